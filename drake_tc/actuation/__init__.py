@@ -1,0 +1,1 @@
+"""Drives and effects joined into actuator models, and the system that puts them before a plant."""

@@ -1,0 +1,184 @@
+"""One joint's actuator over one step: its effects compiled into a function on plain floats.
+
+The joint's memory is a slice of one list of floats, so that the system beside it can keep it in the Context:
+
+    0 started   1 z   2 q   3 v   4 torque to the plant   5 load   6 command   [7 theta   8 omega]   hysteresis ...   drive ...
+
+q, v, torque: at the last update; load: all that resisted the joint in the step before it, as far as its motion told.
+"""
+
+import math
+from typing import NamedTuple
+
+from drake_tc.actuation.friction import PRESLIDING_DISPLACEMENT, friction_step
+from drake_tc.actuation.gear import Gear, gear_of
+from drake_tc.actuation.model import ActuatorModel
+from drake_tc.effects.kernel import DriveKernel, TorqueKernel
+
+STARTED, DEFLECTION, POSITION, VELOCITY, TORQUE, LOAD, COMMAND, MOTOR, MOTOR_VELOCITY = range(9)
+
+
+class JointInput(NamedTuple):
+    """What one joint sees at a tick: command, position, velocity, load torque or None, temperature [deg C]."""
+
+    command: float
+    position: float
+    velocity: float
+    load_torque: float | None
+    temperature: float
+
+
+class JointOutput(NamedTuple):
+    """Torque to the plant, motor torque, friction torque [N m], effort asked for, and 1 when the command was not finite."""
+
+    actuation: float
+    motor_torque: float
+    friction_torque: float
+    effort: float
+    fault: float
+
+
+class JointProgram:
+    """A model of one joint, sampled every `period` [s]; holds no changing data.
+
+    Attributes:
+        size: How many floats of memory the joint needs.
+    """
+
+    def __init__(self, model: ActuatorModel, period: float, inertia: float) -> None:
+        """Compile.
+
+        Args:
+            model: The joint's actuator.
+            period: Time between updates [s].
+            inertia: What the torque to the plant moves [kg m^2], reflected rotor inertia included unless the model has a
+                TransmissionEffect; 0 when not known.
+        """
+        self._period = period
+        self._inertia = inertia
+        self._rotor = model.inertia
+        self._servo = model.drive.kind == "position_servo"
+        self._per_effort = 1.0 / model.drive.gain
+        self._gear: Gear | None = gear_of(model, inertia, period)
+        at = MOTOR_VELOCITY + 1 if self._gear else MOTOR
+        self._torque: list[tuple[TorqueKernel, int]] = []
+        self._hysteresis: list[tuple[int, float]] = []
+        for effect, parameters in model.torque_effects:
+            travel = effect.hysteresis_travel(parameters)
+            self._torque.append((effect.kernel(parameters), at if travel > 0.0 else -1))
+            if travel > 0.0:
+                self._hysteresis.append((at, travel))
+                at += 1
+        self._command: list[tuple[DriveKernel, int]] = []
+        self._effort: list[tuple[DriveKernel, int]] = []
+        for drive, parameters in model.drive_effects:
+            kernel = drive.kernel(parameters, period)
+            chain = self._command if drive.acts_on == "command" else self._effort
+            chain.append((kernel, at))
+            at += kernel.size
+        self.size = at
+
+    @property
+    def has_gear(self) -> bool:
+        """Whether the motor has a position of its own."""
+        return self._gear is not None
+
+    def initial(self, velocity: float = 0.0) -> list[float]:
+        """Memory of a joint that has moved at `velocity` [rad/s] for long, or rested for 0."""
+        memory = [0.0] * self.size
+        direction = math.copysign(1.0, velocity) if velocity else 0.0
+        memory[DEFLECTION] = direction
+        for at, _ in self._hysteresis:
+            memory[at] = direction
+        return memory
+
+    def step(self, memory: list[float], now: JointInput, *, at_tick: bool) -> JointOutput:
+        """The torques from this tick to the next; `memory` becomes that of the next tick.
+
+        Args:
+            memory: The joint's memory, overwritten.
+            now: The joint at this tick.
+            at_tick: Whether a whole period has passed since the last update; between ticks the load is not re-estimated.
+        """
+        command, q, v, tau, celsius = now
+        if not (math.isfinite(q) and math.isfinite(v)):
+            return JointOutput(0.0, 0.0, 0.0, 0.0, 1.0)
+        fault = 0.0
+        if not math.isfinite(command):
+            fault, command = 1.0, (memory[COMMAND] if memory[STARTED] else (q if self._servo else 0.0))
+        if not memory[STARTED]:
+            self._start(memory, command, q, v, tau)
+        elif at_tick:
+            memory[LOAD] = memory[TORQUE] - self._inertia * (v - memory[VELOCITY]) / self._period
+            if tau is None and self._gear is None:
+                tau = memory[TORQUE] - self._rotor * (v - memory[VELOCITY]) / self._period
+        if self._gear is not None:
+            drive_q, drive_v = memory[MOTOR], memory[MOTOR_VELOCITY]
+            if tau is None:
+                tau = memory[TORQUE]
+        else:
+            drive_q, drive_v = q, v
+            self._wind_up(memory, q - memory[POSITION])
+            if tau is None:
+                tau = memory[LOAD]
+        direction = memory[DEFLECTION]
+        target = command
+        for kernel, at in self._command:
+            target = kernel.step(target, command, direction, memory, at)
+        asked = command - drive_q if self._servo else command
+        effort = target - drive_q if self._servo else target
+        for kernel, at in self._effort:
+            effort = kernel.step(effort, asked, direction, memory, at)
+        motor = effort * self._per_effort
+        level = damping = rest = 0.0
+        for torque, at in self._torque:
+            a, b, c = torque(drive_q, drive_v, direction, tau, celsius, memory[at] if at >= 0 else 0.0)
+            level += a
+            damping += b
+            rest += c
+        level = level if level > 0.0 else 0.0
+        damping = damping if damping > 0.0 else 0.0
+        if self._gear is not None:
+            out, friction = self._geared(self._gear, memory, q, v, (motor - rest, level, damping))
+        else:
+            end = friction_step(direction, v, motor - rest - memory[LOAD], level, damping, self._inertia, self._period)
+            friction = end.torque
+            out = motor - rest - friction
+        memory[POSITION], memory[VELOCITY], memory[TORQUE], memory[COMMAND] = q, v, out, command
+        return JointOutput(out, motor, friction, asked, fault)
+
+    def _start(self, memory: list[float], command: float, q: float, v: float, tau: float | None) -> None:
+        """First tick: a drive that has always seen this command, a joint whose load is the one given, or nil."""
+        memory[STARTED] = 1.0
+        memory[POSITION], memory[VELOCITY] = q, v
+        memory[LOAD] = tau or 0.0
+        if self._gear is not None:
+            memory[MOTOR], memory[MOTOR_VELOCITY] = q + self._gear.twist(memory[LOAD]), v
+        target = command
+        for kernel, at in self._command:
+            memory[at : at + kernel.size] = kernel.start(target, target)
+        drive_q = memory[MOTOR] if self._gear is not None else q
+        value = target - drive_q if self._servo else target
+        raw = value
+        for kernel, at in self._effort:
+            memory[at : at + kernel.size] = kernel.start(value, raw)
+            value = kernel.step(value, raw, memory[DEFLECTION], list(memory), at)
+
+    def _wind_up(self, memory: list[float], moved: float) -> None:
+        """Carry the bristle and the hysteretic states over a motion of `moved` [rad] that has happened."""
+        z = memory[DEFLECTION] + moved / PRESLIDING_DISPLACEMENT
+        memory[DEFLECTION] = -1.0 if z < -1.0 else (1.0 if z > 1.0 else z)
+        if self._hysteresis and moved:
+            sign = math.copysign(1.0, moved)
+            for at, travel in self._hysteresis:
+                memory[at] = sign - (sign - memory[at]) * math.exp(-abs(moved) / travel)
+
+    def _geared(
+        self, gear: Gear, memory: list[float], q: float, v: float, drive: tuple[float, float, float]
+    ) -> tuple[float, float]:
+        """Motor and link over one step, the link as its load and inertia let it move: mean torque to it, mean friction."""
+        motor = (memory[MOTOR], memory[MOTOR_VELOCITY], memory[DEFLECTION])
+        theta, omega, z, passed, friction = gear.step(motor, (q, v, memory[LOAD]), drive)
+        self._wind_up(memory, theta - motor[0])
+        memory[MOTOR], memory[MOTOR_VELOCITY], memory[DEFLECTION] = theta, omega, z
+        return passed, friction

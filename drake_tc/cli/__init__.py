@@ -1,0 +1,1 @@
+"""The `drake-tc` commands."""

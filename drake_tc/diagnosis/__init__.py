@@ -1,0 +1,1 @@
+"""From a residual to the physical effect that the model lacks."""

@@ -1,0 +1,174 @@
+"""What is left: could any function of the measured signals, or a stretch of time, still explain it?"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from sklearn.ensemble import HistGradientBoostingRegressor
+
+from drake_tc.diagnosis.result import Side, TimeStretch, Unexplained
+from drake_tc.types import FloatArray, IntArray
+
+MOST_ROWS = 12_000
+GROUP_SECONDS = 1.5
+SIGNALS = ("velocity", "acceleration", "position", "load_torque", "effort", "direction", "travel", "temperature")
+
+
+@dataclass(frozen=True)
+class StructureOptions:
+    """When a remainder counts as structure; calibrated on simulated rigs that lack nothing.
+
+    Attributes:
+        least_fraction: Smallest share of the residual's variance that a function of the signals must explain.
+        least_rms: Smallest RMS of that share, in noise floors.
+        least_burst: How many times the typical half-second RMS a confined stretch must reach.
+        least_line: Share of the residual's variance that one spectral line must hold.
+    """
+
+    least_fraction: float = 0.25
+    least_rms: float = 0.6
+    least_burst: float = 3.0
+    least_line: float = 0.25
+
+
+def features(side: Side) -> FloatArray:
+    """(N, 8) of the `SIGNALS` on the side's rows; an unrecorded signal is constant."""
+    columns = [getattr(side.samples.signals, name)[side.samples.rows] for name in SIGNALS]
+    return np.nan_to_num(np.stack(columns, axis=-1))
+
+
+def cross_predict(x: FloatArray, y: FloatArray, group: IntArray, seed: int, folds: int = 4) -> FloatArray:
+    """Out-of-fold predictions (N,) of a gradient-boosted tree; samples of one group share a fold."""
+    out = np.zeros_like(y)
+    fold = np.random.default_rng(seed).permutation(int(group.max()) + 1)[group] % folds
+    for f in range(folds):
+        model = HistGradientBoostingRegressor(
+            max_iter=80, learning_rate=0.12, max_leaf_nodes=24, min_samples_leaf=40, l2_regularization=1.0, random_state=seed
+        )
+        held = fold == f
+        if held.any() and (~held).sum() > 100:
+            model.fit(x[~held], y[~held])
+            out[held] = model.predict(x[held])
+    return out
+
+
+def share_explained(y: FloatArray, predicted: FloatArray) -> float:
+    """1 - sum (y - yhat)^2 / sum (y - mean)^2, at least 0."""
+    return max(0.0, 1.0 - float(np.sum((y - predicted) ** 2) / max(np.sum((y - y.mean()) ** 2), 1e-300)))
+
+
+def spectral_line(side: Side) -> tuple[float, float]:
+    """(frequency [Hz], share of the variance) of the strongest line in time of the residual, over all its runs.
+
+    Least-squares (Lomb-Scargle) over 0.3-30 Hz, each run with its own phase; the share that a typical frequency
+    explains is taken off, so that coloured noise does not make a line.
+    """
+    samples = side.samples
+    time = samples.signals.time[samples.rows]
+    r = side.after - side.after.mean()
+    total = float(np.sum(r**2))
+    runs = np.unique(samples.run)
+    longest = max(float(np.ptp(time[samples.run == k])) for k in runs)
+    nyquist = 0.4 / max(samples.row_period, 1e-4)
+    grid = np.arange(0.3, min(30.0, nyquist), 0.35 / max(longest, 1.0))
+    power = np.zeros(grid.size)
+    for k in runs:
+        rows = samples.run == k
+        t, y = time[rows], r[rows]
+        if t.size < 50:
+            continue
+        for part in np.array_split(np.arange(grid.size), max(1, grid.size // 200)):
+            waves = np.exp(-2j * np.pi * np.outer(grid[part], t))
+            power[part] += 2.0 * np.abs(waves @ y) ** 2 / t.size
+    share = power / max(total, 1e-300)
+    best = int(np.argmax(share))
+    near = share[max(0, best - 60) : best + 60]
+    return float(grid[best]), float(share[best] - 4.0 * np.median(near))
+
+
+def bursts(side: Side, ratio: float) -> tuple[TimeStretch, ...]:
+    """Stretches of neighbouring half-second blocks whose residual RMS is `ratio` times the typical one or more.
+
+    They count as confined when they are few: at most a quarter of the blocks.
+    """
+    samples = side.samples
+    count = int(samples.block.max()) + 1
+    rows = np.bincount(samples.block, minlength=count)
+    level = np.sqrt(np.bincount(samples.block, side.after**2, count) / np.maximum(rows, 1))
+    full = rows >= 0.3 * np.max(rows)
+    if full.sum() < 8:
+        return ()
+    typical = float(np.median(level[full]))
+    loud = full & (level > ratio * typical)
+    energy = float(np.sum(level[loud] ** 2 * rows[loud]) / max(np.sum(level**2 * rows), 1e-300))
+    if not loud.any() or loud.sum() > 0.25 * full.sum() or energy < 0.4:
+        return ()
+    found: list[TimeStretch] = []
+    time = samples.signals.time[samples.rows]
+    for b in np.flatnonzero(loud):
+        inside = samples.block == b
+        run = samples.runs[int(samples.run[inside][0])]
+        start, end = float(time[inside][0]), float(time[inside][-1])
+        if found and found[-1].run == run and start - found[-1].end < 0.7:
+            found[-1] = TimeStretch(run, found[-1].start, end)
+        else:
+            found.append(TimeStretch(run, start, end))
+    return tuple(found)
+
+
+def judge(train: Side, held: Side, floor: float, options: StructureOptions, seed: int = 0) -> Unexplained:
+    """What is left of both sides after the final model, and whether it is more than noise."""
+    sides = (train, held)
+    x = np.concatenate([features(s) for s in sides])
+    y = np.concatenate([s.after for s in sides])
+    is_held = np.concatenate([np.zeros(train.after.size, bool), np.ones(held.after.size, bool)])
+    time = np.concatenate([s.samples.signals.time[s.samples.rows] for s in sides])
+    run = np.concatenate([train.samples.run, held.samples.run + len(train.samples.runs)])
+    stride = max(1, int(np.ceil(y.size / MOST_ROWS)))
+    x, y, is_held, time, run = x[::stride], y[::stride], is_held[::stride], time[::stride], run[::stride]
+    spread = 6.0 * 1.4826 * float(np.median(np.abs(y - np.median(y)))) + 1e-300
+    y = np.clip(y, -spread, spread)
+    group = np.unique(run * 10**6 + (time / GROUP_SECONDS).astype(int), return_inverse=True)[1]
+    clock = np.stack([time, run.astype(float)], axis=-1)
+    by_signals = cross_predict(x, y, group, seed)
+    by_both = cross_predict(np.hstack([x, clock]), y, group, seed)
+    by_time = cross_predict(clock, y, group, seed)
+    signals_share = share_explained(y[is_held], by_signals[is_held])
+    interplay = share_explained(y, by_both) - share_explained(y, by_time)
+    fraction = max(signals_share, min(interplay, share_explained(y, by_both)))
+    rms = float(np.sqrt(np.mean(held.after**2)))
+    explained = np.sqrt(fraction) * float(np.std(y[is_held]))
+    functional = fraction >= options.least_fraction and explained >= options.least_rms * floor
+    stretches = tuple(s for side in sides for s in bursts(side, options.least_burst))
+    frequency, line = max((spectral_line(s) for s in sides), key=lambda p: p[1])
+    periodic = line >= options.least_line and np.sqrt(line) * rms >= options.least_rms * floor
+    names: list[str] = []
+    if functional:
+        names += depends_on(x, y, group, seed)
+    if interplay > signals_share + 0.1 and functional:
+        names.append("time")
+    if (stretches or periodic) and "time" not in names:
+        names.append("time")
+    return Unexplained(
+        fraction=float(fraction),
+        structured=bool(functional or stretches or periodic),
+        depends_on=tuple(names),
+        confined_to=stretches,
+        period_hz=frequency if periodic else None,
+        ceiling=float(rms * np.sqrt(max(0.0, 1.0 - signals_share))),
+    )
+
+
+def depends_on(x: FloatArray, y: FloatArray, group: IntArray, seed: int) -> list[str]:
+    """Signals whose shuffling costs the flexible regressor at least 15 % of what the most important one costs."""
+    rng = np.random.default_rng(seed)
+    first = group % 2 == 0
+    model = HistGradientBoostingRegressor(max_iter=80, learning_rate=0.12, min_samples_leaf=40, random_state=seed)
+    model.fit(x[first], y[first])
+    base = float(np.mean((y[~first] - model.predict(x[~first])) ** 2))
+    cost = np.zeros(x.shape[1])
+    for j in range(x.shape[1]):
+        shuffled = x[~first].copy()
+        shuffled[:, j] = rng.permutation(shuffled[:, j])
+        cost[j] = float(np.mean((y[~first] - model.predict(shuffled)) ** 2)) - base
+    order = [int(j) for j in np.argsort(-cost) if cost[j] > 0.15 * cost.max()]
+    return [SIGNALS[j] for j in order if cost.max() > 0.0]

@@ -1,0 +1,194 @@
+"""The main job for one joint: declared model, residual, missing effects, refit, errors before and after, verdict."""
+
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from drake_tc.diagnosis.ceiling import StructureOptions, judge
+from drake_tc.diagnosis.design import Columns, Fit, Term, fit, predict
+from drake_tc.diagnosis.estimates import estimates
+from drake_tc.diagnosis.evidence import better_share, compare, noise_floor
+from drake_tc.diagnosis.experiments import next_experiment
+from drake_tc.diagnosis.result import (
+    Errors,
+    Estimate,
+    FoundEffect,
+    JointResult,
+    RejectedEffect,
+    Side,
+    Verdict,
+)
+from drake_tc.diagnosis.samples import Samples, build_samples, context_of
+from drake_tc.diagnosis.search import Progress, Search, SearchOptions, best_shape, candidates, refine, search
+from drake_tc.diagnosis.ties import indistinguishable
+from drake_tc.effects.base import EFFORT_UNIT, Context
+from drake_tc.effects.library import LIBRARY, effect
+from drake_tc.logs.record import Run
+from drake_tc.logs.rig import Rig
+from drake_tc.types import FloatArray
+
+FreeRun = Callable[[Rig, str, Mapping[str, Mapping[str, Estimate]], Run], FloatArray]
+"""(rig, joint, parameters by effect key, run) -> position (T,) of the Drake diagram driven by the recorded command."""
+
+
+@dataclass(frozen=True)
+class DiagnosisOptions:
+    """Thresholds of the search and of the judgement of what is left; `seed` for resampling."""
+
+    search: SearchOptions = field(default_factory=SearchOptions)
+    structure: StructureOptions = field(default_factory=StructureOptions)
+    seed: int = 0
+
+
+def _rms(values: FloatArray) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def declared_terms(rig: Rig, joint: str, context: Context) -> list[Term]:
+    """Viscous, Coulomb, and what the owner declares without a value; a declared inertia is part of the target."""
+    terms = [Term(effect("viscous")), Term(effect("coulomb"))]
+    for key, value in rig.declared[joint].items():
+        name = key.split(".")[0]
+        if name in ("viscous", "coulomb") or value is not None:
+            continue
+        member = effect(name)
+        terms.append(Term(member, member.shape_grid(context)[0]))
+    return terms
+
+
+def diagnose_joint(
+    train_runs: Sequence[Run],
+    held_runs: Sequence[Run],
+    rig: Rig,
+    joint: str,
+    options: DiagnosisOptions,
+    free_run: FreeRun | None = None,
+    progress: Progress = lambda text, share: None,
+    executor: Executor | None = None,
+) -> JointResult:
+    """Diagnose one joint. The held-out runs are looked at only after every choice is made.
+
+    Raises:
+        IdentificationError: the training runs cannot identify even the declared model.
+    """
+    progress("filtering", 0.0)
+    train = build_samples(train_runs, rig, joint)
+    held = build_samples(held_runs, rig, joint, width_s=train.light.width_s)
+    context = context_of(train, rig, joint)
+    declared = declared_terms(rig, joint, context)
+    columns, held_columns, floor = _with_baseline(train, held, declared, context)
+    names = [t.effect.id for t in declared] + [k for k, v in rig.declared[joint].items() if v is not None]
+    usable, obstacles = candidates(LIBRARY, context, names)
+    found = search(columns, declared, usable, context, floor, options.search, progress)
+    progress("judging", 0.0)
+    before_residual = predict(held_columns, found.baseline)
+    after_residual = predict(held_columns, found.chosen)
+    sides = (
+        Side(columns.samples, found.baseline.residual, found.chosen.residual),
+        Side(held_columns.samples, before_residual, after_residual),
+    )
+    unexplained = judge(*sides, floor, options.structure, options.seed)
+    ties = indistinguishable(columns, found, context)
+    effects = _found_effects(columns, held_columns, found, context, options.seed)
+    verdict: Verdict = "effects_found" if effects else "no_missing_effect"
+    if unexplained.structured:
+        verdict = "unexplained_structure"
+    before = estimates(columns, found.baseline, context.drive)
+    after = estimates(columns, found.chosen, context.drive)
+    return JointResult(
+        joint=joint,
+        unit=EFFORT_UNIT[context.drive],
+        baseline=found.baseline,
+        final=found.chosen,
+        baseline_parameters=before,
+        final_parameters=after,
+        noise_floor=floor,
+        before=Errors(found.baseline.rms, _rms(before_residual), None),
+        after=Errors(found.chosen.rms, _rms(after_residual), None),
+        effects=effects,
+        rejected=_rejected(columns, held_columns, found, context, options.search, obstacles, floor),
+        indistinguishable=ties,
+        next_experiment=next_experiment(ties, unexplained, obstacles),
+        unexplained=unexplained,
+        verdict=verdict,
+        train=sides[0],
+        heldout=sides[1],
+        notes=(*train.notes, *held.notes),
+    )
+
+
+def _with_baseline(
+    train: Samples, held: Samples, declared: Sequence[Term], context: Context
+) -> tuple[Columns, Columns, float]:
+    """Columns that know the baseline's viscous coefficient and stiffness, and the noise floor [effort]."""
+    servo = context.drive == "position_servo"
+    first = Columns(train)
+    plain = fit(first, declared)
+    floor = noise_floor(train, plain.gain, float(plain.beta[1]), servo=servo)
+    return first.with_model(plain.beta, servo=servo), Columns(held).with_model(plain.beta, servo=servo), floor
+
+
+def _found_effects(
+    columns: Columns, held: Columns, found: Search, context: Context, seed: int
+) -> tuple[FoundEffect, ...]:
+    parameters = estimates(columns, found.chosen, context.drive)
+    with_all = _rms(predict(held, found.chosen))
+    known = {t.effect.key for t in found.baseline.terms}
+    out = []
+    for term in found.chosen.terms:
+        if term.effect.key in known:
+            continue
+        rest = refine(columns, fit(columns, [t for t in found.chosen.terms if t is not term]))
+        residual = predict(held, rest)
+        rivals = [r for r in found.rivals if term.effect.id not in {t.effect.id for t in r.terms}]
+        stability = min([better_share(r, found.chosen, seed) for r in [rest, *rivals]])
+        out.append(
+            FoundEffect(
+                key=term.effect.key,
+                id=term.effect.id,
+                title=term.effect.title,
+                parameters=parameters[term.effect.key],
+                heldout_gain=1.0 - with_all / max(_rms(residual), 1e-300),
+                stability=stability,
+                contribution=_rms(predict(held, found.chosen) - residual),
+            )
+        )
+    return tuple(sorted(out, key=lambda e: -e.heldout_gain))
+
+
+def _rejected(
+    columns: Columns,
+    held: Columns,
+    found: Search,
+    context: Context,
+    options: SearchOptions,
+    obstacles: Sequence[tuple[str, str]],
+    floor: float,
+) -> tuple[RejectedEffect, ...]:
+    """Every other effect, tried on top of the final model."""
+    chosen = {t.effect.id for t in found.chosen.terms}
+    base = _rms(predict(held, found.chosen))
+    best: dict[str, RejectedEffect] = {}
+    usable, _ = candidates(LIBRARY, context, sorted(chosen | set(context.declared)))
+    for member in usable:
+        tried = best_shape(columns, found.chosen.terms, member, context, found.chosen.residual)
+        comparison = compare(found.chosen, tried, columns.samples)
+        gain = 1.0 - _rms(predict(held, tried)) / base
+        if comparison.gain < options.least_gain:
+            why = f"lowers the cross-validated error by {100 * comparison.gain:.1f} %, below {100 * options.least_gain:g} %"
+        elif comparison.removed < options.least_removed * floor:
+            why = "explains less than the sensors resolve"
+        elif comparison.share < options.least_share:
+            why = f"helps in {100 * comparison.share:.0f} % of the resamples only"
+        else:
+            why = "small beside what the chosen effects explain: more likely their imperfect form"
+        entry = RejectedEffect(member.key, member.id, gain, comparison.gain, why)
+        if member.id not in best or entry.train_gain > best[member.id].train_gain:
+            best[member.id] = entry
+    for key, obstacle in obstacles:
+        name = key.split(".")[0]
+        if name not in best and name not in chosen:
+            best[name] = RejectedEffect(key, name, 0.0, 0.0, f"cannot be looked for here: {obstacle}")
+    return tuple(sorted(best.values(), key=lambda r: -r.train_gain))

@@ -1,0 +1,99 @@
+"""Physical parameters of a fit with 95 % intervals, shape parameters and drive gain included."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from drake_tc.diagnosis.design import Columns, Fit, Term
+from drake_tc.diagnosis.result import Estimate
+from drake_tc.effects.base import EFFORT_UNIT
+from drake_tc.identification.autocorrelation import critical_value_95
+from drake_tc.identification.regression import least_squares
+from drake_tc.types import FloatArray
+
+
+def block_lengths(columns: Columns) -> list[int]:
+    """Rows in each contiguous stretch: autocorrelation is not counted across gaps."""
+    rows = columns.samples.rows
+    typical = int(np.median(np.diff(rows)))
+    cuts = np.flatnonzero(np.diff(rows) > 50 * typical) + 1
+    return [int(n) for n in np.diff(np.concatenate([[0], cuts, [rows.size]]))]
+
+
+def _shape_values(terms: Sequence[Term]) -> tuple[list[tuple[int, str]], FloatArray]:
+    where = [(i, p.name) for i, t in enumerate(terms) for p in t.effect.shapes]
+    return where, np.array([terms[i].shape[name] for i, name in where], dtype=float)
+
+
+def _with_shapes(terms: Sequence[Term], where: Sequence[tuple[int, str]], values: FloatArray) -> list[Term]:
+    shapes = [dict(t.shape) for t in terms]
+    for (i, name), value in zip(where, values, strict=True):
+        shapes[i][name] = float(value)
+    return [Term(t.effect, s) for t, s in zip(terms, shapes, strict=True)]
+
+
+def physical_parameters(fitted: Fit, beta: FloatArray, shapes: FloatArray) -> dict[str, dict[str, float]]:
+    """Reported parameters by term key ("drive" holds the gain), from beta (1 + k,) and the shape values (s,)."""
+    where, _ = _shape_values(fitted.terms)
+    terms = _with_shapes(fitted.terms, where, shapes)
+    gain = 1.0 / beta[0]
+    out: dict[str, dict[str, float]] = {"drive": {"gain": float(gain)}}
+    at = 1
+    for term in terms:
+        count = len(term.effect.coefficients)
+        out[term.effect.key] = term.effect.physical(beta[at : at + count], term.shape, gain)
+        at += count
+    return out
+
+
+def estimates(columns: Columns, fitted: Fit, drive: str) -> Mapping[str, Mapping[str, Estimate]]:
+    """Every parameter with its 95 % interval.
+
+    Gauss-Newton: the Jacobian of the prediction by coefficients and shapes, its HAC sandwich covariance
+    (identification.regression), and the delta method for parameters that are functions of several estimates.
+    """
+    where, values = _shape_values(fitted.terms)
+    design = columns.design(fitted.terms)
+    prediction = design @ fitted.beta
+    slopes = []
+    for j, value in enumerate(values):
+        step = 1e-3 * abs(value) + 1e-9
+        moved = values.copy()
+        moved[j] = value + step
+        changed = columns.design(_with_shapes(fitted.terms, where, moved)) @ fitted.beta
+        slopes.append((changed - prediction) / step)
+    jacobian = np.column_stack([design, *slopes]) if slopes else design
+    point = np.concatenate([fitted.beta, values])
+    dead = np.sqrt(np.mean(jacobian**2, axis=0)) * np.maximum(np.abs(point), 1e-12) < 1e-12
+    linear = least_squares(
+        jacobian[:, ~dead], columns.target - prediction, lengths=block_lengths(columns), max_condition=1e15
+    )
+    covariance = np.zeros((point.size, point.size))
+    covariance[np.ix_(~dead, ~dead)] = linear.hac_covariance
+    critical = critical_value_95(linear.bandwidth, columns.target.size)
+    named = physical_parameters(fitted, fitted.beta, values)
+    units = {"drive": {"gain": f"{EFFORT_UNIT[drive]}/(N*m)"}}
+    bounds: dict[str, dict[str, tuple[float, float]]] = {"drive": {"gain": (0.0, np.inf)}}
+    for term in fitted.terms:
+        ps = term.effect.parameters
+        units[term.effect.key] = {p.name: p.unit.replace("effort", EFFORT_UNIT[drive]) for p in ps}
+        bounds[term.effect.key] = {p.name: (p.lower, p.upper) for p in ps}
+    out: dict[str, dict[str, Estimate]] = {}
+    for key, group in named.items():
+        out[key] = {}
+        for name, value in group.items():
+            gradient = np.zeros(point.size)
+            for j in range(point.size):
+                step = 1e-6 * abs(point[j]) + 1e-12
+                moved = point.copy()
+                moved[j] += step
+                n = fitted.beta.size
+                gradient[j] = (physical_parameters(fitted, moved[:n], moved[n:])[key][name] - value) / step
+            half = critical * float(np.sqrt(max(gradient @ covariance @ gradient, 0.0)))
+            low, high = bounds[key].get(name, (-np.inf, np.inf))
+            tight = 1e-9 * max(1.0, abs(value))
+            at_bound = bool(abs(value - low) <= tight or abs(value - high) <= tight)
+            out[key][name] = Estimate(
+                value, units[key].get(name, "-"), (max(value - half, low), min(value + half, high)), at_bound
+            )
+    return out

@@ -1,0 +1,57 @@
+"""`close-loop` from files to result: every joint of a rig, one after the other or in processes."""
+
+import time
+from collections.abc import Sequence
+from concurrent.futures import Executor
+from pathlib import Path
+
+from drake_tc.diagnosis.close_loop import DiagnosisOptions, FreeRun, diagnose_joint
+from drake_tc.diagnosis.result import CloseLoopResult, JointResult, Verdict
+from drake_tc.diagnosis.search import Progress
+from drake_tc.logs.prepare import load_runs, require_two_runs
+from drake_tc.logs.rig import Rig, load_rig
+
+
+def close_loop(
+    rig_path: Path,
+    logs: Sequence[Path],
+    holdout: Sequence[Path],
+    options: DiagnosisOptions | None = None,
+    free_run: FreeRun | None = None,
+    progress: Progress = lambda text, share: None,
+    executor: Executor | None = None,
+) -> CloseLoopResult:
+    """Read the rig and its runs, diagnose every joint, and say how long it took.
+
+    Args:
+        rig_path: Rig file. logs: runs to fit. holdout: runs that take no part in fitting or choosing.
+        free_run: Simulates the model driven by a recorded command; None leaves the free-run errors out.
+        executor: Runs the free runs beside each other; None runs them here.
+
+    Raises:
+        RigError, LogError, IdentificationError: input that cannot be used.
+    """
+    start = time.perf_counter()
+    rig: Rig = load_rig(rig_path)
+    require_two_runs([*logs, *holdout])
+    progress("reading", 0.0)
+    runs = load_runs([*logs, *holdout], rig)
+    train, held = runs[: len(logs)], runs[len(logs) :]
+    options = options or DiagnosisOptions()
+    joints: dict[str, JointResult] = {}
+    for joint in rig.joints:
+        joints[joint] = diagnose_joint(train, held, rig, joint, options, free_run, progress, executor)
+    return CloseLoopResult(
+        joints=joints,
+        verdict=_overall(joints.values()),
+        seconds=time.perf_counter() - start,
+        train_files=tuple(str(p) for p in logs),
+        heldout_files=tuple(str(p) for p in holdout),
+        rig_file=str(rig_path),
+    )
+
+
+def _overall(joints: object) -> Verdict:
+    verdicts = {j.verdict for j in joints}  # type: ignore[attr-defined]
+    order: tuple[Verdict, ...] = ("unexplained_structure", "effects_found", "no_missing_effect")
+    return next(v for v in order if v in verdicts)

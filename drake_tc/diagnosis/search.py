@@ -1,0 +1,188 @@
+"""Which effects are missing: a beam search over sets of effects, on training runs alone."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.optimize import minimize
+
+from drake_tc.diagnosis.design import Columns, Fit, Term, fit
+from drake_tc.diagnosis.evidence import Comparison, compare
+from drake_tc.effects.base import Context, DriveEffect, Effect
+from drake_tc.types import FloatArray
+
+Progress = Callable[[str, float], None]
+
+
+@dataclass(frozen=True)
+class SearchOptions:
+    """What counts as a real improvement; calibrated on simulated rigs that lack nothing (drake_tc/diagnosis/README.md).
+
+    Attributes:
+        beam: Sets kept at each size. most: largest number of effects added.
+        least_gain: Smallest relative drop of the cross-validated RMS that one more effect must bring.
+        least_nats: Evidence it must leave after its parameters are paid.
+        least_share: Share of block resamples in which it must help.
+        least_removed: Smallest RMS it must explain, in noise floors: less is nil in practice.
+        least_of_first: ... and as a share of what the effects before it explain: a smaller remainder is more likely an
+            imperfect form of those than a cause of its own.
+    """
+
+    beam: int = 6
+    most: int = 4
+    least_gain: float = 0.05
+    least_nats: float = 8.0
+    least_share: float = 0.98
+    least_removed: float = 0.35
+    least_of_first: float = 0.10
+    sideways: float = 0.02
+
+
+@dataclass(frozen=True)
+class Search:
+    """What the search found.
+
+    Attributes:
+        baseline, chosen: Fits without and with the missing effects.
+        steps: For each effect chosen, in order, what it brought.
+        rivals: Other sets of the chosen size, best first. alone: the best fit of every candidate alone.
+        obstacles: Effects that could not be looked for, and why.
+    """
+
+    baseline: Fit
+    chosen: Fit
+    steps: tuple[tuple[str, Comparison], ...]
+    rivals: tuple[Fit, ...]
+    alone: tuple[Fit, ...]
+    obstacles: tuple[tuple[str, str], ...] = field(default=())
+
+
+def screen(columns: Columns, residual: FloatArray, effect: Effect, grid: Sequence[dict[str, float]], keep: int) -> Iterator[dict[str, float]]:
+    """The `keep` shapes whose unfiltered columns correlate most with the residual (N,); all when the grid is short."""
+    if len(grid) <= 3 * keep or isinstance(effect, DriveEffect):
+        yield from grid
+        return
+    rows = columns.samples.rows
+    step = max(1, rows.size // 6000)
+    signals = columns.samples.signals.take(rows[::step])
+    r = residual[::step]
+    scores = np.empty(len(grid))
+    for i, shape in enumerate(grid):
+        x = effect.columns(signals, shape)
+        x = x - x.mean(axis=0)
+        projection, *_ = np.linalg.lstsq(x.T @ x + 1e-9 * np.eye(x.shape[1]), x.T @ r, rcond=None)
+        scores[i] = float(projection @ (x.T @ r))
+    for i in np.argsort(-scores)[:keep]:
+        yield grid[int(i)]
+
+
+def best_shape(columns: Columns, terms: Sequence[Term], effect: Effect, context: Context, residual: FloatArray) -> Fit:
+    """The best fit of `terms` plus one effect over its shape grid."""
+    fits = [
+        fit(columns, [*terms, Term(effect, shape)])
+        for shape in screen(columns, residual, effect, effect.shape_grid(context), keep=4)
+    ]
+    return min(fits, key=lambda f: f.cv_rms)
+
+
+def refine(columns: Columns, start: Fit, evaluations: int = 60) -> Fit:
+    """Refine all shape parameters of a fit together (Nelder-Mead on their logarithms or values)."""
+    free = [(i, p) for i, t in enumerate(start.terms) for p in t.effect.shapes]
+    if not free:
+        return start
+    values = np.array([start.terms[i].shape[p.name] for i, p in free])
+    steps = np.array([0.004 if p.name == "cycles_per_turn" else 0.15 for _, p in free])
+    best = start
+
+    def shaped(x: FloatArray) -> list[Term]:
+        shapes: list[dict[str, float]] = [dict(t.shape) for t in start.terms]
+        for (i, p), step, x0, v in zip(free, steps, x, values, strict=True):
+            shapes[i][p.name] = float(np.clip(v * np.exp(step * x0), p.lower, p.upper))
+        return [Term(t.effect, s) for t, s in zip(start.terms, shapes, strict=True)]
+
+    def cost(x: FloatArray) -> float:
+        nonlocal best
+        candidate = fit(columns, shaped(x))
+        if candidate.cv_rms < best.cv_rms:
+            best = candidate
+        return float(np.log(candidate.cv_rms))
+
+    zero = np.zeros(len(free))
+    simplex = np.vstack([zero, np.eye(len(free))])
+    minimize(
+        cost,
+        zero,
+        method="Nelder-Mead",
+        options={"maxfev": evaluations * len(free), "xatol": 0.02, "fatol": 1e-4, "initial_simplex": simplex},
+    )
+    return best
+
+
+def candidates(library: Sequence[Effect], context: Context, declared: Sequence[str]) -> tuple[list[Effect], list[tuple[str, str]]]:
+    """Effects that can be looked for, and for the others why not."""
+    usable, obstacles = [], []
+    for effect in library:
+        if effect.id in declared:
+            continue
+        obstacle = effect.obstacle(context)
+        if obstacle:
+            obstacles.append((effect.key, obstacle))
+        else:
+            usable.append(effect)
+    return usable, obstacles
+
+
+def search(
+    columns: Columns,
+    declared: Sequence[Term],
+    effects: Sequence[Effect],
+    context: Context,
+    floor: float,
+    options: SearchOptions,
+    progress: Progress = lambda text, share: None,
+) -> Search:
+    """Beam search by cross-validated error; stops when no further effect is a real improvement.
+
+    Args:
+        columns: Training rows. declared: what the owner models. effects: candidates. floor: noise floor [effort].
+    """
+    baseline = refine(columns, fit(columns, declared))
+    beam, chosen = [baseline], baseline
+    steps: list[tuple[str, Comparison]] = []
+    rivals: list[Fit] = []
+    alone: list[Fit] = []
+    for size in range(1, options.most + 1):
+        grown: dict[frozenset[str], Fit] = {}
+        for number, parent in enumerate(beam):
+            taken = {t.effect.id for t in parent.terms}
+            for effect in effects:
+                names = frozenset({t.effect.key for t in parent.terms} | {effect.key})
+                if effect.id in taken or names in grown:
+                    continue
+                grown[names] = best_shape(columns, parent.terms, effect, context, parent.residual)
+            progress(f"sets of {size}", (number + 1) / len(beam))
+        ranked = sorted(grown.values(), key=lambda f: f.cv_rms)
+        close = [f for f in ranked if f.cv_rms < 1.5 * ranked[0].cv_rms][: options.beam]
+        refined = sorted((refine(columns, f) for f in close), key=lambda f: f.cv_rms)
+        if size == 1:
+            alone = sorted([*refined, *(f for f in ranked if f not in close)], key=lambda f: f.cv_rms)
+        best = refined[0]
+        comparison = compare(chosen, best, columns.samples)
+        explained = float(np.sqrt(max(baseline.cv_rms**2 - chosen.cv_rms**2, 0.0)))
+        if not _real(comparison, floor, explained, options):
+            break
+        added = [t.effect.key for t in best.terms if t.effect.key not in {u.effect.key for u in chosen.terms}]
+        steps.append(("+".join(added), comparison))
+        chosen, rivals = best, refined[1:]
+        beam = refined[: options.beam]
+    return Search(baseline, chosen, tuple(steps), tuple(rivals), tuple(alone))
+
+
+def _real(c: Comparison, floor: float, explained: float, options: SearchOptions) -> bool:
+    return (
+        c.gain >= options.least_gain
+        and c.nats >= options.least_nats
+        and c.share >= options.least_share
+        and c.removed >= options.least_removed * floor
+        and c.removed >= options.least_of_first * explained
+    )

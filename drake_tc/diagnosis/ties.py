@@ -1,0 +1,45 @@
+"""Effects that the data cannot tell apart."""
+
+import numpy as np
+
+from drake_tc.diagnosis.design import Columns, Fit, fit
+from drake_tc.diagnosis.evidence import better_share
+from drake_tc.diagnosis.search import Search, best_shape, refine
+from drake_tc.effects.base import Context
+from drake_tc.effects.library import LIBRARY
+
+SAME_ERROR = 0.02
+CERTAIN = 0.98
+
+
+def indistinguishable(columns: Columns, found: Search, context: Context) -> tuple[tuple[str, str], ...]:
+    """Pairs (chosen, other): swapping the one for the other costs next to nothing.
+
+    Next to nothing: the cross-validated error rises by less than 2 % and the chosen effect is the better one in
+    fewer than 98 % of the block resamples, or the two predictions are the same up to a hundredth.
+    """
+    known = {t.effect.key for t in found.baseline.terms}
+    pairs: list[tuple[str, str]] = []
+    for term in found.chosen.terms:
+        if term.effect.key in known:
+            continue
+        others = [t for t in found.chosen.terms if t is not term]
+        taken = {t.effect.id for t in found.chosen.terms} | set(context.declared)
+        without = fit(columns, others)
+        for member in LIBRARY:
+            if member.id in taken or member.obstacle(context):
+                continue
+            swapped = best_shape(columns, others, member, context, without.residual)
+            if swapped.cv_rms > 1.3 * found.chosen.cv_rms:
+                continue
+            swapped = refine(columns, swapped, evaluations=30)
+            if _same(found.chosen, swapped):
+                pairs.append((term.effect.id, member.id))
+    return tuple(dict.fromkeys(pairs))
+
+
+def _same(chosen: Fit, other: Fit) -> bool:
+    if other.cv_rms > (1.0 + SAME_ERROR) * chosen.cv_rms:
+        return False
+    apart = float(np.sqrt(np.mean((chosen.residual - other.residual) ** 2)))
+    return better_share(other, chosen) < CERTAIN or apart < 0.01 * chosen.rms

@@ -1,0 +1,74 @@
+"""report.json, schema 1 (the contract in the README)."""
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from drake_tc.diagnosis.result import CloseLoopResult, Errors, Estimate, JointResult
+
+
+def _number(x: float | None) -> float | None:
+    return None if x is None or not math.isfinite(x) else float(x)
+
+
+def _values(parameters: Mapping[str, Mapping[str, Estimate]]) -> dict[str, dict[str, float | None]]:
+    return {key: {name: _number(e.value) for name, e in group.items()} for key, group in parameters.items()}
+
+
+def _errors(errors: Errors) -> dict[str, float | None]:
+    return {
+        "train": _number(errors.train),
+        "heldout": _number(errors.heldout),
+        "free_run_heldout": _number(errors.free_run_heldout),
+    }
+
+
+def _estimate(e: Estimate) -> dict[str, Any]:
+    return {"value": _number(e.value), "unit": e.unit, "ci95": [_number(b) for b in e.ci95], "at_bound": e.at_bound}
+
+
+def joint_json(joint: JointResult) -> dict[str, Any]:
+    """The entry of one joint."""
+    left = joint.unexplained
+    return {
+        "baseline": {
+            "effects": [t.effect.id for t in joint.baseline.terms],
+            "parameters": _values(joint.baseline_parameters),
+        },
+        "noise_floor": _number(joint.noise_floor),
+        "error": {"unit": joint.unit, "before": _errors(joint.before), "after": _errors(joint.after)},
+        "effects": [
+            {
+                "id": e.id,
+                "parameters": {name: _estimate(p) for name, p in e.parameters.items()},
+                "heldout_gain": _number(e.heldout_gain),
+                "stability": _number(e.stability),
+            }
+            for e in joint.effects
+        ],
+        "rejected": [{"id": r.id, "heldout_gain": _number(r.heldout_gain), "why": r.why} for r in joint.rejected],
+        "indistinguishable": [list(pair) for pair in joint.indistinguishable],
+        "next_experiment": joint.next_experiment,
+        "unexplained": {
+            "fraction": _number(left.fraction),
+            "structured": left.structured,
+            "depends_on": list(left.depends_on),
+            "confined_to": [{"run": s.run, "start": s.start, "end": s.end} for s in left.confined_to],
+            "period_hz": _number(left.period_hz),
+            "ceiling": _number(left.ceiling),
+        },
+        "notes": list(joint.notes),
+    }
+
+
+def result_json(result: CloseLoopResult) -> dict[str, Any]:
+    """The whole report."""
+    return {
+        "schema": 1,
+        "verdict": result.verdict,
+        "joints": {name: joint_json(joint) for name, joint in result.joints.items()},
+        "shared": [],
+        "seconds": result.seconds,
+        "logs": list(result.train_files),
+        "holdout": list(result.heldout_files),
+    }

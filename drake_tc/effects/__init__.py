@@ -1,0 +1,1 @@
+"""One physical effect, one object: equation, dynamics, compensation and signature."""

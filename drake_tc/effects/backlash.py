@@ -1,0 +1,40 @@
+"""Play in the gear."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from drake_tc.effects.base import Context, Parameter, Shape, Signals, Signature, TransmissionEffect
+from drake_tc.effects.kernel import Transmission
+from drake_tc.types import FloatArray
+
+CONTACT_STIFFNESS = 2.0e4
+"""Stiffness of the closed gear in simulation [N m/rad]."""
+
+
+class Backlash(TransmissionEffect):
+    """The link hangs back by up to +/- b/2 behind the motor, on the side that the load torque chooses.
+
+    In a log of the link's position under a servo that holds the motor's: q_motor = q + (b/2) sign(tau), so the effort
+    is off by that, which costs stiffness times (b/2) sign(tau).
+    """
+
+    id = "backlash"
+    title = "backlash of the gear"
+    kind = "transmission"
+    coefficients = (Parameter("backlash", "rad", 0.0, 0.5, description="whole gap b"),)
+    signature = Signature(x="load_torque", split="", look_for="a step where the load torque changes its sign")
+
+    def obstacle(self, context: Context) -> str:
+        """Visible in a servo's effort, or between two encoders."""
+        if context.drive != "position_servo" and "motor_position" not in context.recorded:
+            return "needs a second encoder, or a servo that closes on the motor's side"
+        return super().obstacle(context)
+
+    def columns(self, signals: Signals, shape: Shape) -> FloatArray:
+        """Stiffness sign(tau)/2 (T, 1)."""
+        return 0.5 * signals.stiffness * np.sign(signals.expected_torque)[:, None]
+
+    def transmission(self, parameters: Mapping[str, float]) -> Transmission:
+        """Free inside the gap, stiff outside."""
+        return Transmission(half_gap=0.5 * parameters["backlash"], compliance=1.0 / CONTACT_STIFFNESS)

@@ -1,0 +1,278 @@
+"""What an effect is: one physical cause, written once, used four ways.
+
+Every effect takes part in the torque balance of one geared joint (EQUATIONS A3, C1), written *forward*, as the
+torque that the drive delivers against the torque that the motion and the load need:
+
+    y*/K = tau + J qddot + sum_k theta_k phi_k(signals; shape)                                  (balance)
+
+    y    effort that the drive was asked for: q_d - q [rad], current [A] or voltage [V]
+    y*   effort that the drive acted on: y after dead zone, delay, lag, saturation ... (`DriveEffect.transform`)
+    K    drive gain [effort/(N m)]: K_tau of a position servo, 1/K1 of a current drive, Rm/(kt N) of a voltage drive
+    tau  load torque on the link side [N m]; J: declared reflected rotor inertia [kg m^2]
+    phi_k, theta_k   an effect's columns and coefficients [N m = unit(phi) unit(theta)]
+
+Forward, because then a drive effect is a function of the clean command on the regressor's side and cannot
+explain the target by shrinking it. Columns are *elementwise*: the same function is evaluated on the samples of a
+log (identification, diagnosis) and on the joints of a robot at one instant (simulation, compensation).
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
+from typing import Any, ClassVar, Literal
+
+import numpy as np
+
+from drake_tc.effects.kernel import DriveKernel, TorqueKernel, Transmission
+from drake_tc.types import BoolArray, FloatArray
+
+DriveKind = Literal["position_servo", "current", "voltage"]
+EFFORT_UNIT: Mapping[str, str] = {"position_servo": "rad", "current": "A", "voltage": "V"}
+
+
+@dataclass(frozen=True)
+class Signals:
+    """What an effect may look at; every array (T,): samples of one joint's log, or joints at one instant.
+
+    Attributes:
+        time: Since the start of the run [s].
+        position, velocity, acceleration: q, qdot, qddot [rad, rad/s, rad/s^2].
+        load_torque: tau on the link side [N m].
+        expected_torque: tau as the model so far expects it from effort and motion [N m]; free of the torque sensor's noise,
+            for effects that differentiate it. The same as `load_torque` where no model is at hand.
+        effort: y, what the drive was asked for [rad | A | V].
+        command: The recorded command itself: q_d [rad], i [A] or V [V].
+        direction: sign of the last resolved motion, in [-1, 1]; between them while it turns over.
+        travel: distance moved since the last reversal [rad], >= 0.
+        load_slope: d tau / d q of a load that is computed from the position (m g l cos q) [N m/rad], or 0.
+        temperature: [deg C], NaN where it was not recorded.
+        motor_position: Motor-side position over the gear ratio [rad], NaN where not recorded.
+        rotor_inertia: The declared J [kg m^2], 0 where none was declared.
+        viscous: The current model's viscous coefficient [N m s/rad], for sensor errors that act through it.
+        stiffness: The current model's 1/K of a position servo [N m/rad]; 0 for other drives.
+        period: Sampling period [s]; 0 for an instant.
+    """
+
+    time: FloatArray
+    position: FloatArray
+    velocity: FloatArray
+    acceleration: FloatArray
+    load_torque: FloatArray
+    expected_torque: FloatArray
+    effort: FloatArray
+    command: FloatArray
+    direction: FloatArray
+    travel: FloatArray
+    load_slope: FloatArray
+    temperature: FloatArray
+    motor_position: FloatArray
+    rotor_inertia: float = 0.0
+    viscous: float = 0.0
+    stiffness: float = 0.0
+    period: float = 0.0
+
+    def __len__(self) -> int:
+        return int(self.position.size)
+
+    def has(self, name: str) -> bool:
+        """Whether the signal `name` was recorded at all (an unrecorded one is all NaN)."""
+        return bool(np.isfinite(getattr(self, name)).any())
+
+    def take(self, index: BoolArray | slice) -> "Signals":
+        """The same signals at the samples `index`."""
+        values = {f.name: getattr(self, f.name) for f in fields(self)}
+        changed: dict[str, Any] = {name: v[index] for name, v in values.items() if isinstance(v, np.ndarray)}
+        return replace(self, **changed)
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One parameter of an effect: its unit, where it may lie, and what it is before any data speak.
+
+    Attributes:
+        name: As it stands in YAML files and reports.
+        unit: SI, as text; "effort" stands for the drive's own unit.
+        lower, upper: Bounds, inclusive; an estimate that rests on one is reported `at_bound`.
+        default: Value of a model that names the effect without this parameter.
+        description: One line for reports and docs.
+    """
+
+    name: str
+    unit: str
+    lower: float = -np.inf
+    upper: float = np.inf
+    default: float = 0.0
+    description: str = ""
+
+
+@dataclass(frozen=True)
+class Context:
+    """What is known of the rig before the data are looked at; decides which effects can apply.
+
+    Attributes:
+        drive: Kind of drive.
+        load: Where the load torque comes from: a torque column, or a pendulum's mass and length.
+        recorded: Names of the `Signals` fields that were recorded.
+        declared: Parameter values that the user vouches for.
+        max_speed: Largest resolved speed in the logs [rad/s].
+        position_span: (lowest, highest) position [rad].
+        effort_span: (lowest, highest) effort.
+        period: Sampling period [s].
+    """
+
+    drive: DriveKind
+    load: Literal["torque", "pendulum"]
+    recorded: frozenset[str]
+    declared: Mapping[str, float] = field(default_factory=dict)
+    max_speed: float = 1.0
+    position_span: tuple[float, float] = (-1.0, 1.0)
+    effort_span: tuple[float, float] = (-1.0, 1.0)
+    period: float = 1e-3
+
+
+@dataclass(frozen=True)
+class Signature:
+    """The plot in which an engineer sees the effect: the residual against `x`, split by `split`.
+
+    Attributes:
+        x: A `Signals` field, or "position modulo <period>" with the period taken from the shape.
+        split: "direction" to draw the two directions of motion apart, or "".
+        look_for: One sentence: what the eye should find.
+    """
+
+    x: str
+    split: str
+    look_for: str
+
+
+Shape = Mapping[str, float]
+
+
+class Effect(ABC):
+    """One physical cause. Subclasses add the equation; an instance carries no data.
+
+    An effect's parameters are split into *coefficients*, in which the balance is linear (theta), and a *shape*, in
+    which it is not (a Stribeck velocity, a ripple's frequency). `coefficients` and `shapes` name them in order.
+    `form` tells apart the forms that one cause can take (a delay of the command or of the whole loop) under one `id`.
+    """
+
+    id: ClassVar[str]
+    title: ClassVar[str]
+    kind: ClassVar[Literal["friction", "load", "drive", "transmission", "sensor"]]
+    form: ClassVar[str] = ""
+    coefficients: ClassVar[tuple[Parameter, ...]] = ()
+    shapes: ClassVar[tuple[Parameter, ...]] = ()
+    signature: ClassVar[Signature]
+    needs: ClassVar[frozenset[str]] = frozenset()
+    linear: ClassVar[bool] = False
+    """Columns are linear (or nearly so) in the signals: what low-passed the signals has low-passed the columns."""
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """What model files and reports call the effect's numbers; coefficients and shape unless a subclass converts."""
+        return self.coefficients + self.shapes
+
+    @property
+    def key(self) -> str:
+        """`id`, or `id.form` where the effect has several forms."""
+        return f"{self.id}.{self.form}" if self.form else self.id
+
+    def obstacle(self, context: Context) -> str:
+        """Why this effect cannot be looked for in these logs, in a few words; empty when it can."""
+        missing = sorted(self.needs - context.recorded)
+        return f"{', '.join(missing)} not recorded" if missing else ""
+
+    def shape_grid(self, context: Context) -> list[dict[str, float]]:
+        """Starting points for the shape parameters, coarse but covering; the search refines the best ones."""
+        return [{p.name: p.default for p in self.shapes}]
+
+    @abstractmethod
+    def columns(self, signals: Signals, shape: Shape) -> FloatArray:
+        """Phi of (balance), (T, len(coefficients)): the torque the motor must supply per unit coefficient."""
+
+    def physical(self, theta: FloatArray, shape: Shape, gain: float) -> dict[str, float]:
+        """Reported parameters by name, from the coefficients, the shape and the drive gain K [effort/(N m)]."""
+        named = dict(zip((p.name for p in self.coefficients), map(float, theta), strict=True))
+        return named | {p.name: float(shape[p.name]) for p in self.shapes}
+
+
+class TorqueEffect(Effect):
+    """An effect that costs torque between drive and link: friction, inertia, ripple, springs."""
+
+    def torque(self, signals: Signals, parameters: Mapping[str, FloatArray | float]) -> FloatArray:
+        """sum_k theta_k phi_k (T,): over a log, and for compensation; parameters may be one value a joint."""
+        shape = {p.name: parameters[p.name] for p in self.shapes}
+        columns = self.columns(signals, shape)  # type: ignore[arg-type]
+        theta = np.stack([np.broadcast_to(parameters[p.name], len(signals)) for p in self.coefficients], axis=-1)
+        return np.asarray(np.sum(columns * theta, axis=-1))
+
+    @abstractmethod
+    def kernel(self, parameters: Mapping[str, float]) -> TorqueKernel:
+        """`torque` without its inertial part, at one joint and one instant: see `drake_tc.effects.kernel`."""
+
+    def inertia(self, parameters: Mapping[str, float]) -> float:
+        """Inertia [kg m^2] that the effect adds to the joint: the coefficient of the acceleration in `columns`."""
+        return 0.0
+
+    def hysteresis_travel(self, parameters: Mapping[str, float]) -> float:
+        """Travel [rad] over which the effect's own hysteretic state turns over; 0 where it has none."""
+        return 0.0
+
+
+class DriveEffect(Effect):
+    """An effect between the command and the drive's torque: y* = transform(y), causal, with memory where it has some.
+
+    `kernel` is the same map one sample at a time. An effect that is looked for as a column acts on the raw effort y,
+    in parallel with those that transform it, and its kernel adds that part.
+    """
+
+    acts_on: ClassVar[Literal["effort", "command"]] = "effort"
+
+    def columns(self, signals: Signals, shape: Shape) -> FloatArray:
+        """No torque column: the effect acts through `transform`."""
+        return np.zeros((len(signals), 0))
+
+    @abstractmethod
+    def transform(self, effort: FloatArray, signals: Signals, shape: Shape) -> FloatArray:
+        """y* over a whole uniform stretch of log, (T,) to (T,)."""
+
+    @abstractmethod
+    def kernel(self, parameters: Mapping[str, float], period: float) -> DriveKernel:
+        """One joint sampled at `period` [s], one sample at a time."""
+
+    def inverse(
+        self, effort: FloatArray, direction: FloatArray, parameters: Mapping[str, FloatArray | float]
+    ) -> FloatArray:
+        """The effort to ask for so that y* is `effort`, where that is possible; otherwise `effort` itself."""
+        return effort
+
+
+class SensorEffect(Effect):
+    """An error of a sensor. `columns` is the torque by which it unbalances the joint; `corrupt` is what it does."""
+
+    @abstractmethod
+    def corrupt(self, signals: Signals, parameters: Mapping[str, FloatArray | float]) -> Signals:
+        """What the sensors would have recorded: true signals in, measured signals out."""
+
+    @abstractmethod
+    def restore(self, signals: Signals, parameters: Mapping[str, FloatArray | float]) -> Signals:
+        """The inverse of `corrupt`: measured signals in, true signals out."""
+
+
+class TransmissionEffect(Effect):
+    """Play or softness between the motor and the link: the actuator gets a motor inertia of its own."""
+
+    @abstractmethod
+    def transmission(self, parameters: Mapping[str, float]) -> Transmission:
+        """Gap and compliance of this effect alone."""
+
+    def transmitted(self, twist: FloatArray, parameters: Mapping[str, float]) -> FloatArray:
+        """Torque (n,) [N m] that passes the gear when the motor leads the link by `twist` (n,) [rad]."""
+        gear = self.transmission(parameters)
+        pressed = np.sign(twist) * np.maximum(np.abs(twist) - gear.half_gap, 0.0)
+        return np.asarray(pressed / gear.compliance)
+
+    def twist(self, torque: FloatArray, parameters: Mapping[str, float]) -> FloatArray:
+        """Lead (n,) [rad] of the motor over the link when the gear passes `torque` (n,) [N m], on the loaded side."""
+        gear = self.transmission(parameters)
+        return np.asarray(torque * gear.compliance + gear.half_gap * np.sign(torque))

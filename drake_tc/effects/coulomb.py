@@ -1,0 +1,30 @@
+"""Coulomb friction."""
+
+from collections.abc import Mapping
+
+from drake_tc.effects.base import Parameter, Shape, Signals, Signature, TorqueEffect
+from drake_tc.effects.kernel import TorqueKernel, TorqueParts
+from drake_tc.types import FloatArray
+
+
+class Coulomb(TorqueEffect):
+    """F_c sign(qdot) [N m]; while the direction turns over, F_c times the bristle's deflection in [-1, 1]."""
+
+    id = "coulomb"
+    title = "Coulomb friction"
+    kind = "friction"
+    coefficients = (Parameter("coulomb", "N*m", 0.0),)
+    signature = Signature(x="velocity", split="direction", look_for="a step at zero velocity")
+
+    def columns(self, signals: Signals, shape: Shape) -> FloatArray:
+        """Phi (T, 1): see the class."""
+        return signals.direction[:, None]
+
+    def kernel(self, parameters: Mapping[str, float]) -> TorqueKernel:
+        """The same at one instant."""
+        level = parameters["coulomb"]
+
+        def parts(q: float, v: float, direction: float, tau: float, celsius: float, hysteresis: float) -> TorqueParts:
+            return level, 0.0, 0.0
+
+        return parts

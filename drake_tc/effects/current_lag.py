@@ -1,0 +1,58 @@
+"""A current loop that takes its time."""
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+from scipy.signal import lfilter
+
+from drake_tc.effects.base import Context, DriveEffect, Parameter, Shape, Signals, Signature
+from drake_tc.effects.kernel import DriveKernel, memoryless
+from drake_tc.types import FloatArray
+
+
+def hold_coefficients(lag: float, period: float) -> tuple[float, float, float]:
+    """(p, b0, b1) of y*[n] = p y*[n-1] + b0 y[n] + b1 y[n-1], exact for y linear over each period [s]; lag > 0 [s]."""
+    ratio = period / lag
+    pole = math.exp(-ratio)
+    share = -math.expm1(-ratio) / ratio
+    return pole, 1.0 - share, share - pole
+
+
+class CurrentLag(DriveEffect):
+    """T dy*/dt + y* = y: first-order lag of the motor current (inductance, current loop)."""
+
+    id = "current_lag"
+    title = "lag of the motor current"
+    kind = "drive"
+    shapes = (Parameter("lag", "s", 0.0, 0.1, description="time constant T"),)
+    signature = Signature(
+        x="acceleration",
+        split="direction",
+        look_for="loops: the residual follows the rate of the effort, rounded",
+    )
+
+    def shape_grid(self, context: Context) -> list[dict[str, float]]:
+        """From half a sample to 50 ms."""
+        return [{"lag": float(d)} for d in np.geomspace(max(5e-4, 0.5 * context.period), 0.05, 10)]
+
+    def transform(self, effort: FloatArray, signals: Signals, shape: Shape) -> FloatArray:
+        """Exact for an effort that is linear between samples (first-order hold)."""
+        if shape["lag"] <= 0.0:
+            return effort
+        pole, new, old = hold_coefficients(shape["lag"], signals.period)
+        start = effort[0] - new * effort[0]
+        return np.asarray(lfilter([new, old], [1.0, -pole], effort, zi=[start])[0])
+
+    def kernel(self, parameters: Mapping[str, float], period: float) -> DriveKernel:
+        """The same recursion; memory is [y*, last y]."""
+        if parameters["lag"] <= 0.0:
+            return memoryless(lambda value, effort, direction: value)
+        pole, new, old = hold_coefficients(parameters["lag"], period)
+
+        def step(value: float, effort: float, direction: float, memory: list[float], at: int) -> float:
+            lagged = pole * memory[at] + new * value + old * memory[at + 1]
+            memory[at], memory[at + 1] = lagged, value
+            return lagged
+
+        return DriveKernel(size=2, start=lambda value, effort: [value, value], step=step)

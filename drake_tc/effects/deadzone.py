@@ -1,0 +1,44 @@
+"""A drive that ignores small efforts."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from drake_tc.effects.base import Context, DriveEffect, Parameter, Shape, Signals, Signature
+from drake_tc.effects.kernel import DriveKernel, memoryless
+from drake_tc.types import FloatArray
+
+
+def apply_deadzone(effort: FloatArray, width: FloatArray | float) -> FloatArray:
+    """sign(y) max(|y| - w, 0): elementwise, in the effort's unit."""
+    return np.asarray(np.sign(effort) * np.maximum(np.abs(effort) - width, 0.0))
+
+
+class Deadzone(DriveEffect):
+    """y* = sign(y) max(|y| - w, 0) (EQUATIONS A3: the servo of HRP-2)."""
+
+    id = "deadzone"
+    title = "dead zone of the drive"
+    kind = "drive"
+    shapes = (Parameter("deadzone", "effort", 0.0, description="half width w"),)
+    signature = Signature(x="effort", split="", look_for="a step at zero effort, flat beyond it")
+
+    def shape_grid(self, context: Context) -> list[dict[str, float]]:
+        """Half widths up to half of the largest effort."""
+        largest = max(abs(context.effort_span[0]), abs(context.effort_span[1]))
+        return [{"deadzone": float(w)} for w in np.geomspace(0.003 * largest, 0.5 * largest, 12)]
+
+    def transform(self, effort: FloatArray, signals: Signals, shape: Shape) -> FloatArray:
+        """See `apply_deadzone`."""
+        return apply_deadzone(effort, shape["deadzone"])
+
+    def kernel(self, parameters: Mapping[str, float], period: float) -> DriveKernel:
+        """No memory."""
+        width = parameters["deadzone"]
+        return memoryless(lambda value, effort, direction: value - max(-width, min(width, value)))
+
+    def inverse(
+        self, effort: FloatArray, direction: FloatArray, parameters: Mapping[str, FloatArray | float]
+    ) -> FloatArray:
+        """Y + w sign(y): jumps over the dead zone."""
+        return np.asarray(effort + parameters["deadzone"] * np.sign(effort))

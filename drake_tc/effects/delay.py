@@ -1,0 +1,73 @@
+"""Time between the command and the torque."""
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+
+from drake_tc.effects.base import Context, DriveEffect, Parameter, Shape, Signals, Signature
+from drake_tc.effects.kernel import DriveKernel
+from drake_tc.types import FloatArray
+
+
+def shift(values: FloatArray, samples: float) -> FloatArray:
+    """values(t - d) on a uniform clock, d in samples >= 0, linear between samples; the first value before."""
+    whole = int(np.floor(samples))
+    part = samples - whole
+    padded = np.concatenate([np.full(whole + 1, values[0]), values])
+    late = padded[1 : 1 + values.size]
+    later = padded[: values.size]
+    return np.asarray((1.0 - part) * late + part * later)
+
+
+class Delay(DriveEffect):
+    """y*(t) = y(t - d): the whole effort acts late."""
+
+    id = "delay"
+    title = "delay"
+    kind = "drive"
+    form = "loop"
+    shapes = (Parameter("delay", "s", 0.0, 0.2),)
+    signature = Signature(
+        x="acceleration", split="direction", look_for="loops: the residual follows the rate of the effort"
+    )
+
+    def shape_grid(self, context: Context) -> list[dict[str, float]]:
+        """From a third of a sample to 60 ms."""
+        return [{"delay": float(d)} for d in np.geomspace(max(5e-4, 0.3 * context.period), 0.06, 10)]
+
+    def transform(self, effort: FloatArray, signals: Signals, shape: Shape) -> FloatArray:
+        """y(t - d)."""
+        return shift(effort, shape["delay"] / signals.period)
+
+    def kernel(self, parameters: Mapping[str, float], period: float) -> DriveKernel:
+        """Memory is a ring of past values and the place of the newest."""
+        samples = parameters["delay"] / period
+        whole = math.floor(samples)
+        part = samples - whole
+        length = whole + 2
+
+        def step(value: float, effort: float, direction: float, memory: list[float], at: int) -> float:
+            newest = (int(memory[at]) + 1) % length
+            ring = at + 1
+            memory[at] = float(newest)
+            memory[ring + newest] = value
+            late = memory[ring + (newest - whole) % length]
+            return (1.0 - part) * late + part * memory[ring + (newest - whole - 1) % length]
+
+        return DriveKernel(size=1 + length, start=lambda value, effort: [0.0] + [value] * length, step=step)
+
+
+class CommandDelay(Delay):
+    """q_d acts late and q does not: y*(t) = q_d(t - d) - q(t)."""
+
+    form = "command"
+    acts_on = "command"
+
+    def obstacle(self, context: Context) -> str:
+        """For other drives the command is the effort."""
+        return "" if context.drive == "position_servo" else "the command is the effort: the loop's delay covers it"
+
+    def transform(self, effort: FloatArray, signals: Signals, shape: Shape) -> FloatArray:
+        """Y - (q_d - q_d(t - d))."""
+        return effort - signals.command + shift(signals.command, shape["delay"] / signals.period)

@@ -1,0 +1,65 @@
+"""An encoder disc mounted off its axis."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from drake_tc.effects.base import Context, Parameter, SensorEffect, Shape, Signals, Signature
+from drake_tc.types import FloatArray
+
+
+class EncoderEccentricity(SensorEffect):
+    """q_meas = q + e_s sin q + e_c cos q [rad], once a turn.
+
+    To first order the balance misses F_v and J times the derivatives of the error, and a position servo that does not
+    see this encoder also misses stiffness times the error.
+    """
+
+    id = "encoder_eccentricity"
+    title = "encoder eccentricity"
+    kind = "sensor"
+    form = "shared"
+    coefficients = (
+        Parameter("eccentricity_sine", "rad"),
+        Parameter("eccentricity_cosine", "rad"),
+    )
+    signature = Signature(x="position", split="direction", look_for="one wave a turn that grows with the speed")
+
+    def columns(self, signals: Signals, shape: Shape) -> FloatArray:
+        """Phi (T, 2): see the class."""
+        q, v, a = signals.position, signals.velocity, signals.acceleration
+        inertia, viscous = signals.rotor_inertia, signals.viscous
+        sine = inertia * (a * np.cos(q) - v**2 * np.sin(q)) + viscous * v * np.cos(q)
+        cosine = -inertia * (a * np.sin(q) + v**2 * np.cos(q)) - viscous * v * np.sin(q)
+        return -np.stack([sine, cosine], axis=-1)
+
+    def corrupt(self, signals: Signals, parameters: Mapping[str, FloatArray | float]) -> Signals:
+        """Add the wave to the logged position."""
+        q = signals.position
+        error = parameters["eccentricity_sine"] * np.sin(q) + parameters["eccentricity_cosine"] * np.cos(q)
+        return replace(signals, position=q + error)
+
+    def restore(self, signals: Signals, parameters: Mapping[str, FloatArray | float]) -> Signals:
+        """Fixed point of q = q_meas - e(q): contracts by |e| < 1 a round."""
+        true = signals
+        for _ in range(12):
+            error = self.corrupt(true, parameters).position - true.position
+            true = replace(true, position=signals.position - error)
+        return true
+
+
+class SeparateEncoderEccentricity(EncoderEccentricity):
+    """The same error on an encoder that the position servo does not use: its effort is off by the error itself."""
+
+    form = "separate"
+
+    def obstacle(self, context: Context) -> str:
+        """Only a position servo has an effort that the error enters."""
+        return "" if context.drive == "position_servo" else "the drive does not use the position"
+
+    def columns(self, signals: Signals, shape: Shape) -> FloatArray:
+        """Phi (T, 2): the shared encoder's, and the servo's stiffness times the error."""
+        q = signals.position
+        wave = np.stack([np.sin(q), np.cos(q)], axis=-1)
+        return np.asarray(super().columns(signals, shape) - signals.stiffness * wave)

@@ -1,0 +1,40 @@
+"""A joint encoder whose zero is not where the model has it."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from drake_tc.effects.base import Context, Parameter, SensorEffect, Shape, Signals, Signature
+from drake_tc.types import FloatArray
+
+
+class EncoderOffset(SensorEffect):
+    """q_meas = q + o [rad]: a load computed from the position is off by o d tau/d q, a position servo's effort by o."""
+
+    id = "encoder_offset"
+    title = "encoder offset"
+    kind = "sensor"
+    linear = True
+    coefficients = (Parameter("offset", "rad"),)
+    signature = Signature(
+        x="position", split="", look_for="a constant (servo) or a cosine of the angle (pendulum load)"
+    )
+
+    def obstacle(self, context: Context) -> str:
+        """Empty when the logs can show the effect."""
+        if context.drive != "position_servo" and context.load != "pendulum":
+            return "neither the effort nor the load depends on the encoder's zero"
+        return super().obstacle(context)
+
+    def columns(self, signals: Signals, shape: Shape) -> FloatArray:
+        """Phi (T, 1): see the class."""
+        return -(signals.load_slope + signals.stiffness * np.ones(len(signals)))[:, None]
+
+    def corrupt(self, signals: Signals, parameters: Mapping[str, FloatArray | float]) -> Signals:
+        """Shift the logged position."""
+        return replace(signals, position=signals.position + parameters["offset"])
+
+    def restore(self, signals: Signals, parameters: Mapping[str, FloatArray | float]) -> Signals:
+        """Shift the position back."""
+        return replace(signals, position=signals.position - parameters["offset"])

@@ -1,0 +1,73 @@
+"""All effects, in the order in which ties are broken: the simpler and commoner cause first."""
+
+from drake_tc.effects.asymmetric_friction import AsymmetricFriction
+from drake_tc.effects.backlash import Backlash
+from drake_tc.effects.base import Effect
+from drake_tc.effects.cable_spring import CableSpring
+from drake_tc.effects.coulomb import Coulomb
+from drake_tc.effects.current_lag import CurrentLag
+from drake_tc.effects.deadzone import Deadzone
+from drake_tc.effects.delay import CommandDelay, Delay
+from drake_tc.effects.elasticity import Elasticity
+from drake_tc.effects.encoder_eccentricity import EncoderEccentricity, SeparateEncoderEccentricity
+from drake_tc.effects.encoder_offset import EncoderOffset
+from drake_tc.effects.load_dependent_friction import LoadDependentFriction
+from drake_tc.effects.payload import Payload
+from drake_tc.effects.position_dependent_friction import PositionDependentFriction
+from drake_tc.effects.presliding_hysteresis import PreslidingHysteresis
+from drake_tc.effects.quadratic_viscous import QuadraticViscous
+from drake_tc.effects.rotor_inertia import RotorInertia
+from drake_tc.effects.saturation import Saturation
+from drake_tc.effects.servo_integrator import ServoIntegrator
+from drake_tc.effects.stribeck import Stribeck
+from drake_tc.effects.thermal_friction import ThermalFriction
+from drake_tc.effects.torque_ripple import TorqueRipple
+from drake_tc.effects.torque_sensor_bias import TorqueSensorBias
+from drake_tc.effects.torque_sensor_drift import TorqueSensorDrift
+from drake_tc.effects.torque_sensor_gain import TorqueSensorGain
+from drake_tc.effects.velocity_sign_switch import VelocitySignSwitch
+from drake_tc.effects.viscous import Viscous
+from drake_tc.errors import ParamsError
+
+LIBRARY: tuple[Effect, ...] = (
+    Viscous(),
+    Coulomb(),
+    RotorInertia(),
+    Stribeck(),
+    QuadraticViscous(),
+    TorqueSensorBias(),
+    Deadzone(),
+    LoadDependentFriction(),
+    TorqueSensorDrift(),
+    TorqueSensorGain(),
+    VelocitySignSwitch(),
+    ServoIntegrator(),
+    Saturation(),
+    CommandDelay(),
+    Delay(),
+    CurrentLag(),
+    Payload(),
+    CableSpring(),
+    AsymmetricFriction(),
+    ThermalFriction(),
+    PreslidingHysteresis(),
+    TorqueRipple(),
+    PositionDependentFriction(),
+    Backlash(),
+    Elasticity(),
+    EncoderOffset(),
+    EncoderEccentricity(),
+    SeparateEncoderEccentricity(),
+)
+
+
+def effect(key: str) -> Effect:
+    """The effect called `key` (`id` or `id.form`; a bare id takes the first form).
+
+    Raises:
+        ParamsError: there is no such effect; the message lists those there are.
+    """
+    for candidate in LIBRARY:
+        if key in (candidate.key, candidate.id):
+            return candidate
+    raise ParamsError(f"no effect {key!r}; effects: {', '.join(sorted({e.id for e in LIBRARY}))}")

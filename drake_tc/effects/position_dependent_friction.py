@@ -1,0 +1,47 @@
+"""Friction whose level varies with the angle."""
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+
+from drake_tc.effects.base import Context, Parameter, Shape, Signals, Signature, TorqueEffect
+from drake_tc.effects.kernel import TorqueKernel, TorqueParts
+from drake_tc.types import FloatArray
+
+
+class PositionDependentFriction(TorqueEffect):
+    """(F_1 cos(n q) + F_2 sin(n q)) sign(qdot) [N m], n cycles a turn."""
+
+    id = "position_dependent_friction"
+    title = "position-dependent friction"
+    kind = "friction"
+    coefficients = (
+        Parameter("friction_cosine", "N*m"),
+        Parameter("friction_sine", "N*m"),
+    )
+    shapes = (Parameter("cycles_per_turn", "1/turn", 0.3, 400.0, 1.0),)
+    signature = Signature(
+        x="position", split="direction", look_for="a wave over the angle, mirrored between the two directions"
+    )
+
+    def shape_grid(self, context: Context) -> list[dict[str, float]]:
+        """Starting points that cover what the logs excite."""
+        turns = (context.position_span[1] - context.position_span[0]) / (2 * np.pi)
+        finest = min(60.0, 60.0 / turns)
+        return [{"cycles_per_turn": float(n)} for n in np.arange(max(0.5, 0.4 / turns), finest, 0.35 / turns)]
+
+    def columns(self, signals: Signals, shape: Shape) -> FloatArray:
+        """Phi (T, 2): see the class."""
+        phase = shape["cycles_per_turn"] * signals.position
+        return np.stack([np.cos(phase) * signals.direction, np.sin(phase) * signals.direction], axis=-1)
+
+    def kernel(self, parameters: Mapping[str, float]) -> TorqueKernel:
+        """The same at one instant."""
+        cosine, sine = parameters["friction_cosine"], parameters["friction_sine"]
+        cycles = parameters["cycles_per_turn"]
+
+        def parts(q: float, v: float, direction: float, tau: float, celsius: float, hysteresis: float) -> TorqueParts:
+            return cosine * math.cos(cycles * q) + sine * math.sin(cycles * q), 0.0, 0.0
+
+        return parts

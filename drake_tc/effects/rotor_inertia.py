@@ -1,0 +1,34 @@
+"""Reflected inertia of the rotor."""
+
+from collections.abc import Mapping
+
+from drake_tc.effects.base import Parameter, Shape, Signals, Signature, TorqueEffect
+from drake_tc.effects.kernel import TorqueKernel, TorqueParts
+from drake_tc.types import FloatArray
+
+
+class RotorInertia(TorqueEffect):
+    """J qddot [N m], J = Jm N^2 on the joint side (EQUATIONS C1)."""
+
+    id = "rotor_inertia"
+    title = "reflected rotor inertia"
+    kind = "load"
+    linear = True
+    coefficients = (Parameter("rotor_inertia", "kg*m^2", 0.0),)
+    signature = Signature(x="acceleration", split="", look_for="a straight line through zero")
+
+    def columns(self, signals: Signals, shape: Shape) -> FloatArray:
+        """Phi (T, 1): see the class."""
+        return signals.acceleration[:, None]
+
+    def kernel(self, parameters: Mapping[str, float]) -> TorqueKernel:
+        """The same at one instant."""
+
+        def parts(q: float, v: float, direction: float, tau: float, celsius: float, hysteresis: float) -> TorqueParts:
+            return 0.0, 0.0, 0.0
+
+        return parts
+
+    def inertia(self, parameters: Mapping[str, float]) -> float:
+        """J."""
+        return parameters["rotor_inertia"]

@@ -1,0 +1,33 @@
+"""A drive that delivers no more than so much."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from drake_tc.effects.base import Context, DriveEffect, Parameter, Shape, Signals, Signature
+from drake_tc.effects.kernel import DriveKernel, memoryless
+from drake_tc.types import FloatArray
+
+
+class Saturation(DriveEffect):
+    """y* = clip(y, -L, L)."""
+
+    id = "saturation"
+    title = "saturation of the drive"
+    kind = "drive"
+    shapes = (Parameter("limit", "effort", 0.0, default=np.inf, description="largest effort L"),)
+    signature = Signature(x="effort", split="", look_for="a line that bends at the same effort on both sides")
+
+    def shape_grid(self, context: Context) -> list[dict[str, float]]:
+        """Limits from a fifth of the largest effort up to it."""
+        largest = max(abs(context.effort_span[0]), abs(context.effort_span[1]))
+        return [{"limit": float(x * largest)} for x in np.linspace(0.2, 0.98, 14)]
+
+    def transform(self, effort: FloatArray, signals: Signals, shape: Shape) -> FloatArray:
+        """Clip."""
+        return np.clip(effort, -shape["limit"], shape["limit"])
+
+    def kernel(self, parameters: Mapping[str, float], period: float) -> DriveKernel:
+        """No memory."""
+        limit = parameters["limit"]
+        return memoryless(lambda value, effort, direction: max(-limit, min(limit, value)))

@@ -1,0 +1,55 @@
+"""Integral action inside the vendor's servo."""
+
+from collections.abc import Mapping
+
+import numpy as np
+from scipy.signal import lfilter
+
+from drake_tc.effects.base import DriveEffect, Parameter, Shape, Signals, Signature
+from drake_tc.effects.kernel import DriveKernel
+from drake_tc.types import FloatArray
+
+
+class ServoIntegrator(DriveEffect):
+    """y* = y + K_i int y dt, from the start of the run: a position servo that is a PID, not a PD.
+
+    Linear, so it is looked for as a column: the motor torque it already supplies counts against the need.
+    """
+
+    id = "servo_integrator"
+    title = "integral action of the servo"
+    kind = "drive"
+    linear = True
+    coefficients = (Parameter("integral_torque", "N*m/(effort*s)", 0.0),)
+    shapes = ()
+    signature = Signature(x="time", split="", look_for="a slow rise while the effort keeps its sign")
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """K_i."""
+        return (Parameter("integral_rate", "1/s", 0.0),)
+
+    def columns(self, signals: Signals, shape: Shape) -> FloatArray:
+        """-int y dt (T, 1)."""
+        y = signals.effort
+        integral = lfilter([0.5, 0.5], [1.0, -1.0], y, zi=[-0.5 * y[0]])[0] * signals.period
+        return -np.asarray(integral)[:, None]
+
+    def physical(self, theta: FloatArray, shape: Shape, gain: float) -> dict[str, float]:
+        """K_i = theta K [1/s]."""
+        return {"integral_rate": float(theta[0]) * gain}
+
+    def transform(self, effort: FloatArray, signals: Signals, shape: Shape) -> FloatArray:
+        """The integral acts through its column."""
+        return effort
+
+    def kernel(self, parameters: Mapping[str, float], period: float) -> DriveKernel:
+        """Trapezoidal integral of the raw effort; memory is [integral, last effort]."""
+        rate, half = parameters["integral_rate"], 0.5 * period
+
+        def step(value: float, effort: float, direction: float, memory: list[float], at: int) -> float:
+            integral = memory[at] + half * (effort + memory[at + 1])
+            memory[at], memory[at + 1] = integral, effort
+            return value + rate * integral
+
+        return DriveKernel(size=2, start=lambda value, effort: [-period * effort, effort], step=step)

@@ -1,0 +1,55 @@
+"""Stribeck friction: more at rest than in motion."""
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+
+from drake_tc.effects.base import Context, Parameter, Shape, Signals, Signature, TorqueEffect
+from drake_tc.effects.kernel import TorqueKernel, TorqueParts
+from drake_tc.types import FloatArray
+
+
+class Stribeck(TorqueEffect):
+    """(F_s - F_c) exp(-|qdot/v_s|^m) sign(qdot) [N m].
+
+    Source: Armstrong-Hélouvry, Dupont and Canudas de Wit (1994), eq. 12, exponent m between 0.5 and 2.
+    """
+
+    id = "stribeck"
+    title = "Stribeck friction"
+    kind = "friction"
+    coefficients = (Parameter("stribeck", "N*m", 0.0, description="F_s - F_c"),)
+    shapes = (
+        Parameter("stribeck_velocity", "rad/s", 1e-4, default=0.1),
+        Parameter("stribeck_exponent", "-", 0.5, 2.0, 2.0),
+    )
+    signature = Signature(
+        x="velocity",
+        split="direction",
+        look_for="peaks at zero velocity that die out within v_s, of opposite sign on both sides",
+    )
+
+    def shape_grid(self, context: Context) -> list[dict[str, float]]:
+        """Starting points that cover what the logs excite."""
+        fastest = 0.5 * context.max_speed
+        return [
+            {"stribeck_velocity": float(v), "stribeck_exponent": m}
+            for v in np.geomspace(fastest / 120, fastest, 10)
+            for m in (1.0, 2.0)
+        ]
+
+    def columns(self, signals: Signals, shape: Shape) -> FloatArray:
+        """Phi (T, 1): see the class."""
+        decay = np.exp(-((np.abs(signals.velocity) / shape["stribeck_velocity"]) ** shape["stribeck_exponent"]))
+        return np.asarray((signals.direction * decay)[:, None])
+
+    def kernel(self, parameters: Mapping[str, float]) -> TorqueKernel:
+        """The same at one instant."""
+        level, speed = parameters["stribeck"], parameters["stribeck_velocity"]
+        exponent = parameters["stribeck_exponent"]
+
+        def parts(q: float, v: float, direction: float, tau: float, celsius: float, hysteresis: float) -> TorqueParts:
+            return level * math.exp(-((abs(v) / speed) ** exponent)), 0.0, 0.0
+
+        return parts

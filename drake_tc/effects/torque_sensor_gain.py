@@ -1,0 +1,42 @@
+"""A wrong scale of the torque sensor."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from drake_tc.effects.base import Context, Parameter, SensorEffect, Shape, Signals, Signature
+from drake_tc.types import FloatArray
+
+
+class TorqueSensorGain(SensorEffect):
+    """tau_meas = (1 + g) tau [N m].
+
+    The drive gain is free, so a wrong scale shows only against a torque that is known without the sensor: the declared
+    inertia. (tau + g tau) + (1 + g) J qddot = (1 + g)(...), hence the column J qddot.
+    """
+
+    id = "torque_sensor_gain"
+    title = "torque sensor gain"
+    kind = "sensor"
+    linear = True
+    coefficients = (Parameter("gain_error", "-", -0.9, 10.0),)
+    signature = Signature(
+        x="acceleration", split="", look_for="a line over the acceleration although the inertia is declared"
+    )
+
+    def obstacle(self, context: Context) -> str:
+        """Empty when the logs can show the effect."""
+        if "rotor_inertia" not in context.declared or context.declared["rotor_inertia"] == 0.0:
+            return "no inertia is declared that the sensor's scale could be held against"
+        return super().obstacle(context)
+
+    def columns(self, signals: Signals, shape: Shape) -> FloatArray:
+        """Phi (T, 1): see the class."""
+        return (signals.rotor_inertia * signals.acceleration)[:, None]
+
+    def corrupt(self, signals: Signals, parameters: Mapping[str, FloatArray | float]) -> Signals:
+        """Scale the torque."""
+        return replace(signals, load_torque=signals.load_torque * (1.0 + parameters["gain_error"]))
+
+    def restore(self, signals: Signals, parameters: Mapping[str, FloatArray | float]) -> Signals:
+        """Scale the torque back."""
+        return replace(signals, load_torque=signals.load_torque / (1.0 + parameters["gain_error"]))

@@ -1,0 +1,54 @@
+"""A drive whose gain depends on the direction of motion."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from drake_tc.effects.base import DriveEffect, Parameter, Shape, Signals, Signature
+from drake_tc.effects.kernel import DriveKernel, memoryless
+from drake_tc.types import FloatArray
+
+
+class VelocitySignSwitch(DriveEffect):
+    """y* = (1 + s sign(qdot)) y: the two branches of EQUATIONS A3, one for each sign of the velocity.
+
+    Linear in s/K, so it is looked for as a column.
+    """
+
+    id = "velocity_sign_switch"
+    title = "drive gain that switches with the direction"
+    kind = "drive"
+    coefficients = (Parameter("switch_torque", "N*m/effort"),)
+    signature = Signature(
+        x="effort", split="direction", look_for="two straight lines of different slope that cross at zero"
+    )
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """S."""
+        return (Parameter("switch", "-", -1.0, 1.0),)
+
+    def columns(self, signals: Signals, shape: Shape) -> FloatArray:
+        """-y sign(qdot) (T, 1)."""
+        return -(signals.effort * signals.direction)[:, None]
+
+    def physical(self, theta: FloatArray, shape: Shape, gain: float) -> dict[str, float]:
+        """S = theta K."""
+        return {"switch": float(theta[0]) * gain}
+
+    def transform(self, effort: FloatArray, signals: Signals, shape: Shape) -> FloatArray:
+        """The switch acts through its column."""
+        return effort
+
+    def kernel(self, parameters: Mapping[str, float], period: float) -> DriveKernel:
+        """No memory beyond the direction itself; acts on the raw effort, as the column does."""
+        switch = parameters["switch"]
+        return memoryless(lambda value, effort, direction: value + switch * direction * effort)
+
+    def inverse(
+        self, effort: FloatArray, direction: FloatArray, parameters: Mapping[str, FloatArray | float]
+    ) -> FloatArray:
+        """Y / (1 + s sign(qdot)); the effort itself where the drive is dead (s = -sign)."""
+        gain = 1.0 + parameters["switch"] * direction
+        alive = np.abs(gain) > 1e-6
+        return np.asarray(np.where(alive, effort / np.where(alive, gain, 1.0), effort))

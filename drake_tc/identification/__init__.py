@@ -1,0 +1,1 @@
+"""Identification of geared joints from logs: excitation, regressions and their confidence intervals."""

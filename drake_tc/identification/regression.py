@@ -1,0 +1,209 @@
+"""Linear least squares whose confidence intervals account for autocorrelation (EQUATIONS A4).
+
+Robot logs are sampled far faster than their residuals decorrelate: an interval that counts samples as
+independent is too narrow by the square root of the correlation time. Here every interval is Newey–West's.
+"""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from scipy.optimize import lsq_linear
+
+from drake_tc.errors import IdentificationError
+from drake_tc.identification.autocorrelation import (
+    automatic_bandwidth,
+    correlation_time,
+    critical_value_95,
+    long_run_covariance,
+)
+from drake_tc.identification.linear_fit import LinearFit
+from drake_tc.types import BoolArray, FloatArray, IntArray
+
+MAX_CONDITION = 1e6
+Bounds = Mapping[str, tuple[float, float]]
+
+
+def least_squares(
+    columns: FloatArray,
+    target: FloatArray,
+    *,
+    names: Sequence[str] | None = None,
+    weights: FloatArray | None = None,
+    bounds: Bounds | None = None,
+    lengths: Sequence[int] | None = None,
+    max_condition: float = MAX_CONDITION,
+) -> LinearFit:
+    """Estimate x in A x ≈ b: min Σ w_t (b_t − a_tᵀ x)² subject to bounds on x.
+
+    Covariance (HAC): H⁻¹ S H⁻¹ with H = AᵀWA, S the Bartlett long-run covariance of the scores
+    w_t a_t (b_t − a_tᵀx). Parameters on a bound are held there for the covariance of the others; their own
+    interval comes from the full covariance, cut at the bounds.
+
+    Args:
+        columns: A (T, p), finite.
+        target: b (T,), finite.
+        names: The p parameters, for results and messages; x0, x1, ... when None.
+        weights: w (T,) >= 0; None for ones.
+        bounds: Parameter name to (lower, upper); the others are free.
+        lengths: Lengths of the contiguous stretches (runs, segments), in order; one stretch when None.
+        max_condition: Refuse worse column-scaled condition numbers.
+
+    Raises:
+        IdentificationError: Shapes that do not fit, values that are not finite, fewer samples than parameters,
+            or an excitation too poor, with the condition number and the parameter that suffers.
+
+    Source: EQUATIONS A4; Newey and West 1987; Kiefer and Vogelsang 2005 for the critical value.
+    """
+    a, b, labels = checked(columns, target, names)
+    root = np.sqrt(checked_weights(weights, b.size))
+    rows, goal = a * root[:, None], b * root
+    scale = column_scale(rows, labels)
+    q, r = np.linalg.qr(rows / scale)
+    condition = check_excitation(r, labels, max_condition)
+    lower, upper = _bound_arrays(labels, bounds)
+    x = _solve(r, q.T @ goal, lower * scale, upper * scale) / scale
+    x, at_bound = _snap(x, lower, upper)
+    residual = b - a @ x
+    scores = rows * (root * residual)[:, None]
+    return _with_uncertainty(
+        labels, x, residual, root, scores / scale, r, scale, at_bound, (lower, upper), condition, lengths
+    )
+
+
+def _with_uncertainty(
+    names: tuple[str, ...],
+    x: FloatArray,
+    residual: FloatArray,
+    root: FloatArray,
+    scores: FloatArray,
+    r: FloatArray,
+    scale: FloatArray,
+    at_bound: BoolArray,
+    bounds: tuple[FloatArray, FloatArray],
+    condition: float,
+    lengths: Sequence[int] | None,
+) -> LinearFit:
+    samples, p = residual.size, x.size
+    free = np.flatnonzero(~at_bound)
+    hessian = r.T @ r
+    freedom = samples / max(samples - free.size, 1)
+    bandwidth = max((automatic_bandwidth(score, lengths) for score in scores.T), default=1)
+    meat = freedom * long_run_covariance(scores, bandwidth, lengths)
+    everything = _sandwich(hessian, meat, np.arange(p)) / np.outer(scale, scale)
+    hac = _sandwich(hessian, meat, free) / np.outer(scale, scale)
+    squares = float(np.sum((root * residual) ** 2))
+    variance = squares / max(samples - free.size, 1)
+    covariance = variance * np.linalg.inv(hessian) / np.outer(scale, scale)
+    spread = np.sqrt(np.diag(np.where(np.diag(at_bound), everything, hac)))
+    half = critical_value_95(bandwidth, samples) * spread
+    ci95 = np.clip(np.stack([x - half, x + half], axis=1), bounds[0][:, None], bounds[1][:, None])
+    deviation = np.sqrt(np.diag(everything))
+    safe = np.where(deviation > 0, deviation, 1.0)
+    correlation = everything / np.outer(safe, safe)
+    np.fill_diagonal(correlation, 1.0)
+    return LinearFit(
+        names=names,
+        coefficients=x,
+        residual=residual,
+        rms=float(np.sqrt(squares / max(float(root @ root), 1e-300))),
+        covariance=covariance,
+        hac_covariance=hac,
+        ci95=ci95,
+        bandwidth=bandwidth,
+        effective_samples=samples / min(correlation_time(root * residual, lengths), samples),
+        correlation=correlation,
+        condition_number=condition,
+        at_bound=at_bound,
+    )
+
+
+def checked(
+    columns: FloatArray, target: FloatArray, names: Sequence[str] | None
+) -> tuple[FloatArray, FloatArray, tuple[str, ...]]:
+    """A (T, p), b (T,) and the names, or an IdentificationError that says what does not fit."""
+    a, b = np.asarray(columns, dtype=np.float64), np.asarray(target, dtype=np.float64)
+    if a.ndim != 2 or b.shape != a.shape[:1] or a.shape[1] == 0:
+        raise IdentificationError(f"columns (T, p) and target (T,) wanted; got {a.shape} and {b.shape}")
+    labels = tuple(names) if names is not None else tuple(f"x{i}" for i in range(a.shape[1]))
+    if len(labels) != a.shape[1]:
+        raise IdentificationError(f"{a.shape[1]} columns but {len(labels)} names: {list(labels)}")
+    if b.size <= a.shape[1]:
+        raise IdentificationError(f"{a.shape[1]} parameters need more than {b.size} samples")
+    bad = [label for label, column in zip(labels, a.T, strict=True) if not np.isfinite(column).all()]
+    if bad or not np.isfinite(b).all():
+        where = f"columns {bad}" if bad else "target"
+        raise IdentificationError(f"finite samples wanted; {where} of the fit hold NaN or infinity")
+    return a, b, labels
+
+
+def checked_weights(weights: FloatArray | None, samples: int) -> FloatArray:
+    """Weights (T,), ones when None, or an IdentificationError."""
+    if weights is None:
+        return np.ones(samples)
+    w = np.asarray(weights, dtype=np.float64)
+    if w.shape != (samples,) or not (np.isfinite(w).all() and (w >= 0).all() and w.any()):
+        raise IdentificationError(f"weights must be {samples} finite values >= 0, not all 0")
+    return w
+
+
+def column_scale(rows: FloatArray, names: tuple[str, ...]) -> FloatArray:
+    """Euclidean length of each column (p,); an all-zero column is an IdentificationError."""
+    scale = np.sqrt(np.einsum("ij,ij->j", rows, rows))
+    dead = [name for name, length in zip(names, scale, strict=True) if not length > 0]
+    if dead:
+        raise IdentificationError(
+            f"excitation too poor: condition number inf; nothing in the data excites {', '.join(dead)}"
+        )
+    return np.asarray(scale)
+
+
+def check_excitation(r: FloatArray, names: tuple[str, ...], max_condition: float) -> float:
+    """Condition number of the scaled columns, from their triangular factor R.
+
+    Raises:
+        IdentificationError: When it exceeds `max_condition`. The right singular vector of the smallest singular
+            value is the combination of parameters that the data do not see; its largest entry suffers most.
+    """
+    _, singular, vt = np.linalg.svd(r)
+    condition = float(singular[0] / singular[-1]) if singular[-1] > 0 else np.inf
+    if condition > max_condition:
+        blind = np.abs(vt[-1])
+        worst = int(np.argmax(blind))
+        others = [names[i] for i in np.argsort(-blind) if i != worst and blind[i] > 0.2]
+        mixed = f", which the data cannot tell from {', '.join(others)}" if others else ""
+        raise IdentificationError(
+            f"excitation too poor: condition number {condition:.3g} (at most {max_condition:.3g}); "
+            f"the parameter that suffers is {names[worst]}{mixed}; record richer motion or declare it"
+        )
+    return condition
+
+
+def _bound_arrays(names: tuple[str, ...], bounds: Bounds | None) -> tuple[FloatArray, FloatArray]:
+    lower, upper = np.full(len(names), -np.inf), np.full(len(names), np.inf)
+    for name, (low, high) in (bounds or {}).items():
+        if name not in names:
+            raise IdentificationError(f"bounds for {name!r}, which is not fitted; parameters: {list(names)}")
+        if not low < high:
+            raise IdentificationError(f"bounds of {name} must be lower < upper; got {low:g}, {high:g}")
+        lower[names.index(name)], upper[names.index(name)] = low, high
+    return lower, upper
+
+
+def _solve(r: FloatArray, goal: FloatArray, lower: FloatArray, upper: FloatArray) -> FloatArray:
+    x = np.linalg.solve(r, goal)
+    if np.all((x >= lower) & (x <= upper)):
+        return np.asarray(x)
+    return np.asarray(lsq_linear(r, goal, (lower, upper), method="bvls", tol=1e-14).x)
+
+
+def _snap(x: FloatArray, lower: FloatArray, upper: FloatArray) -> tuple[FloatArray, BoolArray]:
+    at_bound = np.isclose(x, lower, rtol=1e-9, atol=1e-300) | np.isclose(x, upper, rtol=1e-9, atol=1e-300)
+    return np.clip(x, lower, upper), np.asarray(at_bound)
+
+
+def _sandwich(hessian: FloatArray, meat: FloatArray, free: IntArray) -> FloatArray:
+    out = np.zeros_like(hessian)
+    if free.size:
+        inverse = np.linalg.inv(hessian[np.ix_(free, free)])
+        out[np.ix_(free, free)] = inverse @ meat[np.ix_(free, free)] @ inverse
+    return out

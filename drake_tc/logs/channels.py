@@ -1,0 +1,122 @@
+"""Repairs of single channels on the rows of the file: missing values, slower clocks, frozen sensors."""
+
+import numpy as np
+
+from drake_tc.types import BoolArray, FloatArray, IntArray
+
+LONGEST_FILL = 5
+FROZEN_SECONDS = 0.1
+FROZEN_ROWS = 30
+
+
+def run_lengths(values: FloatArray) -> tuple[IntArray, IntArray]:
+    """First rows and lengths of the stretches over which `values` (T,) stays exactly the same."""
+    starts = np.concatenate([[0], np.flatnonzero(np.diff(values) != 0) + 1])
+    return starts.astype(np.int64), np.diff(np.concatenate([starts, [values.size]])).astype(np.int64)
+
+
+def fill_missing(time: FloatArray, values: FloatArray) -> tuple[FloatArray, BoolArray, str]:
+    """Interpolate short holes, mark long ones.
+
+    A hole is short up to 5 rows, or up to 2.5 times the channel's usual spacing when it is recorded on a slower clock
+    with blanks between. What lies before the first and after the last value is long.
+
+    Returns:
+        Values (T,) without NaN, the rows (T,) that must not be used, and what to note ("" when nothing was missing).
+    """
+    finite = np.isfinite(values)
+    if finite.all():
+        return values, np.zeros(values.size, dtype=bool), ""
+    at = np.flatnonzero(finite)
+    spacing = np.diff(at)
+    usual = float(np.median(spacing)) if spacing.size else 1.0
+    allowed = max(LONGEST_FILL + 1, 2.5 * usual)
+    excluded = np.zeros(values.size, dtype=bool)
+    excluded[: at[0]] = True
+    excluded[at[-1] + 1 :] = True
+    for hole in np.flatnonzero(spacing > allowed):
+        excluded[at[hole] + 1 : at[hole + 1]] = True
+    filled = np.interp(time, time[at], values[at])
+    missing, left_out = int((~finite).sum()), int(excluded.sum())
+    parts = []
+    if usual >= 2:
+        parts.append(f"has a value every {usual:.0f} rows")
+    if missing > left_out:
+        parts.append(f"{missing - left_out} missing values were interpolated")
+    if left_out:
+        parts.append(
+            f"{left_out} rows of long holes were left out (the first: row {int(np.flatnonzero(excluded)[0]) + 1})"
+        )
+    return filled, excluded, ", ".join(parts)
+
+
+def hold_factor(values: FloatArray) -> int:
+    """K >= 2 when the channel changes only every k rows (it was sampled on a slower clock), else 1.
+
+    k is the commonest interval between changes; at least nine in ten intervals must be multiples of it. A coarse
+    encoder that moves slowly repeats values too, but at intervals of all lengths.
+    """
+    changes = np.flatnonzero(np.diff(values) != 0)
+    if changes.size < 20 or changes.size > 0.7 * values.size:
+        return 1
+    intervals = np.diff(changes)
+    k = int(np.bincount(np.minimum(intervals, 1000)).argmax())
+    if k < 2 or k >= 1000:
+        return 1
+    return k if np.mean(intervals % k == 0) >= 0.9 and np.mean(intervals == k) >= 0.3 else 1
+
+
+def release_hold(time: FloatArray, values: FloatArray, k: int) -> FloatArray:
+    """Values (T,) interpolated between the rows at which a channel held for k rows was sampled afresh."""
+    starts, lengths = run_lengths(values)
+    since = np.arange(values.size) - np.repeat(starts, lengths)
+    fresh = since % k == 0
+    return np.asarray(np.interp(time, time[fresh], values[fresh]))
+
+
+def frozen_rows(values: FloatArray, others: FloatArray, period: float, *, jump: bool) -> BoolArray:
+    """Rows (T,) in which a live channel repeats one value for long although another channel moves.
+
+    Args:
+        values: The channel, (T,).
+        others: A channel that shows motion, (T,).
+        period: [s].
+        jump: Demand that the channel leaves the stretch with a jump (an encoder may well rest; it does not leap).
+    """
+    frozen = np.zeros(values.size, dtype=bool)
+    starts, lengths = run_lengths(values)
+    if starts.size < 20 or np.median(lengths) > 2:
+        return frozen
+    longest = max(FROZEN_ROWS, round(FROZEN_SECONDS / period), 20 * float(np.percentile(lengths, 90)))
+    steps = np.abs(np.diff(values))
+    usual = float(np.percentile(steps, 99))
+    span = float(np.ptp(others))
+    for start, length in zip(starts[lengths >= longest].tolist(), lengths[lengths >= longest].tolist(), strict=True):
+        stop = start + length
+        leap = abs(values[stop] - values[stop - 1]) if stop < values.size else 0.0
+        moving = np.ptp(others[start:stop]) > 0.01 * span
+        if moving and (not jump or leap > 5 * usual):
+            frozen[start:stop] = True
+    return frozen
+
+
+def saturated_share(values: FloatArray) -> float:
+    """Share of the rows in which a command rests at its largest magnitude for 5 rows or more."""
+    limit = float(np.abs(values).max())
+    if limit == 0.0:
+        return 0.0
+    starts, lengths = run_lengths(values)
+    at_limit = (np.abs(values[starts]) > 0.9995 * limit) & (lengths >= 5)
+    return float(lengths[at_limit].sum() / values.size)
+
+
+def zero_stretches(effort: FloatArray, position: FloatArray, period: float) -> BoolArray:
+    """Rows (T,) in which the effort is exactly 0 for 0.1 s or more while the joint moves: the drive was off."""
+    off = np.zeros(effort.size, dtype=bool)
+    starts, lengths = run_lengths((effort == 0.0).astype(np.float64))
+    span = float(np.ptp(position))
+    for start, length in zip(starts.tolist(), lengths.tolist(), strict=True):
+        stop = start + length
+        if effort[start] == 0.0 and length >= max(20, 0.1 / period) and np.ptp(position[start:stop]) > 0.02 * span:
+            off[start:stop] = True
+    return off

@@ -1,0 +1,178 @@
+"""The clock of a log: refuse what cannot be mended, find the period, and lay a uniform grid over each stretch."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from drake_tc.errors import LogError
+from drake_tc.logs.columns import file_row
+from drake_tc.types import BoolArray, FloatArray, IntArray
+
+GAP_PERIODS = 5.0
+LONGEST_PERIOD = 0.15
+SHORTEST_PERIOD = 5e-5
+MIN_ROWS = 20
+
+
+@dataclass(frozen=True)
+class Clock:
+    """A uniform grid over the rows of a log, one block between gaps.
+
+    Attributes:
+        period: [s].
+        raw_time: (T,) time of the rows [s], snapped to the grid where they lie on it.
+        time: (N,) the grid [s], strictly increasing.
+        block: (N,) number of the block of each grid sample.
+        notes: One sentence for each thing found.
+    """
+
+    period: float
+    raw_time: FloatArray
+    time: FloatArray
+    block: IntArray
+    notes: tuple[str, ...]
+
+    def resample(self, values: FloatArray) -> FloatArray:
+        """Values (T,) of the rows, on the grid (N,), by linear interpolation."""
+        if self.time.size == self.raw_time.size and np.array_equal(self.time, self.raw_time):
+            return values
+        return np.interp(self.time, self.raw_time, values)
+
+    def resample_mask(self, mask: BoolArray) -> BoolArray:
+        """A grid sample is masked when a row that it is made from is."""
+        if not mask.any():
+            return np.zeros(self.time.size, dtype=bool)
+        return np.asarray(self.resample(mask.astype(np.float64)) > 1e-9)
+
+
+def rows_in_order(time: FloatArray, path: Path) -> tuple[BoolArray, tuple[str, ...]]:
+    """Which rows to keep, (T,): those with a time of their own.
+
+    Rows without a time are left out (up to one in twenty), rows that repeat the time of the one before are dropped.
+
+    Raises:
+        LogError: Too few rows, too many without a time, or time that goes backwards (names the row).
+    """
+    valid = np.isfinite(time)
+    lost = int(time.size - valid.sum())
+    notes = []
+    if lost > max(1, time.size // 20):
+        first = int(np.flatnonzero(~valid)[0])
+        raise LogError(
+            f"{path}: column 'time' has no value in {lost} rows, first in {file_row(path, first)}; "
+            "log a time stamp a row"
+        )
+    if lost:
+        notes.append(f"{lost} rows without a time stamp were left out.")
+    index = np.flatnonzero(valid)
+    steps = np.diff(time[index])
+    back = np.flatnonzero(steps < 0)
+    if back.size:
+        row = int(index[back[0] + 1])
+        before, now = time[index[back[0]]], time[row]
+        what = "the clock was reset or runs were joined" if now < before - 1.0 else "rows are out of order"
+        raise LogError(
+            f"{path}: time goes backwards at {file_row(path, row)}, from {before:.9g} s to {now:.9g} s: {what}; "
+            "split the file there or sort its rows"
+        )
+    same = np.concatenate([[False], steps == 0])
+    keep = valid.copy()
+    keep[index[same]] = False
+    if same.any():
+        row = int(index[same][0])
+        notes.append(f"{int(same.sum())} rows that repeat a time stamp were dropped, the first of them row {row + 1}.")
+    if int(keep.sum()) < MIN_ROWS:
+        raise LogError(
+            f"{path}: only {int(keep.sum())} usable rows; at least {MIN_ROWS} are needed, a few seconds of motion"
+        )
+    return keep, tuple(notes)
+
+
+def _period(steps: FloatArray, path: Path) -> float:
+    """Sampling period [s]: the median step, refined by a line through all so that rounded stamps do not bias it.
+
+    Raises:
+        LogError: A period that no servo logs at, which means that the unit is not seconds.
+    """
+    median = float(np.median(steps))
+    if not SHORTEST_PERIOD <= median <= LONGEST_PERIOD:
+        unit = "ms" if median <= 1000 * LONGEST_PERIOD else "us" if median <= 1e6 * LONGEST_PERIOD else "ns"
+        hint = f"it looks like {unit}: set units: {{time: {unit}}}" if median > LONGEST_PERIOD else "check its unit"
+        raise LogError(
+            f"{path}: column 'time' has a median step of {median:.6g} s, wanted {SHORTEST_PERIOD:g} to "
+            f"{LONGEST_PERIOD:g} s; {hint}"
+        )
+    near = steps[steps < GAP_PERIODS * median]
+    place, at = np.cumsum(np.maximum(np.rint(near / median), 1.0)), np.cumsum(near)
+    place, at = place - place.mean(), at - at.mean()
+    refined = float(place @ at / (place @ place))  # slope of time over the place in the sequence
+    best = refined if 1e-6 * median < abs(refined - median) < 0.2 * median else median
+    return float(f"{best:.9g}")
+
+
+def _resolution(time: FloatArray) -> float:
+    """Decimal step in which the time stamps are written [s], 0 when there is none above a microsecond."""
+    for step in (1e-3, 1e-4, 1e-5, 1e-6):
+        ticks = (time - time[0]) / step
+        if np.all(np.abs(ticks - np.rint(ticks)) < 1e-3):
+            return step
+    return 0.0
+
+
+def uniform_clock(time: FloatArray, enabled: BoolArray, path: Path) -> Clock:
+    """Lay a uniform grid over strictly increasing times (T,).
+
+    The period is that of the rows with the drive on. A step above 5 periods is a gap and starts a new block; shorter
+    holes are lost rows, to be interpolated. Rows that lie on the grid within 2 % of a period (or within the rounding
+    of the time stamps) are put on it exactly, so that an undisturbed log passes through unchanged.
+
+    Raises:
+        LogError: A period that makes no sense in seconds.
+    """
+    steps = np.diff(time)
+    on = enabled[1:] & enabled[:-1]
+    period = _period(steps[on] if int(on.sum()) >= MIN_ROWS else steps, path)
+    edges = np.concatenate([[0], np.flatnonzero(steps > GAP_PERIODS * period) + 1, [time.size]])
+    slack = max(0.02 * period, 0.6 * _resolution(time[:: max(1, time.size // 20000)]))
+    if slack > 0.3 * period:
+        slack = 0.02 * period
+    snapped, grids, blocks, lost, worst = time.copy(), [], [], 0, 0.0
+    for number, (first, last) in enumerate(zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True)):
+        own = time[first:last]
+        index = np.rint((own - own[0]) / period)
+        off = own - own[0] - index * period
+        shift = float(np.median(off)) if slack > 0.02 * period else 0.0
+        off -= shift
+        if own.size > 1 and np.abs(off).max() <= slack and np.all(np.diff(index) >= 1):
+            snapped[first:last] = own[0] + shift + index * period
+            lost += int(index[-1]) + 1 - own.size
+            grid = own[0] + shift + np.arange(int(index[-1]) + 1) * period
+        else:
+            worst = max(worst, float(np.abs(np.diff(own) - period).max(initial=0.0)))
+            lost += int(np.maximum(np.rint(np.diff(own) / period) - 1, 0).sum())
+            grid = own[0] + np.arange(int((own[-1] - own[0]) / period + 1e-6) + 1) * period
+        grids.append(grid)
+        blocks.append(np.full(grid.size, number, dtype=np.int64))
+    notes = _notes(steps[steps <= GAP_PERIODS * period], period, lost=lost, worst=worst)
+    gaps = steps[edges[1:-1] - 1]
+    if gaps.size:
+        at = time[edges[1] - 1]
+        notes += (
+            f"{gaps.size} gap{'s' if gaps.size > 1 else ''} of more than {GAP_PERIODS:g} periods split the run "
+            f"(the longest {gaps.max():.4g} s, the first at {at:.6g} s).",
+        )
+    return Clock(period, snapped, np.concatenate(grids), np.concatenate(blocks), notes)
+
+
+def _notes(steps: FloatArray, period: float, *, lost: int, worst: float) -> tuple[str, ...]:
+    notes: tuple[str, ...] = ()
+    if worst > 0.0:
+        notes += (
+            f"The clock jitters: steps differ from the period of {1e3 * period:.4g} ms by "
+            f"{1e3 * steps.std():.3g} ms RMS, {1e3 * worst:.3g} ms at most; all channels were interpolated "
+            "onto a uniform clock.",
+        )
+    if lost > 0:
+        notes += (f"{lost} lost rows in short holes of the clock were filled by linear interpolation.",)
+    return notes

@@ -1,0 +1,163 @@
+"""From a table as the file has it to canonical columns in SI units, still on the file's own rows."""
+
+import difflib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from drake_tc.errors import LogError
+from drake_tc.logs.rig import Rig
+from drake_tc.logs.units import JOINT_SUFFIXES, SENSOR_SUFFIXES, scale_of
+from drake_tc.types import BoolArray, FloatArray
+
+
+@dataclass(frozen=True)
+class RawLog:
+    """Canonical columns on the rows of the file.
+
+    Attributes:
+        path: The file.
+        rows: (T,) row number in the file of each sample, from 1 for the first data row.
+        time: (T,) [s], as recorded; NaN where the file has none.
+        columns: Canonical name to (T,) SI values, NaN where the file has none.
+        enabled: (T,) False where the drive was off.
+        notes: What was done so far.
+    """
+
+    path: Path
+    rows: FloatArray
+    time: FloatArray
+    columns: Mapping[str, FloatArray]
+    enabled: BoolArray
+    notes: tuple[str, ...] = ()
+
+
+def file_row(path: Path, index: int) -> str:
+    """How messages name a data row: counted from 1, with the line of a text file (the header is line 1)."""
+    text = path.name.lower().endswith((".csv", ".csv.gz"))
+    return f"row {index + 1}" + (f" (file line {index + 2})" if text else "")
+
+
+def _numeric(table: pd.DataFrame, name: str, canonical: str, path: Path) -> FloatArray:
+    """One column as floats; infinities count as missing.
+
+    Raises:
+        LogError: An entry that is not a number: names its row and line.
+    """
+    series = table[name]
+    if pd.api.types.is_bool_dtype(series) or pd.api.types.is_numeric_dtype(series):
+        values = series.to_numpy(dtype=np.float64, na_value=np.nan)
+    elif pd.api.types.is_datetime64_any_dtype(series):
+        stamps = series.to_numpy(dtype="datetime64[ns]")
+        values = (stamps - stamps[0]) / np.timedelta64(1, "s")
+    else:
+        text = series.astype("string").str.strip()
+        parsed = pd.to_numeric(text, errors="coerce")
+        missing = text.isna() | text.str.lower().isin(["", "nan", "na", "null", "none", "-"])
+        bad = np.flatnonzero((parsed.isna() & ~missing.fillna(True)).to_numpy(dtype=bool))
+        if bad.size:
+            shown = str(text.iloc[int(bad[0])])[:40]
+            raise LogError(
+                f"{path}: column {name!r} ({canonical}) is not numeric: {file_row(path, int(bad[0]))} holds {shown!r}"
+                f" ({bad.size} such row{'s' if bad.size > 1 else ''}); mend or remove what is not a number"
+            )
+        values = parsed.to_numpy(dtype=np.float64, na_value=np.nan)
+    values = np.array(values, dtype=np.float64)
+    values[~np.isfinite(values)] = np.nan
+    return values
+
+
+def _missing(table: pd.DataFrame, wanted: str, canonical: str, path: Path) -> LogError:
+    """The refusal for a column that is not there, with near matches and what the file has."""
+    have = [str(name) for name in table.columns]
+    lowered = {name.lower(): name for name in have}
+    tail = wanted.rsplit("/", 1)[-1].lower()
+    close = difflib.get_close_matches(wanted.lower(), list(lowered), n=3, cutoff=0.6)
+    close += [name for name in lowered if tail in name and name not in close]
+    hint = f"; near matches: {', '.join(repr(lowered[name]) for name in close[:3])}" if close else ""
+    shown = ", ".join(have[:20]) + (f", ... ({len(have)} in all)" if len(have) > 20 else "")
+    known_as = "" if wanted == canonical else f" (for {canonical})"
+    return LogError(
+        f"{path}: no column {wanted!r}{known_as}{hint}; columns here: {shown}; "
+        f"map it in the rig file: columns: {{{canonical}: NAME_IN_FILE}}"
+    )
+
+
+def _candidates(rig: Rig, table: pd.DataFrame) -> dict[str, str]:
+    """Canonical name to the file's name, for every canonical column that the file has or the rig names."""
+    names = {str(name) for name in table.columns}
+    found = dict(rig.columns)
+    found.pop("enabled", None)
+    claimed = set(found.values())
+    for joint in rig.joints:
+        for suffix in JOINT_SUFFIXES:
+            canonical = f"{joint}/{suffix}"
+            if canonical in names and canonical not in claimed:
+                found.setdefault(canonical, canonical)
+        found.pop(f"{joint}/enabled", None)
+    for name in names:
+        owner, _, suffix = name.rpartition("/")
+        if owner.startswith(("imu_", "ft_")) and suffix in SENSOR_SUFFIXES:
+            found.setdefault(name, name)
+    return found
+
+
+def _enabled(table: pd.DataFrame, rig: Rig, path: Path) -> BoolArray:
+    """Where every drive of the rig is on, by the rig's `enabled` column or the canonical ones."""
+    wanted = [rig.enabled] if rig.enabled is not None else []
+    wanted += [name for key, name in rig.columns.items() if key.rsplit("/", 1)[-1] == "enabled"]
+    for name in wanted:
+        if name not in table.columns:
+            raise _missing(table, name, "enabled", path)
+    wanted += [name for name in ("enabled", *(f"{j}/enabled" for j in rig.joints)) if name in table.columns]
+    on = np.ones(len(table), dtype=bool)
+    for name in wanted:
+        values = table[name]
+        if pd.api.types.is_bool_dtype(values):
+            on &= values.to_numpy(dtype=bool)
+        elif pd.api.types.is_numeric_dtype(values):
+            on &= np.nan_to_num(_numeric(table, name, "enabled", path)) != 0
+        else:
+            on &= ~values.astype("string").str.strip().str.lower().isin(
+                ["false", "off", "0", "0.0", "no", ""]
+            ).to_numpy(bool)
+    return on
+
+
+def map_columns(table: pd.DataFrame, rig: Rig, path: Path) -> RawLog:
+    """Canonical columns in SI units from a table in the file's own names and units.
+
+    Required: `time` and the rig's `required_columns` of each joint. Optional canonical columns are taken where they
+    are; an optional column without a single number is left out with a note.
+
+    Raises:
+        LogError: A column that is missing, not numeric, or empty although it is needed.
+    """
+    found = _candidates(rig, table)
+    required = ["time", *(name for joint in rig.joints for name in rig.required_columns(joint))]
+    for canonical in required:
+        found.setdefault(canonical, canonical)
+    for canonical, name in found.items():
+        if name not in table.columns:
+            raise _missing(table, name, canonical, path)
+    columns: dict[str, FloatArray] = {}
+    notes = []
+    for canonical, name in found.items():
+        values = _numeric(table, name, canonical, path)
+        if np.isnan(values).all():
+            if canonical in required:
+                raise LogError(
+                    f"{path}: column {name!r} ({canonical}) holds no number at all; record it or map another"
+                )
+            notes.append(f"Column {name!r} holds no number and was left out.")
+            continue
+        scale = scale_of(canonical, rig.units)
+        if scale.factor != 1.0 or scale.offset != 0.0:
+            values = values * scale.factor + scale.offset
+        columns[canonical] = values
+    time = columns.pop("time")
+    rows = np.arange(1, len(table) + 1, dtype=np.float64)
+    return RawLog(path, rows, time, columns, _enabled(table, rig, path), tuple(notes))

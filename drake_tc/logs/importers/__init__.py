@@ -1,0 +1,24 @@
+"""Importers: one file a public data set, each writes canonical logs (Parquet) and rig files.
+
+An importer is `convert(src, out)`: `src` is the folder of the set as published, `out` a folder to write to; it returns
+the rig files it wrote. Logs lie beside the rig file that reads them.
+"""
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from types import MappingProxyType
+
+from drake_tc.logs.importers import bam, dfki, staubli, tiago, tmotor, uart_backlash
+
+Importer = Callable[[Path, Path], tuple[Path, ...]]
+
+IMPORTERS: Mapping[str, Importer] = MappingProxyType(
+    {
+        "bam": bam.convert,
+        "dfki": dfki.convert,
+        "tmotor": tmotor.convert,
+        "staubli": staubli.convert,
+        "tiago": tiago.convert,
+        "uart-backlash": uart_backlash.convert,
+    }
+)

@@ -1,0 +1,91 @@
+"""BAM: hobby servos on a gravity pendulum (Rhoban; XL330 and STS3250), JSON runs at firmware P gains.
+
+The firmware's position loop is proportional, so the runs of one gain are one rig: a position servo (error in, duty
+out). The XL330 also reports its duty after clipping; duty times the measured supply is the voltage that the motor
+saw, and the same logs make a second rig with a voltage drive.
+"""
+
+import gzip
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from drake_tc.errors import LogError
+from drake_tc.logs.importers.files import find, write_log
+from drake_tc.logs.rig import parse_rig, save_rig
+
+JOINT = "servo"
+FULL_DUTY = 885.0
+
+
+def _load(path: Path) -> dict[str, Any]:
+    opener = gzip.open if path.suffix == ".gz" else open
+    try:
+        with opener(path, "rt", encoding="utf-8") as stream:
+            run = json.load(stream)
+        entries = run["entries"]
+        missing = {"mass", "length", "kp", "motor"} - set(run)
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise LogError(f"{path}: not a BAM run ({type(error).__name__}: {error})") from None
+    if missing or not entries:
+        raise LogError(f"{path}: not a BAM run; missing: {', '.join(sorted(missing)) or 'entries'}")
+    return dict(run)
+
+
+def applied_duty(register: np.ndarray) -> np.ndarray:
+    """Duty in [-1, 1] (T,) from the present-PWM register: 16-bit two's complement, 885 counts full scale."""
+    counts = np.asarray(register, dtype=np.float64)
+    return np.where(counts > 32767, counts - 65536.0, counts) / FULL_DUTY
+
+
+def _columns(run: dict[str, Any]) -> dict[str, np.ndarray]:
+    """Canonical columns of one run; the voltage only where the load register was read."""
+    entries = run["entries"]
+    series = {key: np.array([entry[key] for entry in entries], dtype=np.float64) for key in entries[0]}
+    columns = {
+        "time": series["timestamp"],
+        f"{JOINT}/position": series["position"],
+        f"{JOINT}/position_command": series["goal_position"],
+        f"{JOINT}/velocity": series["speed"],
+        f"{JOINT}/temperature": series["temp"],
+        "enabled": series["torque_enable"],
+    }
+    if np.any(series["load"]):
+        columns[f"{JOINT}/voltage"] = applied_duty(series["load"]) * series["input_volts"]
+    return columns
+
+
+def convert(src: Path, out: Path) -> tuple[Path, ...]:
+    """Write one folder a motor and gain: its runs, `rig.yaml`, and `rig_servo.yaml` where both drives can be had.
+
+    Raises:
+        LogError: No BAM runs in `src`, or one that is damaged.
+    """
+    groups: dict[str, list[tuple[Path, dict[str, Any]]]] = {}
+    for path in find(src, "*.json.gz", "*.json"):
+        run = _load(path)
+        groups.setdefault(f"{run['motor']}_kp{run['kp']}", []).append((path, run))
+    rigs: list[Path] = []
+    for name, members in sorted(groups.items()):
+        folder, voltage = out / name, True
+        for path, run in members:
+            columns = _columns(run)
+            voltage &= f"{JOINT}/voltage" in columns
+            write_log(columns, folder / f"{run.get('trajectory', path.name.split('.')[0])}.parquet")
+        first = members[0][1]
+        base = {
+            "joint": JOINT,
+            "load": {"pendulum": {"mass": float(first["mass"]), "length": float(first["length"])}},
+            "units": {"position": "rad"},
+            "enabled": "enabled",
+        }
+        head = f"{first['motor']} servo on a pendulum, firmware P gain {first['kp']}"
+        servo_name = "rig_servo.yaml" if voltage else "rig.yaml"
+        if voltage:
+            rig = parse_rig({**base, "drive": "voltage"})
+            rigs.append(save_rig(rig, folder / "rig.yaml", f"{head}; voltage = applied duty times supply"))
+        rig = parse_rig({**base, "drive": "position_servo"})
+        rigs.append(save_rig(rig, folder / servo_name, f"{head}; its position loop taken as the drive"))
+    return tuple(rigs)

@@ -1,0 +1,84 @@
+"""AK80-9 actuator against a torque sensor (University of Michigan): the set with an independent torque.
+
+The sensor's sign is opposite to the motor's torque. There is no position: the reported speed is integrated (the ripple
+run has an encoder of its own). The scaling of the reported current was changed between sessions, so a session is a rig.
+"""
+
+from pathlib import Path
+
+import numpy as np
+from scipy.integrate import cumulative_trapezoid
+
+from drake_tc.logs.importers.files import find, floats, read_table, run_name, write_log
+from drake_tc.logs.rig import parse_rig, save_rig
+from drake_tc.types import FloatArray
+
+JOINT = "actuator"
+SESSIONS = {
+    "early": ("sysid_test_1", "sysid_test_high_speed", "sysid_opposing_motor_2", "sysid_torque_rampup"),
+    "new_current_calc": ("new_current_calc",),
+    "lower_baud": ("lower_baud_not_stalled", "lower_baud_stall"),
+    "final": ("sysid_final_trial5", "sysid_final_trial8", "sysid_final_trial9_compensation"),
+    "ripple": ("ripple_trial_4_torque",),
+    "free_running": ("current_chirp", "torque_step_1Nm"),
+}
+ANGLE_DELAY = 3.0
+ANGLE_REDUCTION = 50.0
+_INTEGRATED = "position is the integral of the reported speed: good for its rate, not for a place in the turn"
+_ENCODER = "position is the outer encoder's, whose clock starts about 3 s after the torque log's"
+
+
+def _position(path: Path, time: FloatArray, velocity: FloatArray) -> FloatArray:
+    """Output angle (T,) [rad]: the ripple run's encoder, NaN outside its time; elsewhere the integral of the speed."""
+    angle_file = path.with_name(path.name.replace("_torque", "_angle"))
+    if angle_file == path or not angle_file.is_file():
+        return np.asarray(cumulative_trapezoid(velocity, time, initial=0.0))
+    table = np.loadtxt(angle_file, delimiter=",")
+    clock = table[:, 0] + ANGLE_DELAY
+    return np.interp(time, clock, table[:, 1] / ANGLE_REDUCTION, left=np.nan, right=np.nan)
+
+
+def _columns(path: Path, *, sensor: bool) -> dict[str, FloatArray]:
+    table = read_table(path)
+    if not sensor:
+        return {
+            "time": floats(table, "pi_time", path),
+            f"{JOINT}/position": floats(table, "angle", path),
+            f"{JOINT}/velocity": floats(table, "velocity", path),
+            f"{JOINT}/current": floats(table, "current", path),
+        }
+    time, velocity = floats(table, "loop_time", path), floats(table, "motor_measured_speed", path)
+    return {
+        "time": time,
+        f"{JOINT}/position": _position(path, time, velocity),
+        f"{JOINT}/velocity": velocity,
+        f"{JOINT}/current": floats(table, "motor_measured_current", path),
+        f"{JOINT}/torque": -floats(table, "adc_measured_torque", path),
+    }
+
+
+def convert(src: Path, out: Path) -> tuple[Path, ...]:
+    """Write one folder a session: `early`, `new_current_calc`, `lower_baud`, `final`, `ripple`, `free_running`.
+
+    Raises:
+        LogError: No such files in `src`, or one with other columns.
+    """
+    wanted = [name for names in SESSIONS.values() for name in names]
+    paths = {run_name(path): path for path in find(src, *(f"{name}.csv*" for name in wanted))}
+    rigs = []
+    for session, names in SESSIONS.items():
+        members = [name for name in names if name in paths]
+        sensor = session != "free_running"
+        for name in members:
+            write_log(_columns(paths[name], sensor=sensor), out / session / f"{name}.parquet")
+        if members:
+            document = {
+                "joint": JOINT,
+                "drive": "current",
+                "load": "torque" if sensor else "unknown",
+                "units": {"position": "rad"},
+            }
+            where = _ENCODER if session == "ripple" else _INTEGRATED if sensor else "no torque sensor in these runs"
+            comment = f"AK80-9 on a torque bench, session {session}; current as reported in that session\n{where}"
+            rigs.append(save_rig(parse_rig(document), out / session / "rig.yaml", comment))
+    return tuple(rigs)

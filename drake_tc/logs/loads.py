@@ -1,0 +1,47 @@
+"""Where the load torque of a joint comes from when no sensor measures it: a pendulum of known mass and length."""
+
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+import numpy as np
+
+from drake_tc.types import FloatArray
+
+GRAVITY = 9.81
+
+
+@dataclass(frozen=True)
+class Pendulum:
+    """A rigid pendulum on the joint.
+
+    Its torque on the link side is  tau = inertia qddot + mass g length sin(q - zero)  [N m].
+
+    Attributes:
+        mass: [kg], > 0.
+        length: From the axis to the centre of mass [m], > 0.
+        inertia: About the axis [kg m^2]; a point mass's m l^2 when not given.
+        zero: Joint position at which it hangs [rad].
+    """
+
+    mass: float
+    length: float
+    inertia: float = float("nan")
+    zero: float = 0.0
+
+    def __post_init__(self) -> None:
+        if np.isnan(self.inertia):
+            object.__setattr__(self, "inertia", self.mass * self.length**2)
+        for name in ("mass", "length", "inertia"):
+            value = getattr(self, name)
+            if not (np.isfinite(value) and value > 0):
+                raise ValueError(f"{name} must be a positive number, got {value!r}")
+        if not np.isfinite(self.zero):
+            raise ValueError(f"zero must be a finite angle [rad], got {self.zero!r}")
+
+    def torque(self, position: FloatArray, acceleration: FloatArray) -> FloatArray:
+        """Link-side torque (T,) [N m] at q (T,) [rad] and qddot (T,) [rad/s^2]."""
+        gravity = self.mass * GRAVITY * self.length * np.sin(position - self.zero)
+        return np.asarray(self.inertia * acceleration + gravity)
+
+
+Load: TypeAlias = Literal["torque", "unknown"] | Pendulum

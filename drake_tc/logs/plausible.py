@@ -1,0 +1,148 @@
+"""Does a log make physical sense? Units that cannot be, channels that disagree, channels that lag each other."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+from scipy.signal import savgol_filter
+
+from drake_tc.errors import LogError
+from drake_tc.logs.rig import Rig
+from drake_tc.logs.units import scale_of
+from drake_tc.types import BoolArray, FloatArray
+
+DEGREES = 180.0 / np.pi
+SMOOTHING_SECONDS = 0.04
+TWO_TURNS = 4.0 * np.pi
+
+
+def derivative(values: FloatArray, period: float, order: int = 1) -> FloatArray:
+    """Derivative (T,) of a uniformly sampled channel by a centred cubic Savitzky-Golay filter of about 40 ms."""
+    window = max(7, 2 * round(0.5 * SMOOTHING_SECONDS / period) + 1)
+    window = min(window, values.size - (values.size + 1) % 2)
+    if window <= 3:
+        return np.zeros_like(values)
+    return np.asarray(savgol_filter(values, window, 3, deriv=order, delta=period))
+
+
+def top_speed(position: FloatArray, period: float) -> float:
+    """Speed that one sample in a thousand exceeds, by differences over 20 ms [unit of position/s]."""
+    w = min(max(1, round(0.02 / period)), position.size - 1)
+    return float(np.percentile(np.abs(position[w:] - position[:-w]), 99.9) / (w * period))
+
+
+def _looks_like_degrees(span: float, speed: float, *, servo: bool, stated: bool) -> bool:
+    """Whether numbers taken as radians are more likely degrees.
+
+    A joint of a position servo that turns more than twice around, or any geared joint that turns many times around
+    fast, is rarer than a forgotten unit; a rig file that states `rad` is believed unless the speed is absurd.
+    """
+    if stated:
+        return speed > 200.0 or (span > 50.0 and speed > 40.0)
+    if servo:
+        return span > TWO_TURNS or speed > 50.0
+    return speed > 100.0 or (span > 50.0 and speed > 15.0) or (span > TWO_TURNS and speed > 25.0)
+
+
+def check_angles(columns: Mapping[str, FloatArray], usable: BoolArray, rig: Rig, period: float, path: Path) -> None:
+    """Refuse angles that make no sense in radians, and angle channels whose units disagree.
+
+    Raises:
+        LogError: Names the file, the column, what was seen, and the unit to set.
+    """
+    for joint in rig.joints:
+        servo = rig.drive[joint] == "position_servo"
+        for suffix in ("position", "position_command", "motor_position"):
+            name = f"{joint}/{suffix}"
+            if name not in columns:
+                continue
+            values = columns[name]
+            span = float(np.ptp(values[usable]))
+            speed = top_speed(values[usable], period) if suffix == "position" else 0.0
+            stated = scale_of(name, rig.units).stated
+            if _looks_like_degrees(span, speed, servo=servo, stated=stated):
+                what = f"spans {span:.4g} rad" + (f" at up to {speed:.4g} rad/s" if speed else "")
+                raise LogError(
+                    f"{path}: column {rig.columns.get(name, name)!r} {what}, no geared joint does: "
+                    f"it looks like degrees; set units: {{{suffix}: deg}} in the rig file "
+                    f"(or {suffix}: rad if it is right)"
+                )
+        if servo:
+            _check_command_scale(columns, usable, rig, joint, path)
+
+
+def _check_command_scale(
+    columns: Mapping[str, FloatArray], usable: BoolArray, rig: Rig, joint: str, path: Path
+) -> None:
+    """Refuse a command and a position that follow each other at the ratio of degrees to radians."""
+    command, position = columns[f"{joint}/position_command"][usable], columns[f"{joint}/position"][usable]
+    spread = float(position.std())
+    if spread == 0.0 or command.std() == 0.0 or abs(float(np.corrcoef(command, position)[0, 1])) < 0.9:
+        return
+    ratio = float(command.std()) / spread
+    for suffix, scale in (("position_command", ratio), ("position", 1.0 / ratio)):
+        if 0.7 * DEGREES < scale < 1.4 * DEGREES:
+            name = f"{joint}/{suffix}"
+            raise LogError(
+                f"{path}: column {rig.columns.get(name, name)!r} is {scale:.3g} times as large as the other angle of "
+                f"{joint}: it looks like degrees; set units: {{{name}: deg}} in the rig file"
+            )
+
+
+def check_velocity(
+    columns: dict[str, FloatArray], usable: BoolArray, rig: Rig, period: float, path: Path
+) -> tuple[str, ...]:
+    """Compare a velocity column with the derivative of the position; turn it round where its sign is wrong.
+
+    Changes `columns` in place when the sign is wrong.
+
+    Raises:
+        LogError: A velocity that is degrees or turns a minute to the position's radians.
+    """
+    notes: tuple[str, ...] = ()
+    for joint in rig.joints:
+        name = f"{joint}/velocity"
+        if name not in columns or np.ptp(columns[name][usable]) == 0.0:
+            continue
+        rate = derivative(columns[f"{joint}/position"], period)[usable]
+        velocity = columns[name][usable]
+        if rate.std() == 0.0:
+            continue
+        correlation = float(np.corrcoef(rate, velocity)[0, 1])
+        ratio = float(velocity.std() / rate.std())
+        if abs(correlation) < 0.8:
+            continue
+        for unit, factor in (("deg/s", DEGREES), ("rpm", 60.0 / (2.0 * np.pi))):
+            if 0.85 * factor < ratio < 1.15 * factor:
+                raise LogError(
+                    f"{path}: column {rig.columns.get(name, name)!r} is {ratio:.3g} times the rate of the position: "
+                    f"it looks like {unit}; set units: {{velocity: {unit}}} in the rig file"
+                )
+        if correlation < 0:
+            columns[name] = -columns[name]
+            notes += (f"Column {name} runs against the rate of the position: its sign was turned.",)
+        if not 0.8 < ratio < 1.25:
+            notes += (f"Column {name} is {ratio:.3g} times the rate of the position.",)
+    return notes
+
+
+def lag_notes(columns: Mapping[str, FloatArray], usable: BoolArray, rig: Rig, period: float) -> tuple[str, ...]:
+    """Note a velocity column that comes two samples or more before or after the position's rate; nothing is moved."""
+    notes: tuple[str, ...] = ()
+    for joint in rig.joints:
+        name = f"{joint}/velocity"
+        if name not in columns:
+            continue
+        part = slice(0, min(usable.size, 200_000))
+        rate = derivative(columns[f"{joint}/position"][part], period) * usable[part]
+        velocity = columns[name][part] * usable[part]
+        shifts = np.arange(-20, 21)
+        if rate.size < 200 or rate.std() == 0.0 or velocity.std() == 0.0:
+            continue
+        inner = slice(20, -20)
+        score = np.array([float(rate[inner] @ np.roll(velocity, -int(s))[inner]) for s in shifts])
+        best = int(shifts[score.argmax()])
+        if 2 <= abs(best) < 20 and score.max() > 1.02 * score[20]:
+            side = "after" if best > 0 else "before"
+            notes += (f"Column {name} comes about {abs(best) * period * 1e3:.3g} ms {side} the rate of the position.",)
+    return notes

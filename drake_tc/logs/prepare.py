@@ -1,0 +1,224 @@
+"""From log files to runs: map, check, repair, put on a uniform clock; refuse what cannot be mended.
+
+Every repair and exclusion leaves one sentence in `Run.notes`; every refusal is a `LogError` of one line.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from drake_tc.errors import LogError
+from drake_tc.logs import channels
+from drake_tc.logs.clock import MIN_ROWS, rows_in_order, uniform_clock
+from drake_tc.logs.columns import RawLog, map_columns
+from drake_tc.logs.plausible import check_angles, check_velocity, lag_notes
+from drake_tc.logs.readers import read_table, run_name
+from drake_tc.logs.record import Run
+from drake_tc.logs.rig import Rig
+from drake_tc.logs.signs import wrong_signs
+from drake_tc.types import BoolArray, FloatArray, IntArray
+
+SHORTEST_SEGMENT = 10
+_HELD_BY_NATURE = ("position_command", "voltage")
+_MAY_FREEZE = ("torque", "position", "motor_position")
+
+
+def _in_order(raw: RawLog) -> RawLog:
+    """The log without rows that have no time of their own; an epoch's time starts at 0."""
+    keep, notes = rows_in_order(raw.time, raw.path)
+    time = raw.time if keep.all() else raw.time[keep]
+    if abs(time[0]) > 1e6:
+        time = time - time[0]
+        notes += ("Time counts from the first row (the file has the time of day).",)
+    if keep.all():
+        return replace(raw, time=time, notes=raw.notes + notes)
+    columns = {name: values[keep] for name, values in raw.columns.items()}
+    return replace(
+        raw, rows=raw.rows[keep], time=time, columns=columns, enabled=raw.enabled[keep], notes=raw.notes + notes
+    )
+
+
+def _check_commands(raw: RawLog, rig: Rig) -> tuple[str, ...]:
+    """Refuse a log without any change of command; note joints that rest.
+
+    Raises:
+        LogError: The command of every joint is constant.
+    """
+    names = [rig.command_column(joint) for joint in rig.joints]
+    resting = [name for name in names if np.nanmax(raw.columns[name]) == np.nanmin(raw.columns[name])]
+    if len(resting) == len(names):
+        value = float(np.nanmax(raw.columns[names[0]]))
+        shown = ", ".join(repr(rig.columns.get(name, name)) for name in names)
+        raise LogError(
+            f"{raw.path}: the command {shown} is constant ({value:.6g}) in all rows; "
+            "record a motion with a changing command"
+        )
+    return tuple(f"Column {name} is constant: this joint was not commanded." for name in resting)
+
+
+def _motion(raw: RawLog, rig: Rig, name: str) -> FloatArray:
+    """The channel whose motion shows that `name` ought to move too."""
+    joint, _, suffix = name.rpartition("/")
+    return raw.columns[
+        f"{joint}/position" if suffix not in ("position", "motor_position") else rig.command_column(joint)
+    ]
+
+
+def _repair_channels(raw: RawLog, rig: Rig) -> tuple[dict[str, FloatArray], BoolArray, tuple[str, ...]]:
+    """Fill, release and mask each channel; returns the channels, the rows not to be used, and notes."""
+    columns: dict[str, FloatArray] = {}
+    excluded = ~raw.enabled
+    notes: tuple[str, ...] = ()
+    filled_notes: dict[str, list[str]] = {}
+    if excluded.any():
+        notes += (f"{int(excluded.sum())} rows with the drive switched off were left out.",)
+    for name, values in raw.columns.items():
+        values, holes, note = channels.fill_missing(raw.time, values)
+        if note:
+            filled_notes.setdefault(note, []).append(name)
+        if name.split("/")[0] in rig.joints and not name.endswith("/temperature"):
+            excluded = excluded | holes
+        columns[name] = values
+    for note, names in filled_notes.items():
+        notes += (f"Column{'s' if len(names) > 1 else ''} {', '.join(names)}: {note}.",)
+    filled = replace(raw, columns=columns)
+    period = float(np.median(np.diff(raw.time)))
+    for name in list(columns):
+        suffix = name.rsplit("/", 1)[-1]
+        k = channels.hold_factor(columns[name]) if suffix != "temperature" else 1
+        if k > 1 and suffix in _HELD_BY_NATURE:
+            notes += (f"Column {name} changes every {k} rows only: a command that is held, left as it is.",)
+        elif k > 1:
+            columns[name] = channels.release_hold(raw.time, columns[name], k)
+            notes += (f"Column {name} was sampled on a clock {k} times slower than the log and interpolated between.",)
+        elif suffix in _MAY_FREEZE and name.split("/")[0] in rig.joints:
+            frozen = channels.frozen_rows(columns[name], _motion(filled, rig, name), period, jump=suffix != "torque")
+            if frozen.any():
+                excluded = excluded | frozen
+                notes += (
+                    f"Column {name} is frozen in {int(frozen.sum())} rows (the first: row "
+                    f"{int(raw.rows[np.flatnonzero(frozen)[0]])}); they were left out.",
+                )
+    off, more = _drive_rows(columns, rig, period)
+    return columns, excluded | off, notes + more
+
+
+def _drive_rows(columns: dict[str, FloatArray], rig: Rig, period: float) -> tuple[BoolArray, tuple[str, ...]]:
+    """Rows with a servo that lets go, and notes on commands that rest at their limit."""
+    off = np.zeros(next(iter(columns.values())).size, dtype=bool)
+    notes: tuple[str, ...] = ()
+    for joint in rig.joints:
+        name = rig.command_column(joint)
+        command, position = columns[name], columns[f"{joint}/position"]
+        if rig.drive[joint] == "position_servo":
+            loose = channels.zero_stretches(command - position, position, period)
+            if loose.any():
+                off |= loose
+                notes += (
+                    f"{int(loose.sum())} rows in which the command of {joint} copies its moving position (torque off) "
+                    "were left out.",
+                )
+            limit = rig.saturation.get(joint)
+            share = 0.0 if limit is None else float(np.mean(np.abs(command - position) >= limit))
+        else:
+            share = channels.saturated_share(command)
+            limit = float(np.abs(command).max())
+        if share > 0.01 and limit is not None:
+            notes += (f"The effort of {joint} rests at its limit of {limit:.4g} in {100 * share:.1f} % of the rows.",)
+    return off, notes
+
+
+def _segments(block: IntArray, excluded: BoolArray) -> IntArray:
+    """Number the contiguous usable stretches of the grid; -1 where excluded or shorter than 10 samples."""
+    key = np.where(excluded, -1, block)
+    edges = np.concatenate([[0], np.flatnonzero(np.diff(key) != 0) + 1, [key.size]])
+    lengths = np.diff(edges)
+    good = (key[edges[:-1]] >= 0) & (lengths >= SHORTEST_SEGMENT)
+    numbers = np.where(good, np.cumsum(good) - 1, -1)
+    return np.repeat(numbers, lengths).astype(np.int64)
+
+
+def _prepare(path: Path, rig: Rig) -> Run:
+    """One run, with every repair but the signs, which are decided over all runs of a rig."""
+    table = read_table(path)
+    raw = map_columns(table, rig, path)
+    rows = len(table)
+    del table
+    raw = _in_order(raw)
+    notes = raw.notes + _check_commands(raw, rig)
+    columns, excluded, more = _repair_channels(raw, rig)
+    clock = uniform_clock(raw.time, raw.enabled, path)
+    resampled = {name: clock.resample(values) for name, values in columns.items()}
+    segment = _segments(clock.block, clock.resample_mask(excluded))
+    usable = segment >= 0
+    if int(usable.sum()) < MIN_ROWS:
+        why = " ".join(notes + more + clock.notes) or "all stretches are too short"
+        raise LogError(f"{path}: no usable samples are left of {rows} rows ({why}); record again")
+    check_angles(resampled, usable, rig, clock.period, path)
+    notes += more + clock.notes + check_velocity(resampled, usable, rig, clock.period, path)
+    notes += lag_notes(resampled, usable, rig, clock.period)
+    return Run(run_name(path), path, clock.time, clock.period, resampled, segment, notes, rows)
+
+
+def _unique_names(runs: list[Run]) -> list[Run]:
+    """The same runs; where two share a name, the folder goes before it, and then a number behind it."""
+    taken: set[str] = set()
+    result = []
+    for run in runs:
+        shared = sum(other.name == run.name for other in runs) > 1 and run.source is not None
+        base = f"{run.source.parent.name}/{run.name}" if shared and run.source is not None else run.name
+        name, number = base, 2
+        while name in taken:
+            name, number = f"{base}-{number}", number + 1
+        taken.add(name)
+        result.append(run if name == run.name else replace(run, name=name))
+    return result
+
+
+def load_runs(paths: Sequence[Path | str], rig: Rig) -> list[Run]:
+    """Read, check, repair and resample the runs of one rig.
+
+    What is repaired is said in `Run.notes`: repeated rows, jitter, lost rows, gaps, missing values, stretches with the
+    drive off or a frozen sensor, channels on slower clocks, and a torque or command column of the wrong sign (decided
+    from all runs together where one alone is not clear). Rows count from 1, the first data row.
+
+    Args:
+        paths: Log files (.csv, .csv.gz, .parquet, .npz, .mat).
+        rig: Names, units and drives.
+
+    Raises:
+        LogError: A file that cannot be used, in one line: file, row and column, and what to do.
+    """
+    runs = _unique_names([_prepare(Path(path), rig) for path in paths])
+    result = []
+    for run, flips in zip(runs, wrong_signs(runs, rig), strict=True):
+        if flips:
+            columns = {name: -values if name in flips else values for name, values in run.columns.items()}
+            notes = tuple(f"Column {name} has the wrong sign and was turned: {why}." for name, why in flips.items())
+            run = replace(run, columns=columns, notes=run.notes + notes)
+        result.append(run)
+    return result
+
+
+def load_run(path: Path | str, rig: Rig) -> Run:
+    """Read, check, repair and resample one run; see `load_runs`.
+
+    Raises:
+        LogError: The file cannot be used; one line says where and what to do.
+    """
+    return load_runs([path], rig)[0]
+
+
+def require_two_runs(runs: Sequence[Run | Path | str], what: str = "runs") -> None:
+    """Refuse fewer than two runs: one to fit, one held out.
+
+    Raises:
+        LogError: Fewer than two.
+    """
+    if len(runs) < 2:
+        came = ", ".join(str(run.source or run.name) if isinstance(run, Run) else str(run) for run in runs) or "none"
+        raise LogError(
+            f"wanted at least two {what}, one to fit and one held out, got {len(runs)} ({came}); record another run"
+        )

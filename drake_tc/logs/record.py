@@ -1,0 +1,47 @@
+"""What every reader returns: one recorded run on a uniform clock, and what was done to it on the way."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from drake_tc.types import FloatArray, IntArray
+
+
+@dataclass(frozen=True)
+class Run:
+    """One run in canonical columns and SI units, on a clock that is uniform inside each segment.
+
+    Attributes:
+        name: The file's name without its ending(s); unique within one call.
+        source: The file it came from, or None for a run made in memory.
+        time: (T,) [s], strictly increasing.
+        period: The sampling period inside every segment [s].
+        columns: Canonical column name (`joint/position`, `joint/torque`, ...) to (T,) values, all finite
+            where `segment >= 0`.
+        segment: (T,) integers: samples that share a number >= 0 are contiguous and uniform; -1 marks samples
+            that must not be used (torque off, a gap's filler, missing values).
+        notes: One sentence for every repair and every exclusion, for the report.
+    """
+
+    name: str
+    source: Path | None
+    time: FloatArray
+    period: float
+    columns: Mapping[str, FloatArray]
+    segment: IntArray
+    notes: tuple[str, ...] = ()
+    raw_rows: int = field(default=0)
+
+    def __len__(self) -> int:
+        return int(self.time.size)
+
+    def segments(self) -> Iterator[slice]:
+        """Yield the contiguous usable stretches, in time order."""
+        edges = np.flatnonzero(np.diff(self.segment)) + 1
+        bounds = np.concatenate([[0], edges, [len(self)]])
+        for first, last in pairwise(bounds):
+            if last > first and self.segment[first] >= 0:
+                yield slice(int(first), int(last))

@@ -1,0 +1,123 @@
+"""Wrong signs: a torque or command column that runs against what the joint's balance demands.
+
+In the balance  y = (tau + J qddot + f_v qdot + f_c sign(qdot)) / K  every coefficient is positive (K > 0, friction
+takes power). The effort is regressed on all of them; what is left of the load torque's share (its partial correlation
+with the effort) tells the sign. A turned command turns every coefficient, a turned torque only the load's.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from drake_tc.logs.loads import Pendulum
+from drake_tc.logs.plausible import derivative
+from drake_tc.logs.record import Run
+from drake_tc.logs.rig import Rig
+from drake_tc.types import FloatArray
+
+CLEAR = 0.5
+MAX_ROWS = 60_000
+
+
+@dataclass(frozen=True)
+class SignEvidence:
+    """What one run says of one joint's signs.
+
+    Attributes:
+        load: Partial correlation of the effort with the load torque, in [-1, 1].
+        friction: Power-weighted sign of the friction share of the effort, in [-1, 1].
+        following: Correlation of command and position (position servo), 0 for other drives.
+        weight: Usable samples.
+        steady: Whether each third of the run agrees with the sign of `load`.
+    """
+
+    load: float
+    friction: float
+    following: float
+    weight: int
+    steady: bool
+
+
+def _partial(y: FloatArray, x: FloatArray, others: FloatArray) -> float:
+    """Correlation of y and x (T,) after the columns of `others` (T, k) are taken out of both."""
+    scale = np.linalg.norm(others, axis=0)
+    basis = others / np.where(scale > 0, scale, 1.0)
+    both = np.column_stack([y, x])
+    rest = both - basis @ np.linalg.lstsq(basis, both, rcond=None)[0]
+    norms = np.linalg.norm(rest, axis=0)
+    small = norms <= 1e-9 * np.linalg.norm(both, axis=0)
+    return 0.0 if small.any() else float(rest[:, 0] @ rest[:, 1] / norms.prod())
+
+
+def sign_evidence(run: Run, rig: Rig, joint: str) -> SignEvidence | None:
+    """Regress the effort on load torque, acceleration, velocity and its sign; None where there is nothing to go by."""
+    load = rig.load[joint]
+    q, usable = run.columns[f"{joint}/position"], run.segment >= 0
+    stride = max(1, int(usable.sum()) // MAX_ROWS)
+    pick = np.flatnonzero(usable)[::stride]
+    if load == "unknown" or pick.size < 50:
+        return None
+    servo = rig.drive[joint] == "position_servo"
+    command = run.columns[rig.command_column(joint)]
+    qd, qdd = derivative(q, run.period)[pick], derivative(q, run.period, 2)[pick]
+    if isinstance(load, Pendulum):
+        tau = load.torque(q[pick], np.zeros(pick.size))
+    else:
+        tau = run.columns[f"{joint}/torque"][pick]
+    y = (command - q if servo else command)[pick]
+    if np.ptp(tau) == 0.0 or np.ptp(y) == 0.0:
+        return None
+    resolved = float(np.percentile(np.abs(qd), 75)) * 0.2 + 1e-9
+    others = np.column_stack([qdd, qd, np.tanh(qd / resolved), np.ones(pick.size)])
+    correlation = _partial(y, tau, others)
+    thirds = [_partial(y[part], tau[part], others[part]) for part in np.array_split(np.arange(pick.size), 3)]
+    coefficients = np.linalg.lstsq(np.column_stack([others, tau]), y, rcond=None)[0]
+    drag = others[:, 1:3] @ coefficients[1:3]
+    power = np.linalg.norm(drag) * np.linalg.norm(qd)
+    friction = float(drag @ qd / power) if power > 0 else 0.0
+    following = float(np.corrcoef(command[pick], q[pick])[0, 1]) if servo and np.ptp(q[pick]) > 0 else 0.0
+    steady = all(np.sign(third) == np.sign(correlation) for third in thirds)
+    return SignEvidence(correlation, friction, following, int(pick.size), steady)
+
+
+def _verdict(evidence: SignEvidence, load: object, *, servo: bool) -> str:
+    """Which channel is turned: "command", "torque", "" (none) or "?" (not clear)."""
+    if servo and evidence.following < -0.9:
+        return "command"
+    if abs(evidence.load) < CLEAR or not evidence.steady:
+        return "?"
+    if evidence.load > 0:
+        return ""
+    if isinstance(load, Pendulum):
+        return "?" if servo else "command"
+    if servo or evidence.friction > 0:
+        return "torque"
+    return "command"
+
+
+def wrong_signs(runs: Sequence[Run], rig: Rig) -> Sequence[Mapping[str, str]]:
+    """For each run, the channels to be turned: canonical name to the reason, in words.
+
+    A run that is clear decides for itself; one that is not follows the others of the same rig.
+    """
+    flips: list[dict[str, str]] = [{} for _ in runs]
+    for joint in rig.joints:
+        servo = rig.drive[joint] == "position_servo"
+        found = [sign_evidence(run, rig, joint) for run in runs]
+        verdicts = ["?" if e is None else _verdict(e, rig.load[joint], servo=servo) for e in found]
+        clear = [verdict for verdict in verdicts if verdict != "?"]
+        common = max(set(clear), key=clear.count) if clear else ""
+        for flip, evidence, verdict in zip(flips, found, verdicts, strict=True):
+            turned = common if verdict == "?" else verdict
+            name = {"command": rig.command_column(joint), "torque": f"{joint}/torque"}.get(turned)
+            if name is None:
+                continue
+            if verdict == "?" or evidence is None:
+                reason = "as in the other runs of this rig"
+            elif turned == "command" and servo:
+                reason = f"its correlation with the position is {evidence.following:.2f}"
+            else:
+                reason = f"partial correlation of effort and load torque {evidence.load:.2f}, which should be positive"
+            flip[name] = reason
+    return flips

@@ -1,0 +1,133 @@
+"""Units that a rig file may name, and the factor that takes each to SI.
+
+A channel's quantity follows from the last part of its canonical name (`knee/position` is an angle), so a unit of the
+wrong kind ("A" for a position) is an error here and not a strange fit later.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+_ANGLE = {
+    "rad": 1.0,
+    "mrad": 1e-3,
+    "deg": math.pi / 180.0,
+    "rev": 2.0 * math.pi,
+    "turn": 2.0 * math.pi,
+    "m": 1.0,
+    "mm": 1e-3,
+}
+_SPEED = {
+    "rad/s": 1.0,
+    "deg/s": math.pi / 180.0,
+    "rpm": 2.0 * math.pi / 60.0,
+    "rev/s": 2.0 * math.pi,
+    "m/s": 1.0,
+    "mm/s": 1e-3,
+}
+_TORQUE = {
+    "N*m": 1.0,
+    "Nm": 1.0,
+    "N·m": 1.0,
+    "mN*m": 1e-3,
+    "mNm": 1e-3,
+    "kN*m": 1e3,
+    "kgf*cm": 0.0980665,
+    "N": 1.0,
+}
+_FORCE = {"N": 1.0, "mN": 1e-3, "kN": 1e3, "kgf": 9.80665}
+_TIME = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0}
+_CURRENT = {"A": 1.0, "mA": 1e-3}
+_VOLTAGE = {"V": 1.0, "mV": 1e-3}
+_TEMPERATURE = {"degC": 1.0, "K": 1.0, "degF": 5.0 / 9.0}
+_OFFSET = {"K": -273.15, "degF": -160.0 / 9.0}
+_ACCELERATION = {"m/s^2": 1.0, "g": 9.80665}
+
+JOINT_SUFFIXES: Mapping[str, Mapping[str, float]] = {
+    "position": _ANGLE,
+    "position_command": _ANGLE,
+    "motor_position": _ANGLE,
+    "velocity": _SPEED,
+    "current": _CURRENT,
+    "voltage": _VOLTAGE,
+    "torque": _TORQUE,
+    "temperature": _TEMPERATURE,
+}
+"""What may follow `<joint>/`, with the units that each may be in."""
+
+SENSOR_SUFFIXES: Mapping[str, Mapping[str, float]] = {
+    **{f"gyro_{axis}": _SPEED for axis in "xyz"},
+    **{f"accel_{axis}": _ACCELERATION for axis in "xyz"},
+    **{f"f{axis}": _FORCE for axis in "xyz"},
+    **{f"t{axis}": _TORQUE for axis in "xyz"},
+}
+"""What may follow `imu_<name>/` and `ft_<name>/`."""
+
+_FAMILY = {"position_command": "position", "motor_position": "position"}
+
+
+@dataclass(frozen=True)
+class Scale:
+    """SI = factor * value + offset.
+
+    Attributes:
+        factor: Multiplies the number in the file; negative flips a sign.
+        offset: Added afterwards [SI unit].
+        stated: Whether the rig file states the unit (an assumed unit is checked more sharply).
+    """
+
+    factor: float = 1.0
+    offset: float = 0.0
+    stated: bool = False
+
+
+def allowed_units(canonical: str) -> Mapping[str, float]:
+    """Units that the channel `canonical` (or a bare suffix) may be in, with their factors to SI; empty if unknown."""
+    suffix = canonical.rsplit("/", 1)[-1]
+    if suffix == "time":
+        return _TIME
+    return JOINT_SUFFIXES.get(suffix) or SENSOR_SUFFIXES.get(suffix) or {}
+
+
+def parse_unit(canonical: str, unit: str | float) -> Scale:
+    """The scale that `unit` means for the channel `canonical`.
+
+    A number is a scale factor; a name may carry a leading "-" that flips the sign.
+
+    Raises:
+        ValueError: Not a unit of that quantity; the message lists the possible ones.
+    """
+    if isinstance(unit, (int, float)) and not isinstance(unit, bool):
+        if not math.isfinite(unit) or unit == 0:
+            raise ValueError(f"a scale factor is a finite number other than 0, got {unit!r}")
+        return Scale(float(unit), 0.0, stated=True)
+    known = allowed_units(canonical)
+    name = str(unit).strip()
+    sign = -1.0 if name.startswith("-") else 1.0
+    name = name.removeprefix("-").strip()
+    if name not in known:
+        raise ValueError(
+            f"{unit!r} is not a unit of it; possible: {', '.join(known)}, with a leading '-' to flip the sign, "
+            "or a number (scale factor)"
+        )
+    return Scale(sign * known[name], sign * _OFFSET.get(name, 0.0), stated=True)
+
+
+def scale_of(canonical: str, units: Mapping[str, str | float]) -> Scale:
+    """The scale of one channel: its own entry in `units`, its suffix's, or for a second angle that of `position`.
+
+    `position: deg` speaks for `position_command` and `motor_position` too unless they have an entry of their own; a
+    sign or a plain number does not carry over, for it belongs to one sensor.
+    """
+    suffix = canonical.rsplit("/", 1)[-1]
+    for key in (canonical, suffix):
+        if key in units:
+            return parse_unit(canonical, units[key])
+    family = _FAMILY.get(suffix)
+    if family is not None:
+        joint = canonical.rsplit("/", 1)[0]
+        for key in (f"{joint}/{family}", family):
+            unit = units.get(key)
+            if isinstance(unit, str) and not unit.strip().startswith("-"):
+                return parse_unit(canonical, unit)
+    return Scale()

@@ -1,0 +1,1 @@
+"""What a person reads: plots, block graphs, the HTML report."""

@@ -1,0 +1,1 @@
+"""Robot and actuator models: data only."""

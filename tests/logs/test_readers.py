@@ -1,0 +1,88 @@
+"""Every format gives back the numbers that another library wrote; what cannot be read is refused in one line."""
+
+import gzip
+
+import numpy as np
+import pandas as pd
+import pytest
+import scipy.io
+from numpy.testing import assert_allclose
+
+from drake_tc.errors import LogError
+from drake_tc.logs.readers import READERS, read_table, run_name
+
+VALUES = {"time": np.arange(40) * 0.01, "joint/position": np.sin(np.arange(40.0))}
+
+
+@pytest.mark.parametrize("ending", [".csv", ".csv.gz", ".parquet", ".npz", ".mat"])
+def test_every_format_gives_the_same_numbers(tmp_path, ending):
+    path = tmp_path / f"run{ending}"
+    frame = pd.DataFrame(VALUES)
+    if ending.startswith(".csv"):
+        frame.to_csv(path, index=False)
+    elif ending == ".parquet":
+        frame.to_parquet(path)
+    elif ending == ".npz":
+        np.savez(path, **VALUES)
+    else:
+        scipy.io.savemat(path, {"time": VALUES["time"], "joint__position": VALUES["joint/position"], "rate": 100.0})
+    table = read_table(path)
+    assert list(table.columns) == list(VALUES)
+    for name, values in VALUES.items():  # text keeps 17 digits, binary all of them
+        assert_allclose(table[name], values, rtol=1e-15, atol=1e-15)
+    assert run_name(path) == "run"
+
+
+def test_matlab_struct_fields_become_columns(tmp_path):
+    scipy.io.savemat(tmp_path / "run.mat", {"time": VALUES["time"], "joint": {"position": VALUES["joint/position"]}})
+    assert_allclose(read_table(tmp_path / "run.mat")["joint/position"], VALUES["joint/position"], rtol=0)
+
+
+def test_npz_matrix_gives_numbered_columns(tmp_path):
+    np.savez(tmp_path / "run.npz", time=np.arange(30.0), q=np.arange(60.0).reshape(30, 2))
+    assert_allclose(read_table(tmp_path / "run.npz")["q_1"], np.arange(1.0, 60.0, 2.0), rtol=0)
+
+
+@pytest.mark.parametrize("text", ["a;b\n1;2\n3;4\n", "a, b\n1, 2\n3, 4\n", "a\tb\n1\t2\n3\t4\n", "a,b\n1,2,0\n3,4,0\n"])
+def test_other_separators_spaces_and_surplus_values(tmp_path, text):
+    (tmp_path / "run.csv").write_text(text)
+    table = read_table(tmp_path / "run.csv")
+    assert list(table.columns) == ["a", "b"]
+    assert_allclose(table.to_numpy(dtype=float), [[1, 2], [3, 4]], rtol=0)
+
+
+def test_registry_can_be_extended(tmp_path):
+    (tmp_path / "run.log").write_text("x")
+    readers = {**READERS, ".log": lambda path: pd.DataFrame({"time": [0.0, 1.0]})}
+    assert len(read_table(tmp_path / "run.log", readers)) == 2
+
+
+def _refusal(path) -> str:
+    with pytest.raises(LogError) as caught:
+        read_table(path)
+    message = str(caught.value)
+    assert str(path) in message and "\n" not in message
+    return message
+
+
+def test_refusals_name_the_file_and_what_is_possible(tmp_path):
+    assert "no such log file" in _refusal(tmp_path / "absent.csv")
+    (tmp_path / "run.bag").write_text("x")
+    assert ".parquet" in _refusal(tmp_path / "run.bag")
+    for name, content in {"run.parquet": b"not parquet", "run.npz": b"zip?", "run.mat": b"MATLAB?" * 30}.items():
+        (tmp_path / name).write_bytes(content)
+        assert "cannot be read" in _refusal(tmp_path / name)
+    (tmp_path / "cut.csv.gz").write_bytes(gzip.compress(b"time,q\n" + b"1,2\n" * 5000)[:30])
+    assert "cannot be read" in _refusal(tmp_path / "cut.csv.gz")
+
+
+def test_empty_files_have_no_rows(tmp_path):
+    (tmp_path / "empty.csv").write_text("")
+    assert "no rows" in _refusal(tmp_path / "empty.csv")
+    (tmp_path / "header.csv").write_text("time,joint/position\n")
+    assert "no rows" in _refusal(tmp_path / "header.csv")
+
+
+def test_arrays_of_different_length_are_refused(tmp_path):
+    np.savez(tmp_path / "run.npz", time=np.arange(30.0), q=np.arange(29.0))
+    assert "'q' has 29 rows" in _refusal(tmp_path / "run.npz")

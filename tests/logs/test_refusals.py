@@ -1,0 +1,127 @@
+"""Logs that cannot be used are refused in one line that names the file, the place, and what to do."""
+
+import numpy as np
+import pytest
+
+from drake_tc.errors import LogError
+from drake_tc.logs.prepare import load_run, load_runs, require_two_runs
+
+from .conftest import bench, servo_rig, write
+
+
+def refusal(table, path, rig=None) -> str:
+    write(table, path)
+    with pytest.raises(LogError) as caught:
+        load_run(path, rig or servo_rig())
+    message = str(caught.value)
+    assert message.startswith(str(path)) and "\n" not in message
+    return message
+
+
+def test_missing_column_lists_what_is_there_and_near_matches(tmp_path, table):
+    message = refusal(table.rename(columns={"joint/torque": "joint/torqe"}), tmp_path / "run.csv")
+    assert "no column 'joint/torque'" in message
+    assert "near matches: 'joint/torqe'" in message
+    assert "joint/position" in message and "columns: {joint/torque: NAME_IN_FILE}" in message
+
+
+def test_missing_time_and_mapped_column(tmp_path, table):
+    assert "no column 'time'" in refusal(table.rename(columns={"time": "t"}), tmp_path / "a.csv")
+    rig = servo_rig(columns={"torque": "tau"})
+    assert "no column 'tau' (for joint/torque)" in refusal(table, tmp_path / "b.csv", rig)
+
+
+def test_non_numeric_column_names_row_and_line(tmp_path, table):
+    table["joint/torque"] = table["joint/torque"].astype(object)
+    table.loc[6, "joint/torque"] = "overload"
+    message = refusal(table, tmp_path / "run.csv")
+    assert "'joint/torque'" in message and "row 7 (file line 8) holds 'overload'" in message
+
+
+def test_time_going_backwards_names_the_row(tmp_path, table):
+    swapped = table.copy()
+    swapped.loc[[100, 101], "time"] = table.loc[[101, 100], "time"].to_numpy()
+    message = refusal(swapped, tmp_path / "run.csv")
+    assert "time goes backwards at row 102 (file line 103)" in message and "out of order" in message
+    reset = table.copy()
+    reset.loc[3000:, "time"] -= 2.9
+    message = refusal(reset, tmp_path / "reset.csv")
+    assert "row 3001" in message and "clock was reset" in message
+
+
+def test_constant_command(tmp_path, table):
+    assert "is constant (0.5) in all rows" in refusal(
+        table.assign(**{"joint/position_command": 0.5}), tmp_path / "r.csv"
+    )
+
+
+def test_empty_column(tmp_path, table):
+    assert "holds no number at all" in refusal(table.assign(**{"joint/torque": np.nan}), tmp_path / "run.csv")
+
+
+def test_too_few_rows(tmp_path, table):
+    assert "only 12 usable rows" in refusal(table.head(12), tmp_path / "run.csv")
+
+
+def test_time_missing_in_many_rows(tmp_path, table):
+    table.loc[10:2000, "time"] = np.nan
+    assert "no value in 1991 rows, first in row 11" in refusal(table, tmp_path / "run.csv")
+
+
+@pytest.mark.parametrize(("factor", "unit"), [(1e3, "ms"), (1e6, "us"), (1e9, "ns")])
+def test_time_in_another_unit(tmp_path, table, factor, unit):
+    table["time"] *= factor
+    assert f"units: {{time: {unit}}}" in refusal(table, tmp_path / "run.csv")
+
+
+@pytest.mark.parametrize("drive", ["position_servo", "voltage"])
+def test_degrees_read_as_radians(tmp_path, table, drive):
+    for name in ("joint/position", "joint/position_command", "joint/velocity"):
+        table[name] = np.rad2deg(table[name])
+    rig = servo_rig(drive=drive)
+    message = refusal(table, tmp_path / "run.csv", rig)
+    assert "looks like degrees; set units: {position: deg}" in message
+    right = servo_rig(drive=drive, units={"position": "deg", "velocity": "deg/s"})
+    load_run(tmp_path / "run.csv", right)
+
+
+@pytest.mark.parametrize("name", ["position", "position_command"])
+def test_one_angle_in_degrees_is_found_by_the_other(tmp_path, table, name):
+    small = table.copy()
+    for column in ("joint/position", "joint/position_command"):
+        small[column] = table[column] * 0.02
+    small[f"joint/{name}"] = np.rad2deg(small[f"joint/{name}"])
+    message = refusal(small.drop(columns="joint/velocity"), tmp_path / "run.csv")
+    assert f"'joint/{name}'" in message and "looks like degrees" in message
+
+
+def test_velocity_in_another_unit(tmp_path, table):
+    table["joint/velocity"] *= 60 / (2 * np.pi)
+    assert "looks like rpm; set units: {velocity: rpm}" in refusal(table, tmp_path / "run.csv")
+
+
+def test_many_turns_are_believed_when_stated(tmp_path):
+    table = bench()
+    turns = table["time"] * 5.0
+    for name in ("joint/position", "joint/position_command"):
+        table[name] += turns
+    table["joint/velocity"] += 5.0
+    assert "looks like degrees" in refusal(table, tmp_path / "run.csv")
+    run = load_run(tmp_path / "run.csv", servo_rig(units={"position": "rad"}))
+    assert np.ptp(run.columns["joint/position"]) > 25.0
+
+
+def test_fewer_than_two_runs(tmp_path, table):
+    write(table, tmp_path / "run.csv")
+    runs = load_runs([tmp_path / "run.csv"], servo_rig())
+    with pytest.raises(LogError, match=r"at least two runs.*got 1 .*run\.csv"):
+        require_two_runs(runs)
+    with pytest.raises(LogError, match="got 0"):
+        require_two_runs([])
+    require_two_runs([*runs, *runs])
+
+
+def test_everything_switched_off(tmp_path, table):
+    rig = servo_rig(enabled="on")
+    assert "no usable samples are left of 6000 rows" in refusal(table.assign(on=0), tmp_path / "run.csv", rig)
+    assert "no column 'off'" in refusal(table, tmp_path / "run.csv", servo_rig(enabled="off"))

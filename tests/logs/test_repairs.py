@@ -1,0 +1,218 @@
+"""What can be mended is mended as the notes say, and a sound log passes through unchanged."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from drake_tc.logs.channels import hold_factor
+from drake_tc.logs.prepare import load_run, load_runs
+
+from .conftest import PERIOD, bench, servo_rig, write
+
+
+def noted(run, text: str) -> bool:
+    return any(text in note for note in run.notes)
+
+
+def load(table, tmp_path, **rig):
+    return load_run(write(table, tmp_path / "run.csv"), servo_rig(**rig))
+
+
+def test_a_sound_log_passes_through_unchanged(tmp_path, table):
+    run = load(table, tmp_path)
+    assert run.notes == ()
+    assert run.period == PERIOD and run.raw_rows == len(table) == len(run)
+    for name, values in run.columns.items():  # 17 digits of text
+        assert_allclose(values, table[name], rtol=1e-15, atol=1e-15)
+    assert_array_equal(run.segment, 0)
+
+
+@pytest.mark.parametrize("rate", [60.0, 187.3, 1000.0, 5000.0])
+def test_rates(tmp_path, rate):
+    run = load(bench(seconds=3.0, period=1.0 / rate), tmp_path)
+    assert_allclose(run.period, 1.0 / rate, rtol=1e-8)  # the clock is exact but for nine digits
+    assert run.notes == ()
+
+
+def test_time_stamps_rounded_to_a_millisecond_do_not_bias_the_period(tmp_path):
+    table = bench(period=1.0 / 187.3)
+    position = table["joint/position"].to_numpy()
+    table["time"] = table["time"].round(3)
+    run = load(table, tmp_path)
+    assert_allclose(run.period, 1.0 / 187.3, rtol=1e-3)  # half a millisecond over 6 s
+    assert_array_equal(run.columns["joint/position"], position)
+
+
+def test_repeated_rows_are_dropped(tmp_path, table):
+    doubled = pd.concat([table.iloc[:500], table.iloc[499:500], table.iloc[500:]])
+    run = load(doubled, tmp_path)
+    assert noted(run, "1 rows that repeat a time stamp were dropped, the first of them row 501")
+    assert_allclose(run.columns["joint/position"], table["joint/position"], rtol=1e-12)
+
+
+def test_jitter_is_stated_and_interpolated(tmp_path):
+    exact = bench()
+    rng = np.random.default_rng(1)
+    time = exact["time"].to_numpy() + rng.uniform(-3e-4, 3e-4, len(exact))
+    shaken = exact.copy()
+    for name in exact.columns[1:]:
+        shaken[name] = np.interp(time, exact["time"], exact[name])
+    shaken["time"] = time
+    run = load(shaken, tmp_path)
+    assert noted(run, "The clock jitters") and noted(run, "uniform clock")
+    assert_allclose(np.diff(run.time), run.period, rtol=1e-6)  # rounding of sums of the period
+    truth = np.interp(run.time, exact["time"], exact["joint/position"])
+    # linear interpolation errs by at most qddot h^2/8 each time: 5 rad/s^2 (1.6 ms)^2/8
+    assert_allclose(run.columns["joint/position"][2:-2], truth[2:-2], rtol=0, atol=2e-6)
+
+
+def test_lost_rows_are_interpolated_and_gaps_split(tmp_path, table):
+    holes = table.drop(index=[1000, 1001, 2000, *range(4000, 4100)])
+    run = load(holes, tmp_path)
+    assert noted(run, "3 lost rows") and noted(run, "1 gap of more than 5 periods")
+    assert len(list(run.segments())) == 2
+    assert len(run) == len(table) - 100
+    assert_allclose(run.columns["joint/position"][1001], table["joint/position"][1001], rtol=0, atol=2e-6)
+    assert np.all(np.diff(run.time) > 0)
+
+
+def test_missing_values_short_and_long(tmp_path, table):
+    table.loc[100:102, "joint/torque"] = np.nan
+    table.loc[3000:3099, "joint/position"] = np.nan
+    run = load(table, tmp_path)
+    assert noted(run, "Column joint/torque: 3 missing values were interpolated")
+    assert noted(run, "Column joint/position: 100 rows of long holes were left out (the first: row 3001)")
+    assert_array_equal(np.flatnonzero(run.segment < 0), np.arange(3000, 3100))
+    assert np.isfinite(run.columns["joint/position"]).all()
+
+
+def test_optional_column_without_numbers_is_left_out(tmp_path, table):
+    run = load(table.assign(**{"joint/temperature": np.nan}), tmp_path)
+    assert "joint/temperature" not in run.columns and noted(run, "'joint/temperature' holds no number")
+
+
+@pytest.mark.parametrize("off", [0, False, "off"])
+def test_drive_switched_off(tmp_path, table, off):
+    on = "on" if off == "off" else type(off)(1)
+    table["power"] = [on if not 2000 <= i < 2500 else off for i in range(len(table))]
+    run = load(table, tmp_path, enabled="power")
+    assert noted(run, "500 rows with the drive switched off")
+    assert_array_equal(np.flatnonzero(run.segment < 0), np.arange(2000, 2500))
+
+
+def test_command_that_copies_the_position_is_torque_off(tmp_path, table):
+    table.loc[2000:2999, "joint/position_command"] = table.loc[2000:2999, "joint/position"]
+    run = load(table, tmp_path)
+    assert noted(run, "1000 rows in which the command of joint copies its moving position (torque off)")
+    assert_array_equal(run.segment[2000:3000], -1)
+
+
+def test_frozen_torque_is_left_out(tmp_path, table):
+    table.loc[3000:3299, "joint/torque"] = table.loc[3000, "joint/torque"]
+    run = load(table, tmp_path)
+    assert noted(run, "Column joint/torque is frozen in 300 rows (the first: row 3001)")
+    assert_array_equal(np.flatnonzero(run.segment < 0), np.arange(3000, 3300))
+
+
+def test_an_encoder_at_rest_is_not_frozen(tmp_path, table):
+    table["joint/position"] = table["joint/position"].clip(-0.3, 0.3)
+    assert not noted(load(table, tmp_path), "frozen")
+
+
+def test_channel_on_a_slower_clock(tmp_path, table):
+    smooth = 8.0 * np.sin(3.1 * table["time"].to_numpy() + 1.0)
+    table["joint/torque"] = np.repeat(smooth[::5], 5)
+    run = load(table, tmp_path)
+    assert noted(run, "joint/torque was sampled on a clock 5 times slower")
+    # held: 25 N m/s * 4 ms = 0.1 off; interpolated: 77 N m/s^2 (5 ms)^2/8
+    assert_allclose(run.columns["joint/torque"][:-5], smooth[:-5], rtol=0, atol=3e-4)
+    table["joint/position_command"] = np.repeat(table["joint/position_command"].to_numpy()[::5], 5)
+    run = load(table, tmp_path)
+    assert noted(run, "a command that is held")
+    assert_allclose(run.columns["joint/position_command"], table["joint/position_command"], rtol=1e-12)
+
+
+def test_a_coarse_encoder_is_no_slow_clock(table):
+    for bits in (10, 12, 14):
+        step = 2 * np.pi / 2**bits
+        assert hold_factor(np.round(table["joint/position"].to_numpy() / step) * step) == 1
+
+
+def test_saturated_voltage_is_noted(tmp_path, table):
+    table["joint/voltage"] = table["joint/voltage"].clip(-3, 3)
+    assert noted(load(table, tmp_path, drive="voltage"), "rests at its limit of 3")
+
+
+@pytest.mark.parametrize("drive", ["position_servo", "voltage"])
+def test_wrong_sign_of_the_torque_is_turned(tmp_path, table, drive):
+    right = load(table, tmp_path, drive=drive)
+    run = load(table.assign(**{"joint/torque": -table["joint/torque"]}), tmp_path, drive=drive)
+    assert not noted(right, "sign") and noted(run, "Column joint/torque has the wrong sign and was turned")
+    assert_allclose(run.columns["joint/torque"], right.columns["joint/torque"], rtol=1e-12)
+
+
+@pytest.mark.parametrize(("drive", "name"), [("position_servo", "position_command"), ("voltage", "voltage")])
+def test_wrong_sign_of_the_command_is_turned(tmp_path, table, drive, name):
+    column = f"joint/{name}"
+    run = load(table.assign(**{column: -table[column]}), tmp_path, drive=drive)
+    assert noted(run, f"Column {column} has the wrong sign") and not noted(run, "joint/torque")
+    assert_allclose(run.columns[column], table[column], rtol=1e-12, atol=1e-15)
+
+
+def test_a_run_that_is_not_clear_follows_the_others(tmp_path):
+    clear, dull = bench(), bench(seed=3)
+    rng = np.random.default_rng(0)
+    dull["joint/torque"] = 2.0 * rng.standard_normal(len(dull))
+    for table, name in ((clear, "a"), (dull, "b")):
+        table["joint/torque"] *= -1
+        write(table, tmp_path / f"{name}.csv")
+    a, b = load_runs([tmp_path / "a.csv", tmp_path / "b.csv"], servo_rig())
+    assert noted(a, "wrong sign") and noted(b, "as in the other runs")
+
+
+def test_wrong_sign_and_lag_of_the_velocity(tmp_path, table):
+    run = load(table.assign(**{"joint/velocity": -table["joint/velocity"]}), tmp_path)
+    assert noted(run, "joint/velocity runs against")
+    assert_allclose(run.columns["joint/velocity"], table["joint/velocity"], rtol=1e-12, atol=1e-15)
+    rng = np.random.default_rng(5)
+    rough = table.copy()
+    rough["joint/velocity"] = np.cumsum(rng.standard_normal(len(table))) * 0.02
+    rough["joint/velocity"] = rough["joint/velocity"].rolling(60, min_periods=1, center=True).mean()
+    rough["joint/position"] = np.cumsum(rough["joint/velocity"]) * PERIOD
+    rough["joint/position_command"] = rough["joint/position"] + 1e-3 * table["joint/torque"]
+    rough["joint/velocity"] = np.roll(rough["joint/velocity"], 8)
+    assert noted(load(rough, tmp_path), "comes about 8 ms after")
+
+
+def test_units_and_names_are_mapped(tmp_path, table):
+    other = pd.DataFrame(
+        {
+            "t_ms": table["time"] * 1e3,
+            "q": np.rad2deg(table["joint/position"]),
+            "q_des": np.rad2deg(table["joint/position_command"]),
+            "load": -1e3 * table["joint/torque"],
+        }
+    )
+    columns = {"time": "t_ms", "position": "q", "position_command": "q_des", "joint/torque": "load"}
+    run = load(other, tmp_path, columns=columns, units={"time": "ms", "position": "deg", "torque": "-mN*m"})
+    for name in ("joint/position", "joint/position_command", "joint/torque"):
+        assert_allclose(run.columns[name], table[name], rtol=1e-9, atol=1e-12)
+    assert run.period == PERIOD
+
+
+def test_imu_and_ft_columns_come_along(tmp_path, table):
+    table["imu_base/gyro_x"] = 1.0 + table["time"]
+    table["ft_wrist/fz"] = 2.0 * table["time"]
+    run = load(table, tmp_path, units={"gyro_x": "deg/s"})
+    assert_allclose(run.columns["imu_base/gyro_x"], np.deg2rad(1.0 + table["time"]), rtol=1e-12)
+    assert "ft_wrist/fz" in run.columns
+
+
+def test_names_are_unique(tmp_path, table):
+    paths = []
+    for folder in ("a", "b"):
+        (tmp_path / folder).mkdir()
+        paths.append(write(table, tmp_path / folder / "run.csv"))
+    runs = load_runs([*paths, paths[0]], servo_rig())
+    assert [run.name for run in runs] == ["a/run", "b/run", "a/run-2"]

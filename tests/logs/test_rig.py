@@ -1,0 +1,155 @@
+"""The rig file: what it may say, what comes back after a round trip, and what it refuses."""
+
+import numpy as np
+import pytest
+import yaml
+from numpy.testing import assert_allclose
+
+from drake_tc.errors import RigError
+from drake_tc.logs.loads import Pendulum
+from drake_tc.logs.rig import load_rig, parse_rig, save_rig
+from drake_tc.logs.units import parse_unit, scale_of
+
+BASE = {"joint": "knee", "drive": "position_servo"}
+
+
+def test_viscous_and_coulomb_are_always_declared():
+    assert dict(parse_rig(BASE).declared["knee"]) == {"viscous": None, "coulomb": None}
+
+
+@pytest.mark.parametrize(
+    ("declared", "expected"),
+    [
+        ({"rotor_inertia": 0.31}, {"rotor_inertia": 0.31}),
+        ({"knee": {"rotor_inertia": 0.31}}, {"rotor_inertia": 0.31}),
+        (["stribeck"], {"stribeck": None}),
+        ({"stribeck": None, "viscous": 2}, {"stribeck": None, "viscous": 2.0}),
+        ({"stribeck": {"velocity": 0.1}}, {"stribeck": None, "stribeck.velocity": 0.1}),
+    ],
+)
+def test_declared_in_every_form(declared, expected):
+    rig = parse_rig({**BASE, "declared": declared})
+    assert dict(rig.declared["knee"]) == {"viscous": None, "coulomb": None} | expected
+    assert rig.known("knee", "rotor_inertia", default=0.0) == expected.get("rotor_inertia", 0.0)
+
+
+def test_several_joints_each_with_its_own(tmp_path):
+    document = {
+        "joints": ["hip", "knee"],
+        "drive": {"hip": "current", "knee": "voltage"},
+        "load": {"hip": {"pendulum": {"mass": 2.0, "length": 0.5}}},
+        "declared": {"knee": {"rotor_inertia": 0.1}},
+        "saturation": {"hip": 5},
+    }
+    (tmp_path / "rig.yaml").write_text(yaml.safe_dump(document))
+    rig = load_rig(tmp_path / "rig.yaml")
+    assert rig.required_columns("hip") == ("hip/position", "hip/current")
+    assert rig.required_columns("knee") == ("knee/position", "knee/voltage", "knee/torque")
+    assert rig.load["hip"] == Pendulum(2.0, 0.5, 0.5)
+    again = load_rig(save_rig(rig, tmp_path / "again.yaml", comment="two joints"))
+    for name in ("joints", "drive", "load", "declared", "columns", "units", "enabled", "saturation"):
+        assert getattr(again, name) == getattr(rig, name), name
+
+
+@pytest.mark.parametrize(
+    "more",
+    [
+        {"declared": {"stribeck": {"velocity": 0.1}, "rotor_inertia": 0.2}, "load": "unknown", "enabled": "on"},
+        {"columns": {"position": "q"}, "units": {"knee/position": "deg", "torque": "-N*m", "current": 0.01}},
+        {"load": {"pendulum": {"mass": 1, "length": 0.2, "inertia": 0.05, "zero": 0.3}}, "saturation": 0.2},
+    ],
+)
+def test_round_trip(tmp_path, more):
+    rig = parse_rig({**BASE, **more})
+    again = load_rig(save_rig(rig, tmp_path / "rig.yaml"))
+    for name in ("joints", "drive", "load", "declared", "columns", "units", "enabled", "saturation"):
+        assert getattr(again, name) == getattr(rig, name), name
+
+
+def test_a_joint_may_be_called_pendulum():
+    pendulum = {"pendulum": {"mass": 1.0, "length": 1.0}}
+    for load in (pendulum, {"pendulum": pendulum}):
+        rig = parse_rig({"joint": "pendulum", "drive": "current", "load": load})
+        assert rig.load["pendulum"] == Pendulum(1.0, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("document", "says"),
+    [
+        ([1], "wanted a mapping"),
+        ({"drive": "current"}, "'joint'"),
+        ({**BASE, "joints": ["a"]}, "one of the keys"),
+        ({"joints": ["a", "a"], "drive": "current"}, "twice"),
+        ({"joint": ["a"], "drive": "current"}, "wanted one name"),
+        ({"joint": "knee"}, "drive is missing; possible: position_servo, current, voltage"),
+        ({**BASE, "drive": "position_servos"}, "did you mean 'position_servo'"),
+        ({"joints": ["a", "b"], "drive": {"a": "current"}}, "no entry for joint 'b'"),
+        ({**BASE, "unit": {}}, "did you mean 'units'"),
+        ({**BASE, "units": {"position": "A"}}, "possible: rad"),
+        ({**BASE, "units": {"position": 0}}, "scale factor"),
+        ({**BASE, "units": {"ankle/position": "deg"}}, "'ankle/position' is not a canonical column"),
+        ({**BASE, "columns": {"positon": "q"}}, "did you mean 'knee/position'"),
+        ({**BASE, "columns": {"position": [1]}}, "column's name"),
+        ({**BASE, "load": "spring"}, "pendulum"),
+        ({**BASE, "load": {"pendulum": {"mass": 1.0}}}, "length is missing"),
+        ({**BASE, "load": {"pendulum": {"mass": -1.0, "length": 1.0}}}, "mass must be a positive number"),
+        ({**BASE, "load": {"pendulum": {"mass": "1 kg", "length": 1.0}}}, "wanted a number, got '1 kg'"),
+        ({**BASE, "load": {"pendulum": {"mass": 1, "lenght": 1}}}, "did you mean 'length'"),
+        ({**BASE, "declared": ["stribek"]}, "did you mean 'stribeck'"),
+        ({**BASE, "declared": {"rotor_inertia": "big"}}, "wanted a number"),
+        ({**BASE, "declared": {"rotor_inertia": -1}}, ">= 0"),
+        ({**BASE, "enabled": 3}, "name of a column"),
+        ({**BASE, "saturation": -1}, "positive number"),
+        ({**BASE, "saturation": {"hip": 1}}, "'hip' is not a joint"),
+    ],
+)
+def test_refusals(tmp_path, document, says):
+    path = tmp_path / "rig.yaml"
+    path.write_text(yaml.safe_dump(document))
+    with pytest.raises(RigError) as caught:
+        load_rig(path)
+    assert says in str(caught.value)
+    assert str(path) in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_missing_and_broken_files(tmp_path):
+    with pytest.raises(RigError, match="no such rig file"):
+        load_rig(tmp_path / "absent.yaml")
+    (tmp_path / "rig.yaml").write_text("joint: [knee\ndrive: x")
+    with pytest.raises(RigError, match=r"not valid YAML at line 2"):
+        load_rig(tmp_path / "rig.yaml")
+
+
+@pytest.mark.parametrize(
+    ("name", "unit", "value", "si"),
+    [
+        ("knee/position", "deg", 180.0, np.pi),
+        ("knee/velocity", "rpm", 60.0, 2 * np.pi),
+        ("knee/torque", "-mN*m", 500.0, -0.5),
+        ("knee/current", "mA", 1500.0, 1.5),
+        ("knee/temperature", "degF", 212.0, 100.0),
+        ("knee/temperature", "K", 300.0, 26.85),
+        ("imu_base/accel_x", "g", 1.0, 9.80665),
+        ("time", "ms", 20.0, 0.02),
+        ("knee/current", -0.0065, 100.0, -0.65),
+    ],
+)
+def test_units_to_si(name, unit, value, si):
+    scale = parse_unit(name, unit)
+    assert_allclose(scale.factor * value + scale.offset, si, rtol=1e-12)  # exact but for rounding
+
+
+def test_unit_of_the_position_speaks_for_the_command_but_a_sign_does_not():
+    assert scale_of("knee/position_command", {"position": "deg"}).factor == pytest.approx(np.pi / 180)
+    assert scale_of("knee/position_command", {"position": "-deg"}).factor == 1.0
+    assert scale_of("knee/position_command", {"position": "deg", "position_command": "rad"}).factor == 1.0
+
+
+def test_pendulum_torque_is_the_gradient_of_its_energy():
+    pendulum, h = Pendulum(mass=0.7, length=0.3, zero=0.2), 1e-6
+    q = np.linspace(-3, 3, 11)
+    height = lambda angle: -0.3 * np.cos(angle - 0.2)  # noqa: E731
+    slope = 0.7 * 9.81 * (height(q + h) - height(q - h)) / (2 * h)
+    assert_allclose(pendulum.torque(q, np.zeros(11)), slope, rtol=0, atol=1e-8)  # central difference, O(h^2)
+    assert_allclose(pendulum.torque(np.array([0.2]), np.ones(1)), 0.7 * 0.09, rtol=1e-12)
