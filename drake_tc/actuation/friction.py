@@ -3,20 +3,23 @@
 Dry friction is a bristle, an elastic-perfectly-plastic (Prandtl) element: it is wound up by the motion and slides at
 full deflection,
 
-    z' = clip(z + (q' - q)/z_s, -1, 1),      friction = level z' + damping v',                        (bristle)
+    z' = clip(z + (q' - q)/z_s, -1, 1),      friction = level clip(z' + t_b zdot, -1, 1) + damping v',     (bristle)
 
-with z_s = `PRESLIDING_DISPLACEMENT`. The clip is the exact integral of the element over any step without reversal.
+with z_s = `PRESLIDING_DISPLACEMENT`, zdot = (z' - z)/h before z' is clipped. The clip is the exact integral of the
+element over any step without reversal. t_b = 2 sqrt(z_s J/level) damps the joint on its bristle critically: it comes
+to rest without ringing. The outer clip keeps dry friction at or below its level.
 Both parts are taken at the *end* of the step, q' = q + h v', as a plant that steps by symplectic Euler has it:
 
-    v' = v + (h/J) (thrust - level z' - damping v').
+    v' = v + (h/J) (thrust - friction).
 
-The equation is monotone in z', so it has one solution, in closed form. As level z' (q' - q) >= level z_s (z'^2 - z^2)/2,
-friction gives back no more than its bristle has stored (level z_s/2: 0.05 mJ for each N m), whatever the step.
+The equation is monotone, so it has one solution, in closed form. As level z' (q' - q) >= level z_s (z'^2 - z^2)/2
+for every step, friction gives back no more than its bristle has stored: level z_s/2, 0.05 mJ for each N m.
 
 Source: Dahl (1968) and the elasto-plastic reading of Dupont et al. (2002); the deflection of the bristle is what
 `Signals.direction` is in simulation.
 """
 
+import math
 from typing import NamedTuple
 
 PRESLIDING_DISPLACEMENT = 1e-4
@@ -24,7 +27,7 @@ PRESLIDING_DISPLACEMENT = 1e-4
 
 
 class FrictionStep(NamedTuple):
-    """The end of the step: deflection z', velocity v' [rad/s] and mean friction torque over it [N m]."""
+    """The end of the step: deflection z', velocity v' [rad/s] and the friction torque over it [N m]."""
 
     deflection: float
     velocity: float
@@ -56,7 +59,10 @@ def friction_step(
     drag = 1.0 + gain * damping
     free = velocity + gain * thrust
     reach = step / (PRESLIDING_DISPLACEMENT * drag)
-    wound = (deflection + reach * free) / (1.0 + reach * gain * level)
+    stiff = reach * (1.0 + 2.0 * math.sqrt(PRESLIDING_DISPLACEMENT * inertia / level) / step) if level > 0.0 else reach
+    share = (deflection + stiff * free) / (1.0 + stiff * gain * level)
+    share = -1.0 if share < -1.0 else (1.0 if share > 1.0 else share)
+    end = (free - gain * level * share) / drag
+    wound = deflection + step * end / PRESLIDING_DISPLACEMENT
     wound = -1.0 if wound < -1.0 else (1.0 if wound > 1.0 else wound)
-    end = (free - gain * level * wound) / drag
-    return FrictionStep(wound, end, level * wound + damping * end)
+    return FrictionStep(wound, end, level * share + damping * end)

@@ -2,7 +2,7 @@
 
 The joint's memory is a slice of one list of floats, so that the system beside it can keep it in the Context:
 
-    0 started   1 z   2 q   3 v   4 torque to the plant   5 load   6 command   [7 theta   8 omega]   hysteresis ...   drive ...
+    0 started   1 z   2 q   3 v   4 torque to the plant   5 load   6 command   [7 theta   8 omega]   hysteresis   drives
 
 q, v, torque: at the last update; load: all that resisted the joint in the step before it, as far as its motion told.
 """
@@ -29,7 +29,7 @@ class JointInput(NamedTuple):
 
 
 class JointOutput(NamedTuple):
-    """Torque to the plant, motor torque, friction torque [N m], effort asked for, and 1 when the command was not finite."""
+    """Torque to the plant, motor and friction torque [N m], effort asked for, 1 when an input was not finite."""
 
     actuation: float
     motor_torque: float
@@ -51,8 +51,8 @@ class JointProgram:
         Args:
             model: The joint's actuator.
             period: Time between updates [s].
-            inertia: What the torque to the plant moves [kg m^2], reflected rotor inertia included unless the model has a
-                TransmissionEffect; 0 when not known.
+            inertia: What the torque to the plant moves [kg m^2], reflected rotor inertia included unless the model has
+                a TransmissionEffect; 0 when not known.
         """
         self._period = period
         self._inertia = inertia
@@ -98,7 +98,7 @@ class JointProgram:
         Args:
             memory: The joint's memory, overwritten.
             now: The joint at this tick.
-            at_tick: Whether a whole period has passed since the last update; between ticks the load is not re-estimated.
+            at_tick: Whether a period has passed since the last update; between ticks the load is not re-estimated.
         """
         command, q, v, tau, celsius = now
         if not (math.isfinite(q) and math.isfinite(v)):
@@ -176,7 +176,7 @@ class JointProgram:
     def _geared(
         self, gear: Gear, memory: list[float], q: float, v: float, drive: tuple[float, float, float]
     ) -> tuple[float, float]:
-        """Motor and link over one step, the link as its load and inertia let it move: mean torque to it, mean friction."""
+        """Motor and link over one step: mean torque to the link, mean friction torque."""
         motor = (memory[MOTOR], memory[MOTOR_VELOCITY], memory[DEFLECTION])
         theta, omega, z, passed, friction = gear.step(motor, (q, v, memory[LOAD]), drive)
         self._wind_up(memory, theta - motor[0])

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from types import MappingProxyType
 from typing import TypeVar, get_args
 
 from drake_tc.effects.base import DriveEffect, DriveKind, Effect, SensorEffect, TorqueEffect, TransmissionEffect
@@ -75,7 +74,7 @@ class EffectValue:
                     f"{self.key}.{name}: wanted {parameter.lower:g} to {parameter.upper:g} [{parameter.unit}];"
                     f" got {value:g}"
                 )
-        object.__setattr__(self, "parameters", MappingProxyType(values))
+        object.__setattr__(self, "parameters", values)
 
     @property
     def effect(self) -> Effect:

@@ -1,6 +1,8 @@
 """`ActuatorPlant`: the actuators of all joints as one Drake system in front of a MultibodyPlant."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
+from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from pydrake.common.value import Value
@@ -8,9 +10,7 @@ from pydrake.systems.framework import (
     BasicVector,
     Context,
     DiscreteValues,
-    InputPort,
     LeafSystem,
-    OutputPort,
     ValueProducer,
 )
 
@@ -20,16 +20,13 @@ from drake_tc.effects.thermal_friction import REFERENCE_CELSIUS
 from drake_tc.errors import ParamsError
 from drake_tc.types import FloatArray
 
-OUTPUTS: Mapping[str, str] = {
-    "actuation": "actuation",
-    "motor_torque": "motor_torque",
-    "friction_torque": "friction_torque",
-    "effort": "effort",
-    "fault": "fault",
-}
+
+def _array(values: list[float]) -> Any:
+    """An array for pydrake, whose stubs refuse numpy's own type."""
+    return np.array(values)
 
 
-class ActuatorPlant(LeafSystem):  # type: ignore[misc]
+class ActuatorPlant(LeafSystem):  # type: ignore[misc, unused-ignore]
     """n geared, driven joints, sampled every `dt`.
 
     Inputs (vectors, in the order of `models`):
@@ -56,8 +53,8 @@ class ActuatorPlant(LeafSystem):  # type: ignore[misc]
         Args:
             models: One a joint, in the plant's actuator order.
             dt: Period of the updates [s]; the plant's step, or a multiple.
-            inertias: (n,) what each torque moves [kg m^2] (`joint_inertias`), with which friction is held implicitly; None
-                takes each model's own inertia.
+            inertias: (n,) what each torque moves [kg m^2] (`joint_inertias`), with which friction is held implicitly;
+                None takes each model's own inertia.
 
         Raises:
             ParamsError: no joint, or dt or an inertia that is not possible.
@@ -77,16 +74,16 @@ class ActuatorPlant(LeafSystem):  # type: ignore[misc]
             JointProgram(model, dt, inertia) for model, inertia in zip(models, moved.tolist(), strict=True)
         )
         bounds = np.cumsum([0, *(program.size for program in self._programs)]).tolist()
-        self._slices = tuple(slice(a, b) for a, b in zip(bounds[:-1], bounds[1:], strict=True))
+        self._slices = tuple(slice(a, b) for a, b in pairwise(bounds))
         self._no_load = (None,) * size
         self._room = (REFERENCE_CELSIUS,) * size
 
-        self._command: InputPort = self.DeclareVectorInputPort("command", size)
-        self._state: InputPort = self.DeclareVectorInputPort("state", 2 * size)
-        self._temperature: InputPort = self.DeclareVectorInputPort("temperature", size)
-        self._load: InputPort = self.DeclareVectorInputPort("load_torque", size)
+        self._command: Any = self.DeclareVectorInputPort("command", size)
+        self._state: Any = self.DeclareVectorInputPort("state", 2 * size)
+        self._temperature: Any = self.DeclareVectorInputPort("temperature", size)
+        self._load: Any = self.DeclareVectorInputPort("load_torque", size)
         rest = [value for program in self._programs for value in program.initial()]
-        self._memory = self.DeclareDiscreteState([*rest, -np.inf])
+        self._memory: Any = self.DeclareDiscreteState(_array([*rest, -np.inf]))
         everything = {
             self._command.ticket(),
             self._state.ticket(),
@@ -95,9 +92,61 @@ class ActuatorPlant(LeafSystem):  # type: ignore[misc]
             self.discrete_state_ticket(self._memory),
             self.time_ticket(),
         }
-        self._solution = self.DeclareCacheEntry(
+        self._solution: Any = self.DeclareCacheEntry(
             "solution", ValueProducer(allocate=Value(()).Clone, calc=self._solve), everything
         )
         for index, name in enumerate(JointOutput._fields):
             self.DeclareVectorOutputPort(name, size, self._writer(index), {self._solution.ticket()})
         self.DeclarePeriodicDiscreteUpdateEvent(dt, 0.0, self._update)
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """The joints' names, in the order of every port."""
+        return self._joints
+
+    @property
+    def dt(self) -> float:
+        """Period of the updates [s]."""
+        return self._dt
+
+    def set_initial_velocity(self, context: Context, velocity: FloatArray) -> None:
+        """Wind up the friction of joints that start in motion.
+
+        Args:
+            context: This system's context.
+            velocity: (n,) [rad/s].
+        """
+        starts = zip(self._programs, np.asarray(velocity, float).tolist(), strict=True)
+        memory = [value for program, v in starts for value in program.initial(v)]
+        context.SetDiscreteState(self._memory, _array([*memory, -np.inf]))
+
+    def _solve(self, context: Any, solution: Any) -> None:
+        """(x[n+1], outputs) into the cache entry."""
+        memory: list[float] = context.get_discrete_state(self._memory).value().tolist()
+        command = self._command.Eval(context).tolist()
+        state = self._state.Eval(context).tolist()
+        warm = self._temperature.Eval(context).tolist() if self._temperature.HasValue(context) else self._room
+        load = self._load.Eval(context).tolist() if self._load.HasValue(context) else self._no_load
+        time = context.get_time()
+        at_tick = time - memory[-1] > 0.99 * self._dt
+        size = len(self._programs)
+        outputs = []
+        for i, (program, part) in enumerate(zip(self._programs, self._slices, strict=True)):
+            own = memory[part]
+            now = JointInput(command[i], state[i], state[size + i], load[i], warm[i])
+            outputs.append(program.step(own, now, at_tick=at_tick))
+            memory[part] = own
+        memory[-1] = time
+        solution.set_value((memory, outputs))
+
+    def _writer(self, index: int) -> Callable[[Context, BasicVector], None]:
+        """The calc function of one output port."""
+
+        def write(context: Context, vector: BasicVector) -> None:
+            vector.SetFromVector(_array([output[index] for output in self._solution.Eval(context)[1]]))
+
+        return write
+
+    def _update(self, context: Context, values: DiscreteValues) -> None:
+        """x[n+1] from the cache entry."""
+        values.get_mutable_vector(self._memory).SetFromVector(_array(self._solution.Eval(context)[0]))

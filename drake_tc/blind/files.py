@@ -43,10 +43,7 @@ def write_rig(records: list[Record], out_dir: Path) -> Path:
         truths[record.run], tables[record.run] = clean, measured(clean, spec, rng)
         _write_table(tables[record.run], folder / f"run_{record.run}.{spec.file_format}")
     (folder / "rig.yaml").write_text(rig_yaml(spec))
-    signals = {
-        f"{run}/{name}": truths[run][name].to_numpy(np.float32) for run in truths for name in ("unmodelled", "bristle")
-    }
-    np.savez_compressed(hidden / "truth.npz", **signals)
+    _write_signals(truths, hidden / "truth.npz")
     moving = [record for record in records if record.run != "static"]
     truth = _truth(spec) | {"reached": beyond_refit(moving), "oracle": oracle_errors(spec, tables, truths)}
     (hidden / "truth.json").write_text(json.dumps(truth, indent=1))

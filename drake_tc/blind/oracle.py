@@ -5,10 +5,11 @@ He fits, by least squares on the training runs' measured signals,
     y = k1 (tau + J_declared a + u) + k2 v + k3 s
 
 with u the true unmodelled torque and s the true bristle state, and his error is the RMS of y minus the fit on the
-held-out run's motion-resolved samples (|v| > 5 times its resolution), in effort units. u and s enter noise-free;
-everything measured enters as the files have it, so the error is what sensors and smoothing leave. All channels
-and derivatives pass one Gaussian with the -3 dB frequency of a quadratic Savitzky-Golay window of 20 ms (53 Hz),
-wider only where the encoder is too coarse for the acceleration: its noise is kept below 5 % of the spread.
+held-out run's motion-resolved samples (|v| > 5 times its resolution, no lost rows near), in effort units. u and s
+enter noise-free; everything measured enters as the files have it, so the error is what sensors and smoothing
+leave. All channels pass one Gaussian with the -3 dB frequency of a quadratic Savitzky-Golay window of 20 ms
+(53 Hz), derivatives being central differences after it; it is wider only where the encoder is too coarse for the
+acceleration, whose noise is kept below 5 % of its spread.
 """
 
 from collections.abc import Mapping
@@ -57,10 +58,20 @@ def smoothing(spec: RigSpec, table: pd.DataFrame) -> float:
     position = table["joint/position"].to_numpy()
     while sigma < 0.03:
         noise = spec.sensors.encoder_step * np.sqrt(period / (32.0 * np.sqrt(np.pi) * sigma**5))
-        if noise < 0.05 * np.std(gaussian_filter1d(position, sigma / period, order=2)) / period**2:
+        if noise < 0.05 * np.std(differences(gaussian_filter1d(position, sigma / period), 2, period)):
             break
         sigma *= np.sqrt(2.0)
     return float(sigma)
+
+
+def differences(values: FloatArray, order: int, period: float) -> FloatArray:
+    """The values, or their first or second derivative by central differences (T,)."""
+    padded = np.pad(values, 1, mode="edge")
+    if order == 1:
+        return np.asarray((padded[2:] - padded[:-2]) / (2.0 * period))
+    if order == 2:
+        return np.asarray((padded[2:] - 2.0 * values + padded[:-2]) / period**2)
+    return values
 
 
 def velocity_resolution(spec: RigSpec, sigma: float) -> float:
@@ -87,8 +98,7 @@ def _signals(spec: RigSpec, table: pd.DataFrame, truth: pd.DataFrame, sigma: flo
     grid = np.arange(time[0], time[-1], period)
 
     def smooth(values: FloatArray, order: int = 0) -> FloatArray:
-        on_grid = np.interp(grid, time, values)
-        return np.asarray(gaussian_filter1d(on_grid, sigma / period, order=order) / period**order)
+        return differences(gaussian_filter1d(np.interp(grid, time, values), sigma / period), order, period)
 
     position = table["joint/position"].to_numpy()
     velocity, acceleration = smooth(position, 1), smooth(position, 2)
@@ -104,4 +114,6 @@ def _signals(spec: RigSpec, table: pd.DataFrame, truth: pd.DataFrame, sigma: flo
     rows = np.abs(velocity) > 5.0 * velocity_resolution(spec, sigma)
     edge = int(np.ceil(4.0 * sigma / period))
     rows[:edge] = rows[-edge:] = False
+    for gap in np.flatnonzero(np.diff(time) > 2.5 * period):
+        rows[(grid > time[gap] - edge * period) & (grid < time[gap + 1] + edge * period)] = False
     return np.column_stack([effort, balance, velocity, *known])[rows]

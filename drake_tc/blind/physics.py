@@ -77,7 +77,7 @@ def simulate(specs: list[RigSpec], runs: list[str], step: float = 1e-4, record_e
     if abs(substeps * step - LOG_PERIOD) > 1e-12:
         raise BlindError(f"step wants a divisor of {LOG_PERIOD} s, got {step}")
     motions = [make_motion(spec, run) for spec, run in zip(specs, runs, strict=True)]
-    batch = _Batch(specs, runs, motions, step)
+    batch = Batch(specs, runs, motions, step)
     kept = batch.integrate(substeps, record_every)
     wild = ~(np.max(np.abs(kept[CHANNELS.index("position")]), axis=0) < FARTHEST)
     if wild.any():
@@ -88,7 +88,7 @@ def simulate(specs: list[RigSpec], runs: list[str], step: float = 1e-4, record_e
     ]
 
 
-class _Batch:
+class Batch:
     """Arrays (n,) of a batch's parameters, its terms and its state."""
 
     def __init__(self, specs: list[RigSpec], runs: list[str], motions: list[Motion], dt: float) -> None:

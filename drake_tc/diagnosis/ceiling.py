@@ -59,30 +59,27 @@ def share_explained(y: FloatArray, predicted: FloatArray) -> float:
 def spectral_line(side: Side) -> tuple[float, float]:
     """(frequency [Hz], share of the variance) of the strongest line in time of the residual, over all its runs.
 
-    Least-squares (Lomb-Scargle) over 0.3-30 Hz, each run with its own phase; the share that a typical frequency
-    explains is taken off, so that coloured noise does not make a line.
+    Periodogram of each run with zeros where there are no rows, 0.3-30 Hz, powers added (each run has its own phase).
+    Four times the local median is taken off, so that coloured noise does not make a line.
     """
     samples = side.samples
     time = samples.signals.time[samples.rows]
     r = side.after - side.after.mean()
-    total = float(np.sum(r**2))
+    step = samples.row_period
     runs = np.unique(samples.run)
-    longest = max(float(np.ptp(time[samples.run == k])) for k in runs)
-    nyquist = 0.4 / max(samples.row_period, 1e-4)
-    grid = np.arange(0.3, min(30.0, nyquist), 0.35 / max(longest, 1.0))
-    power = np.zeros(grid.size)
+    size = 2 * int(max(np.ptp(time[samples.run == k]) for k in runs) / step) + 2
+    power = np.zeros(size // 2 + 1)
     for k in runs:
         rows = samples.run == k
-        t, y = time[rows], r[rows]
-        if t.size < 50:
-            continue
-        for part in np.array_split(np.arange(grid.size), max(1, grid.size // 200)):
-            waves = np.exp(-2j * np.pi * np.outer(grid[part], t))
-            power[part] += 2.0 * np.abs(waves @ y) ** 2 / t.size
-    share = power / max(total, 1e-300)
+        slot = np.round((time[rows] - time[rows][0]) / step).astype(int)
+        grid = np.bincount(slot, r[rows], size)[:size]
+        power += 2.0 * np.abs(np.fft.rfft(grid, size)) ** 2 / max(int(rows.sum()), 1)
+    frequency = np.fft.rfftfreq(size, step)
+    share = power / max(float(np.sum(r**2)), 1e-300)
+    share[(frequency < 0.3) | (frequency > 30.0)] = 0.0
     best = int(np.argmax(share))
-    near = share[max(0, best - 60) : best + 60]
-    return float(grid[best]), float(share[best] - 4.0 * np.median(near))
+    near = share[max(1, best - 120) : best + 120]
+    return float(frequency[best]), float(share[best] - 4.0 * np.median(near[near > 0.0]))
 
 
 def bursts(side: Side, ratio: float) -> tuple[TimeStretch, ...]:

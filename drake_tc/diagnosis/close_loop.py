@@ -1,7 +1,6 @@
 """The main job for one joint: declared model, residual, missing effects, refit, errors before and after, verdict."""
 
-from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import Executor
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -13,7 +12,6 @@ from drake_tc.diagnosis.evidence import better_share, compare, noise_floor
 from drake_tc.diagnosis.experiments import next_experiment
 from drake_tc.diagnosis.result import (
     Errors,
-    Estimate,
     FoundEffect,
     JointResult,
     RejectedEffect,
@@ -28,10 +26,6 @@ from drake_tc.effects.library import LIBRARY, effect
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
 from drake_tc.types import FloatArray
-
-FreeRun = Callable[[Rig, str, Mapping[str, Mapping[str, Estimate]], Run], FloatArray]
-"""(rig, joint, parameters by effect key, run) -> position (T,) of the Drake diagram driven by the recorded command."""
-
 
 @dataclass(frozen=True)
 class DiagnosisOptions:
@@ -64,9 +58,7 @@ def diagnose_joint(
     rig: Rig,
     joint: str,
     options: DiagnosisOptions,
-    free_run: FreeRun | None = None,
     progress: Progress = lambda text, share: None,
-    executor: Executor | None = None,
 ) -> JointResult:
     """Diagnose one joint. The held-out runs are looked at only after every choice is made.
 
@@ -99,6 +91,7 @@ def diagnose_joint(
     after = estimates(columns, found.chosen, context.drive)
     return JointResult(
         joint=joint,
+        drive=context.drive,
         unit=EFFORT_UNIT[context.drive],
         baseline=found.baseline,
         final=found.chosen,

@@ -43,7 +43,18 @@ def physical_parameters(fitted: Fit, beta: FloatArray, shapes: FloatArray) -> di
         count = len(term.effect.coefficients)
         out[term.effect.key] = term.effect.physical(beta[at : at + count], term.shape, gain)
         at += count
+    if "torque_sensor_gain" in out:
+        _undo_sensor_gain(out, terms, 1.0 + out["torque_sensor_gain"]["gain_error"])
     return out
+
+
+def _undo_sensor_gain(out: dict[str, dict[str, float]], terms: Sequence[Term], scale: float) -> None:
+    """The fit lives on the sensor's scale, (1 + g) times the true torque; parameters are reported in true torque."""
+    out["drive"]["gain"] *= scale
+    for term in terms:
+        for p in term.effect.parameters:
+            if p.unit.startswith(("N*m", "kg")):
+                out[term.effect.key][p.name] /= scale
 
 
 def estimates(columns: Columns, fitted: Fit, drive: str) -> Mapping[str, Mapping[str, Estimate]]:

@@ -6,6 +6,7 @@ from typing import Literal
 
 from drake_tc.diagnosis.design import Fit
 from drake_tc.diagnosis.samples import Samples
+from drake_tc.effects.base import DriveKind
 from drake_tc.types import FloatArray
 
 Verdict = Literal["effects_found", "no_missing_effect", "unexplained_structure"]
@@ -104,6 +105,7 @@ class JointResult:
     """One joint's diagnosis."""
 
     joint: str
+    drive: DriveKind
     unit: str
     baseline: Fit
     final: Fit

@@ -1,11 +1,12 @@
 """`close-loop` from files to result: every joint of a rig, one after the other or in processes."""
 
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from concurrent.futures import Executor
 from pathlib import Path
 
-from drake_tc.diagnosis.close_loop import DiagnosisOptions, FreeRun, diagnose_joint
+from drake_tc.diagnosis.close_loop import DiagnosisOptions, diagnose_joint
+from drake_tc.diagnosis.free_running import FreeRun, with_free_runs
 from drake_tc.diagnosis.result import CloseLoopResult, JointResult, Verdict
 from drake_tc.diagnosis.search import Progress
 from drake_tc.logs.prepare import load_runs, require_two_runs
@@ -40,7 +41,10 @@ def close_loop(
     options = options or DiagnosisOptions()
     joints: dict[str, JointResult] = {}
     for joint in rig.joints:
-        joints[joint] = diagnose_joint(train, held, rig, joint, options, free_run, progress, executor)
+        joints[joint] = diagnose_joint(train, held, rig, joint, options, progress)
+        if free_run is not None and rig.load[joint] != "unknown":
+            progress("free run", 0.0)
+            joints[joint] = with_free_runs(joints[joint], rig, held, free_run, executor)
     return CloseLoopResult(
         joints=joints,
         verdict=_overall(joints.values()),
@@ -51,7 +55,7 @@ def close_loop(
     )
 
 
-def _overall(joints: object) -> Verdict:
-    verdicts = {j.verdict for j in joints}  # type: ignore[attr-defined]
+def _overall(joints: Iterable[JointResult]) -> Verdict:
+    verdicts = {j.verdict for j in joints}
     order: tuple[Verdict, ...] = ("unexplained_structure", "effects_found", "no_missing_effect")
     return next(v for v in order if v in verdicts)

@@ -16,6 +16,8 @@ from drake_tc.types import BoolArray, FloatArray, IntArray
 
 BLOCK_SECONDS = 0.5
 MAX_ROWS = 60_000
+LEAST_TRAVEL = 1e-3
+"""Travel after a reversal [rad] before the joint counts as sliding: the bristles of any gear wind up over less."""
 
 
 @dataclass(frozen=True)
@@ -75,8 +77,8 @@ class Samples:
             kept = [self.reduce(values[:, k], fresh=fresh) for k in range(values.shape[1])]
             return np.stack(kept, axis=-1) if kept else np.zeros((self.rows.size, 0))
         if fresh:
-            values = self.light.smooth(values, self.segments)
-        return self.kernel.smooth(values, self.segments)[self.rows]
+            values = self.light.smooth(values)
+        return self.kernel.smooth(values)[self.rows]
 
     def by_segment(self, effect: Effect, shape: Shape, values: FloatArray | None = None) -> FloatArray:
         """An effect's columns, or with `values` its transform of them, stretch by stretch: memory never spans a gap."""
@@ -152,23 +154,21 @@ def build_samples(runs: Sequence[Run], rig: Rig, joint: str, width_s: float | No
 
     def smooth(column: str) -> FloatArray:
         values = gather(column)
-        return light.smooth(values, segments) if np.isfinite(values).any() else values
+        return light.smooth(values) if np.isfinite(values).any() else values
 
-    q = light.smooth(raw_q, segments)
-    v = light.derivative(raw_q, segments)
-    a = light.second_derivative(raw_q, segments)
+    # one pass over all stretches end to end: what leaks across a joint stays inside the margins that no row uses
+    q, v, a = light.smooth(raw_q), light.derivative(raw_q), light.second_derivative(raw_q)
     drive = rig.drive[joint]
     name = {"position_servo": "position_command", "current": "current", "voltage": "voltage"}[drive]
     command = smooth(f"{joint}/{name}")
     motor_position = smooth(f"{joint}/motor_position")
-    servo_position = motor_position if np.isfinite(motor_position).any() else q
-    effort = command - servo_position if drive == "position_servo" else command
+    effort = command - q if drive == "position_servo" else command
     load = rig.load[joint]
     slope = np.zeros_like(q)
     raw_torque = gather(f"{joint}/torque")
     if isinstance(load, Pendulum):
         moment = load.mass * GRAVITY * load.length
-        torque = light.smooth(moment * np.sin(raw_q - load.zero), segments) + load.inertia * a
+        torque = light.smooth(moment * np.sin(raw_q - load.zero)) + load.inertia * a
         slope = moment * np.cos(q - load.zero)
     else:
         torque = smooth(f"{joint}/torque")
@@ -249,7 +249,7 @@ def _direction(
 ) -> tuple[FloatArray, FloatArray, BoolArray]:
     """Direction of the last resolved motion, travel since it turned, and where both are certain."""
     threshold = 5.0 * resolution.velocity_noise
-    least_travel = max(8.0 * resolution.position_noise, 2e-4)
+    least_travel = max(8.0 * resolution.position_noise, LEAST_TRAVEL)
     direction, travel = np.zeros_like(q), np.zeros_like(q)
     for s in segments:
         sign = np.where(np.abs(v[s]) > threshold, np.sign(v[s]), 0.0)

@@ -9,6 +9,7 @@ from scipy.optimize import minimize
 from drake_tc.diagnosis.design import Columns, Fit, Term, fit
 from drake_tc.diagnosis.evidence import Comparison, compare
 from drake_tc.effects.base import Context, DriveEffect, Effect
+from drake_tc.effects.library import LIBRARY
 from drake_tc.types import FloatArray
 
 Progress = Callable[[str, float], None]
@@ -118,6 +119,12 @@ def refine(columns: Columns, start: Fit, evaluations: int = 60) -> Fit:
     return best
 
 
+def ranking(fitted: Fit) -> tuple[float, int, int]:
+    """Sorts fits: by error to one part in 500, then by size, then by the library's order of its effects."""
+    order = {effect.key: i for i, effect in enumerate(LIBRARY)}
+    return (round(500 * float(np.log(fitted.cv_rms))), fitted.size, sum(order[t.effect.key] for t in fitted.terms))
+
+
 def candidates(library: Sequence[Effect], context: Context, declared: Sequence[str]) -> tuple[list[Effect], list[tuple[str, str]]]:
     """Effects that can be looked for, and for the others why not."""
     usable, obstacles = [], []
@@ -161,11 +168,11 @@ def search(
                     continue
                 grown[names] = best_shape(columns, parent.terms, effect, context, parent.residual)
             progress(f"sets of {size}", (number + 1) / len(beam))
-        ranked = sorted(grown.values(), key=lambda f: f.cv_rms)
+        ranked = sorted(grown.values(), key=ranking)
         close = [f for f in ranked if f.cv_rms < 1.5 * ranked[0].cv_rms][: options.beam]
-        refined = sorted((refine(columns, f) for f in close), key=lambda f: f.cv_rms)
+        refined = sorted((refine(columns, f) for f in close), key=ranking)
         if size == 1:
-            alone = sorted([*refined, *(f for f in ranked if f not in close)], key=lambda f: f.cv_rms)
+            alone = sorted([*refined, *(f for f in ranked if f not in close)], key=ranking)
         best = refined[0]
         comparison = compare(chosen, best, columns.samples)
         explained = float(np.sqrt(max(baseline.cv_rms**2 - chosen.cv_rms**2, 0.0)))

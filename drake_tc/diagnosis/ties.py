@@ -16,7 +16,8 @@ def indistinguishable(columns: Columns, found: Search, context: Context) -> tupl
     """Pairs (chosen, other): swapping the one for the other costs next to nothing.
 
     Next to nothing: the cross-validated error rises by less than 2 % and the chosen effect is the better one in
-    fewer than 98 % of the block resamples, or the two predictions are the same up to a hundredth.
+    fewer than 98 % of the block resamples, or the two predictions are the same up to a hundredth. An effect with more
+    parameters that fits no better is no rival: it contains the chosen one or imitates it.
     """
     known = {t.effect.key for t in found.baseline.terms}
     pairs: list[tuple[str, str]] = []
@@ -31,6 +32,8 @@ def indistinguishable(columns: Columns, found: Search, context: Context) -> tupl
                 continue
             swapped = best_shape(columns, others, member, context, without.residual)
             if swapped.cv_rms > 1.3 * found.chosen.cv_rms:
+                continue
+            if swapped.size > found.chosen.size:
                 continue
             swapped = refine(columns, swapped, evaluations=30)
             if _same(found.chosen, swapped):

@@ -1,6 +1,5 @@
 """Friction that differs with the direction of motion."""
 
-import math
 from collections.abc import Mapping
 
 import numpy as np
@@ -31,6 +30,6 @@ class AsymmetricFriction(TorqueEffect):
         coulomb, viscous = parameters["coulomb_asymmetry"], parameters["viscous_asymmetry"]
 
         def parts(q: float, v: float, direction: float, tau: float, celsius: float, hysteresis: float) -> TorqueParts:
-            return coulomb * direction, math.copysign(viscous, v), 0.0
+            return coulomb * direction, (viscous if v >= 0.0 else -viscous), 0.0
 
         return parts

@@ -18,12 +18,12 @@ log (identification, diagnosis) and on the joints of a robot at one instant (sim
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import MISSING, dataclass, field, fields, replace
 from typing import Any, ClassVar, Literal
 
 import numpy as np
 
-from drake_tc.effects.kernel import DriveKernel, TorqueKernel, Transmission
+from drake_tc.effects.kernel import DriveKernel, TorqueKernel, TorqueParts, Transmission
 from drake_tc.types import BoolArray, FloatArray
 
 DriveKind = Literal["position_servo", "current", "voltage"]
@@ -38,7 +38,7 @@ class Signals:
         time: Since the start of the run [s].
         position, velocity, acceleration: q, qdot, qddot [rad, rad/s, rad/s^2].
         load_torque: tau on the link side [N m].
-        expected_torque: tau as the model so far expects it from effort and motion [N m]; free of the torque sensor's noise,
+        expected_torque: tau as the model so far expects it from effort and motion [N m]; free of the sensor's noise,
             for effects that differentiate it. The same as `load_torque` where no model is at hand.
         effort: y, what the drive was asked for [rad | A | V].
         command: The recorded command itself: q_d [rad], i [A] or V [V].
@@ -196,6 +196,12 @@ class Effect(ABC):
         return named | {p.name: float(shape[p.name]) for p in self.shapes}
 
 
+def plain_signals(size: int, known: Mapping[str, FloatArray]) -> Signals:
+    """Signals (size,) of which only some are known; all others are 0."""
+    nil: dict[str, Any] = {f.name: np.zeros(size) for f in fields(Signals) if f.default is MISSING}
+    return Signals(**(nil | dict(known)))
+
+
 class TorqueEffect(Effect):
     """An effect that costs torque between drive and link: friction, inertia, ripple, springs."""
 
@@ -206,9 +212,20 @@ class TorqueEffect(Effect):
         theta = np.stack([np.broadcast_to(parameters[p.name], len(signals)) for p in self.coefficients], axis=-1)
         return np.asarray(np.sum(columns * theta, axis=-1))
 
-    @abstractmethod
     def kernel(self, parameters: Mapping[str, float]) -> TorqueKernel:
-        """`torque` without its inertial part, at one joint and one instant: see `drake_tc.effects.kernel`."""
+        """`torque` without its inertial part, at one joint and one instant: see `drake_tc.effects.kernel`.
+
+        This default evaluates `columns`: right for any effect without hysteresis, but slow, so effects override it.
+        """
+
+        def parts(q: float, v: float, direction: float, tau: float, celsius: float, hysteresis: float) -> TorqueParts:
+            now = {"position": q, "velocity": v, "load_torque": tau, "expected_torque": tau, "temperature": celsius}
+            known = {name: np.full(2, value) for name, value in now.items()}
+            both = plain_signals(2, known | {"direction": np.array([1.0, -1.0]), "travel": np.full(2, np.inf)})
+            forth, back = self.torque(both, parameters)
+            return 0.5 * float(forth - back), 0.0, 0.5 * float(forth + back)
+
+        return parts
 
     def inertia(self, parameters: Mapping[str, float]) -> float:
         """Inertia [kg m^2] that the effect adds to the joint: the coefficient of the acceleration in `columns`."""

@@ -19,7 +19,7 @@ class PreslidingHysteresis(TorqueEffect):
     title = "presliding hysteresis"
     kind = "friction"
     coefficients = (Parameter("presliding", "N*m", 0.0),)
-    shapes = (Parameter("presliding_travel", "rad", 1e-5, 1.0, 0.01),)
+    shapes = (Parameter("presliding_travel", "rad", 1.5e-3, 1.0, 0.01),)
     signature = Signature(
         x="travel",
         split="direction",
@@ -29,7 +29,7 @@ class PreslidingHysteresis(TorqueEffect):
     def shape_grid(self, context: Context) -> list[dict[str, float]]:
         """Starting points that cover what the logs excite."""
         span = context.position_span[1] - context.position_span[0]
-        return [{"presliding_travel": float(s)} for s in np.geomspace(5e-4, 0.25 * span, 10)]
+        return [{"presliding_travel": float(s)} for s in np.geomspace(2e-3, 0.25 * span, 8)]
 
     def columns(self, signals: Signals, shape: Shape) -> FloatArray:
         """Phi (T, 1): see the class."""

@@ -1,10 +1,11 @@
 """Friction that changes with temperature."""
 
+import math
 from collections.abc import Mapping
 
 import numpy as np
 
-from drake_tc.effects.base import Parameter, Shape, Signals, Signature, TorqueEffect
+from drake_tc.effects.base import Context, Parameter, Shape, Signals, Signature, TorqueEffect
 from drake_tc.effects.kernel import TorqueKernel, TorqueParts
 from drake_tc.types import FloatArray
 
@@ -12,30 +13,41 @@ REFERENCE_CELSIUS = 25.0
 
 
 class ThermalFriction(TorqueEffect):
-    """(F_cT sign(qdot) + F_vT qdot) (T - 25 °C) [N m]."""
+    """(F_cT sign(qdot) + F_vT qdot) w(T) [N m],  w = (1 - exp(-r (T - 25 °C)))/r.
+
+    A lubricant's viscosity falls exponentially; r is how fast it settles, r -> 0 a straight line in the temperature.
+    """
 
     id = "thermal_friction"
     title = "temperature-dependent friction"
     kind = "friction"
-    needs = frozenset(["temperature"])
+    needs = frozenset({"temperature"})
     coefficients = (
         Parameter("coulomb_per_kelvin", "N*m/K"),
         Parameter("viscous_per_kelvin", "N*m*s/(rad*K)"),
     )
+    shapes = (Parameter("thermal_rate", "1/K", 1e-4, 0.2, 1e-4),)
     signature = Signature(
         x="temperature", split="direction", look_for="a fan that opens (or closes) as the joint warms up"
     )
 
+    def shape_grid(self, context: Context) -> list[dict[str, float]]:
+        """Straight, and two exponentials."""
+        return [{"thermal_rate": r} for r in (1e-4, 0.015, 0.04)]
+
     def columns(self, signals: Signals, shape: Shape) -> FloatArray:
         """Phi (T, 2): see the class."""
-        warmth = (signals.temperature - REFERENCE_CELSIUS) * np.ones(len(signals))
+        rate = shape["thermal_rate"]
+        warmth = -np.expm1(-rate * (signals.temperature - REFERENCE_CELSIUS)) / rate * np.ones(len(signals))
         return np.stack([signals.direction * warmth, signals.velocity * warmth], axis=-1)
 
     def kernel(self, parameters: Mapping[str, float]) -> TorqueKernel:
         """The same at one instant."""
         coulomb, viscous = parameters["coulomb_per_kelvin"], parameters["viscous_per_kelvin"]
+        rate = parameters["thermal_rate"]
 
         def parts(q: float, v: float, direction: float, tau: float, celsius: float, hysteresis: float) -> TorqueParts:
-            return coulomb * (celsius - REFERENCE_CELSIUS), viscous * (celsius - REFERENCE_CELSIUS), 0.0
+            warmth = -math.expm1(-rate * (celsius - REFERENCE_CELSIUS)) / rate
+            return coulomb * warmth, viscous * warmth, 0.0
 
         return parts

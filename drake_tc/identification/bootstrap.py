@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from drake_tc.errors import IdentificationError
-from drake_tc.identification.autocorrelation import automatic_bandwidth, stretches
+from drake_tc.identification.autocorrelation import automatic_bandwidth, critical_value_95, stretches
 from drake_tc.identification.regression import checked, column_scale
 from drake_tc.types import FloatArray
 
@@ -21,7 +21,9 @@ class BootstrapFit:
         names: The p parameters.
         draws: (count, p) estimates, one a resampled log.
         covariance: (p, p) of the draws.
-        ci95: (p, 2) percentiles 2.5 and 97.5 of the draws.
+        ci95: (p, 2) percentiles 2.5 and 97.5 of the draws, drawn apart from the estimate by the same factor as a
+            t statistic's critical value at this block length (few blocks: their spread is itself uncertain).
+        coefficients: (p,) estimate from the whole log.
         block: Samples in a block.
     """
 
@@ -29,6 +31,7 @@ class BootstrapFit:
     draws: FloatArray
     covariance: FloatArray
     ci95: FloatArray
+    coefficients: FloatArray
     block: int
 
 
@@ -59,16 +62,17 @@ def block_bootstrap(
     Raises:
         IdentificationError: Bad shapes or values, too few draws, or a block longer than every stretch.
 
-    Source: Künsch, Annals of Statistics 17 (1989).
+    Source: Künsch, Annals of Statistics 17 (1989); the widening follows Kiefer and Vogelsang (2005), since the
+    variance over moving blocks of length B is a Bartlett estimate of bandwidth B.
     """
     a, b, labels = checked(columns, target, names)
     if count < 40:
         raise IdentificationError(f"block bootstrap needs at least 40 draws; got {count}")
     scale = column_scale(a, labels)
     rows = a / scale
+    estimate: FloatArray = np.asarray(np.linalg.lstsq(rows, b, rcond=None)[0])
     if block is None:
-        residual = b - rows @ np.linalg.lstsq(rows, b, rcond=None)[0]
-        scores = rows * residual[:, None]
+        scores = rows * (b - rows @ estimate)[:, None]
         block = 2 * max(automatic_bandwidth(score, lengths) for score in scores.T)
     grams = _block_grams(np.column_stack([rows, b]), block, lengths)
     blocks = int(np.ceil(b.size / block))
@@ -78,8 +82,10 @@ def block_bootstrap(
         total = grams[rng.integers(0, len(grams), blocks)].sum(axis=0)
         draws[i] = np.linalg.lstsq(total[:p, :p], total[:p, p], rcond=None)[0]
     draws /= scale
-    ci95 = np.percentile(draws, [2.5, 97.5], axis=0).T
-    return BootstrapFit(labels, draws, np.atleast_2d(np.cov(draws.T)), ci95, block)
+    estimate = np.asarray(estimate / scale)
+    stretch = critical_value_95(block, b.size) / critical_value_95(0, b.size)
+    ci95 = estimate[:, None] + stretch * (np.percentile(draws, [2.5, 97.5], axis=0).T - estimate[:, None])
+    return BootstrapFit(labels, draws, np.atleast_2d(np.cov(draws.T)), ci95, estimate, block)
 
 
 def _block_grams(rows: FloatArray, block: int, lengths: Sequence[int] | None) -> FloatArray:

@@ -54,10 +54,14 @@ def hold_factor(values: FloatArray) -> int:
     """K >= 2 when the channel changes only every k rows (it was sampled on a slower clock), else 1.
 
     k is the commonest interval between changes; at least nine in ten intervals must be multiples of it. A coarse
-    encoder that moves slowly repeats values too, but at intervals of all lengths.
+    encoder that moves slowly repeats values too, but at intervals of all lengths, or, on a ramp, by steps of one size.
     """
-    changes = np.flatnonzero(np.diff(values) != 0)
+    steps = np.diff(values)
+    changes = np.flatnonzero(steps != 0)
     if changes.size < 20 or changes.size > 0.7 * values.size:
+        return 1
+    sizes = np.abs(steps[changes])
+    if np.mean(sizes < 1.01 * np.median(sizes)) > 0.9 and np.mean(sizes > 0.99 * np.median(sizes)) > 0.9:
         return 1
     intervals = np.diff(changes)
     k = int(np.bincount(np.minimum(intervals, 1000)).argmax())

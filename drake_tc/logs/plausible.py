@@ -140,9 +140,10 @@ def lag_notes(columns: Mapping[str, FloatArray], usable: BoolArray, rig: Rig, pe
         if rate.size < 200 or rate.std() == 0.0 or velocity.std() == 0.0:
             continue
         inner = slice(20, -20)
-        score = np.array([float(rate[inner] @ np.roll(velocity, -int(s))[inner]) for s in shifts])
+        score = np.array([np.corrcoef(rate[inner], np.roll(velocity, -int(s))[inner])[0, 1] for s in shifts])
         best = int(shifts[score.argmax()])
-        if 2 <= abs(best) < 20 and score.max() > 1.02 * score[20]:
+        # the share of the velocity that the rate leaves unexplained must fall clearly by the shift
+        if 2 <= abs(best) < 20 and 1.0 - score.max() ** 2 < 0.6 * (1.0 - score[20] ** 2):
             side = "after" if best > 0 else "before"
             notes += (f"Column {name} comes about {abs(best) * period * 1e3:.3g} ms {side} the rate of the position.",)
     return notes

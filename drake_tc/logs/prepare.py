@@ -21,6 +21,7 @@ from drake_tc.logs.signs import wrong_signs
 from drake_tc.types import BoolArray, FloatArray, IntArray
 
 SHORTEST_SEGMENT = 10
+MOST_MISSING = 0.2
 _HELD_BY_NATURE = ("position_command", "voltage")
 _MAY_FREEZE = ("torque", "position", "motor_position")
 
@@ -72,13 +73,19 @@ def _repair_channels(raw: RawLog, rig: Rig) -> tuple[dict[str, FloatArray], Bool
     excluded = ~raw.enabled
     notes: tuple[str, ...] = ()
     filled_notes: dict[str, list[str]] = {}
+    required = {name for joint in rig.joints for name in rig.required_columns(joint)}
     if excluded.any():
         notes += (f"{int(excluded.sum())} rows with the drive switched off were left out.",)
     for name, values in raw.columns.items():
         values, holes, note = channels.fill_missing(raw.time, values)
+        if name not in required and holes.mean() > MOST_MISSING:
+            notes += (f"Column {name} is missing in {100 * holes.mean():.0f} % of the rows and was left out.",)
+            continue
+        slow = name.endswith("/temperature")
         if note:
+            note = note.replace("of long holes were left out", "of long holes were filled too") if slow else note
             filled_notes.setdefault(note, []).append(name)
-        if name.split("/")[0] in rig.joints and not name.endswith("/temperature"):
+        if name.split("/")[0] in rig.joints and not slow:
             excluded = excluded | holes
         columns[name] = values
     for note, names in filled_notes.items():

@@ -150,5 +150,9 @@ def read_table(path: Path | str, readers: Mapping[str, Reader] = READERS) -> pd.
         raise LogError(f"{path}: cannot be read as {suffix}: {reason}") from error
     if len(table) == 0:
         raise LogError(f"{path}: no rows; record at least a few seconds of motion")
-    table.columns = pd.Index([str(name).strip() for name in table.columns])
+    names = [str(name).strip() for name in table.columns]
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise LogError(f"{path}: column {twice[0]!r} stands more than once; give each column a name of its own")
+    table.columns = pd.Index(names)
     return table

@@ -16,7 +16,6 @@ Viscous and Coulomb friction are always declared.
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 import yaml
@@ -31,7 +30,7 @@ _COMMAND: Mapping[DriveKind, str] = {"position_servo": "position_command", "curr
 
 
 def _empty() -> Mapping[str, Any]:
-    return MappingProxyType({})
+    return {}
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,6 @@ import difflib
 import math
 from collections.abc import Collection, Mapping
 from dataclasses import fields
-from types import MappingProxyType
 from typing import Any, Literal, TypeAlias, cast, get_args
 
 from drake_tc.errors import RigError
@@ -67,7 +66,7 @@ def parse_drive(source: str, value: object, joints: tuple[str, ...]) -> Mapping[
         if kind not in kinds:
             hint = near(str(kind), kinds)
             raise RigError(f"{source}: drive: wanted one of {', '.join(kinds)}, got {kind!r}{hint}")
-    return MappingProxyType({joint: cast(DriveKind, by_joint[joint]) for joint in joints})
+    return {joint: cast(DriveKind, by_joint[joint]) for joint in joints}
 
 
 def _canonical_key(source: str, key: str, name: str, joints: tuple[str, ...]) -> str:
@@ -95,7 +94,7 @@ def parse_columns(source: str, value: object, joints: tuple[str, ...]) -> Mappin
         if not isinstance(file_name, (str, int)) or isinstance(file_name, bool):
             raise RigError(f"{source}: columns: {name}: wanted a column's name in the file, got {file_name!r}")
         columns[_canonical_key(source, "columns", name, joints)] = str(file_name)
-    return MappingProxyType(columns)
+    return columns
 
 
 def parse_units(source: str, value: object, joints: tuple[str, ...]) -> Mapping[str, str | float]:
@@ -111,7 +110,7 @@ def parse_units(source: str, value: object, joints: tuple[str, ...]) -> Mapping[
         except ValueError as error:
             raise RigError(f"{source}: units: {name}: {error}") from None
         units[name] = unit
-    return MappingProxyType(units)
+    return units
 
 
 def _pendulum(source: str, value: object) -> Pendulum:
@@ -154,9 +153,9 @@ def parse_load(source: str, value: object, joints: tuple[str, ...]) -> Mapping[s
     """One load for all joints, or a mapping by joint (joints not named read the torque column)."""
     named = isinstance(value, Mapping) and value and set(map(str, value)) <= set(joints)
     if isinstance(value, Mapping) and named and not _is_pendulum(value):
-        return MappingProxyType({joint: _one_load(source, value.get(joint)) for joint in joints})
+        return {joint: _one_load(source, value.get(joint)) for joint in joints}
     load = _one_load(source, value)
-    return MappingProxyType(dict.fromkeys(joints, load))
+    return dict.fromkeys(joints, load)
 
 
 def _effect(source: str, name: str) -> str:
@@ -202,8 +201,8 @@ def parse_declared(source: str, value: object, joints: tuple[str, ...]) -> Mappi
     result = {}
     for joint in joints:
         own = by_joint.get(joint) if by_joint is not None else value
-        result[joint] = MappingProxyType(always | _declared_values(source, own))
-    return MappingProxyType(result)
+        result[joint] = always | _declared_values(source, own)
+    return result
 
 
 def parse_enabled(source: str, value: object) -> str | None:
@@ -223,4 +222,4 @@ def parse_saturation(source: str, value: object, joints: tuple[str, ...]) -> Map
             raise RigError(f"{source}: saturation: {joint!r} is not a joint of this rig; joints: {list(joints)}")
         if isinstance(limit, bool) or not isinstance(limit, (int, float)) or not 0 < limit < math.inf:
             raise RigError(f"{source}: saturation: wanted a positive number (effort limit), got {limit!r}")
-    return MappingProxyType({joint: float(limit) for joint, limit in by_joint.items()})
+    return {joint: float(limit) for joint, limit in by_joint.items()}

@@ -17,6 +17,7 @@ from drake_tc.logs.rig import Rig
 from drake_tc.types import FloatArray
 
 CLEAR = 0.5
+TELLING = 0.04
 MAX_ROWS = 60_000
 
 
@@ -26,7 +27,7 @@ class SignEvidence:
 
     Attributes:
         load: Partial correlation of the effort with the load torque, in [-1, 1].
-        friction: Power-weighted sign of the friction share of the effort, in [-1, 1].
+        friction: Share of the effort that goes with the velocity as friction does, in [-1, 1]; negative feeds power.
         following: Correlation of command and position (position servo), 0 for other drives.
         weight: Usable samples.
         steady: Whether each third of the run agrees with the sign of `load`.
@@ -74,15 +75,15 @@ def sign_evidence(run: Run, rig: Rig, joint: str) -> SignEvidence | None:
     thirds = [_partial(y[part], tau[part], others[part]) for part in np.array_split(np.arange(pick.size), 3)]
     coefficients = np.linalg.lstsq(np.column_stack([others, tau]), y, rcond=None)[0]
     drag = others[:, 1:3] @ coefficients[1:3]
-    power = np.linalg.norm(drag) * np.linalg.norm(qd)
-    friction = float(drag @ qd / power) if power > 0 else 0.0
+    power = np.linalg.norm(y - y.mean()) * np.linalg.norm(qd)
+    friction = float(np.clip(drag @ qd / power, -1.0, 1.0)) if power > 0 else 0.0
     following = float(np.corrcoef(command[pick], q[pick])[0, 1]) if servo and np.ptp(q[pick]) > 0 else 0.0
     steady = all(np.sign(third) == np.sign(correlation) for third in thirds)
     return SignEvidence(correlation, friction, following, int(pick.size), steady)
 
 
 def _verdict(evidence: SignEvidence, load: object, *, servo: bool) -> str:
-    """Which channel is turned: "command", "torque", "" (none) or "?" (not clear)."""
+    """Which channel is turned: "command", "torque", "either" of them, "" (none) or "?" (not clear)."""
     if servo and evidence.following < -0.9:
         return "command"
     if abs(evidence.load) < CLEAR or not evidence.steady:
@@ -91,21 +92,35 @@ def _verdict(evidence: SignEvidence, load: object, *, servo: bool) -> str:
         return ""
     if isinstance(load, Pendulum):
         return "?" if servo else "command"
-    if servo or evidence.friction > 0:
-        return "torque"
-    return "command"
+    return "torque" if servo else "either"
+
+
+def _torque_or_command(turned: Sequence[SignEvidence]) -> tuple[str, str]:
+    """Which of torque and command is turned, over all turned runs together, and the doubt left, in words.
+
+    Friction must take power; where its share of the effort is too small to tell, the torque is blamed, whose sign is
+    a matter of convention.
+    """
+    weight = sum(e.weight for e in turned)
+    share = sum(e.friction * e.weight for e in turned) / weight if weight else 0.0
+    if abs(share) < TELLING:
+        return "torque", " (friction is too small to tell whether the command is the wrong one instead)"
+    return ("command" if share < 0 else "torque"), ""
 
 
 def wrong_signs(runs: Sequence[Run], rig: Rig) -> Sequence[Mapping[str, str]]:
     """For each run, the channels to be turned: canonical name to the reason, in words.
 
-    A run that is clear decides for itself; one that is not follows the others of the same rig.
+    A run that is clear decides for itself; one that is not follows the others of the same rig. Which of torque and
+    current (or voltage) is turned is asked of all turned runs together: friction must take power.
     """
     flips: list[dict[str, str]] = [{} for _ in runs]
     for joint in rig.joints:
         servo = rig.drive[joint] == "position_servo"
         found = [sign_evidence(run, rig, joint) for run in runs]
         verdicts = ["?" if e is None else _verdict(e, rig.load[joint], servo=servo) for e in found]
+        which, doubt = _torque_or_command([e for e in found if e is not None and e.load < 0])
+        verdicts = [which if verdict == "either" else verdict for verdict in verdicts]
         clear = [verdict for verdict in verdicts if verdict != "?"]
         common = max(set(clear), key=clear.count) if clear else ""
         for flip, evidence, verdict in zip(flips, found, verdicts, strict=True):
@@ -119,5 +134,6 @@ def wrong_signs(runs: Sequence[Run], rig: Rig) -> Sequence[Mapping[str, str]]:
                 reason = f"its correlation with the position is {evidence.following:.2f}"
             else:
                 reason = f"partial correlation of effort and load torque {evidence.load:.2f}, which should be positive"
+                reason += "" if servo or isinstance(rig.load[joint], Pendulum) else doubt
             flip[name] = reason
     return flips

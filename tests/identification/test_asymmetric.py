@@ -93,14 +93,14 @@ def test_intervals_have_the_spread_of_repeated_experiments():
     assert_allclose(stated, spread, rtol=0.25)  # 150 repetitions: 6 % scatter of a deviation, and few lags
 
 
-def test_a_million_samples_in_about_a_second():
+def test_a_million_samples_in_under_a_second():
     columns, target = servo(0, 1_000_000)
     best = np.inf
-    for _ in range(2):
+    for _ in range(3):
         start = time.perf_counter()
         asymmetric_least_squares(columns, target)
         best = min(best, time.perf_counter() - start)
-    assert best < 2.0  # 0.7 s on an idle core; the margin is for a busy one
+    assert best < 1.0  # some 0.4 s on an idle core
 
 
 def test_bad_input_is_refused():

@@ -13,15 +13,12 @@ INERTIA, K_TAU, K_V, K_C = 0.31, 4e-4, 9e-3, 2e-3
 
 
 def bench_run(name, *, noise=0.0, seed=0, load="torque"):
-    """A pendulum moved by a growing sinusoid, then held and pushed by hand; everything in closed form."""
+    """A pendulum in a growing sinusoid, pushed by hand the while; everything in closed form."""
     t = np.arange(12_000) * 1e-3
     w, envelope = 2 * np.pi * 0.7, 0.1 + 0.05 * t
-    moving = t < 9.0
-    angle = np.where(moving, w * t, w * 9.0)
     q = envelope * np.sin(w * t)
     v = 0.05 * np.sin(w * t) + envelope * w * np.cos(w * t)
     a = 0.1 * w * np.cos(w * t) - envelope * w**2 * np.sin(w * t)
-    del angle
     push = 25.0 * np.sin(2 * np.pi * 1.3 * t)
     tau = 0.025 * a + 4.905 * np.sin(q) + (push if load == "torque" else 0.0)
     effort = K_TAU * (tau + INERTIA * a) + K_V * v + K_C * np.sign(v)
@@ -36,8 +33,9 @@ RIG = parse_rig({"joint": "knee", "drive": "position_servo", "declared": {"rotor
 
 def test_least_squares_finds_the_actuator():
     result = identify([bench_run("a")], RIG)
-    assert_allclose([result.parameters[k] for k in ("K_tau", "K_v", "K_c")], [K_TAU, K_V, K_C], rtol=5e-3)
-    assert result.rms < 2e-5
+    # every channel passed the same filter: without noise nothing but rounding is left
+    assert_allclose([result.parameters[k] for k in ("K_tau", "K_v", "K_c")], [K_TAU, K_V, K_C], rtol=1e-9)
+    assert result.rms < 1e-12
     assert result.runs == ("a",)
 
 
@@ -57,7 +55,8 @@ def test_every_linear_method_is_near_and_states_an_interval(method):
     result = identify(runs, RIG, method, joint="knee")
     truth = {"K_tau": K_TAU, "K_v": K_V, "K_c": K_C}
     for name, value in truth.items():
-        assert_allclose(result.parameters[name], value, rtol=0.35)
+        # asymmetric: shrunk by about the noise; two_stage: some friction below the speed taken as rest
+        assert_allclose(result.parameters[name], value, rtol=0.02)
         low, high = result.intervals[name]
         assert low < result.parameters[name] < high
 

@@ -33,7 +33,7 @@ def test_a_known_curve_is_found_again():
 def test_it_is_found_within_noise_from_the_papers_start():
     rng = np.random.default_rng(0)
     tau = rng.uniform(-6, 6, 5000)
-    truth = dict(breaks=(-0.8, 0.9), slopes=(0.05, 1.0, 0.07), offset=0.1)
+    truth = {"breaks": (-0.8, 0.9), "slopes": (0.05, 1.0, 0.07), "offset": 0.1}
     fit = fit_three_pieces(tau, curve(tau, **truth) + 0.01 * rng.normal(size=5000))
     assert_allclose(fit.breaks, truth["breaks"], atol=0.05)
     assert_allclose(fit.slopes, truth["slopes"], atol=0.05)

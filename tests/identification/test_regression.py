@@ -1,6 +1,7 @@
 """Closed forms for the estimate; seeded trials for what an interval promises."""
 
 import time
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -122,7 +123,7 @@ def test_long_run_covariance_is_the_bartlett_sum_and_pairs_stay_in_their_stretch
     scores = np.random.default_rng(2).normal(size=(500, 2))
     total, gamma = np.zeros((2, 2)), np.zeros(40)
     edges = np.cumsum([0, *(lengths or [500])])
-    for first, last in zip(edges[:-1], edges[1:], strict=True):
+    for first, last in pairwise(edges):
         for s in range(first, last):
             for t in range(max(first, s - 39), s + 1):
                 gamma[s - t] += scores[s, 0] * scores[t, 0] / 500

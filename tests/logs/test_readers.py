@@ -83,6 +83,11 @@ def test_empty_files_have_no_rows(tmp_path):
     assert "no rows" in _refusal(tmp_path / "header.csv")
 
 
+def test_a_column_that_stands_twice_is_refused(tmp_path):
+    (tmp_path / "run.csv").write_text("time,q ,q\n" + "1,2,3\n" * 30)
+    assert "column 'q' stands more than once" in _refusal(tmp_path / "run.csv")
+
+
 def test_arrays_of_different_length_are_refused(tmp_path):
     np.savez(tmp_path / "run.npz", time=np.arange(30.0), q=np.arange(29.0))
     assert "'q' has 29 rows" in _refusal(tmp_path / "run.npz")

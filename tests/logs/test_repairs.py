@@ -92,6 +92,21 @@ def test_optional_column_without_numbers_is_left_out(tmp_path, table):
     assert "joint/temperature" not in run.columns and noted(run, "'joint/temperature' holds no number")
 
 
+def test_temperature_once_a_second_costs_no_rows(tmp_path, table):
+    warm = table["joint/temperature"].to_numpy().copy()
+    table.loc[table.index % 1000 != 0, "joint/temperature"] = np.nan
+    run = load(table, tmp_path)
+    assert (run.segment == 0).all() and noted(run, "has a value every 1000 rows")
+    assert_allclose(run.columns["joint/temperature"][:5001], warm[:5001], rtol=1e-9)  # linear in time, as here
+
+
+def test_optional_column_that_is_mostly_missing_costs_no_rows(tmp_path, table):
+    table.loc[1000:, "joint/velocity"] = np.nan
+    run = load(table, tmp_path)
+    assert "joint/velocity" not in run.columns and (run.segment == 0).all()
+    assert noted(run, "Column joint/velocity is missing in 83 % of the rows and was left out")
+
+
 @pytest.mark.parametrize("off", [0, False, "off"])
 def test_drive_switched_off(tmp_path, table, off):
     on = "on" if off == "off" else type(off)(1)
@@ -137,6 +152,12 @@ def test_a_coarse_encoder_is_no_slow_clock(table):
     for bits in (10, 12, 14):
         step = 2 * np.pi / 2**bits
         assert hold_factor(np.round(table["joint/position"].to_numpy() / step) * step) == 1
+
+
+def test_a_coarse_encoder_on_a_ramp_is_no_slow_clock():
+    ramp = np.arange(5000) * 1e-3
+    assert hold_factor(np.round(ramp / 5e-3) * 5e-3) == 1
+    assert hold_factor(np.repeat(np.sin(ramp[::5]), 5)) == 5
 
 
 def test_saturated_voltage_is_noted(tmp_path, table):

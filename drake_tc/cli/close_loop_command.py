@@ -1,0 +1,101 @@
+"""`drake-tc close-loop`: residual, missing effect, better model, error before and after."""
+
+import json
+import sys
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Annotated, Optional
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from drake_tc.cli.progress import progress_bar
+from drake_tc.diagnosis.close_loop import DiagnosisOptions
+from drake_tc.diagnosis.result import CloseLoopResult, JointResult
+from drake_tc.diagnosis.run import close_loop
+from drake_tc.diagnosis.to_json import result_json
+from drake_tc.errors import LogError
+
+VERDICTS = {
+    "effects_found": "the model lacked something, and it was found",
+    "no_missing_effect": "nothing is missing: what is left is noise",
+    "unexplained_structure": "something is left that no effect in the library explains",
+}
+
+
+def close_loop_command(
+    rig: Annotated[Optional[Path], typer.Option(help="Rig file (YAML): joint, drive, what is declared.")] = None,
+    log: Annotated[Optional[list[Path]], typer.Option(help="A run to fit; repeat for more.")] = None,
+    holdout: Annotated[Optional[list[Path]], typer.Option(help="A run that takes no part in fitting; repeat.")] = None,
+    out: Annotated[Path, typer.Option(help="Folder for report.html, report.json and both models.")] = Path("out"),
+    seed: Annotated[int, typer.Option(help="Seed of the resampling (and of the demo's rig).")] = 0,
+    as_json: Annotated[bool, typer.Option("--json", help="Print report.json to stdout instead of the tables.")] = False,
+) -> None:
+    """Find what a joint's model lacks, add it, and report the error before and after.
+
+    Without --rig, a demo: a simulated bench whose model lacks something is recorded first.
+    """
+    with progress_bar("close-loop", quiet=as_json) as progress:
+        if rig is None:
+            if log or holdout:
+                raise LogError("--log and --holdout need --rig RIG.yaml, which says what the logs show")
+            from drake_tc.cli.demo import record_demo
+
+            progress("recording a demo bench", 0.0)
+            rig, log, holdout = record_demo(out / "demo_logs", seed)
+        if not log or not holdout:
+            raise LogError("wanted at least one --log RUN to fit and one --holdout RUN to judge by; got "
+                           f"{len(log or [])} and {len(holdout or [])}")
+        from drake_tc.diagrams.rig_free_run import rig_free_run
+
+        with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
+            result = close_loop(rig, log, holdout, replace(DiagnosisOptions(), seed=seed), rig_free_run, progress, pool)
+        progress("writing the report", 0.95)
+        result = write_results(result, out)
+    if as_json:
+        print(json.dumps(result_json(result), indent=1))
+    else:
+        print_summary(result, out)
+
+
+def write_results(result: CloseLoopResult, out: Path) -> CloseLoopResult:
+    """report.html, report.json, model_before.yaml and model_after.yaml in `out`."""
+    from drake_tc.diagnosis.models import models_of
+    from drake_tc.report.html import write_report
+
+    out.mkdir(parents=True, exist_ok=True)
+    before, after = models_of(result, out)
+    result = replace(result, model_before_yaml=before, model_after_yaml=after)
+    (out / "report.json").write_text(json.dumps(result_json(result), indent=1) + "\n", encoding="utf-8")
+    write_report(result, out / "report.html")
+    return result
+
+
+def print_summary(result: CloseLoopResult, out: Path) -> None:
+    """Verdict and one table a joint on stdout."""
+    console = Console(file=sys.stdout, highlight=False)
+    for joint in result.joints.values():
+        console.print(f"[bold]{joint.joint}[/bold]: {VERDICTS[joint.verdict]}")
+        console.print(_errors_table(joint))
+        for effect in joint.effects:
+            values = ", ".join(f"{n} {p.value:.4g} {p.unit}" for n, p in effect.parameters.items())
+            console.print(f"  + [bold]{effect.id}[/bold]  {values}  (held-out gain {100 * effect.heldout_gain:.0f} %)")
+        for first, second in joint.indistinguishable:
+            console.print(f"  ? {first} and {second} cannot be told apart by these logs")
+        if joint.next_experiment:
+            console.print(f"  next: {joint.next_experiment}")
+    console.print(f"{result.seconds:.1f} s; report: {out / 'report.html'}")
+
+
+def _errors_table(joint: JointResult) -> Table:
+    table = Table(box=None, padding=(0, 2))
+    for header in ("", "train", "held-out", "free run [rad]"):
+        table.add_column(header, justify="left" if not header else "right")
+    for name, errors in (("before", joint.before), ("after", joint.after)):
+        free = "-" if errors.free_run_heldout is None else f"{errors.free_run_heldout:.3g}"
+        table.add_row(name, f"{errors.train:.3g} {joint.unit}", f"{errors.heldout:.3g} {joint.unit}", free)
+    table.add_row("noise floor", "", f"{joint.noise_floor:.3g} {joint.unit}", "")
+    return table

@@ -1,0 +1,100 @@
+"""Auto- and cross-correlation of series with gaps, with 95 % bands."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from drake_tc.diagnosis.samples import Samples
+from drake_tc.types import FloatArray
+
+LEAST_PAIRS = 30
+
+
+@dataclass(frozen=True)
+class Gridded:
+    """A series on a uniform grid, run by run: values (centred, 0 where there is no row) and where there are rows.
+
+    Attributes:
+        values, present: One pair of (G,) arrays a run.
+        step: Grid step [s].
+    """
+
+    values: tuple[FloatArray, ...]
+    present: tuple[FloatArray, ...]
+    step: float
+
+
+def on_grid(samples: Samples, values: FloatArray) -> Gridded:
+    """Rows (N,) on their runs' uniform grids; rows that fall on one slot are averaged."""
+    time = samples.signals.time[samples.rows]
+    centred = values - np.mean(values)
+    parts, masks = [], []
+    for k in np.unique(samples.run):
+        mine = samples.run == k
+        slot = np.round((time[mine] - time[mine][0]) / samples.row_period).astype(int)
+        count = np.bincount(slot)
+        parts.append(np.asarray(np.bincount(slot, centred[mine]) / np.maximum(count, 1)))
+        masks.append(np.asarray(count > 0, dtype=float))
+    return Gridded(tuple(parts), tuple(masks), samples.row_period)
+
+
+@dataclass(frozen=True)
+class Correlation:
+    """Correlation (L,) over lags (L,) [s] with half the width of its 95 % band (L,); NaN where pairs are too few."""
+
+    lag: FloatArray
+    value: FloatArray
+    band: FloatArray
+
+
+def _lagged(a: Sequence[FloatArray], b: Sequence[FloatArray], most: int) -> FloatArray:
+    """sum_i a_i b_{i+k} over all runs, k = -most ... most: (2 most + 1,)."""
+    total = np.zeros(2 * most + 1)
+    for x, y in zip(a, b, strict=True):
+        size = int(2 ** np.ceil(np.log2(x.size + most + 1)))
+        full = np.fft.irfft(np.conj(np.fft.rfft(x, size)) * np.fft.rfft(y, size), size)
+        total += np.concatenate([full[size - most :], full[: most + 1]])
+    return total
+
+
+def _normalised(a: Gridded, b: Gridded, most: int) -> tuple[FloatArray, FloatArray]:
+    """Correlation and number of pairs at lags -most ... most, each (2 most + 1,)."""
+    pairs = np.round(_lagged(a.present, b.present, most))
+    covariance = _lagged(a.values, b.values, most) / np.maximum(pairs, 1.0)
+    scale = np.sqrt(_power(a) * _power(b))
+    value = covariance / scale if scale > 0.0 else np.zeros_like(covariance)
+    return np.where(pairs >= LEAST_PAIRS, value, np.nan), pairs
+
+
+def _power(series: Gridded) -> float:
+    rows = sum(float(m.sum()) for m in series.present)
+    return sum(float(np.sum(v**2)) for v in series.values) / max(rows, 1.0)
+
+
+def autocorrelation(series: Gridded, longest: float) -> Correlation:
+    """rho(k) = sum_i r_i r_{i+k} / (pairs var r), k from 0 to `longest` [s], over the pairs that exist.
+
+    The band is that of white noise, 1.96 / sqrt(pairs): what leaves it is not white.
+    """
+    most = max(1, round(longest / series.step))
+    value, pairs = _normalised(series, series, most)
+    lag = series.step * np.arange(most + 1)
+    return Correlation(lag, value[most:], 1.96 / np.sqrt(np.maximum(pairs[most:], 1.0)))
+
+
+def cross_correlation(residual: Gridded, signal: Gridded, longest: float) -> Correlation:
+    """Corr(signal(t), residual(t + lag)), lag from -longest to longest [s]; a positive lag: the residual follows.
+
+    The band is Bartlett's for two independent series that are each autocorrelated,
+    1.96 sqrt(sum_h rho_r(h) rho_x(h) / pairs), the sum at least 1, which is the white-noise band.
+    Source: Bartlett (1946); Box, Jenkins and Reinsel (2008), eq. 12.1.9.
+    """
+    most = max(1, round(longest / residual.step))
+    value, pairs = _normalised(signal, residual, most)
+    memory = 2 * most
+    own, _ = _normalised(residual, residual, memory)
+    other, _ = _normalised(signal, signal, memory)
+    widening = max(1.0, float(np.nansum(own * other)))
+    lag = residual.step * np.arange(-most, most + 1)
+    return Correlation(lag, value, 1.96 * np.sqrt(widening / np.maximum(pairs, 1.0)))

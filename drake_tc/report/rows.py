@@ -1,0 +1,115 @@
+"""The rows of one side (training or held-out runs) as a plot wants them: signals, direction of motion, reversals."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from drake_tc.diagnosis.result import Side, TimeStretch
+from drake_tc.diagnosis.samples import Samples
+from drake_tc.types import BoolArray, FloatArray
+
+REVERSAL_SECONDS = 0.1
+LABELS: dict[str, tuple[str, str]] = {
+    "velocity": ("velocity", "rad/s"),
+    "acceleration": ("acceleration", "rad/s²"),
+    "position": ("position", "rad"),
+    "load_torque": ("load torque", "N·m"),
+    "effort": ("effort", ""),
+    "temperature": ("temperature", "°C"),
+    "travel": ("travel since the last reversal", "rad"),
+    "direction": ("direction of motion", ""),
+    "time": ("time, runs end to end", "s"),
+}
+"""Name of each signal on an axis, and its unit."""
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """What a residual is drawn against.
+
+    Attributes:
+        key: A field of `Signals`, or "modulo-<cycles>".
+        label: With unit, for the axis. title: for the heading.
+        values: (N,) on the rows.
+        marks: Where runs begin on the axis, for time. shaded: stretches that stand out, for time.
+    """
+
+    key: str
+    title: str
+    label: str
+    values: FloatArray
+    marks: tuple[float, ...] = ()
+    shaded: tuple[tuple[float, float], ...] = ()
+
+
+@dataclass(frozen=True)
+class Rows:
+    """One side's rows: direction (N,) in {-1, 0, 1}, and whether a reversal is within 0.1 s (N,)."""
+
+    side: Side
+    direction: FloatArray
+    reversal: BoolArray
+
+
+def rows_of(side: Side) -> Rows:
+    """Direction of motion and nearness to a reversal on the rows of `side`."""
+    samples = side.samples
+    direction = np.sign(samples.signals.direction[samples.rows])
+    return Rows(side, np.asarray(direction), near_reversal(samples, REVERSAL_SECONDS))
+
+
+def near_reversal(samples: Samples, seconds: float) -> BoolArray:
+    """Whether the direction of motion turns within `seconds` of each row (N,), inside the row's own stretch."""
+    sign = samples.signals.direction
+    reach = max(1, round(seconds / samples.signals.period)) if samples.signals.period > 0.0 else 1
+    near = np.zeros(len(samples.signals), dtype=bool)
+    for stretch in samples.segments:
+        turned = np.flatnonzero(np.diff(np.sign(sign[stretch]))) + 1
+        edges = np.zeros(stretch.stop - stretch.start + 1)
+        np.add.at(edges, np.maximum(turned - reach, 0), 1.0)
+        np.add.at(edges, np.minimum(turned + reach, edges.size - 1), -1.0)
+        near[stretch] = np.cumsum(edges)[:-1] > 0.0
+    return np.asarray(near[samples.rows])
+
+
+def quantity(side: Side, key: str, effort_unit: str, stretches: Sequence[TimeStretch] = ()) -> Quantity | None:
+    """The signal `key` on the side's rows, or None if it was not recorded."""
+    if key == "time":
+        return _time(side.samples, stretches)
+    values = np.asarray(getattr(side.samples.signals, key)[side.samples.rows], dtype=float)
+    if not np.isfinite(values).any():
+        return None
+    title, unit = LABELS[key]
+    unit = effort_unit if key == "effort" else unit
+    return Quantity(key, title, f"{title} [{unit}]" if unit else title, values)
+
+
+def modulo(side: Side, cycles: float) -> Quantity:
+    """Position within one period of `cycles` periods a turn, in degrees."""
+    period = 360.0 / cycles
+    position = np.degrees(side.samples.signals.position[side.samples.rows])
+    title = f"position modulo {period:.3g}° ({cycles:.4g} a turn)"
+    return Quantity(f"modulo-{cycles:.6g}", title, f"position modulo {period:.3g}° [°]", np.mod(position, period))
+
+
+def run_offsets(samples: Samples) -> FloatArray:
+    """Where each run begins (R,) [s] when the runs are drawn one after the other."""
+    time = samples.signals.time
+    lengths = [
+        float(time[samples.run_of_sample == k].max(initial=0.0)) for k in range(len(samples.runs))
+    ]
+    return np.asarray(np.concatenate([[0.0], np.cumsum(lengths)[:-1]]))
+
+
+def _time(samples: Samples, stretches: Sequence[TimeStretch]) -> Quantity:
+    offsets = run_offsets(samples)
+    values = samples.signals.time[samples.rows] + offsets[samples.run]
+    shaded = tuple(
+        (offsets[samples.runs.index(s.run)] + s.start, offsets[samples.runs.index(s.run)] + s.end)
+        for s in stretches
+        if s.run in samples.runs
+    )
+    several = len(samples.runs) > 1
+    label = "time, runs end to end [s]" if several else "time [s]"
+    return Quantity("time", "time", label, np.asarray(values), tuple(float(o) for o in offsets[1:]), shaded)

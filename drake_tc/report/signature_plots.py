@@ -1,0 +1,98 @@
+"""The plot in which an engineer sees an effect: the residual without it, what it adds, and the residual with it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from drake_tc.diagnosis.design import Columns, Fit
+from drake_tc.diagnosis.result import FoundEffect, JointResult, Side
+from drake_tc.effects.base import DriveEffect
+from drake_tc.report.numbers import percent, scale_for
+from drake_tc.report.residual_plots import Cloud, cloud_svg
+from drake_tc.report.rows import Quantity, modulo, quantity, rows_of
+from drake_tc.types import FloatArray
+
+SIZE = (4.6, 2.9)
+
+
+@dataclass(frozen=True)
+class SignaturePlot:
+    """An effect's own plot: title, what to look for, the share it removes, and two panels of SVG."""
+
+    title: str
+    id: str
+    look_for: str
+    gain: str
+    without: str
+    with_it: str
+
+
+def contribution(side: Side, fitted: Fit, key: str) -> FloatArray:
+    """What the effect `key` of the final model takes off the residual (N,) [effort]: residual without minus with it.
+
+    The other effects keep their final parameters. A torque effect's share is -K phi theta, from
+
+        r = K (z - z_hat) = K z - y* + K sum_k theta_k phi_k                      (diagnosis.design)
+
+    and that of an effect on the drive is the difference between the efforts y* with and without it.
+    """
+    columns = Columns(side.samples)
+    share = np.zeros(side.after.shape)
+    at = 1
+    for term in fitted.terms:
+        count = len(term.effect.coefficients)
+        if term.effect.key == key:
+            if count:
+                share = share - fitted.gain * (columns.of(term) @ fitted.beta[at : at + count])
+            if isinstance(term.effect, DriveEffect) and term.effect.shapes:
+                rest = [t for t in fitted.terms if t is not term]
+                share = share + columns.effort(fitted.terms) - columns.effort(rest)
+        at += count
+    return np.asarray(share)
+
+
+def cycles_of(fitted: Fit, key: str) -> float | None:
+    """Cycles a turn of the effect `key` in the fit, or None if it has none."""
+    for term in fitted.terms:
+        if term.effect.key == key and term.shape.get("cycles_per_turn", 0.0) > 0.0:
+            return float(term.shape["cycles_per_turn"])
+    return None
+
+
+def signature_quantity(side: Side, joint: JointResult, found: FoundEffect) -> Quantity | None:
+    """What the effect's signature is drawn against; None if that was not recorded."""
+    x = next(t.effect.signature.x for t in joint.final.terms if t.effect.key == found.key)
+    if x.startswith("position modulo"):
+        cycles = cycles_of(joint.final, found.key)
+        return modulo(side, cycles) if cycles else quantity(side, "position", joint.unit)
+    return quantity(side, x, joint.unit)
+
+
+def signature_plots(joint: JointResult, prefix: str) -> Sequence[SignaturePlot]:
+    """One pair of panels for each effect that was found, on the held-out runs."""
+    side = joint.heldout
+    rows = rows_of(side)
+    plots = []
+    for number, found in enumerate(joint.effects):
+        against = signature_quantity(side, joint, found)
+        if against is None:
+            continue
+        share = contribution(side, joint.final, found.key)
+        without = side.after + share
+        scale = scale_for(float(np.max(np.abs(without))), joint.unit)
+        fine = scale_for(float(np.max(np.abs(side.after))), joint.unit)
+        name = f"{prefix}-signature-{number}"
+        pictures = [
+            cloud_svg(
+                Cloud(f"{name}-without", f"without {found.title}", without, scale, joint.noise_floor, line=share, size=SIZE),
+                against,
+                rows,
+            ),
+            cloud_svg(
+                Cloud(f"{name}-with", f"with {found.title}", side.after, fine, joint.noise_floor, size=SIZE), against, rows
+            ),
+        ]
+        look_for = next(t.effect.signature.look_for for t in joint.final.terms if t.effect.key == found.key)
+        plots.append(SignaturePlot(found.title, found.id, look_for, percent(found.heldout_gain), pictures[0], pictures[1]))
+    return plots

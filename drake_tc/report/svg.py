@@ -1,0 +1,114 @@
+"""Matplotlib figures as inline SVG that follows the page's colours: lines and text are vectors, point clouds are bitmaps."""
+
+import base64
+import io
+import re
+from contextlib import AbstractContextManager
+from collections.abc import Mapping
+
+import matplotlib as mpl
+from matplotlib.backends.backend_svg import FigureCanvasSVG
+from matplotlib.figure import Figure
+from PIL import Image
+
+INK, MUTED, GRID, SHADE = "#101112", "#515253", "#d1d2d3", "#e4e5e6"
+FORWARD, BACKWARD = "#0170b1", "#c15201"
+BEFORE, AFTER = "#8a7d6c", "#0171b2"
+_VARIABLES: Mapping[str, str] = {
+    INK: "ink",
+    MUTED: "muted",
+    GRID: "grid",
+    SHADE: "shade",
+    FORWARD: "forward",
+    BACKWARD: "backward",
+    BEFORE: "before",
+    AFTER: "after",
+}
+"""Vector colours are CSS variables of the page, so that a plot follows the light or dark scheme."""
+
+FORWARD_DOT, BACKWARD_DOT, REVERSAL_DOT = "#3d8fc7", "#d9803f", "#b0699b"
+"""Bitmap colours read on light and dark paper; Okabe and Ito's blue, vermilion and purple, evened out."""
+
+PIXELS_PER_INCH = 180
+BITMAP_COLOURS = 48
+_STYLE = {
+    "svg.fonttype": "none",
+    "font.size": 8.0,
+    "axes.titlesize": 8.5,
+    "axes.labelsize": 8.0,
+    "xtick.labelsize": 7.0,
+    "ytick.labelsize": 7.0,
+    "legend.fontsize": 7.0,
+    "axes.edgecolor": GRID,
+    "axes.labelcolor": INK,
+    "axes.titlecolor": INK,
+    "text.color": INK,
+    "xtick.color": MUTED,
+    "ytick.color": MUTED,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.linewidth": 0.8,
+    "axes.grid": True,
+    "grid.color": GRID,
+    "grid.linewidth": 0.5,
+    "axes.axisbelow": True,
+    "axes.titlelocation": "left",
+    "axes.formatter.useoffset": False,
+    "legend.frameon": False,
+    "lines.linewidth": 1.3,
+    "path.simplify": True,
+}
+
+
+def new_figure(width: float, height: float) -> Figure:
+    """An empty figure of width by height [inch] that draws in the page's style; use it inside `page_style`."""
+    figure = Figure(figsize=(width, height))
+    figure.subplots_adjust(
+        left=0.5 / width, right=1.0 - 0.08 / width, bottom=0.42 / height, top=1.0 - 0.24 / height, hspace=0.12
+    )
+    figure.patch.set_alpha(0.0)
+    FigureCanvasSVG(figure)
+    return figure
+
+
+def page_style(name: str) -> AbstractContextManager[None]:
+    """Context in which figures are made and written; `name` keeps the ids of one plot apart from another's."""
+    return mpl.rc_context({**_STYLE, "svg.hashsalt": name})
+
+
+def to_svg(figure: Figure, label: str) -> str:
+    """The figure as one `<svg>` element without ids that nothing uses, metadata, fixed size or outside references.
+
+    Args:
+        figure: Made by `new_figure`. label: what it shows, for readers who do not see it.
+    """
+    stream = io.StringIO()
+    figure.savefig(stream, format="svg", dpi=PIXELS_PER_INCH, transparent=True)
+    text = stream.getvalue()
+    text = text[text.index("<svg") :]
+    text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
+    text = re.sub(r"<!--.*?-->", "", text, flags=re.DOTALL)
+    used = set(re.findall(r"[(\"]#([\w-]+)", text))
+    text = re.sub(r' id="([\w.-]+)"', lambda m: m.group(0) if m.group(1) in used else "", text)
+    text = re.sub(r"font-family:[^;\"]*;?", "", text)
+    text = re.sub(r"font: ([\d.]+)px [^;\"]*", r"font-size: \1px", text)
+    text = re.sub(r"data:image/png;base64,([^\"]+)", lambda m: f"data:image/png;base64,{_fewer_colours(m.group(1))}", text)
+    for colour, variable in _VARIABLES.items():
+        text = text.replace(colour, f"var(--{variable})")
+    box = re.search(r'viewBox="[^"]*"', text)
+    opening = f'<svg {box.group(0) if box else ""} role="img" aria-label="{_attribute(label)}">'
+    text = re.sub(r"<svg[^>]*>", lambda _: opening, text, count=1)
+    return re.sub(r"\s*\n\s*", "\n", text).strip()
+
+
+def _fewer_colours(encoded: str) -> str:
+    """The same bitmap (base64 of a PNG) with a palette: a third of the size, no visible change."""
+    with Image.open(io.BytesIO(base64.b64decode(encoded))) as image:
+        stream = io.BytesIO()
+        small = image.convert("RGBA").quantize(BITMAP_COLOURS, method=Image.Quantize.FASTOCTREE)
+        small.save(stream, format="png", optimize=True)
+    return base64.b64encode(stream.getvalue()).decode("ascii")
+
+
+def _attribute(text: str) -> str:
+    return text.replace("&", "&amp;").replace('"', "&quot;").replace("<", "&lt;")

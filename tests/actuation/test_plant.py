@@ -1,0 +1,198 @@
+"""ActuatorPlant: declared dependence, contexts, and physics in front of a MultibodyPlant."""
+
+import numpy as np
+import pytest
+from drake_tc.diagrams.bench_diagram import Link, make_plant
+from numpy.testing import assert_allclose
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.primitives import ConstantVectorSource
+
+from drake_tc.actuation.friction import PRESLIDING_DISPLACEMENT
+from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
+from drake_tc.actuation.plant import ActuatorPlant
+from drake_tc.actuation.wiring import add_actuators, joint_inertias
+from drake_tc.errors import ParamsError
+
+RICH = (
+    EffectValue("rotor_inertia", {"rotor_inertia": 0.2}),
+    EffectValue("coulomb", {"coulomb": 2.0}),
+    EffectValue("viscous", {"viscous": 1.0}),
+    EffectValue("load_dependent_friction", {"load_friction": 0.1}),
+    EffectValue("thermal_friction", {"coulomb_per_kelvin": 0.02, "viscous_per_kelvin": 0.01, "thermal_rate": 0.01}),
+    EffectValue("delay.command", {"delay": 0.002}),
+)
+INPUTS = ("command", "state", "temperature", "load_torque")
+
+
+def rich(kind="position_servo"):
+    return ActuatorPlant([ActuatorModel(n, Drive(kind, 0.01), RICH) for n in "ab"], 1e-3, np.array([0.3, 0.3]))
+
+
+def fixed(system, **values):
+    context = system.CreateDefaultContext()
+    start = {
+        "command": [0.1, 0.2],
+        "state": [0.0, 0.0, 1.0, -1.0],
+        "temperature": [30.0, 30.0],
+        "load_torque": [5.0, 5.0],
+    }
+    for name in INPUTS:
+        system.GetInputPort(name).FixValue(context, np.array(values.get(name, start[name])))
+    system.set_initial_velocity(context, np.array([1.0, -1.0]))
+    return context
+
+
+@pytest.mark.parametrize("poked", INPUTS)
+def test_poking_an_input_moves_the_torque_and_only_what_depends_on_it(poked):
+    system = rich("current")
+    context = fixed(system)
+    before = {n: system.GetOutputPort(n).Eval(context).copy() for n in ("actuation", "effort", "fault")}
+    port = system.GetInputPort(poked)
+    port.FixValue(context, port.Eval(context) + 0.7)
+    after = {n: system.GetOutputPort(n).Eval(context) for n in before}
+    if poked == "command":
+        assert np.all(after["effort"] != before["effort"])
+    else:
+        assert np.all(after["actuation"] != before["actuation"])
+        assert_allclose(after["effort"], before["effort"], atol=0)
+    assert_allclose(after["fault"], 0.0, atol=0)
+
+
+def test_poking_the_state_moves_the_torque():
+    system = rich()
+    context = fixed(system, state=[0.0, 0.0, 0.01, -0.01])  # slow: the bristle does not turn over in one step
+    before = system.GetOutputPort("friction_torque").Eval(context).copy()
+    system.set_initial_velocity(context, np.array([-1.0, 1.0]))
+    assert np.all(system.GetOutputPort("friction_torque").Eval(context) != before)
+
+
+def test_every_output_depends_on_every_input():
+    system = rich()
+    for port in range(system.num_output_ports()):
+        for source in range(system.num_input_ports()):
+            assert system.HasDirectFeedthrough(source, port)
+
+
+def test_two_contexts_do_not_share_anything():
+    system = rich()
+    alone = fixed(system)
+    simulator = Simulator(system, alone)
+    simulator.AdvanceTo(0.02)
+    reference = system.GetOutputPort("actuation").Eval(alone).copy()
+    one = fixed(system)
+    two = fixed(system, command=[-4.0, 3.0])
+    pair = Simulator(system, one), Simulator(system, two)
+    for end in np.arange(1, 21) * 1e-3:
+        for each in pair:
+            each.AdvanceTo(end)
+    assert_allclose(system.GetOutputPort("actuation").Eval(one), reference, atol=0)
+    assert np.any(system.GetOutputPort("actuation").Eval(two) != reference)
+
+
+def test_a_command_that_is_not_finite_is_held_and_flagged():
+    system = ActuatorPlant([ActuatorModel("a", Drive("current", 0.5))], 1e-3)
+    context = system.CreateDefaultContext()
+    system.GetInputPort("command").FixValue(context, np.array([3.0]))
+    system.GetInputPort("state").FixValue(context, np.zeros(2))
+    Simulator(system, context).AdvanceTo(0.005)
+    system.GetInputPort("command").FixValue(context, np.array([np.nan]))
+    assert_allclose(system.GetOutputPort("actuation").Eval(context), [6.0], atol=0)
+    assert_allclose(system.GetOutputPort("fault").Eval(context), [1.0], atol=0)
+
+
+def run(model, link, command, *, until, step=1e-3, start=(0.0, 0.0)):
+    """(q, v, actuators' z) at the end of a run under a constant command."""
+    builder = DiagramBuilder()
+    plant = make_plant(link, step)
+    builder.AddNamedSystem("plant", plant)
+    actuators = add_actuators(builder, plant, {"joint": model}, step)
+    source = builder.AddSystem(ConstantVectorSource([command]))
+    builder.Connect(source.get_output_port(), actuators.GetInputPort("command"))
+    diagram = builder.Build()
+    simulator = Simulator(diagram)
+    context = plant.GetMyMutableContextFromRoot(simulator.get_mutable_context())
+    plant.SetPositionsAndVelocities(context, np.array(start))
+    actuators.set_initial_velocity(actuators.GetMyMutableContextFromRoot(simulator.get_mutable_context()), start[1:])
+    out = []
+    for end in np.linspace(0, until, 9)[1:]:
+        simulator.AdvanceTo(end)
+        out.append(plant.GetPositionsAndVelocities(context).copy())
+    return np.array(out)
+
+
+def test_drakes_rotor_inertia_gives_the_expected_acceleration():
+    model = ActuatorModel("joint", Drive("current", 0.5), (EffectValue("rotor_inertia", {"rotor_inertia": 0.35}),))
+    end = run(model, Link(0.05), 1.2, until=0.5)[-1]
+    assert_allclose(end[1], 2.4 / 0.4 * 0.5, rtol=1e-9)  # constant torque: v = tau t / (J + M)
+
+
+@pytest.mark.parametrize(("inertia", "level"), [(0.35, 30.0), (0.005, 0.03)])
+def test_stiction_holds_a_load_below_its_level(inertia, level):
+    effects = (EffectValue("rotor_inertia", {"rotor_inertia": inertia}), EffectValue("coulomb", {"coulomb": level}))
+    model = ActuatorModel("joint", Drive("current", 1.0), effects)
+    states = run(model, Link(0.2 * inertia), 0.9 * level, until=4.0)
+    assert np.max(np.abs(states[:, 0])) < 1.01 * PRESLIDING_DISPLACEMENT
+    assert np.ptp(states[4:, 0]) < 1e-3 * PRESLIDING_DISPLACEMENT  # no drift in the second half
+    slipping = run(model, Link(0.2 * inertia), 1.1 * level, until=1.0)[-1]
+    assert_allclose(slipping[1], 0.1 * level / (1.2 * inertia), rtol=0.02)  # slides as rigid friction would
+
+
+def test_stiction_holds_a_pendulum_against_gravity():
+    effects = (EffectValue("rotor_inertia", {"rotor_inertia": 0.01}), EffectValue("coulomb", {"coulomb": 1.0}))
+    model = ActuatorModel("joint", Drive("current", 1.0), effects)
+    states = run(model, Link(0.08, 9.0), 0.0, until=4.0, start=(0.1, 0.0))  # gravity 0.9 N m of 1.0
+    assert np.max(np.abs(states[:, 0] - 0.1)) < 3 * PRESLIDING_DISPLACEMENT
+    assert np.ptp(states[4:, 0]) < 1e-2 * PRESLIDING_DISPLACEMENT
+
+
+def test_a_stiff_servo_is_stable_at_one_millisecond():
+    effects = (EffectValue("rotor_inertia", {"rotor_inertia": 0.35}), EffectValue("viscous", {"viscous": 31.0}),
+               EffectValue("coulomb", {"coulomb": 9.0}))  # fmt: skip
+    model = ActuatorModel("joint", Drive("position_servo", 1 / 6500), effects)
+    states = run(model, Link(0.01), 0.3, until=2.0)
+    assert_allclose(states[-1], [0.3, 0.0], atol=9.0 / 6500 + 1e-9)  # within the friction band, and at rest
+    assert abs(states[-1, 1]) < 1e-9
+
+
+@pytest.mark.parametrize("extra", ["backlash", "elasticity"])
+@pytest.mark.parametrize("scale", [0.005, 0.3])
+def test_a_gear_with_two_inertias_rests_where_statics_says(extra, scale):
+    value = {"backlash": EffectValue("backlash", {"backlash": 0.05}),
+             "elasticity": EffectValue("elasticity", {"compliance": 0.02})}[extra]  # fmt: skip
+    effects = (EffectValue("rotor_inertia", {"rotor_inertia": scale}), EffectValue("viscous", {"viscous": 30 * scale}))
+    model = ActuatorModel("joint", Drive("position_servo", 1 / (2000 * scale)), (*effects, value))
+    link = Link(scale, 20 * scale)
+    q = run(model, link, 0.8, until=15.0)[-1, 0]
+    load = 20 * scale * np.sin(q)  # the gear passes what gravity asks
+    motor = 0.8 - load / (2000 * scale)  # servo holds the motor
+    twist = motor - q
+    expected = 0.02 * load if extra == "elasticity" else 0.025
+    assert_allclose(twist, expected, atol=2e-3)  # contact compliance and residual swing of the undamped link
+
+
+def test_halving_the_step_halves_the_error():
+    effects = (EffectValue("rotor_inertia", {"rotor_inertia": 0.1}), EffectValue("viscous", {"viscous": 0.6}),
+               EffectValue("coulomb", {"coulomb": 0.8}),
+               EffectValue("presliding_hysteresis", {"presliding": 0.5, "presliding_travel": 0.02}))  # fmt: skip
+    model = ActuatorModel("joint", Drive("position_servo", 0.05), effects)
+    steps = (2e-3, 1e-3, 5e-4)
+    ends = [run(model, Link(0.05), 0.5, until=0.16, step=step)[:, 0] for step in (*steps, 2e-5)]
+    errors = [np.max(np.abs(end - ends[-1])) for end in ends[:-1]]
+    assert errors[1] < 0.65 * errors[0]  # first order
+    assert errors[2] < 0.65 * errors[1]
+
+
+def test_inertias_are_those_of_the_plant():
+    assert_allclose(joint_inertias(make_plant(Link(0.07, 3.0), 1e-3)), [0.07], rtol=1e-12)
+
+
+def test_refusals():
+    with pytest.raises(ParamsError, match="rotor_inertia > 0"):
+        ActuatorPlant([ActuatorModel("j", Drive("current", 1.0), (EffectValue("backlash", {"backlash": 0.1}),))], 1e-3)
+    with pytest.raises(ParamsError, match="positive period"):
+        ActuatorPlant([ActuatorModel("j", Drive("current", 1.0))], 0.0)
+    with pytest.raises(ParamsError, match="no actuator model for joint 'joint'"):
+        add_actuators(
+            DiagramBuilder(), make_plant(Link(0.1), 1e-3), {"knee": ActuatorModel("k", Drive("current", 1.0))}
+        )

@@ -1,0 +1,58 @@
+"""Step responses of drive effects and gears against closed forms."""
+
+import numpy as np
+from numpy.testing import assert_allclose
+
+from drake_tc.effects.library import effect
+
+PERIOD = 1e-3
+
+
+def respond(key: str, parameters: dict[str, float], values: np.ndarray, start: float = 0.0) -> np.ndarray:
+    kernel = effect(key).kernel(parameters, PERIOD)
+    memory = kernel.start(start, start)
+    return np.array([kernel.step(float(x), float(x), 1.0, memory, 0) for x in values])
+
+
+def test_deadzone_swallows_its_half_width_and_shifts_the_rest():
+    values = np.array([-3.0, -0.5, -0.2, 0.0, 0.2, 0.5, 3.0])
+    assert_allclose(respond("deadzone", {"deadzone": 0.5}, values), [-2.5, 0, 0, 0, 0, 0, 2.5], atol=1e-15)
+
+
+def test_saturation_clips():
+    assert_allclose(respond("saturation", {"limit": 2.0}, np.array([-5.0, -1.0, 1.0, 5.0])), [-2, -1, 1, 2], atol=0)
+
+
+def test_delay_of_whole_and_broken_samples_on_a_ramp():
+    ramp = np.arange(1, 41) * 0.1
+    for delay in (0.0, 1e-3, 3e-3, 4.4e-3, 7.25e-3):
+        late = respond("delay.loop", {"delay": delay}, ramp)
+        time = np.arange(1, 41) - delay / PERIOD
+        assert_allclose(late, 0.1 * np.maximum(time, 0.0), atol=1e-12)  # linear interpolation is exact on a ramp
+
+
+def test_lag_follows_a_ramp_as_the_first_order_system_does():
+    lag = 7e-3
+    time = np.arange(1, 60) * PERIOD
+    lagged = respond("current_lag", {"lag": lag}, 5.0 * time)
+    exact = 5.0 * (time - lag * (1.0 - np.exp(-time / lag)))  # T y' + y = 5 t, y(0) = 0
+    assert_allclose(lagged, exact, rtol=1e-9)  # a ramp is linear between samples: exact
+
+
+def test_integrator_of_a_constant_is_a_ramp():
+    steps = respond("servo_integrator", {"integral_rate": 4.0}, np.full(50, 2.0), start=2.0)
+    assert_allclose(steps, 2.0 + 4.0 * 2.0 * np.arange(50) * PERIOD, rtol=1e-12)
+
+
+def test_backlash_passes_nothing_in_its_gap_and_twist_inverts_it():
+    gear = effect("backlash")
+    parameters = {"backlash": 0.02}
+    assert_allclose(gear.transmitted(np.array([-0.0099, 0.0, 0.0099]), parameters), 0.0, atol=0)
+    torque = np.array([-3.0, 5.0])
+    assert_allclose(gear.transmitted(gear.twist(torque, parameters), parameters), torque, rtol=1e-9)
+
+
+def test_elasticity_is_a_spring():
+    spring = effect("elasticity")
+    assert_allclose(spring.transmitted(np.array([-0.1, 0.2]), {"compliance": 1e-3}), [-100.0, 200.0], rtol=1e-12)
+    assert_allclose(spring.twist(np.array([50.0]), {"compliance": 1e-3}), [0.05], rtol=1e-12)
