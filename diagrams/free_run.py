@@ -5,6 +5,7 @@ inertia (the plant carries them). No recorded motion enters after the first samp
 """
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from drake_tc.diagrams.bench_diagram import Bench, Link, Rates, Table, build_bench, start_bench
@@ -16,6 +17,10 @@ from drake_tc.types import FloatArray
 
 CHUNK = 0.25
 """A run is checked for divergence this often [s]."""
+FINEST, COARSEST = 4e-4, 1e-3
+"""The steps that are worth their time [s]: a faster log is thinned, a slower one gets substeps."""
+RESOLUTION = 0.3
+"""Largest product of the step and a servo's angular frequency."""
 RUNAWAY = 10.0
 """A run that leaves the recorded span by this factor has diverged."""
 
@@ -53,7 +58,7 @@ def _with_inertia(model: ActuatorModel, rotor_inertia: float | None) -> Actuator
 
 
 def free_run(
-    model: ActuatorModel, recording: Recording, *, rotor_inertia: float | None = None, substeps: int = 1
+    model: ActuatorModel, recording: Recording, *, rotor_inertia: float | None = None, substeps: int | None = None
 ) -> FloatArray:
     """Position (T,) [rad], as the rig's encoder would have shown it; NaN from where the run has diverged.
 
@@ -61,7 +66,8 @@ def free_run(
         model: The actuator; its sensor effects are taken off the recorded load and put on the simulated position.
         recording: The run.
         rotor_inertia: Declared J [kg m^2], for a model that does not list it.
-        substeps: Steps of plant and actuator in one sample.
+        substeps: Steps of plant and actuator in one sample; None chooses them by the rate of the log and the stiffness
+            of the servo, and simulates only every k-th sample of a log faster than `FINEST` (linear between them).
 
     Raises:
         ParamsError: nothing that has inertia, neither or both loads, or arrays that do not fit.
@@ -70,6 +76,13 @@ def free_run(
     size = recording.time.size
     _check(model, recording, substeps)
     period = float(recording.time[-1] - recording.time[0]) / (size - 1)
+    if substeps is None:
+        stride = max(1, int(FINEST / period + 1e-9))
+        if stride > 1 and size > stride:
+            thin = _thinned(recording, stride)
+            rough = free_run(model, thin)
+            return np.asarray(np.interp(recording.time, thin.time, rough))
+        substeps = _substeps(model, recording, period)
     time = np.asarray(np.arange(size) * period, dtype=np.float64)
     load = np.zeros(size) if recording.load_torque is None else recording.load_torque
     known = {"time": time, "position": np.full(size, recording.initial_position), "load_torque": load}
@@ -87,9 +100,27 @@ def free_run(
     return np.asarray(shown.position)
 
 
-def _check(model: ActuatorModel, recording: Recording, substeps: int) -> None:
+def _thinned(recording: Recording, stride: int) -> Recording:
+    """Every `stride`-th sample."""
+    arrays: dict[str, Any] = {
+        name: None if (values := getattr(recording, name)) is None else values[::stride]
+        for name in ("time", "command", "load_torque", "temperature")
+    }
+    return replace(recording, **arrays)
+
+
+def _substeps(model: ActuatorModel, recording: Recording, period: float) -> int:
+    """Enough for `COARSEST`, and for a position servo's own oscillation."""
+    wanted = period / COARSEST
+    if model.drive.kind == "position_servo":
+        inertia = model.inertia + (recording.pendulum.inertia if recording.pendulum else 0.0)
+        wanted = max(wanted, period / np.sqrt(model.drive.gain * inertia) / RESOLUTION)
+    return int(np.clip(np.ceil(wanted - 1e-6), 1, 60))
+
+
+def _check(model: ActuatorModel, recording: Recording, substeps: int | None) -> None:
     size = recording.time.size
-    if size < 2 or substeps < 1:
+    if size < 2 or (substeps is not None and substeps < 1):
         raise ParamsError(f"free run: wanted at least 2 samples and 1 substep; got {size} and {substeps}")
     for name in ("command", "load_torque", "temperature"):
         values = getattr(recording, name)

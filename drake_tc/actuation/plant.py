@@ -54,7 +54,8 @@ class ActuatorPlant(LeafSystem):  # type: ignore[misc, unused-ignore]
             models: One a joint, in the plant's actuator order.
             dt: Period of the updates [s]; the plant's step, or a multiple.
             inertias: (n,) what each torque moves [kg m^2] (`joint_inertias`), with which friction is held implicitly;
-                None takes each model's own inertia.
+                None takes each model's own inertia. Err on the low side: from half the true value to 1.3 of it friction
+                at rest is firm; a fifth, or twice, lets it creep or chatter by some mrad.
 
         Raises:
             ParamsError: no joint, or dt or an inertia that is not possible.

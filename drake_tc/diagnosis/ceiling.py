@@ -6,6 +6,7 @@ import numpy as np
 from sklearn.ensemble import HistGradientBoostingRegressor
 
 from drake_tc.diagnosis.result import Side, TimeStretch, Unexplained
+from drake_tc.identification.autocorrelation import correlation_time
 from drake_tc.types import FloatArray, IntArray
 
 MOST_ROWS = 12_000
@@ -20,12 +21,16 @@ class StructureOptions:
     Attributes:
         least_fraction: Smallest share of the residual's variance that a function of the signals must explain.
         least_rms: Smallest RMS of that share, in noise floors.
+        least_of_before: ... and as a share of the held-out error before: what the found effects leave by their form is smaller.
+        least_nats: Evidence of that share, in effective samples of what is left: noise that wanders has few.
         least_burst: How many times the typical half-second RMS a confined stretch must reach.
         least_line: Share of the residual's variance that one spectral line must hold.
     """
 
     least_fraction: float = 0.25
     least_rms: float = 0.6
+    least_of_before: float = 0.10
+    least_nats: float = 12.0
     least_burst: float = 3.0
     least_line: float = 0.25
 
@@ -82,10 +87,11 @@ def spectral_line(side: Side) -> tuple[float, float]:
     return float(frequency[best]), float(share[best] - 4.0 * np.median(near[near > 0.0]))
 
 
-def bursts(side: Side, ratio: float) -> tuple[TimeStretch, ...]:
+def bursts(side: Side, ratio: float, least: float) -> tuple[TimeStretch, ...]:
     """Stretches of neighbouring half-second blocks whose residual RMS is `ratio` times the typical one or more.
 
-    They count as confined when they are few: at most a quarter of the blocks.
+    They count as confined when they are few, at most a quarter of the blocks, and when they hold most of the energy;
+    `least` is the smallest RMS [effort] that matters.
     """
     samples = side.samples
     count = int(samples.block.max()) + 1
@@ -95,7 +101,7 @@ def bursts(side: Side, ratio: float) -> tuple[TimeStretch, ...]:
     if full.sum() < 8:
         return ()
     typical = float(np.median(level[full]))
-    loud = full & (level > ratio * typical)
+    loud = full & (level > max(ratio * typical, 2.0 * least))
     energy = float(np.sum(level[loud] ** 2 * rows[loud]) / max(np.sum(level**2 * rows), 1e-300))
     if not loud.any() or loud.sum() > 0.25 * full.sum() or energy < 0.4:
         return ()
@@ -134,10 +140,16 @@ def judge(train: Side, held: Side, floor: float, options: StructureOptions, seed
     fraction = max(signals_share, min(interplay, share_explained(y, by_both)))
     rms = float(np.sqrt(np.mean(held.after**2)))
     explained = np.sqrt(fraction) * float(np.std(y[is_held]))
-    functional = fraction >= options.least_fraction and explained >= options.least_rms * floor
-    stretches = tuple(s for side in sides for s in bursts(side, options.least_burst))
+    before = float(np.sqrt(np.mean(held.before**2)))
+    least = max(options.least_rms * floor, options.least_of_before * before)
+    lengths = [int(n) for n in np.bincount(run[is_held]) if n]
+    left = y[is_held] - by_signals[is_held] if signals_share >= fraction else y[is_held] - by_both[is_held]
+    n_eff = left.size / correlation_time(left - left.mean(), lengths)
+    nats = -0.5 * n_eff * float(np.log(max(1.0 - fraction, 1e-9)))
+    functional = fraction >= options.least_fraction and explained >= least and nats >= options.least_nats
+    stretches = tuple(s for side in sides for s in bursts(side, options.least_burst, least))
     frequency, line = max((spectral_line(s) for s in sides), key=lambda p: p[1])
-    periodic = line >= options.least_line and np.sqrt(line) * rms >= options.least_rms * floor
+    periodic = line >= options.least_line and np.sqrt(line) * rms >= least
     names: list[str] = []
     if functional:
         names += depends_on(x, y, group, seed)

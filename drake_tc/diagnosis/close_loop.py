@@ -119,7 +119,8 @@ def _with_baseline(
     servo = context.drive == "position_servo"
     first = Columns(train)
     plain = fit(first, declared)
-    floor = noise_floor(train, plain.gain, float(plain.beta[1]), servo=servo)
+    inertia = train.signals.rotor_inertia + context.link_inertia
+    floor = noise_floor(train, plain.gain, float(plain.beta[1]), inertia, servo=servo)
     return first.with_model(plain.beta, servo=servo), Columns(held).with_model(plain.beta, servo=servo), floor
 
 

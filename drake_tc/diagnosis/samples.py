@@ -175,7 +175,8 @@ def build_samples(runs: Sequence[Run], rig: Rig, joint: str, width_s: float | No
     torque_noise = _white_noise(raw_torque, segments) if not isinstance(load, Pendulum) else 0.0
     velocity_noise = noise * float(np.sqrt(np.sum(light._kernels[1] ** 2)))
     resolution = Resolution(step, noise, torque_noise, velocity_noise)
-    direction, travel, moving = _direction(q, v, segments, resolution)
+    inner = [slice(s.start + light.margin, max(s.stop - light.margin, s.start + light.margin)) for s in segments]
+    direction, travel, moving = _direction(q, v, inner, resolution)
     time = np.concatenate([run.time[s] - run.time[0] for _, run, s in pieces])
     declared = rig.declared[joint]
     signals = Signals(
@@ -226,9 +227,11 @@ def context_of(samples: Samples, rig: Rig, joint: str) -> Context:
     recorded = frozenset(n for n in ("temperature", "motor_position") if s.has(n))
     declared: Mapping[str, float] = {k: float(v) for k, v in rig.declared[joint].items() if v is not None}
     low, high = np.percentile(s.effort[rows], [0.05, 99.95])
+    load = rig.load[joint]
     return Context(
         drive=rig.drive[joint],
-        load="pendulum" if isinstance(rig.load[joint], Pendulum) else "torque",
+        load="pendulum" if isinstance(load, Pendulum) else "torque",
+        link_inertia=load.inertia if isinstance(load, Pendulum) else 0.0,
         recorded=recorded,
         declared=declared,
         max_speed=float(np.percentile(np.abs(s.velocity[rows]), 99.5)),
@@ -264,7 +267,12 @@ def _direction(
         start = turned[np.searchsorted(turned, np.arange(sign.size), side="right") - 1]
         direction[s] = held
         travel[s] = np.abs(q[s] - q[s][start])
-    moving = (np.abs(v) > threshold) & (travel > least_travel)
+    moving = np.zeros(q.size, dtype=bool)
+    for s in segments:
+        if s.stop > s.start:
+            # how far the bristles were wound when the stretch began is unknown: wait for five times the travel
+            settled = np.maximum.accumulate(travel[s]) > 5.0 * least_travel
+            moving[s] = settled & (np.abs(v[s]) > threshold) & (travel[s] > least_travel)
     return direction, travel, moving
 
 

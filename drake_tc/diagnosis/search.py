@@ -1,6 +1,6 @@
 """Which effects are missing: a beam search over sets of effects, on training runs alone."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -36,7 +36,6 @@ class SearchOptions:
     least_share: float = 0.98
     least_removed: float = 0.35
     least_of_first: float = 0.10
-    sideways: float = 0.02
 
 
 @dataclass(frozen=True)
@@ -119,10 +118,17 @@ def refine(columns: Columns, start: Fit, evaluations: int = 60) -> Fit:
     return best
 
 
-def ranking(fitted: Fit) -> tuple[float, int, int]:
-    """Sorts fits: by error to one part in 500, then by size, then by the library's order of its effects."""
+SAME = 1.01
+"""Fits whose errors differ by less than this factor are as good as each other: the smaller one is taken."""
+
+
+def ranked(fits: Iterable[Fit]) -> list[Fit]:
+    """Fits by error, but the simplest of those as good as the best comes first: by size, then by the library's order."""
     order = {effect.key: i for i, effect in enumerate(LIBRARY)}
-    return (round(500 * float(np.log(fitted.cv_rms))), fitted.size, sum(order[t.effect.key] for t in fitted.terms))
+    by_error = sorted(fits, key=lambda f: f.cv_rms)
+    good = [f for f in by_error if f.cv_rms <= SAME * by_error[0].cv_rms]
+    first = min(good, key=lambda f: (f.size, sum(order[t.effect.key] for t in f.terms)))
+    return [first, *(f for f in by_error if f is not first)]
 
 
 def candidates(library: Sequence[Effect], context: Context, declared: Sequence[str]) -> tuple[list[Effect], list[tuple[str, str]]]:
@@ -168,11 +174,11 @@ def search(
                     continue
                 grown[names] = best_shape(columns, parent.terms, effect, context, parent.residual)
             progress(f"sets of {size}", (number + 1) / len(beam))
-        ranked = sorted(grown.values(), key=ranking)
-        close = [f for f in ranked if f.cv_rms < 1.5 * ranked[0].cv_rms][: options.beam]
-        refined = sorted((refine(columns, f) for f in close), key=ranking)
+        coarse = sorted(grown.values(), key=lambda f: f.cv_rms)
+        close = [f for f in coarse if f.cv_rms < 1.5 * coarse[0].cv_rms][: options.beam]
+        refined = ranked(refine(columns, f) for f in close)
         if size == 1:
-            alone = sorted([*refined, *(f for f in ranked if f not in close)], key=ranking)
+            alone = [*refined, *coarse[len(close) :]]
         best = refined[0]
         comparison = compare(chosen, best, columns.samples)
         explained = float(np.sqrt(max(baseline.cv_rms**2 - chosen.cv_rms**2, 0.0)))
@@ -193,3 +199,4 @@ def _real(c: Comparison, floor: float, explained: float, options: SearchOptions)
         and c.removed >= options.least_removed * floor
         and c.removed >= options.least_of_first * explained
     )
+

@@ -114,6 +114,7 @@ class Context:
         load: Where the load torque comes from: a torque column, or a pendulum's mass and length.
         recorded: Names of the `Signals` fields that were recorded.
         declared: Parameter values that the user vouches for.
+        link_inertia: Of a pendulum load about the axis [kg m^2]; 0 where the load is measured.
         max_speed: Largest resolved speed in the logs [rad/s].
         position_span: (lowest, highest) position [rad].
         effort_span: (lowest, highest) effort.
@@ -124,6 +125,7 @@ class Context:
     load: Literal["torque", "pendulum"]
     recorded: frozenset[str]
     declared: Mapping[str, float] = field(default_factory=dict)
+    link_inertia: float = 0.0
     max_speed: float = 1.0
     position_span: tuple[float, float] = (-1.0, 1.0)
     effort_span: tuple[float, float] = (-1.0, 1.0)

@@ -10,9 +10,10 @@ from drake_tc.types import FloatArray
 
 
 class PreslidingHysteresis(TorqueEffect):
-    """-2 F_p exp(-s/s_p) sign(qdot) [N m], s the travel since the last reversal.
+    """F_p (z - sign(qdot)) [N m]: the share F_p of the Coulomb friction acts through a soft bristle z.
 
-    The Dahl model's answer after full sliding: dz/ds = (1 - z sign(qdot))/s_p from z = -sign(qdot).
+    Dahl (1968), exponent 1: dz/ds = (1 - z sign(qdot))/s_p over the travel s, so between reversals
+    z = d + (z_0 - d) exp(-s/s_p), d = sign(qdot), z_0 what the last reversal left. After full sliding z_0 = -d.
     """
 
     id = "presliding_hysteresis"
@@ -32,8 +33,11 @@ class PreslidingHysteresis(TorqueEffect):
         return [{"presliding_travel": float(s)} for s in np.geomspace(2e-3, 0.25 * span, 8)]
 
     def columns(self, signals: Signals, shape: Shape) -> FloatArray:
-        """Phi (T, 1): see the class."""
-        return np.asarray((-2.0 * np.exp(-signals.travel / shape["presliding_travel"]) * signals.direction)[:, None])
+        """Phi (T, 1). Over a log z follows every reversal; at one instant (period 0) full sliding is taken to precede."""
+        d = signals.direction
+        decay = np.exp(-signals.travel / shape["presliding_travel"])
+        left = -d if signals.period == 0.0 else _left_by_reversals(d, decay)
+        return np.asarray(((left - d) * decay)[:, None])
 
     def kernel(self, parameters: Mapping[str, float]) -> TorqueKernel:
         """The same at one instant."""
@@ -47,3 +51,16 @@ class PreslidingHysteresis(TorqueEffect):
     def hysteresis_travel(self, parameters: Mapping[str, float]) -> float:
         """s_p: the Dahl state takes over the share F_p of the Coulomb friction, after any reversals."""
         return parameters["presliding_travel"]
+
+
+def _left_by_reversals(direction: FloatArray, decay: FloatArray) -> FloatArray:
+    """z_0 (T,) for each sample: what the bristle was at the last change of direction; 0 before the first."""
+    turns = np.flatnonzero(np.diff(direction) != 0.0) + 1
+    starts = np.concatenate([[0], turns])
+    ends = np.concatenate([turns, [direction.size]]) - 1
+    left = np.empty_like(direction)
+    z = 0.0
+    for start, end in zip(starts, ends, strict=True):
+        left[start : end + 1] = z
+        z = direction[end] + (z - direction[end]) * decay[end]
+    return left

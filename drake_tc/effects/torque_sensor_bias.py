@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from drake_tc.effects.base import Parameter, SensorEffect, Shape, Signals, Signature
+from drake_tc.effects.base import Context, Parameter, SensorEffect, Shape, Signals, Signature
 from drake_tc.types import FloatArray
 
 
@@ -18,6 +18,10 @@ class TorqueSensorBias(SensorEffect):
     linear = True
     coefficients = (Parameter("bias", "N*m"),)
     signature = Signature(x="load_torque", split="", look_for="everything shifted by one constant, at rest too")
+
+    def obstacle(self, context: Context) -> str:
+        """Needs a torque sensor."""
+        return "" if context.load == "torque" else "there is no torque sensor"
 
     def columns(self, signals: Signals, shape: Shape) -> FloatArray:
         """Phi (T, 1): see the class."""

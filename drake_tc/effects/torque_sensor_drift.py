@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import replace
 
-from drake_tc.effects.base import Parameter, SensorEffect, Shape, Signals, Signature
+from drake_tc.effects.base import Context, Parameter, SensorEffect, Shape, Signals, Signature
 from drake_tc.types import FloatArray
 
 
@@ -16,6 +16,10 @@ class TorqueSensorDrift(SensorEffect):
     linear = True
     coefficients = (Parameter("drift", "N*m/s"),)
     signature = Signature(x="time", split="", look_for="a straight line over the time of every run")
+
+    def obstacle(self, context: Context) -> str:
+        """Needs a torque sensor."""
+        return "" if context.load == "torque" else "there is no torque sensor"
 
     def columns(self, signals: Signals, shape: Shape) -> FloatArray:
         """Phi (T, 1): see the class."""

@@ -25,6 +25,8 @@ class TorqueSensorGain(SensorEffect):
 
     def obstacle(self, context: Context) -> str:
         """Empty when the logs can show the effect."""
+        if context.load != "torque":
+            return "there is no torque sensor"
         if "rotor_inertia" not in context.declared or context.declared["rotor_inertia"] == 0.0:
             return "no inertia is declared that the sensor's scale could be held against"
         return super().obstacle(context)

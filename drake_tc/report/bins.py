@@ -1,4 +1,4 @@
-"""What a cloud of points says: binned medians with quartiles, a frame that outliers do not set, fewer points to draw."""
+"""What a cloud of points says: binned medians with quartiles, a frame that outliers do not set, fewer points."""
 
 from dataclasses import dataclass
 
@@ -46,7 +46,7 @@ def evenly(size: int, most: int = MOST_POINTS) -> IntArray:
 
 
 def frame(y: FloatArray, floor: float = 0.0) -> tuple[float, float]:
-    """Limits of an axis that shows y (N,) and +-`floor`: all of y, or its 0.2 to 99.8 percentiles if few points lie far out."""
+    """Limits of an axis for y (N,) and +-`floor`: all of y, or about its 0.2 to 99.8 percentiles."""
     finite = y[np.isfinite(y)]
     if finite.size == 0:
         return -1.0, 1.0

@@ -79,7 +79,7 @@ def autocorrelation(series: Gridded, longest: float) -> Correlation:
     """
     most = max(1, round(longest / series.step))
     value, pairs = _normalised(series, series, most)
-    lag = series.step * np.arange(most + 1)
+    lag = np.asarray(series.step * np.arange(most + 1), dtype=np.float64)
     return Correlation(lag, value[most:], 1.96 / np.sqrt(np.maximum(pairs[most:], 1.0)))
 
 
@@ -96,5 +96,5 @@ def cross_correlation(residual: Gridded, signal: Gridded, longest: float) -> Cor
     own, _ = _normalised(residual, residual, memory)
     other, _ = _normalised(signal, signal, memory)
     widening = max(1.0, float(np.nansum(own * other)))
-    lag = residual.step * np.arange(-most, most + 1)
+    lag = np.asarray(residual.step * np.arange(-most, most + 1), dtype=np.float64)
     return Correlation(lag, value, 1.96 * np.sqrt(widening / np.maximum(pairs, 1.0)))

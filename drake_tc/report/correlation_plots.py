@@ -12,7 +12,7 @@ from drake_tc.report.svg import AFTER, BEFORE, MUTED, SHADE, new_figure, page_st
 
 LONGEST_S = 1.0
 SIGNALS = ("velocity", "acceleration", "load_torque")
-SIZE = (3.9, 2.35)
+SIZE = (4.4, 2.4)
 
 
 def correlation_plots(side: Side, prefix: str) -> Sequence[str]:
@@ -22,18 +22,15 @@ def correlation_plots(side: Side, prefix: str) -> Sequence[str]:
     longest = min(LONGEST_S, 0.25 * float(np.ptp(time)))
     before, after = on_grid(samples, side.before), on_grid(samples, side.after)
     reach = (samples.light.margin + samples.kernel.margin) * samples.signals.period
-    pictures = [
-        _panel(
-            f"{prefix}-auto", "residual with itself", autocorrelation(before, longest), autocorrelation(after, longest), reach
-        )
-    ]
+    own = [autocorrelation(r, longest) for r in (before, after)]
+    pictures = [_panel(f"{prefix}-auto", "residual with itself", own[0], own[1], reach)]
     for name in SIGNALS:
         values = getattr(samples.signals, name)[samples.rows]
         if not np.isfinite(values).all():
             continue
         signal = on_grid(samples, values)
         pair = [cross_correlation(r, signal, longest) for r in (before, after)]
-        pictures.append(_panel(f"{prefix}-cross-{name}", f"residual with {LABELS[name][0]}", *pair, 0.0))
+        pictures.append(_panel(f"{prefix}-cross-{name}", f"residual with {LABELS[name][0]}", pair[0], pair[1], 0.0))
     return pictures
 
 
@@ -50,11 +47,11 @@ def _panel(name: str, title: str, before: Correlation, after: Correlation, reach
         ):
             axes.fill_between(series.lag, -series.band, series.band, color=colour, alpha=0.16, linewidth=0)
             axes.plot(series.lag, series.value, color=colour, linestyle=dash, linewidth=1.3, label=label)
-        highest = np.nanmax(np.abs(np.concatenate([before.value, after.value, [0.2]])))
-        axes.set_ylim(min(-0.25, -1.08 * highest) if before.lag[0] < 0.0 else -0.6, 1.08 * max(highest, 0.25))
+        seen = np.concatenate([before.value, after.value, [-0.2, 0.2]])
+        axes.set_ylim(1.08 * np.nanmin(seen), 1.08 * np.nanmax(seen))
         axes.set_xlim(after.lag[0], after.lag[-1])
         axes.set_xlabel("lag [s]")
         axes.set_ylabel("correlation")
         axes.set_title(title)
-        axes.legend(loc="upper right", ncols=2, handlelength=1.8)
+        axes.legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=2, handlelength=1.8, borderaxespad=0.0)
         return to_svg(figure, f"correlation of the {title}, before and after")

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from drake_tc.report.bins import evenly
-from drake_tc.report.numbers import fold, scale_for
+from drake_tc.report.numbers import scale_for, times
 from drake_tc.report.svg import AFTER, BEFORE, INK, new_figure, page_style, to_svg
 from drake_tc.types import FloatArray, IntArray
 
@@ -19,7 +19,7 @@ Trace = Mapping[str, FloatArray]
 
 @dataclass(frozen=True)
 class FreeRunPlot:
-    """One run: its name, RMS position errors as text, and two panels of SVG (all of it; the worst three seconds)."""
+    """One run: RMS position errors as text, and two panels of SVG (all of it; the worst three seconds)."""
 
     run: str
     before: str
@@ -65,11 +65,11 @@ def free_run_plots(free_run: Mapping[str, Trace], prefix: str) -> Sequence[FreeR
                 run=run,
                 before=scale.quantity(before),
                 after=scale.quantity(after),
-                fold=fold(before, after),
-                whole=_panel(f"{name}-whole", f"{run}: the whole run", _take(trace, evenly(time.size, MOST_SAMPLES))),
+                fold=times(before, after),
+                whole=_panel(f"{name}-whole", "whole run", _take(trace, evenly(time.size, MOST_SAMPLES))),
                 zoom=_panel(
                     f"{name}-zoom",
-                    f"{run}: where the model erred most before",
+                    "worst 3 s",
                     _take(trace, inside[evenly(inside.size, MOST_SAMPLES)]),
                 ),
             )
@@ -101,7 +101,7 @@ def _panel(name: str, title: str, trace: Trace) -> str:
         top.set_ylabel("position [rad]")
         top.set_title(title)
         top.margins(x=0.0, y=0.16)
-        top.legend(loc="upper right", ncols=3, handlelength=1.8, borderaxespad=0.1)
+        top.legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=3, handlelength=1.8, borderaxespad=0.0)
         bottom.set_ylabel(f"error [{scale.unit}]")
         bottom.set_xlabel("time [s]")
         return to_svg(figure, f"free run {title}: recorded position and models")

@@ -18,7 +18,9 @@ def model_diff(before: str, after: str, context: int = 3) -> Sequence[DiffLine]:
     """Unified difference of two texts; empty when they are the same.
 
     Args:
-        before, after: Texts of the model files. context: unchanged lines to keep around a change.
+        before: Text of the model file before.
+        after: The same after.
+        context: Unchanged lines to keep around a change.
     """
     lines = difflib.unified_diff(before.splitlines(), after.splitlines(), n=context, lineterm="")
     out: list[DiffLine] = []

@@ -60,6 +60,14 @@ def fold(before: float, after: float) -> str:
     return f"{significant(before / after, 2 if before / after < 99.5 else 3)} ×"
 
 
+def times(before: float, after: float) -> str:
+    """`fold` for a sentence: "46 times smaller", "1.3 times larger", or "by an unknown factor"."""
+    if fold(before, after) == UNKNOWN:
+        return "by an unknown factor"
+    ratio, word = (before / after, "smaller") if after <= before else (after / before, "larger")
+    return f"{significant(ratio, 2 if ratio < 99.5 else 3)} times {word}"
+
+
 @dataclass(frozen=True)
 class Scale:
     """One prefix for numbers that are read together: `factor` times a number in SI is a number in `unit`."""
@@ -98,7 +106,9 @@ def interval(value: float, low: float, high: float) -> tuple[str, str]:
     """A value and its interval to the digits that the interval's width supports.
 
     Args:
-        value: The estimate. low, high: its 95 % interval; infinite or NaN where there is none.
+        value: The estimate.
+        low: Lower end of its 95 % interval; infinite or NaN where there is none.
+        high: Upper end.
 
     Returns:
         ("0.1832", "[0.1829, 0.1835]"); ("0.183", "") without a usable interval.

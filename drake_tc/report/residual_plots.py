@@ -50,7 +50,7 @@ class Cloud:
     floor: float
     label: str = "residual"
     line: FloatArray | None = None
-    size: tuple[float, float] = (3.5, 2.35)
+    size: tuple[float, float] = (3.0, 2.15)
     most: int = MOST_POINTS
 
 
@@ -76,11 +76,17 @@ def cloud_svg(cloud: Cloud, against: Quantity, rows: Rows) -> str:
         axes.set_xlabel(against.label)
         axes.set_ylabel(f"{cloud.label} [{cloud.scale.unit}]")
         axes.set_title(cloud.title)
-        axes.locator_params(nbins=6)
+        axes.locator_params(nbins=5)
         outside = int(np.sum((y < limits[0]) | (y > limits[1])))
         if outside:
             axes.text(
-                0.99, 0.98, f"{outside} beyond the frame", transform=axes.transAxes, ha="right", va="top", fontsize=6.5,
+                0.99,
+                0.98,
+                f"{outside} beyond the frame",
+                transform=axes.transAxes,
+                ha="right",
+                va="top",
+                fontsize=6.5,
                 color=MUTED,
             )
         spread = float(np.sqrt(np.mean(cloud.residual**2))) * cloud.scale.factor if y.size else float("nan")
@@ -100,7 +106,15 @@ def _points(axes: Any, x: FloatArray, y: FloatArray, rows: Rows, most: int) -> N
         shown = chosen & kept
         line = 0.6 if marker == "x" else 0.0
         axes.scatter(
-            x[shown], y[shown], s=size, c=colour, marker=marker, linewidths=line, alpha=0.55, rasterized=True, zorder=2.0
+            x[shown],
+            y[shown],
+            s=size,
+            c=colour,
+            marker=marker,
+            linewidths=line,
+            alpha=0.55,
+            rasterized=True,
+            zorder=2.0,
         )
 
 

@@ -96,9 +96,7 @@ def modulo(side: Side, cycles: float) -> Quantity:
 def run_offsets(samples: Samples) -> FloatArray:
     """Where each run begins (R,) [s] when the runs are drawn one after the other."""
     time = samples.signals.time
-    lengths = [
-        float(time[samples.run_of_sample == k].max(initial=0.0)) for k in range(len(samples.runs))
-    ]
+    lengths = [float(time[samples.run_of_sample == k].max(initial=0.0)) for k in range(len(samples.runs))]
     return np.asarray(np.concatenate([[0.0], np.cumsum(lengths)[:-1]]))
 
 

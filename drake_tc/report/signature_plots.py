@@ -82,17 +82,17 @@ def signature_plots(joint: JointResult, prefix: str) -> Sequence[SignaturePlot]:
         without = side.after + share
         scale = scale_for(float(np.max(np.abs(without))), joint.unit)
         fine = scale_for(float(np.max(np.abs(side.after))), joint.unit)
-        name = f"{prefix}-signature-{number}"
-        pictures = [
-            cloud_svg(
-                Cloud(f"{name}-without", f"without {found.title}", without, scale, joint.noise_floor, line=share, size=SIZE),
-                against,
-                rows,
-            ),
-            cloud_svg(
-                Cloud(f"{name}-with", f"with {found.title}", side.after, fine, joint.noise_floor, size=SIZE), against, rows
-            ),
-        ]
-        look_for = next(t.effect.signature.look_for for t in joint.final.terms if t.effect.key == found.key)
-        plots.append(SignaturePlot(found.title, found.id, look_for, percent(found.heldout_gain), pictures[0], pictures[1]))
+        name, floor = f"{prefix}-signature-{number}", joint.noise_floor
+        bare = Cloud(f"{name}-without", f"without {found.title}", without, scale, floor, line=share, size=SIZE)
+        full = Cloud(f"{name}-with", f"with {found.title}", side.after, fine, floor, size=SIZE)
+        plots.append(
+            SignaturePlot(
+                title=found.title,
+                id=found.id,
+                look_for=next(t.effect.signature.look_for for t in joint.final.terms if t.effect.key == found.key),
+                gain=percent(found.heldout_gain),
+                without=cloud_svg(bare, against, rows),
+                with_it=cloud_svg(full, against, rows),
+            )
+        )
     return plots

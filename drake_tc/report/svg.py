@@ -1,10 +1,10 @@
-"""Matplotlib figures as inline SVG that follows the page's colours: lines and text are vectors, point clouds are bitmaps."""
+"""Matplotlib figures as inline SVG in the page's colours: lines and text are vectors, clouds are bitmaps."""
 
 import base64
 import io
 import re
-from contextlib import AbstractContextManager
 from collections.abc import Mapping
+from contextlib import AbstractContextManager
 
 import matplotlib as mpl
 from matplotlib.backends.backend_svg import FigureCanvasSVG
@@ -80,7 +80,8 @@ def to_svg(figure: Figure, label: str) -> str:
     """The figure as one `<svg>` element without ids that nothing uses, metadata, fixed size or outside references.
 
     Args:
-        figure: Made by `new_figure`. label: what it shows, for readers who do not see it.
+        figure: Made by `new_figure`.
+        label: What it shows, for readers who do not see it.
     """
     stream = io.StringIO()
     figure.savefig(stream, format="svg", dpi=PIXELS_PER_INCH, transparent=True)
@@ -92,7 +93,9 @@ def to_svg(figure: Figure, label: str) -> str:
     text = re.sub(r' id="([\w.-]+)"', lambda m: m.group(0) if m.group(1) in used else "", text)
     text = re.sub(r"font-family:[^;\"]*;?", "", text)
     text = re.sub(r"font: ([\d.]+)px [^;\"]*", r"font-size: \1px", text)
-    text = re.sub(r"data:image/png;base64,([^\"]+)", lambda m: f"data:image/png;base64,{_fewer_colours(m.group(1))}", text)
+    text = re.sub(
+        r"data:image/png;base64,([^\"]+)", lambda m: f"data:image/png;base64,{_fewer_colours(m.group(1))}", text
+    )
     for colour, variable in _VARIABLES.items():
         text = text.replace(colour, f"var(--{variable})")
     box = re.search(r'viewBox="[^"]*"', text)

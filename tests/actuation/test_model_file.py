@@ -73,5 +73,5 @@ def test_refuses_in_one_line(tmp_path, old, new, words):
 
 
 def test_refuses_a_file_that_is_not_there(tmp_path):
-    with pytest.raises(ParamsError, match="nowhere.yaml"):
+    with pytest.raises(ParamsError, match=r"nowhere\.yaml"):
         load_models(tmp_path / "nowhere.yaml")

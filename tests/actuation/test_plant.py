@@ -4,6 +4,9 @@ import numpy as np
 import pytest
 from drake_tc.diagrams.bench_diagram import Link, make_plant
 from numpy.testing import assert_allclose
+from pydrake.math import RigidTransform
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import FixedOffsetFrame, RevoluteJoint, SpatialInertia, UnitInertia
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource
@@ -11,7 +14,7 @@ from pydrake.systems.primitives import ConstantVectorSource
 from drake_tc.actuation.friction import PRESLIDING_DISPLACEMENT
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.actuation.plant import ActuatorPlant
-from drake_tc.actuation.wiring import add_actuators, joint_inertias
+from drake_tc.actuation.wiring import actuated_joints, add_actuators, apply_rotor_inertia, joint_inertias
 from drake_tc.errors import ParamsError
 
 RICH = (
@@ -61,7 +64,8 @@ def test_poking_an_input_moves_the_torque_and_only_what_depends_on_it(poked):
 
 def test_poking_the_state_moves_the_torque():
     system = rich()
-    context = fixed(system, state=[0.0, 0.0, 0.01, -0.01])  # slow: the bristle does not turn over in one step
+    still = {"command": [0.0, 0.0], "load_torque": [0.0, 0.0]}  # else the bristle turns over in one step
+    context = fixed(system, state=[0.0, 0.0, 0.01, -0.01], **still)
     before = system.GetOutputPort("friction_torque").Eval(context).copy()
     system.set_initial_velocity(context, np.array([-1.0, 1.0]))
     assert np.all(system.GetOutputPort("friction_torque").Eval(context) != before)
@@ -196,3 +200,44 @@ def test_refusals():
         add_actuators(
             DiagramBuilder(), make_plant(Link(0.1), 1e-3), {"knee": ActuatorModel("k", Drive("current", 1.0))}
         )
+
+
+def two_link_arm(builder):
+    """Joints `far` (declared first) and `near`, actuators in the other order."""
+    plant = MultibodyPlant(1e-3)
+    inertia = SpatialInertia(1.0, np.array([0.0, 0.0, -0.2]), UnitInertia(0.06, 0.06, 0.03))
+    upper, lower = plant.AddRigidBody("upper", inertia), plant.AddRigidBody("lower", inertia)
+    axis = np.array([0.0, 1.0, 0.0])
+    hang = RigidTransform(np.array([0.0, 0.0, -0.4]))
+    near = plant.AddJoint(RevoluteJoint("near", plant.world_frame(), upper.body_frame(), axis))
+    elbow = plant.AddFrame(FixedOffsetFrame("elbow", upper.body_frame(), hang))
+    far = plant.AddJoint(RevoluteJoint("far", elbow, lower.body_frame(), axis))
+    plant.AddJointActuator("far", far)
+    plant.AddJointActuator("near", near)
+    plant.Finalize()
+    builder.AddNamedSystem("plant", plant)
+    return plant
+
+
+@pytest.mark.parametrize("factor", [0.5, 1.0, 1.3])
+def test_an_arm_is_wired_in_actuator_order_and_holds_with_poorly_known_inertias(factor):
+    models = {}
+    for name, level in (("near", 8.0), ("far", 3.0)):
+        friction = (EffectValue("rotor_inertia", {"rotor_inertia": 0.02}), EffectValue("coulomb", {"coulomb": level}))
+        models[name] = ActuatorModel(name, Drive("position_servo", 1e-2), friction)
+    builder = DiagramBuilder()
+    plant = two_link_arm(builder)
+    assert actuated_joints(plant) == ["far", "near"]
+    apply_rotor_inertia(plant, models)
+    actuators = add_actuators(builder, plant, models, 1e-3, factor * joint_inertias(plant))
+    source = builder.AddSystem(ConstantVectorSource([0.4, -0.3]))  # far, near
+    builder.Connect(source.get_output_port(), actuators.GetInputPort("command"))
+    simulator = Simulator(builder.Build())
+    context = plant.GetMyContextFromRoot(simulator.get_context())
+    simulator.AdvanceTo(3.0)
+    first = plant.GetPositions(context).copy()
+    simulator.AdvanceTo(4.0)
+    near, far = plant.GetPositions(context)
+    assert abs(far - 0.4) < 1e-2 * (3.0 + 2.0)  # friction and at most m g l of the link, over the servo's stiffness
+    assert abs(near + 0.3) < 1e-2 * (8.0 + 9.0)
+    assert_allclose([near, far], first, atol=PRESLIDING_DISPLACEMENT)

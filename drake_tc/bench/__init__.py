@@ -1,0 +1,1 @@
+"""Benchmarks that print rows: the blind rigs, real data, speed."""

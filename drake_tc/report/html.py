@@ -1,0 +1,119 @@
+"""The report as one self-contained HTML file: text, tables and plots inline, nothing fetched, no scripts."""
+
+import re
+from collections.abc import Mapping
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+from jinja2 import DictLoader, Environment, StrictUndefined
+from markupsafe import Markup
+
+from drake_tc import __version__
+from drake_tc.diagnosis.result import CloseLoopResult, JointResult
+from drake_tc.report.bins import MOST_POINTS
+from drake_tc.report.correlation_plots import correlation_plots
+from drake_tc.report.free_run_plots import free_run_plots
+from drake_tc.report.model_diff import model_diff
+from drake_tc.report.numbers import fold, percent, scale_for, significant
+from drake_tc.report.panels import TRAIN_POINTS, residual_cards
+from drake_tc.report.residual_plots import LEGEND
+from drake_tc.report.signature_plots import signature_plots
+from drake_tc.report.tables import data_facts, data_rows, error_table, parameter_rows, rejected_rows
+from drake_tc.report.words import VERDICTS, headline, joined, signal_name, title_of, unexplained, warnings
+
+
+def write_report(result: CloseLoopResult, path: Path) -> None:
+    """Write the report of a whole call to `path`: one HTML file (UTF-8) that needs nothing else."""
+    path.write_text(render(result), encoding="utf-8")
+
+
+def render(result: CloseLoopResult) -> str:
+    """The report's HTML."""
+    environment = Environment(
+        loader=DictLoader(_templates()),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters |= {"svg": Markup, "percent": percent, "significant": significant}
+    joints = [_joint(joint, f"j{i}") for i, joint in enumerate(result.joints.values())]
+    return environment.get_template("report.html.jinja").render(
+        style=Markup((files("drake_tc.report") / "report.css").read_text(encoding="utf-8")),
+        version=__version__,
+        verdict=result.verdict,
+        verdicts=VERDICTS,
+        joints=joints,
+        train=[_short(p) for p in result.train_files],
+        heldout=[_short(p) for p in result.heldout_files],
+        rig=_short(result.rig_file),
+        seconds=significant(result.seconds),
+        difference=model_diff(result.model_before_yaml, result.model_after_yaml),
+        has_models=bool(result.model_before_yaml or result.model_after_yaml),
+        legend=LEGEND,
+    )
+
+
+def _templates() -> Mapping[str, str]:
+    folder = files("drake_tc.report")
+    return {f.name: f.read_text(encoding="utf-8") for f in folder.iterdir() if f.name.endswith(".jinja")}
+
+
+def _short(path: str) -> str:
+    """A file's name without its folders, of either kind of path."""
+    return re.split(r"[\\/]", path)[-1]
+
+
+def _joint(joint: JointResult, prefix: str) -> dict[str, Any]:
+    """What the template shows of one joint."""
+    tried, barred = rejected_rows(joint.rejected)
+    scale = scale_for(joint.after.heldout, joint.unit)
+    left = joint.unexplained
+    return {
+        "id": prefix,
+        "name": joint.joint,
+        "unit": joint.unit,
+        "verdict": joint.verdict,
+        "headline": headline(joint),
+        "warnings": warnings(joint),
+        "effects": [
+            {
+                "title": e.title,
+                "id": e.id,
+                "gain": percent(e.heldout_gain),
+                "stability": percent(e.stability),
+                "contribution": scale_for(e.contribution, joint.unit).quantity(e.contribution),
+            }
+            for e in joint.effects
+        ],
+        "fold": fold(joint.before.heldout, joint.after.heldout),
+        "after_by_floor": fold(joint.after.heldout, joint.noise_floor),
+        "errors": error_table(joint),
+        "signatures": signature_plots(joint, prefix),
+        "held_cards": residual_cards(joint, joint.heldout, f"{prefix}-held", MOST_POINTS),
+        "train_cards": residual_cards(joint, joint.train, f"{prefix}-train", TRAIN_POINTS),
+        "correlations": correlation_plots(joint.heldout, prefix),
+        "free_runs": free_run_plots(joint.free_run, prefix),
+        "parameters": parameter_rows(joint),
+        "tried": tried,
+        "barred": barred,
+        "ties": [(title_of(a), title_of(b)) for a, b in joint.indistinguishable],
+        "next_experiment": joint.next_experiment,
+        "left": {
+            "fraction": percent(left.fraction),
+            "structured": left.structured,
+            "sentence": _capital(unexplained(joint)),
+            "depends_on": joined([signal_name(n) for n in left.depends_on]) or "nothing recorded",
+            "confined_to": left.confined_to,
+            "line": "none" if left.period_hz is None else f"{significant(left.period_hz)} Hz",
+            "ceiling": scale.quantity(left.ceiling),
+        },
+        "notes": joint.notes,
+        "runs": [*data_rows(joint.train, "training"), *data_rows(joint.heldout, "held-out")],
+        "facts": data_facts(joint),
+    }
+
+
+def _capital(sentence: str) -> str:
+    return sentence[:1].upper() + sentence[1:]

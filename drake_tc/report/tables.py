@@ -1,0 +1,209 @@
+"""The report's tables as rows of text."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from drake_tc.diagnosis.result import Estimate, JointResult, RejectedEffect, Side
+from drake_tc.report.numbers import UNKNOWN, Scale, fold, interval, percent, pretty_unit, scale_for, significant
+from drake_tc.report.words import title_of
+
+
+@dataclass(frozen=True)
+class ErrorRow:
+    """One error before and after: in effort (or position), in torque, how many times smaller, and bar lengths [%]."""
+
+    name: str
+    before: str
+    after: str
+    torque_before: str
+    torque_after: str
+    fold: str
+    bar_before: float
+    bar_after: float
+
+
+@dataclass(frozen=True)
+class ErrorTable:
+    """Rows, and the two levels beside which they are read."""
+
+    rows: Sequence[ErrorRow]
+    floor: str
+    floor_torque: str
+    ceiling: str
+    ceiling_torque: str
+    gain: str
+
+
+def error_table(joint: JointResult) -> ErrorTable:
+    """RMS of the model equation on training and held-out runs and of the free run's position, before and after.
+
+    Effort becomes torque by the final drive gain, on both sides, so that ratios agree.
+    """
+    gain = joint.final.gain
+    largest = max(
+        (v for v in (joint.before.train, joint.before.heldout, joint.after.heldout) if np.isfinite(v)), default=0.0
+    )
+    scale, torque = scale_for(largest, joint.unit), scale_for(largest / gain, "N*m")
+    pairs = (
+        ("training runs", joint.before.train, joint.after.train),
+        ("held-out runs", joint.before.heldout, joint.after.heldout),
+    )
+    rows = [_error_row(name, b, a, scale, torque, gain, largest) for name, b, a in pairs]
+    before, after = joint.before.free_run_heldout, joint.after.free_run_heldout
+    if before is not None or after is not None:
+        b, a = (float("nan") if v is None else v for v in (before, after))
+        high = float(np.nanmax([b, a, 0.0]))
+        rows.append(_error_row("free run, held-out", b, a, scale_for(high, "rad"), None, gain, high))
+    ceiling = joint.unexplained.ceiling
+    return ErrorTable(
+        rows=rows,
+        floor=scale.quantity(joint.noise_floor),
+        floor_torque=torque.quantity(joint.noise_floor / gain),
+        ceiling=scale.quantity(ceiling),
+        ceiling_torque=torque.quantity(ceiling / gain),
+        gain=f"{significant(gain, 4)} {pretty_unit(joint.unit)}/(N·m)",
+    )
+
+
+def _error_row(
+    name: str, before: float, after: float, scale: Scale, torque: Scale | None, gain: float, largest: float
+) -> ErrorRow:
+    def bar(value: float) -> float:
+        return 100.0 * min(value / largest, 1.0) if largest > 0.0 and np.isfinite(value) else 0.0
+
+    return ErrorRow(
+        name=name,
+        before=scale.quantity(before),
+        after=scale.quantity(after),
+        torque_before=torque.quantity(before / gain) if torque else UNKNOWN,
+        torque_after=torque.quantity(after / gain) if torque else UNKNOWN,
+        fold=fold(before, after),
+        bar_before=round(bar(before), 2),
+        bar_after=round(bar(after), 2),
+    )
+
+
+@dataclass(frozen=True)
+class ParameterRow:
+    """One parameter: value and 95 % interval in the baseline and in the final model, and marks."""
+
+    effect: str
+    name: str
+    unit: str
+    before: tuple[str, str]
+    after: tuple[str, str]
+    added: bool
+    at_bound: bool
+
+
+def parameter_rows(joint: JointResult) -> Sequence[ParameterRow]:
+    """Parameters of both models, the drive's first, then the declared effects, then those that were added."""
+    before, after = joint.baseline_parameters, joint.final_parameters
+    rows = []
+    for key in [*before, *(k for k in after if k not in before)]:
+        old, new = before.get(key, {}), after.get(key, {})
+        for name in [*old, *(n for n in new if n not in old)]:
+            known = [e for e in (old.get(name), new.get(name)) if e is not None]
+            rows.append(
+                ParameterRow(
+                    effect="drive" if key == "drive" else title_of(key),
+                    name=name.replace("_", " "),
+                    unit=pretty_unit(known[0].unit),
+                    before=_estimate(old.get(name)),
+                    after=_estimate(new.get(name)),
+                    added=key not in before,
+                    at_bound=any(e.at_bound for e in known),
+                )
+            )
+    return rows
+
+
+def _estimate(value: Estimate | None) -> tuple[str, str]:
+    return (UNKNOWN, "") if value is None else interval(value.value, *value.ci95)
+
+
+@dataclass(frozen=True)
+class RejectedRow:
+    """One effect that was not added."""
+
+    title: str
+    id: str
+    heldout: str
+    train: str
+    why: str
+
+
+def rejected_rows(rejected: Sequence[RejectedEffect]) -> tuple[Sequence[RejectedRow], Sequence[RejectedRow]]:
+    """(tried and not added, could not be looked for in these logs)."""
+    tried: list[RejectedRow] = []
+    barred: list[RejectedRow] = []
+    for r in rejected:
+        impossible = r.why.startswith("cannot be looked for here")
+        row = RejectedRow(
+            title_of(r.key),
+            r.id,
+            percent(r.heldout_gain),
+            percent(r.train_gain),
+            r.why.split("here: ")[-1] if impossible else r.why,
+        )
+        (barred if impossible else tried).append(row)
+    return tried, barred
+
+
+@dataclass(frozen=True)
+class DataRow:
+    """What was used of one run."""
+
+    run: str
+    role: str
+    duration: str
+    rows: str
+    moving: str
+    speed: str
+    load: str
+
+
+def data_rows(side: Side, role: str) -> Sequence[DataRow]:
+    """One row a run: duration, rows of the regression, share of the samples in resolved motion, spans."""
+    samples = side.samples
+    signals = samples.signals
+    out = []
+    for k, run in enumerate(samples.runs):
+        mine, rows = samples.run_of_sample == k, samples.rows[samples.run == k]
+        speed = float(np.max(np.abs(signals.velocity[rows]), initial=0.0))
+        load = float(np.max(np.abs(signals.load_torque[rows]), initial=0.0))
+        out.append(
+            DataRow(
+                run=run,
+                role=role,
+                duration=f"{significant(float(mine.sum()) * signals.period)} s",
+                rows=f"{rows.size}",
+                moving=percent(float(np.mean(samples.moving[mine])) if mine.any() else None),
+                speed=scale_for(speed, "rad/s").quantity(speed),
+                load=scale_for(load, "N*m").quantity(load),
+            )
+        )
+    return out
+
+
+def data_facts(joint: JointResult) -> Sequence[tuple[str, str]]:
+    """Filters and resolution: (what, how much)."""
+    samples = joint.train.samples
+    resolution = samples.resolution
+    step = resolution.position_step
+    facts = [
+        ("sampling period", scale_for(samples.signals.period, "s").quantity(samples.signals.period)),
+        ("filter width", scale_for(samples.light.actual_width_s, "s").quantity(samples.light.actual_width_s)),
+        ("spacing of the rows", scale_for(samples.row_period, "s").quantity(samples.row_period)),
+        ("encoder step", scale_for(step, "rad").quantity(step) if step > 0.0 else "finer than its noise"),
+        ("position noise", scale_for(resolution.position_noise, "rad").quantity(resolution.position_noise)),
+        (
+            "velocity noise after filtering",
+            scale_for(resolution.velocity_noise, "rad/s").quantity(resolution.velocity_noise),
+        ),
+        ("torque noise", scale_for(resolution.torque_noise, "N*m").quantity(resolution.torque_noise)),
+    ]
+    inertia = samples.signals.rotor_inertia
+    return [*facts, ("declared rotor inertia", f"{significant(inertia, 4)} kg·m²")] if inertia > 0.0 else facts

@@ -1,0 +1,89 @@
+"""The verdict as an engineer would say it."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from drake_tc.diagnosis.result import JointResult, Verdict
+from drake_tc.effects.library import LIBRARY
+from drake_tc.report.numbers import percent, scale_for, significant, times
+from drake_tc.report.rows import LABELS
+
+VERDICTS: dict[Verdict, str] = {
+    "effects_found": "Missing effect found",
+    "no_missing_effect": "Nothing is missing",
+    "unexplained_structure": "Something is left unexplained",
+}
+
+
+def joined(words: Sequence[str]) -> str:
+    """Words as one phrase: "a", "a and b", "a, b and c"; empty for none."""
+    return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)
+
+
+def title_of(effect_id: str) -> str:
+    """An effect's title by its id; the id itself, in words, when the library does not know it."""
+    return next((e.title for e in LIBRARY if effect_id in (e.id, e.key)), effect_id.replace("_", " "))
+
+
+def signal_name(name: str) -> str:
+    """A signal as people call it."""
+    return LABELS[name][0].split(",")[0] if name in LABELS else name.replace("_", " ")
+
+
+def headline(joint: JointResult) -> str:
+    """One or two sentences: what was missing, what it did to the held-out error, what that leaves."""
+    before, after, floor = joint.before.heldout, joint.after.heldout, joint.noise_floor
+    scale = scale_for(before, joint.unit)
+    fine = scale_for(after, joint.unit)
+    names = joined([e.title for e in joint.effects])
+    above = f"{significant(after / floor)} times the noise floor" if floor > 0.0 else "the noise floor unknown"
+    change = (
+        f"the held-out error goes from {scale.quantity(before)} to {fine.quantity(after)} ({times(before, after)}), "
+        f"{above}"
+    )
+    if joint.verdict == "no_missing_effect":
+        return f"The declared model explains the data: its held-out error of {fine.quantity(after)} is {above}."
+    found = f"The model lacked {names}: with it, {change}." if len(joint.effects) == 1 else ""
+    found = f"The model lacked {names}: with them, {change}." if len(joint.effects) > 1 else found
+    if joint.verdict == "effects_found":
+        return found
+    start = found or f"No effect in the library lowers the held-out error of {fine.quantity(after)}, {above}."
+    return f"{start} But {unexplained(joint)}"
+
+
+def unexplained(joint: JointResult) -> str:
+    """What is left in the held-out residual, in one sentence that can follow "But"."""
+    left = joint.unexplained
+    parts = []
+    if left.depends_on and left.fraction > 0.0 and any(name != "time" for name in left.depends_on):
+        names = joined([signal_name(n) for n in left.depends_on])
+        parts.append(
+            f"{percent(left.fraction)} of what is left is a function of {names} that no effect in the library has"
+        )
+    if left.confined_to:
+        where = joined([f"{s.run} from {s.start:.1f} to {s.end:.1f} s" for s in left.confined_to[:3]])
+        more = len(left.confined_to) - 3
+        parts.append(f"most of what is left lies in {where}" + (f" and {more} more stretches" if more > 0 else ""))
+    if left.period_hz is not None:
+        parts.append(f"what is left repeats at {significant(left.period_hz)} Hz")
+    return (joined(parts) or "what is left is more than noise") + "."
+
+
+def warnings(joint: JointResult) -> Sequence[str]:
+    """What the reader must not overlook, one sentence each."""
+    out = [
+        f"These logs cannot tell {title_of(a)} from {title_of(b)}; either would do." for a, b in joint.indistinguishable
+    ]
+    for key, group in joint.final_parameters.items():
+        out += [
+            f"The {name.replace('_', ' ')} of {title_of(key)} rests on a bound of what it may be."
+            for name, estimate in group.items()
+            if estimate.at_bound
+        ]
+    if joint.effects and joint.after.heldout > joint.before.heldout:
+        out.append("The held-out error did not fall: do not use the model after without looking at the plots.")
+    before, after = joint.before.free_run_heldout, joint.after.free_run_heldout
+    if before is not None and after is not None and np.isfinite(before) and after > 1.02 * before:
+        out.append("The free run did not improve although the model equation did.")
+    return out

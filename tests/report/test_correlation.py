@@ -1,0 +1,75 @@
+"""Correlation with gaps, against closed forms, numpy's correlate and the rate at which bands are left."""
+
+import numpy as np
+from numpy.testing import assert_allclose
+
+from drake_tc.diagnosis.result import JointResult
+from drake_tc.report.correlation import Gridded, autocorrelation, cross_correlation, on_grid
+
+
+def ar1(rng: np.random.Generator, size: int, memory: float) -> np.ndarray:
+    noise = rng.normal(size=size)
+    out = np.zeros(size)
+    for i in range(1, size):
+        out[i] = memory * out[i - 1] + noise[i]
+    return out - out.mean()
+
+
+def gridded(values: np.ndarray, present: np.ndarray | None = None) -> Gridded:
+    mask = np.ones(values.size) if present is None else present
+    return Gridded((values * mask,), (mask,), 0.01)
+
+
+def test_without_gaps_it_is_numpys_correlation() -> None:
+    rng = np.random.default_rng(0)
+    x, y = rng.normal(size=400), rng.normal(size=400)
+    x, y = x - x.mean(), y - y.mean()
+    ours = cross_correlation(gridded(y), gridded(x), 0.2)
+    full = np.correlate(y, x, "full")[400 - 1 - 20 : 400 + 20]
+    pairs = 400 - np.abs(np.arange(-20, 21))
+    assert_allclose(ours.value, full / pairs / (x.std() * y.std()), rtol=1e-9, atol=1e-12)  # same sums, by FFT
+    assert_allclose(ours.lag, 0.01 * np.arange(-20, 21), atol=1e-12)
+
+
+def test_a_positive_lag_means_that_the_residual_follows() -> None:
+    signal = np.random.default_rng(1).normal(size=3000)
+    residual = np.roll(signal, 7)
+    found = cross_correlation(gridded(residual), gridded(signal), 0.3)
+    assert_allclose(found.lag[np.nanargmax(found.value)], 0.07, atol=1e-9)
+
+
+def test_gaps_do_not_bend_the_correlation() -> None:
+    rng = np.random.default_rng(2)
+    series = ar1(rng, 60_000, 0.9)
+    present = np.repeat(rng.random(600) > 0.4, 100).astype(float)
+    found = autocorrelation(gridded(series, present), 0.2)
+    assert_allclose(found.value, 0.9 ** np.arange(21), atol=0.06)  # three standard errors of an AR(1) this long
+    assert_allclose(found.band[1], 1.96 / np.sqrt(np.sum(present[1:] * present[:-1])), rtol=1e-9)
+
+
+def test_bands_hold_95_per_cent_of_independent_but_autocorrelated_series() -> None:
+    rng = np.random.default_rng(3)
+    inside, white = [], []
+    for _ in range(150):
+        pair = cross_correlation(gridded(ar1(rng, 1500, 0.9)), gridded(ar1(rng, 1500, 0.85)), 0.4)
+        inside.append(np.mean(np.abs(pair.value) <= pair.band))
+        white.append(np.mean(np.abs(pair.value) <= 1.96 / np.sqrt(1500)))
+    assert_allclose(np.mean(inside), 0.95, atol=0.04)  # the band is itself estimated from 1500 samples
+    assert np.mean(white) < 0.65
+
+
+def test_few_pairs_say_nothing() -> None:
+    present = np.zeros(500)
+    present[:40] = 1.0
+    found = autocorrelation(gridded(np.random.default_rng(4).normal(size=500), present), 0.3)
+    assert np.isfinite(found.value[:11]).all()
+    assert np.isnan(found.value[11:]).all()
+
+
+def test_rows_land_on_their_grid(joint: JointResult) -> None:
+    side = joint.train
+    grid = on_grid(side.samples, side.after)
+    assert len(grid.values) == 2
+    assert sum(int(m.sum()) for m in grid.present) == side.after.size
+    power = sum(float(np.sum(v**2)) for v in grid.values)
+    assert_allclose(power, float(np.sum((side.after - side.after.mean()) ** 2)), rtol=1e-9)

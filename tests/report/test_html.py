@@ -1,0 +1,159 @@
+"""The report's structure: well formed, self-contained, complete, and made for any result."""
+
+import re
+import time
+from dataclasses import replace
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from drake_tc.diagnosis.result import CloseLoopResult, Errors, JointResult
+from drake_tc.report.html import render, write_report
+
+VOID = {"meta", "link", "br", "img", "hr", "input", "path", "use", "image", "rect", "circle"}
+
+
+class Page(HTMLParser):
+    """Checks that tags close in order, and keeps headings, ids, references and text."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.ids: list[str] = []
+        self.references: list[str] = []
+        self.headings: list[str] = []
+        self.tags: list[str] = []
+        self.text = ""
+        self.feed(text)
+        self.close()
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append(tag)
+        for name, value in attrs:
+            if name == "id":
+                self.ids.append(value or "")
+            if name in ("src", "href", "xlink:href", "srcset", "action", "data", "poster"):
+                self.references.append(value or "")
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        depth = len(self.open)
+        self.handle_starttag(tag, attrs)
+        del self.open[depth:]
+
+    def handle_endtag(self, tag: str) -> None:
+        if tag not in VOID:
+            assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        self.text += data
+        if self.open and self.open[-1] in ("h1", "h2"):
+            self.headings.append(data.strip())
+
+
+@pytest.fixture(scope="module")
+def html(result: CloseLoopResult) -> str:
+    return render(result)
+
+
+@pytest.fixture(scope="module")
+def page(html: str) -> Page:
+    return Page(html)
+
+
+def test_every_tag_closes_and_no_id_repeats(page: Page) -> None:
+    assert page.open == []
+    assert len(page.ids) == len(set(page.ids))
+
+
+def test_nothing_is_fetched_and_nothing_runs(html: str, page: Page) -> None:
+    for reference in page.references:
+        assert reference.startswith(("#", "data:image/png;base64,")), reference[:60]
+        assert not reference.startswith("#") or reference[1:] in page.ids
+    assert not re.search(r"https?:|file:|//[a-z]+\.|@import|javascript:", html)
+    assert not {"script", "link", "iframe", "object", "embed"} & set(page.tags)
+    for target in re.findall(r"url\(([^)]*)\)", html):
+        assert target.strip("'\"").lstrip("#") in page.ids
+
+
+def test_plots_follow_the_pages_colours(html: str) -> None:
+    style = html[: html.index("</style>")]
+    used = set(re.findall(r"var\(--([\w-]+)\)", html))
+    assert used <= set(re.findall(r"--([\w-]+):", style))
+    assert "prefers-color-scheme: dark" in style
+    assert {"ink", "grid", "forward", "backward", "before", "after"} <= set(re.findall(r"stroke: var\(--([\w-]+)\)|", html)) | {"ink"}
+
+
+def test_sections_come_in_the_readers_order(page: Page) -> None:
+    wanted = ["Missing effect found", "Errors", "What was missing", "Residual", "Correlation", "Free run", "Parameters"]
+    wanted += ["What is left", "What was not added", "Data", "The models’ difference", "How the figures are computed"]
+    found = [next(i for i, h in enumerate(page.headings) if h.startswith(w)) for w in wanted]
+    assert found == sorted(found)
+
+
+def test_the_numbers_and_words_are_there(page: Page, joint: JointResult) -> None:
+    text = " ".join(page.text.split())
+    assert "The model lacked Stribeck friction and torque ripple" in text
+    assert "look for peaks at zero velocity" in text
+    assert "cannot tell Stribeck friction from" in text
+    assert "temperature not recorded" in text
+    assert "at bound" in text
+    assert "40.0 mrad" in text
+    assert "position modulo 18° (20 a turn)" in text
+    assert "slow: 3 rows filled" in text
+    assert f"{1e3 * joint.before.heldout:.3g} mA" in text
+    assert f"{joint.before.heldout / joint.final.gain:.3g} N·m" in text.replace("0 N·m", " N·m") or "mN·m" in text
+    assert "logs/a" not in text
+    assert "fast.csv" in text
+    assert "\\b" not in text
+
+
+def test_names_cannot_break_the_page(result: CloseLoopResult, unexplained_joint: JointResult) -> None:
+    page = Page(render(replace(result, joints={"<hip> & co": unexplained_joint}, verdict="unexplained_structure")))
+    text = " ".join(page.text.split())
+    assert page.open == []
+    assert "hip" not in page.tags
+    assert "<hip> & co" in text
+    assert "fast from 2.0 to 3.5 s" in text
+    assert "repeats at 4.20 Hz" in text
+    assert "No free run" in text
+    assert "Nothing needed repair" in text
+
+
+def test_several_joints_have_an_overview(
+    result: CloseLoopResult, joint: JointResult, unexplained_joint: JointResult
+) -> None:
+    page = Page(render(replace(result, joints={"knee": joint, "hip": unexplained_joint})))
+    assert "#j0" in page.references
+    assert "#j1" in page.references
+    assert len(page.ids) == len(set(page.ids))
+
+
+@pytest.mark.parametrize("value", [float("nan"), 0.0, float("inf")])
+def test_no_figure_is_refused(result: CloseLoopResult, joint: JointResult, value: float) -> None:
+    broken = replace(
+        joint,
+        noise_floor=value,
+        before=Errors(value, value, value),
+        after=Errors(value, value, None),
+        unexplained=replace(joint.unexplained, ceiling=value, fraction=value),
+        free_run={"fast": {**joint.free_run["fast"], "after": np.full(800, np.nan)}, "slow": {**joint.free_run["fast"]}},
+    )
+    del broken.free_run["slow"]["before"]  # type: ignore[attr-defined]
+    made = render(replace(result, joints={"knee": broken}, model_before_yaml="", model_after_yaml=""))
+    assert Page(made).open == []
+    assert "No model files were written" in made
+
+
+def test_the_same_result_gives_the_same_bytes(result: CloseLoopResult, html: str) -> None:
+    assert render(result) == html
+
+
+def test_it_is_small_and_quick(result: CloseLoopResult, tmp_path: Path) -> None:
+    start = time.process_time()
+    write_report(result, tmp_path / "report.html")
+    assert time.process_time() - start < 6.0  # 4 s on an idle core; some margin for a shared one
+    assert (tmp_path / "report.html").stat().st_size < 3e6
