@@ -46,7 +46,13 @@ def _signals(tau_d: FloatArray, motion: Motion) -> Signals:
         "temperature": REFERENCE_CELSIUS if motion.temperature is None else motion.temperature,
     }
     known = {name: nil + values for name, values in optional.items() if values is not None}
-    known |= {"velocity": velocity, "load_torque": tau_d, "expected_torque": tau_d, "travel": nil + np.inf}
+    known |= {
+        "velocity": velocity,
+        "load_torque": tau_d,
+        "expected_torque": tau_d,
+        "slow_torque": tau_d,
+        "travel": nil + np.inf,
+    }
     return plain_signals(tau_d.size, known)
 
 

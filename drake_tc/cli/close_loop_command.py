@@ -47,8 +47,10 @@ def close_loop_command(
             progress("recording a demo bench", 0.0)
             rig, log, holdout = record_demo(out / "demo_logs", seed)
         if not log or not holdout:
-            raise LogError("wanted at least one --log RUN to fit and one --holdout RUN to judge by; got "
-                           f"{len(log or [])} and {len(holdout or [])}")
+            raise LogError(
+                "wanted at least one --log RUN to fit and one --holdout RUN to judge by; got "
+                f"{len(log or [])} and {len(holdout or [])}"
+            )
         from drake_tc.diagrams.rig_free_run import rig_free_run
 
         with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:

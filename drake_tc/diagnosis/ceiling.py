@@ -47,7 +47,12 @@ def cross_predict(x: FloatArray, y: FloatArray, group: IntArray, seed: int, fold
     fold = np.random.default_rng(seed).permutation(int(group.max()) + 1)[group] % folds
     for f in range(folds):
         model = HistGradientBoostingRegressor(
-            max_iter=80, learning_rate=0.12, max_leaf_nodes=24, min_samples_leaf=40, l2_regularization=1.0, random_state=seed
+            max_iter=80,
+            learning_rate=0.12,
+            max_leaf_nodes=24,
+            min_samples_leaf=40,
+            l2_regularization=1.0,
+            random_state=seed,
         )
         held = fold == f
         if held.any() and (~held).sum() > 100:

@@ -27,6 +27,7 @@ from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
 from drake_tc.types import FloatArray
 
+
 @dataclass(frozen=True)
 class DiagnosisOptions:
     """Thresholds of the search and of the judgement of what is left; `seed` for resampling."""

@@ -73,8 +73,7 @@ class Columns:
     def with_model(self, beta: FloatArray, *, servo: bool) -> "Columns":
         """The same samples once the declared model's [1/K, F_v, F_c, ...] is known: see `Signals`."""
         s = self.samples.signals
-        moving = beta[0] * s.effort - beta[1] * s.velocity - beta[2] * s.direction
-        expected = moving - s.rotor_inertia * s.acceleration
+        expected = beta[0] * s.effort - beta[1] * s.velocity - beta[2] * s.direction - s.rotor_inertia * s.acceleration
         stiffness = float(beta[0]) if servo else 0.0
         signals = replace(s, viscous=float(beta[1]), stiffness=stiffness, expected_torque=expected)
         return Columns(replace(self.samples, signals=signals))

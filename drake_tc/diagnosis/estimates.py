@@ -38,18 +38,19 @@ def physical_parameters(fitted: Fit, beta: FloatArray, shapes: FloatArray) -> di
     terms = _with_shapes(fitted.terms, where, shapes)
     gain = 1.0 / beta[0]
     out: dict[str, dict[str, float]] = {"drive": {"gain": float(gain)}}
-    at = 1
+    at, scale = 1, 1.0
     for term in terms:
-        count = len(term.effect.coefficients)
-        out[term.effect.key] = term.effect.physical(beta[at : at + count], term.shape, gain)
-        at += count
-    if "torque_sensor_gain" in out:
-        _undo_sensor_gain(out, terms, 1.0 + out["torque_sensor_gain"]["gain_error"])
+        theta = beta[at : at + len(term.effect.coefficients)]
+        out[term.effect.key] = term.effect.physical(theta, term.shape, gain)
+        scale *= term.effect.torque_scale(theta)
+        at += theta.size
+    if scale != 1.0:
+        _to_true_torque(out, terms, scale)
     return out
 
 
-def _undo_sensor_gain(out: dict[str, dict[str, float]], terms: Sequence[Term], scale: float) -> None:
-    """The fit lives on the sensor's scale, (1 + g) times the true torque; parameters are reported in true torque."""
+def _to_true_torque(out: dict[str, dict[str, float]], terms: Sequence[Term], scale: float) -> None:
+    """One N m of the fit is 1/scale N m of true torque (a sensor's gain error, a servo's wind-up)."""
     out["drive"]["gain"] *= scale
     for term in terms:
         for p in term.effect.parameters:

@@ -68,4 +68,3 @@ def better_share(small: Fit, large: Fit, seed: int = 0, resamples: int = 400) ->
     rng = np.random.default_rng(seed)
     draws = rng.integers(0, pairs.size, (resamples, pairs.size))
     return float(np.mean(pairs[draws].sum(axis=1) > 0.0))
-

@@ -38,9 +38,7 @@ def next_experiment(
     """One or two sentences, or None when nothing is open."""
     if ties:
         first, second = ties[0]
-        return (
-            f"To tell {first} from {second}: {ISOLATES[first]} (shows {first} alone); {ISOLATES[second]} (shows {second} alone)."
-        )
+        return f"To tell {first} from {second}: {ISOLATES[first]} (shows {first} alone); {ISOLATES[second]} (shows {second} alone)."
     if unexplained.confined_to:
         s = unexplained.confined_to[0]
         return f"Repeat {s.run}: between {s.start:.1f} and {s.end:.1f} s something acted on the joint that the log does not show."

@@ -106,7 +106,13 @@ def light_width(position: FloatArray, segments: Sequence[slice], period: float) 
     steps = np.abs(np.diff(inside))
     positive = steps[steps > 1e-12]
     step = float(np.min(positive)) if positive.size else 0.0
-    step = step if np.mean(np.abs(np.round(positive / step) * step - positive) < 0.02 * step) > 0.9 else 0.0 if step else 0.0
+    step = (
+        step
+        if np.mean(np.abs(np.round(positive / step) * step - positive) < 0.02 * step) > 0.9
+        else 0.0
+        if step
+        else 0.0
+    )
     third = np.concatenate([np.diff(position[s], 3) for s in segments if s.stop - s.start > 8] or [np.zeros(1)])
     noise = max(step / np.sqrt(12.0), 1.4826 * float(np.median(np.abs(third))) / np.sqrt(20.0), 1e-12)
     width = max(4.0 * period, 0.012)
@@ -134,7 +140,9 @@ def build_samples(runs: Sequence[Run], rig: Rig, joint: str, width_s: float | No
     period = float(np.median([r.period for r in runs]))
     pieces = [(i, run, s) for i, run in enumerate(runs) for s in run.segments() if s.stop - s.start > 40]
     if not pieces:
-        raise IdentificationError(f"joint {joint}: no stretch of more than 40 usable samples in {[r.name for r in runs]}")
+        raise IdentificationError(
+            f"joint {joint}: no stretch of more than 40 usable samples in {[r.name for r in runs]}"
+        )
 
     def gather(column: str) -> FloatArray:
         parts = [
@@ -169,9 +177,11 @@ def build_samples(runs: Sequence[Run], rig: Rig, joint: str, width_s: float | No
     if isinstance(load, Pendulum):
         moment = load.mass * GRAVITY * load.length
         torque = light.smooth(moment * np.sin(raw_q - load.zero)) + load.inertia * a
+        slow_torque = torque
         slope = moment * np.cos(q - load.zero)
     else:
         torque = smooth(f"{joint}/torque")
+        slow_torque = CommonKernel(3.0 * light.actual_width_s, period).smooth(raw_torque)
     torque_noise = _white_noise(raw_torque, segments) if not isinstance(load, Pendulum) else 0.0
     velocity_noise = noise * float(np.sqrt(np.sum(light._kernels[1] ** 2)))
     resolution = Resolution(step, noise, torque_noise, velocity_noise)
@@ -186,6 +196,7 @@ def build_samples(runs: Sequence[Run], rig: Rig, joint: str, width_s: float | No
         acceleration=a,
         load_torque=torque,
         expected_torque=torque,
+        slow_torque=slow_torque,
         effort=effort,
         command=command,
         direction=direction,

@@ -57,7 +57,9 @@ class Search:
     obstacles: tuple[tuple[str, str], ...] = field(default=())
 
 
-def screen(columns: Columns, residual: FloatArray, effect: Effect, grid: Sequence[dict[str, float]], keep: int) -> Iterator[dict[str, float]]:
+def screen(
+    columns: Columns, residual: FloatArray, effect: Effect, grid: Sequence[dict[str, float]], keep: int
+) -> Iterator[dict[str, float]]:
     """The `keep` shapes whose unfiltered columns correlate most with the residual (N,); all when the grid is short."""
     if len(grid) <= 3 * keep or isinstance(effect, DriveEffect):
         yield from grid
@@ -131,7 +133,9 @@ def ranked(fits: Iterable[Fit]) -> list[Fit]:
     return [first, *(f for f in by_error if f is not first)]
 
 
-def candidates(library: Sequence[Effect], context: Context, declared: Sequence[str]) -> tuple[list[Effect], list[tuple[str, str]]]:
+def candidates(
+    library: Sequence[Effect], context: Context, declared: Sequence[str]
+) -> tuple[list[Effect], list[tuple[str, str]]]:
     """Effects that can be looked for, and for the others why not."""
     usable, obstacles = [], []
     for effect in library:
@@ -199,4 +203,3 @@ def _real(c: Comparison, floor: float, explained: float, options: SearchOptions)
         and c.removed >= options.least_removed * floor
         and c.removed >= options.least_of_first * explained
     )
-

@@ -38,8 +38,9 @@ class Signals:
         time: Since the start of the run [s].
         position, velocity, acceleration: q, qdot, qddot [rad, rad/s, rad/s^2].
         load_torque: tau on the link side [N m].
-        expected_torque: tau as the model so far expects it from effort and motion [N m]; free of the sensor's noise,
-            for effects that differentiate it. The same as `load_torque` where no model is at hand.
+        expected_torque: tau as the declared model expects it from effort and motion [N m]: sharp where the sensor's is noisy.
+        slow_torque: tau low-passed three times as hard [N m], for effects that differentiate it: the sensor's noise,
+            differentiated, would explain itself. The same as `load_torque` where nothing was filtered.
         effort: y, what the drive was asked for [rad | A | V].
         command: The recorded command itself: q_d [rad], i [A] or V [V].
         direction: sign of the last resolved motion, in [-1, 1]; between them while it turns over.
@@ -59,6 +60,7 @@ class Signals:
     acceleration: FloatArray
     load_torque: FloatArray
     expected_torque: FloatArray
+    slow_torque: FloatArray
     effort: FloatArray
     command: FloatArray
     direction: FloatArray
@@ -203,6 +205,10 @@ def plain_signals(size: int, known: Mapping[str, FloatArray]) -> Signals:
     nil: dict[str, Any] = {f.name: np.zeros(size) for f in fields(Signals) if f.default is MISSING}
     return Signals(**(nil | dict(known)))
 
+    def torque_scale(self, theta: FloatArray) -> float:
+        """What one N m of the fitted balance is in true torque: other than 1 where the effect scales the balance itself."""
+        return 1.0
+
 
 class TorqueEffect(Effect):
     """An effect that costs torque between drive and link: friction, inertia, ripple, springs."""
@@ -221,7 +227,14 @@ class TorqueEffect(Effect):
         """
 
         def parts(q: float, v: float, direction: float, tau: float, celsius: float, hysteresis: float) -> TorqueParts:
-            now = {"position": q, "velocity": v, "load_torque": tau, "expected_torque": tau, "temperature": celsius}
+            now = {
+                "position": q,
+                "velocity": v,
+                "load_torque": tau,
+                "expected_torque": tau,
+                "slow_torque": tau,
+                "temperature": celsius,
+            }
             known = {name: np.full(2, value) for name, value in now.items()}
             both = plain_signals(2, known | {"direction": np.array([1.0, -1.0]), "travel": np.full(2, np.inf)})
             forth, back = self.torque(both, parameters)

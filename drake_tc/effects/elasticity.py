@@ -33,19 +33,24 @@ class Elasticity(TransmissionEffect):
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """C."""
+        """The compliance c alone."""
         return (Parameter("compliance", "rad/(N*m)", 0.0),)
 
     def columns(self, signals: Signals, shape: Shape) -> FloatArray:
         """(F_v d tau/dt + J d2 tau/dt2, -J qddot) (T, 2)."""
-        rate = np.gradient(signals.expected_torque, signals.period)
+        rate = np.gradient(signals.slow_torque, signals.period)
         curvature = np.gradient(rate, signals.period)
         motion = signals.viscous * rate + signals.rotor_inertia * curvature
-        return np.stack([motion, -signals.rotor_inertia * signals.acceleration], axis=-1)
+        seen = 1.0 if signals.stiffness > 0.0 else 0.0
+        return np.stack([motion, -seen * signals.rotor_inertia * signals.acceleration], axis=-1)
 
     def physical(self, theta: FloatArray, shape: Shape, gain: float) -> dict[str, float]:
-        """Stiffness 1/c."""
-        return {"compliance": float(theta[0])}
+        """c [rad/(N m)]: K times the wind-up of a servo, which is known far better; for other drives from the rates."""
+        return {"compliance": float(theta[1]) * gain if theta[1] > 0.0 else float(theta[0])}
+
+    def torque_scale(self, theta: FloatArray) -> float:
+        """1 - c/K': the balance was divided by 1 + c/K."""
+        return 1.0 - float(theta[1])
 
     def transmission(self, parameters: Mapping[str, float]) -> Transmission:
         """A spring without play; stiffer than 10^9 N m/rad is taken as that."""

@@ -35,6 +35,10 @@ class TorqueSensorGain(SensorEffect):
         """Phi (T, 1): see the class."""
         return (signals.rotor_inertia * signals.acceleration)[:, None]
 
+    def torque_scale(self, theta: FloatArray) -> float:
+        """1 + g: the fit lives on the sensor's scale."""
+        return 1.0 + float(theta[0])
+
     def corrupt(self, signals: Signals, parameters: Mapping[str, FloatArray | float]) -> Signals:
         """Scale the torque."""
         return replace(signals, load_torque=signals.load_torque * (1.0 + parameters["gain_error"]))

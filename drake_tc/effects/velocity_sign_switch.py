@@ -25,7 +25,7 @@ class VelocitySignSwitch(DriveEffect):
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """S."""
+        """The switch s alone."""
         return (Parameter("switch", "-", -1.0, 1.0),)
 
     def columns(self, signals: Signals, shape: Shape) -> FloatArray:

@@ -11,7 +11,7 @@ from drake_tc.report.numbers import scale_for, times
 from drake_tc.report.svg import AFTER, BEFORE, INK, new_figure, page_style, to_svg
 from drake_tc.types import FloatArray, IntArray
 
-SIZE = (4.6, 3.3)
+SIZE = (4.3, 3.1)
 MOST_SAMPLES = 1600
 ZOOM_S = 3.0
 Trace = Mapping[str, FloatArray]

@@ -14,6 +14,7 @@ from drake_tc.diagnosis.result import CloseLoopResult, JointResult
 from drake_tc.report.bins import MOST_POINTS
 from drake_tc.report.correlation_plots import correlation_plots
 from drake_tc.report.free_run_plots import free_run_plots
+from drake_tc.report.leftover_plots import leftover_plots
 from drake_tc.report.model_diff import model_diff
 from drake_tc.report.numbers import fold, percent, scale_for, significant
 from drake_tc.report.panels import TRAIN_POINTS, residual_cards
@@ -109,6 +110,7 @@ def _joint(joint: JointResult, prefix: str) -> dict[str, Any]:
             "line": "none" if left.period_hz is None else f"{significant(left.period_hz)} Hz",
             "ceiling": scale.quantity(left.ceiling),
         },
+        "leftovers": leftover_plots(joint, prefix),
         "notes": joint.notes,
         "runs": [*data_rows(joint.train, "training"), *data_rows(joint.heldout, "held-out")],
         "facts": data_facts(joint),

@@ -4,6 +4,8 @@ import math
 from dataclasses import dataclass
 
 UNKNOWN = "–"
+SPACE = "\u00a0"
+"""Between a number and its unit: never broken across lines."""
 _SUPERSCRIPT = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
 _PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
 _PREFIXED = ("rad", "A", "V", "N·m", "rad/s", "s")
@@ -47,17 +49,21 @@ def percent(fraction: float | None) -> str:
         return UNKNOWN
     value = 100.0 * fraction
     if value == 0.0:
-        return "0 %"
-    if abs(value) < 0.1:
-        return "< 0.1 %" if value > 0.0 else "> −0.1 %"
-    return f"{significant(value, 2 if abs(value) < 99.5 else 3)} %"
+        text = "0"
+    elif abs(value) < 0.1:
+        text = "< 0.1" if value > 0.0 else "> −0.1"
+    elif value < -1000.0:
+        text = "< −1000"
+    else:
+        text = significant(value, 2 if abs(value) < 99.5 else 3)
+    return text.replace(" ", SPACE) + f"{SPACE}%"
 
 
 def fold(before: float, after: float) -> str:
     """How many times smaller `after` is: "46 ×"; "–" where the ratio says nothing."""
     if not (math.isfinite(before) and math.isfinite(after)) or before <= 0.0 or after <= 0.0:
         return UNKNOWN
-    return f"{significant(before / after, 2 if before / after < 99.5 else 3)} ×"
+    return f"{significant(before / after, 2 if before / after < 99.5 else 3)}{SPACE}×"
 
 
 def times(before: float, after: float) -> str:
@@ -82,7 +88,7 @@ class Scale:
     def quantity(self, value: float | None, digits: int = 3) -> str:
         """Number and unit."""
         number = self.text(value, digits)
-        return number if number == UNKNOWN or not self.unit else f"{number} {self.unit}"
+        return number if number == UNKNOWN or not self.unit else f"{number}{SPACE}{self.unit}"
 
 
 def scale_for(largest: float | None, unit: str) -> Scale:

@@ -13,7 +13,7 @@ from drake_tc.report.residual_plots import Cloud, cloud_svg
 from drake_tc.report.rows import Quantity, modulo, quantity, rows_of
 from drake_tc.types import FloatArray
 
-SIZE = (4.6, 2.9)
+SIZE = (4.2, 2.7)
 
 
 @dataclass(frozen=True)

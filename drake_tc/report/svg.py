@@ -53,6 +53,7 @@ _STYLE = {
     "grid.linewidth": 0.5,
     "axes.axisbelow": True,
     "axes.titlelocation": "left",
+    "axes.titley": 1.03,
     "axes.formatter.useoffset": False,
     "legend.frameon": False,
     "lines.linewidth": 1.3,
@@ -109,7 +110,7 @@ def _fewer_colours(encoded: str) -> str:
     with Image.open(io.BytesIO(base64.b64decode(encoded))) as image:
         stream = io.BytesIO()
         small = image.convert("RGBA").quantize(BITMAP_COLOURS, method=Image.Quantize.FASTOCTREE)
-        small.save(stream, format="png", optimize=True)
+        small.save(stream, format="png", compress_level=7)
     return base64.b64encode(stream.getvalue()).decode("ascii")
 
 

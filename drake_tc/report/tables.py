@@ -146,10 +146,18 @@ def rejected_rows(rejected: Sequence[RejectedEffect]) -> tuple[Sequence[Rejected
             r.id,
             percent(r.heldout_gain),
             percent(r.train_gain),
-            r.why.split("here: ")[-1] if impossible else r.why,
+            _why(r, impossible=impossible),
         )
         (barred if impossible else tried).append(row)
     return tried, barred
+
+
+def _why(rejected: RejectedEffect, *, impossible: bool) -> str:
+    if impossible:
+        return rejected.why.split("here: ")[-1]
+    if rejected.why.startswith("lowers") and rejected.train_gain < 5e-4:
+        return "does not lower the cross-validated error"
+    return rejected.why
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""A result made by hand: a joint with a Stribeck peak and a ripple, recorded in memory, fitted with and without them."""
+"""A result made by hand: a joint with a Stribeck peak and a ripple, fitted with and without them."""
 
 from dataclasses import replace
 
@@ -130,7 +130,8 @@ def result(joint: JointResult) -> CloseLoopResult:
         heldout_files=("logs\\b\\fast.csv",),
         rig_file="rigs/knee.yaml",
         model_before_yaml="joints:\n  knee:\n    effects:\n      - {effect: viscous, viscous: 1.7}\n",
-        model_after_yaml="joints:\n  knee:\n    effects:\n      - {effect: viscous, viscous: 1.5}\n      - {effect: stribeck}\n",
+        model_after_yaml="joints:\n  knee:\n    effects:\n      - {effect: viscous, viscous: 1.5}\n"
+        "      - {effect: stribeck}\n",
     )
 
 

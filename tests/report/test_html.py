@@ -9,8 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from drake_tc.diagnosis.result import CloseLoopResult, Errors, JointResult
+from drake_tc.diagnosis.result import CloseLoopResult, Errors, JointResult, TimeStretch
 from drake_tc.report.html import render, write_report
+from drake_tc.report.leftover_plots import leftover_plots
 
 VOID = {"meta", "link", "br", "img", "hr", "input", "path", "use", "image", "rect", "circle"}
 
@@ -84,7 +85,8 @@ def test_plots_follow_the_pages_colours(html: str) -> None:
     used = set(re.findall(r"var\(--([\w-]+)\)", html))
     assert used <= set(re.findall(r"--([\w-]+):", style))
     assert "prefers-color-scheme: dark" in style
-    assert {"ink", "grid", "forward", "backward", "before", "after"} <= set(re.findall(r"stroke: var\(--([\w-]+)\)|", html)) | {"ink"}
+    assert {"ink", "grid", "forward", "backward", "before", "after"} <= used
+    assert not re.search(r"(?:fill|stroke): #", html[html.index("</style>") :])
 
 
 def test_sections_come_in_the_readers_order(page: Page) -> None:
@@ -104,8 +106,8 @@ def test_the_numbers_and_words_are_there(page: Page, joint: JointResult) -> None
     assert "40.0 mrad" in text
     assert "position modulo 18° (20 a turn)" in text
     assert "slow: 3 rows filled" in text
-    assert f"{1e3 * joint.before.heldout:.3g} mA" in text
-    assert f"{joint.before.heldout / joint.final.gain:.3g} N·m" in text.replace("0 N·m", " N·m") or "mN·m" in text
+    assert f"{1e3 * joint.before.heldout:#.3g} mA" in text
+    assert f"{1e3 * joint.before.heldout / joint.final.gain:#.3g} mN·m".replace(". ", " ") in text
     assert "logs/a" not in text
     assert "fast.csv" in text
     assert "\\b" not in text
@@ -123,6 +125,16 @@ def test_names_cannot_break_the_page(result: CloseLoopResult, unexplained_joint:
     assert "Nothing needed repair" in text
 
 
+def test_a_remainder_is_shown_against_what_it_depends_on(unexplained_joint: JointResult, joint: JointResult) -> None:
+    panels = leftover_plots(unexplained_joint, "x")
+    assert len(panels) == 3
+    for panel, name in zip(panels, ("velocity", "load torque", "time"), strict=True):
+        assert f"residual against {name}, after, held-out runs" in panel
+    left = replace(unexplained_joint.unexplained, confined_to=(TimeStretch("slow", 1.0, 2.0),))
+    assert "training runs" in leftover_plots(replace(unexplained_joint, unexplained=left), "x")[0]
+    assert leftover_plots(joint, "x") == []
+
+
 def test_several_joints_have_an_overview(
     result: CloseLoopResult, joint: JointResult, unexplained_joint: JointResult
 ) -> None:
@@ -134,15 +146,16 @@ def test_several_joints_have_an_overview(
 
 @pytest.mark.parametrize("value", [float("nan"), 0.0, float("inf")])
 def test_no_figure_is_refused(result: CloseLoopResult, joint: JointResult, value: float) -> None:
+    trace = joint.free_run["fast"]
+    lone = {name: values for name, values in trace.items() if name != "before"}
     broken = replace(
         joint,
         noise_floor=value,
         before=Errors(value, value, value),
         after=Errors(value, value, None),
         unexplained=replace(joint.unexplained, ceiling=value, fraction=value),
-        free_run={"fast": {**joint.free_run["fast"], "after": np.full(800, np.nan)}, "slow": {**joint.free_run["fast"]}},
+        free_run={"fast": {**trace, "after": np.full(800, np.nan)}, "slow": lone},
     )
-    del broken.free_run["slow"]["before"]  # type: ignore[attr-defined]
     made = render(replace(result, joints={"knee": broken}, model_before_yaml="", model_after_yaml=""))
     assert Page(made).open == []
     assert "No model files were written" in made

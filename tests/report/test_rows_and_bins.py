@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from drake_tc.diagnosis.design import Columns, fit, predict
+from drake_tc.diagnosis.design import Columns, Term, fit, predict
 from drake_tc.diagnosis.result import JointResult, TimeStretch
+from drake_tc.effects.library import effect
 from drake_tc.report.bins import binned, evenly, frame
 from drake_tc.report.free_run_plots import rms_error, worst_window
 from drake_tc.report.model_diff import model_diff
@@ -108,11 +109,8 @@ def test_an_effects_share_is_what_deleting_its_coefficients_costs(joint: JointRe
 
 
 def test_a_drive_effects_share_is_what_leaving_its_transform_out_costs(joint: JointResult) -> None:
-    from drake_tc.diagnosis.design import Term
-    from drake_tc.effects.library import effect
-
     columns = Columns(joint.train.samples)
-    lagging = fit(columns, [*joint.final.terms, Term(effect("current_lag"), {"time_constant": 0.02})])
+    lagging = fit(columns, [*joint.final.terms, Term(effect("current_lag"), {"lag": 0.02})])
     without = predict(columns, replace(lagging, terms=lagging.terms[:-1]))
     side = replace(joint.train, after=lagging.residual)
     share = contribution(side, lagging, "current_lag")
@@ -124,9 +122,10 @@ def test_the_worst_stretch_and_its_error() -> None:
     time = np.arange(0.0, 20.0, 0.01)
     recorded = np.sin(time)
     before = recorded + 0.1 * ((time > 8.0) & (time < 11.0))
-    begin, end = worst_window({"time": time, "recorded": recorded, "before": before})
+    trace = {"time": time, "recorded": recorded, "before": before}
+    begin, end = worst_window(trace)
     assert_allclose((begin, end), (8.0, 11.0), atol=0.03)
-    assert_allclose(rms_error({"time": time, "recorded": recorded, "before": before}, "before"), 0.1 * np.sqrt(0.15), rtol=5e-3)
+    assert_allclose(rms_error(trace, "before"), 0.1 * np.sqrt(0.15), rtol=5e-3)
     assert np.isnan(rms_error({"time": time, "recorded": recorded}, "after"))
 
 

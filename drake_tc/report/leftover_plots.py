@@ -1,0 +1,33 @@
+"""Where the unexplained remainder is: the residual after, against the signals that it depends on."""
+
+from collections.abc import Sequence
+
+from drake_tc.diagnosis.result import JointResult
+from drake_tc.report.numbers import scale_for
+from drake_tc.report.residual_plots import Cloud, cloud_svg
+from drake_tc.report.rows import quantity, rows_of
+from drake_tc.report.signature_plots import SIZE
+
+MOST_PLOTS = 4
+
+
+def leftover_plots(joint: JointResult, prefix: str) -> Sequence[str]:
+    """Panels of SVG, most important signal first; stretches that stand out are shaded. None without structure.
+
+    The held-out runs are drawn, unless every stretch that stands out lies in the training runs: then those are.
+    """
+    left = joint.unexplained
+    if not left.structured:
+        return []
+    held = joint.heldout.samples.runs
+    in_training = bool(left.confined_to) and not any(s.run in held for s in left.confined_to)
+    side, where = (joint.train, "training runs") if in_training else (joint.heldout, "held-out runs")
+    rows = rows_of(side)
+    scale = scale_for(float(abs(side.after).max()), joint.unit)
+    panels = []
+    for name in left.depends_on[:MOST_PLOTS]:
+        against = quantity(side, name, joint.unit, left.confined_to)
+        if against is not None:
+            cloud = Cloud(f"{prefix}-left-{name}", f"after, {where}", side.after, scale, joint.noise_floor, size=SIZE)
+            panels.append(cloud_svg(cloud, against, rows))
+    return panels
