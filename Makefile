@@ -1,0 +1,57 @@
+# Two commands from a fresh clone:  make demo  and  make test.  See README.md.
+
+PYTHON ?= python3
+VENV ?= .venv
+OUT ?= out/demo
+BIN := $(VENV)/bin
+PACKAGES := pyproject.toml
+export OMP_NUM_THREADS ?= 1
+export MPLBACKEND ?= Agg
+
+.DEFAULT_GOAL := help
+.PHONY: help demo test test-slow lint unit wheel notebook clean
+
+help: ## what can be made
+	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1|/' | column -t -s '|'
+
+$(VENV)/bin/python:
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
+		|| { echo 'wanted Python 3.11 or newer; name one: make PYTHON=python3.12 ...' >&2; exit 1; }
+	$(PYTHON) -m venv $(VENV)
+
+$(VENV)/.installed: $(PACKAGES) | $(VENV)/bin/python
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable .
+	@touch $@
+
+$(VENV)/.installed-test: $(PACKAGES) | $(VENV)/bin/python
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[test,notebooks]'
+	@touch $@ $(VENV)/.installed
+
+demo: $(VENV)/.installed ## install, simulate a bench, close the loop on it; the last line is the report
+	@$(BIN)/drake-tc close-loop --out $(OUT)
+	@echo "$(OUT)/report.html"
+
+test: lint unit wheel ## all checks, at most ten minutes on two cores
+
+lint: $(VENV)/.installed-test
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+unit: $(VENV)/.installed-test
+	$(BIN)/pytest -q -n 2 --dist worksteal -m 'not slow' --cov drake_tc --cov-report term:skip-covered
+
+wheel: $(VENV)/.installed-test ## build the wheel and run the demo from it, in an empty environment
+	bash .ci/wheel.sh $(BIN)/python
+
+test-slow: $(VENV)/.installed-test ## long reproductions and the full blind benchmark
+	$(BIN)/pytest -q -m slow
+
+notebook: $(VENV)/.installed-test ## run the notebooks' scripts and store them rendered
+	for script in notebooks/*.py; do \
+		$(BIN)/jupytext --to notebook --set-kernel python3 --execute --run-path notebooks "$$script" || exit 1; \
+	done
+
+clean: ## remove what was built or written here, and the environment
+	rm -rf $(VENV) build dist out *.egg-info .coverage .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +

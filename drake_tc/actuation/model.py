@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import TypeVar, get_args
 
 from drake_tc.effects.base import DriveEffect, DriveKind, Effect, SensorEffect, TorqueEffect, TransmissionEffect
-from drake_tc.effects.library import LIBRARY
+from drake_tc.effects.library import effect
 from drake_tc.errors import ParamsError
 
 DRIVE_KINDS: tuple[str, ...] = get_args(DriveKind)
@@ -83,10 +83,7 @@ class EffectValue:
         Raises:
             ParamsError: there is none of that name; the message lists those there are.
         """
-        for candidate in LIBRARY:
-            if self.key in (candidate.key, candidate.id):
-                return candidate
-        raise ParamsError(f"no effect {self.key!r}; effects: {', '.join(sorted(e.key for e in LIBRARY))}")
+        return effect(self.key)
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Annotated, Optional
+from typing import Annotated
 
 import typer
 from rich.console import Console
@@ -27,9 +27,9 @@ VERDICTS = {
 
 
 def close_loop_command(
-    rig: Annotated[Optional[Path], typer.Option(help="Rig file (YAML): joint, drive, what is declared.")] = None,
-    log: Annotated[Optional[list[Path]], typer.Option(help="A run to fit; repeat for more.")] = None,
-    holdout: Annotated[Optional[list[Path]], typer.Option(help="A run that takes no part in fitting; repeat.")] = None,
+    rig: Annotated[Path | None, typer.Option(help="Rig file (YAML): joint, drive, what is declared.")] = None,
+    log: Annotated[list[Path] | None, typer.Option(help="A run to fit; repeat for more.")] = None,
+    holdout: Annotated[list[Path] | None, typer.Option(help="A run that takes no part in fitting; repeat.")] = None,
     out: Annotated[Path, typer.Option(help="Folder for report.html, report.json and both models.")] = Path("out"),
     seed: Annotated[int, typer.Option(help="Seed of the resampling (and of the demo's rig).")] = 0,
     as_json: Annotated[bool, typer.Option("--json", help="Print report.json to stdout instead of the tables.")] = False,

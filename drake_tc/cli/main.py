@@ -1,31 +1,70 @@
 """`drake-tc`: the command line. Results go to stdout, everything else to stderr; bad input ends with 2 and one line."""
 
 import sys
+from collections.abc import Sequence
+from typing import Annotated
 
 import typer
+from typer.exceptions import TyperException
 
+from drake_tc import __version__
+from drake_tc.cli.bench_command import bench_app
 from drake_tc.cli.close_loop_command import close_loop_command
+from drake_tc.cli.identify_command import identify_command
 from drake_tc.cli.import_logs import import_logs
 from drake_tc.errors import DrakeTcError
 
 app = typer.Typer(
     name="drake-tc",
     help="Torque control of position-controlled robots in Drake, with a model held against measured data.",
-    no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
 )
 app.command("close-loop")(close_loop_command)
+app.command("identify")(identify_command)
 app.command("import")(import_logs)
+app.add_typer(bench_app, name="bench")
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        print(__version__)
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool, typer.Option("--version", help="Print the version and stop.", callback=_print_version, is_eager=True)
+    ] = False,
+) -> None:
+    """Torque control of position-controlled robots in Drake, with a model held against measured data."""
+
+
+def run(arguments: Sequence[str]) -> int:
+    """Run one command and return its exit code: 0 it ran, 2 input that cannot be used, 130 interrupted.
+
+    Args:
+        arguments: What stands behind `drake-tc`; nothing at all asks for the help.
+    """
+    try:
+        code = app(list(arguments) or ["--help"], prog_name="drake-tc", standalone_mode=False)
+    except DrakeTcError as error:
+        print(f"drake-tc: {_one_line(str(error))}", file=sys.stderr)
+        return 2
+    except TyperException as error:
+        print(f"drake-tc: {_one_line(error.format_message())} (drake-tc --help lists what there is)", file=sys.stderr)
+        return 2
+    except (KeyboardInterrupt, typer.Abort):
+        print("drake-tc: interrupted", file=sys.stderr)
+        return 130
+    return code if isinstance(code, int) else 0
 
 
 def main() -> None:
     """Entry point of the console script."""
-    try:
-        app()
-    except DrakeTcError as error:
-        print(f"drake-tc: {error}", file=sys.stderr)
-        sys.exit(2)
-    except KeyboardInterrupt:
-        print("drake-tc: interrupted", file=sys.stderr)
-        sys.exit(130)
+    sys.exit(run(sys.argv[1:]))
+
+
+def _one_line(text: str) -> str:
+    return " ".join(text.split())

@@ -21,7 +21,7 @@ class StructureOptions:
     Attributes:
         least_fraction: Smallest share of the residual's variance that a function of the signals must explain.
         least_rms: Smallest RMS of that share, in noise floors.
-        least_of_before: ... and as a share of the held-out error before: what the found effects leave by their form is smaller.
+        least_of_before: ... and as a share of the held-out error before: what found effects leave by their form is less.
         least_nats: Evidence of that share, in effective samples of what is left: noise that wanders has few.
         least_burst: How many times the typical half-second RMS a confined stretch must reach.
         least_line: Share of the residual's variance that one spectral line must hold.
@@ -38,7 +38,7 @@ class StructureOptions:
 def features(side: Side) -> FloatArray:
     """(N, 8) of the `SIGNALS` on the side's rows; an unrecorded signal is constant."""
     columns = [getattr(side.samples.signals, name)[side.samples.rows] for name in SIGNALS]
-    return np.nan_to_num(np.stack(columns, axis=-1))
+    return np.asarray(np.nan_to_num(np.stack(columns, axis=-1)))
 
 
 def cross_predict(x: FloatArray, y: FloatArray, group: IntArray, seed: int, folds: int = 4) -> FloatArray:
@@ -77,7 +77,7 @@ def spectral_line(side: Side) -> tuple[float, float]:
     r = side.after - side.after.mean()
     step = samples.row_period
     runs = np.unique(samples.run)
-    size = 2 * int(max(np.ptp(time[samples.run == k]) for k in runs) / step) + 2
+    size = 2 * int(max(float(np.ptp(time[samples.run == k])) for k in runs) / step) + 2
     power = np.zeros(size // 2 + 1)
     for k in runs:
         rows = samples.run == k

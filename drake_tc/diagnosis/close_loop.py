@@ -6,7 +6,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from drake_tc.diagnosis.ceiling import StructureOptions, judge
-from drake_tc.diagnosis.design import Columns, Fit, Term, fit, predict
+from drake_tc.diagnosis.declared import declared_terms, fit_declared, known_values, without_known
+from drake_tc.diagnosis.design import Columns, Term, fit, predict
 from drake_tc.diagnosis.estimates import estimates
 from drake_tc.diagnosis.evidence import better_share, compare, noise_floor
 from drake_tc.diagnosis.experiments import next_experiment
@@ -22,7 +23,8 @@ from drake_tc.diagnosis.samples import Samples, build_samples, context_of
 from drake_tc.diagnosis.search import Progress, Search, SearchOptions, best_shape, candidates, refine, search
 from drake_tc.diagnosis.ties import indistinguishable
 from drake_tc.effects.base import EFFORT_UNIT, Context
-from drake_tc.effects.library import LIBRARY, effect
+from drake_tc.effects.library import LIBRARY
+from drake_tc.identification.regression import least_squares
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
 from drake_tc.types import FloatArray
@@ -37,20 +39,12 @@ class DiagnosisOptions:
     seed: int = 0
 
 
+MAX_CONDITION = 300.0
+"""Of the declared model's columns, scaled to unit length: beyond it the motion does not tell them apart."""
+
+
 def _rms(values: FloatArray) -> float:
     return float(np.sqrt(np.mean(values**2)))
-
-
-def declared_terms(rig: Rig, joint: str, context: Context) -> list[Term]:
-    """Viscous, Coulomb, and what the owner declares without a value; a declared inertia is part of the target."""
-    terms = [Term(effect("viscous")), Term(effect("coulomb"))]
-    for key, value in rig.declared[joint].items():
-        name = key.split(".")[0]
-        if name in ("viscous", "coulomb") or value is not None:
-            continue
-        member = effect(name)
-        terms.append(Term(member, member.shape_grid(context)[0]))
-    return terms
 
 
 def diagnose_joint(
@@ -70,9 +64,10 @@ def diagnose_joint(
     train = build_samples(train_runs, rig, joint)
     held = build_samples(held_runs, rig, joint, width_s=train.light.width_s)
     context = context_of(train, rig, joint)
-    declared = declared_terms(rig, joint, context)
-    columns, held_columns, floor = _with_baseline(train, held, declared, context)
-    names = [t.effect.id for t in declared] + [k for k, v in rig.declared[joint].items() if v is not None]
+    known = known_values(rig, joint)
+    train, held = without_known(train, known), without_known(held, known)
+    columns, held_columns, declared, floor = _with_baseline(train, held, declared_terms(rig, joint), context)
+    names = [t.effect.id for t in declared] + [key.partition(".")[0] for key in rig.declared[joint]]
     usable, obstacles = candidates(LIBRARY, context, names)
     found = search(columns, declared, usable, context, floor, options.search, progress)
     progress("judging", 0.0)
@@ -114,15 +109,22 @@ def diagnose_joint(
 
 
 def _with_baseline(
-    train: Samples, held: Samples, declared: Sequence[Term], context: Context
-) -> tuple[Columns, Columns, float]:
-    """Columns that know the baseline's viscous coefficient and stiffness, and the noise floor [effort]."""
+    train: Samples, held: Samples, names: Sequence[str], context: Context
+) -> tuple[Columns, Columns, tuple[Term, ...], float]:
+    """Columns that know the declared model's coefficients, its terms, and the noise floor [effort].
+
+    Raises:
+        IdentificationError: the motion does not tell the declared parameters apart.
+    """
     servo = context.drive == "position_servo"
     first = Columns(train)
-    plain = fit(first, declared)
+    plain = fit_declared(first, names, context)
+    labels = ["drive gain", *(p.name for t in plain.terms for p in t.effect.coefficients)]
+    least_squares(first.design(plain.terms), first.target, names=labels, max_condition=MAX_CONDITION)
     inertia = train.signals.rotor_inertia + context.link_inertia
     floor = noise_floor(train, plain.gain, float(plain.beta[1]), inertia, servo=servo)
-    return first.with_model(plain.beta, servo=servo), Columns(held).with_model(plain.beta, servo=servo), floor
+    columns = first.with_model(plain.beta, servo=servo)
+    return columns, Columns(held).with_model(plain.beta, servo=servo), plain.terms, floor
 
 
 def _found_effects(

@@ -43,7 +43,8 @@ class Columns:
     def __init__(self, samples: Samples) -> None:
         self.samples = samples
         signals = samples.signals
-        self.target = samples.reduce(signals.load_torque + signals.rotor_inertia * signals.acceleration)
+        inertial = signals.rotor_inertia * signals.acceleration
+        self.target = samples.reduce(signals.load_torque + inertial + signals.known_torque)
         self._cache: dict[tuple[object, ...], FloatArray] = {}
 
     def effort(self, terms: Sequence[Term]) -> FloatArray:
@@ -58,7 +59,7 @@ class Columns:
         return self._cache[key]
 
     def of(self, term: Term) -> FloatArray:
-        """phi (N, k) of one term."""
+        """Phi (N, k) of one term."""
         key = term.cache_key
         if key not in self._cache:
             values = self.samples.by_segment(term.effect, term.shape)
@@ -126,7 +127,7 @@ def bounds_of(terms: Sequence[Term]) -> tuple[FloatArray, FloatArray]:
 
 
 def solve_bounded(gram: FloatArray, moment: FloatArray, lower: FloatArray, upper: FloatArray) -> FloatArray:
-    """argmin beta' G beta / 2 - m' beta in a box, by an active set that only grows (few bounds are ever active)."""
+    """Argmin beta' G beta / 2 - m' beta in a box, by an active set that only grows (few bounds are ever active)."""
     scale = np.sqrt(np.maximum(np.diag(gram), 1e-300))
     g = gram / np.outer(scale, scale)
     g = g + 1e-12 * np.eye(g.shape[0])
@@ -154,7 +155,9 @@ def fit(columns: Columns, terms: Sequence[Term], weights: FloatArray | None = No
     """Least squares with blockwise cross-validation, from Gram matrices of the folds.
 
     Args:
-        columns: Reduced columns of the training rows. terms: the effects. weights: (N,) for each row, or None.
+        columns: Reduced columns of the training rows.
+        terms: The effects.
+        weights: (N,) for each row, or None.
     """
     x = columns.design(terms)
     z = columns.target
@@ -177,7 +180,7 @@ def fit(columns: Columns, terms: Sequence[Term], weights: FloatArray | None = No
     if weights is not None:
         held = held * np.sqrt(weights)
     count = int(block.max()) + 1
-    sse = np.bincount(block, held**2, count)
+    sse = np.bincount(block, held**2, count).astype(float)
     return Fit(
         terms=tuple(terms),
         beta=beta,

@@ -101,7 +101,7 @@ def estimates(columns: Columns, fitted: Fit, drive: str) -> Mapping[str, Mapping
                 moved[j] += step
                 n = fitted.beta.size
                 gradient[j] = (physical_parameters(fitted, moved[:n], moved[n:])[key][name] - value) / step
-            half = critical * float(np.sqrt(max(gradient @ covariance @ gradient, 0.0)))
+            half = critical * float(np.sqrt(max(float(gradient @ covariance @ gradient), 0.0)))
             low, high = bounds[key].get(name, (-np.inf, np.inf))
             tight = 1e-9 * max(1.0, abs(value))
             at_bound = bool(abs(value - low) <= tight or abs(value - high) <= tight)

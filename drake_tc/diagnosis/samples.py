@@ -9,8 +9,8 @@ from scipy.ndimage import minimum_filter1d
 from drake_tc.effects.base import Context, Effect, Shape, Signals
 from drake_tc.errors import IdentificationError
 from drake_tc.filtering.common_kernel import CommonKernel
-from drake_tc.logs.record import Run
 from drake_tc.logs.loads import GRAVITY, Pendulum
+from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
 from drake_tc.types import BoolArray, FloatArray, IntArray
 
@@ -204,6 +204,7 @@ def build_samples(runs: Sequence[Run], rig: Rig, joint: str, width_s: float | No
         load_slope=slope,
         temperature=smooth(f"{joint}/temperature"),
         motor_position=motor_position,
+        known_torque=np.zeros_like(q),
         rotor_inertia=float(declared.get("rotor_inertia") or 0.0),
         period=period,
     )

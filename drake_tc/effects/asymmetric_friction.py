@@ -1,6 +1,7 @@
 """Friction that differs with the direction of motion."""
 
 from collections.abc import Mapping
+from typing import ClassVar
 
 import numpy as np
 
@@ -15,7 +16,7 @@ class AsymmetricFriction(TorqueEffect):
     id = "asymmetric_friction"
     title = "direction-dependent friction"
     kind = "friction"
-    coefficients = (
+    coefficients: ClassVar[tuple[Parameter, ...]] = (
         Parameter("coulomb_asymmetry", "N*m"),
         Parameter("viscous_asymmetry", "N*m*s/rad"),
     )
@@ -31,5 +32,25 @@ class AsymmetricFriction(TorqueEffect):
 
         def parts(q: float, v: float, direction: float, tau: float, celsius: float, hysteresis: float) -> TorqueParts:
             return coulomb * direction, (viscous if v >= 0.0 else -viscous), 0.0
+
+        return parts
+
+
+class CoulombAsymmetry(AsymmetricFriction):
+    """A_c [N m]: only the Coulomb level differs. In motion this is a constant, as a torque sensor's bias is."""
+
+    form = "coulomb"
+    coefficients = (Parameter("coulomb_asymmetry", "N*m"),)
+
+    def columns(self, signals: Signals, shape: Shape) -> FloatArray:
+        """Phi (T, 1): see the class."""
+        return np.asarray(signals.direction**2)[:, None]
+
+    def kernel(self, parameters: Mapping[str, float]) -> TorqueKernel:
+        """The same at one instant."""
+        coulomb = parameters["coulomb_asymmetry"]
+
+        def parts(q: float, v: float, direction: float, tau: float, celsius: float, hysteresis: float) -> TorqueParts:
+            return coulomb * direction, 0.0, 0.0
 
         return parts

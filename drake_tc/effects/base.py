@@ -24,7 +24,7 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 
 from drake_tc.effects.kernel import DriveKernel, TorqueKernel, TorqueParts, Transmission
-from drake_tc.types import BoolArray, FloatArray
+from drake_tc.types import BoolArray, FloatArray, IntArray
 
 DriveKind = Literal["position_servo", "current", "voltage"]
 EFFORT_UNIT: Mapping[str, str] = {"position_servo": "rad", "current": "A", "voltage": "V"}
@@ -46,9 +46,11 @@ class Signals:
         direction: sign of the last resolved motion, in [-1, 1]; between them while it turns over.
         travel: distance moved since the last reversal [rad], >= 0.
         load_slope: d tau / d q of a load that is computed from the position (m g l cos q) [N m/rad], or 0.
+        known_torque: Torque of effects whose values the owner declares [N m].
         temperature: [deg C], NaN where it was not recorded.
         motor_position: Motor-side position over the gear ratio [rad], NaN where not recorded.
         rotor_inertia: The declared J [kg m^2], 0 where none was declared.
+        link_inertia: Of a load that is computed from the position (a pendulum's, about the axis) [kg m^2], or 0.
         viscous: The current model's viscous coefficient [N m s/rad], for sensor errors that act through it.
         stiffness: The current model's 1/K of a position servo [N m/rad]; 0 for other drives.
         period: Sampling period [s]; 0 for an instant.
@@ -68,7 +70,9 @@ class Signals:
     load_slope: FloatArray
     temperature: FloatArray
     motor_position: FloatArray
+    known_torque: FloatArray
     rotor_inertia: float = 0.0
+    link_inertia: float = 0.0
     viscous: float = 0.0
     stiffness: float = 0.0
     period: float = 0.0
@@ -80,7 +84,7 @@ class Signals:
         """Whether the signal `name` was recorded at all (an unrecorded one is all NaN)."""
         return bool(np.isfinite(getattr(self, name)).any())
 
-    def take(self, index: BoolArray | slice) -> "Signals":
+    def take(self, index: BoolArray | IntArray | slice) -> "Signals":
         """The same signals at the samples `index`."""
         values = {f.name: getattr(self, f.name) for f in fields(self)}
         changed: dict[str, Any] = {name: v[index] for name, v in values.items() if isinstance(v, np.ndarray)}
@@ -199,15 +203,15 @@ class Effect(ABC):
         named = dict(zip((p.name for p in self.coefficients), map(float, theta), strict=True))
         return named | {p.name: float(shape[p.name]) for p in self.shapes}
 
+    def torque_scale(self, theta: FloatArray) -> float:
+        """What one N m of the fitted balance is in true torque: other than 1 where the effect scales the balance itself."""
+        return 1.0
+
 
 def plain_signals(size: int, known: Mapping[str, FloatArray]) -> Signals:
     """Signals (size,) of which only some are known; all others are 0."""
     nil: dict[str, Any] = {f.name: np.zeros(size) for f in fields(Signals) if f.default is MISSING}
     return Signals(**(nil | dict(known)))
-
-    def torque_scale(self, theta: FloatArray) -> float:
-        """What one N m of the fitted balance is in true torque: other than 1 where the effect scales the balance itself."""
-        return 1.0
 
 
 class TorqueEffect(Effect):

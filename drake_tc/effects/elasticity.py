@@ -45,7 +45,7 @@ class Elasticity(TransmissionEffect):
         return np.stack([motion, -seen * signals.rotor_inertia * signals.acceleration], axis=-1)
 
     def physical(self, theta: FloatArray, shape: Shape, gain: float) -> dict[str, float]:
-        """c [rad/(N m)]: K times the wind-up of a servo, which is known far better; for other drives from the rates."""
+        """C [rad/(N m)]: K times the wind-up of a servo, which is known far better; for other drives from the rates."""
         return {"compliance": float(theta[1]) * gain if theta[1] > 0.0 else float(theta[0])}
 
     def torque_scale(self, theta: FloatArray) -> float:

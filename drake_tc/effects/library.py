@@ -1,6 +1,6 @@
 """All effects, in the order in which ties are broken: the simpler and commoner cause first."""
 
-from drake_tc.effects.asymmetric_friction import AsymmetricFriction
+from drake_tc.effects.asymmetric_friction import AsymmetricFriction, CoulombAsymmetry
 from drake_tc.effects.backlash import Backlash
 from drake_tc.effects.base import Effect
 from drake_tc.effects.cable_spring import CableSpring
@@ -8,10 +8,14 @@ from drake_tc.effects.coulomb import Coulomb
 from drake_tc.effects.current_lag import CurrentLag
 from drake_tc.effects.deadzone import Deadzone
 from drake_tc.effects.delay import CommandDelay, Delay
+from drake_tc.effects.drive_compression import DriveCompression
 from drake_tc.effects.elasticity import Elasticity
 from drake_tc.effects.encoder_eccentricity import EncoderEccentricity, SeparateEncoderEccentricity
 from drake_tc.effects.encoder_offset import EncoderOffset
+from drake_tc.effects.encoder_ripple import EncoderRipple
 from drake_tc.effects.load_dependent_friction import LoadDependentFriction
+from drake_tc.effects.load_stribeck import LoadStribeck
+from drake_tc.effects.load_tilt import LoadTilt
 from drake_tc.effects.payload import Payload
 from drake_tc.effects.position_dependent_friction import PositionDependentFriction
 from drake_tc.effects.presliding_hysteresis import PreslidingHysteresis
@@ -23,10 +27,12 @@ from drake_tc.effects.stribeck import Stribeck
 from drake_tc.effects.thermal_friction import ThermalFriction
 from drake_tc.effects.torque_ripple import TorqueRipple
 from drake_tc.effects.torque_sensor_bias import TorqueSensorBias
+from drake_tc.effects.torque_sensor_delay import TorqueSensorDelay
 from drake_tc.effects.torque_sensor_drift import TorqueSensorDrift
 from drake_tc.effects.torque_sensor_gain import TorqueSensorGain
 from drake_tc.effects.velocity_sign_switch import VelocitySignSwitch
 from drake_tc.effects.viscous import Viscous
+from drake_tc.effects.winding_heat import WindingHeat
 from drake_tc.errors import ParamsError
 
 LIBRARY: tuple[Effect, ...] = (
@@ -45,10 +51,12 @@ LIBRARY: tuple[Effect, ...] = (
     Saturation(),
     CommandDelay(),
     Delay(),
+    TorqueSensorDelay(),
     CurrentLag(),
     Payload(),
     CableSpring(),
     AsymmetricFriction(),
+    CoulombAsymmetry(),
     ThermalFriction(),
     PreslidingHysteresis(),
     TorqueRipple(),
@@ -58,7 +66,11 @@ LIBRARY: tuple[Effect, ...] = (
     EncoderOffset(),
     EncoderEccentricity(),
     SeparateEncoderEccentricity(),
+    EncoderRipple(),
 )
+
+SPECIAL: tuple[Effect, ...] = (LoadStribeck(), DriveCompression(), WindingHeat(), LoadTilt())
+"""Effects that a model may list but that no search looks for unasked: each resembles a commoner one in LIBRARY."""
 
 
 def effect(key: str) -> Effect:
@@ -67,7 +79,7 @@ def effect(key: str) -> Effect:
     Raises:
         ParamsError: there is no such effect; the message lists those there are.
     """
-    for candidate in LIBRARY:
+    for candidate in (*LIBRARY, *SPECIAL):
         if key in (candidate.key, candidate.id):
             return candidate
-    raise ParamsError(f"no effect {key!r}; effects: {', '.join(sorted({e.id for e in LIBRARY}))}")
+    raise ParamsError(f"no effect {key!r}; effects: {', '.join(sorted({e.id for e in (*LIBRARY, *SPECIAL)}))}")

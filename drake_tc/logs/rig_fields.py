@@ -18,7 +18,8 @@ EFFECT_IDS = (
     *("asymmetric_friction", "presliding_hysteresis", "position_dependent_friction", "thermal_friction"),
     *("torque_ripple", "cable_spring", "backlash", "elasticity", "deadzone", "saturation", "servo_integrator"),
     *("velocity_sign_switch", "delay", "current_lag", "payload", "torque_sensor_bias", "torque_sensor_gain"),
-    *("torque_sensor_drift", "encoder_offset", "encoder_eccentricity"),
+    *("torque_sensor_drift", "encoder_offset", "encoder_eccentricity", "encoder_ripple"),
+    *("load_stribeck", "drive_compression", "winding_heat", "load_tilt"),
     *("link_mass", "link_com", "ft_bias", "ft_gain", "imu_bias"),
 )
 

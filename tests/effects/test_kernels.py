@@ -21,7 +21,8 @@ def key(effect: Effect) -> str:
 
 def draw(effect: Effect, seed: int, largest: float = 3.0) -> dict[str, float]:
     rng = np.random.default_rng(seed)
-    bounds = ((p.name, max(p.lower, -largest), min(p.upper, largest)) for p in effect.parameters)
+    lows = {p.name: max(p.lower, -largest) for p in effect.parameters}
+    bounds = ((p.name, lows[p.name], max(lows[p.name], min(p.upper, largest))) for p in effect.parameters)
     return {name: float(rng.uniform(low, high)) for name, low, high in bounds}
 
 

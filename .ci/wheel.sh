@@ -1,0 +1,18 @@
+#!/usr/bin/env bash
+# Build the wheel, install it in an empty environment, run the demo from there.   usage: wheel.sh PYTHON
+set -euo pipefail
+cd "$(dirname "$0")/.."
+python="$(cd "$(dirname "$1")" && pwd)/$(basename "$1")"
+room="$(mktemp -d)"
+trap 'rm -rf "$room"' EXIT
+
+"$python" -m build --quiet --wheel --outdir "$room/dist" .
+"$python" -m venv "$room/venv"
+"$room/venv/bin/python" -m pip install --quiet --disable-pip-version-check "$room"/dist/*.whl
+cd "$room"
+PYTHONPATH= "$room/venv/bin/drake-tc" close-loop --out "$room/out"
+for file in report.html report.json model_before.yaml model_after.yaml; do
+    test -s "$room/out/$file" || { echo "the wheel's demo wrote no $file" >&2; exit 1; }
+done
+grep -q '"verdict": "effects_found"' "$room/out/report.json" || { echo "the wheel's demo found no effect" >&2; exit 1; }
+echo "wheel: installed and closed the loop outside the source tree"

@@ -1,0 +1,57 @@
+"""One figure of a table on real data: what came out, what was wanted, whether it was met."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+How = Literal["max", "within", "info"]
+
+
+@dataclass(frozen=True)
+class RealRow:
+    """One figure.
+
+    Attributes:
+        name: `<what>/<where>`. value: what came out, in `unit`.
+        expected: The figure to reach; None for a figure that is only told.
+        how: "max": at most `expected`; "within": no further from it than `tolerance`; "info": only told.
+        note: What the figure rests on, in a few words.
+    """
+
+    name: str
+    value: float
+    unit: str
+    expected: float | None = None
+    how: How = "info"
+    tolerance: float = 0.0
+    note: str = ""
+
+    @property
+    def met(self) -> bool | None:
+        """Whether the figure is reached; None when nothing is wanted of it."""
+        if self.expected is None or self.how == "info":
+            return None
+        if self.how == "max":
+            return bool(self.value <= self.expected)
+        return bool(abs(self.value - self.expected) <= self.tolerance)
+
+    def to_json(self) -> dict[str, Any]:
+        """As `drake-tc bench` prints it."""
+        value = float(self.value) if np.isfinite(self.value) else None
+        return {
+            "name": self.name,
+            "unit": self.unit,
+            "value": value,
+            "expected": self.expected,
+            "how": self.how,
+            "tolerance": self.tolerance,
+            "met": self.met,
+            "note": self.note,
+        }
+
+
+def rows_json(name: str, rows: Iterable[RealRow]) -> dict[str, Any]:
+    """The whole table."""
+    return {"name": name, "rows": [row.to_json() for row in rows]}

@@ -1,0 +1,72 @@
+"""An encoder whose reading wanders several times a turn: one on the motor's side, or with an uneven scale."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from drake_tc.effects.base import Context, Parameter, SensorEffect, Shape, Signals, Signature
+from drake_tc.types import FloatArray
+
+
+class EncoderRipple(SensorEffect):
+    """q_meas = q + e(q), e = e_s sin(n q) + e_c cos(n q) [rad], n cycles a turn of the joint.
+
+    A motor-side encoder behind a gear N errs N, 2N, ... times. A load that is computed from the position is off too:
+    to first order the balance misses (J + J_load) d2e/dt2 + F_v de/dt + (d tau/d q) e. The first term grows with
+    (n qdot)^2, so that errors below the encoder's step spoil the torque of a fast motion.
+    """
+
+    id = "encoder_ripple"
+    title = "encoder ripple"
+    kind = "sensor"
+    coefficients = (
+        Parameter("ripple_sine", "rad"),
+        Parameter("ripple_cosine", "rad"),
+    )
+    shapes = (Parameter("cycles_per_turn", "1/turn", 1.5, 400.0, 12.0),)
+    signature = Signature(
+        x="position modulo period",
+        split="direction",
+        look_for="a wave over one period that grows with the speed squared",
+    )
+
+    def obstacle(self, context: Context) -> str:
+        """Only a torque that is computed from the position shows it well."""
+        if context.load != "pendulum":
+            return "the load torque is measured, not computed from the encoder"
+        return super().obstacle(context)
+
+    def shape_grid(self, context: Context) -> list[dict[str, float]]:
+        """From two cycles a turn to what the sampling still shows at full speed, in steps the travel can tell apart."""
+        turns = (context.position_span[1] - context.position_span[0]) / (2 * np.pi)
+        fastest = 0.25 / context.period * 2 * np.pi / max(context.max_speed, 1e-9)
+        most = min(60.0, fastest)
+        return [{"cycles_per_turn": float(n)} for n in np.arange(2.0, max(most, 3.0), max(0.35 / turns, 0.25))]
+
+    def columns(self, signals: Signals, shape: Shape) -> FloatArray:
+        """Phi (T, 2): see the class."""
+        n = shape["cycles_per_turn"]
+        q, v, a = signals.position, signals.velocity, signals.acceleration
+        sine, cosine = np.sin(n * q), np.cos(n * q)
+        inertia = signals.rotor_inertia + signals.link_inertia
+        waves = (
+            inertia * (n * a * cosine - (n * v) ** 2 * sine) + signals.viscous * n * v * cosine,
+            -inertia * (n * a * sine + (n * v) ** 2 * cosine) - signals.viscous * n * v * sine,
+        )
+        slope = signals.load_slope
+        return -np.stack([waves[0] + slope * sine, waves[1] + slope * cosine], axis=-1)
+
+    def corrupt(self, signals: Signals, parameters: Mapping[str, FloatArray | float]) -> Signals:
+        """Add the wave to the logged position."""
+        phase = parameters["cycles_per_turn"] * signals.position
+        error = parameters["ripple_sine"] * np.sin(phase) + parameters["ripple_cosine"] * np.cos(phase)
+        return replace(signals, position=signals.position + error)
+
+    def restore(self, signals: Signals, parameters: Mapping[str, FloatArray | float]) -> Signals:
+        """Fixed point of q = q_meas - e(q): contracts by n |e| a round, far below 1 for any encoder."""
+        true = signals
+        for _ in range(20):
+            error = self.corrupt(true, parameters).position - true.position
+            true = replace(true, position=signals.position - error)
+        return true

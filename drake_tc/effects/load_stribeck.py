@@ -1,0 +1,46 @@
+"""Load-dependent friction that is higher at low speed."""
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+
+from drake_tc.effects.base import Context, Parameter, Shape, Signals, Signature, TorqueEffect
+from drake_tc.effects.kernel import TorqueKernel, TorqueParts
+from drake_tc.types import FloatArray
+
+
+class LoadStribeck(TorqueEffect):
+    """mu_s |tau| exp(-|qdot|/v_s) sign(qdot) [N m]: what load-dependent friction has more at rest than in motion.
+
+    Source: Duclusaud et al., Extended Friction Models for the Physics Simulation of Servo Actuators (2025), the
+    load-dependent Stribeck term of their model M5, with exponent 1 and the torque that the gear transmits as load.
+    """
+
+    id = "load_stribeck"
+    title = "Stribeck part of load-dependent friction"
+    kind = "friction"
+    coefficients = (Parameter("load_stribeck", "-", 0.0, 1.0),)
+    shapes = (Parameter("load_stribeck_velocity", "rad/s", 1e-3, default=0.3),)
+    signature = Signature(
+        x="velocity", split="direction", look_for="peaks at zero velocity whose height follows the load"
+    )
+
+    def shape_grid(self, context: Context) -> list[dict[str, float]]:
+        """Speeds up to a half of the largest."""
+        fastest = 0.5 * context.max_speed
+        return [{"load_stribeck_velocity": float(v)} for v in np.geomspace(fastest / 30, fastest, 8)]
+
+    def columns(self, signals: Signals, shape: Shape) -> FloatArray:
+        """Phi (T, 1): see the class."""
+        decay = np.exp(-np.abs(signals.velocity) / shape["load_stribeck_velocity"])
+        return np.asarray((np.abs(signals.load_torque) * signals.direction * decay)[:, None])
+
+    def kernel(self, parameters: Mapping[str, float]) -> TorqueKernel:
+        """The same at one instant."""
+        mu, speed = parameters["load_stribeck"], parameters["load_stribeck_velocity"]
+
+        def parts(q: float, v: float, direction: float, tau: float, celsius: float, hysteresis: float) -> TorqueParts:
+            return mu * abs(tau) * math.exp(-abs(v) / speed), 0.0, 0.0
+
+        return parts
