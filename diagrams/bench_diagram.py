@@ -101,8 +101,10 @@ def make_plant(link: Link, step: float) -> MultibodyPlant:
 class TorqueSensor(LeafSystem):  # type: ignore[misc, unused-ignore]
     """The torque that the gear passes to the link, with noise.
 
-    Inputs: reaction_forces (of the plant), noise (1) [-], standard normal.
-    Output: torque (1) [N m]: tau_meas = axis . reaction torque + deviation * noise.
+    Inputs: reaction_forces (of the plant), noise (1) [-], standard normal, applied_torque (1) [N m] on the link from
+    outside; optional.
+    Output: torque (1) [N m]: tau_meas = axis . reaction torque - applied + deviation * noise. The plant takes a
+    generalized force for part of the joint, and counts it into the joint's reaction.
     """
 
     def __init__(self, deviation: float, index: int) -> None:
@@ -111,12 +113,14 @@ class TorqueSensor(LeafSystem):  # type: ignore[misc, unused-ignore]
         self._deviation, self._index = deviation, index
         self._reactions: Any = self.DeclareAbstractInputPort("reaction_forces", Value[list[SpatialForce]]())
         self._noise: Any = self.DeclareVectorInputPort("noise", 1)
-        tickets = {self._reactions.ticket(), self._noise.ticket()}
+        self._applied: Any = self.DeclareVectorInputPort("applied_torque", 1)
+        tickets = {self._reactions.ticket(), self._noise.ticket(), self._applied.ticket()}
         self.DeclareVectorOutputPort("torque", 1, self._measure, tickets)
 
     def _measure(self, context: Context, torque: BasicVector) -> None:
         reaction = self._reactions.Eval(context)[self._index]
-        torque.SetAtIndex(0, reaction.rotational()[1] + self._deviation * self._noise.Eval(context)[0])
+        outside = self._applied.Eval(context)[0] if self._applied.HasValue(context) else 0.0
+        torque.SetAtIndex(0, reaction.rotational()[1] - outside + self._deviation * self._noise.Eval(context)[0])
 
 
 def _source(builder: DiagramBuilder, name: str, trajectory: Any) -> Any:
@@ -149,9 +153,10 @@ def build_bench(model: ActuatorModel, link: Link, table: Table, rates: Rates, de
     builder.Connect(_source(builder, "command", hold(table.command)), actuators.GetInputPort("command"))
     if table.temperature is not None:
         builder.Connect(_source(builder, "temperature", hold(table.temperature)), actuators.GetInputPort("temperature"))
+    outside = None
     if table.applied is not None:
-        applied = plant.get_applied_generalized_force_input_port()
-        builder.Connect(_source(builder, "applied_torque", line(table.applied)), applied)
+        outside = _source(builder, "applied_torque", line(table.applied))
+        builder.Connect(outside, plant.get_applied_generalized_force_input_port())
     if table.load_torque is not None:
         builder.Connect(_source(builder, "load_torque", line(table.load_torque)), actuators.GetInputPort("load_torque"))
     state_log = LogVectorOutput(plant.get_state_output_port(), builder, rates.log_period)
@@ -163,6 +168,8 @@ def build_bench(model: ActuatorModel, link: Link, table: Table, rates: Rates, de
         builder.AddNamedSystem("noise", noise)
         builder.Connect(noise.get_output_port(), system.GetInputPort("noise"))
         builder.Connect(plant.get_reaction_forces_output_port(), system.GetInputPort("reaction_forces"))
+        if outside is not None:
+            builder.Connect(outside, system.GetInputPort("applied_torque"))
         torque_log = LogVectorOutput(system.get_output_port(), builder, rates.log_period)
     diagram = builder.Build()
     diagram.set_name("joint_bench")

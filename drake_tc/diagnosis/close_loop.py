@@ -1,7 +1,7 @@
 """The main job for one joint: declared model, residual, missing effects, refit, errors before and after, verdict."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -39,6 +39,7 @@ class DiagnosisOptions:
     seed: int = 0
 
 
+SETTLING_ROUNDS = 4
 MAX_CONDITION = 300.0
 """Of the declared model's columns, scaled to unit length: beyond it the motion does not tell them apart."""
 
@@ -70,6 +71,7 @@ def diagnose_joint(
     names = [t.effect.id for t in declared] + [key.partition(".")[0] for key in rig.declared[joint]]
     usable, obstacles = candidates(LIBRARY, context, names)
     found = search(columns, declared, usable, context, floor, options.search, progress)
+    columns, held_columns, found = _settled(columns, held_columns, found, context)
     progress("judging", 0.0)
     before_residual = predict(held_columns, found.baseline)
     after_residual = predict(held_columns, found.chosen)
@@ -125,6 +127,18 @@ def _with_baseline(
     floor = noise_floor(train, plain.gain, float(plain.beta[1]), inertia, servo=servo)
     columns = first.with_model(plain.beta, servo=servo)
     return columns, Columns(held).with_model(plain.beta, servo=servo), plain.terms, floor
+
+
+def _settled(
+    columns: Columns, held: Columns, found: Search, context: Context
+) -> tuple[Columns, Columns, Search]:
+    """The same with columns that know the final model: some effects act through its stiffness and damping."""
+    servo = context.drive == "position_servo"
+    chosen = found.chosen
+    for _ in range(SETTLING_ROUNDS if len(chosen.terms) > len(found.baseline.terms) else 0):
+        columns, held = columns.with_model(chosen.beta, servo=servo), held.with_model(chosen.beta, servo=servo)
+        chosen = fit(columns, chosen.terms)
+    return columns, held, replace(found, chosen=chosen)
 
 
 def _found_effects(
