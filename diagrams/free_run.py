@@ -86,7 +86,7 @@ def free_run(
     time = np.asarray(np.arange(size) * period, dtype=np.float64)
     load = np.zeros(size) if recording.load_torque is None else recording.load_torque
     known = {"time": time, "position": np.full(size, recording.initial_position), "load_torque": load}
-    true = plain_signals(size, known)
+    true = replace(plain_signals(size, known), period=period)
     for effect, parameters in reversed(model.sensor_effects):
         true = effect.restore(true, parameters)
     bench, lead = _bench(model, recording, time, true.load_torque, period / substeps)

@@ -11,7 +11,7 @@ record. `drake_tc.diagrams.free_run` drives the same diagram with a record.
 import argparse
 import sys
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -132,7 +132,7 @@ def record_bench(
     time = np.asarray(log.sample_times())
     torque = np.asarray(bench.torque_log.FindLog(context).data()[0]) if bench.torque_log else np.zeros_like(time)
     known = {"time": time, "position": np.asarray(log.data()[0]), "load_torque": torque}
-    signals = plain_signals(time.size, known)
+    signals = replace(plain_signals(time.size, known), period=float(time[1] - time[0]))
     for effect, parameters in model.sensor_effects:
         signals = effect.corrupt(signals, parameters)
     row = np.clip(np.searchsorted(table.time, time + 0.25 * scenario.step, side="right") - 1, 0, None)

@@ -1,5 +1,7 @@
 """Free run of a recorded run: from a rig's canonical columns to the Drake diagram and back."""
 
+import math
+
 import numpy as np
 from drake_tc.diagrams.bench_diagram import Link
 from drake_tc.diagrams.free_run import Recording, free_run
@@ -14,6 +16,8 @@ from drake_tc.types import FloatArray
 
 LONGEST = 60.0
 """At most this much of a run is simulated [s]; the report says so when it is cut."""
+LONGEST_STEP = 1.5e-3
+"""Logs on slower clocks are simulated in several steps a sample [s]; the command is held between them."""
 
 
 def rig_free_run(
@@ -46,7 +50,7 @@ def rig_free_run(
         temperature=None if warm is None else warm[stretch],
     )
     try:
-        simulated = free_run(model, recording)
+        simulated = free_run(model, recording, substeps=max(1, math.ceil(run.period / LONGEST_STEP - 1e-9)))
     except ParamsError:
         return None
     return np.asarray(run.time[stretch] - run.time[0]), q, simulated + zero

@@ -1,3 +1,79 @@
-"""Torque control of position-controlled robots in Drake, with a model held against measured data."""
+"""Torque control of position-controlled robots in Drake, with a model held against measured data.
+
+What a user types stands in `__all__`; each name is imported when it is first used, so `import drake_tc` costs nothing.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from drake_tc.actuation.compensation import feedforward_effort
+    from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
+    from drake_tc.actuation.model_file import load_models, save_models
+    from drake_tc.actuation.plant import ActuatorPlant
+    from drake_tc.actuation.wiring import add_actuators
+    from drake_tc.diagnosis.run import close_loop
+    from drake_tc.effects.library import LIBRARY, effect
+    from drake_tc.errors import DrakeTcError
+    from drake_tc.identification.actuator import actuator_model
+    from drake_tc.identification.identify import identify
+    from drake_tc.logs.prepare import load_run, load_runs
+    from drake_tc.logs.record import Run
+    from drake_tc.logs.rig import Rig, load_rig
 
 __version__ = "0.1.0"
+
+__all__ = [
+    "LIBRARY",
+    "ActuatorModel",
+    "ActuatorPlant",
+    "DrakeTcError",
+    "Drive",
+    "EffectValue",
+    "Rig",
+    "Run",
+    "actuator_model",
+    "add_actuators",
+    "close_loop",
+    "effect",
+    "feedforward_effort",
+    "identify",
+    "load_models",
+    "load_rig",
+    "load_run",
+    "load_runs",
+    "save_models",
+]
+
+_HOME = {
+    "ActuatorModel": "actuation.model",
+    "ActuatorPlant": "actuation.plant",
+    "DrakeTcError": "errors",
+    "Drive": "actuation.model",
+    "EffectValue": "actuation.model",
+    "LIBRARY": "effects.library",
+    "Rig": "logs.rig",
+    "Run": "logs.record",
+    "actuator_model": "identification.actuator",
+    "add_actuators": "actuation.wiring",
+    "close_loop": "diagnosis.run",
+    "effect": "effects.library",
+    "feedforward_effort": "actuation.compensation",
+    "identify": "identification.identify",
+    "load_models": "actuation.model_file",
+    "load_rig": "logs.rig",
+    "load_run": "logs.prepare",
+    "load_runs": "logs.prepare",
+    "save_models": "actuation.model_file",
+}
+
+
+def __getattr__(name: str) -> Any:
+    """The public name `name`, from the module that defines it."""
+    if name not in _HOME:
+        raise AttributeError(f"drake_tc has no {name!r}; public names: {', '.join(__all__)}")
+    return getattr(import_module(f"drake_tc.{_HOME[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    return [*__all__, "__version__"]

@@ -2,14 +2,19 @@
 
 import json
 import os
+import sys
 import tempfile
+from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Annotated
 
 import typer
+from rich.console import Console
+from rich.table import Table
 
+from drake_tc.bench.real_rows import RealRow, rows_json
 from drake_tc.blind.scoreboard import print_score
 from drake_tc.cli.progress import progress_bar
 
@@ -39,3 +44,60 @@ def bench_diagnosis(
         print(json.dumps(score.to_json()))
     else:
         print_score(score)
+
+
+def _real(name: str, table: Callable[[Path], list[RealRow]], data: Path, as_json: bool) -> None:
+    rows = table(data)
+    if as_json:
+        print(json.dumps(rows_json(name, rows)))
+        return
+    shown = Table(title=f"{name}: held-out figures on real data")
+    for heading in ("figure", "value", "wanted", "met", "note"):
+        shown.add_column(heading, justify="right" if heading == "value" else "left", overflow="fold")
+    for row in rows:
+        wanted = "" if row.met is None else f"{'<=' if row.how == 'max' else '~'} {row.expected:.3g}"
+        met = {None: "", True: "yes", False: "NO"}[row.met]
+        shown.add_row(row.name, f"{row.value:.4g} {row.unit}", wanted, met, row.note)
+    Console(file=sys.stdout, highlight=False).print(shown)
+
+
+Data = Annotated[Path, typer.Option(help="Folder that holds the public data sets, or the set itself.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print the rows as JSON.")]
+
+
+@bench_app.command("real-bam")
+def bench_real_bam(data: Data, as_json: AsJson = False) -> None:
+    """XL330 pendulum: free-run position error on trajectories that took no part in fitting, at every gain."""
+    from drake_tc.bench.real_bam import real_bam_rows
+    from drake_tc.diagrams.rig_free_run import rig_free_run
+
+    with (
+        progress_bar("bench real-bam", quiet=as_json) as progress,
+        ProcessPoolExecutor(os.cpu_count() or 1, mp_context=get_context("spawn")) as pool,
+    ):
+        rows = real_bam_rows(data, rig_free_run, progress, pool)
+    _real("real-bam", lambda _: rows, data, as_json)
+
+
+@bench_app.command("real-dfki")
+def bench_real_dfki(data: Data, as_json: AsJson = False) -> None:
+    """AK80-6 simple pendulum: torque residual on held-out runs."""
+    from drake_tc.bench.real_dfki import rows
+
+    _real("real-dfki", rows, data, as_json)
+
+
+@bench_app.command("real-tmotor")
+def bench_real_tmotor(data: Data, as_json: AsJson = False) -> None:
+    """AK80-9 against a torque sensor: torque error on held-out logs beside the published model's."""
+    from drake_tc.bench.real_tmotor import rows
+
+    _real("real-tmotor", rows, data, as_json)
+
+
+@bench_app.command("real-uart")
+def bench_real_uart(data: Data, as_json: AsJson = False) -> None:
+    """Feetech servos on a stretching stand: backlash and dead zone told apart, spans."""
+    from drake_tc.bench.real_uart import rows
+
+    _real("real-uart", rows, data, as_json)

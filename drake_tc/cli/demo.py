@@ -31,6 +31,8 @@ JOINT = "simulated_knee"
 """The name says in every table and report that nobody measured this."""
 ROTOR_INERTIA = 0.31
 """[kg m^2], reflected through the gear; the only number that the demo's rig file declares."""
+LINK_INERTIA, GRAVITY_MOMENT = 0.9, 18.0
+"""Of the pendulum on the joint [kg m^2], [N m]."""
 LIMITS = MotionLimits(position=(-1.1, 1.1), velocity=2.5, acceleration=14.0)
 ENCODER_STEP = 2.0 * np.pi / 2**18
 """[rad]: a motor-side encoder seen through the gear."""
@@ -132,17 +134,14 @@ def _record_one(name: str, path: Path, seed: int, length: DemoLength) -> None:
         duration=length.duration,
         log_period=length.period,
         step=length.step,
-        link_inertia=0.9,
-        gravity_moment=18.0,
+        link_inertia=LINK_INERTIA,
+        gravity_moment=GRAVITY_MOMENT,
         encoder_resolution=ENCODER_STEP,
         torque_noise=0.15,
     )
     rng = np.random.default_rng([seed, 2, list(excitation).index(name)])
     run = record_bench(demo_model(seed), Table(_clock(length), motion.position, applied=push), scenario, rng, name)
-    columns = dict(run.columns)
-    # Drake's reaction about the axis holds what is applied to the joint; a sensor behind the gear sees the reply to it.
-    columns[f"{JOINT}/torque"] = columns[f"{JOINT}/torque"] - push
-    pd.DataFrame({"time": run.time, **columns}).to_parquet(path, index=False)
+    pd.DataFrame({"time": run.time, **run.columns}).to_parquet(path, index=False)
 
 
 def _clock(length: DemoLength) -> FloatArray:

@@ -76,7 +76,7 @@ def identify_command(
 
 
 def _unit(drive: str, name: str) -> str:
-    effort = EFFORT_UNIT[drive]  # type: ignore[index]
+    effort = EFFORT_UNIT[drive]
     last = name.rsplit(".", 1)[-1]
     if last in ("tau_1", "tau_2"):
         return "N*m"

@@ -77,7 +77,8 @@ def spectral_line(side: Side) -> tuple[float, float]:
     r = side.after - side.after.mean()
     step = samples.row_period
     runs = np.unique(samples.run)
-    size = 2 * int(max(float(np.ptp(time[samples.run == k])) for k in runs) / step) + 2
+    longest = max(float(np.ptp(time[samples.run == k])) for k in runs)
+    size = 2 * int(longest / step) + 2
     power = np.zeros(size // 2 + 1)
     for k in runs:
         rows = samples.run == k

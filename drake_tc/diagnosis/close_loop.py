@@ -1,6 +1,6 @@
 """The main job for one joint: declared model, residual, missing effects, refit, errors before and after, verdict."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -20,7 +20,7 @@ from drake_tc.diagnosis.result import (
     Verdict,
 )
 from drake_tc.diagnosis.samples import Samples, build_samples, context_of
-from drake_tc.diagnosis.search import Progress, Search, SearchOptions, best_shape, candidates, refine, search
+from drake_tc.diagnosis.search import Progress, Search, SearchOptions, best_shape, candidates, search
 from drake_tc.diagnosis.ties import indistinguishable
 from drake_tc.effects.base import EFFORT_UNIT, Context
 from drake_tc.effects.library import LIBRARY
@@ -40,6 +40,7 @@ class DiagnosisOptions:
 
 
 SETTLING_ROUNDS = 4
+SCOUT_SAMPLES = 200_000
 MAX_CONDITION = 300.0
 """Of the declared model's columns, scaled to unit length: beyond it the motion does not tell them apart."""
 
@@ -70,7 +71,12 @@ def diagnose_joint(
     columns, held_columns, declared, floor = _with_baseline(train, held, declared_terms(rig, joint), context)
     names = [t.effect.id for t in declared] + [key.partition(".")[0] for key in rig.declared[joint]]
     usable, obstacles = candidates(LIBRARY, context, names)
-    found = search(columns, declared, usable, context, floor, options.search, progress)
+    scout = Columns(columns.samples.scout(SCOUT_SAMPLES)) if len(train.signals) > SCOUT_SAMPLES else columns
+    found = search(scout, declared, usable, context, floor, options.search, progress)
+    ties = indistinguishable(scout, found, context)
+    stability = stabilities(found, options.seed)
+    if scout is not columns:
+        found = replace(found, baseline=fit(columns, found.baseline.terms), chosen=fit(columns, found.chosen.terms))
     columns, held_columns, found = _settled(columns, held_columns, found, context)
     progress("judging", 0.0)
     before_residual = predict(held_columns, found.baseline)
@@ -80,8 +86,7 @@ def diagnose_joint(
         Side(held_columns.samples, before_residual, after_residual),
     )
     unexplained = judge(*sides, floor, options.structure, options.seed)
-    ties = indistinguishable(columns, found, context)
-    effects = _found_effects(columns, held_columns, found, context, options.seed)
+    effects = _found_effects(columns, held_columns, found, context, stability)
     verdict: Verdict = "effects_found" if effects else "no_missing_effect"
     if unexplained.structured:
         verdict = "unexplained_structure"
@@ -141,8 +146,17 @@ def _settled(
     return columns, held, replace(found, chosen=chosen)
 
 
+def stabilities(found: Search, seed: int) -> dict[str, float]:
+    """For each effect: share of block resamples in which the chosen set beats every rival set without it."""
+    out = {}
+    for term in found.chosen.terms:
+        rivals = [r for r in (found.baseline, *found.rivals) if term.effect.id not in {t.effect.id for t in r.terms}]
+        out[term.effect.key] = min((better_share(r, found.chosen, seed) for r in rivals), default=1.0)
+    return out
+
+
 def _found_effects(
-    columns: Columns, held: Columns, found: Search, context: Context, seed: int
+    columns: Columns, held: Columns, found: Search, context: Context, stability: Mapping[str, float]
 ) -> tuple[FoundEffect, ...]:
     parameters = estimates(columns, found.chosen, context.drive)
     with_all = _rms(predict(held, found.chosen))
@@ -151,10 +165,8 @@ def _found_effects(
     for term in found.chosen.terms:
         if term.effect.key in known:
             continue
-        rest = refine(columns, fit(columns, [t for t in found.chosen.terms if t is not term]))
+        rest = fit(columns, [t for t in found.chosen.terms if t is not term])
         residual = predict(held, rest)
-        rivals = [r for r in found.rivals if term.effect.id not in {t.effect.id for t in r.terms}]
-        stability = min([better_share(r, found.chosen, seed) for r in [rest, *rivals]])
         out.append(
             FoundEffect(
                 key=term.effect.key,
@@ -162,7 +174,7 @@ def _found_effects(
                 title=term.effect.title,
                 parameters=parameters[term.effect.key],
                 heldout_gain=1.0 - with_all / max(_rms(residual), 1e-300),
-                stability=stability,
+                stability=stability[term.effect.key],
                 contribution=_rms(predict(held, found.chosen) - residual),
             )
         )

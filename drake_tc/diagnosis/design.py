@@ -17,6 +17,7 @@ from drake_tc.effects.base import DriveEffect, Effect
 from drake_tc.types import FloatArray, IntArray
 
 FOLDS = 5
+CACHE_BYTES = 300_000_000
 
 
 @dataclass(frozen=True)
@@ -46,6 +47,7 @@ class Columns:
         inertial = signals.rotor_inertia * signals.acceleration
         self.target = samples.reduce(signals.load_torque + inertial + signals.known_torque)
         self._cache: dict[tuple[object, ...], FloatArray] = {}
+        self._bytes = 0
 
     def effort(self, terms: Sequence[Term]) -> FloatArray:
         """y* (N,) after every drive effect among the terms, in the library's order."""
@@ -67,8 +69,10 @@ class Columns:
         return self._cache[key]
 
     def _remember(self, key: tuple[object, ...], value: FloatArray) -> None:
-        if len(self._cache) > 4000:
+        self._bytes += value.nbytes
+        if self._bytes > CACHE_BYTES:
             self._cache.clear()
+            self._bytes = value.nbytes
         self._cache[key] = value
 
     def with_model(self, beta: FloatArray, *, servo: bool) -> "Columns":

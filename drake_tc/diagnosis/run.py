@@ -5,6 +5,8 @@ from collections.abc import Iterable, Sequence
 from concurrent.futures import Executor
 from pathlib import Path
 
+from threadpoolctl import threadpool_limits
+
 from drake_tc.diagnosis.close_loop import DiagnosisOptions, diagnose_joint
 from drake_tc.diagnosis.free_running import FreeRun, with_free_runs
 from drake_tc.diagnosis.result import CloseLoopResult, JointResult, Verdict
@@ -32,13 +34,25 @@ def close_loop(
     Raises:
         RigError, LogError, IdentificationError: input that cannot be used.
     """
+    with threadpool_limits(1):  # thousands of small problems: threads would wait for each other
+        return _close_loop(rig_path, logs, holdout, options or DiagnosisOptions(), free_run, progress, executor)
+
+
+def _close_loop(
+    rig_path: Path,
+    logs: Sequence[Path],
+    holdout: Sequence[Path],
+    options: DiagnosisOptions,
+    free_run: FreeRun | None,
+    progress: Progress,
+    executor: Executor | None,
+) -> CloseLoopResult:
     start = time.perf_counter()
     rig: Rig = load_rig(rig_path)
     require_two_runs([*logs, *holdout])
     progress("reading", 0.0)
     runs = load_runs([*logs, *holdout], rig)
     train, held = runs[: len(logs)], runs[len(logs) :]
-    options = options or DiagnosisOptions()
     joints: dict[str, JointResult] = {}
     for joint in rig.joints:
         joints[joint] = diagnose_joint(train, held, rig, joint, options, progress)

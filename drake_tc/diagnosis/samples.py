@@ -1,7 +1,7 @@
 """From recorded runs to the rows of a regression: common filtering, direction of motion, and which samples may be used."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.ndimage import minimum_filter1d
@@ -16,6 +16,7 @@ from drake_tc.types import BoolArray, FloatArray, IntArray
 
 BLOCK_SECONDS = 0.5
 MAX_ROWS = 60_000
+CHUNK_SECONDS = 5.0
 LEAST_TRAVEL = 1e-3
 """Travel after a reversal [rad] before the joint counts as sliding: the bristles of any gear wind up over less."""
 
@@ -79,6 +80,37 @@ class Samples:
         if fresh:
             values = self.light.smooth(values)
         return self.kernel.smooth(values)[self.rows]
+
+    def scout(self, most: int) -> "Samples":
+        """Every k-th five-second chunk, so that at most about `most` of the T samples are left; itself when they are few."""
+        every = int(np.ceil(len(self.signals) / most))
+        if every <= 1:
+            return self
+        length = max(round(CHUNK_SECONDS / self.signals.period), 4 * self.kernel.margin)
+        chunks = [
+            slice(start, min(start + length, s.stop))
+            for s in self.segments
+            for start in range(s.start, s.stop, length * every)
+        ]
+        kept = np.concatenate([np.arange(c.start, c.stop) for c in chunks])
+        place = np.full(len(self.signals), -1)
+        place[kept] = np.arange(kept.size)
+        edge = self.kernel.margin + self.light.margin
+        inner = np.zeros(len(self.signals), dtype=bool)
+        for c in chunks:
+            inner[c.start + edge : max(c.stop - edge, c.start + edge)] = True
+        use = inner[self.rows]
+        ends = np.cumsum([c.stop - c.start for c in chunks])
+        return replace(
+            self,
+            signals=self.signals.take(kept),
+            segments=tuple(slice(int(e - (c.stop - c.start)), int(e)) for e, c in zip(ends, chunks, strict=True)),
+            rows=place[self.rows[use]],
+            run=self.run[use],
+            block=np.unique(self.block[use], return_inverse=True)[1].astype(np.int64),
+            moving=self.moving[kept],
+            run_of_sample=self.run_of_sample[kept],
+        )
 
     def by_segment(self, effect: Effect, shape: Shape, values: FloatArray | None = None) -> FloatArray:
         """An effect's columns, or with `values` its transform of them, stretch by stretch: memory never spans a gap."""

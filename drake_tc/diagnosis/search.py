@@ -34,7 +34,7 @@ class SearchOptions:
     least_gain: float = 0.05
     least_nats: float = 8.0
     least_share: float = 0.98
-    least_removed: float = 0.35
+    least_removed: float = 0.5
     least_of_first: float = 0.10
 
 
@@ -179,6 +179,8 @@ def search(
                 grown[names] = best_shape(columns, parent.terms, effect, context, parent.residual)
             progress(f"sets of {size}", (number + 1) / len(beam))
         coarse = sorted(grown.values(), key=lambda f: f.cv_rms)
+        if coarse[0].cv_rms > (1.0 - 0.2 * options.least_gain) * chosen.cv_rms and size > 1:
+            break
         close = [f for f in coarse if f.cv_rms < 1.5 * coarse[0].cv_rms][: options.beam]
         refined = ranked(refine(columns, f) for f in close)
         if size == 1:

@@ -63,7 +63,7 @@ def actuator_model(found: Identified, rotor_inertia: float = 0.0) -> ActuatorMod
         return ActuatorModel(found.joint, drive, inertia + effects)
     gain = _positive(found, found.parameters["K_tau"])
     deviation = np.sqrt(np.maximum(np.diag(covariance := _covariance(found)), 1e-300))
-    effects = []
+    friction = []
     for i, (name, key) in enumerate(TORQUE_NAMES, start=1):
         value = found.parameters[key]
         interval = ratio_interval(
@@ -74,8 +74,8 @@ def actuator_model(found: Identified, rotor_inertia: float = 0.0) -> ActuatorMod
             float(covariance[0, i] / (deviation[0] * deviation[i])),
         )
         at_bound = (name,) if value < 0.0 else ()
-        effects.append(EffectValue(name, {name: max(value / gain, 0.0)}, {name: interval}, at_bound))
-    return ActuatorModel(found.joint, _drive(found, gain), inertia + tuple(effects))
+        friction.append(EffectValue(name, {name: max(value / gain, 0.0)}, {name: interval}, at_bound))
+    return ActuatorModel(found.joint, _drive(found, gain), inertia + tuple(friction))
 
 
 def piecewise_actuator(found: Identified, fit: PiecewiseFit) -> tuple[Drive, tuple[EffectValue, ...]]:

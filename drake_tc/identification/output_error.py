@@ -9,6 +9,8 @@ simulation is the actuator's own `JointProgram`, the code that runs in the Drake
     v[n+1] = v[n] + h (tau_actuator - m g l sin q[n] - tau_load)/J,    q[n+1] = q[n] + h v[n+1]
 
 Positive parameters are sought by their logarithm. rho is the smooth L1 loss: at a stick-slip the error is a step.
+Where the runs leave parameters undetermined, several sets follow them equally well; a prior model, if given, decides
+between those by sum_i (pull (x_i - prior_i)/spread_i)^2, spread 1 for logarithms: maximum a posteriori.
 
 Source: Ljung, System Identification (1999), section 3.2 (output error); the simulation-error criterion of Duclusaud et
 al. (2025) for servo friction, theirs minimised by CMA-ES.
@@ -30,7 +32,10 @@ from drake_tc.types import FloatArray
 
 FARTHEST = 2.0
 """An error counts up to this much [rad]: a run that diverges is bad, not infinitely so."""
-SMALLEST = 1e-5
+FINE_STEP = 1e-3
+"""Step of the simulations whose errors are reported [s]."""
+PARTS = 100
+SMALLEST = 2e-3
 """A positive parameter that starts at 0 starts here instead, so that its logarithm can move."""
 
 
@@ -71,12 +76,16 @@ class OutputErrorOptions:
         step: Largest step of the simulation [s].
         knee: Error [rad] beyond which the loss grows linearly.
         evaluations: Most Gauss-Newton steps.
+        prior: What a joint of this kind is like, with the same effects; None: nothing is known.
+        pull: Weight of the prior [rad]: about sqrt(samples/independent samples) times the expected error.
     """
 
     fixed: frozenset[str] = field(default_factory=frozenset)
     step: float = 3e-3
     knee: float = 0.05
     evaluations: int = 25
+    prior: ActuatorModel | None = None
+    pull: float = 0.2
 
 
 @dataclass(frozen=True)
@@ -95,7 +104,7 @@ class OutputErrorFit:
     evaluations: int
 
 
-def simulate(model: ActuatorModel, trial: Trial, step: float = 1e-3) -> FloatArray:
+def simulate(model: ActuatorModel, trial: Trial, step: float = FINE_STEP) -> FloatArray:
     """Position (T,) [rad] of the free-running joint; NaN from where it leaves 100 rad.
 
     Args:
@@ -154,6 +163,11 @@ class _Free:
         return replace(model, drive=drive, effects=tuple(effects))
 
     @property
+    def spread(self) -> FloatArray:
+        """How far each may lie from a prior."""
+        return np.array([1.0 if e[4] else 0.1 for e in self.entries])
+
+    @property
     def scale(self) -> FloatArray:
         """What counts as a moderate change of each."""
         return np.array([0.3 if e[4] else 0.03 for e in self.entries])
@@ -195,7 +209,7 @@ def refine_on_free_runs(
         executor: Runs the simulations beside each other; None runs them here.
 
     Raises:
-        IdentificationError: no trial, or nothing to change.
+        IdentificationError: no trial, nothing to change, or a prior with other effects.
     """
     options = options or OutputErrorOptions()
     free = _free(model, options.fixed)
@@ -203,10 +217,22 @@ def refine_on_free_runs(
         raise IdentificationError(
             f"output error: wanted a trial and a free parameter; got {len(trials)} and {len(free.entries)}"
         )
+    if options.prior is not None and [v.key for v in options.prior.effects] != [v.key for v in model.effects]:
+        raise IdentificationError(
+            f"output error: wanted a prior with the effects {[v.key for v in model.effects]}; "
+            f"got {[v.key for v in options.prior.effects]}"
+        )
     evaluate = map if executor is None else executor.map
 
+    centre = None if options.prior is None else free.read(options.prior)
+
     def errors_at(points: Sequence[FloatArray]) -> list[FloatArray]:
-        return list(evaluate(_errors, [(free.write(model, x), trials, options.step) for x in points]))
+        made = list(evaluate(_errors, [(free.write(model, x), trials, options.step) for x in points]))
+        if centre is None:
+            return made
+        # split into small parts, for which the loss is still quadratic
+        pulls = [np.repeat(options.pull * (x - centre) / free.spread, PARTS) / math.sqrt(PARTS) for x in points]
+        return [np.concatenate(pair) for pair in zip(made, pulls, strict=True)]
 
     def jacobian(x: FloatArray) -> FloatArray:
         steps = 0.1 * free.scale
@@ -230,4 +256,32 @@ def refine_on_free_runs(
 
 
 def _mean_errors(model: ActuatorModel, trials: Sequence[Trial]) -> FloatArray:
-    return np.array([np.nanmean(np.abs(simulate(model, trial) - trial.position)) for trial in trials])
+    return np.array([float(np.mean(np.abs(_errors((model, [trial], FINE_STEP))))) for trial in trials])
+
+
+def refine_from_starts(
+    starts: Sequence[ActuatorModel],
+    trials: Sequence[Trial],
+    options: OutputErrorOptions | None = None,
+    executor: Executor | None = None,
+    first_evaluations: int = 10,
+) -> OutputErrorFit:
+    """`refine_on_free_runs` from several starts, for the error is not convex: a few steps from each, on from the best.
+
+    Args:
+        starts: Where to start.
+        trials: Runs to follow.
+        options: How.
+        executor: Runs the simulations beside each other.
+        first_evaluations: Steps from each start.
+
+    Raises:
+        IdentificationError: no start, no trial, or nothing to change.
+    """
+    options = options or OutputErrorOptions()
+    if not starts:
+        raise IdentificationError("output error: wanted a model to start from; got none")
+    short = replace(options, evaluations=min(first_evaluations, options.evaluations))
+    tried = [refine_on_free_runs(start, trials, short, executor) for start in starts]
+    best = min(tried, key=lambda fitted: float(np.mean(fitted.after)))
+    return refine_on_free_runs(best.model, trials, options, executor)

@@ -1,8 +1,9 @@
 """BAM: hobby servos on a gravity pendulum (Rhoban; XL330 and STS3250), JSON runs at firmware P gains.
 
 The firmware's position loop is proportional, so the runs of one gain are one rig: a position servo (error in, duty
-out). The XL330 also reports its duty after clipping; duty times the measured supply is the voltage that the motor
-saw, and the same logs make a second rig with a voltage drive.
+out). The XL330 also reports its duty after clipping; duty times the supply is the voltage that the motor saw, and the
+same logs make a second rig with a voltage drive. The supply is the median over the run: single readings catch the
+ripple of the bridge's pulses (6 to 8.5 V at half duty), which the motor averages.
 """
 
 import gzip
@@ -53,7 +54,7 @@ def _columns(run: dict[str, Any]) -> dict[str, np.ndarray]:
         "enabled": series["torque_enable"],
     }
     if np.any(series["load"]):
-        columns[f"{JOINT}/voltage"] = applied_duty(series["load"]) * series["input_volts"]
+        columns[f"{JOINT}/voltage"] = applied_duty(series["load"]) * float(np.median(series["input_volts"]))
     return columns
 
 

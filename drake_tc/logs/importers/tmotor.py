@@ -2,6 +2,8 @@
 
 The sensor's sign is opposite to the motor's torque. There is no position: the reported speed is integrated (the ripple
 run has an encoder of its own). The scaling of the reported current was changed between sessions, so a session is a rig.
+A row holds the sensor's torque of its own instant but the drive's reply to the row before (in every log the torque
+matches the current of the next row best): current and speed are moved one row up, and the last row is lost.
 """
 
 from pathlib import Path
@@ -25,6 +27,7 @@ SESSIONS = {
 ANGLE_DELAY = 3.0
 ANGLE_REDUCTION = 50.0
 _INTEGRATED = "position is the integral of the reported speed: good for its rate, not for a place in the turn"
+LATE = "; current and speed moved one row (10 ms) up against the sensor"
 _ENCODER = "position is the outer encoder's, whose clock starts about 3 s after the torque log's"
 
 
@@ -47,13 +50,13 @@ def _columns(path: Path, *, sensor: bool) -> dict[str, FloatArray]:
             f"{JOINT}/velocity": floats(table, "velocity", path),
             f"{JOINT}/current": floats(table, "current", path),
         }
-    time, velocity = floats(table, "loop_time", path), floats(table, "motor_measured_speed", path)
+    time, velocity = floats(table, "loop_time", path)[:-1], floats(table, "motor_measured_speed", path)[1:]
     return {
         "time": time,
         f"{JOINT}/position": _position(path, time, velocity),
         f"{JOINT}/velocity": velocity,
-        f"{JOINT}/current": floats(table, "motor_measured_current", path),
-        f"{JOINT}/torque": -floats(table, "adc_measured_torque", path),
+        f"{JOINT}/current": floats(table, "motor_measured_current", path)[1:],
+        f"{JOINT}/torque": -floats(table, "adc_measured_torque", path)[:-1],
     }
 
 
@@ -79,6 +82,7 @@ def convert(src: Path, out: Path) -> tuple[Path, ...]:
                 "units": {"position": "rad"},
             }
             where = _ENCODER if session == "ripple" else _INTEGRATED if sensor else "no torque sensor in these runs"
-            comment = f"AK80-9 on a torque bench, session {session}; current as reported in that session\n{where}"
+            late = LATE if sensor else ""
+            comment = f"AK80-9 on a torque bench, session {session}; current as reported in that session\n{where}{late}"
             rigs.append(save_rig(parse_rig(document), out / session / "rig.yaml", comment))
     return tuple(rigs)
