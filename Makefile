@@ -4,7 +4,6 @@ PYTHON ?= python3
 VENV ?= .venv
 OUT ?= out/demo
 BIN := $(VENV)/bin
-PACKAGES := pyproject.toml
 export OMP_NUM_THREADS ?= 1
 export MPLBACKEND ?= Agg
 
@@ -19,11 +18,11 @@ $(VENV)/bin/python:
 		|| { echo 'wanted Python 3.11 or newer; name one: make PYTHON=python3.12 ...' >&2; exit 1; }
 	$(PYTHON) -m venv $(VENV)
 
-$(VENV)/.installed: $(PACKAGES) | $(VENV)/bin/python
+$(VENV)/.installed: pyproject.toml | $(VENV)/bin/python
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable .
 	@touch $@
 
-$(VENV)/.installed-test: $(PACKAGES) | $(VENV)/bin/python
+$(VENV)/.installed-test: pyproject.toml | $(VENV)/bin/python
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[test,notebooks]'
 	@touch $@ $(VENV)/.installed
 
@@ -49,7 +48,8 @@ test-slow: $(VENV)/.installed-test ## long reproductions and the full blind benc
 
 notebook: $(VENV)/.installed-test ## run the notebooks' scripts and store them rendered
 	for script in notebooks/*.py; do \
-		$(BIN)/jupytext --to notebook --set-kernel python3 --execute --run-path notebooks "$$script" || exit 1; \
+		$(BIN)/jupytext --quiet --to notebook "$$script" && \
+		MPLBACKEND=module://matplotlib_inline.backend_inline $(BIN)/jupyter execute --inplace --timeout=-1 "$${script%.py}.ipynb" || exit 1; \
 	done
 
 clean: ## remove what was built or written here, and the environment

@@ -41,7 +41,7 @@ PUSH = 45.0
 
 MISSING: tuple[tuple[EffectValue, ...], ...] = (
     (
-        EffectValue("stribeck", {"stribeck": 4.0, "stribeck_velocity": 0.12, "stribeck_exponent": 2.0}),
+        EffectValue("stribeck", {"stribeck": 4.0, "stribeck_velocity": 0.12, "stribeck_exponent": 1.6}),
         EffectValue("deadzone", {"deadzone": 1.2e-3}),
     ),
     (
@@ -49,7 +49,7 @@ MISSING: tuple[tuple[EffectValue, ...], ...] = (
         EffectValue("deadzone", {"deadzone": 1.5e-3}),
     ),
     (
-        EffectValue("stribeck", {"stribeck": 5.0, "stribeck_velocity": 0.15, "stribeck_exponent": 2.0}),
+        EffectValue("stribeck", {"stribeck": 5.0, "stribeck_velocity": 0.15, "stribeck_exponent": 1.6}),
         EffectValue("torque_ripple", {"ripple_cosine": 1.2, "ripple_sine": 0.9, "cycles_per_turn": 50.0}),
     ),
 )
@@ -81,13 +81,20 @@ def demo_excitation(seed: int, length: DemoLength) -> Mapping[str, tuple[Motion,
     rng = np.random.default_rng([seed, 1])
     postures = postures_with_pushes(time, (-0.8, -0.2, 0.3, 0.9), PUSH, 4, LIMITS, rng)
     sinusoid = growing_sinusoid(time, 0.5, 0.05, 0.6 / length.duration, LIMITS)
-    held = multisine(time, (0.1, 1.0), 8, LIMITS, rng)
+    held = _from_rest(multisine(time, (0.1, 1.0), 8, LIMITS, rng))
     push = 0.4 * PUSH * np.sin(2.0 * np.pi * 0.23 * time)
     return {
         "postures_with_pushes": postures,
         "growing_sinusoid": (sinusoid, np.zeros_like(time)),
         "multisine_held_out": (held, push),
     }
+
+
+def _from_rest(motion: Motion) -> Motion:
+    """The same periodic motion, begun where its velocity is nearest to 0."""
+    first = int(np.argmin(np.abs(motion.velocity)))
+    q, v, a = (np.roll(x, -first) for x in (motion.position, motion.velocity, motion.acceleration))
+    return Motion(q, v, a, motion.scale)
 
 
 def record_demo(

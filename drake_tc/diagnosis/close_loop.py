@@ -77,9 +77,9 @@ def diagnose_joint(
     stability = stabilities(found, options.seed)
     if scout is not columns:
         found = replace(found, baseline=fit(columns, found.baseline.terms), chosen=fit(columns, found.chosen.terms))
+    before_residual = predict(held_columns, found.baseline)
     columns, held_columns, found = _settled(columns, held_columns, found, context)
     progress("judging", 0.0)
-    before_residual = predict(held_columns, found.baseline)
     after_residual = predict(held_columns, found.chosen)
     sides = (
         Side(columns.samples, found.baseline.residual, found.chosen.residual),
@@ -134,9 +134,7 @@ def _with_baseline(
     return columns, Columns(held).with_model(plain.beta, servo=servo), plain.terms, floor
 
 
-def _settled(
-    columns: Columns, held: Columns, found: Search, context: Context
-) -> tuple[Columns, Columns, Search]:
+def _settled(columns: Columns, held: Columns, found: Search, context: Context) -> tuple[Columns, Columns, Search]:
     """The same with columns that know the final model: some effects act through its stiffness and damping."""
     servo = context.drive == "position_servo"
     chosen = found.chosen

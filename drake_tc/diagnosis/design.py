@@ -4,7 +4,7 @@ Rows of  z = tau + J qddot  against  [y*, -phi_1, ..., -phi_k], all passed throu
 
     z = (1/K) y* - sum_k theta_k phi_k                                                     (effects.base, balance)
 
-Residuals are reported in the drive's effort: K (z - z_hat), the effort that the model asks too little.
+Residuals are told in the drive's effort: K (z - z_hat), the effort that the model asks too little.
 """
 
 from collections.abc import Mapping, Sequence
@@ -41,8 +41,13 @@ class Term:
 class Columns:
     """Reduced columns of terms over one `Samples`, each computed once."""
 
-    def __init__(self, samples: Samples) -> None:
+    def __init__(self, samples: Samples, gain: float | None = None) -> None:
+        """Columns over `samples`; `gain` [effort/(N m)] in which all residuals are told, None for each fit's own.
+
+        With a gain of its own a drive effect could make its residual small by making the gain small.
+        """
         self.samples = samples
+        self.gain = gain
         signals = samples.signals
         inertial = signals.rotor_inertia * signals.acceleration
         self.target = samples.reduce(signals.load_torque + inertial + signals.known_torque)
@@ -81,7 +86,7 @@ class Columns:
         expected = beta[0] * s.effort - beta[1] * s.velocity - beta[2] * s.direction - s.rotor_inertia * s.acceleration
         stiffness = float(beta[0]) if servo else 0.0
         signals = replace(s, viscous=float(beta[1]), stiffness=stiffness, expected_torque=expected)
-        return Columns(replace(self.samples, signals=signals))
+        return Columns(replace(self.samples, signals=signals), gain=1.0 / max(float(beta[0]), 1e-9))
 
     def design(self, terms: Sequence[Term]) -> FloatArray:
         """[y*, -phi ...] (N, 1 + sum k)."""
@@ -173,7 +178,7 @@ def fit(columns: Columns, terms: Sequence[Term], weights: FloatArray | None = No
     low, high = bounds_of(terms)
     total_gram, total_moment = grams.sum(0), moments.sum(0)
     beta = solve_bounded(total_gram, total_moment, low, high)
-    gain = 1.0 / beta[0]
+    gain = columns.gain or 1.0 / beta[0]
     held = np.empty_like(z)
     for f in range(FOLDS):
         rows = folds == f
@@ -198,4 +203,4 @@ def fit(columns: Columns, terms: Sequence[Term], weights: FloatArray | None = No
 
 def predict(columns: Columns, fitted: Fit) -> FloatArray:
     """Residual K (z - z_hat) (N,) of a fit on other samples, e.g. held-out runs."""
-    return np.asarray((columns.target - columns.design(fitted.terms) @ fitted.beta) * fitted.gain)
+    return np.asarray((columns.target - columns.design(fitted.terms) @ fitted.beta) * (columns.gain or fitted.gain))

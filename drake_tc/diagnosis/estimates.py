@@ -42,7 +42,7 @@ def physical_parameters(fitted: Fit, beta: FloatArray, shapes: FloatArray) -> di
     for term in terms:
         theta = beta[at : at + len(term.effect.coefficients)]
         out[term.effect.key] = term.effect.physical(theta, term.shape, gain)
-        scale *= term.effect.torque_scale(theta)
+        scale *= term.effect.torque_scale(theta, gain)
         at += theta.size
     if scale != 1.0:
         _to_true_torque(out, terms, scale)

@@ -9,6 +9,7 @@ from scipy.ndimage import minimum_filter1d
 from drake_tc.effects.base import Context, Effect, Shape, Signals
 from drake_tc.errors import IdentificationError
 from drake_tc.filtering.common_kernel import CommonKernel
+from drake_tc.logs.common_rate import at_common_period
 from drake_tc.logs.loads import GRAVITY, Pendulum
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
@@ -16,6 +17,7 @@ from drake_tc.types import BoolArray, FloatArray, IntArray
 
 BLOCK_SECONDS = 0.5
 MAX_ROWS = 60_000
+SLOWER = 3.0
 CHUNK_SECONDS = 5.0
 LEAST_TRAVEL = 1e-3
 """Travel after a reversal [rad] before the joint counts as sliding: the bristles of any gear wind up over less."""
@@ -169,6 +171,7 @@ def build_samples(runs: Sequence[Run], rig: Rig, joint: str, width_s: float | No
     Raises:
         IdentificationError: the joint never resolvably moves.
     """
+    runs = at_common_period(runs)
     period = float(np.median([r.period for r in runs]))
     pieces = [(i, run, s) for i, run in enumerate(runs) for s in run.segments() if s.stop - s.start > 40]
     if not pieces:
@@ -209,11 +212,12 @@ def build_samples(runs: Sequence[Run], rig: Rig, joint: str, width_s: float | No
     if isinstance(load, Pendulum):
         moment = load.mass * GRAVITY * load.length
         torque = light.smooth(moment * np.sin(raw_q - load.zero)) + load.inertia * a
-        slow_torque = torque
+        slow = CommonKernel(SLOWER * light.actual_width_s, period)
+        slow_torque = slow.smooth(moment * np.sin(raw_q - load.zero)) + load.inertia * slow.second_derivative(raw_q)
         slope = moment * np.cos(q - load.zero)
     else:
         torque = smooth(f"{joint}/torque")
-        slow_torque = CommonKernel(3.0 * light.actual_width_s, period).smooth(raw_torque)
+        slow_torque = CommonKernel(SLOWER * light.actual_width_s, period).smooth(raw_torque)
     torque_noise = _white_noise(raw_torque, segments) if not isinstance(load, Pendulum) else 0.0
     velocity_noise = noise * float(np.sqrt(np.sum(light._kernels[1] ** 2)))
     resolution = Resolution(step, noise, torque_noise, velocity_noise)
@@ -237,6 +241,7 @@ def build_samples(runs: Sequence[Run], rig: Rig, joint: str, width_s: float | No
         temperature=smooth(f"{joint}/temperature"),
         motor_position=motor_position,
         known_torque=np.zeros_like(q),
+        link_inertia=load.inertia if isinstance(load, Pendulum) else 0.0,
         rotor_inertia=float(declared.get("rotor_inertia") or 0.0),
         period=period,
     )

@@ -203,7 +203,7 @@ class Effect(ABC):
         named = dict(zip((p.name for p in self.coefficients), map(float, theta), strict=True))
         return named | {p.name: float(shape[p.name]) for p in self.shapes}
 
-    def torque_scale(self, theta: FloatArray) -> float:
+    def torque_scale(self, theta: FloatArray, gain: float) -> float:
         """What one N m of the fitted balance is in true torque: other than 1 where the effect scales the balance itself."""
         return 1.0
 

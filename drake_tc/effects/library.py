@@ -16,7 +16,7 @@ from drake_tc.effects.encoder_ripple import EncoderRipple
 from drake_tc.effects.load_dependent_friction import LoadDependentFriction
 from drake_tc.effects.load_stribeck import LoadStribeck
 from drake_tc.effects.load_tilt import LoadTilt
-from drake_tc.effects.payload import Payload
+from drake_tc.effects.payload import Payload, PendulumPayload
 from drake_tc.effects.position_dependent_friction import PositionDependentFriction
 from drake_tc.effects.presliding_hysteresis import PreslidingHysteresis
 from drake_tc.effects.quadratic_viscous import QuadraticViscous
@@ -55,6 +55,7 @@ LIBRARY: tuple[Effect, ...] = (
     TorqueSensorDelay(),
     CurrentLag(),
     Payload(),
+    PendulumPayload(),
     CableSpring(),
     AsymmetricFriction(),
     CoulombAsymmetry(),

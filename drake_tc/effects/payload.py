@@ -2,10 +2,11 @@
 
 import math
 from collections.abc import Mapping
+from typing import ClassVar
 
 import numpy as np
 
-from drake_tc.effects.base import Parameter, Shape, Signals, Signature, TorqueEffect
+from drake_tc.effects.base import Context, Parameter, Shape, Signals, Signature, TorqueEffect
 from drake_tc.effects.kernel import TorqueKernel, TorqueParts
 from drake_tc.types import FloatArray
 
@@ -17,13 +18,17 @@ class Payload(TorqueEffect):
     title = "payload"
     kind = "load"
     linear = True
-    coefficients = (
+    coefficients: ClassVar[tuple[Parameter, ...]] = (
         Parameter("payload_moment", "N*m", 0.0, description="m g l"),
         Parameter("payload_inertia", "kg*m^2", 0.0, description="m l^2"),
     )
     signature = Signature(
         x="position", split="", look_for="a sine of the angle that comes with a line over the acceleration"
     )
+
+    def obstacle(self, context: Context) -> str:
+        """On a pendulum both columns are in the load itself, and the drive gain is free: see `PendulumPayload`."""
+        return "the load is a pendulum, whose scale the drive gain takes up" if context.load == "pendulum" else ""
 
     def columns(self, signals: Signals, shape: Shape) -> FloatArray:
         """Phi (T, 2): see the class."""
@@ -41,3 +46,61 @@ class Payload(TorqueEffect):
     def inertia(self, parameters: Mapping[str, float]) -> float:
         """J_p."""
         return parameters["payload_inertia"]
+
+
+class PendulumPayload(Payload):
+    """More mass on a pendulum whose torque is computed: s tau [N m] more.
+
+    The drive gain is free, so the share s shows only against the declared inertia, which does not grow with it:
+    (1 + s) tau + J qddot, divided by 1 + s, misses J qddot s/(1 + s).
+    """
+
+    form = "pendulum"
+    coefficients = (Parameter("missing_inertia", "-", 0.0, 0.98, description="s/(1 + s)"),)
+    signature = Signature(
+        x="acceleration", split="", look_for="a line over the acceleration although the inertia is declared"
+    )
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """The share s alone."""
+        return (Parameter("payload_share", "-", 0.0, description="load beyond the pendulum's, as a share of it"),)
+
+    def obstacle(self, context: Context) -> str:
+        """Needs a pendulum and a declared inertia."""
+        if context.load != "pendulum":
+            return "the load is measured, whatever its mass"
+        return (
+            ""
+            if context.declared.get("rotor_inertia")
+            else "no inertia is declared that the load could be held against"
+        )
+
+    def columns(self, signals: Signals, shape: Shape) -> FloatArray:
+        """-J qddot (T, 1)."""
+        return -(signals.rotor_inertia * signals.acceleration)[:, None]
+
+    def physical(self, theta: FloatArray, shape: Shape, gain: float) -> dict[str, float]:
+        """s from s/(1 + s)."""
+        return {"payload_share": float(theta[0]) / (1.0 - float(theta[0]))}
+
+    def torque_scale(self, theta: FloatArray, gain: float) -> float:
+        """1/(1 + s)."""
+        return 1.0 - float(theta[0])
+
+    def torque(self, signals: Signals, parameters: Mapping[str, FloatArray | float]) -> FloatArray:
+        """S tau (T,)."""
+        return np.asarray(parameters["payload_share"] * signals.load_torque)
+
+    def kernel(self, parameters: Mapping[str, float]) -> TorqueKernel:
+        """S times the torque that the gear passes."""
+        share = parameters["payload_share"]
+
+        def parts(q: float, v: float, direction: float, tau: float, celsius: float, hysteresis: float) -> TorqueParts:
+            return 0.0, 0.0, share * tau
+
+        return parts
+
+    def inertia(self, parameters: Mapping[str, float]) -> float:
+        """None of its own: it rides on the pendulum's torque."""
+        return 0.0

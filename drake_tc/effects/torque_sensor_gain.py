@@ -35,7 +35,7 @@ class TorqueSensorGain(SensorEffect):
         """Phi (T, 1): see the class."""
         return (signals.rotor_inertia * signals.acceleration)[:, None]
 
-    def torque_scale(self, theta: FloatArray) -> float:
+    def torque_scale(self, theta: FloatArray, gain: float) -> float:
         """1 + g: the fit lives on the sensor's scale."""
         return 1.0 + float(theta[0])
 

@@ -1,0 +1,74 @@
+"""A short recording of the demo's rig, and a way to call commands."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from drake_tc.cli.demo import DemoLength, record_demo
+from drake_tc.cli.main import run
+
+SHORT = DemoLength(duration=8.0, period=2e-3, step=1e-3)
+
+
+@dataclass(frozen=True)
+class Bench:
+    """Files of a rig: what to fit and what to judge by."""
+
+    rig: Path
+    logs: tuple[Path, ...]
+    holdout: Path
+
+    def arguments(self) -> list[str]:
+        return ["--rig", str(self.rig), *(a for p in self.logs for a in ("--log", str(p)))]
+
+    def close_loop(self, out: Path) -> list[str]:
+        return ["close-loop", *self.arguments(), "--holdout", str(self.holdout), "--out", str(out)]
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Exit code and both streams of one command."""
+
+    code: int
+    out: str
+    err: str
+
+    def refusal(self) -> str:
+        """The one line on stderr of a command that could not use its input."""
+        last = self.err.strip().splitlines()[-1]
+        assert self.code == 2
+        assert self.out == ""
+        assert self.err.count("drake-tc: ") == 1 and last.startswith("drake-tc: ")
+        assert "Traceback" not in self.err
+        return last
+
+
+@pytest.fixture(scope="session")
+def bench(tmp_path_factory) -> Bench:
+    rig, logs, holdout = record_demo(tmp_path_factory.mktemp("bench"), 0, SHORT, jobs=1)
+    return Bench(rig, tuple(logs), holdout[0])
+
+
+@pytest.fixture
+def invoke(capsys) -> Callable[..., Outcome]:
+    def call(*arguments: object) -> Outcome:
+        code = run([str(a) for a in arguments])
+        captured = capsys.readouterr()
+        return Outcome(code, captured.out, captured.err)
+
+    return call
+
+
+@pytest.fixture
+def damaged(bench, tmp_path) -> Callable[..., Path]:
+    """damaged(change): a copy of the first run after `change(table)`."""
+
+    def make(change: Callable[[pd.DataFrame], pd.DataFrame], name: str = "damaged.parquet") -> Path:
+        path = tmp_path / name
+        change(pd.read_parquet(bench.logs[0])).to_parquet(path, index=False)
+        return path
+
+    return make

@@ -1,0 +1,108 @@
+"""A validator of report.json, schema 1, written from the contract and not from the code that writes it."""
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+Check = Callable[[str, Any], None]
+VERDICTS = ("effects_found", "no_missing_effect", "unexplained_structure")
+
+
+def number(where: str, value: Any) -> None:
+    assert isinstance(value, (int, float)) and not isinstance(value, bool), f"{where}: wanted a number, got {value!r}"
+
+
+def number_or_null(where: str, value: Any) -> None:
+    if value is not None:
+        number(where, value)
+
+
+def text(where: str, value: Any) -> None:
+    assert isinstance(value, str) and value, f"{where}: wanted text, got {value!r}"
+
+
+def text_or_null(where: str, value: Any) -> None:
+    if value is not None:
+        text(where, value)
+
+
+def flag(where: str, value: Any) -> None:
+    assert isinstance(value, bool), f"{where}: wanted true or false, got {value!r}"
+
+
+def each(check: Check) -> Check:
+    def walk(where: str, value: Any) -> None:
+        assert isinstance(value, list), f"{where}: wanted a list, got {value!r}"
+        for i, entry in enumerate(value):
+            check(f"{where}[{i}]", entry)
+
+    return walk
+
+
+def named(check: Check) -> Check:
+    def walk(where: str, value: Any) -> None:
+        assert isinstance(value, dict), f"{where}: wanted a mapping, got {value!r}"
+        for key, entry in value.items():
+            check(f"{where}.{key}", entry)
+
+    return walk
+
+
+def fields(wanted: Mapping[str, Check]) -> Check:
+    """Every wanted key is there; more may be."""
+
+    def walk(where: str, value: Any) -> None:
+        assert isinstance(value, dict), f"{where}: wanted a mapping, got {value!r}"
+        missing = sorted(set(wanted) - set(value))
+        assert not missing, f"{where}: missing {missing}"
+        for key, check in wanted.items():
+            check(f"{where}.{key}", value[key])
+
+    return walk
+
+
+def one_of(*possible: str) -> Check:
+    def walk(where: str, value: Any) -> None:
+        assert value in possible, f"{where}: wanted one of {possible}, got {value!r}"
+
+    return walk
+
+
+def interval(where: str, value: Any) -> None:
+    each(number_or_null)(where, value)
+    assert len(value) == 2, f"{where}: wanted [low, high]"
+    if None not in value:
+        assert value[0] <= value[1], f"{where}: wanted low <= high, got {value}"
+
+
+PARAMETER = fields({"value": number_or_null, "unit": text, "ci95": interval, "at_bound": flag})
+ERRORS = fields({"train": number_or_null, "heldout": number_or_null, "free_run_heldout": number_or_null})
+JOINT = fields(
+    {
+        "baseline": fields({"effects": each(text), "parameters": named(named(number_or_null))}),
+        "noise_floor": number_or_null,
+        "error": fields({"unit": one_of("rad", "A", "V", "N*m"), "before": ERRORS, "after": ERRORS}),
+        "effects": each(
+            fields({"id": text, "parameters": named(PARAMETER), "heldout_gain": number, "stability": number})
+        ),
+        "rejected": each(fields({"id": text, "heldout_gain": number_or_null, "why": text})),
+        "indistinguishable": each(each(text)),
+        "next_experiment": text_or_null,
+        "unexplained": fields({"fraction": number_or_null, "structured": flag, "depends_on": each(text)}),
+    }
+)
+REPORT = fields(
+    {
+        "schema": number,
+        "verdict": one_of(*VERDICTS),
+        "joints": named(JOINT),
+        "shared": each(fields({"id": text, "where": text, "parameters": named(PARAMETER), "heldout_gain": number})),
+        "seconds": number,
+    }
+)
+
+
+def check_report(document: Any) -> None:
+    """Raise AssertionError with the path of the first thing that is not as the contract says."""
+    REPORT("report", document)
+    assert document["schema"] == 1
+    assert document["joints"], "report: no joint"

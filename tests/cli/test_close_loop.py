@@ -1,0 +1,82 @@
+"""`drake-tc close-loop` from files to report: what it writes, what it prints, what it finds."""
+
+import json
+import os
+import subprocess
+import sys
+
+import pytest
+
+from drake_tc.actuation.model_file import load_models
+from drake_tc.cli.demo import JOINT, ROTOR_INERTIA
+
+from .report_schema import check_report
+
+pytestmark = pytest.mark.xdist_group("close-loop")
+
+
+def command(arguments, folder, **environment):
+    """The installed command in a process of its own, far from the source tree."""
+    call = [sys.executable, "-c", "from drake_tc.cli.main import main; main()", *arguments]
+    return subprocess.run(
+        call, cwd=folder, capture_output=True, text=True, timeout=300, env=os.environ | environment, check=False
+    )
+
+
+@pytest.fixture(scope="module")
+def closed(bench, tmp_path_factory):
+    """One run of the command with tables, in a terminal of 60 columns."""
+    out = tmp_path_factory.mktemp("closed") / "deep" / "out"
+    return out, command(bench.close_loop(out), out.parent.parent, COLUMNS="60", NO_COLOR="1")
+
+
+def test_it_runs_and_names_what_was_missing(closed):
+    out, done = closed
+    assert done.returncode == 0, done.stderr
+    report = json.loads((out / "report.json").read_text())
+    check_report(report)
+    assert report["verdict"] == "effects_found"
+    joint = report["joints"][JOINT]
+    assert {e["id"] for e in joint["effects"]} == {"stribeck", "deadzone"}
+    assert "viscous" in joint["baseline"]["effects"] and "coulomb" in joint["baseline"]["effects"]
+
+
+def test_the_error_falls_on_the_run_that_was_held_out(closed):
+    joint = json.loads((closed[0] / "report.json").read_text())["joints"][JOINT]
+    before, after = joint["error"]["before"], joint["error"]["after"]
+    assert after["heldout"] < 0.25 * before["heldout"]
+    assert after["free_run_heldout"] < before["free_run_heldout"]
+    assert joint["noise_floor"] < before["heldout"]
+
+
+def test_both_models_load_and_keep_what_was_declared(closed):
+    before = load_models(closed[0] / "model_before.yaml")[JOINT]
+    after = load_models(closed[0] / "model_after.yaml")[JOINT]
+    assert before.inertia == after.inertia == ROTOR_INERTIA
+    added = {v.effect.id for v in after.effects} - {v.effect.id for v in before.effects}
+    assert added == {"stribeck", "deadzone"}
+
+
+def test_the_report_stands_alone(closed):
+    html = (closed[0] / "report.html").read_text(encoding="utf-8")
+    assert JOINT in html
+    for remote in ('src="http', 'href="http', "<script src", "@import"):
+        assert remote not in html
+
+
+def test_a_narrow_terminal_keeps_the_columns(closed):
+    _, done = closed
+    assert max(map(len, done.stdout.splitlines())) <= 60
+    for word in ("before", "after", "held-out", "deadzone"):
+        assert word in done.stdout
+    assert "reading" in done.stderr and "reading" not in done.stdout
+
+
+def test_json_alone_on_stdout(bench, tmp_path):
+    done = command([*bench.close_loop(tmp_path / "out"), "--json"], tmp_path)
+    assert done.returncode == 0, done.stderr
+    report = json.loads(done.stdout)
+    check_report(report)
+    written = json.loads((tmp_path / "out" / "report.json").read_text())
+    assert {k: v for k, v in report.items() if k != "seconds"} == {k: v for k, v in written.items() if k != "seconds"}
+    assert done.stderr == ""

@@ -1,0 +1,102 @@
+"""Input that cannot be used: exit 2, one line on stderr that says what, where and what to do, nothing on stdout."""
+
+import numpy as np
+import pytest
+
+from drake_tc.cli.demo import JOINT
+
+
+def test_no_holdout(invoke, bench, tmp_path):
+    line = invoke("close-loop", *bench.arguments(), "--out", tmp_path).refusal()
+    assert "--holdout" in line and "2 and 0" in line
+
+
+def test_no_run_to_fit(invoke, bench, tmp_path):
+    line = invoke("close-loop", "--rig", bench.rig, "--holdout", bench.holdout, "--out", tmp_path).refusal()
+    assert "--log" in line
+
+
+def test_logs_without_a_rig(invoke, bench, tmp_path):
+    assert "--rig" in invoke("close-loop", "--log", bench.logs[0], "--out", tmp_path).refusal()
+
+
+@pytest.mark.parametrize("command", ["close-loop", "identify"])
+def test_no_such_file(invoke, bench, tmp_path, command):
+    gone = tmp_path / "gone.csv"
+    more = ["--holdout", bench.holdout] if command == "close-loop" else []
+    assert "gone.csv" in invoke(command, "--rig", bench.rig, "--log", gone, *more, "--out", tmp_path / "o").refusal()
+    rig = tmp_path / "gone.yaml"
+    line = invoke(command, "--rig", rig, "--log", bench.logs[0], *more, "--out", tmp_path / "o").refusal()
+    assert "gone.yaml" in line and "no such rig file" in line
+
+
+def refused(invoke, bench, tmp_path, path) -> str:
+    call = ["close-loop", "--rig", bench.rig, "--log", path, "--holdout", bench.holdout, "--out", tmp_path / "out"]
+    line = invoke(*call).refusal()
+    assert path.name in line
+    assert not (tmp_path / "out" / "report.html").exists()
+    return line
+
+
+def test_degrees_read_as_radians(invoke, bench, damaged, tmp_path):
+    angles = [f"{JOINT}/position", f"{JOINT}/position_command"]
+    path = damaged(lambda t: t.assign(**{name: np.rad2deg(t[name]) for name in angles}))
+    assert "deg" in refused(invoke, bench, tmp_path, path)
+
+
+def test_constant_command(invoke, bench, damaged, tmp_path):
+    path = damaged(lambda t: t.assign(**{f"{JOINT}/position_command": 0.25}))
+    assert "constant" in refused(invoke, bench, tmp_path, path)
+
+
+def test_no_rows(invoke, bench, damaged, tmp_path):
+    refused(invoke, bench, tmp_path, damaged(lambda t: t.head(0)))
+
+
+def test_missing_column(invoke, bench, damaged, tmp_path):
+    path = damaged(lambda t: t.drop(columns=f"{JOINT}/torque"))
+    assert f"{JOINT}/torque" in refused(invoke, bench, tmp_path, path)
+
+
+def test_time_going_backwards(invoke, bench, damaged, tmp_path):
+    def swap(table):
+        table.loc[[50, 51], "time"] = table.loc[[51, 50], "time"].to_numpy()
+        return table
+
+    assert "backwards" in refused(invoke, bench, tmp_path, damaged(swap))
+
+
+def test_a_file_of_no_known_kind(invoke, bench, tmp_path):
+    path = tmp_path / "run.docx"
+    path.write_text("not a log")
+    refused(invoke, bench, tmp_path, path)
+
+
+@pytest.mark.parametrize(
+    "document", ["joint: knee\n", "joint: knee\ndrive: hydraulic\n", "joint: [\n", "joint: knee\ndrives: current\n"]
+)
+def test_a_rig_file_that_says_too_little_or_wrong(invoke, bench, tmp_path, document):
+    rig = tmp_path / "rig.yaml"
+    rig.write_text(document)
+    line = invoke("close-loop", "--rig", rig, "--log", bench.logs[0], "--holdout", bench.holdout).refusal()
+    assert "rig.yaml" in line
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["close-lop"],
+        ["close-loop", "--rigg", "x"],
+        ["identify", "--method", "lasso", "--rig", "x", "--log", "y"],
+        ["close-loop", "--seed", "soon"],
+        ["import", "atlas", "here", "--out", "there"],
+        ["import", "bam"],
+        ["identify"],
+        ["bench", "nothing"],
+    ],
+)
+def test_a_slip_of_the_keyboard_is_one_line(invoke, arguments):
+    outcome = invoke(*arguments)
+    assert outcome.code == 2
+    assert outcome.out == ""
+    assert len(outcome.err.strip().splitlines()) == 1 and outcome.err.startswith("drake-tc")

@@ -1,0 +1,89 @@
+"""The front door, and that nothing public is left without a word."""
+
+import importlib
+import inspect
+import pkgutil
+import subprocess
+import sys
+import time
+
+import pytest
+
+import drake_tc
+
+FRONT_DOOR = {
+    "LIBRARY",
+    "ActuatorModel",
+    "ActuatorPlant",
+    "DrakeTcError",
+    "Drive",
+    "EffectValue",
+    "Rig",
+    "Run",
+    "actuator_model",
+    "add_actuators",
+    "close_loop",
+    "effect",
+    "feedforward_effort",
+    "identify",
+    "load_models",
+    "load_rig",
+    "load_run",
+    "load_runs",
+    "save_models",
+}
+
+
+def modules() -> list[str]:
+    names = ["drake_tc", "drake_tc.diagrams", "drake_tc.models"]
+    for package in (drake_tc, importlib.import_module("drake_tc.diagrams")):
+        names += [info.name for info in pkgutil.walk_packages(package.__path__, package.__name__ + ".")]
+    return sorted(set(names))
+
+
+def test_the_front_door_is_what_stands_on_the_list():
+    assert set(drake_tc.__all__) == FRONT_DOOR
+    assert set(dir(drake_tc)) >= FRONT_DOOR
+    for name in drake_tc.__all__:
+        assert getattr(drake_tc, name) is not None
+
+
+def test_an_unknown_name_lists_those_there_are():
+    with pytest.raises(AttributeError, match=r"no 'ActuatorModle'.*ActuatorModel"):
+        _ = drake_tc.ActuatorModle
+
+
+def test_importing_the_package_is_quick():
+    seconds = []
+    for _ in range(3):  # the best of three: another process may hold the core
+        start = time.perf_counter()
+        subprocess.run([sys.executable, "-c", "import drake_tc"], check=True)
+        bare = time.perf_counter()
+        subprocess.run([sys.executable, "-c", "pass"], check=True)
+        seconds.append((bare - start) - (time.perf_counter() - bare))
+    assert min(seconds) < 0.3
+
+
+@pytest.mark.parametrize("name", modules())
+def test_every_module_imports_and_every_public_thing_is_documented(name):
+    module = importlib.import_module(name)
+    assert inspect.getdoc(module), f"{name} has no docstring"
+    silent = []
+    for key, value in vars(module).items():
+        if key.startswith("_") or getattr(value, "__module__", None) != name:
+            continue
+        if inspect.isfunction(value) and not value.__doc__:
+            silent.append(key)
+        if inspect.isclass(value):
+            silent += [key] * (not value.__doc__)
+            own = {k: v for k, v in vars(value).items() if not k.startswith("_") and getattr(v, "__name__", "") != "<lambda>"}
+            plain = {k: v.fget if isinstance(v, property) else v for k, v in own.items()}
+            silent += [f"{key}.{k}" for k, v in plain.items() if inspect.isfunction(v) and not inspect.getdoc(v)]
+    assert silent == [], f"{name}: no docstring: {', '.join(silent)}"
+
+
+def test_errors_share_one_root():
+    errors = importlib.import_module("drake_tc.errors")
+    classes = [value for value in vars(errors).values() if inspect.isclass(value)]
+    assert len(classes) >= 5
+    assert all(issubclass(value, drake_tc.DrakeTcError) for value in classes)

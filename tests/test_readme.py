@@ -1,0 +1,42 @@
+"""The README keeps its promises: its links lead somewhere, its rig file is one, its names exist."""
+
+import re
+from pathlib import Path
+
+import yaml
+
+import drake_tc
+from drake_tc.logs.rig import parse_rig
+
+ROOT = Path(__file__).resolve().parents[1]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+
+
+def test_links_lead_somewhere():
+    targets = re.findall(r"\]\(([^)#]+)\)", README)
+    local = [t for t in targets if not t.startswith("http")]
+    assert len(local) >= 4
+    assert [t for t in local if not (ROOT / t).exists()] == []
+
+
+def test_the_rig_file_is_one():
+    (block,) = re.findall(r"```yaml\n(.*?)```", README, re.S)
+    rig = parse_rig(yaml.safe_load(block))
+    assert rig.joints == ("knee",)
+    assert rig.known("knee", "rotor_inertia") == 0.31
+    assert rig.units["time"] == "ms"
+
+
+def test_the_names_it_imports_are_public():
+    for line in re.findall(r"from drake_tc import (.*)", README):
+        assert set(line.split(", ")) <= set(drake_tc.__all__)
+
+
+def test_its_commands_are_in_the_makefile():
+    makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
+    for name in re.findall(r"make ([a-z-]+)", README):
+        assert re.search(rf"^{name}:", makefile, re.M), name
+
+
+def test_no_path_of_one_machine():
+    assert not re.search(r"/(home|work|tmp|Users|root)/", README)
