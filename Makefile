@@ -36,9 +36,10 @@ lint: $(VENV)/.installed-test
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+	$(BIN)/mypy -p diagrams
 
 unit: $(VENV)/.installed-test
-	$(BIN)/pytest -q -n 2 --dist worksteal -m 'not slow' --cov drake_tc --cov-report term:skip-covered
+	$(BIN)/pytest -q -n 2 --dist loadgroup -m 'not slow' --cov drake_tc --cov-report term:skip-covered
 
 wheel: $(VENV)/.installed-test ## build the wheel and run the demo from it, in an empty environment
 	bash .ci/wheel.sh $(BIN)/python

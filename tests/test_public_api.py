@@ -76,7 +76,11 @@ def test_every_module_imports_and_every_public_thing_is_documented(name):
             silent.append(key)
         if inspect.isclass(value):
             silent += [key] * (not value.__doc__)
-            own = {k: v for k, v in vars(value).items() if not k.startswith("_") and getattr(v, "__name__", "") != "<lambda>"}
+            own = {
+                k: v
+                for k, v in vars(value).items()
+                if not k.startswith("_") and getattr(v, "__name__", "") != "<lambda>"
+            }
             plain = {k: v.fget if isinstance(v, property) else v for k, v in own.items()}
             silent += [f"{key}.{k}" for k, v in plain.items() if inspect.isfunction(v) and not inspect.getdoc(v)]
     assert silent == [], f"{name}: no docstring: {', '.join(silent)}"

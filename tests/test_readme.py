@@ -34,7 +34,7 @@ def test_the_names_it_imports_are_public():
 
 def test_its_commands_are_in_the_makefile():
     makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
-    for name in re.findall(r"make ([a-z-]+)", README):
+    for name in re.findall(r"(?:`|    )make ([a-z-]+)", README):
         assert re.search(rf"^{name}:", makefile, re.M), name
 
 

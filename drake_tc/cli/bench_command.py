@@ -18,7 +18,7 @@ from drake_tc.bench.real_rows import RealRow, rows_json
 from drake_tc.blind.scoreboard import print_score
 from drake_tc.cli.progress import progress_bar
 
-bench_app = typer.Typer(help="Benchmarks: rows of figures, for people or with --json for programs.", no_args_is_help=True)
+bench_app = typer.Typer(help="Benchmarks: rows of figures, with --json for programs.", no_args_is_help=True)
 
 
 @bench_app.command("diagnosis")

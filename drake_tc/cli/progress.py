@@ -24,7 +24,7 @@ def progress_bar(title: str, *, quiet: bool = False) -> Iterator[Callable[[str, 
     console = Console(stderr=True)
     columns = [SpinnerColumn(), TextColumn("{task.description}")]
     if console.width > 60:
-        columns += [BarColumn(bar_width=24), TimeElapsedColumn()]  # type: ignore[list-item]
+        columns += [BarColumn(bar_width=24), TimeElapsedColumn()]
     with Progress(*columns, console=console, transient=True) as bar:
         task = bar.add_task(title, total=1.0)
         yield lambda text, share: bar.update(task, description=f"{title}: {text}", completed=share)

@@ -11,6 +11,8 @@ from drake_tc.types import FloatArray, IntArray
 
 MOST_ROWS = 12_000
 GROUP_SECONDS = 1.5
+MOST_WANDER = 0.5
+"""Longest correlation time [s] of a residual in which a loud stretch is an event."""
 SIGNALS = ("velocity", "acceleration", "position", "load_torque", "effort", "direction", "travel", "temperature")
 
 
@@ -21,16 +23,18 @@ class StructureOptions:
     Attributes:
         least_fraction: Smallest share of the residual's variance that a function of the signals must explain.
         least_rms: Smallest RMS of that share, in noise floors.
-        least_of_before: ... and as a share of the held-out error before: what found effects leave by their form is less.
+        least_of_before: ... and as a share of the held-out error before: what the found effects leave is less.
         least_nats: Evidence of that share, in effective samples of what is left: noise that wanders has few.
+        most_growth: How many times the training error the held-out one may be: beyond it the model does not carry over.
         least_burst: How many times the typical half-second RMS a confined stretch must reach.
         least_line: Share of the residual's variance that one spectral line must hold.
     """
 
     least_fraction: float = 0.25
     least_rms: float = 0.6
-    least_of_before: float = 0.10
-    least_nats: float = 12.0
+    least_of_before: float = 0.07
+    least_nats: float = 15.0
+    most_growth: float = 2.5
     least_burst: float = 3.0
     least_line: float = 0.25
 
@@ -108,7 +112,10 @@ def bursts(side: Side, ratio: float, least: float) -> tuple[TimeStretch, ...]:
         return ()
     typical = float(np.median(level[full]))
     loud = full & (level > max(ratio * typical, 2.0 * least))
-    energy = float(np.sum(level[loud] ** 2 * rows[loud]) / max(np.sum(level**2 * rows), 1e-300))
+    quiet = ~loud[samples.block]
+    if correlation_time(side.after[quiet] - side.after[quiet].mean()) * samples.row_period > MOST_WANDER:
+        return ()  # noise that wanders this slowly makes loud stretches by itself
+    energy = float(np.sum(level[loud] ** 2 * rows[loud]) / max(float(np.sum(level**2 * rows)), 1e-300))
     if not loud.any() or loud.sum() > 0.25 * full.sum() or energy < 0.4:
         return ()
     found: list[TimeStretch] = []
@@ -134,8 +141,9 @@ def judge(train: Side, held: Side, floor: float, options: StructureOptions, seed
     run = np.concatenate([train.samples.run, held.samples.run + len(train.samples.runs)])
     stride = max(1, int(np.ceil(y.size / MOST_ROWS)))
     x, y, is_held, time, run = x[::stride], y[::stride], is_held[::stride], time[::stride], run[::stride]
-    spread = 6.0 * 1.4826 * float(np.median(np.abs(y - np.median(y)))) + 1e-300
-    y = np.clip(y, -spread, spread)
+    for side_rows in (is_held, ~is_held):
+        spread = 3.0 * float(np.percentile(np.abs(y[side_rows]), 95.0))
+        y[side_rows] = np.clip(y[side_rows], -spread, spread)
     group = np.unique(run * 10**6 + (time / GROUP_SECONDS).astype(int), return_inverse=True)[1]
     clock = np.stack([time, run.astype(float)], axis=-1)
     by_signals = cross_predict(x, y, group, seed)
@@ -150,14 +158,17 @@ def judge(train: Side, held: Side, floor: float, options: StructureOptions, seed
     least = max(options.least_rms * floor, options.least_of_before * before)
     lengths = [int(n) for n in np.bincount(run[is_held]) if n]
     left = y[is_held] - by_signals[is_held] if signals_share >= fraction else y[is_held] - by_both[is_held]
-    n_eff = left.size / correlation_time(left - left.mean(), lengths)
+    whole = y[is_held] - y[is_held].mean()
+    n_eff = left.size / max(correlation_time(part, lengths) for part in (left - left.mean(), whole))
     nats = -0.5 * n_eff * float(np.log(max(1.0 - fraction, 1e-9)))
     functional = fraction >= options.least_fraction and explained >= least and nats >= options.least_nats
     stretches = tuple(s for side in sides for s in bursts(side, options.least_burst, least))
     frequency, line = max((spectral_line(s) for s in sides), key=lambda p: p[1])
     periodic = line >= options.least_line and np.sqrt(line) * rms >= least
+    train_rms = float(np.sqrt(np.mean(train.after**2)))
+    grown = rms > options.most_growth * train_rms and rms - train_rms > least and not stretches
     names: list[str] = []
-    if functional:
+    if functional or grown:
         names += depends_on(x, y, group, seed)
     if interplay > signals_share + 0.1 and functional:
         names.append("time")
@@ -165,7 +176,7 @@ def judge(train: Side, held: Side, floor: float, options: StructureOptions, seed
         names.append("time")
     return Unexplained(
         fraction=float(fraction),
-        structured=bool(functional or stretches or periodic),
+        structured=bool(functional or stretches or periodic or grown),
         depends_on=tuple(names),
         confined_to=stretches,
         period_hz=frequency if periodic else None,

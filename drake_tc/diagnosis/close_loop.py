@@ -7,10 +7,11 @@ import numpy as np
 
 from drake_tc.diagnosis.ceiling import StructureOptions, judge
 from drake_tc.diagnosis.declared import declared_terms, fit_declared, known_values, without_known
-from drake_tc.diagnosis.design import Columns, Term, fit, predict
+from drake_tc.diagnosis.design import Columns, Fit, Term, fit, predict
 from drake_tc.diagnosis.estimates import estimates
-from drake_tc.diagnosis.evidence import better_share, compare, noise_floor
+from drake_tc.diagnosis.evidence import better_share, compare
 from drake_tc.diagnosis.experiments import next_experiment
+from drake_tc.diagnosis.preparation import build_samples, context_of
 from drake_tc.diagnosis.result import (
     Errors,
     FoundEffect,
@@ -19,11 +20,13 @@ from drake_tc.diagnosis.result import (
     Side,
     Verdict,
 )
-from drake_tc.diagnosis.samples import Samples, build_samples, context_of
+from drake_tc.diagnosis.samples import Samples
 from drake_tc.diagnosis.search import Progress, Search, SearchOptions, best_shape, candidates, search
 from drake_tc.diagnosis.ties import indistinguishable
 from drake_tc.effects.base import EFFORT_UNIT, Context
 from drake_tc.effects.library import LIBRARY
+from drake_tc.effects.torque_sensor_bias import TorqueSensorBias
+from drake_tc.effects.torque_sensor_drift import TorqueSensorDrift
 from drake_tc.identification.regression import least_squares
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
@@ -128,8 +131,7 @@ def _with_baseline(
     plain = fit_declared(first, names, context)
     labels = ["drive gain", *(p.name for t in plain.terms for p in t.effect.coefficients)]
     least_squares(first.design(plain.terms), first.target, names=labels, max_condition=MAX_CONDITION)
-    inertia = train.signals.rotor_inertia + context.link_inertia
-    floor = noise_floor(train, plain.gain, float(plain.beta[1]), inertia, servo=servo)
+    floor = plain.gain * train.noise_floor(servo=servo).torque(float(plain.beta[0]), float(plain.beta[1]))
     columns = first.with_model(plain.beta, servo=servo)
     return columns, Columns(held).with_model(plain.beta, servo=servo), plain.terms, floor
 
@@ -137,11 +139,22 @@ def _with_baseline(
 def _settled(columns: Columns, held: Columns, found: Search, context: Context) -> tuple[Columns, Columns, Search]:
     """The same with columns that know the final model: some effects act through its stiffness and damping."""
     servo = context.drive == "position_servo"
-    chosen = found.chosen
+    chosen, first = found.chosen, (columns, held)
     for _ in range(SETTLING_ROUNDS if len(chosen.terms) > len(found.baseline.terms) else 0):
-        columns, held = columns.with_model(chosen.beta, servo=servo), held.with_model(chosen.beta, servo=servo)
+        columns, held = (c.with_model(chosen.beta, servo=servo, true_torque=true_torque(c, chosen)) for c in first)
         chosen = fit(columns, chosen.terms)
     return columns, held, replace(found, chosen=chosen)
+
+
+def true_torque(columns: Columns, fitted: Fit) -> FloatArray:
+    """The measured load (T,) without the additive sensor errors among the fit's terms."""
+    signals, at = columns.samples.signals, 1
+    for term in fitted.terms:
+        theta = fitted.beta[at : at + len(term.effect.coefficients)]
+        at += theta.size
+        if isinstance(term.effect, TorqueSensorBias | TorqueSensorDrift):
+            signals = term.effect.restore(signals, term.effect.physical(theta, term.shape, fitted.gain))
+    return signals.load_torque
 
 
 def stabilities(found: Search, seed: int) -> dict[str, float]:
@@ -198,7 +211,8 @@ def _rejected(
         comparison = compare(found.chosen, tried, columns.samples)
         gain = 1.0 - _rms(predict(held, tried)) / base
         if comparison.gain < options.least_gain:
-            why = f"lowers the cross-validated error by {100 * comparison.gain:.1f} %, below {100 * options.least_gain:g} %"
+            drop, least = 100 * comparison.gain, 100 * options.least_gain
+            why = f"lowers the cross-validated error by {drop:.1f} %, below {least:g} %"
         elif comparison.removed < options.least_removed * floor:
             why = "explains less than the sensors resolve"
         elif comparison.share < options.least_share:

@@ -49,7 +49,7 @@ def without_known(samples: Samples, known: Mapping[str, Mapping[str, float]]) ->
 
 
 def declared_terms(rig: Rig, joint: str) -> list[str]:
-    """Ids that are fitted with the baseline: viscous, Coulomb, and what is declared without a value that can be held."""
+    """Ids fitted with the baseline: viscous, Coulomb, and what is declared without a value that can be held."""
     known = known_values(rig, joint)
     names = [key.partition(".")[0] for key, value in rig.declared[joint].items() if value is None or key not in known]
     fitted = [n for n in names if n not in known and not (n == "rotor_inertia" and rig.declared[joint][n] is not None)]

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from drake_tc.diagnosis.resolution import NoiseFloor
 from drake_tc.diagnosis.samples import Samples
 from drake_tc.effects.base import DriveEffect, Effect
 from drake_tc.types import FloatArray, IntArray
@@ -41,16 +42,26 @@ class Term:
 class Columns:
     """Reduced columns of terms over one `Samples`, each computed once."""
 
-    def __init__(self, samples: Samples, gain: float | None = None) -> None:
+    def __init__(
+        self,
+        samples: Samples,
+        gain: float | None = None,
+        floor: NoiseFloor | None = None,
+        target: FloatArray | None = None,
+    ) -> None:
         """Columns over `samples`; `gain` [effort/(N m)] in which all residuals are told, None for each fit's own.
 
-        With a gain of its own a drive effect could make its residual small by making the gain small.
+        With a gain of its own a drive effect could make its residual small by making the gain small. `floor` then also
+        weighs the noise that each fit's coefficients let through. `target` replaces tau + J qddot (N,).
         """
         self.samples = samples
         self.gain = gain
+        self.floor = floor
         signals = samples.signals
         inertial = signals.rotor_inertia * signals.acceleration
-        self.target = samples.reduce(signals.load_torque + inertial + signals.known_torque)
+        if target is None:
+            target = samples.reduce(signals.load_torque + inertial + signals.known_torque)
+        self.target = target
         self._cache: dict[tuple[object, ...], FloatArray] = {}
         self._bytes = 0
 
@@ -80,13 +91,29 @@ class Columns:
             self._bytes = value.nbytes
         self._cache[key] = value
 
-    def with_model(self, beta: FloatArray, *, servo: bool) -> "Columns":
-        """The same samples once the declared model's [1/K, F_v, F_c, ...] is known: see `Signals`."""
+    def with_model(self, beta: FloatArray, *, servo: bool, true_torque: FloatArray | None = None) -> "Columns":
+        """The same samples once the declared model's [1/K, F_v, F_c, ...] is known: see `Signals`.
+
+        `true_torque` (T,): what a found sensor error leaves of the measured load, for effects that depend on it.
+        """
         s = self.samples.signals
         expected = beta[0] * s.effort - beta[1] * s.velocity - beta[2] * s.direction - s.rotor_inertia * s.acceleration
         stiffness = float(beta[0]) if servo else 0.0
+        if true_torque is not None:
+            s = replace(s, load_torque=true_torque)
         signals = replace(s, viscous=float(beta[1]), stiffness=stiffness, expected_torque=expected)
-        return Columns(replace(self.samples, signals=signals), gain=1.0 / max(float(beta[0]), 1e-9))
+        floor = self.samples.noise_floor(servo=servo)
+        return Columns(replace(self.samples, signals=signals), 1.0 / max(float(beta[0]), 1e-9), floor, self.target)
+
+    def noise_ratio(self, beta: FloatArray) -> float:
+        """Noise floor under the declared model over that under beta: a fit that lets less encoder noise through, by a
+        smaller 1/K or F_v, has not explained anything by that (errors in variables).
+        """
+        if self.floor is None or self.gain is None:
+            return 1.0
+        own = self.floor.torque(float(beta[0]), float(beta[1]))
+        declared = self.floor.torque(1.0 / self.gain, self.samples.signals.viscous)
+        return float(np.clip(declared / max(own, 1e-300), 0.5, 2.0))
 
     def design(self, terms: Sequence[Term]) -> FloatArray:
         """[y*, -phi ...] (N, 1 + sum k)."""
@@ -102,7 +129,8 @@ class Fit:
         terms: In the order of the columns, after the drive's own.
         beta: (1 + sum k,) [1/K, theta ...].
         residual: (N,) K (z - z_hat) on the training rows [effort].
-        rms: Of the residual; `cv_rms`: the same, every fold predicted from the others.
+        rms: Of the residual.
+        cv_rms: The same, every fold predicted from the others, noise let through weighed (`Columns.noise_ratio`).
         block_sse: (B,) cross-validated squared residual by block [effort^2].
         block_rows: (B,) rows by block.
     """
@@ -179,6 +207,7 @@ def fit(columns: Columns, terms: Sequence[Term], weights: FloatArray | None = No
     total_gram, total_moment = grams.sum(0), moments.sum(0)
     beta = solve_bounded(total_gram, total_moment, low, high)
     gain = columns.gain or 1.0 / beta[0]
+    fair = columns.noise_ratio(beta)
     held = np.empty_like(z)
     for f in range(FOLDS):
         rows = folds == f
@@ -186,6 +215,7 @@ def fit(columns: Columns, terms: Sequence[Term], weights: FloatArray | None = No
             part = solve_bounded(total_gram - grams[f], total_moment - moments[f], low, high)
             held[rows] = (z[rows] - x[rows] @ part) * gain
     residual = (z - x @ beta) * gain
+    held = held * fair
     if weights is not None:
         held = held * np.sqrt(weights)
     count = int(block.max()) + 1

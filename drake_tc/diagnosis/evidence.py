@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from drake_tc.diagnosis.design import Fit
-from drake_tc.diagnosis.samples import Resolution, Samples
+from drake_tc.diagnosis.samples import Samples
 from drake_tc.identification.autocorrelation import correlation_time
 from drake_tc.types import FloatArray
 
@@ -14,22 +14,6 @@ def effective_samples(residual: FloatArray, samples: Samples) -> float:
     """N over the integrated autocorrelation time of a residual (N,), no lag counted across runs; at least 3."""
     lengths = [int(n) for n in np.bincount(samples.run) if n]
     return max(residual.size / correlation_time(residual - residual.mean(), lengths), 3.0)
-
-
-def noise_floor(samples: Samples, gain: float, viscous: float, inertia: float, *, servo: bool) -> float:
-    """RMS that sensor noise and encoder steps alone leave in the residual [effort].
-
-    White noise of one raw sample (`Resolution`), passed through the kernels and the balance's coefficients: torque noise
-    through k, encoder noise e through J k'' + F_v k' (+ k/K where the effort is q_d - q), J [kg m^2] with a pendulum's own.
-    """
-    light, final = samples.light._kernels, samples.kernel._kernels
-    k = [np.convolve(light[d], final[0]) for d in range(3)]
-    r: Resolution = samples.resolution
-    encoder = inertia * k[2] + viscous * k[1]
-    if servo:
-        encoder = encoder + k[0] / gain
-    variance = r.torque_noise**2 * np.sum(k[0] ** 2) + r.position_noise**2 * np.sum(encoder**2)
-    return float(gain * np.sqrt(variance))
 
 
 @dataclass(frozen=True)

@@ -38,13 +38,15 @@ def next_experiment(
     """One or two sentences, or None when nothing is open."""
     if ties:
         first, second = ties[0]
-        return f"To tell {first} from {second}: {ISOLATES[first]} (shows {first} alone); {ISOLATES[second]} (shows {second} alone)."
+        shows = f"{ISOLATES[first]} (shows {first} alone); {ISOLATES[second]} (shows {second} alone)"
+        return f"To tell {first} from {second}: {shows}."
     if unexplained.confined_to:
         s = unexplained.confined_to[0]
-        return f"Repeat {s.run}: between {s.start:.1f} and {s.end:.1f} s something acted on the joint that the log does not show."
+        when = f"between {s.start:.1f} and {s.end:.1f} s"
+        return f"Repeat {s.run}: {when} something acted on the joint that the log does not show."
     if unexplained.period_hz is not None:
         return f"Find what repeats at {unexplained.period_hz:.2f} Hz near the rig; record a run with it switched off."
     if unexplained.structured:
         names = ", ".join(unexplained.depends_on) or "an unrecorded signal"
-        return f"Vary {names} one at a time with the others held: the remainder depends on it in a way no known effect does."
+        return f"Vary {names} one at a time, the others held: the remainder depends on it as no known effect does."
     return None

@@ -27,8 +27,12 @@ def close_loop(
     """Read the rig and its runs, diagnose every joint, and say how long it took.
 
     Args:
-        rig_path: Rig file. logs: runs to fit. holdout: runs that take no part in fitting or choosing.
+        rig_path: Rig file.
+        logs: Runs to fit.
+        holdout: Runs that take no part in fitting or choosing.
+        options: Thresholds and seed.
         free_run: Simulates the model driven by a recorded command; None leaves the free-run errors out.
+        progress: Told how far it is.
         executor: Runs the free runs beside each other; None runs them here.
 
     Raises:

@@ -125,7 +125,7 @@ SAME = 1.01
 
 
 def ranked(fits: Iterable[Fit]) -> list[Fit]:
-    """Fits by error, but the simplest of those as good as the best comes first: by size, then by the library's order."""
+    """Fits by error; but the simplest of those as good as the best comes first: by size, then in library order."""
     order = {effect.key: i for i, effect in enumerate(LIBRARY)}
     by_error = sorted(fits, key=lambda f: f.cv_rms)
     good = [f for f in by_error if f.cv_rms <= SAME * by_error[0].cv_rms]
@@ -161,7 +161,13 @@ def search(
     """Beam search by cross-validated error; stops when no further effect is a real improvement.
 
     Args:
-        columns: Training rows. declared: what the owner models. effects: candidates. floor: noise floor [effort].
+        columns: Training rows.
+        declared: What the owner models.
+        effects: Candidates.
+        context: What the logs offer.
+        floor: Noise floor [effort].
+        options: What counts as real.
+        progress: Told how far it is.
     """
     baseline = refine(columns, fit(columns, declared))
     beam, chosen = [baseline], baseline
@@ -185,14 +191,15 @@ def search(
         refined = ranked(refine(columns, f) for f in close)
         if size == 1:
             alone = [*refined, *coarse[len(close) :]]
-        best = refined[0]
-        comparison = compare(chosen, best, columns.samples)
         explained = float(np.sqrt(max(baseline.cv_rms**2 - chosen.cv_rms**2, 0.0)))
-        if not _real(comparison, floor, explained, options):
+        comparisons = [compare(chosen, f, columns.samples) for f in refined]
+        real = [i for i, c in enumerate(comparisons) if _real(c, floor, explained, options)]
+        if not real:
             break
+        best, comparison = refined[real[0]], comparisons[real[0]]
         added = [t.effect.key for t in best.terms if t.effect.key not in {u.effect.key for u in chosen.terms}]
         steps.append(("+".join(added), comparison))
-        chosen, rivals = best, refined[1:]
+        chosen, rivals = best, [f for f in refined if f is not best]
         beam = refined[: options.beam]
     return Search(baseline, chosen, tuple(steps), tuple(rivals), tuple(alone))
 

@@ -38,7 +38,7 @@ class Signals:
         time: Since the start of the run [s].
         position, velocity, acceleration: q, qdot, qddot [rad, rad/s, rad/s^2].
         load_torque: tau on the link side [N m].
-        expected_torque: tau as the declared model expects it from effort and motion [N m]: sharp where the sensor's is noisy.
+        expected_torque: tau as the model so far expects it from effort and motion [N m]; free of sensor noise.
         slow_torque: tau low-passed three times as hard [N m], for effects that differentiate it: the sensor's noise,
             differentiated, would explain itself. The same as `load_torque` where nothing was filtered.
         effort: y, what the drive was asked for [rad | A | V].
@@ -204,7 +204,7 @@ class Effect(ABC):
         return named | {p.name: float(shape[p.name]) for p in self.shapes}
 
     def torque_scale(self, theta: FloatArray, gain: float) -> float:
-        """What one N m of the fitted balance is in true torque: other than 1 where the effect scales the balance itself."""
+        """What one N m of the fitted balance is in true torque; not 1 where the effect scales the balance."""
         return 1.0
 
 

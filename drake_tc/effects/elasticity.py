@@ -12,40 +12,49 @@ from drake_tc.types import FloatArray
 class Elasticity(TransmissionEffect):
     """q_motor = q + c tau, c the compliance [rad/(N m)].
 
-    In a log of the link's position under a servo that holds the motor's, the effort is off by c tau, and the motor's own
-    friction and inertia see the rates of c tau. The first scales tau against J qddot by 1 + c/K; the balance divided by
-    that reads  tau + J qddot = ... - c (F_v tau' + J tau'' - J qddot/K).
+    In a log of the link's position under a servo that holds the motor's, the effort is off by c tau, and the motor's
+    own friction and inertia see the rates of c tau. The first scales tau against J qddot by 1 + c/K; the balance
+    divided by that reads  tau + J qddot = ... - c (F_v tau' + J tau'') + w J qddot,  w = (c/K)/(1 + c/K).
     """
 
     id = "elasticity"
     title = "elasticity of the gear"
     kind = "transmission"
     linear = True
-    coefficients = (Parameter("compliance", "rad/(N*m)", 0.0),)
+    coefficients = (Parameter("rates", "rad/(N*m)", 0.0), Parameter("wind_up", "-", 0.0, 0.98))
     signature = Signature(
         x="acceleration", split="direction", look_for="a residual that follows the rate of the load torque"
     )
 
     def obstacle(self, context: Context) -> str:
-        """Needs a servo, whose effort shows the wind-up, and a declared inertia that the wind-up can be held against."""
+        """Needs a servo, whose effort shows the wind-up, and a declared inertia to hold it against."""
         if context.drive != "position_servo":
             return "needs a servo that closes on the motor's side"
         if "rotor_inertia" not in context.declared:
             return "no inertia is declared that the wind-up could be held against"
         return super().obstacle(context)
 
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """The compliance c alone."""
+        return (Parameter("compliance", "rad/(N*m)", 0.0),)
+
     def columns(self, signals: Signals, shape: Shape) -> FloatArray:
-        """F_v dtau/dt + J d2tau/dt2 - J qddot/K (T, 1), the rates from the slow torque."""
+        """(F_v dtau/dt + J d2tau/dt2, -J qddot) (T, 2), the rates from the slow torque."""
         if len(signals) < 2:
-            return np.zeros((len(signals), 1))
+            return np.zeros((len(signals), 2))
         rate = np.gradient(signals.slow_torque, signals.period)
         curvature = np.gradient(rate, signals.period)
         motion = signals.viscous * rate + signals.rotor_inertia * curvature
-        return np.asarray(motion - signals.stiffness * signals.rotor_inertia * signals.acceleration)[:, None]
+        return np.stack([motion, -signals.rotor_inertia * signals.acceleration], axis=-1)
+
+    def physical(self, theta: FloatArray, shape: Shape, gain: float) -> dict[str, float]:
+        """C = K w of the fit: far better known than from the rates."""
+        return {"compliance": float(theta[1]) * gain}
 
     def torque_scale(self, theta: FloatArray, gain: float) -> float:
-        """1 - c/K of the fit, = 1/(1 + c/K) of the truth."""
-        return 1.0 - float(theta[0]) / gain
+        """1 - w = 1/(1 + c/K)."""
+        return 1.0 - float(theta[1])
 
     def transmission(self, parameters: Mapping[str, float]) -> Transmission:
         """A spring without play; stiffer than 10^9 N m/rad is taken as that."""

@@ -81,7 +81,7 @@ class PendulumPayload(Payload):
         return -(signals.rotor_inertia * signals.acceleration)[:, None]
 
     def physical(self, theta: FloatArray, shape: Shape, gain: float) -> dict[str, float]:
-        """s from s/(1 + s)."""
+        """S from s/(1 + s)."""
         return {"payload_share": float(theta[0]) / (1.0 - float(theta[0]))}
 
     def torque_scale(self, theta: FloatArray, gain: float) -> float:
@@ -89,7 +89,7 @@ class PendulumPayload(Payload):
         return 1.0 - float(theta[0])
 
     def torque(self, signals: Signals, parameters: Mapping[str, FloatArray | float]) -> FloatArray:
-        """S tau (T,)."""
+        """The share of the load (T,): see the class."""
         return np.asarray(parameters["payload_share"] * signals.load_torque)
 
     def kernel(self, parameters: Mapping[str, float]) -> TorqueKernel:

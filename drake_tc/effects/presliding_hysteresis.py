@@ -33,7 +33,7 @@ class PreslidingHysteresis(TorqueEffect):
         return [{"presliding_travel": float(s)} for s in np.geomspace(2e-3, 0.25 * span, 8)]
 
     def columns(self, signals: Signals, shape: Shape) -> FloatArray:
-        """Phi (T, 1). Over a log z follows every reversal; at one instant (period 0) full sliding is taken to precede."""
+        """Phi (T, 1). Over a log z follows every reversal; at one instant (period 0) full sliding precedes."""
         d = signals.direction
         decay = np.exp(-signals.travel / shape["presliding_travel"])
         left = -d if signals.period == 0.0 else _left_by_reversals(d, decay)

@@ -74,7 +74,8 @@ class CommonKernel:
         return np.asarray(np.sinc(omega * box_s / (2 * np.pi)) ** _SPLINE_ORDER * (1 + 0.5 * (sigma * omega) ** 2))
 
     @cached_property
-    def _kernels(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def kernels(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """k, k', k'' on the samples -margin ... margin: weights of the three convolutions."""
         knots = (np.arange(_SPLINE_ORDER + 1) - 0.5 * _SPLINE_ORDER) * self.box
         spline = BSpline.basis_element(knots, extrapolate=False)
         # basis_element sums to 1 over shifts of one box: divide by b for a unit integral.
@@ -128,5 +129,5 @@ class CommonKernel:
             extended = np.pad(centred, self.margin, mode="reflect", reflect_type="odd")
         else:
             extended = np.pad(centred, self.margin, mode="edge")
-        y = oaconvolve(extended, self._kernels[derivative], mode="valid")
+        y = oaconvolve(extended, self.kernels[derivative], mode="valid")
         return np.asarray(y + level if derivative == 0 else y)

@@ -10,7 +10,9 @@ from numpy.testing import assert_allclose
 
 from drake_tc.actuation.model_file import load_model_file, load_models
 from drake_tc.cli.demo import JOINT, ROTOR_INERTIA
-from drake_tc.identification.actuator import ratio_interval
+from drake_tc.identification.actuator import piecewise_actuator, ratio_interval
+from drake_tc.identification.identify import Identified
+from drake_tc.identification.piecewise import PiecewiseFit, ThreePieces
 
 K, VISCOUS, COULOMB = 2e-3, 3.0, 2.0
 RIG = "joint: elbow\ndrive: position_servo\ndeclared: {rotor_inertia: 0.3}\n"
@@ -103,3 +105,22 @@ def test_the_interval_of_a_ratio_matches_drawn_ratios():
     low, high = ratio_interval((x - 1.96 * sx, x + 1.96 * sx), x, (k - 1.96 * sk, k + 1.96 * sk), k, rho)
     drawn = np.quantile(pairs[0] / pairs[1], [0.025, 0.975])
     assert_allclose([low, high], drawn, rtol=3e-3)  # first order, and the sample's own scatter
+
+
+def test_three_pieces_read_as_a_dead_zone_and_coulomb_friction():
+    """Curves of y = K (tau + s F) + w sign(tau + s F), the jump drawn out over 0.2 N m, give K, F and w back."""
+    gain, friction, width, half = 2e-3, 3.0, 4e-3, 0.1
+
+    def curve(way: float) -> ThreePieces:
+        middle = -way * friction
+        slope = gain + width / half
+        return ThreePieces((middle - half, middle + half), (gain, slope, gain), -slope * middle, True, 1, False, 0.0)
+
+    fit = PiecewiseFit(curve(1.0), curve(-1.0))
+    torque = np.array([-20.0, 20.0])
+    assert_allclose(fit(torque, np.ones(2)), gain * (torque + friction) + width * np.sign(torque), rtol=1e-12)
+    found = Identified("elbow", "position_servo", "piecewise", {}, {}, 0.0, np.zeros(1), fit, ("run",))
+    drive, (coulomb, zone) = piecewise_actuator(found, fit)
+    assert_allclose(drive.gain, gain, rtol=1e-12)  # closed form, rounding alone
+    assert_allclose(coulomb.parameters["coulomb"], friction, rtol=1e-12)
+    assert_allclose(zone.parameters["deadzone"], width, rtol=1e-9)

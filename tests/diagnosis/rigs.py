@@ -6,7 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from drake_tc.diagnosis.design import Columns, Fit, Term, fit
-from drake_tc.diagnosis.samples import Samples, build_samples, context_of
+from drake_tc.diagnosis.preparation import build_samples, context_of
+from drake_tc.diagnosis.samples import Samples
 from drake_tc.effects.base import Context, DriveKind
 from drake_tc.effects.library import effect
 from drake_tc.logs.record import Run
@@ -105,6 +106,12 @@ def problem(joint: Joint, seed: int = 0, runs: int = 1) -> Problem:
     first = Columns(samples)
     columns = first.with_model(fit(first, declared).beta, servo=joint.drive == "position_servo")
     return Problem(samples, context, columns, declared, fit(columns, declared))
+
+
+def floor_of(p: Problem) -> float:
+    """The noise floor under the baseline's coefficients [effort]."""
+    floor = p.samples.noise_floor(servo=p.context.drive == "position_servo")
+    return p.baseline.gain * floor.torque(float(p.baseline.beta[0]), float(p.baseline.beta[1]))
 
 
 def servo(**changes: object) -> Joint:

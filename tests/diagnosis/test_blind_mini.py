@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from drake_tc.blind.catalogue import caused_rig, catalogue
+from drake_tc.blind.catalogue import catalogue, caused_rig
 from drake_tc.blind.generate import generate
 from drake_tc.blind.nulls import null_rig
 from drake_tc.blind.outcome import Outcome, read_outcome

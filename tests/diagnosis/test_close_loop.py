@@ -38,7 +38,9 @@ def only(monkeypatch, *keys: str) -> None:
 
 def result_of(*joints: JointResult) -> CloseLoopResult:
     named = {j.joint: j for j in joints}
-    return CloseLoopResult(named, joints[0].verdict, 1.5, ("logs/one.csv", "logs/two.csv"), ("logs/held.csv",), "rig.yaml")
+    return CloseLoopResult(
+        named, joints[0].verdict, 1.5, ("logs/one.csv", "logs/two.csv"), ("logs/held.csv",), "rig.yaml"
+    )
 
 
 @pytest.fixture(scope="module")

@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 from scipy.optimize import lsq_linear
 
 from drake_tc.diagnosis.design import FOLDS, Columns, Term, fit, fold_of, predict, solve_bounded
-from drake_tc.diagnosis.samples import build_samples
+from drake_tc.diagnosis.preparation import build_samples
 from drake_tc.effects.library import effect
 
 from .rigs import Joint, motion, problem, record, rig_of

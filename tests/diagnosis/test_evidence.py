@@ -10,10 +10,10 @@ from numpy.testing import assert_allclose
 from scipy.signal import lfilter
 
 from drake_tc.diagnosis.design import Fit, Term, fit
-from drake_tc.diagnosis.evidence import better_share, compare, effective_samples, noise_floor
+from drake_tc.diagnosis.evidence import better_share, compare, effective_samples
 from drake_tc.effects.library import effect
 
-from .rigs import Joint, problem, servo
+from .rigs import Joint, floor_of, problem, servo
 
 
 def fake(runs: list[int]) -> Any:
@@ -51,15 +51,13 @@ def test_noise_floor_is_what_noise_alone_leaves(name):
     # no Coulomb friction: its reversals would leave something that is no noise
     joint = replace(NOISY[name], coulomb=0.0, duration=40.0)
     p = problem(joint, seed=4)
-    found = fit(p.columns, p.declared)
-    floor = noise_floor(p.samples, found.gain, found.beta[1], joint.inertia, servo=joint.drive == "position_servo")
-    assert_allclose(floor, found.rms, rtol=0.1)
+    assert_allclose(floor_of(p), p.baseline.rms, rtol=0.1)
 
 
 def test_noise_floor_of_encoder_steps():
     joint = Joint(encoder_step=2 * np.pi / 2**14, coulomb=0.0, duration=40.0)
     p = problem(joint)
-    floor = noise_floor(p.samples, p.baseline.gain, p.baseline.beta[1], joint.inertia, servo=False)
+    floor = floor_of(p)
     # steps are no white noise where the joint is slow: same size, not the same number
     assert 0.5 < floor / p.baseline.rms < 2.0
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from drake_tc.diagnosis.design import Columns, Fit, Term, fit, predict
+from drake_tc.diagnosis.preparation import build_samples
 from drake_tc.diagnosis.result import (
     CloseLoopResult,
     Errors,
@@ -17,7 +18,6 @@ from drake_tc.diagnosis.result import (
     TimeStretch,
     Unexplained,
 )
-from drake_tc.diagnosis.samples import build_samples
 from drake_tc.effects.library import effect
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import parse_rig
