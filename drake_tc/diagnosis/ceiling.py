@@ -7,7 +7,7 @@ from sklearn.ensemble import HistGradientBoostingRegressor
 
 from drake_tc.diagnosis.result import Side, TimeStretch, Unexplained
 from drake_tc.identification.autocorrelation import correlation_time
-from drake_tc.types import FloatArray, IntArray
+from drake_tc.types import BoolArray, FloatArray, IntArray
 
 MOST_ROWS = 12_000
 GROUP_SECONDS = 1.5
@@ -26,15 +26,18 @@ class StructureOptions:
         least_of_before: ... and as a share of the held-out error before: what the found effects leave is less.
         least_nats: Evidence of that share, in effective samples of what is left: noise that wanders has few.
         most_growth: How many times the training error the held-out one may be: beyond it the model does not carry over.
+        least_growth: ... and by at least this share of the held-out error before, as for all that lies beyond the range of
+            the training runs.
         least_burst: How many times the typical half-second RMS a confined stretch must reach.
         least_line: Share of the residual's variance that one spectral line must hold.
     """
 
     least_fraction: float = 0.25
     least_rms: float = 0.6
-    least_of_before: float = 0.07
-    least_nats: float = 15.0
+    least_of_before: float = 0.05
+    least_nats: float = 25.0
     most_growth: float = 2.5
+    least_growth: float = 0.25
     least_burst: float = 3.0
     least_line: float = 0.25
 
@@ -43,6 +46,17 @@ def features(side: Side) -> FloatArray:
     """(N, 8) of the `SIGNALS` on the side's rows; an unrecorded signal is constant."""
     columns = [getattr(side.samples.signals, name)[side.samples.rows] for name in SIGNALS]
     return np.asarray(np.nan_to_num(np.stack(columns, axis=-1)))
+
+
+def inside_range(train: FloatArray, held: FloatArray, margin: float = 0.05) -> BoolArray:
+    """Held-out rows (M,) whose signals lie where the training rows (N, 8) have been.
+
+    Beyond it the found effects extrapolate: an error there says how their curve goes on, not that a cause is missing.
+    """
+    low, high = train.min(axis=0), train.max(axis=0)
+    slack = margin * (high - low)
+    inside = np.all((held >= low - slack) & (held <= high + slack), axis=1)
+    return np.asarray(inside)
 
 
 def cross_predict(x: FloatArray, y: FloatArray, group: IntArray, seed: int, folds: int = 4) -> FloatArray:
@@ -111,7 +125,7 @@ def bursts(side: Side, ratio: float, least: float) -> tuple[TimeStretch, ...]:
     if full.sum() < 8:
         return ()
     typical = float(np.median(level[full]))
-    loud = full & (level > max(ratio * typical, 2.0 * least))
+    loud = full & (level > max(ratio * typical, least))
     quiet = ~loud[samples.block]
     if correlation_time(side.after[quiet] - side.after[quiet].mean()) * samples.row_period > MOST_WANDER:
         return ()  # noise that wanders this slowly makes loud stretches by itself
@@ -136,12 +150,15 @@ def judge(train: Side, held: Side, floor: float, options: StructureOptions, seed
     sides = (train, held)
     x = np.concatenate([features(s) for s in sides])
     y = np.concatenate([s.after for s in sides])
-    is_held = np.concatenate([np.zeros(train.after.size, bool), np.ones(held.after.size, bool)])
+    inside = inside_range(features(train), features(held))
+    carried = inside.sum() >= max(300, 0.05 * inside.size)
+    inside = inside if carried else np.ones_like(inside)
+    is_held = np.concatenate([np.zeros(train.after.size, bool), inside])
     time = np.concatenate([s.samples.signals.time[s.samples.rows] for s in sides])
     run = np.concatenate([train.samples.run, held.samples.run + len(train.samples.runs)])
     stride = max(1, int(np.ceil(y.size / MOST_ROWS)))
     x, y, is_held, time, run = x[::stride], y[::stride], is_held[::stride], time[::stride], run[::stride]
-    for side_rows in (is_held, ~is_held):
+    for side_rows in (run >= len(train.samples.runs), run < len(train.samples.runs)):
         spread = 3.0 * float(np.percentile(np.abs(y[side_rows]), 95.0))
         y[side_rows] = np.clip(y[side_rows], -spread, spread)
     group = np.unique(run * 10**6 + (time / GROUP_SECONDS).astype(int), return_inverse=True)[1]
@@ -161,12 +178,18 @@ def judge(train: Side, held: Side, floor: float, options: StructureOptions, seed
     whole = y[is_held] - y[is_held].mean()
     n_eff = left.size / max(correlation_time(part, lengths) for part in (left - left.mean(), whole))
     nats = -0.5 * n_eff * float(np.log(max(1.0 - fraction, 1e-9)))
-    functional = fraction >= options.least_fraction and explained >= least and nats >= options.least_nats
-    stretches = tuple(s for side in sides for s in bursts(side, options.least_burst, least))
+    enough = least if carried else max(least, options.least_growth * before)
+    functional = fraction >= options.least_fraction and explained >= enough and nats >= options.least_nats
+    event = max(2.0 * least, 2.5 * floor)
+    stretches = tuple(s for side in sides for s in bursts(side, options.least_burst, event))
     frequency, line = max((spectral_line(s) for s in sides), key=lambda p: p[1])
     periodic = line >= options.least_line and np.sqrt(line) * rms >= least
     train_rms = float(np.sqrt(np.mean(train.after**2)))
-    grown = rms > options.most_growth * train_rms and rms - train_rms > least and not stretches
+    grown = (
+        rms > options.most_growth * train_rms
+        and rms - train_rms > max(least, options.least_growth * before)
+        and not stretches
+    )
     names: list[str] = []
     if functional or grown:
         names += depends_on(x, y, group, seed)

@@ -23,7 +23,7 @@ from drake_tc.diagnosis.result import (
 from drake_tc.diagnosis.samples import Samples
 from drake_tc.diagnosis.search import Progress, Search, SearchOptions, best_shape, candidates, search
 from drake_tc.diagnosis.ties import indistinguishable
-from drake_tc.effects.base import EFFORT_UNIT, Context
+from drake_tc.effects.base import EFFORT_UNIT, Context, TransmissionEffect
 from drake_tc.effects.library import LIBRARY
 from drake_tc.effects.torque_sensor_bias import TorqueSensorBias
 from drake_tc.effects.torque_sensor_drift import TorqueSensorDrift
@@ -88,7 +88,7 @@ def diagnose_joint(
         Side(columns.samples, found.baseline.residual, found.chosen.residual),
         Side(held_columns.samples, before_residual, after_residual),
     )
-    unexplained = judge(*sides, floor, options.structure, options.seed)
+    unexplained = judge(*sides, floor, _structure_options(options.structure, found), options.seed)
     effects = _found_effects(columns, held_columns, found, context, stability)
     verdict: Verdict = "effects_found" if effects else "no_missing_effect"
     if unexplained.structured:
@@ -155,6 +155,13 @@ def true_torque(columns: Columns, fitted: Fit) -> FloatArray:
         if isinstance(term.effect, TorqueSensorBias | TorqueSensorDrift):
             signals = term.effect.restore(signals, term.effect.physical(theta, term.shape, fitted.gain))
     return signals.load_torque
+
+
+def _structure_options(options: StructureOptions, found: Search) -> StructureOptions:
+    """A gear's play or softness is modelled at rest only: three times as much may be left of what it explains."""
+    if any(isinstance(t.effect, TransmissionEffect) for t in found.chosen.terms):
+        return replace(options, least_of_before=3.0 * options.least_of_before)
+    return options
 
 
 def stabilities(found: Search, seed: int) -> dict[str, float]:

@@ -105,13 +105,18 @@ class Columns:
         floor = self.samples.noise_floor(servo=servo)
         return Columns(replace(self.samples, signals=signals), 1.0 / max(float(beta[0]), 1e-9), floor, self.target)
 
-    def noise_ratio(self, beta: FloatArray) -> float:
+    def noise_ratio(self, beta: FloatArray, terms: Sequence[Term]) -> float:
         """Noise floor under the declared model over that under beta: a fit that lets less encoder noise through, by a
         smaller 1/K or F_v, has not explained anything by that (errors in variables).
         """
         if self.floor is None or self.gain is None:
             return 1.0
-        own = self.floor.torque(float(beta[0]), float(beta[1]))
+        at, inertia = 1, 0.0
+        for term in terms:
+            theta = beta[at : at + len(term.effect.coefficients)]
+            inertia += term.effect.balance_inertia(theta, self.samples.signals.rotor_inertia)
+            at += theta.size
+        own = self.floor.torque(float(beta[0]), float(beta[1]), inertia)
         declared = self.floor.torque(1.0 / self.gain, self.samples.signals.viscous)
         return float(np.clip(declared / max(own, 1e-300), 0.5, 2.0))
 
@@ -183,6 +188,14 @@ def solve_bounded(gram: FloatArray, moment: FloatArray, lower: FloatArray, upper
     return np.asarray(beta / scale)
 
 
+def collinear(gram: FloatArray) -> bool:
+    """Whether columns, dead ones aside, cannot be told apart: scaled to unit length their condition exceeds 10^4.5."""
+    scale = np.sqrt(np.diag(gram))
+    live = scale > 1e-9 * scale.max()
+    unit = gram[np.ix_(live, live)] / np.outer(scale[live], scale[live])
+    return bool(np.linalg.cond(unit) > 1e9)
+
+
 def fold_of(block: IntArray) -> IntArray:
     """Blocks dealt to folds in pairs, so that neighbours mostly share a fold."""
     return np.asarray((block // 2) % FOLDS)
@@ -207,7 +220,7 @@ def fit(columns: Columns, terms: Sequence[Term], weights: FloatArray | None = No
     total_gram, total_moment = grams.sum(0), moments.sum(0)
     beta = solve_bounded(total_gram, total_moment, low, high)
     gain = columns.gain or 1.0 / beta[0]
-    fair = columns.noise_ratio(beta)
+    fair = np.inf if collinear(total_gram) else columns.noise_ratio(beta, terms)
     held = np.empty_like(z)
     for f in range(FOLDS):
         rows = folds == f

@@ -16,7 +16,9 @@ def block_lengths(columns: Columns) -> list[int]:
     """Rows in each contiguous stretch: autocorrelation is not counted across gaps."""
     rows = columns.samples.rows
     typical = int(np.median(np.diff(rows)))
-    cuts = np.flatnonzero(np.diff(rows) > 50 * typical) + 1
+    ends = np.array([s.stop for s in columns.samples.segments])
+    segment = np.searchsorted(ends, rows, side="right")
+    cuts = np.flatnonzero((np.diff(rows) > 50 * typical) | (np.diff(segment) != 0)) + 1
     return [int(n) for n in np.diff(np.concatenate([[0], cuts, [rows.size]]))]
 
 

@@ -35,6 +35,8 @@ class Comparison:
 
 def compare(small: Fit, large: Fit, samples: Samples, seed: int = 0) -> Comparison:
     """Compare two fits of the same rows."""
+    if not np.isfinite(large.cv_rms):
+        return Comparison(0.0, 0.0, -np.inf, 0.0)
     ratio = small.cv_rms / max(large.cv_rms, 1e-300)
     n_eff = effective_samples(large.residual, samples)
     extra = max(large.size - small.size, 0)

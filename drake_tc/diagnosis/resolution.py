@@ -87,7 +87,7 @@ class NoiseFloor:
         gram = resolution.position_noise**2 * (k @ k.T)
         return cls(resolution.torque_noise**2 * float(k[2] @ k[2]), gram, inertia, servo)
 
-    def torque(self, stiffness: float, viscous: float) -> float:
-        """RMS [N m] under 1/K = `stiffness` [effort^-1 N m] and F_v = `viscous`."""
-        weights = np.array([self.inertia, viscous, stiffness if self.servo else 0.0])
+    def torque(self, stiffness: float, viscous: float, more_inertia: float = 0.0) -> float:
+        """RMS [N m] under 1/K = `stiffness` [N m/effort], F_v = `viscous` and J + `more_inertia`."""
+        weights = np.array([self.inertia + more_inertia, viscous, stiffness if self.servo else 0.0])
         return float(np.sqrt(self.torque_variance + weights @ self.encoder_gram @ weights))

@@ -120,7 +120,7 @@ def refine(columns: Columns, start: Fit, evaluations: int = 60) -> Fit:
     return best
 
 
-SAME = 1.01
+SAME = 1.02
 """Fits whose errors differ by less than this factor are as good as each other: the smaller one is taken."""
 
 
@@ -184,6 +184,8 @@ def search(
                     continue
                 grown[names] = best_shape(columns, parent.terms, effect, context, parent.residual)
             progress(f"sets of {size}", (number + 1) / len(beam))
+        if not grown:
+            break
         coarse = sorted(grown.values(), key=lambda f: f.cv_rms)
         if coarse[0].cv_rms > (1.0 - 0.2 * options.least_gain) * chosen.cv_rms and size > 1:
             break

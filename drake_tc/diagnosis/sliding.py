@@ -27,10 +27,10 @@ def direction_of_motion(
         known = np.flatnonzero(sign)
         if known.size == 0:
             continue
-        last = np.maximum.accumulate(np.where(sign != 0.0, np.arange(sign.size), -1))
-        held = np.where(last >= 0, sign[np.maximum(last, 0)], 0.0)
-        # between two resolved signs the true crossing is where the velocity itself crosses
-        held = np.where((sign == 0.0) & (np.sign(v[s]) != 0.0), np.sign(v[s]), held)
+        held, coming = _held(sign), _held(sign[::-1])[::-1]
+        # between two different resolved signs the true crossing is where the velocity itself crosses
+        turning = (sign == 0.0) & (held != coming) & (v[s] != 0.0)
+        held = np.where(turning, np.sign(v[s]), held)
         turned = np.concatenate([[0], np.flatnonzero(np.diff(held)) + 1])
         start = turned[np.searchsorted(turned, np.arange(sign.size), side="right") - 1]
         direction[s] = held
@@ -66,3 +66,9 @@ def choose_rows(
     raw = segment_of * 10**7 + (rows - starts[segment_of]) // length
     block = np.unique(raw, return_inverse=True)[1]
     return rows.astype(np.int64), block.astype(np.int64)
+
+
+def _held(sign: FloatArray) -> FloatArray:
+    """Each sample's last sign other than 0, 0 before the first (T,)."""
+    last = np.maximum.accumulate(np.where(sign != 0.0, np.arange(sign.size), -1))
+    return np.where(last >= 0, sign[np.maximum(last, 0)], 0.0)

@@ -203,6 +203,10 @@ class Effect(ABC):
         named = dict(zip((p.name for p in self.coefficients), map(float, theta), strict=True))
         return named | {p.name: float(shape[p.name]) for p in self.shapes}
 
+    def balance_inertia(self, theta: FloatArray, rotor_inertia: float) -> float:
+        """What the effect adds to the coefficient of qddot [kg m^2]: more encoder noise comes through."""
+        return 0.0
+
     def torque_scale(self, theta: FloatArray, gain: float) -> float:
         """What one N m of the fitted balance is in true torque; not 1 where the effect scales the balance."""
         return 1.0

@@ -39,6 +39,10 @@ class Elasticity(TransmissionEffect):
         """The compliance c alone."""
         return (Parameter("compliance", "rad/(N*m)", 0.0),)
 
+    def balance_inertia(self, theta: FloatArray, rotor_inertia: float) -> float:
+        """-J w."""
+        return -rotor_inertia * float(theta[1])
+
     def columns(self, signals: Signals, shape: Shape) -> FloatArray:
         """(F_v dtau/dt + J d2tau/dt2, -J qddot) (T, 2), the rates from the slow torque."""
         if len(signals) < 2:

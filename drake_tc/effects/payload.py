@@ -30,6 +30,10 @@ class Payload(TorqueEffect):
         """On a pendulum both columns are in the load itself, and the drive gain is free: see `PendulumPayload`."""
         return "the load is a pendulum, whose scale the drive gain takes up" if context.load == "pendulum" else ""
 
+    def balance_inertia(self, theta: FloatArray, rotor_inertia: float) -> float:
+        """J_p."""
+        return float(theta[1])
+
     def columns(self, signals: Signals, shape: Shape) -> FloatArray:
         """Phi (T, 2): see the class."""
         return np.stack([np.sin(signals.position), signals.acceleration], axis=-1)
@@ -75,6 +79,10 @@ class PendulumPayload(Payload):
             if context.declared.get("rotor_inertia")
             else "no inertia is declared that the load could be held against"
         )
+
+    def balance_inertia(self, theta: FloatArray, rotor_inertia: float) -> float:
+        """-J s/(1 + s)."""
+        return -rotor_inertia * float(theta[0])
 
     def columns(self, signals: Signals, shape: Shape) -> FloatArray:
         """-J qddot (T, 1)."""

@@ -17,6 +17,10 @@ class RotorInertia(TorqueEffect):
     coefficients = (Parameter("rotor_inertia", "kg*m^2", 0.0),)
     signature = Signature(x="acceleration", split="", look_for="a straight line through zero")
 
+    def balance_inertia(self, theta: FloatArray, rotor_inertia: float) -> float:
+        """J."""
+        return float(theta[0])
+
     def columns(self, signals: Signals, shape: Shape) -> FloatArray:
         """Phi (T, 1): see the class."""
         return signals.acceleration[:, None]

@@ -31,6 +31,10 @@ class TorqueSensorGain(SensorEffect):
             return "no inertia is declared that the sensor's scale could be held against"
         return super().obstacle(context)
 
+    def balance_inertia(self, theta: FloatArray, rotor_inertia: float) -> float:
+        """J g."""
+        return rotor_inertia * float(theta[0])
+
     def columns(self, signals: Signals, shape: Shape) -> FloatArray:
         """Phi (T, 1): see the class."""
         return (signals.rotor_inertia * signals.acceleration)[:, None]

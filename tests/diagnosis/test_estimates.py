@@ -88,7 +88,6 @@ def test_with_a_sensor_gain_every_torque_is_a_true_torque():
     assert_allclose(named["coulomb"]["coulomb"], wrong.coulomb, rtol=5e-3)
 
 
-@pytest.mark.xfail(strict=True, reason="block_lengths cuts at gaps of 50 rows only: runs end to end come out as one")
 def test_autocorrelation_is_counted_inside_each_run_alone():
     p = problem(Joint(torque_noise=0.3, duration=8.0), runs=3)
     lengths = block_lengths(p.columns)
