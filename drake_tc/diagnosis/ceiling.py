@@ -23,11 +23,11 @@ class StructureOptions:
     Attributes:
         least_fraction: Smallest share of the residual's variance that a function of the signals must explain.
         least_rms: Smallest RMS of that share, in noise floors.
-        least_of_before: ... and as a share of the held-out error before: what the found effects leave is less.
+        least_of_before: ... and as a share of the held-out error before.
         least_nats: Evidence of that share, in effective samples of what is left: noise that wanders has few.
         most_growth: How many times the training error the held-out one may be: beyond it the model does not carry over.
-        least_growth: ... and by at least this share of the held-out error before, as for all that lies beyond the range of
-            the training runs.
+        least_growth: ... by at least this share of the held-out error before; so too for all that lies beyond the
+            range of the training runs, for stretches and for lines.
         least_burst: How many times the typical half-second RMS a confined stretch must reach.
         least_line: Share of the residual's variance that one spectral line must hold.
     """
@@ -180,10 +180,10 @@ def judge(train: Side, held: Side, floor: float, options: StructureOptions, seed
     nats = -0.5 * n_eff * float(np.log(max(1.0 - fraction, 1e-9)))
     enough = least if carried else max(least, options.least_growth * before)
     functional = fraction >= options.least_fraction and explained >= enough and nats >= options.least_nats
-    event = max(2.0 * least, 2.5 * floor)
+    event = max(2.0 * least, 2.5 * floor, options.least_growth * before)
     stretches = tuple(s for side in sides for s in bursts(side, options.least_burst, event))
     frequency, line = max((spectral_line(s) for s in sides), key=lambda p: p[1])
-    periodic = line >= options.least_line and np.sqrt(line) * rms >= least
+    periodic = line >= options.least_line and np.sqrt(line) * rms >= event
     train_rms = float(np.sqrt(np.mean(train.after**2)))
     grown = (
         rms > options.most_growth * train_rms
