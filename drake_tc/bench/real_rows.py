@@ -43,7 +43,9 @@ class RealRow:
         return {
             "name": self.name,
             "unit": self.unit,
-            "value": value,
+            "median": value,
+            "p99": value,
+            "n": 1,
             "expected": self.expected,
             "how": self.how,
             "tolerance": self.tolerance,

@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 
 from drake_tc.effects.base import Context, Parameter, SensorEffect, Shape, Signals, Signature
-from drake_tc.effects.delay import shift
 from drake_tc.types import FloatArray
 
 
@@ -38,8 +37,8 @@ class TorqueSensorDelay(SensorEffect):
 
     def corrupt(self, signals: Signals, parameters: Mapping[str, FloatArray | float]) -> Signals:
         """Shift the torque to later times."""
-        samples = float(np.max(parameters["delay"])) / signals.period
-        return replace(signals, load_torque=shift(signals.load_torque, samples))
+        when = signals.time - parameters["delay"]
+        return replace(signals, load_torque=np.interp(when, signals.time, signals.load_torque))
 
     def restore(self, signals: Signals, parameters: Mapping[str, FloatArray | float]) -> Signals:
         """Shift it back; the end holds the last value."""

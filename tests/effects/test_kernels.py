@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from drake_tc.effects.base import DriveEffect, Effect, SensorEffect, TorqueEffect, plain_signals
-from drake_tc.effects.library import LIBRARY
+from drake_tc.effects.library import LIBRARY, effect
 from drake_tc.effects.presliding_hysteresis import PreslidingHysteresis
 
 TORQUE = [e for e in LIBRARY if isinstance(e, TorqueEffect)]
@@ -119,7 +119,16 @@ def test_a_drive_effect_with_a_column_adds_the_torque_of_that_column(effect):
     assert_allclose((steps - effort) / gain, torque, rtol=1e-9, atol=1e-9)  # rounding of a running sum
 
 
-@pytest.mark.parametrize("effect", SENSOR, ids=key)
+def test_a_late_torque_is_moved_back():
+    time = np.linspace(0, 3, 3001)
+    true = plain_signals(3001, {"time": time, "load_torque": np.sin(2 * time)})
+    late = effect("delay.torque_sensor").corrupt(true, {"delay": 0.0503})
+    assert_allclose(late.load_torque[100:], np.sin(2 * (time[100:] - 0.0503)), atol=1e-6)  # linear between samples
+    back = effect("delay.torque_sensor").restore(late, {"delay": 0.0503})
+    assert_allclose(back.load_torque[100:-100], true.load_torque[100:-100], atol=2e-6)
+
+
+@pytest.mark.parametrize("effect", [e for e in SENSOR if e.key != "delay.torque_sensor"], ids=key)
 def test_restore_undoes_corrupt(effect):
     parameters = draw(effect, 2, 0.2)
     time = np.linspace(0, 3, 50)
