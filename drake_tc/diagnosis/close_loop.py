@@ -24,9 +24,11 @@ from drake_tc.diagnosis.samples import Samples
 from drake_tc.diagnosis.search import Progress, Search, SearchOptions, best_shape, candidates, search
 from drake_tc.diagnosis.ties import indistinguishable
 from drake_tc.effects.base import EFFORT_UNIT, Context, TransmissionEffect
+from drake_tc.effects.elasticity import Elasticity
 from drake_tc.effects.library import LIBRARY
 from drake_tc.effects.torque_sensor_bias import TorqueSensorBias
 from drake_tc.effects.torque_sensor_drift import TorqueSensorDrift
+from drake_tc.effects.torque_sensor_gain import TorqueSensorGain
 from drake_tc.identification.regression import least_squares
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
@@ -43,6 +45,7 @@ class DiagnosisOptions:
 
 
 SETTLING_ROUNDS = 4
+SOFTER = 0.97
 SCOUT_SAMPLES = 200_000
 MAX_CONDITION = 300.0
 """Of the declared model's columns, scaled to unit length: beyond it the motion does not tell them apart."""
@@ -50,6 +53,64 @@ MAX_CONDITION = 300.0
 
 def _rms(values: FloatArray) -> float:
     return float(np.sqrt(np.mean(values**2)))
+
+
+@dataclass(frozen=True)
+class Stage:
+    """One search: what it looked at and what it found."""
+
+    context: Context
+    columns: Columns
+    held: Columns
+    scout: Columns
+    floor: float
+    obstacles: tuple[tuple[str, str], ...]
+    found: Search
+
+
+def _looked_for(
+    train_runs: Sequence[Run],
+    held_runs: Sequence[Run],
+    rig: Rig,
+    joint: str,
+    options: DiagnosisOptions,
+    progress: Progress,
+    compliance: float = 0.0,
+) -> Stage:
+    """Filter, fit the declared model and search; `compliance` as in `build_samples`."""
+    train = build_samples(train_runs, rig, joint, compliance=compliance)
+    held = build_samples(held_runs, rig, joint, train.light.width_s, compliance)
+    context = context_of(train, rig, joint)
+    known = known_values(rig, joint)
+    train, held = without_known(train, known), without_known(held, known)
+    columns, held_columns, declared, floor = _with_baseline(train, held, declared_terms(rig, joint), context)
+    names = [t.effect.id for t in declared] + [key.partition(".")[0] for key in rig.declared[joint]]
+    usable, obstacles = candidates(LIBRARY, context, names)
+    scout = columns
+    if len(train.signals) > SCOUT_SAMPLES:
+        scout = Columns(columns.samples.scout(SCOUT_SAMPLES), columns.gain, columns.floor)
+    found = search(scout, declared, usable, context, floor, options.search, progress)
+    return Stage(context, columns, held_columns, scout, floor, tuple(obstacles), found)
+
+
+def _has_elasticity(found: Search) -> bool:
+    return any(isinstance(t.effect, Elasticity) for t in found.chosen.terms)
+
+
+def _wind_up(stage: Stage) -> float:
+    """The compliance [rad/(N m)] of a gear that may wind up between the servo's encoder and the logged one, or 0.
+
+    Elasticity and a torque sensor that reads too little scale the load alike. They differ in when the motor sticks:
+    under a soft gear the link still moves. So when either was found, the rows are chosen anew as a soft gear has them.
+    """
+    gain = next((t for t in stage.found.chosen.terms if isinstance(t.effect, TorqueSensorGain)), None)
+    if gain is None and not _has_elasticity(stage.found):
+        return 0.0
+    soft = Elasticity()
+    if soft.obstacle(stage.context):
+        return 0.0
+    tried = fit(stage.scout, [*stage.found.baseline.terms, Term(soft)])
+    return soft.physical(tried.beta[-2:], {}, tried.gain)["compliance"]
 
 
 def diagnose_joint(
@@ -66,16 +127,14 @@ def diagnose_joint(
         IdentificationError: the training runs cannot identify even the declared model.
     """
     progress("filtering", 0.0)
-    train = build_samples(train_runs, rig, joint)
-    held = build_samples(held_runs, rig, joint, width_s=train.light.width_s)
-    context = context_of(train, rig, joint)
-    known = known_values(rig, joint)
-    train, held = without_known(train, known), without_known(held, known)
-    columns, held_columns, declared, floor = _with_baseline(train, held, declared_terms(rig, joint), context)
-    names = [t.effect.id for t in declared] + [key.partition(".")[0] for key in rig.declared[joint]]
-    usable, obstacles = candidates(LIBRARY, context, names)
-    scout = Columns(columns.samples.scout(SCOUT_SAMPLES)) if len(train.signals) > SCOUT_SAMPLES else columns
-    found = search(scout, declared, usable, context, floor, options.search, progress)
+    stage = _looked_for(train_runs, held_runs, rig, joint, options, progress)
+    compliance = _wind_up(stage)
+    if compliance > 0.0:
+        soft = _looked_for(train_runs, held_runs, rig, joint, options, progress, compliance)
+        if _has_elasticity(soft.found) and soft.found.chosen.cv_rms < SOFTER * stage.found.chosen.cv_rms:
+            stage = soft
+    context, columns, held_columns, scout = stage.context, stage.columns, stage.held, stage.scout
+    found, floor, obstacles = stage.found, stage.floor, stage.obstacles
     ties = indistinguishable(scout, found, context)
     stability = stabilities(found, options.seed)
     if scout is not columns:
@@ -114,7 +173,7 @@ def diagnose_joint(
         verdict=verdict,
         train=sides[0],
         heldout=sides[1],
-        notes=(*train.notes, *held.notes),
+        notes=(*columns.samples.notes, *held_columns.samples.notes),
     )
 
 

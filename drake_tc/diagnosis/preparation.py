@@ -94,7 +94,9 @@ def _load(
     )
 
 
-def build_samples(runs: Sequence[Run], rig: Rig, joint: str, width_s: float | None = None) -> Samples:
+def build_samples(
+    runs: Sequence[Run], rig: Rig, joint: str, width_s: float | None = None, compliance: float = 0.0
+) -> Samples:
     """Filter the runs' channels with common kernels and choose the rows.
 
     Args:
@@ -102,6 +104,7 @@ def build_samples(runs: Sequence[Run], rig: Rig, joint: str, width_s: float | No
         rig: Says drive and load.
         joint: Which joint.
         width_s: Width of the light kernel [s]; None lets the data choose.
+        compliance: Of a soft gear [rad/(N m)]: the motor slides, and its friction turns over, by q + compliance tau.
 
     Raises:
         IdentificationError: nothing usable, or the joint never resolvably moves.
@@ -119,7 +122,8 @@ def build_samples(runs: Sequence[Run], rig: Rig, joint: str, width_s: float | No
     velocity_noise = noise * float(np.sqrt(np.sum(light.kernels[1] ** 2)))
     resolution = Resolution(step, noise, torque_noise, velocity_noise)
     inner = [slice(s.start + light.margin, max(s.stop - light.margin, s.start + light.margin)) for s in segments]
-    direction, travel, moving = direction_of_motion(q, v, inner, resolution)
+    motor, motor_rate = q + compliance * slow_torque, v + compliance * np.gradient(slow_torque, period)
+    direction, travel, moving = direction_of_motion(motor, motor_rate, inner, resolution)
     temperature, motor_position = channels.raw("temperature"), channels.raw("motor_position")
     signals = Signals(
         time=channels.time,
