@@ -22,3 +22,7 @@ class ParamsError(DrakeTcError):
 
 class IdentificationError(DrakeTcError):
     """Data that cannot identify a model: names the parameter that suffers and the condition number."""
+
+
+class SimulationError(DrakeTcError):
+    """A simulation that cannot go on: names the system and the time."""

@@ -2,19 +2,23 @@
 
     y = inverse(K (tau_d + sum_k theta_k phi_k)) + twist(tau_d)
 
-the torque balance of `drake_tc.effects.base` solved for the effort, drive effects undone last to first. Effects with
-memory in the drive (delay, lag, integrator, saturation) have no inverse that acts now and are left to the feedback.
-A position servo that holds the motor's side is also led by the gear's wind-up and play.
+the torque balance of `drake_tc.effects.base` solved for the effort, drive effects undone in the order of
+`drake_tc.actuation.compensator.undone`. Effects with memory in the drive (delay, lag, integrator, saturation) have no
+inverse that acts now and are left to the feedback. A position servo that holds the motor's side is also led by the
+gear's wind-up and play. `Compensator` is the same for all joints at one instant, for the control loop.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 
+from drake_tc.actuation.compensator import Compensator, undone
 from drake_tc.actuation.model import ActuatorModel
 from drake_tc.effects.base import Signals, plain_signals
 from drake_tc.effects.thermal_friction import REFERENCE_CELSIUS
 from drake_tc.types import FloatArray
+
+__all__ = ["Compensator", "Motion", "feedforward_effort"]
 
 
 @dataclass(frozen=True)
@@ -73,7 +77,7 @@ def feedforward_effort(model: ActuatorModel, tau_d: FloatArray, motion: Motion) 
     for effect, parameters in model.torque_effects:
         torque += effect.torque(signals, parameters)
     effort = torque * model.drive.gain
-    for drive, parameters in reversed(model.drive_effects):
+    for drive, parameters in undone(model):
         effort = drive.inverse(effort, signals.direction, parameters)
     if model.drive.kind == "position_servo":
         for transmission, parameters in model.transmission_effects:

@@ -20,7 +20,8 @@ Source: Dahl (1968) and the elasto-plastic reading of Dupont et al. (2002); the 
 """
 
 import math
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import NamedTuple, TypeAlias
 
 PRESLIDING_DISPLACEMENT = 1e-4
 """z_s [rad]: travel from rest to full friction; a fifteenth of a 12-bit encoder's step."""
@@ -32,6 +33,42 @@ class FrictionStep(NamedTuple):
     deflection: float
     velocity: float
     torque: float
+
+
+FrictionLaw: TypeAlias = Callable[[float, float, float, float, float], tuple[float, float, float]]
+"""(deflection, velocity, thrust, level, damping) of one joint to the fields of a FrictionStep."""
+
+
+def friction_law(inertia: float, step: float) -> FrictionLaw:
+    """(bristle) for one joint, ready to be stepped many times; the numbers are those of `friction_step`."""
+    if inertia <= 0.0:
+
+        def carried(z: float, v: float, thrust: float, level: float, damping: float) -> tuple[float, float, float]:
+            wound = z + step * v / PRESLIDING_DISPLACEMENT
+            wound = -1.0 if wound < -1.0 else (1.0 if wound > 1.0 else wound)
+            return wound, v, level * wound + damping * v
+
+        return carried
+    gain = step / inertia
+    rate = step / PRESLIDING_DISPLACEMENT
+    settling = 2.0 * math.sqrt(PRESLIDING_DISPLACEMENT * inertia) / step
+    sqrt = math.sqrt
+
+    def solved(z: float, v: float, thrust: float, level: float, damping: float) -> tuple[float, float, float]:
+        drag = 1.0 + gain * damping
+        free = v + gain * thrust
+        stiff = rate / drag
+        if level > 0.0:
+            stiff *= 1.0 + settling / sqrt(level)
+        share = (z + stiff * free) / (1.0 + stiff * gain * level)
+        share = -1.0 if share < -1.0 else (1.0 if share > 1.0 else share)
+        dry = level * share
+        end = (free - gain * dry) / drag
+        wound = z + rate * end
+        wound = -1.0 if wound < -1.0 else (1.0 if wound > 1.0 else wound)
+        return wound, end, dry + damping * end
+
+    return solved
 
 
 def friction_step(
@@ -51,18 +88,4 @@ def friction_step(
     Returns:
         The end of the step.
     """
-    if inertia <= 0.0:
-        wound = deflection + step * velocity / PRESLIDING_DISPLACEMENT
-        wound = -1.0 if wound < -1.0 else (1.0 if wound > 1.0 else wound)
-        return FrictionStep(wound, velocity, level * wound + damping * velocity)
-    gain = step / inertia
-    drag = 1.0 + gain * damping
-    free = velocity + gain * thrust
-    reach = step / (PRESLIDING_DISPLACEMENT * drag)
-    stiff = reach * (1.0 + 2.0 * math.sqrt(PRESLIDING_DISPLACEMENT * inertia / level) / step) if level > 0.0 else reach
-    share = (deflection + stiff * free) / (1.0 + stiff * gain * level)
-    share = -1.0 if share < -1.0 else (1.0 if share > 1.0 else share)
-    end = (free - gain * level * share) / drag
-    wound = deflection + step * end / PRESLIDING_DISPLACEMENT
-    wound = -1.0 if wound < -1.0 else (1.0 if wound > 1.0 else wound)
-    return FrictionStep(wound, end, level * share + damping * end)
+    return FrictionStep(*friction_law(inertia, step)(deflection, velocity, thrust, level, damping))

@@ -12,7 +12,7 @@ t_d gives the closed gear a damping ratio of `CONTACT_DAMPING`; a closed gear ne
 import math
 from dataclasses import dataclass
 
-from drake_tc.actuation.friction import friction_step
+from drake_tc.actuation.friction import friction_law
 from drake_tc.actuation.model import ActuatorModel
 from drake_tc.errors import ParamsError
 
@@ -70,6 +70,7 @@ class Gear:
         q, v, load = link
         thrust, level, damping = drive
         h = self.sub_step
+        law = friction_law(self.motor_inertia, h)
         passed = friction = 0.0
         for _ in range(self.sub_steps):
             twist = theta - q
@@ -77,13 +78,12 @@ class Gear:
             tau = (pressed + self.contact_time * (omega - v)) / self.compliance if pressed else 0.0
             if self.half_gap and tau * pressed < 0.0:
                 tau = 0.0
-            end = friction_step(z, omega, thrust - tau, level, damping, self.motor_inertia, h)
-            z, omega = end.deflection, end.velocity
+            z, omega, rubbed = law(z, omega, thrust - tau, level, damping)
             theta += h * omega
             v += h * (tau - load) / self.link_inertia
             q += h * v
             passed += tau
-            friction += end.torque
+            friction += rubbed
         return theta, omega, z, passed / self.sub_steps, friction / self.sub_steps
 
 

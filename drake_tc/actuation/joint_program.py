@@ -8,9 +8,11 @@ q, v, torque: at the last update; load: all that resisted the joint in the step 
 """
 
 import math
+from math import isfinite
 from typing import NamedTuple
 
-from drake_tc.actuation.friction import PRESLIDING_DISPLACEMENT, friction_step
+from drake_tc.actuation.constant_parts import CONSTANT, split_parts
+from drake_tc.actuation.friction import PRESLIDING_DISPLACEMENT, friction_law
 from drake_tc.actuation.gear import Gear, gear_of
 from drake_tc.actuation.model import ActuatorModel
 from drake_tc.effects.kernel import DriveKernel, TorqueKernel
@@ -60,22 +62,28 @@ class JointProgram:
         self._servo = model.drive.kind == "position_servo"
         self._per_effort = 1.0 / model.drive.gain
         self._gear: Gear | None = gear_of(model, inertia, period)
+        self._friction = friction_law(inertia, period)
         at = MOTOR_VELOCITY + 1 if self._gear else MOTOR
+        self._constant, _ = split_parts(model)
         self._torque: list[tuple[TorqueKernel, int]] = []
         self._hysteresis: list[tuple[int, float]] = []
         for effect, parameters in model.torque_effects:
+            if type(effect) in CONSTANT:
+                continue
             travel = effect.hysteresis_travel(parameters)
             self._torque.append((effect.kernel(parameters), at if travel > 0.0 else -1))
             if travel > 0.0:
                 self._hysteresis.append((at, travel))
                 at += 1
-        self._command: list[tuple[DriveKernel, int]] = []
-        self._effort: list[tuple[DriveKernel, int]] = []
+        self._command_kernels: list[tuple[DriveKernel, int]] = []
+        self._effort_kernels: list[tuple[DriveKernel, int]] = []
         for drive, parameters in model.drive_effects:
             kernel = drive.kernel(parameters, period)
-            chain = self._command if drive.acts_on == "command" else self._effort
+            chain = self._command_kernels if drive.acts_on == "command" else self._effort_kernels
             chain.append((kernel, at))
             at += kernel.size
+        self._command = tuple((kernel.step, place) for kernel, place in self._command_kernels)
+        self._effort = tuple((kernel.step, place) for kernel, place in self._effort_kernels)
         self.size = at
 
     @property
@@ -100,37 +108,60 @@ class JointProgram:
             now: The joint at this tick.
             at_tick: Whether a period has passed since the last update; between ticks the load is not re-estimated.
         """
-        command, q, v, tau, celsius = now
-        if not (math.isfinite(q) and math.isfinite(v)):
-            return JointOutput(0.0, 0.0, 0.0, 0.0, 1.0)
+        return JointOutput(*self.run(memory, *now, at_tick=at_tick))
+
+    def run(
+        self,
+        memory: list[float],
+        command: float,
+        q: float,
+        v: float,
+        tau: float | None,
+        celsius: float,
+        *,
+        at_tick: bool,
+    ) -> tuple[float, float, float, float, float]:
+        """`step` on the fields of a JointInput, to those of a JointOutput: nothing is packed on the way."""
         fault = 0.0
-        if not math.isfinite(command):
-            fault, command = 1.0, (memory[COMMAND] if memory[STARTED] else (q if self._servo else 0.0))
+        if not isfinite(command + q + v):
+            if not (isfinite(q) and isfinite(v)):
+                return 0.0, 0.0, 0.0, 0.0, 1.0
+            if not isfinite(command):
+                fault, command = 1.0, (memory[COMMAND] if memory[STARTED] else (q if self._servo else 0.0))
+        gear = self._gear
         if not memory[STARTED]:
             self._start(memory, command, q, v, tau)
         elif at_tick:
-            memory[LOAD] = memory[TORQUE] - self._inertia * (v - memory[VELOCITY]) / self._period
-            if tau is None and self._gear is None:
-                tau = memory[TORQUE] - self._rotor * (v - memory[VELOCITY]) / self._period
-        if self._gear is not None:
+            slowed = (v - memory[VELOCITY]) / self._period
+            memory[LOAD] = memory[TORQUE] - self._inertia * slowed
+            if tau is None and gear is None:
+                tau = memory[TORQUE] - self._rotor * slowed
+        if gear is not None:
             drive_q, drive_v = memory[MOTOR], memory[MOTOR_VELOCITY]
             if tau is None:
                 tau = memory[TORQUE]
         else:
             drive_q, drive_v = q, v
-            self._wind_up(memory, q - memory[POSITION])
+            moved = q - memory[POSITION]
+            z = memory[DEFLECTION] + moved / PRESLIDING_DISPLACEMENT
+            memory[DEFLECTION] = -1.0 if z < -1.0 else (1.0 if z > 1.0 else z)
+            if moved and self._hysteresis:
+                self._turn_over(memory, moved)
             if tau is None:
                 tau = memory[LOAD]
         direction = memory[DEFLECTION]
         target = command
-        for kernel, at in self._command:
-            target = kernel.step(target, command, direction, memory, at)
-        asked = command - drive_q if self._servo else command
-        effort = target - drive_q if self._servo else target
-        for kernel, at in self._effort:
-            effort = kernel.step(effort, asked, direction, memory, at)
+        for step, at in self._command:
+            target = step(target, command, direction, memory, at)
+        if self._servo:
+            asked = command - drive_q
+            effort = target - drive_q
+        else:
+            asked, effort = command, target
+        for step, at in self._effort:
+            effort = step(effort, asked, direction, memory, at)
         motor = effort * self._per_effort
-        level = damping = rest = 0.0
+        level, damping, rest = self._constant
         for torque, at in self._torque:
             a, b, c = torque(drive_q, drive_v, direction, tau, celsius, memory[at] if at >= 0 else 0.0)
             level += a
@@ -138,14 +169,13 @@ class JointProgram:
             rest += c
         level = level if level > 0.0 else 0.0
         damping = damping if damping > 0.0 else 0.0
-        if self._gear is not None:
-            out, friction = self._geared(self._gear, memory, q, v, (motor - rest, level, damping))
+        if gear is not None:
+            out, friction = self._geared(gear, memory, q, v, (motor - rest, level, damping))
         else:
-            end = friction_step(direction, v, motor - rest - memory[LOAD], level, damping, self._inertia, self._period)
-            friction = end.torque
+            _, _, friction = self._friction(direction, v, motor - rest - memory[LOAD], level, damping)
             out = motor - rest - friction
         memory[POSITION], memory[VELOCITY], memory[TORQUE], memory[COMMAND] = q, v, out, command
-        return JointOutput(out, motor, friction, asked, fault)
+        return out, motor, friction, asked, fault
 
     def _start(self, memory: list[float], command: float, q: float, v: float, tau: float | None) -> None:
         """First tick: a drive that has always seen this command, a joint whose load is the one given, or nil."""
@@ -155,23 +185,20 @@ class JointProgram:
         if self._gear is not None:
             memory[MOTOR], memory[MOTOR_VELOCITY] = q + self._gear.twist(memory[LOAD]), v
         target = command
-        for kernel, at in self._command:
+        for kernel, at in self._command_kernels:
             memory[at : at + kernel.size] = kernel.start(target, target)
         drive_q = memory[MOTOR] if self._gear is not None else q
         value = target - drive_q if self._servo else target
         raw = value
-        for kernel, at in self._effort:
+        for kernel, at in self._effort_kernels:
             memory[at : at + kernel.size] = kernel.start(value, raw)
             value = kernel.step(value, raw, memory[DEFLECTION], list(memory), at)
 
-    def _wind_up(self, memory: list[float], moved: float) -> None:
-        """Carry the bristle and the hysteretic states over a motion of `moved` [rad] that has happened."""
-        z = memory[DEFLECTION] + moved / PRESLIDING_DISPLACEMENT
-        memory[DEFLECTION] = -1.0 if z < -1.0 else (1.0 if z > 1.0 else z)
-        if self._hysteresis and moved:
-            sign = math.copysign(1.0, moved)
-            for at, travel in self._hysteresis:
-                memory[at] = sign - (sign - memory[at]) * math.exp(-abs(moved) / travel)
+    def _turn_over(self, memory: list[float], moved: float) -> None:
+        """Carry the hysteretic states over a motion of `moved` [rad] that has happened."""
+        sign = math.copysign(1.0, moved)
+        for at, travel in self._hysteresis:
+            memory[at] = sign - (sign - memory[at]) * math.exp(-abs(moved) / travel)
 
     def _geared(
         self, gear: Gear, memory: list[float], q: float, v: float, drive: tuple[float, float, float]
@@ -179,6 +206,8 @@ class JointProgram:
         """Motor and link over one step: mean torque to the link, mean friction torque."""
         motor = (memory[MOTOR], memory[MOTOR_VELOCITY], memory[DEFLECTION])
         theta, omega, z, passed, friction = gear.step(motor, (q, v, memory[LOAD]), drive)
-        self._wind_up(memory, theta - motor[0])
+        moved = theta - motor[0]
+        if moved and self._hysteresis:
+            self._turn_over(memory, moved)
         memory[MOTOR], memory[MOTOR_VELOCITY], memory[DEFLECTION] = theta, omega, z
         return passed, friction

@@ -14,7 +14,7 @@ from pydrake.systems.framework import (
     ValueProducer,
 )
 
-from drake_tc.actuation.joint_program import JointInput, JointOutput, JointProgram
+from drake_tc.actuation.joint_program import JointOutput, JointProgram
 from drake_tc.actuation.model import ActuatorModel
 from drake_tc.effects.thermal_friction import REFERENCE_CELSIUS
 from drake_tc.errors import ParamsError
@@ -75,7 +75,8 @@ class ActuatorPlant(LeafSystem):  # type: ignore[misc, unused-ignore]
             JointProgram(model, dt, inertia) for model, inertia in zip(models, moved.tolist(), strict=True)
         )
         bounds = np.cumsum([0, *(program.size for program in self._programs)]).tolist()
-        self._slices = tuple(slice(a, b) for a, b in pairwise(bounds))
+        slices = (slice(a, b) for a, b in pairwise(bounds))
+        self._steps = tuple((program.run, part) for program, part in zip(self._programs, slices, strict=True))
         self._no_load = (None,) * size
         self._room = (REFERENCE_CELSIUS,) * size
 
@@ -123,31 +124,37 @@ class ActuatorPlant(LeafSystem):  # type: ignore[misc, unused-ignore]
 
     def _solve(self, context: Any, solution: Any) -> None:
         """(x[n+1], outputs) into the cache entry."""
-        memory: list[float] = context.get_discrete_state(self._memory).value().tolist()
-        command = self._command.Eval(context).tolist()
+        held: list[float] = context.get_discrete_state_vector().value().tolist()
         state = self._state.Eval(context).tolist()
-        warm = self._temperature.Eval(context).tolist() if self._temperature.HasValue(context) else self._room
-        load = self._load.Eval(context).tolist() if self._load.HasValue(context) else self._no_load
+        size = len(self._steps)
+        joints = zip(
+            self._steps,
+            self._command.Eval(context).tolist(),
+            state[:size],
+            state[size:],
+            self._load.Eval(context).tolist() if self._load.HasValue(context) else self._no_load,
+            self._temperature.Eval(context).tolist() if self._temperature.HasValue(context) else self._room,
+            strict=True,
+        )
         time = context.get_time()
-        at_tick = time - memory[-1] > 0.99 * self._dt
-        size = len(self._programs)
+        at_tick = time - held[-1] > 0.99 * self._dt
+        memory: list[float] = []
         outputs = []
-        for i, (program, part) in enumerate(zip(self._programs, self._slices, strict=True)):
-            own = memory[part]
-            now = JointInput(command[i], state[i], state[size + i], load[i], warm[i])
-            outputs.append(program.step(own, now, at_tick=at_tick))
-            memory[part] = own
-        memory[-1] = time
+        for (run, part), command, q, v, load, celsius in joints:
+            own = held[part]
+            outputs.append(run(own, command, q, v, load, celsius, at_tick=at_tick))
+            memory += own
+        memory.append(time)
         solution.set_value((memory, outputs))
 
     def _writer(self, index: int) -> Callable[[Context, BasicVector], None]:
         """The calc function of one output port."""
 
         def write(context: Context, vector: BasicVector) -> None:
-            vector.SetFromVector(_array([output[index] for output in self._solution.Eval(context)[1]]))
+            vector.get_mutable_value()[:] = [output[index] for output in self._solution.Eval(context)[1]]
 
         return write
 
     def _update(self, context: Context, values: DiscreteValues) -> None:
         """x[n+1] from the cache entry."""
-        values.get_mutable_vector(self._memory).SetFromVector(_array(self._solution.Eval(context)[0]))
+        values.get_mutable_value(self._memory)[:] = self._solution.Eval(context)[0]

@@ -10,8 +10,10 @@ from typer.exceptions import TyperException
 from drake_tc import __version__
 from drake_tc.cli.bench_command import bench_app
 from drake_tc.cli.close_loop_command import close_loop_command
+from drake_tc.cli.graph_command import graph_command
 from drake_tc.cli.identify_command import identify_command
 from drake_tc.cli.import_logs import import_logs
+from drake_tc.cli.simulate_command import simulate_command
 from drake_tc.errors import DrakeTcError
 
 app = typer.Typer(
@@ -23,6 +25,8 @@ app = typer.Typer(
 app.command("close-loop")(close_loop_command)
 app.command("identify")(identify_command)
 app.command("import")(import_logs)
+app.command("simulate")(simulate_command)
+app.command("graph")(graph_command)
 app.add_typer(bench_app, name="bench")
 
 

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from drake_tc.effects.base import Context, DriveEffect, Parameter, Shape, Signals, Signature
-from drake_tc.effects.kernel import DriveKernel, memoryless
+from drake_tc.effects.kernel import DriveKernel
 from drake_tc.types import FloatArray
 
 
@@ -35,7 +35,11 @@ class Deadzone(DriveEffect):
     def kernel(self, parameters: Mapping[str, float], period: float) -> DriveKernel:
         """No memory."""
         width = parameters["deadzone"]
-        return memoryless(lambda value, effort, direction: value - max(-width, min(width, value)))
+
+        def step(value: float, effort: float, direction: float, memory: list[float], at: int) -> float:
+            return value - width if value > width else (value + width if value < -width else 0.0)
+
+        return DriveKernel(size=0, start=lambda value, effort: [], step=step)
 
     def inverse(
         self, effort: FloatArray, direction: FloatArray, parameters: Mapping[str, FloatArray | float]

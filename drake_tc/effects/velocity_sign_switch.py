@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from drake_tc.effects.base import DriveEffect, Parameter, Shape, Signals, Signature
-from drake_tc.effects.kernel import DriveKernel, memoryless
+from drake_tc.effects.kernel import DriveKernel
 from drake_tc.types import FloatArray
 
 
@@ -43,7 +43,11 @@ class VelocitySignSwitch(DriveEffect):
     def kernel(self, parameters: Mapping[str, float], period: float) -> DriveKernel:
         """No memory beyond the direction itself; acts on the raw effort, as the column does."""
         switch = parameters["switch"]
-        return memoryless(lambda value, effort, direction: value + switch * direction * effort)
+
+        def step(value: float, effort: float, direction: float, memory: list[float], at: int) -> float:
+            return value + switch * direction * effort
+
+        return DriveKernel(size=0, start=lambda value, effort: [], step=step)
 
     def inverse(
         self, effort: FloatArray, direction: FloatArray, parameters: Mapping[str, FloatArray | float]

@@ -1,19 +1,22 @@
 """Savitzky–Golay estimation: a polynomial fitted to the last N samples, and its derivatives (EQUATIONS A1).
 
-Plain functions first (weights, logs), then `SavitzkyGolayFilter`, the same recursion as a Drake system.
+Plain functions for logs first, then `SavitzkyGolayFilter`, the same recursion as a Drake system.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from math import isfinite
 from typing import Any
 
 import numpy as np
-from numpy.polynomial import legendre
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 from scipy.signal import lfilter, oaconvolve
 
 from drake_tc.errors import ParamsError
+from drake_tc.filtering.savgol_weights import delay, savgol_weights
 from drake_tc.types import FloatArray
+
+__all__ = ["SavitzkyGolayFilter", "Smoothed", "delay", "savgol_weights", "smooth", "smooth_causal"]
 
 
 @dataclass(frozen=True)
@@ -29,55 +32,6 @@ class Smoothed:
     value: FloatArray
     first_derivative: FloatArray
     second_derivative: FloatArray
-
-
-def savgol_weights(
-    window: int, order: int, at: float | None = None, derivative: int = 0, dt: float = 1.0
-) -> FloatArray:
-    """Weights w of the estimate w·x, x the window's samples from oldest to newest.
-
-    With P the least-squares polynomial of `order` through x[0..N-1], w·x = d^k P/dt^k at sample `at`.
-    A Legendre basis on [-1, 1] keeps the pseudo-inverse well conditioned for every order.
-
-    Args:
-        window: Number of samples N, at least order + 1.
-        order: Order of the polynomial, >= 0.
-        at: Where in the window, in samples from the oldest (0) to the newest (N - 1); None for the middle.
-        derivative: k >= 0.
-        dt: Sampling period [s].
-
-    Returns:
-        (N,) weights [1/s^k].
-
-    Raises:
-        ParamsError: A window too short for the order, a point outside it, a period that is not positive.
-
-    Source: EQUATIONS A1; Savitzky and Golay, 1964.
-    """
-    at = 0.5 * (window - 1) if at is None else at
-    _check(window, order, at, dt)
-    if derivative < 0:
-        raise ParamsError(f"Savitzky–Golay derivative must be 0, 1, 2, ...; got {derivative}")
-    if derivative > order:
-        return np.zeros(window)
-    half = max(0.5 * (window - 1), 0.5)
-    u = (np.arange(window) - 0.5 * (window - 1)) / half
-    pseudo_inverse = np.linalg.pinv(legendre.legvander(u, order))
-    u_at = (at - 0.5 * (window - 1)) / half
-    basis = np.eye(order + 1)
-    row = legendre.legval(u_at, legendre.legder(basis, derivative)) if derivative else legendre.legval(u_at, basis)
-    return np.asarray(row @ pseudo_inverse / (half * dt) ** derivative, dtype=np.float64)
-
-
-def delay(window: int, dt: float, at: float | None = None) -> float:
-    """Age of the causal estimate [s]: (N - 1 - at) dt; mid-window (N - 1)/2 dt.
-
-    Raises:
-        ParamsError: As `savgol_weights`.
-    """
-    at = 0.5 * (window - 1) if at is None else at
-    _check(window, 0, at, dt)
-    return (window - 1 - at) * dt
 
 
 def smooth(x: FloatArray, window: int, order: int, dt: float) -> Smoothed:
@@ -144,18 +98,6 @@ def smooth_causal(x: FloatArray, window: int, order: int, dt: float, at: float |
     return Smoothed(*outputs)
 
 
-def _check(window: int, order: int, at: float, dt: float) -> None:
-    if order < 0 or window < order + 1:
-        raise ParamsError(
-            "Savitzky–Golay needs order >= 0 and a window of at least order + 1 samples; "
-            f"got order {order}, window {window}"
-        )
-    if not 0 <= at <= window - 1:
-        raise ParamsError(f"Savitzky–Golay point must lie in the window, 0 to {window - 1}; got {at:g}")
-    if not (np.isfinite(dt) and dt > 0):
-        raise ParamsError(f"Savitzky–Golay period must be positive and finite [s]; got {dt:g}")
-
-
 class SavitzkyGolayFilter(LeafSystem):  # type: ignore[misc, unused-ignore]
     """Smoothed value and derivatives of n joints, from a polynomial through the last N samples.
 
@@ -163,56 +105,68 @@ class SavitzkyGolayFilter(LeafSystem):  # type: ignore[misc, unused-ignore]
         in  `signal`             (n,) u, read every dt.
         out `value`              (n,)
         out `first_derivative`   (n,) [1/s]
-        out `second_derivative`  (n,) [1/s²]
+        out `second_derivative`  (n,) [1/s²]; zero for a polynomial of order 1.
         out `fault`              (n,) 1 where the last sample was not finite (or none has come yet), else 0.
+        out `estimate`           (3n,) [value; first derivative; second derivative]
 
-    Discrete state: the window X (N, n) oldest first, the fault flags c (n,), the started flags b (n,).
-    Per joint, every dt:
+    Discrete state: the window X (N, n) as a ring, the fault flags c (n,), the started flags b (n,), and the row h of
+    the oldest sample. Per joint, every dt:
 
         s[k]   = u[k] where finite, else X[k]'s newest (the last good sample is held)
-        X[k+1] = [X[k] without its oldest; s[k]]        once started
+        X[k+1] = [X[k] without its oldest; s[k]]        once started: s[k] is put in row h, then h moves on
         X[k+1] = [s[k]; ... s[k]]                       at the first finite sample (no bump)
         c[k+1] = 1 where u[k] is not finite, else 0
         y_d[k] = w_d · X[k],   d = 0, 1, 2,  w_d = `savgol_weights(N, order, at, d, dt)`
 
     Outputs depend on the state only, no feedthrough: a reader just after tick k sees an estimate `delay` old;
     a discrete system of the same period, which reads X[k] during tick k, sees one that is `delay + dt` old.
-    Until the first finite sample the outputs are 0 and `fault` is 1. An update costs O(N n); nothing is
-    raised in the loop.
+    Until the first finite sample the outputs are 0 and `fault` is 1. An update writes n numbers, an output costs
+    O(N n); nothing is raised in the loop.
 
     Source: EQUATIONS A1 (paper: N = 80, dt = 1 ms, mid-window, order 2 for encoders, 1 for IMU and F/T).
     """
 
-    def __init__(self, size: int, window: int, order: int, dt: float, at: float | None = None) -> None:
+    def __init__(self, size: int, window: int, order: int | Sequence[int], dt: float, at: float | None = None) -> None:
         """Declare ports, state and the periodic update.
 
         Args:
             size: Joints n.
             window: Samples N.
-            order: Order of the polynomial.
+            order: Order of the polynomial, for all joints or one a joint.
             dt: Period of the update [s].
             at: Point of the window, in samples from the oldest; None for the middle.
 
         Raises:
-            ParamsError: As `savgol_weights`, and for a size below 1.
+            ParamsError: As `savgol_weights`, for a size below 1, and for orders of another number than n.
         """
         super().__init__()
         if size < 1:
             raise ParamsError(f"SavitzkyGolayFilter needs at least one joint; got size {size}")
+        orders = (order,) * size if isinstance(order, int) else tuple(order)
+        if len(orders) != size:
+            raise ParamsError(f"SavitzkyGolayFilter needs one order, or one a joint ({size}); got {len(orders)}")
         self._size, self._window = size, window
-        self._weights = tuple(savgol_weights(window, order, at, d, dt) for d in range(3))
         self._delay = delay(window, dt, at)
-        self._input = self.DeclareVectorInputPort("signal", size)
+        distinct = sorted(set(orders))
+        weights = np.stack([[savgol_weights(window, o, at, d, dt) for o in distinct] for d in range(3)])
+        self._weights = np.concatenate([weights, weights], axis=2)  # (3, orders, 2N): any rotation is a slice
+        which = np.array([distinct.index(o) for o in orders])
+        self._pick = None if len(distinct) == 1 else (np.arange(3)[:, None], which, np.arange(size))
+        self._input: Any = self.DeclareVectorInputPort("signal", size)
         self._samples: Any = self.DeclareDiscreteState(window * size)
         all_faulty: Any = np.ones(size)
         self._fault: Any = self.DeclareDiscreteState(all_faulty)
         self._started: Any = self.DeclareDiscreteState(size)
+        start: Any = np.array([window - 1.0, 0.0])
+        self._head: Any = self.DeclareDiscreteState(start)  # [h, 1 where all have started without fault]
         names = ("value", "first_derivative", "second_derivative")
-        on_samples = {self.discrete_state_ticket(self._samples)}
-        for name, weights in zip(names, self._weights, strict=True):
-            self.DeclareVectorOutputPort(name, size, self._calc(weights), prerequisites_of_calc=on_samples)
+        on_samples = {self.discrete_state_ticket(self._samples), self.discrete_state_ticket(self._head)}
+        for d, name in enumerate(names):
+            self.DeclareVectorOutputPort(name, size, self._writer(slice(d, d + 1)), prerequisites_of_calc=on_samples)
         on_fault = {self.discrete_state_ticket(self._fault)}
         self.DeclareVectorOutputPort("fault", size, self._calc_fault, prerequisites_of_calc=on_fault)
+        every = self._writer(slice(0, 3))
+        self.DeclareVectorOutputPort("estimate", 3 * size, every, prerequisites_of_calc=on_samples)
         self.DeclarePeriodicDiscreteUpdateEvent(period_sec=dt, offset_sec=0.0, update=self._update)
 
     @property
@@ -220,29 +174,46 @@ class SavitzkyGolayFilter(LeafSystem):  # type: ignore[misc, unused-ignore]
         """Age of the estimate just after a tick [s]."""
         return self._delay
 
-    def _calc(self, weights: FloatArray) -> Callable[[Context, Any], None]:
-        def calc(context: Context, output: Any) -> None:
-            samples = _state(context, self._samples).reshape(self._window, self._size)
-            output.SetFromVector(weights @ samples)
+    def _writer(self, derivatives: slice) -> Callable[[Context, Any], None]:
+        """The calc function of an output with some of the three derivatives."""
+        table = self._weights[derivatives]
+        count, orders, _ = table.shape
+        table = np.ascontiguousarray(table.reshape(count * orders, -1))
+        size, window = self._size, self._window
+        pick = None if self._pick is None else (self._pick[0][:count], *self._pick[1:])
 
-        return calc
+        def write(context: Any, output: Any) -> None:
+            oldest = int(context.get_discrete_state(self._head).value()[0])
+            samples = context.get_discrete_state(self._samples).value().reshape(window, size)
+            y = table[:, window - oldest : 2 * window - oldest].dot(samples)
+            if pick is not None:
+                y = y.reshape(count, orders, size)[pick]
+            output.set_value(y.ravel())
 
-    def _calc_fault(self, context: Context, output: Any) -> None:
-        output.SetFromVector(_state(context, self._fault))
+        return write
 
-    def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
-        u = np.asarray(self._input.Eval(context), dtype=np.float64)
-        samples = _state(context, self._samples).reshape(self._window, self._size)
-        started = _state(context, self._started) > 0.5
-        finite = np.isfinite(u)
-        shifted = np.concatenate([samples[1:], np.where(finite, u, samples[-1])[None]])
-        first = finite & ~started
-        shifted[:, first] = u[first]
+    def _calc_fault(self, context: Any, output: Any) -> None:
+        output.set_value(context.get_discrete_state(self._fault).value())
+
+    def _update(self, context: Any, discrete_state: DiscreteValues) -> None:
+        u = self._input.Eval(context)
         new: Any = discrete_state
-        new.set_value(self._samples, shifted.ravel())
+        head = new.get_mutable_value(self._head)
+        oldest, size = int(head[0]), self._size
+        samples = new.get_mutable_value(self._samples)
+        if not (head[1] and isfinite(u.dot(u))):
+            u = self._mend(u, samples.reshape(self._window, size)[oldest - 1], head, context, new)
+        samples[oldest * size : (oldest + 1) * size] = u
+        head[0] = (oldest + 1) % self._window
+
+    def _mend(self, u: FloatArray, newest: FloatArray, head: FloatArray, context: Any, new: Any) -> FloatArray:
+        """The sample s where something is not finite or has not started; flags and first fills go to the new state."""
+        started = context.get_discrete_state(self._started).value() > 0.5
+        finite = np.isfinite(u)
+        first = finite & ~started
+        if first.any():
+            new.get_mutable_value(self._samples).reshape(self._window, self._size)[:, first] = u[first]
         new.set_value(self._fault, np.where(finite, 0.0, 1.0))
         new.set_value(self._started, np.where(finite | started, 1.0, 0.0))
-
-
-def _state(context: Any, index: Any) -> FloatArray:
-    return np.asarray(context.get_discrete_state(index).value(), dtype=np.float64)
+        head[1] = float(finite.all())
+        return np.where(finite, u, newest)

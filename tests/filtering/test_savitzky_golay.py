@@ -118,6 +118,59 @@ def test_system_equals_kernel_in_two_contexts_at_once():
     assert_allclose(system.delay, 4 * DT, rtol=1e-12)
 
 
+def test_estimate_stacks_the_three_and_orders_go_by_channel():
+    orders = (2, 1, 2, 0)
+    system = SavitzkyGolayFilter(4, 7, orders, DT)
+    singles = [SavitzkyGolayFilter(1, 7, order, DT) for order in orders]
+    context, own = system.CreateDefaultContext(), [single.CreateDefaultContext() for single in singles]
+    for u in np.random.default_rng(1).normal(size=(30, 4)):  # the ring turns more than four times
+        tick(system, context, u)
+        for channel, (single, its) in enumerate(zip(singles, own, strict=True)):
+            tick(single, its, u[channel : channel + 1])
+            assert_allclose(outputs(system, context)[:, channel], outputs(single, its)[:, 0], rtol=1e-9, atol=1e-9)
+        stacked = system.GetOutputPort("estimate").Eval(context).reshape(3, 4)
+        assert_allclose(stacked, outputs(system, context)[:3], rtol=1e-12, atol=1e-9)
+    assert_array_equal(stacked[2, [1, 3]], 0.0)
+    assert_array_equal(stacked[1, 3], 0.0)
+
+
+def test_the_ring_equals_the_log_also_around_lost_samples():
+    system, window = SavitzkyGolayFilter(2, 9, 2, DT, at=6), 9
+    context = system.CreateDefaultContext()
+    log = np.random.default_rng(2).normal(size=(60, 2))
+    log[[20, 21, 40], 0], log[[21, 59], 1] = np.nan, np.inf
+    held = log.copy()
+    for k in range(1, 60):
+        held[k] = np.where(np.isfinite(log[k]), log[k], held[k - 1])
+    want = smooth_causal(held, window, 2, DT, 6)
+    for k in range(60):
+        tick(system, context, log[k])
+        got = outputs(system, context)
+        assert_allclose(got[0], want.value[k], atol=1e-11)
+        assert_allclose(got[2], want.second_derivative[k], atol=1e-5)
+        assert_array_equal(got[3], ~np.isfinite(log[k]))
+
+
+def test_a_clone_goes_its_own_way():
+    system = SavitzkyGolayFilter(1, 4, 1, DT)
+    context = system.CreateDefaultContext()
+    for k in range(6):
+        tick(system, context, [float(k)])
+    clone = context.Clone()
+    before = outputs(system, context)
+    tick(system, clone, [50.0])
+    assert_array_equal(outputs(system, context), before)
+    assert outputs(system, clone)[0, 0] > before[0, 0] + 1.0
+
+
+@pytest.mark.parametrize(
+    ("size", "order", "message"), [(0, 2, "at least one joint"), (3, (2, 1), "one a joint \\(3\\); got 2")]
+)
+def test_bad_systems_are_refused(size, order, message):
+    with pytest.raises(ParamsError, match=message):
+        SavitzkyGolayFilter(size, 9, order, DT)
+
+
 def test_system_starts_without_a_bump():
     system = SavitzkyGolayFilter(1, 9, 2, DT)
     context = system.CreateDefaultContext()
@@ -148,6 +201,9 @@ def test_outputs_depend_on_exactly_what_is_declared():
     context.SetDiscreteState(0, np.array([0.0, 1.0, 4.0, 9.0, 16.0]))
     moved = outputs(system, context)
     assert_allclose(moved[:, 0], [4, 4 / DT, 2 / DT**2, 0], rtol=1e-9, atol=1e-9)
+    context.SetDiscreteState(3, [1.0, 1.0])  # the oldest sample is now in row 1: 1 4 9 16 0
+    assert_allclose(outputs(system, context)[0, 0], np.polyval(np.polyfit(range(5), [1, 4, 9, 16, 0], 2), 2), rtol=1e-9)
+    context.SetDiscreteState(3, [0.0, 1.0])
     context.SetDiscreteState(1, [1.0])
     assert_allclose(outputs(system, context)[:, 0], [*moved[:3, 0], 1.0], rtol=1e-12)
     context.SetDiscreteState(2, [0.0])

@@ -1,0 +1,66 @@
+"""The diagrams that commands know by name."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from drake_tc.diagrams.scenario import Scenario, load_scenario, scenario_names
+from drake_tc.diagrams.torque_loop import Loop, build_loop
+
+from drake_tc.errors import ParamsError
+
+HERE = Path(__file__).parent
+
+
+@dataclass(frozen=True)
+class DiagramEntry:
+    """One diagram.
+
+    Attributes:
+        name: As commands take it.
+        title: One line.
+        scenario_file: Its committed scenarios; the first is the default.
+        build: Scenario to loop.
+    """
+
+    name: str
+    title: str
+    scenario_file: Path
+    build: Callable[[Scenario], Loop] = build_loop
+
+    def scenarios(self) -> list[str]:
+        """Names of the committed scenarios."""
+        return scenario_names(self.scenario_file)
+
+    def scenario(self, name: str | None = None, file: Path | None = None, text: str | None = None) -> Scenario:
+        """A scenario, from the committed file unless another is given; the first of the file when no name is.
+
+        Raises:
+            ParamsError: see `load_scenario`.
+        """
+        path = self.scenario_file if file is None else file
+        return load_scenario(path, name or scenario_names(path)[0], text)
+
+
+DIAGRAMS: Mapping[str, DiagramEntry] = {
+    entry.name: entry
+    for entry in (
+        DiagramEntry(
+            "hrp2_leg", "a hanging leg in torque control, or under its vendor's servo", HERE / "hrp2_leg.scenario.yaml"
+        ),
+        DiagramEntry(
+            "hrp2_leg_contact", "the leg's foot on a rigid object: force control", HERE / "hrp2_leg_contact.scenario.yaml"
+        ),
+    )
+}
+
+
+def diagram_entry(name: str) -> DiagramEntry:
+    """The diagram of that name.
+
+    Raises:
+        ParamsError: there is none; the message lists those there are.
+    """
+    if name not in DIAGRAMS:
+        raise ParamsError(f"no diagram {name!r}; diagrams: {', '.join(DIAGRAMS)}")
+    return DIAGRAMS[name]

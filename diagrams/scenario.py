@@ -1,0 +1,270 @@
+"""A torque-control experiment as data: robot, controller, motion, surroundings, sensors and what goes wrong.
+
+One YAML file holds many scenarios by name. `extends: NAME` takes another scenario of the file and changes what is
+given, field by field. Everything is SI; joints are named as in the robot's YAML.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, Literal
+
+import yaml
+from drake_tc.diagrams.strict_yaml import from_mapping, read_mapping
+
+from drake_tc.control.guard import GuardSpec
+from drake_tc.control.torque_control import CompensationSpec
+from drake_tc.errors import ParamsError
+from drake_tc.estimation.monitor_spec import MonitorSpec
+from drake_tc.sensing.fault import SensorFault
+
+
+@dataclass(frozen=True)
+class GainSpec:
+    """Feedback gains, the same for all joints unless `by_joint` says otherwise (EQUATIONS A5).
+
+    Attributes:
+        k6: Position feedback in units of the vendor servo's own: K6 = K_tau (1 + Kp) Ks [-].
+        k7: Velocity feedback K7 = K_tau (1 + Kp) Kd [s].
+        kp: Torque feedback Kp [-].
+        ki: Integral of the torque error [1/s].
+        kf: Force feedback Kf [-], one for all or six [fx fy fz tx ty tz].
+        by_joint: Joint to {k6: ...} and so on, for single joints (kf has no joint).
+    """
+
+    k6: float = 1.0
+    k7: float = 0.0
+    kp: float = 2.0
+    ki: float = 0.0
+    kf: float | tuple[float, ...] = 0.0
+    by_joint: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+
+    def of(self, name: str, joints: tuple[str, ...]) -> list[float]:
+        """The gain `name` of every joint.
+
+        Raises:
+            ParamsError: `by_joint` names a joint or a gain that is not there.
+        """
+        for joint, gains in self.by_joint.items():
+            if joint not in joints:
+                raise ParamsError(f"gains.by_joint: no joint {joint!r}; joints: {', '.join(joints)}")
+            for gain in gains:
+                if gain not in ("k6", "k7", "kp", "ki"):
+                    raise ParamsError(f"gains.by_joint.{joint}: no gain {gain!r}; possible: k6, k7, kp, ki")
+        return [float(self.by_joint.get(joint, {}).get(name, getattr(self, name))) for joint in joints]
+
+
+@dataclass(frozen=True)
+class FilterSpec:
+    """Savitzky–Golay windows (samples) and orders (EQUATIONS A1); mid-window."""
+
+    window: int = 80
+    encoder_order: int = 2
+    inertial_order: int = 1
+
+
+@dataclass(frozen=True)
+class SinusoidSpec:
+    """q(t) = centre + (start + growth t) sin(2 pi f t): rad, rad/s, Hz."""
+
+    frequency_hz: float
+    start: float = 0.0
+    growth: float = 0.0
+
+
+@dataclass(frozen=True)
+class MotionSpec:
+    """Where the joints are to be: the posture, knots over it, sinusoids over that.
+
+    Attributes:
+        posture: Joint to position [rad]; the robot file's posture where not given.
+        times: Of the knots [s], the first is 0.
+        knots: Joint to one position a time [rad]; joints not named keep the posture.
+        sinusoids: Joint to a growing sinusoid added to it.
+    """
+
+    posture: Mapping[str, float] = field(default_factory=dict)
+    times: tuple[float, ...] = ()
+    knots: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+    sinusoids: Mapping[str, SinusoidSpec] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class ForceSpec:
+    """f(t) = offset + amplitude sin(2 pi f (t - begin)), from `begin` on ramped in over `ramp` [s]; [fx fy fz tx ty tz]."""
+
+    offset: tuple[float, ...] = (0.0,) * 6
+    amplitude: tuple[float, ...] = (0.0,) * 6
+    frequency_hz: float = 0.5
+    begin: float = 0.5
+    ramp: float = 0.5
+
+    def __post_init__(self) -> None:
+        if len(self.offset) != 6 or len(self.amplitude) != 6:
+            raise ParamsError("force: wanted six numbers [fx fy fz tx ty tz] for offset and amplitude")
+        if not (self.frequency_hz > 0.0 and self.ramp > 0.0):
+            raise ParamsError("force: wanted a positive frequency_hz and ramp")
+
+
+@dataclass(frozen=True)
+class PushSpec:
+    """A wrench on a link in world axes at its frame, risen and fallen as sin^2 within [begin, begin + duration] [s]."""
+
+    link: str
+    begin: float
+    duration: float
+    force: tuple[float, ...] = (0.0, 0.0, 0.0)
+    torque: tuple[float, ...] = (0.0, 0.0, 0.0)
+    point: tuple[float, ...] = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class ObjectSpec:
+    """A rigid box, fixed to the world: its size and the pose of its centre [m, rad]."""
+
+    size: tuple[float, ...]
+    xyz: tuple[float, ...]
+    rpy: tuple[float, ...] = (0.0, 0.0, 0.0)
+    friction: float = 0.8
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """One experiment.
+
+    Attributes:
+        robot: Robot YAML, relative to the scenario file.
+        controller: "torque" (the whole chain), "servo" (the vendor's position servo alone).
+        duration: [s].
+        dt: Period of control and sensors [s].
+        plant_step: Of plant and actuators [s]; divides dt.
+        seed: Of the one generator.
+        actuators: Model file of the simulated actuators; None takes the robot file's.
+        model: Model file that the controller compensates with; None takes the simulated actuators themselves.
+        torque_from: "estimate" (F/T, IMU and encoders) or "sensor" (joint-torque sensors that this robot lacks).
+        base_from: "imu" or "fixed": where the estimator takes the base's motion from.
+        angular_acceleration: Of the IMU's link: differentiated from the "gyro", "neglected", or "zero" at the base.
+        tare: How long the F/T sensors are zeroed before anything may touch the robot [s]; 0: not at all.
+        sensors: "perfect", "realistic" or a mapping (`drake_tc.sensing.suite`).
+        configuration: Where the inverse dynamics takes M, h and J: the delayed "estimate" or the "reference".
+        compensation: Which motion the drives' effects are compensated for.
+        gains, filters, motion, guard, monitor: See their classes.
+        force: F/T sensor to force reference at its contact.
+        pushes, objects: Surroundings.
+        faults: "encoder", "imu" or "force_torque" to what goes wrong with it, and when.
+        masses: Link to a factor on its mass and inertia in the simulated plant only: the model is then wrong.
+        log_truth, log_components: Record the true joint torques, the six components of the command too.
+        source: Folder that file names are relative to.
+    """
+
+    robot: str
+    controller: Literal["torque", "servo"] = "torque"
+    duration: float = 2.0
+    dt: float = 1e-3
+    plant_step: float = 1e-3
+    seed: int = 0
+    actuators: str | None = None
+    model: str | None = None
+    torque_from: Literal["estimate", "sensor"] = "estimate"
+    base_from: Literal["imu", "fixed"] = "imu"
+    angular_acceleration: Literal["gyro", "neglected", "zero"] = "zero"
+    tare: float = 0.3
+    configuration: Literal["estimate", "reference"] = "reference"
+    compensation: CompensationSpec = CompensationSpec()
+    sensors: Any = "realistic"
+    gains: GainSpec = GainSpec()
+    filters: FilterSpec = FilterSpec()
+    motion: MotionSpec = MotionSpec()
+    guard: GuardSpec = GuardSpec()
+    monitor: MonitorSpec = MonitorSpec()
+    force: Mapping[str, ForceSpec] = field(default_factory=dict)
+    pushes: tuple[PushSpec, ...] = ()
+    objects: tuple[ObjectSpec, ...] = ()
+    faults: Mapping[str, tuple[SensorFault, ...]] = field(default_factory=dict)
+    masses: Mapping[str, float] = field(default_factory=dict)
+    log_truth: bool = False
+    log_components: bool = False
+    source: str = "."
+
+    def __post_init__(self) -> None:
+        for name, choices in _CHOICES.items():
+            if getattr(self, name) not in choices:
+                raise ParamsError(f"{name}: wanted one of {', '.join(choices)}; got {getattr(self, name)!r}")
+        for name in ("duration", "dt", "plant_step"):
+            if not 0.0 < getattr(self, name) < float("inf"):
+                raise ParamsError(f"{name}: wanted a positive number [s]; got {getattr(self, name)!r}")
+        ratio = self.dt / self.plant_step
+        if round(ratio) < 1 or abs(ratio - round(ratio)) > 1e-6:
+            raise ParamsError(f"plant_step: wanted dt = {self.dt:g} s over a whole number; got {self.plant_step:g}")
+        for name in self.faults:
+            if name not in SENSORS:
+                raise ParamsError(f"faults: no sensor {name!r}; possible: {', '.join(SENSORS)}")
+
+    def changed(self, **fields: Any) -> "Scenario":
+        """The same with other values; those that are None stay."""
+        return replace(self, **{name: value for name, value in fields.items() if value is not None})
+
+    def path(self, name: str) -> Path:
+        """A file that the scenario names, relative to the file it stands in."""
+        return Path(self.source) / name
+
+
+SENSORS = ("encoder", "imu", "force_torque")
+_CHOICES = {
+    "controller": ("torque", "servo"),
+    "torque_from": ("estimate", "sensor"),
+    "base_from": ("imu", "fixed"),
+    "angular_acceleration": ("gyro", "neglected", "zero"),
+    "configuration": ("estimate", "reference"),
+}
+
+
+def scenario_names(path: Path) -> list[str]:
+    """The scenarios of a file, in its order.
+
+    Raises:
+        ParamsError: the file cannot be read.
+    """
+    return list(read_mapping(path))
+
+
+def load_scenario(path: Path, name: str, text: str | None = None) -> Scenario:
+    """The scenario `name` of a file, with the fields in `text` (YAML) changed.
+
+    Args:
+        path: Scenario file.
+        name: Scenario.
+        text: YAML mapping of fields to change, like `{duration: 3.0, gains: {k6: 0.25}}`.
+
+    Raises:
+        ParamsError: no such file or scenario, an unknown field, or a value that is not possible.
+    """
+    document = _extended(path, read_mapping(path), name, ())
+    if text is not None:
+        try:
+            changes = yaml.safe_load(text)
+        except yaml.YAMLError as error:
+            raise ParamsError(f"scenario text: not valid YAML: {' '.join(str(error).split())}") from None
+        if not isinstance(changes, dict):
+            raise ParamsError(f"scenario text: wanted a mapping of fields; got {text!r}")
+        document = _merged(document, changes)
+    return from_mapping(Scenario, {"source": str(path.parent), **document}, f"{path}: {name}")
+
+
+def _extended(path: Path, document: dict[str, Any], name: str, seen: tuple[str, ...]) -> dict[str, Any]:
+    if name not in document:
+        raise ParamsError(f"{path}: no scenario {name!r}; scenarios here: {', '.join(document)}")
+    if name in seen:
+        raise ParamsError(f"{path}: {name}: extends itself ({' -> '.join((*seen, name))})")
+    own = dict(document[name] or {})
+    parent = own.pop("extends", None)
+    return own if parent is None else _merged(_extended(path, document, parent, (*seen, name)), own)
+
+
+def _merged(base: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
+    """`base` with `changes`, mapping by mapping."""
+    merged = dict(base)
+    for key, value in changes.items():
+        both = isinstance(value, dict) and isinstance(merged.get(key), dict)
+        merged[key] = _merged(merged[key], value) if both else value
+    return merged

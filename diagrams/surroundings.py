@@ -1,0 +1,81 @@
+"""What surrounds the robot: rigid objects to touch, and hands that push."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from drake_tc.diagrams.scenario import ObjectSpec, PushSpec
+from pydrake.common.value import Value
+from pydrake.geometry import Box
+from pydrake.math import RigidTransform, RollPitchYaw
+from pydrake.multibody.math import SpatialForce
+from pydrake.multibody.plant import CoulombFriction, ExternallyAppliedSpatialForce, MultibodyPlant
+from pydrake.systems.framework import Context, LeafSystem
+
+from drake_tc.errors import ParamsError
+
+
+def add_objects(plant: MultibodyPlant, objects: Sequence[ObjectSpec]) -> None:
+    """Fix boxes to the world; before `Finalize`, with a SceneGraph.
+
+    Raises:
+        ParamsError: a size, place or attitude that is not three numbers, or a size that is not positive.
+    """
+    for number, item in enumerate(objects):
+        for name in ("size", "xyz", "rpy"):
+            if len(getattr(item, name)) != 3:
+                raise ParamsError(f"objects[{number}].{name}: wanted three numbers; got {getattr(item, name)}")
+        if min(item.size) <= 0.0:
+            raise ParamsError(f"objects[{number}].size: wanted positive lengths [m]; got {item.size}")
+        pose = RigidTransform(RollPitchYaw(*item.rpy), list(item.xyz))
+        rough = CoulombFriction(item.friction, item.friction)
+        world = plant.world_body()
+        plant.RegisterCollisionGeometry(world, pose, Box(*item.size), f"object_{number}", rough)
+        grey: Any = np.array([0.6, 0.6, 0.62, 1.0])
+        plant.RegisterVisualGeometry(world, pose, Box(*item.size), f"object_{number}_visual", grey)
+
+
+class Pushes(LeafSystem):  # type: ignore[misc, unused-ignore]
+    """Wrenches on links over time: sum over the pushes of w sin^2(pi (t - begin)/duration) within their time.
+
+    Output: spatial_forces, a list of ExternallyAppliedSpatialForce in world axes; y(t), no state.
+    """
+
+    def __init__(self, plant: MultibodyPlant, pushes: Sequence[PushSpec]) -> None:
+        """Declare the port.
+
+        Args:
+            plant: Finalized plant, for the links' indices.
+            pushes: What pushes.
+
+        Raises:
+            ParamsError: a link that is not there, or a push that has no duration.
+        """
+        super().__init__()
+        for push in pushes:
+            if not plant.HasBodyNamed(push.link):
+                raise ParamsError(f"pushes: no link {push.link!r} in the robot")
+            if not push.duration > 0.0:
+                raise ParamsError(f"pushes: {push.link}: wanted a positive duration [s]; got {push.duration}")
+        self._pushes = tuple((plant.GetBodyByName(push.link).index(), push) for push in pushes)
+        self.DeclareAbstractOutputPort(
+            "spatial_forces",
+            lambda: Value[list[ExternallyAppliedSpatialForce]](),
+            self._push,
+            {self.time_ticket()},
+        )
+
+    def _push(self, context: Context, forces: Any) -> None:
+        time = context.get_time()
+        acting = []
+        for body, push in self._pushes:
+            share = (time - push.begin) / push.duration
+            if not 0.0 < share < 1.0:
+                continue
+            rise = np.sin(np.pi * share) ** 2
+            force = ExternallyAppliedSpatialForce()
+            force.body_index = body
+            force.p_BoBq_B = np.array(push.point)
+            force.F_Bq_W = SpatialForce(rise * np.array(push.torque), rise * np.array(push.force))
+            acting.append(force)
+        forces.set_value(acting)

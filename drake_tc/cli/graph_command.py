@@ -1,0 +1,68 @@
+"""`drake-tc graph`: the block graph of a diagram as SVG, DOT, Mermaid or JSON."""
+
+import sys
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from drake_tc.errors import ParamsError
+
+
+class GraphFormat(StrEnum):
+    """What to write."""
+
+    svg = "svg"
+    dot = "dot"
+    mermaid = "mermaid"
+    json = "json"
+
+
+def graph_command(
+    diagram: Annotated[str, typer.Argument(help="Name of a diagram; an unknown one lists those there are.")],
+    format: Annotated[GraphFormat, typer.Option(help="What to write.")] = GraphFormat.svg,
+    out: Annotated[Path | None, typer.Option(help="File to write; stdout when left out.")] = None,
+    scenario: Annotated[str | None, typer.Option(help="Scenario to build; the diagram's first when left out.")] = None,
+    scenario_file: Annotated[Path | None, typer.Option(help="File of scenarios (YAML) in place of its own.")] = None,
+    depth: Annotated[int, typer.Option(min=0, help="Levels of nested diagrams to open; 0 opens all.")] = 1,
+    everything: Annotated[bool, typer.Option("--all", help="Show logs and unconnected ports too.")] = False,
+    stage: Annotated[list[str] | None, typer.Option(help="BLOCK=STAGE puts a block elsewhere; repeat.")] = None,
+) -> None:
+    """Draw a diagram: blocks grouped by stage, ports named, signals with their width, discrete periods, feedthrough.
+
+    Logs, signals that only logs read and unconnected ports are left out of pictures without --all; JSON has them all.
+    """
+    from drake_tc.diagrams.registry import diagram_entry
+    from drake_tc.report.block_graph.graph import block_graph
+
+    entry = diagram_entry(diagram)
+    loop = entry.build(entry.scenario(scenario, scenario_file))
+    graph = block_graph(loop.diagram, _stages(stage or []), depth or None)
+    if format is GraphFormat.json:
+        text = graph.to_json()
+    elif format is GraphFormat.dot:
+        text = graph.to_dot(everything=everything)
+    elif format is GraphFormat.mermaid:
+        text = graph.to_mermaid(everything=everything)
+    else:
+        text = graph.to_svg(everything=everything)
+    if out is None:
+        sys.stdout.write(text)
+        return
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        out.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise ParamsError(f"{out}: cannot be written: {error.strerror or error}") from None
+    print(out)
+
+
+def _stages(chosen: list[str]) -> dict[str, str]:
+    stages = {}
+    for entry in chosen:
+        block, equals, stage = entry.rpartition("=")
+        if not (block and equals and stage):
+            raise ParamsError(f"graph: wanted --stage BLOCK=STAGE, got {entry!r}")
+        stages[block] = stage
+    return stages

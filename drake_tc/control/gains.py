@@ -1,0 +1,246 @@
+"""The two parametrisations of the torque controller's gains, and the exact way between them (EQUATIONS A5).
+
+    tau*  = tau_d + Kp (tau_d - tau_hat) + Ki int (tau_d - tau_hat) dt
+    tau_d = M qddot_d + h - J^T (f_d + Kf e_f) + Ks e + Kd edot
+
+With tau_hat = M qddot + h - J^T f_hat (estimate and controller share the model), e_f = f_d - f_hat and Ki = 0,
+
+    K_tau tau* = K_tau (M qddot_d + h - J^T f_d) + K6 e + K7 edot + K8 eddot + K9 e_f
+    K6 = K_tau (I + Kp) Ks             K7 = K_tau (I + Kp) Kd
+    K8 = K_tau Kp M                    K9 = -K_tau (Kp J^T (I + Kf) + J^T Kf)
+
+K6 = 1 is as stiff as the drive's own position servo. n joints, m = 6 x sensors force components.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+
+from drake_tc.errors import ParamsError
+from drake_tc.types import FloatArray
+
+ArrayLike: TypeAlias = FloatArray | Sequence[float] | float
+
+EXACT = 1e-8
+"""How far, relative to its size, a gain may miss the form that a conversion needs before it is refused."""
+
+
+def _array(name: str, value: object, shape: tuple[int, ...], lowest: float = -np.inf) -> FloatArray:
+    """A read-only copy of shape `shape`, a number spread over it."""
+    array = np.asarray(value, dtype=np.float64)
+    if array.ndim == 0 and len(shape) == 1:
+        array = np.full(shape, float(array))
+    if array.shape != shape:
+        raise ParamsError(f"{name}: wanted shape {shape}; got {array.shape}")
+    if not (np.all(np.isfinite(array)) and np.all(array >= lowest)):
+        bound = "" if np.isinf(lowest) else f" >= {lowest:g}"
+        raise ParamsError(f"{name}: wanted finite numbers{bound}; got {array.tolist()}")
+    array = array.copy()
+    array.setflags(write=False)
+    return array
+
+
+def _freeze(owner: object, name: str, shape: tuple[int, ...], lowest: float = -np.inf) -> None:
+    object.__setattr__(owner, name, _array(name, getattr(owner, name), shape, lowest))
+
+
+@dataclass(frozen=True, eq=False)
+class TorqueGains:
+    """Gains as a designer of the torque loop sets them.
+
+    Attributes:
+        kp: (n,) [-] torque feedback, >= 0.
+        ki: (n,) [1/s] integral torque feedback, >= 0.
+        ks: (n,) [N m/rad] stiffness, >= 0.
+        kd: (n,) [N m s/rad] damping, >= 0.
+        kf: (m, m) [-] force feedback; (m,) is taken as its diagonal; (0, 0) without force sensors.
+
+    Raises:
+        ParamsError: sizes that do not agree, a gain that is not finite or is negative where that cannot be.
+    """
+
+    kp: FloatArray
+    ki: FloatArray
+    ks: FloatArray
+    kd: FloatArray
+    kf: FloatArray
+
+    def __post_init__(self) -> None:
+        size = np.asarray(self.kp).shape
+        if len(size) != 1 or size[0] < 1:
+            raise ParamsError(f"kp: wanted one number a joint, shape (n,); got shape {size}")
+        for name in ("kp", "ki", "ks", "kd"):
+            _freeze(self, name, size, 0.0)
+        kf = np.asarray(self.kf, dtype=np.float64)
+        if kf.ndim == 1:
+            object.__setattr__(self, "kf", np.diag(kf) if kf.size else np.zeros((0, 0)))
+        _freeze(self, "kf", (kf.shape[0] if kf.ndim else 0,) * 2)
+
+    @property
+    def size(self) -> int:
+        """Joints n."""
+        return int(self.kp.size)
+
+
+@dataclass(frozen=True, eq=False)
+class EquivalentGains:
+    """Gains from tracking errors to effort, comparable with the servo's own.
+
+    Attributes:
+        k6: (n,) [effort/rad] on e; 1 for a position servo means as stiff as the servo.
+        k7: (n,) [effort/(rad/s)] on edot.
+        k8: (n, n) [effort/(rad/s^2)] on eddot.
+        k9: (n, m) [effort/N, effort/(N m)] on e_f.
+
+    Raises:
+        ParamsError: sizes that do not agree, or a gain that is not finite.
+    """
+
+    k6: FloatArray
+    k7: FloatArray
+    k8: FloatArray
+    k9: FloatArray
+
+    def __post_init__(self) -> None:
+        shape = np.asarray(self.k6).shape
+        if len(shape) != 1 or shape[0] < 1:
+            raise ParamsError(f"k6: wanted one number a joint, shape (n,); got shape {shape}")
+        wrenches = np.asarray(self.k9).shape
+        _freeze(self, "k6", shape)
+        _freeze(self, "k7", shape)
+        _freeze(self, "k8", (shape[0], shape[0]))
+        _freeze(self, "k9", (shape[0], wrenches[1] if len(wrenches) == 2 else 0))
+
+
+def _model(
+    n: int, m: int, k_tau: ArrayLike, mass: FloatArray, jacobian: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """(K_tau, M, J), checked."""
+    gain = _array("k_tau", k_tau, (n,))
+    if not np.all(gain > 0.0):
+        raise ParamsError(f"k_tau: wanted positive numbers [effort/(N m)]; got {gain.tolist()}")
+    return gain, _array("mass", mass, (n, n)), _array("jacobian", jacobian, (m, n))
+
+
+def to_equivalent(gains: TorqueGains, k_tau: ArrayLike, mass: FloatArray, jacobian: FloatArray) -> EquivalentGains:
+    """K6 .. K9 of the gains, at one configuration (see the module).
+
+    Args:
+        gains: Kp, Ks, Kd, Kf; Ki has no counterpart and must be carried along.
+        k_tau: (n,) drive gains [effort/(N m)].
+        mass: M (n, n) [kg m^2], link side.
+        jacobian: J (m, n), rows [linear; angular] of each contact frame.
+
+    Raises:
+        ParamsError: sizes that do not agree.
+    """
+    gain, m, j = _model(gains.size, gains.kf.shape[0], k_tau, mass, jacobian)
+    kp = gains.kp[:, None]
+    forces = kp * (j.T + j.T @ gains.kf) + j.T @ gains.kf
+    total = gain * (1.0 + gains.kp)
+    return EquivalentGains(total * gains.ks, total * gains.kd, gain[:, None] * kp * m, -gain[:, None] * forces)
+
+
+def from_equivalent(
+    equivalent: EquivalentGains, k_tau: ArrayLike, mass: FloatArray, jacobian: FloatArray, ki: ArrayLike = 0.0
+) -> TorqueGains:
+    """The gains whose equivalents are K6 .. K9: the inverse of `to_equivalent`.
+
+    Kp is the diagonal of K_tau^-1 K8 M^-1; Ks and Kd follow; Kf solves, by least squares,
+
+        J^T Kf = -(I + Kp)^-1 (K_tau^-1 K9 + Kp J^T).
+
+    Args:
+        equivalent: K6 .. K9.
+        k_tau: (n,) drive gains [effort/(N m)].
+        mass: M (n, n) [kg m^2], link side.
+        jacobian: J (m, n).
+        ki: Integral gain to carry along [1/s].
+
+    Raises:
+        ParamsError: K8 is not K_tau Kp M of any diagonal Kp >= 0; J lacks full row rank, so that Kf is not determined;
+            or K9 is not reached by any Kf.
+    """
+    n, m = equivalent.k9.shape
+    gain, inertia, j = _model(n, m, k_tau, mass, jacobian)
+    try:
+        ratio = np.linalg.solve(inertia.T, (equivalent.k8 / gain[:, None]).T).T
+    except np.linalg.LinAlgError:
+        raise ParamsError("mass: wanted an invertible mass matrix; got a singular one") from None
+    kp = np.diag(ratio).copy()
+    rest = equivalent.k8 - gain[:, None] * kp[:, None] * inertia
+    size = np.max(np.abs(equivalent.k8), initial=0.0)
+    if np.max(np.abs(rest), initial=0.0) > EXACT * size or np.any(kp < -EXACT):
+        raise ParamsError(
+            "k8: wanted K_tau Kp M with a diagonal Kp >= 0; no such Kp gives this k8"
+            f" (nearest Kp {np.round(kp, 6).tolist()}, left over {np.max(np.abs(rest), initial=0.0):.3g})"
+        )
+    kp = np.maximum(kp, 0.0)
+    total = gain * (1.0 + kp)
+    kf = _force_gain(equivalent.k9, gain, kp, j)
+    return TorqueGains(kp, _array("ki", ki, (n,), 0.0), equivalent.k6 / total, equivalent.k7 / total, kf)
+
+
+def _force_gain(k9: FloatArray, gain: FloatArray, kp: FloatArray, jacobian: FloatArray) -> FloatArray:
+    """Kf (m, m) from K9."""
+    m = jacobian.shape[0]
+    if m == 0:
+        return np.zeros((0, 0))
+    rank = int(np.linalg.matrix_rank(jacobian))
+    if rank < m:
+        raise ParamsError(
+            f"k9: wanted a Jacobian of full row rank {m} to find Kf; got rank {rank} of shape {jacobian.shape}:"
+            " give Kf itself, or another configuration"
+        )
+    wanted = -(k9 / gain[:, None] + kp[:, None] * jacobian.T) / (1.0 + kp[:, None])
+    kf = np.linalg.lstsq(jacobian.T, wanted, rcond=None)[0]
+    left = float(np.max(np.abs(jacobian.T @ kf - wanted)))
+    scale = float(np.max(np.abs(wanted), initial=0.0)) + float(np.max(np.abs(jacobian)))
+    if left > EXACT * scale:
+        raise ParamsError(
+            f"k9: wanted -K_tau (Kp J^T (I + Kf) + J^T Kf) of some Kf; the nearest Kf leaves {left:.3g} [N m/N] over"
+        )
+    return np.asarray(kf)
+
+
+def gains_for_stiffness(
+    k6: ArrayLike, k_tau: ArrayLike, kp: ArrayLike, kd: ArrayLike, kf: ArrayLike | None = None
+) -> TorqueGains:
+    """Gains of a loop that is k6 times as stiff as the servo: Ks = K6/(K_tau (1 + Kp)); Ki = 0.
+
+    Args:
+        k6: One or (n,) [-]; the paper's 1, 0.5, 0.25, 0.1.
+        k_tau: (n,) drive gains [effort/(N m)].
+        kp: One or (n,) [-]; the paper's 2.
+        kd: One or (n,) [N m s/rad]; see `damping_for_ratio`.
+        kf: (m,) diagonal or (m, m); None: no force sensors.
+
+    Raises:
+        ParamsError: sizes that do not agree, or a gain that is negative or not finite.
+    """
+    gain = np.atleast_1d(np.asarray(k_tau, dtype=np.float64))
+    n = (gain.size,)
+    kp_n = _array("kp", kp, n, 0.0)
+    if not (gain.ndim == 1 and np.all(np.isfinite(gain) & (gain > 0.0))):
+        raise ParamsError(f"k_tau: wanted positive numbers [effort/(N m)], one a joint; got {gain.tolist()}")
+    ks = _array("k6", k6, n, 0.0) / (gain * (1.0 + kp_n))
+    force = np.zeros((0, 0)) if kf is None else np.asarray(kf, dtype=np.float64)
+    return TorqueGains(kp_n, np.zeros(n), ks, _array("kd", kd, n, 0.0), force)
+
+
+def damping_for_ratio(ks: FloatArray, inertia: ArrayLike, ratio: float = 1.0) -> FloatArray:
+    """Kd = 2 zeta sqrt(Ks I) (n,) [N m s/rad]: each joint alone, were the drive a perfect source of torque.
+
+    Args:
+        ks: (n,) [N m/rad].
+        inertia: One or (n,) what the joint moves [kg m^2].
+        ratio: zeta >= 0.
+
+    Raises:
+        ParamsError: a negative or infinite number.
+    """
+    n = np.asarray(ks).shape
+    stiffness, moved = _array("ks", ks, n, 0.0), _array("inertia", inertia, n, 0.0)
+    return 2.0 * float(_array("ratio", [ratio], (1,), 0.0)[0]) * np.sqrt(stiffness * moved)

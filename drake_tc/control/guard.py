@@ -1,0 +1,100 @@
+"""`CommandGuard`: the last stage before the drives; what leaves it is finite and close to where the joints are."""
+
+from typing import Any
+
+import numpy as np
+from pydrake.common.value import Value
+from pydrake.systems.framework import Context, DiscreteValues, LeafSystem, ValueProducer
+
+from drake_tc.control.guard_law import GuardLaw, GuardMode, GuardSpec
+from drake_tc.errors import ParamsError
+
+__all__ = ["CommandGuard", "GuardMode", "GuardSpec"]
+
+
+class CommandGuard(LeafSystem):  # type: ignore[misc, unused-ignore]
+    """Bumpless start, limits, and a safe reaction to lost signals: hold, then damp.
+
+    r is where a drive is at rest: the position for a position servo, 0 for others. Every tick, with D the offset limit
+    and R the rate limit,
+
+        wish   = anchor + w (command - anchor)            start: w = 3 s^2 - 2 s^3 grows from 0 to 1, s += dt/T
+                 command                                  normal
+                 y[n-1]                                   hold
+                 y[n-1] + clip((r - y[n-1]) dt/damp_time, +/- damp_rate dt)     damp
+        y[n]   = clip(clip(wish, r - D, r + D), y[n-1] - R dt, y[n-1] + R dt)
+
+    so that |y[n] - y[n-1]| <= R dt always, and |y[n] - r| <= D as long as the joint itself is not faster than R. The
+    first tick has no y[n-1]: it starts at r.
+
+    Inputs are sound when all of them are finite and `fault` is 0. At the first tick that is not, hold; `hold_time`
+    later, damp; once sound for `recover_time`, start again from y (anchor = y, T = blend_time). A joint whose position
+    is lost takes the last finite one; in damping it holds on. Before the first finite position of a servo, y is 0 and
+    the mode is hold.
+
+    Inputs:
+        command (n): q_d [rad], i [A] or V [V].
+        position (n): q as the encoders read it now [rad].
+        fault (1): 0 while upstream is sound.
+    Outputs, with direct feedthrough of every input:
+        command (n): y[n], finite whatever comes in.
+        mode (1): a GuardMode.
+    State: y[n-1] (n), last finite position (n), anchor (n), mode, time in hold and damp, time sound, s, 1/T (0: no tick
+    yet).
+    """
+
+    def __init__(
+        self, size: int, dt: float, spec: GuardSpec | None = None, servo: tuple[bool, ...] | None = None
+    ) -> None:
+        """Declare ports and state.
+
+        Args:
+            size: Joints n.
+            dt: Period [s].
+            spec: Limits and times; None: the defaults.
+            servo: (n,) whether a joint's drive is a position servo; None: all are.
+
+        Raises:
+            ParamsError: sizes that do not agree, or a period that is not possible.
+        """
+        super().__init__()
+        spec = GuardSpec() if spec is None else spec
+        if size < 1:
+            raise ParamsError(f"CommandGuard: wanted at least one joint; got {size}")
+        if not (np.isfinite(dt) and dt > 0.0):
+            raise ParamsError(f"dt: wanted a positive period [s]; got {dt!r}")
+        self._law = GuardLaw(size, float(dt), spec, servo)
+        self._size = size
+        self._command: Any = self.DeclareVectorInputPort("command", size)
+        self._position: Any = self.DeclareVectorInputPort("position", size)
+        self._fault: Any = self.DeclareVectorInputPort("fault", 1)
+        start: Any = self._law.initial()
+        self._memory: Any = self.DeclareDiscreteState(start)
+        tickets = {port.ticket() for port in (self._command, self._position, self._fault)}
+        tickets.add(self.discrete_state_ticket(self._memory))
+        self._next: Any = self.DeclareCacheEntry(
+            "next", ValueProducer(allocate=Value(()).Clone, calc=self._solve), tickets
+        )
+        solved = {self._next.ticket()}
+        self.DeclareVectorOutputPort("command", size, self._write_command, solved)
+        self.DeclareVectorOutputPort("mode", 1, self._write_mode, solved)
+        self.DeclarePeriodicDiscreteUpdateEvent(float(dt), 0.0, self._update)
+
+    def _solve(self, context: Any, following: Any) -> None:
+        following.set_value(
+            self._law.step(
+                context.get_discrete_state(self._memory).value(),
+                self._command.Eval(context),
+                self._position.Eval(context),
+                self._fault.Eval(context)[0],
+            )
+        )
+
+    def _write_command(self, context: Context, vector: Any) -> None:
+        vector.SetFromVector(self._next.Eval(context)[: self._size])
+
+    def _write_mode(self, context: Context, vector: Any) -> None:
+        vector.SetFromVector(self._next.Eval(context)[3 * self._size : 3 * self._size + 1])
+
+    def _update(self, context: Context, values: DiscreteValues) -> None:
+        values.get_mutable_vector(self._memory).SetFromVector(self._next.Eval(context))

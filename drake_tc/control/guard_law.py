@@ -1,0 +1,148 @@
+"""The law of the CommandGuard: bumpless start, limits, hold, damp; one tick as a plain function of state and inputs."""
+
+from dataclasses import dataclass, fields
+from enum import IntEnum
+
+import numpy as np
+
+from drake_tc.errors import ParamsError
+from drake_tc.types import BoolArray, FloatArray
+
+LARGEST = 1e6
+"""Commands and positions that sum to more than this [rad | A | V] count as not finite."""
+
+
+class GuardMode(IntEnum):
+    """What the guard is doing."""
+
+    START = 0
+    NORMAL = 1
+    HOLD = 2
+    DAMP = 3
+
+
+@dataclass(frozen=True)
+class GuardSpec:
+    """Limits and times of the guard.
+
+    Attributes:
+        offset_limit: |q_d - q| of a position servo, |y| of other drives; one number or one a joint, > 0 [rad | A | V].
+        rate_limit: Of the command, likewise, > 0 [1/s]. At least what the joint itself can do, or the command cannot
+            follow a joint that is pushed.
+        start_time: From the position at the first tick to the incoming command [s].
+        hold_time: How long the last safe command is held after a fault [s].
+        damp_time: Time constant with which the command then goes to the position (to 0 for other drives), > 0 [s].
+            The drive feels like a damper of Kd = damp_time/K_tau.
+        damp_rate: And its largest rate, > 0 [1/s].
+        recover_time: How long inputs must be sound before they count again [s].
+        blend_time: From the held to the incoming command, then [s].
+
+    Raises:
+        ParamsError: a number that is not possible.
+    """
+
+    offset_limit: float | tuple[float, ...] = 0.2
+    rate_limit: float | tuple[float, ...] = 20.0
+    start_time: float = 0.5
+    hold_time: float = 0.1
+    damp_time: float = 0.1
+    damp_rate: float = 0.5
+    recover_time: float = 0.02
+    blend_time: float = 0.1
+
+    def __post_init__(self) -> None:
+        for part in fields(self):
+            value = np.asarray(getattr(self, part.name), dtype=np.float64)
+            strict = not part.name.endswith("_time") or part.name == "damp_time"
+            if not np.all(np.isfinite(value) & ((value > 0.0) if strict else (value >= 0.0))):
+                bound = "> 0" if strict else ">= 0"
+                raise ParamsError(f"guard.{part.name}: wanted finite numbers {bound}; got {getattr(self, part.name)!r}")
+
+
+class GuardLaw:
+    """x[n+1] = step(x[n], command, position, fault): see `drake_tc.control.guard.CommandGuard`. Holds no changing data.
+
+    x = [y (n), last finite position (n), anchor (n), mode, time in hold and damp, time sound, s, 1/T], 1/T = 0 before
+    the first tick.
+    """
+
+    def __init__(self, size: int, dt: float, spec: GuardSpec, servo: tuple[bool, ...] | None = None) -> None:
+        """Spread the limits over the joints.
+
+        Raises:
+            ParamsError: sizes that do not agree.
+        """
+        flags = (True,) * size if servo is None else tuple(servo)
+        if len(flags) != size:
+            raise ParamsError(f"servo: wanted {size} flags, one a joint; got {len(flags)}")
+        self._size, self._dt, self._spec = size, dt, spec
+        self._servo = np.array(flags, dtype=np.float64)
+        self._all_servo = all(flags)
+        self._offset = self._spread("offset_limit", spec.offset_limit)
+        self._step = dt * self._spread("rate_limit", spec.rate_limit)
+
+    def _spread(self, name: str, value: float | tuple[float, ...]) -> FloatArray:
+        array = np.asarray(value, dtype=np.float64)
+        if array.shape not in ((), (self._size,)):
+            raise ParamsError(f"guard.{name}: wanted one number or {self._size}; got {array.size}")
+        return np.full(self._size, array)
+
+    def initial(self) -> FloatArray:
+        """State before the first tick."""
+        return np.append(np.zeros(3 * self._size), [float(GuardMode.HOLD), 0.0, 0.0, 0.0, 0.0])
+
+    def step(self, state: FloatArray, command: FloatArray, position: FloatArray, fault: float) -> FloatArray:
+        """One tick: the next state; its first n numbers are the outgoing command."""
+        n = self._size
+        after = state.copy()
+        last, anchor = state[:n], state[2 * n : 3 * n]
+        mode, waited, sound_for, s, rate = state[3 * n :].tolist()
+        size = sum(map(abs, command.tolist())) + sum(map(abs, position.tolist()))  # as floats: no warning, NaN stays
+        sound = size <= LARGEST and -0.5 < fault < 0.5
+        known = None if sound else np.abs(position) <= LARGEST
+        here = position if known is None else np.where(known, position, state[n : 2 * n])
+        after[n : 2 * n] = here
+        rest = here if self._all_servo else here * self._servo
+        if rate == 0.0:
+            if known is not None and not np.all(known | (self._servo == 0.0)):
+                return after
+            last = anchor = rest
+            mode, rate = GuardMode.START, 1.0 / max(self._spec.start_time, self._dt)
+        if not sound or mode >= GuardMode.HOLD:
+            mode, waited, sound_for = self._wait(mode, waited, sound_for, sound=sound)
+            if mode == GuardMode.START:
+                anchor, s, rate = last, 0.0, 1.0 / max(self._spec.blend_time, self._dt)
+        wish = command
+        if mode == GuardMode.START:
+            s += self._dt * rate
+            if s < 1.0 - 1e-9:
+                wish = anchor + s * s * (3.0 - 2.0 * s) * (command - anchor)
+            else:
+                mode = GuardMode.NORMAL
+        elif mode == GuardMode.HOLD:
+            wish = last
+        elif mode == GuardMode.DAMP:
+            wish = last + self._damping(rest - last, known)
+        wish = np.minimum(np.maximum(wish, rest - self._offset), rest + self._offset)
+        after[:n] = np.minimum(np.maximum(wish, last - self._step), last + self._step)
+        after[2 * n : 3 * n] = anchor
+        after[3 * n :] = mode, waited, sound_for, s, rate
+        return after
+
+    def _wait(self, mode: float, waited: float, sound_for: float, *, sound: bool) -> tuple[float, float, float]:
+        """(mode, time in hold and damp, time sound) of a tick that is not sound, or follows one too closely."""
+        half = 0.5 * self._dt
+        if mode < GuardMode.HOLD:
+            waited = 0.0
+        sound_for = sound_for + self._dt if sound else 0.0
+        if sound and sound_for >= self._spec.recover_time - half:
+            return GuardMode.START, 0.0, 0.0
+        waited += self._dt
+        return (GuardMode.DAMP if waited > self._spec.hold_time + half else GuardMode.HOLD), waited, sound_for
+
+    def _damping(self, away: FloatArray, known: BoolArray | None) -> FloatArray:
+        """Step towards rest; none where the position is lost."""
+        spec = self._spec
+        largest = spec.damp_rate * self._dt
+        move = np.clip(away * (self._dt / max(spec.damp_time, self._dt)), -largest, largest)
+        return np.asarray(move if known is None else np.where(known, move, 0.0))

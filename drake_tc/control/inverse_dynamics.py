@@ -1,0 +1,170 @@
+"""`InverseDynamics`: the torque that a reference motion and contact force ask of the joints (EQUATIONS A5)."""
+
+from typing import Any, Literal, get_args
+
+import numpy as np
+from pydrake.common.value import Value
+from pydrake.systems.framework import BasicVector, Context, LeafSystem, NumericParameterIndex, ValueProducer
+
+from drake_tc.control.dynamics_terms import DynamicsTerms
+from drake_tc.control.gains import TorqueGains
+from drake_tc.errors import ParamsError
+from drake_tc.robot.robot import Robot
+from drake_tc.types import FloatArray
+
+Source = Literal["estimate", "reference"]
+PositionSource = Literal["estimate", "encoder"]
+
+LARGEST = 1e12
+"""Inputs that sum to more than this count as not finite."""
+
+TERMS = ("feedforward", "position", "velocity", "force", "acceleration_error", "force_error")
+"""Names of the rows of `torque_terms`."""
+
+
+class _Scratch:
+    """A plant context, one for each Context of the system."""
+
+    def __init__(self, model: DynamicsTerms) -> None:
+        self.model = model
+        self.context = model.create_context()
+
+    def __deepcopy__(self, memo: object) -> "_Scratch":
+        return _Scratch(self.model)
+
+
+class InverseDynamics(LeafSystem):  # type: ignore[misc, unused-ignore]
+    """tau_d = M qddot_d + h - J^T (f_d + Kf e_f) + Ks e + Kd edot, for a robot with a welded base.
+
+    e = q_d - q, edot = qdot_d - qdot, e_f = f_d - f_hat; M, h (gravity included) and J at the estimated, hence as a
+    rule delayed, or at the reference configuration; M is of the links alone, rotors belong to the drives.
+
+    Inputs:
+        joint_estimate (3n): [q; qdot; qddot] as filtered [rad, rad/s, rad/s^2].
+        reference (3n): [q_d; qdot_d; qddot_d].
+        force_reference (6k): f_d, the wrench [f; t] wanted on each contact body at its contact frame, axes of the base.
+        contact_wrench (6k): f_hat, the same as measured.
+        position (n): q as the encoders read it now [rad]; only with `position_error="encoder"`.
+    Outputs, with direct feedthrough of every input, no state:
+        desired_torque (n): tau_d [N m].
+        torque_terms (6n): rows of n [N m], named in TERMS:
+            M qddot_d + h - J^T f_d; Ks e; Kd edot; -J^T Kf e_f; M (qddot_d - qddot); -J^T e_f.
+            The first four sum to tau_d; the last two are what feedback on an estimated torque acts on.
+    Parameters: Ks, Kd, Kf (`set_gains`).
+
+    An input that is not finite gives NaN outputs for the tick, which the CommandGuard behind stops.
+
+    Source: EQUATIONS A5. The paper has e from the delayed estimate; `position_error="encoder"` takes away that delay.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        gains: TorqueGains,
+        *,
+        configuration: Source = "estimate",
+        position_error: PositionSource = "estimate",
+    ) -> None:
+        """Declare ports and build the model.
+
+        Args:
+            robot: With a welded base.
+            gains: Ks, Kd, Kf to start from; Kf (6k, 6k), or (0, 0) for none.
+            configuration: Where M, h and J are taken.
+            position_error: Where q in e comes from.
+
+        Raises:
+            ParamsError: a floating base, gains of another size, or an unknown key.
+        """
+        super().__init__()
+        _one_of("configuration", configuration, get_args(Source))
+        _one_of("position_error", position_error, get_args(PositionSource))
+        self._model = model = DynamicsTerms(robot)
+        n, m = model.size, model.wrenches
+        self._size, self._wrenches = n, m
+        self._at_reference = configuration == "reference"
+        start: Any = self._flat(gains)
+        self._gains = NumericParameterIndex(self.DeclareNumericParameter(BasicVector(start)))
+        self._estimate: Any = self.DeclareVectorInputPort("joint_estimate", 3 * n)
+        self._reference: Any = self.DeclareVectorInputPort("reference", 3 * n)
+        self._force_reference: Any = self.DeclareVectorInputPort("force_reference", m)
+        self._contact: Any = self.DeclareVectorInputPort("contact_wrench", m)
+        self._position: Any = self.DeclareVectorInputPort("position", n) if position_error == "encoder" else None
+        ports = [self._estimate, self._reference, self._force_reference, self._contact]
+        tickets = {port.ticket() for port in [*ports, *([self._position] if self._position else [])]}
+        tickets.add(self.numeric_parameter_ticket(self._gains))
+        self._scratch: Any = self.DeclareCacheEntry(
+            "scratch",
+            ValueProducer(allocate=lambda: Value(_Scratch(model)), calc=lambda context, value: None),
+            {self.nothing_ticket()},
+        )
+        self._solution: Any = self.DeclareCacheEntry(
+            "solution", ValueProducer(allocate=Value(()).Clone, calc=self._solve), tickets
+        )
+        solved = {self._solution.ticket()}
+        self.DeclareVectorOutputPort("desired_torque", n, self._write_desired, solved)
+        self.DeclareVectorOutputPort("torque_terms", 6 * n, self._write_terms, solved)
+
+    @property
+    def size(self) -> int:
+        """Joints n."""
+        return self._size
+
+    def set_gains(self, context: Context, gains: TorqueGains) -> None:
+        """Other Ks, Kd, Kf in this system's context (Kp, Ki are the TorqueControl's).
+
+        Raises:
+            ParamsError: gains of another size.
+        """
+        values: Any = self._flat(gains)
+        context.get_mutable_numeric_parameter(int(self._gains)).SetFromVector(values)
+
+    def _flat(self, gains: TorqueGains) -> FloatArray:
+        """[Ks; Kd; Kf]."""
+        n, m = self._size, self._wrenches
+        if gains.size != n:
+            raise ParamsError(f"gains: wanted {n} joints; got {gains.size}")
+        kf = gains.kf if gains.kf.size else np.zeros((m, m))
+        if kf.shape != (m, m):
+            raise ParamsError(f"gains.kf: wanted shape {(m, m)}, six a force/torque sensor; got {kf.shape}")
+        return np.concatenate([gains.ks, gains.kd, kf.ravel()])
+
+    def _solve(self, context: Any, solution: Any) -> None:
+        """(tau_d, terms) into the cache entry."""
+        n, m = self._size, self._wrenches
+        estimate, reference = self._estimate.Eval(context), self._reference.Eval(context)
+        wanted, felt = self._force_reference.Eval(context), self._contact.Eval(context)
+        error = reference - estimate  # [e; edot; eddot]
+        if self._position is not None:
+            error[:n] = reference[:n] - self._position.Eval(context)
+        inputs = np.concatenate((estimate, error, wanted, felt)).tolist()
+        if not sum(map(abs, inputs)) <= LARGEST:
+            solution.set_value((np.full(n, np.nan), np.full(6 * n, np.nan)))
+            return
+        gains = context.get_numeric_parameter(self._gains).value()
+        place = reference if self._at_reference else estimate
+        mass, bias, jacobian = self._model.at(self._scratch.Eval(context).context, place[:n], place[n : 2 * n])
+        terms = np.zeros(6 * n)
+        inertial = np.array((reference[2 * n :], error[2 * n :])).dot(mass)  # M is symmetric
+        forward = inertial[0] + bias
+        terms[n : 3 * n] = gains[: 2 * n] * error[: 2 * n]
+        terms[4 * n : 5 * n] = inertial[1]
+        if m:
+            unmet = wanted - felt
+            forces = np.array((wanted, gains[2 * n :].reshape(m, m).dot(unmet), unmet)).dot(jacobian)
+            forward -= forces[0]
+            terms[3 * n : 4 * n] -= forces[1]
+            terms[5 * n :] -= forces[2]
+        terms[:n] = forward
+        solution.set_value((forward + terms[n : 2 * n] + terms[2 * n : 3 * n] + terms[3 * n : 4 * n], terms))
+
+    def _write_desired(self, context: Any, vector: Any) -> None:
+        vector.SetFromVector(self._solution.Eval(context)[0])
+
+    def _write_terms(self, context: Any, vector: Any) -> None:
+        vector.SetFromVector(self._solution.Eval(context)[1])
+
+
+def _one_of(key: str, value: str, possible: tuple[str, ...]) -> None:
+    if value not in possible:
+        raise ParamsError(f"{key}: wanted one of {', '.join(possible)}; got {value!r}")

@@ -1,0 +1,291 @@
+"""`TorqueControl`: wanted link torques to the commands of position, current or voltage drives (EQUATIONS A5)."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Literal, get_args
+
+import numpy as np
+from pydrake.common.value import Value
+from pydrake.systems.framework import (
+    BasicVector,
+    Context,
+    DiscreteValues,
+    LeafSystem,
+    NumericParameterIndex,
+    ValueProducer,
+)
+
+from drake_tc.actuation.compensator import Compensator
+from drake_tc.actuation.model import ActuatorModel
+from drake_tc.control.gains import TorqueGains
+from drake_tc.errors import ParamsError
+from drake_tc.types import FloatArray
+
+Source = Literal["estimate", "reference"]
+AccelerationSource = Literal["none", "estimate", "reference"]
+
+LARGEST = 1e12
+"""Inputs that sum to more than this count as not finite."""
+
+COMPONENTS = (
+    "feedforward_torque",
+    "feedforward_friction",
+    "feedback_position",
+    "feedback_velocity",
+    "feedback_acceleration",
+    "feedback_force",
+)
+"""Names of the rows of `components` (paper A, Fig. 6)."""
+
+
+@dataclass(frozen=True)
+class CompensationSpec:
+    """Which motion the actuators' effects are compensated for.
+
+    Estimates are delayed, and compensating friction with them feeds back; references are neither.
+
+    Attributes:
+        velocity: Of viscous friction and its like; the paper has the estimate.
+        direction: Of dry friction and of drives that switch, tanh(v/direction_speed).
+        acceleration: Of rotor inertia; `none` leaves it to the feedback.
+        direction_speed: v_s [rad/s], > 0: dry friction is compensated to 76 % at v_s.
+        smoothing: Of the inverse of dead zones and play, one number or one a joint [effort] (`Compensator`).
+
+    Raises:
+        ParamsError: an unknown key or a number that is not possible.
+    """
+
+    velocity: Source = "estimate"
+    direction: Source = "reference"
+    acceleration: AccelerationSource = "reference"
+    direction_speed: float = 0.01
+    smoothing: float | tuple[float, ...] = 0.0
+
+    def __post_init__(self) -> None:
+        for key, possible in (
+            ("velocity", get_args(Source)),
+            ("direction", get_args(Source)),
+            ("acceleration", get_args(AccelerationSource)),
+        ):
+            if getattr(self, key) not in possible:
+                raise ParamsError(
+                    f"compensation.{key}: wanted one of {', '.join(possible)}; got {getattr(self, key)!r}"
+                )
+        if not (math.isfinite(self.direction_speed) and self.direction_speed > 0.0):
+            raise ParamsError(
+                f"compensation.direction_speed: wanted a positive speed [rad/s]; got {self.direction_speed!r}"
+            )
+
+    @property
+    def wants_reference(self) -> bool:
+        """Whether the `reference` port is needed."""
+        return "reference" in (self.velocity, self.direction, self.acceleration)
+
+
+class TorqueControl(LeafSystem):  # type: ignore[misc, unused-ignore]
+    """Feedforward through the actuator models and proportional-integral feedback of the estimated torque.
+
+        u     = tau_d + Kp (tau_d - tau_hat) + Ki s[n]
+        tau*  = clip(u, -tau_max, tau_max)
+        s[n+1] = s[n] + dt (tau_d - tau_hat), held where u is out of its limit and the sum would push it further, where
+                 the inputs are not finite, and within |Ki s| <= tau_max (anti-windup by clamping)
+        y     = effort(tau*, motion) by the models' effects (`Compensator`)
+        command = q + y for position servos, y for other drives
+
+    Inputs:
+        desired_torque (n): tau_d [N m].
+        torque_terms (6n): of InverseDynamics [N m]; they divide the command into components, and nothing else.
+        estimated_torque (n): tau_hat [N m].
+        joint_estimate (3n): [q; qdot; qddot].
+        position (n): q as the encoders read it now [rad].
+        reference (3n): [q_d; qdot_d; qddot_d]; only where the compensation takes its motion from there.
+    Outputs, with direct feedthrough of every input:
+        command (n) [rad | A | V].
+        components (6n): rows of n, named in COMPONENTS, in effort. With K the drive gains and tau_ff the first row of
+            `torque_terms`:  K tau_ff;  y - K tau*;  K6 e;  K7 edot;  the rest of the torque feedback, which is K8 eddot
+            when estimate and inverse dynamics share one model;  K9 e_f.
+        integral (n): K Ki s, the seventh; the seven sum to y. Where tau* is clipped, all but the friction are scaled
+            by tau*/u.
+        commanded_torque (n): tau* [N m].
+    State s (n) [N m s]. Parameters: Kp, Ki (`set_gains`).
+
+    An input that is not finite gives NaN outputs for the tick, which the CommandGuard behind stops; s is held.
+
+    Source: EQUATIONS A5, A6; paper A (10)-(14), where friction is viscous alone.
+    """
+
+    def __init__(
+        self,
+        models: Sequence[ActuatorModel],
+        gains: TorqueGains,
+        torque_limit: FloatArray,
+        dt: float = 1e-3,
+        compensation: CompensationSpec | None = None,
+    ) -> None:
+        """Declare ports and compile the models.
+
+        Args:
+            models: One a joint.
+            gains: Kp and Ki to start from; with Ki = 0 throughout there is no update and Ki stays 0.
+            torque_limit: (n,) tau_max > 0 [N m], infinite for none.
+            dt: Period of the integral [s].
+            compensation: Which motion the models are fed with; None: the defaults.
+
+        Raises:
+            ParamsError: sizes that do not agree, or a limit or period that is not possible.
+        """
+        super().__init__()
+        spec = CompensationSpec() if compensation is None else compensation
+        n = len(models)
+        smoothing = np.asarray(spec.smoothing, dtype=np.float64)
+        self._compensator = Compensator(models, spec.direction_speed, smoothing if smoothing.ndim else float(smoothing))
+        limit = np.asarray(torque_limit, dtype=np.float64)
+        if limit.shape != (n,) or not np.all(limit > 0.0):
+            raise ParamsError(f"torque_limit: wanted {n} positive numbers [N m]; got {limit.tolist()}")
+        if not (math.isfinite(dt) and dt > 0.0):
+            raise ParamsError(f"dt: wanted a positive period [s]; got {dt!r}")
+        self._size, self._spec, self._dt = n, spec, float(dt)
+        self._limit, self._lowest, self._nil = limit, -limit, np.zeros(n)
+        self._per_speed = 1.0 / spec.direction_speed
+        self._k_tau = self._compensator.k_tau
+        self._servo = np.array([float(model.drive.kind == "position_servo") for model in models])
+        self._integrates = bool(np.any(gains.ki > 0.0))
+        start: Any = self._flat(gains)
+        self._gains = NumericParameterIndex(self.DeclareNumericParameter(BasicVector(start)))
+        self._declare()
+
+    def _declare(self) -> None:
+        n = self._size
+        self._desired: Any = self.DeclareVectorInputPort("desired_torque", n)
+        self._terms: Any = self.DeclareVectorInputPort("torque_terms", 6 * n)
+        self._estimated: Any = self.DeclareVectorInputPort("estimated_torque", n)
+        self._estimate: Any = self.DeclareVectorInputPort("joint_estimate", 3 * n)
+        self._position: Any = self.DeclareVectorInputPort("position", n)
+        self._reference: Any = self.DeclareVectorInputPort("reference", 3 * n) if self._spec.wants_reference else None
+        self._sum: Any = self.DeclareDiscreteState(n)
+        tickets = {self.numeric_parameter_ticket(self._gains), self.discrete_state_ticket(self._sum)}
+        tickets |= {port.ticket() for port in (self._desired, self._estimated, self._estimate, self._position)}
+        if self._reference is not None:
+            tickets.add(self._reference.ticket())
+        self._solution: Any = self.DeclareCacheEntry(
+            "solution", ValueProducer(allocate=Value(()).Clone, calc=self._solve), tickets
+        )
+        solved = {self._solution.ticket()}
+        divided = {*solved, self._desired.ticket(), self._terms.ticket(), self._estimated.ticket()}
+        self.DeclareVectorOutputPort("command", n, self._write_command, {*solved, self._position.ticket()})
+        self.DeclareVectorOutputPort(
+            "components", 6 * n, self._write_components, {*divided, self.numeric_parameter_ticket(self._gains)}
+        )
+        self.DeclareVectorOutputPort("commanded_torque", n, self._write_commanded, solved)
+        self.DeclareVectorOutputPort("integral", n, self._write_integral, solved)
+        if self._integrates:
+            self.DeclarePeriodicDiscreteUpdateEvent(self._dt, 0.0, self._update)
+
+    @property
+    def size(self) -> int:
+        """Joints n."""
+        return self._size
+
+    @property
+    def k_tau(self) -> FloatArray:
+        """(n,) drive gains [effort/(N m)]."""
+        return self._k_tau.copy()
+
+    def set_gains(self, context: Context, gains: TorqueGains) -> None:
+        """Other Kp, Ki in this system's context (Ks, Kd, Kf are the InverseDynamics').
+
+        Raises:
+            ParamsError: gains of another size, or an integral where the system was built without.
+        """
+        if not self._integrates and np.any(gains.ki > 0.0):
+            raise ParamsError(
+                "gains.ki: wanted 0, as when this TorqueControl was built; build it with ki > 0 to tune it"
+            )
+        values: Any = self._flat(gains)
+        context.get_mutable_numeric_parameter(int(self._gains)).SetFromVector(values)
+
+    def _flat(self, gains: TorqueGains) -> FloatArray:
+        """[Kp; Ki]."""
+        if gains.size != self._size:
+            raise ParamsError(f"gains: wanted {self._size} joints; got {gains.size}")
+        return np.concatenate([gains.kp, gains.ki])
+
+    def _solve(self, context: Any, solution: Any) -> None:
+        """(u, tau*, y, Ki s) into the cache entry."""
+        n = self._size
+        desired, estimated, position = (p.Eval(context) for p in (self._desired, self._estimated, self._position))
+        velocity, turning, acceleration = self._motion(context)
+        used = (desired, estimated, position, velocity, turning, acceleration)
+        if not sum([sum(map(abs, values.tolist())) for values in used]) <= LARGEST:
+            lost = np.full(n, np.nan)
+            solution.set_value((lost, lost, lost, lost))
+            return
+        gains = context.get_numeric_parameter(self._gains).value()
+        asked = desired + gains[:n] * (desired - estimated)
+        integral = None
+        if self._integrates:
+            integral = gains[n:] * context.get_discrete_state(self._sum).value()
+            asked += integral
+        torque = np.minimum(np.maximum(asked, self._lowest), self._limit)
+        direction = np.tanh(turning * self._per_speed)
+        effort = self._compensator.effort(torque, velocity, direction, position, acceleration)
+        solution.set_value((asked, torque, effort, integral))
+
+    def _motion(self, context: Any) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """(velocity, velocity that gives the direction, acceleration) to compensate for, (n,) each."""
+        n, spec = self._size, self._spec
+        estimate = self._estimate.Eval(context)
+        reference = estimate if self._reference is None else self._reference.Eval(context)
+        velocity = (reference if spec.velocity == "reference" else estimate)[n : 2 * n]
+        turning = (reference if spec.direction == "reference" else estimate)[n : 2 * n]
+        if spec.acceleration == "none":
+            return velocity, turning, self._nil
+        return velocity, turning, (reference if spec.acceleration == "reference" else estimate)[2 * n :]
+
+    def _write_command(self, context: Any, vector: Any) -> None:
+        vector.SetFromVector(self._servo * self._position.Eval(context) + self._solution.Eval(context)[2])
+
+    def _write_commanded(self, context: Any, vector: Any) -> None:
+        vector.SetFromVector(self._solution.Eval(context)[1])
+
+    def _write_integral(self, context: Any, vector: Any) -> None:
+        asked, torque, _, integral = self._solution.Eval(context)
+        vector.SetFromVector(np.zeros(self._size) if integral is None else self._share(asked, torque) * integral)
+
+    def _share(self, asked: FloatArray, torque: FloatArray) -> FloatArray:
+        """K tau*/u (n,): in effort, what the limit leaves of each part."""
+        clipped = torque != asked
+        if not clipped.any():
+            return self._k_tau
+        return self._k_tau * np.divide(torque, asked, out=np.ones_like(asked), where=clipped)
+
+    def _write_components(self, context: Any, vector: Any) -> None:
+        n = self._size
+        asked, torque, effort, integral = self._solution.Eval(context)
+        terms = self._terms.Eval(context).reshape(6, n)
+        kp = context.get_numeric_parameter(self._gains).value()[:n]
+        parts = np.empty((6, n))
+        parts[0] = terms[0]
+        parts[2:4] = (1.0 + kp) * terms[1:3]
+        parts[5] = (1.0 + kp) * terms[3] + kp * terms[5]
+        parts[4] = asked - parts[0] - parts[2] - parts[3] - parts[5]
+        if integral is not None:
+            parts[4] -= integral
+        parts *= self._share(asked, torque)
+        parts[1] = effort - self._k_tau * torque
+        vector.SetFromVector(parts.ravel())
+
+    def _update(self, context: Any, values: DiscreteValues) -> None:
+        """s[n+1]."""
+        n = self._size
+        gains = context.get_numeric_parameter(self._gains).value()
+        asked, torque, _, _ = self._solution.Eval(context)
+        if not np.isfinite(asked[0]):
+            return
+        error = self._desired.Eval(context) - self._estimated.Eval(context)
+        moves = ~((asked != torque) & (asked * error > 0.0)) & (gains[n:] > 0.0)
+        before = context.get_discrete_state(self._sum).value()
+        after = before + self._dt * np.where(moves, error, 0.0)
+        bound = np.divide(self._limit, gains[n:], out=np.full(n, np.inf), where=gains[n:] > 0.0)
+        values.get_mutable_vector(self._sum).SetFromVector(np.minimum(np.maximum(after, -bound), bound))

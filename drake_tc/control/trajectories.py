@@ -1,0 +1,131 @@
+"""Reference motions as Drake trajectories, for `TrajectorySource(trajectory, 2)`: [q_d; qdot_d; qddot_d]."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from pydrake.polynomial import Polynomial
+from pydrake.trajectories import PiecewisePolynomial
+from scipy.interpolate import make_interp_spline
+
+from drake_tc.errors import ParamsError
+from drake_tc.types import FloatArray
+
+SAMPLES_PER_PERIOD = 64
+"""Knots a period of a sinusoid: the quintic spline through them misses it by less than 1e-7 of its amplitude."""
+
+
+def _checked(times: FloatArray | Sequence[float], values: object, fewest: int) -> tuple[FloatArray, FloatArray]:
+    t, x = np.asarray(times, dtype=np.float64), np.asarray(values, dtype=np.float64)
+    if t.ndim != 1 or t.size < fewest or not np.all(np.isfinite(t)) or not np.all(np.diff(t) > 0.0):
+        raise ParamsError(f"times: wanted at least {fewest} finite, increasing times [s]; got {t.tolist()}")
+    if x.ndim != 2 or x.shape[0] != t.size or x.shape[1] < 1:
+        raise ParamsError(f"values: wanted shape ({t.size}, n), a row a time; got {x.shape}")
+    if not np.all(np.isfinite(x)):
+        row = int(np.argmin(np.isfinite(x).all(axis=1)))
+        raise ParamsError(f"values: wanted finite numbers; row {row} has {x[row].tolist()}")
+    return t, x
+
+
+def _spline(t: FloatArray, x: FloatArray, starts: FloatArray, ends: FloatArray) -> PiecewisePolynomial:
+    """Quintic spline (C^4) through x (m, n), with the derivatives `starts`, `ends` (2, n) at its ends."""
+    given = ([(1, starts[0]), (2, starts[1])], [(1, ends[0]), (2, ends[1])])
+    spline = make_interp_spline(t, x, k=5, bc_type=given)
+    rising = np.array([spline(t[:-1], nu=order) / math.factorial(order) for order in range(6)])  # (6, m - 1, n)
+    pieces = [np.array([[Polynomial(c)] for c in rising[:, piece].T]) for piece in range(t.size - 1)]
+    return PiecewisePolynomial(pieces, t.tolist())
+
+
+def knot_trajectory(
+    times: FloatArray | Sequence[float], values: FloatArray | Sequence[Sequence[float]]
+) -> PiecewisePolynomial:
+    """Smooth motion through knots: a quintic spline, C^4, at rest (velocity and acceleration 0) at both ends.
+
+    Two knots give the minimum-jerk motion. Before the first and after the last time it stays there. A spline through
+    knots that repeat a value swings around it in between.
+
+    Args:
+        times: (m,) [s], increasing, m >= 2.
+        values: (m, n) [rad].
+
+    Raises:
+        ParamsError: times that do not increase, shapes that do not agree, or a value that is not finite.
+    """
+    t, x = _checked(times, values, 2)
+    nil = np.zeros((2, x.shape[1]))
+    return _spline(t, x, nil, nil)
+
+
+@dataclass(frozen=True)
+class Sinusoid:
+    """x(t) = centre + (a0 + a t) sin(2 pi f t): grows from an amplitude a0 (EQUATIONS A4).
+
+    Attributes:
+        centre: (n,) [rad].
+        amplitude: (n,) a0 [rad].
+        growth: (n,) a [rad/s].
+        frequency_hz: f > 0 [Hz], of all joints.
+        duration: > 0 [s].
+
+    Raises:
+        ParamsError: lengths that do not agree, or a number that is not possible.
+    """
+
+    centre: tuple[float, ...]
+    amplitude: tuple[float, ...]
+    growth: tuple[float, ...]
+    frequency_hz: float
+    duration: float
+
+    def __post_init__(self) -> None:
+        sizes = {name: len(getattr(self, name)) for name in ("centre", "amplitude", "growth")}
+        if len(set(sizes.values())) > 1 or not self.centre:
+            raise ParamsError(f"sinusoid: wanted centre, amplitude and growth of one length, one a joint; got {sizes}")
+        for name in ("frequency_hz", "duration"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value > 0.0):
+                raise ParamsError(f"sinusoid.{name}: wanted a positive number; got {value!r}")
+        if not np.all(np.isfinite([*self.centre, *self.amplitude, *self.growth])):
+            raise ParamsError("sinusoid: wanted finite centre, amplitude and growth; got one that is not")
+
+    def at(self, time: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """(x, xdot, xddot), each (T, n), at times (T,) [s]."""
+        t = np.asarray(time, dtype=np.float64)[:, None]
+        w = 2.0 * math.pi * self.frequency_hz
+        growth = np.asarray(self.growth)
+        size = np.asarray(self.amplitude) + growth * t
+        sine, cosine = np.sin(w * t), np.cos(w * t)
+        return (
+            np.asarray(self.centre) + size * sine,
+            growth * sine + size * w * cosine,
+            2.0 * growth * w * cosine - size * w * w * sine,
+        )
+
+
+def sinusoid_trajectory(sinusoid: Sinusoid) -> PiecewisePolynomial:
+    """The sinusoid as a quintic spline (C^4) that has its velocity and acceleration at both ends.
+
+    It starts and ends in motion: the CommandGuard blends in.
+
+    Args:
+        sinusoid: What to follow.
+    """
+    count = max(2, math.ceil(sinusoid.duration * sinusoid.frequency_hz * SAMPLES_PER_PERIOD) + 1)
+    t = np.linspace(0.0, sinusoid.duration, max(count, 8))
+    x, v, a = sinusoid.at(t)
+    return _spline(t, x, np.array([v[0], a[0]]), np.array([v[-1], a[-1]]))
+
+
+def constant_trajectory(values: FloatArray | Sequence[float]) -> PiecewisePolynomial:
+    """A posture (n,) [rad], for ever.
+
+    Raises:
+        ParamsError: no value, or one that is not finite.
+    """
+    x = np.asarray(values, dtype=np.float64)
+    if x.ndim != 1 or x.size < 1 or not np.all(np.isfinite(x)):
+        raise ParamsError(f"values: wanted n finite numbers; got {x.tolist()}")
+    column: Any = x[:, None]
+    return PiecewisePolynomial(column)

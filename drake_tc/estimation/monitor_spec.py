@@ -1,0 +1,86 @@
+"""When a reading counts as a fault: the thresholds of `FaultMonitor` and why they are what they are."""
+
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+
+from drake_tc.errors import ParamsError
+from drake_tc.sensing.suite import SensorSuiteSpec
+
+_NOISE_OF = {
+    "encoder": "encoder_frozen",
+    "gyro": "imu_frozen",
+    "accel": "imu_frozen",
+    "force": "wrench_frozen",
+    "torque": "wrench_frozen",
+}
+
+
+@dataclass(frozen=True)
+class MonitorSpec:
+    """Thresholds; all positive, infinity switches a check off. SI units.
+
+    Attributes:
+        encoder_frozen: Time of identical readings [s]. A live encoder of quantisation q and noise about q repeats a
+            reading with a probability near 0.3: 20 times in a row once in 1e10 ticks. Infinite for an encoder without
+            noise, which stands still when the joint does.
+        encoder_stuck: Time of identical readings while the reference moves faster than `moving` [s]: also holds for
+            encoders without noise, but a joint may hang in its friction, hence longer.
+        moving: Reference speed at which a joint must be seen to move [rad/s].
+        imu_frozen, wrench_frozen: As `encoder_frozen` [s]; their noise is many times their resolution.
+        encoder_jump: Added to twice what the joint's velocity limit allows in one tick [rad]; above its noise.
+        gyro_jump: Largest possible step in one tick [rad/s]: 1000 rad/s^2 at 1 kHz.
+        accel_jump: The same [m/s^2]; a hard impact of the foot reaches the torso with some 10 m/s^2 in 1 ms.
+        force_jump, moment_jump: The same of an F/T sensor [N, N m]; a touch-down rises over several ms, so about a
+            fifth of a humanoid's weight in one tick is no load.
+        still_gyro: Filtered rate of an IMU that is welded to a welded base [rad/s]: ten times a humanoid IMU's noise.
+        still_accel: Filtered difference between its accelerometer and gravity [m/s^2]: ten times noise and bias.
+        unexpected_force, unexpected_moment: Filtered wrench where there should be none: an unknown wrench, or the
+            contact wrench of a sensor that is said to be free [N, N m]. Above the error that F/T bias and model leave.
+        torque: Filtered difference between estimated torque and the actuator model's, as a fraction of the joint's
+            effort limit (of 100 N m where there is none) [-].
+        time_constant: Of those filters [s]: an error of three times its threshold is flagged after 0.4 of it.
+        hold: Time for which a flag stays up after its cause was last seen [s].
+    """
+
+    encoder_frozen: float = 0.02
+    encoder_stuck: float = 0.04
+    moving: float = 0.05
+    imu_frozen: float = 0.01
+    wrench_frozen: float = 0.01
+    encoder_jump: float = 1e-3
+    gyro_jump: float = 1.0
+    accel_jump: float = 30.0
+    force_jump: float = 100.0
+    moment_jump: float = 20.0
+    still_gyro: float = 0.05
+    still_accel: float = 0.5
+    unexpected_force: float = 10.0
+    unexpected_moment: float = 2.0
+    torque: float = 0.25
+    time_constant: float = 0.01
+    hold: float = 0.1
+
+    def without_noise(self, suite: SensorSuiteSpec) -> "MonitorSpec":
+        """The same for sensors of which some have no noise: their readings may stand still, so they are never frozen.
+
+        Args:
+            suite: What the sensors do.
+        """
+        noisy = {name: np.all(np.asarray(getattr(suite, name).noise) > 0.0) for name in _NOISE_OF}
+        quiet = {frozen: np.inf for name, frozen in _NOISE_OF.items() if not noisy[name]}
+        return replace(self, **quiet)
+
+    def __post_init__(self) -> None:
+        """Check the values.
+
+        Raises:
+            ParamsError: A threshold that is not positive, an infinite time constant or hold time.
+        """
+        for item in fields(self):
+            value = getattr(self, item.name)
+            if not (isinstance(value, int | float) and value > 0.0):
+                raise ParamsError(f"MonitorSpec: {item.name}: wanted a positive number; got {value!r}")
+        for name in ("time_constant", "hold"):
+            if not np.isfinite(getattr(self, name)):
+                raise ParamsError(f"MonitorSpec: {name}: wanted a finite time [s]; got {getattr(self, name)!r}")

@@ -1,0 +1,125 @@
+"""Joint torques from a recorded log: Algorithm 1 without the delay of the filters (EQUATIONS A1, A2, A4)."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from drake_tc.errors import LogError
+from drake_tc.estimation.torque_model import TorqueModel
+from drake_tc.filtering.savitzky_golay import smooth
+from drake_tc.types import FloatArray
+
+
+@dataclass(frozen=True)
+class OffLineFilter:
+    """Savitzky–Golay windows around each sample: `window` samples; orders for encoders, and for IMU and F/T."""
+
+    window: int = 81
+    encoder_order: int = 2
+    inertial_order: int = 1
+
+
+@dataclass(frozen=True)
+class TorqueLog:
+    """What the estimator makes of a log, every signal at its own time.
+
+    Attributes:
+        torque: (T, n) link side [N m].
+        unknown_wrench: (T, 6) [N, N m].
+        contact_wrench: (T, 6k) [N, N m].
+    """
+
+    torque: FloatArray
+    unknown_wrench: FloatArray
+    contact_wrench: FloatArray
+
+
+@dataclass(frozen=True)
+class SensorLog:
+    """Raw readings of one run on a uniform clock.
+
+    Attributes:
+        position: (T, n) encoders [rad].
+        imu: (T, 6) of the IMU; None for a model with a fixed base.
+        wrench: (T, 6k) of the F/T sensors [N, N m].
+        dt: Sampling period [s].
+    """
+
+    position: FloatArray
+    imu: FloatArray | None
+    wrench: FloatArray
+    dt: float
+
+
+Row = tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]
+
+
+def estimate_log(
+    model: TorqueModel, log: SensorLog, filters: OffLineFilter | None = None, bias: FloatArray | None = None
+) -> TorqueLog:
+    """Torques and wrenches at every sample; half a window at each end is one-sided, as `smooth` has it.
+
+    Args:
+        model: The kernel, for one robot.
+        log: Readings.
+        filters: Windows; None: 81 samples.
+        bias: (6k,) of the F/T sensors, to be taken off [N, N m]; None: nil (see `wrench_bias`).
+
+    Raises:
+        LogError: a reading that is not finite, or sizes that do not fit the robot.
+
+    Source: EQUATIONS A4: identification uses every signal at t - t_d, so that the filters' delay cancels.
+    """
+    context = model.create_context()
+    rows = _smoothed(model, log, filters, bias)
+    torque, unknown, contact = zip(*(model.estimate(context, *row) for row in rows), strict=True)
+    return TorqueLog(np.array(torque), np.array(unknown), np.array(contact))
+
+
+def wrench_bias(
+    model: TorqueModel, log: SensorLog, untouched: slice, filters: OffLineFilter | None = None
+) -> FloatArray:
+    """(6k,) what the F/T sensors show of a robot that nothing touches beyond what its motion needs, on average.
+
+    Args:
+        model: The kernel.
+        log: Readings.
+        untouched: Samples during which nothing touches the robot beyond the sensors.
+        filters: Windows; None: 81 samples.
+
+    Raises:
+        LogError: no sample is named, a reading that is not finite, or sizes that do not fit the robot.
+    """
+    rows = list(_smoothed(model, log, filters, None))[untouched]
+    if not rows:
+        raise LogError(f"wrench bias: wanted samples within 0 to {len(log.position)}; got {untouched}")
+    context = model.create_context()
+    return np.asarray(np.mean([model.reading_error(context, *row) for row in rows], axis=0))
+
+
+def _smoothed(
+    model: TorqueModel, log: SensorLog, filters: OffLineFilter | None, bias: FloatArray | None
+) -> Iterator[Row]:
+    """The arguments of `TorqueModel.estimate`, sample by sample."""
+    spec = OffLineFilter() if filters is None else filters
+    samples = log.position.shape[0]
+    inertial = np.zeros((samples, 6)) if log.imu is None else log.imu
+    for name, values, width in (
+        ("position", log.position, model.size),
+        ("imu", inertial, 6),
+        ("wrench", log.wrench, 6 * model.num_sensors),
+    ):
+        if values.shape != (samples, width):
+            raise LogError(f"{name}: wanted shape {(samples, width)} for {model.robot.name}; got {values.shape}")
+        if not np.isfinite(values).all():
+            row = int(np.argmin(np.isfinite(values).all(axis=1)))
+            raise LogError(f"{name}: wanted finite readings; sample {row} is not")
+    joint = smooth(log.position, spec.window, spec.encoder_order, log.dt)
+    base = smooth(inertial, spec.window, spec.inertial_order, log.dt)
+    felt = smooth(log.wrench, spec.window, spec.inertial_order, log.dt).value
+    if bias is not None:
+        felt = felt - bias
+    rate = base.first_derivative[:, :3]
+    motion = (joint.value, joint.first_derivative, joint.second_derivative)
+    return zip(*motion, base.value, rate, felt, strict=True)

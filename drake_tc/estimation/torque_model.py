@@ -1,0 +1,268 @@
+"""Joint torques without joint-torque sensors: Algorithm 1 of paper A (EQUATIONS A2), for fixed and floating bases.
+
+With every sensor's joint free (see `drake_tc.estimation.plant`) and the base moving as its IMU says:
+
+    g     = M vdot + h                       generalized forces that the motion needs, by one inverse dynamics
+    for each sensor i, those farther out first:
+        P_i   = g at the sensor's joint       the wrench that the part beyond needs
+        E_i   = P_i + W_i                     of which what the sensor does not give comes from outside, at C_i
+        g    <- g - J_Ci^T E_i
+    f_u   = J_u,b^-T g_b                     what still moves the base: the unknown wrench, at link u
+    tau   = g_j - J_u,j^T f_u                what is left at the joints
+
+Source: Del Prete, Mansard, Ramos, Stasse, Nori, "Implementing Torque Control with High-Ratio Gear Boxes and Without
+Joint-Torque Sensors", Algorithm 1. Ours computes by generalized forces what the paper passes from link to link;
+the two are the same balance, and a sensor inside a limb needs no case of its own.
+"""
+
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+from pydrake.multibody.tree import JacobianWrtVariable, MultibodyForces
+
+from drake_tc.errors import ParamsError
+from drake_tc.estimation.base_motion import BaseMotion
+from drake_tc.estimation.plant import CUT_SUFFIX, IMU_SUFFIX, build_plant, skew
+from drake_tc.robot.robot import Robot
+from drake_tc.types import FloatArray
+
+BaseSource = Literal["imu", "fixed"]
+AngularAcceleration = Literal["gyro", "neglected", "zero"]
+GRAVITY = 9.81
+"""[m/s^2]; Drake's own."""
+
+
+class Estimate(NamedTuple):
+    """What the estimation gives at one instant.
+
+    Attributes:
+        torque: (n,) tau_hat on the link side [N m].
+        unknown_wrench: (6,) f_u = [f; t] on the chosen link at its origin, base axes [N, N m].
+        contact_wrench: (6k,) E = [f; t] on each contact body at its contact frame, base axes [N, N m].
+    """
+
+    torque: FloatArray
+    unknown_wrench: FloatArray
+    contact_wrench: FloatArray
+
+
+class TorqueModel:
+    """The kernel: `estimate` maps what the sensors say at one instant to torques and wrenches.
+
+    It holds constants only; positions and velocities live in the plant's Context that the caller passes.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        unknown: str | None = None,
+        *,
+        base: BaseSource = "imu",
+        imu: str | None = None,
+        angular_acceleration: AngularAcceleration = "gyro",
+    ) -> None:
+        """Build the estimation plant.
+
+        Args:
+            robot: The robot; its sensors and their frames.
+            unknown: Link that takes the unknown wrench; None: the base.
+            base: "imu": the base moves as the IMU says; "fixed": it is welded in the robot's `base_pose`, no IMU.
+            imu: Name of the IMU; None: the robot's first.
+            angular_acceleration: Of the IMU's link: "gyro": the gyro's derivative; "neglected": 0 (paper A's option);
+                "zero": the base has none (welded), and the link's follows from the joints between them.
+
+        Raises:
+            ParamsError: A link that is not there or beyond a sensor, an unknown IMU, a robot without one, a
+                "fixed" base of a robot that floats.
+        """
+        self.robot = robot
+        self.model = build_plant(robot)
+        self._plant: Any = self.model.plant
+        self._forces = MultibodyForces(self._plant)
+        self._world = self._plant.world_frame()
+        self._origin: Any = np.zeros(3)
+        self._num_positions: int = self._plant.num_positions()
+        self._positions = self.model.position_index
+        self._velocities = self.model.velocity_index
+        self._in_state = self._num_positions + self._velocities
+        self._differentiate = angular_acceleration
+        self._motion = self._base_motion(base, imu)
+        up = robot.base_pose.transform.rotation().matrix()[2]
+        self._still = np.concatenate([np.zeros(3), GRAVITY * up])
+        self._no_rate = np.zeros(3)
+        self._unknown, self._shift = self._unknown_frame(unknown)
+
+    @property
+    def size(self) -> int:
+        """Actuated joints n."""
+        return len(self.robot.joints)
+
+    @property
+    def num_sensors(self) -> int:
+        """F/T sensors k."""
+        return len(self.model.cuts)
+
+    def create_context(self) -> Any:
+        """A Context of the estimation plant: the scratch memory of `estimate`."""
+        return self._plant.CreateDefaultContext()
+
+    def estimate(
+        self,
+        context: Any,
+        q: FloatArray,
+        v: FloatArray,
+        vdot: FloatArray,
+        imu: FloatArray,
+        gyro_dot: FloatArray,
+        wrenches: FloatArray,
+    ) -> Estimate:
+        """Torques and wrenches at one instant.
+
+        Args:
+            context: From `create_context`; its content before does not matter.
+            q: (n,) joint positions [rad or m].
+            v: (n,) joint velocities [1/s].
+            vdot: (n,) joint accelerations [1/s^2].
+            imu: (6,) [gyro; accel] in the IMU's frame [rad/s, m/s^2]; not looked at with a "fixed" base.
+            gyro_dot: (3,) derivative of the gyro [rad/s^2]; used with angular_acceleration "gyro" only.
+            wrenches: (6k,) readings W = [f; t] of the F/T sensors, in their frames [N, N m].
+        """
+        needed = self.motion_forces(context, q, v, vdot, imu, gyro_dot)
+        contacts = self._contacts(context, needed, wrenches)
+        wrench = self._take_unknown(context, needed)
+        return Estimate(needed[self._velocities], wrench, contacts)
+
+    def motion_forces(
+        self, context: Any, q: FloatArray, v: FloatArray, vdot: FloatArray, imu: FloatArray, gyro_dot: FloatArray
+    ) -> FloatArray:
+        """M vdot + h over all velocities of the estimation plant (nv,); arguments as `estimate`."""
+        state = self.model.state.copy()
+        state[self._positions] = q
+        state[self._in_state] = v
+        acceleration = np.zeros(self._plant.num_velocities())
+        acceleration[self._velocities] = vdot
+        if self._motion is None:
+            self._plant.SetPositionsAndVelocities(context, state)
+            acceleration[:6] = self._still
+        else:
+            rate = gyro_dot if self._differentiate == "gyro" else self._no_rate
+            acceleration[:6] = self._motion.solve(
+                context, state, vdot, imu, None if self._differentiate == "zero" else rate
+            )
+        forces: FloatArray = self._plant.CalcInverseDynamics(context, acceleration, self._forces)
+        return forces
+
+    def reading_error(
+        self,
+        context: Any,
+        q: FloatArray,
+        v: FloatArray,
+        vdot: FloatArray,
+        imu: FloatArray,
+        gyro_dot: FloatArray,
+        wrenches: FloatArray,
+    ) -> FloatArray:
+        """(6k,) W less what the sensors of a robot that nothing touches would read, sensor frames [N, N m].
+
+        Arguments as `estimate`. Of a sensor with another one beyond it, both readings count as expected from the motion.
+        """
+        needed = self.motion_forces(context, q, v, vdot, imu, gyro_dot)
+        error = np.empty(wrenches.size)
+        for index, cut in enumerate(self.model.cuts):
+            at = 6 * index
+            expected = np.linalg.solve(cut.reading_to_contact, cut.shift @ needed[cut.rows])
+            error[at : at + 6] = wrenches[at : at + 6] + expected
+        return error
+
+    def motion_inertia(self, context: Any) -> FloatArray:
+        """d(M vdot + h)/d qddot (nv, n) for what the sensors see, at the last `motion_forces`.
+
+        The joint columns of M, and those of the base's acceleration so far as the IMU's reading leaves it to qddot.
+        """
+        mass = self._plant.CalcMassMatrix(context)
+        inertia = np.asarray(mass[:, self._velocities])
+        if self._motion is not None:
+            coupling = self._motion.coupling(context, rotates=self._differentiate != "zero")
+            if coupling is not None:
+                inertia += mass[:, :6] @ coupling
+        return inertia
+
+    def contact_forces(self, context: Any, contact_wrench: FloatArray) -> FloatArray:
+        """J_C^T E (nv,) of external wrenches at the contact frames, base axes (6k,), at the last `motion_forces`."""
+        forces = np.zeros(self._plant.num_velocities())
+        for index, cut in enumerate(self.model.cuts):
+            jacobian = self._plant.CalcJacobianSpatialVelocity(
+                context, JacobianWrtVariable.kV, cut.contact, self._origin, self._world, self._world
+            )
+            force, moment = np.split(contact_wrench[6 * index : 6 * index + 6], 2)
+            forces += np.concatenate((moment, force)) @ jacobian
+        return forces
+
+    def _contacts(self, context: Any, needed: FloatArray, wrenches: FloatArray) -> FloatArray:
+        """External wrenches (6k,) at the contact frames; takes their J^T E out of `needed`."""
+        plant, world = self._plant, self._world
+        contacts = np.empty(wrenches.size)
+        for index in self.model.inward:
+            cut = self.model.cuts[index]
+            at = 6 * index
+            wrench = cut.shift @ needed[cut.rows] + cut.reading_to_contact @ wrenches[at : at + 6]
+            if cut.rigid:
+                rotation = cut.child.CalcRotationMatrixInWorld(context).matrix()
+                wrench = (wrench.reshape(2, 3) @ rotation.T).ravel()
+            else:
+                X_WM = cut.child.CalcPoseInWorld(context)
+                wrench = (wrench.reshape(2, 3) @ X_WM.rotation().matrix().T).ravel()
+                lever = cut.contact.CalcPoseInWorld(context).translation() - X_WM.translation()
+                wrench[:3] -= skew(lever) @ wrench[3:]
+            jacobian = plant.CalcJacobianSpatialVelocity(
+                context, JacobianWrtVariable.kV, cut.contact, self._origin, world, world
+            )
+            needed -= wrench @ jacobian
+            contacts[at : at + 3] = wrench[3:]
+            contacts[at + 3 : at + 6] = wrench[:3]
+        return contacts
+
+    def _take_unknown(self, context: Any, needed: FloatArray) -> FloatArray:
+        """f_u (6,) = [f; t] at the unknown link's origin; takes its J^T f_u out of `needed`."""
+        moment, force = needed[:3], needed[3:6]
+        if self._unknown is None:
+            return np.concatenate((force, moment - self._shift @ force))
+        jacobian = self._plant.CalcJacobianSpatialVelocity(
+            context, JacobianWrtVariable.kV, self._unknown, self._origin, self._world, self._world
+        )
+        moment = moment + jacobian[3:, :3].T @ -force
+        wrench = np.concatenate((force, moment))
+        needed -= np.concatenate((moment, force)) @ jacobian
+        return wrench
+
+    def _base_motion(self, base: BaseSource, imu: str | None) -> BaseMotion | None:
+        """The IMU's transform, or None for a welded base."""
+        names = [mount.name for mount in self.robot.imu]
+        if base == "fixed":
+            if not self.robot.fixed_base:
+                raise ParamsError(f"{self.robot.name}: base 'fixed' wants a welded base; the robot's floats: use 'imu'")
+            return None
+        if not names:
+            raise ParamsError(f"{self.robot.name}: wanted an IMU; the robot has none (base 'fixed' needs none)")
+        name = names[0] if imu is None else imu
+        if name not in names:
+            raise ParamsError(f"{self.robot.name}: no IMU {name!r}; there are {names}")
+        return BaseMotion(self.model, self._plant.GetFrameByName(name + IMU_SUFFIX))
+
+    def _unknown_frame(self, unknown: str | None) -> tuple[Any, FloatArray]:
+        """(frame, 0) of a link that moves against the base, or (None, [p_BU]x) of one welded to it."""
+        name = self.robot.base if unknown is None else unknown
+        if not self._plant.HasBodyNamed(name):
+            raise ParamsError(f"{self.robot.name}: unknown wrench: no link {name!r} in the URDF")
+        frame = self._plant.GetFrameByName(name)
+        for mount, cut in zip(self.robot.force_torque, self.model.cuts, strict=True):
+            joint = self._plant.GetJointByName(mount.joint + CUT_SUFFIX)
+            if frame.body().index() in self._plant.GetBodiesKinematicallyAffectedBy([joint.index()]):
+                raise ParamsError(
+                    f"{self.robot.name}: unknown wrench: {name!r} is beyond the F/T sensor {cut.name!r}, where the"
+                    " external wrench is the contact wrench; wanted a link between the base and the sensors"
+                )
+        if not self.model.welded_to_base(frame):
+            return frame, np.zeros((3, 3))
+        context = self._plant.CreateDefaultContext()
+        return None, skew(frame.CalcPose(context, self.model.base).translation())

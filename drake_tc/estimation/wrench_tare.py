@@ -1,0 +1,80 @@
+"""`WrenchTare`: zero the force/torque sensors while nothing touches the robot."""
+
+from typing import Any
+
+import numpy as np
+from pydrake.common.value import Value
+from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem, ValueProducer
+
+from drake_tc.errors import ParamsError
+from drake_tc.estimation.torque_model import TorqueModel
+from drake_tc.types import FloatArray
+
+
+class WrenchTare(LeafSystem):  # type: ignore[misc, unused-ignore]
+    """Readings less their bias, which is what they show of a robot that nothing touches beyond what its motion needs.
+
+    Inputs:
+        joint_estimate (3n): [q; qdot; qddot] [rad, rad/s, rad/s^2].
+        imu_estimate (12): [gyro; accel; d gyro/dt; d accel/dt]; not needed with a "fixed" base.
+        wrench (6k): filtered F/T readings, sensor frames [N, N m].
+    Output:
+        wrench (6k): y[n] = u[n] - b[n]; feedthrough of `wrench` alone.
+    State: b (6k), m. Every `period` within [begin, end]:
+        b[n+1] = b[n] + (u[n] - w[n] - b[n])/(m[n] + 1),   m[n+1] = m[n] + 1
+    with w the reading that the model expects of a robot that nothing touches; a sample that is not finite is left out.
+    """
+
+    def __init__(self, model: TorqueModel, begin: float, end: float, period: float = 0.01) -> None:
+        """Declare ports, state and the periodic update.
+
+        Args:
+            model: The estimator's kernel.
+            begin: First time at which the bias is measured [s]; after the filters have filled.
+            end: Last time [s].
+            period: Between two measurements [s].
+
+        Raises:
+            ParamsError: times that do not increase, a period that is not positive, or a robot without F/T sensors.
+        """
+        super().__init__()
+        if not 0.0 <= begin < end < np.inf or not period > 0.0:
+            raise ParamsError(f"tare: wanted 0 <= begin < end and a positive period [s]; got {begin}, {end}, {period}")
+        if not model.num_sensors:
+            raise ParamsError(f"tare: {model.robot.name} has no force/torque sensor")
+        self._model, self._begin, self._end = model, begin, end
+        self._size = 6 * model.num_sensors
+        self._joint: Any = self.DeclareVectorInputPort("joint_estimate", 3 * model.size)
+        self._imu: Any = self.DeclareVectorInputPort("imu_estimate", 12)
+        self._wrench: Any = self.DeclareVectorInputPort("wrench", self._size)
+        self._state: Any = self.DeclareDiscreteState(self._size + 1)
+        self._scratch: Any = self.DeclareCacheEntry(
+            "scratch",
+            ValueProducer(allocate=lambda: Value(model.create_context()), calc=lambda context, value: None),
+            {self.nothing_ticket()},
+        )
+        tickets = {self._wrench.ticket(), self.discrete_state_ticket(self._state)}
+        self.DeclareVectorOutputPort("wrench", self._size, self._write, tickets, )
+        self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
+
+    def _write(self, context: Any, vector: BasicVector) -> None:
+        vector.set_value(self._wrench.Eval(context) - context.get_discrete_state(self._state).value()[: self._size])
+
+    def _update(self, context: Context, values: DiscreteValues) -> None:
+        if not self._begin <= context.get_time() <= self._end:
+            return
+        n = self._model.size
+        joint: FloatArray = self._joint.Eval(context)
+        imu: FloatArray = self._imu.Eval(context) if self._imu.HasValue(context) else np.zeros(12)
+        wrench: FloatArray = self._wrench.Eval(context)
+        if not np.isfinite(joint.sum() + imu.sum() + wrench.sum()):
+            return
+        scratch = self._scratch.Eval(context)
+        error = self._model.reading_error(
+            scratch, joint[:n], joint[n : 2 * n], joint[2 * n :], imu[:6], imu[6:9], wrench
+        )
+        state: Any = values
+        old = context.get_discrete_state(self._state).value()
+        count = old[-1] + 1.0
+        bias = old[:-1] + (error - old[:-1]) / count
+        state.set_value(self._state, np.append(bias, count))

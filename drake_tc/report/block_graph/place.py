@@ -1,0 +1,123 @@
+"""Sizes of blocks and their heights in a row, so that signals between neighbours run straight where they can."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+from drake_tc.report.block_graph.columns import Row
+from drake_tc.report.block_graph.text import shortened, text_width
+from drake_tc.report.block_graph.view import Net, Pin, Shape, View
+
+TITLE, NOTE, PIN = 11.0, 9.0, 9.5
+"""Font sizes [px]."""
+PITCH = 17.0
+"""From pin to pin [px]."""
+EDGE = 9.0
+"""From a block's edge to its text [px]."""
+BETWEEN = 14.0
+"""From the left pins' names to the right pins' [px]."""
+LONGEST = 190.0
+"""Longer names lose their middle [px]."""
+STACK = 20.0
+"""From block to block in a column [px]."""
+SWEEPS = 8
+
+
+@dataclass(frozen=True)
+class Box:
+    """A block's text and size [px], and its pins from top to bottom with their heights in the block by index."""
+
+    shape: Shape
+    title: str
+    notes: tuple[str, ...]
+    left: tuple[Pin, ...]
+    right: tuple[Pin, ...]
+    width: float
+    height: float
+    heights: Mapping[tuple[str, int], float]
+
+
+def measure(shape: Shape, inputs: Sequence[Pin], outputs: Sequence[Pin], flow: int) -> Box:
+    """The box of a shape, its pins in the order given; where signals run to the left, inputs are on the right."""
+    title = shortened(shape.title, TITLE, LONGEST, bold=True)
+    notes = tuple(shortened(note, NOTE, LONGEST) for note in shape.notes)
+    inputs, outputs = ([_short(pin) for pin in pins] for pins in (inputs, outputs))
+    head = 12.0 + TITLE + (NOTE + 3.0) * len(notes)
+    rows = max(len(inputs), len(outputs)) if any(p.name for p in (*inputs, *outputs)) else 0
+    height = head + rows * PITCH + 5.0
+    heights = {}
+    for side, pins in (("i", inputs), ("o", outputs)):
+        spare = (rows - len(pins)) * PITCH // 2.0
+        for k, pin in enumerate(pins):
+            heights[side, pin.index] = head + spare + (k + 0.5) * PITCH if rows else height // 2.0 + 0.5
+    names = [max((text_width(p.name, PIN) for p in pins), default=0.0) for pins in (inputs, outputs)]
+    heading = [text_width(title, TITLE, bold=True), *(text_width(note, NOTE) for note in notes)]
+    width = 2.0 * EDGE + max(sum(names) + BETWEEN, max(heading) + 4.0, 64.0)
+    sides = (inputs, outputs) if flow > 0 else (outputs, inputs)
+    return Box(shape, title, notes, tuple(sides[0]), tuple(sides[1]), width, height, heights)
+
+
+def _short(pin: Pin) -> Pin:
+    return replace(pin, name=shortened(pin.name, PIN, LONGEST * 0.75))
+
+
+def heights_in_row(row: Row, boxes: Mapping[int, Box], picture: View) -> dict[int, float]:
+    """Top of each block [px] below the row's; neighbours' pins level where that is possible, order kept."""
+    tops: dict[int, float] = {}
+    for column in row.columns:
+        below = 0.0
+        for key in column:
+            tops[key] = below
+            below += boxes[key].height + STACK
+    stacked = dict(tops)
+    wishes = _neighbours(row, boxes, picture.nets)
+    for sweep in range(SWEEPS):
+        for column in row.columns[::1] if (sweep % 2 == 0) == (row.flow > 0) else row.columns[::-1]:
+            wanted = []
+            for key in column:
+                levels = sorted(tops[other] + shift for other, shift in wishes.get(key, ()))
+                wanted.append((levels[(len(levels) - 1) // 2], 1.0) if levels else (stacked[key], 0.01))
+            tops.update(zip(column, _stacked(wanted, [boxes[key].height for key in column]), strict=True))
+    for column in row.columns:
+        _close_up(column, tops, boxes, wishes)
+    highest = min(tops.values())
+    return {key: top - highest for key, top in tops.items()}
+
+
+def _close_up(
+    column: Sequence[int], tops: dict[int, float], boxes: Mapping[int, Box], wishes: Mapping[int, object]
+) -> None:
+    """Move blocks that no signal from a neighbour holds in place next to those that one holds."""
+    for above, key in pairwise(column):
+        if key not in wishes:
+            tops[key] = tops[above] + boxes[above].height + STACK
+    for below, key in pairwise(column[::-1]):
+        if key not in wishes:
+            tops[key] = max(tops[key], tops[below] - boxes[key].height - STACK)
+
+
+def _neighbours(row: Row, boxes: Mapping[int, Box], nets: Sequence[Net]) -> dict[int, list[tuple[int, float]]]:
+    """Of each block the neighbours in the next columns, and how far below theirs its top is with level pins."""
+    at = {key: i for i, column in enumerate(row.columns) for key in column}
+    near: dict[int, list[tuple[int, float]]] = {}
+    for net in nets:
+        source, output = net.source
+        for target, entry in net.targets:
+            if source in at and target in at and at[target] - at[source] == row.flow:
+                shift = boxes[source].heights["o", output] - boxes[target].heights["i", entry]
+                near.setdefault(target, []).append((source, shift))
+                near.setdefault(source, []).append((target, -shift))
+    return near
+
+
+def _stacked(wanted: Sequence[tuple[float, float]], sizes: Sequence[float]) -> list[float]:
+    """Tops nearest to the wanted (top, weight) in least squares that keep order and distance: pooled violators."""
+    offsets = [sum(sizes[:i]) + STACK * i for i in range(len(sizes))]
+    pools: list[list[float]] = []
+    for (top, weight), offset in zip(wanted, offsets, strict=True):
+        pools.append([(top - offset) * weight, weight, 1.0])
+        while len(pools) > 1 and pools[-2][0] / pools[-2][1] >= pools[-1][0] / pools[-1][1]:
+            last = pools.pop()
+            pools[-1] = [a + b for a, b in zip(pools[-1], last, strict=True)]
+    levels = [pool[0] / pool[1] for pool in pools for _ in range(int(pool[2]))]
+    return [float(round(level + offset)) for level, offset in zip(levels, offsets, strict=True)]

@@ -1,0 +1,179 @@
+"""Draws a laid-out block graph as SVG: plain classes and colours, so that browsers and vector editors agree."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from html import escape
+from importlib.resources import files
+from itertools import pairwise
+
+from drake_tc.report.block_graph.frame import LABEL
+from drake_tc.report.block_graph.layout import Drawing, Placed, Wire, layout
+from drake_tc.report.block_graph.place import EDGE, NOTE, PIN, TITLE
+from drake_tc.report.block_graph.text import text_width
+from drake_tc.report.block_graph.view import View
+
+MARGIN = 18.0
+HEADING, STAGE, LEGEND = 15.0, 9.5, 9.0
+"""Font sizes [px]."""
+TOP = 30.0
+"""Height of the heading [px]."""
+ROUND = 4.0
+"""Radius of a signal's corners [px]."""
+ARROW = 6.0
+KEY = (
+    "number on a signal: its width;  T, T[]: abstract value, list of them",
+    "● output follows an input at the same instant   ○ output follows the state only",
+)
+
+
+def svg(picture: View) -> str:
+    """The SVG document of a picture."""
+    drawing = layout(picture)
+    wide = max(drawing.width, text_width(picture.title, HEADING, bold=True), max(text_width(k, LEGEND) for k in KEY))
+    width, height = wide + 2.0 * MARGIN, drawing.height + TOP + 34.0 + 2.0 * MARGIN
+    style = (files("drake_tc.report.block_graph") / "block_graph.css").read_text(encoding="utf-8")
+    lines = [
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="{_n(width)}" height="{_n(height)}" '
+        f'viewBox="0 0 {_n(width)} {_n(height)}" role="img" class="bg" '
+        f'aria-label="Block graph of {_e(drawing.title)}">',
+        f"<style>\n{style.strip()}\n</style>",
+        '<rect class="paper" width="100%" height="100%"/>',
+        f'<g transform="translate({_n(MARGIN)} {_n(MARGIN)})">',
+        _text(0.0, HEADING, drawing.title, "heading", HEADING, bold=True),
+        f'<g transform="translate(0 {_n(TOP)})">',
+        *_regions(drawing),
+        *(line for wire in drawing.wires for line in _wire(wire, drawing.blocks)),
+        *(line for block in drawing.blocks for line in _block(block)),
+        "</g>",
+        *(_text(0.0, TOP + drawing.height + 20.0 + 14.0 * i, key, "note", LEGEND) for i, key in enumerate(KEY)),
+        "</g>",
+        "</svg>",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _regions(drawing: Drawing) -> Iterator[str]:
+    for region in drawing.regions:
+        box = f'x="{_n(region.x)}" y="{_n(region.y)}" width="{_n(region.width)}" height="{_n(region.height)}"'
+        yield f'<rect class="region {region.stage}" {box} rx="6"/>'
+        yield _text(region.x + 10.0, region.y + 15.0, region.stage.upper(), f"stage {region.stage}", STAGE, bold=True)
+
+
+def _wire(wire: Wire, blocks: Sequence[Placed]) -> Iterator[str]:
+    stage = next(b.box.shape.stage for b in blocks if b.box.shape.key == wire.net.source[0])
+    look = f"{stage}{' dim' if wire.net.dim else ''}"
+    yield f'<g class="wire {look}">'
+    yield f'<path d="{" ".join(_path(line) for line in wire.lines)}"/>'
+    for line in wire.lines:
+        (ax, _), (x, y) = line[-2:]
+        back = ARROW if x > ax else -ARROW
+        yield f'<polygon points="{_n(x)},{_n(y)} {_n(x - back)},{_n(y - 3.2)} {_n(x - back)},{_n(y + 3.2)}"/>'
+    for x, y in branch_points(wire.lines):
+        yield f'<circle cx="{_n(x)}" cy="{_n(y)}" r="2.3"/>'
+    x, y, width = label_box(wire)
+    yield _text(x, y - 3.0, wire.net.label, "", LABEL, length=width)
+    yield "</g>"
+
+
+def label_box(wire: Wire) -> tuple[float, float, float]:
+    """Left end, line and width of a signal's label [px]."""
+    width = text_width(wire.net.label, LABEL)
+    x, y = wire.start
+    return (x + 7.0 if wire.direction > 0 else x - 7.0 - width), y, width
+
+
+def branch_points(lines: Sequence[Sequence[tuple[float, float]]]) -> list[tuple[float, float]]:
+    """Where a signal's lines part: points from which it runs to three sides or four."""
+    pieces = {tuple(sorted(piece)) for line in lines for piece in pairwise(line)}
+    found = []
+    for x, y in sorted({point for line in lines for point in line}):
+        sides = set()
+        for (ax, ay), (bx, by) in pieces:
+            if ax == bx == x and ay <= y <= by:
+                sides |= ({"up"} if ay < y else set()) | ({"down"} if y < by else set())
+            if ay == by == y and ax <= x <= bx:
+                sides |= ({"left"} if ax < x else set()) | ({"right"} if x < bx else set())
+        if len(sides) > 2:
+            found.append((x, y))
+    return found
+
+
+def _path(line: Sequence[tuple[float, float]]) -> str:
+    """A polyline with rounded corners."""
+    parts = [f"M{_n(line[0][0])} {_n(line[0][1])}"]
+    for (ax, ay), (x, y), (bx, by) in zip(line, line[1:], line[2:], strict=False):
+        before, after = abs(x - ax) + abs(y - ay), abs(bx - x) + abs(by - y)
+        r = min(ROUND, before / 2.0, after / 2.0)
+        sx, sy = x + (ax - x) / before * r, y + (ay - y) / before * r
+        ex, ey = x + (bx - x) / after * r, y + (by - y) / after * r
+        parts.append(f"L{_n(sx)} {_n(sy)}Q{_n(x)} {_n(y)} {_n(ex)} {_n(ey)}")
+    parts.append(f"L{_n(line[-1][0])} {_n(line[-1][1])}")
+    return "".join(parts)
+
+
+def _block(block: Placed) -> Iterator[str]:
+    shape, box = block.box.shape, block.box
+    terminal = not any(pin.name for pin in (*box.left, *box.right)) and shape.stage in ("inputs", "outputs")
+    yield f'<g class="block {shape.stage}{" dim" if shape.dim else ""}">'
+    corner = box.height / 2.0 if terminal else 3.0
+    size = f'width="{_n(block.width)}" height="{_n(box.height)}" rx="{_n(corner)}"'
+    yield f'<rect x="{_n(block.x)}" y="{_n(block.y)}" {size}/>'
+    for entry in texts(block):
+        yield _text(entry.x, entry.y, entry.text, entry.look, entry.size, bold=entry.bold)
+    for pin in box.left if block.flow < 0 else box.right:
+        x = block.x if block.flow < 0 else block.x + block.width
+        look = "pin" if pin.follows else "pin state"
+        yield f'<circle class="{look}" cx="{_n(x)}" cy="{_n(block.y + box.heights["o", pin.index])}" r="2.7"/>'
+    yield "</g>"
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One line of text: left end and base line [px], look, font size [px]."""
+
+    x: float
+    y: float
+    text: str
+    look: str
+    size: float
+    bold: bool = False
+
+
+def texts(block: Placed) -> Iterator[Entry]:
+    """All text inside a block."""
+    box = block.box
+    middle = block.x + block.width / 2.0
+    y = block.y + 6.0 + TITLE
+    yield Entry(middle - text_width(box.title, TITLE, bold=True) / 2.0, y, box.title, "title", TITLE, bold=True)
+    for note in box.notes:
+        y += NOTE + 3.0
+        yield Entry(middle - text_width(note, NOTE) / 2.0, y, note, "note", NOTE)
+    sides: Mapping[int, str] = {0: "i" if block.flow > 0 else "o", 1: "o" if block.flow > 0 else "i"}
+    for s, pins in enumerate((box.left, box.right)):
+        for pin in pins:
+            width = text_width(pin.name, PIN)
+            x = block.x + EDGE if s == 0 else block.x + block.width - EDGE - width
+            if pin.name:
+                yield Entry(
+                    x, block.y + box.heights[sides[s], pin.index] + 3.3, pin.name, "port" if pin.used else "note", PIN
+                )
+
+
+def _text(
+    x: float, y: float, text: str, look: str, size: float, *, bold: bool = False, length: float | None = None
+) -> str:
+    """A line of text held to the width that the layout counts with, whatever face the viewer has."""
+    width = text_width(text, size, bold=bold) if length is None else length
+    name = f' class="{look}"' if look else ""
+    fit = f' textLength="{_n(width)}" lengthAdjust="spacingAndGlyphs"' if text else ""
+    return f'<text x="{_n(x)}" y="{_n(y)}" font-size="{_n(size)}"{fit}{name}>{_e(text)}</text>'
+
+
+def _n(value: float) -> str:
+    return f"{round(value, 2) + 0.0:.2f}".rstrip("0").rstrip(".")
+
+
+def _e(text: str) -> str:
+    """Text of an element or attribute; characters that XML does not allow become a replacement character."""
+    legal = "".join(c if c in "\t\n" or (ord(c) >= 32 and not 0xD800 <= ord(c) < 0xE000) else "\ufffd" for c in text)
+    return escape(legal)

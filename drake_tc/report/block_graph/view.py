@@ -1,0 +1,131 @@
+"""What a picture of a block graph shows: blocks with the pins in use, and nets, one for each output port in use."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from drake_tc.report.block_graph.data import STAGES, VECTOR, Block, GraphData, Port
+
+INPUTS, OUTPUTS = "inputs", "outputs"
+SHOWN_STAGES = (INPUTS, *STAGES[:4], OUTPUTS, *STAGES[4:])
+"""Stages in a picture: the diagram's own ports stand beside the loop."""
+
+
+@dataclass(frozen=True)
+class Pin:
+    """A port in a picture.
+
+    Attributes:
+        index: In its block.
+        name: As Drake has it.
+        follows: Of an output: whether it follows an input at the same instant, or has none to follow.
+        used: Whether anything shown is connected to it.
+    """
+
+    index: int
+    name: str
+    follows: bool = True
+    used: bool = True
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A block in a picture: number, title, lines below it, stage, pins, and whether it is of less interest."""
+
+    key: int
+    title: str
+    notes: tuple[str, ...]
+    stage: str
+    inputs: tuple[Pin, ...]
+    outputs: tuple[Pin, ...]
+    dim: bool = False
+
+
+@dataclass(frozen=True)
+class Net:
+    """One signal: (block, pin index) it comes from, those it goes to, how wide it is, whether only logs read it."""
+
+    source: tuple[int, int]
+    targets: tuple[tuple[int, int], ...]
+    label: str
+    dim: bool
+
+
+@dataclass(frozen=True)
+class View:
+    """A picture's content: title, shapes by number, nets."""
+
+    title: str
+    shapes: tuple[Shape, ...]
+    nets: tuple[Net, ...]
+
+
+def view(graph: GraphData, *, everything: bool = False) -> View:
+    """What to show of a graph; `everything` adds logs and ports that nothing is connected to."""
+    shown = [b for b in graph.blocks if everything or b.stage != "logging"]
+    number = {block.path: i for i, block in enumerate(shown)}
+    links: list[tuple[tuple[int, int], tuple[int, int], Port]] = []
+    for e in graph.edges:
+        if e.source in number and e.target in number:
+            port = Port("", e.size, e.type)
+            links.append(((number[e.source], e.output), (number[e.target], e.input), port))
+    terminals: list[Shape] = []
+    for kind, ports in ((INPUTS, graph.inputs), (OUTPUTS, graph.outputs)):
+        for terminal in ports:
+            ends = [(number[path], index) for path, index in terminal.ends if path in number]
+            if not ends:
+                continue
+            key, pin = len(shown) + len(terminals), (Pin(0, ""),)
+            pins = ((), pin) if kind == INPUTS else (pin, ())
+            terminals.append(Shape(key, terminal.port.name, (), kind, *pins))
+            links += [((key, 0), e, terminal.port) if kind == INPUTS else (e, (key, 0), terminal.port) for e in ends]
+    blocks = tuple(
+        _shape(
+            number[b.path],
+            b,
+            {i for _, (key, i), _ in links if key == number[b.path]},
+            {o for (key, o), _, _ in links if key == number[b.path]},
+            everything,
+        )
+        for b in shown
+    )
+    shapes = blocks + tuple(terminals)
+    return View(graph.name, shapes, _nets(shapes, links))
+
+
+def _shape(key: int, block: Block, reads: set[int], makes: set[int], everything: bool) -> Shape:
+    follows = {output for _, output in block.feedthrough} if block.inputs else set(range(len(block.outputs)))
+    inputs = [Pin(i, p.name, used=i in reads) for i, p in enumerate(block.inputs) if everything or i in reads]
+    outputs = [
+        Pin(i, p.name, i in follows, i in makes) for i, p in enumerate(block.outputs) if everything or i in makes
+    ]
+    title = block.path.replace("::", " / ")
+    notes = [] if block.kind == block.name.rstrip("_0123456789") else [block.kind]
+    if block.update is not None:
+        notes.append(f"every {_seconds(block.update.period)}")
+    return Shape(key, title, tuple(notes), block.stage, tuple(inputs), tuple(outputs), block.stage == "logging")
+
+
+def _nets(shapes: tuple[Shape, ...], links: Iterable[tuple[tuple[int, int], tuple[int, int], Port]]) -> tuple[Net, ...]:
+    targets: dict[tuple[int, int], list[tuple[int, int]]] = {}
+    carried: dict[tuple[int, int], Port] = {}
+    for source, target, port in links:
+        targets.setdefault(source, []).append(target)
+        carried[source] = port
+    return tuple(
+        Net(source, tuple(sorted(ends)), width_of(carried[source]), all(shapes[key].dim for key, _ in ends))
+        for source, ends in sorted(targets.items())
+    )
+
+
+def width_of(port: Port) -> str:
+    """How wide a signal is: the number of its elements, or the type of its abstract value (`T[]` for a list of T)."""
+    if port.type == VECTOR:
+        return str(port.size)
+    name = port.type
+    while name.startswith("list[") and name.endswith("]"):
+        name = f"{name[5:-1]}[]"
+    return name
+
+
+def _seconds(period: float) -> str:
+    return f"{1e3 * period:.4g} ms" if period < 1.0 else f"{period:.4g} s"

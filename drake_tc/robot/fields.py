@@ -1,0 +1,131 @@
+"""Strict reading of YAML fields: every error names the file, the field, what was wanted and what came."""
+
+import math
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from drake_tc.errors import ParamsError
+from drake_tc.robot.mounts import Pose, Triple
+
+
+class _StrictLoader(yaml.SafeLoader):
+    """A loader to which a repeated key is an error, as it silently hides a value."""
+
+
+def _mapping_without_repeats(loader: _StrictLoader, node: yaml.MappingNode) -> dict[Any, Any]:
+    mapping: dict[Any, Any] = {}
+    for key_node, value_node in node.value:
+        key = loader.construct_object(key_node, deep=True)
+        if key in mapping:
+            raise ParamsError(f"line {key_node.start_mark.line + 1}: key {key!r} is given twice")
+        mapping[key] = loader.construct_object(value_node, deep=True)
+    return mapping
+
+
+_StrictLoader.add_constructor(yaml.resolver.BaseResolver.DEFAULT_MAPPING_TAG, _mapping_without_repeats)
+
+
+def read_yaml(path: Path) -> Any:
+    """The document in `path`.
+
+    Raises:
+        ParamsError: the file cannot be read, is no YAML, or gives a key twice.
+    """
+    try:
+        return yaml.load(path.read_text(encoding="utf-8"), Loader=_StrictLoader)
+    except ParamsError as error:
+        raise ParamsError(f"{path}: {error}") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise ParamsError(f"{path}: wanted a robot file (YAML); {error}") from error
+    except yaml.YAMLError as error:
+        raise ParamsError(f"{path}: not YAML: {' '.join(str(error).split())}") from error
+
+
+def mapping(
+    where: str, entry: object, required: Iterable[str] = (), optional: Iterable[str] | None = ()
+) -> dict[str, Any]:
+    """`entry` as a mapping whose keys are as wanted; `optional` None allows any; an absent entry is empty.
+
+    Raises:
+        ParamsError: no mapping, an unknown key, or a missing one.
+    """
+    entry = {} if entry is None else entry
+    required = sorted(required)
+    if not isinstance(entry, dict):
+        raise ParamsError(f"{where}: wanted a mapping; got {entry!r}")
+    if optional is not None:
+        known = sorted({*required, *optional})
+        for key in entry:
+            if key not in known:
+                raise ParamsError(f"{where}: unknown key {key!r}; possible: {', '.join(known)}")
+    for key in required:
+        if key not in entry:
+            raise ParamsError(f"{where}: missing key {key!r}; wanted: {', '.join(required)}")
+    return {str(key): value for key, value in entry.items()}
+
+
+def text(where: str, value: object) -> str:
+    """A non-empty text.
+
+    Raises:
+        ParamsError: something else.
+    """
+    if isinstance(value, str) and value:
+        return value
+    raise ParamsError(f"{where}: wanted a text; got {value!r}")
+
+
+def names(where: str, value: object) -> tuple[str, ...]:
+    """A non-empty list of different names.
+
+    Raises:
+        ParamsError: something else.
+    """
+    if not isinstance(value, list) or not value:
+        raise ParamsError(f"{where}: wanted a list of names; got {value!r}")
+    listed = tuple(text(where, item) for item in value)
+    twice = [name for i, name in enumerate(listed) if name in listed[:i]]
+    if twice:
+        raise ParamsError(f"{where}: {twice[0]!r} is listed twice")
+    return listed
+
+
+def number(where: str, value: object, *, infinite: bool = False) -> float:
+    """A finite float; text such as 1e-4, which YAML 1.1 does not take for a number, is read as one.
+
+    Raises:
+        ParamsError: something else, or infinite where that is not allowed.
+    """
+    if isinstance(value, (int, float, str)) and not isinstance(value, bool):
+        try:
+            result = float(value)
+        except ValueError:
+            result = math.nan
+        if math.isfinite(result) or (infinite and math.isinf(result)):
+            return result
+    raise ParamsError(f"{where}: wanted a {'' if infinite else 'finite '}number; got {value!r}")
+
+
+def triple(where: str, value: object) -> Triple:
+    """Three finite numbers.
+
+    Raises:
+        ParamsError: something else.
+    """
+    if not isinstance(value, list) or len(value) != 3:
+        raise ParamsError(f"{where}: wanted three numbers; got {value!r}")
+    x, y, z = (number(where, item) for item in value)
+    return x, y, z
+
+
+def pose(where: str, entry: dict[str, Any]) -> Pose:
+    """The pose in the keys `xyz` and `rpy` of `entry`; each is optional.
+
+    Raises:
+        ParamsError: not three numbers.
+    """
+    zero = [0.0, 0.0, 0.0]
+    return Pose(triple(f"{where}.xyz", entry.get("xyz", zero)), triple(f"{where}.rpy", entry.get("rpy", zero)))

@@ -1,0 +1,99 @@
+"""A robot in a MultibodyPlant: links, driven joints, actuators in the robot's order."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from pydrake.multibody.parsing import Parser
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import RigidBody
+
+from drake_tc.robot.robot import Robot, position_range
+from drake_tc.robot.urdf import reduced_urdf
+from drake_tc.robot.urdf_tree import read_urdf
+from drake_tc.types import FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Limits:
+    """What the joints can do, in the order of the robot's joints; infinite where nothing is known.
+
+    Attributes:
+        effort: (n,) [N m].
+        velocity: (n,) [rad/s].
+        lower, upper: (n,) [rad].
+    """
+
+    effort: FloatArray
+    velocity: FloatArray
+    lower: FloatArray
+    upper: FloatArray
+
+
+def joint_limits(robot: Robot) -> Limits:
+    """The URDF's limits, replaced where the robot file has others; a zero effort or velocity counts as not given.
+
+    Raises:
+        ParamsError: the URDF cannot be read.
+    """
+    tree = read_urdf(robot.urdf)
+    rows = []
+    for name in robot.joints:
+        tag, given = tree.joints[name], robot.limits.get(name, {})
+        ends = position_range(name, tree, robot.limits)
+        rows.append((given.get("effort", tag.effort), given.get("velocity", tag.velocity), *ends))
+    table = np.array(rows, dtype=float)
+    table.setflags(write=False)
+    return Limits(*table.T)
+
+
+def add_robot(plant: MultibodyPlant, robot: Robot, *, visuals: bool = False, collisions: bool = False) -> None:
+    """Add a robot to a plant that is not finalized.
+
+    Welds the base to the world at its pose, or lets it float from there; adds one JointActuator a joint, of the
+    joint's name and effort limit, in the order of `robot.joints`, with `robot.rotor_inertia` where given; the default
+    positions are the robot's posture. The model instance has the robot's name.
+
+    Args:
+        plant: Not finalized; registered with a SceneGraph where geometry is wanted.
+        robot: From `load_robot`.
+        visuals: Keep primitive visuals (meshes never).
+        collisions: Keep primitive collisions.
+
+    Raises:
+        ParamsError: the URDF cannot be read.
+    """
+    parser = Parser(plant)
+    (model,) = parser.AddModelsFromString(reduced_urdf(robot, visuals=visuals, collisions=collisions), "urdf")
+    body = plant.GetBodyByName(robot.base, model)
+    if robot.fixed_base:
+        plant.WeldFrames(plant.world_frame(), body.body_frame(), robot.base_pose.transform)
+    else:
+        plant.SetDefaultFloatingBaseBodyPose(body, robot.base_pose.transform)
+    limits = joint_limits(robot)
+    for name, effort, position in zip(robot.joints, limits.effort, robot.posture, strict=True):
+        joint = plant.GetJointByName(name, model)
+        joint.set_default_positions([position])
+        actuator = plant.AddJointActuator(name, joint, float(effort))
+        actuator.set_default_rotor_inertia(robot.rotor_inertia.get(name, 0.0))
+        actuator.set_default_gear_ratio(1.0)
+
+
+def make_plant(robot: Robot, dt: float) -> MultibodyPlant:
+    """A finalized plant with the robot alone, without geometry: the model inside estimators and controllers.
+
+    Args:
+        robot: From `load_robot`.
+        dt: Time step [s]; 0 for a continuous plant.
+
+    Raises:
+        ParamsError: the URDF cannot be read.
+    """
+    plant = MultibodyPlant(dt)
+    add_robot(plant, robot)
+    plant.Finalize()
+    return plant
+
+
+def floating_base_body(plant: MultibodyPlant, robot: Robot) -> RigidBody | None:
+    """The robot's floating base, or None where it is welded."""
+    return None if robot.fixed_base else plant.GetBodyByName(robot.base)

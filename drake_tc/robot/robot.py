@@ -1,0 +1,248 @@
+"""A robot as data: which URDF, which joints are driven in which order, where the sensors sit."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from drake_tc.errors import ParamsError
+from drake_tc.robot import fields
+from drake_tc.robot.mounts import ForceTorqueMount, Mount, Pose
+from drake_tc.robot.packages import resolve
+from drake_tc.robot.urdf_tree import UrdfTree, read_urdf
+from drake_tc.types import FloatArray
+
+__all__ = ["ForceTorqueMount", "Mount", "Pose", "Robot", "load_robot"]
+
+_REQUIRED = ("name", "urdf", "base", "fixed_base", "joints")
+_OPTIONAL = (
+    "base_pose",
+    "locked",
+    "imu",
+    "force_torque",
+    "actuators",
+    "rotor_inertia",
+    "limits",
+    "posture",
+)
+_LIMITS = ("effort", "velocity", "lower", "upper")
+
+
+@dataclass(frozen=True, eq=False)
+class Robot:
+    """What a robot file says; n joints, SI units. `load_robot` checks all of it against the URDF.
+
+    Attributes:
+        name: Of the robot; also of its model instance in a plant.
+        urdf: The file.
+        base: Link that is welded to the world, or that floats.
+        fixed_base: Whether it is welded.
+        base_pose: X_WB of the welded base, or where the floating base starts.
+        joints: Driven joints, in the order of every vector of joints.
+        locked: Position of each joint that is not driven [rad or m]; every movable joint outside `joints` has one.
+        imu: IMU frames.
+        force_torque: Force/torque sensors, in the order of their logs.
+        actuators: Actuator model file, or None.
+        rotor_inertia: Reflected rotor inertia by joint [kg m^2]; only where there is no actuator file.
+        limits: By joint, the limits that replace the URDF's: `effort`, `velocity`, `lower`, `upper`.
+        posture: (n,) where the joints start [rad].
+        source: The robot file.
+    """
+
+    name: str
+    urdf: Path
+    base: str
+    fixed_base: bool
+    joints: tuple[str, ...]
+    posture: FloatArray
+    source: Path
+    base_pose: Pose = field(default_factory=Pose)
+    locked: Mapping[str, float] = field(default_factory=dict)
+    imu: tuple[Mount, ...] = ()
+    force_torque: tuple[ForceTorqueMount, ...] = ()
+    actuators: Path | None = None
+    rotor_inertia: Mapping[str, float] = field(default_factory=dict)
+    limits: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+
+
+def _check_link(where: str, link: str, tree: UrdfTree) -> str:
+    if link not in tree.links:
+        raise ParamsError(f"{where}: no link {link!r} in the URDF; links: {', '.join(tree.links)}")
+    return link
+
+
+def _check_joints(where: str, joints: tuple[str, ...], tree: UrdfTree) -> None:
+    for name in joints:
+        if name not in tree.joints:
+            raise ParamsError(f"{where}: no joint {name!r} in the URDF; movable joints: {', '.join(tree.movable)}")
+        if not tree.joints[name].movable:
+            raise ParamsError(
+                f"{where}: joint {name!r} is {tree.joints[name].kind}, not movable;"
+                f" movable joints: {', '.join(tree.movable)}"
+            )
+
+
+def _check_floating_base(base: str, joints: tuple[str, ...], tree: UrdfTree) -> None:
+    above = {joint.child: joint for joint in tree.joints.values()}
+    link = base
+    while link in above:
+        joint = above[link]
+        if joint.name in joints:
+            raise ParamsError(
+                f"base: a floating base wants no driven joint between it and the URDF's root;"
+                f" {joint.name!r} is above {base!r}"
+            )
+        link = joint.parent
+
+
+def _limits(where: str, entry: object, joints: tuple[str, ...]) -> dict[str, dict[str, float]]:
+    limits = {}
+    for joint, values in fields.mapping(where, entry, optional=joints).items():
+        at = f"{where}.{joint}"
+        given = fields.mapping(at, values, optional=_LIMITS)
+        limits[joint] = {key: fields.number(f"{at}.{key}", value, infinite=True) for key, value in given.items()}
+        for key in ("effort", "velocity"):
+            if not limits[joint].get(key, 1.0) > 0.0:
+                raise ParamsError(f"{at}.{key}: wanted a positive number; got {limits[joint][key]:g}")
+    return limits
+
+
+def position_range(joint: str, tree: UrdfTree, limits: Mapping[str, Mapping[str, float]]) -> tuple[float, float]:
+    """(lower, upper) of a joint [rad or m]: the URDF's, unless replaced."""
+    given = limits.get(joint, {})
+    return given.get("lower", tree.joints[joint].lower), given.get("upper", tree.joints[joint].upper)
+
+
+def _posture(
+    where: str, entry: object, joints: tuple[str, ...], tree: UrdfTree, limits: Mapping[str, Mapping[str, float]]
+) -> FloatArray:
+    given = fields.mapping(where, entry, optional=joints)
+    posture = np.zeros(len(joints))
+    for i, joint in enumerate(joints):
+        lower, upper = position_range(joint, tree, limits)
+        if not lower < upper:
+            raise ParamsError(f"limits of joint {joint!r}: wanted lower < upper; got {lower:g} and {upper:g}")
+        posture[i] = fields.number(f"{where}.{joint}", given[joint]) if joint in given else min(max(0.0, lower), upper)
+        if not lower <= posture[i] <= upper:
+            raise ParamsError(f"{where}.{joint}: wanted {lower:g} to {upper:g}; got {posture[i]:g}")
+    posture.setflags(write=False)
+    return posture
+
+
+def _locked(where: str, entry: object, joints: tuple[str, ...], tree: UrdfTree) -> dict[str, float]:
+    """Positions of all movable joints outside `joints`; one that mimics a locked joint follows it unless given."""
+    free = [name for name in tree.movable if name not in joints]
+    given = {
+        key: fields.number(f"{where}.{key}", value) for key, value in fields.mapping(where, entry, (), free).items()
+    }
+
+    def position(name: str, followers: tuple[str, ...] = ()) -> float:
+        if name in given:
+            return given[name]
+        tag, value = tree.joints[name], 0.0
+        if tag.mimic is not None and tag.mimic.of in free and tag.mimic.of not in (name, *followers):
+            value = tag.mimic.multiplier * position(tag.mimic.of, (name, *followers)) + tag.mimic.offset
+        return min(max(value, tag.lower), tag.upper)
+
+    return {name: position(name) for name in free}
+
+
+def _imu(where: str, entry: object, tree: UrdfTree) -> tuple[Mount, ...]:
+    mounts = []
+    for name, value in fields.mapping(where, entry, optional=None).items():
+        at = f"{where}.{name}"
+        given = fields.mapping(at, value, ("link",), ("xyz", "rpy"))
+        mounts.append(
+            Mount(name, _check_link(at, fields.text(f"{at}.link", given["link"]), tree), fields.pose(at, given))
+        )
+    return tuple(mounts)
+
+
+def _force_torque(
+    where: str, entry: object, joints: tuple[str, ...], base: str, tree: UrdfTree
+) -> tuple[ForceTorqueMount, ...]:
+    mounts = []
+    for name, value in fields.mapping(where, entry, optional=None).items():
+        at = f"{where}.{name}"
+        given = fields.mapping(at, value, ("joint",), ("xyz", "rpy", "contact"))
+        joint = fields.text(f"{at}.joint", given["joint"])
+        if joint not in tree.joints or joint in joints:
+            rigid = [other for other in tree.joints if other not in joints]
+            raise ParamsError(
+                f"{at}.joint: wanted a joint that does not move; got {joint!r}; possible: {', '.join(rigid)}"
+            )
+        beyond = tree.beyond(tree.joints[joint].child)
+        if base in beyond:
+            raise ParamsError(f"{at}.joint: the base {base!r} hangs from {joint!r}; wanted a joint on the way to a tip")
+        place = fields.mapping(f"{at}.contact", given.get("contact"), (), ("link", "xyz", "rpy"))
+        link = fields.text(f"{at}.contact.link", place.get("link", tree.joints[joint].child))
+        if link not in beyond:
+            raise ParamsError(
+                f"{at}.contact.link: wanted a link beyond {joint!r} ({', '.join(sorted(beyond))}); got {link!r}"
+            )
+        contact = Mount(name, link, fields.pose(f"{at}.contact", place))
+        mounts.append(ForceTorqueMount(name, joint, fields.pose(at, given), contact))
+    return tuple(mounts)
+
+
+def _rotor_inertia(where: str, top: Mapping[str, Any], joints: tuple[str, ...]) -> dict[str, float]:
+    given = fields.mapping(where, top.get("rotor_inertia"), optional=joints)
+    if given and top.get("actuators") is not None:
+        raise ParamsError(f"{where}: wanted it only without `actuators`, whose file says it; got both")
+    values = {joint: fields.number(f"{where}.{joint}", value) for joint, value in given.items()}
+    for joint, value in values.items():
+        if not (math.isfinite(value) and value >= 0.0):
+            raise ParamsError(f"{where}.{joint}: wanted a number >= 0 [kg m^2]; got {value:g}")
+    return values
+
+
+def _robot(source: Path, document: object) -> Robot:
+    top = fields.mapping("robot", document, _REQUIRED, _OPTIONAL)
+    if not isinstance(top["fixed_base"], bool):
+        raise ParamsError(f"fixed_base: wanted true or false; got {top['fixed_base']!r}")
+    urdf = resolve(fields.text("urdf", top["urdf"]), source.parent)
+    tree = read_urdf(urdf)
+    base = _check_link("base", fields.text("base", top["base"]), tree)
+    joints = fields.names("joints", top["joints"])
+    _check_joints("joints", joints, tree)
+    if not top["fixed_base"]:
+        _check_floating_base(base, joints, tree)
+    limits = _limits("limits", top.get("limits"), joints)
+    actuators = top.get("actuators")
+    return Robot(
+        name=fields.text("name", top["name"]),
+        urdf=urdf,
+        base=base,
+        fixed_base=top["fixed_base"],
+        base_pose=fields.pose("base_pose", fields.mapping("base_pose", top.get("base_pose"), (), ("xyz", "rpy"))),
+        joints=joints,
+        locked=_locked("locked", top.get("locked"), joints, tree),
+        imu=_imu("imu", top.get("imu"), tree),
+        force_torque=_force_torque("force_torque", top.get("force_torque"), joints, base, tree),
+        actuators=None if actuators is None else resolve(fields.text("actuators", actuators), source.parent),
+        rotor_inertia=_rotor_inertia("rotor_inertia", top, joints),
+        limits=limits,
+        posture=_posture("posture", top.get("posture"), joints, tree, limits),
+        source=source,
+    )
+
+
+def load_robot(path: Path | str) -> Robot:
+    """Read a robot file and check it against its URDF.
+
+    Args:
+        path: YAML; models/README.md has the keys.
+
+    Raises:
+        ParamsError: the file or its URDF cannot be read, a key is unknown, missing or given twice, a joint or link is
+            not in the URDF, or a value is not possible; the message names file and field.
+    """
+    source = Path(path)
+    document = fields.read_yaml(source)
+    try:
+        return _robot(source, document)
+    except ParamsError as error:
+        raise ParamsError(f"{source}: {error}") from None

@@ -1,0 +1,113 @@
+"""The URDF that a plant is built from: driven joints only, no meshes, nothing that Drake's parser stumbles over."""
+
+import copy
+import math
+import xml.etree.ElementTree as ET
+from typing import Any
+
+import numpy as np
+from pydrake.common.eigen_geometry import AngleAxis
+from pydrake.math import RigidTransform, RollPitchYaw
+
+from drake_tc.robot.robot import Robot, position_range
+from drake_tc.robot.urdf_tree import JointTag, UrdfTree, read_urdf
+
+_SOLIDS = ("box", "cylinder", "sphere", "capsule")
+
+
+def _pose_tag(X: RigidTransform) -> ET.Element:
+    xyz, rpy = X.translation(), RollPitchYaw(X.rotation()).vector()
+    text = {name: " ".join(repr(float(x)) for x in vector) for name, vector in (("xyz", xyz), ("rpy", rpy))}
+    return ET.Element("origin", text)
+
+
+def locked_origin(joint: JointTag, position: float) -> RigidTransform:
+    """X_PC(q): pose of the child link in the parent link with the joint at `position` [rad or m].
+
+    Exact: the joint's motion (rotation about, or translation along its axis) appended to its origin.
+    """
+    axis: Any = np.array(joint.axis)
+    motion = RigidTransform()
+    if joint.kind == "prismatic":
+        motion = RigidTransform(position * axis)
+    elif joint.movable:
+        motion = RigidTransform(AngleAxis(position, axis), 0.0 * axis)
+    located: RigidTransform = joint.origin.transform @ motion
+    return located
+
+
+def _turned_over(robot: Robot, tree: UrdfTree) -> set[str]:
+    """Fixed joints between the URDF's root and a floating base below it: these hang the root from the base."""
+    above = {joint.child: joint for joint in tree.joints.values()}
+    turned: set[str] = set()
+    link = robot.base
+    while not robot.fixed_base and link in above:
+        turned.add(above[link].name)
+        link = above[link].parent
+    return turned
+
+
+def _joint_tag(joint: JointTag, robot: Robot, tree: UrdfTree, *, turned: bool) -> ET.Element:
+    driven = joint.name in robot.joints
+    kind = ("prismatic" if joint.kind == "prismatic" else "revolute") if driven else "fixed"
+    tag = ET.Element("joint", {"name": joint.name, "type": kind})
+    ET.SubElement(tag, "parent", {"link": joint.child if turned else joint.parent})
+    ET.SubElement(tag, "child", {"link": joint.parent if turned else joint.child})
+    origin = locked_origin(joint, 0.0 if driven else robot.locked.get(joint.name, 0.0))
+    tag.append(_pose_tag(origin.inverse() if turned else origin))
+    if driven:
+        ET.SubElement(tag, "axis", {"xyz": " ".join(repr(x) for x in joint.axis)})
+        lower, upper = position_range(joint.name, tree, robot.limits)
+        given = robot.limits.get(joint.name, {})
+        values = {
+            "lower": lower,
+            "upper": upper,
+            "velocity": given.get("velocity", joint.velocity),
+            "effort": given.get("effort", joint.effort),
+        }
+        ET.SubElement(tag, "limit", {key: repr(value) for key, value in values.items() if math.isfinite(value)})
+    return tag
+
+
+def _solid(geometry: ET.Element) -> bool:
+    shape = geometry.find("geometry")
+    return shape is not None and any(shape.find(name) is not None for name in _SOLIDS)
+
+
+def _link_tag(link: ET.Element, *, visuals: bool, collisions: bool) -> ET.Element:
+    tag = ET.Element("link", {"name": str(link.get("name"))})
+    inertial = link.find("inertial")
+    if inertial is not None and inertial.find("mass") is not None:
+        tag.append(copy.deepcopy(inertial))
+    for name, wanted in (("visual", visuals), ("collision", collisions)):
+        if wanted:
+            tag.extend(copy.deepcopy(geometry) for geometry in link.findall(name) if _solid(geometry))
+    return tag
+
+
+def reduced_urdf(robot: Robot, *, visuals: bool = False, collisions: bool = False) -> str:
+    """URDF text in which exactly the driven joints move.
+
+    Joints outside `robot.joints` are fixed at their locked position, which keeps frames and masses exactly. Meshes,
+    mimic, transmission, gazebo and dynamics tags go (friction and damping belong to the actuators), as does a link
+    `world`; a floating base is the root; limits are the robot file's where it has some.
+
+    Args:
+        robot: From `load_robot`.
+        visuals: Keep visuals that are boxes, cylinders, spheres or capsules.
+        collisions: The same for collisions.
+
+    Raises:
+        ParamsError: the URDF cannot be read.
+    """
+    tree = read_urdf(robot.urdf)
+    root = ET.Element("robot", {"name": robot.name})
+    if visuals:
+        root.extend(copy.deepcopy(material) for material in tree.root.findall("material"))
+    for link in tree.root.findall("link"):
+        if link.get("name") in tree.links:
+            root.append(_link_tag(link, visuals=visuals, collisions=collisions))
+    turned = _turned_over(robot, tree)
+    root.extend(_joint_tag(joint, robot, tree, turned=joint.name in turned) for joint in tree.joints.values())
+    ET.indent(root)
+    return ET.tostring(root, encoding="unicode")

@@ -1,0 +1,197 @@
+"""A URDF as a tree of links and joints, read leniently: what we do not use, we do not look at."""
+
+import math
+import re
+import xml.etree.ElementTree as ET
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from drake_tc.errors import ParamsError
+from drake_tc.robot.mounts import Pose, Triple
+
+MOVABLE = ("revolute", "continuous", "prismatic")
+"""Types of one degree of freedom: those that can be driven, or locked at a position."""
+_WORLD = "world"
+
+
+@dataclass(frozen=True)
+class Mimic:
+    """q = multiplier q_of + offset."""
+
+    of: str
+    multiplier: float
+    offset: float
+
+
+@dataclass(frozen=True)
+class JointTag:
+    """One joint of the URDF.
+
+    Attributes:
+        name, kind, parent, child: As in the file.
+        origin: X_PJ in the parent link.
+        axis: Unit vector in the joint's frame.
+        lower, upper: [rad or m]; infinite where the file gives none, or gives an empty range.
+        velocity, effort: Limits [rad/s, N m]; infinite where the file gives none, or zero as a placeholder.
+        mimic: The joint it follows, or None.
+    """
+
+    name: str
+    kind: str
+    parent: str
+    child: str
+    origin: Pose
+    axis: Triple
+    lower: float
+    upper: float
+    velocity: float
+    effort: float
+    mimic: Mimic | None
+
+    @property
+    def movable(self) -> bool:
+        """Whether it has one degree of freedom."""
+        return self.kind in MOVABLE
+
+
+@dataclass(frozen=True)
+class UrdfTree:
+    """Links and joints of a URDF, without a link `world` and its joints.
+
+    Attributes:
+        root: The XML element `robot`.
+        links: Names.
+        joints: Name to joint, in the file's order.
+    """
+
+    root: ET.Element
+    links: tuple[str, ...]
+    joints: Mapping[str, JointTag]
+
+    def beyond(self, link: str) -> set[str]:
+        """The link and all links that hang from it."""
+        found = {link}
+        grew = True
+        while grew:
+            new = {joint.child for joint in self.joints.values() if joint.parent in found} - found
+            grew = bool(new)
+            found |= new
+        return found
+
+    @property
+    def movable(self) -> tuple[str, ...]:
+        """Names of the joints of one degree of freedom."""
+        return tuple(name for name, joint in self.joints.items() if joint.movable)
+
+
+def _triple(where: str, value: str | None, default: Triple) -> Triple:
+    if value is None:
+        return default
+    try:
+        x, y, z = (float(part) for part in value.split())
+    except ValueError:
+        raise ParamsError(f"{where}: wanted three numbers; got {value!r}") from None
+    return x, y, z
+
+
+def _float(where: str, element: ET.Element | None, name: str, default: float) -> float:
+    value = None if element is None else element.get(name)
+    if value is None:
+        return default
+    try:
+        return float(value)
+    except ValueError:
+        raise ParamsError(f"{where} {name}: wanted a number; got {value!r}") from None
+
+
+def _origin(where: str, element: ET.Element) -> Pose:
+    origin = element.find("origin")
+    if origin is None:
+        return Pose()
+    zero = (0.0, 0.0, 0.0)
+    return Pose(_triple(f"{where} xyz", origin.get("xyz"), zero), _triple(f"{where} rpy", origin.get("rpy"), zero))
+
+
+def _link_of(where: str, element: ET.Element, tag: str) -> str:
+    found = element.find(tag)
+    name = None if found is None else found.get("link")
+    if not name:
+        raise ParamsError(f"{where}: wanted <{tag} link=...>; got none")
+    return name
+
+
+def _mimic(where: str, element: ET.Element) -> Mimic | None:
+    tag = element.find("mimic")
+    if tag is None or not tag.get("joint"):
+        return None
+    return Mimic(str(tag.get("joint")), _float(where, tag, "multiplier", 1.0), _float(where, tag, "offset", 0.0))
+
+
+def _axis(where: str, element: ET.Element, kind: str) -> Triple:
+    tag = element.find("axis")
+    axis = _triple(f"{where} axis", None if tag is None else tag.get("xyz"), (1.0, 0.0, 0.0))
+    length = math.hypot(*axis)
+    if kind not in MOVABLE:
+        return axis
+    if not length > 0.0:
+        raise ParamsError(f"{where} axis: wanted a vector of some length; got {axis}")
+    return axis[0] / length, axis[1] / length, axis[2] / length
+
+
+def _joint(path: Path, element: ET.Element) -> JointTag:
+    name = element.get("name", "")
+    where = f"{path}: joint {name!r}"
+    kind = element.get("type", "")
+    limit = element.find("limit")
+    lower, upper = _float(where, limit, "lower", -math.inf), _float(where, limit, "upper", math.inf)
+    if kind == "continuous" or not lower < upper:
+        lower, upper = -math.inf, math.inf
+    velocity, effort = _float(where, limit, "velocity", math.inf), _float(where, limit, "effort", math.inf)
+    return JointTag(
+        name=name,
+        kind=kind,
+        parent=_link_of(where, element, "parent"),
+        child=_link_of(where, element, "child"),
+        origin=_origin(where, element),
+        axis=_axis(where, element, kind),
+        lower=lower,
+        upper=upper,
+        velocity=velocity if velocity > 0.0 else math.inf,
+        effort=effort if effort > 0.0 else math.inf,
+        mimic=_mimic(where, element),
+    )
+
+
+def _with_prefixes_declared(document: str) -> str:
+    """Declare the XML prefixes (`drake:`, `xacro:`) that a file uses without declaring them."""
+    used = set(re.findall(r"[<\s]([A-Za-z_][\w.-]*):[A-Za-z_][\w.-]*[\s=/>]", document)) - {"xmlns", "xml"}
+    missing = sorted(prefix for prefix in used if f"xmlns:{prefix}=" not in document)
+    declared = "".join(f' xmlns:{prefix}="{prefix}"' for prefix in missing)
+    return re.sub(r"<robot\b", f"<robot{declared}", document, count=1)
+
+
+def _elements(root: ET.Element, tag: str) -> Iterator[ET.Element]:
+    yield from (element for element in root.findall(tag) if element.get("name"))
+
+
+def read_urdf(path: Path) -> UrdfTree:
+    """Read a URDF.
+
+    Raises:
+        ParamsError: the file cannot be read or is no URDF; the message names file and joint.
+    """
+    try:
+        root = ET.fromstring(_with_prefixes_declared(path.read_text(encoding="utf-8")))
+    except (OSError, UnicodeDecodeError, ET.ParseError) as error:
+        raise ParamsError(f"{path}: wanted a URDF; {error}") from error
+    if root.tag != "robot":
+        raise ParamsError(f"{path}: wanted a URDF (<robot>); got <{root.tag}>")
+    links = tuple(str(link.get("name")) for link in _elements(root, "link") if link.get("name") != _WORLD)
+    joints = {joint.name: joint for joint in (_joint(path, element) for element in _elements(root, "joint"))}
+    kept = {name: joint for name, joint in joints.items() if joint.parent != _WORLD}
+    for joint in kept.values():
+        for link in (joint.parent, joint.child):
+            if link not in links:
+                raise ParamsError(f"{path}: joint {joint.name!r}: no link {link!r}")
+    return UrdfTree(root, links, kept)

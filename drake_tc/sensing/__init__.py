@@ -1,0 +1,1 @@
+"""Sensor models: what encoders, IMUs and force/torque sensors make of the truth."""

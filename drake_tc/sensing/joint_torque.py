@@ -1,0 +1,80 @@
+"""`JointTorque`: torque sensors on the links' side of the gears; with a perfect spec, the ground truth."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from pydrake.common.value import Value
+from pydrake.multibody.math import SpatialForce
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import Joint, PrismaticJoint, RevoluteJoint
+from pydrake.systems.framework import Context
+
+from drake_tc.errors import ParamsError
+from drake_tc.robot.robot import Robot
+from drake_tc.sensing.corruption import Corruption
+from drake_tc.sensing.fault import SensorFault
+from drake_tc.sensing.sensor import SensorBase
+from drake_tc.sensing.spec import SensorSpec
+from drake_tc.types import FloatArray
+
+
+def _axis(joint: Joint) -> FloatArray:
+    """(6,) s of τ = s · [τ_J; f_J], in Jc."""
+    if isinstance(joint, RevoluteJoint):
+        return np.concatenate([joint.revolute_axis(), np.zeros(3)])
+    if isinstance(joint, PrismaticJoint):
+        return np.concatenate([np.zeros(3), joint.translation_axis()])
+    raise ParamsError(f"joint {joint.name()!r}: wanted a revolute or prismatic joint; got {joint.type_name()}")
+
+
+class JointTorque(SensorBase):
+    """Torques of n joints, about their axes (forces along them, of prismatic joints).
+
+        τ = s · F_CJc_Jc,   s the joint's axis
+
+    What gear and joint transmit to the child link: the actuator's torque less its rotor's inertia and less the joint's
+    damping. A generalized force applied to the joint from outside counts too.
+
+    Input:
+        reaction_forces: of the MultibodyPlant.
+    Output:
+        reading (n): [N m], of prismatic joints [N].
+
+    See `SensorBase` for the recursion.
+    """
+
+    def __init__(
+        self,
+        plant: MultibodyPlant,
+        robot: Robot,
+        spec: SensorSpec,
+        dt: float,
+        faults: Sequence[SensorFault] = (),
+        seed: int = 0,
+    ) -> None:
+        """Declare ports, state and the periodic update.
+
+        Args:
+            plant: Finalized plant with the robot.
+            robot: Names the joints.
+            spec: [N m]; `SensorSpec()` reads the truth.
+            dt: Period [s].
+            faults: When it fails.
+            seed: Of its random numbers.
+
+        Raises:
+            ParamsError: A joint that is neither revolute nor prismatic; otherwise as `Corruption`.
+        """
+        super().__init__()
+        model = plant.GetModelInstanceByName(robot.name)
+        joints = [plant.GetJointByName(name, model) for name in robot.joints]
+        self._joints = [int(joint.index()) for joint in joints]
+        self._axes = np.stack([_axis(joint) for joint in joints])
+        reactions = self.DeclareAbstractInputPort("reaction_forces", Value[list[SpatialForce]]())
+        self._declare(reactions, Corruption(len(joints), spec, dt, tuple(faults), seed))
+
+    def _truth(self, context: Context) -> FloatArray:
+        forces: Any = self._input.Eval(context)
+        wrenches = np.array([forces[i].get_coeffs() for i in self._joints])
+        return np.asarray((self._axes * wrenches).sum(axis=1))

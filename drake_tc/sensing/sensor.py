@@ -1,0 +1,184 @@
+"""`Sensor`: n channels of a sensor as one Drake system, and what all sensors here share (`SensorBase`)."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from pydrake.common.value import Value
+from pydrake.systems.framework import BasicVector, Context, DiscreteValues, InputPort, LeafSystem, ValueProducer
+
+from drake_tc.sensing.corruption import BLOCK, Corruption, corrupt
+from drake_tc.sensing.fault import SensorFault
+from drake_tc.sensing.spec import SensorSpec
+from drake_tc.types import FloatArray
+
+__all__ = ["Sensor", "SensorBase", "SensorFault", "SensorSpec", "corrupt"]
+
+_TICK, _STUCK, _OFFSET = 0, 1, 2
+
+
+@dataclass
+class _Block:
+    """Scratch memory of one Context: the state rows of the block of ticks drawn last."""
+
+    index: int = -1
+    rows: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
+
+
+def _keep(context: object, value: object) -> None:
+    """What is drawn does not age: it is a function of seed and tick."""
+
+
+class SensorBase(LeafSystem):  # type: ignore[misc, unused-ignore]
+    """A truth that becomes a reading; a subclass says where the truth comes from.
+
+    Output:
+        reading (n): NaN where a sample is lost.
+
+    Discrete state, every dt:
+
+        k[n+1] = k[n] + 1                                             tick
+        o[n]   = bias + noise w[k] + faults, NaN where lost           (n,), drawn in the update from (seed, k)
+        m[n]   = 1 where a `frozen` fault holds the channel           (n,), only with such faults
+        d[n+1] = [d[n] without its oldest; u[n]]                      (L, n) ring, only with a latency of L ticks
+        l[n+1] = y[n] where finite, else l[n]                         (n,), only with `frozen` faults
+
+        y[n]   = l[n] where m[n] (and l[n] is finite, and the sample came), else Q(scale u[n-L] + o[n])
+
+    L = 0: u feeds through, and the system adds no delay. L > 0: no feedthrough; a simulator's initialization fills d
+    with the first truth (without one it is NaN until L ticks have passed). With a start time t0 other than 0, k starts
+    at t0/dt. A spec and faults that never change anything need no update: then there is no event.
+    """
+
+    def _declare(self, truth: InputPort, sensor: Corruption) -> None:
+        """Declare state, output and events; once, at the end of the subclass's constructor.
+
+        Args:
+            truth: The input port that `_truth` reads.
+            sensor: What it does to the truth.
+        """
+        size, spec = sensor.size, sensor.spec
+        self._input, self._corruption = truth, sensor
+        self._size, self._delay, self._freezes = size, sensor.delay, sensor.freezes
+        scale, resolution = spec.channels("scale", size), spec.channels("resolution", size)
+        self._scale = None if np.all(scale == 1.0) else scale
+        self._steps = resolution > 0.0
+        self._step = np.where(self._steps, resolution, 1.0)
+        self._steps_any, self._steps_all = bool(self._steps.any()), bool(self._steps.all())
+        self._now: Any = self.DeclareDiscreteState(self._rows(0)[0])
+        tickets = {self.discrete_state_ticket(self._now)}
+        if self._delay:
+            empty: Any = np.full(self._delay * size, np.nan)
+            self._line: Any = self.DeclareDiscreteState(empty)
+            tickets.add(self.discrete_state_ticket(self._line))
+        else:
+            tickets.add(truth.ticket())
+        if self._freezes:
+            nothing: Any = np.full(size, np.nan)
+            self._last: Any = self.DeclareDiscreteState(nothing)
+            tickets.add(self.discrete_state_ticket(self._last))
+        self._block: Any = self.DeclareCacheEntry(
+            "block", ValueProducer(allocate=Value(_Block()).Clone, calc=_keep), {self.nothing_ticket()}
+        )
+        self._reading: Any = self.DeclareVectorOutputPort("reading", size, self._calc, prerequisites_of_calc=tickets)
+        if self._delay or sensor.changes:
+            self.DeclareInitializationDiscreteUpdateEvent(self._start)
+            self.DeclarePeriodicDiscreteUpdateEvent(sensor.dt, 0.0, self._update)
+
+    @property
+    def spec(self) -> SensorSpec:
+        """What the sensor does."""
+        return self._corruption.spec
+
+    @property
+    def faults(self) -> tuple[SensorFault, ...]:
+        """When it fails."""
+        return self._corruption.faults
+
+    def _truth(self, context: Context) -> FloatArray:
+        """(n,) u from the input port."""
+        raise NotImplementedError
+
+    def _rows(self, block: int) -> FloatArray:
+        """(BLOCK, ...) state rows [k, any m, o, m] of a block's ticks."""
+        ticks = (block * BLOCK + np.arange(BLOCK, dtype=np.float64))[:, None]
+        offsets = self._corruption.offsets(block)
+        if not self._freezes:
+            return np.hstack([ticks, np.zeros_like(ticks), offsets])
+        frozen = self._corruption.frozen(block) & np.isfinite(offsets)
+        return np.hstack([ticks, frozen.any(axis=1, keepdims=True), offsets, frozen])
+
+    def _calc(self, context: Any, output: BasicVector) -> None:
+        now = context.get_discrete_state(self._now).value()
+        if self._delay:
+            at = int(now[_TICK]) % self._delay * self._size
+            u = context.get_discrete_state(self._line).value()[at : at + self._size]
+        else:
+            u = self._truth(context)
+        if self._scale is not None:
+            u = self._scale * u
+        y = u + now[_OFFSET : _OFFSET + self._size]
+        if self._steps_any:
+            rounded = np.rint(y / self._step) * self._step
+            y = rounded if self._steps_all else np.where(self._steps, rounded, y)
+        if now[_STUCK]:
+            last = context.get_discrete_state(self._last).value()
+            y = np.where((now[_OFFSET + self._size :] > 0.0) & np.isfinite(last), last, y)
+        output.set_value(y)
+
+    def _update(self, context: Any, values: DiscreteValues) -> None:
+        new: Any = values
+        tick = int(context.get_discrete_state(self._now).value()[_TICK])
+        index, row = divmod(tick + 1, BLOCK)
+        block: _Block = self._block.Eval(context)
+        if block.index != index:
+            block.index, block.rows = index, self._rows(index)
+        new.set_value(self._now, block.rows[row])
+        if self._delay:
+            at = tick % self._delay * self._size
+            new.get_mutable_value(self._line)[at : at + self._size] = self._truth(context)
+        if self._freezes:
+            y = self._reading.Eval(context)
+            last = context.get_discrete_state(self._last).value()
+            new.set_value(self._last, np.where(np.isfinite(y), y, last))
+
+    def _start(self, context: Any, values: DiscreteValues) -> None:
+        """Count from the start time, and fill what is empty of the delay line."""
+        new: Any = values
+        tick = context.get_discrete_state(self._now).value()[_TICK]
+        start = round(context.get_time() / self._corruption.dt)
+        if tick == 0 and start > 0:
+            new.set_value(self._now, self._rows(start // BLOCK)[start % BLOCK])
+        if self._delay:
+            line = context.get_discrete_state(self._line).value()
+            if np.isnan(line).all():
+                new.set_value(self._line, np.tile(self._truth(context), self._delay))
+
+
+class Sensor(SensorBase):
+    """n channels: `truth` (n) to `reading` (n). See `SensorBase` for the recursion, `SensorSpec` for the equation."""
+
+    def __init__(
+        self, size: int, spec: SensorSpec, dt: float, faults: Sequence[SensorFault] = (), seed: int = 0
+    ) -> None:
+        """Declare ports, state and the periodic update.
+
+        Args:
+            size: Channels n.
+            spec: What the sensor does to the truth.
+            dt: Period [s].
+            faults: When it fails.
+            seed: Of its random numbers; the same seed gives the same numbers in every Context.
+
+        Raises:
+            ParamsError: As `Corruption`.
+        """
+        super().__init__()
+        sensor = Corruption(size, spec, dt, tuple(faults), seed)
+        self._declare(self.DeclareVectorInputPort("truth", size), sensor)
+
+    def _truth(self, context: Context) -> FloatArray:
+        port: Any = self._input
+        u: FloatArray = port.Eval(context)
+        return u

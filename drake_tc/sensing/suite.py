@@ -1,0 +1,167 @@
+"""All sensors of a robot at once: their specs with presets, and their wiring."""
+
+import zlib
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+
+import numpy as np
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.systems.framework import DiagramBuilder
+
+from drake_tc.errors import ParamsError
+from drake_tc.robot.fields import mapping
+from drake_tc.robot.robot import Robot
+from drake_tc.sensing.encoder import Encoder, add_encoder
+from drake_tc.sensing.fault import SensorFault
+from drake_tc.sensing.force_torque import ForceTorque, force_torque_spec
+from drake_tc.sensing.imu import Imu, add_imu
+from drake_tc.sensing.joint_torque import JointTorque
+from drake_tc.sensing.spec import SensorSpec, load_spec
+
+SENSORS = ("encoder", "imu", "force_torque", "joint_torque")
+"""Names under which a scenario gives faults."""
+
+
+@dataclass(frozen=True)
+class SensorSuiteSpec:
+    """Specs of a robot's sensors. As it stands, all are perfect.
+
+    Attributes:
+        encoder: [rad].
+        gyro: [rad/s]; 1 or 3 values a field.
+        accel: [m/s²]; 1 or 3 values a field.
+        force: Of the F/T sensors [N]; 1 or 3 values a field.
+        torque: Of the F/T sensors [N m]; 1 or 3 values a field.
+        joint_torque: [N m]; by default the ground truth, for logs alone.
+    """
+
+    encoder: SensorSpec = field(default_factory=SensorSpec)
+    gyro: SensorSpec = field(default_factory=SensorSpec)
+    accel: SensorSpec = field(default_factory=SensorSpec)
+    force: SensorSpec = field(default_factory=SensorSpec)
+    torque: SensorSpec = field(default_factory=SensorSpec)
+    joint_torque: SensorSpec = field(default_factory=SensorSpec)
+
+    @classmethod
+    def perfect(cls) -> "SensorSuiteSpec":
+        """Every reading is the truth of the same tick."""
+        return cls()
+
+    @classmethod
+    def realistic(cls) -> "SensorSuiteSpec":
+        """The orders of magnitude of a humanoid's sensors, at 1 kHz; chosen, no device's data sheet.
+
+        encoder: 1e-5 rad, a motor's encoder of some 10³ lines, four counts a line, over a gear of 100 (2π/4e5 is
+            1.6e-5); white noise of the same size, so that a live encoder never stands exactly still.
+        gyro: 5e-3 rad/s a sample, bias 2e-3. Data sheets of MEMS units state 0.005 to 0.02 deg/s/√Hz, which over
+            500 Hz is 2e-3 to 8e-3 rad/s; the bias is what is left after it was zeroed at rest.
+        accel: 0.05 m/s² a sample, bias 0.02. Data sheets: 100 to 300 µg/√Hz, 0.02 to 0.07 m/s² over 500 Hz.
+        force, torque: 0.5 N and 0.02 N m a sample, bias 1 N and 0.03 N m, scale 0.5 %: about 5e-4 and 2e-3 of ranges of
+            1 kN and 40 N m to 60 N m, as data sheets of ankle sensors state for noise and for drift after zeroing.
+        joint_torque: perfect; such a robot has none.
+        """
+        return cls(
+            encoder=SensorSpec(noise=1e-5, resolution=1e-5),
+            gyro=SensorSpec(noise=5e-3, bias=(2e-3, -1e-3, 1.5e-3), resolution=1e-4),
+            accel=SensorSpec(noise=0.05, bias=(0.02, -0.015, 0.02), resolution=1e-3),
+            force=SensorSpec(noise=0.5, bias=(0.6, -0.5, 1.0), scale=1.005, resolution=0.05),
+            torque=SensorSpec(noise=0.02, bias=(0.03, -0.02, 0.01), scale=1.005, resolution=1e-3),
+        )
+
+
+PRESETS = {"perfect": SensorSuiteSpec.perfect, "realistic": SensorSuiteSpec.realistic}
+
+
+def load_suite(where: str, entry: object) -> SensorSuiteSpec:
+    """A suite from a YAML mapping: `preset: perfect | realistic` (perfect where absent), and what differs from it.
+
+        sensors:
+          preset: realistic
+          encoder: {latency: 0.002}
+          force: {bias: [0.0, 0.0, 3.0]}
+
+    Args:
+        where: File and field, for the error.
+        entry: The mapping; None is the perfect suite.
+
+    Raises:
+        ParamsError: An unknown key or preset, or an impossible value; one line that starts with `where`.
+    """
+    names = [each.name for each in fields(SensorSuiteSpec)]
+    given = mapping(where, entry, (), ("preset", *names))
+    preset = given.pop("preset", "perfect")
+    if preset not in PRESETS:
+        raise ParamsError(f"{where}.preset: wanted one of {', '.join(PRESETS)}; got {preset!r}")
+    suite = PRESETS[preset]()
+    return SensorSuiteSpec(
+        **{name: load_spec(f"{where}.{name}", given.get(name), getattr(suite, name)) for name in names}
+    )
+
+
+@dataclass(frozen=True)
+class SensorSuite:
+    """The sensors in a diagram; each has the port `reading`. None where the robot has no such sensor."""
+
+    encoder: Encoder
+    imu: Imu | None
+    force_torque: ForceTorque | None
+    joint_torque: JointTorque
+
+
+def sensor_seed(seed: int, name: str) -> int:
+    """A sensor's own seed from the scenario's: streams of different names are independent."""
+    return int(np.random.SeedSequence([seed, zlib.crc32(name.encode())]).generate_state(1, np.uint64)[0] >> 1)
+
+
+def add_sensors(
+    builder: DiagramBuilder,
+    plant: MultibodyPlant,
+    robot: Robot,
+    suite: SensorSuiteSpec,
+    dt: float,
+    seed: int = 0,
+    faults: Mapping[str, tuple[SensorFault, ...]] | None = None,
+) -> SensorSuite:
+    """Add all of a robot's sensors to the builder and wire them to a plant that is already in it.
+
+    The plant should have live ports (`SetUseSampledOutputPorts(False)` before `Finalize`): with sampled ones force,
+    torque and acceleration lag the encoders by one step.
+
+    Args:
+        builder: Holds `plant`.
+        plant: Finalized plant with the robot.
+        robot: What it has and where.
+        suite: What the sensors do.
+        dt: Their period [s].
+        seed: The scenario's; each sensor derives its own.
+        faults: By the names in `SENSORS` (`load_faults`); None is none.
+
+    Returns:
+        The systems.
+
+    Raises:
+        ParamsError: A fault of an unknown sensor, or of one that the robot does not have; otherwise as `Sensor`.
+    """
+    failing = dict(faults or {})
+    for name in failing:
+        if name not in SENSORS:
+            raise ParamsError(f"faults: no sensor {name!r}; possible: {', '.join(SENSORS)}")
+        if failing[name] and ((name == "imu" and not robot.imu) or (name == "force_torque" and not robot.force_torque)):
+            raise ParamsError(f"faults: {robot.source} has no sensor {name!r} that could fail")
+
+    def rest(name: str) -> tuple[float, tuple[SensorFault, ...], int]:
+        return dt, failing.get(name, ()), sensor_seed(seed, name)
+
+    encoder = add_encoder(builder, plant, robot, suite.encoder, *rest("encoder"))
+    imu = add_imu(builder, plant, robot, suite.gyro, suite.accel, *rest("imu")) if robot.imu else None
+    reactions = plant.get_reaction_forces_output_port()
+    force_torque = None
+    if robot.force_torque:
+        spec = force_torque_spec(suite.force, suite.torque, len(robot.force_torque))
+        force_torque = ForceTorque(plant, robot, spec, *rest("force_torque"))
+        builder.AddNamedSystem("force_torque", force_torque)
+        builder.Connect(reactions, force_torque.GetInputPort("reaction_forces"))
+    joint_torque = JointTorque(plant, robot, suite.joint_torque, *rest("joint_torque"))
+    builder.AddNamedSystem("joint_torque", joint_torque)
+    builder.Connect(reactions, joint_torque.GetInputPort("reaction_forces"))
+    return SensorSuite(encoder, imu, force_torque, joint_torque)

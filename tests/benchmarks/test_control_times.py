@@ -1,0 +1,71 @@
+"""What one tick of the control systems costs for six joints; printed as rows (run with -s)."""
+
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import drake_tc.models
+import numpy as np
+import pytest
+
+from drake_tc.actuation.model_file import load_models
+from drake_tc.control.gains import gains_for_stiffness
+from drake_tc.control.guard import CommandGuard
+from drake_tc.control.inverse_dynamics import InverseDynamics
+from drake_tc.control.torque_control import TorqueControl
+from drake_tc.robot.robot import load_robot
+
+pytestmark = pytest.mark.benchmark
+ROBOT = Path(drake_tc.models.__file__).parent / "hrp2_like" / "hrp2_like_leg.yaml"
+
+
+def row(name: str, seconds: list[float]) -> float:
+    """Print a row and return the fastest tenth [us], which other work on the machine disturbs least."""
+    best, median, p99 = 1e6 * np.percentile(seconds, [10, 50, 99])
+    print(f"\n{name}: median {median:.1f} us, fastest tenth {best:.1f} us, p99 {p99:.1f} us, n {len(seconds)}")
+    return float(best)
+
+
+def evaluations(system, output: str, count: int = 3000) -> list[float]:
+    """Seconds of each evaluation of an output, all inputs changed before it."""
+    context = system.CreateDefaultContext()
+    ports = [system.get_input_port(i) for i in range(system.num_input_ports())]
+    waves = [np.arange(port.size()) for port in ports]
+    out = system.GetOutputPort(output)
+    seconds = []
+    for k in range(count):
+        for port, wave in zip(ports, waves, strict=True):
+            port.FixValue(context, np.zeros(1) if port.get_name() == "fault" else 0.1 * np.sin(0.01 * k + wave))
+        start = time.perf_counter()
+        out.Eval(context)
+        seconds.append(time.perf_counter() - start)
+        if system.num_discrete_state_groups():
+            context.SetDiscreteState(system.EvalUniquePeriodicDiscreteUpdate(context))
+    return seconds
+
+
+@pytest.fixture(scope="module")
+def leg():
+    robot = load_robot(ROBOT)
+    models = load_models(robot.actuators)
+    models = [models[name] for name in robot.joints]
+    gains = gains_for_stiffness(1.0, [m.drive.gain for m in models], 2.0, 5.0, np.ones(6 * len(robot.force_torque)))
+    return robot, models, gains
+
+
+def test_inverse_dynamics(leg):
+    robot, _, gains = leg
+    assert (
+        row("InverseDynamics, 6 joints, 1 contact", evaluations(InverseDynamics(robot, gains), "desired_torque")) < 80
+    )
+
+
+def test_torque_control(leg):
+    _, models, gains = leg
+    system = TorqueControl(models, replace(gains, ki=np.ones(6)), np.full(6, 200.0))
+    assert row("TorqueControl, 6 joints of 5 effects, command", evaluations(system, "command")) < 50
+    assert row("TorqueControl, components", evaluations(system, "components")) < 80
+
+
+def test_guard():
+    assert row("CommandGuard, 6 joints", evaluations(CommandGuard(6, 1e-3), "command")) < 30

@@ -1,0 +1,99 @@
+"""How long estimation and supervision take each tick; printed as rows (run with -s)."""
+
+import os
+import time
+from pathlib import Path
+
+import drake_tc.models
+import numpy as np
+import pytest
+
+from drake_tc.estimation.fault_monitor import FaultMonitor
+from drake_tc.estimation.joint_torque import JointTorqueEstimator
+from drake_tc.estimation.momentum_residual import MomentumResidual
+from drake_tc.estimation.torque_model import TorqueModel
+from drake_tc.robot.robot import load_robot
+
+pytestmark = pytest.mark.benchmark
+MODELS = Path(next(iter(drake_tc.models.__path__)))
+ROBOTS = {"leg": MODELS / "hrp2_like" / "hrp2_like_leg.yaml", "humanoid": MODELS / "hrp2_like" / "hrp2_like.yaml"}
+TICK = 1e-3
+
+
+@pytest.fixture(scope="module", params=list(ROBOTS))
+def case(request):
+    """(name, robot, kernel)."""
+    robot = load_robot(ROBOTS[request.param])
+    return request.param, robot, TorqueModel(robot)
+
+
+def row(name: str, seconds: list[float], goal: float) -> None:
+    """Print a row; the goal holds for the median, or for the fastest tenth where other work shares the machine."""
+    fast, median, p99 = np.percentile(seconds, [10, 50, 99])
+    busy = os.getloadavg()[0] > 1.2
+    print(f"\n{name}: median {1e6 * median:.0f} us (goal {1e6 * goal:.0f}), p10 {1e6 * fast:.0f}, p99 {1e6 * p99:.0f}")
+    assert (fast if busy else median) <= goal
+
+
+def test_torque_model(case):
+    name, _, model = case
+    context, n = model.create_context(), model.size
+    rng = np.random.default_rng(0)
+    q, v, vdot = rng.normal(size=(3, n))
+    imu, gyro_dot, wrench = rng.normal(size=6), rng.normal(size=3), rng.normal(size=6 * model.num_sensors)
+    seconds = []
+    for k in range(3000):
+        q[0] = 1e-6 * k
+        start = time.perf_counter()
+        model.estimate(context, q, v, vdot, imu, gyro_dot, wrench)
+        seconds.append(time.perf_counter() - start)
+    row(f"TorqueModel.estimate, {name}", seconds, 60e-6 if name == "leg" else 240e-6)
+
+
+def test_joint_torque_estimator(case):
+    name, _, model = case
+    system = JointTorqueEstimator(model)
+    context = system.CreateDefaultContext()
+    rng = np.random.default_rng(0)
+    joint = rng.normal(size=3 * model.size)
+    system.GetInputPort("imu_estimate").FixValue(context, rng.normal(size=12))
+    system.GetInputPort("wrench_estimate").FixValue(context, rng.normal(size=6 * model.num_sensors))
+    ports = [system.get_output_port(i) for i in range(system.num_output_ports())]
+    seconds = []
+    for k in range(3000):
+        joint[0] = 1e-6 * k
+        system.GetInputPort("joint_estimate").FixValue(context, joint)
+        start = time.perf_counter()
+        for port in ports:
+            port.Eval(context)
+        seconds.append(time.perf_counter() - start)
+    row(f"JointTorqueEstimator, all ports, {name}", seconds, 100e-6 if name == "leg" else 250e-6)
+
+
+def updates(system, values) -> list[float]:
+    """Seconds of each periodic update, the inputs changed before each."""
+    context = system.CreateDefaultContext()
+    seconds = []
+    for k in range(2000):
+        for port, value in values.items():
+            system.GetInputPort(port).FixValue(context, value + 1e-6 * k)
+        start = time.perf_counter()
+        context.SetDiscreteState(system.EvalUniquePeriodicDiscreteUpdate(context))
+        seconds.append(time.perf_counter() - start)
+    return seconds
+
+
+def test_momentum_residual(case):
+    name, _, model = case
+    n = model.size
+    values = {"joint_state": np.zeros(2 * n), "torque": np.zeros(n), "imu_estimate": np.ones(12)}
+    seconds = updates(MomentumResidual(model, 30.0, TICK), values)
+    row(f"MomentumResidual update, {name}", seconds, 120e-6 if name == "leg" else 300e-6)
+
+
+def test_fault_monitor(case):
+    name, robot, model = case
+    n, k = model.size, model.num_sensors
+    values = {"encoder": np.zeros(n), "imu": np.ones(6), "wrench": np.ones(6 * k), "torque_residual": np.zeros(n)}
+    seconds = updates(FaultMonitor(robot, dt=TICK), values)
+    row(f"FaultMonitor update, {name}", seconds, 120e-6)

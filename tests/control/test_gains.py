@@ -1,0 +1,97 @@
+"""Gains: the expansion behind K6 .. K9, both ways, and what cannot be converted."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+
+from drake_tc.control.gains import (
+    EquivalentGains,
+    TorqueGains,
+    damping_for_ratio,
+    from_equivalent,
+    gains_for_stiffness,
+    to_equivalent,
+)
+from drake_tc.errors import ParamsError
+
+
+def case(seed, n, m, *, diagonal=False):
+    rng = np.random.default_rng(seed)
+    kf = rng.uniform(0, 2, m) if diagonal else rng.normal(size=(m, m))
+    gains = TorqueGains(*rng.uniform(0.0, 5.0, (2, n)), *rng.uniform(0.0, 300.0, (2, n)), kf)
+    root = rng.normal(size=(n, n))
+    mass = root @ root.T + 0.1 * np.eye(n)
+    return gains, rng.uniform(1e-5, 1e-2, n), mass, rng.normal(size=(m, n))
+
+
+sizes = st.tuples(st.integers(0, 10**6), st.integers(1, 8)).flatmap(
+    lambda sn: st.tuples(st.just(sn[0]), st.just(sn[1]), st.integers(0, sn[1]))
+)
+
+
+@settings(max_examples=40, deadline=None)
+@given(sizes)
+def test_equivalents_reproduce_the_control_law(sizes):
+    gains, k_tau, mass, j = case(*sizes)
+    rng = np.random.default_rng(sizes[0] + 1)
+    n, m = sizes[1:]
+    e, edot, eddot, qddot_d, h = rng.normal(size=(5, n))
+    f_d, f = rng.normal(size=(2, m))
+    tau_d = mass @ qddot_d + h - j.T @ (f_d + gains.kf @ (f_d - f)) + gains.ks * e + gains.kd * edot
+    tau_hat = mass @ (qddot_d - eddot) + h - j.T @ f
+    effort = k_tau * (tau_d + gains.kp * (tau_d - tau_hat))
+    k = to_equivalent(gains, k_tau, mass, j)
+    forward = k_tau * (mass @ qddot_d + h - j.T @ f_d)
+    back = k.k6 * e + k.k7 * edot + k.k8 @ eddot + k.k9 @ (f_d - f)
+    assert_allclose(forward + back, effort, rtol=1e-10, atol=1e-10 * np.abs(k_tau * tau_d).max())  # round-off
+
+
+@settings(max_examples=40, deadline=None)
+@given(sizes)
+def test_round_trip(sizes):
+    gains, k_tau, mass, j = case(*sizes)
+    back = from_equivalent(to_equivalent(gains, k_tau, mass, j), k_tau, mass, j, gains.ki)
+    condition = np.linalg.cond(mass) + (np.linalg.cond(j) if j.size else 0.0)
+    for name in ("kp", "ki", "ks", "kd", "kf"):
+        # linear systems of that condition are solved
+        assert_allclose(getattr(back, name), getattr(gains, name), rtol=1e-9, atol=1e-13 * max(condition, 1.0))
+
+
+def test_as_stiff_as_the_servo():
+    k_tau = np.array([2e-4, 3e-5])
+    gains = gains_for_stiffness([1.0, 0.25], k_tau, 2.0, 5.0, np.ones(6))
+    assert_allclose(to_equivalent(gains, k_tau, np.eye(2), np.zeros((6, 2))).k6, [1.0, 0.25], rtol=1e-14)
+    assert_allclose(gains.ks, [1.0 / (2e-4 * 3.0), 0.25 / (3e-5 * 3.0)], rtol=1e-14)
+    assert_allclose(gains.kf, np.eye(6))
+
+
+def test_damping_ratio_places_the_poles():
+    kd = damping_for_ratio(np.array([100.0]), 4.0, 0.6)
+    poles = np.roots([4.0, kd[0], 100.0])
+    assert_allclose(-poles.real / np.abs(poles), 0.6, rtol=1e-12)
+
+
+def test_refusals():
+    gains, k_tau, mass, j = case(0, 4, 3)
+    k = to_equivalent(gains, k_tau, mass, j)
+    full = np.random.default_rng(1).normal(size=(4, 4))
+    with pytest.raises(ParamsError, match="k8: wanted K_tau Kp M with a diagonal Kp"):
+        from_equivalent(EquivalentGains(k.k6, k.k7, full, k.k9), k_tau, mass, j)
+    with pytest.raises(ParamsError, match="k8"):
+        from_equivalent(EquivalentGains(k.k6, k.k7, -k.k8, k.k9), k_tau, mass, j)
+    with pytest.raises(ParamsError, match="full row rank 3 to find Kf; got rank 2"):
+        from_equivalent(k, k_tau, mass, np.vstack([j[:2], j[:1]]))
+    with pytest.raises(ParamsError, match="k9: wanted -K_tau"):
+        from_equivalent(EquivalentGains(k.k6, k.k7, k.k8, k.k9 + full[:, :3]), k_tau, mass, j)
+    with pytest.raises(ParamsError, match=r"jacobian: wanted shape \(3, 4\)"):
+        to_equivalent(gains, k_tau, mass, j.T)
+    with pytest.raises(ParamsError, match="k_tau: wanted positive"):
+        to_equivalent(gains, -k_tau, mass, j)
+    with pytest.raises(ParamsError, match="kp: wanted finite numbers >= 0"):
+        TorqueGains(-gains.kp, gains.ki, gains.ks, gains.kd, gains.kf)
+    with pytest.raises(ParamsError, match="kf"):
+        TorqueGains(gains.kp, gains.ki, gains.ks, gains.kd, np.ones((2, 3)))
+    with pytest.raises(ParamsError, match="ks: wanted shape"):
+        TorqueGains(gains.kp, gains.ki, np.ones(3), gains.kd, gains.kf)

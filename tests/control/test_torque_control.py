@@ -1,0 +1,225 @@
+"""TorqueControl: components that sum to the effort, equivalent gains, limits, anti-windup, compensation."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+
+from drake_tc.actuation.joint_program import JointInput, JointProgram
+from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
+from drake_tc.control.gains import TorqueGains, to_equivalent
+from drake_tc.control.torque_control import COMPONENTS, CompensationSpec, TorqueControl
+from drake_tc.errors import ParamsError
+
+K_TAU = np.array([2e-4, 5e-3])
+EFFECTS = (
+    EffectValue("viscous", {"viscous": 6.0}),
+    EffectValue("coulomb", {"coulomb": 3.0}),
+    EffectValue("rotor_inertia", {"rotor_inertia": 0.4}),
+    EffectValue("velocity_sign_switch", {"switch": 0.1}),
+    EffectValue("deadzone", {"deadzone": 3e-4}),
+)
+SERVOS = tuple(ActuatorModel(n, Drive("position_servo", k), EFFECTS) for n, k in zip("ab", K_TAU, strict=True))
+BARE = tuple(ActuatorModel(n, Drive("position_servo", k)) for n, k in zip("ab", K_TAU, strict=True))
+GAINS = TorqueGains(np.array([2.0, 1.5]), np.array([4.0, 6.0]), np.array([90.0, 70.0]), np.array([3.0, 2.0]), np.eye(6))
+NO_LIMIT = np.full(2, np.inf)
+RNG = np.random.default_rng(5)
+INPUTS = {
+    "desired_torque": np.array([5.0, -3.0]),
+    "torque_terms": 3.0 * RNG.normal(size=12),
+    "estimated_torque": np.array([4.0, -1.0]),
+    "joint_estimate": RNG.normal(size=6),
+    "position": RNG.normal(size=2),
+    "reference": RNG.normal(size=6),
+}
+
+
+def context_of(system, s=(0.0, 0.0), **changed):
+    context = system.CreateDefaultContext()
+    for i in range(system.num_input_ports()):
+        name = system.get_input_port(i).get_name()
+        system.get_input_port(i).FixValue(context, np.asarray(changed.get(name, INPUTS[name]), float))
+    context.SetDiscreteState(0, np.asarray(s, float))
+    return context
+
+
+def read(system, context, name):
+    return np.array(system.GetOutputPort(name).Eval(context))
+
+
+@settings(max_examples=40, deadline=None)
+@given(seed=st.integers(0, 10**6), limited=st.booleans())
+def test_the_seven_parts_sum_to_the_effort(seed, limited):
+    rng = np.random.default_rng(seed)
+    system = TorqueControl(SERVOS, GAINS, np.full(2, 6.0) if limited else NO_LIMIT)
+    inputs = {name: 5.0 * rng.normal(size=value.size) for name, value in INPUTS.items()}
+    context = context_of(system, rng.normal(size=2), **inputs)
+    total = read(system, context, "components").reshape(6, 2).sum(axis=0) + read(system, context, "integral")
+    effort = read(system, context, "command") - inputs["position"]
+    assert_allclose(total, effort, rtol=1e-11, atol=1e-13 * 100)  # round-off of a sum of torques of some 100 N m
+    torque = read(system, context, "commanded_torque")
+    assert np.all(np.abs(torque) <= (6.0 if limited else np.inf))
+
+
+def test_components_are_the_equivalent_gains_times_the_errors():
+    rng = np.random.default_rng(1)
+    root = rng.normal(size=(2, 2))
+    mass, j = root @ root.T + np.eye(2), rng.normal(size=(6, 2))
+    kf = rng.normal(size=(6, 6))
+    gains = TorqueGains(GAINS.kp, np.zeros(2), GAINS.ks, GAINS.kd, kf)
+    e, edot, eddot, qddot_d, h = rng.normal(size=(5, 2))
+    f_d, f = rng.normal(size=(2, 6))
+    forward = mass @ qddot_d + h - j.T @ f_d
+    rows = [forward, gains.ks * e, gains.kd * edot, -j.T @ kf @ (f_d - f), mass @ eddot, -j.T @ (f_d - f)]
+    estimated = mass @ (qddot_d - eddot) + h - j.T @ f  # the same model
+    system = TorqueControl(BARE, gains, NO_LIMIT)
+    context = context_of(
+        system, desired_torque=sum(rows[:4]), torque_terms=np.concatenate(rows), estimated_torque=estimated
+    )
+    k = to_equivalent(gains, K_TAU, mass, j)
+    expected = {
+        "feedforward_torque": K_TAU * forward,
+        "feedforward_friction": np.zeros(2),
+        "feedback_position": k.k6 * e,
+        "feedback_velocity": k.k7 * edot,
+        "feedback_acceleration": k.k8 @ eddot,
+        "feedback_force": k.k9 @ (f_d - f),
+    }
+    got = dict(zip(COMPONENTS, read(system, context, "components").reshape(6, 2), strict=True))
+    for name, value in expected.items():
+        assert_allclose(got[name], value, rtol=1e-9, atol=1e-14, err_msg=name)
+
+
+@pytest.mark.parametrize("velocity", [-0.8, 0.6])
+def test_the_actuator_then_delivers_the_commanded_torque(velocity):
+    """The simulated actuator, given the command, moves the link with tau* (rotor's share taken by its inertia)."""
+    acceleration = 1.5
+    reference = np.array([0.0, 0.0, velocity, velocity, acceleration, acceleration])
+    spec = CompensationSpec(velocity="reference", direction="reference", acceleration="reference", direction_speed=1e-3)
+    system = TorqueControl(SERVOS, GAINS, NO_LIMIT, compensation=spec)
+    context = context_of(system, reference=reference)
+    command, torque = read(system, context, "command"), read(system, context, "commanded_torque")
+    for i, model in enumerate(SERVOS):
+        program = JointProgram(model, 1e-3, 0.0)
+        q = float(INPUTS["position"][i])
+        out = program.step(
+            program.initial(velocity), JointInput(float(command[i]), q, velocity, 0.0, 25.0), at_tick=True
+        )
+        assert_allclose(out.actuation - 0.4 * acceleration, torque[i], rtol=1e-9, atol=1e-9)
+
+
+def test_other_drives_get_the_effort_alone():
+    mixed = (SERVOS[0], ActuatorModel("b", Drive("current", 0.05)))
+    system = TorqueControl(mixed, GAINS, NO_LIMIT)
+    near, far = (read(system, context_of(system, position=q), "command") for q in ([0.0, 0.0], [1.0, 1.0]))
+    assert_allclose(far - near, [1.0, 0.0], atol=1e-12)
+    assert_allclose(near[1], 0.05 * read(system, context_of(system), "commanded_torque")[1], rtol=1e-12)
+
+
+def run(system, context, ticks):
+    sums = []
+    for _ in range(ticks):
+        context.SetDiscreteState(system.EvalUniquePeriodicDiscreteUpdate(context))
+        sums.append(np.array(context.get_discrete_state(0).value()))
+    return np.array(sums)
+
+
+def test_the_integral_integrates():
+    system = TorqueControl(SERVOS, GAINS, NO_LIMIT, dt=2e-3)
+    context = context_of(system)
+    sums = run(system, context, 100)
+    assert_allclose(sums[-1], 100 * 2e-3 * np.array([1.0, -2.0]), rtol=1e-12)  # tau_d - tau_hat
+    assert_allclose(read(system, context, "integral"), K_TAU * GAINS.ki * sums[-1], rtol=1e-12)
+
+
+def test_the_integral_does_not_wind_up():
+    system = TorqueControl(SERVOS, GAINS, np.full(2, 10.0), dt=1e-2)
+    push = context_of(system, desired_torque=[30.0, -30.0], estimated_torque=[0.0, 0.0])
+    assert_allclose(run(system, push, 50), 0.0)  # already out of the limit
+    slow = context_of(system, desired_torque=[6.0, -6.0], estimated_torque=[5.0, -5.0])
+    sums = run(system, slow, 2000)
+    assert np.all(np.abs(GAINS.ki * sums) <= 10.0)
+    asked = 6.0 + GAINS.kp + GAINS.ki * np.abs(sums[-1])
+    assert np.all(asked <= 10.0 + GAINS.ki * 1e-2 + 1e-9)  # at most one step past the limit
+    system.GetInputPort("estimated_torque").FixValue(slow, np.array([7.0, -7.0]))
+    back = run(system, slow, 1)
+    assert np.all(np.abs(back[0]) < np.abs(sums[-1]))  # leaves the limit at once
+
+
+@pytest.mark.parametrize("name", [name for name in INPUTS if name != "torque_terms"])
+@pytest.mark.parametrize("bad", [np.nan, np.inf, 1e300])
+def test_a_broken_input_raises_nothing_and_leaves_the_integral(name, bad):
+    system = TorqueControl(SERVOS, GAINS, NO_LIMIT)
+    broken = INPUTS[name].copy()
+    broken[-1 if name == "reference" else broken.size // 2] = bad
+    context = context_of(system, (0.1, 0.2), **{name: broken})
+    assert_allclose(run(system, context, 3)[-1], [0.1, 0.2])
+    assert np.isnan(read(system, context, "command")).any()
+    assert read(system, context, "components").shape == (12,)
+
+
+MOVES = {  # input: outputs it moves
+    "desired_torque": {"command", "components", "commanded_torque"},
+    "torque_terms": {"components"},
+    "estimated_torque": {"command", "components", "commanded_torque"},
+    "joint_estimate": {"command", "components"},
+    "position": {"command"},
+    "reference": {"command", "components"},
+}
+
+
+@pytest.mark.parametrize("name", MOVES)
+def test_poking_an_input_moves_what_depends_on_it(name):
+    system = TorqueControl(SERVOS, GAINS, NO_LIMIT)
+    context = context_of(system)
+    outputs = ("command", "components", "commanded_torque", "integral")
+    before = {out: read(system, context, out) for out in outputs}
+    system.GetInputPort(name).FixValue(context, INPUTS[name] + 0.1 * np.arange(1, INPUTS[name].size + 1))
+    assert {out for out in outputs if not np.array_equal(read(system, context, out), before[out])} == MOVES[name]
+
+
+def test_state_and_gains_move_the_outputs():
+    system = TorqueControl(SERVOS, GAINS, NO_LIMIT)
+    context = context_of(system)
+    before = {out: read(system, context, out) for out in ("command", "components", "commanded_torque", "integral")}
+    context.SetDiscreteState(0, np.ones(2))
+    moved = {out for out in before if not np.array_equal(read(system, context, out), before[out])}
+    assert {"command", "commanded_torque", "integral"} <= moved
+    context.SetDiscreteState(0, np.zeros(2))
+    system.set_gains(context, TorqueGains(np.zeros(2), GAINS.ki, GAINS.ks, GAINS.kd, GAINS.kf))
+    assert_allclose(read(system, context, "commanded_torque"), INPUTS["desired_torque"])
+    assert not np.array_equal(read(system, context, "components"), before["components"])
+
+
+def test_where_the_friction_looks():
+    """The estimate's velocity moves the command only where the specification takes it from there."""
+    for velocity, direction, wanted in (
+        ("reference", "reference", False),
+        ("estimate", "reference", True),
+        ("reference", "estimate", True),
+    ):
+        spec = CompensationSpec(velocity=velocity, direction=direction)
+        system = TorqueControl(SERVOS, GAINS, NO_LIMIT, compensation=spec)
+        one = read(system, context_of(system), "command")
+        other = read(system, context_of(system, joint_estimate=-INPUTS["joint_estimate"]), "command")
+        assert np.array_equal(one, other) != wanted
+    alone = TorqueControl(SERVOS, GAINS, NO_LIMIT, compensation=CompensationSpec("estimate", "estimate", "none"))
+    assert not alone.HasInputPort("reference")
+
+
+def test_refusals():
+    with pytest.raises(ParamsError, match="torque_limit: wanted 2 positive"):
+        TorqueControl(SERVOS, GAINS, np.zeros(2))
+    with pytest.raises(ParamsError, match="dt: wanted a positive period"):
+        TorqueControl(SERVOS, GAINS, NO_LIMIT, dt=0.0)
+    with pytest.raises(ParamsError, match=r"compensation\.velocity: wanted one of"):
+        CompensationSpec(velocity="none")
+    with pytest.raises(ParamsError, match="direction_speed"):
+        CompensationSpec(direction_speed=0.0)
+    still = TorqueGains(GAINS.kp, np.zeros(2), GAINS.ks, GAINS.kd, GAINS.kf)
+    system = TorqueControl(SERVOS, still, NO_LIMIT)
+    with pytest.raises(ParamsError, match=r"gains\.ki: wanted 0"):
+        system.set_gains(system.CreateDefaultContext(), GAINS)
+    with pytest.raises(ParamsError, match="gains: wanted 2 joints; got 3"):
+        TorqueControl(SERVOS, TorqueGains(*np.ones((4, 3)), np.eye(6)), NO_LIMIT)

@@ -1,0 +1,39 @@
+"""The committed robots: perfect sensors give the truth, whoever wrote their URDF."""
+
+import logging
+from pathlib import Path
+
+import drake_tc.models
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from drake_tc.errors import ParamsError
+from drake_tc.estimation.torque_model import TorqueModel
+from drake_tc.robot.robot import load_robot
+
+from .machines import Push, Truth
+
+MODELS = Path(next(iter(drake_tc.models.__path__)))
+FILES = sorted(p for p in MODELS.glob("*/*.yaml") if not p.stem.endswith("_actuators"))
+
+
+@pytest.mark.parametrize("file", FILES, ids=[file.stem for file in FILES])
+def test_torques_and_wrenches_to_round_off(file, caplog):
+    caplog.set_level(logging.ERROR)
+    try:
+        robot = load_robot(file)
+    except ParamsError as missing:
+        pytest.skip(str(missing))
+    rng = np.random.default_rng(0)
+    pushes = [Push(mount.contact, rng.uniform(-50.0, 50.0, 6)) for mount in robot.force_torque]
+    instant = Truth(robot).instant(rng, pushes)
+    model = TorqueModel(robot)
+    result = model.estimate(
+        model.create_context(), instant.q, instant.v, instant.vdot, instant.imu, instant.gyro_dot, instant.readings
+    )
+    # light fingers accelerate at up to 1e7 rad/s^2 under these torques; round-off is relative to that
+    close = {"rtol": 0.0, "atol": 1e-14 * max(1e3, float(np.abs(instant.vdot).max()))}
+    assert_allclose(result.torque, instant.torque, **close)
+    assert_allclose(result.contact_wrench, np.concatenate([push.wrench for push in pushes]), **close)
+    assert_allclose(result.unknown_wrench, instant.base_reaction, **close)
