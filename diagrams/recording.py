@@ -29,6 +29,7 @@ class Recording:
         time: (T,) [s].
         signals: Name of a port to its values (T, width).
         seconds: Wall time that the simulation took [s].
+        flag_names: Of the fault monitor's flags, in order; empty without one.
     """
 
     robot: Robot
@@ -36,6 +37,7 @@ class Recording:
     time: FloatArray
     signals: Mapping[str, FloatArray]
     seconds: float
+    flag_names: tuple[str, ...] = ()
 
     def __getitem__(self, name: str) -> FloatArray:
         """(T, width) of one signal.
@@ -87,14 +89,14 @@ def log_columns(recording: Recording, torque: FloatArray | None = None) -> dict[
         columns[f"{joint}/{COMMAND_NAME[kind]}"] = recording["command"][:, i]
         if torque is not None:
             columns[f"{joint}/torque"] = torque[:, i]
-    for prefix, signal, mounts, axes in (
-        ("imu", "imu", recording.robot.imu, IMU_AXES),
-        ("ft", "force_torque", recording.robot.force_torque, WRENCH_AXES),
-    ):
+    imus, wrenches = (
+        [mount.name for mount in mounts] for mounts in (recording.robot.imu, recording.robot.force_torque)
+    )
+    for prefix, signal, names, axes in (("imu", "imu", imus, IMU_AXES), ("ft", "force_torque", wrenches, WRENCH_AXES)):
         if signal in recording.signals:
-            for i, mount in enumerate(mounts):
+            for i, name in enumerate(names):
                 for j, axis in enumerate(axes):
-                    columns[f"{prefix}_{mount.name}/{axis}"] = recording[signal][:, 6 * i + j]
+                    columns[f"{prefix}_{name}/{axis}"] = recording[signal][:, 6 * i + j]
     return columns
 
 

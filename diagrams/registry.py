@@ -30,7 +30,8 @@ class DiagramEntry:
 
     def scenarios(self) -> list[str]:
         """Names of the committed scenarios."""
-        return scenario_names(self.scenario_file)
+        names: list[str] = scenario_names(self.scenario_file)
+        return names
 
     def scenario(self, name: str | None = None, file: Path | None = None, text: str | None = None) -> Scenario:
         """A scenario, from the committed file unless another is given; the first of the file when no name is.
@@ -49,7 +50,9 @@ DIAGRAMS: Mapping[str, DiagramEntry] = {
             "hrp2_leg", "a hanging leg in torque control, or under its vendor's servo", HERE / "hrp2_leg.scenario.yaml"
         ),
         DiagramEntry(
-            "hrp2_leg_contact", "the leg's foot on a rigid object: force control", HERE / "hrp2_leg_contact.scenario.yaml"
+            "hrp2_leg_contact",
+            "the foot on a rigid object: force control",
+            HERE / "hrp2_leg_contact.scenario.yaml",
         ),
     )
 }

@@ -68,7 +68,7 @@ def run_loop(loop: Loop, progress: Progress | None = None, *, allow_runaway: boo
     logs = {name: sink.FindLog(context) for name, sink in loop.logs.items()}
     times = np.asarray(logs["joint_state"].sample_times())
     signals = {name: np.asarray(log.data()).T.copy() for name, log in logs.items()}
-    return Recording(loop.robot, loop.models, times, signals, seconds)
+    return Recording(loop.robot, loop.models, times, signals, seconds, loop.flag_names)
 
 
 def _speeds(loop: Loop, context: object) -> np.ndarray[tuple[int], np.dtype[np.float64]]:

@@ -91,7 +91,7 @@ class MotionSpec:
 
 @dataclass(frozen=True)
 class ForceSpec:
-    """f(t) = offset + amplitude sin(2 pi f (t - begin)), from `begin` on ramped in over `ramp` [s]; [fx fy fz tx ty tz]."""
+    """f(t) = offset + amplitude sin(2 pi f (t - begin)), risen from `begin` on over `ramp` [s]; [fx fy fz tx ty tz]."""
 
     offset: tuple[float, ...] = (0.0,) * 6
     amplitude: tuple[float, ...] = (0.0,) * 6
@@ -153,6 +153,7 @@ class Scenario:
         pushes, objects: Surroundings.
         faults: "encoder", "imu" or "force_torque" to what goes wrong with it, and when.
         masses: Link to a factor on its mass and inertia in the simulated plant only: the model is then wrong.
+        joint_stops: "none" takes the stops away from plant and model, to see where an unstable joint would go.
         log_truth, log_components: Record the true joint torques, the six components of the command too.
         source: Folder that file names are relative to.
     """
@@ -170,18 +171,19 @@ class Scenario:
     angular_acceleration: Literal["gyro", "neglected", "zero"] = "zero"
     tare: float = 0.3
     configuration: Literal["estimate", "reference"] = "reference"
-    compensation: CompensationSpec = CompensationSpec()
+    compensation: CompensationSpec = field(default_factory=CompensationSpec)
     sensors: Any = "realistic"
     gains: GainSpec = GainSpec()
     filters: FilterSpec = FilterSpec()
     motion: MotionSpec = MotionSpec()
-    guard: GuardSpec = GuardSpec()
-    monitor: MonitorSpec = MonitorSpec()
+    guard: GuardSpec = field(default_factory=GuardSpec)
+    monitor: MonitorSpec = field(default_factory=MonitorSpec)
     force: Mapping[str, ForceSpec] = field(default_factory=dict)
     pushes: tuple[PushSpec, ...] = ()
     objects: tuple[ObjectSpec, ...] = ()
     faults: Mapping[str, tuple[SensorFault, ...]] = field(default_factory=dict)
     masses: Mapping[str, float] = field(default_factory=dict)
+    joint_stops: Literal["modelled", "none"] = "modelled"
     log_truth: bool = False
     log_components: bool = False
     source: str = "."
@@ -212,6 +214,7 @@ class Scenario:
 SENSORS = ("encoder", "imu", "force_torque")
 _CHOICES = {
     "controller": ("torque", "servo"),
+    "joint_stops": ("modelled", "none"),
     "torque_from": ("estimate", "sensor"),
     "base_from": ("imu", "fixed"),
     "angular_acceleration": ("gyro", "neglected", "zero"),
@@ -248,7 +251,8 @@ def load_scenario(path: Path, name: str, text: str | None = None) -> Scenario:
         if not isinstance(changes, dict):
             raise ParamsError(f"scenario text: wanted a mapping of fields; got {text!r}")
         document = _merged(document, changes)
-    return from_mapping(Scenario, {"source": str(path.parent), **document}, f"{path}: {name}")
+    scenario: Scenario = from_mapping(Scenario, {"source": str(path.parent), **document}, f"{path}: {name}")
+    return scenario
 
 
 def _extended(path: Path, document: dict[str, Any], name: str, seen: tuple[str, ...]) -> dict[str, Any]:

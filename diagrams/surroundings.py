@@ -27,7 +27,8 @@ def add_objects(plant: MultibodyPlant, objects: Sequence[ObjectSpec]) -> None:
                 raise ParamsError(f"objects[{number}].{name}: wanted three numbers; got {getattr(item, name)}")
         if min(item.size) <= 0.0:
             raise ParamsError(f"objects[{number}].size: wanted positive lengths [m]; got {item.size}")
-        pose = RigidTransform(RollPitchYaw(*item.rpy), list(item.xyz))
+        centre: Any = np.array(item.xyz)
+        pose = RigidTransform(RollPitchYaw(*item.rpy), centre)
         rough = CoulombFriction(item.friction, item.friction)
         world = plant.world_body()
         plant.RegisterCollisionGeometry(world, pose, Box(*item.size), f"object_{number}", rough)
@@ -58,11 +59,9 @@ class Pushes(LeafSystem):  # type: ignore[misc, unused-ignore]
             if not push.duration > 0.0:
                 raise ParamsError(f"pushes: {push.link}: wanted a positive duration [s]; got {push.duration}")
         self._pushes = tuple((plant.GetBodyByName(push.link).index(), push) for push in pushes)
+        write: Any = self._push
         self.DeclareAbstractOutputPort(
-            "spatial_forces",
-            lambda: Value[list[ExternallyAppliedSpatialForce]](),
-            self._push,
-            {self.time_ticket()},
+            "spatial_forces", lambda: Value[list[ExternallyAppliedSpatialForce]](), write, {self.time_ticket()}
         )
 
     def _push(self, context: Context, forces: Any) -> None:
@@ -75,7 +74,8 @@ class Pushes(LeafSystem):  # type: ignore[misc, unused-ignore]
             rise = np.sin(np.pi * share) ** 2
             force = ExternallyAppliedSpatialForce()
             force.body_index = body
-            force.p_BoBq_B = np.array(push.point)
+            point: Any = np.array(push.point)
+            force.p_BoBq_B = point
             force.F_Bq_W = SpatialForce(rise * np.array(push.torque), rise * np.array(push.force))
             acting.append(force)
         forces.set_value(acting)

@@ -9,7 +9,7 @@
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -63,7 +63,7 @@ class Loop:
         """Put the robot at rest in the scenario's posture, with the masses that the scenario gives its links."""
         own = self.plant.GetMyContextFromRoot(context)
         for joint, position in zip(self.robot.joints, posture(self.scenario.motion, self.robot), strict=True):
-            self.plant.GetJointByName(joint).set_angle(own, position)  # type: ignore[attr-defined]
+            self.plant.GetJointByName(joint).set_angle(own, position)
         for link, factor in self.scenario.masses.items():
             body = self.plant.GetBodyByName(link)
             inertia = body.CalcSpatialInertiaInBodyFrame(own)
@@ -100,9 +100,7 @@ def build_loop(scenario: Scenario, *, meshcat: bool = False) -> Loop:
     Raises:
         ParamsError: a file that cannot be read, a robot without what the scenario needs, or names that do not fit.
     """
-    robot = load_robot(scenario.path(scenario.robot))
-    if not robot.fixed_base:
-        raise ParamsError(f"{robot.source}: wanted a robot whose base is fixed, for this diagram; its base floats")
+    robot = loop_robot(scenario)
     models = actuator_models(scenario, robot)
     wanted = references(scenario, robot)
     builder = DiagramBuilder()
@@ -111,15 +109,27 @@ def build_loop(scenario: Scenario, *, meshcat: bool = False) -> Loop:
     parts = _Parts(builder, scenario, robot, plant, sensors)
     command = _torque_command(parts, wanted) if scenario.controller == "torque" else _servo_command(parts, wanted)
     _add_drives(parts, models, command)
-    logs = {
-        name: LogVectorOutput(port, builder, scenario.dt)
-        for name, port in parts.signals.items()
-    }
+    logs = {name: LogVectorOutput(port, builder, scenario.dt) for name, port in parts.signals.items()}
     for name, sink in logs.items():
         sink.set_name(f"log_{name}")
     diagram = builder.Build()
     diagram.set_name("torque_loop" if scenario.controller == "torque" else "servo_loop")
     return Loop(scenario, robot, models, diagram, plant, logs, parts.flag_names)
+
+
+def loop_robot(scenario: Scenario) -> Robot:
+    """The scenario's robot, without joint stops where it says so.
+
+    Raises:
+        ParamsError: a file that cannot be read, or a robot whose base floats.
+    """
+    robot = load_robot(scenario.path(scenario.robot))
+    if not robot.fixed_base:
+        raise ParamsError(f"{robot.source}: wanted a robot whose base is fixed, for this diagram; its base floats")
+    if scenario.joint_stops == "none":
+        endless = {"lower": -np.inf, "upper": np.inf}
+        robot = replace(robot, limits={joint: {**robot.limits.get(joint, {}), **endless} for joint in robot.joints})
+    return robot
 
 
 def actuator_models(scenario: Scenario, robot: Robot, *, controller: bool = False) -> dict[str, ActuatorModel]:
@@ -141,6 +151,7 @@ def actuator_models(scenario: Scenario, robot: Robot, *, controller: bool = Fals
 
 def _add_plant(builder: DiagramBuilder, scenario: Scenario, robot: Robot, *, meshcat: bool) -> MultibodyPlant:
     """The robot in its surroundings; with geometry only where something is to be touched or seen."""
+    plant: Any
     if scenario.objects or meshcat:
         plant, scene_graph = AddMultibodyPlantSceneGraph(builder, scenario.plant_step)
         add_robot(plant, robot, visuals=meshcat, collisions=bool(scenario.objects))
@@ -159,7 +170,8 @@ def _add_plant(builder: DiagramBuilder, scenario: Scenario, robot: Robot, *, mes
     if scenario.pushes:
         pushes = builder.AddNamedSystem("pushes", Pushes(plant, scenario.pushes))
         builder.Connect(pushes.get_output_port(), plant.get_applied_spatial_force_input_port())
-    return plant
+    built: MultibodyPlant = plant
+    return built
 
 
 def _add_sensors(builder: DiagramBuilder, scenario: Scenario, robot: Robot, plant: MultibodyPlant) -> SensorSuite:
@@ -182,7 +194,8 @@ def _servo_command(parts: _Parts, wanted: References) -> OutputPort:
     source = parts.builder.AddNamedSystem("reference", table_source(wanted.time, wanted.motion))
     split = parts.builder.AddNamedSystem("reference_position", Demultiplexer([n, 2 * n]))
     parts.builder.Connect(source.get_output_port(), split.get_input_port())
-    sound = parts.builder.AddNamedSystem("no_fault", ConstantVectorSource(np.zeros(1)))
+    nothing: Any = np.zeros(1)
+    sound = parts.builder.AddNamedSystem("no_fault", ConstantVectorSource(nothing))
     parts.signals["reference"] = source.get_output_port()
     return _guarded(parts, split.get_output_port(0), sound.get_output_port())
 
@@ -208,7 +221,8 @@ def _torque_command(parts: _Parts, wanted: References) -> OutputPort:
     limits = joint_limits(robot)
     control = TorqueControl(list(models.values()), gains, limits.effort, scenario.dt, scenario.compensation)
     sensed = scenario.torque_from == "sensor"
-    torque = parts.sensors.joint_torque.GetOutputPort("reading") if sensed else estimator.GetOutputPort("estimated_torque")
+    estimated = estimator.GetOutputPort("estimated_torque")
+    torque = parts.sensors.joint_torque.GetOutputPort("reading") if sensed else estimated
     wires = {
         "desired_torque": dynamics.GetOutputPort("desired_torque"),
         "torque_terms": dynamics.GetOutputPort("torque_terms"),
@@ -223,7 +237,7 @@ def _torque_command(parts: _Parts, wanted: References) -> OutputPort:
     parts.signals |= {
         "reference": reference,
         "desired_torque": dynamics.GetOutputPort("desired_torque"),
-        "estimated_torque": estimator.GetOutputPort("estimated_torque"),
+        "estimated_torque": estimated,
         "flags": monitor.GetOutputPort("flags"),
     }
     if scenario.log_components:

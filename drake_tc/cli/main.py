@@ -13,6 +13,7 @@ from drake_tc.cli.close_loop_command import close_loop_command
 from drake_tc.cli.graph_command import graph_command
 from drake_tc.cli.identify_command import identify_command
 from drake_tc.cli.import_logs import import_logs
+from drake_tc.cli.reproduce_command import reproduce_command
 from drake_tc.cli.simulate_command import simulate_command
 from drake_tc.errors import DrakeTcError
 
@@ -27,6 +28,7 @@ app.command("identify")(identify_command)
 app.command("import")(import_logs)
 app.command("simulate")(simulate_command)
 app.command("graph")(graph_command)
+app.command("reproduce")(reproduce_command)
 app.add_typer(bench_app, name="bench")
 
 

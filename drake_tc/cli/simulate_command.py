@@ -1,4 +1,4 @@
-"""`drake-tc simulate`: run a diagram's scenario; tracking and faults on stdout, the log as a rig that closes the loop."""
+"""`drake-tc simulate`: run a diagram's scenario; tracking and faults on stdout, a log that `close-loop` reads."""
 
 import json
 import sys
@@ -15,7 +15,7 @@ from drake_tc.cli.progress import progress_bar
 def simulate_command(
     diagram: Annotated[str, typer.Argument(help="Name of a diagram; a wrong one lists those there are.")],
     scenario_name: Annotated[str | None, typer.Option(help="Scenario; the file's first when left out.")] = None,
-    scenario_file: Annotated[Path | None, typer.Option(help="Scenario file (YAML) instead of the committed one.")] = None,
+    scenario_file: Annotated[Path | None, typer.Option(help="Scenario file (YAML) of your own.")] = None,
     scenario_text: Annotated[str | None, typer.Option(help="YAML of fields to change: '{gains: {k6: 0.25}}'.")] = None,
     duration: Annotated[float | None, typer.Option(help="Simulated seconds instead of the scenario's.")] = None,
     seed: Annotated[int | None, typer.Option(help="Seed instead of the scenario's.")] = None,

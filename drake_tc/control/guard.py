@@ -20,22 +20,24 @@ class CommandGuard(LeafSystem):  # type: ignore[misc, unused-ignore]
 
         wish   = anchor + w (command - anchor)            start: w = 3 s^2 - 2 s^3 grows from 0 to 1, s += dt/T
                  command                                  normal
-                 y[n-1]                                   hold
+                 y[n-1]                                   hold; after normal y[n-2]: a flag may be a tick late
                  y[n-1] + clip((r - y[n-1]) dt/damp_time, +/- damp_rate dt)     damp
         y[n]   = clip(clip(wish, r - D, r + D), y[n-1] - R dt, y[n-1] + R dt)
 
-    so that |y[n] - y[n-1]| <= R dt always, and |y[n] - r| <= D as long as the joint itself is not faster than R. The
-    first tick has no y[n-1]: it starts at r.
+    so that |y[n] - y[n-1]| <= R dt always, and |y[n] - r| <= D as long as the joint itself is not faster than R. In
+    the start R is at most `start_rate` (servos), and the start ends when s is 1 and the command is within that rate: a
+    joint that was left behind catches up at a walk. The first tick has no y[n-1]: it starts at r.
 
     Inputs are sound when all of them are finite and `fault` is 0. At the first tick that is not, hold; `hold_time`
     later, damp; once sound for `recover_time`, start again from y (anchor = y, T = blend_time). A joint whose position
-    is lost takes the last finite one; in damping it holds on. Before the first finite position of a servo, y is 0 and
-    the mode is hold.
+    is lost takes the last finite one; in damping it holds on, for a drive that followed a wrong position would drag its
+    joint along. With `fault` 2 all positions are lost. Before the first finite position of a servo, y is 0 and the mode
+    is hold.
 
     Inputs:
         command (n): q_d [rad], i [A] or V [V].
         position (n): q as the encoders read it now [rad].
-        fault (1): 0 while upstream is sound.
+        fault (1): 0 while upstream is sound, 1 where it is not, 2 where the positions are wrong too.
     Outputs, with direct feedthrough of every input:
         command (n): y[n], finite whatever comes in.
         mode (1): a GuardMode.

@@ -10,6 +10,8 @@ from drake_tc.types import BoolArray, FloatArray
 
 LARGEST = 1e6
 """Commands and positions that sum to more than this [rad | A | V] count as not finite."""
+UNTRUSTED = 1.5
+"""From here on `fault` says that the positions are wrong, finite as they may be."""
 
 
 class GuardMode(IntEnum):
@@ -30,6 +32,8 @@ class GuardSpec:
         rate_limit: Of the command, likewise, > 0 [1/s]. At least what the joint itself can do, or the command cannot
             follow a joint that is pushed.
         start_time: From the position at the first tick to the incoming command [s].
+        start_rate: A servo's command is no faster than this until it has met the incoming one, at the start as after a
+            fault, while which the reference may have gone on, > 0 [rad/s]. Other drives take `rate_limit`.
         hold_time: How long the last safe command is held after a fault [s].
         damp_time: Time constant with which the command then goes to the position (to 0 for other drives), > 0 [s].
             The drive feels like a damper of Kd = damp_time/K_tau.
@@ -44,6 +48,7 @@ class GuardSpec:
     offset_limit: float | tuple[float, ...] = 0.2
     rate_limit: float | tuple[float, ...] = 20.0
     start_time: float = 0.5
+    start_rate: float = 1.0
     hold_time: float = 0.1
     damp_time: float = 0.1
     damp_rate: float = 0.5
@@ -63,7 +68,7 @@ class GuardLaw:
     """x[n+1] = step(x[n], command, position, fault): see `drake_tc.control.guard.CommandGuard`. Holds no changing data.
 
     x = [y (n), last finite position (n), anchor (n), mode, time in hold and damp, time sound, s, 1/T], 1/T = 0 before
-    the first tick.
+    the first tick; in normal mode the anchor is the y before the last.
     """
 
     def __init__(self, size: int, dt: float, spec: GuardSpec, servo: tuple[bool, ...] | None = None) -> None:
@@ -80,6 +85,7 @@ class GuardLaw:
         self._all_servo = all(flags)
         self._offset = self._spread("offset_limit", spec.offset_limit)
         self._step = dt * self._spread("rate_limit", spec.rate_limit)
+        self._start_step = np.where(flags, np.minimum(self._step, dt * spec.start_rate), self._step)
 
     def _spread(self, name: str, value: float | tuple[float, ...]) -> FloatArray:
         array = np.asarray(value, dtype=np.float64)
@@ -99,7 +105,7 @@ class GuardLaw:
         mode, waited, sound_for, s, rate = state[3 * n :].tolist()
         size = sum(map(abs, command.tolist())) + sum(map(abs, position.tolist()))  # as floats: no warning, NaN stays
         sound = size <= LARGEST and -0.5 < fault < 0.5
-        known = None if sound else np.abs(position) <= LARGEST
+        known = None if sound else (np.abs(position) <= LARGEST) & (not fault >= UNTRUSTED)
         here = position if known is None else np.where(known, position, state[n : 2 * n])
         after[n : 2 * n] = here
         rest = here if self._all_servo else here * self._servo
@@ -108,24 +114,26 @@ class GuardLaw:
                 return after
             last = anchor = rest
             mode, rate = GuardMode.START, 1.0 / max(self._spec.start_time, self._dt)
+        was = mode
         if not sound or mode >= GuardMode.HOLD:
             mode, waited, sound_for = self._wait(mode, waited, sound_for, sound=sound)
             if mode == GuardMode.START:
                 anchor, s, rate = last, 0.0, 1.0 / max(self._spec.blend_time, self._dt)
-        wish = command
+        wish, step = command, self._step
         if mode == GuardMode.START:
-            s += self._dt * rate
+            step = self._start_step
+            s = min(s + self._dt * rate, 1.0)
             if s < 1.0 - 1e-9:
                 wish = anchor + s * s * (3.0 - 2.0 * s) * (command - anchor)
-            else:
-                mode = GuardMode.NORMAL
         elif mode == GuardMode.HOLD:
-            wish = last
+            wish = anchor if was == GuardMode.NORMAL else last
         elif mode == GuardMode.DAMP:
             wish = last + self._damping(rest - last, known)
         wish = np.minimum(np.maximum(wish, rest - self._offset), rest + self._offset)
-        after[:n] = np.minimum(np.maximum(wish, last - self._step), last + self._step)
-        after[2 * n : 3 * n] = anchor
+        after[:n] = np.minimum(np.maximum(wish, last - step), last + step)
+        if mode == GuardMode.START and s >= 1.0 - 1e-9 and np.all(np.abs(wish - last) <= step):
+            mode = GuardMode.NORMAL
+        after[2 * n : 3 * n] = last if mode == GuardMode.NORMAL else anchor
         after[3 * n :] = mode, waited, sound_for, s, rate
         return after
 

@@ -42,6 +42,7 @@ class BaseMotion:
         self.rotation = np.array(X_BI.rotation().matrix())
         self._arm = np.array(X_BI.translation())
         self._lever = skew(self._arm)
+        self._turn = np.kron(np.eye(2), self.rotation)
 
     def solve(
         self, context: Any, state: FloatArray, vdot: FloatArray, imu: FloatArray, gyro_dot: FloatArray | None
@@ -60,14 +61,15 @@ class BaseMotion:
         """
         first = self._first_velocity
         if self.rigid:
-            rotation = self.rotation
-            omega = rotation @ imu[:3]
+            motion = self._turn.dot(imu)
+            omega, arm = motion[:3], self._arm
             state[first : first + 3] = omega
             self._plant.SetPositionsAndVelocities(context, state)
-            alpha = self._origin if gyro_dot is None else rotation @ gyro_dot
-            spin = skew(omega)
-            a = rotation @ imu[3:] + self._lever @ alpha - spin @ (spin @ self._arm)
-            return np.concatenate((alpha, a))
+            a = motion[3:] + omega.dot(omega) * arm - omega.dot(arm) * omega  # -w x (w x p)
+            if gyro_dot is None:
+                return np.concatenate((self._origin, a))
+            alpha = self.rotation.dot(gyro_dot)
+            return np.concatenate((alpha, a + self._lever.dot(alpha)))
         plant, world, origin = self._plant, self._world, self._origin
         plant.SetPositionsAndVelocities(context, state)
         jacobian = plant.CalcJacobianSpatialVelocity(context, JacobianWrtVariable.kV, self._imu, origin, world, world)

@@ -4,7 +4,7 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
+from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
 from drake_tc.errors import ParamsError
 from drake_tc.estimation.base_motion import BaseMotion
@@ -20,6 +20,8 @@ FASTEST = 20.0
 """Speed of a joint without a velocity limit [rad/s]."""
 STRONGEST = 100.0
 """Effort of a joint without an effort limit [N m]."""
+ENCODER_FLAGS = 3
+"""The first flags are the encoders'."""
 _NEVER = 1e12
 
 
@@ -39,14 +41,15 @@ class FaultMonitor(LeafSystem):  # type: ignore[misc, unused-ignore]
         flags (F): 1 up, 0 down, never NaN, in the order of `flag_names`:
             encoder/missing, /frozen, /jump; imu/missing, /frozen, /jump, /inconsistent; for each F/T sensor
             NAME/missing, /frozen, /jump, /unexpected; unknown_wrench/unexpected; torque/inconsistent.
-        any_fault (1): the largest flag.
+        any_fault (1): 0 while no flag is up, 1 where one is, 2 where one of the encoders is: as CommandGuard takes it.
 
     Every dt, per channel (s last finite reading, c ticks for which it has not changed, m ticks without one), with the
     thresholds of `MonitorSpec`:
 
         missing     u[n] is not finite, or beyond `LARGEST`
         c[n+1]    = c[n] + 1 where u[n] = s[n], else 0;                 frozen: c[n+1] dt >= its time
-        jump        |u[n] - s[n]| > (m[n] + 1) largest step
+        jump        |u[n] - s[n]| > (m[n] + 1) largest step; for encoders also |o[n+1]| > largest step, with
+        o[n+1]    = o[n] + u[n] - s[n] at a jump, else o[n]: a reading that jumped stays wrong until it jumps back
         e[n+1]    = e[n] + (1 - exp(-dt/T)) (x[n] - e[n])               |e[n+1]| > threshold: inconsistent, unexpected
         h[n+1]    = hold/dt where a cause is there, else max(h[n] - 1, 0);   flag y[n] = h[n] > 0
 
@@ -79,22 +82,24 @@ class FaultMonitor(LeafSystem):  # type: ignore[misc, unused-ignore]
                 raise ParamsError(f"FaultMonitor: free: no F/T sensor {name!r}; there are {list(sensors)}")
         n, k, has_imu = len(robot.joints), len(sensors), bool(robot.imu)
         limits = joint_limits(robot)
+        self._dt = float(dt)
         self._hold = float(np.ceil(spec.hold / dt))
         self._blend = -np.expm1(-dt / spec.time_constant)
 
-        # raw channels: [encoder; imu; wrench]
-        sizes = [n, 6 if has_imu else 0, *([6] * k)]
-        edges = np.cumsum([0, *sizes]).tolist()
-        self._groups = tuple(slice(a, b) for a, b in pairwise(edges) if b > a)
+        # raw channels: [encoder; wrench; imu]
+        sizes = [n, *([6] * k), *([6] * has_imu)]
+        raw = sum(sizes)
+        self._starts = np.cumsum([0, *sizes[:-1]])
         speed = np.where(np.isfinite(limits.velocity), limits.velocity, FASTEST)
         wrench_jump = [spec.force_jump] * 3 + [spec.moment_jump] * 3
-        steps = [2.0 * speed * dt + spec.encoder_jump, *([[spec.gyro_jump] * 3 + [spec.accel_jump] * 3] * has_imu)]
-        self._largest_step = np.concatenate([*steps, *([wrench_jump] * k)])
-        times = [[spec.encoder_frozen] * n, [spec.imu_frozen] * 6 * has_imu, [spec.wrench_frozen] * 6 * k]
+        inertial_jump = [spec.gyro_jump] * 3 + [spec.accel_jump] * 3
+        self._largest_step = np.concatenate(
+            [2.0 * speed * dt + spec.encoder_jump, wrench_jump * k, inertial_jump * has_imu]
+        )
+        times = [[spec.encoder_frozen] * n, [spec.wrench_frozen] * 6 * k, [spec.imu_frozen] * 6 * has_imu]
         self._frozen_ticks = np.minimum(np.concatenate(times) / dt, _NEVER) - 0.5
         self._stuck_ticks = min(spec.encoder_stuck / dt, _NEVER) - 0.5
         self._moving = spec.moving
-        raw = edges[-1]
 
         # filtered channels: [imu; unknown wrench; contact wrench; torque residual]
         still, watched = _still_imu(robot)
@@ -102,96 +107,108 @@ class FaultMonitor(LeafSystem):  # type: ignore[misc, unused-ignore]
         effort = np.where(np.isfinite(limits.effort), limits.effort, STRONGEST)
         imu_limit = [spec.still_gyro] * 3 + [spec.still_accel] * 3 if watched else [np.inf] * 6
         contact_limit = [unexpected if name in free else np.full(6, np.inf) for name in sensors]
-        self._limits = np.concatenate([imu_limit, unexpected, *contact_limit, spec.torque * effort])
-        self._still = still
-        ends = np.cumsum([0, 6, 6, *([6] * k), n]).tolist()
+        skip = 0 if has_imu else 6
+        self._limits = np.concatenate([imu_limit, unexpected, *contact_limit, spec.torque * effort])[skip:]
+        self._expected = np.concatenate([still, np.zeros(6 + 6 * k + n)])[skip:]
+        ends = np.cumsum([0, *([6] * has_imu), 6, *([6] * k), n]).tolist()
         self._checks = tuple(slice(a, b) for a, b in pairwise(ends))
 
         self._flag_names = _flag_names(sensors, has_imu=has_imu)
-        count = len(self._flag_names)
-        self._raw_ports = [self.DeclareVectorInputPort("encoder", n)]
-        if has_imu:
-            self._raw_ports.append(self.DeclareVectorInputPort("imu", 6))
-        if k:
-            self._raw_ports.append(self.DeclareVectorInputPort("wrench", 6 * k))
-        self._has_imu, self._n = has_imu, n
-        self._reference: Any = self.DeclareVectorInputPort("reference_velocity", n)
-        self._derived: list[Any] = [self.DeclareVectorInputPort("unknown_wrench", 6)]
-        if k:
-            self._derived.append(self.DeclareVectorInputPort("contact_wrench", 6 * k))
-        self._derived.append(self.DeclareVectorInputPort("torque_residual", n))
-        # absent optional inputs read as zero: nothing is at odds with them
-        self._zeros = tuple(np.zeros(port.size()) for port in self._derived)
+        self._raw, self._has_imu, self._n = raw, has_imu, n
+        self._filtered = slice(raw - 6 if has_imu else raw, None)
+        self._within = self._bounds()
+        self._declare(n, k)
 
-        self._starts = np.array([group.start for group in self._groups], dtype=np.intp)
-        ends = np.cumsum([0, raw, raw, raw, self._limits.size, count]).tolist()
+    def _bounds(self) -> FloatArray:
+        """What |[u, all filtered inputs; u - s; c; e]| stays below while nothing is wrong."""
+        ticks = self._frozen_ticks.copy()
+        ticks[: self._n] = np.minimum(ticks[: self._n], self._stuck_ticks)
+        seen = np.full(self._raw + self._limits.size - (6 if self._has_imu else 0), LARGEST)
+        return np.concatenate([seen, self._largest_step, ticks, self._limits])
+
+    def _declare(self, n: int, k: int) -> None:
+        """Ports, state and event."""
+        raw = [("encoder", n), *([("wrench", 6 * k)] if k else []), *([("imu", 6)] if self._has_imu else [])]
+        derived = [("unknown_wrench", 6), *([("contact_wrench", 6 * k)] if k else []), ("torque_residual", n)]
+        ports: dict[str, Any] = {name: self.DeclareVectorInputPort(name, size) for name, size in raw}
+        self._reference: Any = self.DeclareVectorInputPort("reference_velocity", n)
+        ports |= {name: self.DeclareVectorInputPort(name, size) for name, size in derived}
+        self._raw_ports = tuple(ports[name] for name, _ in raw)
+        # absent optional inputs read as zero: nothing is at odds with them
+        self._derived = tuple((ports[name], np.zeros(size)) for name, size in derived)
+
+        count = len(self._flag_names)
+        ends = np.cumsum([0, self._raw, self._raw, self._limits.size, self._raw, count, n, 1]).tolist()
         self._parts = tuple(slice(a, b) for a, b in pairwise(ends))
+        self._usual = slice(0, ends[3])
         start: Any = np.zeros(ends[-1])
         start[self._parts[0]] = np.nan
-        self._memory: Any = self.DeclareDiscreteState(start)
-        on_memory = {self.discrete_state_ticket(self._memory)}
-        self.DeclareVectorOutputPort("flags", count, self._calc_flags, prerequisites_of_calc=on_memory)
-        self.DeclareVectorOutputPort("any_fault", 1, self._calc_any, prerequisites_of_calc=on_memory)
-        self.DeclarePeriodicDiscreteUpdateEvent(dt, 0.0, self._update)
+        self._memory = int(self.DeclareDiscreteState(start))
+        flags, largest = self.DeclareDiscreteState(count), self.DeclareDiscreteState(1)
+        self._flags, self._largest = int(flags), int(largest)
+        self.DeclareStateOutputPort("flags", flags)
+        self.DeclareStateOutputPort("any_fault", largest)
+        self.DeclarePeriodicDiscreteUpdateEvent(self._dt, 0.0, self._update)
 
     @property
     def flag_names(self) -> tuple[str, ...]:
         """Names of the flags, in the order of the port."""
         return self._flag_names
 
-    def _calc_flags(self, context: Context, output: BasicVector) -> None:
-        flags: Any = np.where(_value(context, self._memory)[self._parts[4]] > 0.0, 1.0, 0.0)
-        output.SetFromVector(flags)
-
-    def _calc_any(self, context: Context, output: BasicVector) -> None:
-        output.SetAtIndex(0, float(_value(context, self._memory)[self._parts[4]].any()))
-
     def _update(self, context: Context, values: DiscreteValues) -> None:
-        """The recursion; the last lines are cheap where nothing is wrong, which is nearly always."""
-        memory = _value(context, self._memory).copy()
-        last, same, gap, error, left = (memory[part] for part in self._parts)
-        u = np.concatenate([port.Eval(context) for port in self._raw_ports])
-        finite = np.abs(u) < LARGEST  # also False where u is NaN
-        same += 1.0
-        same *= u == last
-        bad = np.empty((3, u.size), dtype=np.bool_)
-        np.logical_not(finite, out=bad[0])
-        np.greater_equal(same, self._frozen_ticks, out=bad[1])
-        bad[2] = (np.abs(u - last) > (gap + 1.0) * self._largest_step) & finite
+        """The recursion: a short way where nothing is or was wrong, which is nearly always."""
+        memory: Any = values.get_mutable_value(self._memory)
+        seen = [port.Eval(context) for port in self._raw_ports]
+        seen += [port.Eval(context) if port.HasValue(context) else zeros for port, zeros in self._derived]
+        now = np.concatenate(seen)
+        last, same, error = (memory[part] for part in self._parts[:3])
+        u = now[: self._raw]
+        step = u - last
+        same = (same + 1.0) * (step == 0.0)
+        error = error + self._blend * (now[self._filtered] - self._expected - error)
+        watched = np.abs(np.concatenate((now, step, same, error)))
+        if memory[-1] == 0.0 and (watched < self._within).all():
+            memory[self._usual] = np.concatenate((u, same, error))
+        else:
+            self._examine(context, values, now)
+
+    def _examine(self, context: Any, values: Any, now: FloatArray) -> None:
+        """The recursion, channel by channel."""
+        memory = values.get_mutable_value(self._memory)
+        last, same, error, gap, left, moved, busy = (memory[part] for part in self._parts)
+        u, x = now[: self._raw], now[self._filtered] - self._expected
+        with np.errstate(invalid="ignore"):  # readings may be infinite
+            finite = np.abs(u) < LARGEST  # also False where u is NaN
+            step = u - last
+            jump = (np.abs(step) > (gap + 1.0) * self._largest_step) & finite
+            good = np.abs(x) < LARGEST
+        jumped = jump[: self._n]
+        moved[jumped] += step[: self._n][jumped]
+        jumped |= np.abs(moved) > self._largest_step[: self._n]
+        same[:] = np.where(u == last, same + 1.0, 0.0)
+        frozen = same >= self._frozen_ticks
         if self._reference.HasValue(context):
             moving = np.abs(self._reference.Eval(context)) > self._moving
-            bad[1, : self._n] |= moving & (same[: self._n] >= self._stuck_ticks)
-        self._filter(context, u, error)
-        odd = np.abs(error) > self._limits
-        gap += 1.0
-        gap[finite] = 0.0
-        last[finite] = u[finite]
-        np.maximum(left - 1.0, 0.0, out=left)
-        if bad.any() or odd.any():
-            left[self._causes(bad, odd)] = self._hold
-        new: Any = values
-        new.set_value(self._memory, memory)
-
-    def _filter(self, context: Context, u: FloatArray, error: FloatArray) -> None:
-        """e[n+1], in place."""
-        n = self._n
-        imu = u[n : n + 6] - self._still if self._has_imu else self._still
-        derived = [
-            port.Eval(context) if port.HasValue(context) else zeros
-            for port, zeros in zip(self._derived, self._zeros, strict=True)
-        ]
-        x = np.concatenate([imu, *derived])
-        good = np.abs(x) < LARGEST
+            frozen[: self._n] |= moving & (same[: self._n] >= self._stuck_ticks)
         error[good] += self._blend * (x[good] - error[good])
+        gap[:] = np.where(finite, 0.0, gap + 1.0)
+        last[finite] = u[finite]
+        left[:] = np.maximum(left - 1.0, 0.0)
+        left[self._causes(np.stack([~finite, frozen, jump]), np.abs(error) > self._limits)] = self._hold
+        raised = (left > 0.0).astype(np.float64)
+        worst = 2.0 * raised[:ENCODER_FLAGS].max()
+        busy[:] = float(raised.any() or gap.any() or jumped.any())
+        values.set_value(self._flags, raised)
+        values.set_value(self._largest, np.array([max(worst, raised.max())]))
 
     def _causes(self, bad: BoolArray, odd: BoolArray) -> BoolArray:
         """One truth a flag, in the order of `flag_names`."""
-        imu, unknown, *contacts, torque = (bool(odd[check].any()) for check in self._checks)
-        own = [[], *([[imu]] if self._has_imu else []), *([contact] for contact in contacts)]
-        causes: list[bool] = []
-        for group, extra in zip(np.logical_or.reduceat(bad, self._starts, axis=1).T, own, strict=True):
-            causes += [*group.tolist(), *extra]
-        return np.array([*causes, unknown, torque])
+        found = [[bool(odd[check].any())] for check in self._checks]
+        imu, (unknown, *contacts, torque) = (found[:1], found[1:]) if self._has_imu else ([], found)
+        encoder, *rest = np.logical_or.reduceat(bad, self._starts, axis=1).T.tolist()
+        wrenches, inertial = rest[: len(contacts)], rest[len(contacts) :]
+        groups = [encoder, *(raw + own for raw, own in zip(inertial + wrenches, imu + contacts, strict=True))]
+        return np.array([*(cause for group in groups for cause in group), *unknown, *torque])
 
 
 def _flag_names(sensors: tuple[str, ...], *, has_imu: bool) -> tuple[str, ...]:
@@ -214,7 +231,3 @@ def _still_imu(robot: Robot) -> tuple[FloatArray, bool]:
         return np.zeros(6), False
     up = robot.base_pose.transform.rotation().matrix()[2]
     return np.concatenate([np.zeros(3), GRAVITY * (motion.rotation.T @ up)]), True
-
-
-def _value(context: Any, index: Any) -> FloatArray:
-    return np.asarray(context.get_discrete_state(index).value(), dtype=np.float64)

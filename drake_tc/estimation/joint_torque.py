@@ -5,13 +5,13 @@ from typing import Any
 
 import numpy as np
 from pydrake.common.value import Value
-from pydrake.systems.framework import BasicVector, Context, LeafSystem, ValueProducer
+from pydrake.systems.framework import Context, LeafSystem, ValueProducer
 
 from drake_tc.estimation.torque_model import TorqueModel
 from drake_tc.types import FloatArray
 
 LARGEST = 1e9
-"""No reading in SI units is as large; one that is counts as not finite."""
+"""No reading in SI units is as large (nor all together, as a norm); one that is counts as not finite."""
 
 
 class JointTorqueEstimator(LeafSystem):  # type: ignore[misc, unused-ignore]
@@ -73,9 +73,9 @@ class JointTorqueEstimator(LeafSystem):  # type: ignore[misc, unused-ignore]
     def _declare(self, name: str, size: int, index: int, tickets: Any) -> None:
         self.DeclareVectorOutputPort(name, size, self._writer(index), tickets)
 
-    def _writer(self, index: int) -> Callable[[Context, BasicVector], None]:
-        def write(context: Context, vector: BasicVector) -> None:
-            vector.SetFromVector(self._scratch.Eval(context).result[index])
+    def _writer(self, index: int) -> Callable[[Context, Any], None]:
+        def write(context: Context, vector: Any) -> None:
+            vector.set_value(self._scratch.Eval(context).result[index])
 
         return write
 
@@ -85,7 +85,7 @@ class JointTorqueEstimator(LeafSystem):  # type: ignore[misc, unused-ignore]
         joint: FloatArray = self._joint.Eval(context)
         imu: FloatArray = self._imu.Eval(context) if self._imu.HasValue(context) else self._no_imu
         wrench: FloatArray = self._no_wrench if self._wrench is None else self._wrench.Eval(context)
-        if not np.abs(np.concatenate((joint, imu, wrench))).max() < LARGEST:  # also where one is NaN
+        if not joint.dot(joint) + imu.dot(imu) + wrench.dot(wrench) < LARGEST * LARGEST:  # also where one is NaN
             scratch.result = self._nothing
             return
         n = self._n

@@ -24,7 +24,7 @@ from drake_tc.errors import ParamsError
 from drake_tc.estimation.base_motion import BaseMotion
 from drake_tc.estimation.plant import CUT_SUFFIX, IMU_SUFFIX, build_plant, skew
 from drake_tc.robot.robot import Robot
-from drake_tc.types import FloatArray
+from drake_tc.types import FloatArray, IntArray
 
 BaseSource = Literal["imu", "fixed"]
 AngularAcceleration = Literal["gyro", "neglected", "zero"]
@@ -82,15 +82,18 @@ class TorqueModel:
         self._world = self._plant.world_frame()
         self._origin: Any = np.zeros(3)
         self._num_positions: int = self._plant.num_positions()
-        self._positions = self.model.position_index
-        self._velocities = self.model.velocity_index
-        self._in_state = self._num_positions + self._velocities
+        self._num_velocities: int = self._plant.num_velocities()
+        self._positions = as_slice(self.model.position_index)
+        self._velocities = as_slice(self.model.velocity_index)
+        self._in_state = as_slice(self._num_positions + self.model.velocity_index)
+        self._to_contact = tuple(np.hstack([cut.shift, cut.reading_to_contact]) for cut in self.model.cuts)
         self._differentiate = angular_acceleration
         self._motion = self._base_motion(base, imu)
         up = robot.base_pose.transform.rotation().matrix()[2]
         self._still = np.concatenate([np.zeros(3), GRAVITY * up])
         self._no_rate = np.zeros(3)
-        self._unknown, self._shift = self._unknown_frame(unknown)
+        self._unknown, shift = self._unknown_frame(unknown)
+        self._to_unknown = np.block([[np.zeros((3, 3)), np.eye(3)], [np.eye(3), -shift]])
 
     @property
     def size(self) -> int:
@@ -139,7 +142,7 @@ class TorqueModel:
         state = self.model.state.copy()
         state[self._positions] = q
         state[self._in_state] = v
-        acceleration = np.zeros(self._plant.num_velocities())
+        acceleration = np.zeros(self._num_velocities)
         acceleration[self._velocities] = vdot
         if self._motion is None:
             self._plant.SetPositionsAndVelocities(context, state)
@@ -205,28 +208,26 @@ class TorqueModel:
         for index in self.model.inward:
             cut = self.model.cuts[index]
             at = 6 * index
-            wrench = cut.shift @ needed[cut.rows] + cut.reading_to_contact @ wrenches[at : at + 6]
-            if cut.rigid:
-                rotation = cut.child.CalcRotationMatrixInWorld(context).matrix()
-                wrench = (wrench.reshape(2, 3) @ rotation.T).ravel()
-            else:
-                X_WM = cut.child.CalcPoseInWorld(context)
-                wrench = (wrench.reshape(2, 3) @ X_WM.rotation().matrix().T).ravel()
-                lever = cut.contact.CalcPoseInWorld(context).translation() - X_WM.translation()
-                wrench[:3] -= skew(lever) @ wrench[3:]
             jacobian = plant.CalcJacobianSpatialVelocity(
                 context, JacobianWrtVariable.kV, cut.contact, self._origin, world, world
             )
-            needed -= wrench @ jacobian
+            rotation = jacobian[3:, cut.rows.start + 3 : cut.rows.stop]  # R_WM: C moves as the sensor's joint slides
+            wrench = self._to_contact[index].dot(np.concatenate((needed[cut.rows], wrenches[at : at + 6])))
+            wrench = wrench.reshape(2, 3).dot(rotation.T).ravel()
+            if not cut.rigid:
+                here = cut.child.CalcPoseInWorld(context).translation()
+                lever = cut.contact.CalcPoseInWorld(context).translation() - here
+                wrench[:3] -= skew(lever) @ wrench[3:]
+            needed -= wrench.dot(jacobian)
             contacts[at : at + 3] = wrench[3:]
             contacts[at + 3 : at + 6] = wrench[:3]
         return contacts
 
     def _take_unknown(self, context: Any, needed: FloatArray) -> FloatArray:
         """f_u (6,) = [f; t] at the unknown link's origin; takes its J^T f_u out of `needed`."""
-        moment, force = needed[:3], needed[3:6]
         if self._unknown is None:
-            return np.concatenate((force, moment - self._shift @ force))
+            return np.asarray(self._to_unknown.dot(needed[:6]))
+        moment, force = needed[:3], needed[3:6]
         jacobian = self._plant.CalcJacobianSpatialVelocity(
             context, JacobianWrtVariable.kV, self._unknown, self._origin, self._world, self._world
         )
@@ -266,3 +267,9 @@ class TorqueModel:
             return frame, np.zeros((3, 3))
         context = self._plant.CreateDefaultContext()
         return None, skew(frame.CalcPose(context, self.model.base).translation())
+
+
+def as_slice(index: IntArray) -> Any:
+    """The same places as a slice where they follow each other, which numpy reads and writes faster."""
+    first = int(index[0]) if index.size else 0
+    return slice(first, first + index.size) if np.array_equal(index, first + np.arange(index.size)) else index

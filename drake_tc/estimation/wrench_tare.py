@@ -54,7 +54,12 @@ class WrenchTare(LeafSystem):  # type: ignore[misc, unused-ignore]
             {self.nothing_ticket()},
         )
         tickets = {self._wrench.ticket(), self.discrete_state_ticket(self._state)}
-        self.DeclareVectorOutputPort("wrench", self._size, self._write, tickets, )
+        self.DeclareVectorOutputPort(
+            "wrench",
+            self._size,
+            self._write,
+            tickets,
+        )
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
 
     def _write(self, context: Any, vector: BasicVector) -> None:

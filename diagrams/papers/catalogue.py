@@ -1,0 +1,34 @@
+"""Reproductions by id, as `drake-tc reproduce` takes them."""
+
+from collections.abc import Callable, Mapping
+
+from drake_tc.diagrams.papers.force_figures import fig5, fig6
+from drake_tc.diagrams.papers.motion_tables import table2, table3
+from drake_tc.diagrams.papers.reproduction import Progress, Reproduction
+from drake_tc.diagrams.papers.stability import stability
+from drake_tc.diagrams.papers.torque_estimate import torque_estimate
+
+from drake_tc.errors import ParamsError
+
+REPRODUCTIONS: Mapping[str, Callable[[int, Progress | None], Reproduction]] = {
+    "A.table2": table2,
+    "A.table3": table3,
+    "A.fig5": fig5,
+    "A.fig6": fig6,
+    "A.stability": stability,
+    "A.torque_estimate": torque_estimate,
+}
+"""Id to a function of seed and progress."""
+
+
+def chosen(name: str) -> list[str]:
+    """The ids that a name stands for: one of them, or "all".
+
+    Raises:
+        ParamsError: no such id; the message lists those there are.
+    """
+    if name == "all":
+        return list(REPRODUCTIONS)
+    if name not in REPRODUCTIONS:
+        raise ParamsError(f"no reproduction {name!r}; possible: {', '.join(REPRODUCTIONS)}, all")
+    return [name]
