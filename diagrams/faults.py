@@ -33,12 +33,14 @@ class FaultCase:
     Attributes:
         sensor: "encoder", "imu" or "force_torque".
         kind: One of `KINDS`.
-        bias: Size of a biased case [rad | m/s^2 | N]; None: that of `BIASES`.
+        bias: Size of a biased case [rad | rad/s | m/s^2 | N | N m]; None: that of `BIASES`.
+        channel: Of a biased or NaN case; None: that of `BIASES`.
     """
 
     sensor: str
     kind: str
     bias: float | None = None
+    channel: int | None = None
 
     def __post_init__(self) -> None:
         if self.sensor not in SENSORS:
@@ -54,8 +56,10 @@ class FaultCase:
     def fault(self, start: float) -> SensorFault:
         """What the sensor does from `start` [s] on."""
         size, channel = BIASES[self.sensor]
+        size = size if self.bias is None else self.bias
+        channel = channel if self.channel is None else self.channel
         if self.kind == "biased":
-            return SensorFault("biased", start, channels=(channel,), value=size if self.bias is None else self.bias)
+            return SensorFault("biased", start, channels=(channel,), value=size)
         if self.kind == "dropped_20ms":
             return SensorFault("dropped", start, duration=0.02)
         if self.kind == "nan":

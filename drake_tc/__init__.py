@@ -12,14 +12,26 @@ if TYPE_CHECKING:
     from drake_tc.actuation.model_file import load_models, save_models
     from drake_tc.actuation.plant import ActuatorPlant
     from drake_tc.actuation.wiring import add_actuators
+    from drake_tc.control.gains import TorqueGains
+    from drake_tc.control.guard import CommandGuard
+    from drake_tc.control.inverse_dynamics import InverseDynamics
+    from drake_tc.control.torque_control import TorqueControl
     from drake_tc.diagnosis.run import close_loop
     from drake_tc.effects.library import LIBRARY, effect
     from drake_tc.errors import DrakeTcError
+    from drake_tc.estimation.fault_monitor import FaultMonitor
+    from drake_tc.estimation.joint_torque import JointTorqueEstimator
+    from drake_tc.estimation.torque_model import TorqueModel
+    from drake_tc.filtering.savitzky_golay import SavitzkyGolayFilter
     from drake_tc.identification.actuator import actuator_model
     from drake_tc.identification.identify import identify
     from drake_tc.logs.prepare import load_run, load_runs
     from drake_tc.logs.record import Run
     from drake_tc.logs.rig import Rig, load_rig
+    from drake_tc.report.block_graph.graph import block_graph
+    from drake_tc.robot.plant import add_robot
+    from drake_tc.robot.robot import Robot, load_robot
+    from drake_tc.sensing.suite import add_sensors
 
 __version__ = "0.1.0"
 
@@ -27,19 +39,32 @@ __all__ = [
     "LIBRARY",
     "ActuatorModel",
     "ActuatorPlant",
+    "CommandGuard",
     "DrakeTcError",
     "Drive",
     "EffectValue",
+    "FaultMonitor",
+    "InverseDynamics",
+    "JointTorqueEstimator",
     "Rig",
+    "Robot",
     "Run",
+    "SavitzkyGolayFilter",
+    "TorqueControl",
+    "TorqueGains",
+    "TorqueModel",
     "actuator_model",
     "add_actuators",
+    "add_robot",
+    "add_sensors",
+    "block_graph",
     "close_loop",
     "effect",
     "feedforward_effort",
     "identify",
     "load_models",
     "load_rig",
+    "load_robot",
     "load_run",
     "load_runs",
     "save_models",
@@ -48,20 +73,33 @@ __all__ = [
 _HOME = {
     "ActuatorModel": "actuation.model",
     "ActuatorPlant": "actuation.plant",
+    "CommandGuard": "control.guard",
     "DrakeTcError": "errors",
     "Drive": "actuation.model",
     "EffectValue": "actuation.model",
+    "FaultMonitor": "estimation.fault_monitor",
+    "InverseDynamics": "control.inverse_dynamics",
+    "JointTorqueEstimator": "estimation.joint_torque",
     "LIBRARY": "effects.library",
     "Rig": "logs.rig",
+    "Robot": "robot.robot",
     "Run": "logs.record",
+    "SavitzkyGolayFilter": "filtering.savitzky_golay",
+    "TorqueControl": "control.torque_control",
+    "TorqueGains": "control.gains",
+    "TorqueModel": "estimation.torque_model",
     "actuator_model": "identification.actuator",
     "add_actuators": "actuation.wiring",
+    "add_robot": "robot.plant",
+    "add_sensors": "sensing.suite",
+    "block_graph": "report.block_graph.graph",
     "close_loop": "diagnosis.run",
     "effect": "effects.library",
     "feedforward_effort": "actuation.compensation",
     "identify": "identification.identify",
     "load_models": "actuation.model_file",
     "load_rig": "logs.rig",
+    "load_robot": "robot.robot",
     "load_run": "logs.prepare",
     "load_runs": "logs.prepare",
     "save_models": "actuation.model_file",

@@ -135,7 +135,9 @@ def test_the_library_names_no_robot():
 def test_every_package_is_installed():
     settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
     here = {".".join(p.parent.relative_to(ROOT).parts) for p in LIBRARY.rglob("__init__.py")}
-    here |= {"drake_tc.diagrams", "drake_tc.models"}
+    for folder in ("diagrams", "models"):
+        inits = (ROOT / folder).rglob("__init__.py")
+        here |= {".".join(("drake_tc", *p.parent.relative_to(ROOT).parts)) for p in inits}
     assert set(settings["tool"]["setuptools"]["packages"]) == here
 
 

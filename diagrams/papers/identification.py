@@ -37,6 +37,8 @@ UNTOUCHED = slice(100, 400)
 WEIGHT = 100.0
 """Of over-estimated effort in the asymmetric fit (the paper's w)."""
 LINEAR = ("K_tau", "K_v")
+SWAY_RATE, SWAY_SIZE = 0.3, 0.06
+"""While the foot is pushed: share of the motion run's frequencies, and amplitude [rad]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,9 +68,17 @@ def experiment_scenarios(seed: int) -> dict[str, Scenario]:
     """The runs by name; those whose name starts with "held" are held out."""
     entry = diagram_entry("hrp2_leg")
     motion, pushes = (entry.scenario(name) for name in ("identify_motion", "identify_pushes"))
+    pushes = replace(pushes, motion=replace(pushes.motion, sinusoids=_sway(motion)))
     runs = {"motion": motion, "pushes": pushes, "held_motion": _other_motion(motion), "held_pushes": _turned(pushes)}
     return {
         name: replace(run, seed=1000 * seed + number, log_truth=True) for number, (name, run) in enumerate(runs.items())
+    }
+
+
+def _sway(motion: Scenario) -> dict[str, SinusoidSpec]:
+    """Slow sinusoids of every joint: under a push at rest, friction may hide any torque within its band."""
+    return {
+        joint: SinusoidSpec(SWAY_RATE * spec.frequency_hz, SWAY_SIZE) for joint, spec in motion.motion.sinusoids.items()
     }
 
 

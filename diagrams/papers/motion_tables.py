@@ -19,8 +19,7 @@ PRINTED = ("r_hip_roll", "r_hip_pitch", "r_knee", "r_ankle_pitch", "r_ankle_roll
 NOTES = (
     "Simulated: our leg of Table 1's drives, with dead zone, direction-dependent gain and Coulomb friction; a swing of"
     " our own, as the paper prints no trajectory. Absolute errors are therefore not comparable, ratios are.",
-    "The controller compensates the linear model of the asymmetric fit (K_tau and K_v alone), as the paper's does;"
-    " `--complete` shows what the complete identified model adds.",
+    "The controller compensates the linear model of the asymmetric fit (K_tau and K_v alone), as the paper's does.",
 )
 
 

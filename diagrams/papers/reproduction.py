@@ -61,18 +61,12 @@ class Row:
         return abs(self.value - wanted) <= slack
 
     def to_json(self) -> dict[str, Any]:
-        """Plain data, as `reproduce --json` prints it."""
-        wanted = self.expectation
-        return {
-            "name": self.name,
-            "value": float(self.value),
-            "unit": wanted.unit if wanted else "",
-            "expected": wanted.expected if wanted else None,
-            "how": wanted.how if wanted else None,
-            "tolerance": wanted.tolerance if wanted else None,
-            "met": self.met,
-            "reason": wanted.reason if wanted and self.met is False else "",
-        }
+        """Plain data; the fields of the expectation only where there is one."""
+        data: dict[str, Any] = {"name": self.name, "value": float(self.value)}
+        if wanted := self.expectation:
+            data |= {"unit": wanted.unit, "expected": wanted.expected, "how": wanted.how, "tolerance": wanted.tolerance}
+            data |= {"met": bool(self.met), "reason": "" if self.met else wanted.reason}
+        return data
 
 
 @dataclass(frozen=True)
@@ -101,6 +95,15 @@ class Reproduction:
     tables: tuple[TextTable, ...] = ()
     notes: tuple[str, ...] = ()
     figures: Mapping[str, Callable[[Any], None]] | None = None
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data, as `reproduce --json` prints it: judged rows, and the other values beside them."""
+        return {
+            "id": self.id,
+            "rows": [row.to_json() for row in self.rows if row.expectation],
+            "others": [row.to_json() for row in self.rows if not row.expectation],
+            "notes": list(self.notes),
+        }
 
 
 def expectations(file: str) -> dict[str, Expectation]:

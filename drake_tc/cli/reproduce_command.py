@@ -36,7 +36,7 @@ def reproduce_command(
         if not as_json:
             _print(result)
     if as_json:
-        found = [{"id": r.id, "rows": [row.to_json() for row in r.rows], "notes": list(r.notes)} for r in results]
+        found = [result.to_json() for result in results]
         print(json.dumps(found[0] if name != "all" else found))
 
 

@@ -1,11 +1,11 @@
-"""Inverse dynamics of a robot with a welded base: M, h and the contacts' Jacobian at one configuration."""
+"""Inverse dynamics of a robot with a welded base: M vdot + h and the contacts' Jacobian at one configuration."""
 
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import FixedOffsetFrame, JacobianWrtVariable
+from pydrake.multibody.tree import FixedOffsetFrame, JacobianWrtVariable, MultibodyForces
 
 from drake_tc.errors import ParamsError
 from drake_tc.robot.plant import add_robot
@@ -14,7 +14,7 @@ from drake_tc.types import FloatArray
 
 
 class DynamicsTerms:
-    """M (n, n), h (n) and J (6k, n) of the links alone: rotor inertia and friction belong to the drives' models.
+    """M vdot + h (n) and J (6k, n) of the links alone: rotor inertia and friction belong to the drives' models.
 
     n joints in the order of the robot's `joints`, k contacts in the order of its `force_torque`. The rows of J are
     [linear; angular] of each contact frame relative to the base, in the axes of the base.
@@ -60,29 +60,43 @@ class DynamicsTerms:
         self._origin: Any = np.zeros(3)
         self._force_first = np.array([3, 4, 5, 0, 1, 2])
 
-    def create_context(self) -> Any:
-        """Scratch memory for `at`."""
-        return self._plant.CreateDefaultContext()
+    def create_scratch(self) -> "Scratch":
+        """Scratch memory for the other methods."""
+        return Scratch(self._plant)
 
-    def at(self, context: Any, q: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """(M, h, J) at q, v (n,) [rad, rad/s].
+    def place(self, scratch: "Scratch", q: FloatArray, v: FloatArray) -> None:
+        """Go to q, v (n,) [rad, rad/s], where the terms are taken."""
+        state: Any = np.concatenate((q, v) if self._in_order else (q[self._from], v[self._from]))
+        self._plant.SetPositionsAndVelocities(scratch.context, state)
 
-        h = C(q, v) v - tau_g(q) [N m]: Coriolis, centrifugal and gravity.
-        """
-        plant, order = self._plant, self._in_order
-        state: Any = np.concatenate((q, v) if order else (q[self._from], v[self._from]))
-        plant.SetPositionsAndVelocities(context, state)
-        mass: Any = plant.CalcMassMatrix(context)
-        bias: Any = plant.CalcBiasTerm(context)
-        bias = bias - plant.CalcGravityGeneralizedForces(context)
+    def forces(self, scratch: "Scratch", vdot: FloatArray) -> FloatArray:
+        """(n,) M vdot + h [N m] for vdot (n,) [rad/s^2], by one recursion; h = C(q, v) v - tau_g(q)."""
+        plant: Any = self._plant
+        plant.CalcForceElementsContribution(scratch.context, scratch.gravity)
+        if self._in_order:
+            return np.asarray(plant.CalcInverseDynamics(scratch.context, vdot, scratch.gravity))
+        return np.asarray(plant.CalcInverseDynamics(scratch.context, vdot[self._from], scratch.gravity)[self._to])
+
+    def jacobian(self, scratch: "Scratch") -> FloatArray:
+        """(6k, n) J."""
         with_respect_to, base = JacobianWrtVariable.kV, self._base
         rows: Any = [
-            plant.CalcJacobianSpatialVelocity(context, with_respect_to, frame, self._origin, base, base)[
+            self._plant.CalcJacobianSpatialVelocity(scratch.context, with_respect_to, frame, self._origin, base, base)[
                 self._force_first
             ]
             for frame in self._frames
         ]
-        jacobian: Any = rows[0] if len(rows) == 1 else np.concatenate(rows) if rows else np.zeros((0, self.size))
-        if order:
-            return mass, bias, jacobian
-        return mass[np.ix_(self._to, self._to)], bias[self._to], jacobian[:, self._to]
+        jacobian = np.concatenate(rows) if rows else np.zeros((0, self.size))
+        return jacobian if self._in_order else np.asarray(jacobian[:, self._to])
+
+
+class Scratch:
+    """Where a DynamicsTerms stands; a copy is a new one, for another Context."""
+
+    def __init__(self, plant: Any) -> None:
+        self._plant = plant
+        self.context = plant.CreateDefaultContext()
+        self.gravity = MultibodyForces(plant)
+
+    def __deepcopy__(self, memo: object) -> "Scratch":
+        return Scratch(self._plant)

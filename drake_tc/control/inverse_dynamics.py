@@ -22,17 +22,6 @@ TERMS = ("feedforward", "position", "velocity", "force", "acceleration_error", "
 """Names of the rows of `torque_terms`."""
 
 
-class _Scratch:
-    """A plant context, one for each Context of the system."""
-
-    def __init__(self, model: DynamicsTerms) -> None:
-        self.model = model
-        self.context = model.create_context()
-
-    def __deepcopy__(self, memo: object) -> "_Scratch":
-        return _Scratch(self.model)
-
-
 class InverseDynamics(LeafSystem):  # type: ignore[misc, unused-ignore]
     """tau_d = M qddot_d + h - J^T (f_d + Kf e_f) + Ks e + Kd edot, for a robot with a welded base.
 
@@ -95,7 +84,7 @@ class InverseDynamics(LeafSystem):  # type: ignore[misc, unused-ignore]
         tickets.add(self.numeric_parameter_ticket(self._gains))
         self._scratch: Any = self.DeclareCacheEntry(
             "scratch",
-            ValueProducer(allocate=lambda: Value(_Scratch(model)), calc=lambda context, value: None),
+            ValueProducer(allocate=lambda: Value(model.create_scratch()), calc=lambda context, value: None),
             {self.nothing_ticket()},
         )
         self._solution: Any = self.DeclareCacheEntry(
@@ -103,7 +92,7 @@ class InverseDynamics(LeafSystem):  # type: ignore[misc, unused-ignore]
         )
         solved = {self._solution.ticket()}
         self.DeclareVectorOutputPort("desired_torque", n, self._write_desired, solved)
-        self.DeclareVectorOutputPort("torque_terms", 6 * n, self._write_terms, solved)
+        self.DeclareVectorOutputPort("torque_terms", 6 * n, self._write_terms, {*solved, *tickets})
 
     @property
     def size(self) -> int:
@@ -130,39 +119,59 @@ class InverseDynamics(LeafSystem):  # type: ignore[misc, unused-ignore]
         return np.concatenate([gains.ks, gains.kd, kf.ravel()])
 
     def _solve(self, context: Any, solution: Any) -> None:
-        """(tau_d, terms) into the cache entry."""
+        """(tau_d, M qddot_d + h, [Ks e; Kd edot], [f_d; Kf e_f; e_f]) into the cache entry; () where not finite.
+
+        Mass matrix and Jacobian are not computed where only their products are asked for, or nothing pushes.
+        """
         n, m = self._size, self._wrenches
         estimate, reference = self._estimate.Eval(context), self._reference.Eval(context)
         wanted, felt = self._force_reference.Eval(context), self._contact.Eval(context)
         error = reference - estimate  # [e; edot; eddot]
         if self._position is not None:
             error[:n] = reference[:n] - self._position.Eval(context)
-        inputs = np.concatenate((estimate, error, wanted, felt)).tolist()
-        if not sum(map(abs, inputs)) <= LARGEST:
-            solution.set_value((np.full(n, np.nan), np.full(6 * n, np.nan)))
+        if not np.abs(np.concatenate((estimate, error, wanted, felt))).max() <= LARGEST:
+            solution.set_value(())
             return
         gains = context.get_numeric_parameter(self._gains).value()
-        place = reference if self._at_reference else estimate
-        mass, bias, jacobian = self._model.at(self._scratch.Eval(context).context, place[:n], place[n : 2 * n])
-        terms = np.zeros(6 * n)
-        inertial = np.array((reference[2 * n :], error[2 * n :])).dot(mass)  # M is symmetric
-        forward = inertial[0] + bias
-        terms[n : 3 * n] = gains[: 2 * n] * error[: 2 * n]
-        terms[4 * n : 5 * n] = inertial[1]
+        scratch = self._place(context, estimate, reference)
+        inertial = self._model.forces(scratch, reference[2 * n :])
+        feedback = gains[: 2 * n] * error[: 2 * n]
+        desired = inertial + feedback[:n] + feedback[n:]
+        pushes: tuple[FloatArray, ...] = ()
         if m:
             unmet = wanted - felt
-            forces = np.array((wanted, gains[2 * n :].reshape(m, m).dot(unmet), unmet)).dot(jacobian)
-            forward -= forces[0]
-            terms[3 * n : 4 * n] -= forces[1]
-            terms[5 * n :] -= forces[2]
-        terms[:n] = forward
-        solution.set_value((forward + terms[n : 2 * n] + terms[2 * n : 3 * n] + terms[3 * n : 4 * n], terms))
+            pushes = (wanted, gains[2 * n :].reshape(m, m).dot(unmet), unmet)
+            push = pushes[0] + pushes[1]
+            if push.any():
+                desired -= push.dot(self._model.jacobian(scratch))
+        solution.set_value((desired, inertial, feedback, pushes))
+
+    def _place(self, context: Any, estimate: FloatArray, reference: FloatArray) -> Any:
+        """Scratch memory at the configuration where M, h and J are taken."""
+        n, place = self._size, reference if self._at_reference else estimate
+        scratch = self._scratch.Eval(context)
+        self._model.place(scratch, place[:n], place[n : 2 * n])
+        return scratch
 
     def _write_desired(self, context: Any, vector: Any) -> None:
-        vector.SetFromVector(self._solution.Eval(context)[0])
+        solution = self._solution.Eval(context)
+        vector.set_value(solution[0] if solution else np.full(self._size, np.nan))
 
     def _write_terms(self, context: Any, vector: Any) -> None:
-        vector.SetFromVector(self._solution.Eval(context)[1])
+        n, solution = self._size, self._solution.Eval(context)
+        if not solution:
+            vector.set_value(np.full(6 * n, np.nan))
+            return
+        _, inertial, feedback, pushes = solution
+        estimate, reference = self._estimate.Eval(context), self._reference.Eval(context)
+        scratch = self._place(context, estimate, reference)
+        terms = np.zeros((6, n))
+        terms[0] = inertial
+        terms[1:3] = feedback.reshape(2, n)
+        terms[4] = inertial - self._model.forces(scratch, estimate[2 * n :])
+        if pushes:
+            terms[[0, 3, 5]] -= np.array(pushes).dot(self._model.jacobian(scratch))
+        vector.set_value(terms.ravel())
 
 
 def _one_of(key: str, value: str, possible: tuple[str, ...]) -> None:

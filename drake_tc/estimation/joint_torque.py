@@ -11,7 +11,7 @@ from drake_tc.estimation.torque_model import TorqueModel
 from drake_tc.types import FloatArray
 
 LARGEST = 1e9
-"""No reading in SI units is as large (nor all together, as a norm); one that is counts as not finite."""
+"""No reading in SI units is as large; one that is counts as not finite."""
 
 
 class JointTorqueEstimator(LeafSystem):  # type: ignore[misc, unused-ignore]
@@ -85,7 +85,7 @@ class JointTorqueEstimator(LeafSystem):  # type: ignore[misc, unused-ignore]
         joint: FloatArray = self._joint.Eval(context)
         imu: FloatArray = self._imu.Eval(context) if self._imu.HasValue(context) else self._no_imu
         wrench: FloatArray = self._no_wrench if self._wrench is None else self._wrench.Eval(context)
-        if not joint.dot(joint) + imu.dot(imu) + wrench.dot(wrench) < LARGEST * LARGEST:  # also where one is NaN
+        if not np.abs(np.concatenate((joint, imu, wrench))).max() < LARGEST:  # also where one is NaN
             scratch.result = self._nothing
             return
         n = self._n

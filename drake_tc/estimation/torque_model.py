@@ -167,7 +167,7 @@ class TorqueModel:
     ) -> FloatArray:
         """(6k,) W less what the sensors of a robot that nothing touches would read, sensor frames [N, N m].
 
-        Arguments as `estimate`. Of a sensor with another one beyond it, both readings count as expected from the motion.
+        Arguments as `estimate`. Of a sensor with another one beyond it, both count as expected from the motion.
         """
         needed = self.motion_forces(context, q, v, vdot, imu, gyro_dot)
         error = np.empty(wrenches.size)
