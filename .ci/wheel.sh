@@ -16,4 +16,7 @@ for file in report.html report.json model_before.yaml model_after.yaml; do
     test -s "$room/out/$file" || { echo "the wheel's demo wrote no $file" >&2; exit 1; }
 done
 grep -q '"verdict": "effects_found"' "$room/out/report.json" || { echo "the wheel's demo found no effect" >&2; exit 1; }
-echo "wheel: installed and closed the loop outside the source tree"
+PYTHONPATH= "$room/venv/bin/drake-tc" simulate hrp2_leg --duration 0.3 --out "$room/leg" > /dev/null
+test -s "$room/leg/log.csv" || { echo "the wheel's leg simulation wrote no log" >&2; exit 1; }
+PYTHONPATH= "$room/venv/bin/drake-tc" graph hrp2_leg_contact --out "$room/leg.svg" > /dev/null
+echo "wheel: installed, closed the loop, simulated and drew the leg outside the source tree"

@@ -100,8 +100,13 @@ def log_columns(recording: Recording, torque: FloatArray | None = None) -> dict[
     return columns
 
 
-def rig_of(recording: Recording) -> dict[str, Any]:
-    """The rig file of such a log: joints, drives, known rotor inertias; the load torque is a column."""
+def rig_of(recording: Recording, *, torque: bool = True) -> dict[str, Any]:
+    """The rig file of such a log: joints, drives, known rotor inertias.
+
+    Args:
+        recording: The simulation.
+        torque: Whether the log has torque columns; without them the load is unknown.
+    """
     joints = list(recording.robot.joints)
     drives = {joint: recording.models[joint].drive.kind for joint in joints}
     inertia = {joint: {"rotor_inertia": recording.models[joint].inertia} for joint in joints}
@@ -109,7 +114,7 @@ def rig_of(recording: Recording) -> dict[str, Any]:
     return {
         "joints": joints,
         "drive": same.pop() if len(same) == 1 else drives,
-        "load": "torque",
+        "load": "torque" if torque else "unknown",
         "declared": inertia,
     }
 
@@ -136,14 +141,20 @@ def write_log(columns: Mapping[str, FloatArray], path: Path) -> Path:
     return path
 
 
-def write_rig(recording: Recording, path: Path) -> Path:
-    """Write the rig file beside a log.
+def write_rig(recording: Recording, path: Path, *, torque: bool = True) -> Path:
+    """Write the rig file beside a log; its folder is made where it is not there.
+
+    Args:
+        recording: The simulation.
+        path: Of the file.
+        torque: Whether the log has torque columns.
 
     Raises:
         LogError: a file that cannot be written.
     """
     try:
-        path.write_text(yaml.safe_dump(rig_of(recording), sort_keys=False), encoding="utf-8")
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(yaml.safe_dump(rig_of(recording, torque=torque), sort_keys=False), encoding="utf-8")
     except OSError as error:
         raise LogError(f"{path}: cannot be written: {error.strerror or error}") from None
     return path

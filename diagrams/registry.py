@@ -37,10 +37,15 @@ class DiagramEntry:
         """A scenario, from the committed file unless another is given; the first of the file when no name is.
 
         Raises:
-            ParamsError: see `load_scenario`.
+            ParamsError: a file without scenarios; otherwise see `load_scenario`.
         """
         path = self.scenario_file if file is None else file
-        return load_scenario(path, name or scenario_names(path)[0], text)
+        if name is None:
+            names = scenario_names(path)
+            if not names:
+                raise ParamsError(f"{path}: wanted at least one scenario; the file has none")
+            name = names[0]
+        return load_scenario(path, name, text)
 
 
 DIAGRAMS: Mapping[str, DiagramEntry] = {

@@ -6,9 +6,8 @@ from pathlib import Path
 from types import NoneType, UnionType
 from typing import Any, TypeVar, Union, get_args, get_origin, get_type_hints
 
-import yaml
-
 from drake_tc.errors import DrakeTcError, ParamsError
+from drake_tc.yaml_file import read_yaml
 
 Record = TypeVar("Record")
 
@@ -19,12 +18,7 @@ def read_mapping(path: Path) -> dict[str, Any]:
     Raises:
         ParamsError: no such file, not YAML, or no mapping.
     """
-    try:
-        document = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise ParamsError(f"{path}: wanted a YAML file; {error.strerror or error}") from None
-    except yaml.YAMLError as error:
-        raise ParamsError(f"{path}: not valid YAML: {' '.join(str(error).split())}") from None
+    document = read_yaml(path)
     if not isinstance(document, dict):
         raise ParamsError(f"{path}: wanted a mapping; got {type(document).__name__}")
     return document

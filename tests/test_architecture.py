@@ -14,6 +14,7 @@ LONGEST_FILE = 400
 FLOOR = {
     "errors": 0,
     "types": 0,
+    "yaml_file": 0,
     "logs": 1,
     "robot": 1,
     "filtering": 1,

@@ -1,16 +1,18 @@
 """The identification experiment of paper A (section 3.4; EQUATIONS A4) on the simulated leg, and its two linear fits.
 
-Under the vendor's servo the leg moves in growing sinusoids, and holds a posture while hands push its foot. Sensors are
-realistic; joint torques come from the F/T sensor, the IMU and the encoders, off line and without delay. Two runs train,
-two others, of other frequencies, pushes and noise, are held out.
+Under the vendor's servo the leg moves in growing sinusoids, and holds a posture while hands push its foot. A third run
+sways slowly under the same pushes: at rest friction hides any torque within its band, in slow motion it is known.
+Sensors are realistic; joint torques come from the F/T sensor, the IMU and the encoders, off line and without delay.
+Two more runs, of other frequencies, pushes and noise, are held out.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
+from drake_tc.diagrams.papers.reproduction import Progress
 from drake_tc.diagrams.recording import Recording, log_columns, write_log, write_rig
 from drake_tc.diagrams.registry import diagram_entry
 from drake_tc.diagrams.running import simulate_scenario
@@ -28,7 +30,6 @@ from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig, parse_rig
 from drake_tc.types import FloatArray
 
-Progress = Callable[[str, float], None]
 Penalty = Literal["symmetric", "asymmetric"]
 FILTER = OffLineFilter(window=41)
 """Of the torque estimate [samples]; longer windows smear the reversals, shorter ones let noise through."""
@@ -46,7 +47,8 @@ class Experiment:
     """What was recorded.
 
     Attributes:
-        train: Log files to fit.
+        still: Log files of the paper's own experiment: growing sinusoids, pushes on a held posture.
+        train: Log files that the complete model is fitted to: growing sinusoids, pushes on a swaying leg.
         held: Log files that take no part in any fit.
         rig: Rig file, with the rotor inertias as known values.
         joints: In the robot's order.
@@ -55,6 +57,7 @@ class Experiment:
         seed: Of the sensors' noise.
     """
 
+    still: tuple[Path, ...]
     train: tuple[Path, ...]
     held: tuple[Path, ...]
     rig: Path
@@ -68,8 +71,9 @@ def experiment_scenarios(seed: int) -> dict[str, Scenario]:
     """The runs by name; those whose name starts with "held" are held out."""
     entry = diagram_entry("hrp2_leg")
     motion, pushes = (entry.scenario(name) for name in ("identify_motion", "identify_pushes"))
-    pushes = replace(pushes, motion=replace(pushes.motion, sinusoids=_sway(motion)))
-    runs = {"motion": motion, "pushes": pushes, "held_motion": _other_motion(motion), "held_pushes": _turned(pushes)}
+    sway = replace(pushes, motion=replace(pushes.motion, sinusoids=_sway(motion)))
+    runs = {"motion": motion, "pushes": pushes, "sway": sway}
+    runs |= {"held_motion": _other_motion(motion), "held_sway": _turned(sway)}
     return {
         name: replace(run, seed=1000 * seed + number, log_truth=True) for number, (name, run) in enumerate(runs.items())
     }
@@ -101,7 +105,7 @@ def _reversed(push: PushSpec) -> PushSpec:
     return replace(push, force=force, torque=torque)
 
 
-def record_experiment(folder: Path, progress: Progress, seed: int = 0) -> Experiment:
+def record_experiment(folder: Path, progress: Progress | None = None, seed: int = 0) -> Experiment:
     """Simulate the runs, estimate their torques, and write logs and rig file into `folder`.
 
     Args:
@@ -117,7 +121,8 @@ def record_experiment(folder: Path, progress: Progress, seed: int = 0) -> Experi
     squares: list[FloatArray] = []
     peaks: list[FloatArray] = []
     for number, (name, scenario) in enumerate(scenarios.items()):
-        progress(f"recording {name}", number / len(scenarios))
+        if progress:
+            progress(f"recording {name}", number / len(scenarios))
         recording = simulate_scenario(scenario)
         torque = off_line_torque(recording, scenario.dt)
         error = torque - recording["joint_torque"]
@@ -128,8 +133,9 @@ def record_experiment(folder: Path, progress: Progress, seed: int = 0) -> Experi
     span = np.max(peaks, axis=0)[1] - np.min(peaks, axis=0)[0]
     share = np.sqrt(np.mean(squares, axis=0)) / span
     return Experiment(
-        train=tuple(path for name, path in files.items() if not name.startswith("held")),
-        held=tuple(path for name, path in files.items() if name.startswith("held")),
+        still=(files["motion"], files["pushes"]),
+        train=(files["motion"], files["sway"]),
+        held=(files["held_motion"], files["held_sway"]),
         rig=rig,
         joints=recording.robot.joints,
         truth=recording.models,
@@ -153,14 +159,14 @@ def linear_models(experiment: Experiment, penalty: Penalty) -> dict[str, Actuato
     zone and a switch besides: what the two columns cannot say ends up in their coefficients.
 
     Args:
-        experiment: Its training runs are fitted.
+        experiment: Its runs as in the paper are fitted.
         penalty: "symmetric" (least squares) or "asymmetric" (over-estimation costs `WEIGHT` times more).
 
     Raises:
         IdentificationError: runs that do not tell the two apart.
     """
     rig = parse_rig({"joints": list(experiment.joints), "drive": "position_servo", "load": "torque"})
-    runs = load_runs(experiment.train, rig)
+    runs = load_runs(experiment.still, rig)
     return {joint: _linear_model(runs, rig, joint, penalty) for joint in experiment.joints}
 
 
@@ -179,15 +185,3 @@ def _linear_model(runs: list[Run], rig: Rig, joint: str, penalty: Penalty) -> Ac
     spread = ratio_interval(interval["K_v"], value["K_v"], interval["K_tau"], gain, correlation)
     viscous = EffectValue("viscous", {"viscous": value["K_v"] / gain}, {"viscous": spread})
     return ActuatorModel(joint, Drive("position_servo", gain), (viscous,))
-
-
-def provenance(experiment: Experiment, method: str, note: str) -> dict[str, object]:
-    """What a model file says of where its numbers come from."""
-    return {
-        "identified_by": "drake_tc.diagrams.papers.identification",
-        "method": method,
-        "robot": "hrp2_like_leg",
-        "logs": [f"simulated {path.stem}" for path in experiment.train],
-        "seed": experiment.seed,
-        "note": note,
-    }

@@ -10,6 +10,7 @@ import yaml
 
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.errors import ParamsError
+from drake_tc.yaml_file import read_yaml
 
 
 @dataclass(frozen=True)
@@ -23,23 +24,6 @@ class ModelFile:
 
     models: Mapping[str, ActuatorModel]
     provenance: Mapping[str, Any] = field(default_factory=dict)
-
-
-class _StrictLoader(yaml.SafeLoader):
-    """A loader to which a repeated key is an error, as it silently hides a value."""
-
-
-def _mapping_without_repeats(loader: _StrictLoader, node: yaml.MappingNode) -> dict[Any, Any]:
-    mapping: dict[Any, Any] = {}
-    for key_node, value_node in node.value:
-        key = loader.construct_object(key_node, deep=True)
-        if key in mapping:
-            raise ParamsError(f"line {key_node.start_mark.line + 1}: key {key!r} is given twice")
-        mapping[key] = loader.construct_object(value_node, deep=True)
-    return mapping
-
-
-_StrictLoader.add_constructor(yaml.resolver.BaseResolver.DEFAULT_MAPPING_TAG, _mapping_without_repeats)
 
 
 def _keys(where: str, entry: object, required: set[str], optional: set[str]) -> dict[str, Any]:
@@ -116,14 +100,7 @@ def load_model_file(path: Path | str) -> ModelFile:
         ParamsError: the file cannot be read, a key is unknown, missing or given twice, or a value is not possible; the
             message names file, joint and field.
     """
-    try:
-        document = yaml.load(Path(path).read_text(encoding="utf-8"), Loader=_StrictLoader)
-    except ParamsError as error:
-        raise ParamsError(f"{path}: {error}") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise ParamsError(f"{path}: wanted a model file (YAML); {error}") from error
-    except yaml.YAMLError as error:
-        raise ParamsError(f"{path}: not YAML: {' '.join(str(error).split())}") from error
+    document = read_yaml(Path(path), "model file")
     top = _keys(f"{path}", document, {"joints"}, {"provenance"})
     if not isinstance(top["joints"], dict) or not top["joints"]:
         raise ParamsError(f"{path}: joints: wanted a mapping of joint name to model; got {top['joints']!r}")

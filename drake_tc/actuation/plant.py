@@ -6,13 +6,7 @@ from typing import Any
 
 import numpy as np
 from pydrake.common.value import Value
-from pydrake.systems.framework import (
-    BasicVector,
-    Context,
-    DiscreteValues,
-    LeafSystem,
-    ValueProducer,
-)
+from pydrake.systems.framework import Context, LeafSystem, ValueProducer
 
 from drake_tc.actuation.joint_program import JointOutput, JointProgram
 from drake_tc.actuation.model import ActuatorModel
@@ -85,13 +79,14 @@ class ActuatorPlant(LeafSystem):  # type: ignore[misc, unused-ignore]
         self._temperature: Any = self.DeclareVectorInputPort("temperature", size)
         self._load: Any = self.DeclareVectorInputPort("load_torque", size)
         rest = [value for program in self._programs for value in program.initial()]
-        self._memory: Any = self.DeclareDiscreteState(_array([*rest, -np.inf]))
+        memory = self.DeclareDiscreteState(_array([*rest, -np.inf]))
+        self._memory = int(memory)
         everything = {
             self._command.ticket(),
             self._state.ticket(),
             self._temperature.ticket(),
             self._load.ticket(),
-            self.discrete_state_ticket(self._memory),
+            self.discrete_state_ticket(memory),
             self.time_ticket(),
         }
         self._solution: Any = self.DeclareCacheEntry(
@@ -124,7 +119,7 @@ class ActuatorPlant(LeafSystem):  # type: ignore[misc, unused-ignore]
 
     def _solve(self, context: Any, solution: Any) -> None:
         """(x[n+1], outputs) into the cache entry."""
-        held: list[float] = context.get_discrete_state_vector().value().tolist()
+        held: list[float] = context.get_discrete_state(self._memory).value().tolist()
         state = self._state.Eval(context).tolist()
         size = len(self._steps)
         joints = zip(
@@ -147,14 +142,14 @@ class ActuatorPlant(LeafSystem):  # type: ignore[misc, unused-ignore]
         memory.append(time)
         solution.set_value((memory, outputs))
 
-    def _writer(self, index: int) -> Callable[[Context, BasicVector], None]:
+    def _writer(self, index: int) -> Callable[[Context, Any], None]:
         """The calc function of one output port."""
 
-        def write(context: Context, vector: BasicVector) -> None:
-            vector.get_mutable_value()[:] = [output[index] for output in self._solution.Eval(context)[1]]
+        def write(context: Context, vector: Any) -> None:
+            vector.set_value(_array([output[index] for output in self._solution.Eval(context)[1]]))
 
         return write
 
-    def _update(self, context: Context, values: DiscreteValues) -> None:
+    def _update(self, context: Context, values: Any) -> None:
         """x[n+1] from the cache entry."""
-        values.get_mutable_value(self._memory)[:] = self._solution.Eval(context)[0]
+        values.set_value(self._memory, _array(self._solution.Eval(context)[0]))

@@ -46,6 +46,25 @@ def bench_diagnosis(
         print_score(score)
 
 
+@bench_app.command("leg")
+def bench_leg(as_json: Annotated[bool, typer.Option("--json", help="Print the rows as JSON.")] = False) -> None:
+    """What a tick costs: the leg's loops with all stages on, and the torque estimate of a leg and of a humanoid."""
+    from drake_tc.diagrams.timing import leg_timings
+
+    with progress_bar("bench leg", quiet=as_json) as progress:
+        rows = leg_timings(progress)
+    if as_json:
+        print(json.dumps({"name": "leg", "rows": [row.to_json() for row in rows]}))
+        return
+    table = Table(box=None, padding=(0, 2))
+    table.add_column("what")
+    for heading in ("median [us]", "99 % [us]", "timings"):
+        table.add_column(rf"{heading}".replace("[", r"\["), justify="right")
+    for row in rows:
+        table.add_row(row.name, f"{row.median:.0f}", f"{row.p99:.0f}", str(row.n))
+    Console(file=sys.stdout, highlight=False).print(table)
+
+
 def _real(name: str, table: Callable[[Path], list[RealRow]], data: Path, as_json: bool) -> None:
     rows = table(data)
     if as_json:

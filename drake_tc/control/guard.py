@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 from pydrake.common.value import Value
-from pydrake.systems.framework import Context, DiscreteValues, LeafSystem, ValueProducer
+from pydrake.systems.framework import Context, LeafSystem, ValueProducer
 
 from drake_tc.control.guard_law import GuardLaw, GuardMode, GuardSpec
 from drake_tc.errors import ParamsError
@@ -71,9 +71,10 @@ class CommandGuard(LeafSystem):  # type: ignore[misc, unused-ignore]
         self._position: Any = self.DeclareVectorInputPort("position", size)
         self._fault: Any = self.DeclareVectorInputPort("fault", 1)
         start: Any = self._law.initial()
-        self._memory: Any = self.DeclareDiscreteState(start)
+        memory = self.DeclareDiscreteState(start)
+        self._memory = int(memory)
         tickets = {port.ticket() for port in (self._command, self._position, self._fault)}
-        tickets.add(self.discrete_state_ticket(self._memory))
+        tickets.add(self.discrete_state_ticket(memory))
         self._next: Any = self.DeclareCacheEntry(
             "next", ValueProducer(allocate=Value(()).Clone, calc=self._solve), tickets
         )
@@ -93,10 +94,10 @@ class CommandGuard(LeafSystem):  # type: ignore[misc, unused-ignore]
         )
 
     def _write_command(self, context: Context, vector: Any) -> None:
-        vector.SetFromVector(self._next.Eval(context)[: self._size])
+        vector.set_value(self._next.Eval(context)[: self._size])
 
     def _write_mode(self, context: Context, vector: Any) -> None:
-        vector.SetFromVector(self._next.Eval(context)[3 * self._size : 3 * self._size + 1])
+        vector.set_value(self._next.Eval(context)[3 * self._size : 3 * self._size + 1])
 
-    def _update(self, context: Context, values: DiscreteValues) -> None:
-        values.get_mutable_vector(self._memory).SetFromVector(self._next.Eval(context))
+    def _update(self, context: Context, values: Any) -> None:
+        values.set_value(self._memory, self._next.Eval(context))

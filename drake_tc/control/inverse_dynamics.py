@@ -16,7 +16,7 @@ Source = Literal["estimate", "reference"]
 PositionSource = Literal["estimate", "encoder"]
 
 LARGEST = 1e12
-"""Inputs that sum to more than this count as not finite."""
+"""Inputs beyond this count as not finite."""
 
 TERMS = ("feedforward", "position", "velocity", "force", "acceleration_error", "force_error")
 """Names of the rows of `torque_terms`."""

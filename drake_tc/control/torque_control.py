@@ -26,7 +26,7 @@ Source = Literal["estimate", "reference"]
 AccelerationSource = Literal["none", "estimate", "reference"]
 
 LARGEST = 1e12
-"""Inputs that sum to more than this count as not finite."""
+"""Inputs beyond this count as not finite."""
 
 COMPONENTS = (
     "feedforward_torque",
@@ -163,8 +163,9 @@ class TorqueControl(LeafSystem):  # type: ignore[misc, unused-ignore]
         self._estimate: Any = self.DeclareVectorInputPort("joint_estimate", 3 * n)
         self._position: Any = self.DeclareVectorInputPort("position", n)
         self._reference: Any = self.DeclareVectorInputPort("reference", 3 * n) if self._spec.wants_reference else None
-        self._sum: Any = self.DeclareDiscreteState(n)
-        tickets = {self.numeric_parameter_ticket(self._gains), self.discrete_state_ticket(self._sum)}
+        total = self.DeclareDiscreteState(n)
+        self._sum = int(total)
+        tickets = {self.numeric_parameter_ticket(self._gains), self.discrete_state_ticket(total)}
         tickets |= {port.ticket() for port in (self._desired, self._estimated, self._estimate, self._position)}
         if self._reference is not None:
             tickets.add(self._reference.ticket())
@@ -173,7 +174,7 @@ class TorqueControl(LeafSystem):  # type: ignore[misc, unused-ignore]
         )
         solved = {self._solution.ticket()}
         divided = {*solved, self._desired.ticket(), self._terms.ticket(), self._estimated.ticket()}
-        self.DeclareVectorOutputPort("command", n, self._write_command, {*solved, self._position.ticket()})
+        self.DeclareVectorOutputPort("command", n, self._write_command, solved)
         self.DeclareVectorOutputPort(
             "components", 6 * n, self._write_components, {*divided, self.numeric_parameter_ticket(self._gains)}
         )
@@ -212,14 +213,14 @@ class TorqueControl(LeafSystem):  # type: ignore[misc, unused-ignore]
         return np.concatenate([gains.kp, gains.ki])
 
     def _solve(self, context: Any, solution: Any) -> None:
-        """(u, tau*, y, Ki s) into the cache entry."""
+        """(u, tau*, y, Ki s, command) into the cache entry."""
         n = self._size
         desired, estimated, position = (p.Eval(context) for p in (self._desired, self._estimated, self._position))
         velocity, turning, acceleration = self._motion(context)
         used = (desired, estimated, position, velocity, turning, acceleration)
-        if not sum([sum(map(abs, values.tolist())) for values in used]) <= LARGEST:
+        if not np.abs(np.concatenate(used)).max() <= LARGEST:  # also where one is NaN
             lost = np.full(n, np.nan)
-            solution.set_value((lost, lost, lost, lost))
+            solution.set_value((lost, lost, lost, lost, lost))
             return
         gains = context.get_numeric_parameter(self._gains).value()
         asked = desired + gains[:n] * (desired - estimated)
@@ -230,7 +231,7 @@ class TorqueControl(LeafSystem):  # type: ignore[misc, unused-ignore]
         torque = np.minimum(np.maximum(asked, self._lowest), self._limit)
         direction = np.tanh(turning * self._per_speed)
         effort = self._compensator.effort(torque, velocity, direction, position, acceleration)
-        solution.set_value((asked, torque, effort, integral))
+        solution.set_value((asked, torque, effort, integral, self._servo * position + effort))
 
     def _motion(self, context: Any) -> tuple[FloatArray, FloatArray, FloatArray]:
         """(velocity, velocity that gives the direction, acceleration) to compensate for, (n,) each."""
@@ -244,14 +245,14 @@ class TorqueControl(LeafSystem):  # type: ignore[misc, unused-ignore]
         return velocity, turning, (reference if spec.acceleration == "reference" else estimate)[2 * n :]
 
     def _write_command(self, context: Any, vector: Any) -> None:
-        vector.SetFromVector(self._servo * self._position.Eval(context) + self._solution.Eval(context)[2])
+        vector.set_value(self._solution.Eval(context)[4])
 
     def _write_commanded(self, context: Any, vector: Any) -> None:
-        vector.SetFromVector(self._solution.Eval(context)[1])
+        vector.set_value(self._solution.Eval(context)[1])
 
     def _write_integral(self, context: Any, vector: Any) -> None:
-        asked, torque, _, integral = self._solution.Eval(context)
-        vector.SetFromVector(np.zeros(self._size) if integral is None else self._share(asked, torque) * integral)
+        asked, torque, _, integral, _ = self._solution.Eval(context)
+        vector.set_value(np.zeros(self._size) if integral is None else self._share(asked, torque) * integral)
 
     def _share(self, asked: FloatArray, torque: FloatArray) -> FloatArray:
         """K tau*/u (n,): in effort, what the limit leaves of each part."""
@@ -262,7 +263,7 @@ class TorqueControl(LeafSystem):  # type: ignore[misc, unused-ignore]
 
     def _write_components(self, context: Any, vector: Any) -> None:
         n = self._size
-        asked, torque, effort, integral = self._solution.Eval(context)
+        asked, torque, effort, integral, _ = self._solution.Eval(context)
         terms = self._terms.Eval(context).reshape(6, n)
         kp = context.get_numeric_parameter(self._gains).value()[:n]
         parts = np.empty((6, n))
@@ -274,13 +275,13 @@ class TorqueControl(LeafSystem):  # type: ignore[misc, unused-ignore]
             parts[4] -= integral
         parts *= self._share(asked, torque)
         parts[1] = effort - self._k_tau * torque
-        vector.SetFromVector(parts.ravel())
+        vector.set_value(parts.ravel())
 
     def _update(self, context: Any, values: DiscreteValues) -> None:
         """s[n+1]."""
         n = self._size
         gains = context.get_numeric_parameter(self._gains).value()
-        asked, torque, _, _ = self._solution.Eval(context)
+        asked, torque, *_ = self._solution.Eval(context)
         if not np.isfinite(asked[0]):
             return
         error = self._desired.Eval(context) - self._estimated.Eval(context)
@@ -288,4 +289,5 @@ class TorqueControl(LeafSystem):  # type: ignore[misc, unused-ignore]
         before = context.get_discrete_state(self._sum).value()
         after = before + self._dt * np.where(moves, error, 0.0)
         bound = np.divide(self._limit, gains[n:], out=np.full(n, np.inf), where=gains[n:] > 0.0)
-        values.get_mutable_vector(self._sum).SetFromVector(np.minimum(np.maximum(after, -bound), bound))
+        held: Any = values
+        held.set_value(self._sum, np.minimum(np.maximum(after, -bound), bound))

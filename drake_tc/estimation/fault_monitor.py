@@ -22,6 +22,10 @@ STRONGEST = 100.0
 """Effort of a joint without an effort limit [N m]."""
 ENCODER_FLAGS = 3
 """The first flags are the encoders'."""
+ENCODER_REPEATS = 20
+"""No fewer identical readings of an encoder count as frozen, however long the tick."""
+REPEATS = 6
+"""The same of an IMU or F/T channel, whose noise is ten times its resolution."""
 _NEVER = 1e12
 
 
@@ -47,7 +51,7 @@ class FaultMonitor(LeafSystem):  # type: ignore[misc, unused-ignore]
     thresholds of `MonitorSpec`:
 
         missing     u[n] is not finite, or beyond `LARGEST`
-        c[n+1]    = c[n] + 1 where u[n] = s[n], else 0;                 frozen: c[n+1] dt >= its time
+        c[n+1]    = c[n] + 1 where u[n] = s[n], else 0;                 frozen: c[n+1] >= max(time/dt, repeats)
         jump        |u[n] - s[n]| > (m[n] + 1) largest step; for encoders also |o[n+1]| > largest step, with
         o[n+1]    = o[n] + u[n] - s[n] at a jump, else o[n]: a reading that jumped stays wrong until it jumps back
         e[n+1]    = e[n] + (1 - exp(-dt/T)) (x[n] - e[n])               |e[n+1]| > threshold: inconsistent, unexpected
@@ -97,7 +101,8 @@ class FaultMonitor(LeafSystem):  # type: ignore[misc, unused-ignore]
             [2.0 * speed * dt + spec.encoder_jump, wrench_jump * k, inertial_jump * has_imu]
         )
         times = [[spec.encoder_frozen] * n, [spec.wrench_frozen] * 6 * k, [spec.imu_frozen] * 6 * has_imu]
-        self._frozen_ticks = np.minimum(np.concatenate(times) / dt, _NEVER) - 0.5
+        repeats = np.repeat([ENCODER_REPEATS, REPEATS], [n, raw - n])
+        self._frozen_ticks = np.clip(np.concatenate(times) / dt, repeats, _NEVER) - 0.5
         self._stuck_ticks = min(spec.encoder_stuck / dt, _NEVER) - 0.5
         self._moving = spec.moving
 

@@ -13,7 +13,13 @@ from drake_tc.types import FloatArray
 
 @dataclass(frozen=True)
 class OffLineFilter:
-    """Savitzky–Golay windows around each sample: `window` samples; orders for encoders, and for IMU and F/T."""
+    """Savitzky–Golay windows around each sample.
+
+    Attributes:
+        window: [samples]; odd, so that each sample lies in the middle of its own.
+        encoder_order: Of the polynomials through the encoders' readings.
+        inertial_order: Of those through the IMU's and the F/T sensors'.
+    """
 
     window: int = 81
     encoder_order: int = 2
@@ -67,7 +73,9 @@ def estimate_log(
         bias: (6k,) of the F/T sensors, to be taken off [N, N m]; None: nil (see `wrench_bias`).
 
     Raises:
-        LogError: a reading that is not finite, or sizes that do not fit the robot.
+        LogError: a reading that is not finite, sizes that do not fit the robot, a log shorter than the window, or one
+            without the IMU that the model needs.
+        ParamsError: a window or an order that is not possible.
 
     Source: EQUATIONS A4: identification uses every signal at t - t_d, so that the filters' delay cancels.
     """
@@ -89,7 +97,8 @@ def wrench_bias(
         filters: Windows; None: 81 samples.
 
     Raises:
-        LogError: no sample is named, a reading that is not finite, or sizes that do not fit the robot.
+        LogError: no sample is named; otherwise as `estimate_log`.
+        ParamsError: as `estimate_log`.
     """
     rows = list(_smoothed(model, log, filters, None))[untouched]
     if not rows:
@@ -104,6 +113,10 @@ def _smoothed(
     """The arguments of `TorqueModel.estimate`, sample by sample."""
     spec = OffLineFilter() if filters is None else filters
     samples = log.position.shape[0]
+    if samples < spec.window:
+        raise LogError(f"wanted at least {spec.window} samples, one window; the log has {samples}")
+    if log.imu is None and _reads_imu(model):
+        raise LogError(f"imu: wanted readings, as the model of {model.robot.name} takes the base's motion from them")
     inertial = np.zeros((samples, 6)) if log.imu is None else log.imu
     for name, values, width in (
         ("position", log.position, model.size),
@@ -119,7 +132,16 @@ def _smoothed(
     base = smooth(inertial, spec.window, spec.inertial_order, log.dt)
     felt = smooth(log.wrench, spec.window, spec.inertial_order, log.dt).value
     if bias is not None:
+        if bias.shape != felt.shape[1:]:
+            raise LogError(f"bias: wanted shape {felt.shape[1:]} for {model.robot.name}; got {bias.shape}")
         felt = felt - bias
     rate = base.first_derivative[:, :3]
     motion = (joint.value, joint.first_derivative, joint.second_derivative)
     return zip(*motion, base.value, rate, felt, strict=True)
+
+
+def _reads_imu(model: TorqueModel) -> bool:
+    """Whether what the motion needs depends on the accelerometer."""
+    context, rest, turning = model.create_context(), np.zeros(model.size), np.zeros(3)
+    still, falling = (model.motion_forces(context, rest, rest, rest, np.full(6, a), turning) for a in (1.0, 0.0))
+    return not np.array_equal(still, falling)

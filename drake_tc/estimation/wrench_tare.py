@@ -47,13 +47,14 @@ class WrenchTare(LeafSystem):  # type: ignore[misc, unused-ignore]
         self._joint: Any = self.DeclareVectorInputPort("joint_estimate", 3 * model.size)
         self._imu: Any = self.DeclareVectorInputPort("imu_estimate", 12)
         self._wrench: Any = self.DeclareVectorInputPort("wrench", self._size)
-        self._state: Any = self.DeclareDiscreteState(self._size + 1)
+        state = self.DeclareDiscreteState(self._size + 1)
+        self._state = int(state)
         self._scratch: Any = self.DeclareCacheEntry(
             "scratch",
             ValueProducer(allocate=lambda: Value(model.create_context()), calc=lambda context, value: None),
             {self.nothing_ticket()},
         )
-        tickets = {self._wrench.ticket(), self.discrete_state_ticket(self._state)}
+        tickets = {self._wrench.ticket(), self.discrete_state_ticket(state)}
         self.DeclareVectorOutputPort(
             "wrench",
             self._size,

@@ -109,19 +109,19 @@ class SavitzkyGolayFilter(LeafSystem):  # type: ignore[misc, unused-ignore]
         out `fault`              (n,) 1 where the last sample was not finite (or none has come yet), else 0.
         out `estimate`           (3n,) [value; first derivative; second derivative]
 
-    Discrete state: the window X (N, n) as a ring, the fault flags c (n,), the started flags b (n,), and the row h of
-    the oldest sample. Per joint, every dt:
+    Discrete state: the window X (N, n) as a ring, the fault flags c (n,), the started flags b (n,), the row h of the
+    oldest sample, and the estimate y (3n,). Per joint, every dt:
 
         s[k]   = u[k] where finite, else X[k]'s newest (the last good sample is held)
         X[k+1] = [X[k] without its oldest; s[k]]        once started: s[k] is put in row h, then h moves on
         X[k+1] = [s[k]; ... s[k]]                       at the first finite sample (no bump)
         c[k+1] = 1 where u[k] is not finite, else 0
-        y_d[k] = w_d · X[k],   d = 0, 1, 2,  w_d = `savgol_weights(N, order, at, d, dt)`
+        y_d[k+1] = w_d · X[k+1],   d = 0, 1, 2,  w_d = `savgol_weights(N, order, at, d, dt)`
 
     Outputs depend on the state only, no feedthrough: a reader just after tick k sees an estimate `delay` old;
     a discrete system of the same period, which reads X[k] during tick k, sees one that is `delay + dt` old.
-    Until the first finite sample the outputs are 0 and `fault` is 1. An update writes n numbers, an output costs
-    O(N n); nothing is raised in the loop.
+    Until the first finite sample the outputs are 0 and `fault` is 1. An update costs O(N n), an output
+    nothing; nothing is raised in the loop.
 
     Source: EQUATIONS A1 (paper: N = 80, dt = 1 ms, mid-window, order 2 for encoders, 1 for IMU and F/T).
     """
@@ -149,24 +149,25 @@ class SavitzkyGolayFilter(LeafSystem):  # type: ignore[misc, unused-ignore]
         self._delay = delay(window, dt, at)
         distinct = sorted(set(orders))
         weights = np.stack([[savgol_weights(window, o, at, d, dt) for o in distinct] for d in range(3)])
-        self._weights = np.concatenate([weights, weights], axis=2)  # (3, orders, 2N): any rotation is a slice
+        doubled = np.concatenate([weights, weights], axis=2)  # any rotation is a slice
+        self._table = np.ascontiguousarray(doubled.reshape(3 * len(distinct), 2 * window))
         which = np.array([distinct.index(o) for o in orders])
-        self._pick = None if len(distinct) == 1 else (np.arange(3)[:, None], which, np.arange(size))
+        rows = np.arange(3)[:, None] * len(distinct) + which
+        self._pick = (rows * size + np.arange(size)).ravel()  # of (3 orders, n), flat
+        self._one_order = len(distinct) == 1
         self._input: Any = self.DeclareVectorInputPort("signal", size)
-        self._samples: Any = self.DeclareDiscreteState(window * size)
         all_faulty: Any = np.ones(size)
-        self._fault: Any = self.DeclareDiscreteState(all_faulty)
-        self._started: Any = self.DeclareDiscreteState(size)
         start: Any = np.array([window - 1.0, 0.0])
-        self._head: Any = self.DeclareDiscreteState(start)  # [h, 1 where all have started without fault]
-        names = ("value", "first_derivative", "second_derivative")
-        on_samples = {self.discrete_state_ticket(self._samples), self.discrete_state_ticket(self._head)}
-        for d, name in enumerate(names):
-            self.DeclareVectorOutputPort(name, size, self._writer(slice(d, d + 1)), prerequisites_of_calc=on_samples)
-        on_fault = {self.discrete_state_ticket(self._fault)}
-        self.DeclareVectorOutputPort("fault", size, self._calc_fault, prerequisites_of_calc=on_fault)
-        every = self._writer(slice(0, 3))
-        self.DeclareVectorOutputPort("estimate", 3 * size, every, prerequisites_of_calc=on_samples)
+        samples, fault = self.DeclareDiscreteState(window * size), self.DeclareDiscreteState(all_faulty)
+        started, head = self.DeclareDiscreteState(size), self.DeclareDiscreteState(start)
+        estimate = self.DeclareDiscreteState(3 * size)
+        self._samples, self._fault, self._started = int(samples), int(fault), int(started)
+        self._head = int(head)  # [h, 1 where all have started without fault]
+        self._estimate = int(estimate)
+        for d, name in enumerate(("value", "first_derivative", "second_derivative")):
+            self.DeclareVectorOutputPort(name, size, self._writer(d), {self.discrete_state_ticket(estimate)})
+        self.DeclareStateOutputPort("fault", fault)
+        self.DeclareStateOutputPort("estimate", estimate)
         self.DeclarePeriodicDiscreteUpdateEvent(period_sec=dt, offset_sec=0.0, update=self._update)
 
     @property
@@ -174,37 +175,28 @@ class SavitzkyGolayFilter(LeafSystem):  # type: ignore[misc, unused-ignore]
         """Age of the estimate just after a tick [s]."""
         return self._delay
 
-    def _writer(self, derivatives: slice) -> Callable[[Context, Any], None]:
-        """The calc function of an output with some of the three derivatives."""
-        table = self._weights[derivatives]
-        count, orders, _ = table.shape
-        table = np.ascontiguousarray(table.reshape(count * orders, -1))
-        size, window = self._size, self._window
-        pick = None if self._pick is None else (self._pick[0][:count], *self._pick[1:])
+    def _writer(self, derivative: int) -> Callable[[Context, Any], None]:
+        """The calc function of an output with one of the three derivatives."""
+        part = slice(derivative * self._size, (derivative + 1) * self._size)
 
         def write(context: Any, output: Any) -> None:
-            oldest = int(context.get_discrete_state(self._head).value()[0])
-            samples = context.get_discrete_state(self._samples).value().reshape(window, size)
-            y = table[:, window - oldest : 2 * window - oldest].dot(samples)
-            if pick is not None:
-                y = y.reshape(count, orders, size)[pick]
-            output.set_value(y.ravel())
+            output.set_value(context.get_discrete_state(self._estimate).value()[part])
 
         return write
 
-    def _calc_fault(self, context: Any, output: Any) -> None:
-        output.set_value(context.get_discrete_state(self._fault).value())
-
-    def _update(self, context: Any, discrete_state: DiscreteValues) -> None:
+    def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
         u = self._input.Eval(context)
         new: Any = discrete_state
         head = new.get_mutable_value(self._head)
-        oldest, size = int(head[0]), self._size
-        samples = new.get_mutable_value(self._samples)
+        oldest, size, window = int(head[0]), self._size, self._window
+        samples = new.get_mutable_value(self._samples).reshape(window, size)
         if not (head[1] and isfinite(u.dot(u))):
-            u = self._mend(u, samples.reshape(self._window, size)[oldest - 1], head, context, new)
-        samples[oldest * size : (oldest + 1) * size] = u
-        head[0] = (oldest + 1) % self._window
+            u = self._mend(u, samples[oldest - 1], head, context, new)
+        samples[oldest] = u
+        oldest = (oldest + 1) % window
+        head[0] = oldest
+        y = self._table[:, window - oldest : 2 * window - oldest].dot(samples).ravel()
+        new.set_value(self._estimate, y if self._one_order else y.take(self._pick))
 
     def _mend(self, u: FloatArray, newest: FloatArray, head: FloatArray, context: Any, new: Any) -> FloatArray:
         """The sample s where something is not finite or has not started; flags and first fills go to the new state."""

@@ -2,46 +2,10 @@
 
 import math
 from collections.abc import Iterable
-from pathlib import Path
 from typing import Any
-
-import yaml
 
 from drake_tc.errors import ParamsError
 from drake_tc.robot.mounts import Pose, Triple
-
-
-class _StrictLoader(yaml.SafeLoader):
-    """A loader to which a repeated key is an error, as it silently hides a value."""
-
-
-def _mapping_without_repeats(loader: _StrictLoader, node: yaml.MappingNode) -> dict[Any, Any]:
-    mapping: dict[Any, Any] = {}
-    for key_node, value_node in node.value:
-        key = loader.construct_object(key_node, deep=True)
-        if key in mapping:
-            raise ParamsError(f"line {key_node.start_mark.line + 1}: key {key!r} is given twice")
-        mapping[key] = loader.construct_object(value_node, deep=True)
-    return mapping
-
-
-_StrictLoader.add_constructor(yaml.resolver.BaseResolver.DEFAULT_MAPPING_TAG, _mapping_without_repeats)
-
-
-def read_yaml(path: Path) -> Any:
-    """The document in `path`.
-
-    Raises:
-        ParamsError: the file cannot be read, is no YAML, or gives a key twice.
-    """
-    try:
-        return yaml.load(path.read_text(encoding="utf-8"), Loader=_StrictLoader)
-    except ParamsError as error:
-        raise ParamsError(f"{path}: {error}") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise ParamsError(f"{path}: wanted a robot file (YAML); {error}") from error
-    except yaml.YAMLError as error:
-        raise ParamsError(f"{path}: not YAML: {' '.join(str(error).split())}") from error
 
 
 def mapping(

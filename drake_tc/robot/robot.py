@@ -14,6 +14,7 @@ from drake_tc.robot.mounts import ForceTorqueMount, Mount, Pose
 from drake_tc.robot.packages import resolve
 from drake_tc.robot.urdf_tree import UrdfTree, read_urdf
 from drake_tc.types import FloatArray
+from drake_tc.yaml_file import read_yaml
 
 __all__ = ["ForceTorqueMount", "Mount", "Pose", "Robot", "load_robot"]
 
@@ -241,7 +242,7 @@ def load_robot(path: Path | str) -> Robot:
             not in the URDF, or a value is not possible; the message names file and field.
     """
     source = Path(path)
-    document = fields.read_yaml(source)
+    document = read_yaml(source, "robot file (YAML)")
     try:
         return _robot(source, document)
     except ParamsError as error:

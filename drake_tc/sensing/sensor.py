@@ -66,18 +66,23 @@ class SensorBase(LeafSystem):  # type: ignore[misc, unused-ignore]
         self._steps = resolution > 0.0
         self._step = np.where(self._steps, resolution, 1.0)
         self._steps_any, self._steps_all = bool(self._steps.any()), bool(self._steps.all())
-        self._now: Any = self.DeclareDiscreteState(self._rows(0)[0])
-        tickets = {self.discrete_state_ticket(self._now)}
+        first: Any = self._rows(0)[0]
+        now = self.DeclareDiscreteState(first)
+        tickets = {self.discrete_state_ticket(now)}
+        self._now = int(now)
+        self._offset = slice(_OFFSET, _OFFSET + size)
         if self._delay:
             empty: Any = np.full(self._delay * size, np.nan)
-            self._line: Any = self.DeclareDiscreteState(empty)
-            tickets.add(self.discrete_state_ticket(self._line))
+            line = self.DeclareDiscreteState(empty)
+            tickets.add(self.discrete_state_ticket(line))
+            self._line = int(line)
         else:
             tickets.add(truth.ticket())
         if self._freezes:
             nothing: Any = np.full(size, np.nan)
-            self._last: Any = self.DeclareDiscreteState(nothing)
-            tickets.add(self.discrete_state_ticket(self._last))
+            last = self.DeclareDiscreteState(nothing)
+            tickets.add(self.discrete_state_ticket(last))
+            self._last = int(last)
         self._block: Any = self.DeclareCacheEntry(
             "block", ValueProducer(allocate=Value(_Block()).Clone, calc=_keep), {self.nothing_ticket()}
         )
@@ -118,7 +123,7 @@ class SensorBase(LeafSystem):  # type: ignore[misc, unused-ignore]
             u = self._truth(context)
         if self._scale is not None:
             u = self._scale * u
-        y = u + now[_OFFSET : _OFFSET + self._size]
+        y = u + now[self._offset]
         if self._steps_any:
             rounded = np.rint(y / self._step) * self._step
             y = rounded if self._steps_all else np.where(self._steps, rounded, y)
@@ -129,7 +134,7 @@ class SensorBase(LeafSystem):  # type: ignore[misc, unused-ignore]
 
     def _update(self, context: Any, values: DiscreteValues) -> None:
         new: Any = values
-        tick = int(context.get_discrete_state(self._now).value()[_TICK])
+        tick = int(new.value(self._now)[_TICK])
         index, row = divmod(tick + 1, BLOCK)
         block: _Block = self._block.Eval(context)
         if block.index != index:

@@ -12,8 +12,15 @@ from drake_tc.control.guard_law import GuardLaw
 from drake_tc.errors import ParamsError
 
 DT = 1e-3
-SPEC = GuardSpec(offset_limit=0.1, rate_limit=5.0, start_time=0.05, start_rate=5.0,
-    hold_time=0.02, recover_time=0.01, blend_time=0.03)
+SPEC = GuardSpec(
+    offset_limit=0.1,
+    rate_limit=5.0,
+    start_time=0.05,
+    start_rate=5.0,
+    hold_time=0.02,
+    recover_time=0.01,
+    blend_time=0.03,
+)
 
 
 class Driven:

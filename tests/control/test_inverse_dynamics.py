@@ -36,19 +36,22 @@ def evaluated(system, **changed):
 def test_dynamics_by_hand_in_any_order_of_the_joints(tmp_path, order):
     model = DynamicsTerms(pendulum(tmp_path, joints=order))
     pick = [0, 1] if order.startswith("[shoulder") else [1, 0]
-    context = model.create_context()
-    for q, v in RNG.normal(size=(5, 2, 2)):
+    scratch = model.create_scratch()
+    for q, v, vdot in RNG.normal(size=(5, 3, 2)):
         mass, h, jacobian = dynamics(q, v)
-        got = model.at(context, q[pick], v[pick])
-        assert_allclose(got[0], mass[np.ix_(pick, pick)], rtol=1e-6, atol=1e-7)  # links have an inertia of 1e-9
-        assert_allclose(got[1], h[pick], rtol=1e-6, atol=1e-6)
-        assert_allclose(got[2], jacobian[:, pick], atol=1e-12)
+        model.place(scratch, q[pick], v[pick])
+        # links have an inertia of 1e-9
+        assert_allclose(model.forces(scratch, np.zeros(2)), h[pick], rtol=1e-6, atol=1e-6)
+        assert_allclose(model.forces(scratch, vdot[pick]), (mass @ vdot + h)[pick], rtol=1e-6, atol=1e-6)
+        assert_allclose(model.jacobian(scratch), jacobian[:, pick], atol=1e-12)
 
 
 def test_the_rotor_is_not_counted(tmp_path):
     model = DynamicsTerms(pendulum(tmp_path, more="rotor_inertia: {elbow: 5.0}\n"))
-    q = np.array([0.3, -0.4])
-    assert_allclose(model.at(model.create_context(), q, q)[0], dynamics(q, q)[0], rtol=1e-6)
+    q, vdot, scratch = np.array([0.3, -0.4]), np.array([2.0, -5.0]), model.create_scratch()
+    model.place(scratch, q, q)
+    mass, h, _ = dynamics(q, q)
+    assert_allclose(model.forces(scratch, vdot), mass @ vdot + h, rtol=1e-6)
 
 
 @pytest.mark.parametrize("configuration", ["estimate", "reference"])

@@ -198,16 +198,25 @@ def test_outputs_depend_on_exactly_what_is_declared():
     before = outputs(system, context)
     system.get_input_port().FixValue(context, [9.0])
     assert_array_equal(outputs(system, context), before)
-    context.SetDiscreteState(0, np.array([0.0, 1.0, 4.0, 9.0, 16.0]))
-    moved = outputs(system, context)
-    assert_allclose(moved[:, 0], [4, 4 / DT, 2 / DT**2, 0], rtol=1e-9, atol=1e-9)
-    context.SetDiscreteState(3, [1.0, 1.0])  # the oldest sample is now in row 1: 1 4 9 16 0
-    assert_allclose(outputs(system, context)[0, 0], np.polyval(np.polyfit(range(5), [1, 4, 9, 16, 0], 2), 2), rtol=1e-9)
-    context.SetDiscreteState(3, [0.0, 1.0])
+    context.SetDiscreteState(4, [4.0, 3.0, 2.0])
+    assert_array_equal(outputs(system, context)[:, 0], [4.0, 3.0, 2.0, 0.0])
+    assert_array_equal(system.GetOutputPort("estimate").Eval(context), [4.0, 3.0, 2.0])
     context.SetDiscreteState(1, [1.0])
-    assert_allclose(outputs(system, context)[:, 0], [*moved[:3, 0], 1.0], rtol=1e-12)
+    assert_array_equal(outputs(system, context)[:, 0], [4.0, 3.0, 2.0, 1.0])
     context.SetDiscreteState(2, [0.0])
-    assert_allclose(outputs(system, context)[:, 0], [*moved[:3, 0], 1.0], rtol=1e-12)
+    assert_array_equal(outputs(system, context)[:, 0], [4.0, 3.0, 2.0, 1.0])
+
+
+@pytest.mark.parametrize("oldest", [0, 1, 4])
+def test_update_reads_the_ring_from_its_oldest_sample(oldest):
+    system = SavitzkyGolayFilter(1, 5, 2, DT)
+    context = system.CreateDefaultContext()
+    tick(system, context, [1.0])
+    ring = np.roll([7.0, 0.0, 1.0, 4.0, 9.0], oldest)  # from the oldest: 7 0 1 4 9; the update puts 16 for the 7
+    context.SetDiscreteState(0, ring)
+    context.SetDiscreteState(3, [float(oldest), 1.0])
+    tick(system, context, [16.0])
+    assert_allclose(outputs(system, context)[:, 0], [4, 4 / DT, 2 / DT**2, 0], rtol=1e-9, atol=1e-9)
 
 
 def test_system_runs_in_a_diagram_and_lags_one_period_behind_for_a_discrete_reader():
