@@ -115,8 +115,8 @@ for i, joint in enumerate(joints):
 # %% [markdown]
 # The last column is the ratio of the squared errors, servo over torque control. With the same stiffness the torque loop
 # follows more closely, because it knows what the servo does not: how much torque the motion and the friction will ask.
-# At a quarter of the stiffness it does so still on the joints that carry the leg, and the leg gives way four times as
-# far when it is touched. `drake-tc reproduce A.table2` prints all five columns against the published ones.
+# At a quarter of the stiffness it still does on the joints that move far (hip pitch, knee, ankle pitch).
+# `drake-tc reproduce A.table2` runs two more stiffnesses and holds the ratios against the published ones.
 #
 # ## 3. What the command is made of
 #
@@ -143,8 +143,10 @@ axes[1].legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
 plt.show()
 
 # %% [markdown]
-# In motion the friction feedforward is nearly all of it: behind such gears most of the motor's effort never
-# reaches the link. So the controller is as good as its friction model, and as dangerous.
+# In motion the friction feedforward is by far the largest part: behind such gears most of the motor's effort never
+# reaches the link. It comes 40 ms late, as the velocity is estimated over the last 80 ms; the velocity feedback, which
+# sees the same delay, makes up for some of it. A controller that lives on its friction model is as good as that model,
+# and as dangerous.
 #
 # ## 4. Too much friction compensation runs away
 #
@@ -155,14 +157,14 @@ plt.show()
 
 # %%
 fits = ("symmetric", "asymmetric")
-runs = {(joint, fit): pushed(joint, fit) for joint in ("r_knee", "r_hip_yaw") for fit in fits}
+runs = {(joint, fit): pushed(joint, fit) for joint in ("r_knee", "r_ankle_roll") for fit in fits}
 
 fig, axes = plt.subplots(1, 2, figsize=(12, 3.4), layout="constrained")
 for (joint, fit), run in runs.items():
-    axis = axes[("r_knee", "r_hip_yaw").index(joint)]
+    axis = axes[("r_knee", "r_ankle_roll").index(joint)]
     axis.plot(run.time, run.speed, color="tab:red" if fit == "symmetric" else "tab:blue", label=f"{fit} fit")
-    axis.set(title=joint, xlabel="time [s]", xlim=(0.6, 1.85))
-    print(f"{joint:<12}{fit:<12} 0.4 s after release the speed is {run.growth:.2f} of what it was")
+    axis.set(title=joint, xlabel="time [s]", xlim=(0.6, run.time[-1]))
+    print(f"{joint:<14}{fit:<12} speed 0.4 s after release, over that at release: {run.growth:.2f}")
 for axis in axes:
     axis.axvspan(BEGIN, BEGIN + LASTS, color="0.92")
 axes[0].set_ylabel("speed [rad/s]")
@@ -170,14 +172,13 @@ axes[0].legend(loc="upper left")
 plt.show()
 
 # %% [markdown]
-# The symmetric model's joint gets faster after it was let go, until the fault monitor finds it too fast and the guard
-# damps it; the asymmetric model's joint comes to rest. The swings above used the asymmetric model
-# (`drake-tc reproduce A.stability` does this on every joint).
+# After it was let go, the joint gets faster with the symmetric model, by itself, and slower with the asymmetric one. The
+# swings above used the asymmetric model. `drake-tc reproduce A.stability` does this on every joint.
 #
 # ## 5. Force control on a rigid object
 #
-# The foot stands on a box. The vertical force is to follow a sine, the other axes are to stay at zero. Position feedback
-# is down to a tenth of the servo's, so that force has its way.
+# The foot is on a rigid box. The vertical force is to follow a sine, the other axes are to stay at zero. Position
+# feedback is down to a tenth of the servo's, so that force has its way.
 
 # %%
 contact = simulate_scenario(
@@ -190,7 +191,7 @@ fig, axes = plt.subplots(1, 3, figsize=(12, 3.4), sharex=True, sharey=True, layo
 for i, (axis, name) in enumerate(zip(axes, ("fx", "fy", "fz"), strict=True)):
     axis.plot(contact.time, force[:, i], lw=1, label="on the foot")
     axis.plot(contact.time, wanted[:, i], "k--", lw=1, label="reference")
-    axis.set(title=name, xlabel="time [s]")
+    axis.set(title=name, xlabel="time [s]", xlim=(0.5, 5.0))
 axes[0].set_ylabel("force [N]")
 axes[0].legend(loc="upper left")
 plt.show()
@@ -201,7 +202,8 @@ for name, share in zip(("fx", "fy", "fz"), np.abs(error).max(axis=0) / 50.0, str
     print(f"{name}: largest error {100 * share:4.1f} % of the sine's amplitude, once it has settled")
 
 # %% [markdown]
-# The force comes from the ankle's sensor, without delay; the box is rigid. And what is the command made of now?
+# No delay is to be seen and next to nothing leaks to the other axes; the peaks fall a little short.
+# What is the command made of now?
 
 # %%
 i = joints.index("r_knee")
@@ -214,13 +216,14 @@ axis.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
 plt.show()
 
 # %% [markdown]
-# Nothing moves, so the torque feedforward leads where friction led before.
+# Nothing moves, so the torque feedforward leads where friction led before, and the force feedback corrects it.
 #
 # ## 6. A sensor fails in mid swing
 #
 # What goes wrong is part of the scenario too. On the left the encoders send nothing for 20 ms; on the right the IMU
-# freezes for good. The fault monitor flags it; the guard holds the last good command, then lets the joints creep to rest;
-# when the readings are sound again, it leads the command back in.
+# freezes for good. The fault monitor flags it, and the guard stops listening to the controller. It holds the last good
+# command (hold), then makes each drive a damper (damp); once the readings are sound again, it leads the command back
+# to the controller's, at a walk (start).
 
 # %%
 faults = {
@@ -238,29 +241,27 @@ for (title, text), column in zip(faults.items(), axes.T, strict=True):
         axis.plot(failed.time, failed["reference"][:, i], "k--", lw=1, label="reference")
         axis.plot(failed.time, failed.position[:, i], lw=1.5, label="position")
         for guard_mode, colour in shades.items():
-            axis.fill_between(
-                failed.time,
-                *axis.get_ylim(),
-                where=mode == guard_mode,
-                color=colour,
-                alpha=0.15,
-                lw=0,
-                label=guard_mode.name.lower(),
-            )
+            inside, upright = mode == guard_mode, axis.get_xaxis_transform()
+            label = guard_mode.name.lower()
+            axis.fill_between(failed.time, 0, 1, inside, transform=upright, color=colour, alpha=0.15, lw=0, label=label)
         axis.axvline(1.3, color="0.5", lw=0.8, ls=":")
-        axis.set(xlim=(1.1, 2.3), ylabel=f"{joint} [rad]")
+        axis.set_xlim(1.1, 2.3)
     column[0].set_title(title)
     column[1].set_xlabel("time [s]")
     for fault in summarise(failed)["faults"]:
         print(f"{title}: {fault['name']} flagged {1e3 * (fault['first'] - 1.3):.0f} ms after it began")
-axes[0, 1].legend(loc="center left", bbox_to_anchor=(1.0, 0.0), frameon=False)
+axes[0, 0].set_ylabel("r_hip_pitch [rad]")
+axes[1, 0].set_ylabel("r_knee [rad]")
+axes[0, 1].legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
 plt.show()
 
 # %% [markdown]
+# The joints stay where they are, with all torques within their limits; nothing that is not a number reaches a drive.
+#
 # ## 7. The log goes back into the loop
 #
-# Every run leaves a log of what the robot's own sensors saw, with the joint torques estimated from them, and a rig file:
-# what `drake-tc close-loop` reads. So the swings can be held against the actuator model that the controller used. The
+# Every run leaves a log of what the robot's own sensors saw, with the joint torques estimated from them, and a rig
+# file: what `drake-tc close-loop` reads. So the swings themselves can say what the linear model of a joint lacks. The
 # swing that was a quarter as stiff is held out.
 
 # %%
@@ -289,17 +290,17 @@ axes[0].set_ylabel("residual, held out [mrad]")
 plt.show()
 
 # %% [markdown]
-# It finds that the servo's gain depends on the direction of motion. That is one of the things which the simulated knee has
-# and the linear model has not. Here is all of it:
+# Before, each direction of motion has a line of its own. That is what the tool names: the servo's gain depends on the
+# direction. The knee is simulated, so we can look up what it has:
 
 # %%
 for value in load_models(loop.robot.actuators)["r_knee"].effects:
     print(value.key, dict(value.parameters))
 
 # %% [markdown]
-# Dry friction and a dead zone look the same on a joint that hardly turns round: to tell them apart takes logs with
-# many reversals and loads (scenarios `identify_motion` and `identify_pushes`). How the whole search works, on logs made for it, is
-# told in [01_close_the_loop](01_close_the_loop.ipynb); in a shell:
+# The switch is there. The dead zone is too, but a swing hides it: on a joint that turns round once, under little load, it
+# looks like more dry friction. To tell the two apart takes logs with many reversals and large loads, the scenarios
+# `identify_motion` and `identify_pushes`. In a shell:
 #
 #     drake-tc simulate hrp2_leg --scenario-name identify_motion --out out/motion
 #     drake-tc simulate hrp2_leg --scenario-name identify_pushes --out out/pushes
@@ -307,11 +308,13 @@ for value in load_models(loop.robot.actuators)["r_knee"].effects:
 #     drake-tc close-loop --rig out/motion/rig.yaml --log out/motion/log.csv --log out/pushes/log.csv \
 #         --holdout out/swing/log.csv --out out/leg
 #
-# `out/leg/model_after.yaml` can then be the scenario's `model`, and the controller compensates what was found.
+# `out/leg/model_after.yaml` can then be the scenario's `model`, and the controller compensates what was found. How an
+# effect is found, and when none is, is the story of [01_close_the_loop](01_close_the_loop.ipynb).
 #
 # ## 8. Your turn
 #
-# Fields that you might change, as `text` in `leg.scenario("stairs_swing", text=...)`, or with `--scenario-text` in a shell:
+# Fields that you might change, as `text` in `leg.scenario("stairs_swing", text=...)`, or with `--scenario-text` in a
+# shell:
 #
 # | text | what it asks |
 # |---|---|

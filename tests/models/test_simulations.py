@@ -18,7 +18,7 @@ from drake_tc.robot.plant import add_robot, joint_limits
 from drake_tc.robot.robot import Robot, load_robot
 
 MODELS = Path(__file__).resolve().parents[2] / "models"
-FILES = sorted(path for path in MODELS.glob("*/*.yaml") if not path.stem.endswith("actuators"))
+FILES = sorted(path for path in MODELS.glob("*/*.yaml") if "\nurdf:" in path.read_text(encoding="utf-8"))
 
 
 def robot_or_skip(path: Path) -> Robot:
