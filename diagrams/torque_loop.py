@@ -3,7 +3,7 @@
     reference --> inverse_dynamics --> torque_control --> guard --> actuators --> plant --> encoder, imu, force_torque
                        ^                    ^               ^                                      |
                        |--- torque_estimator|               |-- fault_monitor <---- raw readings --|
-                                 ^--------- encoder_filter, imu_filter, wrench_filter <------------|
+                                 ^--------- filter <-----------------------------------------------|
 
 `controller: servo` leaves out all between the reference and the guard: the vendor's position servo alone.
 """
@@ -19,7 +19,15 @@ from drake_tc.diagrams.surroundings import Pushes, add_objects
 from pydrake.geometry import MeshcatVisualizer, StartMeshcat
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, OutputPort
-from pydrake.systems.primitives import ConstantVectorSource, Demultiplexer, LogVectorOutput, Multiplexer, VectorLogSink
+from pydrake.systems.primitives import (
+    ConstantVectorSource,
+    Demultiplexer,
+    LogVectorOutput,
+    Multiplexer,
+    Selector,
+    SelectorParams,
+    VectorLogSink,
+)
 
 from drake_tc.actuation.model import ActuatorModel
 from drake_tc.actuation.model_file import load_models
@@ -179,13 +187,16 @@ def _add_sensors(builder: DiagramBuilder, scenario: Scenario, robot: Robot, plan
 
 
 def sensor_suite(scenario: Scenario) -> SensorSuiteSpec:
-    """What the scenario's sensors do.
+    """What the scenario's sensors do; joint torques that are fed back are at least one tick old.
 
     Raises:
         ParamsError: an unknown preset or field.
     """
     entry = {"preset": scenario.sensors} if isinstance(scenario.sensors, str) else scenario.sensors
-    return load_suite("sensors", entry)
+    suite = load_suite("sensors", entry)
+    if scenario.torque_from == "sensor" and suite.joint_torque.latency == 0.0:
+        suite = replace(suite, joint_torque=replace(suite.joint_torque, latency=scenario.dt))
+    return suite
 
 
 def _servo_command(parts: _Parts, wanted: References) -> OutputPort:
@@ -260,23 +271,46 @@ def torque_gains(scenario: Scenario, robot: Robot) -> TorqueGains:
 
 
 def _filters(parts: _Parts) -> dict[str, OutputPort]:
-    """Savitzky–Golay filters behind the sensors; the ports that the estimator reads."""
-    spec, dt, robot, sensors = parts.scenario.filters, parts.scenario.dt, parts.robot, parts.sensors
-    encoder = SavitzkyGolayFilter(len(robot.joints), spec.window, spec.encoder_order, dt)
-    parts.add("encoder_filter", encoder, signal=sensors.encoder.GetOutputPort("reading"))
-    ports = {"joint_estimate": encoder.GetOutputPort("estimate")}
+    """One Savitzky–Golay filter behind all sensors; the ports that the estimator reads."""
+    spec, robot, sensors, builder = parts.scenario.filters, parts.robot, parts.sensors, parts.builder
+    readings = {"joint_estimate": sensors.encoder.GetOutputPort("reading")}
+    derivatives = {"joint_estimate": 3, "imu_estimate": 2, "wrench_estimate": 1}
     if sensors.imu is not None and parts.scenario.base_from == "imu":
-        imu = SavitzkyGolayFilter(6, spec.window, spec.inertial_order, dt)
-        parts.add("imu_filter", imu, signal=_first_imu(parts))
-        both = parts.builder.AddNamedSystem("imu_estimate", Multiplexer([6, 6]))
-        for index, name in enumerate(("value", "first_derivative")):
-            parts.builder.Connect(imu.GetOutputPort(name), both.get_input_port(index))
-        ports["imu_estimate"] = both.get_output_port()
+        readings["imu_estimate"] = _first_imu(parts)
     if sensors.force_torque is not None:
-        wrench = SavitzkyGolayFilter(6 * len(robot.force_torque), spec.window, spec.inertial_order, dt)
-        parts.add("wrench_filter", wrench, signal=sensors.force_torque.GetOutputPort("reading"))
-        ports["wrench_estimate"] = wrench.GetOutputPort("value")
-    return ports
+        readings["wrench_estimate"] = sensors.force_torque.GetOutputPort("reading")
+    sizes = [port.size() for port in readings.values()]
+    joined = builder.AddNamedSystem("readings", Multiplexer(sizes))
+    for index, port in enumerate(readings.values()):
+        builder.Connect(port, joined.get_input_port(index))
+    n, total = len(robot.joints), sum(sizes)
+    orders = [spec.encoder_order] * n + [spec.inertial_order] * (total - n)
+    smooth = SavitzkyGolayFilter(total, spec.window, orders, parts.scenario.dt)
+    parts.add("filter", smooth, signal=joined.get_output_port())
+    first = dict(zip(readings, np.cumsum([0, *sizes[:-1]]).tolist(), strict=True))
+    wanted = {
+        name: [d * total + first[name] + i for d in range(derivatives[name]) for i in range(size)]
+        for name, size in zip(readings, sizes, strict=True)
+    }
+    return _picked(builder, "estimates", smooth.GetOutputPort("estimate"), wanted)
+
+
+def _picked(
+    builder: DiagramBuilder, name: str, source: OutputPort, wanted: Mapping[str, list[int]]
+) -> dict[str, OutputPort]:
+    """Ports with some elements of another one each, by name."""
+    params = SelectorParams()
+    params.inputs = [SelectorParams.InputPortParams(name="all", size=source.size())]
+    pick = SelectorParams.OutputSelection
+    params.outputs = [
+        SelectorParams.OutputPortParams(
+            name=port, selections=[pick(input_port_index=0, input_offset=i) for i in elements]
+        )
+        for port, elements in wanted.items()
+    ]
+    selector = builder.AddNamedSystem(name, Selector(params))
+    builder.Connect(source, selector.get_input_port(0))
+    return {port: selector.GetOutputPort(port) for port in wanted}
 
 
 def _first_imu(parts: _Parts) -> OutputPort:

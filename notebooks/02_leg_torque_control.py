@@ -36,6 +36,7 @@ from drake_tc.diagrams.summary import estimated, summarise, write_results
 from drake_tc import block_graph, close_loop, load_models
 from drake_tc.control.guard import GuardMode
 from drake_tc.control.torque_control import COMPONENTS
+from drake_tc.robot.plant import joint_limits
 
 folder = Path(tempfile.mkdtemp())
 
@@ -172,8 +173,8 @@ axes[0].legend(loc="upper left")
 plt.show()
 
 # %% [markdown]
-# After it was let go, the joint gets faster with the symmetric model, by itself, and slower with the asymmetric one. The
-# swings above used the asymmetric model. `drake-tc reproduce A.stability` does this on every joint.
+# After it was let go, the joint gets faster with the symmetric model, by itself, and slower with the asymmetric one.
+# The swings above used the asymmetric model. `drake-tc reproduce A.stability` does this on every joint.
 #
 # ## 5. Force control on a rigid object
 #
@@ -250,13 +251,16 @@ for (title, text), column in zip(faults.items(), axes.T, strict=True):
     column[1].set_xlabel("time [s]")
     for fault in summarise(failed)["faults"]:
         print(f"{title}: {fault['name']} flagged {1e3 * (fault['first'] - 1.3):.0f} ms after it began")
+    share = (np.abs(failed["actuation"]) / joint_limits(loop.robot).effort).max()
+    finite = np.isfinite(failed["command"]).all()
+    print(f"  largest torque {100 * share:.0f} % of its limit; all commands finite: {finite}")
 axes[0, 0].set_ylabel("r_hip_pitch [rad]")
 axes[1, 0].set_ylabel("r_knee [rad]")
 axes[0, 1].legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
 plt.show()
 
 # %% [markdown]
-# The joints stay where they are, with all torques within their limits; nothing that is not a number reaches a drive.
+# Where there is nothing to go by, the leg stays where it is.
 #
 # ## 7. The log goes back into the loop
 #
@@ -298,8 +302,8 @@ for value in load_models(loop.robot.actuators)["r_knee"].effects:
     print(value.key, dict(value.parameters))
 
 # %% [markdown]
-# The switch is there. The dead zone is too, but a swing hides it: on a joint that turns round once, under little load, it
-# looks like more dry friction. To tell the two apart takes logs with many reversals and large loads, the scenarios
+# The switch is there. The dead zone is too, but a swing hides it: on a joint that turns round once, under little load,
+# it looks like more dry friction. To tell the two apart takes logs with many reversals and large loads, the scenarios
 # `identify_motion` and `identify_pushes`. In a shell:
 #
 #     drake-tc simulate hrp2_leg --scenario-name identify_motion --out out/motion
@@ -326,4 +330,4 @@ for value in load_models(loop.robot.actuators)["r_knee"].effects:
 # | `{masses: {r_foot: 1.3}}` | a foot that is 30 % heavier than the model thinks |
 # | `{pushes: [{link: r_foot, begin: 1.2, duration: 0.3, force: [40.0, 0.0, 0.0]}]}` | a hand that pushes the foot |
 #
-# Every field, and how to bring your own robot: `diagrams/README.md` in the repository.
+# Every field, and how to bring your own robot: [diagrams/README.md](../diagrams/README.md).

@@ -13,7 +13,7 @@ from drake_tc.control.torque_control import COMPONENTS
 from drake_tc.types import FloatArray
 
 SETTLED = 3.0
-"""The sine is judged from here on [s]: three of its quarters after the force has risen."""
+"""The sine is judged from here on [s]: half a period after the force has risen."""
 AXES = ("fx", "fy", "fz")
 FIG5_NOTES = (
     "Simulated: foot on a rigid box, K6 = 0.1, Kf = 1, Kp = 2 as in the paper; an integral of the torque error"

@@ -17,6 +17,7 @@ from drake_tc.diagrams.recording import Recording, log_columns, write_log, write
 from drake_tc.diagrams.registry import diagram_entry
 from drake_tc.diagrams.running import simulate_scenario
 from drake_tc.diagrams.scenario import PushSpec, Scenario, SinusoidSpec
+from drake_tc.diagrams.torque_loop import sensor_suite
 
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.estimation.off_line import OffLineFilter, SensorLog, estimate_log, wrench_bias
@@ -38,6 +39,7 @@ UNTOUCHED = slice(100, 400)
 WEIGHT = 100.0
 """Of over-estimated effort in the asymmetric fit (the paper's w)."""
 LINEAR = ("K_tau", "K_v")
+TRAIN = ("motion", "sway")
 SWAY_RATE, SWAY_SIZE = 0.3, 0.06
 """While the foot is pushed: share of the motion run's frequencies, and amplitude [rad]."""
 
@@ -50,6 +52,7 @@ class Experiment:
         still: Log files of the paper's own experiment: growing sinusoids, pushes on a held posture.
         train: Log files that the complete model is fitted to: growing sinusoids, pushes on a swaying leg.
         held: Log files that take no part in any fit.
+        unscaled: As `train`, with the F/T sensors' scale error, which only a simulation knows, undone: a control.
         rig: Rig file, with the rotor inertias as known values.
         joints: In the robot's order.
         truth: Joint to the simulated actuator.
@@ -60,6 +63,7 @@ class Experiment:
     still: tuple[Path, ...]
     train: tuple[Path, ...]
     held: tuple[Path, ...]
+    unscaled: tuple[Path, ...]
     rig: Path
     joints: tuple[str, ...]
     truth: Mapping[str, ActuatorModel]
@@ -129,13 +133,18 @@ def record_experiment(folder: Path, progress: Progress | None = None, seed: int 
         squares.append(np.mean(error**2, axis=0))
         peaks.append(np.stack([recording["joint_torque"].min(axis=0), recording["joint_torque"].max(axis=0)]))
         files[name] = write_log(log_columns(recording, torque), folder / f"{name}.npz")
+        if name in TRAIN:
+            unscaled = off_line_torque(recording, scenario.dt, sensor_suite(scenario).force.scale)
+            control = f"{name}_unscaled"
+            files[control] = write_log(log_columns(recording, unscaled), folder / f"{control}.npz")
     rig = write_rig(recording, folder / "rig.yaml")
     span = np.max(peaks, axis=0)[1] - np.min(peaks, axis=0)[0]
     share = np.sqrt(np.mean(squares, axis=0)) / span
     return Experiment(
         still=(files["motion"], files["pushes"]),
-        train=(files["motion"], files["sway"]),
+        train=(files[TRAIN[0]], files[TRAIN[1]]),
         held=(files["held_motion"], files["held_sway"]),
+        unscaled=(files[f"{TRAIN[0]}_unscaled"], files[f"{TRAIN[1]}_unscaled"]),
         rig=rig,
         joints=recording.robot.joints,
         truth=recording.models,
@@ -144,10 +153,17 @@ def record_experiment(folder: Path, progress: Progress | None = None, seed: int 
     )
 
 
-def off_line_torque(recording: Recording, dt: float) -> FloatArray:
-    """(T, n) joint torques [N m] from what the robot's own sensors saw, at their own time, F/T bias taken off."""
+def off_line_torque(recording: Recording, dt: float, scale: float | FloatArray = 1.0) -> FloatArray:
+    """(T, n) joint torques [N m] from what the robot's own sensors saw, at their own time, F/T bias taken off.
+
+    Args:
+        recording: A run that begins untouched.
+        dt: Sampling period [s].
+        scale: Of the F/T readings, to be divided by.
+    """
     model = TorqueModel(recording.robot)
-    log = SensorLog(recording["encoder"], recording["imu"], recording["force_torque"], dt)
+    wrench = np.asarray(recording["force_torque"] / scale)
+    log = SensorLog(recording["encoder"], recording["imu"], wrench, dt)
     bias = wrench_bias(model, log, UNTOUCHED, FILTER)
     return estimate_log(model, log, FILTER, bias).torque
 

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 from drake_tc.diagrams.strict_yaml import from_mapping, read_mapping
@@ -37,6 +37,15 @@ class Expectation:
     source: str = ""
     reason: str = ""
 
+    def __post_init__(self) -> None:
+        if self.how not in get_args(How):
+            raise ParamsError(f"{self.name}: how: wanted one of {', '.join(get_args(How))}; got {self.how!r}")
+        if not (np.isfinite(self.expected) and 0.0 <= self.tolerance < np.inf):
+            raise ParamsError(
+                f"{self.name}: wanted a finite expected value and tolerance, the latter not negative;"
+                f" got {self.expected} and {self.tolerance}"
+            )
+
 
 @dataclass(frozen=True)
 class Row:
@@ -55,17 +64,17 @@ class Row:
         if not np.isfinite(self.value):
             return False
         if self.expectation.how == "min":
-            return self.value >= wanted - slack
+            return bool(self.value >= wanted - slack)
         if self.expectation.how == "max":
-            return self.value <= wanted + slack
-        return abs(self.value - wanted) <= slack
+            return bool(self.value <= wanted + slack)
+        return bool(abs(self.value - wanted) <= slack)
 
     def to_json(self) -> dict[str, Any]:
-        """Plain data; the fields of the expectation only where there is one."""
-        data: dict[str, Any] = {"name": self.name, "value": float(self.value)}
+        """Plain data; a value that is not finite is None; the expectation's fields only where there is one."""
+        data: dict[str, Any] = {"name": self.name, "value": float(self.value) if np.isfinite(self.value) else None}
         if wanted := self.expectation:
             data |= {"unit": wanted.unit, "expected": wanted.expected, "how": wanted.how, "tolerance": wanted.tolerance}
-            data |= {"met": bool(self.met), "reason": "" if self.met else wanted.reason}
+            data |= {"met": self.met, "reason": "" if self.met else wanted.reason}
         return data
 
 
@@ -110,10 +119,13 @@ def expectations(file: str) -> dict[str, Expectation]:
     """The expected values beside the code: `expected/FILE.yaml`, a list under `rows`, by name.
 
     Raises:
-        ParamsError: a field that is unknown, missing or bad, or a name given twice.
+        ParamsError: anything but a list under `rows`, a field that is unknown, missing or bad, or a name given twice.
     """
     path = EXPECTED / f"{file}.yaml"
-    listed = read_mapping(path).get("rows", [])
+    document = read_mapping(path)
+    listed = document.get("rows")
+    if set(document) != {"rows"} or not isinstance(listed, list) or not listed:
+        raise ParamsError(f"{path}: wanted a list of expected values under `rows`, and no other key")
     rows = [from_mapping(Expectation, item, f"{path}: rows[{i}]") for i, item in enumerate(listed)]
     named = {row.name: row for row in rows}
     if len(named) != len(rows):

@@ -3,7 +3,7 @@
 import json
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 from rich.console import Console
@@ -14,67 +14,107 @@ from drake_tc.cli.progress import progress_bar
 from drake_tc.errors import ParamsError
 
 if TYPE_CHECKING:
-    from drake_tc.diagrams.papers.reproduction import Reproduction
+    from drake_tc.diagrams.papers.reproduction import Reproduction, TextTable
 
 
 def reproduce_command(
     name: Annotated[str, typer.Argument(help="A.table1, A.table2, ... or all; a wrong one lists those there are.")],
-    seed: Annotated[int, typer.Option(help="Of all random numbers.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Of all random numbers.")] = 0,
     figures: Annotated[Path | None, typer.Option(help="Folder for the figures (PNG).")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the rows as JSON.")] = False,
 ) -> None:
     """Compute a table or figure of the papers and say which expected values are met; simulated throughout."""
     from drake_tc.diagrams.papers.catalogue import REPRODUCTIONS, chosen
 
-    results = []
-    for id_ in chosen(name):
+    ids = chosen(name)
+    if figures:
+        _make(figures)
+    results, drawn = [], []
+    for id_ in ids:
         with progress_bar(f"reproduce {id_}", quiet=as_json) as progress:
             result = REPRODUCTIONS[id_](seed, progress)
         results.append(result)
-        if figures:
-            _draw(result, figures)
+        files = _draw(result, figures) if figures else []
+        drawn += files
         if not as_json:
             _print(result)
+            for file in files:
+                print(file)
     if as_json:
+        for file in drawn:
+            print(file, file=sys.stderr)
         found = [result.to_json() for result in results]
         print(json.dumps(found[0] if name != "all" else found))
 
 
-def _draw(result: "Reproduction", folder: Path) -> None:
-    from matplotlib.figure import Figure
+def _make(folder: Path) -> None:
+    """Make the folder before anything is computed, which may take long.
 
+    Raises:
+        ParamsError: a folder that cannot be made.
+    """
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        for name, draw in (result.figures or {}).items():
-            figure = Figure(figsize=(9.0, 5.5), layout="constrained")
-            draw(figure)
-            figure.savefig(folder / f"{name}.png", dpi=120)
     except OSError as error:
-        raise ParamsError(f"{folder}: figures cannot be written: {error.strerror or error}") from None
+        raise ParamsError(f"{folder}: wanted a folder for the figures; {error.strerror or error}") from None
+
+
+def _draw(result: "Reproduction", folder: Path) -> list[Path]:
+    """Draw all figures; returns their files.
+
+    Raises:
+        ParamsError: a file that cannot be written.
+    """
+    from matplotlib.figure import Figure
+
+    files = []
+    for name, draw in (result.figures or {}).items():
+        figure = Figure(figsize=(9.0, 5.5), layout="constrained")
+        draw(figure)
+        path = folder / f"{name}.png"
+        try:
+            figure.savefig(path, dpi=120)
+        except OSError as error:
+            raise ParamsError(f"{path}: cannot be written: {error.strerror or error}") from None
+        files.append(path)
+    return files
 
 
 def _print(result: "Reproduction") -> None:
     console = Console(file=sys.stdout, highlight=False)
     for text in result.tables:
-        table = Table(title=escape(text.title), title_justify="left", box=None, padding=(0, 1))
-        for number, heading in enumerate(text.headings):
-            table.add_column(escape(heading), justify="right" if number else "left", overflow="fold")
-        for row in text.rows:
-            table.add_row(*map(escape, row))
-        console.print(table)
-        console.print()
+        _print_table(console, text)
     table = Table(title=f"{result.id}: expected values", title_justify="left", box=None, padding=(0, 1))
     for heading in ("figure", "value", "wanted", "met"):
         table.add_column(heading, justify="left" if heading == "figure" else "right", overflow="fold")
     for row in result.rows:
         if row.expectation is not None:
-            table.add_row(row.name, f"{row.value:.4g}", _wanted(row.expectation), "yes" if row.met else "NO")
+            table.add_row(escape(row.name), f"{row.value:.4g}", _wanted(row.expectation), "yes" if row.met else "NO")
     console.print(table)
     for row in result.rows:
-        if row.met is False and row.expectation and row.expectation.reason:
-            console.print(f"not met: {row.name}: {row.expectation.reason}", soft_wrap=True)
+        if row.expectation is not None and not row.met:
+            console.print(escape(f"not met: {row.name}: {row.expectation.reason or 'no reason known'}"))
     for note in result.notes:
         console.print(escape(note))
+
+
+def _print_table(console: Console, text: "TextTable") -> None:
+    """As a table where its cells fit; else, in a narrow terminal, each row as a line, so that no number is broken."""
+    widths = [max(map(len, column)) for column in zip(*text.rows, strict=True)]
+    if sum(widths) + 2 * len(widths) <= console.width:
+        table = Table(title=escape(text.title), title_justify="left", box=None, padding=(0, 1), pad_edge=False)
+        for number, (heading, width) in enumerate(zip(text.headings, widths, strict=True)):
+            justify: Literal["left", "right"] = "right" if number else "left"
+            table.add_column(escape(heading), justify=justify, min_width=width, overflow="fold")
+        for row in text.rows:
+            table.add_row(*map(escape, row))
+        console.print(table)
+    else:
+        console.print(escape(text.title))
+        for name, *values in text.rows:
+            pairs = (f"{heading} {value}" for heading, value in zip(text.headings[1:], values, strict=True))
+            console.print(escape(f"{name}: {', '.join(pairs)}"))
+    console.print()
 
 
 def _wanted(expectation: Any) -> str:

@@ -100,11 +100,14 @@ class GuardLaw:
     def step(self, state: FloatArray, command: FloatArray, position: FloatArray, fault: float) -> FloatArray:
         """One tick: the next state; its first n numbers are the outgoing command."""
         n = self._size
-        after = state.copy()
         last, anchor = state[:n], state[2 * n : 3 * n]
         mode, waited, sound_for, s, rate = state[3 * n :].tolist()
         size = sum(map(abs, command.tolist())) + sum(map(abs, position.tolist()))  # as floats: no warning, NaN stays
         sound = size <= LARGEST and -0.5 < fault < 0.5
+        if sound and mode == GuardMode.NORMAL:
+            y = self._limited(command, position if self._all_servo else position * self._servo, last, self._step)
+            return np.concatenate((y, position, last, state[3 * n :]))
+        after = state.copy()
         known = None if sound else (np.abs(position) <= LARGEST) & (not fault >= UNTRUSTED)
         here = position if known is None else np.where(known, position, state[n : 2 * n])
         after[n : 2 * n] = here
@@ -129,13 +132,20 @@ class GuardLaw:
             wish = anchor if was == GuardMode.NORMAL else last
         elif mode == GuardMode.DAMP:
             wish = last + self._damping(rest - last, known)
-        wish = np.minimum(np.maximum(wish, rest - self._offset), rest + self._offset)
-        after[:n] = np.minimum(np.maximum(wish, last - step), last + step)
-        if mode == GuardMode.START and s >= 1.0 - 1e-9 and np.all(np.abs(wish - last) <= step):
+        after[:n] = self._limited(wish, rest, last, step)
+        if mode == GuardMode.START and s >= 1.0 - 1e-9 and np.all(np.abs(self._near(wish, rest) - last) <= step):
             mode = GuardMode.NORMAL
         after[2 * n : 3 * n] = last if mode == GuardMode.NORMAL else anchor
         after[3 * n :] = mode, waited, sound_for, s, rate
         return after
+
+    def _near(self, wish: FloatArray, rest: FloatArray) -> FloatArray:
+        """clip(wish, r - D, r + D)."""
+        return np.minimum(np.maximum(wish, rest - self._offset), rest + self._offset)
+
+    def _limited(self, wish: FloatArray, rest: FloatArray, last: FloatArray, step: FloatArray) -> FloatArray:
+        """y[n] near rest, and within a step of y[n-1]."""
+        return np.minimum(np.maximum(self._near(wish, rest), last - step), last + step)
 
     def _wait(self, mode: float, waited: float, sound_for: float, *, sound: bool) -> tuple[float, float, float]:
         """(mode, time in hold and damp, time sound) of a tick that is not sound, or follows one too closely."""

@@ -1,12 +1,12 @@
 """`InverseDynamics`: the torque that a reference motion and contact force ask of the joints (EQUATIONS A5)."""
 
-from typing import Any, Literal, get_args
+from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.framework import BasicVector, Context, LeafSystem, NumericParameterIndex, ValueProducer
 
-from drake_tc.control.dynamics_terms import DynamicsTerms
+from drake_tc.control.dynamics_terms import DynamicsTerms, Scratch
 from drake_tc.control.gains import TorqueGains
 from drake_tc.errors import ParamsError
 from drake_tc.robot.robot import Robot
@@ -20,6 +20,15 @@ LARGEST = 1e12
 
 TERMS = ("feedforward", "position", "velocity", "force", "acceleration_error", "force_error")
 """Names of the rows of `torque_terms`."""
+
+
+class _Solution(NamedTuple):
+    """M qddot_d + h (n,), [Ks e; Kd edot] (2n,) and (f_d, Kf e_f, e_f), with the model where they are taken."""
+
+    scratch: Scratch
+    inertial: FloatArray
+    feedback: FloatArray
+    pushes: tuple[FloatArray, ...]
 
 
 class InverseDynamics(LeafSystem):  # type: ignore[misc, unused-ignore]
@@ -73,7 +82,7 @@ class InverseDynamics(LeafSystem):  # type: ignore[misc, unused-ignore]
         self._size, self._wrenches = n, m
         self._at_reference = configuration == "reference"
         start: Any = self._flat(gains)
-        self._gains = NumericParameterIndex(self.DeclareNumericParameter(BasicVector(start)))
+        self._gains = int(self.DeclareNumericParameter(BasicVector(start)))
         self._estimate: Any = self.DeclareVectorInputPort("joint_estimate", 3 * n)
         self._reference: Any = self.DeclareVectorInputPort("reference", 3 * n)
         self._force_reference: Any = self.DeclareVectorInputPort("force_reference", m)
@@ -81,18 +90,14 @@ class InverseDynamics(LeafSystem):  # type: ignore[misc, unused-ignore]
         self._position: Any = self.DeclareVectorInputPort("position", n) if position_error == "encoder" else None
         ports = [self._estimate, self._reference, self._force_reference, self._contact]
         tickets = {port.ticket() for port in [*ports, *([self._position] if self._position else [])]}
-        tickets.add(self.numeric_parameter_ticket(self._gains))
+        tickets.add(self.numeric_parameter_ticket(NumericParameterIndex(self._gains)))
         self._scratch: Any = self.DeclareCacheEntry(
             "scratch",
             ValueProducer(allocate=lambda: Value(model.create_scratch()), calc=lambda context, value: None),
             {self.nothing_ticket()},
         )
-        self._solution: Any = self.DeclareCacheEntry(
-            "solution", ValueProducer(allocate=Value(()).Clone, calc=self._solve), tickets
-        )
-        solved = {self._solution.ticket()}
-        self.DeclareVectorOutputPort("desired_torque", n, self._write_desired, solved)
-        self.DeclareVectorOutputPort("torque_terms", 6 * n, self._write_terms, {*solved, *tickets})
+        self.DeclareVectorOutputPort("desired_torque", n, self._write_desired, tickets)
+        self.DeclareVectorOutputPort("torque_terms", 6 * n, self._write_terms, tickets)
 
     @property
     def size(self) -> int:
@@ -106,7 +111,7 @@ class InverseDynamics(LeafSystem):  # type: ignore[misc, unused-ignore]
             ParamsError: gains of another size.
         """
         values: Any = self._flat(gains)
-        context.get_mutable_numeric_parameter(int(self._gains)).SetFromVector(values)
+        context.get_mutable_numeric_parameter(self._gains).SetFromVector(values)
 
     def _flat(self, gains: TorqueGains) -> FloatArray:
         """[Ks; Kd; Kf]."""
@@ -118,11 +123,36 @@ class InverseDynamics(LeafSystem):  # type: ignore[misc, unused-ignore]
             raise ParamsError(f"gains.kf: wanted shape {(m, m)}, six a force/torque sensor; got {kf.shape}")
         return np.concatenate([gains.ks, gains.kd, kf.ravel()])
 
-    def _solve(self, context: Any, solution: Any) -> None:
-        """(tau_d, M qddot_d + h, [Ks e; Kd edot], [f_d; Kf e_f; e_f]) into the cache entry; () where not finite.
+    def _write_desired(self, context: Any, vector: Any) -> None:
+        """tau_d; no mass matrix, and a Jacobian only where something is to be pushed."""
+        solution = self._solve(context)
+        if solution is None:
+            vector.set_value(np.full(self._size, np.nan))
+            return
+        n = self._size
+        desired = solution.inertial + solution.feedback[:n] + solution.feedback[n:]
+        if solution.pushes:
+            push = solution.pushes[0] + solution.pushes[1]
+            if push.any():
+                desired -= push.dot(self._model.jacobian(solution.scratch))
+        vector.set_value(desired)
 
-        Mass matrix and Jacobian are not computed where only their products are asked for, or nothing pushes.
-        """
+    def _write_terms(self, context: Any, vector: Any) -> None:
+        """The rows of TERMS; computed where they are asked for, in a log as a rule."""
+        n, solution = self._size, self._solve(context)
+        if solution is None:
+            vector.set_value(np.full(6 * n, np.nan))
+            return
+        terms = np.zeros((6, n))
+        terms[0] = solution.inertial
+        terms[1:3] = solution.feedback.reshape(2, n)
+        terms[4] = solution.inertial - self._model.forces(solution.scratch, self._estimate.Eval(context)[2 * n :])
+        if solution.pushes:
+            terms[[0, 3, 5]] -= np.array(solution.pushes).dot(self._model.jacobian(solution.scratch))
+        vector.set_value(terms.ravel())
+
+    def _solve(self, context: Any) -> _Solution | None:
+        """What both outputs need; None where an input is not finite."""
         n, m = self._size, self._wrenches
         estimate, reference = self._estimate.Eval(context), self._reference.Eval(context)
         wanted, felt = self._force_reference.Eval(context), self._contact.Eval(context)
@@ -130,48 +160,16 @@ class InverseDynamics(LeafSystem):  # type: ignore[misc, unused-ignore]
         if self._position is not None:
             error[:n] = reference[:n] - self._position.Eval(context)
         if not np.abs(np.concatenate((estimate, error, wanted, felt))).max() <= LARGEST:
-            solution.set_value(())
-            return
+            return None
         gains = context.get_numeric_parameter(self._gains).value()
-        scratch = self._place(context, estimate, reference)
-        inertial = self._model.forces(scratch, reference[2 * n :])
-        feedback = gains[: 2 * n] * error[: 2 * n]
-        desired = inertial + feedback[:n] + feedback[n:]
+        place, scratch = reference if self._at_reference else estimate, self._scratch.Eval(context)
+        self._model.place(scratch, place[:n], place[n : 2 * n])
         pushes: tuple[FloatArray, ...] = ()
         if m:
             unmet = wanted - felt
             pushes = (wanted, gains[2 * n :].reshape(m, m).dot(unmet), unmet)
-            push = pushes[0] + pushes[1]
-            if push.any():
-                desired -= push.dot(self._model.jacobian(scratch))
-        solution.set_value((desired, inertial, feedback, pushes))
-
-    def _place(self, context: Any, estimate: FloatArray, reference: FloatArray) -> Any:
-        """Scratch memory at the configuration where M, h and J are taken."""
-        n, place = self._size, reference if self._at_reference else estimate
-        scratch = self._scratch.Eval(context)
-        self._model.place(scratch, place[:n], place[n : 2 * n])
-        return scratch
-
-    def _write_desired(self, context: Any, vector: Any) -> None:
-        solution = self._solution.Eval(context)
-        vector.set_value(solution[0] if solution else np.full(self._size, np.nan))
-
-    def _write_terms(self, context: Any, vector: Any) -> None:
-        n, solution = self._size, self._solution.Eval(context)
-        if not solution:
-            vector.set_value(np.full(6 * n, np.nan))
-            return
-        _, inertial, feedback, pushes = solution
-        estimate, reference = self._estimate.Eval(context), self._reference.Eval(context)
-        scratch = self._place(context, estimate, reference)
-        terms = np.zeros((6, n))
-        terms[0] = inertial
-        terms[1:3] = feedback.reshape(2, n)
-        terms[4] = inertial - self._model.forces(scratch, estimate[2 * n :])
-        if pushes:
-            terms[[0, 3, 5]] -= np.array(pushes).dot(self._model.jacobian(scratch))
-        vector.set_value(terms.ravel())
+        inertial = self._model.forces(scratch, reference[2 * n :])
+        return _Solution(scratch, inertial, gains[: 2 * n] * error[: 2 * n], pushes)
 
 
 def _one_of(key: str, value: str, possible: tuple[str, ...]) -> None:

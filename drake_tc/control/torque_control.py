@@ -152,7 +152,7 @@ class TorqueControl(LeafSystem):  # type: ignore[misc, unused-ignore]
         self._servo = np.array([float(model.drive.kind == "position_servo") for model in models])
         self._integrates = bool(np.any(gains.ki > 0.0))
         start: Any = self._flat(gains)
-        self._gains = NumericParameterIndex(self.DeclareNumericParameter(BasicVector(start)))
+        self._gains = int(self.DeclareNumericParameter(BasicVector(start)))
         self._declare()
 
     def _declare(self) -> None:
@@ -165,7 +165,8 @@ class TorqueControl(LeafSystem):  # type: ignore[misc, unused-ignore]
         self._reference: Any = self.DeclareVectorInputPort("reference", 3 * n) if self._spec.wants_reference else None
         total = self.DeclareDiscreteState(n)
         self._sum = int(total)
-        tickets = {self.numeric_parameter_ticket(self._gains), self.discrete_state_ticket(total)}
+        tuned = self.numeric_parameter_ticket(NumericParameterIndex(self._gains))
+        tickets = {tuned, self.discrete_state_ticket(total)}
         tickets |= {port.ticket() for port in (self._desired, self._estimated, self._estimate, self._position)}
         if self._reference is not None:
             tickets.add(self._reference.ticket())
@@ -176,7 +177,10 @@ class TorqueControl(LeafSystem):  # type: ignore[misc, unused-ignore]
         divided = {*solved, self._desired.ticket(), self._terms.ticket(), self._estimated.ticket()}
         self.DeclareVectorOutputPort("command", n, self._write_command, solved)
         self.DeclareVectorOutputPort(
-            "components", 6 * n, self._write_components, {*divided, self.numeric_parameter_ticket(self._gains)}
+            "components",
+            6 * n,
+            self._write_components,
+            {*divided, tuned},
         )
         self.DeclareVectorOutputPort("commanded_torque", n, self._write_commanded, solved)
         self.DeclareVectorOutputPort("integral", n, self._write_integral, solved)
@@ -204,7 +208,7 @@ class TorqueControl(LeafSystem):  # type: ignore[misc, unused-ignore]
                 "gains.ki: wanted 0, as when this TorqueControl was built; build it with ki > 0 to tune it"
             )
         values: Any = self._flat(gains)
-        context.get_mutable_numeric_parameter(int(self._gains)).SetFromVector(values)
+        context.get_mutable_numeric_parameter(self._gains).SetFromVector(values)
 
     def _flat(self, gains: TorqueGains) -> FloatArray:
         """[Kp; Ki]."""

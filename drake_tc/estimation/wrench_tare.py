@@ -19,8 +19,8 @@ class WrenchTare(LeafSystem):  # type: ignore[misc, unused-ignore]
         imu_estimate (12): [gyro; accel; d gyro/dt; d accel/dt]; not needed with a "fixed" base.
         wrench (6k): filtered F/T readings, sensor frames [N, N m].
     Output:
-        wrench (6k): y[n] = u[n] - b[n]; feedthrough of `wrench` alone.
-    State: b (6k), m. Every `period` within [begin, end]:
+        wrench (6k): y[n] = u[n] - b[n]; feedthrough of `wrench` alone. Not finite where u is not.
+    State: b (6k), m, both 0 at the start. At the multiples of `period` within [begin, end]:
         b[n+1] = b[n] + (u[n] - w[n] - b[n])/(m[n] + 1),   m[n+1] = m[n] + 1
     with w the reading that the model expects of a robot that nothing touches; a sample that is not finite is left out.
     """
@@ -35,11 +35,14 @@ class WrenchTare(LeafSystem):  # type: ignore[misc, unused-ignore]
             period: Between two measurements [s].
 
         Raises:
-            ParamsError: times that do not increase, a period that is not positive, or a robot without F/T sensors.
+            ParamsError: times that do not increase or lie closer than one period, a period that is not positive, or a
+                robot without F/T sensors.
         """
         super().__init__()
         if not 0.0 <= begin < end < np.inf or not period > 0.0:
             raise ParamsError(f"tare: wanted 0 <= begin < end and a positive period [s]; got {begin}, {end}, {period}")
+        if end - begin < period * (1.0 - 1e-9):
+            raise ParamsError(f"tare: wanted at least one period of {period} s between begin and end; got {begin}, {end}")
         if not model.num_sensors:
             raise ParamsError(f"tare: {model.robot.name} has no force/torque sensor")
         self._model, self._begin, self._end = model, begin, end

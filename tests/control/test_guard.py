@@ -157,6 +157,40 @@ def test_a_fault_that_returns_too_soon_keeps_holding():
         guard.tick(0.05, 0.0, 1.0)
 
 
+def test_a_position_that_is_wrong_is_not_followed():
+    guard = normal()
+    guard.run(10, 0.03, 0.0)
+    y, modes = guard.run(300, 0.9, 0.08, 2.0)  # as if the encoders were off by 0.08 rad
+    assert modes[-1] == GuardMode.DAMP
+    assert_allclose(y, 0.03, rtol=1e-12)
+    y, _ = guard.run(600, 0.9, 0.08, 1.0)  # a fault of another sensor: to the position
+    assert_allclose(y[-1], 0.08, atol=2e-3)
+
+
+def test_a_command_spoilt_in_the_tick_before_the_flag_is_taken_back():
+    guard = normal()
+    guard.run(10, 0.03, 0.0)
+    spoilt, _ = guard.tick(0.03 + 0.004, 0.004)
+    assert_allclose(spoilt, 0.034, rtol=1e-12)
+    y, _ = guard.run(15, 0.034, 0.004, 2.0)
+    assert_allclose(y, 0.03, rtol=1e-12)
+
+
+def test_a_joint_left_behind_catches_up_at_the_start_rate():
+    spec = GuardSpec(offset_limit=0.5, start_time=0.05, start_rate=1.0, hold_time=0.02, recover_time=0.01)
+    guard = normal(Driven(1, spec))
+    held, _ = guard.run(20, np.nan, 0.0)
+    y, modes = guard.run(500, 0.4, 0.0)
+    steps = np.diff(np.concatenate([held[-1], y[:, 0]]))
+    assert steps.max() <= 1.0 * DT + 1e-12
+    assert steps.min() >= 0.0
+    met = modes.index(GuardMode.NORMAL)
+    assert 0.4 / 1.0 <= met * DT < 0.4 / 1.0 + 0.1
+    assert_allclose(y[met:], 0.4, rtol=1e-12)
+    y, _ = guard.tick(0.41, 0.0)  # normal again: ten times the start rate goes through
+    assert_allclose(y, 0.41, rtol=1e-12)
+
+
 def test_damping_is_viscous():
     """A joint pushed at a small constant speed feels a lag of damp_time times the speed: effort = v damp_time."""
     spec = GuardSpec(hold_time=0.0, damp_time=0.05, damp_rate=1.0)
@@ -209,6 +243,8 @@ def test_poking_an_input_or_the_state_moves_the_outputs(name):
 def test_refusals():
     with pytest.raises(ParamsError, match=r"guard\.offset_limit: wanted finite numbers > 0"):
         GuardSpec(offset_limit=0.0)
+    with pytest.raises(ParamsError, match=r"guard\.start_rate: wanted finite numbers > 0"):
+        GuardSpec(start_rate=0.0)
     with pytest.raises(ParamsError, match=r"guard\.hold_time"):
         GuardSpec(hold_time=-1.0)
     with pytest.raises(ParamsError, match=r"guard\.rate_limit: wanted one number or 2; got 3"):

@@ -1,4 +1,4 @@
-"""Sensors that fail in mid swing and in contact: flagged within 50 ms, joints bounded, torques within limits, no NaN."""
+"""Sensors that fail in mid swing and in contact: flagged within 50 ms, joints bounded, torques limited, no NaN."""
 
 from functools import cache
 

@@ -165,6 +165,29 @@ def test_a_flag_holds_for_the_hold_time(robot):
     assert_array_equal(up, np.arange(START, START + 50))
 
 
+@pytest.mark.parametrize(("back", "up_to"), [(None, 700), (200, 300)])
+def test_an_encoder_that_jumped_stays_flagged_until_it_jumps_back(robot, back, up_to):
+    signals = live(START + 700)
+    signals["encoder"][START : None if back is None else START + back, 1] += 0.08
+    flags = run(robot, signals)
+    assert set(raised(flags)) == {"encoder/jump"}
+    assert_array_equal(np.flatnonzero(flags["encoder/jump"]), np.arange(START, START + up_to))  # hold: 100 ticks
+
+
+def test_a_reading_that_repeats_for_a_few_long_ticks_is_not_frozen(robot):
+    signals = {name: values for name, values in live(60).items() if name in (*RAW, "reference_velocity")}
+    for name, repeats in (("encoder", 15), ("imu", 4), ("wrench", 4)):
+        signals[name][20 : 20 + repeats] = signals[name][20]
+    signals["reference_velocity"][:] = 0.0
+    monitor = FaultMonitor(robot, dt=0.01)
+    context = monitor.CreateDefaultContext()
+    for row in range(60):
+        for name, values in signals.items():
+            monitor.GetInputPort(name).FixValue(context, values[row])
+        context.SetDiscreteState(monitor.EvalUniquePeriodicDiscreteUpdate(context))
+        assert monitor.GetOutputPort("any_fault").Eval(context)[0] == 0.0
+
+
 def test_a_noiseless_encoder_is_frozen_only_where_the_reference_moves(robot):
     signals = live(200)
     signals["encoder"][:] = 0.1
