@@ -6,11 +6,13 @@ from drake_tc.diagrams.papers.force_figures import fig5, fig6
 from drake_tc.diagrams.papers.motion_tables import table2, table3
 from drake_tc.diagrams.papers.reproduction import Progress, Reproduction
 from drake_tc.diagrams.papers.stability import stability
+from drake_tc.diagrams.papers.table1 import table1
 from drake_tc.diagrams.papers.torque_estimate import torque_estimate
 
 from drake_tc.errors import ParamsError
 
 REPRODUCTIONS: Mapping[str, Callable[[int, Progress | None], Reproduction]] = {
+    "A.table1": table1,
     "A.table2": table2,
     "A.table3": table3,
     "A.fig5": fig5,

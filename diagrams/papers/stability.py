@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 from drake_tc.diagrams.papers.reproduction import Progress, Reproduction, TextTable, expectations, judged
+from drake_tc.diagrams.references import posture
 from drake_tc.diagrams.registry import diagram_entry
 from drake_tc.diagrams.running import simulate_scenario
 from drake_tc.diagrams.scenario import PushSpec, Scenario
@@ -83,8 +84,11 @@ def pushed(joint: str, model: str, seed: int = 0) -> Released:
 
 def _push(scenario: Scenario, joint: str) -> PushSpec:
     """A torque about the joint's axis, as it stands at the start."""
-    plant: Any = make_plant(loop_robot(scenario), 0.0)
+    robot = loop_robot(scenario)
+    plant: Any = make_plant(robot, 0.0)
     context = plant.CreateDefaultContext()
+    for name, position in zip(robot.joints, posture(scenario.motion, robot), strict=True):
+        plant.GetJointByName(name).set_angle(context, position)
     moving = plant.GetJointByName(joint)
     rotation = moving.frame_on_child().CalcPoseInWorld(context).rotation().matrix()
     torque = PUSHES[joint] * rotation @ moving.revolute_axis()

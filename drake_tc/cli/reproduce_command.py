@@ -100,12 +100,15 @@ def _print(result: "Reproduction") -> None:
 
 def _print_table(console: Console, text: "TextTable") -> None:
     """As a table where its cells fit; else, in a narrow terminal, each row as a line, so that no number is broken."""
-    widths = [max(map(len, column)) for column in zip(*text.rows, strict=True)]
-    if sum(widths) + 2 * len(widths) <= console.width:
+    cells = [max(map(len, column)) for column in zip(*text.rows, strict=True)]
+    spare = console.width - sum(cells) - 2 * len(cells)
+    if spare >= 0:
         table = Table(title=escape(text.title), title_justify="left", box=None, padding=(0, 1), pad_edge=False)
-        for number, (heading, width) in enumerate(zip(text.headings, widths, strict=True)):
+        more = [max(0, len(heading) - cell) for heading, cell in zip(text.headings, cells, strict=True)]
+        share = min(1.0, spare / max(1, sum(more)))
+        for number, (heading, cell, wish) in enumerate(zip(text.headings, cells, more, strict=True)):
             justify: Literal["left", "right"] = "right" if number else "left"
-            table.add_column(escape(heading), justify=justify, min_width=width, overflow="fold")
+            table.add_column(escape(heading), justify=justify, width=cell + int(share * wish), overflow="fold")
         for row in text.rows:
             table.add_row(*map(escape, row))
         console.print(table)

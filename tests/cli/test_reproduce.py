@@ -90,6 +90,18 @@ def test_a_narrow_terminal_breaks_no_number(invoke, asked, monkeypatch):
     assert {"2.5", "3", "nan", "yes", "NO"} <= set(words)
 
 
+@pytest.mark.parametrize("columns", [20, 40, 60, 70, 80, 200])
+def test_no_terminal_hides_a_column(invoke, asked, monkeypatch, columns):
+    names = [f"a_long_name_of_joint_{i}" for i in range(6)]
+    table = TextTable("wide", ("imperfection", *names), (("encoder quantisation", *(f"{i}.125" for i in range(6))),))
+    result = Reproduction("X.one", ROWS[:1], (table,))
+    monkeypatch.setattr(catalogue, "REPRODUCTIONS", {"X.one": lambda seed, progress: result})
+    monkeypatch.setenv("COLUMNS", str(columns))
+    out = invoke("reproduce", "X.one").out
+    assert max(map(len, out.splitlines())) <= columns
+    assert {f"{i}.125" for i in range(6)} <= set(out.replace(",", "").split())
+
+
 def test_figures_are_files(invoke, asked, tmp_path):
     folder = tmp_path / "new" / "figures"
     outcome = invoke("reproduce", "all", "--figures", folder)

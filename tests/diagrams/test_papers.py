@@ -1,4 +1,4 @@
-"""Reproductions of paper A: what they compute from known signals, their expected files, one real check of each claim."""
+"""Reproductions of paper A: what they make of known signals, their expected files, one real check of each claim."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -18,6 +18,13 @@ from drake_tc.errors import ParamsError
 from drake_tc.robot.plant import make_plant
 
 JOINTS = ("r_hip_yaw", "r_hip_roll", "r_hip_pitch", "r_knee", "r_ankle_pitch", "r_ankle_roll")
+
+
+class Known(SimpleNamespace):
+    """A recording of known signals."""
+
+    def __getitem__(self, name):
+        return self.signals[name]
 
 
 def by_name(result):
@@ -151,8 +158,7 @@ def test_figure_5_from_known_forces(monkeypatch):
     force = 1.0 * wanted
     force[:, 2] = 100.0 + 60.0 * np.sin(np.pi * (time - 1.0 - 0.1))
     force[:, 0] = 5.0 * np.sin(np.pi * time)
-    recording = SimpleNamespace(time=time)
-    recording.__class__ = type("Known", (SimpleNamespace,), {"__getitem__": lambda self, name: wanted})
+    recording = Known(time=time, signals={"force_reference": wanted})
     monkeypatch.setattr(force_figures, "_run", lambda *arguments: recording)
     monkeypatch.setattr(force_figures, "estimated", lambda recording: SimpleNamespace(contact_wrench=force))
     result = force_figures.fig5()
@@ -191,9 +197,12 @@ def test_stability_judges_every_joint_by_both_fits(monkeypatch):
 
 @pytest.mark.parametrize("joint", stability.PUSHES)
 def test_a_push_acts_on_its_joint_as_asked(joint):
-    scenario = diagram_entry("hrp2_leg").scenario("float")
+    start = dict(zip(JOINTS, (0.1, -0.2, -0.5, 0.9, -0.1, 0.2), strict=True))
+    scenario = diagram_entry("hrp2_leg").scenario("float", text=f"{{motion: {{posture: {start}}}}}")
     plant = make_plant(stability.loop_robot(scenario), 0.0)
     context = plant.CreateDefaultContext()
+    for name, angle in start.items():
+        plant.GetJointByName(name).set_angle(context, angle)
     push = stability._push(scenario, joint)
     link, world = plant.GetBodyByName(push.link).body_frame(), plant.world_frame()
     jacobian = plant.CalcJacobianAngularVelocity(context, JacobianWrtVariable.kV, link, world, world)
@@ -209,10 +218,6 @@ def test_torque_errors_are_shares_of_the_range(monkeypatch):
     time = np.arange(0.0, 14.0, 1e-3)
     truth = 10.0 * np.sin(2.0 * np.pi * time)[:, None] * np.arange(1.0, 7.0)
     wrong = truth + np.where(np.arange(time.size) % 2, 0.2, -0.2)[:, None]
-
-    class Known(SimpleNamespace):
-        def __getitem__(self, name):
-            return self.signals[name]
 
     known = Known(time=time, robot=SimpleNamespace(joints=JOINTS), signals={"joint_torque": truth})
     monkeypatch.setattr(torque_estimate, "simulate_scenario", lambda scenario: known)
