@@ -9,6 +9,7 @@ from pydrake.trajectories import PiecewisePolynomial
 
 from drake_tc.control.trajectories import knot_trajectory
 from drake_tc.errors import ParamsError
+from drake_tc.robot.plant import joint_limits
 from drake_tc.robot.robot import Robot
 from drake_tc.types import FloatArray
 
@@ -48,11 +49,16 @@ def posture(motion: MotionSpec, robot: Robot) -> FloatArray:
     """(n,) [rad] where the motion rests: its own posture over the robot's.
 
     Raises:
-        ParamsError: a joint that the robot does not have.
+        ParamsError: a joint that the robot does not have, or a position beyond its limits.
     """
-    rest = robot.posture.copy()
+    rest, limits = robot.posture.copy(), joint_limits(robot)
     for joint, position in motion.posture.items():
-        rest[_index(joint, robot, "motion.posture")] = position
+        i = _index(joint, robot, "motion.posture")
+        if not limits.lower[i] <= position <= limits.upper[i]:
+            raise ParamsError(
+                f"motion.posture.{joint}: wanted {limits.lower[i]:g} to {limits.upper[i]:g} rad; got {position:g}"
+            )
+        rest[i] = position
     return rest
 
 

@@ -1,5 +1,6 @@
 """Run a loop: in chunks, with progress; a solver that fails or a state that leaves all bounds says which and when."""
 
+import math
 import time
 from collections.abc import Callable
 
@@ -10,6 +11,7 @@ from drake_tc.diagrams.torque_loop import Loop, build_loop
 from pydrake.systems.analysis import Simulator
 
 from drake_tc.errors import SimulationError
+from drake_tc.types import IntArray
 
 CHUNK = 0.02
 """The state is looked at this often [s]."""
@@ -47,10 +49,11 @@ def run_loop(loop: Loop, progress: Progress | None = None, *, allow_runaway: boo
     loop.start(context)
     begin = time.perf_counter()
     now = 0.0
+    chunks = math.ceil(scenario.duration / CHUNK - 1e-9)
     try:
         simulator.Initialize()
-        while now < scenario.duration - 1e-9:
-            now = min(now + CHUNK, scenario.duration)
+        for chunk in range(1, chunks + 1):
+            now = scenario.duration if chunk == chunks else chunk * CHUNK
             simulator.AdvanceTo(now)
             if not _bounded(loop, context):
                 if allow_runaway:
@@ -68,7 +71,15 @@ def run_loop(loop: Loop, progress: Progress | None = None, *, allow_runaway: boo
     logs = {name: sink.FindLog(context) for name, sink in loop.logs.items()}
     times = np.asarray(logs["joint_state"].sample_times())
     signals = {name: np.asarray(log.data()).T.copy() for name, log in logs.items()}
+    order = joint_order(loop)
+    signals["joint_state"] = signals["joint_state"][:, np.concatenate([order, order + order.size])]
+    signals["acceleration"] = signals["acceleration"][:, order]
     return Recording(loop.robot, loop.models, times, signals, seconds, loop.flag_names)
+
+
+def joint_order(loop: Loop) -> IntArray:
+    """(n,) where the plant, whose base is welded, has the robot's joints in its positions and in its velocities."""
+    return np.array([loop.plant.GetJointByName(name).velocity_start() for name in loop.robot.joints])
 
 
 def _speeds(loop: Loop, context: object) -> np.ndarray[tuple[int], np.dtype[np.float64]]:

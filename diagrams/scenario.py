@@ -4,6 +4,7 @@ One YAML file holds many scenarios by name. `extends: NAME` takes another scenar
 given, field by field. Everything is SI; joints are named as in the robot's YAML.
 """
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -39,6 +40,10 @@ class GainSpec:
     kf: float | tuple[float, ...] = 0.0
     by_joint: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
+    def __post_init__(self) -> None:
+        if isinstance(self.kf, tuple) and len(self.kf) != 6:
+            raise ParamsError(f"gains.kf: wanted one number or six [fx fy fz tx ty tz]; got {len(self.kf)}")
+
     def of(self, name: str, joints: tuple[str, ...]) -> list[float]:
         """The gain `name` of every joint.
 
@@ -71,6 +76,10 @@ class SinusoidSpec:
     start: float = 0.0
     growth: float = 0.0
 
+    def __post_init__(self) -> None:
+        if not (0.0 < self.frequency_hz < math.inf and _finite(self.start, self.growth)):
+            raise ParamsError(f"sinusoid: wanted a positive frequency_hz and finite start and growth; got {self}")
+
 
 @dataclass(frozen=True)
 class MotionSpec:
@@ -102,8 +111,12 @@ class ForceSpec:
     def __post_init__(self) -> None:
         if len(self.offset) != 6 or len(self.amplitude) != 6:
             raise ParamsError("force: wanted six numbers [fx fy fz tx ty tz] for offset and amplitude")
-        if not (self.frequency_hz > 0.0 and self.ramp > 0.0):
-            raise ParamsError("force: wanted a positive frequency_hz and ramp")
+        if not (0.0 < self.frequency_hz < math.inf and 0.0 < self.ramp < math.inf):
+            raise ParamsError(
+                f"force: wanted a positive frequency_hz and ramp; got {self.frequency_hz} and {self.ramp}"
+            )
+        if not _finite(*self.offset, *self.amplitude, self.begin):
+            raise ParamsError("force: wanted finite numbers for offset, amplitude and begin")
 
 
 @dataclass(frozen=True)
@@ -117,6 +130,14 @@ class PushSpec:
     torque: tuple[float, ...] = (0.0, 0.0, 0.0)
     point: tuple[float, ...] = (0.0, 0.0, 0.0)
 
+    def __post_init__(self) -> None:
+        for name in ("force", "torque", "point"):
+            value = getattr(self, name)
+            if len(value) != 3 or not _finite(*value):
+                raise ParamsError(f"push on {self.link}: {name}: wanted three finite numbers; got {value}")
+        if not (0.0 < self.duration < math.inf and _finite(self.begin)):
+            raise ParamsError(f"push on {self.link}: wanted a finite begin and a positive duration [s]")
+
 
 @dataclass(frozen=True)
 class ObjectSpec:
@@ -126,6 +147,16 @@ class ObjectSpec:
     xyz: tuple[float, ...]
     rpy: tuple[float, ...] = (0.0, 0.0, 0.0)
     friction: float = 0.8
+
+    def __post_init__(self) -> None:
+        for name in ("size", "xyz", "rpy"):
+            value = getattr(self, name)
+            if len(value) != 3 or not _finite(*value):
+                raise ParamsError(f"object: {name}: wanted three finite numbers; got {value}")
+        if min(self.size) <= 0.0:
+            raise ParamsError(f"object: size: wanted positive lengths [m]; got {self.size}")
+        if not 0.0 <= self.friction < math.inf:
+            raise ParamsError(f"object: friction: wanted a number >= 0; got {self.friction}")
 
 
 @dataclass(frozen=True)
@@ -195,6 +226,13 @@ class Scenario:
         for name in ("duration", "dt", "plant_step"):
             if not 0.0 < getattr(self, name) < float("inf"):
                 raise ParamsError(f"{name}: wanted a positive number [s]; got {getattr(self, name)!r}")
+        if self.seed < 0:
+            raise ParamsError(f"seed: wanted a whole number >= 0; got {self.seed}")
+        for link, factor in self.masses.items():
+            if not 0.0 < factor < math.inf:
+                raise ParamsError(f"masses.{link}: wanted a positive factor; got {factor}")
+        if not 0.0 <= self.tare < math.inf:
+            raise ParamsError(f"tare: wanted a time >= 0 [s]; got {self.tare}")
         ratio = self.dt / self.plant_step
         if round(ratio) < 1 or abs(ratio - round(ratio)) > 1e-6:
             raise ParamsError(f"plant_step: wanted dt = {self.dt:g} s over a whole number; got {self.plant_step:g}")
@@ -209,6 +247,10 @@ class Scenario:
     def path(self, name: str) -> Path:
         """A file that the scenario names, relative to the file it stands in."""
         return Path(self.source) / name
+
+
+def _finite(*numbers: float) -> bool:
+    return all(map(math.isfinite, numbers))
 
 
 SENSORS = ("encoder", "imu", "force_torque")
@@ -260,6 +302,8 @@ def _extended(path: Path, document: dict[str, Any], name: str, seen: tuple[str, 
         raise ParamsError(f"{path}: no scenario {name!r}; scenarios here: {', '.join(document)}")
     if name in seen:
         raise ParamsError(f"{path}: {name}: extends itself ({' -> '.join((*seen, name))})")
+    if not isinstance(document[name] or {}, dict):
+        raise ParamsError(f"{path}: {name}: wanted a mapping of fields; got {document[name]!r}")
     own = dict(document[name] or {})
     parent = own.pop("extends", None)
     return own if parent is None else _merged(_extended(path, document, parent, (*seen, name)), own)

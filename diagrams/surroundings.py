@@ -16,17 +16,8 @@ from drake_tc.errors import ParamsError
 
 
 def add_objects(plant: MultibodyPlant, objects: Sequence[ObjectSpec]) -> None:
-    """Fix boxes to the world; before `Finalize`, with a SceneGraph.
-
-    Raises:
-        ParamsError: a size, place or attitude that is not three numbers, or a size that is not positive.
-    """
+    """Fix boxes to the world; before `Finalize`, with a SceneGraph."""
     for number, item in enumerate(objects):
-        for name in ("size", "xyz", "rpy"):
-            if len(getattr(item, name)) != 3:
-                raise ParamsError(f"objects[{number}].{name}: wanted three numbers; got {getattr(item, name)}")
-        if min(item.size) <= 0.0:
-            raise ParamsError(f"objects[{number}].size: wanted positive lengths [m]; got {item.size}")
         centre: Any = np.array(item.xyz)
         pose = RigidTransform(RollPitchYaw(*item.rpy), centre)
         rough = CoulombFriction(item.friction, item.friction)
@@ -50,14 +41,12 @@ class Pushes(LeafSystem):  # type: ignore[misc, unused-ignore]
             pushes: What pushes.
 
         Raises:
-            ParamsError: a link that is not there, or a push that has no duration.
+            ParamsError: a link that is not there.
         """
         super().__init__()
         for push in pushes:
             if not plant.HasBodyNamed(push.link):
                 raise ParamsError(f"pushes: no link {push.link!r} in the robot")
-            if not push.duration > 0.0:
-                raise ParamsError(f"pushes: {push.link}: wanted a positive duration [s]; got {push.duration}")
         self._pushes = tuple((plant.GetBodyByName(push.link).index(), push) for push in pushes)
         write: Any = self._push
         self.DeclareAbstractOutputPort(

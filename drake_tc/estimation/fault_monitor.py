@@ -162,20 +162,27 @@ class FaultMonitor(LeafSystem):  # type: ignore[misc, unused-ignore]
 
     def _update(self, context: Context, values: DiscreteValues) -> None:
         """The recursion: a short way where nothing is or was wrong, which is nearly always."""
-        memory: Any = values.get_mutable_value(self._memory)
         seen = [port.Eval(context) for port in self._raw_ports]
         seen += [port.Eval(context) if port.HasValue(context) else zeros for port, zeros in self._derived]
         now = np.concatenate(seen)
+        memory: Any = values.get_mutable_value(self._memory)
+        if not self._all_is_well(memory, now):
+            self._examine(context, values, now)
+
+    def _all_is_well(self, memory: FloatArray, now: FloatArray) -> bool:
+        """The whole recursion where no flag is up, no reading missing and nothing out of bounds; else nothing."""
+        if memory[-1] != 0.0:
+            return False
         last, same, error = (memory[part] for part in self._parts[:3])
         u = now[: self._raw]
         step = u - last
         same = (same + 1.0) * (step == 0.0)
         error = error + self._blend * (now[self._filtered] - self._expected - error)
         watched = np.abs(np.concatenate((now, step, same, error)))
-        if memory[-1] == 0.0 and (watched < self._within).all():
-            memory[self._usual] = np.concatenate((u, same, error))
-        else:
-            self._examine(context, values, now)
+        if not (watched < self._within).all():  # also where one is NaN
+            return False
+        memory[self._usual] = np.concatenate((u, same, error))
+        return True
 
     def _examine(self, context: Any, values: Any, now: FloatArray) -> None:
         """The recursion, channel by channel."""

@@ -42,7 +42,9 @@ class WrenchTare(LeafSystem):  # type: ignore[misc, unused-ignore]
         if not 0.0 <= begin < end < np.inf or not period > 0.0:
             raise ParamsError(f"tare: wanted 0 <= begin < end and a positive period [s]; got {begin}, {end}, {period}")
         if end - begin < period * (1.0 - 1e-9):
-            raise ParamsError(f"tare: wanted at least one period of {period} s between begin and end; got {begin}, {end}")
+            raise ParamsError(
+                f"tare: wanted at least one period of {period} s between begin and end; got {begin}, {end}"
+            )
         if not model.num_sensors:
             raise ParamsError(f"tare: {model.robot.name} has no force/torque sensor")
         self._model, self._begin, self._end = model, begin, end

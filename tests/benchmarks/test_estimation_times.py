@@ -94,6 +94,8 @@ def test_momentum_residual(case):
 def test_fault_monitor(case):
     name, robot, model = case
     n, k = model.size, model.num_sensors
-    values = {"encoder": np.zeros(n), "imu": np.ones(6), "wrench": np.ones(6 * k), "torque_residual": np.zeros(n)}
-    seconds = updates(FaultMonitor(robot, dt=TICK), values)
-    row(f"FaultMonitor update, {name}", seconds, 120e-6)
+    still = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 9.81])
+    for what, imu in (("nothing wrong", still), ("IMU inconsistent", np.ones(6))):
+        values = {"encoder": np.zeros(n), "imu": imu, "wrench": np.ones(6 * k), "torque_residual": np.zeros(n)}
+        seconds = updates(FaultMonitor(robot, dt=TICK), values)
+        row(f"FaultMonitor update, {name}, {what}", seconds, 120e-6)

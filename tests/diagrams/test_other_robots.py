@@ -88,7 +88,6 @@ def test_a_whole_robot_of_thirty_joints_with_four_force_torque_sensors(whole):
     assert np.abs((torque["reference"][:, :30] - torque["encoder"])[torque.time > 0.25]).max() < 5e-3
 
 
-@pytest.mark.xfail(strict=True, reason="joint_state and acceleration are recorded in the plant's order")
 def test_joint_states_are_recorded_in_the_order_of_the_robots_joints(whole):
     recording = simulate_scenario(load_scenario(whole, "gymnastics", "{duration: 0.02, tare: 0.0, controller: servo}"))
     np.testing.assert_allclose(recording.position, recording["encoder"], atol=1e-4)  # ten times the encoders' noise

@@ -114,7 +114,8 @@ def test_ids_are_those_of_the_commands():
 def known_swings(factor):
     """The servo's errors are sines of 10 mrad, those in torque control `factor` of that and smaller with the gain."""
     sine = 0.01 * np.sin(np.linspace(0.0, 2.0 * np.pi, 2001))[:-1, None] * np.arange(1.0, 7.0)
-    return motion_tables.Swings(JOINTS, sine, {k: factor / k * sine for k in motion_tables.STIFFNESSES})
+    torque = {k: factor / k * sine for k in motion_tables.STIFFNESSES}
+    return motion_tables.Swings(JOINTS, sine, torque, complete=0.5 * factor / 0.1 * sine)
 
 
 def test_tables_2_and_3_from_known_errors(monkeypatch):
@@ -126,18 +127,20 @@ def test_tables_2_and_3_from_known_errors(monkeypatch):
             assert by_name(table2)[f"squared error ratio, K6 = {k:g}, {joint}"].value == pytest.approx((2.0 * k) ** 2)
             assert by_name(table3)[f"largest error ratio, K6 = {k:g}, {joint}"].value == pytest.approx(2.0 * k)
     assert by_name(table2)["joints with a ratio of 3 or more at K6 = 1"].value == 5.0  # yaw is not in the paper
-    assert not missed(table2)
+    assert by_name(table2)["linear over complete model at K6 = 0.1, geometric mean"].value == pytest.approx(4.0)
+    assert not {name for name in missed(table2) if "K6 = 0.1" not in name}
     # Table 3 prints larger ratios than 2 for all but the knee
     assert missed(table3) == {f"largest error ratio, K6 = 1, {j}" for j in motion_tables.PRINTED if j != "r_knee"}
     # a sine of 10 mrad has a mean square of 0.05e-3 rad^2; the second joint's is twice as large
-    assert table2.tables[0].rows[1] == ("r_hip_roll", "0.2000", "0.0500", "0.2000", "0.8000", "5.0000")
-    assert table3.tables[0].rows[0] == ("r_hip_yaw", "10.00", "5.00", "10.00", "20.00", "50.00")
+    assert table2.tables[0].rows[1] == ("r_hip_roll", "0.2000", "0.0500", "0.2000", "0.8000", "5.0000", "1.2500")
+    assert table3.tables[0].rows[0] == ("r_hip_yaw", "10.00", "5.00", "10.00", "20.00", "50.00", "25.00")
 
 
 def test_a_torque_control_no_better_than_the_servo_is_reported_as_missed(monkeypatch):
     monkeypatch.setattr(motion_tables, "swings", lambda seed, progress: known_swings(1.0))
     result = motion_tables.table2()
-    assert missed(result) == set(expectations("a_table2"))
+    at_one = {name for name in expectations("a_table2") if "K6 = 0.1" not in name}
+    assert at_one <= missed(result)
 
 
 # --- from known signals: figures 5 and 6
