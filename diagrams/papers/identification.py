@@ -12,12 +12,12 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
+from drake_tc.diagrams.loop_parts import sensor_suite
 from drake_tc.diagrams.papers.reproduction import Progress
 from drake_tc.diagrams.recording import Recording, log_columns, write_log, write_rig
 from drake_tc.diagrams.registry import diagram_entry
 from drake_tc.diagrams.running import simulate_scenario
 from drake_tc.diagrams.scenario import PushSpec, Scenario, SinusoidSpec
-from drake_tc.diagrams.torque_loop import sensor_suite
 
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.estimation.off_line import OffLineFilter, SensorLog, estimate_log, wrench_bias

@@ -5,12 +5,12 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from drake_tc.diagrams.loop_parts import loop_robot
 from drake_tc.diagrams.papers.reproduction import Progress, Reproduction, TextTable, expectations, judged
 from drake_tc.diagrams.references import posture
 from drake_tc.diagrams.registry import diagram_entry
 from drake_tc.diagrams.running import simulate_scenario
 from drake_tc.diagrams.scenario import PushSpec, Scenario
-from drake_tc.diagrams.torque_loop import loop_robot
 
 from drake_tc.robot.plant import make_plant
 from drake_tc.types import FloatArray

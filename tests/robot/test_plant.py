@@ -10,6 +10,7 @@ from pydrake.systems.framework import DiagramBuilder
 
 from drake_tc.robot.plant import add_robot, floating_base_body, joint_limits, make_plant
 from drake_tc.robot.robot import Pose, load_robot
+
 from .robots import robot_file
 
 BASE_POSE = {"xyz": [0.1, -0.2, 0.9], "rpy": [0.1, 0.2, -0.3]}

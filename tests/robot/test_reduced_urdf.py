@@ -9,6 +9,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from drake_tc.robot.plant import make_plant
 from drake_tc.robot.robot import load_robot
 from drake_tc.robot.urdf import reduced_urdf
+
 from .robots import ARM, MIMIC, robot_file
 
 LOCKED = {"slide": 0.17, "spin": 2.3}

@@ -4,6 +4,7 @@ import pytest
 
 from drake_tc.errors import ParamsError
 from drake_tc.robot.robot import load_robot
+
 from .robots import ARM, robot_file
 
 FT = {"tip": {"joint": "mark_joint"}}
