@@ -3,7 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
-from drake_tc.diagrams.scenario import ForceSpec, MotionSpec, Scenario, SinusoidSpec
+from drake_tc.diagrams.scenario import Scenario
+from drake_tc.diagrams.scenario_parts import ForceSpec, MotionSpec, SinusoidSpec
 from pydrake.systems.primitives import TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 import yaml
+from drake_tc.diagrams.scenario_parts import FilterSpec, ForceSpec, GainSpec, MotionSpec, ObjectSpec, PushSpec
 from drake_tc.diagrams.strict_yaml import from_mapping, read_mapping
 
 from drake_tc.control.guard import GuardSpec
@@ -18,145 +19,6 @@ from drake_tc.control.torque_control import CompensationSpec
 from drake_tc.errors import ParamsError
 from drake_tc.estimation.monitor_spec import MonitorSpec
 from drake_tc.sensing.fault import SensorFault
-
-
-@dataclass(frozen=True)
-class GainSpec:
-    """Feedback gains, the same for all joints unless `by_joint` says otherwise (EQUATIONS A5).
-
-    Attributes:
-        k6: Position feedback in units of the vendor servo's own: K6 = K_tau (1 + Kp) Ks [-].
-        k7: Velocity feedback K7 = K_tau (1 + Kp) Kd [s].
-        kp: Torque feedback Kp [-].
-        ki: Integral of the torque error [1/s].
-        kf: Force feedback Kf [-], one for all or six [fx fy fz tx ty tz].
-        by_joint: Joint to {k6: ...} and so on, for single joints (kf has no joint).
-    """
-
-    k6: float = 1.0
-    k7: float = 0.0
-    kp: float = 2.0
-    ki: float = 0.0
-    kf: float | tuple[float, ...] = 0.0
-    by_joint: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        if isinstance(self.kf, tuple) and len(self.kf) != 6:
-            raise ParamsError(f"gains.kf: wanted one number or six [fx fy fz tx ty tz]; got {len(self.kf)}")
-
-    def of(self, name: str, joints: tuple[str, ...]) -> list[float]:
-        """The gain `name` of every joint.
-
-        Raises:
-            ParamsError: `by_joint` names a joint or a gain that is not there.
-        """
-        for joint, gains in self.by_joint.items():
-            if joint not in joints:
-                raise ParamsError(f"gains.by_joint: no joint {joint!r}; joints: {', '.join(joints)}")
-            for gain in gains:
-                if gain not in ("k6", "k7", "kp", "ki"):
-                    raise ParamsError(f"gains.by_joint.{joint}: no gain {gain!r}; possible: k6, k7, kp, ki")
-        return [float(self.by_joint.get(joint, {}).get(name, getattr(self, name))) for joint in joints]
-
-
-@dataclass(frozen=True)
-class FilterSpec:
-    """Savitzky–Golay windows (samples) and orders (EQUATIONS A1); mid-window."""
-
-    window: int = 80
-    encoder_order: int = 2
-    inertial_order: int = 1
-
-
-@dataclass(frozen=True)
-class SinusoidSpec:
-    """q(t) = centre + (start + growth t) sin(2 pi f t): rad, rad/s, Hz."""
-
-    frequency_hz: float
-    start: float = 0.0
-    growth: float = 0.0
-
-    def __post_init__(self) -> None:
-        if not (0.0 < self.frequency_hz < math.inf and _finite(self.start, self.growth)):
-            raise ParamsError(f"sinusoid: wanted a positive frequency_hz and finite start and growth; got {self}")
-
-
-@dataclass(frozen=True)
-class MotionSpec:
-    """Where the joints are to be: the posture, knots over it, sinusoids over that.
-
-    Attributes:
-        posture: Joint to position [rad]; the robot file's posture where not given.
-        times: Of the knots [s], the first is 0.
-        knots: Joint to one position a time [rad]; joints not named keep the posture.
-        sinusoids: Joint to a growing sinusoid added to it.
-    """
-
-    posture: Mapping[str, float] = field(default_factory=dict)
-    times: tuple[float, ...] = ()
-    knots: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
-    sinusoids: Mapping[str, SinusoidSpec] = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
-class ForceSpec:
-    """f(t) = offset + amplitude sin(2 pi f (t - begin)), risen from `begin` on over `ramp` [s]; [fx fy fz tx ty tz]."""
-
-    offset: tuple[float, ...] = (0.0,) * 6
-    amplitude: tuple[float, ...] = (0.0,) * 6
-    frequency_hz: float = 0.5
-    begin: float = 0.5
-    ramp: float = 0.5
-
-    def __post_init__(self) -> None:
-        if len(self.offset) != 6 or len(self.amplitude) != 6:
-            raise ParamsError("force: wanted six numbers [fx fy fz tx ty tz] for offset and amplitude")
-        if not (0.0 < self.frequency_hz < math.inf and 0.0 < self.ramp < math.inf):
-            raise ParamsError(
-                f"force: wanted a positive frequency_hz and ramp; got {self.frequency_hz} and {self.ramp}"
-            )
-        if not _finite(*self.offset, *self.amplitude, self.begin):
-            raise ParamsError("force: wanted finite numbers for offset, amplitude and begin")
-
-
-@dataclass(frozen=True)
-class PushSpec:
-    """A wrench on a link in world axes at its frame, risen and fallen as sin^2 within [begin, begin + duration] [s]."""
-
-    link: str
-    begin: float
-    duration: float
-    force: tuple[float, ...] = (0.0, 0.0, 0.0)
-    torque: tuple[float, ...] = (0.0, 0.0, 0.0)
-    point: tuple[float, ...] = (0.0, 0.0, 0.0)
-
-    def __post_init__(self) -> None:
-        for name in ("force", "torque", "point"):
-            value = getattr(self, name)
-            if len(value) != 3 or not _finite(*value):
-                raise ParamsError(f"push on {self.link}: {name}: wanted three finite numbers; got {value}")
-        if not (0.0 < self.duration < math.inf and _finite(self.begin)):
-            raise ParamsError(f"push on {self.link}: wanted a finite begin and a positive duration [s]")
-
-
-@dataclass(frozen=True)
-class ObjectSpec:
-    """A rigid box, fixed to the world: its size and the pose of its centre [m, rad]."""
-
-    size: tuple[float, ...]
-    xyz: tuple[float, ...]
-    rpy: tuple[float, ...] = (0.0, 0.0, 0.0)
-    friction: float = 0.8
-
-    def __post_init__(self) -> None:
-        for name in ("size", "xyz", "rpy"):
-            value = getattr(self, name)
-            if len(value) != 3 or not _finite(*value):
-                raise ParamsError(f"object: {name}: wanted three finite numbers; got {value}")
-        if min(self.size) <= 0.0:
-            raise ParamsError(f"object: size: wanted positive lengths [m]; got {self.size}")
-        if not 0.0 <= self.friction < math.inf:
-            raise ParamsError(f"object: friction: wanted a number >= 0; got {self.friction}")
 
 
 @dataclass(frozen=True)
@@ -204,9 +66,9 @@ class Scenario:
     configuration: Literal["estimate", "reference"] = "reference"
     compensation: CompensationSpec = field(default_factory=CompensationSpec)
     sensors: Any = "realistic"
-    gains: GainSpec = GainSpec()
-    filters: FilterSpec = FilterSpec()
-    motion: MotionSpec = MotionSpec()
+    gains: GainSpec = field(default_factory=GainSpec)
+    filters: FilterSpec = field(default_factory=FilterSpec)
+    motion: MotionSpec = field(default_factory=MotionSpec)
     guard: GuardSpec = field(default_factory=GuardSpec)
     monitor: MonitorSpec = field(default_factory=MonitorSpec)
     force: Mapping[str, ForceSpec] = field(default_factory=dict)
@@ -247,10 +109,6 @@ class Scenario:
     def path(self, name: str) -> Path:
         """A file that the scenario names, relative to the file it stands in."""
         return Path(self.source) / name
-
-
-def _finite(*numbers: float) -> bool:
-    return all(map(math.isfinite, numbers))
 
 
 SENSORS = ("encoder", "imu", "force_torque")

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from drake_tc.diagrams.scenario import ObjectSpec, PushSpec
+from drake_tc.diagrams.scenario_parts import ObjectSpec, PushSpec
 from pydrake.common.value import Value
 from pydrake.geometry import Box
 from pydrake.math import RigidTransform, RollPitchYaw

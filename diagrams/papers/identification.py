@@ -17,7 +17,8 @@ from drake_tc.diagrams.papers.reproduction import Progress
 from drake_tc.diagrams.recording import Recording, log_columns, write_log, write_rig
 from drake_tc.diagrams.registry import diagram_entry
 from drake_tc.diagrams.running import simulate_scenario
-from drake_tc.diagrams.scenario import PushSpec, Scenario, SinusoidSpec
+from drake_tc.diagrams.scenario import Scenario
+from drake_tc.diagrams.scenario_parts import PushSpec, SinusoidSpec
 
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.estimation.off_line import OffLineFilter, SensorLog, estimate_log, wrench_bias

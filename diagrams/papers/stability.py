@@ -10,7 +10,8 @@ from drake_tc.diagrams.papers.reproduction import Progress, Reproduction, TextTa
 from drake_tc.diagrams.references import posture
 from drake_tc.diagrams.registry import diagram_entry
 from drake_tc.diagrams.running import simulate_scenario
-from drake_tc.diagrams.scenario import PushSpec, Scenario
+from drake_tc.diagrams.scenario import Scenario
+from drake_tc.diagrams.scenario_parts import PushSpec
 
 from drake_tc.robot.plant import make_plant
 from drake_tc.types import FloatArray
