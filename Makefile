@@ -8,7 +8,7 @@ export OMP_NUM_THREADS ?= 1
 export MPLBACKEND ?= Agg
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-slow lint unit wheel notebook clean
+.PHONY: help demo test test-slow lint unit times wheel notebook clean
 
 help: ## what can be made
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1|/' | column -t -s '|'
@@ -30,7 +30,7 @@ demo: $(VENV)/.installed ## install, simulate a bench, close the loop on it; the
 	@$(BIN)/drake-tc close-loop --out $(OUT)
 	@echo "$(OUT)/report.html"
 
-test: lint unit wheel ## all checks, at most ten minutes on two cores
+test: lint unit times wheel ## all checks, at most ten minutes on two cores
 
 lint: $(VENV)/.installed-test
 	$(BIN)/ruff check .
@@ -39,7 +39,10 @@ lint: $(VENV)/.installed-test
 	$(BIN)/mypy -p diagrams
 
 unit: $(VENV)/.installed-test
-	$(BIN)/pytest -q -n 2 --dist loadgroup -m 'not slow' --cov drake_tc --cov-report term:skip-covered
+	$(BIN)/pytest -q -n 2 --dist loadgroup -m 'not slow and not benchmark' --cov drake_tc --cov-report term:skip-covered
+
+times: $(VENV)/.installed-test ## what one tick costs: alone, without coverage
+	$(BIN)/pytest -q -m 'benchmark and not slow'
 
 wheel: $(VENV)/.installed-test ## build the wheel and run the demo from it, in an empty environment
 	bash .ci/wheel.sh $(BIN)/python

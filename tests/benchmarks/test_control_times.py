@@ -15,6 +15,8 @@ from drake_tc.control.inverse_dynamics import InverseDynamics
 from drake_tc.control.torque_control import TorqueControl
 from drake_tc.robot.robot import load_robot
 
+from .machine import slowness
+
 pytestmark = pytest.mark.benchmark
 ROBOT = Path(drake_tc.models.__file__).parent / "hrp2_like" / "hrp2_like_leg.yaml"
 
@@ -56,16 +58,17 @@ def leg():
 def test_inverse_dynamics(leg):
     robot, _, gains = leg
     assert (
-        row("InverseDynamics, 6 joints, 1 contact", evaluations(InverseDynamics(robot, gains), "desired_torque")) < 80
+        row("InverseDynamics, 6 joints, 1 contact", evaluations(InverseDynamics(robot, gains), "desired_torque"))
+        < 80 * slowness()
     )
 
 
 def test_torque_control(leg):
     _, models, gains = leg
     system = TorqueControl(models, replace(gains, ki=np.ones(6)), np.full(6, 200.0))
-    assert row("TorqueControl, 6 joints of 5 effects, command", evaluations(system, "command")) < 50
-    assert row("TorqueControl, components, which only a log reads", evaluations(system, "components")) < 120
+    assert row("TorqueControl, 6 joints of 5 effects, command", evaluations(system, "command")) < 50 * slowness()
+    assert row("TorqueControl, components, which only a log reads", evaluations(system, "components")) < 80 * slowness()
 
 
 def test_guard():
-    assert row("CommandGuard, 6 joints", evaluations(CommandGuard(6, 1e-3), "command")) < 30
+    assert row("CommandGuard, 6 joints", evaluations(CommandGuard(6, 1e-3), "command")) < 30 * slowness()

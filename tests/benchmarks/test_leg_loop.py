@@ -13,45 +13,14 @@ import pytest
 from drake_tc.diagrams.scenario import load_scenario
 from drake_tc.diagrams.torque_loop import build_loop
 from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import DiagramBuilder, LeafSystem
-from pydrake.systems.primitives import ConstantVectorSource, LogVectorOutput
+
+from .machine import COPIES, TICK, copying
 
 pytestmark = pytest.mark.benchmark
 SCENARIOS = Path(next(iter(drake_tc.diagrams.__path__))) / "hrp2_leg.scenario.yaml"
-TICK = 1e-3
 CHUNK = 10
 GOAL = 5.0
 """Times real time."""
-
-
-class Copy(LeafSystem):
-    """Six numbers in, the same six out, kept every tick: what any system in Python costs."""
-
-    def __init__(self):
-        super().__init__()
-        port = self.DeclareVectorInputPort("in", 6)
-        state = self.DeclareDiscreteState(6)
-        self.DeclareVectorOutputPort(
-            "out",
-            6,
-            lambda context, output: output.set_value(port.Eval(context)),
-            {port.ticket(), self.discrete_state_ticket(state)},
-        )
-        self.DeclarePeriodicDiscreteUpdateEvent(
-            TICK, 0.0, lambda context, values: values.set_value(state, port.Eval(context))
-        )
-
-
-def copying() -> Simulator:
-    """Ten systems that copy, one behind the other."""
-    builder = DiagramBuilder()
-    port = builder.AddSystem(ConstantVectorSource(np.ones(6))).get_output_port()
-    for _ in range(10):
-        system = builder.AddSystem(Copy())
-        builder.Connect(port, system.get_input_port())
-        port = system.get_output_port()
-    LogVectorOutput(port, builder, TICK)
-    return Simulator(builder.Build())
 
 
 def leg(scenario: str) -> Simulator:
@@ -76,7 +45,7 @@ def test_leg_loop(scenario, bound):
     # from 0.5 s on: filters full, sensors zeroed, guard out of its start
     times = np.array([[seconds(loop, k), seconds(copies, k)] for k in range(250)])[50:]
     tick, copy = times.min(axis=0)
-    copy /= 10.0
+    copy /= COPIES
     median = 1e6 * np.median(times[:, 0])
     print(
         f"\n{scenario}: {1e6 * tick:.0f} us a tick (median {median:.0f}), {TICK / tick:.1f} x real time"
