@@ -66,6 +66,7 @@ def test_an_unknown_name_lists_those_there_are():
         _ = drake_tc.ActuatorModle
 
 
+@pytest.mark.benchmark
 def test_importing_the_package_is_quick():
     seconds = []
     for _ in range(3):  # the best of three: another process may hold the core

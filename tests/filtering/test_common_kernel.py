@@ -115,6 +115,7 @@ def test_short_stretches_stay_finite_and_invalid(samples):
     assert not kernel.valid(samples).any()
 
 
+@pytest.mark.benchmark
 def test_a_million_samples_in_half_a_second():
     kernel = CommonKernel(0.05, 1e-3)
     x = np.random.default_rng(0).normal(size=1_000_000)

@@ -93,6 +93,7 @@ def test_intervals_have_the_spread_of_repeated_experiments():
     assert_allclose(stated, spread, rtol=0.25)  # 150 repetitions: 6 % scatter of a deviation, and few lags
 
 
+@pytest.mark.benchmark
 def test_a_million_samples_in_under_a_second():
     columns, target = servo(0, 1_000_000)
     best = np.inf

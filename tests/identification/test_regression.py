@@ -189,6 +189,7 @@ def test_bootstrap_agrees_with_hac_and_is_seeded():
         block_bootstrap(columns, target, np.random.default_rng(0), block=9000)
 
 
+@pytest.mark.benchmark
 def test_time_grows_linearly():
     def seconds(samples):
         columns, target = problem(0, samples=samples)
