@@ -39,7 +39,7 @@ lint: $(VENV)/.installed-test
 	$(BIN)/mypy -p diagrams
 
 unit: $(VENV)/.installed-test
-	$(BIN)/pytest -q -n 2 --dist loadgroup -m 'not slow and not benchmark' --cov drake_tc --cov-report term:skip-covered
+	$(BIN)/pytest -q -n 2 --dist loadscope -m 'not slow and not benchmark' --cov drake_tc --cov-report term:skip-covered
 
 times: $(VENV)/.installed-test ## what one tick costs: alone, without coverage
 	$(BIN)/pytest -q -m 'benchmark and not slow'

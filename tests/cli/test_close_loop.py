@@ -12,8 +12,6 @@ from drake_tc.cli.demo import JOINT, ROTOR_INERTIA
 
 from .report_schema import check_report
 
-pytestmark = pytest.mark.xdist_group("close-loop")
-
 
 def command(arguments, folder, **environment):
     """The installed command in a process of its own, far from the source tree."""
