@@ -2,12 +2,15 @@
 
 from collections.abc import Callable, Mapping
 
+from drake_tc.diagrams.papers.beyond import beyond
 from drake_tc.diagrams.papers.force_figures import fig5, fig6
 from drake_tc.diagrams.papers.motion_tables import table2, table3
 from drake_tc.diagrams.papers.reproduction import Progress, Reproduction
 from drake_tc.diagrams.papers.stability import stability
+from drake_tc.diagrams.papers.stability_grid import stability_grid
 from drake_tc.diagrams.papers.table1 import table1
 from drake_tc.diagrams.papers.torque_estimate import torque_estimate
+from drake_tc.diagrams.papers.tuning import tuning
 
 from drake_tc.errors import ParamsError
 
@@ -18,7 +21,10 @@ REPRODUCTIONS: Mapping[str, Callable[[int, Progress | None], Reproduction]] = {
     "A.fig5": fig5,
     "A.fig6": fig6,
     "A.stability": stability,
+    "A.stability_grid": stability_grid,
     "A.torque_estimate": torque_estimate,
+    "A.tune": tuning,
+    "A.beyond": beyond,
 }
 """Id to a function of seed and progress."""
 

@@ -16,9 +16,11 @@ from rich.table import Table
 
 from drake_tc.bench.real_rows import RealRow, rows_json
 from drake_tc.blind.scoreboard import print_score
+from drake_tc.cli.bench_robot_command import bench_robot
 from drake_tc.cli.progress import progress_bar
 
 bench_app = typer.Typer(help="Benchmarks: rows of figures, with --json for programs.", no_args_is_help=True)
+bench_app.command("robot")(bench_robot)
 
 
 @bench_app.command("diagnosis")
@@ -63,6 +65,20 @@ def bench_leg(as_json: Annotated[bool, typer.Option("--json", help="Print the ro
     for row in rows:
         table.add_row(row.name, f"{row.median:.0f}", f"{row.p99:.0f}", str(row.n))
     Console(file=sys.stdout, highlight=False).print(table)
+
+
+@bench_app.command("sweep")
+def bench_sweep(as_json: Annotated[bool, typer.Option("--json", help="Print the rows as JSON.")] = False) -> None:
+    """Sweeps: speed-up of two processes over one, and a stability map of 10^4 loops."""
+    from drake_tc.bench.sweep_speed import sweep_rows
+
+    with progress_bar("bench sweep", quiet=as_json) as progress:
+        rows = sweep_rows(progress)
+    if as_json:
+        print(json.dumps({"name": "sweep", "rows": [row.to_json() for row in rows]}))
+        return
+    for row in rows:
+        print(f"{row.name}: {row.median:.3g} {'' if row.unit == '-' else row.unit}".rstrip())
 
 
 def _real(name: str, table: Callable[[Path], list[RealRow]], data: Path, as_json: bool) -> None:
@@ -120,3 +136,31 @@ def bench_real_uart(data: Data, as_json: AsJson = False) -> None:
     from drake_tc.bench.real_uart import rows
 
     _real("real-uart", rows, data, as_json)
+
+
+@bench_app.command("real-tx40")
+def bench_real_tx40(data: Data, as_json: AsJson = False) -> None:
+    """Industrial arm with a coupled wrist: torque residual on held-out stretches, joint by joint."""
+    from drake_tc.bench.real_tx40 import rows
+
+    with progress_bar("bench real-tx40", quiet=as_json) as progress:
+        table = rows(data, progress)
+    _real("real-tx40", lambda _: table, data, as_json)
+
+
+@bench_app.command("real-tiago")
+def bench_real_tiago(data: Data, as_json: AsJson = False) -> None:
+    """Service robot's arm: what dominates the wrist's currents, and the share it explains."""
+    from drake_tc.bench.real_tiago import rows
+
+    _real("real-tiago", rows, data, as_json)
+
+
+@bench_app.command("real-double-pendulum")
+def bench_real_double_pendulum(data: Data, as_json: AsJson = False) -> None:
+    """Two quasi-direct drives: torque residual on held-out runs beside the pooled least squares."""
+    from drake_tc.bench.real_double_pendulum import rows
+
+    with progress_bar("bench real-double-pendulum", quiet=as_json) as progress:
+        table = rows(data, progress)
+    _real("real-double-pendulum", lambda _: table, data, as_json)

@@ -32,6 +32,9 @@ def close_loop_command(
     holdout: Annotated[list[Path] | None, typer.Option(help="A run that takes no part in fitting; repeat.")] = None,
     out: Annotated[Path, typer.Option(help="Folder for report.html, report.json and both models.")] = Path("out"),
     seed: Annotated[int, typer.Option(help="Seed of the resampling (and of the demo's rig).")] = 0,
+    closed_loop: Annotated[
+        bool, typer.Option("--closed-loop/--no-closed-loop", help="Simulate the torque loop before and after.")
+    ] = True,
     as_json: Annotated[bool, typer.Option("--json", help="Print report.json to stdout instead of the tables.")] = False,
 ) -> None:
     """Find what a joint's model lacks, add it, and report the error before and after.
@@ -51,10 +54,14 @@ def close_loop_command(
                 "wanted at least one --log RUN to fit and one --holdout RUN to judge by; got "
                 f"{len(log or [])} and {len(holdout or [])}"
             )
+        from drake_tc.diagrams.loop_before_after import compare_loops
         from drake_tc.diagrams.rig_free_run import rig_free_run
 
         with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
             result = close_loop(rig, log, holdout, replace(DiagnosisOptions(), seed=seed), rig_free_run, progress, pool)
+            if closed_loop:
+                found = compare_loops(result, seed, progress, pool)
+                result = replace(result, closed_loop=found, seconds=result.seconds + found.seconds)
         progress("writing the report", 0.95)
         result = write_results(result, out)
     if as_json:
@@ -64,13 +71,17 @@ def close_loop_command(
 
 
 def write_results(result: CloseLoopResult, out: Path) -> CloseLoopResult:
-    """report.html, report.json, model_before.yaml and model_after.yaml in `out`."""
+    """report.html, report.json, model_before.yaml, model_after.yaml and torque_uncertainty.yaml in `out`."""
+    from drake_tc.control.torque_uncertainty_file import save_torque_uncertainty
     from drake_tc.diagnosis.models import models_of
+    from drake_tc.diagnosis.torque_uncertainty import torque_uncertainty
     from drake_tc.report.html import write_report
 
     out.mkdir(parents=True, exist_ok=True)
     before, after = models_of(result, out)
-    result = replace(result, model_before_yaml=before, model_after_yaml=after)
+    uncertainty = torque_uncertainty(result)
+    save_torque_uncertainty(uncertainty, out / "torque_uncertainty.yaml")
+    result = replace(result, model_before_yaml=before, model_after_yaml=after, uncertainty=uncertainty)
     (out / "report.json").write_text(json.dumps(result_json(result), indent=1) + "\n", encoding="utf-8")
     write_report(result, out / "report.html")
     return result
@@ -79,6 +90,12 @@ def write_results(result: CloseLoopResult, out: Path) -> CloseLoopResult:
 def print_summary(result: CloseLoopResult, out: Path) -> None:
     """Verdict and one table a joint on stdout."""
     console = Console(file=sys.stdout, highlight=False)
+    for cause in result.shared:
+        values = ", ".join(f"{n} {p.value:.4g} {p.unit}" for n, p in cause.parameters.items())
+        gain = f"held-out gain of all joints {100 * cause.heldout_gain:.0f} %"
+        console.print(f"[bold]no single joint's[/bold]: + [bold]{cause.id}[/bold] of {cause.where}  {values}  ({gain})")
+        for other, where in cause.ties:
+            console.print(f"  ? {other} of {where} cannot be told apart from it by these logs")
     for joint in result.joints.values():
         console.print(f"[bold]{joint.joint}[/bold]: {VERDICTS[joint.verdict]}")
         console.print(_errors_table(joint))
@@ -89,6 +106,10 @@ def print_summary(result: CloseLoopResult, out: Path) -> None:
             console.print(f"  ? {first} and {second} cannot be told apart by these logs")
         if joint.next_experiment:
             console.print(f"  next: {joint.next_experiment}")
+        loop = None if result.closed_loop is None else result.closed_loop.joints.get(joint.joint)
+        if loop is not None and loop.changed:
+            before, after = (f"{1e3 * figures.rms_error:.3g}" for figures in (loop.before, loop.after))
+            console.print(f"  closed loop, simulated: tracking error {before} before, {after} mrad after")
     console.print(f"{result.seconds:.1f} s; report: {out / 'report.html'}")
 
 

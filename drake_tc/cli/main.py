@@ -15,6 +15,9 @@ from drake_tc.cli.identify_command import identify_command
 from drake_tc.cli.import_logs import import_logs
 from drake_tc.cli.reproduce_command import reproduce_command
 from drake_tc.cli.simulate_command import simulate_command
+from drake_tc.cli.stability_command import stability_command
+from drake_tc.cli.stability_map_command import stability_map_command
+from drake_tc.cli.tune_command import tune_command
 from drake_tc.errors import DrakeTcError
 
 app = typer.Typer(
@@ -29,6 +32,9 @@ app.command("import")(import_logs)
 app.command("simulate")(simulate_command)
 app.command("graph")(graph_command)
 app.command("reproduce")(reproduce_command)
+app.command("stability")(stability_command)
+app.command("stability-map")(stability_map_command)
+app.command("tune")(tune_command)
 app.add_typer(bench_app, name="bench")
 
 

@@ -1,0 +1,97 @@
+"""Where a sweep runs: processes of this machine that come back when one dies, or a Dask cluster."""
+
+from collections.abc import Callable, Iterator
+from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor
+from contextlib import contextmanager
+from multiprocessing import get_context
+from typing import Any, TypeVar
+
+from threadpoolctl import threadpool_limits
+
+from drake_tc.errors import ParamsError
+
+T = TypeVar("T")
+CONNECT_TIME = 10.0
+"""A scheduler answers within this time [s]."""
+
+
+def _start_worker() -> None:
+    threadpool_limits(1)
+
+
+class RestartingProcesses(Executor):
+    """Spawned processes, as `concurrent.futures.ProcessPoolExecutor`; after one has died, `restart` starts all anew.
+
+    The pool belongs to the caller's own process and is not part of any result, so it may change.
+    """
+
+    def __init__(self, workers: int) -> None:
+        """Start nothing yet; processes come with the first call.
+
+        Raises:
+            ParamsError: less than one worker.
+        """
+        if workers < 1:
+            raise ParamsError(f"workers: wanted at least 1; got {workers}")
+        self.workers = workers
+        self._pool = self._fresh()
+
+    def _fresh(self) -> ProcessPoolExecutor:
+        return ProcessPoolExecutor(self.workers, mp_context=get_context("spawn"), initializer=_start_worker)
+
+    def submit(self, fn: Callable[..., T], /, *args: Any, **kwargs: Any) -> Future[T]:
+        """As `Executor.submit`; a pool that has broken gives a future that says so."""
+        try:
+            return self._pool.submit(fn, *args, **kwargs)
+        except BrokenExecutor as error:
+            broken: Future[T] = Future()
+            broken.set_exception(error)
+            return broken
+
+    def restart(self) -> None:
+        """New processes; what was under way is lost."""
+        self._pool.shutdown(wait=True, cancel_futures=True)
+        self._pool = self._fresh()
+
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+        """As `Executor.shutdown`."""
+        self._pool.shutdown(wait=wait, cancel_futures=cancel_futures)
+
+
+@contextmanager
+def processes(workers: int) -> Iterator[RestartingProcesses]:
+    """Worker processes for `sweep`, ended on the way out, also after an interrupt.
+
+    Spawned, not forked: a script that uses them guards its own start by `if __name__ == "__main__":`.
+
+    Raises:
+        ParamsError: less than one worker.
+    """
+    pool = RestartingProcesses(workers)
+    try:
+        yield pool
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+@contextmanager
+def scheduler_executor(address: str) -> Iterator[Executor]:
+    """The workers of the Dask scheduler at `address`, such as "tcp://127.0.0.1:8786"; they need drake_tc installed.
+
+    Raises:
+        ParamsError: Dask is not installed, or nothing answers at the address.
+    """
+    try:
+        import distributed
+    except ImportError:
+        raise ParamsError("scheduler: wanted the package `distributed`; install drake-tc[cluster]") from None
+    dask: Any = distributed
+    try:
+        client = dask.Client(address, timeout=CONNECT_TIME, set_as_default=False)
+    except (OSError, ValueError, TimeoutError) as error:
+        raise ParamsError(
+            f"scheduler {address!r}: wanted a Dask scheduler, such as tcp://127.0.0.1:8786; {error or 'no answer'}"
+        ) from None
+    with client:
+        executor: Executor = client.get_executor(pure=False)
+        yield executor

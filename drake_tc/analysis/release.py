@@ -1,0 +1,117 @@
+"""A linear verdict held against time simulation: two runs from one state, one of them kicked, and what becomes of the
+difference.
+
+What both runs do alike (a motion, gravity) cancels. A small kick stays where the linearisation holds; a large one shows
+what dead zones, dry friction and limits make of it.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from pydrake.systems.analysis import InitializeParams, Simulator
+from pydrake.systems.framework import Context, Diagram
+
+from drake_tc.analysis.state_coordinates import StateCoordinates
+from drake_tc.errors import ParamsError, SimulationError
+from drake_tc.types import FloatArray
+
+EARLY, LATE = (0.2, 0.45), (0.75, 1.0)
+"""Shares of the time whose deviations are compared."""
+SHARE = 0.02
+"""Of the largest deviation: later ones below that count as decayed, whatever they do."""
+
+
+@dataclass(frozen=True)
+class Release:
+    """What became of a kick.
+
+    Attributes:
+        time: (T,) since the kick [s].
+        deviation: (T,) RMS over the watched states of what the kicked run differs by.
+    """
+
+    time: FloatArray
+    deviation: FloatArray
+
+    @property
+    def growth(self) -> float:
+        """RMS deviation late over early: below 1 the kick dies away."""
+        end = self.time[-1]
+        early, late = (
+            np.sqrt(np.mean(self.deviation[(self.time >= a * end) & (self.time <= b * end)] ** 2))
+            for a, b in (EARLY, LATE)
+        )
+        if not np.isfinite(late):
+            return float("inf")
+        if late <= SHARE * float(self.deviation.max()):
+            return float(min(late / early, 1.0 - 1e-12)) if early > 0.0 else 0.0
+        return float(late / early) if early > 0.0 else float("inf")
+
+    @property
+    def stable(self) -> bool:
+        """Whether the kick dies away."""
+        return self.growth < 1.0
+
+
+def release(
+    diagram: Diagram, context: Context, dt: float, kick: dict[str, float], watch: Sequence[str], duration: float = 2.0
+) -> Release:
+    """Kick some states, and follow the difference to the run without.
+
+    Args:
+        diagram: Whose loop.
+        context: Of it, at a tick; not changed.
+        dt: Control period [s].
+        kick: State ("system[i]", as `StateCoordinates.names`) to what is added to it.
+        watch: States whose difference is looked at.
+        duration: [s].
+
+    Raises:
+        ParamsError: an unknown state.
+        SimulationError: the run without the kick failed.
+    """
+    coordinates = StateCoordinates(diagram, context)
+    places = {name: i for i, name in enumerate(coordinates.names)}
+    for name in (*kick, *watch):
+        if name not in places:
+            raise ParamsError(f"release: no state {name!r}; those of a plant are named like {coordinates.names[:1]}")
+    seen = [places[name] for name in watch]
+    rows = []
+    for moved in (False, True):
+        own: Any = context.Clone()
+        if moved:
+            x = coordinates.read(own)
+            x[[places[name] for name in kick]] += list(kick.values())
+            coordinates.write(own, x)
+        rows.append(_run(diagram, own, dt, coordinates, seen, round(duration / dt)))
+    if len(rows[0]) < round(duration / dt):
+        raise SimulationError("release: the run without the kick did not reach its end")
+    lost = np.full((len(rows[0]) - len(rows[1]), len(seen)), np.inf)
+    difference = np.concatenate([rows[1], lost]) - rows[0]
+    time: FloatArray = dt * np.arange(1.0, len(difference) + 1.0)
+    return Release(time, np.sqrt(np.mean(difference**2, axis=1)))
+
+
+def _run(
+    diagram: Diagram, context: Context, dt: float, coordinates: StateCoordinates, seen: list[int], ticks: int
+) -> FloatArray:
+    """(T, k) of the watched states; shorter where the simulation failed."""
+    simulator = Simulator(diagram, context)
+    begin = round(context.get_time() / dt)
+    blocks = [block for block in coordinates.blocks if any(block.first <= i < block.first + block.size for i in seen)]
+    found = []
+    try:
+        simulator.Initialize(InitializeParams(suppress_initialization_events=True))
+        for tick in range(1, ticks + 1):
+            simulator.AdvanceTo((begin + tick) * dt)
+            x = np.zeros(coordinates.size)
+            for block in blocks:
+                x[block.first : block.first + block.size] = block.read(context)
+            found.append(x[seen])
+            if not np.all(np.abs(found[-1]) < 1e3):
+                break
+    except (RuntimeError, SystemExit):
+        pass
+    return np.array(found).reshape(-1, len(seen))

@@ -1,0 +1,216 @@
+"""A map of stability over any two numbers of a `JointLoop`: spectral radius, sensitivity peak or another figure."""
+
+from collections.abc import Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, fields, replace
+from typing import Any, Literal, get_args
+
+import numpy as np
+
+from drake_tc.analysis.joint_loop import JointLoop
+from drake_tc.analysis.sweep import Progress, SweepError, sweep
+from drake_tc.errors import ParamsError
+from drake_tc.types import BoolArray, FloatArray
+
+Figure = Literal["spectral_radius", "sensitivity_peak", "gain_margin", "phase_margin", "delay_margin"]
+WHOLE = ("window", "order", "extra_delay", "inertial_order")
+EQUIVALENT = ("k6", "k7", "friction")
+"""Beside the fields of JointLoop: K6 [-] and K7 [s] in place of Ks and Kd, and `friction` = K_v'/K_v [-]."""
+MOST_POINTS = 1_000_000
+
+
+@dataclass(frozen=True)
+class Axis:
+    """One parameter and the values that it takes.
+
+    Raises:
+        ParamsError: an unknown parameter, no value, or one that is not finite.
+    """
+
+    name: str
+    values: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        if self.name not in parameters():
+            raise ParamsError(f"map: no parameter {self.name!r}; possible: {', '.join(parameters())}")
+        if not self.values or not np.all(np.isfinite(self.values)):
+            raise ParamsError(f"map: {self.name}: wanted finite values; got {self.values}")
+
+    @classmethod
+    def parse(cls, text: str) -> "Axis":
+        """From "NAME=FIRST:LAST:STEP", the last included, or "NAME=A,B,C".
+
+        Raises:
+            ParamsError: another form, or more than a million values.
+        """
+        name, _, numbers = text.partition("=")
+        wanted = f"map axis {text!r}: wanted NAME=FIRST:LAST:STEP with a step > 0, or NAME=A,B,C"
+        try:
+            parts = [float(part) for part in numbers.split(":" if ":" in numbers else ",")]
+        except ValueError:
+            raise ParamsError(wanted) from None
+        if ":" not in numbers:
+            return cls(name, tuple(parts))
+        if len(parts) != 3 or not np.all(np.isfinite(parts)) or parts[2] <= 0.0 or parts[1] < parts[0]:
+            raise ParamsError(wanted)
+        count = int(np.floor((parts[1] - parts[0]) / parts[2] + 1e-9)) + 1
+        if count > MOST_POINTS:
+            raise ParamsError(f"map axis {text!r}: wanted at most {MOST_POINTS} values; got {count}")
+        return cls(name, tuple((parts[0] + parts[2] * np.arange(count)).tolist()))
+
+
+@dataclass(frozen=True, eq=False)
+class StabilityMap:
+    """A figure over two parameters.
+
+    Attributes:
+        x, y: The axes.
+        figure: What is mapped.
+        values: (len(y), len(x)); NaN where a point could not be computed, or an unstable loop has no margins.
+        radius: (len(y), len(x)) spectral radius; the loop is stable below 1.
+        present: (x, y) of the loop that the map was made from.
+        failed: What went wrong at points without a result.
+    """
+
+    x: Axis
+    y: Axis
+    figure: Figure
+    values: FloatArray
+    radius: FloatArray
+    present: tuple[float, float]
+    failed: tuple[str, ...] = ()
+
+    @property
+    def stable(self) -> BoolArray:
+        """(len(y), len(x))."""
+        return np.asarray(self.radius < 1.0)
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data; None for NaN."""
+        return {
+            "x": {"name": self.x.name, "values": list(self.x.values)},
+            "y": {"name": self.y.name, "values": list(self.y.values)},
+            "figure": self.figure,
+            "values": _plain(self.values),
+            "spectral_radius": _plain(self.radius),
+            "present": list(self.present),
+            "stable_share": float(np.mean(self.stable)),
+            "failed": list(self.failed),
+        }
+
+
+def parameters() -> tuple[str, ...]:
+    """What an axis may be: the numbers of a JointLoop, and EQUIVALENT."""
+    texts = ("gravity_at", "velocity_from")
+    return tuple(field.name for field in fields(JointLoop) if field.name not in texts) + EQUIVALENT
+
+
+def value_of(loop: JointLoop, name: str) -> float:
+    """The loop's own value of a parameter; NaN for `at` mid-window."""
+    per = loop.k_tau_model * (1.0 + loop.kp)
+    if name == "k6":
+        return loop.ks * per
+    if name == "k7":
+        return loop.kd * per
+    if name == "friction":
+        return loop.k_v_model / loop.k_v if loop.k_v else np.nan
+    value = getattr(loop, name)
+    return np.nan if value is None else float(value)
+
+
+def with_values(loop: JointLoop, values: dict[str, float]) -> JointLoop:
+    """The loop with other values; K6 and K7 stay what they are unless Ks, Kd, or they themselves are given.
+
+    Raises:
+        ParamsError: a value that is not possible.
+    """
+    plain: dict[str, Any] = {name: value for name, value in values.items() if name not in EQUIVALENT}
+    for name in WHOLE:
+        if name in plain:
+            if plain[name] != round(plain[name]):
+                raise ParamsError(f"map: {name}: wanted whole numbers; got {plain[name]:g}")
+            plain[name] = round(plain[name])
+    if "friction" in values:
+        plain["k_v_model"] = values["friction"] * loop.k_v
+    changed = replace(loop, **plain)
+    per = changed.k_tau_model * (1.0 + changed.kp)
+    kept = {name: values.get(name, value_of(loop, name)) for name in ("k6", "k7")}
+    ks = changed.ks if "ks" in plain else kept["k6"] / per
+    kd = changed.kd if "kd" in plain else kept["k7"] / per
+    return replace(changed, ks=ks, kd=kd)
+
+
+def map_point(point: tuple[JointLoop, dict[str, float], Figure], seed: int) -> tuple[float, float]:
+    """(figure, spectral radius) of one point; the seed is not used."""
+    loop, values, figure = point
+    changed = with_values(loop, values)
+    radius = changed.spectral_radius()
+    if figure == "spectral_radius":
+        return radius, radius
+    return (float(getattr(changed.margins(), figure)) if radius < 1.0 else np.nan), radius
+
+
+def stability_map(
+    loop: JointLoop,
+    x: Axis,
+    y: Axis,
+    figure: Figure = "spectral_radius",
+    *,
+    executor: Executor | None = None,
+    progress: Progress | None = None,
+) -> StabilityMap:
+    """A figure over two parameters, all else as in `loop`; K6 and K7 are kept when Kp or a model changes.
+
+    Args:
+        loop: The present setting, marked in the plot.
+        x: First parameter.
+        y: Second one.
+        figure: "spectral_radius", or one of the margins.
+        executor: As `sweep`.
+        progress: Told how many points are done, and which share.
+
+    Raises:
+        ParamsError: the same parameter twice, an unknown figure, or more than a million points.
+    """
+    if figure not in get_args(Figure):
+        raise ParamsError(f"map: no figure {figure!r}; possible: {', '.join(get_args(Figure))}")
+    if x.name == y.name or len(x.values) * len(y.values) > MOST_POINTS:
+        raise ParamsError(f"map: wanted two parameters and at most {MOST_POINTS} points; got {x.name} and {y.name}")
+    points: Sequence[tuple[JointLoop, dict[str, float], Figure]] = [
+        (loop, {x.name: across, y.name: up}, figure) for up in y.values for across in x.values
+    ]
+    failed: tuple[str, ...] = ()
+    try:
+        results = sweep(map_point, points, executor=executor, progress=progress)
+    except SweepError as error:
+        if all(result is None for result in error.results):
+            raise
+        results = [(np.nan, np.nan) if result is None else result for result in error.results]
+        failed = tuple(map(str, error.failed))
+    grid = np.array(results, dtype=np.float64).reshape(len(y.values), len(x.values), 2)
+    present = (value_of(loop, x.name), value_of(loop, y.name))
+    return StabilityMap(x, y, figure, grid[..., 0], grid[..., 1], present, failed)
+
+
+def draw_map(figure: Any, found: StabilityMap) -> None:
+    """Draw into a matplotlib Figure: the figure as colour, the border of stability as a line, the present setting."""
+    axes = figure.subplots()
+    unit = {"delay_margin": "delay margin [ms]"}.get(found.figure, found.figure.replace("_", " "))
+    shown = found.values * (1e3 if found.figure == "delay_margin" else 1.0)
+    finite = shown[np.isfinite(shown)]
+    high = float(np.quantile(finite, 0.95)) if finite.size else 1.0
+    x, y = np.array(found.x.values), np.array(found.y.values)
+    mesh = axes.pcolormesh(x, y, shown, shading="nearest", cmap="viridis", vmax=high)
+    figure.colorbar(mesh, ax=axes, label=unit)
+    if min(found.radius.shape) > 1 and np.unique(found.stable[np.isfinite(found.radius)]).size == 2:
+        axes.contour(x, y, found.radius, levels=[1.0], colors="tab:red", linewidths=2.0)
+    if np.all(np.isfinite(found.present)):
+        axes.plot(*found.present, "*", color="tab:orange", markersize=14, label="present setting", clip_on=False)
+        axes.legend(fontsize="small")
+    axes.set(xlabel=found.x.name, ylabel=found.y.name, title="stable below 1; the line is the border")
+    if found.figure != "spectral_radius":
+        axes.set_title("white: unstable; the line is the border")
+
+
+def _plain(values: FloatArray) -> list[list[float | None]]:
+    return [[float(v) if np.isfinite(v) else None for v in row] for row in values]

@@ -1,0 +1,205 @@
+"""`sweep`: a function at many points, through any executor, with the same results bit for bit."""
+
+import math
+import os
+import pickle
+from collections import deque
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Executor, Future, wait
+from typing import Any
+
+from threadpoolctl import threadpool_limits
+
+from drake_tc.analysis.executors import processes, scheduler_executor
+from drake_tc.analysis.sweep_points import FailedPoint, Function, failed, point_seed, run_points
+from drake_tc.errors import DrakeTcError, ParamsError
+
+__all__ = ["FailedPoint", "SweepError", "point_seed", "processes", "scheduler_executor", "sweep"]
+
+Progress = Callable[[str, float], None]
+Item = tuple[int, Any]
+CHUNKS = 64
+"""About so many chunks, where their size is not given."""
+TRIES = 3
+"""A point whose process dies this often, when nothing else runs beside it, has failed."""
+
+
+class SweepError(DrakeTcError):
+    """Points that failed, after all others were done.
+
+    Attributes:
+        results: In the order of the points; None where a point failed.
+        failed: Those points.
+    """
+
+    def __init__(self, results: list[Any], failed: Sequence[FailedPoint]) -> None:
+        """Name the first one, and how many there are."""
+        more = f"; {len(failed)} of {len(results)} points failed" if len(failed) > 1 else ""
+        super().__init__(f"sweep: {failed[0]}{more}")
+        self.results, self.failed = results, tuple(failed)
+
+
+def sweep(
+    function: Function,
+    points: Iterable[Any],
+    *,
+    executor: Executor | None = None,
+    chunk: int | None = None,
+    progress: Progress | None = None,
+    seed: int = 0,
+) -> list[Any]:
+    """function(point, seed of the point) at every point.
+
+    The seed of point i is that of child i of numpy's `SeedSequence(seed)`, and linear algebra runs on one thread
+    everywhere: the results do not depend on who computes them, nor on chunks and their order (on machines of one kind;
+    another CPU may round differently). A worker that dies is restarted and its points are done again; a point at which
+    it dies time after time has failed. A point that fails takes no other with it.
+
+    Args:
+        function: At the top of a module, so that it can be sent to a process.
+        points: What can be pickled.
+        executor: Any of `concurrent.futures`, `processes(n)` or `scheduler_executor(address)`; None: here, one by one.
+        chunk: Points that are sent together; None: such that there are about 64 chunks.
+        progress: Told how many are done, and which share.
+        seed: Of the sweep.
+
+    Returns:
+        One result a point, in the order of the points.
+
+    Raises:
+        SweepError: points failed; it has the results of all others.
+        ParamsError: a function or point that cannot be sent, or an executor that died and cannot be restarted.
+    """
+    items = list(enumerate(points))
+    size = max(1, math.ceil(len(items) / CHUNKS)) if chunk is None else chunk
+    if size < 1:
+        raise ParamsError(f"chunk: wanted at least 1 point; got {chunk}")
+    chunks = [items[first : first + size] for first in range(0, len(items), size)]
+    results: list[Any] = [None] * len(items)
+    done = 0
+
+    def keep(part: Sequence[Item], values: Sequence[Any]) -> None:
+        nonlocal done
+        for (index, _), value in zip(part, values, strict=True):
+            results[index] = value
+        done += len(part)
+        if progress:
+            progress(f"{done} of {len(items)}", done / len(items))
+
+    with threadpool_limits(1):
+        if executor is None:
+            for part in chunks:
+                keep(part, run_points(function, part, seed, os.getpid()))
+        else:
+            _Dispatch(executor, function, seed, keep).run(chunks)
+    wrong = [value for value in results if isinstance(value, FailedPoint)]
+    if wrong:
+        raise SweepError([None if isinstance(value, FailedPoint) else value for value in results], wrong)
+    return results
+
+
+class _Dispatch:
+    """Chunks through an executor: as many under way as keep it busy, lost ones again, the second time alone."""
+
+    def __init__(
+        self, executor: Executor, function: Function, seed: int, keep: Callable[[Sequence[Item], Sequence[Any]], None]
+    ) -> None:
+        self._executor, self._function, self._seed, self._keep = executor, function, seed, keep
+        workers = getattr(executor, "workers", getattr(executor, "_max_workers", None))
+        self._most = 2 * workers + 1 if workers else None
+
+    def run(self, chunks: Sequence[Sequence[Item]]) -> None:
+        """All chunks. A chunk lost twice comes to single points, one at a time: only then is it known whose fault."""
+        suspects = self._side_by_side(self._side_by_side(chunks))
+        for item in (item for part in suspects for item in part):
+            self._alone(item)
+
+    def _submit(self, part: Sequence[Item]) -> Future[list[Any]]:
+        return self._executor.submit(run_points, self._function, part, self._seed, os.getpid())
+
+    def _side_by_side(self, chunks: Sequence[Sequence[Item]]) -> list[Sequence[Item]]:
+        """Run the chunks; those that were under way when a worker died are returned."""
+        waiting, lost = deque(chunks), []
+        running: dict[Future[list[Any]], Sequence[Item]] = {}
+        try:
+            while waiting or running:
+                while waiting and (self._most is None or len(running) < self._most):
+                    part = waiting.popleft()
+                    running[self._submit(part)] = part
+                finished = wait(running, return_when=FIRST_COMPLETED).done
+                broken = False
+                for future in finished:
+                    part = running.pop(future)
+                    values, died = self._outcome(future)
+                    if died is None:
+                        self._keep(part, values)
+                    else:
+                        broken = broken or isinstance(died, BrokenExecutor)
+                        lost.append(part)
+                if broken:
+                    lost += self._settle(running)
+                    running.clear()
+                    self._restart()
+        finally:
+            for future in running:
+                future.cancel()
+        return lost
+
+    def _settle(self, running: dict[Future[list[Any]], Sequence[Item]]) -> list[Sequence[Item]]:
+        """Of a broken pool: keep what was finished, return the rest."""
+        lost = []
+        wait(running)
+        for future, part in running.items():
+            values, died = self._outcome(future)
+            if died is None:
+                self._keep(part, values)
+            else:
+                lost.append(part)
+        return lost
+
+    def _alone(self, item: Item) -> None:
+        """One point while nothing else runs."""
+        for _ in range(TRIES):
+            values, died = self._outcome(self._submit([item]))
+            if died is None:
+                self._keep([item], values)
+                return
+            if isinstance(died, BrokenExecutor):
+                self._restart()
+        self._keep([item], [failed(*item, f"its process died {TRIES} times")])
+
+    def _restart(self) -> None:
+        restart = getattr(self._executor, "restart", None)
+        if restart is None:
+            raise ParamsError(
+                f"executor: a worker of {type(self._executor).__name__} died and it cannot be restarted;"
+                " use processes(n) of drake_tc.analysis.sweep"
+            )
+        restart()
+        try:
+            self._executor.submit(os.getpid).result()
+        except BrokenExecutor:
+            raise ParamsError(
+                "sweep: worker processes die before they begin; a script that starts them needs a file of its own and"
+                ' `if __name__ == "__main__":` around its start'
+            ) from None
+
+    def _outcome(self, future: Future[list[Any]]) -> tuple[list[Any], BaseException | None]:
+        """(values, None), or ([], what killed the worker).
+
+        Raises:
+            ParamsError: the chunk could not be sent, or its results not sent back.
+        """
+        try:
+            return future.result(), None
+        except (BrokenExecutor, CancelledError) as error:
+            return [], error
+        except (pickle.PicklingError, AttributeError, TypeError) as error:
+            name = getattr(self._function, "__qualname__", repr(self._function))
+            raise ParamsError(
+                f"sweep: wanted a function, points and results that can be pickled; {name}: {error}"
+            ) from None
+        except Exception as error:
+            if type(error).__name__ == "KilledWorker":  # of Dask, which need not be installed
+                return [], error
+            raise

@@ -1,0 +1,177 @@
+"""What a joint's linear loop makes of a motion: its tracking error and the noise in its command, without simulating.
+
+With e = q_d - q, G from the drive's effort to the position and C the feedback law of `JointLoop` (y = C q), the effort
+that the law gives along the reference itself falls short of what the drive needs there by a mismatch m(t), and
+
+    e = G/(1 - G C) m,       m = y_needed - y_law(q = q_d)
+
+    y_law = K_tau' [(1 + Kp) tau_r - Kp tau_e + (1 + Kp) Kd (q_d' - vhat) + Ki h sum(tau_r - tau_e + Kd (q_d' - vhat))]
+            + K_v' vhat + y_extra
+    tau_e = I ahat + z^-(1+d) w_0 (tau_r - I q_d'')       vhat, ahat: the filter's, of q_d
+
+Along the reference all that is not linear (dead zone, dry friction, a gain that switches) is a function of time. So the
+delay of a long window is in m, what the feedback makes of it in G/(1 - G C); an encoder's noise enters as (C + 1) n,
+that of the estimated torque as -K_tau' (Kp + Ki h/(z - 1)) w_0 n.
+"""
+
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+
+import numpy as np
+from scipy.signal import lfilter
+
+from drake_tc.analysis.joint_loop import JointLoop
+from drake_tc.errors import ParamsError
+from drake_tc.filtering.savgol_weights import savgol_weights
+from drake_tc.types import FloatArray
+
+SETTLING = 1500
+"""Ticks over which the loop's answer to one sample of noise is summed up."""
+
+
+@dataclass(frozen=True, eq=False)
+class JointTask:
+    """A joint, the motion it is asked for, and the setting it has now.
+
+    Attributes:
+        joint: Name.
+        loops: The joint with its present gains where its inertia is typical for the motion, then at other postures,
+            where the margins must hold as well.
+        position, velocity, acceleration: (T,) q_d, q_d', q_d'' [rad, rad/s, rad/s^2].
+        torque: (T,) tau_r, of the link along the reference [N m].
+        needed: (T,) y_needed, what the drive with all its effects needs along the reference [effort].
+        extra: (T,) y_extra, what the controller compensates beyond K_tau' tau + K_v' qdot [effort].
+        encoder_noise: [rad] a sample.
+        torque_noise: Of the estimated torque a sample, before the filter [N m].
+        begin: Errors are judged from this row on.
+
+    Raises:
+        ParamsError: rows that do not agree, or no loop.
+    """
+
+    joint: str
+    loops: tuple[JointLoop, ...]
+    position: FloatArray
+    velocity: FloatArray
+    acceleration: FloatArray
+    torque: FloatArray
+    needed: FloatArray
+    extra: FloatArray
+    encoder_noise: float = 0.0
+    torque_noise: float = 0.0
+    begin: int = 0
+
+    def __post_init__(self) -> None:
+        if not self.loops:
+            raise ParamsError(f"task of {self.joint}: wanted at least one loop")
+        samples = self.position.shape
+        for name in ("velocity", "acceleration", "torque", "needed", "extra"):
+            if getattr(self, name).shape != samples or len(samples) != 1:
+                raise ParamsError(
+                    f"task of {self.joint}: wanted {name} of shape {samples}; got {getattr(self, name).shape}"
+                )
+        if not 0 <= self.begin < max(samples[0], 1):
+            raise ParamsError(f"task of {self.joint}: wanted 0 <= begin < {samples[0]}; got {self.begin}")
+
+
+@dataclass(frozen=True, eq=False)
+class FilteredTask:
+    """A task behind one filter: what every choice of gains has in common.
+
+    Attributes:
+        task: The task, its loops with that filter.
+        late_velocity: (T,) q_d' - vhat [rad/s].
+        late_torque: (T,) tau_r - tau_e [N m].
+    """
+
+    task: JointTask
+    late_velocity: FloatArray = field(repr=False)
+    late_torque: FloatArray = field(repr=False)
+
+
+def filtered_task(task: JointTask, window: int, order: int, at: float | None = None) -> FilteredTask:
+    """The task with another filter.
+
+    Raises:
+        ParamsError: as `savgol_weights`.
+    """
+    loops = tuple(replace(loop, window=window, order=order, at=at) for loop in task.loops)
+    loop = loops[0]
+    velocity, acceleration = (_estimate(loop, task.position, k) for k in (1, 2))
+    rest = _estimate(loop, task.torque - loop.link_inertia * task.acceleration, 0)
+    seen = loop.link_inertia * acceleration + rest
+    return FilteredTask(replace(task, loops=loops), task.velocity - velocity, task.torque - seen)
+
+
+def predicted_error(filtered: FilteredTask, loop: JointLoop) -> FloatArray:
+    """(T,) tracking error [rad] of a loop with the task's filter, from rest.
+
+    Args:
+        filtered: Task behind the loop's filter.
+        loop: Its plant, model and filter with any gains.
+    """
+    task = filtered.task
+    k_tau, late = loop.k_tau_model, filtered.late_velocity
+    law = task.torque + loop.kp * filtered.late_torque + (1.0 + loop.kp) * loop.kd * late
+    if loop.ki:
+        summed = np.cumsum(filtered.late_torque + loop.kd * late)
+        law = law + loop.ki * loop.dt * np.append(0.0, summed[:-1])
+    seen = task.velocity - late if loop.velocity_from == "estimate" else task.velocity
+    mismatch = task.needed - task.extra - k_tau * law - loop.k_v_model * seen
+    return np.asarray(_through(loop, mismatch))
+
+
+def predicted_noise(task: JointTask, loop: JointLoop) -> tuple[float, float]:
+    """RMS (of the tracking error [rad], of the drive's effort [effort]) that the sensors' noise makes.
+
+    White noise of the encoder and, independent of it, of the estimated torque; the effort is what the command asks of
+    the servo, q_command - q.
+    """
+    error, effort = 0.0, 0.0
+    for size, law in ((task.encoder_noise, _encoder_law(loop)), (task.torque_noise, _torque_law(loop))):
+        pulse = np.append(1.0, np.zeros(SETTLING))
+        entering = lfilter(law, loop._integrator, pulse)
+        moved = _through(loop, entering)
+        answer = entering + lfilter(loop._feedback, loop._integrator, moved)
+        error += size**2 * float(moved @ moved)
+        effort += size**2 * float(answer @ answer)
+    return float(np.sqrt(error)), float(np.sqrt(effort))
+
+
+def _through(loop: JointLoop, effort: FloatArray) -> FloatArray:
+    """G/(1 - G C) of an effort."""
+    return np.asarray(lfilter(loop._drive_gain * np.append(0.0, loop._integrator), loop.characteristic(), effort))
+
+
+def _estimate(loop: JointLoop, signal: FloatArray, derivative: int) -> FloatArray:
+    """What a reader sees at each tick, from rest at the first sample."""
+    weights = _late_weights(loop, loop.order, derivative)
+    start = float(signal[0])
+    seen = lfilter(weights, [1.0], signal - start)
+    return np.asarray(seen + start if derivative == 0 else seen)
+
+
+def _late_weights(loop: JointLoop, order: int, derivative: int) -> FloatArray:
+    return _cached_weights(loop.window, order, loop.at, derivative, loop.dt, 1 + loop.extra_delay)
+
+
+@lru_cache(maxsize=256)
+def _cached_weights(window: int, order: int, at: float | None, derivative: int, dt: float, ticks: int) -> FloatArray:
+    """z^-ticks w(1/z)."""
+    weights = np.append(np.zeros(ticks), savgol_weights(window, order, at, derivative, dt)[::-1])
+    weights.setflags(write=False)
+    return weights
+
+
+def _encoder_law(loop: JointLoop) -> FloatArray:
+    """C + 1, over 1 - 1/z where there is an integral: the command is the reading plus y."""
+    law = loop._feedback.copy()
+    law[: loop._integrator.size] += loop._integrator
+    return law
+
+
+def _torque_law(loop: JointLoop) -> FloatArray:
+    """-K_tau' (Kp + Ki h/(z - 1)) w_0, over 1 - 1/z where there is an integral."""
+    weights = _late_weights(loop, loop.inertial_order, 0)
+    feedback = np.array([loop.kp, loop.ki * loop.dt - loop.kp]) if loop.ki else np.array([loop.kp])
+    return np.asarray(-loop.k_tau_model * np.convolve(feedback, weights))

@@ -1,0 +1,171 @@
+"""`drake-tc stability`: a diagram's loop linearised, its margins, and its verdict held against time simulation."""
+
+import json
+import sys
+from contextlib import nullcontext
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Annotated, Any
+
+import numpy as np
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from drake_tc.cli.progress import progress_bar
+from drake_tc.errors import ParamsError
+
+if TYPE_CHECKING:
+    from drake_tc.analysis.margins import Margins
+    from drake_tc.analysis.release import Release
+    from drake_tc.analysis.sampled import SampledSystem
+    from drake_tc.diagrams.scenario import Scenario
+
+SHOWN = 8
+"""Eigenvalues that are printed."""
+DRIFT = 1e-5
+"""Eigenvalues as close to 1 belong to what stays where it is put."""
+KICK = 1e-3
+"""Of every joint's speed, in the simulation that checks the verdict [rad/s]."""
+
+
+@dataclass(frozen=True)
+class _Found:
+    """What was computed."""
+
+    system: "SampledSystem"
+    margins: "Margins | None"
+    release: "Release"
+    radius: float
+
+    @property
+    def verdict(self) -> str:
+        return "stable" if self.radius < 1.0 else "unstable"
+
+    @property
+    def agrees(self) -> bool:
+        return (self.radius < 1.0) == self.release.stable
+
+
+def stability_command(
+    diagram: Annotated[str, typer.Argument(help="Name of a diagram; a wrong one lists those there are.")],
+    scenario_name: Annotated[str | None, typer.Option(help="Scenario; the file's first when left out.")] = None,
+    scenario_file: Annotated[Path | None, typer.Option(help="Scenario file (YAML) of your own.")] = None,
+    scenario_text: Annotated[str | None, typer.Option(help="YAML of fields to change: '{gains: {k6: 0.25}}'.")] = None,
+    open_at: Annotated[str, typer.Option(help="SYSTEM:PORT where the loop is cut.")] = "torque_control:command",
+    joint: Annotated[str | None, typer.Option(help="Joint whose channel is cut; the first when left out.")] = None,
+    at: Annotated[float, typer.Option(min=0.0, help="Moment of the scenario that is linearised [s].")] = 0.7,
+    friction: Annotated[
+        str, typer.Option(help="sliding (dry friction constant, dead zone passed) or modelled (as the drives have it).")
+    ] = "sliding",
+    direction: Annotated[float, typer.Option(min=-1.0, max=1.0, help="Of the sliding: 1, -1; 0: the mean.")] = 0.0,
+    seed: Annotated[int, typer.Option(min=0, help="Of the kick's signs, joint by joint.")] = 0,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the figures as JSON.")] = False,
+) -> None:
+    """Eigenvalues, margins and verdict of a diagram's loop, at one moment of a scenario, with perfect sensors."""
+    from drake_tc.diagrams.operating_point import sliding
+    from drake_tc.diagrams.registry import diagram_entry
+
+    if friction not in ("sliding", "modelled"):
+        raise typer.BadParameter(f"wanted sliding or modelled, got {friction!r}", param_hint="--friction")
+    scenario = diagram_entry(diagram).scenario(scenario_name, scenario_file, scenario_text)
+    with (
+        progress_bar(f"stability {diagram}", quiet=as_json) as progress,
+        TemporaryDirectory() if friction == "sliding" else nullcontext() as folder,
+    ):
+        if folder is not None:
+            scenario = sliding(scenario, Path(folder), direction)
+        channel, found = _analyse(scenario, open_at, joint, at, seed, progress)
+    if as_json:
+        print(json.dumps({"diagram": diagram, "at": at, "friction": friction, "open_at": channel, **_to_json(found)}))
+        return
+    _print(found, channel)
+
+
+def _analyse(
+    scenario: "Scenario", open_at: str, joint: str | None, at: float, seed: int, progress: Any
+) -> tuple[str, _Found]:
+    from drake_tc.analysis.margins import frequency_grid, margins
+    from drake_tc.analysis.release import release
+    from drake_tc.analysis.sampled import open_loop
+    from drake_tc.diagrams.operating_point import settled
+
+    progress("to the operating point", 0.0)
+    loop, context = settled(scenario, at)
+    joints = loop.robot.joints
+    if joint is not None and joint not in joints:
+        raise ParamsError(f"--joint: no joint {joint!r}; joints: {', '.join(joints)}")
+    progress("linearising", 0.15)
+    cut = open_loop(loop.diagram, context, scenario.dt, open_at)
+    index = 0 if joint is None else joints.index(joint)
+    if index >= len(cut.inputs):
+        raise ParamsError(f"--joint: {open_at} has {len(cut.inputs)} channels, none of joint {joint!r}")
+    progress("eigenvalues", 0.6)
+    closed = cut.closed()
+    radius = closed.radius_but_for_drift()
+    progress("margins", 0.7)
+    grid = frequency_grid(scenario.dt, 0.5, 400)
+    found = margins(cut.loop_response(index), scenario.dt, grid) if radius < 1.0 else None
+    progress("simulating the verdict", 0.8)
+    signs = np.random.default_rng(seed).choice([-1.0, 1.0], size=len(joints))
+    count = loop.plant.num_positions()
+    places = [loop.plant.GetJointByName(name).velocity_start() for name in joints]
+    kick = {f"plant[{count + place}]": KICK * float(sign) for place, sign in zip(places, signs, strict=True)}
+    freed = release(loop.diagram, context, scenario.dt, kick, tuple(kick), 1.0)
+    progress("done", 1.0)
+    return cut.inputs[index], _Found(closed, found, freed, radius)
+
+
+def _to_json(found: _Found) -> dict[str, Any]:
+    largest = [value for value in found.system.eigenvalues if abs(value - 1.0) > DRIFT][:SHOWN]
+    measured = None
+    if found.margins is not None:
+        measured = {name: value if np.isfinite(value) else None for name, value in vars(found.margins).items()}
+    growth = found.release.growth
+    return {
+        "states": len(found.system.states),
+        "eigenvalues": [[float(value.real), float(value.imag)] for value in largest],
+        "spectral_radius": found.system.spectral_radius,
+        "spectral_radius_but_for_drift": found.radius,
+        "margins": measured,
+        "kinks": list(found.system.kinks),
+        "verdict": found.verdict,
+        "simulation": {"growth": growth if np.isfinite(growth) else None, "stable": found.release.stable},
+        "agree": found.agrees,
+    }
+
+
+def _print(found: _Found, channel: str) -> None:
+    console = Console(file=sys.stdout, highlight=False)
+    table = Table(box=None, padding=(0, 1), pad_edge=False, show_header=False)
+    moving = [value for value in found.system.eigenvalues if abs(value - 1.0) > DRIFT]
+    for value in moving[:SHOWN]:
+        table.add_row("eigenvalue", f"{value.real:.6f} {value.imag:+.6f}j", f"|z| = {abs(value):.6f}")
+    console.print(table)
+    console.print(
+        f"{len(found.system.states)} states; spectral radius {found.system.spectral_radius:.6f};"
+        f" {found.radius:.6f} but for the {len(found.system.states) - len(moving)} at z = 1,"
+        " positions and wound-up friction that nothing pulls back",
+        soft_wrap=True,
+    )
+    if found.margins is None:
+        console.print("no margins: the closed loop is unstable")
+    else:
+        m = found.margins
+        console.print(
+            f"cut at {channel}: gain margin {m.gain_margin:.3g}, phase margin {np.degrees(m.phase_margin):.1f} deg,"
+            f" delay margin {1e3 * m.delay_margin:.2f} ms, sensitivity peak {m.sensitivity_peak:.2f}",
+            soft_wrap=True,
+            markup=False,
+        )
+    systems = sorted({name.partition("[")[0] for name in found.system.kinks})
+    if systems:
+        console.print(f"not smooth here, so that the verdict holds one-sidedly at best: {', '.join(systems)}")
+    console.print(f"verdict: {found.verdict}")
+    word = "dies away" if found.release.stable else "grows"
+    console.print(
+        f"simulation: a kick of {KICK:g} rad/s {word} (late over early speed {found.release.growth:.3g});"
+        f" {'agrees' if found.agrees else 'DISAGREES'}",
+        soft_wrap=True,
+    )

@@ -1,0 +1,191 @@
+"""`drake-tc tune`: window and gains of a loop's joints for the least tracking error under a stated margin."""
+
+import json
+import os
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+import yaml
+from rich.console import Console
+from rich.table import Table
+
+from drake_tc.cli.progress import progress_bar
+from drake_tc.cli.workers import tasks_of, worker_executor
+from drake_tc.errors import ParamsError
+
+if TYPE_CHECKING:
+    from drake_tc.analysis.tuning import Tuning
+    from drake_tc.diagrams.tuned import Confirmed
+
+
+def tune_command(
+    diagram: Annotated[str, typer.Argument(help="Name of a diagram; a wrong one lists those there are.")],
+    scenario_name: Annotated[str | None, typer.Option(help="Scenario; the file's first when left out.")] = None,
+    scenario_file: Annotated[Path | None, typer.Option(help="Scenario file (YAML) of your own.")] = None,
+    scenario_text: Annotated[str | None, typer.Option(help="YAML of fields to change: '{gains: {k6: 0.25}}'.")] = None,
+    joint: Annotated[
+        list[str] | None, typer.Option(help="Tune this joint alone, at the present window; repeat. All when left out.")
+    ] = None,
+    margin: Annotated[
+        float | None, typer.Option(help="Largest sensitivity peak [-]; each joint's present one when left out.")
+    ] = None,
+    delay_margin: Annotated[
+        float | None, typer.Option(help="Smallest delay margin [s]; each joint's present one when left out.")
+    ] = None,
+    noise: Annotated[
+        float, typer.Option(min=0.0, help="Noise let into the effort, as a multiple of the vendor servo's own.")
+    ] = 1.0,
+    window: Annotated[list[int] | None, typer.Option(min=3, help="Windows to try [samples]; repeat.")] = None,
+    begin: Annotated[float | None, typer.Option(min=0.0, help="Judge errors from this time on [s].")] = None,
+    simulate: Annotated[bool, typer.Option(help="Confirm by simulating the complete loop, before and after.")] = True,
+    plants: Annotated[int, typer.Option(min=0, help="Confirm on so many perturbed plants, too.")] = 0,
+    workers: Annotated[int, typer.Option(min=1, help="Processes on this machine.")] = os.cpu_count() or 1,
+    scheduler: Annotated[str | None, typer.Option(help="Address of a Dask scheduler to use instead.")] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Of the sensors' noise and the perturbed plants.")] = 0,
+    out: Annotated[Path | None, typer.Option(help="Folder for tuned.yaml and the Pareto fronts (SVG, PNG).")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
+) -> None:
+    """Choose window and gains, joint by joint: least tracking error of the scenario's motion under a stated margin.
+
+    The stiffness K6 stays. Without --margin and --delay-margin, each joint keeps its present margins or better.
+    """
+    from drake_tc.analysis.settings import default_goals
+    from drake_tc.analysis.tuning import SearchSpace, tune
+    from drake_tc.diagrams.registry import diagram_entry
+    from drake_tc.diagrams.summary import SETTLED
+    from drake_tc.diagrams.tuned import confirm
+    from drake_tc.diagrams.tuning_task import joint_tasks
+
+    if margin is not None and not margin > 1.0:
+        raise typer.BadParameter(f"wanted a sensitivity peak above 1, got {margin:g}", param_hint="--margin")
+    scenario = diagram_entry(diagram).scenario(scenario_name, scenario_file, scenario_text).changed(seed=seed)
+    first = min(SETTLED, 0.5 * scenario.duration) if begin is None else begin
+    tasks = tasks_of(joint_tasks(scenario, first), joint)
+    goals = default_goals(tasks, margin, delay_margin, noise)
+    space = SearchSpace()
+    if window or joint:
+        space = replace(space, windows=tuple(window or [scenario.filters.window]))
+    if out:
+        _make(out)
+    confirmed = None
+    with worker_executor(workers, scheduler) as executor:
+        with progress_bar("tune", quiet=as_json) as progress:
+            found = tune(tasks, goals, space, executor=executor, progress=progress)
+        if simulate:
+            with progress_bar("tune: simulating", quiet=as_json) as progress:
+                confirmed = confirm([(scenario, first)], found, plants, executor=executor, progress=progress, seed=seed)
+    files = _write(found, out) if out else []
+    if as_json:
+        print(
+            json.dumps({"diagram": diagram, "seed": seed, **_plain(found, confirmed), "files": list(map(str, files))})
+        )
+        return
+    _print(found, confirmed)
+    for file in files:
+        print(file)
+
+
+def _make(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ParamsError(f"{folder}: wanted a folder for the result; {error.strerror or error}") from None
+
+
+def _write(found: "Tuning", folder: Path) -> list[Path]:
+    """The fields for a scenario, and the fronts.
+
+    Raises:
+        ParamsError: a file that cannot be written.
+    """
+    from matplotlib.figure import Figure
+
+    from drake_tc.analysis.pareto_plot import draw_fronts
+    from drake_tc.diagrams.tuned import tuned_fields
+
+    files = [folder / name for name in ("tuned.yaml", "pareto.svg", "pareto.png")]
+    try:
+        text = yaml.safe_dump(tuned_fields(found), sort_keys=False, default_flow_style=None)
+        files[0].write_text(f"# Fields of a scenario, as `--scenario-text` takes them.\n{text}", encoding="utf-8")
+        for file in files[1:]:
+            figure = Figure(figsize=(11.0, 6.5), layout="constrained")
+            draw_fronts(figure, found)
+            figure.savefig(file, dpi=120)
+    except OSError as error:
+        raise ParamsError(f"{folder}: cannot be written: {error.strerror or error}") from None
+    return files
+
+
+def _plain(found: "Tuning", confirmed: "Confirmed | None") -> dict[str, Any]:
+    from dataclasses import asdict
+
+    from drake_tc.diagrams.tuned import tuned_fields
+
+    joints = [
+        {
+            "joint": joint.joint,
+            "before": asdict(joint.before) if joint.before else None,
+            "after": asdict(joint.after),
+            "front": [asdict(each) for each in joint.front],
+        }
+        for joint in found.joints
+    ]
+    result: dict[str, Any] = {
+        "window": found.window,
+        "order": found.order,
+        "tried": found.tried,
+        "predicted_ratio": found.ratio,
+        "joints": joints,
+        "fields": tuned_fields(found),
+    }
+    if confirmed is not None:
+        before, after = confirmed.nominal[0]
+        result["simulated"] = {
+            "joints": list(confirmed.joints),
+            "before": before.tolist(),
+            "after": after.tolist(),
+            "plant_ratios": confirmed.plant_ratios.tolist(),
+        }
+    return _finite(result)  # type: ignore[no-any-return]
+
+
+def _finite(value: Any) -> Any:
+    """The same with None for numbers that JSON does not have."""
+    if isinstance(value, dict):
+        return {key: _finite(each) for key, each in value.items()}
+    if isinstance(value, list):
+        return [_finite(each) for each in value]
+    return None if isinstance(value, float) and not abs(value) < float("inf") else value
+
+
+def _print(found: "Tuning", confirmed: "Confirmed | None") -> None:
+    console = Console(file=sys.stdout, highlight=False)
+    table = Table(box=None, padding=(0, 1), pad_edge=False)
+    table.add_column("joint", no_wrap=True)
+    simulated = ["simulated \\[mrad]"] if confirmed is not None else []
+    for heading in ("Kp", "Ki \\[1/s]", "K7 \\[ms]", "error \\[mrad]", *simulated, "peak", "delay \\[ms]"):
+        table.add_column(heading, justify="right")
+    for joint in found.joints:
+        before, after, chosen = joint.before, joint.after, joint.after.setting
+        cells = [f"{chosen.kp:.2f}", f"{chosen.ki:.1f}", f"{1e3 * chosen.k7:.1f}"]
+        cells.append(_change(1e3 * before.error if before else None, 1e3 * after.error, 3))
+        if confirmed is not None:
+            was, now = (1e3 * row[confirmed.joints.index(joint.joint)] for row in confirmed.nominal[0])
+            cells.append(_change(was, now, 3))
+        cells.append(_change(before.sensitivity_peak if before else None, after.sensitivity_peak, 2))
+        cells.append(_change(1e3 * before.delay_margin if before else None, 1e3 * after.delay_margin, 1))
+        table.add_row(joint.joint, *cells)
+    console.print(table)
+    console.print(f"window {found.window}, order {found.order}; {found.tried} settings tried; present > tuned")
+    console.print(f"predicted error, tuned over present: {found.ratio:.2f} (geometric mean of the joints)")
+    if confirmed is not None and confirmed.plant_ratios.size:
+        ratios = sorted(confirmed.plant_ratios.tolist())
+        middle, worst = ratios[len(ratios) // 2], ratios[-1]
+        console.print(f"{len(ratios)} perturbed plants, simulated: median {middle:.2f}, worst {worst:.2f}")
+
+
+def _change(before: float | None, after: float, digits: int) -> str:
+    return f"{'unstable' if before is None else format(before, f'.{digits}f')} > {after:.{digits}f}"

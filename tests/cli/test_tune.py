@@ -1,0 +1,122 @@
+"""`drake-tc tune` and `drake-tc stability-map`: what they print and write, that scenarios read it, and refusals."""
+
+import json
+
+import numpy as np
+import pytest
+import yaml
+from drake_tc.diagrams.registry import diagram_entry
+
+from drake_tc.analysis import tuning
+
+SHORT = ("--scenario-text", "{duration: 0.8}")
+BRISK = ("--scenario-name", "brisk_swing", *SHORT, "--begin", "0.28", "--workers", "1")
+KNEE = ("--joint", "r_knee", "--window", "30")
+ANKLE_MAP = ("--joint", "r_ankle_roll", "--x", "window=20,80", "--y", "kp=1,2", "--workers", "1")
+
+
+@pytest.fixture(autouse=True)
+def a_small_space(monkeypatch):
+    small = tuning.SearchSpace(kp=(1.0, 2.0), ki=(0.0, 5.0), k7=(0.8, 1.2), rounds=0)
+    monkeypatch.setattr(tuning, "SearchSpace", lambda: small)
+
+
+def test_help_names_every_option(invoke):
+    outcome = invoke("tune", "--help")
+    assert outcome.code == 0 and outcome.err == ""
+    for option in ("--joint", "--margin", "--scheduler", "--workers", "--out", "--json", "--seed", "--plants"):
+        assert option in outcome.out
+    outcome = invoke("stability-map", "--help")
+    assert all(option in outcome.out for option in ("--x", "--y", "--figure", "--kf", "--scheduler"))
+
+
+def test_the_tuned_fields_are_what_a_scenario_reads(invoke, tmp_path):
+    outcome = invoke("tune", "hrp2_leg", *BRISK, *KNEE, "--no-simulate", "--out", tmp_path / "new", "--json")
+    assert outcome.code == 0 and outcome.err == ""
+    found = json.loads(outcome.out)
+    assert (found["diagram"], found["window"], found["tried"]) == ("hrp2_leg", 30, 8)
+    (knee,) = found["joints"]
+    assert knee["after"]["sensitivity_peak"] <= knee["before"]["sensitivity_peak"] * 1.001
+    assert knee["after"]["delay_margin"] >= knee["before"]["delay_margin"] * 0.999
+    assert found["predicted_ratio"] == pytest.approx(knee["after"]["error"] / knee["before"]["error"])
+    assert found["predicted_ratio"] < 0.7
+    text = (tmp_path / "new" / "tuned.yaml").read_text()
+    assert yaml.safe_load(text) == found["fields"]
+    scenario = diagram_entry("hrp2_leg").scenario("brisk_swing", text=text)
+    setting = knee["after"]["setting"]
+    assert scenario.filters.window == 30
+    assert scenario.gains.by_joint["r_knee"]["ki"] == pytest.approx(setting["ki"], rel=1e-5)
+    assert scenario.gains.of("kp", ("r_hip_yaw", "r_knee")) == [2.0, setting["kp"]]
+    assert [file.split("/")[-1] for file in found["files"]] == ["tuned.yaml", "pareto.svg", "pareto.png"]
+    assert (tmp_path / "new" / "pareto.svg").read_text().lstrip().startswith("<?xml")
+    assert (tmp_path / "new" / "pareto.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_simulation_confirms_it(invoke):
+    outcome = invoke("tune", "hrp2_leg", *BRISK, *KNEE, "--json", "--plants", "1")
+    found = json.loads(outcome.out)["simulated"]
+    assert found["joints"] == ["r_hip_yaw", "r_hip_roll", "r_hip_pitch", "r_knee", "r_ankle_pitch", "r_ankle_roll"]
+    assert found["after"][3] < 0.9 * found["before"][3]
+    assert np.isfinite(found["plant_ratios"]).all() and len(found["plant_ratios"]) == 1
+
+
+def test_for_people_a_table_on_stdout_and_progress_on_stderr(invoke):
+    outcome = invoke("tune", "hrp2_leg", *BRISK, *KNEE)
+    assert outcome.code == 0
+    assert all(line.startswith("tune: ") for line in outcome.err.splitlines())
+    (row,) = [line for line in outcome.out.splitlines() if line.startswith("r_knee")]
+    assert row.count(">") == 4
+    assert "predicted error, tuned over present: 0." in outcome.out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "why"),
+    [
+        (("--joint", "knee"), "no joint 'knee'; joints: r_hip_yaw"),
+        (("--scenario-text", "{controller: servo}"), "wanted a scenario in torque control"),
+        (("--margin", "1.0"), "wanted a sensitivity peak above 1"),
+        (("--margin", "1.001", *KNEE), "no window and gains keep the goal on r_knee"),
+        (("--window", "2"), "--window"),
+        (("--out", "/dev/null/x", *KNEE), "/dev/null/x: wanted a folder"),
+    ],
+)
+def test_refusals(invoke, arguments, why):
+    assert why in invoke("tune", "hrp2_leg", *BRISK, *arguments).refusal()
+
+
+def test_a_map_of_two_parameters(invoke, tmp_path):
+    file = tmp_path / "maps" / "ankle.svg"
+    outcome = invoke("stability-map", "hrp2_leg", *ANKLE_MAP, "--figure", "sensitivity_peak", "--json", "--out", file)
+    assert outcome.code == 0 and outcome.err == ""
+    found = json.loads(outcome.out)
+    assert found["x"] == {"name": "window", "values": [20.0, 80.0]}
+    assert np.shape(found["values"]) == (2, 2) and found["present"] == [80.0, 2.0]
+    assert found["stable_share"] == 1.0
+    assert file.read_text().lstrip().startswith("<?xml")
+    text = invoke("stability-map", "hrp2_leg", *ANKLE_MAP)
+    assert text.out == "r_ankle_roll: 100.0% of 4 points over window and kp are stable\n"
+    assert "4 of 4" in text.err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "why"),
+    [
+        (("--joint", "knee"), "no joint 'knee'"),
+        (("--x", "gain=1,2"), "no parameter 'gain'; possible: inertia"),
+        (("--y", "kp"), "wanted NAME=FIRST:LAST:STEP"),
+        (("--figure", "colour"), "no figure 'colour'"),
+        (("--out", "/dev/null/x.svg"), "/dev/null/x.svg: cannot be written"),
+    ],
+)
+def test_refusals_of_the_map(invoke, arguments, why):
+    assert why in invoke("stability-map", "hrp2_leg", *ANKLE_MAP, *arguments).refusal()
+
+
+@pytest.mark.slow
+def test_a_dask_cluster_finds_the_same(invoke):
+    distributed = pytest.importorskip("distributed")
+    call = ["tune", "hrp2_leg", *BRISK, *KNEE, "--no-simulate", "--json"]
+    here = json.loads(invoke(*call).out)
+    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
+        there = json.loads(invoke(*call, "--scheduler", cluster.scheduler_address).out)
+    assert there == here
