@@ -5,10 +5,11 @@ from typing import Any
 
 import numpy as np
 from drake_tc.diagrams.scenario import Scenario
+from drake_tc.diagrams.scenario_parts import ModelFactors
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import DiagramBuilder, OutputPort
 
-from drake_tc.actuation.model import ActuatorModel
+from drake_tc.actuation.model import ActuatorModel, EffectValue
 from drake_tc.actuation.model_file import load_models
 from drake_tc.control.gains import TorqueGains
 from drake_tc.errors import ParamsError
@@ -43,18 +44,28 @@ class Parts:
 
 
 def loop_robot(scenario: Scenario) -> Robot:
-    """The scenario's robot, without joint stops where it says so.
+    """The scenario's robot, its base free where it hangs in springs, without joint stops where it says so.
 
     Raises:
-        ParamsError: a file that cannot be read, or a robot whose base floats.
+        ParamsError: a file that cannot be read, or a base that floats and is taken to have no angular acceleration.
     """
     robot = load_robot(scenario.path(scenario.robot))
-    if not robot.fixed_base:
-        raise ParamsError(f"{robot.source}: wanted a robot whose base is fixed, for this diagram; its base floats")
+    if scenario.suspension is not None:
+        robot = replace(robot, fixed_base=False)
+    if not robot.fixed_base and scenario.base_from == "imu" and scenario.angular_acceleration == "zero":
+        raise ParamsError(
+            "angular_acceleration: wanted gyro or neglected, as the base of"
+            f" {robot.source} floats; got 'zero' (which base_from: fixed allows)"
+        )
     if scenario.joint_stops == "none":
         endless = {"lower": -np.inf, "upper": np.inf}
         robot = replace(robot, limits={joint: {**robot.limits.get(joint, {}), **endless} for joint in robot.joints})
     return robot
+
+
+def believed_robot(parts: "Parts") -> Robot:
+    """The robot as estimator and controller take it: with `base_from: fixed` a floating base too counts as fixed."""
+    return replace(parts.robot, fixed_base=True) if parts.scenario.base_from == "fixed" else parts.robot
 
 
 def actuator_models(scenario: Scenario, robot: Robot, *, controller: bool = False) -> dict[str, ActuatorModel]:
@@ -71,7 +82,24 @@ def actuator_models(scenario: Scenario, robot: Robot, *, controller: bool = Fals
     missing = [joint for joint in robot.joints if joint not in models]
     if missing:
         raise ParamsError(f"{path}: no joint {missing[0]!r}; joints there: {', '.join(models)}")
-    return {joint: models[joint] for joint in robot.joints}
+    chosen = {joint: models[joint] for joint in robot.joints}
+    return (
+        {joint: _mistaken(model, scenario.model_factors) for joint, model in chosen.items()} if controller else chosen
+    )
+
+
+def _mistaken(model: ActuatorModel, factors: ModelFactors) -> ActuatorModel:
+    """A drive's model with K_tau and K_v = K_tau x viscous multiplied."""
+    if factors == ModelFactors():
+        return model
+
+    def scaled(value: EffectValue) -> EffectValue:
+        if value.key != "viscous":
+            return value
+        return EffectValue("viscous", {"viscous": value.parameters["viscous"] * factors.k_v / factors.k_tau})
+
+    drive = replace(model.drive, gain=model.drive.gain * factors.k_tau)
+    return replace(model, drive=drive, effects=tuple(scaled(value) for value in model.effects))
 
 
 def sensor_suite(scenario: Scenario) -> SensorSuiteSpec:

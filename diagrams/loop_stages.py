@@ -4,11 +4,14 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from drake_tc.diagrams.loop_parts import Parts, actuator_models, sensor_suite, torque_gains
+from drake_tc.diagrams.loop_observer import connect_observer, prediction
+from drake_tc.diagrams.loop_parts import Parts, actuator_models, believed_robot, sensor_suite, torque_gains
+from drake_tc.diagrams.loop_ports import base_now, first_imu, picked
 from drake_tc.diagrams.references import References, table_source
-from pydrake.systems.framework import DiagramBuilder, OutputPort
-from pydrake.systems.primitives import ConstantVectorSource, Demultiplexer, Multiplexer, Selector, SelectorParams
+from pydrake.systems.framework import OutputPort
+from pydrake.systems.primitives import ConstantVectorSource, Demultiplexer, Multiplexer
 
+from drake_tc.actuation.model import ActuatorModel
 from drake_tc.control.guard import CommandGuard
 from drake_tc.control.inverse_dynamics import InverseDynamics
 from drake_tc.control.torque_control import TorqueControl
@@ -36,40 +39,61 @@ def torque_command(parts: Parts, wanted: References) -> OutputPort:
     """Reference to command through filters, estimator, inverse dynamics and torque control."""
     builder, scenario = parts.builder, parts.scenario
     reference = builder.AddNamedSystem("reference", table_source(wanted.time, wanted.motion)).get_output_port()
-    estimator, joint_estimate = _estimation(parts)
-    dynamics = _inverse_dynamics(parts, wanted, estimator, {"joint_estimate": joint_estimate, "reference": reference})
-    models = list(actuator_models(scenario, parts.robot, controller=True).values())
-    limit = joint_limits(parts.robot).effort
-    control = TorqueControl(models, torque_gains(scenario, parts.robot), limit, scenario.dt, scenario.compensation)
-    estimated = estimator.GetOutputPort("estimated_torque")
-    sensed = scenario.torque_from == "sensor"
-    wires = {
-        "desired_torque": dynamics.GetOutputPort("desired_torque"),
-        "torque_terms": dynamics.GetOutputPort("torque_terms"),
-        "estimated_torque": parts.sensors.joint_torque.GetOutputPort("reading") if sensed else estimated,
-        "joint_estimate": joint_estimate,
+    estimator, ports = _estimation(parts)
+    sensed = parts.sensors.joint_torque.GetOutputPort("reading")
+    torque = estimator.GetOutputPort("estimated_torque")
+    delayed = {
+        "joint_estimate": ports["joint_estimate"],
+        "estimated_torque": sensed if scenario.torque_from == "sensor" else torque,
         "position": parts.sensors.encoder.GetOutputPort("reading"),
     }
-    if scenario.compensation.wants_reference:
-        wires["reference"] = reference
-    parts.add("torque_control", control, **wires)
+    models = list(actuator_models(scenario, parts.robot, controller=True).values())
+    known, observer = prediction(parts, models, delayed)
+    moved = {name: known[name] for name in ("joint_estimate", "position")} | {"reference": reference}
+    if not believed_robot(parts).fixed_base:
+        predicted = scenario.predictor is not None
+        moved["base_joint_estimate"] = known["joint_estimate"]
+        moved["imu_estimate"] = base_now(parts) if predicted else ports["imu_estimate"]
+    dynamics = _inverse_dynamics(parts, wanted, estimator, moved)
+    control = _torque_control(parts, models, known, dynamics, reference)
     monitor = _monitor(parts, estimator, reference)
     parts.signals |= {
         "reference": reference,
-        "desired_torque": wires["desired_torque"],
-        "estimated_torque": estimated,
+        "desired_torque": dynamics.GetOutputPort("desired_torque"),
+        "estimated_torque": torque,
         "flags": monitor.GetOutputPort("flags"),
     }
     if scenario.log_components:
         parts.signals["components"] = control.GetOutputPort("components")
-    return _guarded(parts, control.GetOutputPort("command"), monitor.GetOutputPort("any_fault"))
+    command = _guarded(parts, control.GetOutputPort("command"), monitor.GetOutputPort("any_fault"))
+    if observer is not None:
+        feedforward = dynamics.GetOutputPort("feedforward_torque")
+        connect_observer(parts, observer, delayed, known, control, feedforward, reference, command)
+    return command
+
+
+def _torque_control(
+    parts: Parts,
+    models: list[ActuatorModel],
+    known: Mapping[str, OutputPort],
+    dynamics: InverseDynamics,
+    reference: OutputPort,
+) -> TorqueControl:
+    """The torque control, which compensates a disturbance where one is known."""
+    scenario = parts.scenario
+    limit, gains = joint_limits(parts.robot).effort, torque_gains(scenario, parts.robot)
+    disturbed = "disturbance" in known
+    control = TorqueControl(models, gains, limit, scenario.dt, scenario.compensation, disturbance=disturbed)
+    wires = dict(known) | {name: dynamics.GetOutputPort(name) for name in ("desired_torque", "torque_terms")}
+    if scenario.compensation.wants_reference:
+        wires["reference"] = reference
+    return parts.add("torque_control", control, **wires)  # type: ignore[no-any-return]
 
 
 def _inverse_dynamics(
     parts: Parts, wanted: References, estimator: JointTorqueEstimator, inputs: dict[str, OutputPort]
 ) -> InverseDynamics:
     """The inverse dynamics, with a force task where the robot has F/T sensors."""
-    inputs = inputs | {"position": parts.sensors.encoder.GetOutputPort("reading")}
     if parts.robot.force_torque:
         source = parts.builder.AddNamedSystem("force_reference", table_source(wanted.time, wanted.force))
         forces = {
@@ -79,10 +103,11 @@ def _inverse_dynamics(
         inputs |= forces
         parts.signals |= forces
     dynamics = InverseDynamics(
-        parts.robot,
+        believed_robot(parts),
         torque_gains(parts.scenario, parts.robot),
         configuration=parts.scenario.configuration,
         position_error="encoder",
+        angular_acceleration="neglected" if parts.scenario.angular_acceleration == "neglected" else "gyro",
     )
     return parts.add("inverse_dynamics", dynamics, **inputs)  # type: ignore[no-any-return]
 
@@ -93,7 +118,7 @@ def _filters(parts: Parts) -> dict[str, OutputPort]:
     readings = {"joint_estimate": sensors.encoder.GetOutputPort("reading")}
     derivatives = {"joint_estimate": 3, "imu_estimate": 2, "wrench_estimate": 1}
     if sensors.imu is not None and parts.scenario.base_from == "imu":
-        readings["imu_estimate"] = _first_imu(parts)
+        readings["imu_estimate"] = first_imu(parts)
     if sensors.force_torque is not None:
         readings["wrench_estimate"] = sensors.force_torque.GetOutputPort("reading")
     sizes = [port.size() for port in readings.values()]
@@ -109,45 +134,15 @@ def _filters(parts: Parts) -> dict[str, OutputPort]:
         name: [d * total + first[name] + i for d in range(derivatives[name]) for i in range(size)]
         for name, size in zip(readings, sizes, strict=True)
     }
-    return _picked(builder, "estimates", smooth.GetOutputPort("estimate"), wanted)
+    ports: dict[str, OutputPort] = picked(builder, "estimates", smooth.GetOutputPort("estimate"), wanted)
+    return ports
 
 
-def _picked(
-    builder: DiagramBuilder, name: str, source: OutputPort, wanted: Mapping[str, list[int]]
-) -> dict[str, OutputPort]:
-    """Ports with some elements of another one each, by name."""
-    params = SelectorParams()
-    params.inputs = [SelectorParams.InputPortParams(name="all", size=source.size())]
-    pick = SelectorParams.OutputSelection
-    params.outputs = [
-        SelectorParams.OutputPortParams(
-            name=port, selections=[pick(input_port_index=0, input_offset=i) for i in elements]
-        )
-        for port, elements in wanted.items()
-    ]
-    selector = builder.AddNamedSystem(name, Selector(params))
-    builder.Connect(source, selector.get_input_port(0))
-    return {port: selector.GetOutputPort(port) for port in wanted}
-
-
-def _first_imu(parts: Parts) -> OutputPort:
-    """The raw reading of the robot's first IMU."""
-    imu: Any = parts.sensors.imu
-    others = len(parts.robot.imu) - 1
-    port: OutputPort = imu.GetOutputPort("reading")
-    if others and parts.builder.HasSubsystemNamed("first_imu"):
-        port = parts.builder.GetSubsystemByName("first_imu").get_output_port(0)
-    elif others:
-        split = parts.builder.AddNamedSystem("first_imu", Demultiplexer([6, 6 * others]))
-        parts.builder.Connect(port, split.get_input_port())
-        port = split.get_output_port(0)
-    return port
-
-
-def _estimation(parts: Parts) -> tuple[JointTorqueEstimator, OutputPort]:
-    """Filters, tare and torque estimator; also the port of the joints' filtered motion."""
+def _estimation(parts: Parts) -> tuple[JointTorqueEstimator, dict[str, OutputPort]]:
+    """Filters, tare and torque estimator; also the filters' ports."""
     scenario, ports = parts.scenario, _filters(parts)
-    model = TorqueModel(parts.robot, base=scenario.base_from, angular_acceleration=scenario.angular_acceleration)
+    robot = believed_robot(parts)
+    model = TorqueModel(robot, base=scenario.base_from, angular_acceleration=scenario.angular_acceleration)
     if scenario.tare and parts.robot.force_torque:
         filled = scenario.filters.window * scenario.dt
         tare = WrenchTare(model, filled, filled + scenario.tare)
@@ -155,7 +150,7 @@ def _estimation(parts: Parts) -> tuple[JointTorqueEstimator, OutputPort]:
         parts.add("wrench_tare", tare, wrench=ports["wrench_estimate"], **wires)
         ports["wrench_estimate"] = tare.GetOutputPort("wrench")
     estimator = parts.add("torque_estimator", JointTorqueEstimator(model), **ports)
-    return estimator, ports["joint_estimate"]
+    return estimator, ports
 
 
 def _monitor(parts: Parts, estimator: JointTorqueEstimator, reference: OutputPort) -> FaultMonitor:
@@ -168,7 +163,7 @@ def _monitor(parts: Parts, estimator: JointTorqueEstimator, reference: OutputPor
     parts.builder.Connect(reference, rate.get_input_port())
     wires = {"encoder": sensors.encoder.GetOutputPort("reading"), "reference_velocity": rate.get_output_port(1)}
     if sensors.imu is not None:
-        wires["imu"] = _first_imu(parts)
+        wires["imu"] = first_imu(parts)
     if sensors.force_torque is not None:
         wires["wrench"] = sensors.force_torque.GetOutputPort("reading")
         wires["contact_wrench"] = estimator.GetOutputPort("contact_wrench")

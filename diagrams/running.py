@@ -72,13 +72,17 @@ def run_loop(loop: Loop, progress: Progress | None = None, *, allow_runaway: boo
     times = np.asarray(logs["joint_state"].sample_times())
     signals = {name: np.asarray(log.data()).T.copy() for name, log in logs.items()}
     order = joint_order(loop)
-    signals["joint_state"] = signals["joint_state"][:, np.concatenate([order, order + order.size])]
+    places = np.array([loop.plant.GetJointByName(name).position_start() for name in loop.robot.joints])
+    states = signals["joint_state"]
+    if not loop.robot.fixed_base:
+        signals["base_state"] = np.delete(states, np.concatenate([places, order + loop.plant.num_positions()]), axis=1)
+    signals["joint_state"] = states[:, np.concatenate([places, order + loop.plant.num_positions()])]
     signals["acceleration"] = signals["acceleration"][:, order]
     return Recording(loop.robot, loop.models, times, signals, seconds, loop.flag_names)
 
 
 def joint_order(loop: Loop) -> IntArray:
-    """(n,) where the plant, whose base is welded, has the robot's joints in its positions and in its velocities."""
+    """(n,) where the plant has the robot's joints in its velocities."""
     return np.array([loop.plant.GetJointByName(name).velocity_start() for name in loop.robot.joints])
 
 

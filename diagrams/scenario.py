@@ -11,12 +11,23 @@ from pathlib import Path
 from typing import Any, Literal
 
 import yaml
-from drake_tc.diagrams.scenario_parts import FilterSpec, ForceSpec, GainSpec, MotionSpec, ObjectSpec, PushSpec
+from drake_tc.diagrams.scenario_parts import (
+    FilterSpec,
+    ForceSpec,
+    GainSpec,
+    ModelFactors,
+    MotionSpec,
+    ObjectSpec,
+    PushSpec,
+    SuspensionSpec,
+)
 from drake_tc.diagrams.strict_yaml import from_mapping, read_mapping
 
 from drake_tc.control.guard import GuardSpec
 from drake_tc.control.torque_control import CompensationSpec
 from drake_tc.errors import ParamsError
+from drake_tc.estimation.delay_predictor import PredictorSpec
+from drake_tc.estimation.disturbance_observer import ObserverSpec
 from drake_tc.estimation.monitor_spec import MonitorSpec
 from drake_tc.sensing.fault import SensorFault
 
@@ -34,14 +45,19 @@ class Scenario:
         seed: Of the one generator.
         actuators: Model file of the simulated actuators; None takes the robot file's.
         model: Model file that the controller compensates with; None takes the simulated actuators themselves.
+        model_factors: Errors of that model, on purpose.
         torque_from: "estimate" (F/T, IMU and encoders) or "sensor" (joint-torque sensors that this robot lacks).
-        base_from: "imu" or "fixed": where the estimator takes the base's motion from.
+        base_from: "imu" or "fixed": where estimator and controller take the base's motion from; "fixed": it has none.
         angular_acceleration: Of the IMU's link: differentiated from the "gyro", "neglected", or "zero" at the base.
         tare: How long the F/T sensors are zeroed before anything may touch the robot [s]; 0: not at all.
         sensors: "perfect", "realistic" or a mapping (`drake_tc.sensing.suite`).
         configuration: Where the inverse dynamics takes M, h and J: the delayed "estimate" or the "reference".
         compensation: Which motion the drives' effects are compensated for.
         gains, filters, motion, guard, monitor: See their classes.
+        predictor: Undoes the delay of the estimates with the drives' models; None: off.
+        observer: Compensates what those models lack, as encoders show it; None: off.
+        rotor_inertia: Joint to what those two know of it [kg m^2]; that of the controller's model where not given.
+        suspension: Springs that carry the base, which then floats; None: it is as the robot file has it.
         force: F/T sensor to force reference at its contact.
         pushes, objects: Surroundings.
         faults: "encoder", "imu" or "force_torque" to what goes wrong with it, and when.
@@ -59,6 +75,7 @@ class Scenario:
     seed: int = 0
     actuators: str | None = None
     model: str | None = None
+    model_factors: ModelFactors = field(default_factory=ModelFactors)
     torque_from: Literal["estimate", "sensor"] = "estimate"
     base_from: Literal["imu", "fixed"] = "imu"
     angular_acceleration: Literal["gyro", "neglected", "zero"] = "zero"
@@ -71,6 +88,10 @@ class Scenario:
     motion: MotionSpec = field(default_factory=MotionSpec)
     guard: GuardSpec = field(default_factory=GuardSpec)
     monitor: MonitorSpec = field(default_factory=MonitorSpec)
+    predictor: PredictorSpec | None = None
+    observer: ObserverSpec | None = None
+    rotor_inertia: Mapping[str, float] = field(default_factory=dict)
+    suspension: SuspensionSpec | None = None
     force: Mapping[str, ForceSpec] = field(default_factory=dict)
     pushes: tuple[PushSpec, ...] = ()
     objects: tuple[ObjectSpec, ...] = ()

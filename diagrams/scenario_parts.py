@@ -56,6 +56,50 @@ class FilterSpec:
 
 
 @dataclass(frozen=True)
+class ModelFactors:
+    """Factors on what the controller believes of every drive: an error of the model, on purpose.
+
+    Attributes:
+        k_tau: On the drive gain K_tau [-].
+        k_v: On K_v = K_tau x viscous friction [-].
+    """
+
+    k_tau: float = 1.0
+    k_v: float = 1.0
+
+    def __post_init__(self) -> None:
+        if not (0.0 < self.k_tau < math.inf and 0.0 <= self.k_v < math.inf):
+            raise ParamsError(f"model_factors: wanted k_tau > 0 and k_v >= 0, both finite; got {self}")
+
+
+@dataclass(frozen=True)
+class SuspensionSpec:
+    """Springs and dampers that carry the base, which then floats: a bushing between the world and a point of it.
+
+    At the base's pose in the robot file the springs carry the robot's weight; the rest of the balance it finds itself.
+
+    Attributes:
+        stiffness, damping: Along the world's axes [N/m, N s/m].
+        turn_stiffness, turn_damping: About roll, pitch and yaw [N m/rad, N m s/rad].
+        point: Of the base link, where it is held [m].
+    """
+
+    stiffness: tuple[float, ...]
+    damping: tuple[float, ...]
+    turn_stiffness: tuple[float, ...]
+    turn_damping: tuple[float, ...]
+    point: tuple[float, ...] = (0.0, 0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        for name in ("stiffness", "damping", "turn_stiffness", "turn_damping", "point"):
+            value = getattr(self, name)
+            if len(value) != 3 or not _finite(*value) or (name != "point" and min(value) < 0.0):
+                raise ParamsError(f"suspension.{name}: wanted three finite numbers, none negative; got {value}")
+        if self.stiffness[2] <= 0.0:
+            raise ParamsError("suspension.stiffness: wanted a positive one along z, which carries the weight; got 0")
+
+
+@dataclass(frozen=True)
 class SinusoidSpec:
     """q(t) = centre + (start + growth t) sin(2 pi f t): rad, rad/s, Hz."""
 

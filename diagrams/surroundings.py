@@ -1,18 +1,21 @@
-"""What surrounds the robot: rigid objects to touch, and hands that push."""
+"""What surrounds the robot: rigid objects to touch, hands that push, and springs to hang in."""
 
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from drake_tc.diagrams.scenario_parts import ObjectSpec, PushSpec
+from drake_tc.diagrams.scenario_parts import ObjectSpec, PushSpec, SuspensionSpec
 from pydrake.common.value import Value
 from pydrake.geometry import Box
 from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.math import SpatialForce
 from pydrake.multibody.plant import CoulombFriction, ExternallyAppliedSpatialForce, MultibodyPlant
+from pydrake.multibody.tree import FixedOffsetFrame, LinearBushingRollPitchYaw
 from pydrake.systems.framework import Context, LeafSystem
 
 from drake_tc.errors import ParamsError
+from drake_tc.estimation.torque_model import GRAVITY
+from drake_tc.robot.robot import Robot
 
 
 def add_objects(plant: MultibodyPlant, objects: Sequence[ObjectSpec]) -> None:
@@ -25,6 +28,19 @@ def add_objects(plant: MultibodyPlant, objects: Sequence[ObjectSpec]) -> None:
         plant.RegisterCollisionGeometry(world, pose, Box(*item.size), f"object_{number}", rough)
         grey: Any = np.array([0.6, 0.6, 0.62, 1.0])
         plant.RegisterVisualGeometry(world, pose, Box(*item.size), f"object_{number}_visual", grey)
+
+
+def add_suspension(plant: MultibodyPlant, robot: Robot, spec: SuspensionSpec) -> None:
+    """Hang a floating base in springs; before `Finalize`. At its starting pose they carry the robot's weight."""
+    body = plant.GetBodyByName(robot.base)
+    point: Any = np.array(spec.point)
+    held = FixedOffsetFrame("suspended", body.body_frame(), RigidTransform(point))
+    mass = sum(plant.get_body(index).default_mass() for index in plant.GetBodyIndices(body.model_instance()))
+    start = robot.base_pose.transform.multiply(RigidTransform(point))
+    raised: Any = start.translation() + np.array([0.0, 0.0, mass * GRAVITY / spec.stiffness[2]])
+    hook = FixedOffsetFrame("hook", plant.world_frame(), RigidTransform(start.rotation(), raised))
+    values: Any = [np.array(v) for v in (spec.turn_stiffness, spec.turn_damping, spec.stiffness, spec.damping)]
+    plant.AddForceElement(LinearBushingRollPitchYaw(plant.AddFrame(hook), plant.AddFrame(held), *values))
 
 
 class Pushes(LeafSystem):  # type: ignore[misc, unused-ignore]

@@ -16,7 +16,7 @@ from drake_tc.diagrams.loop_parts import Parts, actuator_models, loop_robot, sen
 from drake_tc.diagrams.loop_stages import servo_command, torque_command
 from drake_tc.diagrams.references import posture, references
 from drake_tc.diagrams.scenario import Scenario
-from drake_tc.diagrams.surroundings import Pushes, add_objects
+from drake_tc.diagrams.surroundings import Pushes, add_objects, add_suspension
 from pydrake.geometry import MeshcatVisualizer, StartMeshcat
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, OutputPort
@@ -103,6 +103,8 @@ def _add_plant(builder: DiagramBuilder, scenario: Scenario, robot: Robot, *, mes
     else:
         plant = builder.AddNamedSystem("plant", MultibodyPlant(scenario.plant_step))
         add_robot(plant, robot)
+    if scenario.suspension is not None:
+        add_suspension(plant, robot, scenario.suspension)
     plant.SetUseSampledOutputPorts(False)
     plant.Finalize()
     plant.set_name("plant")

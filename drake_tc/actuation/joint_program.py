@@ -87,6 +87,11 @@ class JointProgram:
         self.size = at
 
     @property
+    def own(self) -> list[int]:
+        """Places in the memory that are state at a tick: not the flag, nor what is computed anew or only held."""
+        return [at for at in range(self.size) if at not in (STARTED, LOAD, COMMAND)]
+
+    @property
     def has_gear(self) -> bool:
         """Whether the motor has a position of its own."""
         return self._gear is not None

@@ -1,7 +1,7 @@
 """Actuator models as YAML: one line an effect, read strictly."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -20,10 +20,12 @@ class ModelFile:
     Attributes:
         models: Joint name to model, in the file's order.
         provenance: Where the numbers come from: record, fit error ...; free-form.
+        shared: What no joint owns: `{effect, where, <parameter>: number, ci95}` of a link or sensor each; free-form.
     """
 
     models: Mapping[str, ActuatorModel]
     provenance: Mapping[str, Any] = field(default_factory=dict)
+    shared: tuple[Mapping[str, Any], ...] = ()
 
 
 def _keys(where: str, entry: object, required: set[str], optional: set[str]) -> dict[str, Any]:
@@ -101,7 +103,7 @@ def load_model_file(path: Path | str) -> ModelFile:
             message names file, joint and field.
     """
     document = read_yaml(Path(path), "model file")
-    top = _keys(f"{path}", document, {"joints"}, {"provenance"})
+    top = _keys(f"{path}", document, {"joints"}, {"provenance", "shared"})
     if not isinstance(top["joints"], dict) or not top["joints"]:
         raise ParamsError(f"{path}: joints: wanted a mapping of joint name to model; got {top['joints']!r}")
     models = {}
@@ -112,7 +114,10 @@ def load_model_file(path: Path | str) -> ModelFile:
         except ParamsError as error:
             text = str(error)
             raise ParamsError(text if text.startswith(where) else f"{where}: {text}") from None
-    return ModelFile(models, dict(top.get("provenance") or {}))
+    shared = top.get("shared") or []
+    if not isinstance(shared, list) or not all(isinstance(entry, dict) for entry in shared):
+        raise ParamsError(f"{path}: shared: wanted a list of {{effect, where, ...}}; got {shared!r}")
+    return ModelFile(models, dict(top.get("provenance") or {}), tuple(shared))
 
 
 def load_models(path: Path | str) -> dict[str, ActuatorModel]:
@@ -136,7 +141,11 @@ def _line(value: EffectValue) -> str:
 
 
 def save_models(
-    models: Mapping[str, ActuatorModel], path: Path | str, *, provenance: Mapping[str, Any] | None = None
+    models: Mapping[str, ActuatorModel],
+    path: Path | str,
+    *,
+    provenance: Mapping[str, Any] | None = None,
+    shared: Sequence[Mapping[str, Any]] = (),
 ) -> None:
     """Write a model file that `load_models` reads back to the same models, one effect a line.
 
@@ -144,6 +153,7 @@ def save_models(
         models: Joint name to model.
         path: File to write.
         provenance: Where the numbers come from, of plain YAML types.
+        shared: What no joint owns, of plain YAML types.
     """
     lines = []
     if provenance:
@@ -157,4 +167,10 @@ def save_models(
         lines.append(f"    drive: {{kind: {model.drive.kind}, gain: {float(model.drive.gain)!r}}}")
         lines.append("    effects:" + ("" if model.effects else " []"))
         lines.extend(f"      - {_line(value)}" for value in model.effects)
+    if shared:
+        lines.append("shared:")
+        lines.extend(
+            f"  - {yaml.safe_dump(dict(entry), default_flow_style=True, sort_keys=False, width=10**6).strip()}"
+            for entry in shared
+        )
     Path(path).write_text("\n".join(lines) + "\n", encoding="utf-8")

@@ -71,6 +71,8 @@ class ActuatorPlant(LeafSystem):  # type: ignore[misc, unused-ignore]
         bounds = np.cumsum([0, *(program.size for program in self._programs)]).tolist()
         slices = (slice(a, b) for a, b in pairwise(bounds))
         self._steps = tuple((program.run, part) for program, part in zip(self._programs, slices, strict=True))
+        kept = (first + np.array(program.own) for first, program in zip(bounds, self._programs, strict=False))
+        self._own = np.concatenate(list(kept))
         self._no_load = (None,) * size
         self._room = (REFERENCE_CELSIUS,) * size
 
@@ -116,6 +118,17 @@ class ActuatorPlant(LeafSystem):  # type: ignore[misc, unused-ignore]
         starts = zip(self._programs, np.asarray(velocity, float).tolist(), strict=True)
         memory = [value for program, v in starts for value in program.initial(v)]
         context.SetDiscreteState(self._memory, _array([*memory, -np.inf]))
+
+    def coordinates(self, context: Context) -> FloatArray:
+        """The programs' memories without their bookkeeping, joint by joint (`drake_tc.analysis`)."""
+        memory: FloatArray = np.array(context.get_discrete_state(self._memory).value())
+        return np.asarray(memory[self._own])
+
+    def set_coordinates(self, context: Context, x: FloatArray) -> None:
+        """Make the memories x; started flags, held commands and the time of the last update stay."""
+        memory: Any = np.array(context.get_discrete_state(self._memory).value())
+        memory[self._own] = x
+        context.SetDiscreteState(self._memory, memory)
 
     def _solve(self, context: Any, solution: Any) -> None:
         """(x[n+1], outputs) into the cache entry."""

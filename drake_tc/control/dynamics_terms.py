@@ -31,8 +31,8 @@ class DynamicsTerms:
         """
         if not robot.fixed_base:
             raise ParamsError(
-                f"robot {robot.name!r}: wanted a welded base (fixed_base: true); it floats, and the joints' inverse"
-                " dynamics alone does not say how the base moves"
+                f"robot {robot.name!r}: wanted a welded base (fixed_base: true); it floats: `FloatingTerms` takes"
+                " the base's motion from an IMU"
             )
         plant = MultibodyPlant(0.0)
         add_robot(plant, replace(robot, rotor_inertia={}))

@@ -8,6 +8,7 @@ from pydrake.systems.framework import Context, LeafSystem, ValueProducer
 
 from drake_tc.control.guard_law import GuardLaw, GuardMode, GuardSpec
 from drake_tc.errors import ParamsError
+from drake_tc.types import FloatArray
 
 __all__ = ["CommandGuard", "GuardMode", "GuardSpec"]
 
@@ -82,6 +83,27 @@ class CommandGuard(LeafSystem):  # type: ignore[misc, unused-ignore]
         self.DeclareVectorOutputPort("command", size, self._write_command, solved)
         self.DeclareVectorOutputPort("mode", 1, self._write_mode, solved)
         self.DeclarePeriodicDiscreteUpdateEvent(float(dt), 0.0, self._update)
+
+    def coordinates(self, context: Context) -> FloatArray:
+        """(n,) y[n-1], all that is state in the normal mode (`drake_tc.analysis`).
+
+        Raises:
+            ParamsError: another mode, in which the guard is about to change its law.
+        """
+        memory = context.get_discrete_state(self._memory).value()
+        mode = GuardMode(int(memory[3 * self._size]))
+        if mode != GuardMode.NORMAL:
+            raise ParamsError(
+                f"guard {self.get_name()!r}: wanted the normal mode, to linearise; it is in {mode.name.lower()}:"
+                " give the loop time to start"
+            )
+        return np.array(memory[: self._size])
+
+    def set_coordinates(self, context: Context, x: FloatArray) -> None:
+        """Make y[n-1] (n,) x."""
+        memory: Any = np.array(context.get_discrete_state(self._memory).value())
+        memory[: self._size] = x
+        context.SetDiscreteState(self._memory, memory)
 
     def _solve(self, context: Any, following: Any) -> None:
         following.set_value(

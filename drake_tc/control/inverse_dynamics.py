@@ -6,7 +6,8 @@ import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.framework import BasicVector, Context, LeafSystem, NumericParameterIndex, ValueProducer
 
-from drake_tc.control.dynamics_terms import DynamicsTerms, Scratch
+from drake_tc.control.dynamics_terms import DynamicsTerms
+from drake_tc.control.floating_terms import BaseRotation, FloatingTerms
 from drake_tc.control.gains import TorqueGains
 from drake_tc.errors import ParamsError
 from drake_tc.robot.robot import Robot
@@ -23,19 +24,20 @@ TERMS = ("feedforward", "position", "velocity", "force", "acceleration_error", "
 
 
 class _Solution(NamedTuple):
-    """M qddot_d + h (n,), [Ks e; Kd edot] (2n,) and (f_d, Kf e_f, e_f), with the model where they are taken."""
+    """M qddot_d + h (n,), [Ks e; Kd edot] (2n,), J^T [f_d; Kf e_f] (2, n) and e_f (6k,)."""
 
-    scratch: Scratch
     inertial: FloatArray
     feedback: FloatArray
-    pushes: tuple[FloatArray, ...]
+    pushes: FloatArray
+    unmet: FloatArray
 
 
 class InverseDynamics(LeafSystem):  # type: ignore[misc, unused-ignore]
-    """tau_d = M qddot_d + h - J^T (f_d + Kf e_f) + Ks e + Kd edot, for a robot with a welded base.
+    """tau_d = M qddot_d + h - J^T (f_d + Kf e_f) + Ks e + Kd edot, for a base that is welded or floats.
 
     e = q_d - q, edot = qdot_d - qdot, e_f = f_d - f_hat; M, h (gravity included) and J at the estimated, hence as a
-    rule delayed, or at the reference configuration; M is of the links alone, rotors belong to the drives.
+    rule delayed, or at the reference configuration; M is of the links alone, rotors belong to the drives. Under a base
+    that floats h also holds what its motion, as the IMU has it, asks of the joints (`FloatingTerms`).
 
     Inputs:
         joint_estimate (3n): [q; qdot; qddot] as filtered [rad, rad/s, rad/s^2].
@@ -43,8 +45,11 @@ class InverseDynamics(LeafSystem):  # type: ignore[misc, unused-ignore]
         force_reference (6k): f_d, the wrench [f; t] wanted on each contact body at its contact frame, axes of the base.
         contact_wrench (6k): f_hat, the same as measured.
         position (n): q as the encoders read it now [rad]; only with `position_error="encoder"`.
+        imu_estimate (12): [gyro; accel; their derivatives] as filtered; only with a base that floats, as the next one.
+        base_joint_estimate (3n): the joints' motion at the IMU's instant, for joints between IMU and base.
     Outputs, with direct feedthrough of every input, no state:
         desired_torque (n): tau_d [N m].
+        feedforward_torque (n): M qddot_d + h - J^T f_d [N m], the first row of `torque_terms`.
         torque_terms (6n): rows of n [N m], named in TERMS:
             M qddot_d + h - J^T f_d; Ks e; Kd edot; -J^T Kf e_f; M (qddot_d - qddot); -J^T e_f.
             The first four sum to tau_d; the last two are what feedback on an estimated torque acts on.
@@ -62,22 +67,26 @@ class InverseDynamics(LeafSystem):  # type: ignore[misc, unused-ignore]
         *,
         configuration: Source = "estimate",
         position_error: PositionSource = "estimate",
+        angular_acceleration: BaseRotation = "gyro",
     ) -> None:
         """Declare ports and build the model.
 
         Args:
-            robot: With a welded base.
+            robot: Welded, or floating with an IMU.
             gains: Ks, Kd, Kf to start from; Kf (6k, 6k), or (0, 0) for none.
             configuration: Where M, h and J are taken.
             position_error: Where q in e comes from.
+            angular_acceleration: Of a base that floats: from the "gyro", or "neglected".
 
         Raises:
-            ParamsError: a floating base, gains of another size, or an unknown key.
+            ParamsError: a floating base without IMU, gains of another size, or an unknown key.
         """
         super().__init__()
         _one_of("configuration", configuration, get_args(Source))
         _one_of("position_error", position_error, get_args(PositionSource))
-        self._model = model = DynamicsTerms(robot)
+        _one_of("angular_acceleration", angular_acceleration, get_args(BaseRotation))
+        model = DynamicsTerms(robot) if robot.fixed_base else FloatingTerms(robot, angular_acceleration)
+        self._model: Any = model
         n, m = model.size, model.wrenches
         self._size, self._wrenches = n, m
         self._at_reference = configuration == "reference"
@@ -88,7 +97,9 @@ class InverseDynamics(LeafSystem):  # type: ignore[misc, unused-ignore]
         self._force_reference: Any = self.DeclareVectorInputPort("force_reference", m)
         self._contact: Any = self.DeclareVectorInputPort("contact_wrench", m)
         self._position: Any = self.DeclareVectorInputPort("position", n) if position_error == "encoder" else None
-        ports = [self._estimate, self._reference, self._force_reference, self._contact]
+        base = (("imu_estimate", 12), ("base_joint_estimate", 3 * n))
+        self._base: Any = () if robot.fixed_base else tuple(self.DeclareVectorInputPort(*port) for port in base)
+        ports = [self._estimate, self._reference, self._force_reference, self._contact, *self._base]
         tickets = {port.ticket() for port in [*ports, *([self._position] if self._position else [])]}
         tickets.add(self.numeric_parameter_ticket(NumericParameterIndex(self._gains)))
         self._scratch: Any = self.DeclareCacheEntry(
@@ -96,7 +107,12 @@ class InverseDynamics(LeafSystem):  # type: ignore[misc, unused-ignore]
             ValueProducer(allocate=lambda: Value(model.create_scratch()), calc=lambda context, value: None),
             {self.nothing_ticket()},
         )
-        self.DeclareVectorOutputPort("desired_torque", n, self._write_desired, tickets)
+        self._solution: Any = self.DeclareCacheEntry(
+            "solution", ValueProducer(allocate=Value(()).Clone, calc=self._solve), tickets
+        )
+        solved = {self._solution.ticket()}
+        self.DeclareVectorOutputPort("desired_torque", n, self._write_desired, solved)
+        self.DeclareVectorOutputPort("feedforward_torque", n, self._write_feedforward, solved)
         self.DeclareVectorOutputPort("torque_terms", 6 * n, self._write_terms, tickets)
 
     @property
@@ -125,51 +141,64 @@ class InverseDynamics(LeafSystem):  # type: ignore[misc, unused-ignore]
 
     def _write_desired(self, context: Any, vector: Any) -> None:
         """tau_d; no mass matrix, and a Jacobian only where something is to be pushed."""
-        solution = self._solve(context)
+        solution = self._solution.Eval(context)
         if solution is None:
             vector.set_value(np.full(self._size, np.nan))
             return
-        n = self._size
-        desired = solution.inertial + solution.feedback[:n] + solution.feedback[n:]
-        if solution.pushes:
-            push = solution.pushes[0] + solution.pushes[1]
-            if push.any():
-                desired -= push.dot(self._model.jacobian(solution.scratch))
-        vector.set_value(desired)
+        feedback = solution.feedback.reshape(2, -1)
+        vector.set_value(solution.inertial + feedback[0] + feedback[1] - solution.pushes[0] - solution.pushes[1])
+
+    def _write_feedforward(self, context: Any, vector: Any) -> None:
+        solution = self._solution.Eval(context)
+        lost = solution is None
+        vector.set_value(np.full(self._size, np.nan) if lost else solution.inertial - solution.pushes[0])
 
     def _write_terms(self, context: Any, vector: Any) -> None:
         """The rows of TERMS; computed where they are asked for, in a log as a rule."""
-        n, solution = self._size, self._solve(context)
+        n, solution = self._size, self._solution.Eval(context)
         if solution is None:
             vector.set_value(np.full(6 * n, np.nan))
             return
+        scratch = self._placed(context)
         terms = np.zeros((6, n))
-        terms[0] = solution.inertial
+        terms[0] = solution.inertial - solution.pushes[0]
         terms[1:3] = solution.feedback.reshape(2, n)
-        terms[4] = solution.inertial - self._model.forces(solution.scratch, self._estimate.Eval(context)[2 * n :])
-        if solution.pushes:
-            terms[[0, 3, 5]] -= np.array(solution.pushes).dot(self._model.jacobian(solution.scratch))
+        terms[3] = -solution.pushes[1]
+        terms[4] = solution.inertial - self._model.forces(scratch, self._estimate.Eval(context)[2 * n :])
+        if self._wrenches:
+            terms[5] = -solution.unmet.dot(self._model.jacobian(scratch))
         vector.set_value(terms.ravel())
 
-    def _solve(self, context: Any) -> _Solution | None:
-        """What both outputs need; None where an input is not finite."""
+    def _placed(self, context: Any) -> Any:
+        """The scratch memory, at the configuration where M, h and J are taken."""
+        n, scratch = self._size, self._scratch.Eval(context)
+        if self._base:
+            self._model.carry(scratch, *(port.Eval(context) for port in self._base))
+        place = (self._reference if self._at_reference else self._estimate).Eval(context)
+        self._model.place(scratch, place[:n], place[n : 2 * n])
+        return scratch
+
+    def _solve(self, context: Any, value: Any) -> None:
+        """What all outputs need into the cache entry; None where an input is not finite."""
         n, m = self._size, self._wrenches
         estimate, reference = self._estimate.Eval(context), self._reference.Eval(context)
         wanted, felt = self._force_reference.Eval(context), self._contact.Eval(context)
         error = reference - estimate  # [e; edot; eddot]
         if self._position is not None:
             error[:n] = reference[:n] - self._position.Eval(context)
-        if not np.abs(np.concatenate((estimate, error, wanted, felt))).max() <= LARGEST:
-            return None
+        base = [port.Eval(context) for port in self._base]
+        if not np.abs(np.concatenate((estimate, error, wanted, felt, *base))).max() <= LARGEST:
+            value.set_value(None)
+            return
         gains = context.get_numeric_parameter(self._gains).value()
-        place, scratch = reference if self._at_reference else estimate, self._scratch.Eval(context)
-        self._model.place(scratch, place[:n], place[n : 2 * n])
-        pushes: tuple[FloatArray, ...] = ()
-        if m:
-            unmet = wanted - felt
-            pushes = (wanted, gains[2 * n :].reshape(m, m).dot(unmet), unmet)
+        scratch = self._placed(context)
         inertial = self._model.forces(scratch, reference[2 * n :])
-        return _Solution(scratch, inertial, gains[: 2 * n] * error[: 2 * n], pushes)
+        pushes, unmet = np.zeros((2, n)), wanted - felt
+        if m:
+            push = np.stack((wanted, gains[2 * n :].reshape(m, m).dot(unmet)))
+            if push.any():
+                pushes = push.dot(self._model.jacobian(scratch))
+        value.set_value(_Solution(inertial, gains[: 2 * n] * error[: 2 * n], pushes, unmet))
 
 
 def _one_of(key: str, value: str, possible: tuple[str, ...]) -> None:

@@ -87,7 +87,7 @@ class TorqueControl(LeafSystem):  # type: ignore[misc, unused-ignore]
     """Feedforward through the actuator models and proportional-integral feedback of the estimated torque.
 
         u     = tau_d + Kp (tau_d - tau_hat) + Ki s[n]
-        tau*  = clip(u, -tau_max, tau_max)
+        tau*  = clip(u, -tau_max, tau_max) + d           d only with `disturbance=True`: a DisturbanceObserver bounds it
         s[n+1] = s[n] + dt (tau_d - tau_hat), held where u is out of its limit and the sum would push it further, where
                  the inputs are not finite, and within |Ki s| <= tau_max (anti-windup by clamping)
         y     = effort(tau*, motion) by the models' effects (`Compensator`)
@@ -100,14 +100,15 @@ class TorqueControl(LeafSystem):  # type: ignore[misc, unused-ignore]
         joint_estimate (3n): [q; qdot; qddot].
         position (n): q as the encoders read it now [rad].
         reference (3n): [q_d; qdot_d; qddot_d]; only where the compensation takes its motion from there.
+        disturbance (n): d, torque that the drives lose beyond their models [N m]; only with `disturbance=True`.
     Outputs, with direct feedthrough of every input:
         command (n) [rad | A | V].
         components (6n): rows of n, named in COMPONENTS, in effort. With K the drive gains and tau_ff the first row of
-            `torque_terms`:  K tau_ff;  y - K tau*;  K6 e;  K7 edot;  the rest of the torque feedback, which is K8 eddot
+            `torque_terms`:  K tau_ff;  y - K (tau* - d);  K6 e;  K7 edot;  the rest of the torque feedback, K8 eddot
             when estimate and inverse dynamics share one model;  K9 e_f.
         integral (n): K Ki s, the seventh; the seven sum to y. Where tau* is clipped, all but the friction are scaled
-            by tau*/u.
-        commanded_torque (n): tau* [N m].
+            by (tau* - d)/u.
+        commanded_torque (n): tau* [N m], what the drives are to deliver if their models are right.
     State s (n) [N m s]. Parameters: Kp, Ki (`set_gains`).
 
     An input that is not finite gives NaN outputs for the tick, which the CommandGuard behind stops; s is held.
@@ -122,6 +123,8 @@ class TorqueControl(LeafSystem):  # type: ignore[misc, unused-ignore]
         torque_limit: FloatArray,
         dt: float = 1e-3,
         compensation: CompensationSpec | None = None,
+        *,
+        disturbance: bool = False,
     ) -> None:
         """Declare ports and compile the models.
 
@@ -131,6 +134,7 @@ class TorqueControl(LeafSystem):  # type: ignore[misc, unused-ignore]
             torque_limit: (n,) tau_max > 0 [N m], infinite for none.
             dt: Period of the integral [s].
             compensation: Which motion the models are fed with; None: the defaults.
+            disturbance: Declare the port `disturbance` and compensate what comes there.
 
         Raises:
             ParamsError: sizes that do not agree, or a limit or period that is not possible.
@@ -145,7 +149,7 @@ class TorqueControl(LeafSystem):  # type: ignore[misc, unused-ignore]
             raise ParamsError(f"torque_limit: wanted {n} positive numbers [N m]; got {limit.tolist()}")
         if not (math.isfinite(dt) and dt > 0.0):
             raise ParamsError(f"dt: wanted a positive period [s]; got {dt!r}")
-        self._size, self._spec, self._dt = n, spec, float(dt)
+        self._size, self._spec, self._dt, self._disturbed = n, spec, float(dt), disturbance
         self._limit, self._lowest, self._nil = limit, -limit, np.zeros(n)
         self._per_speed = 1.0 / spec.direction_speed
         self._k_tau = self._compensator.k_tau
@@ -163,13 +167,13 @@ class TorqueControl(LeafSystem):  # type: ignore[misc, unused-ignore]
         self._estimate: Any = self.DeclareVectorInputPort("joint_estimate", 3 * n)
         self._position: Any = self.DeclareVectorInputPort("position", n)
         self._reference: Any = self.DeclareVectorInputPort("reference", 3 * n) if self._spec.wants_reference else None
+        self._lost: Any = self.DeclareVectorInputPort("disturbance", n) if self._disturbed else None
         total = self.DeclareDiscreteState(n)
         self._sum = int(total)
         tuned = self.numeric_parameter_ticket(NumericParameterIndex(self._gains))
         tickets = {tuned, self.discrete_state_ticket(total)}
         tickets |= {port.ticket() for port in (self._desired, self._estimated, self._estimate, self._position)}
-        if self._reference is not None:
-            tickets.add(self._reference.ticket())
+        tickets |= {port.ticket() for port in (self._reference, self._lost) if port is not None}
         self._solution: Any = self.DeclareCacheEntry(
             "solution", ValueProducer(allocate=Value(()).Clone, calc=self._solve), tickets
         )
@@ -217,14 +221,15 @@ class TorqueControl(LeafSystem):  # type: ignore[misc, unused-ignore]
         return np.concatenate([gains.kp, gains.ki])
 
     def _solve(self, context: Any, solution: Any) -> None:
-        """(u, tau*, y, Ki s, command) into the cache entry."""
+        """(u, tau* - d, y, Ki s, command, tau*) into the cache entry."""
         n = self._size
         desired, estimated, position = (p.Eval(context) for p in (self._desired, self._estimated, self._position))
         velocity, turning, acceleration = self._motion(context)
-        used = (desired, estimated, position, velocity, turning, acceleration)
+        lost_torque = self._nil if self._lost is None else self._lost.Eval(context)
+        used = (desired, estimated, position, velocity, turning, acceleration, lost_torque)
         if not np.abs(np.concatenate(used)).max() <= LARGEST:  # also where one is NaN
             lost = np.full(n, np.nan)
-            solution.set_value((lost, lost, lost, lost, lost))
+            solution.set_value((lost, lost, lost, lost, lost, lost))
             return
         gains = context.get_numeric_parameter(self._gains).value()
         asked = desired + gains[:n] * (desired - estimated)
@@ -233,9 +238,10 @@ class TorqueControl(LeafSystem):  # type: ignore[misc, unused-ignore]
             integral = gains[n:] * context.get_discrete_state(self._sum).value()
             asked += integral
         torque = np.minimum(np.maximum(asked, self._lowest), self._limit)
+        total = torque if self._lost is None else torque + lost_torque
         direction = np.tanh(turning * self._per_speed)
-        effort = self._compensator.effort(torque, velocity, direction, position, acceleration)
-        solution.set_value((asked, torque, effort, integral, self._servo * position + effort))
+        effort = self._compensator.effort(total, velocity, direction, position, acceleration)
+        solution.set_value((asked, torque, effort, integral, self._servo * position + effort, total))
 
     def _motion(self, context: Any) -> tuple[FloatArray, FloatArray, FloatArray]:
         """(velocity, velocity that gives the direction, acceleration) to compensate for, (n,) each."""
@@ -252,10 +258,10 @@ class TorqueControl(LeafSystem):  # type: ignore[misc, unused-ignore]
         vector.set_value(self._solution.Eval(context)[4])
 
     def _write_commanded(self, context: Any, vector: Any) -> None:
-        vector.set_value(self._solution.Eval(context)[1])
+        vector.set_value(self._solution.Eval(context)[5])
 
     def _write_integral(self, context: Any, vector: Any) -> None:
-        asked, torque, _, integral, _ = self._solution.Eval(context)
+        asked, torque, _, integral, *_ = self._solution.Eval(context)
         vector.set_value(np.zeros(self._size) if integral is None else self._share(asked, torque) * integral)
 
     def _share(self, asked: FloatArray, torque: FloatArray) -> FloatArray:
@@ -267,7 +273,7 @@ class TorqueControl(LeafSystem):  # type: ignore[misc, unused-ignore]
 
     def _write_components(self, context: Any, vector: Any) -> None:
         n = self._size
-        asked, torque, effort, integral, _ = self._solution.Eval(context)
+        asked, torque, effort, integral, *_ = self._solution.Eval(context)
         terms = self._terms.Eval(context).reshape(6, n)
         kp = context.get_numeric_parameter(self._gains).value()[:n]
         parts = np.empty((6, n))

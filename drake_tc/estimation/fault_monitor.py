@@ -160,6 +160,13 @@ class FaultMonitor(LeafSystem):  # type: ignore[misc, unused-ignore]
         """Names of the flags, in the order of the port."""
         return self._flag_names
 
+    def coordinates(self, context: Context) -> FloatArray:
+        """(0,): counters and filters that act on nothing before a flag goes up (`drake_tc.analysis`)."""
+        return np.zeros(0)
+
+    def set_coordinates(self, context: Context, x: FloatArray) -> None:
+        """Nothing to set."""
+
     def _update(self, context: Context, values: DiscreteValues) -> None:
         """The recursion: a short way where nothing is or was wrong, which is nearly always."""
         seen = [port.Eval(context) for port in self._raw_ports]

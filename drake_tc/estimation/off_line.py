@@ -80,7 +80,7 @@ def estimate_log(
     Source: EQUATIONS A4: identification uses every signal at t - t_d, so that the filters' delay cancels.
     """
     context = model.create_context()
-    rows = _smoothed(model, log, filters, bias)
+    rows = smoothed(model, log, filters, bias)
     torque, unknown, contact = zip(*(model.estimate(context, *row) for row in rows), strict=True)
     return TorqueLog(np.array(torque), np.array(unknown), np.array(contact))
 
@@ -100,17 +100,17 @@ def wrench_bias(
         LogError: no sample is named; otherwise as `estimate_log`.
         ParamsError: as `estimate_log`.
     """
-    rows = list(_smoothed(model, log, filters, None))[untouched]
+    rows = list(smoothed(model, log, filters, None))[untouched]
     if not rows:
         raise LogError(f"wrench bias: wanted samples within 0 to {len(log.position)}; got {untouched}")
     context = model.create_context()
     return np.asarray(np.mean([model.reading_error(context, *row) for row in rows], axis=0))
 
 
-def _smoothed(
+def smoothed(
     model: TorqueModel, log: SensorLog, filters: OffLineFilter | None, bias: FloatArray | None
 ) -> Iterator[Row]:
-    """The arguments of `TorqueModel.estimate`, sample by sample."""
+    """The arguments of `TorqueModel.estimate`, sample by sample; arguments and errors as `estimate_log`."""
     spec = OffLineFilter() if filters is None else filters
     samples = log.position.shape[0]
     if samples < spec.window:

@@ -139,6 +139,17 @@ class TorqueModel:
         self, context: Any, q: FloatArray, v: FloatArray, vdot: FloatArray, imu: FloatArray, gyro_dot: FloatArray
     ) -> FloatArray:
         """M vdot + h over all velocities of the estimation plant (nv,); arguments as `estimate`."""
+        acceleration = self.acceleration(context, q, v, vdot, imu, gyro_dot)
+        forces: FloatArray = self._plant.CalcInverseDynamics(context, acceleration, self._forces)
+        return forces
+
+    def acceleration(
+        self, context: Any, q: FloatArray, v: FloatArray, vdot: FloatArray, imu: FloatArray, gyro_dot: FloatArray
+    ) -> FloatArray:
+        """(nv,) accelerations of the estimation plant, the base's against free fall; arguments as `estimate`.
+
+        The context leaves with the positions and velocities that go with them.
+        """
         state = self.model.state.copy()
         state[self._positions] = q
         state[self._in_state] = v
@@ -152,8 +163,7 @@ class TorqueModel:
             acceleration[:6] = self._motion.solve(
                 context, state, vdot, imu, None if self._differentiate == "zero" else rate
             )
-        forces: FloatArray = self._plant.CalcInverseDynamics(context, acceleration, self._forces)
-        return forces
+        return acceleration
 
     def reading_error(
         self,

@@ -18,8 +18,9 @@ class WrenchTare(LeafSystem):  # type: ignore[misc, unused-ignore]
         joint_estimate (3n): [q; qdot; qddot] [rad, rad/s, rad/s^2].
         imu_estimate (12): [gyro; accel; d gyro/dt; d accel/dt]; not needed with a "fixed" base.
         wrench (6k): filtered F/T readings, sensor frames [N, N m].
-    Output:
+    Outputs:
         wrench (6k): y[n] = u[n] - b[n]; feedthrough of `wrench` alone. Not finite where u is not.
+        correction (6k): -b[n], to be added to other readings of the same sensors; of the state alone.
     State: b (6k), m, both 0 at the start. At the multiples of `period` within [begin, end]:
         b[n+1] = b[n] + (u[n] - w[n] - b[n])/(m[n] + 1),   m[n+1] = m[n] + 1
     with w the reading that the model expects of a robot that nothing touches; a sample that is not finite is left out.
@@ -66,7 +67,13 @@ class WrenchTare(LeafSystem):  # type: ignore[misc, unused-ignore]
             self._write,
             tickets,
         )
+        self.DeclareVectorOutputPort(
+            "correction", self._size, self._write_correction, {self.discrete_state_ticket(state)}
+        )
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
+
+    def _write_correction(self, context: Any, vector: BasicVector) -> None:
+        vector.set_value(-context.get_discrete_state(self._state).value()[: self._size])
 
     def _write(self, context: Any, vector: BasicVector) -> None:
         vector.set_value(self._wrench.Eval(context) - context.get_discrete_state(self._state).value()[: self._size])

@@ -175,6 +175,24 @@ class SavitzkyGolayFilter(LeafSystem):  # type: ignore[misc, unused-ignore]
         """Age of the estimate just after a tick [s]."""
         return self._delay
 
+    def coordinates(self, context: Context) -> FloatArray:
+        """(N n,) the window, oldest sample first: the state without its bookkeeping (`drake_tc.analysis`)."""
+        ring = np.array(context.get_discrete_state(self._samples).value()).reshape(self._window, self._size)
+        return np.roll(ring, -int(context.get_discrete_state(self._head).value()[0]), axis=0).ravel()
+
+    def set_coordinates(self, context: Context, x: FloatArray) -> None:
+        """Make the window (N n,) x, oldest first, and the estimate what belongs to it."""
+        oldest: int = int(context.get_discrete_state(self._head).value()[0])
+        ring = np.roll(np.asarray(x).reshape(self._window, self._size), oldest, axis=0)
+        state: Any = context
+        state.SetDiscreteState(self._samples, ring.ravel())
+        state.SetDiscreteState(self._estimate, self._fit(ring, oldest))
+
+    def _fit(self, ring: FloatArray, oldest: int) -> FloatArray:
+        """The estimate (3n,) of the ring whose oldest row is known."""
+        y: FloatArray = self._table[:, self._window - oldest : 2 * self._window - oldest].dot(ring).ravel()
+        return y if self._one_order else y.take(self._pick)
+
     def _writer(self, derivative: int) -> Callable[[Context, Any], None]:
         """The calc function of an output with one of the three derivatives."""
         part = slice(derivative * self._size, (derivative + 1) * self._size)
@@ -195,8 +213,7 @@ class SavitzkyGolayFilter(LeafSystem):  # type: ignore[misc, unused-ignore]
         samples[oldest] = u
         oldest = (oldest + 1) % window
         head[0] = oldest
-        y = self._table[:, window - oldest : 2 * window - oldest].dot(samples).ravel()
-        new.set_value(self._estimate, y if self._one_order else y.take(self._pick))
+        new.set_value(self._estimate, self._fit(samples, oldest))
 
     def _mend(self, u: FloatArray, newest: FloatArray, head: FloatArray, context: Any, new: Any) -> FloatArray:
         """The sample s where something is not finite or has not started; flags and first fills go to the new state."""

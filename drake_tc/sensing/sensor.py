@@ -8,6 +8,7 @@ import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, InputPort, LeafSystem, ValueProducer
 
+from drake_tc.errors import ParamsError
 from drake_tc.sensing.corruption import BLOCK, Corruption, corrupt
 from drake_tc.sensing.fault import SensorFault
 from drake_tc.sensing.spec import SensorSpec
@@ -100,6 +101,33 @@ class SensorBase(LeafSystem):  # type: ignore[misc, unused-ignore]
     def faults(self) -> tuple[SensorFault, ...]:
         """When it fails."""
         return self._corruption.faults
+
+    def coordinates(self, context: Context) -> FloatArray:
+        """(L n,) the delay line, oldest first: all that is state where nothing is random (`drake_tc.analysis`).
+
+        Raises:
+            ParamsError: noise, quantisation, lost samples or faults, of which no derivative can be taken.
+        """
+        if self._corruption.changes or self._steps_any:
+            raise ParamsError(
+                f"sensor {self.get_name()!r}: wanted neither noise, quantisation, drop-outs nor faults, to linearise;"
+                " take perfect sensors"
+            )
+        if not self._delay:
+            return np.zeros(0)
+        line = np.array(context.get_discrete_state(self._line).value()).reshape(self._delay, self._size)
+        return np.roll(line, -self._oldest(context), axis=0).ravel()
+
+    def set_coordinates(self, context: Context, x: FloatArray) -> None:
+        """Make the delay line (L n,) x, oldest first."""
+        if self._delay:
+            line = np.roll(np.asarray(x).reshape(self._delay, self._size), self._oldest(context), axis=0)
+            state: Any = context
+            state.SetDiscreteState(self._line, line.ravel())
+
+    def _oldest(self, context: Context) -> int:
+        """Row of the delay line that is read at this tick."""
+        return int(context.get_discrete_state(self._now).value()[_TICK]) % self._delay
 
     def _truth(self, context: Context) -> FloatArray:
         """(n,) u from the input port."""

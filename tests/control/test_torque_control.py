@@ -39,7 +39,8 @@ def context_of(system, s=(0.0, 0.0), **changed):
     context = system.CreateDefaultContext()
     for i in range(system.num_input_ports()):
         name = system.get_input_port(i).get_name()
-        system.get_input_port(i).FixValue(context, np.asarray(changed.get(name, INPUTS[name]), float))
+        value = changed[name] if name in changed else INPUTS[name]
+        system.get_input_port(i).FixValue(context, np.asarray(value, float))
     context.SetDiscreteState(0, np.asarray(s, float))
     return context
 
@@ -157,6 +158,24 @@ def test_a_broken_input_raises_nothing_and_leaves_the_integral(name, bad):
     assert_allclose(run(system, context, 3)[-1], [0.1, 0.2])
     assert np.isnan(read(system, context, "command")).any()
     assert read(system, context, "components").shape == (12,)
+
+
+def test_a_disturbance_is_added_behind_the_limit_and_counts_as_friction():
+    limit, lost = np.array([6.0, 2.0]), np.array([1.5, -4.0])
+    with_it = TorqueControl(SERVOS, GAINS, limit, disturbance=True)
+    without = TorqueControl(SERVOS, GAINS, limit)
+    one, two = context_of(with_it, (0.3, -0.2), disturbance=lost), context_of(without, (0.3, -0.2))
+    asked = read(without, two, "commanded_torque")
+    assert np.abs(asked[1]) == 2.0  # clipped, and the compensation goes beyond
+    assert_allclose(read(with_it, one, "commanded_torque"), asked + lost)
+    parts = [read(s, c, "components").reshape(6, 2) for s, c in ((with_it, one), (without, two))]
+    assert_allclose(np.delete(parts[0], 1, axis=0), np.delete(parts[1], 1, axis=0))
+    effort = read(with_it, one, "command") - INPUTS["position"]
+    assert_allclose(parts[0].sum(axis=0) + read(with_it, one, "integral"), effort, rtol=1e-11, atol=1e-11)
+    nothing = context_of(with_it, (0.3, -0.2), disturbance=np.zeros(2))
+    assert_allclose(read(with_it, nothing, "command"), read(without, two, "command"))
+    missing = context_of(with_it, disturbance=np.array([np.nan, 0.0]))
+    assert np.isnan(read(with_it, missing, "command")).any()
 
 
 MOVES = {  # input: outputs it moves

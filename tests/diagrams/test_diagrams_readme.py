@@ -9,6 +9,8 @@ from drake_tc.diagrams import scenario as data
 from drake_tc.diagrams.registry import DIAGRAMS
 
 from drake_tc.control.torque_control import CompensationSpec
+from drake_tc.estimation.delay_predictor import PredictorSpec
+from drake_tc.estimation.disturbance_observer import ObserverSpec
 from drake_tc.sensing.fault import SensorFault
 from drake_tc.sensing.spec import SensorSpec
 from drake_tc.sensing.suite import SensorSuiteSpec
@@ -24,6 +26,9 @@ PARTS = {
     "objects": data.ObjectSpec,
     "sensors": SensorSuiteSpec,
     "faults": SensorFault,
+    "predictor": PredictorSpec,
+    "observer": ObserverSpec,
+    "suspension": data.SuspensionSpec,
 }
 
 

@@ -133,7 +133,11 @@ def test_what_a_scenario_file_cannot_say(file, name, text, message):
     ("diagram", "text", "message"),
     [
         ("hrp2_leg", "{robot: nothing.yaml}", r"nothing\.yaml"),
-        ("hrp2_leg", "{robot: ../models/hrp2_like/hrp2_like.yaml}", "wanted a robot whose base is fixed"),
+        (
+            "hrp2_leg",
+            "{robot: ../models/hrp2_like/hrp2_like.yaml}",
+            "angular_acceleration: wanted gyro or neglected, as the base",
+        ),
         ("hrp2_leg", "{actuators: nothing.yaml}", r"nothing\.yaml"),
         ("hrp2_leg", "{sensors: superb}", r"sensors\.preset: wanted one of perfect, realistic; got 'superb'"),
         ("hrp2_leg", "{sensors: {encoder: {hue: 1}}}", r"sensors\.encoder: unknown .*hue"),

@@ -86,6 +86,17 @@ def test_the_bias_of_noisy_sensors_is_found_within_their_statistics(moving):
     assert np.sqrt(np.mean(error**2)) > 0.2 * 0.05
 
 
+def test_the_correction_zeroes_other_readings_of_the_same_sensors(moving):
+    model, instant = moving
+    tare = WrenchTare(model, 0.0, 0.1)
+    context = fixed(tare, instant, instant.readings + BIAS)
+    assert_array_equal(tare.GetOutputPort("correction").Eval(context), np.zeros(12))
+    Simulator(tare, context).AdvanceTo(0.2)
+    assert_allclose(tare.GetOutputPort("correction").Eval(context), -BIAS, atol=1e-9 * np.abs(instant.readings).max())
+    port = tare.GetOutputPort("correction").get_index()
+    assert not any(tare.HasDirectFeedthrough(i, port) for i in range(tare.num_input_ports()))
+
+
 def test_samples_that_are_not_finite_are_left_out(moving):
     model, instant = moving
     tare = WrenchTare(model, 0.1, 0.3)

@@ -1,0 +1,263 @@
+"""`DisturbanceObserver`: joint motion without delay, and the torque that the drives lose beyond their models.
+
+With A = M_jj(q) + J (links and rotors), u the torque that the drives were asked for, friction as modelled taken off,
+and p the link torque that the reference needs beside M qddot_d,
+
+    A qddot = u - p - w - d                  d: friction, dead zone, gain errors ... that the drive's model lacks
+    p = tau_ff - M qddot_d                   of the inverse dynamics at the reference: gravity, Coriolis, wanted force
+    w = (tau_hat - F tau_ff) + M (F qddot_d - qddot_hat)
+
+w is what the links feel besides p, contact and wrong masses, as F/T sensors and IMU have it: the torque estimate and
+the same filter F of the reference, both delayed alike, so that only their difference is old (without a filter, F = 1,
+nothing is: `ObserverSpec.torque`). Leaving w out of d keeps the joint as soft against contacts as its gains say; an
+observer without it would push back.
+
+The encoder, which has no delay, corrects the model (third-order observer, all poles at z = exp(-bandwidth dt)):
+
+    r       = q - q^[n]
+    q', v'  = q^[n] + l1 r, v^[n] + l2 r;    d^[n+1] = clip(d^[n] - A l3 r, +/- limit)
+    a       = A^-1 (u - p - w - d^[n+1])
+    q^[n+1] = q' + dt v' + dt^2/2 a,  v^[n+1] = v' + dt a
+    l1 = 1 - z^3,  l2 = 3/2 (1 - z)^2 (1 + z)/dt,  l3 = (1 - z)^3/dt^2
+
+so that d^ = Q(s) d with Q of unit gain, third order and the stated bandwidth. Compensated, A of the model where the
+joint has A', the effective inertia is A' (1 - Q) + A Q: 1 - Q (1 - A/A') has no zero in the right half-plane while
+|Q| <= 1 and 0 < A < 2 A' (small gain), whatever delays Q; but where A/A' is small the joint feels like a third-order
+integrator from A/A' times the bandwidth on, which no stiffness and damping can hold. The rotors' inertia is most of it
+at the ends of a limb: it must be known, within a factor of two or so.
+
+Encoder noise s (a sample) comes to about 0.6 A s bandwidth^2 sqrt(bandwidth dt) in d^.
+
+Source: Ohnishi's disturbance observer (1987) in the state-space form of Gopinath and Luenberger; the split between w
+and d is ours.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from pydrake.common.value import Value
+from pydrake.systems.framework import Context, DiscreteValues, LeafSystem, ValueProducer
+
+from drake_tc.actuation.constant_parts import split_parts
+from drake_tc.actuation.model import ActuatorModel
+from drake_tc.errors import ParamsError
+from drake_tc.estimation.joint_inertia import JointInertia, known_inertia
+from drake_tc.robot.plant import joint_limits
+from drake_tc.robot.robot import Robot
+from drake_tc.types import FloatArray
+
+LARGEST = 1e9
+"""No input in SI units is as large; one that is counts as not finite."""
+
+
+@dataclass(frozen=True)
+class ObserverSpec:
+    """What the observer is set to.
+
+    Attributes:
+        bandwidth: Of d^ [rad/s].
+        limit: Largest |d^|, as a share of the joint's effort limit [-] (of 100 N m where it has none). Above 1: a wrong
+            gain or a late encoder looks like more friction than the drive has torque.
+        torque: Where w comes from: "live", a second torque estimate, from the sensors' raw readings and the observer's
+            own motion, without delay (F is then 1); or "filtered", the estimate that the controller has, old as it is,
+            for a robot that touches nothing. In a rigid contact w follows u at once, so that a w that is T old makes a
+            loop of Q (1 - exp(-T s)), with a gain of up to 2 |Q|: 40 ms are unstable above some 60 rad/s of bandwidth.
+        delay: Age of the filtered estimate that it reckons with [s]; None: that of the filters, which is right unless
+            the sensors are late themselves.
+
+    Raises:
+        ParamsError: a number that is not possible.
+    """
+
+    bandwidth: float = 250.0
+    limit: float = 1.5
+    torque: Literal["live", "filtered"] = "live"
+    delay: float | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("bandwidth", "limit"):
+            if not (math.isfinite(getattr(self, name)) and getattr(self, name) > 0.0):
+                raise ParamsError(f"observer.{name}: wanted a positive number; got {getattr(self, name)!r}")
+        if self.torque not in ("filtered", "live"):
+            raise ParamsError(f"observer.torque: wanted one of live, filtered; got {self.torque!r}")
+        if self.delay is not None and not (math.isfinite(self.delay) and self.delay >= 0.0):
+            raise ParamsError(f"observer.delay: wanted a time >= 0 [s]; got {self.delay!r}")
+
+
+def observer_gains(bandwidth: float, dt: float) -> tuple[float, float, float]:
+    """(l1 [-], l2 [1/s], l3 [1/s^2]) with all three poles at exp(-bandwidth dt)."""
+    z = math.exp(-bandwidth * dt)
+    return 1.0 - z**3, 1.5 * (1.0 - z) ** 2 * (1.0 + z) / dt, (1.0 - z) ** 3 / dt**2
+
+
+class DisturbanceObserver(LeafSystem):  # type: ignore[misc, unused-ignore]
+    """The observer of the module's docstring for all joints of a robot.
+
+    Inputs:
+        position (n): q as the encoders read it now [rad].
+        commanded_torque (n): u of `TorqueControl` [N m], J_m qddot_d of the rotor inertia in the drives' models apart.
+        command (n), sent_command (n): what TorqueControl asked for, what left the guard [rad | A | V]; the difference
+            over K goes to u.
+        feedforward_torque (n): tau_ff of InverseDynamics [N m].
+        reference (3n): [q_d; qdot_d; qddot_d].
+        delayed_reference (2n): F [tau_ff; qddot_d].
+        joint_estimate (3n), estimated_torque (n): delayed, of filter and torque estimator.
+        compensated_motion (3n): what TorqueControl takes the velocity of viscous friction b from; b (qdot - v') goes
+            to u.
+        torque_fault (1): of the torque estimator; where it is not 0 the estimate counts as lost. Need not be connected.
+    Outputs, of the state alone unless said otherwise:
+        motion (3n): [q^; v^; a] now.
+        disturbance (n): d^ [N m].
+        compensation (n): d^ + (J - J_m) qddot_d [N m], to be added to the torque that is asked of the drives; follows
+            `reference` at the same instant.
+        link_torque (n): u - J a - d^ [N m], what the links get.
+        fault (1): 1 before the first tick, and where an input of the last one was not finite (or beyond `LARGEST`).
+            `disturbance` and `compensation` are then 0; it starts anew with q^ = q, v^ = the filter's, d^ = 0.
+    State: q^, v^, d^, a, link torque, fault: 5n + 1. Nothing is raised in the loop.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        models: Sequence[ActuatorModel],
+        spec: ObserverSpec,
+        dt: float = 1e-3,
+        *,
+        rotor_inertia: Mapping[str, float] | None = None,
+        fed_forward: bool = True,
+    ) -> None:
+        """Declare ports and build the model.
+
+        Args:
+            robot: Its links' masses.
+            models: The drives as the controller takes them, one a joint.
+            spec: Bandwidth, limit, delay.
+            dt: Period [s].
+            rotor_inertia: Joint to J [kg m^2], as motor and gear data sheets have it; its model's where not given.
+            fed_forward: TorqueControl compensates the models' rotor inertia with the reference acceleration.
+
+        Raises:
+            ParamsError: sizes that do not agree, a period that is not possible, a joint without rotor inertia.
+        """
+        super().__init__()
+        n = len(robot.joints)
+        if len(models) != n:
+            raise ParamsError(f"DisturbanceObserver: wanted {n} models, one a joint; got {len(models)}")
+        if not (math.isfinite(dt) and dt > 0.0):
+            raise ParamsError(f"dt: wanted a positive period [s]; got {dt!r}")
+        own = np.array([model.inertia for model in models])
+        self._rotor = known_inertia(robot.joints, own, dict(rotor_inertia or {}))
+        self._modelled = own if fed_forward else np.zeros(n)
+        self._missing = self._rotor - self._modelled
+        self._damping = np.array([split_parts(model)[0][1] for model in models])
+        self._per_gain = 1.0 / np.array([model.drive.gain for model in models])
+        effort = joint_limits(robot).effort
+        self._limit = spec.limit * np.where(np.isfinite(effort), effort, 100.0)
+        self._inertia, self._size, self._dt = JointInertia(robot), n, float(dt)
+        self._gains = observer_gains(spec.bandwidth, dt)
+        self._declare(n)
+
+    def _declare(self, n: int) -> None:
+        sizes = {"position": n, "commanded_torque": n, "command": n, "sent_command": n}
+        sizes |= {"feedforward_torque": n, "reference": 3 * n, "delayed_reference": 2 * n}
+        sizes |= {"joint_estimate": 3 * n, "estimated_torque": n, "compensated_motion": 3 * n}
+        self._ports: Any = tuple(self.DeclareVectorInputPort(name, size) for name, size in sizes.items())
+        self._reference: Any = self.GetInputPort("reference")
+        self._torque_fault: Any = self.DeclareVectorInputPort("torque_fault", 1)
+        start: Any = np.zeros(5 * n + 1)
+        start[-1] = 1.0
+        state = self.DeclareDiscreteState(start)
+        self._state = int(state)
+        ticket = self.discrete_state_ticket(state)
+        scratch = self._inertia.create_context
+        self._scratch: Any = self.DeclareCacheEntry(
+            "scratch",
+            ValueProducer(allocate=lambda: Value(Scratch(scratch)), calc=lambda context, value: None),
+            {self.nothing_ticket()},
+        )
+        self.DeclareVectorOutputPort("motion", 3 * n, self._write_motion, {ticket})
+        self.DeclareVectorOutputPort("disturbance", n, self._writer(3), {ticket})
+        self.DeclareVectorOutputPort("compensation", n, self._write_compensation, {ticket, self._reference.ticket()})
+        self.DeclareVectorOutputPort("link_torque", n, self._writer(4), {ticket})
+        self.DeclareVectorOutputPort("fault", 1, self._write_fault, {ticket})
+        self.DeclarePeriodicDiscreteUpdateEvent(self._dt, 0.0, self._update)
+
+    @property
+    def rotor_inertia(self) -> FloatArray:
+        """(n,) J [kg m^2]."""
+        return self._rotor.copy()
+
+    def _held(self, context: Any) -> FloatArray:
+        return np.asarray(context.get_discrete_state(self._state).value())
+
+    def _write_motion(self, context: Context, vector: Any) -> None:
+        vector.set_value(self._held(context)[: 3 * self._size])
+
+    def _writer(self, row: int) -> Any:
+        part = slice(row * self._size, (row + 1) * self._size)
+
+        def write(context: Context, vector: Any) -> None:
+            vector.set_value(self._held(context)[part])
+
+        return write
+
+    def _write_compensation(self, context: Context, vector: Any) -> None:
+        n, held = self._size, self._held(context)
+        wanted = self._reference.Eval(context)[2 * n :]
+        sound = held[-1] == 0.0 and np.abs(wanted).max() < LARGEST
+        vector.set_value(held[3 * n : 4 * n] + self._missing * wanted if sound else np.zeros(n))
+
+    def _write_fault(self, context: Context, vector: Any) -> None:
+        vector.set_value(self._held(context)[-1:])
+
+    def _update(self, context: Context, values: DiscreteValues) -> None:
+        n, new = self._size, self._held(context).copy()
+        seen = [port.Eval(context) for port in self._ports]
+        lost = self._torque_fault.HasValue(context) and self._torque_fault.Eval(context)[0] != 0.0
+        if lost or not np.abs(np.concatenate(seen)).max() < LARGEST:  # also where one is NaN
+            new[:] = 0.0
+            new[-1] = 1.0
+        else:
+            if new[-1]:
+                new[:n], new[n : 2 * n], new[2 * n :] = seen[0], seen[7][n : 2 * n], 0.0
+            self._advance(self._scratch.Eval(context).context, new, seen)
+        target: Any = values
+        target.set_value(self._state, new)
+
+    def _advance(self, scratch: Any, x: FloatArray, seen: list[FloatArray]) -> None:
+        """One tick of the recursion, in place; x = [q^; v^; a; d^; link torque; fault]."""
+        n, dt = self._size, self._dt
+        q, asked, command, sent, feedforward, reference, delayed, estimate, torque, used = seen
+        wanted = reference[2 * n :]
+        mass = self._inertia.mass(scratch, q)
+        total = mass.copy()
+        total.flat[:: n + 1] += self._rotor
+        # p + w, with M times all accelerations at once
+        load = feedforward + torque - delayed[:n] + mass.dot(delayed[n:] - estimate[2 * n :] - wanted)
+        r = q - x[:n]
+        l1, l2, l3 = self._gains
+        here = x[:n] + l1 * r
+        speed = x[n : 2 * n] + l2 * r
+        u = asked + self._modelled * wanted + (sent - command) * self._per_gain
+        u += self._damping * (used[n : 2 * n] - speed)
+        lost = np.minimum(np.maximum(x[3 * n : 4 * n] - l3 * total.dot(r), -self._limit), self._limit)
+        rate = np.linalg.solve(total, u - load - lost)
+        x[:n] = here + dt * (speed + 0.5 * dt * rate)
+        x[n : 2 * n] = speed + dt * rate
+        x[2 * n : 3 * n] = rate
+        x[3 * n : 4 * n] = lost
+        x[4 * n : 5 * n] = u - self._rotor * rate - lost
+
+
+class Scratch:
+    """A Context that a cache entry owns; a copy is a new one, for another Context."""
+
+    def __init__(self, create: Any) -> None:
+        self._create = create
+        self.context = create()
+
+    def __deepcopy__(self, memo: object) -> "Scratch":
+        return Scratch(self._create)

@@ -1,0 +1,145 @@
+"""Link-side torques of a rig's joints from the model of its robot: encoders, IMU and F/T sensors of a recorded run.
+
+The motion's part passes the off-line filters; the F/T sensors' part is linear in their readings and takes these as they
+are, so that whoever filters the torque afterwards filters them like every other channel (EQUATIONS A2, A4).
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from drake_tc.errors import LogError
+from drake_tc.estimation.off_line import OffLineFilter, SensorLog, smoothed
+from drake_tc.estimation.torque_model import TorqueModel
+from drake_tc.logs.loads import RobotLoad
+from drake_tc.logs.record import Run
+from drake_tc.logs.rig import Rig
+from drake_tc.robot.robot import Robot, load_robot
+from drake_tc.types import FloatArray
+
+IMU_AXES = ("gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z")
+WRENCH_AXES = ("fx", "fy", "fz", "tx", "ty", "tz")
+WINDOW_SECONDS = 0.031
+"""Of the off-line filters: several times shorter than any motion that a joint's log shows."""
+LEAST_WINDOW = 5
+
+
+@dataclass(frozen=True, eq=False)
+class RobotLogs:
+    """A rig's robot, ready to read its logs.
+
+    Attributes:
+        robot: Without F/T sensors where the rig asks for inverse dynamics.
+        model: Its torque estimation.
+        reads_imu: Whether the base's motion comes from the robot's first IMU.
+    """
+
+    robot: Robot
+    model: TorqueModel
+    reads_imu: bool
+
+    def sensors(self, run: Run, part: slice) -> SensorLog:
+        """The readings of one stretch of a run."""
+        joints = [f"{joint}/position" for joint in self.robot.joints]
+        imu = [f"imu_{self.robot.imu[0].name}/{axis}" for axis in IMU_AXES] if self.reads_imu else []
+        wrench = [f"ft_{mount.name}/{axis}" for mount in self.robot.force_torque for axis in WRENCH_AXES]
+        position, inertial, felt = (_stacked(run, names, part) for names in (joints, imu, wrench))
+        return SensorLog(position, inertial if self.reads_imu else None, felt, run.period)
+
+
+def _stacked(run: Run, names: Sequence[str], part: slice) -> FloatArray:
+    size = part.stop - part.start
+    if not names:
+        return np.zeros((size, 0))
+    for name in names:
+        if name not in run.columns:
+            raise LogError(
+                f"{run.source or run.name}: no column {name!r}, which the robot's model wants; map it in the rig file: "
+                f"columns: {{{name}: NAME_IN_FILE}}"
+            )
+    return np.stack([np.asarray(run.columns[name][part], dtype=np.float64) for name in names], axis=1)
+
+
+def robot_logs(rig: Rig, runs: Sequence[Run]) -> RobotLogs | None:
+    """The rig's robot, or None where no robot's model gives its loads.
+
+    A welded robot whose logs hold no IMU is taken to stand as its file says.
+
+    Raises:
+        ParamsError: a robot file that cannot be read, or a floating robot without IMU.
+    """
+    load = next(iter(rig.load.values()))
+    if not isinstance(load, RobotLoad) or rig.robot is None:
+        return None
+    robot = load_robot(rig.robot)
+    if load.method == "inverse_dynamics":
+        robot = replace(robot, force_torque=())
+    first = f"imu_{robot.imu[0].name}/accel_x" if robot.imu else ""
+    reads_imu = bool(robot.imu) and (not robot.fixed_base or all(first in run.columns for run in runs))
+    if robot.fixed_base:
+        model = TorqueModel(robot, base="imu" if reads_imu else "fixed", angular_acceleration="zero")
+    else:
+        model = TorqueModel(robot)
+    return RobotLogs(robot, model, reads_imu)
+
+
+def off_line_filter(period: float) -> OffLineFilter:
+    """Windows of 31 ms, at least five samples, of order 2 for all sensors: flat to the fourth order in frequency."""
+    window = max(LEAST_WINDOW, 2 * round(0.5 * WINDOW_SECONDS / period) + 1)
+    return OffLineFilter(window=window, encoder_order=2, inertial_order=2)
+
+
+def usable_stretches(run: Run) -> Iterator[slice]:
+    """Stretches that are longer than the filters' windows."""
+    window = off_line_filter(run.period).window
+    return (part for part in run.segments() if part.stop - part.start > window)
+
+
+def with_robot_loads(logs: RobotLogs, runs: Sequence[Run], joints: Sequence[str]) -> list[Run]:
+    """The runs with `<joint>/torque` columns [N m] from the robot's model, in place of any that were recorded.
+
+    Stretches that are shorter than the filters' windows are marked as not to be used.
+
+    Args:
+        logs: The robot.
+        runs: Runs on uniform clocks, with encoders, IMU and F/T sensors.
+        joints: Of the rig; each one of the robot's.
+
+    Raises:
+        LogError: a sensor that is missing, a joint that the robot does not have, or a log too short for the filters.
+    """
+    unknown = [joint for joint in joints if joint not in logs.robot.joints]
+    if unknown:
+        raise LogError(f"joint {unknown[0]!r}: {logs.robot.source} drives {', '.join(logs.robot.joints)}")
+    return [_with_loads(logs, run, joints) for run in runs]
+
+
+def _with_loads(logs: RobotLogs, run: Run, joints: Sequence[str]) -> Run:
+    torque = np.full((len(run), len(logs.robot.joints)), np.nan)
+    segment = np.full(len(run), -1, dtype=np.int64)
+    for part in usable_stretches(run):
+        torque[part] = _torque(logs, logs.sensors(run, part))
+        segment[part] = run.segment[part]
+    if not (segment >= 0).any():
+        raise LogError(
+            f"{run.source or run.name}: wanted a stretch of more than {off_line_filter(run.period).window} samples for "
+            "the robot's torque estimate; all are shorter"
+        )
+    order = [logs.robot.joints.index(joint) for joint in joints]
+    columns = dict(run.columns) | {f"{j}/torque": torque[:, i] for j, i in zip(joints, order, strict=True)}
+    dropped = int(((run.segment >= 0) & (segment < 0)).sum())
+    notes = run.notes
+    if dropped:
+        notes += (f"{dropped} rows in stretches too short for the robot's torque estimate were left out.",)
+    return replace(run, columns=columns, segment=segment, notes=notes)
+
+
+def _torque(logs: RobotLogs, sensors: SensorLog) -> FloatArray:
+    """(T, n): the estimate with filtered motion and raw wrenches."""
+    model, context = logs.model, logs.model.create_context()
+    rows = smoothed(model, sensors, off_line_filter(sensors.dt), None)
+    torque = np.empty((sensors.position.shape[0], model.size))
+    for index, (q, v, vdot, imu, rate, _) in enumerate(rows):
+        torque[index] = model.estimate(context, q, v, vdot, imu, rate, sensors.wrench[index]).torque
+    return torque
