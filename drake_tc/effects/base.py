@@ -117,7 +117,7 @@ class Context:
 
     Attributes:
         drive: Kind of drive.
-        load: Where the load torque comes from: a torque column, or a pendulum's mass and length.
+        load: Where the load torque comes from: a torque column, a pendulum's mass and length, or a robot's model.
         recorded: Names of the `Signals` fields that were recorded.
         declared: Parameter values that the user vouches for.
         link_inertia: Of a pendulum load about the axis [kg m^2]; 0 where the load is measured.
@@ -128,7 +128,7 @@ class Context:
     """
 
     drive: DriveKind
-    load: Literal["torque", "pendulum"]
+    load: Literal["torque", "pendulum", "robot"]
     recorded: frozenset[str]
     declared: Mapping[str, float] = field(default_factory=dict)
     link_inertia: float = 0.0

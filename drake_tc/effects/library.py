@@ -21,6 +21,7 @@ from drake_tc.effects.position_dependent_friction import PositionDependentFricti
 from drake_tc.effects.presliding_hysteresis import PreslidingHysteresis
 from drake_tc.effects.quadratic_viscous import QuadraticViscous
 from drake_tc.effects.rotor_inertia import RotorInertia
+from drake_tc.effects.run_in_friction import RunInFriction
 from drake_tc.effects.saturation import Saturation
 from drake_tc.effects.servo_integrator import ServoIntegrator
 from drake_tc.effects.stribeck import Stribeck
@@ -32,6 +33,7 @@ from drake_tc.effects.torque_sensor_drift import TorqueSensorDrift
 from drake_tc.effects.torque_sensor_gain import TorqueSensorGain
 from drake_tc.effects.velocity_sign_switch import VelocitySignSwitch
 from drake_tc.effects.viscous import Viscous
+from drake_tc.effects.viscous_power import ViscousPower
 from drake_tc.effects.winding_heat import WindingHeat
 from drake_tc.errors import ParamsError
 
@@ -70,8 +72,16 @@ LIBRARY: tuple[Effect, ...] = (
     EncoderRipple(),
 )
 
-SPECIAL: tuple[Effect, ...] = (LoadStribeck(), DriveCompression(), WindingHeat(), LoadTilt())
+SPECIAL: tuple[Effect, ...] = (
+    LoadStribeck(),
+    DriveCompression(),
+    WindingHeat(),
+    LoadTilt(),
+)
 """Effects that a model may list but that no search looks for unasked: each resembles a commoner one in LIBRARY."""
+
+MULTI_JOINT: tuple[Effect, ...] = (ViscousPower(), RunInFriction())
+"""Effects that only the search over several joints together looks for (drake_tc/diagnosis/arm_search.py)."""
 
 
 def effect(key: str) -> Effect:
@@ -80,7 +90,8 @@ def effect(key: str) -> Effect:
     Raises:
         ParamsError: there is no such effect; the message lists those there are.
     """
-    for candidate in (*LIBRARY, *SPECIAL):
+    known = (*LIBRARY, *SPECIAL, *MULTI_JOINT)
+    for candidate in known:
         if key in (candidate.key, candidate.id):
             return candidate
-    raise ParamsError(f"no effect {key!r}; effects: {', '.join(sorted({e.id for e in (*LIBRARY, *SPECIAL)}))}")
+    raise ParamsError(f"no effect {key!r}; effects: {', '.join(sorted({e.id for e in known}))}")

@@ -27,7 +27,12 @@ class Payload(TorqueEffect):
     )
 
     def obstacle(self, context: Context) -> str:
-        """On a pendulum both columns are in the load itself, and the drive gain is free: see `PendulumPayload`."""
+        """On a pendulum both columns are in the load itself, and the drive gain is free: see `PendulumPayload`.
+
+        What a link of a robot carries loads other joints too, and is looked for on all of them as its `link_mass`.
+        """
+        if context.load == "robot":
+            return "what a link carries is looked for on all joints together, as its link_mass"
         return "the load is a pendulum, whose scale the drive gain takes up" if context.load == "pendulum" else ""
 
     def balance_inertia(self, theta: FloatArray, rotor_inertia: float) -> float:

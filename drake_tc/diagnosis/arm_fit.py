@@ -1,0 +1,114 @@
+"""Weighted least squares of all joints together, with blockwise cross-validation, grown one effect at a time."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from drake_tc.diagnosis.arm_rows import ArmRows
+from drake_tc.diagnosis.design import FOLDS, Term, fold_of, solve_bounded
+from drake_tc.types import FloatArray
+
+RIDGE = 1e-9
+
+
+@dataclass(frozen=True)
+class Placed:
+    """An effect on a shaft."""
+
+    axis: int
+    term: Term
+
+
+@dataclass(frozen=True, eq=False)
+class ArmFit:
+    """One set of columns fitted to all joints; errors of joint j are weighed by 1/sigma_j.
+
+    Attributes:
+        rows: What it was fitted on.
+        sigma: (n,) [N m].
+        placed: Effects, in the order of their columns, after the p rigid ones.
+        design: (N, n, m) unweighted.
+        lower, upper: (m,) bounds of the coefficients.
+        grams, moments: (FOLDS, m, m), (FOLDS, m) weighted.
+        beta: (m,) [pi, theta ...].
+        held: (N, n) residual of each fold, predicted from the other folds [N m].
+    """
+
+    rows: ArmRows
+    sigma: FloatArray
+    placed: tuple[Placed, ...]
+    design: FloatArray
+    lower: FloatArray
+    upper: FloatArray
+    grams: FloatArray
+    moments: FloatArray
+    beta: FloatArray
+    held: FloatArray
+
+    @property
+    def residual(self) -> FloatArray:
+        """(N, n) on the rows of the fit [N m]."""
+        return np.asarray(self.rows.torque - self.design @ self.beta)
+
+    @property
+    def cv_rms(self) -> FloatArray:
+        """(n,) cross-validated [N m]."""
+        return np.asarray(np.sqrt(np.mean(self.held**2, axis=0)))
+
+    def block_sse(self, joints: FloatArray) -> FloatArray:
+        """(B,) cross-validated squared error by block over the joints (n,) of weight > 0, in units of sigma."""
+        error = np.sum((self.held / self.sigma)[:, joints > 0] ** 2, axis=1)
+        return np.bincount(self.rows.block, error).astype(np.float64)
+
+    def predict(self, rows: ArmRows) -> FloatArray:
+        """Y pi + phi theta (N', n) on other rows of the same robot [N m]."""
+        return np.asarray(design_of(rows, self.placed) @ self.beta)
+
+
+def design_of(rows: ArmRows, placed: tuple[Placed, ...]) -> FloatArray:
+    """(N, n, m): rigid columns, then each effect's."""
+    blocks = [rows.rigid] + [rows.spread(p.axis, rows.of(p.axis, p.term)) for p in placed]
+    return np.concatenate(blocks, axis=2)
+
+
+def fit_arm(rows: ArmRows, placed: tuple[Placed, ...], sigma: FloatArray) -> ArmFit:
+    """Fit from scratch."""
+    return _solved(rows, placed, sigma, design_of(rows, placed))
+
+
+def grown(parent: ArmFit, place: Placed) -> ArmFit:
+    """The parent's columns and one more effect."""
+    more = parent.rows.spread(place.axis, parent.rows.of(place.axis, place.term))
+    design = np.concatenate([parent.design, more], axis=2)
+    return _solved(parent.rows, (*parent.placed, place), parent.sigma, design)
+
+
+def _bounds(rigid: int, placed: tuple[Placed, ...]) -> tuple[FloatArray, FloatArray]:
+    parameters = [q for p in placed for q in p.term.effect.coefficients]
+    free = np.full(rigid, np.inf)
+    return (
+        np.concatenate([-free, [q.lower for q in parameters]]),
+        np.concatenate([free, [q.upper for q in parameters]]),
+    )
+
+
+def _solved(rows: ArmRows, placed: tuple[Placed, ...], sigma: FloatArray, design: FloatArray) -> ArmFit:
+    lower, upper = _bounds(rows.rigid.shape[2], placed)
+    folds = fold_of(rows.block)
+    weighted, goal = design / sigma[None, :, None], rows.torque / sigma
+    m = design.shape[2]
+    grams, moments = np.zeros((FOLDS, m, m)), np.zeros((FOLDS, m))
+    for f in range(FOLDS):
+        a, b = weighted[folds == f].reshape(-1, m), goal[folds == f].reshape(-1)
+        grams[f], moments[f] = a.T @ a, a.T @ b
+    total, moment = grams.sum(0), moments.sum(0)
+    held = np.empty_like(rows.torque)
+    for f in range(FOLDS):
+        part = solve_bounded(_ridged(total - grams[f]), moment - moments[f], lower, upper)
+        held[folds == f] = rows.torque[folds == f] - design[folds == f] @ part
+    beta = solve_bounded(_ridged(total), moment, lower, upper)
+    return ArmFit(rows, sigma, placed, design, lower, upper, grams, moments, beta, held)
+
+
+def _ridged(gram: FloatArray) -> FloatArray:
+    return np.asarray(gram + RIDGE * np.diag(np.diag(gram)))

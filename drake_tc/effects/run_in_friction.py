@@ -1,0 +1,46 @@
+"""Friction that is higher at the start of a run and settles while the lubricant is worked."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from drake_tc.effects.base import Context, Parameter, Shape, Signals, Signature, TorqueEffect
+from drake_tc.effects.kernel import TorqueKernel, TorqueParts
+from drake_tc.types import FloatArray
+
+
+class RunInFriction(TorqueEffect):
+    """(F_c0 sign(qdot) + F_v0 qdot) exp(-t/T) [N m], t since the start of the run.
+
+    What friction has more (or less) at the start. It stands for the lubricant's temperature where none was recorded.
+    A simulation at one instant (period 0) has no start: there the effect has settled to 0.
+    """
+
+    id = "run_in_friction"
+    title = "friction that settles during a run"
+    kind = "friction"
+    coefficients = (
+        Parameter("run_in_coulomb", "N*m"),
+        Parameter("run_in_viscous", "N*m*s/rad"),
+    )
+    shapes = (Parameter("run_in_time", "s", 0.1, 1e4, 2.0),)
+    signature = Signature(x="time", split="direction", look_for="a fan that closes with the time since the start")
+
+    def shape_grid(self, context: Context) -> list[dict[str, float]]:
+        """Seconds to minutes."""
+        return [{"run_in_time": t} for t in (1.0, 3.0, 10.0, 60.0)]
+
+    def columns(self, signals: Signals, shape: Shape) -> FloatArray:
+        """Phi (T, 2): see the class."""
+        if signals.period == 0.0:
+            return np.zeros((len(signals), 2))
+        left = np.exp(-signals.time / shape["run_in_time"])
+        return np.stack([signals.direction * left, signals.velocity * left], axis=-1)
+
+    def kernel(self, parameters: Mapping[str, float]) -> TorqueKernel:
+        """Settled."""
+
+        def parts(q: float, v: float, direction: float, tau: float, celsius: float, hysteresis: float) -> TorqueParts:
+            return 0.0, 0.0, 0.0
+
+        return parts

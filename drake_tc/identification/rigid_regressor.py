@@ -1,0 +1,203 @@
+"""Joint torques of a tree of rigid links, linear in the links' inertial parameters."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import JointIndex, PrismaticJoint, RevoluteJoint
+
+from drake_tc.errors import IdentificationError
+from drake_tc.types import FloatArray
+
+LINK_PARAMETERS = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz")
+"""Of one moving link, about its origin Bo and in its frame B [kg, kg m, kg m^2]; Ixy is a product of inertia as it
+stands in the matrix. What is welded to the link is part of it."""
+_INERTIA_PLACES = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
+
+
+@dataclass(frozen=True, eq=False)
+class LinkTree:
+    """The moving links of a plant, one one-degree-of-freedom joint each, in the order of the plant's velocities.
+
+    Attributes:
+        joints: Names of the joints (n).
+        links: Names of the links they move (n).
+        parent: Index of the link inboard, -1 for the world (n).
+        R_PF, p_PF: (n, 3, 3), (n, 3) joint frame F at zero position, seen from the link inboard.
+        axis: (n, 3) in F, which is the link's frame at zero position.
+        revolute: (n,) whether the joint turns; otherwise it slides.
+        gravity: (3,) [m/s^2] in the world.
+    """
+
+    joints: tuple[str, ...]
+    links: tuple[str, ...]
+    parent: tuple[int, ...]
+    R_PF: FloatArray
+    p_PF: FloatArray
+    axis: FloatArray
+    revolute: tuple[bool, ...]
+    gravity: FloatArray
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Names of the 10 n inertial parameters, `<link>/<name>`."""
+        return tuple(f"{link}/{name}" for link in self.links for name in LINK_PARAMETERS)
+
+
+def link_tree(plant: MultibodyPlant) -> LinkTree:
+    """Read the kinematics from a finalized plant whose base is welded.
+
+    Raises:
+        IdentificationError: a joint that neither turns nor slides, or a floating base.
+    """
+    context = plant.CreateDefaultContext()
+    zero: Any = np.zeros(plant.num_positions())
+    plant.SetPositions(context, zero)
+    joints = [plant.get_joint(JointIndex(int(i))) for i in plant.GetJointIndices()]
+    moving = sorted((j for j in joints if j.num_velocities() > 0), key=lambda j: int(j.velocity_start()))
+    odd = [j.name() for j in moving if not isinstance(j, RevoluteJoint | PrismaticJoint)]
+    if odd:
+        raise IdentificationError(f"rigid-body regressor: wanted joints that turn or slide, got also {', '.join(odd)}")
+    above = {int(j.child_body().index()): j for j in joints}
+    owner = {int(j.child_body().index()): i for i, j in enumerate(moving)}
+    rotation, origin, axis, parent = [], [], [], []
+    for joint in moving:
+        body = joint.parent_body()
+        while int(body.index()) not in owner and int(body.index()) in above:
+            body = above[int(body.index())].parent_body()
+        X_PF = plant.CalcRelativeTransform(context, body.body_frame(), joint.child_body().body_frame())
+        turned = joint.frame_on_child().GetFixedPoseInBodyFrame().rotation().matrix()
+        given = joint.revolute_axis() if isinstance(joint, RevoluteJoint) else joint.translation_axis()
+        rotation.append(X_PF.rotation().matrix())
+        origin.append(X_PF.translation())
+        axis.append(turned @ given)
+        parent.append(owner.get(int(body.index()), -1))
+    return LinkTree(
+        joints=tuple(j.name() for j in moving),
+        links=tuple(j.child_body().name() for j in moving),
+        parent=tuple(parent),
+        R_PF=np.array(rotation),
+        p_PF=np.array(origin),
+        axis=np.array(axis),
+        revolute=tuple(isinstance(j, RevoluteJoint) for j in moving),
+        gravity=np.array(plant.gravity_field().gravity_vector()),
+    )
+
+
+def regressor(tree: LinkTree, q: FloatArray, v: FloatArray, vdot: FloatArray) -> FloatArray:
+    """Y (T, n, 10 n) with tau = Y pi: the joint torques that a motion needs, gravity included.
+
+    Forward, in each link's own frame B with gravity as an upward acceleration of the base:
+
+        omega, alpha, a  of Bo from the link inboard and the joint's q, v, vdot
+        f = m a + (alpha x + omega x omega x) m c,    n = m c x a + I alpha + omega x I omega
+
+    and backward: every link's wrench is carried to the joints inboard and projected on their axes.
+
+    Args:
+        tree: Of n joints.
+        q: (T, n) [rad or m].
+        v: Its rate.
+        vdot: And that one's.
+
+    Raises:
+        IdentificationError: shapes that are not (T, n).
+
+    Source: Atkeson, An and Hollerbach, Estimation of Inertial Parameters of Manipulator Loads and Links (1986).
+    """
+    n = len(tree.joints)
+    if any(x.ndim != 2 or x.shape != q.shape or x.shape[1] != n for x in (q, v, vdot)):
+        raise IdentificationError(
+            f"regressor: wanted q, v, vdot of shape (T, {n}); got {q.shape}, {v.shape}, {vdot.shape}"
+        )
+    motion = _Motion.of(tree, q, v, vdot)
+    out = np.zeros((q.shape[0], n, 10 * n))
+    for link in range(n):
+        force, moment = _wrench(motion.omega[link], motion.alpha[link], motion.a[link])
+        at = link
+        while at >= 0:
+            along = moment if tree.revolute[at] else force
+            out[:, at, 10 * link : 10 * link + 10] = np.einsum("k,tkp->tp", tree.axis[at], along)
+            R, p = motion.R_PB[at], motion.p_PB[at]
+            force = np.einsum("tij,tjp->tip", R, force)
+            moment = np.einsum("tij,tjp->tip", R, moment) + np.cross(p[:, :, None], force, axis=1)
+            at = tree.parent[at]
+    return out
+
+
+@dataclass(frozen=True, eq=False)
+class _Motion:
+    """Of each link, in its own frame (T, 3): angular velocity and acceleration, acceleration of its origin less
+    gravity; and its pose in the link inboard, R_PB (T, 3, 3), p_PB (T, 3).
+    """
+
+    omega: list[FloatArray]
+    alpha: list[FloatArray]
+    a: list[FloatArray]
+    R_PB: list[FloatArray]
+    p_PB: list[FloatArray]
+
+    @staticmethod
+    def of(tree: LinkTree, q: FloatArray, v: FloatArray, vdot: FloatArray) -> "_Motion":
+        samples = q.shape[0]
+        out = _Motion([], [], [], [], [])
+        rest = np.zeros((samples, 3))
+        for i, parent in enumerate(tree.parent):
+            axis = tree.axis[i]
+            turns = tree.revolute[i]
+            angle = q[:, i] if turns else np.zeros(samples)
+            R = tree.R_PF[i] @ _rotation(axis, angle)
+            slide = 0.0 * angle if turns else q[:, i]
+            p = tree.p_PF[i] + slide[:, None] * (tree.R_PF[i] @ axis)
+            if parent < 0:
+                w, al, a = rest, rest, np.broadcast_to(-tree.gravity, (samples, 3))
+            else:
+                w, al, a = out.omega[parent], out.alpha[parent], out.a[parent]
+            a = a + np.cross(al, p) + np.cross(w, np.cross(w, p))
+            w, al, a = (np.einsum("tji,tj->ti", R, x) for x in (w, al, a))
+            rate, change = v[:, i, None] * axis, vdot[:, i, None] * axis
+            if turns:
+                al = al + change + np.cross(w, rate)
+                w = w + rate
+            else:
+                a = a + change + 2.0 * np.cross(w, rate)
+            for values, value in zip((out.omega, out.alpha, out.a, out.R_PB, out.p_PB), (w, al, a, R, p), strict=True):
+                values.append(value)
+        return out
+
+
+def _rotation(axis: FloatArray, angle: FloatArray) -> FloatArray:
+    """(T, 3, 3) turns by `angle` (T,) about a unit axis (3,), after Rodrigues."""
+    k = np.cross(np.eye(3), axis)
+    s, c = np.sin(angle)[:, None, None], np.cos(angle)[:, None, None]
+    return np.asarray(np.eye(3) + s * k + (1.0 - c) * (k @ k))
+
+
+def _skew(x: FloatArray) -> FloatArray:
+    """[x] (T, 3, 3) with [x] y = x x y."""
+    out = np.zeros((x.shape[0], 3, 3))
+    out[:, 0, 1], out[:, 0, 2], out[:, 1, 2] = -x[:, 2], x[:, 1], -x[:, 0]
+    return out - np.swapaxes(out, 1, 2)
+
+
+def _times_inertia(x: FloatArray) -> FloatArray:
+    """L(x) (T, 3, 6) with L(x) (Ixx, Ixy, Ixz, Iyy, Iyz, Izz) = I x."""
+    out = np.zeros((x.shape[0], 3, 6))
+    for column, (i, j) in enumerate(_INERTIA_PLACES):
+        out[:, i, column] += x[:, j]
+        if i != j:
+            out[:, j, column] += x[:, i]
+    return out
+
+
+def _wrench(omega: FloatArray, alpha: FloatArray, a: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """(force, moment about Bo) (T, 3, 10) each, of one link's ten parameters."""
+    samples = omega.shape[0]
+    turning = _skew(omega)
+    force, moment = np.zeros((samples, 3, 10)), np.zeros((samples, 3, 10))
+    force[:, :, 0] = a
+    force[:, :, 1:4] = _skew(alpha) + turning @ turning
+    moment[:, :, 1:4] = -_skew(a)
+    moment[:, :, 4:] = _times_inertia(alpha) + turning @ _times_inertia(omega)
+    return force, moment
