@@ -87,8 +87,13 @@ def _shared(causes: Sequence[SharedEffect]) -> tuple[dict[str, float], tuple[str
     """Masses that the links turned out to have, and what of the shared causes the loop does not show."""
     masses = {c.where: next(iter(c.parameters.values())).value for c in causes if c.id == "link_mass"}
     left = [f"{cause.title} ({cause.where})" for cause in causes if cause.id != "link_mass"]
-    note = f"Not part of the simulated loop, neither before nor after: {', '.join(left)}."
-    return masses, (note,) if left else ()
+    notes = []
+    if masses:
+        found = ", ".join(f"{link} {kilograms:+.3g} kg" for link, kilograms in masses.items())
+        notes.append(f"The simulated links weigh what was found ({found}); the controller before does not know it.")
+    if left:
+        notes.append(f"Not part of the simulated loop, neither before nor after: {', '.join(left)}.")
+    return masses, tuple(notes)
 
 
 def _swing(rig: Rig, joint: JointResult) -> Swing:

@@ -3,13 +3,10 @@
 from collections.abc import Callable, Mapping
 from concurrent.futures import Executor
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from drake_tc.diagrams.running import run_loop
+from drake_tc.diagrams.running import simulate_scenario
 from drake_tc.diagrams.scenario import Scenario
-from drake_tc.diagrams.torque_loop import Loop, build_loop
-from pydrake.systems.framework import Context
 
 from drake_tc.control.guard import GuardMode
 from drake_tc.types import FloatArray
@@ -48,19 +45,6 @@ def simulated(scenarios: Mapping[str, Scenario], progress: Progress, executor: E
     return traces
 
 
-class _Untouched(Loop):  # type: ignore[misc, unused-ignore]
-    """A loop that starts with the empty force ports of a robot without F/T sensors at rest too."""
-
-    def start(self, context: Context) -> None:
-        super().start(context)
-        system: Any = self.diagram.GetSubsystemByName("inverse_dynamics")
-        own = system.GetMyContextFromRoot(context)
-        for name in ("force_reference", "contact_wrench"):
-            port = system.GetInputPort(name)
-            if not port.size() and not port.HasValue(own):
-                port.FixValue(own, np.zeros(0))
-
-
 def track(scenario: Scenario) -> Trace:
     """Simulate one loop.
 
@@ -68,7 +52,7 @@ def track(scenario: Scenario) -> Trace:
         ParamsError: a scenario that cannot be built.
         SimulationError: a solver failed.
     """
-    made = run_loop(_Untouched(**vars(build_loop(scenario))), allow_runaway=True)
+    made = simulate_scenario(scenario, allow_runaway=True)
     begin = scenario.motion.times[0]
     n, done = made.size, made.time.size
     ran_away = made.time[-1] < scenario.duration - 1.5 * scenario.dt

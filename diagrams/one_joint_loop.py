@@ -21,6 +21,7 @@ from pydrake.systems.primitives import LogVectorOutput, VectorLogSink
 
 from drake_tc.actuation.model import ActuatorModel
 from drake_tc.actuation.wiring import add_actuators
+from drake_tc.control.guard import GuardMode
 from drake_tc.errors import ParamsError
 from drake_tc.robot.plant import add_robot
 from drake_tc.robot.robot import Robot
@@ -48,14 +49,17 @@ class OneJointLoop:
         return simulator
 
     def speed_after(self, simulator: Simulator, kick: float, duration: float) -> tuple[FloatArray, FloatArray]:
-        """(time since, speed [rad/s]) after a `kick` [rad/s] of the joint's speed; ends where it runs away."""
+        """(time since, speed [rad/s]) after a `kick` [rad/s] of its speed; ends where monitor or guard stop it."""
         context = simulator.get_mutable_context()
         own = self.plant.GetMyMutableContextFromRoot(context)
         self.plant.SetVelocities(own, self.plant.GetVelocities(own) + kick)
         begin = context.get_time()
+        guard: Any = self.diagram.GetSubsystemByName("guard")
+        mode = guard.GetOutputPort("mode")
         for chunk in range(1, round(duration / CHUNK) + 1):
             simulator.AdvanceTo(begin + chunk * CHUNK)
-            if not abs(float(self.plant.GetVelocities(own)[0])) < FASTEST:
+            now = float(mode.Eval(guard.GetMyContextFromRoot(context))[0])
+            if now != GuardMode.NORMAL or not abs(float(self.plant.GetVelocities(own)[0])) < FASTEST:
                 break
         log = self.log.FindLog(context)
         time, speed = np.array(log.sample_times()), np.array(log.data())[1]

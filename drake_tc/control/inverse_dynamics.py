@@ -182,7 +182,8 @@ class InverseDynamics(LeafSystem):  # type: ignore[misc, unused-ignore]
         """What all outputs need into the cache entry; None where an input is not finite."""
         n, m = self._size, self._wrenches
         estimate, reference = self._estimate.Eval(context), self._reference.Eval(context)
-        wanted, felt = self._force_reference.Eval(context), self._contact.Eval(context)
+        forces = (self._force_reference, self._contact)  # of a robot without F/T sensors: empty, and need no source
+        wanted, felt = (port.Eval(context) if m else np.zeros(0) for port in forces)
         error = reference - estimate  # [e; edot; eddot]
         if self._position is not None:
             error[:n] = reference[:n] - self._position.Eval(context)

@@ -18,6 +18,7 @@ from drake_tc.diagnosis.result import (
     JointResult,
     RejectedEffect,
     Side,
+    Unexplained,
     Verdict,
 )
 from drake_tc.diagnosis.samples import Samples
@@ -37,11 +38,15 @@ from drake_tc.types import FloatArray
 
 @dataclass(frozen=True)
 class DiagnosisOptions:
-    """Thresholds of the search and of the judgement of what is left; `seed` for resampling."""
+    """Thresholds of the search and of the judgement of what is left; `seed` for resampling.
+
+    `judged`: whether what is left is judged at all, which costs more than all the rest; False calls nothing structured.
+    """
 
     search: SearchOptions = field(default_factory=SearchOptions)
     structure: StructureOptions = field(default_factory=StructureOptions)
     seed: int = 0
+    judged: bool = True
 
 
 SETTLING_ROUNDS = 4
@@ -83,7 +88,7 @@ def _looked_for(
     context = context_of(train, rig, joint)
     known = known_values(rig, joint)
     train, held = without_known(train, known), without_known(held, known)
-    columns, held_columns, declared, floor = _with_baseline(train, held, declared_terms(rig, joint), context)
+    columns, held_columns, declared, floor = with_baseline(train, held, declared_terms(rig, joint), context)
     names = [t.effect.id for t in declared] + [key.partition(".")[0] for key in rig.declared[joint]]
     usable, obstacles = candidates(LIBRARY, context, names)
     scout = columns
@@ -147,7 +152,9 @@ def diagnose_joint(
         Side(columns.samples, found.baseline.residual, found.chosen.residual),
         Side(held_columns.samples, before_residual, after_residual),
     )
-    unexplained = judge(*sides, floor, _structure_options(options.structure, found), options.seed)
+    unexplained = Unexplained(0.0, False, ())
+    if options.judged:
+        unexplained = judge(*sides, floor, _structure_options(options.structure, found), options.seed)
     effects = _found_effects(columns, held_columns, found, context, stability)
     verdict: Verdict = "effects_found" if effects else "no_missing_effect"
     if unexplained.structured:
@@ -177,7 +184,7 @@ def diagnose_joint(
     )
 
 
-def _with_baseline(
+def with_baseline(
     train: Samples, held: Samples, names: Sequence[str], context: Context
 ) -> tuple[Columns, Columns, tuple[Term, ...], float]:
     """Columns that know the declared model's coefficients, its terms, and the noise floor [effort].

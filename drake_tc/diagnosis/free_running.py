@@ -18,11 +18,20 @@ FreeRun = Callable[[ActuatorModel, Rig, str, Run], tuple[FloatArray, FloatArray,
 
 
 def with_free_runs(
-    result: JointResult, rig: Rig, held: Sequence[Run], free_run: FreeRun, executor: Executor | None
+    result: JointResult,
+    rig: Rig,
+    held: Sequence[Run],
+    free_run: FreeRun,
+    executor: Executor | None,
+    before: Sequence[Run] | None = None,
 ) -> JointResult:
-    """The result with its free runs and their RMS errors [rad]; a run that diverges counts as no figure at all."""
+    """The result with its free runs and their RMS errors [rad]; a run that diverges counts as no figure at all.
+
+    `before`: the same runs with the loads that the model before was fitted to, where they differ.
+    """
     models = {"before": model_of(result, final=False), "after": model_of(result, final=True)}
-    jobs = [(name, run) for run in held for name in models]
+    sides = {"before": held if before is None else before, "after": held}
+    jobs = [(name, sides[name][number]) for number in range(len(held)) for name in models]
     if executor is None:
         made = [free_run(models[name], rig, result.joint, run) for name, run in jobs]
     else:

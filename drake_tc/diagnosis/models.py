@@ -4,7 +4,7 @@ from pathlib import Path
 
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.actuation.model_file import save_models
-from drake_tc.diagnosis.result import CloseLoopResult, Errors, JointResult
+from drake_tc.diagnosis.result import CloseLoopResult, Errors, JointResult, SharedEffect
 
 
 def model_of(joint: JointResult, *, final: bool) -> ActuatorModel:
@@ -40,9 +40,20 @@ def models_of(result: CloseLoopResult, out: Path) -> tuple[str, str]:
             "holdout": [Path(p).name for p in result.heldout_files],
             "error": {j.joint: _error(j, j.after if final else j.before) for j in result.joints.values()},
         }
-        save_models(models, out / name, provenance=provenance)
+        shared = [_shared_entry(cause) for cause in result.shared] if final else []
+        save_models(models, out / name, provenance=provenance, shared=shared)
         texts.append((out / name).read_text(encoding="utf-8"))
     return texts[0], texts[1]
+
+
+def _shared_entry(cause: SharedEffect) -> dict[str, object]:
+    """A link's or a sensor's error, as the model file has it."""
+    return {
+        "effect": cause.id,
+        "where": cause.where,
+        **{name: float(e.value) for name, e in cause.parameters.items()},
+        "ci95": {name: [float(bound) for bound in e.ci95] for name, e in cause.parameters.items()},
+    }
 
 
 def _error(joint: JointResult, errors: Errors) -> dict[str, object]:

@@ -12,7 +12,7 @@ from drake_tc.effects.base import Context, Signals
 from drake_tc.errors import IdentificationError
 from drake_tc.filtering.common_kernel import CommonKernel
 from drake_tc.logs.common_rate import at_common_period
-from drake_tc.logs.loads import GRAVITY, Pendulum
+from drake_tc.logs.loads import GRAVITY, Pendulum, RobotLoad
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
 from drake_tc.types import FloatArray, IntArray
@@ -178,7 +178,7 @@ def context_of(samples: Samples, rig: Rig, joint: str) -> Context:
     load = rig.load[joint]
     return Context(
         drive=rig.drive[joint],
-        load="pendulum" if isinstance(load, Pendulum) else "torque",
+        load="pendulum" if isinstance(load, Pendulum) else "robot" if isinstance(load, RobotLoad) else "torque",
         link_inertia=load.inertia if isinstance(load, Pendulum) else 0.0,
         recorded=recorded,
         declared=declared,

@@ -4,6 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
+from drake_tc.control.torque_uncertainty_file import TorqueUncertainty
+from drake_tc.diagnosis.closed_loop import ClosedLoop
 from drake_tc.diagnosis.design import Fit
 from drake_tc.diagnosis.samples import Samples
 from drake_tc.effects.base import DriveKind
@@ -127,8 +129,31 @@ class JointResult:
 
 
 @dataclass(frozen=True)
+class SharedEffect:
+    """A cause that no single joint owns, found on all joints together.
+
+    Attributes:
+        id, where: What, and on which link or sensor. title: in words.
+        parameters: By name.
+        heldout_gain: 1 - held-out error of all joints with it / without it, each joint weighted by its noise.
+        stability: Share of resamples of the held-out half seconds in which it helps.
+        joints: Joint to the same gain of that joint alone.
+        ties: (id, where) of causes that fit as well: these logs cannot tell them apart.
+    """
+
+    id: str
+    where: str
+    title: str
+    parameters: Mapping[str, Estimate]
+    heldout_gain: float
+    stability: float
+    joints: Mapping[str, float]
+    ties: tuple[tuple[str, str], ...] = ()
+
+
+@dataclass(frozen=True)
 class CloseLoopResult:
-    """The whole call: joints by name, verdict, seconds."""
+    """The whole call: joints by name, verdict, seconds; causes that no single joint owns; what the loop makes of it."""
 
     joints: Mapping[str, JointResult]
     verdict: Verdict
@@ -138,3 +163,6 @@ class CloseLoopResult:
     rig_file: str
     model_before_yaml: str = ""
     model_after_yaml: str = ""
+    shared: tuple[SharedEffect, ...] = ()
+    closed_loop: ClosedLoop | None = None
+    uncertainty: TorqueUncertainty | None = None

@@ -9,9 +9,12 @@ from threadpoolctl import threadpool_limits
 
 from drake_tc.diagnosis.close_loop import DiagnosisOptions, diagnose_joint
 from drake_tc.diagnosis.free_running import FreeRun, with_free_runs
-from drake_tc.diagnosis.result import CloseLoopResult, JointResult, Verdict
+from drake_tc.diagnosis.result import CloseLoopResult, JointResult, SharedEffect, Verdict
 from drake_tc.diagnosis.search import Progress
+from drake_tc.diagnosis.shared.diagnose import diagnose_robot
+from drake_tc.estimation.robot_loads import robot_logs
 from drake_tc.logs.prepare import load_runs, require_two_runs
+from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig, load_rig
 
 
@@ -58,18 +61,27 @@ def _close_loop(
     runs = load_runs([*logs, *holdout], rig)
     train, held = runs[: len(logs)], runs[len(logs) :]
     joints: dict[str, JointResult] = {}
+    shared: tuple[SharedEffect, ...] = ()
+    before: Sequence[Run] | None = None
+    logs_of_robot = robot_logs(rig, runs)
+    if logs_of_robot is not None:
+        robot = diagnose_robot(logs_of_robot, train, held, rig, options, progress=progress, executor=executor)
+        joints, shared, before, held = dict(robot.joints), robot.shared, robot.held, list(robot.held_after)
     for joint in rig.joints:
-        joints[joint] = diagnose_joint(train, held, rig, joint, options, progress)
+        if logs_of_robot is None:
+            joints[joint] = diagnose_joint(train, held, rig, joint, options, progress)
         if free_run is not None and rig.load[joint] != "unknown":
             progress("free run", 0.0)
-            joints[joint] = with_free_runs(joints[joint], rig, held, free_run, executor)
+            joints[joint] = with_free_runs(joints[joint], rig, held, free_run, executor, before)
+    verdict = _overall(joints.values())
     return CloseLoopResult(
         joints=joints,
-        verdict=_overall(joints.values()),
+        verdict="effects_found" if shared and verdict == "no_missing_effect" else verdict,
         seconds=time.perf_counter() - start,
         train_files=tuple(str(p) for p in logs),
         heldout_files=tuple(str(p) for p in holdout),
         rig_file=str(rig_path),
+        shared=shared,
     )
 
 

@@ -4,7 +4,8 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from drake_tc.diagnosis.result import CloseLoopResult, Errors, Estimate, JointResult
+from drake_tc.diagnosis.closed_loop_json import loop_entry, loop_summary, uncertainty_entry
+from drake_tc.diagnosis.result import CloseLoopResult, Errors, Estimate, JointResult, SharedEffect
 
 
 def _number(x: float | None) -> float | None:
@@ -61,13 +62,34 @@ def joint_json(joint: JointResult) -> dict[str, Any]:
     }
 
 
+def shared_json(cause: SharedEffect) -> dict[str, Any]:
+    """The entry of a cause that no single joint owns."""
+    return {
+        "id": cause.id,
+        "where": cause.where,
+        "parameters": {name: _estimate(p) for name, p in cause.parameters.items()},
+        "heldout_gain": _number(cause.heldout_gain),
+        "stability": _number(cause.stability),
+        "joints": {joint: _number(gain) for joint, gain in cause.joints.items()},
+        "indistinguishable": [{"id": name, "where": where} for name, where in cause.ties],
+    }
+
+
 def result_json(result: CloseLoopResult) -> dict[str, Any]:
     """The whole report."""
     return {
         "schema": 1,
         "verdict": result.verdict,
-        "joints": {name: joint_json(joint) for name, joint in result.joints.items()},
-        "shared": [],
+        "joints": {
+            name: joint_json(joint)
+            | {
+                "closed_loop": loop_entry(result.closed_loop, name),
+                "torque_uncertainty": uncertainty_entry(result.uncertainty, name),
+            }
+            for name, joint in result.joints.items()
+        },
+        "shared": [shared_json(cause) for cause in result.shared],
+        "closed_loop": loop_summary(result.closed_loop),
         "seconds": result.seconds,
         "logs": list(result.train_files),
         "holdout": list(result.heldout_files),

@@ -1,4 +1,4 @@
-"""Where the load torque of a joint comes from when no sensor measures it: a pendulum of known mass and length."""
+"""Where the load torque of a joint comes from when no sensor at it measures it: a pendulum, or a robot's model."""
 
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
@@ -44,4 +44,19 @@ class Pendulum:
         return np.asarray(self.inertia * acceleration + gravity)
 
 
-Load: TypeAlias = Literal["torque", "unknown"] | Pendulum
+RobotMethod = Literal["estimate", "inverse_dynamics"]
+
+
+@dataclass(frozen=True)
+class RobotLoad:
+    """Torques from the model of the whole robot that the rig file names.
+
+    Attributes:
+        method: "estimate": encoders, IMU and F/T sensors (EQUATIONS A2); "inverse_dynamics": encoders and, where there
+            is one, the IMU, for a robot that nothing touches or whose F/T sensors are not in the way.
+    """
+
+    method: RobotMethod = "estimate"
+
+
+Load: TypeAlias = Literal["torque", "unknown"] | Pendulum | RobotLoad

@@ -1,11 +1,12 @@
 """The rig file: which joints a log shows, how their drives and columns read, and what the owner already models.
 
-    joint: knee                        # or  joints: [hip, knee]
+    joint: knee                        # or  joints: [hip, knee]; not needed where `robot` says it
+    robot: leg.yaml                    # optional; robot file, relative to this one: its model gives the load torques
     drive: position_servo              # current | voltage; or a mapping by joint
     columns: {position: q_meas}        # optional; canonical name (or its last part, for one joint): name in the file
     units: {position: deg, torque: -N*m, current: 0.001}   # optional; '-' flips the sign, a number is a factor
     load: torque                       # optional; or {pendulum: {mass: 0.5, length: 0.1, inertia:, zero:}}, unknown,
-                                       # or a mapping by joint
+                                       # {robot: estimate | inverse_dynamics}, or a mapping by joint
     declared: {rotor_inertia: 0.31, stribeck: null}        # optional; or [stribeck, ...]; or by joint
     enabled: torque_on                 # optional; column that is 0 while the drive is off (those samples are left out)
     saturation: 12.0                   # optional; known effort limit of the drive [rad | A | V]
@@ -22,10 +23,11 @@ import yaml
 
 from drake_tc.errors import RigError
 from drake_tc.logs import rig_fields
-from drake_tc.logs.loads import Load, Pendulum
+from drake_tc.logs.loads import Load, Pendulum, RobotLoad
 from drake_tc.logs.rig_fields import Declared, DriveKind
+from drake_tc.logs.rig_robot import check_robot_load, parse_robot, robot_joints
 
-_KEYS = ("joint", "joints", "drive", "columns", "units", "load", "declared", "enabled", "saturation")
+_KEYS = ("joint", "joints", "robot", "drive", "columns", "units", "load", "declared", "enabled", "saturation")
 _COMMAND: Mapping[DriveKind, str] = {"position_servo": "position_command", "current": "current", "voltage": "voltage"}
 
 
@@ -40,7 +42,7 @@ class Rig:
     Attributes:
         joints: Names, in the order of the file.
         drive: Kind of drive by joint.
-        load: By joint: "torque" (its column), "unknown", or a `Pendulum`.
+        load: By joint: "torque" (its column), "unknown", a `Pendulum`, or a `RobotLoad` (of all joints then).
         declared: By joint: effect id to its known value, or None for "modelled, value unknown". Always has viscous
             and coulomb. A parameter of an effect is `id.parameter`.
         columns: Canonical column name to the name in the log file, where they differ.
@@ -48,6 +50,7 @@ class Rig:
         enabled: Name in the log of the column that is 0 while the drive is off, or None.
         saturation: Known effort limit by joint [rad | A | V], where known.
         source: The file it came from, or None.
+        robot: The robot file whose model gives the loads, or None.
     """
 
     joints: tuple[str, ...]
@@ -59,6 +62,7 @@ class Rig:
     enabled: str | None = None
     saturation: Mapping[str, float] = field(default_factory=_empty)
     source: Path | None = None
+    robot: Path | None = None
 
     def command_column(self, joint: str) -> str:
         """Canonical name of the drive's command: `<joint>/position_command`, `/current` or `/voltage`."""
@@ -90,10 +94,15 @@ def parse_rig(document: object, source: Path | str = "rig") -> Rig:
         if key not in _KEYS:
             hint = rig_fields.near(str(key), _KEYS)
             raise RigError(f"{name}: unknown key {key!r}{hint}; allowed: {', '.join(_KEYS)}")
+    robot = parse_robot(name, document.get("robot"), source)
+    if robot is not None and not {"joint", "joints"} & set(document):
+        document = {**document, "joints": robot_joints(name, robot)}
+    if robot is not None and document.get("load") is None:
+        document = {**document, "load": {"robot": "estimate"}}
     joints = rig_fields.parse_joints(name, document)
     if "drive" not in document:
         raise RigError(f"{name}: drive is missing; possible: position_servo, current, voltage")
-    return Rig(
+    rig = Rig(
         joints=joints,
         drive=rig_fields.parse_drive(name, document["drive"], joints),
         load=rig_fields.parse_load(name, document.get("load"), joints),
@@ -103,7 +112,10 @@ def parse_rig(document: object, source: Path | str = "rig") -> Rig:
         enabled=rig_fields.parse_enabled(name, document.get("enabled")),
         saturation=rig_fields.parse_saturation(name, document.get("saturation"), joints),
         source=source if isinstance(source, Path) else None,
+        robot=robot,
     )
+    check_robot_load(name, rig.load, robot)
+    return rig
 
 
 def load_rig(path: Path | str) -> Rig:
@@ -129,6 +141,8 @@ def load_rig(path: Path | str) -> Rig:
 
 
 def _load_entry(load: Load) -> object:
+    if isinstance(load, RobotLoad):
+        return {"robot": load.method}
     if not isinstance(load, Pendulum):
         return load
     entry = {"mass": load.mass, "length": load.length, "inertia": load.inertia}
@@ -154,6 +168,8 @@ def rig_document(rig: Rig) -> dict[str, Any]:
             nested: Any = values.get(effect)
             values[effect] = (nested if isinstance(nested, dict) else {}) | {parameter: values.pop(key)}  # type: ignore[assignment]
     document: dict[str, Any] = {"joint": rig.joints[0]} if len(rig.joints) == 1 else {"joints": list(rig.joints)}
+    if rig.robot is not None:
+        document["robot"] = str(rig.robot)
     document["drive"] = _one_or_each(rig.drive)
     if any(load != "torque" for load in rig.load.values()):
         document["load"] = _one_or_each({joint: _load_entry(load) for joint, load in rig.load.items()})

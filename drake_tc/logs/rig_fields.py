@@ -7,7 +7,7 @@ from dataclasses import fields
 from typing import Any, Literal, TypeAlias, cast, get_args
 
 from drake_tc.errors import RigError
-from drake_tc.logs.loads import Load, Pendulum
+from drake_tc.logs.loads import Load, Pendulum, RobotLoad, RobotMethod
 from drake_tc.logs.units import JOINT_SUFFIXES, SENSOR_SUFFIXES, allowed_units, parse_unit
 
 DriveKind: TypeAlias = Literal["position_servo", "current", "voltage"]
@@ -138,9 +138,11 @@ def _one_load(source: str, value: object) -> Load:
         return "unknown"
     if isinstance(value, Mapping) and set(value) == {"pendulum"}:
         return _pendulum(source, value["pendulum"])
+    if isinstance(value, Mapping) and set(value) == {"robot"} and value["robot"] in get_args(RobotMethod):
+        return RobotLoad(value["robot"])
     raise RigError(
-        f"{source}: load: wanted 'torque' (the torque column), 'unknown' or {{pendulum: {{mass:, length:}}}}, "
-        f"got {value!r}"
+        f"{source}: load: wanted 'torque' (the torque column), 'unknown', {{pendulum: {{mass:, length:}}}} or "
+        f"{{robot: {' | '.join(get_args(RobotMethod))}}}, got {value!r}"
     )
 
 

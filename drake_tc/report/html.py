@@ -12,6 +12,7 @@ from markupsafe import Markup
 from drake_tc import __version__
 from drake_tc.diagnosis.result import CloseLoopResult, JointResult
 from drake_tc.report.bins import MOST_POINTS
+from drake_tc.report.closed_loop_section import closed_loop_section
 from drake_tc.report.correlation_plots import correlation_plots
 from drake_tc.report.free_run_plots import free_run_plots
 from drake_tc.report.leftover_plots import leftover_plots
@@ -19,6 +20,7 @@ from drake_tc.report.model_diff import model_diff
 from drake_tc.report.numbers import fold, percent, scale_for, significant
 from drake_tc.report.panels import TRAIN_POINTS, residual_cards
 from drake_tc.report.residual_plots import LEGEND
+from drake_tc.report.shared_section import shared_section
 from drake_tc.report.signature_plots import signature_plots
 from drake_tc.report.tables import data_facts, data_rows, error_table, parameter_rows, rejected_rows
 from drake_tc.report.words import VERDICTS, headline, joined, signal_name, title_of, unexplained, warnings
@@ -53,6 +55,8 @@ def render(result: CloseLoopResult) -> str:
         difference=model_diff(result.model_before_yaml, result.model_after_yaml),
         has_models=bool(result.model_before_yaml or result.model_after_yaml),
         legend=LEGEND,
+        shared=shared_section(result),
+        closed=closed_loop_section(result),
     )
 
 

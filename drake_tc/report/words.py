@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from drake_tc.diagnosis.result import JointResult, Verdict
+from drake_tc.diagnosis.shared.causes import TITLES
 from drake_tc.effects.library import LIBRARY
 from drake_tc.report.numbers import percent, scale_for, significant, times
 from drake_tc.report.rows import LABELS
@@ -23,6 +24,8 @@ def joined(words: Sequence[str]) -> str:
 
 def title_of(effect_id: str) -> str:
     """An effect's title by its id; the id itself, in words, when the library does not know it."""
+    if effect_id in TITLES:
+        return TITLES[effect_id]
     return next((e.title for e in LIBRARY if effect_id in (e.id, e.key)), effect_id.replace("_", " "))
 
 

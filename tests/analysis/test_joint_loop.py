@@ -33,7 +33,7 @@ CASES = {
 }
 
 
-@pytest.mark.parametrize("case", [*CASES][:2] + [pytest.param([*CASES][2], marks=pytest.mark.slow)])
+@pytest.mark.parametrize("case", [*[*CASES][:2], pytest.param([*CASES][2], marks=pytest.mark.slow)])
 def test_eigenvalues_are_those_of_the_diagram(case, tmp_path):
     joint, changes = CASES[case]
     scenario = write_scenario(tmp_path, joint, TRUE, MODEL, {"filters": {"window": 10}, **changes})

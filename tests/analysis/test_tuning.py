@@ -68,6 +68,7 @@ def test_the_predicted_noise_is_that_of_the_loop_run_tick_by_tick(window, ki):
     assert effort == pytest.approx(np.std(efforts[1000:]), rel=0.2)
 
 
+@pytest.mark.slow
 def test_the_prediction_holds_in_the_complete_leg():
     scenario = diagram_entry("hrp2_leg").scenario(
         "brisk_swing", text="{duration: 1.2, filters: {window: 40}, gains: {ki: 10.0}}"

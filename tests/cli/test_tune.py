@@ -52,6 +52,7 @@ def test_the_tuned_fields_are_what_a_scenario_reads(invoke, tmp_path):
     assert (tmp_path / "new" / "pareto.png").read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.slow
 def test_simulation_confirms_it(invoke):
     outcome = invoke("tune", "hrp2_leg", *BRISK, *KNEE, "--json", "--plants", "1")
     found = json.loads(outcome.out)["simulated"]

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from drake_tc.diagrams import loop_before_after
+from drake_tc.diagrams import loop_before_after, loop_case
 from drake_tc.diagrams.changed_robot import mass_factors, write_robot_of_masses, write_welded_robot
 from drake_tc.diagrams.held_out_motion import KNOT, RAMP, HeldOutMotion, eased, held_out_motion
 from drake_tc.diagrams.loop_before_after import K7, SOUND, chosen_gains, compare_loops, run_case
@@ -242,6 +242,21 @@ def test_what_cannot_be_made_is_one_note(monkeypatch):
     found = compare_loops(None)
     assert found.joints == {}
     assert found.notes == ("No closed loop was made: the load of arm is unknown, so there is no plant to simulate.",)
+
+
+def test_causes_that_no_joint_owns_are_in_the_plant_or_named():
+    def cause(key, title, where, value):
+        return SimpleNamespace(id=key, title=title, where=where, parameters={"p": SimpleNamespace(value=value)})
+
+    causes = [
+        cause("link_mass", "mass of a link", "thigh", 0.8),
+        cause("ft_bias", "bias of an F/T sensor", "ankle", 3.0),
+    ]
+    masses, notes = loop_case._shared(causes)
+    assert masses == {"thigh": 0.8}
+    assert "thigh +0.8 kg" in notes[0]
+    assert notes[1].endswith("neither before nor after: bias of an F/T sensor (ankle).")
+    assert loop_case._shared([]) == ({}, ())
 
 
 def test_a_pendulum_robot_weighs_what_it_should(tmp_path):

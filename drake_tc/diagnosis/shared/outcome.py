@@ -1,0 +1,110 @@
+"""What is told of shared causes: parameters with intervals, held-out gains, and joints before them."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from drake_tc.diagnosis.design import Term, fit, predict
+from drake_tc.diagnosis.estimates import estimates
+from drake_tc.diagnosis.result import Errors, Estimate, JointResult, SharedEffect, Side
+from drake_tc.diagnosis.search import refine
+from drake_tc.diagnosis.shared.causes import TITLES, Cause, CauseColumns
+from drake_tc.diagnosis.shared.prepared import Prepared
+from drake_tc.diagnosis.shared.selection import SharedSearch, columns_of
+from drake_tc.diagnosis.shared.stacked import JointRows, StackedFit, fit_stacked, intervals, stack
+from drake_tc.types import FloatArray, IntArray
+
+RESAMPLES = 400
+
+
+def original_baseline(result: JointResult, prepared: Prepared) -> JointResult:
+    """The joint's result with the declared model, and its errors, of the loads as the robot's model gives them."""
+    declared = refine(prepared.train, fit(prepared.train, prepared.terms))
+    held = predict(prepared.held, declared)
+    sides = (
+        _with_before(side, residual) for side, residual in ((result.train, declared.residual), (result.heldout, held))
+    )
+    train_side, held_side = sides
+    return replace(
+        result,
+        baseline=declared,
+        baseline_parameters=estimates(prepared.train, declared, result.drive),
+        noise_floor=prepared.floor,
+        before=Errors(declared.rms, float(np.sqrt(np.mean(held**2))), result.before.free_run_heldout),
+        train=train_side,
+        heldout=held_side,
+    )
+
+
+def _with_before(side: Side, residual: FloatArray) -> Side:
+    """A soft gear may have changed the rows; its residual before then stays."""
+    return replace(side, before=residual) if residual.size == side.before.size else side
+
+
+def shared_effects(
+    prepared: Mapping[str, Prepared],
+    terms: Mapping[str, Sequence[Term]],
+    causes: CauseColumns,
+    found: SharedSearch,
+    columns: IntArray,
+) -> tuple[SharedEffect, ...]:
+    """The causes found, with all effects of the joints beside them.
+
+    Args:
+        prepared: Both sides of every joint.
+        terms: Each joint's final model.
+        causes: Columns.
+        found: The selection.
+        columns: Places of the chosen causes' columns.
+    """
+    train = stack({joint: p.train for joint, p in prepared.items()}, terms, causes)
+    held = stack({joint: p.held for joint, p in prepared.items()}, terms, causes)
+    fitted = fit_stacked(train, columns)
+    half = intervals(train, fitted)
+    out = []
+    at = 0
+    for number, cause in enumerate(found.chosen):
+        part = slice(at, at + cause.size)
+        at += cause.size
+        others = [c for c in found.chosen if c is not cause]
+        without = fit_stacked(train, columns_of(others))
+        gain, stability, by_joint = _on_held(held, fitted, without)
+        out.append(
+            SharedEffect(
+                id=cause.id,
+                where=cause.where,
+                title=TITLES[cause.id],
+                parameters=_parameters(cause, fitted.delta[part], half[part]),
+                heldout_gain=gain,
+                stability=stability,
+                joints={r.joint: each for r, each in zip(held, by_joint, strict=True)},
+                ties=tuple((c.id, c.where) for c in found.ties[number]),
+            )
+        )
+    return tuple(sorted(out, key=lambda e: -e.heldout_gain))
+
+
+def _parameters(cause: Cause, delta: FloatArray, half: FloatArray) -> dict[str, Estimate]:
+    value = cause.physical(delta)
+    ends = np.sort(np.stack([cause.physical(delta - half), cause.physical(delta + half)]), axis=0)
+    return {
+        name: Estimate(float(value[i]), unit, (float(ends[0, i]), float(ends[1, i])), False)
+        for i, (name, unit) in enumerate(zip(cause.parameters, cause.units, strict=True))
+    }
+
+
+def _on_held(held: Sequence[JointRows], fitted: StackedFit, without: StackedFit) -> tuple[float, float, list[float]]:
+    """Gain of all joints together, share of resamples in which it helps, gain by joint."""
+    count = int(max(int(r.block.max()) for r in held)) + 1
+    blocks = np.zeros((2, count))
+    by_joint = []
+    for j, rows in enumerate(held):
+        squares = [f.residual(rows, j) ** 2 for f in (fitted, without)]
+        by_joint.append(1.0 - float(np.sqrt(squares[0].mean() / max(squares[1].mean(), 1e-300))))
+        for side, square in zip(blocks, squares, strict=True):
+            side += np.bincount(rows.block, square, count) / fitted.sigma[j] ** 2
+    total = blocks.sum(axis=1)
+    draws = np.random.default_rng(0).integers(0, count, (RESAMPLES, count))
+    better = (blocks[1] - blocks[0])[draws].sum(axis=1) > 0.0
+    return 1.0 - float(np.sqrt(total[0] / max(total[1], 1e-300))), float(better.mean()), by_joint

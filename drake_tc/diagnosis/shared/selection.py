@@ -1,0 +1,147 @@
+"""Which causes that no single joint owns are missing: forward selection by the cross-validated error of all joints."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from drake_tc.diagnosis.shared.causes import Cause
+from drake_tc.diagnosis.shared.stacked import JointRows, StackedFit, effective_rows, fit_stacked
+from drake_tc.types import FloatArray, IntArray
+
+
+@dataclass(frozen=True)
+class SharedOptions:
+    """What counts as a real cause; calibrated on simulated legs that lack nothing (drake_tc/diagnosis/README.md).
+
+    Attributes:
+        most: Largest number of causes.
+        least_nats: Evidence of all joints that it must leave after its parameters are paid.
+        least_gain: Relative drop of the cross-validated RMS that the joint it matters most to must have.
+        least_removed: What it must explain there, in noise floors.
+        least_of_first: ... and as a share of what the causes before it explain: less is likely their imperfect form.
+        second_gain, second_nats: Drop and evidence that at least one more joint must have: else it is one joint's own.
+        same: Mean logarithm of the error by which causes as good as each other may differ; the smaller one is taken.
+    """
+
+    most: int = 3
+    least_nats: float = 20.0
+    least_gain: float = 0.10
+    least_removed: float = 0.5
+    least_of_first: float = 0.10
+    second_gain: float = 0.05
+    second_nats: float = 5.0
+    same: float = 0.02
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """One more cause on top of those chosen.
+
+    Attributes:
+        cause: Which. fit: with it.
+        nats: (n,) evidence by joint. gain: (n,) drop of the cross-validated RMS. removed: (n,) [effort].
+        level: Mean logarithm of the cross-validated RMS, joints weighted by their effective rows.
+    """
+
+    cause: Cause
+    fit: StackedFit
+    nats: FloatArray
+    gain: FloatArray
+    removed: FloatArray
+    level: float
+
+    @property
+    def evidence(self) -> float:
+        """Nats left after the parameters are paid; the rows of all joints count together."""
+        return float(self.nats.sum())
+
+
+@dataclass(frozen=True, eq=False)
+class SharedSearch:
+    """What was found.
+
+    Attributes:
+        chosen: Causes, in the order found. fit: with all of them. baseline: with none.
+        ties: By chosen cause, others that do as well in its place.
+        tried: Evidence of every cause alone, best first.
+    """
+
+    chosen: tuple[Cause, ...]
+    fit: StackedFit
+    baseline: StackedFit
+    ties: tuple[tuple[Cause, ...], ...]
+    tried: tuple[Trial, ...]
+
+
+def columns_of(causes: Sequence[Cause]) -> IntArray:
+    """Places of the causes' columns, in order."""
+    return np.concatenate([np.arange(c.columns.start, c.columns.stop) for c in causes] or [np.zeros(0)]).astype(
+        np.int64
+    )
+
+
+def try_cause(rows: Sequence[JointRows], chosen: Sequence[Cause], before: StackedFit, cause: Cause) -> Trial:
+    """The fit with one more cause against the one before."""
+    fitted = fit_stacked(rows, columns_of([*chosen, cause]))
+    if not np.isfinite(fitted.cv_rms).all():
+        nil = np.zeros(len(rows))
+        return Trial(cause, fitted, nil - np.inf, nil, nil, np.inf)
+    count = effective_rows(rows, fitted)
+    ratio = np.log(before.cv_rms / np.maximum(fitted.cv_rms, 1e-300))
+    price = 0.5 * cause.size * np.log(max(count.sum(), 2.0))
+    nats = count * ratio - price * count / count.sum()
+    removed = np.sqrt(np.maximum(before.cv_rms**2 - fitted.cv_rms**2, 0.0))
+    weight = np.array([r.target.size for r in rows], dtype=float)
+    level = float(weight @ np.log(fitted.cv_rms) / weight.sum())
+    return Trial(cause, fitted, nats, 1.0 - np.exp(-ratio), removed, level)
+
+
+def real(trial: Trial, floor: FloatArray, explained: FloatArray, options: SharedOptions) -> bool:
+    """Whether a trial is a real improvement.
+
+    Args:
+        trial: One more cause.
+        floor: (n,) noise floors [effort].
+        explained: (n,) what the causes before it explain [effort].
+        options: Thresholds.
+    """
+    matters = (
+        (trial.gain >= options.least_gain)
+        & (trial.removed >= options.least_removed * floor)
+        & (trial.removed >= options.least_of_first * explained)
+    )
+    supports = (trial.gain >= options.second_gain) & (trial.nats >= options.second_nats)
+    return bool(trial.evidence >= options.least_nats and matters.any() and supports.sum() >= 2)
+
+
+def select(
+    rows: Sequence[JointRows], causes: Sequence[Cause], floor: FloatArray, options: SharedOptions
+) -> SharedSearch:
+    """Forward selection; ends when no further cause is real.
+
+    Args:
+        rows: Training rows of all joints.
+        causes: Candidates.
+        floor: (n,) noise floors [effort].
+        options: Thresholds.
+    """
+    baseline = current = fit_stacked(rows, columns_of([]))
+    chosen: list[Cause] = []
+    ties: list[tuple[Cause, ...]] = []
+    first: tuple[Trial, ...] = ()
+    for _ in range(options.most):
+        trials = [try_cause(rows, chosen, current, cause) for cause in causes if cause not in chosen]
+        trials.sort(key=lambda t: -t.evidence)
+        first = first or tuple(trials)
+        explained = np.sqrt(np.maximum(baseline.cv_rms**2 - current.cv_rms**2, 0.0))
+        good = [t for t in trials if real(t, floor, explained, options)]
+        if not good:
+            break
+        level = min(t.level for t in good)
+        alike = [t for t in good if t.level <= level + options.same]
+        best = min(alike, key=lambda t: (t.cause.size, t.level))
+        ties.append(tuple(t.cause for t in alike if t is not best))
+        chosen.append(best.cause)
+        current = best.fit
+    return SharedSearch(tuple(chosen), current, baseline, tuple(ties), first)

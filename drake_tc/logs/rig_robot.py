@@ -1,0 +1,55 @@
+"""The rig file's key `robot`: a robot file, named relative to the rig file, whose model gives the load torques."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import yaml
+
+from drake_tc.errors import RigError
+from drake_tc.logs.loads import Load, RobotLoad
+
+
+def parse_robot(source: str, value: object, rig: Path | str) -> Path | None:
+    """The robot file, or None where the rig names none.
+
+    Raises:
+        RigError: Not a file's name, or no such file.
+    """
+    if value is None:
+        return None
+    if not isinstance(value, str) or not value:
+        raise RigError(f"{source}: robot: wanted the name of a robot file (YAML), got {value!r}")
+    path = Path(value) if not isinstance(rig, Path) else rig.parent / value
+    if not path.is_file():
+        raise RigError(f"{source}: robot: no such robot file: {path}")
+    return path
+
+
+def robot_joints(source: str, robot: Path) -> list[str]:
+    """The driven joints that the robot file lists.
+
+    Raises:
+        RigError: The file cannot be read, or lists none.
+    """
+    try:
+        document = yaml.safe_load(robot.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        raise RigError(f"{source}: robot: {robot}: cannot be read: {' '.join(str(error).split())}") from None
+    joints = document.get("joints") if isinstance(document, Mapping) else None
+    if not isinstance(joints, list) or not joints:
+        raise RigError(f"{source}: robot: {robot} has no `joints`; wanted a robot file, or `joints` in the rig file")
+    return [str(joint) for joint in joints]
+
+
+def check_robot_load(source: str, load: Mapping[str, Load], robot: Path | None) -> None:
+    """A robot's model gives the loads of all joints of the rig, or of none.
+
+    Raises:
+        RigError: Only some joints take it, or no robot file is named.
+    """
+    taken = [joint for joint, entry in load.items() if isinstance(entry, RobotLoad)]
+    if taken and robot is None:
+        raise RigError(f"{source}: load: {{robot: ...}} wants the key `robot: FILE`")
+    if taken and (len(taken) < len(load) or len({load[joint] for joint in taken}) > 1):
+        others = [joint for joint in load if joint not in taken] or taken[1:]
+        raise RigError(f"{source}: load: {{robot: ...}} wants to be that of all joints; {others[0]!r} has another")

@@ -1,0 +1,60 @@
+"""The report's section on causes that no single joint owns: what, where, by how much, and which joints say so."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from drake_tc.diagnosis.result import CloseLoopResult, SharedEffect
+from drake_tc.report.numbers import interval, percent, pretty_unit, significant
+from drake_tc.report.tables import ErrorTable, error_table
+from drake_tc.report.words import joined, title_of
+
+MEANING = {
+    "link_mass": "what the link weighs more than the robot's model says",
+    "link_com": "where its centre of mass lies beyond that of the model, along the link's axes",
+    "ft_bias": "what the sensor adds to every reading, along its own axes",
+    "ft_gain": "what the sensor adds in proportion to its reading",
+    "imu_bias": "what the IMU adds to every reading, along its own axes",
+}
+LEAST_GAIN = 0.01
+
+
+@dataclass(frozen=True)
+class SharedCard:
+    """One cause as the template shows it: texts only, and the width of each joint's bar [%]."""
+
+    id: str
+    title: str
+    where: str
+    meaning: str
+    gain: str
+    stability: str
+    parameters: Sequence[tuple[str, str, str, str]]
+    joints: Sequence[tuple[str, str, float, ErrorTable]]
+    ties: str
+
+
+def shared_section(result: CloseLoopResult) -> Sequence[SharedCard]:
+    """A card for each shared cause; none when there is none."""
+    return [_card(cause, result) for cause in result.shared]
+
+
+def _card(cause: SharedEffect, result: CloseLoopResult) -> SharedCard:
+    parameters = []
+    for name, value in cause.parameters.items():
+        shown, spread = interval(value.value, *value.ci95)
+        parameters.append((name.replace("_", " "), shown, spread, pretty_unit(value.unit)))
+    joints = [
+        (name, percent(gain) if gain > LEAST_GAIN else significant(0.0), 100.0 * max(gain, 0.0), error_table(joint))
+        for name, gain, joint in ((j.joint, cause.joints.get(j.joint, 0.0), j) for j in result.joints.values())
+    ]
+    return SharedCard(
+        id=cause.id,
+        title=cause.title,
+        where=cause.where,
+        meaning=MEANING[cause.id],
+        gain=percent(cause.heldout_gain),
+        stability=percent(cause.stability),
+        parameters=parameters,
+        joints=joints,
+        ties=joined([f"{title_of(name)} ({where})" for name, where in cause.ties]),
+    )
