@@ -106,7 +106,12 @@ def test_imports_of_drake_are_narrow():
 
 def test_files_are_small():
     files = [*sources(), *(ROOT / "tests").rglob("*.py"), *(ROOT / "notebooks").rglob("*.py")]
-    lengths = {str(p.relative_to(ROOT)): len(p.read_text(encoding="utf-8").splitlines()) for p in files}
+    lengths = {}
+    for path in files:
+        lines = path.read_text(encoding="utf-8").splitlines()
+        if path.parent.name == "notebooks":  # their prose stands in comments
+            lines = [line for line in lines if not line.startswith("#")]
+        lengths[str(path.relative_to(ROOT))] = len(lines)
     assert {name: lines for name, lines in lengths.items() if lines > LONGEST_FILE} == {}
 
 

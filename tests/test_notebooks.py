@@ -19,17 +19,36 @@ SAID = {
         "verdict: effects_found",
         "drive gain that switches with the direction",
     ),
+    "03_stability_and_tuning": (
+        "prediction and simulation judge all of them alike",
+        "Kp = 4 dies away",
+        "Kp = 7 grows",
+        "tuned is less than half of paper: True",
+        "with 6 of 6",
+    ),
 }
 """What a notebook's prose takes for granted, as its cells print it."""
-SHOWN = {"01_close_the_loop": {"image/png"}, "02_leg_torque_control": {"image/png", "image/svg+xml"}}
+SHOWN = {
+    "01_close_the_loop": {"image/png"},
+    "02_leg_torque_control": {"image/png", "image/svg+xml"},
+    "03_stability_and_tuning": {"image/png"},
+}
 """Plots, and the block graph."""
+QUICK = "02_leg_torque_control"
+"""Runs in every test; the others take their time in the slow ones."""
 
 
 def test_every_notebook_is_known_here():
     assert {script.stem for script in SCRIPTS} == set(SAID) == set(SHOWN)
 
 
-@pytest.mark.parametrize("script", SCRIPTS, ids=lambda p: p.stem)
+@pytest.mark.parametrize(
+    "script",
+    [
+        pytest.param(script, marks=[] if script.stem == QUICK else [pytest.mark.slow], id=script.stem)
+        for script in SCRIPTS
+    ],
+)
 def test_the_script_runs(script, tmp_path):
     environment = os.environ | {"MPLBACKEND": "Agg", "TMPDIR": str(tmp_path)}
     done = subprocess.run(

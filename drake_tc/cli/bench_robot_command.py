@@ -18,9 +18,7 @@ from drake_tc.cli.progress import progress_bar
 
 
 def bench_robot(
-    cases: Annotated[
-        int, typer.Option(min=1, help="How many; 13 hold one of each kind and two nulls.")
-    ] = 65,
+    cases: Annotated[int, typer.Option(min=1, help="How many; 13 hold one of each kind and two nulls.")] = 65,
     out: Annotated[Path | None, typer.Option(help="Keep logs and reports here; those found here are reused.")] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the cases.")] = 0,
     jobs: Annotated[int, typer.Option(min=1, help="Cases side by side.")] = os.cpu_count() or 1,
