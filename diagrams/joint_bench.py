@@ -5,7 +5,7 @@
     applied (table) ------------ torque on the link -------->|
 
 `record_bench` runs it as a rig that is being measured; `python -m drake_tc.diagrams.joint_bench` writes such a
-record. `drake_tc.diagrams.free_run` drives the same diagram with a record.
+record. `drake_tc.diagrams.bench.free_run` drives the same diagram with a record.
 """
 
 import argparse
@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import yaml
-from drake_tc.diagrams.bench_diagram import Link, Rates, Table, build_bench, start_bench
+from drake_tc.diagrams.bench.diagram import Link, Rates, Table, build_bench, start_bench
 
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.actuation.model_file import load_models

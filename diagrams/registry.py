@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from drake_tc.diagrams.scenario import Scenario, load_scenario, scenario_names
+from drake_tc.diagrams.scenarios.scenario import Scenario, load_scenario, scenario_names
 from drake_tc.diagrams.torque_loop import Loop, build_loop
 
 from drake_tc.errors import ParamsError

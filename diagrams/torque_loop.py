@@ -12,11 +12,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from drake_tc.diagrams.loop_parts import Parts, actuator_models, loop_robot, sensor_suite
-from drake_tc.diagrams.loop_stages import servo_command, torque_command
-from drake_tc.diagrams.references import posture, references
-from drake_tc.diagrams.scenario import Scenario
-from drake_tc.diagrams.surroundings import Pushes, add_objects, add_suspension
+from drake_tc.diagrams.loop.parts import Parts, actuator_models, loop_robot, sensor_suite
+from drake_tc.diagrams.loop.stages import servo_command, torque_command
+from drake_tc.diagrams.loop.surroundings import Pushes, add_objects, add_suspension
+from drake_tc.diagrams.scenarios.references import posture, references
+from drake_tc.diagrams.scenarios.scenario import Scenario
 from pydrake.geometry import MeshcatVisualizer, StartMeshcat
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, OutputPort

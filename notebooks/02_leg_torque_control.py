@@ -30,8 +30,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 from drake_tc.diagrams.papers.stability import BEGIN, LASTS, pushed
 from drake_tc.diagrams.registry import diagram_entry
-from drake_tc.diagrams.running import simulate_scenario
-from drake_tc.diagrams.summary import estimated, summarise, write_results
+from drake_tc.diagrams.runs.running import simulate_scenario
+from drake_tc.diagrams.runs.summary import estimated, summarise, write_results
 
 from drake_tc import block_graph, close_loop, load_models
 from drake_tc.control.guard import GuardMode

@@ -6,11 +6,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from drake_tc.diagrams.papers.motion_tables import COMPLETE
 from drake_tc.diagrams.papers.reproduction import Progress, Reproduction, TextTable, expectations, judged, text_rows
-from drake_tc.diagrams.recording import Recording
 from drake_tc.diagrams.registry import diagram_entry
-from drake_tc.diagrams.running import simulate_scenario
-from drake_tc.diagrams.scenario import Scenario
-from drake_tc.diagrams.scenario_parts import ModelFactors
+from drake_tc.diagrams.runs.recording import Recording
+from drake_tc.diagrams.runs.running import simulate_scenario
+from drake_tc.diagrams.scenarios.parts import ModelFactors
+from drake_tc.diagrams.scenarios.scenario import Scenario
 
 from drake_tc.control.guard import GuardMode
 from drake_tc.estimation.disturbance_observer import ObserverSpec

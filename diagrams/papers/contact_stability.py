@@ -11,10 +11,10 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
-from drake_tc.diagrams.loop_parts import torque_gains
-from drake_tc.diagrams.operating_point import settled, sliding
+from drake_tc.diagrams.analysed.operating_point import settled, sliding
+from drake_tc.diagrams.loop.parts import torque_gains
 from drake_tc.diagrams.registry import diagram_entry
-from drake_tc.diagrams.scenario import Scenario
+from drake_tc.diagrams.scenarios.scenario import Scenario
 from drake_tc.diagrams.torque_loop import Loop
 
 from drake_tc.analysis.release import release

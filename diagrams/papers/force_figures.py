@@ -4,10 +4,10 @@ from typing import Any
 
 import numpy as np
 from drake_tc.diagrams.papers.reproduction import Progress, Reproduction, TextTable, expectations, judged, text_rows
-from drake_tc.diagrams.recording import Recording
 from drake_tc.diagrams.registry import diagram_entry
-from drake_tc.diagrams.running import simulate_scenario
-from drake_tc.diagrams.summary import estimated
+from drake_tc.diagrams.runs.recording import Recording
+from drake_tc.diagrams.runs.running import simulate_scenario
+from drake_tc.diagrams.runs.summary import estimated
 
 from drake_tc.control.torque_control import COMPONENTS
 from drake_tc.types import FloatArray

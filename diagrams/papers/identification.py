@@ -12,13 +12,13 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
-from drake_tc.diagrams.loop_parts import sensor_suite
+from drake_tc.diagrams.loop.parts import sensor_suite
 from drake_tc.diagrams.papers.reproduction import Progress
-from drake_tc.diagrams.recording import Recording, log_columns, write_log, write_rig
 from drake_tc.diagrams.registry import diagram_entry
-from drake_tc.diagrams.running import simulate_scenario
-from drake_tc.diagrams.scenario import Scenario
-from drake_tc.diagrams.scenario_parts import PushSpec, SinusoidSpec
+from drake_tc.diagrams.runs.recording import Recording, log_columns, write_log, write_rig
+from drake_tc.diagrams.runs.running import simulate_scenario
+from drake_tc.diagrams.scenarios.parts import PushSpec, SinusoidSpec
+from drake_tc.diagrams.scenarios.scenario import Scenario
 
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.estimation.off_line import OffLineFilter, SensorLog, estimate_log, wrench_bias

@@ -4,9 +4,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from drake_tc.diagrams.papers.reproduction import Progress, Reproduction, TextTable, expectations, judged, text_rows
-from drake_tc.diagrams.recording import Recording
 from drake_tc.diagrams.registry import diagram_entry
-from drake_tc.diagrams.running import simulate_scenario
+from drake_tc.diagrams.runs.recording import Recording
+from drake_tc.diagrams.runs.running import simulate_scenario
 
 from drake_tc.types import FloatArray
 

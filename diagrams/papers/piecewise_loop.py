@@ -10,14 +10,14 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
-from drake_tc.diagrams.joint_loops import joint_loops
-from drake_tc.diagrams.loop_parts import actuator_models, loop_robot, sensor_suite
-from drake_tc.diagrams.one_joint_loop import alone
+from drake_tc.diagrams.analysed.joint_loops import joint_loops
+from drake_tc.diagrams.analysed.one_joint_loop import alone
+from drake_tc.diagrams.loop.parts import actuator_models, loop_robot, sensor_suite
 from drake_tc.diagrams.papers.identification import experiment_scenarios, off_line_torque
-from drake_tc.diagrams.recording import log_columns, write_log
 from drake_tc.diagrams.registry import diagram_entry
-from drake_tc.diagrams.running import simulate_scenario
-from drake_tc.diagrams.scenario import Scenario
+from drake_tc.diagrams.runs.recording import log_columns, write_log
+from drake_tc.diagrams.runs.running import simulate_scenario
+from drake_tc.diagrams.scenarios.scenario import Scenario
 from pydrake.common.value import Value
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.analysis import Simulator

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any, Literal, get_args
 
 import numpy as np
-from drake_tc.diagrams.strict_yaml import from_mapping, read_mapping
+from drake_tc.diagrams.scenarios.strict_yaml import from_mapping, read_mapping
 
 from drake_tc.errors import ParamsError
 

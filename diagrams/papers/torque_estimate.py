@@ -2,11 +2,11 @@
 
 import numpy as np
 from drake_tc.diagrams.papers.reproduction import Progress, Reproduction, TextTable, expectations, judged, text_rows
-from drake_tc.diagrams.recording import Recording
 from drake_tc.diagrams.registry import diagram_entry
-from drake_tc.diagrams.running import simulate_scenario
-from drake_tc.diagrams.scenario import Scenario
-from drake_tc.diagrams.summary import estimated
+from drake_tc.diagrams.runs.recording import Recording
+from drake_tc.diagrams.runs.running import simulate_scenario
+from drake_tc.diagrams.runs.summary import estimated
+from drake_tc.diagrams.scenarios.scenario import Scenario
 
 from drake_tc.estimation.error_budget import Run, error_budget
 from drake_tc.estimation.torque_model import TorqueModel

@@ -176,7 +176,7 @@ def real_bam_rows(
 
     Args:
         data: The folder of public data sets, or the data set's own.
-        free_run: Simulates the Drake diagram (`drake_tc.diagrams.rig_free_run.rig_free_run`).
+        free_run: Simulates the Drake diagram (`drake_tc.diagrams.bench.rig_free_run.rig_free_run`).
         progress: Told how far it is.
         executor: Runs simulations beside each other.
         held_out: Which trajectories to hold out.

@@ -74,7 +74,7 @@ def _pairs(effect: str, joint: str, entry: Mapping[str, Any]) -> Iterable[tuple[
 
 def run_case(folder: Path, number: int, seed: int) -> str:
     """Record case `number` in `folder` unless it is there, diagnose it unless its report is there; its name."""
-    from drake_tc.diagrams.blind_leg_cases import leg_case, record_case
+    from drake_tc.diagrams.blind_leg.cases import leg_case, record_case
 
     case = leg_case(number, seed)
     rig, report = folder / "rigs" / case.name, folder / "reports" / f"{case.name}.json"

@@ -54,8 +54,8 @@ def close_loop_command(
                 "wanted at least one --log RUN to fit and one --holdout RUN to judge by; got "
                 f"{len(log or [])} and {len(holdout or [])}"
             )
-        from drake_tc.diagrams.loop_before_after import compare_loops
-        from drake_tc.diagrams.rig_free_run import rig_free_run
+        from drake_tc.diagrams.before_after.comparison import compare_loops
+        from drake_tc.diagrams.bench.rig_free_run import rig_free_run
 
         with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
             result = close_loop(rig, log, holdout, replace(DiagnosisOptions(), seed=seed), rig_free_run, progress, pool)

@@ -28,8 +28,8 @@ def simulate_command(
 ) -> None:
     """Simulate a diagram: robot, actuators, sensors, estimator and controller, as its scenario says."""
     from drake_tc.diagrams.registry import diagram_entry
-    from drake_tc.diagrams.running import simulate_scenario
-    from drake_tc.diagrams.summary import summarise, write_results
+    from drake_tc.diagrams.runs.running import simulate_scenario
+    from drake_tc.diagrams.runs.summary import summarise, write_results
 
     if log_format not in ("csv", "parquet", "npz"):
         raise typer.BadParameter(f"wanted csv, parquet or npz, got {log_format!r}", param_hint="--log-format")

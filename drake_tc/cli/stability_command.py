@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from drake_tc.analysis.margins import Margins
     from drake_tc.analysis.release import Release
     from drake_tc.analysis.sampled import SampledSystem
-    from drake_tc.diagrams.scenario import Scenario
+    from drake_tc.diagrams.scenarios.scenario import Scenario
 
 SHOWN = 8
 """Eigenvalues that are printed."""
@@ -64,7 +64,7 @@ def stability_command(
     as_json: Annotated[bool, typer.Option("--json", help="Print the figures as JSON.")] = False,
 ) -> None:
     """Eigenvalues, margins and verdict of a diagram's loop, at one moment of a scenario, with perfect sensors."""
-    from drake_tc.diagrams.operating_point import sliding
+    from drake_tc.diagrams.analysed.operating_point import sliding
     from drake_tc.diagrams.registry import diagram_entry
 
     if friction not in ("sliding", "modelled"):
@@ -89,7 +89,7 @@ def _analyse(
     from drake_tc.analysis.margins import frequency_grid, margins
     from drake_tc.analysis.release import release
     from drake_tc.analysis.sampled import open_loop
-    from drake_tc.diagrams.operating_point import settled
+    from drake_tc.diagrams.analysed.operating_point import settled
 
     progress("to the operating point", 0.0)
     loop, context = settled(scenario, at)

@@ -18,7 +18,7 @@ from drake_tc.errors import ParamsError
 
 if TYPE_CHECKING:
     from drake_tc.analysis.tuning import Tuning
-    from drake_tc.diagrams.tuned import Confirmed
+    from drake_tc.diagrams.analysed.tuned import Confirmed
 
 
 def tune_command(
@@ -54,10 +54,10 @@ def tune_command(
     """
     from drake_tc.analysis.settings import default_goals
     from drake_tc.analysis.tuning import SearchSpace, tune
+    from drake_tc.diagrams.analysed.tuned import confirm
+    from drake_tc.diagrams.analysed.tuning_task import joint_tasks
     from drake_tc.diagrams.registry import diagram_entry
-    from drake_tc.diagrams.summary import SETTLED
-    from drake_tc.diagrams.tuned import confirm
-    from drake_tc.diagrams.tuning_task import joint_tasks
+    from drake_tc.diagrams.runs.summary import SETTLED
 
     if margin is not None and not margin > 1.0:
         raise typer.BadParameter(f"wanted a sensitivity peak above 1, got {margin:g}", param_hint="--margin")
@@ -104,7 +104,7 @@ def _write(found: "Tuning", folder: Path) -> list[Path]:
     from matplotlib.figure import Figure
 
     from drake_tc.analysis.pareto_plot import draw_fronts
-    from drake_tc.diagrams.tuned import tuned_fields
+    from drake_tc.diagrams.analysed.tuned import tuned_fields
 
     files = [folder / name for name in ("tuned.yaml", "pareto.svg", "pareto.png")]
     try:
@@ -122,7 +122,7 @@ def _write(found: "Tuning", folder: Path) -> list[Path]:
 def _plain(found: "Tuning", confirmed: "Confirmed | None") -> dict[str, Any]:
     from dataclasses import asdict
 
-    from drake_tc.diagrams.tuned import tuned_fields
+    from drake_tc.diagrams.analysed.tuned import tuned_fields
 
     joints = [
         {

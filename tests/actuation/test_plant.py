@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from drake_tc.diagrams.bench_diagram import Link, make_plant
+from drake_tc.diagrams.bench.diagram import Link, make_plant
 from numpy.testing import assert_allclose
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant

@@ -5,12 +5,12 @@ from pathlib import Path
 
 import numpy as np
 import yaml
-from drake_tc.diagrams.joint_loops import joint_loops
-from drake_tc.diagrams.loop_parts import torque_gains
-from drake_tc.diagrams.one_joint_loop import one_joint_loop
-from drake_tc.diagrams.operating_point import sliding
+from drake_tc.diagrams.analysed.joint_loops import joint_loops
+from drake_tc.diagrams.analysed.one_joint_loop import one_joint_loop
+from drake_tc.diagrams.analysed.operating_point import sliding
+from drake_tc.diagrams.loop.parts import torque_gains
 from drake_tc.diagrams.registry import diagram_entry
-from drake_tc.diagrams.scenario import load_scenario
+from drake_tc.diagrams.scenarios.scenario import load_scenario
 from drake_tc.diagrams.torque_loop import build_loop
 from pydrake.systems.analysis import Simulator
 

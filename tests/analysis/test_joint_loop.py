@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from drake_tc.diagrams.joint_loops import joint_loops, over_estimates
+from drake_tc.diagrams.analysed.joint_loops import joint_loops, over_estimates
 from drake_tc.diagrams.registry import diagram_entry
 from numpy.testing import assert_allclose
 

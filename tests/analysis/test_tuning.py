@@ -2,9 +2,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from drake_tc.diagrams.analysed.tuning_task import joint_tasks
 from drake_tc.diagrams.registry import diagram_entry
-from drake_tc.diagrams.running import simulate_scenario
-from drake_tc.diagrams.tuning_task import joint_tasks
+from drake_tc.diagrams.runs.running import simulate_scenario
 from matplotlib.figure import Figure
 
 from drake_tc.analysis.joint_loop import JointLoop

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from drake_tc.diagrams.rig_free_run import rig_free_run
+from drake_tc.diagrams.bench.rig_free_run import rig_free_run
 
 from drake_tc.diagnosis.run import close_loop
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import drake_tc.diagrams
 import numpy as np
 import pytest
-from drake_tc.diagrams.scenario import load_scenario
+from drake_tc.diagrams.scenarios.scenario import load_scenario
 from drake_tc.diagrams.torque_loop import build_loop
 from pydrake.systems.analysis import Simulator
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from drake_tc.diagrams.rig_free_run import rig_free_run
+from drake_tc.diagrams.bench.rig_free_run import rig_free_run
 from numpy.testing import assert_allclose
 
 from drake_tc.actuation.position_loop import through_loop

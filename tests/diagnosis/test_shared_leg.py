@@ -5,8 +5,8 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
-from drake_tc.diagrams.blind_leg import Wrong, random_motion, record_leg
-from drake_tc.diagrams.blind_leg_cases import DECLARED, ROBOT, ROUND, leg_case, zeroed_suite
+from drake_tc.diagrams.blind_leg.cases import DECLARED, ROBOT, ROUND, leg_case, zeroed_suite
+from drake_tc.diagrams.blind_leg.recorder import Wrong, random_motion, record_leg
 from numpy.testing import assert_allclose
 
 from drake_tc.actuation.model_file import load_models

@@ -4,14 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from drake_tc.diagrams.loop_parts import actuator_models, loop_robot
+from drake_tc.diagrams.loop.parts import actuator_models, loop_robot
 from drake_tc.diagrams.papers import beyond
 from drake_tc.diagrams.papers.beyond import Run
 from drake_tc.diagrams.papers.catalogue import REPRODUCTIONS
 from drake_tc.diagrams.papers.reproduction import expectations, judged
 from drake_tc.diagrams.registry import diagram_entry
-from drake_tc.diagrams.running import simulate_scenario
-from drake_tc.diagrams.scenario_parts import ModelFactors
+from drake_tc.diagrams.runs.running import simulate_scenario
+from drake_tc.diagrams.scenarios.parts import ModelFactors
 from drake_tc.diagrams.torque_loop import build_loop
 from numpy.testing import assert_allclose
 

@@ -5,8 +5,8 @@ from dataclasses import fields
 from pathlib import Path
 
 import pytest
-from drake_tc.diagrams import scenario as data
 from drake_tc.diagrams.registry import DIAGRAMS
+from drake_tc.diagrams.scenarios import scenario as data
 
 from drake_tc.control.torque_control import CompensationSpec
 from drake_tc.estimation.delay_predictor import PredictorSpec

@@ -4,9 +4,9 @@ from functools import cache
 
 import numpy as np
 import pytest
-from drake_tc.diagrams.faults import BIASES, CASES, FLAGGED_WITHIN, FaultCase, run_case
 from drake_tc.diagrams.registry import diagram_entry
-from drake_tc.diagrams.running import simulate_scenario
+from drake_tc.diagrams.runs.faults import BIASES, CASES, FLAGGED_WITHIN, FaultCase, run_case
+from drake_tc.diagrams.runs.running import simulate_scenario
 
 from drake_tc.control.guard import GuardMode
 from drake_tc.errors import ParamsError

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 import yaml
-from drake_tc.diagrams.bench_diagram import Link, Table
-from drake_tc.diagrams.free_run import Recording, free_run
+from drake_tc.diagrams.bench.diagram import Link, Table
+from drake_tc.diagrams.bench.free_run import Recording, free_run
 from drake_tc.diagrams.joint_bench import (
     SCENARIO_FILE,
     BenchScenario,

@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from drake_tc.diagrams.running import simulate_scenario
-from drake_tc.diagrams.scenario import load_scenario
+from drake_tc.diagrams.runs.running import simulate_scenario
+from drake_tc.diagrams.scenarios.scenario import load_scenario
 
 from drake_tc.errors import ParamsError
 from drake_tc.robot.packages import resolve

@@ -12,7 +12,7 @@ from drake_tc.diagrams.papers.piecewise_loop import Reversal
 from drake_tc.diagrams.papers.reproduction import EXPECTED, Expectation, Row, expectations, judged
 from drake_tc.diagrams.papers.sliding_prediction import predicted
 from drake_tc.diagrams.registry import diagram_entry
-from drake_tc.diagrams.running import simulate_scenario
+from drake_tc.diagrams.runs.running import simulate_scenario
 from numpy.testing import assert_allclose
 from pydrake.multibody.tree import JacobianWrtVariable
 

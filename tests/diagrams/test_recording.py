@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 import yaml
-from drake_tc.diagrams.recording import log_columns, write_log, write_rig
 from drake_tc.diagrams.registry import diagram_entry
-from drake_tc.diagrams.running import simulate_scenario
-from drake_tc.diagrams.summary import summarise, write_results
+from drake_tc.diagrams.runs.recording import log_columns, write_log, write_rig
+from drake_tc.diagrams.runs.running import simulate_scenario
+from drake_tc.diagrams.runs.summary import summarise, write_results
 from numpy.testing import assert_allclose
 
 from drake_tc.errors import LogError

@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from drake_tc.diagrams.registry import diagram_entry
-from drake_tc.diagrams.running import RUNAWAY_SPEED, simulate_scenario
+from drake_tc.diagrams.runs.running import RUNAWAY_SPEED, simulate_scenario
 
 from drake_tc.cli.main import run as run_command
 from drake_tc.errors import SimulationError

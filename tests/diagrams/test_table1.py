@@ -22,8 +22,8 @@ from drake_tc.diagrams.papers.identification import (
 from drake_tc.diagrams.papers.leg_models import STEM, leg_models, write_leg_models
 from drake_tc.diagrams.papers.reproduction import expectations, judged
 from drake_tc.diagrams.papers.table1 import family_factor, figures, identify_table1
-from drake_tc.diagrams.recording import write_log
-from drake_tc.diagrams.running import simulate_scenario
+from drake_tc.diagrams.runs.recording import write_log
+from drake_tc.diagrams.runs.running import simulate_scenario
 from numpy.testing import assert_allclose
 from scipy.stats import norm
 

@@ -4,15 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from drake_tc.diagrams import perturbed_plants
-from drake_tc.diagrams.loop_parts import actuator_models, loop_robot, torque_gains
+from drake_tc.diagrams.analysed import perturbed_plants
+from drake_tc.diagrams.analysed.perturbed_plants import Compared, Spread, compare_on_plant
+from drake_tc.diagrams.analysed.tuned import tuned_scenario
+from drake_tc.diagrams.analysed.tuning_task import joint_tasks
+from drake_tc.diagrams.loop.parts import actuator_models, loop_robot, torque_gains
 from drake_tc.diagrams.papers.reproduction import Row
 from drake_tc.diagrams.papers.tuning import tuning
-from drake_tc.diagrams.perturbed_plants import Compared, Spread, compare_on_plant
-from drake_tc.diagrams.recording import Recording
 from drake_tc.diagrams.registry import diagram_entry
-from drake_tc.diagrams.tuned import tuned_scenario
-from drake_tc.diagrams.tuning_task import joint_tasks
+from drake_tc.diagrams.runs.recording import Recording
 from numpy.testing import assert_allclose, assert_array_equal
 
 from drake_tc.actuation.model_file import load_models

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-from drake_tc.diagrams.bench_diagram import Table
+from drake_tc.diagrams.bench.diagram import Table
 from drake_tc.diagrams.joint_bench import BenchScenario, record_bench
 
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from drake_tc.diagrams.recording import Recording
 from drake_tc.diagrams.registry import diagram_entry
-from drake_tc.diagrams.running import simulate_scenario
+from drake_tc.diagrams.runs.recording import Recording
+from drake_tc.diagrams.runs.running import simulate_scenario
 from numpy.testing import assert_allclose
 
 from drake_tc.errors import LogError, ParamsError

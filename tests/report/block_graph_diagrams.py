@@ -3,7 +3,7 @@
 import re
 
 import numpy as np
-from drake_tc.diagrams.bench_diagram import Link, Rates, Table, build_bench
+from drake_tc.diagrams.bench.diagram import Link, Rates, Table, build_bench
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import RevoluteJoint, SpatialInertia, UnitInertia

@@ -1,0 +1,73 @@
+"""Where a loop is linearised: settled in its scenario, sensors perfect; or with its drives in sliding."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from drake_tc.diagrams.loop.parts import actuator_models, loop_robot
+from drake_tc.diagrams.scenarios.parts import ModelFactors
+from drake_tc.diagrams.scenarios.scenario import Scenario
+from drake_tc.diagrams.torque_loop import Loop, build_loop
+from pydrake.systems.analysis import Simulator
+
+from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
+from drake_tc.actuation.model_file import save_models
+from drake_tc.errors import SimulationError
+
+SLIDING = ("viscous", "rotor_inertia", "velocity_sign_switch")
+"""Effects that are linear in sliding; dry friction and dead zone are constants there."""
+
+
+def settled(scenario: Scenario, at: float) -> tuple[Loop, Any]:
+    """The scenario's loop with perfect sensors, and its context at a time, before the events of that tick.
+
+    Args:
+        scenario: What to build.
+        at: A multiple of dt by which filters are full and the guard has let go of the start [s].
+
+    Raises:
+        ParamsError: a scenario that cannot be built.
+        SimulationError: a solver failed on the way.
+    """
+    scenario = replace(scenario, sensors="perfect", duration=max(scenario.duration, at + 1.0))
+    loop = build_loop(scenario)
+    simulator = Simulator(loop.diagram)
+    context = simulator.get_mutable_context()
+    loop.start(context)
+    try:
+        simulator.Initialize()
+        simulator.AdvanceTo(round(at / scenario.dt) * scenario.dt)
+    except RuntimeError as error:
+        raise SimulationError(f"the way to the operating point failed: {' '.join(str(error).split())}") from error
+    return loop, context
+
+
+def sliding(scenario: Scenario, folder: Path, direction: float = 0.0) -> Scenario:
+    """The scenario with drives, true and believed, that hold only what is linear in sliding.
+
+    The inverse of a dead zone in the controller's model is constant there as the dead zone itself is.
+
+    Args:
+        scenario: Whose drives.
+        folder: Takes the two model files; must exist for as long as the scenario is used.
+        direction: Of the sliding, 1 or -1; 0 takes the mean gain of drives that switch with it.
+
+    Raises:
+        ParamsError: drives that cannot be read.
+    """
+    robot = loop_robot(scenario)
+    plain = replace(scenario, model_factors=ModelFactors())
+    files = {}
+    for name in ("actuators", "model"):
+        models = actuator_models(plain, robot, controller=name == "model")
+        files[name] = str((folder / f"sliding_{name}.yaml").resolve())
+        save_models({joint: _sliding(model, direction) for joint, model in models.items()}, files[name])
+    return replace(scenario, **files)
+
+
+def _sliding(model: ActuatorModel, direction: float) -> ActuatorModel:
+    values = {value.key: value for value in model.effects if value.key in SLIDING}
+    switch = values.pop("velocity_sign_switch", None)
+    gain = model.drive.gain / (1.0 + direction * (switch.parameters["switch"] if switch else 0.0))
+    effects: tuple[EffectValue, ...] = tuple(values.values())
+    return replace(model, drive=Drive(model.drive.kind, gain), effects=effects)

@@ -1,0 +1,54 @@
+"""Ports made of other ports: a selection, the first IMU, the base's motion without delay."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from drake_tc.diagrams.loop.parts import Parts
+from pydrake.systems.framework import DiagramBuilder, OutputPort
+from pydrake.systems.primitives import Demultiplexer, Selector, SelectorParams
+
+from drake_tc.filtering.savitzky_golay import SavitzkyGolayFilter
+
+
+def picked(
+    builder: DiagramBuilder, name: str, source: OutputPort, wanted: Mapping[str, list[int]]
+) -> dict[str, OutputPort]:
+    """Ports with some elements of another one each, by name."""
+    params = SelectorParams()
+    params.inputs = [SelectorParams.InputPortParams(name="all", size=source.size())]
+    pick = SelectorParams.OutputSelection
+    params.outputs = [
+        SelectorParams.OutputPortParams(
+            name=port, selections=[pick(input_port_index=0, input_offset=i) for i in elements]
+        )
+        for port, elements in wanted.items()
+    ]
+    selector = builder.AddNamedSystem(name, Selector(params))
+    builder.Connect(source, selector.get_input_port(0))
+    return {port: selector.GetOutputPort(port) for port in wanted}
+
+
+def first_imu(parts: Parts) -> OutputPort:
+    """The raw reading of the robot's first IMU."""
+    imu: Any = parts.sensors.imu
+    others = len(parts.robot.imu) - 1
+    port: OutputPort = imu.GetOutputPort("reading")
+    if others and parts.builder.HasSubsystemNamed("first_imu"):
+        port = parts.builder.GetSubsystemByName("first_imu").get_output_port(0)
+    elif others:
+        split = parts.builder.AddNamedSystem("first_imu", Demultiplexer([6, 6 * others]))
+        parts.builder.Connect(port, split.get_input_port())
+        port = split.get_output_port(0)
+    return port
+
+
+def base_now(parts: Parts) -> OutputPort:
+    """The IMU and its derivative at the end of the window: without delay, with twice the noise and more."""
+    if parts.builder.HasSubsystemNamed("base_now"):
+        made: OutputPort = parts.builder.GetSubsystemByName("base_now").GetOutputPort("imu_estimate")
+        return made
+    window, order = parts.scenario.filters.window, parts.scenario.filters.encoder_order
+    smooth = SavitzkyGolayFilter(6, window, order, parts.scenario.dt, window - 1)
+    parts.add("base_predictor", smooth, signal=first_imu(parts))
+    wanted = {"imu_estimate": list(range(12))}
+    return picked(parts.builder, "base_now", smooth.GetOutputPort("estimate"), wanted)["imu_estimate"]

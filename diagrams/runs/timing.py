@@ -1,0 +1,102 @@
+"""What a tick costs: the leg's loops, and the torque estimate of the leg and of a floating humanoid."""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from drake_tc.diagrams.registry import diagram_entry
+from drake_tc.diagrams.torque_loop import build_loop
+from pydrake.systems.analysis import Simulator
+
+from drake_tc.estimation.joint_torque import JointTorqueEstimator
+from drake_tc.estimation.torque_model import TorqueModel
+from drake_tc.robot.robot import load_robot
+
+MODELS = Path(__file__).parents[2] / "models" / "hrp2_like"
+CHUNK = 0.02
+"""Simulated time of one timing [s]."""
+
+
+@dataclass(frozen=True)
+class Timing:
+    """Wall times of one thing [us]: median and 99th percentile of n timings."""
+
+    name: str
+    median: float
+    p99: float
+    n: int
+
+    def to_json(self) -> dict[str, Any]:
+        """As `bench --json` prints it."""
+        return {"name": self.name, "unit": "us", "median": self.median, "p99": self.p99, "n": self.n}
+
+
+def _timing(name: str, seconds: list[float]) -> Timing:
+    microseconds = 1e6 * np.array(seconds)
+    return Timing(name, float(np.median(microseconds)), float(np.percentile(microseconds, 99)), len(seconds))
+
+
+def loop_timing(scenario_name: str, title: str, duration: float = 2.5) -> Timing:
+    """A tick of the hanging leg's loop, everything included: plant, actuators, sensors, estimator, controller, logs.
+
+    Args:
+        scenario_name: Of the diagram `hrp2_leg`.
+        title: Name of the row.
+        duration: Simulated [s].
+    """
+    scenario = diagram_entry("hrp2_leg").scenario(scenario_name).changed(duration=duration)
+    loop = build_loop(scenario)
+    simulator = Simulator(loop.diagram)
+    loop.start(simulator.get_mutable_context())
+    simulator.Initialize()
+    ticks, times = round(CHUNK / scenario.dt), []
+    for chunk in range(1, round(duration / CHUNK) + 1):
+        begin = time.perf_counter()
+        simulator.AdvanceTo(chunk * CHUNK)
+        times.append((time.perf_counter() - begin) / ticks)
+    return _timing(title, times)
+
+
+def estimate_timing(robot_file: Path, title: str, repeats: int = 2000) -> Timing:
+    """One torque estimate by its system: inputs changed, every output evaluated."""
+    robot = load_robot(robot_file)
+    system = JointTorqueEstimator(TorqueModel(robot))
+    context = system.CreateDefaultContext()
+    generator = np.random.default_rng(0)
+    ports = [system.get_input_port(i) for i in range(system.num_input_ports())]
+    values = [[generator.normal(size=port.size()) for port in ports] for _ in range(50)]
+    outputs = [system.get_output_port(i) for i in range(system.num_output_ports())]
+    times = []
+    for repeat in range(repeats):
+        for port, value in zip(ports, values[repeat % 50], strict=True):
+            port.FixValue(context, value)
+        begin = time.perf_counter()
+        for output in outputs:
+            output.Eval(context)
+        times.append(time.perf_counter() - begin)
+    return _timing(title, times)
+
+
+def leg_timings(progress: Callable[[str, float], None]) -> list[Timing]:
+    """The rows of `drake-tc bench leg`.
+
+    Args:
+        progress: Told what is timed and which share is done.
+    """
+    pieces: list[tuple[str, Callable[[str], Timing]]] = [
+        ("leg under the vendor's servo, a tick of 1 ms", lambda name: loop_timing("stairs_swing_servo", name)),
+        ("leg in torque control, a tick of 1 ms", lambda name: loop_timing("stairs_swing", name)),
+        ("torque estimate, leg", lambda name: estimate_timing(MODELS / "hrp2_like_leg.yaml", name)),
+        (
+            "torque estimate, floating 30 joints",
+            lambda name: estimate_timing(MODELS / "hrp2_like.yaml", name),
+        ),
+    ]
+    rows = []
+    for number, (name, measure) in enumerate(pieces):
+        progress(name, number / len(pieces))
+        rows.append(measure(name))
+    return rows
