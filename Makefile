@@ -8,7 +8,7 @@ export OMP_NUM_THREADS ?= 1
 export MPLBACKEND ?= Agg
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-slow lint unit times wheel notebook clean
+.PHONY: help demo test test-slow lint unit coverage times wheel notebook clean
 
 help: ## what can be made
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1|/' | column -t -s '|'
@@ -39,9 +39,12 @@ lint: $(VENV)/.installed-test
 	$(BIN)/mypy -p diagrams
 
 unit: $(VENV)/.installed-test
+	$(BIN)/pytest -q -n 2 --dist loadscope -m 'not slow and not benchmark'
+
+coverage: $(VENV)/.installed-test ## the same tests, and which lines they reach
 	$(BIN)/pytest -q -n 2 --dist loadscope -m 'not slow and not benchmark' --cov drake_tc --cov-report term:skip-covered
 
-times: $(VENV)/.installed-test ## what one tick costs: alone, without coverage
+times: $(VENV)/.installed-test ## what one tick costs: nothing else running
 	$(BIN)/pytest -q -m 'benchmark and not slow'
 
 wheel: $(VENV)/.installed-test ## build the wheel and run the demo from it, in an empty environment

@@ -127,8 +127,8 @@ class JointLoop:
 
     def characteristic(self) -> FloatArray:
         """Coefficients of the closed loop's characteristic polynomial in z, highest power first."""
-        drag, drive = self._plant, self._drive_gain * np.append(0.0, self._feedback)
-        return _sum(np.convolve(drag, self._integrator), -drive)
+        drag, drive = self.plant, self.drive_gain * np.append(0.0, self.feedback)
+        return _sum(np.convolve(drag, self.integrator), -drive)
 
     @cached_property
     def eigenvalues(self) -> ComplexArray:
@@ -149,14 +149,14 @@ class JointLoop:
     def open_loop(self, omega: FloatArray) -> ComplexArray:
         """L (W,) at omega [rad/s], the loop cut at the drive's effort y; negative feedback."""
         shift = np.exp(-1j * np.asarray(omega) * self.dt)
-        denominator = _at(self._plant, shift) * _at(self._integrator, shift)
-        return np.asarray(-self._drive_gain * shift * _at(self._feedback, shift) / denominator)
+        denominator = _at(self.plant, shift) * _at(self.integrator, shift)
+        return np.asarray(-self.drive_gain * shift * _at(self.feedback, shift) / denominator)
 
     def open_command_loop(self, omega: FloatArray) -> ComplexArray:
         """L (W,) with the loop cut at the command q + y instead: the servo's own loop stays closed."""
         shift = np.exp(-1j * np.asarray(omega) * self.dt)
-        through = self._drive_gain * shift / _at(self._plant, shift)
-        law = _at(self._feedback, shift) / _at(self._integrator, shift)
+        through = self.drive_gain * shift / _at(self.plant, shift)
+        law = _at(self.feedback, shift) / _at(self.integrator, shift)
         return np.asarray(-(1.0 + law) * through / (1.0 + through))
 
     def margins(self) -> Margins:
@@ -174,13 +174,13 @@ class JointLoop:
         effort = self.k_tau_model * ((1.0 + self.kp + integral) * wanted + self.rotor_model * s**2)
         if self.velocity_from == "reference":
             effort = effort + self.k_v_model * s
-        closed = _at(self._plant, shift) - self._drive_gain * shift * _at(self._feedback, shift) / _at(
-            self._integrator, shift
+        closed = _at(self.plant, shift) - self.drive_gain * shift * _at(self.feedback, shift) / _at(
+            self.integrator, shift
         )
-        return np.asarray(1.0 - self._drive_gain * shift * effort / closed)
+        return np.asarray(1.0 - self.drive_gain * shift * effort / closed)
 
     @cached_property
-    def _plant(self) -> FloatArray:
+    def plant(self) -> FloatArray:
         """A(1/z)/z with A q = h^2 beta/(J K_tau) y: plant and drive from effort to position."""
         h, alpha = self.dt, self.dt / self.inertia
         b, stiffness = self.k_v / self.k_tau, self.gravity_stiffness + self.environment_stiffness
@@ -190,16 +190,18 @@ class JointLoop:
         return np.array([1.0, -2.0 + drag + spring, 1.0 - drag * (1.0 + spring)])
 
     @property
-    def _drive_gain(self) -> float:
+    def drive_gain(self) -> float:
+        """h^2 beta/(J K_tau): what one unit of effort adds to the position over a period, before A(1/z) acts."""
         alpha = self.dt / self.inertia
         return self.dt * alpha / ((1.0 + alpha * self.k_v / self.k_tau) * self.k_tau)
 
     @property
-    def _integrator(self) -> FloatArray:
+    def integrator(self) -> FloatArray:
+        """1 - 1/z where there is an integral, otherwise 1: coefficients of rising powers of 1/z."""
         return np.array([1.0, -1.0]) if self.ki else np.ones(1)
 
     @cached_property
-    def _feedback(self) -> FloatArray:
+    def feedback(self) -> FloatArray:
         """C(1/z), times 1 - 1/z where there is an integral, with y = C q."""
         q, v, a = (self._filter(self.order, k) for k in range(3))
         force = _sum(self.sensed_inertia * a, self.sensed_gravity * q, -self._felt())
@@ -214,7 +216,7 @@ class JointLoop:
         if not self.ki:
             return effort
         summed = self.k_tau_model * self.ki * self.dt * np.append(0.0, error)
-        return _sum(np.convolve(effort, self._integrator), summed)
+        return _sum(np.convolve(effort, self.integrator), summed)
 
     def _felt(self) -> FloatArray:
         """What the filtered force sensor says of q."""

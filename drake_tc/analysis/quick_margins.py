@@ -20,7 +20,7 @@ def quick_margins(loop: JointLoop) -> Margins | None:
     closed = np.fft.rfft(loop.characteristic(), POINTS)[1:]
     if abs(np.unwrap(np.angle(closed))[-1] - np.angle(closed[0])) > 0.5 * np.pi:
         return None
-    plant = np.fft.rfft(np.convolve(loop._plant, loop._integrator), POINTS)[1:]
+    plant = np.fft.rfft(np.convolve(loop.plant, loop.integrator), POINTS)[1:]
     opened = closed / plant - 1.0
     omega: FloatArray = np.arange(1.0, opened.size + 1.0) * (2.0 * np.pi / (POINTS * loop.dt))
     peak = float(np.max(np.abs(plant / closed)))

@@ -130,9 +130,9 @@ def predicted_noise(task: JointTask, loop: JointLoop) -> tuple[float, float]:
     error, effort = 0.0, 0.0
     for size, law in ((task.encoder_noise, _encoder_law(loop)), (task.torque_noise, _torque_law(loop))):
         pulse = np.append(1.0, np.zeros(SETTLING))
-        entering = lfilter(law, loop._integrator, pulse)
+        entering = lfilter(law, loop.integrator, pulse)
         moved = _through(loop, entering)
-        answer = entering + lfilter(loop._feedback, loop._integrator, moved)
+        answer = entering + lfilter(loop.feedback, loop.integrator, moved)
         error += size**2 * float(moved @ moved)
         effort += size**2 * float(answer @ answer)
     return float(np.sqrt(error)), float(np.sqrt(effort))
@@ -140,7 +140,7 @@ def predicted_noise(task: JointTask, loop: JointLoop) -> tuple[float, float]:
 
 def _through(loop: JointLoop, effort: FloatArray) -> FloatArray:
     """G/(1 - G C) of an effort."""
-    return np.asarray(lfilter(loop._drive_gain * np.append(0.0, loop._integrator), loop.characteristic(), effort))
+    return np.asarray(lfilter(loop.drive_gain * np.append(0.0, loop.integrator), loop.characteristic(), effort))
 
 
 def _estimate(loop: JointLoop, signal: FloatArray, derivative: int) -> FloatArray:
@@ -165,8 +165,8 @@ def _cached_weights(window: int, order: int, at: float | None, derivative: int, 
 
 def _encoder_law(loop: JointLoop) -> FloatArray:
     """C + 1, over 1 - 1/z where there is an integral: the command is the reading plus y."""
-    law = loop._feedback.copy()
-    law[: loop._integrator.size] += loop._integrator
+    law = loop.feedback.copy()
+    law[: loop.integrator.size] += loop.integrator
     return law
 
 
