@@ -9,7 +9,7 @@
 
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -47,6 +47,11 @@ class RobotResult:
     shared: tuple[SharedEffect, ...]
     held: Sequence[Run] = field(default=())
     held_after: Sequence[Run] = field(default=())
+
+
+LEAST_REMOVED = 1.0
+"""Noise floors that a joint's own effect must explain here: the floor knows the sensors' noise, but not what the
+filters do to an estimated load near reversals, which is about as large."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,6 +125,8 @@ def diagnose_robot(
     train = with_robot_loads(logs, train_runs, rig.joints)
     held = with_robot_loads(logs, held_runs, rig.joints)
     progress("what all joints share", 0.0)
+    least = max(options.search.least_removed, LEAST_REMOVED)
+    options = replace(options, search=replace(options.search, least_removed=least))
     case = _Case(train, held, rig, columns_over(logs, [*train, *held]), options, progress, executor)
     prepared = prepare_joints(train, held, rig)
     thresholds = shared_options or SharedOptions()
