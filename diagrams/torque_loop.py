@@ -5,13 +5,19 @@
                        |--- torque_estimator|               |-- fault_monitor <---- raw readings --|
                                  ^--------- filter <-----------------------------------------------|
 
+Between the stages stand blocks of Drake's own that join, split and add signals; a signal that a stage has beside others
+is taken from one port, as every call into Python costs a tick some microseconds. What a table of wanted motions asks of
+the links of a welded robot comes from Drake's InverseDynamics, the block `rigid_torque`.
+
 `controller: servo` leaves out all between the reference and the guard: the vendor's position servo alone.
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
+import numpy as np
 from drake_tc.diagrams.loop.parts import Parts, actuator_models, loop_robot, sensor_suite
 from drake_tc.diagrams.loop.stages import servo_command, torque_command
 from drake_tc.diagrams.loop.surroundings import Pushes, add_objects, add_suspension
@@ -20,7 +26,7 @@ from drake_tc.diagrams.scenarios.scenario import Scenario
 from pydrake.geometry import MeshcatVisualizer, StartMeshcat
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, OutputPort
-from pydrake.systems.primitives import LogVectorOutput, VectorLogSink
+from pydrake.systems.primitives import LogVectorOutput, Multiplexer, VectorLogSink
 
 from drake_tc.actuation.model import ActuatorModel
 from drake_tc.actuation.wiring import add_actuators
@@ -28,6 +34,7 @@ from drake_tc.errors import ParamsError
 from drake_tc.robot.plant import add_robot
 from drake_tc.robot.robot import Robot
 from drake_tc.sensing.suite import add_sensors
+from drake_tc.types import FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +45,8 @@ class Loop:
         scenario, robot: What it was built from.
         models: Joint to the simulated actuator.
         diagram, plant: The systems.
-        logs: Signal name to its log.
+        log: Of all recorded signals, one below the other.
+        rows: Signal name to where it stands in the log.
         flag_names: Of the fault monitor's flags, in order; empty without one.
     """
 
@@ -47,7 +55,8 @@ class Loop:
     models: Mapping[str, ActuatorModel]
     diagram: Diagram
     plant: MultibodyPlant
-    logs: Mapping[str, VectorLogSink]
+    log: VectorLogSink
+    rows: Mapping[str, slice]
     flag_names: tuple[str, ...] = ()
 
     def start(self, context: Context) -> None:
@@ -61,6 +70,12 @@ class Loop:
             body = self.plant.GetBodyByName(link)
             inertia = body.CalcSpatialInertiaInBodyFrame(own)
             body.SetMass(own, factor * inertia.get_mass())
+
+    def recorded(self, context: Context) -> tuple[FloatArray, dict[str, FloatArray]]:
+        """What was logged in a run: times (T,) [s], and the signals by name, (T, width) each."""
+        log = self.log.FindLog(context)
+        data = np.asarray(log.data())
+        return np.array(log.sample_times()), {name: data[rows].T.copy() for name, rows in self.rows.items()}
 
 
 def build_loop(scenario: Scenario, *, meshcat: bool = False) -> Loop:
@@ -83,12 +98,21 @@ def build_loop(scenario: Scenario, *, meshcat: bool = False) -> Loop:
     parts = Parts(builder, scenario, robot, plant, sensors)
     command = torque_command(parts, wanted) if scenario.controller == "torque" else servo_command(parts, wanted)
     _add_drives(parts, models, command)
-    logs = {name: LogVectorOutput(port, builder, scenario.dt) for name, port in parts.signals.items()}
-    for name, sink in logs.items():
-        sink.set_name(f"log_{name}")
+    log, rows = _add_log(parts)
     diagram = builder.Build()
     diagram.set_name(f"{robot.name}_{scenario.controller}_loop")
-    return Loop(scenario, robot, models, diagram, plant, logs, parts.flag_names)
+    return Loop(scenario, robot, models, diagram, plant, log, rows, parts.flag_names)
+
+
+def _add_log(parts: Parts) -> tuple[VectorLogSink, dict[str, slice]]:
+    """One log of all signals, as every log costs its share of a tick; and where each signal stands in it."""
+    ends = np.cumsum([0, *(port.size() for port in parts.signals.values())]).tolist()
+    joined = parts.builder.AddNamedSystem("signals", Multiplexer([b - a for a, b in pairwise(ends)]))
+    for index, port in enumerate(parts.signals.values()):
+        parts.builder.Connect(port, joined.get_input_port(index))
+    log = LogVectorOutput(joined.get_output_port(), parts.builder, parts.scenario.dt)
+    log.set_name("log")
+    return log, {name: slice(a, b) for name, (a, b) in zip(parts.signals, pairwise(ends), strict=True)}
 
 
 def _add_plant(builder: DiagramBuilder, scenario: Scenario, robot: Robot, *, meshcat: bool) -> MultibodyPlant:
@@ -126,7 +150,7 @@ def _add_drives(parts: Parts, models: Mapping[str, ActuatorModel], command: Outp
     parts.signals |= {
         "joint_state": plant.get_state_output_port(),
         "acceleration": plant.get_generalized_acceleration_output_port(),
-        "actuation": actuators.GetOutputPort("actuation"),
+        "actuation": parts.builder.GetSubsystemByName("actuation").get_output_port(0),
         "command": command,
         "encoder": sensors.encoder.GetOutputPort("reading"),
     }

@@ -4,9 +4,9 @@ from collections.abc import Mapping
 from typing import Any
 
 from drake_tc.diagrams.loop.parts import Parts, believed_robot
-from drake_tc.diagrams.loop.ports import base_now
+from drake_tc.diagrams.loop.ports import base_now, zeroed
 from pydrake.systems.framework import OutputPort
-from pydrake.systems.primitives import Adder, Demultiplexer, Multiplexer
+from pydrake.systems.primitives import Demultiplexer, Multiplexer
 
 from drake_tc.actuation.model import ActuatorModel
 from drake_tc.control.torque_control import TorqueControl
@@ -65,11 +65,7 @@ def live_torque(parts: Parts, observer: DisturbanceObserver) -> JointTorqueEstim
     if parts.sensors.force_torque is not None:
         wires["wrench_estimate"] = parts.sensors.force_torque.GetOutputPort("reading")
         if builder.HasSubsystemNamed("wrench_tare"):
-            tare: Any = builder.GetSubsystemByName("wrench_tare")
-            zeroed = builder.AddNamedSystem("live_wrench", Adder(2, wires["wrench_estimate"].size()))
-            builder.Connect(wires["wrench_estimate"], zeroed.get_input_port(0))
-            builder.Connect(tare.GetOutputPort("correction"), zeroed.get_input_port(1))
-            wires["wrench_estimate"] = zeroed.get_output_port()
+            wires["wrench_estimate"] = zeroed(parts, "live_wrench", wires["wrench_estimate"])
     return parts.add("live_torque", JointTorqueEstimator(delayed.model), **wires)  # type: ignore[no-any-return]
 
 

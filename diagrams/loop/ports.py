@@ -3,9 +3,10 @@
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
 from drake_tc.diagrams.loop.parts import Parts
 from pydrake.systems.framework import DiagramBuilder, OutputPort
-from pydrake.systems.primitives import Demultiplexer, Selector, SelectorParams
+from pydrake.systems.primitives import Adder, Demultiplexer, MatrixGain, Selector, SelectorParams
 
 from drake_tc.filtering.savitzky_golay import SavitzkyGolayFilter
 
@@ -26,6 +27,20 @@ def picked(
     selector = builder.AddNamedSystem(name, Selector(params))
     builder.Connect(source, selector.get_input_port(0))
     return {port: selector.GetOutputPort(port) for port in wanted}
+
+
+def zeroed(parts: Parts, name: str, wrench: OutputPort) -> OutputPort:
+    """F/T readings less the bias that the tare has found, by blocks of Drake's own: no call into Python."""
+    builder, size = parts.builder, wrench.size()
+    if not builder.HasSubsystemNamed("wrench_correction"):
+        less: Any = -np.eye(size, size + 1)  # of the tare's [bias; count]
+        gain = builder.AddNamedSystem("wrench_correction", MatrixGain(less))
+        builder.Connect(builder.GetSubsystemByName("wrench_tare").GetOutputPort("memory"), gain.get_input_port())
+    total = builder.AddNamedSystem(name, Adder(2, size))
+    builder.Connect(wrench, total.get_input_port(0))
+    builder.Connect(builder.GetSubsystemByName("wrench_correction").get_output_port(0), total.get_input_port(1))
+    port: OutputPort = total.get_output_port()
+    return port
 
 
 def first_imu(parts: Parts) -> OutputPort:

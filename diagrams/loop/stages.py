@@ -6,7 +6,8 @@ from typing import Any
 import numpy as np
 from drake_tc.diagrams.loop.observer import connect_observer, prediction
 from drake_tc.diagrams.loop.parts import Parts, actuator_models, believed_robot, sensor_suite, torque_gains
-from drake_tc.diagrams.loop.ports import base_now, first_imu, picked
+from drake_tc.diagrams.loop.ports import base_now, first_imu, picked, zeroed
+from drake_tc.diagrams.loop.rigid_torque import rigid_torque
 from drake_tc.diagrams.scenarios.references import References, table_source
 from pydrake.systems.framework import OutputPort
 from pydrake.systems.primitives import ConstantVectorSource, Demultiplexer, Multiplexer
@@ -39,9 +40,9 @@ def torque_command(parts: Parts, wanted: References) -> OutputPort:
     """Reference to command through filters, estimator, inverse dynamics and torque control."""
     builder, scenario = parts.builder, parts.scenario
     reference = builder.AddNamedSystem("reference", table_source(wanted.time, wanted.motion)).get_output_port()
-    estimator, ports = _estimation(parts)
+    estimates, ports = _estimation(parts)
     sensed = parts.sensors.joint_torque.GetOutputPort("reading")
-    torque = estimator.GetOutputPort("estimated_torque")
+    torque = estimates["estimated_torque"]
     delayed = {
         "joint_estimate": ports["joint_estimate"],
         "estimated_torque": sensed if scenario.torque_from == "sensor" else torque,
@@ -54,9 +55,9 @@ def torque_command(parts: Parts, wanted: References) -> OutputPort:
         predicted = scenario.predictor is not None
         moved["base_joint_estimate"] = known["joint_estimate"]
         moved["imu_estimate"] = base_now(parts) if predicted else ports["imu_estimate"]
-    dynamics = _inverse_dynamics(parts, wanted, estimator, moved)
+    dynamics = _inverse_dynamics(parts, wanted, estimates, moved)
     control = _torque_control(parts, models, known, dynamics, reference)
-    monitor = _monitor(parts, estimator, reference)
+    monitor = _monitor(parts, estimates, reference)
     parts.signals |= {
         "reference": reference,
         "desired_torque": dynamics.GetOutputPort("desired_torque"),
@@ -91,24 +92,32 @@ def _torque_control(
 
 
 def _inverse_dynamics(
-    parts: Parts, wanted: References, estimator: JointTorqueEstimator, inputs: dict[str, OutputPort]
+    parts: Parts, wanted: References, estimates: Mapping[str, OutputPort], inputs: dict[str, OutputPort]
 ) -> InverseDynamics:
-    """The inverse dynamics, with a force task where the robot has F/T sensors."""
-    if parts.robot.force_torque:
-        source = parts.builder.AddNamedSystem("force_reference", table_source(wanted.time, wanted.force))
-        forces = {
-            "force_reference": source.get_output_port(),
-            "contact_wrench": estimator.GetOutputPort("contact_wrench"),
-        }
-        inputs |= forces
+    """The inverse dynamics, with a force task where the scenario has one or wants to see its share of the command.
+
+    What a table of wanted motions asks of a robot with a welded base is computed by a block of Drake's own.
+    """
+    scenario, robot, builder = parts.scenario, believed_robot(parts), parts.builder
+    gains = torque_gains(scenario, parts.robot)
+    force_task = bool(scenario.force) or bool(gains.kf.any()) or scenario.log_components
+    if robot.force_torque:
+        source = builder.AddNamedSystem("force_reference", table_source(wanted.time, wanted.force))
+        forces = {"force_reference": source.get_output_port(), "contact_wrench": estimates["contact_wrench"]}
+        inputs |= forces if force_task else {}
         parts.signals |= forces
+    from_table = robot.fixed_base and scenario.configuration == "reference"
     dynamics = InverseDynamics(
-        believed_robot(parts),
-        torque_gains(parts.scenario, parts.robot),
-        configuration=parts.scenario.configuration,
+        robot,
+        gains,
+        configuration=scenario.configuration,
         position_error="encoder",
-        angular_acceleration="neglected" if parts.scenario.angular_acceleration == "neglected" else "gyro",
+        angular_acceleration="neglected" if scenario.angular_acceleration == "neglected" else "gyro",
+        inertial="port" if from_table else "own",
+        force_task=force_task and bool(robot.force_torque),
     )
+    if from_table:
+        inputs["inertial_torque"] = rigid_torque(builder, dynamics.terms, inputs["reference"])
     return parts.add("inverse_dynamics", dynamics, **inputs)  # type: ignore[no-any-return]
 
 
@@ -138,8 +147,8 @@ def _filters(parts: Parts) -> dict[str, OutputPort]:
     return ports
 
 
-def _estimation(parts: Parts) -> tuple[JointTorqueEstimator, dict[str, OutputPort]]:
-    """Filters, tare and torque estimator; also the filters' ports."""
+def _estimation(parts: Parts) -> tuple[dict[str, OutputPort], dict[str, OutputPort]]:
+    """Filters, tare and torque estimator: the estimator's ports and the filters'."""
     scenario, ports = parts.scenario, _filters(parts)
     robot = believed_robot(parts)
     model = TorqueModel(robot, base=scenario.base_from, angular_acceleration=scenario.angular_acceleration)
@@ -148,12 +157,14 @@ def _estimation(parts: Parts) -> tuple[JointTorqueEstimator, dict[str, OutputPor
         tare = WrenchTare(model, filled, filled + scenario.tare)
         wires = {name: ports[name] for name in ("joint_estimate", "imu_estimate") if name in ports}
         parts.add("wrench_tare", tare, wrench=ports["wrench_estimate"], **wires)
-        ports["wrench_estimate"] = tare.GetOutputPort("wrench")
-    estimator = parts.add("torque_estimator", JointTorqueEstimator(model), **ports)
-    return estimator, ports
+        ports["wrench_estimate"] = zeroed(parts, "zeroed_wrench", ports["wrench_estimate"])
+    estimator = JointTorqueEstimator(model)
+    parts.add("torque_estimator", estimator, **ports)
+    places = {name: list(range(part.start, part.stop)) for name, part in estimator.parts.items()}
+    return picked(parts.builder, "torque_estimates", estimator.GetOutputPort("estimate"), places), ports
 
 
-def _monitor(parts: Parts, estimator: JointTorqueEstimator, reference: OutputPort) -> FaultMonitor:
+def _monitor(parts: Parts, estimates: Mapping[str, OutputPort], reference: OutputPort) -> FaultMonitor:
     """The fault monitor; where nothing is to be touched, a contact wrench is a fault."""
     robot, scenario, sensors = parts.robot, parts.scenario, parts.sensors
     touched = scenario.objects or scenario.pushes
@@ -166,7 +177,7 @@ def _monitor(parts: Parts, estimator: JointTorqueEstimator, reference: OutputPor
         wires["imu"] = first_imu(parts)
     if sensors.force_torque is not None:
         wires["wrench"] = sensors.force_torque.GetOutputPort("reading")
-        wires["contact_wrench"] = estimator.GetOutputPort("contact_wrench")
+        wires["contact_wrench"] = estimates["contact_wrench"]
     spec = scenario.monitor.without_noise(sensor_suite(scenario))
     monitor = FaultMonitor(robot, spec, scenario.dt, free)
     parts.add("fault_monitor", monitor, **wires)
@@ -177,7 +188,8 @@ def _monitor(parts: Parts, estimator: JointTorqueEstimator, reference: OutputPor
 def _guarded(parts: Parts, command: OutputPort, fault: OutputPort) -> OutputPort:
     """The command behind the guard."""
     encoder = parts.sensors.encoder.GetOutputPort("reading")
-    guard = CommandGuard(len(parts.robot.joints), parts.scenario.dt, parts.scenario.guard)
+    n = len(parts.robot.joints)
+    guard = CommandGuard(n, parts.scenario.dt, parts.scenario.guard)
     parts.add("guard", guard, command=command, position=encoder, fault=fault)
-    parts.signals["mode"] = guard.GetOutputPort("mode")
+    parts.signals |= picked(parts.builder, "guard_state", guard.GetOutputPort("next"), {"mode": [3 * n]})
     return guard.GetOutputPort("command")

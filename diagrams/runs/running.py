@@ -68,9 +68,7 @@ def run_loop(loop: Loop, progress: Progress | None = None, *, allow_runaway: boo
             f" try a smaller plant_step than {scenario.plant_step:g} s"
         ) from error
     seconds = time.perf_counter() - begin
-    logs = {name: sink.FindLog(context) for name, sink in loop.logs.items()}
-    times = np.asarray(logs["joint_state"].sample_times())
-    signals = {name: np.asarray(log.data()).T.copy() for name, log in logs.items()}
+    times, signals = loop.recorded(context)
     order = joint_order(loop)
     places = np.array([loop.plant.GetJointByName(name).position_start() for name in loop.robot.joints])
     states = signals["joint_state"]

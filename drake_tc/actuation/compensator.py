@@ -154,6 +154,11 @@ class Compensator:
         """(n,) the drives' gains K [rad/(N m) | A/(N m) | V/(N m)]."""
         return np.array(self._gains)
 
+    @property
+    def laws(self) -> tuple[JointLaw, ...]:
+        """One function a joint on plain floats, for a loop that goes through the joints anyway."""
+        return self._laws
+
     def direction(self, velocity: FloatArray) -> FloatArray:
         """(n,) in [-1, 1]: tanh(v/v_s), the sign of v for v_s = 0; what `effort` takes where it is given none."""
         return np.tanh(velocity / self._speed) if self._speed else np.sign(velocity)

@@ -5,8 +5,7 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from pydrake.common.value import Value
-from pydrake.systems.framework import Context, LeafSystem, ValueProducer
+from pydrake.systems.framework import Context, LeafSystem
 
 from drake_tc.actuation.joint_program import JointOutput, JointProgram
 from drake_tc.actuation.model import ActuatorModel
@@ -35,6 +34,7 @@ class ActuatorPlant(LeafSystem):  # type: ignore[misc, unused-ignore]
         friction_torque: dry and viscous [N m], positive against positive motion.
         effort: y, asked of the drive [rad | A | V].
         fault: 1 where the command (the last finite one is held) or the state (no torque) is not finite.
+        step (5n + memory): those five of the first joint, of the second, and so on; then x[n+1].
 
     State x: see `drake_tc.actuation.joint_program`. With F the step of the joints' programs,
         x[n+1], y[n] = F(x[n], u[n]).
@@ -91,17 +91,23 @@ class ActuatorPlant(LeafSystem):  # type: ignore[misc, unused-ignore]
             self.discrete_state_ticket(memory),
             self.time_ticket(),
         }
-        self._solution: Any = self.DeclareCacheEntry(
-            "solution", ValueProducer(allocate=Value(()).Clone, calc=self._solve), everything
-        )
+        kinds = len(JointOutput._fields)
         for index, name in enumerate(JointOutput._fields):
-            self.DeclareVectorOutputPort(name, size, self._writer(index), {self._solution.ticket()})
+            self.DeclareVectorOutputPort(name, size, self._writer(slice(index, kinds * size, kinds)), everything)
+        self._after = slice(kinds * size, None)
+        self._step: Any = self.DeclareVectorOutputPort("step", kinds * size + len(rest) + 1, self._solve, everything)
         self.DeclarePeriodicDiscreteUpdateEvent(dt, 0.0, self._update)
 
     @property
     def joints(self) -> tuple[str, ...]:
         """The joints' names, in the order of every port."""
         return self._joints
+
+    @property
+    def actuation_places(self) -> range:
+        """Where `actuation` stands in the port `step`."""
+        kinds = len(JointOutput._fields)
+        return range(JointOutput._fields.index("actuation"), kinds * len(self._joints), kinds)
 
     @property
     def dt(self) -> float:
@@ -130,8 +136,8 @@ class ActuatorPlant(LeafSystem):  # type: ignore[misc, unused-ignore]
         memory[self._own] = x
         context.SetDiscreteState(self._memory, memory)
 
-    def _solve(self, context: Any, solution: Any) -> None:
-        """(x[n+1], outputs) into the cache entry."""
+    def _solve(self, context: Any, vector: Any) -> None:
+        """(outputs, x[n+1]) into the port `step`, which all others and the update read."""
         held: list[float] = context.get_discrete_state(self._memory).value().tolist()
         state = self._state.Eval(context).tolist()
         size = len(self._steps)
@@ -147,22 +153,21 @@ class ActuatorPlant(LeafSystem):  # type: ignore[misc, unused-ignore]
         time = context.get_time()
         at_tick = time - held[-1] > 0.99 * self._dt
         memory: list[float] = []
-        outputs = []
+        outputs: list[float] = []
         for (run, part), command, q, v, load, celsius in joints:
             own = held[part]
-            outputs.append(run(own, command, q, v, load, celsius, at_tick=at_tick))
+            outputs += run(own, command, q, v, load, celsius, at_tick=at_tick)
             memory += own
-        memory.append(time)
-        solution.set_value((memory, outputs))
+        vector.set_value(_array([*outputs, *memory, time]))
 
-    def _writer(self, index: int) -> Callable[[Context, Any], None]:
+    def _writer(self, part: slice) -> Callable[[Context, Any], None]:
         """The calc function of one output port."""
 
         def write(context: Context, vector: Any) -> None:
-            vector.set_value(_array([output[index] for output in self._solution.Eval(context)[1]]))
+            vector.set_value(self._step.Eval(context)[part])
 
         return write
 
     def _update(self, context: Context, values: Any) -> None:
-        """x[n+1] from the cache entry."""
-        values.set_value(self._memory, _array(self._solution.Eval(context)[0]))
+        """x[n+1]."""
+        values.set_value(self._memory, self._step.Eval(context)[self._after])

@@ -6,7 +6,7 @@ import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import JointActuator, JointActuatorIndex
 from pydrake.systems.framework import DiagramBuilder
-from pydrake.systems.primitives import MatrixGain
+from pydrake.systems.primitives import MatrixGain, Selector, SelectorParams
 
 from drake_tc.actuation.model import ActuatorModel
 from drake_tc.actuation.plant import ActuatorPlant
@@ -91,5 +91,17 @@ def add_actuators(
         builder.Connect(state, pick.get_input_port())
         state = pick.get_output_port()
     builder.Connect(state, system.GetInputPort("state"))
-    builder.Connect(system.GetOutputPort("actuation"), plant.get_actuation_input_port())
+    actuation = builder.AddNamedSystem("actuation", _actuation_of(system))
+    builder.Connect(system.GetOutputPort("step"), actuation.get_input_port(0))
+    builder.Connect(actuation.get_output_port(0), plant.get_actuation_input_port())
     return system
+
+
+def _actuation_of(system: ActuatorPlant) -> Selector:
+    """The port `actuation` out of `step`, without another call into Python."""
+    params = SelectorParams()
+    params.inputs = [SelectorParams.InputPortParams(name="step", size=system.GetOutputPort("step").size())]
+    pick = SelectorParams.OutputSelection
+    places = [pick(input_port_index=0, input_offset=i) for i in system.actuation_places]
+    params.outputs = [SelectorParams.OutputPortParams(name="actuation", selections=places)]
+    return Selector(params)

@@ -60,6 +60,21 @@ class DynamicsTerms:
         self._origin: Any = np.zeros(3)
         self._force_first = np.array([3, 4, 5, 0, 1, 2])
 
+    @property
+    def plant(self) -> MultibodyPlant:
+        """The links alone, finalized."""
+        return self._plant
+
+    @property
+    def to_plant(self) -> list[int]:
+        """For each of the plant's joints, which of ours it is."""
+        return [int(i) for i in self._from]
+
+    @property
+    def from_plant(self) -> list[int]:
+        """For each of our joints, which of the plant's it is."""
+        return [int(i) for i in self._to]
+
     def create_scratch(self) -> "Scratch":
         """Scratch memory for the other methods."""
         return Scratch(self._plant)

@@ -3,8 +3,7 @@
 from typing import Any
 
 import numpy as np
-from pydrake.common.value import Value
-from pydrake.systems.framework import Context, LeafSystem, ValueProducer
+from pydrake.systems.framework import Context, LeafSystem
 
 from drake_tc.control.guard_law import GuardLaw, GuardMode, GuardSpec
 from drake_tc.errors import ParamsError
@@ -42,6 +41,7 @@ class CommandGuard(LeafSystem):  # type: ignore[misc, unused-ignore]
     Outputs, with direct feedthrough of every input:
         command (n): y[n], finite whatever comes in.
         mode (1): a GuardMode.
+        next (3n + 5): the state of the next tick, of which y[n] and the mode are parts.
     State: y[n-1] (n), last finite position (n), anchor (n), mode, time in hold and damp, time sound, s, 1/T (0: no tick
     yet).
     """
@@ -76,12 +76,9 @@ class CommandGuard(LeafSystem):  # type: ignore[misc, unused-ignore]
         self._memory = int(memory)
         tickets = {port.ticket() for port in (self._command, self._position, self._fault)}
         tickets.add(self.discrete_state_ticket(memory))
-        self._next: Any = self.DeclareCacheEntry(
-            "next", ValueProducer(allocate=Value(()).Clone, calc=self._solve), tickets
-        )
-        solved = {self._next.ticket()}
-        self.DeclareVectorOutputPort("command", size, self._write_command, solved)
-        self.DeclareVectorOutputPort("mode", 1, self._write_mode, solved)
+        self.DeclareVectorOutputPort("command", size, self._write_command, tickets)
+        self.DeclareVectorOutputPort("mode", 1, self._write_mode, tickets)
+        self._next: Any = self.DeclareVectorOutputPort("next", start.size, self._solve, tickets)
         self.DeclarePeriodicDiscreteUpdateEvent(float(dt), 0.0, self._update)
 
     def coordinates(self, context: Context) -> FloatArray:
@@ -105,8 +102,8 @@ class CommandGuard(LeafSystem):  # type: ignore[misc, unused-ignore]
         memory[: self._size] = x
         context.SetDiscreteState(self._memory, memory)
 
-    def _solve(self, context: Any, following: Any) -> None:
-        following.set_value(
+    def _solve(self, context: Any, vector: Any) -> None:
+        vector.set_value(
             self._law.step(
                 context.get_discrete_state(self._memory).value(),
                 self._command.Eval(context),

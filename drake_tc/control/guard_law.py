@@ -85,6 +85,7 @@ class GuardLaw:
         self._all_servo = all(flags)
         self._offset = self._spread("offset_limit", spec.offset_limit)
         self._step = dt * self._spread("rate_limit", spec.rate_limit)
+        self._offsets, self._steps = self._offset.tolist(), self._step.tolist()
         self._start_step = np.where(flags, np.minimum(self._step, dt * spec.start_rate), self._step)
 
     def _spread(self, name: str, value: float | tuple[float, ...]) -> FloatArray:
@@ -100,13 +101,15 @@ class GuardLaw:
     def step(self, state: FloatArray, command: FloatArray, position: FloatArray, fault: float) -> FloatArray:
         """One tick: the next state; its first n numbers are the outgoing command."""
         n = self._size
-        last, anchor = state[:n], state[2 * n : 3 * n]
-        mode, waited, sound_for, s, rate = state[3 * n :].tolist()
-        size = sum(map(abs, command.tolist())) + sum(map(abs, position.tolist()))  # as floats: no warning, NaN stays
+        values, commands, positions = state.tolist(), command.tolist(), position.tolist()
+        mode, waited, sound_for, s, rate = values[3 * n :]
+        size = sum(map(abs, commands)) + sum(map(abs, positions))  # as floats: no warning, NaN stays
         sound = size <= LARGEST and -0.5 < fault < 0.5
         if sound and mode == GuardMode.NORMAL:
-            y = self._limited(command, position if self._all_servo else position * self._servo, last, self._step)
-            return np.concatenate((y, position, last, state[3 * n :]))
+            last_y = values[:n]
+            y = map(_limited, commands, self._resting(positions), last_y, self._offsets, self._steps)
+            return np.array([*y, *positions, *last_y, *values[3 * n :]])
+        last, anchor = state[:n], state[2 * n : 3 * n]
         after = state.copy()
         known = None if sound else (np.abs(position) <= LARGEST) & (not fault >= UNTRUSTED)
         here = position if known is None else np.where(known, position, state[n : 2 * n])
@@ -132,7 +135,7 @@ class GuardLaw:
             wish = anchor if was == GuardMode.NORMAL else last
         elif mode == GuardMode.DAMP:
             wish = last + self._damping(rest - last, known)
-        after[:n] = self._limited(wish, rest, last, step)
+        after[:n] = list(map(_limited, wish.tolist(), rest.tolist(), last.tolist(), self._offsets, step.tolist()))
         if mode == GuardMode.START and s >= 1.0 - 1e-9 and np.all(np.abs(self._near(wish, rest) - last) <= step):
             mode = GuardMode.NORMAL
         after[2 * n : 3 * n] = last if mode == GuardMode.NORMAL else anchor
@@ -143,9 +146,11 @@ class GuardLaw:
         """clip(wish, r - D, r + D)."""
         return np.minimum(np.maximum(wish, rest - self._offset), rest + self._offset)
 
-    def _limited(self, wish: FloatArray, rest: FloatArray, last: FloatArray, step: FloatArray) -> FloatArray:
-        """y[n] near rest, and within a step of y[n-1]."""
-        return np.minimum(np.maximum(self._near(wish, rest), last - step), last + step)
+    def _resting(self, positions: list[float]) -> list[float]:
+        """r: the position for a servo, 0 for other drives."""
+        if self._all_servo:
+            return positions
+        return [q * servo for q, servo in zip(positions, self._servo.tolist(), strict=True)]
 
     def _wait(self, mode: float, waited: float, sound_for: float, *, sound: bool) -> tuple[float, float, float]:
         """(mode, time in hold and damp, time sound) of a tick that is not sound, or follows one too closely."""
@@ -164,3 +169,11 @@ class GuardLaw:
         largest = spec.damp_rate * self._dt
         move = np.clip(away * (self._dt / max(spec.damp_time, self._dt)), -largest, largest)
         return np.asarray(move if known is None else np.where(known, move, 0.0))
+
+
+def _limited(wish: float, rest: float, last: float, offset: float, step: float) -> float:
+    """y[n] of one joint near rest, and within a step of y[n-1]; plain floats, as arrays of a few joints cost more."""
+    low, high = rest - offset, rest + offset
+    near = low if wish < low else high if wish > high else wish
+    low, high = last - step, last + step
+    return low if near < low else high if near > high else near

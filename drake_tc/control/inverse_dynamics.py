@@ -15,6 +15,7 @@ from drake_tc.types import FloatArray
 
 Source = Literal["estimate", "reference"]
 PositionSource = Literal["estimate", "encoder"]
+InertialSource = Literal["own", "port"]
 
 LARGEST = 1e12
 """Inputs beyond this count as not finite."""
@@ -23,12 +24,12 @@ TERMS = ("feedforward", "position", "velocity", "force", "acceleration_error", "
 """Names of the rows of `torque_terms`."""
 
 
-class _Solution(NamedTuple):
-    """M qddot_d + h (n,), [Ks e; Kd edot] (2n,), J^T [f_d; Kf e_f] (2, n) and e_f (6k,)."""
+class _Parts(NamedTuple):
+    """M qddot_d + h (n,), [Ks e; Kd edot] (2n,), f_d and e_f (6k,)."""
 
     inertial: FloatArray
     feedback: FloatArray
-    pushes: FloatArray
+    wanted: FloatArray
     unmet: FloatArray
 
 
@@ -44,7 +45,9 @@ class InverseDynamics(LeafSystem):  # type: ignore[misc, unused-ignore]
         reference (3n): [q_d; qdot_d; qddot_d].
         force_reference (6k): f_d, the wrench [f; t] wanted on each contact body at its contact frame, axes of the base.
         contact_wrench (6k): f_hat, the same as measured.
+            Both only with `force_task`.
         position (n): q as the encoders read it now [rad]; only with `position_error="encoder"`.
+        inertial_torque (n): M qddot_d + h [N m]; only with `inertial="port"`.
         imu_estimate (12): [gyro; accel; their derivatives] as filtered; only with a base that floats, as the next one.
         base_joint_estimate (3n): the joints' motion at the IMU's instant, for joints between IMU and base.
     Outputs, with direct feedthrough of every input, no state:
@@ -68,6 +71,8 @@ class InverseDynamics(LeafSystem):  # type: ignore[misc, unused-ignore]
         configuration: Source = "estimate",
         position_error: PositionSource = "estimate",
         angular_acceleration: BaseRotation = "gyro",
+        inertial: InertialSource = "own",
+        force_task: bool = True,
     ) -> None:
         """Declare ports and build the model.
 
@@ -77,42 +82,45 @@ class InverseDynamics(LeafSystem):  # type: ignore[misc, unused-ignore]
             configuration: Where M, h and J are taken.
             position_error: Where q in e comes from.
             angular_acceleration: Of a base that floats: from the "gyro", or "neglected".
+            inertial: "own": M qddot_d + h is computed here; "port": it comes from a block of Drake's own
+                on `terms`, at the configuration that this block has.
+            force_task: Whether a contact force is wanted or fed back; False leaves out the two ports, f_d = e_f = 0.
 
         Raises:
             ParamsError: a floating base without IMU, gains of another size, or an unknown key.
         """
         super().__init__()
+        _one_of("inertial", inertial, get_args(InertialSource))
         _one_of("configuration", configuration, get_args(Source))
         _one_of("position_error", position_error, get_args(PositionSource))
         _one_of("angular_acceleration", angular_acceleration, get_args(BaseRotation))
         model = DynamicsTerms(robot) if robot.fixed_base else FloatingTerms(robot, angular_acceleration)
         self._model: Any = model
         n, m = model.size, model.wrenches
-        self._size, self._wrenches = n, m
+        self._size, self._wrenches, self._force_task = n, m, force_task
         self._at_reference = configuration == "reference"
         start: Any = self._flat(gains)
         self._gains = int(self.DeclareNumericParameter(BasicVector(start)))
         self._estimate: Any = self.DeclareVectorInputPort("joint_estimate", 3 * n)
         self._reference: Any = self.DeclareVectorInputPort("reference", 3 * n)
-        self._force_reference: Any = self.DeclareVectorInputPort("force_reference", m)
-        self._contact: Any = self.DeclareVectorInputPort("contact_wrench", m)
+        wrenches = (("force_reference", m), ("contact_wrench", m)) if force_task else ()
+        self._forces: tuple[Any, ...] = tuple(self.DeclareVectorInputPort(*port) for port in wrenches)
         self._position: Any = self.DeclareVectorInputPort("position", n) if position_error == "encoder" else None
+        self._inertial: Any = self.DeclareVectorInputPort("inertial_torque", n) if inertial == "port" else None
         base = (("imu_estimate", 12), ("base_joint_estimate", 3 * n))
         self._base: Any = () if robot.fixed_base else tuple(self.DeclareVectorInputPort(*port) for port in base)
-        ports = [self._estimate, self._reference, self._force_reference, self._contact, *self._base]
-        tickets = {port.ticket() for port in [*ports, *([self._position] if self._position else [])]}
+        optional = [port for port in (self._position, self._inertial) if port is not None]
+        ports = [self._estimate, self._reference, *self._forces, *self._base, *optional]
+        tickets = {port.ticket() for port in ports}
         tickets.add(self.numeric_parameter_ticket(NumericParameterIndex(self._gains)))
+        self._no_wrench, self._lost = np.zeros(m), np.full(n, np.nan)
         self._scratch: Any = self.DeclareCacheEntry(
             "scratch",
             ValueProducer(allocate=lambda: Value(model.create_scratch()), calc=lambda context, value: None),
             {self.nothing_ticket()},
         )
-        self._solution: Any = self.DeclareCacheEntry(
-            "solution", ValueProducer(allocate=Value(()).Clone, calc=self._solve), tickets
-        )
-        solved = {self._solution.ticket()}
-        self.DeclareVectorOutputPort("desired_torque", n, self._write_desired, solved)
-        self.DeclareVectorOutputPort("feedforward_torque", n, self._write_feedforward, solved)
+        self.DeclareVectorOutputPort("desired_torque", n, self._write_desired, tickets)
+        self.DeclareVectorOutputPort("feedforward_torque", n, self._write_feedforward, tickets)
         self.DeclareVectorOutputPort("torque_terms", 6 * n, self._write_terms, tickets)
 
     @property
@@ -120,11 +128,16 @@ class InverseDynamics(LeafSystem):  # type: ignore[misc, unused-ignore]
         """Joints n."""
         return self._size
 
+    @property
+    def terms(self) -> Any:
+        """Where M, h and J come from: DynamicsTerms, or FloatingTerms under a base that floats."""
+        return self._model
+
     def set_gains(self, context: Context, gains: TorqueGains) -> None:
         """Other Ks, Kd, Kf in this system's context (Kp, Ki are the TorqueControl's).
 
         Raises:
-            ParamsError: gains of another size.
+            ParamsError: gains of another size, or Kf other than 0 without a force task.
         """
         values: Any = self._flat(gains)
         context.get_mutable_numeric_parameter(self._gains).SetFromVector(values)
@@ -137,37 +150,54 @@ class InverseDynamics(LeafSystem):  # type: ignore[misc, unused-ignore]
         kf = gains.kf if gains.kf.size else np.zeros((m, m))
         if kf.shape != (m, m):
             raise ParamsError(f"gains.kf: wanted shape {(m, m)}, six a force/torque sensor; got {kf.shape}")
+        if not self._force_task and kf.any():
+            raise ParamsError("gains.kf: wanted 0, as this InverseDynamics is built without force task; got another")
         return np.concatenate([gains.ks, gains.kd, kf.ravel()])
 
     def _write_desired(self, context: Any, vector: Any) -> None:
         """tau_d; no mass matrix, and a Jacobian only where something is to be pushed."""
-        solution = self._solution.Eval(context)
-        if solution is None:
-            vector.set_value(np.full(self._size, np.nan))
+        parts = self._parts(context)
+        if parts is None:
+            vector.set_value(self._lost)
             return
-        feedback = solution.feedback.reshape(2, -1)
-        vector.set_value(solution.inertial + feedback[0] + feedback[1] - solution.pushes[0] - solution.pushes[1])
+        n = self._size
+        torque = parts.inertial + parts.feedback[:n]
+        torque += parts.feedback[n:]
+        if self._forces:
+            torque -= self._joint_torque(context, parts.wanted + self._kf(context).dot(parts.unmet))
+        vector.set_value(torque)
 
     def _write_feedforward(self, context: Any, vector: Any) -> None:
-        solution = self._solution.Eval(context)
-        lost = solution is None
-        vector.set_value(np.full(self._size, np.nan) if lost else solution.inertial - solution.pushes[0])
+        parts = self._parts(context)
+        if parts is None:
+            vector.set_value(self._lost)
+            return
+        vector.set_value(parts.inertial - self._joint_torque(context, parts.wanted))
 
     def _write_terms(self, context: Any, vector: Any) -> None:
         """The rows of TERMS; computed where they are asked for, in a log as a rule."""
-        n, solution = self._size, self._solution.Eval(context)
-        if solution is None:
+        n, parts = self._size, self._parts(context)
+        if parts is None:
             vector.set_value(np.full(6 * n, np.nan))
             return
-        scratch = self._placed(context)
-        terms = np.zeros((6, n))
-        terms[0] = solution.inertial - solution.pushes[0]
-        terms[1:3] = solution.feedback.reshape(2, n)
-        terms[3] = -solution.pushes[1]
-        terms[4] = solution.inertial - self._model.forces(scratch, self._estimate.Eval(context)[2 * n :])
-        if self._wrenches:
-            terms[5] = -solution.unmet.dot(self._model.jacobian(scratch))
+        terms = np.empty((6, n))
+        terms[0] = parts.inertial - self._joint_torque(context, parts.wanted)
+        terms[1:3] = parts.feedback.reshape(2, n)
+        terms[3] = -self._joint_torque(context, self._kf(context).dot(parts.unmet))
+        terms[4] = parts.inertial - self._model.forces(self._placed(context), self._estimate.Eval(context)[2 * n :])
+        terms[5] = -self._joint_torque(context, parts.unmet)
         vector.set_value(terms.ravel())
+
+    def _kf(self, context: Any) -> FloatArray:
+        """Kf (6k, 6k)."""
+        gains: FloatArray = context.get_numeric_parameter(self._gains).value()
+        return gains[2 * self._size :].reshape(self._wrenches, self._wrenches)
+
+    def _joint_torque(self, context: Any, wrench: FloatArray) -> FloatArray:
+        """J^T f (n,) of wrenches (6k,) at the contacts."""
+        if not wrench.any():
+            return np.zeros(self._size)
+        return np.asarray(wrench.dot(self._model.jacobian(self._placed(context))))
 
     def _placed(self, context: Any) -> Any:
         """The scratch memory, at the configuration where M, h and J are taken."""
@@ -178,28 +208,21 @@ class InverseDynamics(LeafSystem):  # type: ignore[misc, unused-ignore]
         self._model.place(scratch, place[:n], place[n : 2 * n])
         return scratch
 
-    def _solve(self, context: Any, value: Any) -> None:
-        """What all outputs need into the cache entry; None where an input is not finite."""
-        n, m = self._size, self._wrenches
+    def _parts(self, context: Any) -> _Parts | None:
+        """What all outputs need; None where an input is not finite."""
+        n = self._size
         estimate, reference = self._estimate.Eval(context), self._reference.Eval(context)
-        forces = (self._force_reference, self._contact)  # of a robot without F/T sensors: empty, and need no source
-        wanted, felt = (port.Eval(context) if m else np.zeros(0) for port in forces)
+        wanted, felt = (port.Eval(context) for port in self._forces) if self._forces else (self._no_wrench,) * 2
         error = reference - estimate  # [e; edot; eddot]
         if self._position is not None:
             error[:n] = reference[:n] - self._position.Eval(context)
-        base = [port.Eval(context) for port in self._base]
-        if not np.abs(np.concatenate((estimate, error, wanted, felt, *base))).max() <= LARGEST:
-            value.set_value(None)
-            return
+        given = () if self._inertial is None else (self._inertial.Eval(context),)
+        seen = np.concatenate((estimate, error, wanted, felt, *given, *(port.Eval(context) for port in self._base)))
+        if not np.maximum.reduce(np.abs(seen)) <= LARGEST:  # also where one is NaN
+            return None
         gains = context.get_numeric_parameter(self._gains).value()
-        scratch = self._placed(context)
-        inertial = self._model.forces(scratch, reference[2 * n :])
-        pushes, unmet = np.zeros((2, n)), wanted - felt
-        if m:
-            push = np.stack((wanted, gains[2 * n :].reshape(m, m).dot(unmet)))
-            if push.any():
-                pushes = push.dot(self._model.jacobian(scratch))
-        value.set_value(_Solution(inertial, gains[: 2 * n] * error[: 2 * n], pushes, unmet))
+        inertial = given[0] if given else self._model.forces(self._placed(context), reference[2 * n :])
+        return _Parts(inertial, gains[: 2 * n] * error[: 2 * n], wanted, wanted - felt)
 
 
 def _one_of(key: str, value: str, possible: tuple[str, ...]) -> None:

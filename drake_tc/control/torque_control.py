@@ -3,7 +3,9 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, get_args
+from itertools import chain
+from math import tanh
+from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 from pydrake.common.value import Value
@@ -19,6 +21,7 @@ from pydrake.systems.framework import (
 from drake_tc.actuation.compensator import Compensator
 from drake_tc.actuation.model import ActuatorModel
 from drake_tc.control.gains import TorqueGains
+from drake_tc.effects.thermal_friction import REFERENCE_CELSIUS
 from drake_tc.errors import ParamsError
 from drake_tc.types import FloatArray
 
@@ -26,7 +29,7 @@ Source = Literal["estimate", "reference"]
 AccelerationSource = Literal["none", "estimate", "reference"]
 
 LARGEST = 1e12
-"""Inputs beyond this count as not finite."""
+"""Inputs that sum to more than this count as not finite."""
 
 COMPONENTS = (
     "feedforward_torque",
@@ -81,6 +84,17 @@ class CompensationSpec:
     def wants_reference(self) -> bool:
         """Whether the `reference` port is needed."""
         return "reference" in (self.velocity, self.direction, self.acceleration)
+
+
+class _Solution(NamedTuple):
+    """What goes out [effort]; u, tau* - d [N m]; y [effort]; Ki s and tau* [N m]; each of n."""
+
+    command: tuple[float, ...]
+    asked: tuple[float, ...]
+    torque: tuple[float, ...]
+    effort: tuple[float, ...]
+    integral: tuple[float, ...]
+    commanded: tuple[float, ...]
 
 
 class TorqueControl(LeafSystem):  # type: ignore[misc, unused-ignore]
@@ -150,10 +164,12 @@ class TorqueControl(LeafSystem):  # type: ignore[misc, unused-ignore]
         if not (math.isfinite(dt) and dt > 0.0):
             raise ParamsError(f"dt: wanted a positive period [s]; got {dt!r}")
         self._size, self._spec, self._dt, self._disturbed = n, spec, float(dt), disturbance
-        self._limit, self._lowest, self._nil = limit, -limit, np.zeros(n)
+        self._limit, self._nil = limit, [0.0] * n
+        self._nothing = _Solution(*((math.nan,) * n for _ in _Solution._fields))
         self._per_speed = 1.0 / spec.direction_speed
         self._k_tau = self._compensator.k_tau
-        self._servo = np.array([float(model.drive.kind == "position_servo") for model in models])
+        servos = [float(model.drive.kind == "position_servo") for model in models]
+        self._joints = tuple(zip(self._compensator.laws, limit.tolist(), servos, strict=True))
         self._integrates = bool(np.any(gains.ki > 0.0))
         start: Any = self._flat(gains)
         self._gains = int(self.DeclareNumericParameter(BasicVector(start)))
@@ -221,33 +237,36 @@ class TorqueControl(LeafSystem):  # type: ignore[misc, unused-ignore]
         return np.concatenate([gains.kp, gains.ki])
 
     def _solve(self, context: Any, solution: Any) -> None:
-        """(u, tau* - d, y, Ki s, command, tau*) into the cache entry."""
-        n = self._size
-        desired, estimated, position = (p.Eval(context) for p in (self._desired, self._estimated, self._position))
+        """The rows of _Solution into the cache entry; joint by joint on plain floats, cheaper than arrays of a few."""
+        desired, estimated, position = (
+            p.Eval(context).tolist() for p in (self._desired, self._estimated, self._position)
+        )
         velocity, turning, acceleration = self._motion(context)
-        lost_torque = self._nil if self._lost is None else self._lost.Eval(context)
-        used = (desired, estimated, position, velocity, turning, acceleration, lost_torque)
-        if not np.abs(np.concatenate(used)).max() <= LARGEST:  # also where one is NaN
-            lost = np.full(n, np.nan)
-            solution.set_value((lost, lost, lost, lost, lost, lost))
+        lost = self._nil if self._lost is None else self._lost.Eval(context).tolist()
+        used = chain(desired, estimated, position, velocity, turning, acceleration, lost)
+        if not sum(map(abs, used)) <= LARGEST:  # also where one is NaN
+            solution.set_value(self._nothing)
             return
-        gains = context.get_numeric_parameter(self._gains).value()
-        asked = desired + gains[:n] * (desired - estimated)
-        integral = None
+        gains = context.get_numeric_parameter(self._gains).value().tolist()
+        integral = self._nil
         if self._integrates:
-            integral = gains[n:] * context.get_discrete_state(self._sum).value()
-            asked += integral
-        torque = np.minimum(np.maximum(asked, self._lowest), self._limit)
-        total = torque if self._lost is None else torque + lost_torque
-        direction = np.tanh(turning * self._per_speed)
-        effort = self._compensator.effort(total, velocity, direction, position, acceleration)
-        solution.set_value((asked, torque, effort, integral, self._servo * position + effort, total))
+            total = context.get_discrete_state(self._sum).value().tolist()
+            integral = [ki * s for ki, s in zip(gains[self._size :], total, strict=True)]
+        motion = (position, velocity, turning, acceleration)
+        given = zip(self._joints, gains, desired, estimated, integral, *motion, lost, strict=False)
+        per_speed, rows = self._per_speed, []
+        for (law, limit, servo), kp, d, e, i, q, v, w, a, more in given:
+            asked = d + kp * (d - e) + i
+            torque = -limit if asked < -limit else limit if asked > limit else asked
+            effort = law(torque + more, v, tanh(w * per_speed), q, a, REFERENCE_CELSIUS)
+            rows.append((servo * q + effort, asked, torque, effort, i, torque + more))
+        solution.set_value(_Solution(*zip(*rows, strict=True)))
 
-    def _motion(self, context: Any) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """(velocity, velocity that gives the direction, acceleration) to compensate for, (n,) each."""
+    def _motion(self, context: Any) -> tuple[list[float], list[float], list[float]]:
+        """(velocity, velocity that gives the direction, acceleration) to compensate for, n each."""
         n, spec = self._size, self._spec
-        estimate = self._estimate.Eval(context)
-        reference = estimate if self._reference is None else self._reference.Eval(context)
+        estimate: list[float] = self._estimate.Eval(context).tolist()
+        reference: list[float] = estimate if self._reference is None else self._reference.Eval(context).tolist()
         velocity = (reference if spec.velocity == "reference" else estimate)[n : 2 * n]
         turning = (reference if spec.direction == "reference" else estimate)[n : 2 * n]
         if spec.acceleration == "none":
@@ -255,14 +274,18 @@ class TorqueControl(LeafSystem):  # type: ignore[misc, unused-ignore]
         return velocity, turning, (reference if spec.acceleration == "reference" else estimate)[2 * n :]
 
     def _write_command(self, context: Any, vector: Any) -> None:
-        vector.set_value(self._solution.Eval(context)[4])
+        vector.set_value(self._solution.Eval(context).command)
 
     def _write_commanded(self, context: Any, vector: Any) -> None:
-        vector.set_value(self._solution.Eval(context)[5])
+        vector.set_value(self._solution.Eval(context).commanded)
 
     def _write_integral(self, context: Any, vector: Any) -> None:
-        asked, torque, _, integral, *_ = self._solution.Eval(context)
-        vector.set_value(np.zeros(self._size) if integral is None else self._share(asked, torque) * integral)
+        _, asked, torque, _, integral, _ = self._solved(context)
+        vector.set_value(self._share(asked, torque) * integral)
+
+    def _solved(self, context: Any) -> FloatArray:
+        """(6, n) the rows of _Solution."""
+        return np.array(self._solution.Eval(context))
 
     def _share(self, asked: FloatArray, torque: FloatArray) -> FloatArray:
         """K tau*/u (n,): in effort, what the limit leaves of each part."""
@@ -273,16 +296,14 @@ class TorqueControl(LeafSystem):  # type: ignore[misc, unused-ignore]
 
     def _write_components(self, context: Any, vector: Any) -> None:
         n = self._size
-        asked, torque, effort, integral, *_ = self._solution.Eval(context)
+        _, asked, torque, effort, integral, _ = self._solved(context)
         terms = self._terms.Eval(context).reshape(6, n)
         kp = context.get_numeric_parameter(self._gains).value()[:n]
         parts = np.empty((6, n))
         parts[0] = terms[0]
         parts[2:4] = (1.0 + kp) * terms[1:3]
         parts[5] = (1.0 + kp) * terms[3] + kp * terms[5]
-        parts[4] = asked - parts[0] - parts[2] - parts[3] - parts[5]
-        if integral is not None:
-            parts[4] -= integral
+        parts[4] = asked - parts[0] - parts[2] - parts[3] - parts[5] - integral
         parts *= self._share(asked, torque)
         parts[1] = effort - self._k_tau * torque
         vector.set_value(parts.ravel())
@@ -291,7 +312,7 @@ class TorqueControl(LeafSystem):  # type: ignore[misc, unused-ignore]
         """s[n+1]."""
         n = self._size
         gains = context.get_numeric_parameter(self._gains).value()
-        asked, torque, *_ = self._solution.Eval(context)
+        _, asked, torque, *_ = self._solved(context)
         if not np.isfinite(asked[0]):
             return
         error = self._desired.Eval(context) - self._estimated.Eval(context)

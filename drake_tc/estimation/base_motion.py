@@ -40,8 +40,9 @@ class BaseMotion:
         self.rigid = model.welded_to_base(imu)
         X_BI = imu.CalcPoseInWorld(context)
         self.rotation = np.array(X_BI.rotation().matrix())
-        self._arm = np.array(X_BI.translation())
-        self._lever = skew(self._arm)
+        arm = np.array(X_BI.translation())
+        self._place: tuple[float, ...] = tuple(arm.tolist())
+        self._lever = skew(arm)
         self._turn = np.kron(np.eye(2), self.rotation)
 
     def solve(
@@ -61,13 +62,20 @@ class BaseMotion:
         """
         first = self._first_velocity
         if self.rigid:
-            motion = self._turn.dot(imu)
-            omega, arm = motion[:3], self._arm
-            state[first : first + 3] = omega
+            x, y, z, *accel = self._turn.dot(
+                imu
+            ).tolist()  # omega and the IMU's acceleration; as floats: 3 numbers each
+            state[first : first + 3] = x, y, z
             self._plant.SetPositionsAndVelocities(context, state)
-            a = motion[3:] + omega.dot(omega) * arm - omega.dot(arm) * omega  # -w x (w x p)
+            px, py, pz = self._place
+            square, along = x * x + y * y + z * z, x * px + y * py + z * pz
+            a = (  # with - omega x (omega x p)
+                accel[0] + square * px - along * x,
+                accel[1] + square * py - along * y,
+                accel[2] + square * pz - along * z,
+            )
             if gyro_dot is None:
-                return np.concatenate((self._origin, a))
+                return np.array((0.0, 0.0, 0.0, *a))
             alpha = self.rotation.dot(gyro_dot)
             return np.concatenate((alpha, a + self._lever.dot(alpha)))
         plant, world, origin = self._plant, self._world, self._origin

@@ -180,15 +180,18 @@ class FaultMonitor(LeafSystem):  # type: ignore[misc, unused-ignore]
         """The whole recursion where no flag is up, no reading missing and nothing out of bounds; else nothing."""
         if memory[-1] != 0.0:
             return False
-        last, same, error = (memory[part] for part in self._parts[:3])
-        u = now[: self._raw]
-        step = u - last
-        same = (same + 1.0) * (step == 0.0)
-        error = error + self._blend * (now[self._filtered] - self._expected - error)
-        watched = np.abs(np.concatenate((now, step, same, error)))
-        if not (watched < self._within).all():  # also where one is NaN
+        raw, usual = self._raw, memory[self._usual]
+        u = now[:raw]
+        step = u - usual[:raw]
+        after = np.empty_like(usual)
+        after[:raw] = u
+        np.multiply(usual[raw : 2 * raw] + 1.0, step == 0.0, out=after[raw : 2 * raw])
+        error = usual[2 * raw :]
+        after[2 * raw :] = error + self._blend * (now[self._filtered] - self._expected - error)
+        watched = np.abs(np.concatenate((now, step, after[raw:])))
+        if not np.logical_and.reduce(watched < self._within):  # also where one is NaN
             return False
-        memory[self._usual] = np.concatenate((u, same, error))
+        memory[self._usual] = after
         return True
 
     def _examine(self, context: Any, values: Any, now: FloatArray) -> None:

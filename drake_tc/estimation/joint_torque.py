@@ -1,6 +1,7 @@
 """`JointTorqueEstimator`: Algorithm 1 (EQUATIONS A2) as a Drake system."""
 
 from collections.abc import Callable
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -19,14 +20,14 @@ class JointTorqueEstimator(LeafSystem):  # type: ignore[misc, unused-ignore]
 
     Inputs:
         joint_estimate (3n): [q; qdot; qddot] [rad, rad/s, rad/s^2].
-        imu_estimate (12): [gyro; accel; d gyro/dt; d accel/dt], the IMU's frame; need not be connected with a
-            "fixed" base.
+        imu_estimate (12): [gyro; accel; d gyro/dt; d accel/dt], the IMU's frame; not looked at with a "fixed" base.
         wrench_estimate (6k): F/T readings [f; t], their own frames [N, N m]; absent where the robot has no F/T sensor.
     Outputs, all with direct feedthrough of every input, without state:
         estimated_torque (n): tau_hat, link side [N m].
         unknown_wrench (6): f_u = [f; t] on the model's unknown link, base axes [N, N m].
         contact_wrench (6k): E = [f; t] at the contact frames, base axes [N, N m]; absent where there is no sensor.
         fault (1): 1 where an input is not finite (or beyond `LARGEST`); the other outputs are then 0, never NaN.
+        estimate (n + 6 + 6k + 1): those one behind the other, for one call into Python a tick.
 
         y[n] = TorqueModel.estimate(u[n])
     """
@@ -48,56 +49,50 @@ class JointTorqueEstimator(LeafSystem):  # type: ignore[misc, unused-ignore]
         if k:
             self._wrench = self.DeclareVectorInputPort("wrench_estimate", 6 * k)
             inputs.add(self._wrench.ticket())
-        self._no_imu, self._no_wrench = np.zeros(12), np.zeros(0)
-        self._nothing = (np.zeros(n), np.zeros(6), np.zeros(6 * k), np.ones(1))
-        self._good = np.zeros(1)
+        self._no_imu, self._no_wrench, self._good = np.zeros(12), np.zeros(0), np.zeros(1)
+        self._nothing = np.append(np.zeros(n + 6 + 6 * k), 1.0)
         self._scratch: Any = self.DeclareCacheEntry(
-            "estimate", ValueProducer(allocate=self._allocate, calc=self._solve), inputs
+            "plant_context",
+            ValueProducer(allocate=lambda: Value(model.create_context()), calc=lambda context, value: None),
+            {self.nothing_ticket()},
         )
-        on_scratch = {self._scratch.ticket()}
-        self._declare("estimated_torque", n, 0, on_scratch)
-        self._declare("unknown_wrench", 6, 1, on_scratch)
-        if k:
-            self._declare("contact_wrench", 6 * k, 2, on_scratch)
-        self._declare("fault", 1, 3, on_scratch)
+        self._parts = _parts(n, k)
+        for name, part in self._parts.items():
+            self.DeclareVectorOutputPort(name, part.stop - part.start, self._writer(part), inputs)
+        self._estimate: Any = self.DeclareVectorOutputPort("estimate", self._nothing.size, self._solve, inputs)
 
     @property
     def model(self) -> TorqueModel:
         """The kernel."""
         return self._model
 
-    def _allocate(self) -> Any:
-        """[scratch Context of the kernel's plant, last result], owned by the cache."""
-        return Value(_Scratch(self._model.create_context(), self._nothing))
+    @property
+    def parts(self) -> dict[str, slice]:
+        """The other output ports by name, and where each stands in `estimate`."""
+        return dict(self._parts)
 
-    def _declare(self, name: str, size: int, index: int, tickets: Any) -> None:
-        self.DeclareVectorOutputPort(name, size, self._writer(index), tickets)
-
-    def _writer(self, index: int) -> Callable[[Context, Any], None]:
+    def _writer(self, part: slice) -> Callable[[Context, Any], None]:
         def write(context: Context, vector: Any) -> None:
-            vector.set_value(self._scratch.Eval(context).result[index])
+            vector.set_value(self._estimate.Eval(context)[part])
 
         return write
 
-    def _solve(self, context: Any, value: Any) -> None:
-        """One estimate into the cache entry."""
-        scratch: _Scratch = value.get_mutable_value()
+    def _solve(self, context: Any, vector: Any) -> None:
+        """All outputs, one behind the other."""
         joint: FloatArray = self._joint.Eval(context)
-        imu: FloatArray = self._imu.Eval(context) if self._imu.HasValue(context) else self._no_imu
+        imu: FloatArray = self._imu.Eval(context) if self._model.uses_imu else self._no_imu
         wrench: FloatArray = self._no_wrench if self._wrench is None else self._wrench.Eval(context)
-        if not np.abs(np.concatenate((joint, imu, wrench))).max() < LARGEST:  # also where one is NaN
-            scratch.result = self._nothing
+        seen = np.concatenate((joint, imu, wrench))
+        if not np.maximum.reduce(np.abs(seen)) < LARGEST:  # also where one is NaN
+            vector.set_value(self._nothing)
             return
-        n = self._n
-        estimate = self._model.estimate(
-            scratch.plant_context, joint[:n], joint[n : 2 * n], joint[2 * n :], imu[:6], imu[6:9], wrench
-        )
-        scratch.result = (*estimate, self._good)
+        n, scratch = self._n, self._scratch.Eval(context)
+        estimate = self._model.estimate(scratch, joint[:n], joint[n : 2 * n], joint[2 * n :], imu[:6], imu[6:9], wrench)
+        vector.set_value(np.concatenate((*estimate, self._good)))
 
 
-class _Scratch:
-    """What the cache entry holds."""
-
-    def __init__(self, plant_context: Any, result: tuple[FloatArray, ...]) -> None:
-        self.plant_context = plant_context
-        self.result = result
+def _parts(n: int, k: int) -> dict[str, slice]:
+    """Output port to its place in `estimate`; without sensors there is no contact wrench."""
+    sizes = {"estimated_torque": n, "unknown_wrench": 6, "contact_wrench": 6 * k, "fault": 1}
+    ends = np.cumsum([0, *sizes.values()]).tolist()
+    return {name: slice(a, b) for name, (a, b) in zip(sizes, pairwise(ends), strict=True) if b > a}

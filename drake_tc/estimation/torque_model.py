@@ -105,6 +105,11 @@ class TorqueModel:
         """F/T sensors k."""
         return len(self.model.cuts)
 
+    @property
+    def uses_imu(self) -> bool:
+        """Whether the base's motion comes from an IMU."""
+        return self._motion is not None
+
     def create_context(self) -> Any:
         """A Context of the estimation plant: the scratch memory of `estimate`."""
         return self._plant.CreateDefaultContext()

@@ -21,6 +21,7 @@ class WrenchTare(LeafSystem):  # type: ignore[misc, unused-ignore]
     Outputs:
         wrench (6k): y[n] = u[n] - b[n]; feedthrough of `wrench` alone. Not finite where u is not.
         correction (6k): -b[n], to be added to other readings of the same sensors; of the state alone.
+        memory (6k + 1): [b; m]; of the state alone, and read without a call into Python.
     State: b (6k), m, both 0 at the start. At the multiples of `period` within [begin, end]:
         b[n+1] = b[n] + (u[n] - w[n] - b[n])/(m[n] + 1),   m[n+1] = m[n] + 1
     with w the reading that the model expects of a robot that nothing touches; a sample that is not finite is left out.
@@ -70,6 +71,7 @@ class WrenchTare(LeafSystem):  # type: ignore[misc, unused-ignore]
         self.DeclareVectorOutputPort(
             "correction", self._size, self._write_correction, {self.discrete_state_ticket(state)}
         )
+        self.DeclareStateOutputPort("memory", state)
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
 
     def _write_correction(self, context: Any, vector: BasicVector) -> None:

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from math import ceil
 from typing import Any
 
 import numpy as np
@@ -17,11 +18,13 @@ from drake_tc.types import FloatArray
 __all__ = ["Sensor", "SensorBase", "SensorFault", "SensorSpec", "corrupt"]
 
 _TICK, _STUCK, _OFFSET = 0, 1, 2
+_LATE = 1e-6
+"""Of a tick: a time that is later by less is the tick itself."""
 
 
 @dataclass
 class _Block:
-    """Scratch memory of one Context: the state rows of the block of ticks drawn last."""
+    """The rows of a block of ticks."""
 
     index: int = -1
     rows: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
@@ -37,7 +40,7 @@ class SensorBase(LeafSystem):  # type: ignore[misc, unused-ignore]
     Output:
         reading (n): NaN where a sample is lost.
 
-    Discrete state, every dt:
+    State of a sensor with latency or `frozen` faults, every dt:
 
         k[n+1] = k[n] + 1                                             tick
         o[n]   = bias + noise w[k] + faults, NaN where lost           (n,), drawn in the update from (seed, k)
@@ -49,7 +52,11 @@ class SensorBase(LeafSystem):  # type: ignore[misc, unused-ignore]
 
     L = 0: u feeds through, and the system adds no delay. L > 0: no feedthrough; a simulator's initialization fills d
     with the first truth (without one it is NaN until L ticks have passed). With a start time t0 other than 0, k starts
-    at t0/dt. A spec and faults that never change anything need no update: then there is no event.
+    at t0/dt.
+
+    Without latency and `frozen` faults, k is the tick t/dt (between ticks the next one), and the state is o of the
+    BLOCK ticks around it, drawn a tick ahead in an event every BLOCK ticks: nothing has to be updated in between. A
+    spec and faults that never change anything have neither state nor event.
     """
 
     def _declare(self, truth: InputPort, sensor: Corruption) -> None:
@@ -67,11 +74,20 @@ class SensorBase(LeafSystem):  # type: ignore[misc, unused-ignore]
         self._steps = resolution > 0.0
         self._step = np.where(self._steps, resolution, 1.0)
         self._steps_any, self._steps_all = bool(self._steps.any()), bool(self._steps.all())
-        first: Any = self._rows(0)[0]
-        now = self.DeclareDiscreteState(first)
-        tickets = {self.discrete_state_ticket(now)}
-        self._now = int(now)
+        self._ticks, self._changes, self._dt = bool(self._delay or self._freezes), sensor.changes, sensor.dt
+        self._first = self._rows(0)[0]
         self._offset = slice(_OFFSET, _OFFSET + size)
+        if self._ticks:
+            first: Any = self._first
+            now = self.DeclareDiscreteState(first)
+            tickets = {self.discrete_state_ticket(now)}
+            self._now = int(now)
+        elif self._changes:
+            drawn = self.DeclareAbstractState(Value(_Block(0, self._with_last(0))))
+            tickets = {self.abstract_state_ticket(drawn), self.time_ticket()}
+            self._drawn = int(drawn)
+        else:
+            tickets = {self.nothing_ticket()}
         if self._delay:
             empty: Any = np.full(self._delay * size, np.nan)
             line = self.DeclareDiscreteState(empty)
@@ -84,13 +100,16 @@ class SensorBase(LeafSystem):  # type: ignore[misc, unused-ignore]
             last = self.DeclareDiscreteState(nothing)
             tickets.add(self.discrete_state_ticket(last))
             self._last = int(last)
-        self._block: Any = self.DeclareCacheEntry(
-            "block", ValueProducer(allocate=Value(_Block()).Clone, calc=_keep), {self.nothing_ticket()}
-        )
         self._reading: Any = self.DeclareVectorOutputPort("reading", size, self._calc, prerequisites_of_calc=tickets)
-        if self._delay or sensor.changes:
+        if self._ticks:
+            self._block: Any = self.DeclareCacheEntry(
+                "block", ValueProducer(allocate=Value(_Block()).Clone, calc=_keep), {self.nothing_ticket()}
+            )
             self.DeclareInitializationDiscreteUpdateEvent(self._start)
             self.DeclarePeriodicDiscreteUpdateEvent(sensor.dt, 0.0, self._update)
+        elif self._changes:
+            self.DeclareInitializationUnrestrictedUpdateEvent(self._draw_first)
+            self.DeclarePeriodicUnrestrictedUpdateEvent(BLOCK * sensor.dt, (BLOCK - 1) * sensor.dt, self._draw_next)
 
     @property
     def spec(self) -> SensorSpec:
@@ -142,8 +161,21 @@ class SensorBase(LeafSystem):  # type: ignore[misc, unused-ignore]
         frozen = self._corruption.frozen(block) & np.isfinite(offsets)
         return np.hstack([ticks, frozen.any(axis=1, keepdims=True), offsets, frozen])
 
+    def _row(self, context: Any) -> FloatArray:
+        """[k, any m, o, m] of this tick."""
+        row: FloatArray = self._first
+        if self._ticks:
+            row = context.get_discrete_state(self._now).value()
+        elif self._changes:
+            block: _Block = context.get_abstract_state(self._drawn).get_value()
+            tick = ceil(context.get_time() / self._dt - _LATE)
+            at = tick - block.index * BLOCK + 1
+            # a context whose time was set by hand is served too: the rows are a function of seed and tick
+            row = block.rows[at] if 0 <= at <= BLOCK else self._rows(max(tick, 0) // BLOCK)[tick % BLOCK]
+        return row
+
     def _calc(self, context: Any, output: BasicVector) -> None:
-        now = context.get_discrete_state(self._now).value()
+        now = self._row(context)
         if self._delay:
             at = int(now[_TICK]) % self._delay * self._size
             u = context.get_discrete_state(self._line).value()[at : at + self._size]
@@ -176,11 +208,28 @@ class SensorBase(LeafSystem):  # type: ignore[misc, unused-ignore]
             last = context.get_discrete_state(self._last).value()
             new.set_value(self._last, np.where(np.isfinite(y), y, last))
 
+    def _draw_first(self, context: Any, state: Any) -> None:
+        """The block of the start time."""
+        self._draw(state, ceil(context.get_time() / self._dt - _LATE) // BLOCK)
+
+    def _draw_next(self, context: Any, state: Any) -> None:
+        """The block that begins a tick from now."""
+        self._draw(state, round(context.get_time() / self._dt + 1.0) // BLOCK)
+
+    def _draw(self, state: Any, block: int) -> None:
+        drawn: _Block = state.get_mutable_abstract_state(self._drawn).get_mutable_value()
+        if drawn.index != block:
+            drawn.index, drawn.rows = block, self._with_last(block)
+
+    def _with_last(self, block: int) -> FloatArray:
+        """(1 + BLOCK, ...) the last row before a block, which the updates of that tick still read, and the block's."""
+        return np.concatenate([self._rows(max(block - 1, 0))[-1:], self._rows(block)])
+
     def _start(self, context: Any, values: DiscreteValues) -> None:
         """Count from the start time, and fill what is empty of the delay line."""
         new: Any = values
         tick = context.get_discrete_state(self._now).value()[_TICK]
-        start = round(context.get_time() / self._corruption.dt)
+        start = round(context.get_time() / self._dt)
         if tick == 0 and start > 0:
             new.set_value(self._now, self._rows(start // BLOCK)[start % BLOCK])
         if self._delay:

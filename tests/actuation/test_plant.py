@@ -241,3 +241,15 @@ def test_an_arm_is_wired_in_actuator_order_and_holds_with_poorly_known_inertias(
     assert abs(far - 0.4) < 1e-2 * (3.0 + 2.0)  # friction and at most m g l of the link, over the servo's stiffness
     assert abs(near + 0.3) < 1e-2 * (8.0 + 9.0)
     assert_allclose([near, far], first, atol=PRESLIDING_DISPLACEMENT)
+
+
+def test_the_port_step_holds_all_outputs_and_the_next_memory():
+    system = rich()
+    context = fixed(system)
+    names = ("actuation", "motor_torque", "friction_torque", "effort", "fault")
+    outputs = np.array([system.GetOutputPort(name).Eval(context) for name in names])
+    step = np.array(system.GetOutputPort("step").Eval(context))
+    assert_allclose(step[: outputs.size].reshape(-1, len(names)).T, outputs, atol=0)
+    assert_allclose(step[system.actuation_places], outputs[0], atol=0)
+    after = system.EvalUniquePeriodicDiscreteUpdate(context)
+    assert_allclose(after.value(), step[outputs.size :], atol=0)

@@ -37,7 +37,7 @@ def seconds(simulator: Simulator, chunk: int) -> float:
     return (time.perf_counter() - begin) / CHUNK
 
 
-@pytest.mark.parametrize(("scenario", "bound"), [("stairs_swing_servo", 90.0), ("stairs_swing", 240.0)])
+@pytest.mark.parametrize(("scenario", "bound"), [("stairs_swing_servo", 60.0), ("stairs_swing", 160.0)])
 def test_leg_loop(scenario, bound):
     loop, copies = leg(scenario), copying()
     for simulator in (loop, copies):

@@ -255,3 +255,18 @@ def test_refusals():
         CommandGuard(2, 0.0)
     with pytest.raises(ParamsError, match="at least one joint"):
         CommandGuard(0, DT)
+
+
+def test_the_port_next_is_the_state_of_the_next_tick():
+    guard = Driven()
+    for command, position, fault in (
+        ([0.3, 0.1], [0.2, 0.0], 0.0),
+        ([0.4, 0.2], [np.nan, 0.0], 0.0),
+        ([0.3, 0.1], 0.2, 1.0),
+    ):
+        for name, value, size in (("command", command, 2), ("position", position, 2), ("fault", fault, 1)):
+            guard.system.GetInputPort(name).FixValue(guard.context, np.full(size, 0.0) + value)
+        ahead = np.array(guard.system.GetOutputPort("next").Eval(guard.context))
+        y, mode = guard.tick(command, position, fault)
+        assert np.array_equal(ahead[:2], y) and ahead[6] == mode
+        assert np.array_equal(guard.context.get_discrete_state_vector().value(), ahead)

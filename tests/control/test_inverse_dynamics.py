@@ -2,7 +2,10 @@
 
 import numpy as np
 import pytest
+from drake_tc.diagrams.loop.rigid_torque import rigid_torque
 from numpy.testing import assert_allclose
+from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.primitives import ConstantVectorSource
 
 from drake_tc.control.dynamics_terms import DynamicsTerms
 from drake_tc.control.gains import TorqueGains
@@ -27,7 +30,7 @@ def evaluated(system, **changed):
     context = system.CreateDefaultContext()
     for i in range(system.num_input_ports()):
         name = system.get_input_port(i).get_name()
-        system.get_input_port(i).FixValue(context, changed.get(name, INPUTS[name]))
+        system.get_input_port(i).FixValue(context, changed[name] if name in changed else INPUTS[name])
     terms = system.GetOutputPort("torque_terms").Eval(context).reshape(6, -1)
     return system.GetOutputPort("desired_torque").Eval(context), dict(zip(TERMS, terms, strict=True))
 
@@ -133,8 +136,55 @@ def test_a_broken_input_raises_nothing_and_heals(tmp_path, name, bad):
     assert_allclose(port.Eval(context), before)
 
 
+@pytest.mark.parametrize("order", ["[shoulder, elbow]", "[elbow, shoulder]"])
+def test_a_block_of_drakes_own_may_bring_the_inertial_torque(tmp_path, order):
+    robot = pendulum(tmp_path, joints=order)
+    own = InverseDynamics(robot, GAINS, configuration="reference")
+    fed = InverseDynamics(robot, GAINS, configuration="reference", inertial="port")
+    builder = DiagramBuilder()
+    builder.AddSystem(fed)
+    source = builder.AddSystem(ConstantVectorSource(INPUTS["reference"]))
+    torque = rigid_torque(builder, fed.terms, source.get_output_port())
+    builder.ExportOutput(torque)
+    diagram = builder.Build()
+    inertial = diagram.get_output_port().Eval(diagram.CreateDefaultContext())
+    tau_d, terms = evaluated(own)
+    also, same = evaluated(fed, inertial_torque=inertial)
+    assert_allclose(also, tau_d, rtol=1e-13, atol=1e-13)
+    for name in TERMS:
+        assert_allclose(same[name], terms[name], rtol=1e-13, atol=1e-13, err_msg=name)
+    pick = [0, 1] if order.startswith("[shoulder") else [1, 0]
+    q, v, a = (part[pick] for part in INPUTS["reference"].reshape(3, 2))
+    mass, h, _ = dynamics(q, v)
+    assert_allclose(inertial[pick], mass @ a + h, rtol=1e-6, atol=1e-6)  # links have an inertia of 1e-9
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, 1e300])
+def test_an_inertial_torque_that_is_not_finite_is_lost(tmp_path, bad):
+    system = InverseDynamics(pendulum(tmp_path), GAINS, inertial="port")
+    context = system.CreateDefaultContext()
+    for port, value in (INPUTS | {"inertial_torque": np.array([bad, 0.0])}).items():
+        if system.HasInputPort(port):
+            system.GetInputPort(port).FixValue(context, value)
+    assert np.isnan(system.GetOutputPort("desired_torque").Eval(context)).all()
+
+
+def test_without_force_task_nothing_pushes(tmp_path):
+    robot, gains = pendulum(tmp_path), TorqueGains(GAINS.kp, GAINS.ki, GAINS.ks, GAINS.kd, np.zeros((6, 6)))
+    with_task, none = InverseDynamics(robot, gains), InverseDynamics(robot, gains, force_task=False)
+    assert not none.HasInputPort("force_reference") and not none.HasInputPort("contact_wrench")
+    nothing = {"force_reference": np.zeros(6), "contact_wrench": np.zeros(6)}
+    for one, other in zip(evaluated(with_task, **nothing), evaluated(none), strict=True):
+        for a, b in zip(*(x.values() if isinstance(x, dict) else x for x in (one, other)), strict=True):
+            assert_allclose(a, b, rtol=1e-14)
+    with pytest.raises(ParamsError, match="without force task"):
+        none.set_gains(none.CreateDefaultContext(), GAINS)
+
+
 def test_refusals(tmp_path):
     robot = pendulum(tmp_path)
+    with pytest.raises(ParamsError, match="inertial: wanted one of own, port; got 'here'"):
+        InverseDynamics(robot, GAINS, inertial="here")
     with pytest.raises(ParamsError, match=r"gains\.kf: wanted shape \(6, 6\)"):
         InverseDynamics(robot, TorqueGains(*np.ones((4, 2)), np.eye(3)))
     with pytest.raises(ParamsError, match="gains: wanted 2 joints; got 3"):

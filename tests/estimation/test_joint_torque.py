@@ -125,3 +125,15 @@ def test_a_welded_base_works_without_imu_and_without_sensors(tmp_path):
     assert not system.HasInputPort("wrench_estimate") and not system.HasOutputPort("contact_wrench")
     seen = system.GetOutputPort("estimated_torque").Eval(context)
     assert_allclose(seen, instant.torque, rtol=1e-8, atol=1e-8)
+
+
+def test_the_port_estimate_holds_all_others(rig):
+    model, instant = rig
+    system = JointTorqueEstimator(model)
+    context = system.CreateDefaultContext()
+    for values in (inputs(instant), inputs(instant) | {"wrench_estimate": np.full(instant.readings.size, np.nan)}):
+        fix(system, context, values)
+        seen, joined = outputs(system, context), system.GetOutputPort("estimate").Eval(context)
+        assert sum(part.stop - part.start for part in system.parts.values()) == joined.size
+        for name, value in seen.items():
+            assert_array_equal(joined[system.parts[name]], value)

@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
-from pydrake.systems.primitives import TrajectorySource
+from pydrake.systems.primitives import LogVectorOutput, TrajectorySource, ZeroOrderHold
 from pydrake.trajectories import PiecewisePolynomial
 
 from drake_tc.errors import ParamsError
@@ -56,6 +56,33 @@ def test_a_simulation_reads_what_the_kernel_says(case):
     t = np.arange(600)[:, None] * DT
     truth = np.hstack([1.0 + t, -2.0 * t])
     assert_allclose(got, corrupt(truth, spec, DT, faults, seed=9), atol=1e-11)  # rounding of the times
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_a_system_that_samples_it_reads_the_same(case):
+    """In the updates of a tick, also of the one in which the next block of random numbers is drawn."""
+    spec, faults = CASES[case]
+    builder = DiagramBuilder()
+    source, sensor = builder.AddSystem(ramp()), builder.AddSystem(Sensor(2, spec, DT, faults, 9))
+    hold = builder.AddSystem(ZeroOrderHold(DT, 2))
+    builder.Connect(source.get_output_port(), sensor.GetInputPort("truth"))
+    builder.Connect(sensor.GetOutputPort("reading"), hold.get_input_port())
+    log = LogVectorOutput(hold.get_output_port(), builder, DT)
+    simulator = Simulator(builder.Build())
+    simulator.AdvanceTo(600 * DT)
+    held = log.FindLog(simulator.get_context()).data().T[1:601]
+    t = np.arange(600)[:, None] * DT
+    assert_allclose(held, corrupt(np.hstack([1.0 + t, -2.0 * t]), spec, DT, faults, seed=9), atol=1e-11)
+
+
+@pytest.mark.parametrize("tick", [0, 255, 256, 1000])
+def test_a_time_set_by_hand_is_served(tick):
+    sensor = Sensor(2, SensorSpec(noise=0.1), DT, seed=4)
+    context = sensor.CreateDefaultContext()
+    sensor.get_input_port().FixValue(context, [0.0, 0.0])
+    context.SetTime(tick * DT)
+    want = corrupt(np.zeros((tick + 1, 2)), SensorSpec(noise=0.1), DT, seed=4)[tick]
+    assert_array_equal(sensor.get_output_port().Eval(context), want)
 
 
 def test_two_contexts_of_one_diagram_are_independent_and_repeatable():
