@@ -23,7 +23,7 @@ $(VENV)/.installed: pyproject.toml | $(VENV)/bin/python
 	@touch $@
 
 $(VENV)/.installed-test: pyproject.toml | $(VENV)/bin/python
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[test,notebooks,robots,cluster]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[test,notebooks,robots,cluster,solvers]'
 	@touch $@ $(VENV)/.installed
 
 demo: $(VENV)/.installed ## install, simulate a bench, close the loop on it; the last line is the report

@@ -1,0 +1,50 @@
+"""`drake-tc bench qp`: which solver of quadratic programs suits a 1 kHz controller of a whole robot."""
+
+import json
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from drake_tc.cli.progress import progress_bar
+
+COMPARED = ("daqp", "quadprog", "piqp", "proxqp", "clarabel", "osqp")
+
+
+def bench_qp(
+    solver: Annotated[list[str] | None, typer.Option(help="A solver to time, again and again; all by default.")] = None,
+    controller: Annotated[Path | None, typer.Option(help="Controller file; the humanoid's by default.")] = None,
+    ticks: Annotated[int, typer.Option(min=20, help="Problems of each motion.")] = 400,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the rows as JSON.")] = False,
+) -> None:
+    """Quadratic programs along motions of a robot by each solver: time from nothing and warm-started, and accuracy."""
+    from drake_tc.bench.qp import qp_rows
+    from drake_tc.tsid.configuration import load_law
+
+    law = load_law(controller or humanoid_controller())
+    with progress_bar("bench qp", quiet=as_json) as progress:
+        rows = qp_rows(law, solver or COMPARED, progress, ticks)
+    if as_json:
+        print(json.dumps({"name": "qp", "rows": [row.to_json() for row in rows]}))
+        return
+    table = Table(box=None, padding=(0, 2))
+    for heading in ("solver", "motion", "start"):
+        table.add_column(heading, no_wrap=True)
+    for heading in ("median us", "99 % us", "not solved", "residual", "problems"):
+        table.add_column(heading, justify="right", no_wrap=True)
+    for timing, unsolved, worst in zip(rows[::3], rows[1::3], rows[2::3], strict=True):
+        cells = f"{timing.median:.0f}", f"{timing.p99:.0f}", f"{unsolved.median:.0f}", f"{worst.median:.1e}"
+        table.add_row(*timing.name.split(", "), *cells, str(timing.n))
+    Console(file=sys.stdout, highlight=False).print(table)
+
+
+def humanoid_controller() -> Path:
+    """The controller file of the humanoid's first scenario."""
+    from drake_tc.diagrams import __path__ as folders
+    from drake_tc.diagrams.tsid.scenario import load_tsid_scenario
+
+    scenario = load_tsid_scenario(Path(folders[0]) / "humanoid_tsid.scenario.yaml", "balance")
+    return Path(scenario.path(scenario.controller))

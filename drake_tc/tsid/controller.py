@@ -1,0 +1,160 @@
+"""`RobustTsid`: robust task-space inverse dynamics (paper B) as a Drake system."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from pydrake.common.value import Value
+from pydrake.systems.framework import Context, LeafSystem, ValueProducer
+
+from drake_tc.tsid.law import Before, Law, Status, Tick, solve_tick
+from drake_tc.tsid.model import Scratch
+from drake_tc.tsid.warm_start import WarmStart
+from drake_tc.types import FloatArray
+
+TASK_PORT = "{}_reference"
+"""Name of a task's port."""
+
+
+class RobustTsid(LeafSystem):  # type: ignore[misc, unused-ignore]
+    """Torques by robust TSID, every `period`; between its ticks the outputs are held.
+
+    Inputs:
+        estimated_state (nq + nv): [q; v] in the plant's order, a floating base first.
+        <task>_reference: one a task that follows something, blanks in its name as "_"; see the tasks for its size. Not
+            connected: the task stays where the robot starts.
+        active_contacts (contacts): above 1/2 where a contact carries; all of them when not connected.
+    Outputs, each with direct feedthrough of every input at a tick:
+        torque (n): tau, in the robot's order [N m].
+        acceleration (nv): vdot that the model expects of it.
+        contact_force (K): of all contacts, 0 where one does not carry, each in its own axes [N, N m].
+        status (7): see `drake_tc.tsid.law.Status`; `constraints` names the rows that LIMIT counts.
+
+        y[n] = F(u[n], s[n]),  x[n+1] = [t[n]; y[n]; s[n+1]],  s: what the next tick's solve knows of this one
+
+    At a tick (no update yet at this time) y is F, so there is no delay; after the update, and until the next tick, it
+    is x's. Nothing raises in the loop and all outputs are finite: what cannot be solved gives the safe torque, flagged.
+    """
+
+    def __init__(self, law: Law) -> None:
+        """Declare the ports.
+
+        Args:
+            law: Tasks, limits, formulation, period.
+        """
+        super().__init__()
+        self._law, model = law, law.model
+        self._warm = WarmStart(model.n)
+        self._constraints = law.constraints
+        sizes = {
+            "torque": model.n,
+            "acceleration": model.nv,
+            "contact_force": model.force_size,
+            "status": len(Status),
+        }
+        ends = np.cumsum([1, *sizes.values()]).tolist()
+        self._places = {name: slice(end - size, end) for (name, size), end in zip(sizes.items(), ends[1:], strict=True)}
+        self._start = slice(ends[-1], ends[-1] + self._warm.size)
+        memory: Any = np.zeros(self._start.stop)
+        memory[0] = -np.inf
+        index = self.DeclareDiscreteState(memory)
+        self._memory = int(index)
+        self._declare_inputs()
+        self._solution: Any = self.DeclareCacheEntry(
+            "solution",
+            ValueProducer(allocate=lambda: Value(_Solution(model.create_scratch())), calc=self._solve),
+            {
+                *(port.ticket() for port in (self._state, self._active, *self._references)),
+                self.discrete_state_ticket(index),
+                self.time_ticket(),
+            },
+        )
+        for name, size in sizes.items():
+            self.DeclareVectorOutputPort(name, size, self._writer(name), {self._solution.ticket()})
+        self.DeclarePeriodicDiscreteUpdateEvent(law.period, 0.0, self._update)
+
+    def _declare_inputs(self) -> None:
+        model, terms = self._law.model, self._law.starting_terms()
+        self._state: Any = self.DeclareVectorInputPort("estimated_state", model.nq + model.nv)
+        self._active: Any = self.DeclareVectorInputPort("active_contacts", len(model.contacts))
+        self._all = (True,) * len(model.contacts)
+        self._references: list[Any] = []
+        self._rest: list[FloatArray] = []
+        for task in self._law.tasks:
+            self._references.append(self.DeclareVectorInputPort(reference_port(task.name), task.reference_size))
+            self._rest.append(task.rest(terms))
+
+    @property
+    def law(self) -> Law:
+        """What it solves."""
+        return self._law
+
+    @property
+    def constraints(self) -> tuple[str, ...]:
+        """Names of the rows that `Status.LIMIT` counts."""
+        return self._constraints
+
+    def _solve(self, context: Any, value: Any) -> None:
+        """This tick's answer, or what is held, into the cache entry."""
+        solution: _Solution = value.get_mutable_value()
+        held = context.get_discrete_state(self._memory).value()
+        if not context.get_time() - held[0] > 0.99 * self._law.period:
+            solution.hold(held, self._places)
+            return
+        references = [
+            port.Eval(context) if port.HasValue(context) else rest
+            for port, rest in zip(self._references, self._rest, strict=True)
+        ]
+        active = self._all
+        if self._active.HasValue(context):
+            active = tuple((self._active.Eval(context) > 0.5).tolist())
+        before = Before(held[self._places["torque"]], self._warm.unpack(held[self._start]))
+        state = self._state.Eval(context)
+        solution.take(solve_tick(self._law, solution.scratch, state, references, active, before))
+
+    def _writer(self, name: str) -> Callable[[Context, Any], None]:
+        def write(context: Context, vector: Any) -> None:
+            vector.set_value(self._solution.Eval(context).outputs[name])
+
+        return write
+
+    def _update(self, context: Any, values: Any) -> None:
+        """x[n+1]."""
+        solution: _Solution = self._solution.Eval(context)
+        if solution.tick is None:
+            return
+        memory: Any = np.empty(self._start.stop)
+        memory[0] = context.get_time()
+        for name, place in self._places.items():
+            memory[place] = solution.outputs[name]
+        self._warm.pack(solution.tick.start, memory[self._start])
+        values.set_value(self._memory, memory)
+
+
+class _Solution:
+    """What the cache entry holds: scratch memory, the outputs, and the tick where this is one."""
+
+    def __init__(self, scratch: Scratch) -> None:
+        self.scratch = scratch
+        self.tick: Tick | None = None
+        self.outputs: dict[str, FloatArray] = {}
+
+    def take(self, tick: Tick) -> None:
+        """Outputs of a tick."""
+        self.tick = tick
+        self.outputs = {
+            "torque": tick.torque,
+            "acceleration": tick.acceleration,
+            "contact_force": tick.force,
+            "status": tick.status,
+        }
+
+    def hold(self, memory: FloatArray, places: dict[str, slice]) -> None:
+        """Outputs of the last tick."""
+        self.tick = None
+        self.outputs = {name: memory[place] for name, place in places.items()}
+
+
+def reference_port(task: str) -> str:
+    """Name of the port of a task's reference."""
+    return TASK_PORT.format(task.replace(" ", "_"))

@@ -1,0 +1,242 @@
+"""One tick of robust TSID as a function: state and references in, torques, accelerations and contact forces out.
+
+    terms -> rows of tasks and limits -> problem over the torques -> formulation -> tau -> vdot, f
+
+A tick always has an answer, and `Tick.status` says which of these it is:
+
+    solved        the formulation's torque
+    infeasible    no torque keeps all limits: the one that misses least (`infeasible.diagnose`), near the safe one
+    failed        no answer of the programs: the safe torque, weight and damping (`infeasible.safe_torque`)
+    lost          state or references are not finite: the torque before, faded out, tau[n] = exp(-period/fade) tau[n-1]
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from drake_tc.errors import ParamsError
+from drake_tc.tsid.assembly import check_names, ordered
+from drake_tc.tsid.infeasible import diagnose, safe_torque
+from drake_tc.tsid.limits.base import Limit
+from drake_tc.tsid.model import Scratch, TsidModel
+from drake_tc.tsid.qp.problem import Outcome, QpSolver
+from drake_tc.tsid.reduction import Reduced, reduce
+from drake_tc.tsid.robust.formulation import Formulation
+from drake_tc.tsid.robust.solution import RobustSolution, Start
+from drake_tc.tsid.robust.torque_error import TorqueError
+from drake_tc.tsid.rows import LimitRows
+from drake_tc.tsid.tasks.base import Task
+from drake_tc.tsid.terms import Terms
+from drake_tc.types import FloatArray
+
+LARGEST = 1e6
+"""No input in SI units is as large; one that is counts as not finite."""
+
+
+class Status(IntEnum):
+    """Places in the vector of a tick's status.
+
+    OUTCOME: 0 solved, 1 infeasible, 2 failed or lost (`qp.problem.Outcome`).
+    FALLBACK: 1 where the torque is not the formulation's.
+    ITERATIONS: Of the formulation.
+    ROBUSTNESS: R of the formulation's own measure; 0 for "classic" and where there is none.
+    P_IND: Product of the probabilities of the single limits, whatever the formulation; 0 with a fallback.
+    LIMIT: Which of `Law.constraints` gave way first (misses most), counted from 0; -1 for none.
+    MISSED: By how much, in that row's unit.
+    """
+
+    OUTCOME = 0
+    FALLBACK = 1
+    ITERATIONS = 2
+    ROBUSTNESS = 3
+    P_IND = 4
+    LIMIT = 5
+    MISSED = 6
+
+
+class Tick(NamedTuple):
+    """What one tick gives; finite whatever came in.
+
+    Attributes:
+        torque: (n,) tau [N m], in the robot's order.
+        acceleration: (nv,) vdot that it causes; 0 where the state is lost.
+        force: (K,) of all contacts, 0 where one is not active [N, N m]; 0 where the state is lost.
+        status: (7,) see `Status`.
+        start: For the next tick.
+    """
+
+    torque: FloatArray
+    acceleration: FloatArray
+    force: FloatArray
+    status: FloatArray
+    start: Start | None
+
+
+@dataclass(frozen=True, eq=False)
+class Law:
+    """Tasks, limits and formulation of one robot.
+
+    Attributes:
+        model: Of the robot and its contacts.
+        tasks: Each with its own name.
+        limits: Each with its own name.
+        formulation: How the torques are chosen.
+        error: Of the torques.
+        solver: Of quadratic programs.
+        period: Of the ticks [s].
+        contact_damping: kd of J vdot + Jdot v = -kd J v at the active contacts [1/s].
+        fallback_damping: Of the joints in the safe torque [N m s/rad].
+        fade: Time in which the torque falls to 1/e where the state is lost [s].
+
+    Raises:
+        ParamsError: two names that are equal, an error of another number of joints, or a number that is not possible.
+    """
+
+    model: TsidModel
+    tasks: tuple[Task, ...]
+    limits: tuple[Limit, ...]
+    formulation: Formulation
+    error: TorqueError
+    solver: QpSolver
+    period: float = 1e-3
+    contact_damping: float = 0.0
+    fallback_damping: float = 5.0
+    fade: float = 0.1
+
+    def __post_init__(self) -> None:
+        check_names([*(task.name for task in self.tasks), *(limit.name for limit in self.limits)])
+        if self.error.joints != self.model.n:
+            raise ParamsError(f"sigma: wanted {self.model.n} joints, the robot's; got {self.error.joints}")
+        for name in ("period", "fade"):
+            value = getattr(self, name)
+            if not (np.isfinite(value) and value > 0.0):
+                raise ParamsError(f"{name}: wanted a positive number [s]; got {value!r}")
+        for name in ("contact_damping", "fallback_damping"):
+            value = getattr(self, name)
+            if not (np.isfinite(value) and value >= 0.0):
+                raise ParamsError(f"{name}: wanted a finite number >= 0; got {value!r}")
+
+    def starting_terms(self) -> Terms:
+        """At rest in the robot's starting posture, every contact active."""
+        model = self.model
+        return model.terms(model.create_scratch(), model.start, np.zeros(model.nv))
+
+    @cached_property
+    def constraints(self) -> tuple[str, ...]:
+        """Names of the rows of all limits at the start, "limit: row", then of the limits.
+
+        A row that is not there at the start (an edge of another support polygon) counts as its limit.
+        """
+        terms = self.starting_terms()
+        rows = [limit.rows(terms) for limit in self.limits]
+        return _names(rows) + tuple(limit.name for limit in self.limits)
+
+
+class Problem(NamedTuple):
+    """What a tick solves.
+
+    Attributes:
+        terms: At its state.
+        limits: Rows of each limit.
+        reduced: Cost and polytope over the torques, and what torques cause.
+    """
+
+    terms: Terms
+    limits: Sequence[LimitRows]
+    reduced: Reduced
+
+
+class Before(NamedTuple):
+    """What a tick knows of the last one.
+
+    Attributes:
+        torque: (n,) [N m].
+        start: Of its solution.
+    """
+
+    torque: FloatArray
+    start: Start | None
+
+
+def solve_tick(
+    law: Law,
+    scratch: Scratch,
+    state: FloatArray,
+    references: Sequence[FloatArray],
+    active: tuple[bool, ...],
+    before: Before,
+) -> Tick:
+    """One tick; never raises on numbers.
+
+    Args:
+        law: What to solve.
+        scratch: Of the model.
+        state: (nq + nv,) [q; v].
+        references: One a task.
+        active: One a contact.
+        before: The last tick.
+    """
+    if not np.abs(np.concatenate((state, *references))).max() < LARGEST:
+        return _lost(law, before)
+    problem = problem_at(law, scratch, state, references, active)
+    reduced = problem.reduced
+    solution = law.formulation.solve(reduced.cost, reduced.polytope, law.error, law.solver, before.start)
+    if solution.outcome is not Outcome.SOLVED:
+        return _given_way(law, problem, solution, before)
+    status = np.array([0.0, 0.0, solution.iterations, solution.robustness, solution.p_ind, -1.0, 0.0])
+    return _packed(law, problem, solution.torque, status, solution.start)
+
+
+def problem_at(
+    law: Law, scratch: Scratch, state: FloatArray, references: Sequence[FloatArray], active: tuple[bool, ...]
+) -> Problem:
+    """What a tick solves; arguments as in `solve_tick`."""
+    model = law.model
+    terms = model.terms(scratch, state[: model.nq], state[model.nq :], active)
+    tasks = [task.rows(terms, reference) for task, reference in zip(law.tasks, references, strict=True)]
+    limits = [limit.rows(terms) for limit in law.limits]
+    held = -law.contact_damping * terms.contact_velocity if law.contact_damping else None
+    return Problem(terms, limits, reduce(terms, tasks, limits, held))
+
+
+def _packed(law: Law, problem: Problem, torque: FloatArray, status: FloatArray, start: Start | None) -> Tick:
+    acceleration, active_force = problem.reduced.full(torque)
+    force = np.zeros(law.model.force_size)
+    force[problem.terms.contacts.entries] = active_force
+    return Tick(torque, acceleration, force, status, start)
+
+
+def _given_way(law: Law, problem: Problem, solution: RobustSolution, before: Before) -> Tick:
+    """The torque that misses least, or the safe one, where there is no solution."""
+    terms, polytope = problem.terms, problem.reduced.polytope
+    lower, upper = polytope.lower[: polytope.bounds], polytope.upper[: polytope.bounds]
+    torque = safe_torque(terms, law.fallback_damping, *((lower, upper) if polytope.bounds else ()))
+    status = np.array([solution.outcome, 1.0, solution.iterations, 0.0, 0.0, -1.0, 0.0])
+    if solution.outcome is Outcome.INFEASIBLE:
+        found = diagnose(polytope, solver=law.solver, centre=torque)
+        if found.outcome is Outcome.SOLVED:
+            torque = np.clip(found.torque, lower, upper) if polytope.bounds else found.torque
+        if found.rows.size:
+            name = _names(problem.limits)[int(found.rows[0])]
+            known = name if name in law.constraints else name.partition(": ")[0]
+            status[Status.LIMIT], status[Status.MISSED] = law.constraints.index(known), found.missed[0]
+    tick = _packed(law, problem, torque, status, None)
+    sound = np.isfinite(np.concatenate((tick.torque, tick.acceleration, tick.force, status))).all()
+    return tick if sound else _lost(law, before)
+
+
+def _lost(law: Law, before: Before) -> Tick:
+    """The torque before, faded, where nothing is known."""
+    model = law.model
+    status = np.array([Outcome.FAILED, 1.0, 0.0, 0.0, 0.0, -1.0, 0.0])
+    torque = np.exp(-law.period / law.fade) * before.torque
+    return Tick(torque, np.zeros(model.nv), np.zeros(model.force_size), status, None)
+
+
+def _names(limits: Sequence[LimitRows]) -> tuple[str, ...]:
+    """Of the polytope's rows."""
+    return tuple(f"{rows.name}: {label}" for rows in ordered(limits) for label in rows.labels)

@@ -1,0 +1,83 @@
+"""How fast joints may speed up and brake, their ranges of position and velocity folded in."""
+
+import numpy as np
+
+from drake_tc.errors import ParamsError
+from drake_tc.robot.plant import joint_limits
+from drake_tc.robot.robot import Robot
+from drake_tc.tsid.limits.viability import AccelerationBounds, JointRange, Viability
+from drake_tc.tsid.rows import LimitRows, selection
+from drake_tc.tsid.terms import Terms
+from drake_tc.types import FloatArray, IntArray
+
+
+class AccelerationLimit:
+    """lower(q, v) <= vdot of the joints <= upper(q, v), from `Viability`: kept from one viable state to the next."""
+
+    group = "acceleration"
+
+    def __init__(
+        self, limits: JointRange, actuated: IntArray, velocities: int, *, name: str = "acceleration limits"
+    ) -> None:
+        """Prepare the rows.
+
+        Args:
+            limits: Of n joints, in the robot's order.
+            actuated: (n,) index in v of each.
+            velocities: nv of the plant.
+            name: Of the limit.
+        """
+        self.name = name
+        self._labels = tuple(f"{joint} acceleration" for joint in limits.joints)
+        self._actuated = np.array(actuated)
+        self._viability = Viability(limits)
+        self._parts = selection(self._actuated, velocities)
+
+    @classmethod
+    def of(
+        cls,
+        robot: Robot,
+        actuated: IntArray,
+        velocities: int,
+        *,
+        period: float,
+        acceleration: float | FloatArray = 100.0,
+        velocity: float | FloatArray | None = None,
+        margin: float = 0.0,
+    ) -> "AccelerationLimit":
+        """The limits of the robot file, or else of its URDF.
+
+        Args:
+            robot: From `load_robot`.
+            actuated: (n,) index in v of each joint.
+            velocities: nv of the plant.
+            period: Of the controller [s].
+            acceleration: [rad/s^2], one for all or (n,).
+            velocity: Replaces the robot's [rad/s], one for all or (n,).
+            margin: Kept to both ends of the positions [rad].
+
+        Raises:
+            ParamsError: see `JointRange`.
+        """
+        known, n = joint_limits(robot), len(robot.joints)
+        speed = _each("velocity", known.velocity if velocity is None else velocity, n)
+        most = _each("acceleration", acceleration, n)
+        ends = known.lower + margin, known.upper - margin
+        return cls(JointRange(robot.joints, *ends, -speed, speed, most, period), actuated, velocities)
+
+    def bounds(self, terms: Terms) -> AccelerationBounds:
+        """The bounds at this state, and where limits had to give way."""
+        return self._viability(terms.joint_position, terms.v[self._actuated])
+
+    def rows(self, terms: Terms) -> LimitRows:
+        """N rows; a joint's acceleration each [rad/s^2]."""
+        lower, upper = self._viability.bounds(terms.joint_position, terms.v[self._actuated])
+        return LimitRows(self.name, self.group, self._parts, lower, upper, self._labels)
+
+
+def _each(where: str, value: float | FloatArray, n: int) -> FloatArray:
+    """(n,) from one number for all or one a joint."""
+    given = np.asarray(value, dtype=float)
+    if given.shape not in ((), (n,)):
+        raise ParamsError(f"{where}: wanted a number or {n} of them, one a joint; got shape {given.shape}")
+    return np.broadcast_to(given, (n,))

@@ -1,0 +1,154 @@
+"""Keeps the capture point, where the robot could come to rest, inside the polygon of its contacts."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from drake_tc.errors import ParamsError
+from drake_tc.tsid.contacts import Contact
+from drake_tc.tsid.rows import LimitRows, Parts
+from drake_tc.tsid.terms import Terms
+from drake_tc.types import FloatArray
+
+GRAVITY = 9.81
+LEAST_HEIGHT = 0.01
+"""Of the centre of mass above its contacts; lower ones count as this [m]."""
+
+
+def convex_hull(points: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
+    """Corners of the convex hull, counter-clockwise, none of them between two others (Andrew's monotone chain)."""
+    ordered = sorted(set(points))
+    if len(ordered) < 3:
+        return ordered
+
+    def chain(walk: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
+        kept: list[tuple[float, float]] = []
+        for x, y in walk:
+            while len(kept) > 1:
+                (ax, ay), (bx, by) = kept[-2], kept[-1]
+                if (bx - ax) * (y - ay) > (by - ay) * (x - ax):
+                    break
+                kept.pop()
+            kept.append((x, y))
+        return kept[:-1]
+
+    return chain(ordered) + chain(ordered[::-1])
+
+
+def half_planes(corners: Sequence[tuple[float, float]]) -> tuple[FloatArray, FloatArray]:
+    """Unit normals N (r, 2) and d (r,) of N x <= d, inside the hull of the corners; 4 rows for a point or a segment."""
+    hull = convex_hull(corners)
+    if not hull:
+        return np.zeros((0, 2)), np.zeros(0)
+    if len(hull) < 3:
+        return _around(hull[0], hull[-1])
+    normals, reach = [], []
+    x, y = hull[-1]
+    for next_x, next_y in hull:
+        along, across = next_x - x, next_y - y
+        length = math.hypot(along, across)
+        normal = across / length, -along / length
+        normals.append(normal)
+        reach.append(normal[0] * x + normal[1] * y)
+        x, y = next_x, next_y
+    return np.array(normals), np.array(reach)
+
+
+def _around(one: tuple[float, float], other: tuple[float, float]) -> tuple[FloatArray, FloatArray]:
+    """Along and across a segment, or the axes at a point."""
+    x, y = other[0] - one[0], other[1] - one[1]
+    length = math.hypot(x, y)
+    x, y = (x / length, y / length) if length else (1.0, 0.0)
+    normals = np.array([[x, y], [-x, -y], [-y, x], [y, -x]])
+    return normals, (normals @ np.array([one, other]).T).max(axis=1)
+
+
+class CapturePointLimit:
+    """The capture point after the next period stays `margin` inside the hull of the active contacts, seen from above.
+
+        xi = c + cdot / w,  w^2 = g / z      c, cdot: horizontal place and velocity of the centre of mass, z its height
+        xi+ = xi + h cdot + (h^2 / 2 + h / w) cddot,  cddot = J_c vdot + Jdot_c v
+        N xi+ <= d - margin                  one row an edge [m]
+
+    Linear in vdot. As xidot = w (xi - p) with the centre of pressure p in the same polygon (linear inverted pendulum),
+    a xi inside can be kept inside; one that is outside cannot be brought back but by turning the body, and the problem
+    may then have no solution: `infeasible` names the edge. No contact, no rows.
+
+    Source: EQUATIONS B (paper: its ref. 34, Ramos, Mansard, Soueres, Humanoids 2014).
+    """
+
+    group = "capture_point"
+
+    def __init__(
+        self,
+        contacts: Sequence[Contact],
+        *,
+        period: float,
+        margin: float = 0.0,
+        gravity: float = GRAVITY,
+        name: str = "capture point",
+    ) -> None:
+        """Keep the numbers.
+
+        Args:
+            contacts: Those of the model, in its order.
+            period: h: of the controller [s].
+            margin: [m].
+            gravity: [m/s^2].
+            name: Of the limit.
+
+        Raises:
+            ParamsError: a period or gravity that is not positive, or a margin that is not finite.
+        """
+        for key, value in (("period", period), ("gravity", gravity)):
+            if not (math.isfinite(value) and value > 0.0):
+                raise ParamsError(f"{name}: {key}: wanted a positive number; got {value!r}")
+        if not math.isfinite(margin):
+            raise ParamsError(f"{name}: margin: wanted a finite number [m]; got {margin!r}")
+        self.name = name
+        self._period, self._margin, self._gravity = period, margin, gravity
+        self._places = tuple((contact.name, contact.corners[:, :2].tolist()) for contact in contacts)
+        self._labels = tuple(f"{name} edge {i}" for i in range(4 * len(self._places)))
+
+    def capture_point(self, terms: Terms) -> FloatArray:
+        """(2,) xi of this state [m]."""
+        _, height = self._corners(terms)
+        return np.asarray(terms.com[:2] + terms.com_velocity[:2] / self._rate(terms, height))
+
+    def rows(self, terms: Terms) -> LimitRows:
+        """One row an edge of the hull."""
+        corners, ground = self._corners(terms)
+        normals, reach = half_planes(corners) if math.isfinite(ground) else _unknown()
+        rate, h = self._rate(terms, ground), self._period
+        gain = 0.5 * h * h + h / rate
+        linear = (gain / terms.mass) * terms.momentum_matrix[3:5]
+        bias = (gain / terms.mass) * terms.momentum_bias[3:5]
+        drift = terms.com[:2] + (h + 1.0 / rate) * terms.com_velocity[:2] + bias
+        matrix = normals.dot(linear)
+        upper = reach - normals.dot(drift) - self._margin
+        return LimitRows(
+            self.name, self.group, Parts(vdot=matrix), np.full(len(reach), -np.inf), upper, self._labels[: len(reach)]
+        )
+
+    def _rate(self, terms: Terms, ground: float) -> float:
+        """W [1/s]."""
+        height = float(terms.com[2]) - ground
+        return math.sqrt(self._gravity / (height if height > LEAST_HEIGHT else LEAST_HEIGHT))
+
+    def _corners(self, terms: Terms) -> tuple[list[tuple[float, float]], float]:
+        """Corners of all active contacts from above, and the mean height of their frames [m]."""
+        corners: list[tuple[float, float]] = []
+        heights, active = 0.0, terms.contacts.index
+        for index in active:
+            name, places = self._places[index]
+            rotation, position = terms.pose(name)
+            (xx, xy, _), (yx, yy, _), _ = rotation.tolist()
+            px, py, pz = position.tolist()
+            corners += [(px + xx * x + xy * y, py + yx * x + yy * y) for x, y in places]
+            heights += pz
+        return corners, heights / len(active) if active else 0.0
+
+
+def _unknown() -> tuple[FloatArray, FloatArray]:
+    return np.full((1, 2), np.nan), np.full(1, np.nan)

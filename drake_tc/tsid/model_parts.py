@@ -1,0 +1,76 @@
+"""What a TsidModel adds to the links of its plant before that is finalized: reflected inertias and named frames."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from pydrake.multibody.tree import FixedOffsetFrame
+
+from drake_tc.actuation.model_file import load_models
+from drake_tc.errors import ParamsError
+from drake_tc.robot.mounts import Mount
+from drake_tc.robot.robot import Robot
+from drake_tc.tsid.contacts import Contact
+
+_SUFFIX = "_of_tsid"
+
+
+def file_rotors(robot: Robot) -> dict[str, float]:
+    """Reflected inertia of each joint's drive [kg m^2], as the robot's files say.
+
+    Raises:
+        ParamsError: the actuator file cannot be read or has no model of a joint.
+    """
+    if robot.actuators is None:
+        return dict(robot.rotor_inertia)
+    models = load_models(robot.actuators)
+    missing = [joint for joint in robot.joints if joint not in models]
+    if missing:
+        raise ParamsError(f"{robot.actuators}: no model of joint {missing[0]!r}; joints here: {', '.join(models)}")
+    return {joint: models[joint].inertia for joint in robot.joints}
+
+
+def add_rotors(plant: Any, robot: Robot, rotor_inertia: Mapping[str, float]) -> None:
+    """Give the joints' actuators their reflected inertia, before the plant is finalized.
+
+    Args:
+        plant: With the robot.
+        robot: Of the plant.
+        rotor_inertia: By joint [kg m^2]; a joint that is not there has none.
+
+    Raises:
+        ParamsError: an unknown joint, or an inertia that is negative or not finite.
+    """
+    for name, inertia in rotor_inertia.items():
+        if name not in robot.joints:
+            raise ParamsError(f"rotor_inertia: no joint {name!r}; joints: {', '.join(robot.joints)}")
+        if not (np.isfinite(inertia) and inertia >= 0.0):
+            raise ParamsError(f"rotor_inertia: {name}: wanted a number >= 0 [kg m^2]; got {inertia!r}")
+        actuator = plant.AddJointActuator(name, plant.GetJointByName(name))
+        actuator.set_default_rotor_inertia(float(inertia))
+        actuator.set_default_gear_ratio(1.0)
+
+
+def add_frames(plant: Any, model: Any, contacts: Sequence[Contact], more: Sequence[Mount]) -> dict[str, Any]:
+    """The frame of each link, contact and mount, by name.
+
+    Args:
+        plant: Not finalized; gets the frames of contacts and mounts.
+        model: Instance of the robot.
+        contacts: Each with its frame C.
+        more: Other frames.
+
+    Raises:
+        ParamsError: a link that is not there, or a name that is taken.
+    """
+    links = {plant.get_body(index).name(): plant.get_body(index) for index in plant.GetBodyIndices(model)}
+    frames = {name: body.body_frame() for name, body in links.items()}
+    wanted = [("contact", contact.name, contact.frame) for contact in contacts]
+    for kind, name, mount in [*wanted, *(("frame", mount.name, mount) for mount in more)]:
+        if mount.link not in links:
+            raise ParamsError(f"{kind} {name!r}: no link {mount.link!r}; links: {', '.join(links)}")
+        if name in frames:
+            raise ParamsError(f"{kind} {name!r}: wanted a name that no link, contact or frame has; it is taken")
+        offset = FixedOffsetFrame(name + _SUFFIX, links[mount.link].body_frame(), mount.pose.transform)
+        frames[name] = plant.AddFrame(offset)
+    return frames

@@ -1,0 +1,1 @@
+"""Quadratic programs from matrices, and the solvers that take them."""

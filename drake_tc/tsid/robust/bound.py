@@ -1,0 +1,112 @@
+"""min J subject to R <= R_min (eq. 5), by the weight at which the trade-off meets it."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from drake_tc.tsid.polytope import LeastSquares
+from drake_tc.tsid.qp.problem import Outcome
+from drake_tc.tsid.robust import measures
+from drake_tc.tsid.robust.measures import Found, Guess, Means, Measure
+from drake_tc.tsid.robust.null_space import null_basis
+from drake_tc.tsid.robust.scaled import ScaledProblem
+
+MET = 1e-6
+"""How near to R_min an active constraint is met, of R_min."""
+
+ROUNDS, PATIENCE = 60, 2
+"""Programs at most; and after how many without both ends of a bracket it is asked whether there are both."""
+
+STRIDE = 0.7
+"""Of log w while one end of the bracket is missing; it doubles each time."""
+
+
+def in_null_space(program: Measure, problem: ScaledProblem, guess: Guess, means: Means) -> Found:
+    """Min R over the minimisers of the cost (eq. 4): x = x* + T y with D T = 0, inside the limits."""
+    classic = measures.least_cost(problem, Guess(guess.x), means)
+    if classic.outcome is not Outcome.SOLVED:
+        return classic
+    basis = null_basis(problem.cost.matrix)
+    inside = problem.along(classic.x, basis)
+    inside = replace(inside, cost=LeastSquares(np.zeros((0, basis.shape[1])), np.zeros(0)))
+    last = basis.T @ (guess.x - classic.x)
+    if inside.limits.miss(last) > 1.0:
+        last = np.zeros(basis.shape[1])
+    begin = Guess(last, guess.working, guess.inner)
+    found = program(inside, 1.0, begin, means)
+    if found.outcome is not Outcome.SOLVED:
+        return replace(classic, risk=found.risk, converged=False)
+    return replace(
+        found,
+        x=classic.x + basis @ found.x,
+        iterations=classic.iterations + found.iterations,
+        programs=classic.programs + found.programs,
+    )
+
+
+def most_robust(program: Measure, problem: ScaledProblem, guess: Guess, means: Means) -> Found:
+    """Min R inside the limits, whatever it costs."""
+    n = len(guess.x)
+    return program(replace(problem, cost=LeastSquares(np.zeros((0, n)), np.zeros(0))), 1.0, guess, means)
+
+
+def within_risk(
+    program: Measure, problem: ScaledProblem, minimum: float, weight: float, guess: Guess, means: Means
+) -> tuple[Found, float]:
+    """The least cost with R <= minimum, and the multiplier w of that constraint (0 where it is not active).
+
+    R(x(w)), x(w) the minimiser of J + w R, falls as w grows; the w with R(x(w)) = R_min is the multiplier of (5).
+    False position (Illinois) on log R over log w inside a bracket; every round starts from the last one's minimiser.
+    As w -> 0, x(w) goes to the most robust minimiser of J: where that keeps R_min, it is the answer.
+
+    Returns:
+        Outcome.INFEASIBLE with the most robust torque where R_min cannot be had. Where time is up, the last torque
+        that keeps R_min, or else the last one that keeps the limits, not converged.
+    """
+    sharp = replace(means, accuracy=1e-6 * means.accuracy)
+    target, here, stride = math.log(minimum), math.log(weight), STRIDE
+    low = high = below = above = math.nan
+    steps = programs = side = 0
+    best: tuple[Found, float] | None = None
+    found = program(problem, weight, guess, sharp)
+    for turn in range(ROUNDS):
+        steps, programs = steps + found.iterations, programs + found.programs
+        if found.outcome is not Outcome.SOLVED:
+            break
+        miss = math.log(max(found.risk, 1e-300)) - target
+        if miss > MET:
+            above = 0.5 * above if side > 0 else above
+            low, below, side = here, miss, 1
+        else:
+            below = 0.5 * below if side < 0 else below
+            high, above, side, best = here, miss, -1, (found, math.exp(here))
+            if miss >= -MET:
+                break
+        if means.budget.late():
+            best = best or (replace(found, converged=False), 0.0)
+            break
+        if not (math.isnan(low) or math.isnan(high)):
+            here = (low * above - high * below) / (above - below)
+        else:
+            if turn == PATIENCE:
+                end = _beyond(program, problem, found.guess, means, unsafe=math.isnan(high))
+                if (end.risk > minimum) == math.isnan(high):
+                    outcome = Outcome.INFEASIBLE if math.isnan(high) else end.outcome
+                    return _counted(replace(end, outcome=outcome), steps, programs), 0.0
+            here, stride = (high - stride if math.isnan(low) else low + stride), 2.0 * stride
+        found = program(problem, math.exp(here), found.guess, sharp)
+    if best is None:
+        safest = most_robust(program, problem, found.guess, means)
+        outcome = safest.outcome if safest.risk <= minimum else Outcome.INFEASIBLE
+        return _counted(replace(safest, outcome=outcome), steps, programs), 0.0
+    return replace(best[0], iterations=steps, programs=programs), best[1]
+
+
+def _beyond(program: Measure, problem: ScaledProblem, guess: Guess, means: Means, *, unsafe: bool) -> Found:
+    """Where x(w) goes, for w -> infinity where R is too large yet, for w -> 0 where it is smaller than it need be."""
+    return (most_robust if unsafe else in_null_space)(program, problem, guess, means)
+
+
+def _counted(found: Found, steps: int, programs: int) -> Found:
+    return replace(found, iterations=steps + found.iterations, programs=programs + found.programs)

@@ -1,0 +1,97 @@
+"""p_box: the largest box tau +- s sigma inside the polytope (paper B, eq. 17); a quadratic program."""
+
+import math
+
+import numpy as np
+from scipy.special import erfcinv
+
+from drake_tc.tsid.polytope import LeastSquares, Polytope
+from drake_tc.tsid.robust.objective import nothing
+from drake_tc.tsid.robust.scaled import Rows, ScaledProblem, scaled
+from drake_tc.tsid.robust.torque_error import TorqueError
+from drake_tc.types import FloatArray, IntArray
+
+_HALF = math.sqrt(0.5)
+
+
+class BoxRows:
+    """Rows over (x, s): A x + |G L| 1 s <= upper, -A x + |G L| 1 s <= -lower, -s <= 0: 2 m + 1, upper sides only.
+
+    For a diagonal Sigma |G L| 1 = |G| sigma, over sigma_G; s >= 0 keeps tau itself inside.
+
+    Attributes:
+        lower: None.
+        upper: (2 m + 1,).
+    """
+
+    lower = None
+
+    def __init__(self, limits: Rows, noise: FloatArray) -> None:
+        m, n = limits.matrix.shape
+        self._matrix = matrix = np.empty((2 * m + 1, n + 1))
+        matrix[:m, :n] = limits.matrix
+        np.negative(limits.matrix, out=matrix[m:-1, :n])
+        matrix[:m, n] = matrix[m:-1, n] = np.abs(noise) @ np.ones(noise.shape[1])
+        matrix[-1, :n], matrix[-1, n] = 0.0, -1.0
+        self.upper: FloatArray = np.concatenate((limits.upper, -limits.lower, np.zeros(1)))
+
+    def times(self, x: FloatArray) -> FloatArray:
+        """See `RowProduct`."""
+        value: FloatArray = self._matrix @ x
+        return value
+
+    def take(self, rows: IntArray) -> FloatArray:
+        """See `RowProduct`."""
+        return self._matrix[rows]
+
+    def dense(self) -> Rows:
+        """See `RowProduct`."""
+        return Rows(self._matrix, np.full(len(self.upper), -np.inf), self.upper)
+
+    def size(self, x: FloatArray) -> float:
+        """The largest s for x (n,) inside, where every row errs."""
+        room = self.upper[:-1] - self._matrix[:-1, :-1] @ x
+        return float((room / self._matrix[:-1, -1]).min(initial=math.inf))
+
+
+def box_size(problem: ScaledProblem, x: FloatArray) -> float:
+    """Largest s with x +- s inside; negative where x is outside, -inf where a row that does not err is missed."""
+    limits, reach = problem.limits, np.abs(problem.noise).sum(axis=1)
+    value = limits.matrix @ x
+    slack = np.minimum(limits.upper - value, value - limits.lower)
+    if problem.certain is not None:
+        if slack[problem.certain].min() < -1e-9:
+            return -math.inf
+        slack, reach = slack[~problem.certain], reach[~problem.certain]
+    return float((slack / reach).min(initial=math.inf))
+
+
+def box_risk(size: float, axes: int) -> float:
+    """R_box = -log p_box of a box of half width `size` sigmas in `axes` independent directions; inf for none."""
+    if axes == 0:
+        return 0.0 if size > -math.inf else math.inf
+    if size <= 0.0:
+        return math.inf
+    return -axes * (math.log(math.erf(_HALF * size)) if size < 1.0 else math.log1p(-math.erfc(_HALF * size)))
+
+
+def size_of_risk(risk: float, axes: int) -> float:
+    """The half width whose R_box is `risk`; inverse of `box_risk`."""
+    return math.sqrt(2.0) * float(erfcinv(-math.expm1(-risk / max(axes, 1))))
+
+
+def p_box(polytope: Polytope, torque: FloatArray, error: TorqueError) -> float:
+    """Probability that the error stays in the largest box |zeta_i| <= s around the torque: a lower bound of p.
+
+    e = L zeta as in `TorqueError`; with a diagonal Sigma the box is |e_i| <= s sigma_i. 0 outside the polytope.
+    """
+    problem = scaled(nothing(error.joints), polytope, error)
+    return math.exp(-box_risk(box_size(problem, torque / problem.scale), error.root.shape[1]))
+
+
+def with_size(cost: LeastSquares) -> LeastSquares:
+    """The cost over (x, s), which s does not enter."""
+    rows, n = cost.matrix.shape
+    matrix = np.zeros((rows, n + 1))
+    matrix[:, :n] = cost.matrix
+    return LeastSquares(matrix, cost.target)

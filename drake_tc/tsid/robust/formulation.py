@@ -1,0 +1,152 @@
+"""Robust TSID: one measure of robustness, one use of it (paper B, eq. 4 to 6)."""
+
+import math
+from dataclasses import dataclass, field
+from typing import Literal, get_args
+
+import numpy as np
+
+from drake_tc.errors import ParamsError
+from drake_tc.tsid.polytope import LeastSquares, Polytope
+from drake_tc.tsid.qp.problem import Outcome, QpSolver
+from drake_tc.tsid.robust import measures
+from drake_tc.tsid.robust.bound import in_null_space, within_risk
+from drake_tc.tsid.robust.box import size_of_risk
+from drake_tc.tsid.robust.gaussian_tail import log_cdf
+from drake_tc.tsid.robust.individual import SAFE
+from drake_tc.tsid.robust.measures import Found, Guess, Means, Measure
+from drake_tc.tsid.robust.newton import FEASIBLE
+from drake_tc.tsid.robust.options import Options
+from drake_tc.tsid.robust.rectangle_program import rectangle
+from drake_tc.tsid.robust.scaled import ScaledProblem, scaled
+from drake_tc.tsid.robust.solution import RobustSolution, Start
+from drake_tc.tsid.robust.step import FREE
+from drake_tc.tsid.robust.torque_error import TorqueError
+from drake_tc.types import BoolArray, FloatArray
+
+MeasureName = Literal["classic", "individual", "rectangle", "box"]
+Use = Literal["trade_off", "null_space", "constraint"]
+
+
+@dataclass(frozen=True)
+class Formulation:
+    """One way to choose torques tau on lower <= G tau <= upper, with J = ||D tau - d||^2 and R = -log p.
+
+    Uses:
+        trade_off: min J + weight R (eq. 6; for "box" min J - weight s, s its half width in sigmas, eq. 17).
+        null_space: min R over the minimisers of J (eq. 4).
+        constraint: min J subject to R <= minimum (eq. 5).
+    Measures: "classic" has no R; "individual", "rectangle" and "box" approximate p as the modules of these names say.
+    Equation 16 of the paper halves J for the rectangle alone; here weight means the same for all.
+
+    Attributes:
+        measure: Which R.
+        use: What for.
+        weight: w of the trade-off; a first guess of the multiplier for "constraint".
+        minimum: R_min of the constraint; p >= exp(-R_min) by the measure's approximation.
+        options: Accuracy and budget.
+
+    Raises:
+        ParamsError: an unknown measure or use, or a weight or minimum that is not above 0.
+    """
+
+    measure: MeasureName = "individual"
+    use: Use = "trade_off"
+    weight: float = 1.0
+    minimum: float = 0.05
+    options: Options = field(default_factory=Options)
+
+    def __post_init__(self) -> None:
+        for name, value, names in (
+            ("measure", self.measure, get_args(MeasureName)),
+            ("use", self.use, get_args(Use)),
+        ):
+            if value not in names:
+                raise ParamsError(f"{name}: wanted one of {sorted(names)}; got {value!r}")
+        for name, number in (("weight", self.weight), ("minimum", self.minimum)):
+            if not (number > 0.0 and np.isfinite(number)):
+                raise ParamsError(f"{name}: wanted a finite number > 0; got {number}")
+
+    def solve(
+        self,
+        cost: LeastSquares,
+        polytope: Polytope,
+        error: TorqueError,
+        qp: QpSolver,
+        start: Start | None = None,
+    ) -> RobustSolution:
+        """The torque; never raises on numbers (NaN gives Outcome.FAILED, contradictory limits INFEASIBLE).
+
+        Args:
+            cost: D, d over the torques [N m].
+            polytope: Limits over the torques.
+            error: Of the torques.
+            qp: Solver of the steps whose active rows cannot be guessed.
+            start: Of the last tick's solution.
+        """
+        problem = scaled(cost, polytope, error)
+        means = Means(qp, self.options.accuracy, self.options.budget.started())
+        m = len(polytope.lower)
+        known = start is not None and len(start.torque) == len(error.scale)
+        if start is not None and known:
+            same = start.rows == m
+            guess = Guess(start.torque / problem.scale, start.working if same else FREE, start.inner if same else None)
+            weight = start.weight
+        else:
+            guess, weight = Guess(np.zeros(len(error.scale))), 0.0
+        try:
+            found, weight = self._found(problem, guess, weight, means, known)
+        except (np.linalg.LinAlgError, FloatingPointError, ValueError):
+            found = Found(np.full(len(error.scale), np.nan), np.nan, FREE, Outcome.FAILED, False, 0, 0)
+        return _packed(found, weight, problem, cost)
+
+    def _found(
+        self, problem: ScaledProblem, guess: Guess, weight: float, means: Means, known: bool
+    ) -> tuple[Found, float]:
+        if self.measure == "classic":
+            return measures.least_cost(problem, guess, means), 0.0
+        program = _MEASURES[self.measure]
+        if self.use == "null_space":
+            return in_null_space(program, problem, guess, means), 0.0
+        if self.use == "constraint":
+            if self.measure == "box":
+                size = size_of_risk(self.minimum, problem.noise.shape[1])
+                return measures.shrunk_box(problem, size, guess, means), 0.0
+            return within_risk(program, problem, self.minimum, weight or self.weight, guess, means)
+        if not known:
+            classic = measures.least_cost(problem, guess, means)
+            if classic.outcome is not Outcome.SOLVED:
+                return classic, 0.0
+            guess = Guess(classic.x)
+        return program(problem, self.weight, guess, means), 0.0
+
+
+_MEASURES: dict[str, Measure] = {"individual": measures.individual, "box": measures.box, "rectangle": rectangle}
+
+
+def _packed(found: Found, weight: float, problem: ScaledProblem, cost: LeastSquares) -> RobustSolution:
+    torque, limits = found.x * problem.scale, problem.limits
+    counts = found.iterations, found.programs
+    if not math.isfinite(float(torque.sum())):
+        zero = np.zeros_like(torque)
+        active = np.zeros(len(limits.lower), dtype=np.int64)
+        return RobustSolution(zero, math.inf, 0.0, math.inf, active, Outcome.FAILED, False, *counts, None)
+    value = limits.matrix @ found.x
+    room = np.concatenate((limits.upper - value, value - limits.lower))
+    sides = (room <= FEASIBLE).astype(np.int64)
+    active = sides[: len(value)] - sides[len(value) :]
+    start = Start(torque, len(value), found.working, weight, found.inner)
+    chance = _p_ind(room, problem.certain)
+    return RobustSolution(
+        torque, found.risk, chance, cost(torque), active, found.outcome, found.converged, *counts, start
+    )
+
+
+def _p_ind(room: FloatArray, certain: BoolArray | None) -> float:
+    """From the distances (2 m,) to both sides of each row [sigma]."""
+    if certain is not None:
+        sure = np.concatenate((certain, certain))
+        if room[sure].min() < -FEASIBLE:
+            return 0.0
+        room = room[~sure]
+    return math.exp(float(log_cdf(room[room < SAFE]).sum()))

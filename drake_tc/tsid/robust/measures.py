@@ -1,0 +1,140 @@
+"""min ||D x - d||^2 + w R(x) inside the limits, for each measure R: what every use of robustness repeats."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from drake_tc.tsid.qp.problem import Outcome, QpSolver
+from drake_tc.tsid.robust.box import BoxRows, box_risk, box_size, with_size
+from drake_tc.tsid.robust.individual import IndividualRisk
+from drake_tc.tsid.robust.newton import Budget, Minimum, minimise
+from drake_tc.tsid.robust.objective import Objective, nothing
+from drake_tc.tsid.robust.scaled import ScaledProblem
+from drake_tc.tsid.robust.step import FREE, Working
+from drake_tc.types import FloatArray
+
+EXACT = 1e-14
+"""Of ||d||^2: how exactly the cost alone is minimised."""
+
+NEARLY = 1.0 - 1e-5
+"""Of the largest box: what is left of it for the cost."""
+
+BOX_DAMPING = 1e-6
+"""Of w: each step may take the box a long way, and the damping leaves no trace where the steps end."""
+
+
+@dataclass(frozen=True, eq=False)
+class Guess:
+    """Where to begin: x (n,), the working set of the program, the box as `Start` has it."""
+
+    x: FloatArray
+    working: Working = FREE
+    inner: FloatArray | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """Where a program ended; see `RobustSolution` for what is named alike."""
+
+    x: FloatArray
+    risk: float
+    working: Working
+    outcome: Outcome
+    converged: bool
+    iterations: int
+    programs: int
+    inner: FloatArray | None = None
+
+    @property
+    def guess(self) -> Guess:
+        """To go on from here."""
+        return Guess(self.x, self.working, self.inner)
+
+
+@dataclass(frozen=True, eq=False)
+class Means:
+    """With what a program is solved: the QP solver, the accuracy [of R], the budget."""
+
+    qp: QpSolver
+    accuracy: float
+    budget: Budget
+
+
+Measure = Callable[[ScaledProblem, float, Guess, Means], Found]
+
+
+def minimum_of(minimum: Minimum, x: FloatArray, risk: float, inner: FloatArray | None = None) -> Found:
+    """The part of a program's minimum that is torques."""
+    m = minimum
+    return Found(x, risk, m.working, m.outcome, m.converged, m.iterations, m.programs, inner)
+
+
+def least_cost(problem: ScaledProblem, guess: Guess, means: Means) -> Found:
+    """Classic TSID (eq. 11): R counts as 0."""
+    objective = Objective(problem.cost)
+    minimum = minimise(
+        objective,
+        problem.limits,
+        means.qp,
+        guess.x,
+        working=guess.working,
+        accuracy=EXACT * float(problem.cost.target @ problem.cost.target),
+        budget=means.budget,
+    )
+    return minimum_of(minimum, minimum.point.x, 0.0)
+
+
+def individual(problem: ScaledProblem, weight: float, guess: Guess, means: Means) -> Found:
+    """R_ind (eq. 13)."""
+    risk = IndividualRisk(problem.erring)
+    objective = Objective(problem.cost, risk=risk, weight=weight)
+    minimum = minimise(
+        objective,
+        problem.limits,
+        means.qp,
+        guess.x,
+        working=guess.working,
+        accuracy=means.accuracy * weight,
+        budget=means.budget,
+    )
+    return minimum_of(minimum, minimum.point.x, minimum.point.risk)
+
+
+def box(problem: ScaledProblem, weight: float, guess: Guess, means: Means) -> Found:
+    """R_box: minus the size s of the largest box is what w multiplies (eq. 17); R = -log p_box is reported."""
+    n = len(guess.x)
+    linear = np.zeros(n + 1)
+    linear[n] = -weight
+    rows = BoxRows(problem.limits, problem.noise)
+    minimum = minimise(
+        Objective(with_size(problem.cost), linear=linear, damping=BOX_DAMPING * weight),
+        rows,
+        means.qp,
+        np.concatenate((guess.x, guess.inner if guess.inner is not None and len(guess.inner) == 1 else np.zeros(1))),
+        working=guess.working,
+        accuracy=means.accuracy * weight,
+        budget=means.budget,
+    )
+    x = minimum.point.x[:n]
+    size = rows.size(x) if problem.certain is None else box_size(problem, x)
+    return minimum_of(minimum, x, box_risk(size, problem.noise.shape[1]), minimum.point.x[n:])
+
+
+def shrunk_box(problem: ScaledProblem, size: float, guess: Guess, means: Means) -> Found:
+    """Least cost with room for a box of `size` sigmas: R_box <= R_min is that; INFEASIBLE with the largest there is."""
+    found = least_cost(_shrunk(problem, size), Guess(guess.x, guess.working), means)
+    if found.outcome is Outcome.INFEASIBLE:
+        largest = box(replace(problem, cost=nothing(len(guess.x))), 1.0, Guess(guess.x), means)
+        found = replace(largest, working=FREE, inner=None)
+        if largest.inner is not None and largest.outcome is Outcome.SOLVED:
+            cheapest = least_cost(_shrunk(problem, NEARLY * float(largest.inner[0])), Guess(largest.x), means)
+            found = cheapest if cheapest.outcome is Outcome.SOLVED else found
+        found = replace(found, outcome=Outcome.INFEASIBLE)
+    return replace(found, risk=box_risk(box_size(problem, found.x), problem.noise.shape[1]))
+
+
+def _shrunk(problem: ScaledProblem, size: float) -> ScaledProblem:
+    """Every side closer by what a box of this size reaches."""
+    reach, limits = np.abs(problem.noise).sum(axis=1) * size, problem.limits
+    return replace(problem, limits=replace(limits, lower=limits.lower + reach, upper=limits.upper - reach))

@@ -1,0 +1,130 @@
+"""min ||D x - d||^2 + w R_rect(x) inside the limits (paper B, eq. 16), and R_rect at a torque (eq. 15)."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from drake_tc.tsid.polytope import Polytope
+from drake_tc.tsid.qp.problem import Outcome, QpSolver
+from drake_tc.tsid.robust.individual import certain_miss
+from drake_tc.tsid.robust.measures import Found, Guess, Means, box, minimum_of
+from drake_tc.tsid.robust.newton import FEASIBLE, Budget, Minimum, minimise
+from drake_tc.tsid.robust.objective import nothing
+from drake_tc.tsid.robust.rectangle import RectangleObjective, RectangleRows
+from drake_tc.tsid.robust.scaled import Rows, ScaledProblem, scaled
+from drake_tc.tsid.robust.step import FREE, Working
+from drake_tc.tsid.robust.torque_error import TorqueError
+from drake_tc.types import FloatArray
+
+SMALL = 1e-9
+"""Half width [sigma] below which a box counts as none."""
+
+WIDTH = 1e-2
+"""Least width of a box along each axis, in sigmas or, where it begins narrower than one, of its first width."""
+
+SHARES = (1.0, 0.7, 0.4, 0.2, 0.1, 0.05, 0.02, 0.01, 1e-3, 1e-4, 1e-6)
+"""Of the way from the torque without a box to the largest box, at which a cold start looks."""
+
+ROUNDS = 5
+"""Programs at most, each with the sides that x missed in the one before."""
+
+
+def rectangle(problem: ScaledProblem, weight: float, guess: Guess, means: Means) -> Found:
+    """R_rect with the cost not halved as in eq. 16: from the box of the last solution, else from the largest of all.
+
+    The most probable box need not be around x, so x itself is held inside the limits too, by the sides it would miss.
+    """
+    sides = 2 * problem.noise.shape[1]
+    if guess.inner is not None and len(guess.inner) == sides + len(problem.limits.lower):
+        start = np.concatenate((guess.x, guess.inner[:sides]))
+        found = _from(start, guess.inner[sides:], guess.working, problem, weight, means)
+        if found.outcome is Outcome.SOLVED:
+            return found
+    begin = _largest(problem, guess.x, means)
+    if begin is None:
+        outcome = Outcome.SOLVED if problem.limits.miss(guess.x) <= FEASIBLE else Outcome.INFEASIBLE
+        return Found(guess.x, math.inf, FREE, outcome, False, 1, 1)
+    begin = _towards(guess.x, begin, problem, weight)
+    return _from(begin, np.zeros(len(problem.limits.lower)), FREE, problem, weight, means)
+
+
+def _towards(x: FloatArray, begin: FloatArray, problem: ScaledProblem, weight: float) -> FloatArray:
+    """The best of a few points between (x, no box) and the largest box; limits are convex, so all are inside."""
+    objective = RectangleObjective(problem.cost, problem.noise.shape[1], weight)
+    end = np.concatenate((x, np.zeros(len(begin) - len(x))))
+    if len(x) == 0 or problem.limits.miss(x) > FEASIBLE:
+        return begin
+    points = [objective.at(end + share * (begin - end)) for share in SHARES]
+    return min(points, key=lambda point: point.value).x
+
+
+def _from(
+    start: FloatArray, held: FloatArray, working: Working, problem: ScaledProblem, weight: float, means: Means
+) -> Found:
+    """From (x, a, b); held (m,) are the sides that x itself is to keep, see `RectangleRows`."""
+    axes, limits = problem.noise.shape[1], problem.limits
+    n = len(start) - 2 * axes
+    objective = RectangleObjective(problem.cost, axes, weight)
+    accuracy = means.accuracy * weight
+    begin, width = start, min(WIDTH, WIDTH * float((start[n : n + axes] + start[n + axes :]).min(initial=1.0)))
+    steps = programs = 0
+    for _ in range(ROUNDS):
+        rows = RectangleRows(limits, problem.noise, held, width)
+        minimum = minimise(objective, rows, means.qp, start, working=working, accuracy=accuracy, budget=means.budget)
+        start, working = minimum.point.x, minimum.working
+        steps, programs = steps + minimum.iterations, programs + minimum.programs
+        value = limits.matrix @ start[:n]
+        missed = (value > limits.upper + FEASIBLE) * 1.0 - (value < limits.lower - FEASIBLE)
+        if minimum.outcome is not Outcome.SOLVED or n == 0 or not missed.any():
+            break
+        start, working = begin, _without(working, 2 * len(limits.lower) + axes)
+        held = np.where(held == 0.0, missed, held)
+    else:
+        inside = Outcome.SOLVED if limits.miss(begin[:n]) <= FEASIBLE else Outcome.FAILED
+        minimum = Minimum(objective.at(begin), FREE, inside, False, steps, programs)
+    found = minimum_of(minimum, start[:n], minimum.point.risk)
+    return replace(found, working=working, iterations=steps, programs=programs, inner=np.concatenate((start[n:], held)))
+
+
+def _without(working: Working, first: int) -> Working:
+    """The working set without rows from `first` on."""
+    keep = working.rows < first
+    return Working(working.rows[keep], working.sides[keep], working.multipliers[keep])
+
+
+def _largest(problem: ScaledProblem, x: FloatArray, means: Means) -> FloatArray | None:
+    """(x, a, b) of the largest box with equal sides: around the x where it is largest of all, or else beside x."""
+    n, axes = len(x), problem.noise.shape[1]
+    patient = replace(means, budget=Budget())  # without a box there is nothing to begin with
+    if n:
+        around = box(replace(problem, cost=nothing(n)), 1.0, Guess(x), patient)
+        if around.outcome is Outcome.SOLVED and around.inner is not None and around.inner[0] > SMALL:
+            return np.concatenate((around.x, np.full(2 * axes, around.inner[0])))
+    value = problem.limits.matrix @ x
+    rows = Rows(problem.noise, problem.limits.lower - value, problem.limits.upper - value)
+    beside = box(replace(problem, cost=nothing(axes), limits=rows), 1.0, Guess(np.zeros(axes)), patient)
+    if beside.outcome is not Outcome.SOLVED or beside.inner is None or not beside.inner[0] > SMALL:
+        return None
+    return np.concatenate((x, beside.inner[0] + beside.x, beside.inner[0] - beside.x))
+
+
+def rectangle_risk(
+    polytope: Polytope, torque: FloatArray, error: TorqueError, qp: QpSolver, accuracy: float = 1e-6
+) -> float:
+    """R_rect(tau) = -log p_rect (eq. 15); inf where no box fits."""
+    n = error.joints
+    problem = scaled(nothing(n), polytope, error)
+    x = torque / problem.scale
+    if certain_miss(problem.limits, problem.certain, x):
+        return math.inf
+    fixed = problem.along(x, np.zeros((n, 0)))
+    if problem.certain is not None:
+        fixed = replace(fixed, limits=problem.erring.along(x, np.zeros((n, 0))), certain=None)
+    found = rectangle(fixed, 1.0, Guess(np.zeros(0)), Means(qp, accuracy, Budget()))
+    return found.risk if found.outcome is Outcome.SOLVED else math.inf
+
+
+def p_rect(polytope: Polytope, torque: FloatArray, error: TorqueError, qp: QpSolver) -> float:
+    """Probability of the most probable axis-aligned box (eq. 14): a lower bound of p; 0 where none fits."""
+    return math.exp(-rectangle_risk(polytope, torque, error, qp))

@@ -1,0 +1,56 @@
+"""The angular momentum about the centre of mass follows a reference."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from drake_tc.tsid.rows import Parts, TaskRows
+from drake_tc.tsid.tasks.base import Gains, axes, gains
+from drake_tc.tsid.terms import Terms
+from drake_tc.types import FloatArray
+
+
+class AngularMomentumTask:
+    """A_G vdot + Adot_G v = Ldot_d + kp (L_d - L), the angular rows, in world axes; the masked axes of them.
+
+    Reference (6,): [L_d; Ldot_d] [N m s, N m].
+    """
+
+    reference_size = 6
+
+    def __init__(
+        self,
+        kp: Gains,
+        *,
+        weight: Gains = 1.0,
+        mask: Sequence[bool] | None = None,
+        name: str = "angular momentum",
+    ) -> None:
+        """Keep the gains.
+
+        Args:
+            kp: Of each axis, or one for all [1/s].
+            weight: Of each axis, or one for all.
+            mask: Which of x, y, z are wanted; None for all.
+            name: Of the task.
+
+        Raises:
+            ParamsError: gains or weights that are negative, not finite or of another size; a mask without an axis.
+        """
+        self.name = name
+        self._kp = gains(f"task {name!r}: kp", kp, 3)
+        self._axes = axes(f"task {name!r}: mask", mask, 3)
+        weights = gains(f"task {name!r}: weight", weight, 3)
+        self.weight = weights if self._axes is None else weights[self._axes]
+
+    def rest(self, terms: Terms) -> FloatArray:
+        """The reference that asks for nothing at this state."""
+        return np.zeros(self.reference_size)
+
+    def rows(self, terms: Terms, reference: FloatArray) -> TaskRows:
+        """The rows at this state."""
+        matrix = terms.momentum_matrix[:3]
+        target = reference[3:] + self._kp * (reference[:3] - matrix.dot(terms.v)) - terms.momentum_bias[:3]
+        if self._axes is not None:
+            matrix, target = matrix[self._axes], target[self._axes]
+        return TaskRows(self.name, Parts(vdot=matrix), target, self.weight)

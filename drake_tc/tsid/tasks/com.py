@@ -1,0 +1,52 @@
+"""The centre of mass follows a point."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from drake_tc.tsid.rows import Parts, TaskRows
+from drake_tc.tsid.tasks.base import Gains, axes, gains
+from drake_tc.tsid.terms import Terms
+from drake_tc.types import FloatArray
+
+
+class ComTask:
+    """J_com vdot + Jdot_com v = xdd_d + kp (x_d - x) + kd (xd_d - xd), in world axes; the masked axes of them.
+
+    Reference (9,): [x_d; xd_d; xdd_d] [m, m/s, m/s^2].
+    """
+
+    reference_size = 9
+
+    def __init__(
+        self, kp: Gains, kd: Gains, *, weight: Gains = 1.0, mask: Sequence[bool] | None = None, name: str = "com"
+    ) -> None:
+        """Keep the gains.
+
+        Args:
+            kp: Of each axis, or one for all [1/s^2].
+            kd: The same [1/s].
+            weight: Of each axis, or one for all.
+            mask: Which of x, y, z are wanted; None for all.
+            name: Of the task.
+
+        Raises:
+            ParamsError: gains or weights that are negative, not finite or of another size; a mask without an axis.
+        """
+        self.name = name
+        self._kp, self._kd = gains(f"task {name!r}: kp", kp, 3), gains(f"task {name!r}: kd", kd, 3)
+        self._axes = axes(f"task {name!r}: mask", mask, 3)
+        weights = gains(f"task {name!r}: weight", weight, 3)
+        self.weight = weights if self._axes is None else weights[self._axes]
+
+    def rest(self, terms: Terms) -> FloatArray:
+        """The reference that asks for nothing at this state."""
+        return np.concatenate((terms.com, np.zeros(6)))
+
+    def rows(self, terms: Terms, reference: FloatArray) -> TaskRows:
+        """The rows at this state."""
+        error = self._kp * (reference[:3] - terms.com) + self._kd * (reference[3:6] - terms.com_velocity)
+        matrix, target = terms.com_jacobian, reference[6:] + error - terms.com_bias
+        if self._axes is not None:
+            matrix, target = matrix[self._axes], target[self._axes]
+        return TaskRows(self.name, Parts(vdot=matrix), target, self.weight)

@@ -1,0 +1,72 @@
+"""The joints follow positions."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from drake_tc.errors import ParamsError
+from drake_tc.estimation.torque_model import as_slice
+from drake_tc.tsid.model import TsidModel
+from drake_tc.tsid.rows import TaskRows, selection
+from drake_tc.tsid.tasks.base import Gains, gains
+from drake_tc.tsid.terms import Terms
+from drake_tc.types import FloatArray
+
+
+class PostureTask:
+    """qdd_j = qdd_d + kp (q_d - q_j) + kd (qd_d - qd_j) of each joint j that is wanted.
+
+    Reference (3n,): [q_d; qd_d; qdd_d] of all joints in the robot's order [rad, rad/s, rad/s^2].
+    """
+
+    def __init__(
+        self,
+        model: TsidModel,
+        kp: Gains,
+        kd: Gains,
+        *,
+        weight: Gains = 1.0,
+        joints: Sequence[str] | None = None,
+        name: str = "posture",
+    ) -> None:
+        """Keep the gains.
+
+        Args:
+            model: Of the robot.
+            kp: Of each wanted joint, or one for all [1/s^2].
+            kd: The same [1/s].
+            weight: Of each wanted joint, or one for all.
+            joints: Which are wanted; None for all, in the robot's order.
+            name: Of the task.
+
+        Raises:
+            ParamsError: a joint that is not there or is named twice; gains or weights that are negative, not finite
+                or of another size.
+        """
+        names = model.robot.joints
+        wanted = names if joints is None else tuple(joints)
+        for i, joint in enumerate(wanted):
+            if joint not in names:
+                raise ParamsError(f"task {name!r}: no joint {joint!r}; joints: {', '.join(names)}")
+            if joint in wanted[:i]:
+                raise ParamsError(f"task {name!r}: joint {joint!r} is named twice")
+        if not wanted:
+            raise ParamsError(f"task {name!r}: wanted at least one joint; got none")
+        self.name, self.reference_size = name, 3 * model.n
+        self.weight = gains(f"task {name!r}: weight", weight, len(wanted))
+        self._kp = gains(f"task {name!r}: kp", kp, len(wanted))
+        self._kd = gains(f"task {name!r}: kd", kd, len(wanted))
+        chosen = np.array([names.index(joint) for joint in wanted])
+        self._velocity, self._position = as_slice(model.actuated[chosen]), as_slice(model.positions[chosen])
+        self._wanted = tuple(as_slice(order * model.n + chosen) for order in range(3))
+        self._parts = selection(model.actuated[chosen], model.nv)
+
+    def rest(self, terms: Terms) -> FloatArray:
+        """The reference that asks for nothing at this state."""
+        return np.concatenate((terms.joint_position, np.zeros(2 * terms.joint_position.size)))
+
+    def rows(self, terms: Terms, reference: FloatArray) -> TaskRows:
+        """The rows at this state."""
+        q_d, qd_d, qdd_d = (reference[places] for places in self._wanted)
+        error = self._kp * (q_d - terms.q[self._position]) + self._kd * (qd_d - terms.v[self._velocity])
+        return TaskRows(self.name, self._parts, qdd_d + error, self.weight)

@@ -1,0 +1,257 @@
+"""R_box and R_rect: their functions by differences, their programs by brute force and by scipy, both below p."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+from scipy.integrate import quad
+from scipy.optimize import linprog, minimize
+from scipy.special import erf, log_ndtr, ndtr
+
+from drake_tc.tsid.polytope import LeastSquares, Polytope
+from drake_tc.tsid.probability import probability
+from drake_tc.tsid.qp.choose import solver
+from drake_tc.tsid.robust.box import BoxRows, box_risk, p_box, size_of_risk
+from drake_tc.tsid.robust.formulation import Formulation
+from drake_tc.tsid.robust.interval import interval_risk, interval_slopes
+from drake_tc.tsid.robust.objective import nothing
+from drake_tc.tsid.robust.rectangle import RectangleObjective, RectangleRows
+from drake_tc.tsid.robust.rectangle_program import p_rect, rectangle_risk
+from drake_tc.tsid.robust.scaled import scaled
+from drake_tc.tsid.robust.torque_error import TorqueError
+
+from .robust_problems import random_covariance, random_polytope, random_problem
+
+QP = solver()
+
+
+def test_interval_risk_where_plain_arithmetic_does():
+    above, below = (g.ravel() for g in np.meshgrid(np.linspace(-4.0, 8.0, 25), np.linspace(-3.9, 8.1, 25)))
+    keep = above + below > 0.05
+    above, below = above[keep], below[keep]
+    # Phi(a) - Phi(-b) by the two lower tails, or the two upper ones where those are smaller: 1e-16 over 4e-4 at worst
+    mass = np.where(above > below, ndtr(below) - ndtr(-above), ndtr(above) - ndtr(-below))
+    assert_allclose(interval_risk(above, below), -np.log(mass), rtol=1e-9, atol=1e-12)
+
+
+def test_interval_risk_far_out_and_very_narrow():
+    for above, below in ((-38.0, 41.0), (40.0, -37.0), (-200.0, 201.0)):
+        # all but 1e-16 of the mass is that of the half line
+        assert_allclose(interval_risk(np.array([above]), np.array([below])), -log_ndtr(min(above, below)), rtol=1e-10)
+    narrow = interval_risk(np.array([1.0 + 1e-9]), np.array([-1.0]))
+    assert_allclose(narrow, 0.5 + 0.5 * np.log(2.0 * np.pi) - np.log(1e-9), rtol=1e-8)
+    wide = interval_risk(np.array([9.0]), np.array([10.0]))
+    assert_allclose(wide, ndtr(-9.0) + ndtr(-10.0), rtol=1e-10)
+    assert np.all(np.isinf(interval_risk(np.array([-1.0, 2.0, 0.0]), np.array([1.0, -3.0, 0.0]))))
+
+
+def test_interval_slopes():
+    rng = np.random.default_rng(0)
+    above = rng.uniform(-3.0, 6.0, 200)
+    below = -above + rng.uniform(0.3, 6.0, 200)
+    risk = interval_risk
+    got = interval_slopes(above, below, risk(above, below))
+    h = 1e-5
+    by_a = (risk(above + h, below) - risk(above - h, below)) / (2 * h)
+    by_b = (risk(above, below + h) - risk(above, below - h)) / (2 * h)
+    assert_allclose(got[0], by_a, rtol=1e-6, atol=1e-8)
+    assert_allclose(got[1], by_b, rtol=1e-6, atol=1e-8)
+    ahead, behind = (interval_slopes(above + s, below, risk(above + s, below)) for s in (h, -h))
+    assert_allclose(got[2], (ahead[0] - behind[0]) / (2 * h), rtol=1e-6, atol=1e-6)
+    assert_allclose(got[3], (ahead[1] - behind[1]) / (2 * h), rtol=1e-6, atol=1e-6)
+    ahead, behind = (interval_slopes(above, below + s, risk(above, below + s)) for s in (h, -h))
+    assert_allclose(got[4], (ahead[1] - behind[1]) / (2 * h), rtol=1e-6, atol=1e-6)
+
+
+@settings(max_examples=100, deadline=None)
+@given(st.lists(st.floats(-8.0, 8.0), min_size=4, max_size=4), st.floats(0.0, 1.0))
+def test_interval_risk_is_convex(ends, share):
+    (a, b), (c, d) = (ends[0], abs(ends[1]) + 0.1 - ends[0]), (ends[2], abs(ends[3]) + 0.1 - ends[2])
+    one, other = interval_risk(np.array([a, c]), np.array([b, d]))
+    between = interval_risk(np.array([share * a + (1 - share) * c]), np.array([share * b + (1 - share) * d]))[0]
+    assert between <= share * one + (1 - share) * other + 1e-9 * (1.0 + one + other)
+
+
+@pytest.mark.parametrize("full", [False, True])
+def test_rows_of_box_and_rectangle_are_the_worst_corners(full):
+    rng = np.random.default_rng(2)
+    polytope, inside, sigma = random_polytope(rng, 4, 3)
+    error = TorqueError(random_covariance(rng, sigma) if full else sigma**2)
+    problem = scaled(nothing(4), polytope, error)
+    x, sides = inside / problem.scale, rng.uniform(0.1, 2.0, 8)
+    held = np.zeros(len(polytope.lower))
+    held[[1, 5]] = 1.0, -1.0
+    rows = RectangleRows(problem.limits, problem.noise, held, 0.01)
+    box = BoxRows(problem.limits, problem.noise)
+    corners = np.array(np.meshgrid(*[(-b, a) for a, b in zip(sides[:4], sides[4:], strict=True)])).reshape(4, -1)
+    value = problem.limits.matrix @ x
+    reached = value[:, None] + problem.noise @ corners
+    got = rows.times(np.concatenate((x, sides)))
+    expected = np.concatenate(
+        (reached.max(axis=1), -reached.min(axis=1), -sides[:4] - sides[4:], value[[1]], -value[[5]])
+    )
+    assert_allclose(got, expected, rtol=1e-12, atol=1e-9)
+    reached = value[:, None] + problem.noise @ np.array(np.meshgrid(*[(-1.3, 1.3)] * 4)).reshape(4, -1)
+    got_box = box.times(np.append(x, 1.3))
+    assert_allclose(got_box[:-1], np.concatenate((reached.max(axis=1), -reached.min(axis=1))), rtol=1e-12, atol=1e-9)
+    for kind, point in ((rows, np.concatenate((x, sides))), (box, np.append(x, 1.3))):
+        assert_allclose(kind.dense().matrix @ point, kind.times(point), rtol=1e-12, atol=1e-9)
+        some = np.array([3, 9, len(kind.upper) - 1, 0, len(kind.upper) - 3])
+        assert_allclose(kind.take(some), kind.dense().matrix[some], rtol=1e-15)
+
+
+def test_rectangle_factor_is_that_of_its_hessian():
+    cost, polytope, error = random_problem(1)
+    problem = scaled(cost, polytope, error)
+    objective = RectangleObjective(problem.cost, 6, 0.3)
+    rng = np.random.default_rng(0)
+    at = np.concatenate((rng.normal(size=6), rng.uniform(0.2, 3.0, 12)))
+    point, h = objective.at(at), 1e-5
+    gradient = point.gradient()
+    steps = h * np.eye(18)
+    values = [(objective.at(at + s).value - objective.at(at - s).value) / (2 * h) for s in steps]
+    assert_allclose(gradient, values, rtol=1e-6, atol=1e-7 * np.abs(values).max())
+    slopes = [(objective.at(at + s).gradient() - objective.at(at - s).gradient()) / (2 * h) for s in steps]
+    hessian = point.factor().hessian()
+    assert_allclose(hessian, slopes, rtol=1e-5, atol=1e-5 * np.abs(hessian).max())
+    right = rng.normal(size=(18, 3))
+    white = point.factor().whiten(right)
+    assert_allclose(white.T @ white, right.T @ np.linalg.solve(hessian, right), rtol=1e-9)
+    assert_allclose(point.factor().solve(right[:, 0]), np.linalg.solve(hessian, right[:, 0]), rtol=1e-9)
+
+
+def test_box_risk_and_its_inverse():
+    # quad's own error is 1e-15 absolute
+    for size, axes in ((0.3, 1), (2.0, 7), (5.9, 30), (6.1, 30), (8.0, 30)):
+        inside = quad(lambda z: math.exp(-0.5 * z * z) / math.sqrt(2 * math.pi), size, np.inf)[0] * 2
+        assert_allclose(box_risk(size, axes), -axes * math.log1p(-inside), rtol=1e-7)
+        assert_allclose(size_of_risk(box_risk(size, axes), axes), size, rtol=1e-9)
+    assert box_risk(0.0, 3) == math.inf
+    assert box_risk(math.inf, 3) == 0.0
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_lower_bounds_of_p(seed):
+    """p_box <= p_rect <= p, the last within the interval of the quasi-Monte Carlo."""
+    rng = np.random.default_rng(seed)
+    polytope, inside, sigma = random_polytope(rng, 4, 4, near=6.0)
+    for error in (TorqueError(sigma**2), TorqueError(random_covariance(rng, sigma))):
+        for torque in (inside, inside + sigma * rng.normal(size=4)):
+            p = probability(polytope, torque, error)
+            by_rectangle, by_box = p_rect(polytope, torque, error, QP), p_box(polytope, torque, error)
+            assert by_box <= by_rectangle + 1e-9
+            assert by_rectangle <= p.ci95[1] + 1e-9
+    assert p_rect(polytope, inside, error, QP) > 1e-3
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_box_at_a_torque_by_linear_programming(seed):
+    polytope, inside, sigma = random_polytope(np.random.default_rng(seed), 5, 6)
+    reach = np.abs(polytope.matrix) @ sigma
+    value = polytope.matrix @ inside
+    sides = np.concatenate((polytope.upper - value, value - polytope.lower))
+    keep = np.isfinite(sides)
+    size = linprog([-1.0], np.concatenate((reach, reach))[keep, None], sides[keep]).x[0]
+    assert_allclose(p_box(polytope, inside, TorqueError(sigma**2)), erf(size / math.sqrt(2)) ** 5, rtol=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_box_program_by_brute_force_in_the_plane(seed):
+    cost, polytope, error = random_problem(seed, n=2, rows=3)
+    solution = Formulation("box", weight=0.01).solve(cost, polytope, error, QP)
+    sigma = error.sigma
+    reach = np.abs(polytope.matrix) @ sigma
+
+    def best(x, y):
+        value = polytope.matrix @ np.stack([x, y])
+        room = np.minimum(polytope.upper[:, None] - value, value - polytope.lower[:, None]) / reach[:, None]
+        size = room.min(axis=0)
+        residual = cost.matrix @ np.stack([x, y]) - cost.target[:, None]
+        return np.where(size >= -1e-9, np.einsum("ij,ij->j", residual, residual) - 0.01 * size, np.inf)
+
+    centre, width = solution.torque, 60.0 * sigma
+    for _ in range(12):
+        ticks = [c + np.linspace(-w, w, 81) for c, w in zip(centre, width, strict=True)]
+        x, y = (g.ravel() for g in np.meshgrid(*ticks))
+        values = best(x, y)
+        centre, width = np.array([x[values.argmin()], y[values.argmin()]]), 0.3 * width
+    ours = best(solution.torque[:1], solution.torque[1:] * 1.0)[0]
+    assert ours <= values.min() + 1e-6 * 0.01
+    assert_allclose(solution.torque, centre, atol=2e-2 * sigma.max())
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_rectangle_program_by_scipy(seed):
+    cost, polytope, error = random_problem(seed, n=2, rows=3)
+    solution = Formulation("rectangle", weight=0.01).solve(cost, polytope, error, QP)
+    sigma, matrix = error.sigma, polytope.matrix
+    plus, minus = np.maximum(matrix, 0.0) * sigma, np.maximum(-matrix, 0.0) * sigma
+
+    def objective(z):
+        a, b = z[2:4], z[4:]
+        return cost(z[:2] * sigma) - 0.01 * np.log(np.maximum(ndtr(a) - ndtr(-b), 1e-300)).sum()
+
+    def room(z):
+        value = matrix @ (z[:2] * sigma)
+        high = polytope.upper - value - plus @ z[2:4] - minus @ z[4:]
+        low = value - minus @ z[2:4] - plus @ z[4:] - polytope.lower
+        both = np.concatenate((high, low)) / np.tile(np.linalg.norm(matrix * sigma, axis=1), 2)
+        return both[np.isfinite(both)]
+
+    sides = solution.start.inner[:4]
+    ours = np.concatenate((solution.torque / sigma, sides))
+    assert room(ours).min() > -1e-6
+    for push in range(3):
+        begin = ours + 0.1 * np.random.default_rng(push).normal(size=6)
+        other = minimize(objective, begin, method="SLSQP", constraints={"type": "ineq", "fun": room}, tol=1e-14)
+        if room(other.x).min() > -1e-9:
+            assert objective(ours) <= other.fun + 1e-7
+    assert_allclose(solution.robustness, -np.log(ndtr(sides[:2]) - ndtr(-sides[2:])).sum(), rtol=1e-8)
+
+
+def test_rectangle_fits_where_no_box_around_the_torque_does():
+    """A triangle seen from its corner: boxes around the corner are empty, the best one lies beside it."""
+    polytope = Polytope(
+        np.array([[1.0, 1.0], [-1.0, 1.0], [0.0, 1.0]]), np.array([0.0, 0.0, -np.inf]), np.full(3, np.inf)
+    )
+    polytope = Polytope(polytope.matrix, polytope.lower, np.array([np.inf, np.inf, 9.0]))
+    error = TorqueError(np.ones(2))
+    assert p_box(polytope, np.zeros(2), error) == 0.0
+    found = p_rect(polytope, np.zeros(2), error, QP)
+    size = np.linspace(0.01, 3.0, 3000)
+    by_hand = ((2.0 * ndtr(size) - 1.0) * (ndtr(9.0) - ndtr(size))).max()
+    assert_allclose(found, by_hand, rtol=1e-5)
+    assert rectangle_risk(Polytope(np.eye(2), np.zeros(2), np.zeros(2)), np.zeros(2), error, QP) == math.inf
+
+
+def test_x_itself_stays_inside_with_the_rectangle():
+    """A cost that pulls far outside: eq. 16 alone would let x follow it while its box stays."""
+    cost, polytope, error = random_problem(4, off=0.0)
+    far = LeastSquares(cost.matrix * 1e3, cost.matrix @ (polytope.upper[:6] * 3.0) * 1e3)
+    solution = Formulation("rectangle", weight=1e-6).solve(far, polytope, error, QP)
+    assert polytope.violation(solution.torque) < 1e-6 * error.sigma.max()
+    assert np.count_nonzero(solution.active) > 0
+
+
+@settings(max_examples=25, deadline=None)
+@given(seed=st.integers(0, 10**6), share=st.floats(0.1, 0.9), full=st.booleans())
+def test_rectangle_and_box_are_convex_in_the_torque(seed, share, full):
+    rng = np.random.default_rng(seed)
+    polytope, inside, sigma = random_polytope(rng, 3, 4, near=5.0)
+    error = TorqueError(random_covariance(rng, sigma) if full else sigma**2)
+    one, other = (inside + 0.5 * sigma * rng.normal(size=3) for _ in range(2))
+    between = share * one + (1.0 - share) * other
+    low, high, middle = (rectangle_risk(polytope, x, error, QP) for x in (one, other, between))
+    assert middle <= share * low + (1.0 - share) * high + 1e-5 * (1.0 + low + high)
+    low, high, middle = (box_risk(max(_size(polytope, x, error), 0.0), 3) for x in (one, other, between))
+    if np.isfinite(low + high):
+        assert middle <= share * low + (1.0 - share) * high + 1e-9 * (1.0 + low + high)
+
+
+def _size(polytope, torque, error):
+    reach = np.abs(polytope.matrix @ error.root).sum(axis=1)
+    value = polytope.matrix @ torque
+    return (np.minimum(polytope.upper - value, value - polytope.lower) / reach).min()

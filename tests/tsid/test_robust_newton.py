@@ -1,0 +1,130 @@
+"""Newton's method from starts that are far off, and single steps against a QP solver of Drake's."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from scipy.optimize import minimize
+
+from drake_tc.tsid.polytope import LeastSquares
+from drake_tc.tsid.qp.choose import solver
+from drake_tc.tsid.qp.problem import Outcome, QuadraticProgram
+from drake_tc.tsid.robust.factor import DenseFactor
+from drake_tc.tsid.robust.individual import IndividualRisk
+from drake_tc.tsid.robust.newton import minimise
+from drake_tc.tsid.robust.null_space import null_basis
+from drake_tc.tsid.robust.objective import Objective, nothing
+from drake_tc.tsid.robust.scaled import Rows, scaled
+from drake_tc.tsid.robust.step import FREE, Stepper, Working
+
+from .robust_problems import random_problem
+
+QP = solver()
+NO_ROWS = Rows(np.zeros((0, 6)), np.zeros(0), np.zeros(0))
+
+
+class Forbidden:
+    def solve(self, problem, start=None):
+        raise AssertionError("no program was needed")
+
+
+@pytest.mark.parametrize("far", [1.0, 60.0, 1e3, 1e4])
+@pytest.mark.parametrize("seed", range(5))
+def test_risk_is_minimised_from_far_outside(seed, far):
+    """Without limits, sides up to 1e4 sigmas away on the wrong side; scipy finds the same minimum from nearby."""
+    _, polytope, error = random_problem(seed, n=6, rows=10, near=4.0)
+    problem = scaled(nothing(6), polytope, error)
+    risk = IndividualRisk(problem.erring)
+    objective = Objective(nothing(6), risk=risk, weight=1.0)
+    begin = far * np.random.default_rng(seed).normal(size=6)
+    if far >= 60.0:
+        assert risk.margins(begin).min() < -40.0
+    found = minimise(objective, NO_ROWS, Forbidden(), begin, accuracy=1e-9)
+    assert found.converged
+    assert found.iterations < 60
+
+    def value(x):
+        point = objective.at(x)
+        return point.value, point.gradient()
+
+    other = minimize(value, found.point.x + 0.1, jac=True, method="BFGS", options={"gtol": 1e-7})
+    assert_allclose(found.point.risk, other.fun, rtol=1e-6)
+
+
+@pytest.mark.parametrize("far", [60.0, 1e4])
+@pytest.mark.parametrize("seed", range(5))
+def test_limits_are_reached_from_far_outside(seed, far):
+    cost, polytope, error = random_problem(seed, n=6, rows=10)
+    problem = scaled(cost, polytope, error)
+    objective = Objective(problem.cost, risk=IndividualRisk(problem.erring), weight=1e-2)
+    begin = far * np.random.default_rng(seed).normal(size=6)
+    found = minimise(objective, problem.limits, QP, begin, accuracy=1e-10)
+    near = minimise(objective, problem.limits, QP, np.zeros(6), accuracy=1e-10)
+    assert found.outcome is Outcome.SOLVED
+    assert found.converged
+    assert problem.limits.miss(found.point.x) < 1e-6
+    assert_allclose(found.point.value, near.point.value, rtol=1e-7)
+
+
+def test_no_program_where_the_newton_step_stays_inside():
+    _, polytope, error = random_problem(0)
+    problem = scaled(nothing(6), polytope, error)
+    objective = Objective(nothing(6), risk=IndividualRisk(problem.erring), weight=1.0)
+    inside = minimise(objective, problem.limits, QP, np.zeros(6), accuracy=1e-6).point.x
+    found = minimise(objective, problem.limits, Forbidden(), inside + 0.01, accuracy=1e-9)
+    assert found.converged
+    assert found.programs == 0
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_step_is_that_of_another_solver(seed):
+    rng = np.random.default_rng(seed)
+    n, m = 7, 15
+    root = rng.normal(size=(n, n))
+    hessian, gradient = root @ root.T + 0.1 * np.eye(n), 3.0 * rng.normal(size=n)
+    rows = Rows(rng.normal(size=(m, n)), -rng.uniform(0.0, 1.0, m), rng.uniform(0.0, 1.0, m))
+    wrong = Working(np.array([1, 5]), np.array([1, -1]), np.zeros(2))
+    program = QuadraticProgram(hessian, gradient, rows.matrix, rows.lower, rows.upper)
+    reference = solver("clarabel").solve(program)
+    for working in (FREE, wrong):
+        step = Stepper(DenseFactor(hessian), rows, QP).step(gradient, rows.lower, rows.upper, working)
+        assert step.outcome is Outcome.SOLVED
+        assert_allclose(step.d, reference.x, atol=1e-5)
+        assert_allclose(step.along, rows.matrix @ step.d, atol=1e-12)
+        force = np.zeros(m)
+        force[step.working.rows] = step.working.multipliers
+        balance = hessian @ step.d + gradient + rows.matrix.T @ force
+        assert_allclose(balance, 0.0, atol=1e-9 * np.abs(gradient).max())
+        assert np.all(step.working.multipliers * step.working.sides >= 0.0)
+        ends = np.where(step.working.sides > 0, rows.upper[step.working.rows], rows.lower[step.working.rows])
+        assert_allclose(step.along[step.working.rows], ends, atol=1e-8)
+        assert rows.miss(step.d) < 2e-8
+
+
+def test_flat_risk_ends():
+    """Rows on one side only: R falls for ever, ever less."""
+    rows = Rows(np.eye(3), np.zeros(3), np.full(3, np.inf))
+    objective = Objective(nothing(3), risk=IndividualRisk(rows), weight=1.0)
+    found = minimise(objective, Rows(np.zeros((0, 3)), np.zeros(0), np.zeros(0)), QP, -50.0 * np.ones(3), accuracy=1e-8)
+    assert found.converged
+    assert 0.0 <= found.point.risk < 1e-6
+
+
+def test_null_basis():
+    rng = np.random.default_rng(0)
+    for rows, n, rank in ((5, 8, 5), (8, 5, 3), (33, 30, 24), (4, 4, 4), (0, 3, 0)):
+        matrix = rng.normal(size=(rows, rank)) @ rng.normal(size=(rank, n)) * 10.0 ** rng.uniform(-2, 0, (rows, 1))
+        basis = null_basis(matrix)
+        assert basis.shape == (n, n - rank)
+        assert_allclose(basis.T @ basis, np.eye(n - rank), atol=1e-12)
+        assert_allclose(matrix @ basis, 0.0, atol=1e-12 * max(1.0, np.abs(matrix).max(initial=0.0)))
+
+
+def test_gradient_of_the_objective():
+    cost, polytope, error = random_problem(3)
+    problem = scaled(cost, polytope, error)
+    linear = np.arange(6.0)
+    objective = Objective(problem.cost, linear=linear, risk=IndividualRisk(problem.erring), weight=0.7)
+    x, h = np.random.default_rng(0).normal(size=6), 1e-6
+    by_difference = [(objective.at(x + s).value - objective.at(x - s).value) / (2 * h) for s in h * np.eye(6)]
+    assert_allclose(objective.at(x).gradient(), by_difference, rtol=1e-6, atol=1e-6)
+    assert LeastSquares(problem.cost.matrix, problem.cost.target)(x) <= objective.at(x).value - linear @ x
