@@ -1,6 +1,5 @@
 """The closed form of one joint against the Drake diagram of the same loop, linearised; and what it says by itself."""
 
-import time
 from dataclasses import replace
 
 import numpy as np
@@ -134,18 +133,6 @@ def test_tracking_by_time_recursion():
     cosine, sine = np.linalg.lstsq(design, q[n], rcond=None)[0]
     closed = 1.0 - loop.tracking(np.array([omega]))[0]  # q/q_d; q_d is a sine
     assert_allclose([sine, cosine], [closed.real, closed.imag], rtol=1e-5, atol=1e-8)
-
-
-def test_a_point_of_a_map_is_quick():
-    """At most 5 ms at N = 80: the best of several, in this process's own time."""
-    YAW.spectral_radius()
-    seconds = []
-    for i in range(12):
-        loop = replace(YAW, kp=2.0 + 0.01 * i)
-        begin = time.process_time()
-        loop.spectral_radius()
-        seconds.append(time.process_time() - begin)
-    assert min(seconds) <= 5e-3
 
 
 def test_loops_of_a_scenario():
