@@ -23,9 +23,13 @@ from .rigs import Joint, record, rig_of, servo
 NOISY = Joint(torque_noise=0.25, extra=lambda m: 1.2 * m.v * np.abs(m.v))
 
 
-def diagnose(joint: Joint) -> JointResult:
+QUICK = DiagnosisOptions(judged=False)
+"""Without the search for structure in what is left, which these tests do not ask for."""
+
+
+def diagnose(joint: Joint, options: DiagnosisOptions = QUICK) -> JointResult:
     runs = [record(joint, "one"), record(joint, "two", 0.9, 1), record(joint, "held", 2.3, 2)]
-    return diagnose_joint(runs[:2], runs[2:], rig_of(joint), "joint", DiagnosisOptions())
+    return diagnose_joint(runs[:2], runs[2:], rig_of(joint), "joint", options)
 
 
 FEW = ("quadratic_viscous", "load_dependent_friction", "torque_sensor_drift", "torque_ripple")
@@ -45,7 +49,7 @@ def result_of(*joints: JointResult) -> CloseLoopResult:
 
 @pytest.fixture(scope="module")
 def found() -> JointResult:
-    return diagnose(NOISY)
+    return diagnose(NOISY, DiagnosisOptions())
 
 
 def test_the_missing_effect_is_found_and_its_value_is_right(found):
@@ -63,7 +67,7 @@ def test_the_missing_effect_is_found_and_its_value_is_right(found):
 
 def test_a_result_does_not_depend_on_the_held_out_run(found):
     other = [record(NOISY, "one"), record(NOISY, "two", 0.9, 1), record(replace(NOISY, extra=None), "held", 2.3, 2)]
-    again = diagnose_joint(other[:2], other[2:], rig_of(NOISY), "joint", DiagnosisOptions())
+    again = diagnose_joint(other[:2], other[2:], rig_of(NOISY), "joint", QUICK)
     assert_allclose(again.final.beta, found.final.beta, rtol=1e-12)
     assert again.after.heldout > 2.0 * found.after.heldout
 
@@ -141,7 +145,7 @@ def test_declared_values_are_taken_off_before_the_fit(monkeypatch):
     runs = [record(NOISY, "one"), record(NOISY, "two", 0.9, 1), record(NOISY, "held", 2.3, 2)]
     rig = rig_of(NOISY)
     knows = replace(rig, declared={"joint": {**rig.declared["joint"], "quadratic_viscous": 1.2}})
-    found = diagnose_joint(runs[:2], runs[2:], knows, "joint", DiagnosisOptions())
+    found = diagnose_joint(runs[:2], runs[2:], knows, "joint", QUICK)
     assert found.verdict == "no_missing_effect"
     assert_allclose(found.final_parameters["viscous"]["viscous"].value, NOISY.viscous, rtol=0.02)
     assert found.before.heldout < 1.5 * found.noise_floor
