@@ -1,39 +1,75 @@
 """The diagrams that commands know by name."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any, Generic, Protocol, TypeVar
 
-from drake_tc.diagrams.scenarios.scenario import Scenario, load_scenario, scenario_names
+from drake_tc.diagrams.humanoid_tsid import TsidLoop, build_tsid
+from drake_tc.diagrams.runs.simulated import Progress, Simulated, simulate_torque_loop, simulate_tsid_loop
+from drake_tc.diagrams.scenarios.files import scenario_names
+from drake_tc.diagrams.scenarios.scenario import Scenario, load_scenario
 from drake_tc.diagrams.torque_loop import Loop, build_loop
+from drake_tc.diagrams.tsid.scenario import TsidScenario, load_tsid_scenario
+from pydrake.systems.framework import Diagram
 
 from drake_tc.errors import ParamsError
 
 HERE = Path(__file__).parent
 
 
+class AnyScenario(Protocol):
+    """What commands change of a scenario."""
+
+    @property
+    def seed(self) -> int:
+        """Of all random numbers."""
+        ...
+
+    def changed(self, **fields: Any) -> Any:
+        """The same with other values; those that are None stay."""
+        ...
+
+
+class AnyLoop(Protocol):
+    """What commands need of a built diagram."""
+
+    @property
+    def diagram(self) -> Diagram:
+        """The diagram."""
+        ...
+
+
+ScenarioT = TypeVar("ScenarioT", bound=AnyScenario)
+LoopT = TypeVar("LoopT", bound=AnyLoop)
+
+
 @dataclass(frozen=True)
-class DiagramEntry:
+class DiagramEntry(Generic[ScenarioT, LoopT]):
     """One diagram.
 
     Attributes:
         name: As commands take it.
         title: One line.
         scenario_file: Its committed scenarios; the first is the default.
+        load: File, name and text of changes to scenario.
         build: Scenario to loop.
+        simulate: Scenario to what a run comes to; told of progress, and whether to show it in a browser.
     """
 
     name: str
     title: str
     scenario_file: Path
-    build: Callable[[Scenario], Loop] = build_loop
+    load: Callable[[Path, str, str | None], ScenarioT]
+    build: Callable[[ScenarioT], LoopT]
+    simulate: Callable[[ScenarioT, Progress | None, bool], Simulated]
 
     def scenarios(self) -> list[str]:
         """Names of the committed scenarios."""
         names: list[str] = scenario_names(self.scenario_file)
         return names
 
-    def scenario(self, name: str | None = None, file: Path | None = None, text: str | None = None) -> Scenario:
+    def scenario(self, name: str | None = None, file: Path | None = None, text: str | None = None) -> ScenarioT:
         """A scenario, from the committed file unless another is given; the first of the file when no name is.
 
         Raises:
@@ -45,30 +81,72 @@ class DiagramEntry:
             if not names:
                 raise ParamsError(f"{path}: wanted at least one scenario; the file has none")
             name = names[0]
-        return load_scenario(path, name, text)
+        return self.load(path, name, text)
 
 
-DIAGRAMS: Mapping[str, DiagramEntry] = {
-    entry.name: entry
-    for entry in (
-        DiagramEntry(
-            "hrp2_leg", "a hanging leg in torque control, or under its vendor's servo", HERE / "hrp2_leg.scenario.yaml"
-        ),
-        DiagramEntry(
-            "hrp2_leg_contact",
-            "the foot on a rigid object: force control",
-            HERE / "hrp2_leg_contact.scenario.yaml",
-        ),
-    )
-}
+TorqueLoopEntry = DiagramEntry[Scenario, Loop]
+TsidEntry = DiagramEntry[TsidScenario, TsidLoop]
 
 
-def diagram_entry(name: str) -> DiagramEntry:
-    """The diagram of that name.
+def _torque_loop(name: str, title: str) -> TorqueLoopEntry:
+    return DiagramEntry(name, title, HERE / f"{name}.scenario.yaml", load_scenario, build_loop, simulate_torque_loop)
+
+
+def _tsid(name: str, title: str) -> TsidEntry:
+    return DiagramEntry(name, title, HERE / f"{name}.scenario.yaml", load_tsid_scenario, build_tsid, simulate_tsid_loop)
+
+
+def _by_name(entries: Sequence[Any]) -> dict[str, Any]:
+    return {entry.name: entry for entry in entries}
+
+
+DIAGRAMS: Mapping[str, TorqueLoopEntry] = _by_name(
+    [
+        _torque_loop("hrp2_leg", "a hanging leg in torque control, or under its vendor's servo"),
+        _torque_loop("hrp2_leg_contact", "the foot on a rigid object: force control"),
+    ]
+)
+"""Those of the torque loop (paper A), which stability analysis and tuning know too."""
+
+TSID_DIAGRAMS: Mapping[str, TsidEntry] = _by_name(
+    [_tsid("humanoid_tsid", "a humanoid on a floor under robust TSID, its torques direct or through drives")]
+)
+
+RUNNABLE: Mapping[str, DiagramEntry[Any, Any]] = {**DIAGRAMS, **TSID_DIAGRAMS}
+"""Everything that can be simulated and drawn."""
+
+
+def diagram_entry(name: str) -> TorqueLoopEntry:
+    """The diagram of the torque loop of that name.
 
     Raises:
         ParamsError: there is none; the message lists those there are.
     """
-    if name not in DIAGRAMS:
-        raise ParamsError(f"no diagram {name!r}; diagrams: {', '.join(DIAGRAMS)}")
-    return DIAGRAMS[name]
+    return _found(name, DIAGRAMS)
+
+
+def tsid_entry(name: str = "humanoid_tsid") -> TsidEntry:
+    """The diagram around robust TSID of that name.
+
+    Raises:
+        ParamsError: there is none; the message lists those there are.
+    """
+    return _found(name, TSID_DIAGRAMS)
+
+
+def runnable(name: str) -> DiagramEntry[Any, Any]:
+    """Any diagram that can be simulated and drawn.
+
+    Raises:
+        ParamsError: there is none; the message lists those there are.
+    """
+    return _found(name, RUNNABLE)
+
+
+EntryT = TypeVar("EntryT")
+
+
+def _found(name: str, entries: Mapping[str, EntryT]) -> EntryT:
+    if name not in entries:
+        raise ParamsError(f"no diagram {name!r}; diagrams: {', '.join(entries)}")
+    return entries[name]

@@ -28,8 +28,8 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import numpy as np
 from drake_tc.diagrams.bench.diagram import Table
-from drake_tc.diagrams.joint_bench import BenchScenario, record_bench
 from drake_tc.diagrams.bench.rig_free_run import rig_free_run
+from drake_tc.diagrams.joint_bench import BenchScenario, record_bench
 
 from drake_tc import close_loop, feedforward_effort, load_models, load_rig, load_runs
 from drake_tc.actuation.compensation import Motion

@@ -32,6 +32,8 @@ import numpy as np
 from drake_tc.diagrams.analysed.joint_loops import joint_loops
 from drake_tc.diagrams.analysed.one_joint_loop import one_joint_loop
 from drake_tc.diagrams.analysed.operating_point import sliding
+from drake_tc.diagrams.analysed.tuned import tuned_fields, tuned_scenario
+from drake_tc.diagrams.analysed.tuning_task import joint_tasks
 from drake_tc.diagrams.papers.sliding_prediction import floating, predicted
 from drake_tc.diagrams.papers.stability import BEGIN, LASTS, WATCHED, Released, pushed
 from drake_tc.diagrams.papers.tuning import BEGIN as SWING_BEGINS
@@ -39,8 +41,6 @@ from drake_tc.diagrams.papers.tuning import IDENTIFIED
 from drake_tc.diagrams.registry import diagram_entry
 from drake_tc.diagrams.runs.running import simulate_scenario
 from drake_tc.diagrams.scenarios.parts import PushSpec
-from drake_tc.diagrams.analysed.tuned import tuned_fields, tuned_scenario
-from drake_tc.diagrams.analysed.tuning_task import joint_tasks
 from matplotlib.colors import LogNorm
 
 from drake_tc.analysis.pareto_plot import draw_fronts

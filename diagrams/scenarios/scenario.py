@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
-import yaml
+from drake_tc.diagrams.scenarios.files import read_scenario, scenario_names
 from drake_tc.diagrams.scenarios.parts import (
     FilterSpec,
     ForceSpec,
@@ -21,7 +21,7 @@ from drake_tc.diagrams.scenarios.parts import (
     PushSpec,
     SuspensionSpec,
 )
-from drake_tc.diagrams.scenarios.strict_yaml import from_mapping, read_mapping
+from drake_tc.diagrams.scenarios.strict_yaml import from_mapping
 
 from drake_tc.control.guard import GuardSpec
 from drake_tc.control.torque_control import CompensationSpec
@@ -30,6 +30,8 @@ from drake_tc.estimation.delay_predictor import PredictorSpec
 from drake_tc.estimation.disturbance_observer import ObserverSpec
 from drake_tc.estimation.monitor_spec import MonitorSpec
 from drake_tc.sensing.fault import SensorFault
+
+__all__ = ["Scenario", "load_scenario", "scenario_names"]
 
 
 @dataclass(frozen=True)
@@ -143,15 +145,6 @@ _CHOICES = {
 }
 
 
-def scenario_names(path: Path) -> list[str]:
-    """The scenarios of a file, in its order.
-
-    Raises:
-        ParamsError: the file cannot be read.
-    """
-    return list(read_mapping(path))
-
-
 def load_scenario(path: Path, name: str, text: str | None = None) -> Scenario:
     """The scenario `name` of a file, with the fields in `text` (YAML) changed.
 
@@ -163,35 +156,6 @@ def load_scenario(path: Path, name: str, text: str | None = None) -> Scenario:
     Raises:
         ParamsError: no such file or scenario, an unknown field, or a value that is not possible.
     """
-    document = _extended(path, read_mapping(path), name, ())
-    if text is not None:
-        try:
-            changes = yaml.safe_load(text)
-        except yaml.YAMLError as error:
-            raise ParamsError(f"scenario text: not valid YAML: {' '.join(str(error).split())}") from None
-        if not isinstance(changes, dict):
-            raise ParamsError(f"scenario text: wanted a mapping of fields; got {text!r}")
-        document = _merged(document, changes)
+    document = read_scenario(path, name, text)
     scenario: Scenario = from_mapping(Scenario, {"source": str(path.parent), **document}, f"{path}: {name}")
     return scenario
-
-
-def _extended(path: Path, document: dict[str, Any], name: str, seen: tuple[str, ...]) -> dict[str, Any]:
-    if name not in document:
-        raise ParamsError(f"{path}: no scenario {name!r}; scenarios here: {', '.join(document)}")
-    if name in seen:
-        raise ParamsError(f"{path}: {name}: extends itself ({' -> '.join((*seen, name))})")
-    if not isinstance(document[name] or {}, dict):
-        raise ParamsError(f"{path}: {name}: wanted a mapping of fields; got {document[name]!r}")
-    own = dict(document[name] or {})
-    parent = own.pop("extends", None)
-    return own if parent is None else _merged(_extended(path, document, parent, (*seen, name)), own)
-
-
-def _merged(base: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
-    """`base` with `changes`, mapping by mapping."""
-    merged = dict(base)
-    for key, value in changes.items():
-        both = isinstance(value, dict) and isinstance(merged.get(key), dict)
-        merged[key] = _merged(merged[key], value) if both else value
-    return merged

@@ -33,10 +33,10 @@ def graph_command(
 
     Logs, signals that only logs read and unconnected ports are left out of pictures without --all; JSON has them all.
     """
-    from drake_tc.diagrams.registry import diagram_entry
+    from drake_tc.diagrams.registry import runnable
     from drake_tc.report.block_graph.graph import block_graph
 
-    entry = diagram_entry(diagram)
+    entry = runnable(diagram)
     loop = entry.build(entry.scenario(scenario, scenario_file))
     graph = block_graph(loop.diagram, _stages(stage or []), depth or None)
     if format is GraphFormat.json:

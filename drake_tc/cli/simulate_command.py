@@ -1,4 +1,4 @@
-"""`drake-tc simulate`: run a diagram's scenario; tracking and faults on stdout, a log that `close-loop` reads."""
+"""`drake-tc simulate`: run a diagram's scenario; what it comes to on stdout, a log beside it."""
 
 import json
 import sys
@@ -21,34 +21,34 @@ def simulate_command(
     scenario_text: Annotated[str | None, typer.Option(help="YAML of fields to change: '{gains: {k6: 0.25}}'.")] = None,
     duration: Annotated[float | None, typer.Option(help="Simulated seconds instead of the scenario's.")] = None,
     seed: Annotated[int | None, typer.Option(min=0, help="Seed instead of the scenario's.")] = None,
-    out: Annotated[Path | None, typer.Option(help="Folder for log.csv and rig.yaml, which close-loop reads.")] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder for log.csv, and for rig.yaml where close-loop can read them.")
+    ] = None,
     log_format: Annotated[str, typer.Option(help="csv, parquet or npz.")] = "csv",
     meshcat: Annotated[bool, typer.Option(help="Show the robot in a browser while it runs.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the summary as JSON.")] = False,
 ) -> None:
     """Simulate a diagram: robot, actuators, sensors, estimator and controller, as its scenario says."""
-    from drake_tc.diagrams.registry import diagram_entry
-    from drake_tc.diagrams.runs.running import simulate_scenario
-    from drake_tc.diagrams.runs.summary import summarise, write_results
+    from drake_tc.diagrams.registry import runnable
 
     if log_format not in ("csv", "parquet", "npz"):
         raise typer.BadParameter(f"wanted csv, parquet or npz, got {log_format!r}", param_hint="--log-format")
-    entry = diagram_entry(diagram)
+    entry = runnable(diagram)
     scenario = entry.scenario(scenario_name, scenario_file, scenario_text).changed(duration=duration, seed=seed)
     if out:
         _make(out)
     notes: list[str] = []
     with progress_bar(f"simulate {diagram}", quiet=as_json) as progress:
-        recording = simulate_scenario(scenario, progress, meshcat=meshcat)
-        files = write_results(recording, out, log_format, notes.append) if out else []
-    summary = summarise(recording)
+        simulated = entry.simulate(scenario, progress, meshcat)
+        files = simulated.write(out, log_format, notes.append) if out else []
     if as_json:
         written = [str(file) for file in files]
-        print(json.dumps({"diagram": diagram, "seed": scenario.seed, **summary, "files": written, "notes": notes}))
+        told = {"diagram": diagram, "seed": scenario.seed, **simulated.summary, "files": written, "notes": notes}
+        print(json.dumps(told))
         return
     for note in notes:
         print(f"simulate {diagram}: {note}", file=sys.stderr)
-    _print(summary)
+    _print(simulated)
     for file in files:
         print(file)
 
@@ -65,16 +65,15 @@ def _make(folder: Path) -> None:
         raise LogError(f"{folder}: wanted a folder for the log; {error.strerror or error}") from None
 
 
-def _print(summary: dict[str, Any]) -> None:
+def _print(simulated: Any) -> None:
     console = Console(file=sys.stdout, highlight=False)
     table = Table(box=None, padding=(0, 1), pad_edge=False)
-    table.add_column("joint", no_wrap=True)
-    for heading in ("rms error [mrad]", "max error [mrad]", "max torque [N m]"):
+    name, *numbers = simulated.table.headings
+    table.add_column(escape(name), no_wrap=True)
+    for heading in numbers:
         table.add_column(escape(heading), justify="right", min_width=7)
-    for row in summary["joints"]:
-        numbers = (f"{1e3 * row['rms_error']:.3f}", f"{1e3 * row['max_error']:.2f}", f"{row['max_torque']:.1f}")
-        table.add_row(row["joint"], *numbers)
+    for row in simulated.table.rows:
+        table.add_row(*row)
     console.print(table)
-    console.print(f"{summary['duration']:g} s simulated at {summary['real_time_factor']:.1f} x real time")
-    for fault in summary["faults"]:
-        console.print(f"fault: {escape(fault['name'])} from {fault['first']:.3f} s")
+    for line in simulated.lines:
+        console.print(escape(line))

@@ -3,7 +3,7 @@
 import numpy as np
 
 from drake_tc.tsid.robust.solution import Start
-from drake_tc.tsid.robust.step import Working
+from drake_tc.tsid.robust.step import FREE, Working
 from drake_tc.types import FloatArray
 
 _HEAD = 5
@@ -45,9 +45,10 @@ class WarmStart:
         """The `Start` in packed (size,)."""
         if packed[0] != 1.0:
             return None
-        n, room = self._n, self._held
-        count, inner = int(packed[3]), int(packed[4])
-        block = packed[_HEAD + n : _HEAD + n + 3 * room].reshape(3, room)[:, :count]
-        working = Working(block[0].astype(np.int64), block[1].astype(np.int64), block[2].copy())
-        state = packed[packed.size - self._inner :][:inner].copy() if inner else None
-        return Start(packed[_HEAD : _HEAD + n].copy(), int(packed[1]), working, float(packed[2]), state)
+        n, room, working = self._n, self._held, FREE
+        _, rows, weight, count, inner = packed[:_HEAD].tolist()
+        if count:
+            block = packed[_HEAD + n : _HEAD + n + 3 * room].reshape(3, room)[:, : int(count)]
+            working = Working(block[0].astype(np.int64), block[1].astype(np.int64), block[2].copy())
+        state = packed[packed.size - self._inner :][: int(inner)].copy() if inner else None
+        return Start(packed[_HEAD : _HEAD + n].copy(), int(rows), working, weight, state)

@@ -42,7 +42,7 @@ def entry(name):
 @pytest.fixture
 def graph(monkeypatch):
     registry = ModuleType("drake_tc.diagrams.registry")
-    registry.diagram_entry = entry
+    registry.runnable = entry
     monkeypatch.setitem(sys.modules, "drake_tc.diagrams.registry", registry)
     app = typer.Typer()
     app.command("graph")(graph_command)

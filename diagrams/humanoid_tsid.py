@@ -1,0 +1,171 @@
+"""A legged robot on a floor under robust TSID (paper B), from a controller file alone.
+
+    references, contacts --> tsid --> [drives] --> (+ torque error) --> plant and floor --> state or estimate --> tsid
+
+`state: plant` hands the plant's own state to the controller, `torque: direct` its torques to the joints.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from drake_tc.diagrams.loop.surroundings import Pushes
+from drake_tc.diagrams.tsid.drives import add_drives
+from drake_tc.diagrams.tsid.ground import add_ground
+from drake_tc.diagrams.tsid.references import contact_source, task_source
+from drake_tc.diagrams.tsid.scenario import TsidScenario
+from drake_tc.diagrams.tsid.senses import Wiring, add_senses, estimated_state
+from drake_tc.diagrams.tsid.torque_noise import TorqueNoise
+from pydrake.geometry import MeshcatVisualizer, StartMeshcat
+from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder, OutputPort
+from pydrake.systems.primitives import Adder, LogVectorOutput, Multiplexer, VectorLogSink
+
+from drake_tc.errors import ParamsError
+from drake_tc.robot.plant import add_robot
+from drake_tc.robot.robot import Robot
+from drake_tc.tsid.configuration import load_law
+from drake_tc.tsid.controller import RobustTsid, reference_port
+from drake_tc.tsid.law import Law
+from drake_tc.tsid.model import file_rotors
+from drake_tc.types import FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class TsidLoop:
+    """A built diagram.
+
+    Attributes:
+        scenario, law: What it was built from.
+        diagram, plant, controller: The systems.
+        log: Of all recorded signals, one below the other.
+        rows: Signal name to where it stands in the log.
+    """
+
+    scenario: TsidScenario
+    law: Law
+    diagram: Diagram
+    plant: MultibodyPlant
+    controller: RobustTsid
+    log: VectorLogSink
+    rows: Mapping[str, slice]
+
+    @property
+    def robot(self) -> Robot:
+        """The robot."""
+        return self.law.model.robot
+
+    def start(self, context: Context) -> None:
+        """Give the links the scenario's masses; the robot starts at rest in its posture."""
+        own = self.plant.GetMyContextFromRoot(context)
+        for link, factor in self.scenario.masses.items():
+            body = self.plant.GetBodyByName(link)
+            body.SetMass(own, factor * body.CalcSpatialInertiaInBodyFrame(own).get_mass())
+
+    def recorded(self, context: Context) -> tuple[FloatArray, dict[str, FloatArray]]:
+        """What was logged in a run: times (T,) [s], and the signals by name, (T, width) each."""
+        log = self.log.FindLog(context)
+        data = np.asarray(log.data())
+        return np.array(log.sample_times()), {name: data[rows].T.copy() for name, rows in self.rows.items()}
+
+
+def build_tsid(scenario: TsidScenario, *, meshcat: bool = False) -> TsidLoop:
+    """Build the diagram of a scenario.
+
+    Args:
+        scenario: What to build.
+        meshcat: Show the robot in a browser.
+
+    Raises:
+        ParamsError: a file that cannot be read, or names that do not fit.
+    """
+    law = load_law(scenario.path(scenario.controller), scenario.changes)
+    if not law.model.contacts:
+        raise ParamsError(f"{scenario.path(scenario.controller)}: contacts: wanted at least one to stand on; got none")
+    builder = DiagramBuilder()
+    plant = _add_plant(builder, scenario, law, meshcat=meshcat)
+    controller = RobustTsid(law)
+    touched = plant.get_generalized_contact_forces_output_port(plant.GetModelInstanceByName(law.model.robot.name))
+    wiring = Wiring(builder, scenario, law, plant, {"state": plant.get_state_output_port(), "contact": touched})
+    sensors = add_senses(wiring) if scenario.state == "estimated" or scenario.torque == "drives" else None
+    builder.AddNamedSystem("tsid", controller)
+    contacts = _connect_references(builder, scenario, controller)
+    state = plant.get_state_output_port()
+    if sensors is not None and scenario.state == "estimated":
+        state = wiring.signals["estimated_state"] = estimated_state(wiring, sensors, contacts)
+    builder.Connect(state, controller.GetInputPort("estimated_state"))
+    torque = _with_error(builder, scenario, law, controller.GetOutputPort("torque"))
+    if sensors is not None and scenario.torque == "drives":
+        add_drives(wiring, sensors, torque, state)
+    else:
+        wiring.signals["applied_torque"] = torque
+        builder.Connect(torque, plant.get_actuation_input_port())
+    outputs = ("torque", "acceleration", "contact_force", "status")
+    wiring.signals |= {name: controller.GetOutputPort(name) for name in outputs}
+    log, rows = _add_log(wiring)
+    diagram = builder.Build()
+    diagram.set_name(f"{law.model.robot.name}_tsid")
+    return TsidLoop(scenario, law, diagram, plant, controller, log, rows)
+
+
+def _add_log(wiring: Wiring) -> tuple[VectorLogSink, dict[str, slice]]:
+    """One log of all signals, as every log costs its share of a tick; and where each signal stands in it."""
+    ends = np.cumsum([0, *(port.size() for port in wiring.signals.values())]).tolist()
+    joined: Any = wiring.builder.AddNamedSystem("signals", Multiplexer([b - a for a, b in pairwise(ends)]))
+    for index, port in enumerate(wiring.signals.values()):
+        wiring.builder.Connect(port, joined.get_input_port(index))
+    log = LogVectorOutput(joined.get_output_port(), wiring.builder, wiring.law.period)
+    log.set_name("log")
+    return log, {name: slice(a, b) for name, (a, b) in zip(wiring.signals, pairwise(ends), strict=True)}
+
+
+def _add_plant(builder: DiagramBuilder, scenario: TsidScenario, law: Law, *, meshcat: bool) -> MultibodyPlant:
+    robot = law.model.robot
+    plant: Any
+    plant, scene_graph = AddMultibodyPlantSceneGraph(builder, scenario.plant_step)
+    add_robot(plant, robot, visuals=meshcat)
+    add_ground(plant, law.model.contacts, scenario.ground)
+    if meshcat:
+        MeshcatVisualizer.AddToBuilder(builder, scene_graph, StartMeshcat())
+    plant.SetUseSampledOutputPorts(False)
+    plant.Finalize()
+    plant.set_name("plant")
+    for joint, inertia in file_rotors(robot).items():
+        plant.GetJointActuatorByName(joint).set_default_rotor_inertia(inertia)
+    for link in scenario.masses:
+        if not plant.HasBodyNamed(link):
+            raise ParamsError(f"masses: no link {link!r} in {robot.name}")
+    if scenario.pushes:
+        pushes = builder.AddNamedSystem("pushes", Pushes(plant, scenario.pushes))
+        builder.Connect(pushes.get_output_port(), plant.get_applied_spatial_force_input_port())
+    built: MultibodyPlant = plant
+    return built
+
+
+def _connect_references(builder: DiagramBuilder, scenario: TsidScenario, controller: RobustTsid) -> OutputPort | None:
+    """Sources of what moves; what does not stays as the controller has it. The contacts that carry, if they change."""
+    law = controller.law
+    for name, spec in scenario.motion.items():
+        port = reference_port(name)
+        source = builder.AddNamedSystem(port, task_source(law, name, spec))
+        builder.Connect(source.get_output_port(), controller.GetInputPort(port))
+    if not scenario.lifted:
+        return None
+    switch = contact_source(law.model.contacts, scenario.lifted, scenario.duration, law.period)
+    contacts: OutputPort = builder.AddNamedSystem("contacts", switch).get_output_port()
+    builder.Connect(contacts, controller.GetInputPort("active_contacts"))
+    return contacts
+
+
+def _with_error(builder: DiagramBuilder, scenario: TsidScenario, law: Law, torque: OutputPort) -> OutputPort:
+    """The torques with the scenario's errors on them."""
+    spec = scenario.torque_error
+    if spec is None:
+        return torque
+    noise = builder.AddNamedSystem("torque_noise", TorqueNoise(law.error, spec.hold, scenario.seed, spec.scale))
+    total = builder.AddNamedSystem("erring_torque", Adder(2, law.model.n))
+    for number, port in enumerate((torque, noise.get_output_port())):
+        builder.Connect(port, total.get_input_port(number))
+    return total.get_output_port()

@@ -1,0 +1,123 @@
+"""Run a diagram around robust TSID, and what the run leaves behind."""
+
+import math
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from drake_tc.diagrams.humanoid_tsid import TsidLoop, build_tsid
+from drake_tc.diagrams.tsid.scenario import TsidScenario
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import Context
+from threadpoolctl import threadpool_limits
+
+from drake_tc.errors import LogError, SimulationError
+from drake_tc.tsid.law import Law, Status
+from drake_tc.types import FloatArray
+
+CHUNK = 0.02
+"""The state is looked at this often [s]."""
+FALLEN = 0.6
+"""Share of its first height above the floor below which the base counts as fallen."""
+
+Progress = Callable[[str, float], None]
+
+
+@dataclass(frozen=True, eq=False)
+class TsidRecording:
+    """Signals of one simulation, sampled every tick of the controller.
+
+    Attributes:
+        scenario, law: What was simulated.
+        constraints: Names of the rows that `Status.LIMIT` counts.
+        time: (T,) [s].
+        signals: (T, width) each. Of the plant "state" (nq + nv) and "contact" (nv), the generalized forces of its true
+            contacts; of the controller "torque", "acceleration", "contact_force", "status"; "applied_torque" at the
+            joints; with drives "estimated_torque" and "command" too, and "estimated_state" where it is estimated.
+        seconds: Wall time that the simulation took [s].
+        fell: When the robot was found fallen [s]; None: it stands.
+    """
+
+    scenario: TsidScenario
+    law: Law
+    constraints: tuple[str, ...]
+    time: FloatArray
+    signals: Mapping[str, FloatArray]
+    seconds: float
+    fell: float | None
+
+    def __getitem__(self, name: str) -> FloatArray:
+        """(T, width) of one signal.
+
+        Raises:
+            LogError: no such signal in this recording.
+        """
+        if name not in self.signals:
+            raise LogError(f"no signal {name!r} recorded; recorded: {', '.join(sorted(self.signals))}")
+        return self.signals[name]
+
+    def status(self, which: Status) -> FloatArray:
+        """(T,) of one part of the status."""
+        return self["status"][:, which]
+
+    @property
+    def real_time_factor(self) -> float:
+        """Simulated seconds a second of wall time."""
+        return float((self.time[-1] - self.time[0]) / self.seconds)
+
+
+def simulate_tsid(scenario: TsidScenario, progress: Progress | None = None, *, meshcat: bool = False) -> TsidRecording:
+    """Build a scenario's diagram, run it, and return what was logged; a robot that falls ends the run.
+
+    Args:
+        scenario: What to run.
+        progress: Told what is done and which share.
+        meshcat: Show the robot in a browser.
+
+    Raises:
+        ParamsError: a scenario that cannot be built.
+        SimulationError: the plant's solver failed, or its state is not finite; says when.
+    """
+    if progress:
+        progress("building", 0.0)
+    return run_tsid(build_tsid(scenario, meshcat=meshcat), progress)
+
+
+def run_tsid(loop: TsidLoop, progress: Progress | None = None) -> TsidRecording:
+    """As `simulate_tsid`, for a diagram that is built."""
+    duration = loop.scenario.duration
+    simulator = Simulator(loop.diagram)
+    context = simulator.get_mutable_context()
+    loop.start(context)
+    fell, first = None, _height(loop, context)
+    begin = time.perf_counter()
+    try:
+        with threadpool_limits(1):
+            simulator.Initialize()
+            for chunk in range(1, math.ceil(duration / CHUNK - 1e-9) + 1):
+                now = min(duration, chunk * CHUNK)
+                simulator.AdvanceTo(now)
+                height = _height(loop, context)
+                if not math.isfinite(height):
+                    raise SimulationError(f"system 'plant' has a state that is not finite by t = {now:.3f} s")
+                if height < FALLEN * first:
+                    fell = now
+                    break
+                if progress:
+                    progress(f"{now:.1f} of {duration:g} s", now / duration)
+    except RuntimeError as error:
+        raise SimulationError(
+            f"the simulation failed at t = {context.get_time():.4f} s: {' '.join(str(error).split())};"
+            f" try a smaller plant_step than {loop.scenario.plant_step:g} s"
+        ) from error
+    seconds = time.perf_counter() - begin
+    times, signals = loop.recorded(context)
+    return TsidRecording(loop.scenario, loop.law, loop.controller.constraints, times, signals, seconds, fell)
+
+
+def _height(loop: TsidLoop, context: Context) -> float:
+    """Of the base [m]."""
+    plant: Any = loop.plant
+    body = plant.GetBodyByName(loop.robot.base)
+    return float(plant.EvalBodyPoseInWorld(plant.GetMyContextFromRoot(context), body).translation()[2])

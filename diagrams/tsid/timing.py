@@ -1,0 +1,109 @@
+"""What a tick of robust TSID costs, stage by stage, along a motion of the humanoid; and its diagram as a whole."""
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+from drake_tc.diagrams.humanoid_tsid import build_tsid
+from drake_tc.diagrams.runs.timing import Timing
+from drake_tc.diagrams.tsid.references import task_source
+from drake_tc.diagrams.tsid.running import TsidRecording, simulate_tsid
+from drake_tc.diagrams.tsid.scenario import TsidScenario
+from pydrake.systems.analysis import Simulator
+from threadpoolctl import threadpool_limits
+
+from drake_tc.tsid.law import Before, Law, problem_at, solve_tick
+from drake_tc.tsid.robust.formulation import MeasureName
+from drake_tc.types import FloatArray
+
+MEASURES: tuple[MeasureName, ...] = ("classic", "individual", "box", "rectangle")
+CHUNK = 0.02
+"""Simulated time of one timing of the whole diagram [s]."""
+
+Progress = Callable[[str, float], None]
+
+
+def tick_timings(scenario: TsidScenario, progress: Progress) -> list[Timing]:
+    """Rows of `drake-tc bench tick`: own time of the thread [us], from a warm start, BLAS on one core.
+
+    Args:
+        scenario: A motion; its controller is timed with each measure of robustness.
+        progress: Told what is timed and which share is done.
+    """
+    with threadpool_limits(1):
+        progress("recording the motion", 0.0)
+        recording = simulate_tsid(scenario)
+        references = _references(recording)
+        rows = _stages(recording, references)
+        for number, measure in enumerate(MEASURES):
+            progress(f"a tick, {measure}", (1 + number) / (2 + len(MEASURES)))
+            formulation = replace(recording.law.formulation, measure=measure)
+            rows.append(_ticks(replace(recording.law, formulation=formulation), recording, references))
+        progress("the diagram", 1.0 - 1.0 / (2 + len(MEASURES)))
+        rows.append(_diagram(scenario))
+    return rows
+
+
+def _references(recording: TsidRecording) -> list[list[FloatArray]]:
+    """One a task, a tick."""
+    law, motion = recording.law, recording.scenario.motion
+    start = law.starting_terms()
+    columns: list[list[FloatArray]] = []
+    for task in law.tasks:
+        if task.name not in motion:
+            columns.append([task.rest(start)] * recording.time.size)
+            continue
+        source = task_source(law, task.name, motion[task.name])
+        context, column = source.CreateDefaultContext(), []
+        for instant in recording.time:
+            context.SetTime(instant)
+            column.append(np.array(source.get_output_port().Eval(context)))
+        columns.append(column)
+    return [list(row) for row in zip(*columns, strict=True)]
+
+
+def _stages(recording: TsidRecording, references: Sequence[Sequence[FloatArray]]) -> list[Timing]:
+    """Terms; all of the problem, terms included."""
+    law, model = recording.law, recording.law.model
+    scratch, active = model.create_scratch(), (True,) * len(model.contacts)
+    terms, problem = [], []
+    for state, wanted in zip(recording["state"], references, strict=True):
+        begin = time.thread_time()
+        model.terms(scratch, state[: model.nq], state[model.nq :], active)
+        known = time.thread_time()
+        problem_at(law, scratch, state, wanted, active)
+        problem.append(time.thread_time() - known)
+        terms.append(known - begin)
+    return [_row("terms of the dynamics", terms), _row("terms, rows and reduction to the torques", problem)]
+
+
+def _ticks(law: Law, recording: TsidRecording, references: Sequence[Sequence[FloatArray]]) -> Timing:
+    model = law.model
+    scratch, active = model.create_scratch(), (True,) * len(model.contacts)
+    before, seconds = Before(np.zeros(model.n), None), []
+    for state, wanted in zip(recording["state"], references, strict=True):
+        begin = time.thread_time()
+        tick = solve_tick(law, scratch, state, wanted, active, before)
+        seconds.append(time.thread_time() - begin)
+        before = Before(tick.torque, tick.start)
+    return _row(f"a tick, everything: {law.formulation.measure}", seconds[1:])
+
+
+def _diagram(scenario: TsidScenario) -> Timing:
+    """A tick of controller, plant with contact, references and log."""
+    loop = build_tsid(scenario)
+    simulator = Simulator(loop.diagram)
+    loop.start(simulator.get_mutable_context())
+    simulator.Initialize()
+    ticks, seconds = round(CHUNK / loop.law.period), []
+    for chunk in range(1, round(scenario.duration / CHUNK) + 1):
+        begin = time.thread_time()
+        simulator.AdvanceTo(chunk * CHUNK)
+        seconds.append((time.thread_time() - begin) / ticks)
+    return _row("the diagram, a tick of 1 ms: controller, plant with contact, log", seconds)
+
+
+def _row(name: str, seconds: Sequence[float]) -> Timing:
+    microseconds = 1e6 * np.array(seconds)
+    return Timing(name, float(np.median(microseconds)), float(np.percentile(microseconds, 99)), len(seconds))

@@ -1,0 +1,39 @@
+"""How the joints will move if the controller has its way: what the drives' friction is compensated for."""
+
+from typing import Any
+
+import numpy as np
+from pydrake.systems.framework import Context, LeafSystem
+
+from drake_tc.tsid.model import TsidModel
+
+
+class WantedMotion(LeafSystem):  # type: ignore[misc, unused-ignore]
+    """The motion of the joints that the controller's accelerations lead to, half a period ahead.
+
+    Inputs:
+        state (nq + nv): [q; v] as the controller knows it.
+        acceleration (nv): of the controller.
+    Output:
+        reference (3n): [q; qdot + qddot period/2; qddot] in the robot's order; follows both inputs at once, no state.
+    """
+
+    def __init__(self, model: TsidModel, period: float) -> None:
+        """Declare the ports.
+
+        Args:
+            model: Of the controller.
+            period: Of the controller [s].
+        """
+        super().__init__()
+        self._model, self._ahead = model, 0.5 * period
+        self._state: Any = self.DeclareVectorInputPort("state", model.nq + model.nv)
+        self._acceleration: Any = self.DeclareVectorInputPort("acceleration", model.nv)
+        tickets = {self._state.ticket(), self._acceleration.ticket()}
+        self.DeclareVectorOutputPort("reference", 3 * model.n, self._write, tickets)
+
+    def _write(self, context: Context, vector: Any) -> None:
+        model, state = self._model, self._state.Eval(context)
+        acceleration = self._acceleration.Eval(context)[model.actuated]
+        velocity = state[model.nq + model.actuated] + self._ahead * acceleration
+        vector.set_value(np.concatenate((state[model.positions], velocity, acceleration)))
