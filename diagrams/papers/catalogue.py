@@ -10,6 +10,10 @@ from drake_tc.diagrams.papers.stability import stability
 from drake_tc.diagrams.papers.stability_grid import stability_grid
 from drake_tc.diagrams.papers.table1 import table1
 from drake_tc.diagrams.papers.torque_estimate import torque_estimate
+from drake_tc.diagrams.papers.tsid_closed_loop import closed_loop
+from drake_tc.diagrams.papers.tsid_com_move import approximations_of_p, five_ways
+from drake_tc.diagrams.papers.tsid_masses import wrong_masses
+from drake_tc.diagrams.papers.tsid_reach import far_reach, wrong_sigma
 from drake_tc.diagrams.papers.tuning import tuning
 
 from drake_tc.errors import ParamsError
@@ -25,6 +29,12 @@ REPRODUCTIONS: Mapping[str, Callable[[int, Progress | None], Reproduction]] = {
     "A.torque_estimate": torque_estimate,
     "A.tune": tuning,
     "A.beyond": beyond,
+    "B.test1": approximations_of_p,
+    "B.test2": five_ways,
+    "B.test3": far_reach,
+    "B.test4": wrong_sigma,
+    "B.test5": wrong_masses,
+    "B.closed_loop": closed_loop,
 }
 """Id to a function of seed and progress."""
 

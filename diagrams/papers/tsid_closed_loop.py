@@ -1,0 +1,187 @@
+"""Beyond paper B: robust TSID in the full simulator, with floor, geared drives, friction and sensors; four forms.
+
+The torque error is what the drives make of the torques, not a noise; the controllers reckon with the Sigma that a run
+of its own identified. Runs differ in the masses of the links and in all random numbers, which the four forms share.
+"""
+
+import os
+from collections.abc import Mapping
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from drake_tc.diagrams.papers.reproduction import Progress, Reproduction, TextTable, expectations, judged
+from drake_tc.diagrams.papers.tsid_judge import wilson
+from drake_tc.diagrams.papers.tsid_setup import robot
+from drake_tc.diagrams.tsid.running import TsidRecording, simulate_tsid
+from drake_tc.diagrams.tsid.scenario import KnotSpec, TsidScenario, load_tsid_scenario
+
+from drake_tc.analysis.sweep import processes, sweep
+from drake_tc.errors import ParamsError
+from drake_tc.robot.plant import joint_limits
+from drake_tc.robot.urdf_tree import read_urdf
+from drake_tc.tsid.law import Law, Status
+from drake_tc.tsid.limits.wrench_cone import WrenchCones
+from drake_tc.types import FloatArray
+
+RUNS = 20
+FORMS = ("classic", "individual", "rectangle", "box")
+SCENARIO = Path(__file__).resolve().parents[1] / "humanoid_tsid.scenario.yaml"
+AMPLITUDE = 0.045
+"""Of the sway to either side [m]."""
+TIMES = (0.6, 2.2, 3.8)
+"""When the centre of mass leaves the middle, is at one end, and at the other [s]: as in tests 1 and 2."""
+BEGIN = 0.6
+"""The drives take over before; limits count from here on [s]."""
+WINDOW = 10
+"""Contact forces are means of so many samples: a limit counts as missed by what lasts 10 ms."""
+TOLERANCE = 1.0
+"""Of the rows of the contacts' cones [N, N m]: what contact that gives way adds and a cone does not know."""
+LEAST, MOST = 0.97, 1.03
+"""Factors on the masses and inertias of the plant's links."""
+
+NOTES = (
+    "Tests 1 and 2's sway, shorter: 4.5 cm to one side, 9 cm across, 1.6 s each, 2 cm lower. Chosen on the classic form"
+    " alone: with the right masses it keeps all limits at 4 cm and misses some at 5 cm.",
+    "Simulated: soles on a floor that gives way, position-servo drives with friction under torque control, realistic"
+    " encoders, gyro and F/T sensors, the state estimated, 1 kHz.",
+    "A run is clean where, from 0.6 s on, no true contact force (means over 10 ms) misses a cone of the controller by"
+    " more than 1 N or 1 N m, no joint its range, speed or torque, and the robot stands.",
+)
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """One run.
+
+    Attributes:
+        force: Share of the samples at which the true contact forces missed a cone of the controller [-].
+        joints: The same for the joints' positions, velocities and torques beyond their limits [-].
+        fallback: Share of the ticks whose torque was the fallback [-].
+        fell: Whether the robot fell, or the simulation ended early.
+    """
+
+    force: float
+    joints: float
+    fallback: float
+    fell: bool
+
+    @property
+    def clean(self) -> bool:
+        """Whether it kept every limit at every sample."""
+        return not (self.fell or self.force > 0.0 or self.joints > 0.0)
+
+
+def sway(form: str, sigma: tuple[float, ...] | None, seed: int, masses: Mapping[str, float]) -> TsidScenario:
+    """The scenario of one run: state estimated, torques through the drives."""
+    base = load_tsid_scenario(SCENARIO, "whole_chain")
+    ends = ((0.0, 0.0, 0.0), (0.0, AMPLITUDE, -0.02), (0.0, -AMPLITUDE, -0.02))
+    changes: dict[str, Any] = {"formulation": {"measure": form}}
+    if sigma is not None:
+        changes["sigma"] = list(sigma)
+    return base.changed(
+        changes=changes, motion={"com": KnotSpec(TIMES, ends)}, duration=TIMES[-1] + 0.2, seed=seed, masses=masses
+    )
+
+
+def identified_sigma(seed: int) -> tuple[float, ...]:
+    """(n,) RMS error of each joint's torque, true minus wanted, over a run of the classic form [N m]."""
+    recording = simulate_tsid(sway("classic", None, seed, {}))
+    late = recording.time >= BEGIN
+    error = (recording["applied_torque"] - recording["torque"])[late]
+    return tuple(np.sqrt(np.mean(error**2, axis=0)).tolist())
+
+
+def contact_forces(recording: TsidRecording) -> FloatArray:
+    """(T, K) true forces of the contacts in their axes, from J^T f of the plant, means over `WINDOW` samples."""
+    model = recording.law.model
+    scratch = model.create_scratch()
+    forces = []
+    for state, generalized in zip(recording["state"], recording["contact"], strict=True):
+        jacobian = model.terms(scratch, state[: model.nq], state[model.nq :]).contact_jacobian
+        forces.append(np.linalg.lstsq(jacobian.T, generalized, rcond=None)[0])
+    kernel = np.full(WINDOW, 1.0 / WINDOW)
+    return np.apply_along_axis(np.convolve, 0, np.array(forces), kernel, "same")
+
+
+def outcome(recording: TsidRecording) -> Outcome:
+    """Which limits of the controller the true motion missed."""
+    law, model = recording.law, recording.law.model
+    late = recording.time >= BEGIN
+    fell = recording.fell is not None or recording.time[-1] < recording.scenario.duration - 0.01
+    if not late.any():
+        return Outcome(1.0, 1.0, 1.0, True)
+    rows = _cones(law)
+    value = contact_forces(recording)[late] @ rows[0].T
+    force = (value < rows[1] - TOLERANCE) | (value > rows[2] + TOLERANCE)
+    limits = joint_limits(model.robot)
+    q = recording["state"][late][:, model.positions]
+    v = recording["state"][late][:, model.nq + model.actuated]
+    torque = recording["applied_torque"][late]
+    joints = (q < limits.lower) | (q > limits.upper) | (np.abs(v) > limits.velocity) | (np.abs(torque) > limits.effort)
+    fallback = recording.status(Status.FALLBACK)[late] > 0.0
+    return Outcome(float(force.any(axis=1).mean()), float(joints.any(axis=1).mean()), float(fallback.mean()), fell)
+
+
+def _cones(law: Law) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """(r, K) matrix, lower and upper sides of all contacts' cones."""
+    cones = next(limit for limit in law.limits if isinstance(limit, WrenchCones))
+    rows = cones.rows(law.starting_terms())
+    matrix = rows.matrix.force
+    if matrix is None:
+        raise ParamsError("contact cones: wanted rows over the contact forces")
+    return matrix, rows.lower, rows.upper
+
+
+def point(sigma: tuple[float, ...], seed: int) -> tuple[Outcome, ...]:
+    """All forms on one robot, for `sweep`."""
+    rng = np.random.default_rng(seed)
+    links = read_urdf(robot().urdf).links
+    masses = {link: float(rng.uniform(LEAST, MOST)) for link in links}
+    noise = int(rng.integers(2**31))
+    return tuple(outcome(simulate_tsid(sway(form, sigma, noise, masses))) for form in FORMS)
+
+
+def closed_loop(seed: int = 0, progress: Progress | None = None, executor: Executor | None = None) -> Reproduction:
+    """B.closed_loop: shares of runs that keep every limit; through any Executor, else all processors here."""
+    if executor is None:
+        with processes(os.cpu_count() or 1) as pool:
+            return closed_loop(seed, progress, pool)
+    if progress:
+        progress("a run that identifies Sigma", 0.0)
+    sigma = identified_sigma(seed)
+    found: list[tuple[Outcome, ...]] = sweep(
+        point, [sigma] * RUNS, executor=executor, chunk=1, seed=seed, progress=progress
+    )
+    return reproduction(found)
+
+
+def reproduction(found: list[tuple[Outcome, ...]]) -> Reproduction:
+    """Of all runs, one Outcome a form."""
+    values: dict[str, float] = {}
+    lines = []
+    for number, form in enumerate(FORMS):
+        runs = [outcomes[number] for outcomes in found]
+        clean = sum(one.clean for one in runs)
+        low, high = (100.0 * bound for bound in wilson(clean, len(runs)))
+        values[f"runs that keep every limit, {form}"] = 100.0 * clean / len(runs)
+        values[f"samples with a missed contact limit, {form}"] = 100.0 * float(np.mean([one.force for one in runs]))
+        values[f"runs that fell, {form}"] = float(sum(one.fell for one in runs))
+        lines.append(
+            (
+                form,
+                f"{100.0 * clean / len(runs):.0f} [{low:.0f}, {high:.0f}]",
+                f"{values[f'samples with a missed contact limit, {form}']:.3f}",
+                f"{100.0 * float(np.mean([one.joints for one in runs])):.3f}",
+                f"{100.0 * float(np.mean([one.fallback for one in runs])):.3f}",
+                f"{sum(one.fell for one in runs)}",
+            )
+        )
+    classic = values["runs that keep every limit, classic"]
+    for form in FORMS[1:]:
+        values[f"{form} minus classic"] = values[f"runs that keep every limit, {form}"] - classic
+    headings = ("", "keep every limit [% and 95 %]", "contact missed [%]", "joints missed [%]", "fallback [%]", "fell")
+    table = TextTable(f"{len(found)} robots, each under all forms", headings, tuple(lines))
+    return Reproduction("B.closed_loop", judged(values, expectations("b_closed_loop")), (table,), NOTES)
