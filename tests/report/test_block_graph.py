@@ -5,10 +5,11 @@ import re
 from itertools import combinations, pairwise
 from xml.etree import ElementTree
 
+import numpy as np
 import pydot
 import pytest
 from pydrake.systems.framework import DiagramBuilder
-from pydrake.systems.primitives import ConstantVectorSource, Gain, LogVectorOutput
+from pydrake.systems.primitives import ConstantVectorSource, Gain, LogVectorOutput, Multiplexer
 
 from drake_tc.errors import ParamsError
 from drake_tc.report.block_graph.graph import block_graph
@@ -87,6 +88,21 @@ def test_stages_of_the_loop():
     chosen = block_graph(torque_loop(), stages={"positions": "plant", "Filter": "estimation"})
     stages = {b.name: b.stage for b in chosen.blocks}
     assert (stages["positions"], stages["joint_filter"], stages["imu_filter"]) == ("plant", "estimation", "estimation")
+
+
+def test_a_multiplexer_that_only_a_log_reads_is_of_the_log():
+    builder = DiagramBuilder()
+    source = builder.AddNamedSystem("reference", ConstantVectorSource(np.ones(2)))
+    for name in ("kept", "shown"):
+        builder.AddNamedSystem(name, Multiplexer([2, 2]))
+        for i in range(2):
+            builder.Connect(source.get_output_port(), builder.GetMutableSubsystemByName(name).get_input_port(i))
+    LogVectorOutput(builder.GetSubsystemByName("kept").get_output_port(), builder)
+    gain = builder.AddNamedSystem("controller", Gain(1.0, 4))
+    builder.Connect(builder.GetSubsystemByName("shown").get_output_port(), gain.get_input_port())
+    LogVectorOutput(gain.get_output_port(), builder)
+    stages = {b.name: b.stage for b in block_graph(builder.Build()).blocks}
+    assert (stages["kept"], stages["shown"], stages["controller"]) == ("logging", "control", "control")
 
 
 @pytest.mark.parametrize(

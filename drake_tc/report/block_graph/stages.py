@@ -79,13 +79,17 @@ def certain_stage(system: Candidate) -> str | None:
     return named or _majority(part for part in system.parts if part != "logging")
 
 
+PASSING = ("Multiplexer", "Demultiplexer", "Selector")
+"""Classes that only put signals together or take them apart."""
+
+
 def assign_stages(
     systems: Sequence[Candidate], links: Iterable[tuple[str, str]], chosen: Mapping[str, str]
 ) -> dict[str, str]:
     """The stage of every system.
 
-    Class, module and name come first. What they leave open takes the stage that all its consumers share, else the one
-    most of its sources have; then a source is a reference, a sink a log, and anything else control.
+    Class, module and name come first. What they leave open takes the stage that all its consumers share (a multiplexer
+    that only logs read is one of them), else the one most of its sources have; then a source is a reference, a sink a log, and anything else control.
 
     Args:
         systems: In the diagram's order.
@@ -117,6 +121,9 @@ def assign_stages(
 
 
 def _from_neighbours(system: Candidate, links: list[tuple[str, str]], known: Mapping[str, str]) -> str | None:
+    read = [known.get(t) for s, t in links if s == system.path]
+    if system.kind in PASSING and read and set(read) == {"logging"}:
+        return "logging"
     after = [known[t] for s, t in links if s == system.path and known.get(t, "logging") != "logging"]
     if len(set(after)) == 1 and not (system.is_source and after[0] == "control"):
         return after[0]
