@@ -89,7 +89,8 @@ def assign_stages(
     """The stage of every system.
 
     Class, module and name come first. What they leave open takes the stage that all its consumers share (a multiplexer
-    that only logs read is one of them), else the one most of its sources have; then a source is a reference, a sink a log, and anything else control.
+    that only logs read is one of them), else the one most of its sources have; then a source is a reference, a sink a
+    log, and anything else control.
 
     Args:
         systems: In the diagram's order.
