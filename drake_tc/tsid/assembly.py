@@ -4,7 +4,7 @@ With y = C tau + c (by its parts), a row A y is (A_v C_v + A_f C_f + A_tau) tau 
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,21 +14,36 @@ from drake_tc.tsid.rows import LimitRows, Parts, TaskRows, identity
 from drake_tc.types import FloatArray
 
 
-@dataclass(frozen=True, eq=False)
-class Map:
+class Map(NamedTuple):
     """Accelerations and forces that torques cause: vdot = C_v tau + c_v, f = C_f tau + c_f.
 
     Attributes:
-        vdot: (nv, n) C_v.
-        vdot_offset: (nv,) c_v.
-        force: (k, n) C_f.
-        force_offset: (k,) c_f.
+        motion: (nv, n + 1) [C_v, c_v].
+        push: (k, n + 1) [C_f, c_f].
     """
 
-    vdot: FloatArray
-    vdot_offset: FloatArray
-    force: FloatArray
-    force_offset: FloatArray
+    motion: FloatArray
+    push: FloatArray
+
+    @property
+    def vdot(self) -> FloatArray:
+        """(nv, n) C_v."""
+        return self.motion[:, :-1]
+
+    @property
+    def vdot_offset(self) -> FloatArray:
+        """(nv,) c_v."""
+        return self.motion[:, -1]
+
+    @property
+    def force(self) -> FloatArray:
+        """(k, n) C_f."""
+        return self.push[:, :-1]
+
+    @property
+    def force_offset(self) -> FloatArray:
+        """(k,) c_f."""
+        return self.push[:, -1]
 
 
 def is_bounds(rows: LimitRows) -> bool:
@@ -65,42 +80,38 @@ def check_names(names: Sequence[str]) -> None:
             raise ParamsError(f"tasks and limits: wanted different names; {name!r} comes twice")
 
 
-def _fill(parts: Parts, causes: Map, out: FloatArray, offset: FloatArray) -> None:
-    """The matrix over tau of one set of rows into out (r, n), and its value at tau = 0 into offset (r,)."""
-    started = False
+def _fill(parts: Parts, causes: Map, out: FloatArray) -> None:
+    """[matrix over tau, value at tau = 0] of one set of rows into out (r, n + 1)."""
+    started = True
     if parts.picks is not None:
-        out[:], offset[:] = causes.vdot[parts.picks], causes.vdot_offset[parts.picks]
-        started = True
+        out[:] = causes.motion[parts.picks]
     elif parts.vdot is not None:
-        np.dot(parts.vdot, causes.vdot, out=out)
-        np.dot(parts.vdot, causes.vdot_offset, out=offset)
-        started = True
+        np.dot(parts.vdot, causes.motion, out=out)
+    else:
+        started = False
     if parts.force is not None:
         if started:
-            out += parts.force.dot(causes.force)
-            offset += parts.force.dot(causes.force_offset)
-        elif parts.force is identity(offset.size):
-            out[:], offset[:] = causes.force, causes.force_offset
+            out += parts.force.dot(causes.push)
+        elif parts.force is identity(out.shape[0]):
+            out[:] = causes.push
         else:
-            np.dot(parts.force, causes.force, out=out)
-            np.dot(parts.force, causes.force_offset, out=offset)
+            np.dot(parts.force, causes.push, out=out)
         started = True
-    if started:
-        if parts.torque is not None:
-            out += parts.torque
-    else:
-        offset[:] = 0.0
-        out[:] = 0.0 if parts.torque is None else parts.torque
+    if not started:
+        out[:] = 0.0
+    if parts.torque is not None:
+        out[:, :-1] += parts.torque
 
 
 def cost_of(tasks: Sequence[TaskRows], causes: Map) -> LeastSquares:
     """||D tau - d||^2 with the weights in the rows."""
     size = sum(rows.target.size for rows in tasks)
-    matrix, offset = np.empty((size, causes.vdot.shape[1])), np.empty(size)
+    whole = np.empty((size, causes.motion.shape[1]))
+    matrix, offset = whole[:, :-1], whole[:, -1]
     start = 0
     for rows in tasks:
         stop = start + rows.target.size
-        _fill(rows.matrix, causes, matrix[start:stop], offset[start:stop])
+        _fill(rows.matrix, causes, whole[start:stop])
         start = stop
     if not tasks:
         return LeastSquares(matrix, offset)
@@ -116,13 +127,14 @@ def polytope_of(limits: Sequence[LimitRows], causes: Map) -> Polytope:
     """The polytope lower <= G tau <= upper, the torques' bounds first where there are some."""
     limits = ordered(limits)
     size = sum(rows.lower.size for rows in limits)
-    matrix, offset = np.empty((size, causes.vdot.shape[1])), np.empty(size)
+    whole = np.empty((size, causes.motion.shape[1]))
+    matrix, offset = whole[:, :-1], whole[:, -1]
     groups: dict[str, slice] = {}
     labels: tuple[str, ...] = ()
     start = 0
     for rows in limits:
         stop = start + rows.lower.size
-        _fill(rows.matrix, causes, matrix[start:stop], offset[start:stop])
+        _fill(rows.matrix, causes, whole[start:stop])
         first = groups[rows.group].start if rows.group in groups else start
         groups[rows.group] = slice(first, stop)
         labels += rows.labels

@@ -23,12 +23,14 @@ from drake_tc.robot.robot import Robot
 from drake_tc.robot.urdf import reduced_urdf
 from drake_tc.tsid.contacts import ActiveContacts, Contact, select
 from drake_tc.tsid.model_parts import add_frames, add_rotors, file_rotors
+from drake_tc.tsid.rows import identity
 from drake_tc.tsid.terms import FrameTerms, Pose, Terms
 from drake_tc.types import FloatArray, IntArray
 
 __all__ = ["Scratch", "TsidModel", "file_rotors"]
 
 _ORIGIN: Any = np.zeros(3)
+_SAME = identity(6)
 _LEAST_MASS = 1e-12
 """Smallest eigenvalue of M, its diagonal scaled to ones."""
 _SHORTEST = 1e-12
@@ -285,9 +287,9 @@ class Scratch:
 
 def _about_com(block: FloatArray) -> tuple[float, FloatArray, FloatArray]:
     """m, c = p_BoG and X (6, 6) from the base's own block (6, 6) of M: [I_Bo, m S(c); -m S(c), m 1]."""
-    mass = float(block[5, 5])
-    x, y, z = block[2, 4] / mass, block[0, 5] / mass, block[1, 3] / mass
-    to_com = np.eye(6)
+    mass = block.item(5, 5)
+    x, y, z = block.item(2, 4) / mass, block.item(0, 5) / mass, block.item(1, 3) / mass
+    to_com = _SAME.copy()
     to_com[0, 4], to_com[0, 5], to_com[1, 5] = z, -y, x
     to_com[1, 3], to_com[2, 3], to_com[2, 4] = -z, y, -x
     return mass, np.array([x, y, z]), to_com

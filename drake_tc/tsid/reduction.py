@@ -88,7 +88,7 @@ def causes_of(terms: Terms, contact_acceleration: FloatArray | None = None) -> M
     n, k, nv = terms.actuated.size, terms.contact_bias.size, terms.bias.size
     inverse = _inverse_factor(terms.mass_matrix)
     if inverse is None:
-        return Map(*(np.full(shape, np.nan) for shape in ((nv, n), (nv,), (k, n), (k,))))
+        return Map(np.full((nv, n + 1), np.nan), np.full((k, n + 1), np.nan))
     free = np.empty((nv, n + 1), order="F")  # [Z, -z]
     np.take(inverse.T, terms.actuated, axis=0, out=free.T[:n], mode="clip")
     free[:, n] = -inverse.dot(terms.bias)
@@ -102,8 +102,7 @@ def causes_of(terms: Terms, contact_acceleration: FloatArray | None = None) -> M
         free = dgemm(1.0, pushes, force, 1.0, free, overwrite_c=1)
     else:
         force = np.zeros((0, n + 1))
-    vdot = dgemm(1.0, inverse, free, trans_a=1)
-    return Map(vdot[:, :n], vdot[:, n], force[:, :n], force[:, n])
+    return Map(dgemm(1.0, inverse, free, trans_a=1), force)
 
 
 def _inverse_factor(matrix: FloatArray) -> FloatArray | None:

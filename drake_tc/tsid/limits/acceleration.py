@@ -1,8 +1,11 @@
 """How fast joints may speed up and brake, their ranges of position and velocity folded in."""
 
+from typing import Any
+
 import numpy as np
 
 from drake_tc.errors import ParamsError
+from drake_tc.estimation.torque_model import as_slice
 from drake_tc.robot.plant import joint_limits
 from drake_tc.robot.robot import Robot
 from drake_tc.tsid.limits.viability import AccelerationBounds, JointRange, Viability
@@ -29,9 +32,9 @@ class AccelerationLimit:
         """
         self.name = name
         self._labels = tuple(f"{joint} acceleration" for joint in limits.joints)
-        self._actuated = np.array(actuated)
+        self._actuated: Any = as_slice(np.array(actuated))
         self._viability = Viability(limits)
-        self._parts = selection(self._actuated, velocities)
+        self._parts = selection(np.array(actuated), velocities)
 
     @classmethod
     def of(

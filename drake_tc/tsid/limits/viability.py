@@ -135,6 +135,7 @@ class Viability:
         self._end = np.concatenate((limits.upper, -limits.lower))
         self._fastest = np.concatenate((limits.velocity_upper, -limits.velocity_lower))
         self._most = np.concatenate((limits.acceleration, limits.acceleration))
+        self._least = -self._most
         braking = np.concatenate(_braking(limits))
         self._twice = 2.0 * braking
         self._drop = 0.5 * h * braking
@@ -144,19 +145,27 @@ class Viability:
         """(lower, upper) for the next period at positions q and velocities v (n,) [rad, rad/s]."""
         n, rate, most = self._n, 1.0 / self._h, self._most
         speed = np.concatenate((v, -v))
-        given = np.maximum(self._end - np.concatenate((q, -q)), self._stop(speed))
+        given = np.concatenate((q, -q))
+        np.subtract(self._end, given, out=given)
+        np.maximum(given, self._stop(speed), out=given)
         rest = given - (0.5 * self._h) * speed
-        late = rest < 0.0
-        turns = late.any()
+        turns = not rest.min(initial=0.0) >= 0.0
         if turns:
-            rest = np.maximum(rest, 0.0)
-        speed_left = np.sqrt(self._twice * rest + self._drop_squared)
-        speed_left -= self._drop
-        ceiling = (speed_left - speed) * rate
+            late = rest < 0.0
+            np.maximum(rest, 0.0, out=rest)
+        rest *= self._twice
+        rest += self._drop_squared
+        ceiling = np.sqrt(rest, out=rest)
+        ceiling -= self._drop
+        ceiling -= speed
+        ceiling *= rate
         if turns:
             ceiling[late] = -(speed[late] ** 2) / (2.0 * given[late])
-        slower = np.maximum((self._fastest - speed) * rate, -most)
-        ceiling = np.minimum(np.minimum(ceiling, slower), most)
+        slower = self._fastest - speed
+        slower *= rate
+        np.maximum(slower, self._least, out=slower)
+        np.minimum(ceiling, slower, out=ceiling)
+        np.minimum(ceiling, most, out=ceiling)
         upper = ceiling[:n]
         return np.minimum(-ceiling[n:], upper), upper
 

@@ -31,13 +31,13 @@ class BoxRows:
         self._matrix = matrix = np.empty((2 * m + 1, n + 1))
         matrix[:m, :n] = limits.matrix
         np.negative(limits.matrix, out=matrix[m:-1, :n])
-        matrix[:m, n] = matrix[m:-1, n] = np.abs(noise) @ np.ones(noise.shape[1])
+        matrix[:m, n] = matrix[m:-1, n] = np.abs(noise).dot(np.ones(noise.shape[1]))
         matrix[-1, :n], matrix[-1, n] = 0.0, -1.0
         self.upper: FloatArray = np.concatenate((limits.upper, -limits.lower, np.zeros(1)))
 
     def times(self, x: FloatArray) -> FloatArray:
         """See `RowProduct`."""
-        value: FloatArray = self._matrix @ x
+        value: FloatArray = self._matrix.dot(x)
         return value
 
     def take(self, rows: IntArray) -> FloatArray:

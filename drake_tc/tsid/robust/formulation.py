@@ -131,10 +131,10 @@ def _packed(found: Found, weight: float, problem: ScaledProblem, cost: LeastSqua
         zero = np.zeros_like(torque)
         active = np.zeros(len(limits.lower), dtype=np.int64)
         return RobustSolution(zero, math.inf, 0.0, math.inf, active, Outcome.FAILED, False, *counts, None)
-    value = limits.matrix @ found.x
+    value = limits.times(found.x)
     room = np.concatenate((limits.upper - value, value - limits.lower))
-    sides = (room <= FEASIBLE).astype(np.int64)
-    active = sides[: len(value)] - sides[len(value) :]
+    sides = (room <= FEASIBLE).view(np.int8)
+    active = np.subtract(sides[: len(value)], sides[len(value) :], dtype=np.int64)
     start = Start(torque, len(value), found.working, weight, found.inner)
     chance = _p_ind(room, problem.certain)
     return RobustSolution(
@@ -149,4 +149,5 @@ def _p_ind(room: FloatArray, certain: BoolArray | None) -> float:
         if room[sure].min() < -FEASIBLE:
             return 0.0
         room = room[~sure]
-    return math.exp(float(log_cdf(room[room < SAFE]).sum()))
+    near = room[room < SAFE]
+    return math.exp(float(log_cdf(near).sum())) if near.size else 1.0

@@ -1,6 +1,7 @@
 """R_ind = -log p_ind: every side of every row by itself (paper B, eq. 7 and 13)."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -8,13 +9,16 @@ from drake_tc.tsid.polytope import LeastSquares, Polytope
 from drake_tc.tsid.robust.gaussian_tail import curvature_of, hazard, log_cdf
 from drake_tc.tsid.robust.scaled import Rows, scaled
 from drake_tc.tsid.robust.torque_error import TorqueError
-from drake_tc.types import BoolArray, FloatArray
+from drake_tc.types import BoolArray, FloatArray, IntArray
 
 SAFE = 12.0
 """Margin beyond which a side bends R by less than 1e-30 and counts as this far."""
 
 VISIBLE = 1e-14
 """Curvature, of the row that bends most, below which a row does not show in the Hessian."""
+
+_NO_MARGINS: FloatArray = np.zeros(0)
+_NO_SIDES: IntArray = np.zeros(0, dtype=np.int64)
 
 
 class IndividualRisk:
@@ -31,10 +35,22 @@ class IndividualRisk:
 
     def margins(self, x: FloatArray) -> FloatArray:
         """(2 m,) distances to the lower, then the upper sides [sigma], cut at `SAFE`."""
-        value = self.matrix @ x
-        u = np.concatenate((value, -value))
-        u += self._offset
+        u = self._distances(x)
         return np.minimum(u, SAFE, out=u)
+
+    def _distances(self, x: FloatArray) -> FloatArray:
+        value = self.matrix.dot(x)
+        u: FloatArray = np.concatenate((value, -value))
+        u += self._offset
+        return u
+
+    def near(self, x: FloatArray) -> "NearSides":
+        """The sides that are nearer than `SAFE`: all that show in R and its derivatives."""
+        distances = self._distances(x)
+        if distances.min(initial=np.inf) >= SAFE:
+            return NearSides(_NO_MARGINS, _NO_SIDES, 0, self)
+        sides = (~(distances >= SAFE)).nonzero()[0]
+        return NearSides(distances[sides], sides, int(sides.searchsorted(self._rows)), self)
 
     def value(self, margins: FloatArray) -> float:
         """R, to the last digit however small."""
@@ -58,6 +74,35 @@ class IndividualRisk:
         root = self.matrix[near] * np.sqrt(curvature[near])[:, None]
         hessian: FloatArray = root.T @ root
         return hessian
+
+
+class NearSides(NamedTuple):
+    """Sides of rows near one x: u = S x + c their margins, S the rows of lower sides and minus those of upper ones.
+
+    Attributes:
+        margins: (a,) u [sigma].
+        sides: (a,) which of the stacked sides.
+        lower: How many of them are lower sides; these come first.
+        risk: Of which they are sides.
+    """
+
+    margins: FloatArray
+    sides: IntArray
+    lower: int
+    risk: IndividualRisk
+
+    def rows(self) -> FloatArray:
+        """(a, n) |S|: the rows without the sign."""
+        rows = self.sides.copy()
+        rows[self.lower :] -= self.risk.matrix.shape[0]
+        taken: FloatArray = self.risk.matrix.take(rows, axis=0)
+        return taken
+
+    def signed(self, first: FloatArray) -> FloatArray:
+        """(a,) first derivatives by the rows' own A_i x, from hazards; `first` itself is written over."""
+        lower = first[: self.lower]
+        np.negative(lower, out=lower)
+        return first
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -98,8 +98,7 @@ class Objective(Protocol):
         ...
 
 
-@dataclass(frozen=True, eq=False)
-class Minimum:
+class Minimum(NamedTuple):
     """Where the method ended.
 
     Attributes:
@@ -168,7 +167,7 @@ def minimise(
         new, length, slope = objective.at(point.x + step.d), 1.0, -math.inf
         noise = objective.rounding + 1e-15 * abs(point.value)
         if feasible:
-            slope = float(gradient @ step.d)
+            slope = float(gradient.dot(step.d))
             if -slope > noise:
                 new, length = _backtrack(objective, point, new, step.d, slope, noise)
             elif new.value > point.value + noise:

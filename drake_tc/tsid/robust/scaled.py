@@ -58,7 +58,7 @@ class Rows:
 
     def times(self, x: FloatArray) -> FloatArray:
         """(m,) A x."""
-        value: FloatArray = self.matrix @ x
+        value: FloatArray = self.matrix.dot(x)
         return value
 
     def take(self, rows: IntArray) -> FloatArray:
@@ -122,7 +122,7 @@ def scaled(cost: LeastSquares, polytope: Polytope, error: TorqueError) -> Scaled
     noise = matrix if plain else polytope.matrix @ error.root
     divisor = np.sqrt(np.einsum("ij,ij->i", noise, noise))
     certain: BoolArray | None = None
-    if not plain or divisor.min(initial=1.0) <= 0.0:
+    if not (plain and divisor.all()):
         length = divisor if plain else np.sqrt(np.einsum("ij,ij->i", matrix, matrix))
         some = divisor <= CERTAIN * length
         certain = some if some.any() else None
@@ -130,13 +130,15 @@ def scaled(cost: LeastSquares, polytope: Polytope, error: TorqueError) -> Scaled
         divisor = np.where(certain, np.where(length > 0.0, length, 1.0), divisor)
         noise = np.where(certain[:, None], 0.0, noise)
     inverse = 1.0 / divisor
-    matrix = matrix * inverse[:, None]
+    column = inverse[:, None]
+    noise = matrix if plain and certain is None else noise * column
+    matrix *= column
     limits = Rows(matrix, polytope.lower * inverse, polytope.upper * inverse, polytope.bounds)
     return ScaledProblem(
         LeastSquares(cost.matrix * scale, cost.target),
         limits,
         certain,
-        matrix if plain and certain is None else noise * inverse[:, None],
+        noise,
         scale,
         divisor,
     )

@@ -1,14 +1,13 @@
 """What a formulation of robust TSID hands back."""
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from drake_tc.tsid.qp.problem import Outcome
 from drake_tc.tsid.robust.step import Working
 from drake_tc.types import FloatArray, IntArray
 
 
-@dataclass(frozen=True, eq=False)
-class Start:
+class Start(NamedTuple):
     """What the next tick's solve may know of this one; a change of the contacts makes only a part of it useless.
 
     Attributes:
@@ -27,8 +26,7 @@ class Start:
     inner: FloatArray | None = None
 
 
-@dataclass(frozen=True, eq=False)
-class RobustSolution:
+class RobustSolution(NamedTuple):
     """A torque and how safe it is.
 
     Attributes:

@@ -1,7 +1,8 @@
 """One step of Newton's method inside linear limits: min 1/2 d^T H d + g^T d, lower <= A (x + d) <= upper."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg.lapack import dposv
@@ -23,8 +24,7 @@ ANSWERED = 1e-5
 EMPTY: IntArray = np.zeros(0, dtype=np.int64)
 
 
-@dataclass(frozen=True, eq=False)
-class Working:
+class Working(NamedTuple):
     """Rows held at one of their sides.
 
     Attributes:
@@ -41,8 +41,7 @@ class Working:
 FREE = Working(EMPTY, EMPTY, np.zeros(0))
 
 
-@dataclass(frozen=True, eq=False)
-class Step:
+class Step(NamedTuple):
     """What a step is: d (n,), A d (m,), the rows it ends on, and how it was found."""
 
     d: FloatArray
@@ -75,8 +74,8 @@ class Stepper:
     def promise(self, gradient: FloatArray, working: Working) -> float:
         """Descent that the gradient r that the rows' forces do not balance promises, without limits: r^T H^-1 r / 2."""
         if len(working.rows):
-            gradient = gradient + working.multipliers @ self._take(working.rows)
-        return 0.5 * float(gradient @ self._factor.solve(gradient))
+            gradient = gradient + working.multipliers.dot(self._take(working.rows))
+        return 0.5 * float(gradient.dot(self._factor.solve(gradient)))
 
     def _take(self, rows: IntArray) -> FloatArray:
         if self._held is None or self._held[0] is not rows:
@@ -92,22 +91,21 @@ class Stepper:
             if len(rows):
                 ends = upper[rows] if lower is None else np.where(sides > 0, upper[rows], lower[rows])
                 whitened = self._factor.whiten(self._take(rows).T)
-                _, multipliers, failed = dposv(whitened.T @ whitened, free[rows] - ends)
+                _, multipliers, failed = dposv(whitened.T.dot(whitened), free[rows] - ends)
                 if failed or not math.isfinite(float(ends.sum())):
                     return None
-                d = newton - self._factor.colour(whitened @ multipliers)
+                d = newton - self._factor.colour(whitened.dot(multipliers))
                 along = self._rows.times(d)
             miss = along - upper
             if lower is not None:
                 np.maximum(miss, lower - along, out=miss)
             worst = int(miss.argmax()) if len(miss) else -1
             met = worst < 0 or miss[worst] <= INSIDE
-            pulls = multipliers * sides < 0.0
-            if not (len(rows) and pulls.any()):
-                if met:
-                    return Step(d, along, Working(rows, sides, multipliers), Outcome.SOLVED, qp=False)
-            else:
+            if len(rows) and (pulls := multipliers * sides < 0.0).any():
                 rows, sides = rows[~pulls], sides[~pulls]
+            elif met:
+                held = Working(rows, sides, multipliers) if len(rows) else FREE
+                return Step(d, along, held, Outcome.SOLVED, qp=False)
             if not met:
                 if worst in rows:
                     return None

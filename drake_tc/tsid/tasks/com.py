@@ -45,8 +45,11 @@ class ComTask:
 
     def rows(self, terms: Terms, reference: FloatArray) -> TaskRows:
         """The rows at this state."""
-        error = self._kp * (reference[:3] - terms.com) + self._kd * (reference[3:6] - terms.com_velocity)
-        matrix, target = terms.com_jacobian, reference[6:] + error - terms.com_bias
+        target = self._kp * (reference[:3] - terms.com)
+        target += self._kd * (reference[3:6] - terms.com_velocity)
+        target += reference[6:]
+        target -= terms.com_bias
+        matrix = terms.com_jacobian
         if self._axes is not None:
             matrix, target = matrix[self._axes], target[self._axes]
         return TaskRows(self.name, Parts(vdot=matrix), target, self.weight)

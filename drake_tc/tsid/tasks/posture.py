@@ -68,5 +68,7 @@ class PostureTask:
     def rows(self, terms: Terms, reference: FloatArray) -> TaskRows:
         """The rows at this state."""
         q_d, qd_d, qdd_d = (reference[places] for places in self._wanted)
-        error = self._kp * (q_d - terms.q[self._position]) + self._kd * (qd_d - terms.v[self._velocity])
-        return TaskRows(self.name, self._parts, qdd_d + error, self.weight)
+        target = self._kp * (q_d - terms.q[self._position])
+        target += self._kd * (qd_d - terms.v[self._velocity])
+        target += qdd_d
+        return TaskRows(self.name, self._parts, target, self.weight)
