@@ -5,13 +5,11 @@
 `state: plant` hands the plant's own state to the controller, `torque: direct` its torques to the joints.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Any
 
-import numpy as np
-from drake_tc.diagrams.loop.surroundings import Pushes
+from drake_tc.diagrams.loop.signal_log import SignalLog, add_log
+from drake_tc.diagrams.loop.surroundings import add_pushes, check_masses, set_masses
 from drake_tc.diagrams.tsid.drives import add_drives
 from drake_tc.diagrams.tsid.ground import add_ground
 from drake_tc.diagrams.tsid.references import contact_source, task_source
@@ -21,7 +19,7 @@ from drake_tc.diagrams.tsid.torque_noise import TorqueNoise
 from pydrake.geometry import MeshcatVisualizer, StartMeshcat
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, OutputPort
-from pydrake.systems.primitives import Adder, LogVectorOutput, Multiplexer, VectorLogSink
+from pydrake.systems.primitives import Adder
 
 from drake_tc.errors import ParamsError
 from drake_tc.robot.plant import add_robot
@@ -30,7 +28,6 @@ from drake_tc.tsid.configuration import load_law
 from drake_tc.tsid.controller import RobustTsid, reference_port
 from drake_tc.tsid.law import Law
 from drake_tc.tsid.model import file_rotors
-from drake_tc.types import FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,8 +37,7 @@ class TsidLoop:
     Attributes:
         scenario, law: What it was built from.
         diagram, plant, controller: The systems.
-        log: Of all recorded signals, one below the other.
-        rows: Signal name to where it stands in the log.
+        log: Of all recorded signals.
     """
 
     scenario: TsidScenario
@@ -49,8 +45,7 @@ class TsidLoop:
     diagram: Diagram
     plant: MultibodyPlant
     controller: RobustTsid
-    log: VectorLogSink
-    rows: Mapping[str, slice]
+    log: SignalLog
 
     @property
     def robot(self) -> Robot:
@@ -59,16 +54,7 @@ class TsidLoop:
 
     def start(self, context: Context) -> None:
         """Give the links the scenario's masses; the robot starts at rest in its posture."""
-        own = self.plant.GetMyContextFromRoot(context)
-        for link, factor in self.scenario.masses.items():
-            body = self.plant.GetBodyByName(link)
-            body.SetMass(own, factor * body.CalcSpatialInertiaInBodyFrame(own).get_mass())
-
-    def recorded(self, context: Context) -> tuple[FloatArray, dict[str, FloatArray]]:
-        """What was logged in a run: times (T,) [s], and the signals by name, (T, width) each."""
-        log = self.log.FindLog(context)
-        data = np.asarray(log.data())
-        return np.array(log.sample_times()), {name: data[rows].T.copy() for name, rows in self.rows.items()}
+        set_masses(self.plant, self.plant.GetMyContextFromRoot(context), self.scenario.masses)
 
 
 def build_tsid(scenario: TsidScenario, *, meshcat: bool = False) -> TsidLoop:
@@ -104,21 +90,10 @@ def build_tsid(scenario: TsidScenario, *, meshcat: bool = False) -> TsidLoop:
         builder.Connect(torque, plant.get_actuation_input_port())
     outputs = ("torque", "acceleration", "contact_force", "status")
     wiring.signals |= {name: controller.GetOutputPort(name) for name in outputs}
-    log, rows = _add_log(wiring)
+    log = add_log(builder, wiring.signals, law.period)
     diagram = builder.Build()
     diagram.set_name(f"{law.model.robot.name}_tsid")
-    return TsidLoop(scenario, law, diagram, plant, controller, log, rows)
-
-
-def _add_log(wiring: Wiring) -> tuple[VectorLogSink, dict[str, slice]]:
-    """One log of all signals, as every log costs its share of a tick; and where each signal stands in it."""
-    ends = np.cumsum([0, *(port.size() for port in wiring.signals.values())]).tolist()
-    joined: Any = wiring.builder.AddNamedSystem("signals", Multiplexer([b - a for a, b in pairwise(ends)]))
-    for index, port in enumerate(wiring.signals.values()):
-        wiring.builder.Connect(port, joined.get_input_port(index))
-    log = LogVectorOutput(joined.get_output_port(), wiring.builder, wiring.law.period)
-    log.set_name("log")
-    return log, {name: slice(a, b) for name, (a, b) in zip(wiring.signals, pairwise(ends), strict=True)}
+    return TsidLoop(scenario, law, diagram, plant, controller, log)
 
 
 def _add_plant(builder: DiagramBuilder, scenario: TsidScenario, law: Law, *, meshcat: bool) -> MultibodyPlant:
@@ -134,12 +109,8 @@ def _add_plant(builder: DiagramBuilder, scenario: TsidScenario, law: Law, *, mes
     plant.set_name("plant")
     for joint, inertia in file_rotors(robot).items():
         plant.GetJointActuatorByName(joint).set_default_rotor_inertia(inertia)
-    for link in scenario.masses:
-        if not plant.HasBodyNamed(link):
-            raise ParamsError(f"masses: no link {link!r} in {robot.name}")
-    if scenario.pushes:
-        pushes = builder.AddNamedSystem("pushes", Pushes(plant, scenario.pushes))
-        builder.Connect(pushes.get_output_port(), plant.get_applied_spatial_force_input_port())
+    check_masses(plant, robot, scenario.masses)
+    add_pushes(builder, plant, scenario.pushes)
     built: MultibodyPlant = plant
     return built
 

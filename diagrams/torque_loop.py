@@ -14,27 +14,23 @@ the links of a welded robot comes from Drake's InverseDynamics, the block `rigid
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Any
 
-import numpy as np
 from drake_tc.diagrams.loop.parts import Parts, actuator_models, loop_robot, sensor_suite
+from drake_tc.diagrams.loop.signal_log import SignalLog, add_log
 from drake_tc.diagrams.loop.stages import servo_command, torque_command
-from drake_tc.diagrams.loop.surroundings import Pushes, add_objects, add_suspension
+from drake_tc.diagrams.loop.surroundings import add_objects, add_pushes, add_suspension, check_masses, set_masses
 from drake_tc.diagrams.scenarios.references import posture, references
 from drake_tc.diagrams.scenarios.scenario import Scenario
 from pydrake.geometry import MeshcatVisualizer, StartMeshcat
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, OutputPort
-from pydrake.systems.primitives import LogVectorOutput, Multiplexer, VectorLogSink
 
 from drake_tc.actuation.model import ActuatorModel
 from drake_tc.actuation.wiring import add_actuators
-from drake_tc.errors import ParamsError
 from drake_tc.robot.plant import add_robot
 from drake_tc.robot.robot import Robot
 from drake_tc.sensing.suite import add_sensors
-from drake_tc.types import FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,8 +41,7 @@ class Loop:
         scenario, robot: What it was built from.
         models: Joint to the simulated actuator.
         diagram, plant: The systems.
-        log: Of all recorded signals, one below the other.
-        rows: Signal name to where it stands in the log.
+        log: Of all recorded signals.
         flag_names: Of the fault monitor's flags, in order; empty without one.
     """
 
@@ -55,8 +50,7 @@ class Loop:
     models: Mapping[str, ActuatorModel]
     diagram: Diagram
     plant: MultibodyPlant
-    log: VectorLogSink
-    rows: Mapping[str, slice]
+    log: SignalLog
     flag_names: tuple[str, ...] = ()
 
     def start(self, context: Context) -> None:
@@ -66,16 +60,7 @@ class Loop:
         for joint, position in zip(self.robot.joints, posture(self.scenario.motion, self.robot), strict=True):
             positions[self.plant.GetJointByName(joint).position_start()] = position
         self.plant.SetPositions(own, positions)
-        for link, factor in self.scenario.masses.items():
-            body = self.plant.GetBodyByName(link)
-            inertia = body.CalcSpatialInertiaInBodyFrame(own)
-            body.SetMass(own, factor * inertia.get_mass())
-
-    def recorded(self, context: Context) -> tuple[FloatArray, dict[str, FloatArray]]:
-        """What was logged in a run: times (T,) [s], and the signals by name, (T, width) each."""
-        log = self.log.FindLog(context)
-        data = np.asarray(log.data())
-        return np.array(log.sample_times()), {name: data[rows].T.copy() for name, rows in self.rows.items()}
+        set_masses(self.plant, own, self.scenario.masses)
 
 
 def build_loop(scenario: Scenario, *, meshcat: bool = False) -> Loop:
@@ -98,21 +83,10 @@ def build_loop(scenario: Scenario, *, meshcat: bool = False) -> Loop:
     parts = Parts(builder, scenario, robot, plant, sensors)
     command = torque_command(parts, wanted) if scenario.controller == "torque" else servo_command(parts, wanted)
     _add_drives(parts, models, command)
-    log, rows = _add_log(parts)
+    log = add_log(builder, parts.signals, parts.scenario.dt)
     diagram = builder.Build()
     diagram.set_name(f"{robot.name}_{scenario.controller}_loop")
-    return Loop(scenario, robot, models, diagram, plant, log, rows, parts.flag_names)
-
-
-def _add_log(parts: Parts) -> tuple[VectorLogSink, dict[str, slice]]:
-    """One log of all signals, as every log costs its share of a tick; and where each signal stands in it."""
-    ends = np.cumsum([0, *(port.size() for port in parts.signals.values())]).tolist()
-    joined = parts.builder.AddNamedSystem("signals", Multiplexer([b - a for a, b in pairwise(ends)]))
-    for index, port in enumerate(parts.signals.values()):
-        parts.builder.Connect(port, joined.get_input_port(index))
-    log = LogVectorOutput(joined.get_output_port(), parts.builder, parts.scenario.dt)
-    log.set_name("log")
-    return log, {name: slice(a, b) for name, (a, b) in zip(parts.signals, pairwise(ends), strict=True)}
+    return Loop(scenario, robot, models, diagram, plant, log, parts.flag_names)
 
 
 def _add_plant(builder: DiagramBuilder, scenario: Scenario, robot: Robot, *, meshcat: bool) -> MultibodyPlant:
@@ -132,12 +106,8 @@ def _add_plant(builder: DiagramBuilder, scenario: Scenario, robot: Robot, *, mes
     plant.SetUseSampledOutputPorts(False)
     plant.Finalize()
     plant.set_name("plant")
-    for link in scenario.masses:
-        if not plant.HasBodyNamed(link):
-            raise ParamsError(f"masses: no link {link!r} in {robot.name}")
-    if scenario.pushes:
-        pushes = builder.AddNamedSystem("pushes", Pushes(plant, scenario.pushes))
-        builder.Connect(pushes.get_output_port(), plant.get_applied_spatial_force_input_port())
+    check_masses(plant, robot, scenario.masses)
+    add_pushes(builder, plant, scenario.pushes)
     built: MultibodyPlant = plant
     return built
 

@@ -1,5 +1,6 @@
 """YAML files read strictly: a key that is given twice is an error, as it silently hides a value."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -43,3 +44,12 @@ def read_yaml(path: Path, kind: str = "YAML file") -> Any:
         raise ParamsError(f"{path}: wanted a {kind}; {error}") from error
     except yaml.YAMLError as error:
         raise ParamsError(f"{path}: not YAML: {' '.join(str(error).split())}") from error
+
+
+def merged(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    """`base` with `changes`, mapping by mapping."""
+    result = dict(base)
+    for key, value in changes.items():
+        both = isinstance(value, Mapping) and isinstance(result.get(key), Mapping)
+        result[key] = merged(result[key], value) if both else value
+    return result

@@ -1,17 +1,16 @@
 """One loop of the comparison before and after: simulated in a process of its own or here, and cut to its motion."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from concurrent.futures import Executor
 from dataclasses import dataclass
 
 import numpy as np
+from drake_tc.diagrams.runs.advancing import Progress
 from drake_tc.diagrams.runs.running import simulate_scenario
 from drake_tc.diagrams.scenarios.scenario import Scenario
 
 from drake_tc.control.guard import GuardMode
 from drake_tc.types import FloatArray
-
-Progress = Callable[[str, float], None]
 
 
 @dataclass(frozen=True)

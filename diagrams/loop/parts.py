@@ -10,7 +10,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import DiagramBuilder, OutputPort
 
 from drake_tc.actuation.model import ActuatorModel, EffectValue
-from drake_tc.actuation.model_file import load_models
+from drake_tc.actuation.model_file import models_of_joints
 from drake_tc.control.gains import TorqueGains
 from drake_tc.errors import ParamsError
 from drake_tc.robot.robot import Robot, load_robot
@@ -78,11 +78,7 @@ def actuator_models(scenario: Scenario, robot: Robot, *, controller: bool = Fals
     path = robot.actuators if named is None else scenario.path(named)
     if path is None:
         raise ParamsError(f"{robot.source}: wanted `actuators`, here or in the scenario; got neither")
-    models = load_models(path)
-    missing = [joint for joint in robot.joints if joint not in models]
-    if missing:
-        raise ParamsError(f"{path}: no joint {missing[0]!r}; joints there: {', '.join(models)}")
-    chosen = {joint: models[joint] for joint in robot.joints}
+    chosen = models_of_joints(path, robot.joints)
     return (
         {joint: _mistaken(model, scenario.model_factors) for joint, model in chosen.items()} if controller else chosen
     )

@@ -1,6 +1,6 @@
 """What surrounds the robot: rigid objects to touch, hands that push, and springs to hang in."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -11,7 +11,7 @@ from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.math import SpatialForce
 from pydrake.multibody.plant import CoulombFriction, ExternallyAppliedSpatialForce, MultibodyPlant
 from pydrake.multibody.tree import FixedOffsetFrame, LinearBushingRollPitchYaw
-from pydrake.systems.framework import Context, LeafSystem
+from pydrake.systems.framework import Context, DiagramBuilder, LeafSystem
 
 from drake_tc.errors import ParamsError
 from drake_tc.estimation.torque_model import GRAVITY
@@ -41,6 +41,35 @@ def add_suspension(plant: MultibodyPlant, robot: Robot, spec: SuspensionSpec) ->
     hook = FixedOffsetFrame("hook", plant.world_frame(), RigidTransform(start.rotation(), raised))
     values: Any = [np.array(v) for v in (spec.turn_stiffness, spec.turn_damping, spec.stiffness, spec.damping)]
     plant.AddForceElement(LinearBushingRollPitchYaw(plant.AddFrame(hook), plant.AddFrame(held), *values))
+
+
+def check_masses(plant: MultibodyPlant, robot: Robot, factors: Mapping[str, float]) -> None:
+    """Every link whose mass is to change is there.
+
+    Raises:
+        ParamsError: one is not.
+    """
+    for link in factors:
+        if not plant.HasBodyNamed(link):
+            raise ParamsError(f"masses: no link {link!r} in {robot.name}")
+
+
+def set_masses(plant: MultibodyPlant, context: Context, factors: Mapping[str, float]) -> None:
+    """Multiply the masses of links in the plant's context; their rotational inertias grow with them."""
+    for link, factor in factors.items():
+        body = plant.GetBodyByName(link)
+        body.SetMass(context, factor * body.CalcSpatialInertiaInBodyFrame(context).get_mass())
+
+
+def add_pushes(builder: DiagramBuilder, plant: MultibodyPlant, pushes: Sequence[PushSpec]) -> None:
+    """Let something push on a finalized plant, where anything does: a system `pushes`.
+
+    Raises:
+        ParamsError: a link that is not there.
+    """
+    if pushes:
+        system = builder.AddNamedSystem("pushes", Pushes(plant, pushes))
+        builder.Connect(system.get_output_port(), plant.get_applied_spatial_force_input_port())
 
 
 class Pushes(LeafSystem):  # type: ignore[misc, unused-ignore]

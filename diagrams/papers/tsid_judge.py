@@ -3,10 +3,10 @@
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from statistics import NormalDist
 
 import numpy as np
 from drake_tc.diagrams.papers.tsid_simulation import Moment
+from scipy.stats import binomtest
 
 from drake_tc.tsid.probability import probability
 from drake_tc.tsid.robust.torque_error import TorqueError
@@ -112,15 +112,9 @@ def miss(moment: Moment, error: TorqueError, *, without: str | None = None) -> f
 
 
 def wilson(hits: int, runs: int, level: float = 0.95) -> tuple[float, float]:
-    """Wilson's score interval of a share: hits of runs.
-
-    centre +- half, z the normal quantile:  (h + z^2/2) / (n + z^2) +- z / (n + z^2) sqrt(h (n - h) / n + z^2 / 4)
-    """
-    z = NormalDist().inv_cdf(0.5 * (1.0 + level))
-    total = runs + z * z
-    centre = (hits + 0.5 * z * z) / total
-    half = z / total * math.sqrt(hits * (runs - hits) / runs + 0.25 * z * z)
-    return max(centre - half, 0.0), min(centre + half, 1.0)
+    """Wilson's score interval of a share: hits of runs."""
+    low, high = binomtest(hits, runs).proportion_ci(level, method="wilson")
+    return float(low), float(high)
 
 
 def cell(values: Sequence[float] | FloatArray, scale: float = 1.0, digits: int = 2) -> str:

@@ -1,10 +1,9 @@
 """Run a loop: in chunks, with progress; a solver that fails or a state that leaves all bounds says which and when."""
 
-import math
 import time
-from collections.abc import Callable
 
 import numpy as np
+from drake_tc.diagrams.runs.advancing import Progress, advance
 from drake_tc.diagrams.runs.recording import Recording
 from drake_tc.diagrams.scenarios.scenario import Scenario
 from drake_tc.diagrams.torque_loop import Loop, build_loop
@@ -17,8 +16,6 @@ CHUNK = 0.02
 """The state is looked at this often [s]."""
 RUNAWAY_SPEED = 100.0
 """A joint that is faster [rad/s] has run away: no geared joint gets there."""
-
-Progress = Callable[[str, float], None]
 
 
 def simulate_scenario(
@@ -47,28 +44,18 @@ def run_loop(loop: Loop, progress: Progress | None = None, *, allow_runaway: boo
     simulator = Simulator(loop.diagram)
     context = simulator.get_mutable_context()
     loop.start(context)
+
+    def goes_on(now: float) -> bool:
+        if _bounded(loop, context):
+            return True
+        if allow_runaway:
+            return False
+        raise _runaway(loop, context)
+
     begin = time.perf_counter()
-    now = 0.0
-    chunks = math.ceil(scenario.duration / CHUNK - 1e-9)
-    try:
-        simulator.Initialize()
-        for chunk in range(1, chunks + 1):
-            now = scenario.duration if chunk == chunks else chunk * CHUNK
-            simulator.AdvanceTo(now)
-            if not _bounded(loop, context):
-                if allow_runaway:
-                    break
-                raise _runaway(loop, context)
-            if progress:
-                progress(f"{now:.1f} of {scenario.duration:g} s", now / scenario.duration)
-    except RuntimeError as error:
-        at = context.get_time()
-        raise SimulationError(
-            f"the simulation failed at t = {at:.4f} s: {' '.join(str(error).split())};"
-            f" try a smaller plant_step than {scenario.plant_step:g} s"
-        ) from error
+    advance(simulator, scenario.duration, CHUNK, goes_on, plant_step=scenario.plant_step, progress=progress)
     seconds = time.perf_counter() - begin
-    times, signals = loop.recorded(context)
+    times, signals = loop.log.recorded(context)
     order = joint_order(loop)
     places = np.array([loop.plant.GetJointByName(name).position_start() for name in loop.robot.joints])
     states = signals["joint_state"]

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from drake_tc.diagrams.runs.advancing import Progress
 from drake_tc.diagrams.runs.running import simulate_scenario
 from drake_tc.diagrams.runs.summary import summarise, write_results
 from drake_tc.diagrams.scenarios.scenario import Scenario
@@ -12,7 +13,6 @@ from drake_tc.diagrams.tsid.running import simulate_tsid
 from drake_tc.diagrams.tsid.scenario import TsidScenario
 from drake_tc.diagrams.tsid.summary import summarise_tsid, write_tsid
 
-Progress = Callable[[str, float], None]
 Tell = Callable[[str], None]
 
 

@@ -2,9 +2,7 @@
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from drake_tc.diagrams.registry import diagram_entry
@@ -13,6 +11,7 @@ from pydrake.systems.analysis import Simulator
 
 from drake_tc.estimation.joint_torque import JointTorqueEstimator
 from drake_tc.estimation.torque_model import TorqueModel
+from drake_tc.report.bench_row import BenchRow, timing_row
 from drake_tc.robot.robot import load_robot
 
 MODELS = Path(__file__).parents[2] / "models" / "hrp2_like"
@@ -20,26 +19,7 @@ CHUNK = 0.02
 """Simulated time of one timing [s]."""
 
 
-@dataclass(frozen=True)
-class Timing:
-    """Wall times of one thing [us]: median and 99th percentile of n timings."""
-
-    name: str
-    median: float
-    p99: float
-    n: int
-
-    def to_json(self) -> dict[str, Any]:
-        """As `bench --json` prints it."""
-        return {"name": self.name, "unit": "us", "median": self.median, "p99": self.p99, "n": self.n}
-
-
-def _timing(name: str, seconds: list[float]) -> Timing:
-    microseconds = 1e6 * np.array(seconds)
-    return Timing(name, float(np.median(microseconds)), float(np.percentile(microseconds, 99)), len(seconds))
-
-
-def loop_timing(scenario_name: str, title: str, duration: float = 2.5) -> Timing:
+def loop_timing(scenario_name: str, title: str, duration: float = 2.5) -> BenchRow:
     """A tick of the hanging leg's loop, everything included: plant, actuators, sensors, estimator, controller, logs.
 
     Args:
@@ -57,10 +37,10 @@ def loop_timing(scenario_name: str, title: str, duration: float = 2.5) -> Timing
         begin = time.perf_counter()
         simulator.AdvanceTo(chunk * CHUNK)
         times.append((time.perf_counter() - begin) / ticks)
-    return _timing(title, times)
+    return timing_row(title, times)
 
 
-def estimate_timing(robot_file: Path, title: str, repeats: int = 2000) -> Timing:
+def estimate_timing(robot_file: Path, title: str, repeats: int = 2000) -> BenchRow:
     """One torque estimate by its system: inputs changed, every output evaluated."""
     robot = load_robot(robot_file)
     system = JointTorqueEstimator(TorqueModel(robot))
@@ -77,16 +57,16 @@ def estimate_timing(robot_file: Path, title: str, repeats: int = 2000) -> Timing
         for output in outputs:
             output.Eval(context)
         times.append(time.perf_counter() - begin)
-    return _timing(title, times)
+    return timing_row(title, times)
 
 
-def leg_timings(progress: Callable[[str, float], None]) -> list[Timing]:
+def leg_timings(progress: Callable[[str, float], None]) -> list[BenchRow]:
     """The rows of `drake-tc bench leg`.
 
     Args:
         progress: Told what is timed and which share is done.
     """
-    pieces: list[tuple[str, Callable[[str], Timing]]] = [
+    pieces: list[tuple[str, Callable[[str], BenchRow]]] = [
         ("leg under the vendor's servo, a tick of 1 ms", lambda name: loop_timing("stairs_swing_servo", name)),
         ("leg in torque control, a tick of 1 ms", lambda name: loop_timing("stairs_swing", name)),
         ("torque estimate, leg", lambda name: estimate_timing(MODELS / "hrp2_like_leg.yaml", name)),

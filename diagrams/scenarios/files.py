@@ -7,6 +7,7 @@ import yaml
 from drake_tc.diagrams.scenarios.strict_yaml import read_mapping
 
 from drake_tc.errors import ParamsError
+from drake_tc.yaml_file import merged
 
 
 def scenario_names(path: Path) -> list[str]:
@@ -39,15 +40,6 @@ def read_scenario(path: Path, name: str, text: str | None = None) -> dict[str, A
     if not isinstance(changes, dict):
         raise ParamsError(f"scenario text: wanted a mapping of fields; got {text!r}")
     return merged(document, changes)
-
-
-def merged(base: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
-    """`base` with `changes`, mapping by mapping."""
-    result = dict(base)
-    for key, value in changes.items():
-        both = isinstance(value, dict) and isinstance(result.get(key), dict)
-        result[key] = merged(result[key], value) if both else value
-    return result
 
 
 def _extended(path: Path, document: dict[str, Any], name: str, seen: tuple[str, ...]) -> dict[str, Any]:

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
+from drake_tc.diagrams.scenarios.checks import check_run
 from drake_tc.diagrams.scenarios.files import read_scenario, scenario_names
 from drake_tc.diagrams.scenarios.parts import (
     FilterSpec,
@@ -105,17 +106,7 @@ class Scenario:
     source: str = "."
 
     def __post_init__(self) -> None:
-        for name, choices in _CHOICES.items():
-            if getattr(self, name) not in choices:
-                raise ParamsError(f"{name}: wanted one of {', '.join(choices)}; got {getattr(self, name)!r}")
-        for name in ("duration", "dt", "plant_step"):
-            if not 0.0 < getattr(self, name) < float("inf"):
-                raise ParamsError(f"{name}: wanted a positive number [s]; got {getattr(self, name)!r}")
-        if self.seed < 0:
-            raise ParamsError(f"seed: wanted a whole number >= 0; got {self.seed}")
-        for link, factor in self.masses.items():
-            if not 0.0 < factor < math.inf:
-                raise ParamsError(f"masses.{link}: wanted a positive factor; got {factor}")
+        check_run(self, _CHOICES, ("duration", "dt", "plant_step"))
         if not 0.0 <= self.tare < math.inf:
             raise ParamsError(f"tare: wanted a time >= 0 [s]; got {self.tare}")
         ratio = self.dt / self.plant_step

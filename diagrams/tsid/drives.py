@@ -14,7 +14,7 @@ from pydrake.systems.framework import OutputPort
 from pydrake.systems.primitives import ConstantVectorSource
 
 from drake_tc.actuation.model import ActuatorModel
-from drake_tc.actuation.model_file import load_models
+from drake_tc.actuation.model_file import models_of_joints
 from drake_tc.actuation.wiring import add_actuators
 from drake_tc.control.gains import TorqueGains
 from drake_tc.control.guard import CommandGuard
@@ -36,11 +36,7 @@ def drive_models(wiring: Wiring, *, controller: bool = False) -> dict[str, Actua
     path = robot.actuators if named is None else wiring.scenario.path(named)
     if path is None:
         raise ParamsError(f"{robot.source}: wanted `actuators`, here or in the scenario's drives; got neither")
-    models = load_models(path)
-    missing = [joint for joint in robot.joints if joint not in models]
-    if missing:
-        raise ParamsError(f"{path}: no joint {missing[0]!r}; joints there: {', '.join(models)}")
-    return {joint: models[joint] for joint in robot.joints}
+    return models_of_joints(path, robot.joints)
 
 
 def add_drives(wiring: Wiring, sensors: SensorSuite, torque: OutputPort, state: OutputPort) -> None:

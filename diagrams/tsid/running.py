@@ -2,11 +2,12 @@
 
 import math
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from drake_tc.diagrams.humanoid_tsid import TsidLoop, build_tsid
+from drake_tc.diagrams.runs.advancing import Progress, advance
 from drake_tc.diagrams.tsid.scenario import TsidScenario
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context
@@ -20,8 +21,6 @@ CHUNK = 0.02
 """The state is looked at this often [s]."""
 FALLEN = 0.6
 """Share of its first height above the floor below which the base counts as fallen."""
-
-Progress = Callable[[str, float], None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,34 +85,27 @@ def simulate_tsid(scenario: TsidScenario, progress: Progress | None = None, *, m
 
 def run_tsid(loop: TsidLoop, progress: Progress | None = None) -> TsidRecording:
     """As `simulate_tsid`, for a diagram that is built."""
-    duration = loop.scenario.duration
     simulator = Simulator(loop.diagram)
     context = simulator.get_mutable_context()
     loop.start(context)
-    fell, first = None, _height(loop, context)
-    begin = time.perf_counter()
-    try:
-        with threadpool_limits(1):
-            simulator.Initialize()
-            for chunk in range(1, math.ceil(duration / CHUNK - 1e-9) + 1):
-                now = min(duration, chunk * CHUNK)
-                simulator.AdvanceTo(now)
-                height = _height(loop, context)
-                if not math.isfinite(height):
-                    raise SimulationError(f"system 'plant' has a state that is not finite by t = {now:.3f} s")
-                if height < FALLEN * first:
-                    fell = now
-                    break
-                if progress:
-                    progress(f"{now:.1f} of {duration:g} s", now / duration)
-    except RuntimeError as error:
-        raise SimulationError(
-            f"the simulation failed at t = {context.get_time():.4f} s: {' '.join(str(error).split())};"
-            f" try a smaller plant_step than {loop.scenario.plant_step:g} s"
-        ) from error
+    first, fallen = _height(loop, context), list[float]()
+
+    def goes_on(now: float) -> bool:
+        height = _height(loop, context)
+        if not math.isfinite(height):
+            raise SimulationError(f"system 'plant' has a state that is not finite by t = {now:.3f} s")
+        if height < FALLEN * first:
+            fallen.append(now)
+        return not fallen
+
+    scenario, begin = loop.scenario, time.perf_counter()
+    with threadpool_limits(1):
+        advance(simulator, scenario.duration, CHUNK, goes_on, plant_step=scenario.plant_step, progress=progress)
     seconds = time.perf_counter() - begin
-    times, signals = loop.recorded(context)
-    return TsidRecording(loop.scenario, loop.law, loop.controller.constraints, times, signals, seconds, fell)
+    times, signals = loop.log.recorded(context)
+    return TsidRecording(
+        loop.scenario, loop.law, loop.controller.constraints, times, signals, seconds, fallen[0] if fallen else None
+    )
 
 
 def _height(loop: TsidLoop, context: Context) -> float:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
+from drake_tc.diagrams.scenarios.checks import check_run
 from drake_tc.diagrams.scenarios.files import read_scenario
 from drake_tc.diagrams.scenarios.parts import PushSpec
 from drake_tc.diagrams.scenarios.strict_yaml import from_mapping
@@ -161,17 +162,8 @@ class TsidScenario:
     source: str = "."
 
     def __post_init__(self) -> None:
-        for name, choices in (("state", ("plant", "estimated")), ("torque", ("direct", "drives"))):
-            if getattr(self, name) not in choices:
-                raise ParamsError(f"{name}: wanted one of {', '.join(choices)}; got {getattr(self, name)!r}")
-        for name in ("duration", "plant_step"):
-            if not 0.0 < getattr(self, name) < math.inf:
-                raise ParamsError(f"{name}: wanted a positive number [s]; got {getattr(self, name)!r}")
-        if self.seed < 0:
-            raise ParamsError(f"seed: wanted a whole number >= 0; got {self.seed}")
-        for link, factor in self.masses.items():
-            if not 0.0 < factor < math.inf:
-                raise ParamsError(f"masses.{link}: wanted a positive factor; got {factor}")
+        choices = {"state": ("plant", "estimated"), "torque": ("direct", "drives")}
+        check_run(self, choices, ("duration", "plant_step"))
 
     def changed(self, **fields: Any) -> "TsidScenario":
         """The same with other values; those that are None stay."""

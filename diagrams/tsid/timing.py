@@ -1,18 +1,19 @@
 """What a tick of robust TSID costs, stage by stage, along a motion of the humanoid; and its diagram as a whole."""
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 from drake_tc.diagrams.humanoid_tsid import build_tsid
-from drake_tc.diagrams.runs.timing import Timing
+from drake_tc.diagrams.runs.advancing import Progress
 from drake_tc.diagrams.tsid.references import task_source
 from drake_tc.diagrams.tsid.running import TsidRecording, simulate_tsid
 from drake_tc.diagrams.tsid.scenario import TsidScenario
 from pydrake.systems.analysis import Simulator
 from threadpoolctl import threadpool_limits
 
+from drake_tc.report.bench_row import BenchRow, timing_row
 from drake_tc.tsid.law import Before, Law, problem_at, solve_tick
 from drake_tc.tsid.robust.formulation import MeasureName
 from drake_tc.types import FloatArray
@@ -21,10 +22,8 @@ MEASURES: tuple[MeasureName, ...] = ("classic", "individual", "box", "rectangle"
 CHUNK = 0.02
 """Simulated time of one timing of the whole diagram [s]."""
 
-Progress = Callable[[str, float], None]
 
-
-def tick_timings(scenario: TsidScenario, progress: Progress) -> list[Timing]:
+def tick_timings(scenario: TsidScenario, progress: Progress) -> list[BenchRow]:
     """Rows of `drake-tc bench tick`: own time of the thread [us], from a warm start, BLAS on one core.
 
     Args:
@@ -63,7 +62,7 @@ def _references(recording: TsidRecording) -> list[list[FloatArray]]:
     return [list(row) for row in zip(*columns, strict=True)]
 
 
-def _stages(recording: TsidRecording, references: Sequence[Sequence[FloatArray]]) -> list[Timing]:
+def _stages(recording: TsidRecording, references: Sequence[Sequence[FloatArray]]) -> list[BenchRow]:
     """Terms; all of the problem, terms included."""
     law, model = recording.law, recording.law.model
     scratch, active = model.create_scratch(), (True,) * len(model.contacts)
@@ -75,10 +74,10 @@ def _stages(recording: TsidRecording, references: Sequence[Sequence[FloatArray]]
         problem_at(law, scratch, state, wanted, active)
         problem.append(time.thread_time() - known)
         terms.append(known - begin)
-    return [_row("terms of the dynamics", terms), _row("terms, rows and reduction to the torques", problem)]
+    return [timing_row("terms of the dynamics", terms), timing_row("terms, rows and reduction to the torques", problem)]
 
 
-def _ticks(law: Law, recording: TsidRecording, references: Sequence[Sequence[FloatArray]]) -> Timing:
+def _ticks(law: Law, recording: TsidRecording, references: Sequence[Sequence[FloatArray]]) -> BenchRow:
     model = law.model
     scratch, active = model.create_scratch(), (True,) * len(model.contacts)
     before, seconds = Before(np.zeros(model.n), None), []
@@ -87,10 +86,10 @@ def _ticks(law: Law, recording: TsidRecording, references: Sequence[Sequence[Flo
         tick = solve_tick(law, scratch, state, wanted, active, before)
         seconds.append(time.thread_time() - begin)
         before = Before(tick.torque, tick.start)
-    return _row(f"a tick, everything: {law.formulation.measure}", seconds[1:])
+    return timing_row(f"a tick, everything: {law.formulation.measure}", seconds[1:])
 
 
-def _diagram(scenario: TsidScenario) -> Timing:
+def _diagram(scenario: TsidScenario) -> BenchRow:
     """A tick of controller, plant with contact, references and log."""
     loop = build_tsid(scenario)
     simulator = Simulator(loop.diagram)
@@ -101,9 +100,4 @@ def _diagram(scenario: TsidScenario) -> Timing:
         begin = time.thread_time()
         simulator.AdvanceTo(chunk * CHUNK)
         seconds.append((time.thread_time() - begin) / ticks)
-    return _row("the diagram, a tick of 1 ms: controller, plant with contact, log", seconds)
-
-
-def _row(name: str, seconds: Sequence[float]) -> Timing:
-    microseconds = 1e6 * np.array(seconds)
-    return Timing(name, float(np.median(microseconds)), float(np.percentile(microseconds, 99)), len(seconds))
+    return timing_row("the diagram, a tick of 1 ms: controller, plant with contact, log", seconds)

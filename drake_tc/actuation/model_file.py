@@ -129,6 +129,19 @@ def load_models(path: Path | str) -> dict[str, ActuatorModel]:
     return dict(load_model_file(path).models)
 
 
+def models_of_joints(path: Path | str, joints: Sequence[str]) -> dict[str, ActuatorModel]:
+    """The models of these joints, in this order.
+
+    Raises:
+        ParamsError: see `load_model_file`; or the file lacks a joint.
+    """
+    models = load_models(path)
+    for joint in joints:
+        if joint not in models:
+            raise ParamsError(f"{path}: no model of joint {joint!r}; joints there: {', '.join(models)}")
+    return {joint: models[joint] for joint in joints}
+
+
 def _line(value: EffectValue) -> str:
     """One effect on one line."""
     numbers = {name: number for name, number in value.parameters.items() if math.isfinite(number)}

@@ -3,10 +3,10 @@
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
+from drake_tc.report.bench_row import BenchRow
 from drake_tc.tsid.law import Law
 from drake_tc.tsid.program import reduced_qp
 from drake_tc.tsid.qp.choose import solver
@@ -46,21 +46,6 @@ MOTIONS = (
     Motion("at its limits", (0.15, 0.25, 0.1), 1.0),
     Motion("free internal forces", (0.02, 0.04, 0.02), 0.5, held=False),
 )
-
-
-@dataclass(frozen=True)
-class QpRow:
-    """One figure."""
-
-    name: str
-    unit: str
-    median: float
-    p99: float
-    n: int
-
-    def to_json(self) -> dict[str, Any]:
-        """As `bench --json` prints it."""
-        return {"name": self.name, "unit": self.unit, "median": self.median, "p99": self.p99, "n": self.n}
 
 
 def record(law: Law, motion: Motion, ticks: int) -> list[QuadraticProgram]:
@@ -134,7 +119,7 @@ def timed(chosen: QpSolver, problems: Sequence[QuadraticProgram], *, warm: bool)
     return np.array(seconds), unsolved, worst
 
 
-def qp_rows(law: Law, names: Sequence[str], progress: Progress, ticks: int = 400) -> list[QpRow]:
+def qp_rows(law: Law, names: Sequence[str], progress: Progress, ticks: int = 400) -> list[BenchRow]:
     """Times from nothing (cold) and from the last tick's answer (warm), what was not solved, the worst residual.
 
     Args:
@@ -159,8 +144,8 @@ def qp_rows(law: Law, names: Sequence[str], progress: Progress, ticks: int = 400
                 seconds, unsolved, worst = timed(chosen, some, warm=way == "warm")
                 median, p99 = 1e6 * np.percentile(seconds, [50, 99])
                 label = f"{name}, {motion.name}, {way}"
-                rows.append(QpRow(label, "us", float(median), float(p99), len(some)))
-                rows.append(QpRow(f"{label}: not solved", "-", unsolved, unsolved, len(some)))
-                rows.append(QpRow(f"{label}: worst residual", "-", worst, worst, len(some) - unsolved))
+                rows.append(BenchRow(label, "us", float(median), float(p99), len(some)))
+                rows.append(BenchRow(f"{label}: not solved", "-", unsolved, unsolved, len(some)))
+                rows.append(BenchRow(f"{label}: worst residual", "-", worst, worst, len(some) - unsolved))
             done += 1
     return rows

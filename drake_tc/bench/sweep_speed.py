@@ -2,31 +2,15 @@
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any
 
 from drake_tc.analysis.joint_loop import JointLoop
 from drake_tc.analysis.stability_map import Axis, stability_map
 from drake_tc.analysis.sweep import processes, sweep
+from drake_tc.report.bench_row import BenchRow
 
 Progress = Callable[[str, float], None]
 WORK = 400_000
 """Steps of arithmetic a point: a few hundredths of a second."""
-
-
-@dataclass(frozen=True)
-class SweepRow:
-    """One figure, from n timings."""
-
-    name: str
-    unit: str
-    median: float
-    p99: float
-    n: int
-
-    def to_json(self) -> dict[str, Any]:
-        """As `bench --json` prints it."""
-        return {"name": self.name, "unit": self.unit, "median": self.median, "p99": self.p99, "n": self.n}
 
 
 def busy_point(point: int, seed: int) -> float:
@@ -39,7 +23,7 @@ def busy_point(point: int, seed: int) -> float:
 
 def sweep_rows(
     progress: Progress, workers: int = 2, repeats: int = 3, points: int = 192, side: int = 100
-) -> list[SweepRow]:
+) -> list[BenchRow]:
     """Speed-up of two processes over one, both spawned and warm, and a stability map of side x side loops.
 
     The points' own time over wall time says how busy the processes were kept, also where others use the machine.
@@ -78,8 +62,8 @@ def sweep_rows(
     ordered, kept = sorted(gains), sorted(busy)
     name = f"speed-up of {workers} processes over one, {points} points"
     return [
-        SweepRow(name, "-", ordered[len(ordered) // 2], ordered[-1], repeats),
-        SweepRow(f"points' own time over wall time, {workers} processes", "-", kept[len(kept) // 2], kept[-1], repeats),
-        SweepRow(f"stability map of {side} x {side} loops", "s", seconds_of_map, seconds_of_map, 1),
-        SweepRow("one loop of that map, on one core", "ms", each, each, 1),
+        BenchRow(name, "-", ordered[len(ordered) // 2], ordered[-1], repeats),
+        BenchRow(f"points' own time over wall time, {workers} processes", "-", kept[len(kept) // 2], kept[-1], repeats),
+        BenchRow(f"stability map of {side} x {side} loops", "s", seconds_of_map, seconds_of_map, 1),
+        BenchRow("one loop of that map, on one core", "ms", each, each, 1),
     ]

@@ -4,7 +4,6 @@ import json
 import os
 import sys
 import tempfile
-from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 from pathlib import Path
@@ -18,6 +17,7 @@ from drake_tc.bench.real_rows import RealRow, rows_json
 from drake_tc.blind.scoreboard import print_score
 from drake_tc.cli.bench_qp_command import bench_qp
 from drake_tc.cli.bench_robot_command import bench_robot
+from drake_tc.cli.bench_table import print_times
 from drake_tc.cli.bench_tick_command import bench_tick
 from drake_tc.cli.progress import progress_bar
 
@@ -59,16 +59,7 @@ def bench_leg(as_json: Annotated[bool, typer.Option("--json", help="Print the ro
 
     with progress_bar("bench leg", quiet=as_json) as progress:
         rows = leg_timings(progress)
-    if as_json:
-        print(json.dumps({"name": "leg", "rows": [row.to_json() for row in rows]}))
-        return
-    table = Table(box=None, padding=(0, 2))
-    table.add_column("what")
-    for heading in ("median [us]", "99 % [us]", "timings"):
-        table.add_column(rf"{heading}".replace("[", r"\["), justify="right")
-    for row in rows:
-        table.add_row(row.name, f"{row.median:.0f}", f"{row.p99:.0f}", str(row.n))
-    Console(file=sys.stdout, highlight=False).print(table)
+    print_times("leg", rows, as_json=as_json)
 
 
 @bench_app.command("sweep")
@@ -85,8 +76,7 @@ def bench_sweep(as_json: Annotated[bool, typer.Option("--json", help="Print the 
         print(f"{row.name}: {row.median:.3g} {'' if row.unit == '-' else row.unit}".rstrip())
 
 
-def _real(name: str, table: Callable[[Path], list[RealRow]], data: Path, as_json: bool) -> None:
-    rows = table(data)
+def _real(name: str, rows: list[RealRow], as_json: bool) -> None:
     if as_json:
         print(json.dumps(rows_json(name, rows)))
         return
@@ -115,7 +105,7 @@ def bench_real_bam(data: Data, as_json: AsJson = False) -> None:
         ProcessPoolExecutor(os.cpu_count() or 1, mp_context=get_context("spawn")) as pool,
     ):
         rows = real_bam_rows(data, rig_free_run, progress, pool)
-    _real("real-bam", lambda _: rows, data, as_json)
+    _real("real-bam", rows, as_json)
 
 
 @bench_app.command("real-dfki")
@@ -123,7 +113,7 @@ def bench_real_dfki(data: Data, as_json: AsJson = False) -> None:
     """AK80-6 simple pendulum: torque residual on held-out runs."""
     from drake_tc.bench.real_dfki import rows
 
-    _real("real-dfki", rows, data, as_json)
+    _real("real-dfki", rows(data), as_json)
 
 
 @bench_app.command("real-tmotor")
@@ -131,7 +121,7 @@ def bench_real_tmotor(data: Data, as_json: AsJson = False) -> None:
     """AK80-9 against a torque sensor: torque error on held-out logs beside the published model's."""
     from drake_tc.bench.real_tmotor import rows
 
-    _real("real-tmotor", rows, data, as_json)
+    _real("real-tmotor", rows(data), as_json)
 
 
 @bench_app.command("real-uart")
@@ -139,7 +129,7 @@ def bench_real_uart(data: Data, as_json: AsJson = False) -> None:
     """Feetech servos on a stretching stand: backlash and dead zone told apart, spans."""
     from drake_tc.bench.real_uart import rows
 
-    _real("real-uart", rows, data, as_json)
+    _real("real-uart", rows(data), as_json)
 
 
 @bench_app.command("real-tx40")
@@ -149,7 +139,7 @@ def bench_real_tx40(data: Data, as_json: AsJson = False) -> None:
 
     with progress_bar("bench real-tx40", quiet=as_json) as progress:
         table = rows(data, progress)
-    _real("real-tx40", lambda _: table, data, as_json)
+    _real("real-tx40", table, as_json)
 
 
 @bench_app.command("real-tiago")
@@ -157,7 +147,7 @@ def bench_real_tiago(data: Data, as_json: AsJson = False) -> None:
     """Service robot's arm: what dominates the wrist's currents, and the share it explains."""
     from drake_tc.bench.real_tiago import rows
 
-    _real("real-tiago", rows, data, as_json)
+    _real("real-tiago", rows(data), as_json)
 
 
 @bench_app.command("real-double-pendulum")
@@ -167,4 +157,4 @@ def bench_real_double_pendulum(data: Data, as_json: AsJson = False) -> None:
 
     with progress_bar("bench real-double-pendulum", quiet=as_json) as progress:
         table = rows(data, progress)
-    _real("real-double-pendulum", lambda _: table, data, as_json)
+    _real("real-double-pendulum", table, as_json)

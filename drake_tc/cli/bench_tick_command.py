@@ -1,14 +1,11 @@
 """`drake-tc bench tick`: what a tick of robust TSID costs on a whole robot."""
 
-import json
-import sys
 from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
-from rich.table import Table
 
+from drake_tc.cli.bench_table import print_times
 from drake_tc.cli.progress import progress_bar
 
 
@@ -25,13 +22,4 @@ def bench_tick(
     scenario = tsid_entry().scenario(scenario_name, scenario_file).changed(duration=duration)
     with progress_bar("bench tick", quiet=as_json) as progress:
         rows = tick_timings(scenario, progress)
-    if as_json:
-        print(json.dumps({"name": "tick", "rows": [row.to_json() for row in rows]}))
-        return
-    table = Table(box=None, padding=(0, 2))
-    table.add_column("what")
-    for heading in ("median us", "99 % us", "n"):
-        table.add_column(heading, justify="right", no_wrap=True)
-    for row in rows:
-        table.add_row(row.name, f"{row.median:.0f}", f"{row.p99:.0f}", str(row.n))
-    Console(file=sys.stdout, highlight=False).print(table)
+    print_times("tick", rows, as_json=as_json)

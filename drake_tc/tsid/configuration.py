@@ -23,7 +23,7 @@ from drake_tc.tsid.robust.newton import Budget
 from drake_tc.tsid.robust.options import Options
 from drake_tc.tsid.robust.torque_error import TorqueError
 from drake_tc.tsid.task_fields import numbers, read_task
-from drake_tc.yaml_file import read_yaml
+from drake_tc.yaml_file import merged, read_yaml
 
 _NUMBERS = ("contact_damping", "fallback_damping", "fade")
 _REQUIRED = ("robot", "tasks")
@@ -71,15 +71,6 @@ def load_law(path: Path | str, changes: Mapping[str, Any] | None = None) -> Law:
         return _law(source, fields.mapping("controller", merged(top, changes or {}), _REQUIRED, _OPTIONAL))
     except ParamsError as error:
         raise ParamsError(f"{source}: {error}") from None
-
-
-def merged(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
-    """`base` with `changes`, mapping by mapping."""
-    result = dict(base)
-    for key, value in changes.items():
-        both = isinstance(value, Mapping) and isinstance(result.get(key), Mapping)
-        result[key] = merged(result[key], value) if both else value
-    return result
 
 
 def _law(source: Path, top: Mapping[str, Any]) -> Law:

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from pydrake.multibody.tree import FixedOffsetFrame
 
-from drake_tc.actuation.model_file import load_models
+from drake_tc.actuation.model_file import models_of_joints
 from drake_tc.errors import ParamsError
 from drake_tc.robot.mounts import Mount
 from drake_tc.robot.robot import Robot
@@ -23,11 +23,8 @@ def file_rotors(robot: Robot) -> dict[str, float]:
     """
     if robot.actuators is None:
         return dict(robot.rotor_inertia)
-    models = load_models(robot.actuators)
-    missing = [joint for joint in robot.joints if joint not in models]
-    if missing:
-        raise ParamsError(f"{robot.actuators}: no model of joint {missing[0]!r}; joints here: {', '.join(models)}")
-    return {joint: models[joint].inertia for joint in robot.joints}
+    models = models_of_joints(robot.actuators, robot.joints)
+    return {joint: model.inertia for joint, model in models.items()}
 
 
 def add_rotors(plant: Any, robot: Robot, rotor_inertia: Mapping[str, float]) -> None:

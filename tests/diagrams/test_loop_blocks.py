@@ -50,11 +50,11 @@ def test_the_bias_is_not_zero(run):
 
 def test_the_log_holds_every_signal_in_its_own_rows(run):
     loop, simulator = run
-    times, signals = loop.recorded(simulator.get_context())
+    times, signals = loop.log.recorded(simulator.get_context())
     assert_allclose(times, np.arange(401) * 1e-3, atol=1e-12)
     for signal, port in (("encoder", "encoder:reading"), ("joint_state", "plant:state"), ("mode", "guard:mode")):
         assert_array_equal(signals[signal][-1], value(run, port), err_msg=signal)
-    assert sum(part.shape[1] for part in signals.values()) == loop.log.get_input_port().size()
+    assert sum(part.shape[1] for part in signals.values()) == loop.log.sink.get_input_port().size()
 
 
 def test_without_a_force_to_reach_no_wrench_goes_to_the_inverse_dynamics(run):

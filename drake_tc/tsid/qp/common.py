@@ -43,3 +43,10 @@ def usable_start(problem: QuadraticProgram, start: QpSolution | None) -> QpSolut
         return None
     fits = start.multipliers.size == problem.lower.size and start.x.size == problem.gradient.size
     return start if fits else None
+
+
+def refused(problem: QuadraticProgram) -> QpSolution | None:
+    """The answer to a problem that no solver needs to see: numbers that are not, or a row without any x."""
+    if not is_usable(problem):
+        return unsolved(problem, Outcome.FAILED)
+    return unsolved(problem, Outcome.INFEASIBLE) if is_crossed(problem) else None

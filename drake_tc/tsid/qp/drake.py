@@ -15,7 +15,7 @@ from pydrake.solvers import (
 )
 
 from drake_tc.errors import ParamsError
-from drake_tc.tsid.qp.common import is_crossed, is_usable, unsolved, usable_start
+from drake_tc.tsid.qp.common import refused, unsolved, usable_start
 from drake_tc.tsid.qp.problem import Outcome, QpSolution, QuadraticProgram
 from drake_tc.tsid.qp.scaling import scaled
 
@@ -56,10 +56,9 @@ class DrakeSolver:
 
     def solve(self, problem: QuadraticProgram, start: QpSolution | None = None) -> QpSolution:
         """See `QpSolver`."""
-        if not is_usable(problem):
-            return unsolved(problem, Outcome.FAILED)
-        if is_crossed(problem):
-            return unsolved(problem, Outcome.INFEASIBLE)
+        answer = refused(problem)
+        if answer is not None:
+            return answer
         over = scaled(problem)
         return over.back(self._solve(over.problem, over.there(usable_start(problem, start))))
 

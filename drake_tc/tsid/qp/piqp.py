@@ -3,7 +3,7 @@
 import numpy as np
 import piqp  # type: ignore[import-not-found, import-untyped, unused-ignore]
 
-from drake_tc.tsid.qp.common import is_crossed, is_usable, unsolved
+from drake_tc.tsid.qp.common import refused, unsolved
 from drake_tc.tsid.qp.problem import Outcome, QpSolution, QuadraticProgram
 from drake_tc.tsid.qp.scaling import scaled
 
@@ -17,10 +17,9 @@ class Piqp:
 
     def solve(self, problem: QuadraticProgram, start: QpSolution | None = None) -> QpSolution:
         """See `QpSolver`."""
-        if not is_usable(problem):
-            return unsolved(problem, Outcome.FAILED)
-        if is_crossed(problem):
-            return unsolved(problem, Outcome.INFEASIBLE)
+        answer = refused(problem)
+        if answer is not None:
+            return answer
         over = scaled(problem)
         return over.back(self._solve(over.problem))
 

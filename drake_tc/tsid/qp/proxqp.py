@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from proxsuite import proxqp  # type: ignore[import-not-found, import-untyped, unused-ignore]
 
-from drake_tc.tsid.qp.common import is_crossed, is_usable, unsolved, usable_start
+from drake_tc.tsid.qp.common import refused, unsolved, usable_start
 from drake_tc.tsid.qp.problem import Outcome, QpSolution, QuadraticProgram
 from drake_tc.tsid.qp.scaling import scaled
 
@@ -24,10 +24,9 @@ class ProxQp:
 
     def solve(self, problem: QuadraticProgram, start: QpSolution | None = None) -> QpSolution:
         """See `QpSolver`."""
-        if not is_usable(problem):
-            return unsolved(problem, Outcome.FAILED)
-        if is_crossed(problem):
-            return unsolved(problem, Outcome.INFEASIBLE)
+        answer = refused(problem)
+        if answer is not None:
+            return answer
         over = scaled(problem)
         return over.back(self._solve(over.problem, over.there(usable_start(problem, start))))
 

@@ -3,7 +3,7 @@
 import numpy as np
 from quadprog import solve_qp  # type: ignore[import-not-found, import-untyped, unused-ignore]
 
-from drake_tc.tsid.qp.common import is_crossed, is_usable, unsolved
+from drake_tc.tsid.qp.common import refused, unsolved
 from drake_tc.tsid.qp.problem import Outcome, QpSolution, QuadraticProgram
 from drake_tc.tsid.qp.proximal import solve_scaled
 
@@ -13,10 +13,9 @@ class Quadprog:
 
     def solve(self, problem: QuadraticProgram, start: QpSolution | None = None) -> QpSolution:
         """See `QpSolver`."""
-        if not is_usable(problem):
-            return unsolved(problem, Outcome.FAILED)
-        if is_crossed(problem):
-            return unsolved(problem, Outcome.INFEASIBLE)
+        answer = refused(problem)
+        if answer is not None:
+            return answer
         return solve_scaled(problem, None, _strict)
 
 
