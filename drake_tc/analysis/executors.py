@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from multiprocessing import get_context
 from typing import Any, TypeVar
@@ -13,10 +14,6 @@ from drake_tc.errors import ParamsError
 T = TypeVar("T")
 CONNECT_TIME = 10.0
 """A scheduler answers within this time [s]."""
-
-
-def _start_worker() -> None:
-    threadpool_limits(1)
 
 
 class RestartingProcesses(Executor):
@@ -37,16 +34,18 @@ class RestartingProcesses(Executor):
         self._pool = self._fresh()
 
     def _fresh(self) -> ProcessPoolExecutor:
-        return ProcessPoolExecutor(self.workers, mp_context=get_context("spawn"), initializer=_start_worker)
+        return ProcessPoolExecutor(self.workers, mp_context=get_context("spawn"), initializer=threadpool_limits, initargs=(1,))
 
     def submit(self, fn: Callable[..., T], /, *args: Any, **kwargs: Any) -> Future[T]:
-        """As `Executor.submit`; a pool that has broken gives a future that says so."""
+        """As `Executor.submit`; a pool that has broken, or breaks while it starts a process, gives a future that says so."""
+        broken: Future[T] = Future()
         try:
             return self._pool.submit(fn, *args, **kwargs)
         except BrokenExecutor as error:
-            broken: Future[T] = Future()
             broken.set_exception(error)
-            return broken
+        except OSError as error:  # a process died while the next one was being started: its pipes are closed
+            broken.set_exception(BrokenProcessPool(f"no process could be started: {error}"))
+        return broken
 
     def restart(self) -> None:
         """New processes; what was under way is lost."""

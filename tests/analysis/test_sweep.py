@@ -73,6 +73,21 @@ def test_a_point_that_always_kills_its_worker_has_failed_and_no_other(pool):
     assert [point.index for point in caught.value.failed] == [5]
 
 
+def test_a_worker_that_dies_while_the_next_one_is_being_started_loses_nothing(monkeypatch):
+    """Then the pool closes the pipes that the process being started is to have, and `submit` raises from there."""
+    submit, closed = ProcessPoolExecutor.submit, iter([False, False, True])
+
+    def submitted(self, *args, **kwargs):
+        if next(closed, False):
+            raise OSError("handle is closed")
+        return submit(self, *args, **kwargs)
+
+    monkeypatch.setattr(ProcessPoolExecutor, "submit", submitted)
+    with processes(2) as executor:
+        assert sweep(functions.square, range(9), executor=executor, chunk=2) == [number**2 for number in range(9)]
+    assert next(closed, None) is None
+
+
 @pytest.mark.parametrize("where", ["here", "processes"])
 def test_an_exception_is_reported_with_its_point_in_one_line_and_the_rest_is_kept(pool, where):
     with pytest.raises(SweepError) as caught:

@@ -21,7 +21,10 @@ FAMILIES = {
 
 @dataclass(frozen=True)
 class Residuals:
-    """Of the optimality conditions: of H x + c + A^T mu = 0, of the rows, of mu_i (side - row) = 0, of mu's signs."""
+    """Of the optimality conditions: of H x + c + A^T mu = 0, of the rows, of mu_i (side - row) = 0, of mu's signs.
+
+    The first and the last over the largest term of the gradient, or 1: numbers of the size of that term are added there.
+    """
 
     dual: float
     primal: float
@@ -33,10 +36,12 @@ class Residuals:
         rows = problem.matrix @ x
         above, below = rows - problem.upper, problem.lower - rows
         pushing = np.where(mu > 0, above, below)
+        terms = (problem.hessian @ x, problem.gradient, problem.matrix.T * mu)
+        largest = max(1.0, *(float(np.abs(term).max(initial=0.0)) for term in terms))
         return cls(
-            float(np.abs(problem.hessian @ x + problem.gradient + problem.matrix.T @ mu).max()),
+            float(np.abs(problem.hessian @ x + problem.gradient + problem.matrix.T @ mu).max()) / largest,
             float(max(0.0, np.maximum(above, below).max(initial=0.0))),
-            float(np.abs(mu[mu != 0] * pushing[mu != 0]).max(initial=0.0)),
+            float(np.abs(mu[mu != 0] * pushing[mu != 0]).max(initial=0.0)) / largest,
         )
 
 

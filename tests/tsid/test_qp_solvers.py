@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
@@ -13,7 +13,7 @@ from drake_tc.tsid.qp import choose
 from drake_tc.tsid.qp.choose import DEFAULT, OF_DRAKE, SOLVERS, solver
 from drake_tc.tsid.qp.problem import Outcome, QuadraticProgram
 
-from .quadratic import Residuals, crude, has_a_point, random
+from .quadratic import Residuals, cost, crude, has_a_point, random
 
 ALL = (*SOLVERS, "clarabel", "osqp")
 INF = np.inf
@@ -104,18 +104,24 @@ def test_without_an_optimum(name):
 
 
 @pytest.mark.parametrize("name", ["daqp", "quadprog", "piqp", "clarabel"])  # ProxQP gives up now and then
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=16, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.sampled_from([None, 6]), st.integers(0, 3))
 def test_optimality_conditions(name, seed, rank, equalities):
+    assume(not (name == "quadprog" and rank))
     problem = random(seed, rank=rank, equalities=equalities)
     solution = solver(name).solve(problem)
     assert solution.outcome is Outcome.SOLVED
     residuals = Residuals.of(problem, solution)
-    # multipliers of up to 1e3; iterations stop at 1e-12 of the scaled problem; quadprog inverts singular H + 1e-9
-    loose = {"daqp": 1e-7, "quadprog": 1e-4}.get(name, 1e-6)
-    assert residuals.dual <= loose
-    assert residuals.primal <= min(loose, 1e-5)
-    assert residuals.complementarity <= loose
+    assert max(residuals.dual, residuals.primal, residuals.complementarity) <= 1e-7
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_quadprog_misses_the_optimum_of_a_singular_cost_by_little(seed):
+    """It inverts the Hessian, here a singular one plus 1e-9 of its diagonal: half of the digits are lost."""
+    problem = random(seed, rank=6, equalities=seed % 4)
+    one, other = (solver(name).solve(problem) for name in ("quadprog", "daqp"))
+    assert cost(problem, one.x) == pytest.approx(cost(problem, other.x), rel=1e-5, abs=1e-5)
+    assert Residuals.of(problem, one).primal <= 1e-5
 
 
 @settings(max_examples=150, deadline=None)
