@@ -34,10 +34,11 @@ class RestartingProcesses(Executor):
         self._pool = self._fresh()
 
     def _fresh(self) -> ProcessPoolExecutor:
-        return ProcessPoolExecutor(self.workers, mp_context=get_context("spawn"), initializer=threadpool_limits, initargs=(1,))
+        one_thread = {"initializer": threadpool_limits, "initargs": (1,)}
+        return ProcessPoolExecutor(self.workers, mp_context=get_context("spawn"), **one_thread)
 
     def submit(self, fn: Callable[..., T], /, *args: Any, **kwargs: Any) -> Future[T]:
-        """As `Executor.submit`; a pool that has broken, or breaks while it starts a process, gives a future that says so."""
+        """As `Executor.submit`; a pool that has broken, or breaks meanwhile, gives a future that says so."""
         broken: Future[T] = Future()
         try:
             return self._pool.submit(fn, *args, **kwargs)

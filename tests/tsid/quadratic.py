@@ -23,7 +23,7 @@ FAMILIES = {
 class Residuals:
     """Of the optimality conditions: of H x + c + A^T mu = 0, of the rows, of mu_i (side - row) = 0, of mu's signs.
 
-    The first and the last over the largest term of the gradient, or 1: numbers of the size of that term are added there.
+    The first and the last over the largest term of the gradient, or 1: numbers of that size are added there.
     """
 
     dual: float
