@@ -43,10 +43,11 @@ from drake_tc.diagrams.runs.running import simulate_scenario
 from drake_tc.diagrams.scenarios.parts import PushSpec
 from matplotlib.colors import LogNorm
 
+from drake_tc.analysis.loop_parameters import with_values
 from drake_tc.analysis.pareto_plot import draw_fronts
 from drake_tc.analysis.sampled import linearise
 from drake_tc.analysis.settings import assess, default_goals, with_setting
-from drake_tc.analysis.stability_map import Axis, stability_map, with_values
+from drake_tc.analysis.stability_map import Axis, stability_map
 from drake_tc.analysis.tracking_error import filtered_task, predicted_error
 from drake_tc.analysis.tuning import SearchSpace, tune
 

@@ -15,6 +15,7 @@ FLOOR = {
     "errors": 0,
     "types": 0,
     "yaml_file": 0,
+    "json_values": 0,
     "logs": 1,
     "robot": 1,
     "filtering": 1,

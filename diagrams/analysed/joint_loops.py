@@ -1,6 +1,5 @@
 """A scenario's joints as closed-form loops, each by itself while the others stand still (`JointLoop`)."""
 
-from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -12,6 +11,7 @@ from pydrake.multibody.plant import MultibodyPlant
 
 from drake_tc.actuation.model import ActuatorModel
 from drake_tc.analysis.joint_loop import JointLoop
+from drake_tc.errors import ParamsError
 from drake_tc.robot.plant import make_plant
 from drake_tc.robot.robot import Robot
 
@@ -26,12 +26,13 @@ def joint_loops(scenario: Scenario, direction: float = 0.0) -> dict[str, JointLo
     the drive's gain K_tau/(1 + s direction). Of the other effects viscous friction and rotor inertia are taken.
 
     Args:
-        scenario: With a torque controller.
+        scenario: In torque control on estimated torques, without predictor and observer.
         direction: Of the sliding: 1, -1, or 0 for the mean of both.
 
     Raises:
-        ParamsError: a scenario that cannot be built, or numbers that make no loop.
+        ParamsError: another loop, a scenario that cannot be built, or numbers that make no loop.
     """
+    _check_loop(scenario)
     robot = loop_robot(scenario)
     true = actuator_models(scenario, robot)
     model = actuator_models(scenario, robot, controller=True)
@@ -61,6 +62,17 @@ def joint_loops(scenario: Scenario, direction: float = 0.0) -> dict[str, JointLo
             **weights,
         )
     return loops
+
+
+def _check_loop(scenario: Scenario) -> None:
+    """Refuse what `JointLoop` does not have."""
+    wanted = {"controller": "torque", "torque_from": "estimate", "predictor": None, "observer": None}
+    others = [name for name, value in wanted.items() if getattr(scenario, name) != value]
+    if others:
+        raise ParamsError(
+            "joint loops: wanted a scenario in torque control (`controller: torque`, `torque_from: estimate`)"
+            f" without predictor and observer; it differs in {', '.join(others)}"
+        )
 
 
 def _drive(model: ActuatorModel, direction: float) -> tuple[float, float]:
@@ -112,8 +124,3 @@ def _about(plant: Any, context: Any, joint: Any, bodies: list[Any]) -> tuple[flo
     weight = frame.CalcPoseInWorld(context).rotation().matrix().T @ [0.0, 0.0, -GRAVITY * spatial.get_mass()]
     inertia = float(axis @ spatial.CalcRotationalInertia().CopyToFullMatrix3() @ axis)
     return inertia, float(-axis @ np.cross(np.cross(axis, spatial.get_com()), weight))
-
-
-def over_estimates(loops: Mapping[str, JointLoop]) -> dict[str, float]:
-    """Joint to K_v'/K_v: above 1 the feedforward more than undoes viscous friction."""
-    return {joint: loop.k_v_model / loop.k_v for joint, loop in loops.items()}

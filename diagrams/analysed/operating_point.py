@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from drake_tc.diagrams.loop.parts import actuator_models, loop_robot
+from drake_tc.diagrams.runs.running import joint_order
 from drake_tc.diagrams.scenarios.parts import ModelFactors
 from drake_tc.diagrams.scenarios.scenario import Scenario
 from drake_tc.diagrams.torque_loop import Loop, build_loop
@@ -40,6 +41,12 @@ def settled(scenario: Scenario, at: float) -> tuple[Loop, Any]:
     except RuntimeError as error:
         raise SimulationError(f"the way to the operating point failed: {' '.join(str(error).split())}") from error
     return loop, context
+
+
+def speed_states(loop: Loop) -> list[str]:
+    """The joints' speeds as states of the linearised diagram, in the robot's order."""
+    count = loop.plant.num_positions()
+    return [f"plant[{count + place}]" for place in joint_order(loop)]
 
 
 def sliding(scenario: Scenario, folder: Path, direction: float = 0.0) -> Scenario:

@@ -86,10 +86,8 @@ def _drawn(model: ActuatorModel, spread: Spread, generator: np.random.Generator)
 
     def changed(value: EffectValue) -> EffectValue:
         factor = k_v / gain if value.key == "viscous" else dry if value.key in DRY else 1.0
-        names = {value.key} if value.key in (*DRY, "viscous") else set()
-        return replace(
-            value, parameters={k: v * (factor if k in names else 1.0) for k, v in value.parameters.items()}, ci95={}
-        )
+        parameters = {k: v * factor if k == value.key else v for k, v in value.parameters.items()}
+        return replace(value, parameters=parameters, ci95={})
 
     drive = replace(model.drive, gain=model.drive.gain * gain)
     return replace(model, drive=drive, effects=tuple(map(changed, model.effects)))

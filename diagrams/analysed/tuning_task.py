@@ -32,20 +32,19 @@ def joint_tasks(scenario: Scenario, begin: float | None = None) -> list[JointTas
     """One task a joint, with the scenario's own gains and filter.
 
     Args:
-        scenario: In torque control, with position servos.
+        scenario: As `joint_loops` wants it, with position servos.
         begin: Errors are judged from here on [s]; None: `SETTLED`, or the second half of a run shorter than twice that.
 
     Raises:
-        ParamsError: another controller or other drives, or a scenario that cannot be built.
+        ParamsError: another loop or other drives, or a scenario that cannot be built.
     """
-    if scenario.controller != "torque" or scenario.torque_from != "estimate":
-        raise ParamsError("tune: wanted a scenario in torque control (`controller: torque`, `torque_from: estimate`)")
+    own = joint_loops(scenario)
     robot = loop_robot(scenario)
     true, model = (list(actuator_models(scenario, robot, controller=c).values()) for c in (False, True))
     for drive in (*true, *model):
         if drive.drive.kind != "position_servo":
             raise ParamsError(f"tune: wanted position servos; {drive.joint} is a {drive.drive.kind} drive")
-    n, own = len(robot.joints), joint_loops(scenario)
+    n = len(robot.joints)
     wanted = references(scenario, robot)
     motion = wanted.motion.reshape(-1, 3, n)
     torque, inertias, torque_noise = _dynamics(robot, motion, scenario)

@@ -5,12 +5,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from drake_tc.diagrams.before_after.held_out_motion import HeldOutMotion, held_out_motion, one_clock
+from drake_tc.diagrams.before_after.held_out_motion import HeldOutMotion, held_out_motion
 from drake_tc.diagrams.before_after.pendulum_robot import Swing, fitted_swing, swing_of, write_pendulum_robot
 
 from drake_tc.actuation.model import ActuatorModel
 from drake_tc.diagnosis.models import model_of
 from drake_tc.diagnosis.result import CloseLoopResult, JointResult, SharedEffect
+from drake_tc.diagnosis.samples import one_clock
 from drake_tc.errors import ParamsError
 from drake_tc.logs.loads import Pendulum
 from drake_tc.logs.rig import Rig, load_rig

@@ -27,6 +27,7 @@ from drake_tc.diagrams.scenarios.scenario import Scenario
 from drake_tc.actuation.model import ActuatorModel
 from drake_tc.actuation.model_file import load_models, save_models
 from drake_tc.analysis.joint_loop import JointLoop
+from drake_tc.analysis.loop_parameters import with_values
 from drake_tc.analysis.margins import Margins
 from drake_tc.analysis.quick_margins import quick_margins
 from drake_tc.control.guard import GuardSpec
@@ -186,8 +187,7 @@ def chosen_gains(loops: Mapping[str, JointLoop]) -> GainSpec:
 
 
 def _peak(loop: JointLoop, k6: float, kp: float) -> float:
-    stiff = loop.k_tau_model * (1.0 + kp)
-    found = quick_margins(replace(loop, kp=kp, ks=k6 / stiff, kd=K7 / stiff))
+    found = quick_margins(with_values(loop, {"kp": kp, "k6": k6, "k7": K7}))
     return math.inf if found is None else found.sensitivity_peak
 
 

@@ -1,6 +1,6 @@
 """The motion of a held-out run as a reference: its liveliest stretch, begun and ended at rest, as knots."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -97,8 +97,3 @@ def _knots(position: FloatArray, time: FloatArray, places: FloatArray) -> tuple[
     padded = np.pad(position, box // 2, mode="edge")
     smooth = np.convolve(padded, np.full(box, 1.0 / box), mode="valid")
     return tuple(float(q) for q in np.interp(places, time, smooth))
-
-
-def one_clock(samples: Sequence[Samples]) -> bool:
-    """Whether all sides count the same samples."""
-    return all(s.segments == samples[0].segments and s.signals.period == samples[0].signals.period for s in samples)

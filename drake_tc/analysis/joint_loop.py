@@ -107,7 +107,7 @@ class JointLoop:
                 raise ParamsError(f"JointLoop.{name}: wanted a number >= 0; got {getattr(self, name)!r}")
         if self.extra_delay < 0 or self.extra_delay != int(self.extra_delay):
             raise ParamsError(f"JointLoop.extra_delay: wanted a whole number of ticks >= 0; got {self.extra_delay!r}")
-        _weights(self.window, self.order, self.at, 0, self.dt)
+        self.late_weights(self.order, 0)
 
     @classmethod
     def with_equivalent_gains(cls, k6: float, k7: float = 0.0, kp: float = 2.0, **others: float) -> "JointLoop":
@@ -203,7 +203,7 @@ class JointLoop:
     @cached_property
     def feedback(self) -> FloatArray:
         """C(1/z), times 1 - 1/z where there is an integral, with y = C q."""
-        q, v, a = (self._filter(self.order, k) for k in range(3))
+        q, v, a = (self.late_weights(self.order, k) for k in range(3))
         force = _sum(self.sensed_inertia * a, self.sensed_gravity * q, -self._felt())
         estimate = _sum(self.link_inertia * a, self.gravity_stiffness * q, -force)
         desired = _sum(np.array([-self.ks]), -self.kd * v, self.kf * force)
@@ -218,23 +218,30 @@ class JointLoop:
         summed = self.k_tau_model * self.ki * self.dt * np.append(0.0, error)
         return _sum(np.convolve(effort, self.integrator), summed)
 
+    def late_weights(self, order: int, derivative: int) -> FloatArray:
+        """z^-(1+d) w(1/z): a Savitzky-Golay filter of the loop's window as a reader sees it, read-only.
+
+        Args:
+            order: Of its polynomials.
+            derivative: 0, 1 or 2.
+
+        Raises:
+            ParamsError: as `savgol_weights`.
+        """
+        return _late_weights(self.window, order, self.at, derivative, self.dt, 1 + int(self.extra_delay))
+
     def _felt(self) -> FloatArray:
         """What the filtered force sensor says of q."""
-        smooth = self._filter(self.inertial_order, 0)
+        smooth = self.late_weights(self.inertial_order, 0)
         felt = (self.sensed_gravity + self.environment_stiffness) * smooth
         acceleration = np.convolve(smooth[1:], np.array([1.0, -2.0, 1.0])) / self.dt**2  # of a tick ahead: no z^-1
         return _sum(felt, self.sensed_inertia * acceleration)
 
-    def _filter(self, order: int, derivative: int) -> FloatArray:
-        """z^-(1+d) w(1/z)."""
-        weights = _weights(self.window, order, self.at, derivative, self.dt)
-        return np.concatenate((np.zeros(1 + int(self.extra_delay)), weights))
-
 
 @lru_cache(maxsize=512)
-def _weights(window: int, order: int, at: float | None, derivative: int, dt: float) -> FloatArray:
-    """`savgol_weights`, newest sample first, not to be written to: a map asks for the same ones again and again."""
-    weights = savgol_weights(window, order, at, derivative, dt)[::-1].copy()
+def _late_weights(window: int, order: int, at: float | None, derivative: int, dt: float, ticks: int) -> FloatArray:
+    """Kept: a map asks for the same ones again and again."""
+    weights = np.append(np.zeros(ticks), savgol_weights(window, order, at, derivative, dt)[::-1])
     weights.setflags(write=False)
     return weights
 

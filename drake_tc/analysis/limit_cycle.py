@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import brentq
 
-from drake_tc.analysis.margins import Response, frequency_grid
+from drake_tc.analysis.margins import Response, frequency_grid, sign_changes
 from drake_tc.errors import ParamsError
 from drake_tc.types import FloatArray
 
@@ -136,7 +136,7 @@ def predicted_limit_cycles(
         return complex(open_loop(np.array([frequency]))[0])
 
     found = []
-    for i in np.flatnonzero(np.signbit(values.imag[:-1]) != np.signbit(values.imag[1:])).tolist():
+    for i in sign_changes(values.imag).tolist():
         if at(omega[i]).imag * at(omega[i + 1]).imag >= 0.0:
             continue
         w = float(brentq(lambda f: at(f).imag, omega[i], omega[i + 1], rtol=1e-13))
@@ -146,7 +146,7 @@ def predicted_limit_cycles(
         excess = gain(grid_a) + 1.0 / level
         third = min(3.0 * w, np.pi / dt)
         purity = max(0.0, 1.0 - abs(at(third)) / abs(level) / 3.0)
-        for k in np.flatnonzero(np.signbit(excess[:-1]) != np.signbit(excess[1:])).tolist():
+        for k in sign_changes(excess).tolist():
             amplitude = _balance(gain, -1.0 / level, grid_a[k], grid_a[k + 1])
             found.append(LimitCycle(2.0 * np.pi / w, amplitude, float(purity)))
     return found

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq, minimize_scalar
 
 from drake_tc.errors import ParamsError
-from drake_tc.types import FloatArray
+from drake_tc.types import FloatArray, IntArray
 
 ComplexArray: TypeAlias = NDArray[np.complex128]
 Response: TypeAlias = Callable[[FloatArray], ComplexArray]
@@ -74,9 +74,9 @@ def margins(open_loop: Response, dt: float, grid: FloatArray | None = None) -> M
     def at(frequency: float) -> complex:
         return complex(open_loop(np.array([frequency]))[0])
 
-    unity = [_root(lambda w: np.log(abs(at(w))), omega, i) for i in _changes(np.log(np.abs(values)))]
+    unity = [_root(lambda w: np.log(abs(at(w))), omega, i) for i in sign_changes(np.log(np.abs(values))).tolist()]
     angles = np.array([np.angle(-at(w)) for w in unity])  # pi + arg L in (-pi, pi]
-    real = [_root(lambda w: at(w).imag, omega, i) for i in _changes(values.imag)]
+    real = [_root(lambda w: at(w).imag, omega, i) for i in sign_changes(values.imag).tolist()]
     factors = [(-1.0 / at(w).real, w) for w in real if at(w).real < 0.0]
     if abs(values[-1].imag) < 1e-9 * abs(values[-1]) and values[-1].real < 0.0:  # L is real at pi/dt
         factors.append((-1.0 / values[-1].real, float(omega[-1])))
@@ -94,9 +94,9 @@ def frequency_grid(dt: float, slowest: float = SLOWEST, points: int = POINTS) ->
     return np.geomspace(min(slowest, 1e-3 * np.pi / dt), np.pi / dt, points)
 
 
-def _changes(values: FloatArray) -> list[int]:
-    """Where neighbours differ in sign."""
-    return np.flatnonzero(np.signbit(values[:-1]) != np.signbit(values[1:])).tolist()
+def sign_changes(values: FloatArray) -> IntArray:
+    """Places i at which values[i] and values[i + 1] differ in sign."""
+    return np.flatnonzero(np.signbit(values[:-1]) != np.signbit(values[1:]))
 
 
 def _root(function: Callable[[float], float], omega: FloatArray, index: int) -> float:

@@ -8,7 +8,7 @@ outside the unit circle when its phase comes back to where it was from z = 1 to 
 import numpy as np
 
 from drake_tc.analysis.joint_loop import JointLoop
-from drake_tc.analysis.margins import ComplexArray, Margins
+from drake_tc.analysis.margins import ComplexArray, Margins, sign_changes
 from drake_tc.types import FloatArray
 
 POINTS = 8192
@@ -32,7 +32,7 @@ def quick_margins(loop: JointLoop) -> Margins | None:
 def _unity(opened: ComplexArray, omega: FloatArray) -> tuple[float, float, float]:
     """(phase margin, delay margin, crossover) where |L| = 1, between grid points by a straight line."""
     size = np.log(np.abs(opened))
-    at = np.flatnonzero(np.signbit(size[:-1]) != np.signbit(size[1:]))
+    at = sign_changes(size)
     if not at.size:
         return np.inf, np.inf, np.nan
     share = size[at] / (size[at] - size[at + 1])
@@ -47,7 +47,7 @@ def _unity(opened: ComplexArray, omega: FloatArray) -> tuple[float, float, float
 def _real(opened: ComplexArray, omega: FloatArray) -> tuple[float, float]:
     """(gain margin, its frequency): the factor nearest to 1 that brings L to -1."""
     imaginary, real = opened.imag, opened.real
-    at = np.flatnonzero(np.signbit(imaginary[:-1]) != np.signbit(imaginary[1:]))
+    at = sign_changes(imaginary)
     share = imaginary[at] / (imaginary[at] - imaginary[at + 1])
     value = real[at] + share * (real[at + 1] - real[at])
     where = omega[at] + share * (omega[at + 1] - omega[at])

@@ -32,6 +32,8 @@ FINE = 20
 """Integration steps a period, where there are continuous states."""
 ROUNDING = 1e-13
 """Of F, as a share of its value."""
+DRIFT = 1e-5
+"""Eigenvalues as close to 1 belong to what stays where it is put."""
 NEGLIGIBLE = 1e-9
 """Entries of A below this share of its largest are rounding errors of the differences."""
 
@@ -83,13 +85,16 @@ class SampledSystem:
         """Largest modulus of the eigenvalues; 0 without states."""
         return float(np.abs(self.eigenvalues).max(initial=0.0))
 
-    def radius_but_for_drift(self, tolerance: float = 1e-5) -> float:
-        """The same, leaving out eigenvalues within `tolerance` of 1.
+    def moving(self, tolerance: float = DRIFT) -> ComplexArray:
+        """The eigenvalues, largest first, but for those within `tolerance` of 1.
 
         A joint that nothing holds in position has one: it rests anywhere.
         """
-        moving = self.eigenvalues[np.abs(self.eigenvalues - 1.0) > tolerance]
-        return float(np.abs(moving).max(initial=0.0))
+        return np.asarray(self.eigenvalues[np.abs(self.eigenvalues - 1.0) > tolerance])
+
+    def radius_but_for_drift(self, tolerance: float = DRIFT) -> float:
+        """Largest modulus of those `moving`."""
+        return float(np.abs(self.moving(tolerance)).max(initial=0.0))
 
     def response(self, omega: FloatArray) -> ComplexArray:
         """(W, p, m) C (z I - A)^-1 B + D at z = exp(j omega dt), omega (W,) [rad/s]."""

@@ -1,14 +1,21 @@
 """A setting of window and gains, what it comes to for a joint, and what is asked of it."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass
 
 import numpy as np
 
 from drake_tc.analysis.joint_loop import JointLoop
+from drake_tc.analysis.loop_parameters import value_of, with_values
 from drake_tc.analysis.margins import Margins
 from drake_tc.analysis.quick_margins import quick_margins
-from drake_tc.analysis.tracking_error import JointTask, filtered_task, predicted_error, predicted_noise
+from drake_tc.analysis.tracking_error import (
+    FilteredTask,
+    JointTask,
+    filtered_task,
+    predicted_error,
+    predicted_noise,
+)
 from drake_tc.errors import ParamsError
 
 SLACK = 1e-3
@@ -90,22 +97,13 @@ class Batch:
 
 
 def with_setting(loop: JointLoop, setting: Setting) -> JointLoop:
-    """The loop with another setting, as stiff as it was: Ks = K6/(K_tau' (1 + Kp)), Kd = K7/(K_tau' (1 + Kp))."""
-    kept = loop.ks * (1.0 + loop.kp)
-    return replace(
-        loop,
-        window=setting.window,
-        order=setting.order,
-        kp=setting.kp,
-        ki=setting.ki,
-        ks=kept / (1.0 + setting.kp),
-        kd=setting.k7 / (loop.k_tau_model * (1.0 + setting.kp)),
-    )
+    """The loop with another setting, as stiff as it was (K6)."""
+    return with_values(loop, asdict(setting))
 
 
 def setting_of(loop: JointLoop) -> Setting:
     """The setting that a loop has."""
-    return Setting(loop.window, loop.order, loop.kp, loop.ki, loop.kd * loop.k_tau_model * (1.0 + loop.kp))
+    return Setting(loop.window, loop.order, loop.kp, loop.ki, value_of(loop, "k7"))
 
 
 def assess(task: JointTask, setting: Setting) -> Assessed | None:
@@ -113,13 +111,15 @@ def assess(task: JointTask, setting: Setting) -> Assessed | None:
     loops = [with_setting(loop, setting) for loop in task.loops]
     if max(loop.spectral_radius() for loop in loops) >= 1.0:
         return None
-    return _assessed(task, setting, loops, [loop.margins() for loop in loops])
-
-
-def _assessed(task: JointTask, setting: Setting, loops: Sequence[JointLoop], found: Sequence[Margins]) -> Assessed:
     filtered = filtered_task(task, setting.window, setting.order, loops[0].at)
-    error = predicted_error(filtered, loops[0])[task.begin :]
-    shaking, effort = predicted_noise(task, loops[0])
+    return _assessed(filtered, setting, loops, [loop.margins() for loop in loops])
+
+
+def _assessed(
+    filtered: FilteredTask, setting: Setting, loops: Sequence[JointLoop], found: Sequence[Margins]
+) -> Assessed:
+    error = predicted_error(filtered, loops[0])[filtered.task.begin :]
+    shaking, effort = predicted_noise(filtered.task, loops[0])
     return Assessed(
         setting,
         float(np.sqrt(np.mean(error**2) + shaking**2)),
@@ -137,14 +137,15 @@ def present(task: JointTask) -> Assessed | None:
 
 def assess_batch(batch: Batch, seed: int) -> list[Assessed]:
     """The stable settings of a batch, margins on a grid; the seed is not used."""
-    out = []
+    task, out = batch.task, []
+    filtered = filtered_task(task, batch.window, batch.order, task.loops[0].at)
     for kp, ki, k7 in batch.gains:
         setting = Setting(batch.window, batch.order, kp, ki, k7)
-        loops = [with_setting(loop, setting) for loop in batch.task.loops]
+        loops = [with_setting(loop, setting) for loop in task.loops]
         found = [quick_margins(loop) for loop in loops]
         sound = [each for each in found if each is not None]
         if len(sound) == len(found):
-            out.append(_assessed(batch.task, setting, loops, sound))
+            out.append(_assessed(filtered, setting, loops, sound))
     return out
 
 

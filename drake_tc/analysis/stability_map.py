@@ -2,20 +2,19 @@
 
 from collections.abc import Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass
 from typing import Any, Literal, get_args
 
 import numpy as np
 
 from drake_tc.analysis.joint_loop import JointLoop
+from drake_tc.analysis.loop_parameters import parameters, value_of, with_values
 from drake_tc.analysis.sweep import Progress, SweepError, sweep
 from drake_tc.errors import ParamsError
+from drake_tc.json_values import json_value
 from drake_tc.types import BoolArray, FloatArray
 
 Figure = Literal["spectral_radius", "sensitivity_peak", "gain_margin", "phase_margin", "delay_margin"]
-WHOLE = ("window", "order", "extra_delay", "inertial_order")
-EQUIVALENT = ("k6", "k7", "friction")
-"""Beside the fields of JointLoop: K6 [-] and K7 [s] in place of Ks and Kd, and `friction` = K_v'/K_v [-]."""
 MOST_POINTS = 1_000_000
 
 
@@ -91,53 +90,12 @@ class StabilityMap:
             "x": {"name": self.x.name, "values": list(self.x.values)},
             "y": {"name": self.y.name, "values": list(self.y.values)},
             "figure": self.figure,
-            "values": _plain(self.values),
-            "spectral_radius": _plain(self.radius),
+            "values": json_value(self.values),
+            "spectral_radius": json_value(self.radius),
             "present": list(self.present),
             "stable_share": float(np.mean(self.stable)),
             "failed": list(self.failed),
         }
-
-
-def parameters() -> tuple[str, ...]:
-    """What an axis may be: the numbers of a JointLoop, and EQUIVALENT."""
-    texts = ("gravity_at", "velocity_from")
-    return tuple(field.name for field in fields(JointLoop) if field.name not in texts) + EQUIVALENT
-
-
-def value_of(loop: JointLoop, name: str) -> float:
-    """The loop's own value of a parameter; NaN for `at` mid-window."""
-    per = loop.k_tau_model * (1.0 + loop.kp)
-    if name == "k6":
-        return loop.ks * per
-    if name == "k7":
-        return loop.kd * per
-    if name == "friction":
-        return loop.k_v_model / loop.k_v if loop.k_v else np.nan
-    value = getattr(loop, name)
-    return np.nan if value is None else float(value)
-
-
-def with_values(loop: JointLoop, values: dict[str, float]) -> JointLoop:
-    """The loop with other values; K6 and K7 stay what they are unless Ks, Kd, or they themselves are given.
-
-    Raises:
-        ParamsError: a value that is not possible.
-    """
-    plain: dict[str, Any] = {name: value for name, value in values.items() if name not in EQUIVALENT}
-    for name in WHOLE:
-        if name in plain:
-            if plain[name] != round(plain[name]):
-                raise ParamsError(f"map: {name}: wanted whole numbers; got {plain[name]:g}")
-            plain[name] = round(plain[name])
-    if "friction" in values:
-        plain["k_v_model"] = values["friction"] * loop.k_v
-    changed = replace(loop, **plain)
-    per = changed.k_tau_model * (1.0 + changed.kp)
-    kept = {name: values.get(name, value_of(loop, name)) for name in ("k6", "k7")}
-    ks = changed.ks if "ks" in plain else kept["k6"] / per
-    kd = changed.kd if "kd" in plain else kept["k7"] / per
-    return replace(changed, ks=ks, kd=kd)
 
 
 def map_point(point: tuple[JointLoop, dict[str, float], Figure], seed: int) -> tuple[float, float]:
@@ -210,7 +168,3 @@ def draw_map(figure: Any, found: StabilityMap) -> None:
     axes.set(xlabel=found.x.name, ylabel=found.y.name, title="stable below 1; the line is the border")
     if found.figure != "spectral_radius":
         axes.set_title("white: unstable; the line is the border")
-
-
-def _plain(values: FloatArray) -> list[list[float | None]]:
-    return [[float(v) if np.isfinite(v) else None for v in row] for row in values]

@@ -15,14 +15,12 @@ that of the estimated torque as -K_tau' (Kp + Ki h/(z - 1)) w_0 n.
 """
 
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
 
 import numpy as np
 from scipy.signal import lfilter
 
 from drake_tc.analysis.joint_loop import JointLoop
 from drake_tc.errors import ParamsError
-from drake_tc.filtering.savgol_weights import savgol_weights
 from drake_tc.types import FloatArray
 
 SETTLING = 1500
@@ -79,7 +77,7 @@ class FilteredTask:
     """A task behind one filter: what every choice of gains has in common.
 
     Attributes:
-        task: The task, its loops with that filter.
+        task: The task.
         late_velocity: (T,) q_d' - vhat [rad/s].
         late_torque: (T,) tau_r - tau_e [N m].
     """
@@ -90,17 +88,16 @@ class FilteredTask:
 
 
 def filtered_task(task: JointTask, window: int, order: int, at: float | None = None) -> FilteredTask:
-    """The task with another filter.
+    """The task behind a filter.
 
     Raises:
         ParamsError: as `savgol_weights`.
     """
-    loops = tuple(replace(loop, window=window, order=order, at=at) for loop in task.loops)
-    loop = loops[0]
+    loop = replace(task.loops[0], window=window, order=order, at=at)
     velocity, acceleration = (_estimate(loop, task.position, k) for k in (1, 2))
     rest = _estimate(loop, task.torque - loop.link_inertia * task.acceleration, 0)
     seen = loop.link_inertia * acceleration + rest
-    return FilteredTask(replace(task, loops=loops), task.velocity - velocity, task.torque - seen)
+    return FilteredTask(task, task.velocity - velocity, task.torque - seen)
 
 
 def predicted_error(filtered: FilteredTask, loop: JointLoop) -> FloatArray:
@@ -145,22 +142,10 @@ def _through(loop: JointLoop, effort: FloatArray) -> FloatArray:
 
 def _estimate(loop: JointLoop, signal: FloatArray, derivative: int) -> FloatArray:
     """What a reader sees at each tick, from rest at the first sample."""
-    weights = _late_weights(loop, loop.order, derivative)
+    weights = loop.late_weights(loop.order, derivative)
     start = float(signal[0])
     seen = lfilter(weights, [1.0], signal - start)
     return np.asarray(seen + start if derivative == 0 else seen)
-
-
-def _late_weights(loop: JointLoop, order: int, derivative: int) -> FloatArray:
-    return _cached_weights(loop.window, order, loop.at, derivative, loop.dt, 1 + loop.extra_delay)
-
-
-@lru_cache(maxsize=256)
-def _cached_weights(window: int, order: int, at: float | None, derivative: int, dt: float, ticks: int) -> FloatArray:
-    """z^-ticks w(1/z)."""
-    weights = np.append(np.zeros(ticks), savgol_weights(window, order, at, derivative, dt)[::-1])
-    weights.setflags(write=False)
-    return weights
 
 
 def _encoder_law(loop: JointLoop) -> FloatArray:
@@ -172,6 +157,6 @@ def _encoder_law(loop: JointLoop) -> FloatArray:
 
 def _torque_law(loop: JointLoop) -> FloatArray:
     """-K_tau' (Kp + Ki h/(z - 1)) w_0, over 1 - 1/z where there is an integral."""
-    weights = _late_weights(loop, loop.inertial_order, 0)
+    weights = loop.late_weights(loop.inertial_order, 0)
     feedback = np.array([loop.kp, loop.ki * loop.dt - loop.kp]) if loop.ki else np.array([loop.kp])
     return np.asarray(-loop.k_tau_model * np.convolve(feedback, weights))

@@ -7,7 +7,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from drake_tc.bench.real_arm import joint_rows, looked_for, set_folder
+from drake_tc.bench.real_arm import found_on, looked_for, pooled, rms, set_folder
 from drake_tc.bench.real_rows import RealRow
 from drake_tc.diagnosis.arm_hold_out import ArmHeldOut, declare, declared_friction, hold_out_arm
 from drake_tc.diagnosis.arm_rows import ArmRows, JointLog, arm_rows
@@ -134,19 +134,18 @@ def rows(data: Path, progress: Progress = lambda text, share: None) -> list[Real
     for number, design in enumerate(DESIGNS):
         progress("designs", number / len(DESIGNS))
         results = held_out(data, design)
-        pooled = np.sqrt(np.mean(np.concatenate([p for _, p, _ in results]) ** 2, axis=0))
-        table = joint_rows([found for _, _, found in results], DOUBLE_JOINTS, WANTED)
-        told = {row.name: row for row in table}
+        found = [each for _, _, each in results]
+        least_squares = rms(np.concatenate([plain for _, plain, _ in results]))
+        whole, before, after = pooled(found)
         widths = ", ".join(f"{width:g}" for width, _, _ in results)
         for j, joint in enumerate(DOUBLE_JOINTS):
-            whole = np.sqrt(np.mean(np.concatenate([f.torque for _, _, f in results])[:, j] ** 2))
-            rest = told[f"{joint}/share"].value * whole
-            plain = told[f"{joint}/declared_share"].value * whole
+            ratio = after[j] / least_squares[j]
+            told = f"of {whole[j]:.3g} N*m"
             out += [
-                RealRow(f"{design}/{joint}/pooled_least_squares", pooled[j], "N*m", note=f"of {whole:.3g} N*m"),
-                RealRow(f"{design}/{joint}/shared_band", plain, "N*m", note=f"motion's width {widths} s"),
-                RealRow(f"{design}/{joint}/residual", rest, "N*m", note=told[f"{joint}/share"].note),
-                RealRow(f"{design}/{joint}/ratio", rest / pooled[j], "-", WANTED, "max", note="to the pooled one"),
+                RealRow(f"{design}/{joint}/pooled_least_squares", least_squares[j], "N*m", note=told),
+                RealRow(f"{design}/{joint}/shared_band", before[j], "N*m", note=f"motion's width {widths} s"),
+                RealRow(f"{design}/{joint}/residual", after[j], "N*m", note=found_on(found, j)),
+                RealRow(f"{design}/{joint}/ratio", ratio, "-", WANTED, "max", note="to the pooled one"),
             ]
     progress("designs", 1.0)
     return out

@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any, Literal
 
-import numpy as np
+from drake_tc.json_values import json_value
 
 How = Literal["max", "within", "info"]
 
@@ -39,7 +39,7 @@ class RealRow:
 
     def to_json(self) -> dict[str, Any]:
         """As `drake-tc bench` prints it."""
-        value = float(self.value) if np.isfinite(self.value) else None
+        value = json_value(float(self.value))
         return {
             "name": self.name,
             "unit": self.unit,

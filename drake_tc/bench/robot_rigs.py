@@ -16,11 +16,12 @@ import numpy as np
 from drake_tc.diagnosis.close_loop import DiagnosisOptions
 from drake_tc.diagnosis.run import close_loop
 from drake_tc.diagnosis.search import Progress
+from drake_tc.diagnosis.shared.causes import TITLES
 from drake_tc.diagnosis.to_json import result_json
 from drake_tc.errors import DrakeTcError
 
 HELD_OUT = "run_held"
-SHARED = ("link_mass", "link_com", "ft_bias", "ft_gain", "imu_bias")
+SHARED = tuple(TITLES)
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ from rich.table import Table
 
 from drake_tc.cli.progress import progress_bar
 from drake_tc.errors import ParamsError
+from drake_tc.json_values import json_value
 
 if TYPE_CHECKING:
     from drake_tc.analysis.margins import Margins
@@ -24,8 +25,6 @@ if TYPE_CHECKING:
 
 SHOWN = 8
 """Eigenvalues that are printed."""
-DRIFT = 1e-5
-"""Eigenvalues as close to 1 belong to what stays where it is put."""
 KICK = 1e-3
 """Of every joint's speed, in the simulation that checks the verdict [rad/s]."""
 
@@ -89,7 +88,7 @@ def _analyse(
     from drake_tc.analysis.margins import frequency_grid, margins
     from drake_tc.analysis.release import release
     from drake_tc.analysis.sampled import open_loop
-    from drake_tc.diagrams.analysed.operating_point import settled
+    from drake_tc.diagrams.analysed.operating_point import settled, speed_states
 
     progress("to the operating point", 0.0)
     loop, context = settled(scenario, at)
@@ -109,29 +108,23 @@ def _analyse(
     found = margins(cut.loop_response(index), scenario.dt, grid) if radius < 1.0 else None
     progress("simulating the verdict", 0.8)
     signs = np.random.default_rng(seed).choice([-1.0, 1.0], size=len(joints))
-    count = loop.plant.num_positions()
-    places = [loop.plant.GetJointByName(name).velocity_start() for name in joints]
-    kick = {f"plant[{count + place}]": KICK * float(sign) for place, sign in zip(places, signs, strict=True)}
+    kick = {state: KICK * float(sign) for state, sign in zip(speed_states(loop), signs, strict=True)}
     freed = release(loop.diagram, context, scenario.dt, kick, tuple(kick), 1.0)
     progress("done", 1.0)
     return cut.inputs[index], _Found(closed, found, freed, radius)
 
 
 def _to_json(found: _Found) -> dict[str, Any]:
-    largest = [value for value in found.system.eigenvalues if abs(value - 1.0) > DRIFT][:SHOWN]
-    measured = None
-    if found.margins is not None:
-        measured = {name: value if np.isfinite(value) else None for name, value in vars(found.margins).items()}
-    growth = found.release.growth
+    largest = found.system.moving()[:SHOWN]
     return {
         "states": len(found.system.states),
         "eigenvalues": [[float(value.real), float(value.imag)] for value in largest],
         "spectral_radius": found.system.spectral_radius,
         "spectral_radius_but_for_drift": found.radius,
-        "margins": measured,
+        "margins": None if found.margins is None else json_value(vars(found.margins)),
         "kinks": list(found.system.kinks),
         "verdict": found.verdict,
-        "simulation": {"growth": growth if np.isfinite(growth) else None, "stable": found.release.stable},
+        "simulation": {"growth": json_value(found.release.growth), "stable": found.release.stable},
         "agree": found.agrees,
     }
 
@@ -139,7 +132,7 @@ def _to_json(found: _Found) -> dict[str, Any]:
 def _print(found: _Found, channel: str) -> None:
     console = Console(file=sys.stdout, highlight=False)
     table = Table(box=None, padding=(0, 1), pad_edge=False, show_header=False)
-    moving = [value for value in found.system.eigenvalues if abs(value - 1.0) > DRIFT]
+    moving = found.system.moving()
     for value in moving[:SHOWN]:
         table.add_row("eigenvalue", f"{value.real:.6f} {value.imag:+.6f}j", f"|z| = {abs(value):.6f}")
     console.print(table)

@@ -15,6 +15,7 @@ from rich.table import Table
 from drake_tc.cli.progress import progress_bar
 from drake_tc.cli.workers import tasks_of, worker_executor
 from drake_tc.errors import ParamsError
+from drake_tc.json_values import json_value
 
 if TYPE_CHECKING:
     from drake_tc.analysis.tuning import Tuning
@@ -149,16 +150,7 @@ def _plain(found: "Tuning", confirmed: "Confirmed | None") -> dict[str, Any]:
             "after": after.tolist(),
             "plant_ratios": confirmed.plant_ratios.tolist(),
         }
-    return _finite(result)  # type: ignore[no-any-return]
-
-
-def _finite(value: Any) -> Any:
-    """The same with None for numbers that JSON does not have."""
-    if isinstance(value, dict):
-        return {key: _finite(each) for key, each in value.items()}
-    if isinstance(value, list):
-        return [_finite(each) for each in value]
-    return None if isinstance(value, float) and not abs(value) < float("inf") else value
+    return json_value(result)  # type: ignore[no-any-return]
 
 
 def _print(found: "Tuning", confirmed: "Confirmed | None") -> None:

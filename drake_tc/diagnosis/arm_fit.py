@@ -76,6 +76,11 @@ def fit_arm(rows: ArmRows, placed: tuple[Placed, ...], sigma: FloatArray) -> Arm
     return _solved(rows, placed, sigma, design_of(rows, placed))
 
 
+def reweighted(fit: ArmFit, sigma: FloatArray) -> ArmFit:
+    """The same columns with the joints' errors weighed by 1/sigma (n,)."""
+    return _solved(fit.rows, fit.placed, sigma, fit.design)
+
+
 def grown(parent: ArmFit, place: Placed) -> ArmFit:
     """The parent's columns and one more effect."""
     more = parent.rows.spread(place.axis, parent.rows.of(place.axis, place.term))

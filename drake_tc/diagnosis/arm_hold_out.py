@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from drake_tc.diagnosis.arm_fit import ArmFit, Placed, design_of, fit_arm
+from drake_tc.diagnosis.arm_fit import ArmFit, Placed, design_of, fit_arm, reweighted
 from drake_tc.diagnosis.arm_rows import ArmRows
 from drake_tc.diagnosis.arm_search import ARM_OPTIONS, Step, search_arm
 from drake_tc.diagnosis.design import Term
@@ -85,12 +85,12 @@ def hold_out_arm(
     """
     train = ~test & ~_near(rows, test)
     first = _renumbered(rows.take(train))
-    sigma = np.sqrt(np.mean(first.torque**2, axis=0))
+    fitted = fit_arm(first, tuple(declared), np.sqrt(np.mean(first.torque**2, axis=0)))
     for _ in range(SIGMA_ROUNDS):
-        sigma = np.sqrt(np.mean(fit_arm(first, tuple(declared), sigma).residual ** 2, axis=0))
-    loaded = rows.with_load(fit_arm(first, tuple(declared), sigma).beta[: rows.rigid.shape[2]], raw)
+        fitted = reweighted(fitted, np.sqrt(np.mean(fitted.residual**2, axis=0)))
+    loaded = rows.with_load(fitted.beta[: rows.rigid.shape[2]], raw)
     first, held = replace(first, signals=loaded.signals), loaded.take(test)
-    baseline = fit_arm(first, tuple(declared), sigma)
+    baseline = fit_arm(first, tuple(declared), fitted.sigma)
     chosen, steps = baseline, ()  # type: tuple[ArmFit, tuple[Step, ...]]
     if effects:
         found = search_arm(baseline, effects, options, progress)

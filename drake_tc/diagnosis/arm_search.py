@@ -1,7 +1,7 @@
 """Which effects a robot's joints lack, on which shaft: forward selection on training rows alone."""
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import minimize
@@ -33,12 +33,10 @@ class Step:
 
 @dataclass(frozen=True, eq=False)
 class ArmSearch:
-    """The declared fit, the chosen one, and the steps between them."""
+    """The chosen fit, and the steps to it from the declared one."""
 
-    baseline: ArmFit
     chosen: ArmFit
     steps: tuple[Step, ...]
-    cache: Mapping[object, FloatArray] = field(default_factory=dict)
 
 
 class _Trial:
@@ -132,7 +130,7 @@ def search_arm(
         comparison, best_fit = max(real, key=lambda pair: pair[0].removed)
         steps.append(Step(best_fit.placed[-1], comparison))
         chosen = best_fit
-    return ArmSearch(baseline, chosen, tuple(steps))
+    return ArmSearch(chosen, tuple(steps))
 
 
 def _taken(fit: ArmFit, axis: int, effect: Effect) -> bool:

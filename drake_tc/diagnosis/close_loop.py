@@ -6,12 +6,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from drake_tc.diagnosis.ceiling import StructureOptions, judge
-from drake_tc.diagnosis.declared import declared_terms, fit_declared, known_values, without_known
 from drake_tc.diagnosis.design import Columns, Fit, Term, fit, predict
 from drake_tc.diagnosis.estimates import estimates
 from drake_tc.diagnosis.evidence import better_share, compare
 from drake_tc.diagnosis.experiments import next_experiment
-from drake_tc.diagnosis.preparation import build_samples, context_of
+from drake_tc.diagnosis.prepared import Prepared, prepare_joint
 from drake_tc.diagnosis.result import (
     Errors,
     FoundEffect,
@@ -21,7 +20,6 @@ from drake_tc.diagnosis.result import (
     Unexplained,
     Verdict,
 )
-from drake_tc.diagnosis.samples import Samples
 from drake_tc.diagnosis.search import Progress, Search, SearchOptions, best_shape, candidates, search
 from drake_tc.diagnosis.ties import indistinguishable
 from drake_tc.effects.base import EFFORT_UNIT, Context, TransmissionEffect
@@ -30,7 +28,6 @@ from drake_tc.effects.library import LIBRARY
 from drake_tc.effects.torque_sensor_bias import TorqueSensorBias
 from drake_tc.effects.torque_sensor_drift import TorqueSensorDrift
 from drake_tc.effects.torque_sensor_gain import TorqueSensorGain
-from drake_tc.identification.regression import least_squares
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
 from drake_tc.types import FloatArray
@@ -52,8 +49,6 @@ class DiagnosisOptions:
 SETTLING_ROUNDS = 4
 SOFTER = 0.97
 SCOUT_SAMPLES = 200_000
-MAX_CONDITION = 300.0
-"""Of the declared model's columns, scaled to unit length: beyond it the motion does not tell them apart."""
 
 
 def _rms(values: FloatArray) -> float:
@@ -64,38 +59,19 @@ def _rms(values: FloatArray) -> float:
 class Stage:
     """One search: what it looked at and what it found."""
 
-    context: Context
-    columns: Columns
-    held: Columns
+    prepared: Prepared
     scout: Columns
-    floor: float
     obstacles: tuple[tuple[str, str], ...]
     found: Search
 
 
-def _looked_for(
-    train_runs: Sequence[Run],
-    held_runs: Sequence[Run],
-    rig: Rig,
-    joint: str,
-    options: DiagnosisOptions,
-    progress: Progress,
-    compliance: float = 0.0,
-) -> Stage:
-    """Filter, fit the declared model and search; `compliance` as in `build_samples`."""
-    train = build_samples(train_runs, rig, joint, compliance=compliance)
-    held = build_samples(held_runs, rig, joint, train.light.width_s, compliance)
-    context = context_of(train, rig, joint)
-    known = known_values(rig, joint)
-    train, held = without_known(train, known), without_known(held, known)
-    columns, held_columns, declared, floor = with_baseline(train, held, declared_terms(rig, joint), context)
-    names = [t.effect.id for t in declared] + [key.partition(".")[0] for key in rig.declared[joint]]
-    usable, obstacles = candidates(LIBRARY, context, names)
-    scout = columns
-    if len(train.signals) > SCOUT_SAMPLES:
+def _looked_for(prepared: Prepared, options: DiagnosisOptions, progress: Progress) -> Stage:
+    usable, obstacles = candidates(LIBRARY, prepared.context, prepared.declared)
+    scout = columns = prepared.train
+    if len(columns.samples.signals) > SCOUT_SAMPLES:
         scout = Columns(columns.samples.scout(SCOUT_SAMPLES), columns.gain, columns.floor)
-    found = search(scout, declared, usable, context, floor, options.search, progress)
-    return Stage(context, columns, held_columns, scout, floor, tuple(obstacles), found)
+    found = search(scout, prepared.terms, usable, prepared.context, prepared.floor, options.search, progress)
+    return Stage(prepared, scout, tuple(obstacles), found)
 
 
 def _has_elasticity(found: Search) -> bool:
@@ -112,7 +88,7 @@ def _wind_up(stage: Stage) -> float:
     if gain is None and not _has_elasticity(stage.found):
         return 0.0
     soft = Elasticity()
-    if soft.obstacle(stage.context):
+    if soft.obstacle(stage.prepared.context):
         return 0.0
     tried = fit(stage.scout, [*stage.found.baseline.terms, Term(soft)])
     return soft.physical(tried.beta[-2:], {}, tried.gain)["compliance"]
@@ -132,14 +108,14 @@ def diagnose_joint(
         IdentificationError: the training runs cannot identify even the declared model.
     """
     progress("filtering", 0.0)
-    stage = _looked_for(train_runs, held_runs, rig, joint, options, progress)
+    stage = _looked_for(prepare_joint(train_runs, held_runs, rig, joint), options, progress)
     compliance = _wind_up(stage)
     if compliance > 0.0:
-        soft = _looked_for(train_runs, held_runs, rig, joint, options, progress, compliance)
+        soft = _looked_for(prepare_joint(train_runs, held_runs, rig, joint, compliance), options, progress)
         if _has_elasticity(soft.found) and soft.found.chosen.cv_rms < SOFTER * stage.found.chosen.cv_rms:
             stage = soft
-    context, columns, held_columns, scout = stage.context, stage.columns, stage.held, stage.scout
-    found, floor, obstacles = stage.found, stage.floor, stage.obstacles
+    prepared, scout, found, obstacles = stage.prepared, stage.scout, stage.found, stage.obstacles
+    columns, held_columns, context, floor = prepared.train, prepared.held, prepared.context, prepared.floor
     ties = indistinguishable(scout, found, context)
     stability = stabilities(found, options.seed)
     if scout is not columns:
@@ -182,24 +158,6 @@ def diagnose_joint(
         heldout=sides[1],
         notes=(*columns.samples.notes, *held_columns.samples.notes),
     )
-
-
-def with_baseline(
-    train: Samples, held: Samples, names: Sequence[str], context: Context
-) -> tuple[Columns, Columns, tuple[Term, ...], float]:
-    """Columns that know the declared model's coefficients, its terms, and the noise floor [effort].
-
-    Raises:
-        IdentificationError: the motion does not tell the declared parameters apart.
-    """
-    servo = context.drive == "position_servo"
-    first = Columns(train)
-    plain = fit_declared(first, names, context)
-    labels = ["drive gain", *(p.name for t in plain.terms for p in t.effect.coefficients)]
-    least_squares(first.design(plain.terms), first.target, names=labels, max_condition=MAX_CONDITION)
-    floor = plain.gain * train.noise_floor(servo=servo).torque(float(plain.beta[0]), float(plain.beta[1]))
-    columns = first.with_model(plain.beta, servo=servo)
-    return columns, Columns(held).with_model(plain.beta, servo=servo), plain.terms, floor
 
 
 def _settled(columns: Columns, held: Columns, found: Search, context: Context) -> tuple[Columns, Columns, Search]:

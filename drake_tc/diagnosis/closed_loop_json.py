@@ -1,11 +1,11 @@
 """The closed loop and the torque uncertainty in report.json: keys beside those of the contract."""
 
-import math
 from dataclasses import asdict
 from typing import Any
 
 from drake_tc.control.torque_uncertainty_file import TorqueUncertainty
-from drake_tc.diagnosis.closed_loop import ClosedLoop, LoopFigures
+from drake_tc.diagnosis.closed_loop import ClosedLoop
+from drake_tc.json_values import json_value
 
 
 def loop_entry(closed: ClosedLoop | None, joint: str) -> dict[str, Any] | None:
@@ -17,8 +17,8 @@ def loop_entry(closed: ClosedLoop | None, joint: str) -> dict[str, Any] | None:
         "simulated": True,
         "changed": found.changed,
         "gains": dict(found.gains),
-        "before": _figures(found.before),
-        "after": _figures(found.after),
+        "before": json_value(asdict(found.before)),
+        "after": json_value(asdict(found.after)),
     }
 
 
@@ -40,19 +40,14 @@ def uncertainty_entry(uncertainty: TorqueUncertainty | None, joint: str) -> dict
     if uncertainty is None or joint not in uncertainty.joints:
         return None
     at = uncertainty.joints.index(joint)
-    return {
-        "unit": "N*m",
-        "sigma": _number(float(uncertainty.sigma[at])),
-        "ci95": [_number(float(bound)) for bound in uncertainty.ci95[at]],
-        "mean": _number(float(uncertainty.mean[at])),
-        "correlation_time": _number(float(uncertainty.correlation_time[at])),
-        "effective_samples": _number(float(uncertainty.effective_samples[at])),
-    }
-
-
-def _figures(figures: LoopFigures) -> dict[str, float | None]:
-    return {name: _number(value) for name, value in asdict(figures).items()}
-
-
-def _number(value: float) -> float | None:
-    return value if math.isfinite(value) else None
+    entry: dict[str, Any] = json_value(
+        {
+            "unit": "N*m",
+            "sigma": float(uncertainty.sigma[at]),
+            "ci95": uncertainty.ci95[at],
+            "mean": float(uncertainty.mean[at]),
+            "correlation_time": float(uncertainty.correlation_time[at]),
+            "effective_samples": float(uncertainty.effective_samples[at]),
+        }
+    )
+    return entry

@@ -1,5 +1,6 @@
 """The rows of a regression: one joint's filtered signals, and which of them take part."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -106,3 +107,8 @@ class Samples:
         for segment, part in zip(self.segments, parts, strict=True):
             out[segment] = part
         return out
+
+
+def one_clock(samples: Sequence[Samples]) -> bool:
+    """Whether all sides count the same samples."""
+    return all(s.segments == samples[0].segments and s.signals.period == samples[0].signals.period for s in samples)

@@ -16,7 +16,7 @@ independent normal ones would; nu S/sigma^2 is taken as chi-squared with nu degr
 Source: Schäfer and Strimmer, Stat. Appl. Genet. Mol. Biol. 4 (2005) 32, target D; Satterthwaite, Biometrics 2 (1946).
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -25,6 +25,7 @@ from scipy.stats import chi2
 
 from drake_tc.control.torque_uncertainty_file import TorqueUncertainty
 from drake_tc.diagnosis.result import CloseLoopResult, JointResult
+from drake_tc.diagnosis.samples import one_clock
 from drake_tc.identification.autocorrelation import correlation_time
 from drake_tc.types import FloatArray, IntArray
 
@@ -126,7 +127,7 @@ def torque_uncertainty(result: CloseLoopResult) -> TorqueUncertainty:
     rows = {name: torque_error(joint) for name, joint in result.joints.items()}
     spreads = {name: spread(each.error, each.lengths) for name, each in rows.items()}
     correlation, share, common = np.eye(len(rows)), 0.0, 0.0
-    if len(rows) > 1 and _one_clock(result.joints):
+    if len(rows) > 1 and one_clock([joint.heldout.samples for joint in result.joints.values()]):
         errors, lengths = common_errors(list(rows.values()))
         if errors.shape[0] >= FEWEST_COMMON:
             correlation, share, common = shrunk_correlation(errors, lengths)
@@ -159,9 +160,3 @@ def torque_error(joint: JointResult) -> Rows:
     stride = int(np.median(np.diff(index))) if index.size > 1 else 1
     gain = joint.final_parameters["drive"]["gain"].value
     return Rows(joint.heldout.after / gain, index, stride, np.searchsorted(ends, index, side="right").astype(np.int64))
-
-
-def _one_clock(joints: Mapping[str, JointResult]) -> bool:
-    """Whether all joints' held-out rows count the same samples."""
-    sides = [joint.heldout.samples for joint in joints.values()]
-    return all(s.segments == sides[0].segments and s.signals.period == sides[0].signals.period for s in sides)

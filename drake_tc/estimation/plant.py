@@ -77,8 +77,12 @@ class EstimationPlant:
 
 
 def skew(p: FloatArray) -> FloatArray:
-    """P with P x = p × x, (3, 3)."""
-    return np.array([[0.0, -p[2], p[1]], [p[2], 0.0, -p[0]], [-p[1], p[0], 0.0]])
+    """(..., 3, 3) P with P x = p × x, of vectors (..., 3)."""
+    out = np.zeros((*p.shape, 3))
+    out[..., 0, 1], out[..., 0, 2] = -p[..., 2], p[..., 1]
+    out[..., 1, 0], out[..., 1, 2] = p[..., 2], -p[..., 0]
+    out[..., 2, 0], out[..., 2, 1] = -p[..., 1], p[..., 0]
+    return out
 
 
 def build_plant(robot: Robot, *, cuts: bool = True) -> EstimationPlant:

@@ -4,11 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from drake_tc.diagrams.analysed.joint_loops import joint_loops, over_estimates
+from drake_tc.diagrams.analysed.joint_loops import joint_loops
 from drake_tc.diagrams.registry import diagram_entry
 from numpy.testing import assert_allclose
 
 from drake_tc.analysis.joint_loop import JointLoop
+from drake_tc.analysis.loop_parameters import value_of
 from drake_tc.analysis.sampled import linearise, open_loop
 from drake_tc.errors import ParamsError
 from drake_tc.filtering.savgol_weights import savgol_weights
@@ -141,8 +142,23 @@ def test_loops_of_a_scenario():
     for joint, loop in loops[0.0].items():
         assert loop.window == 80 and loop.gravity_at == "estimate"
         assert loop.k_v / loop.k_tau == pytest.approx(loops[1.0][joint].k_v / loops[1.0][joint].k_tau)
-    ratios = {way: over_estimates(each)["r_knee"] for way, each in loops.items()}
+    ratios = {way: value_of(each["r_knee"], "friction") for way, each in loops.items()}
     assert_allclose([ratios[1.0] / ratios[0.0], ratios[-1.0] / ratios[0.0]], [1.02, 0.98], rtol=1e-9)  # its switch
+
+
+@pytest.mark.parametrize(
+    ("text", "differs"),
+    [
+        ("{controller: servo}", "controller"),
+        ("{torque_from: sensor}", "torque_from"),
+        ("{predictor: {}}", "predictor"),
+        ("{predictor: {}, observer: {}}", "predictor, observer"),
+    ],
+)
+def test_another_loop_than_the_closed_form_is_refused(text, differs):
+    scenario = diagram_entry("hrp2_leg").scenario("brisk_swing", text=text)
+    with pytest.raises(ParamsError, match=f"wanted a scenario in torque control .* it differs in {differs}$"):
+        joint_loops(scenario)
 
 
 @pytest.mark.parametrize(

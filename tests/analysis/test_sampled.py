@@ -211,3 +211,11 @@ def test_a_kick_grows_or_dies_as_the_eigenvalues_say(gain):
     assert freed.stable is bool(radius < 1.0)
     with pytest.raises(ParamsError, match="no state 'plant\\[9\\]'"):
         release(diagram, context, DT, {"plant[9]": 1.0}, ("plant[0]",), 1.0)
+
+
+def test_what_drifts_is_left_out_of_what_moves():
+    a = np.diag([0.5, 1.0, -0.9, 1.0 + 1e-6])
+    system = SampledSystem(a, np.zeros((4, 0)), np.zeros((0, 4)), np.zeros((0, 0)), DT, ("w", "x", "y", "z"), (), ())
+    assert_allclose(system.moving(), [-0.9, 0.5], rtol=1e-12)
+    assert_allclose(system.moving(1e-7), [1.0 + 1e-6, -0.9, 0.5], rtol=1e-12)
+    assert system.radius_but_for_drift() == 0.9 and system.spectral_radius == 1.0 + 1e-6

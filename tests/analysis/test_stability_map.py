@@ -5,7 +5,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from drake_tc.analysis.joint_loop import JointLoop
-from drake_tc.analysis.stability_map import Axis, draw_map, parameters, stability_map, value_of, with_values
+from drake_tc.analysis.stability_map import Axis, draw_map, stability_map
 from drake_tc.analysis.sweep import SweepError, processes
 from drake_tc.errors import ParamsError
 
@@ -41,15 +41,6 @@ def test_points_are_those_of_the_loop_wherever_they_are_computed():
     np.testing.assert_array_equal(there.values, here.values)
     np.testing.assert_array_equal(there.radius, here.radius)
     assert here.present == (80.0, 2.0)
-
-
-def test_stiffness_stays_unless_it_is_what_changes():
-    changed = with_values(LOOP, {"kp": 5.0, "k_tau_model": 2e-4})
-    np.testing.assert_allclose([value_of(changed, "k6"), value_of(changed, "k7")], [1.0, 0.01], rtol=1e-12)
-    np.testing.assert_allclose(value_of(with_values(LOOP, {"k6": 0.25, "kp": 1.0}), "k6"), 0.25, rtol=1e-12)
-    assert with_values(LOOP, {"ks": 7.0, "kp": 1.0}).ks == 7.0
-    np.testing.assert_allclose(with_values(LOOP, {"friction": 1.2}).k_v_model, 1.2 * 7e-3, rtol=1e-12)
-    assert {"window", "kf", "environment_stiffness", "k6", "friction"} < set(parameters())
 
 
 def test_points_that_cannot_be_are_left_out_and_named():

@@ -75,6 +75,7 @@ def test_for_people_a_table_on_stdout_and_progress_on_stderr(invoke):
     [
         (("--joint", "knee"), "no joint 'knee'; joints: r_hip_yaw"),
         (("--scenario-text", "{controller: servo}"), "wanted a scenario in torque control"),
+        (("--scenario-text", "{predictor: {}}"), "it differs in predictor"),
         (("--margin", "1.0"), "wanted a sensitivity peak above 1"),
         (("--margin", "1.001", *KNEE), "no window and gains keep the goal on r_knee"),
         (("--window", "2"), "--window"),
@@ -103,6 +104,8 @@ def test_a_map_of_two_parameters(invoke, tmp_path):
     ("arguments", "why"),
     [
         (("--joint", "knee"), "no joint 'knee'"),
+        (("--scenario-text", "{controller: servo}"), "wanted a scenario in torque control"),
+        (("--scenario-name", "predicted_swing"), "it differs in predictor, observer"),
         (("--x", "gain=1,2"), "no parameter 'gain'; possible: inertia"),
         (("--y", "kp"), "wanted NAME=FIRST:LAST:STEP"),
         (("--figure", "colour"), "no figure 'colour'"),

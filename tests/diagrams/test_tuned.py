@@ -15,7 +15,7 @@ from drake_tc.diagrams.registry import diagram_entry
 from drake_tc.diagrams.runs.recording import Recording
 from numpy.testing import assert_allclose, assert_array_equal
 
-from drake_tc.actuation.model_file import load_models
+from drake_tc.actuation.model_file import load_models, save_models
 from drake_tc.analysis.settings import Goal, default_goals, setting_of
 from drake_tc.analysis.tuning import SearchSpace, tune
 from drake_tc.errors import ParamsError
@@ -99,6 +99,15 @@ def test_tasks_say_what_the_scenario_says():
     assert np.all(least <= [task.loops[0].link_inertia for task in tasks]) and np.all(least <= most)
     with pytest.raises(ParamsError, match="wanted a scenario in torque control"):
         joint_tasks(LEG.scenario("stairs_swing_servo"))
+
+
+def test_only_position_servos_are_tuned(tmp_path):
+    scenario = LEG.scenario("brisk_swing")
+    models = actuator_models(scenario, loop_robot(scenario))
+    knee = models["r_knee"]
+    save_models(models | {"r_knee": replace(knee, drive=replace(knee.drive, kind="current"))}, tmp_path / "drives.yaml")
+    with pytest.raises(ParamsError, match="wanted position servos; r_knee is a current drive"):
+        joint_tasks(replace(scenario, actuators=str(tmp_path / "drives.yaml")))
 
 
 def test_a_tuned_scenario_has_the_settings_and_keeps_the_others():

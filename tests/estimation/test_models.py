@@ -9,6 +9,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from drake_tc.errors import ParamsError
+from drake_tc.estimation.plant import skew
 from drake_tc.estimation.torque_model import TorqueModel
 from drake_tc.robot.robot import load_robot
 
@@ -37,3 +38,9 @@ def test_torques_and_wrenches_to_round_off(file, caplog):
     assert_allclose(result.torque, instant.torque, **close)
     assert_allclose(result.contact_wrench, np.concatenate([np.zeros(0), *(push.wrench for push in pushes)]), **close)
     assert_allclose(result.unknown_wrench, instant.base_reaction, **close)
+
+
+def test_skew_matrices_are_cross_products_of_one_vector_or_many():
+    p, x = np.random.default_rng(0).normal(size=(2, 4, 5, 3))
+    assert_allclose(np.einsum("...ij,...j->...i", skew(p), x), np.cross(p, x), atol=1e-15)
+    assert_allclose(skew(p[0, 0]) @ x[0, 0], np.cross(p[0, 0], x[0, 0]), atol=1e-15)

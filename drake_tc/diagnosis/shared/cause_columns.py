@@ -24,16 +24,8 @@ from collections.abc import Callable
 import numpy as np
 
 from drake_tc.diagnosis.shared.body_motion import BodyMotion, Link, Structure
+from drake_tc.estimation.plant import skew
 from drake_tc.types import BoolArray, FloatArray
-
-
-def skew(p: FloatArray) -> FloatArray:
-    """(..., 3, 3) P with P x = p x x, of vectors (..., 3)."""
-    out = np.zeros((*p.shape, 3))
-    out[..., 0, 1], out[..., 0, 2] = -p[..., 2], p[..., 1]
-    out[..., 1, 0], out[..., 1, 2] = p[..., 2], -p[..., 0]
-    out[..., 2, 0], out[..., 2, 1] = -p[..., 1], p[..., 0]
-    return out
 
 
 def at_joints(

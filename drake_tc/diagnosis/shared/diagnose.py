@@ -17,14 +17,13 @@ from threadpoolctl import threadpool_limits
 from drake_tc.diagnosis.close_loop import DiagnosisOptions, diagnose_joint
 from drake_tc.diagnosis.design import Columns, Term
 from drake_tc.diagnosis.evidence import effective_samples
-from drake_tc.diagnosis.preparation import context_of
+from drake_tc.diagnosis.prepared import Prepared, prepare_joint
 from drake_tc.diagnosis.result import JointResult, SharedEffect
 from drake_tc.diagnosis.search import Progress, Search, candidates, search
 from drake_tc.diagnosis.shared.causes import CauseColumns, columns_over
 from drake_tc.diagnosis.shared.correction import corrected
 from drake_tc.diagnosis.shared.outcome import original_baseline, shared_effects
-from drake_tc.diagnosis.shared.prepared import Prepared, prepare_joint, prepare_joints
-from drake_tc.diagnosis.shared.selection import SharedOptions, SharedSearch, columns_of, select
+from drake_tc.diagnosis.shared.selection import SharedOptions, SharedSearch, select
 from drake_tc.diagnosis.shared.stacked import StackedFit, stack
 from drake_tc.effects.library import LIBRARY
 from drake_tc.estimation.robot_loads import RobotLogs, with_robot_loads
@@ -128,7 +127,7 @@ def diagnose_robot(
     least = max(options.search.least_removed, LEAST_REMOVED)
     options = replace(options, search=replace(options.search, least_removed=least))
     case = _Case(train, held, rig, columns_over(logs, [*train, *held]), options, progress, executor)
-    prepared = prepare_joints(train, held, rig)
+    prepared = {joint: prepare_joint(train, held, rig, joint) for joint in rig.joints}
     thresholds = shared_options or SharedOptions()
     found = _search(case, prepared, thresholds)
     if not found.chosen:
@@ -165,9 +164,9 @@ def _evidence(
     nats, rows, size = 0.0, 0.0, found.fit.delta.size
     for joint in joints:
         case.progress(f"{joint}: alone or shared", 0.0)
-        alone = _own_search(case, prepared[joint], joint)
+        alone = _own_search(case, prepared[joint])
         mended = prepare_joint(*after, case.rig, joint)
-        mine = _own_search(case, mended, joint)
+        mine = _own_search(case, mended)
         count = effective_samples(mine.chosen.residual, mended.train.samples)
         errors = [_own_error(alone, prepared[joint]), _own_error(mine, mended)]
         nats += count * float(np.log(errors[0] / errors[1]))
@@ -181,13 +180,10 @@ def _own_error(found: Search, prepared: Prepared) -> float:
     return found.chosen.cv_rms / (prepared.train.gain or 1.0) * found.chosen.gain
 
 
-def _own_search(case: _Case, prepared: Prepared, joint: str) -> Search:
+def _own_search(case: _Case, prepared: Prepared) -> Search:
     """What one joint's own effects make of its loads."""
-    columns = prepared.train
-    context = context_of(columns.samples, case.rig, joint)
-    names = [t.effect.id for t in prepared.terms] + [key.partition(".")[0] for key in case.rig.declared[joint]]
-    usable, _ = candidates(LIBRARY, context, names)
-    return search(columns, prepared.terms, usable, context, prepared.floor, case.options.search)
+    usable, _ = candidates(LIBRARY, prepared.context, prepared.declared)
+    return search(prepared.train, prepared.terms, usable, prepared.context, prepared.floor, case.options.search)
 
 
 def _settled(
@@ -212,9 +208,8 @@ def _settled(
             return RobotResult(case.diagnose(case.train, case.held, case.rig.joints), (), case.held, case.held)
         fitted = found.fit
         made |= case.diagnose(*case.without(fitted), own)
-    columns = columns_of(found.chosen)
     after = case.without(fitted)
-    shared = shared_effects(prepared, _terms(made), case.causes, found, columns)
+    shared = shared_effects(prepared, _terms(made), case.causes, found)
     results = {joint: original_baseline(made[joint], prepared[joint]) for joint in case.rig.joints}
     return RobotResult(results, shared, case.held, after[1])
 

@@ -7,13 +7,13 @@ import numpy as np
 
 from drake_tc.diagnosis.design import Term, fit, predict
 from drake_tc.diagnosis.estimates import estimates
+from drake_tc.diagnosis.prepared import Prepared
 from drake_tc.diagnosis.result import Errors, Estimate, JointResult, SharedEffect, Side
 from drake_tc.diagnosis.search import refine
 from drake_tc.diagnosis.shared.causes import TITLES, Cause, CauseColumns
-from drake_tc.diagnosis.shared.prepared import Prepared
 from drake_tc.diagnosis.shared.selection import SharedSearch, columns_of
 from drake_tc.diagnosis.shared.stacked import JointRows, StackedFit, fit_stacked, intervals, stack
-from drake_tc.types import FloatArray, IntArray
+from drake_tc.types import FloatArray
 
 RESAMPLES = 400
 
@@ -47,7 +47,6 @@ def shared_effects(
     terms: Mapping[str, Sequence[Term]],
     causes: CauseColumns,
     found: SharedSearch,
-    columns: IntArray,
 ) -> tuple[SharedEffect, ...]:
     """The causes found, with all effects of the joints beside them.
 
@@ -56,11 +55,10 @@ def shared_effects(
         terms: Each joint's final model.
         causes: Columns.
         found: The selection.
-        columns: Places of the chosen causes' columns.
     """
     train = stack({joint: p.train for joint, p in prepared.items()}, terms, causes)
     held = stack({joint: p.held for joint, p in prepared.items()}, terms, causes)
-    fitted = fit_stacked(train, columns)
+    fitted = fit_stacked(train, columns_of(found.chosen))
     half = intervals(train, fitted)
     out = []
     at = 0

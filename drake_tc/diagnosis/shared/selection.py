@@ -64,14 +64,12 @@ class SharedSearch:
     Attributes:
         chosen: Causes, in the order found. fit: with all of them. baseline: with none.
         ties: By chosen cause, others that do as well in its place.
-        tried: Evidence of every cause alone, best first.
     """
 
     chosen: tuple[Cause, ...]
     fit: StackedFit
     baseline: StackedFit
     ties: tuple[tuple[Cause, ...], ...]
-    tried: tuple[Trial, ...]
 
 
 def columns_of(causes: Sequence[Cause]) -> IntArray:
@@ -129,11 +127,9 @@ def select(
     baseline = current = fit_stacked(rows, columns_of([]))
     chosen: list[Cause] = []
     ties: list[tuple[Cause, ...]] = []
-    first: tuple[Trial, ...] = ()
     for _ in range(options.most):
         trials = [try_cause(rows, chosen, current, cause) for cause in causes if cause not in chosen]
         trials.sort(key=lambda t: -t.evidence)
-        first = first or tuple(trials)
         explained = np.sqrt(np.maximum(baseline.cv_rms**2 - current.cv_rms**2, 0.0))
         good = [t for t in trials if real(t, floor, explained, options)]
         if not good:
@@ -144,4 +140,4 @@ def select(
         ties.append(tuple(t.cause for t in alike if t is not best))
         chosen.append(best.cause)
         current = best.fit
-    return SharedSearch(tuple(chosen), current, baseline, tuple(ties), first)
+    return SharedSearch(tuple(chosen), current, baseline, tuple(ties))
