@@ -1,5 +1,7 @@
 """A controller as a YAML file: robot, contacts, tasks, limits, formulation, solver; the README here has the keys."""
 
+import math
+import time
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -18,8 +20,8 @@ from drake_tc.tsid.law import Law
 from drake_tc.tsid.limit_fields import read_limits
 from drake_tc.tsid.model import TsidModel
 from drake_tc.tsid.qp.choose import DEFAULT, solver
+from drake_tc.tsid.robust.budget import Budget
 from drake_tc.tsid.robust.formulation import Formulation
-from drake_tc.tsid.robust.newton import Budget
 from drake_tc.tsid.robust.options import Options
 from drake_tc.tsid.robust.torque_error import TorqueError
 from drake_tc.tsid.task_fields import numbers, read_task
@@ -41,6 +43,7 @@ _OPTIONAL = (
 _PLACE = ("xyz", "rpy")
 _CONTACT = (
     "kind",
+    "axes",
     "half_length",
     "half_width",
     "extents",
@@ -112,7 +115,7 @@ def _contact(name: str, entry: object) -> Contact:
     values: dict[str, Any] = {}
     for key, value in fields.mapping(where, entry, optional=None).items():
         at = f"{where}.{key}"
-        if key == "kind":
+        if key in ("kind", "axes"):
             values[key] = fields.text(at, value)
         elif key == "extents":
             values[key] = _extents(at, value)
@@ -135,14 +138,16 @@ def _rotors(top: Mapping[str, Any], robot: Robot) -> dict[str, float] | None:
 
 
 def _formulation(where: str, entry: object) -> Formulation:
-    keys = ("measure", "use", "weight", "minimum", "accuracy", "iterations")
+    keys = ("measure", "use", "weight", "minimum", "accuracy", "iterations", "seconds")
     given = fields.mapping(where, entry, optional=keys)
     values: dict[str, Any] = {
         key: fields.text(f"{where}.{key}", given[key]) for key in ("measure", "use") if key in given
     }
     values |= {key: fields.number(f"{where}.{key}", given[key]) for key in ("weight", "minimum") if key in given}
     try:
-        budget = Budget(round(fields.number(f"{where}.iterations", given.get("iterations", Budget().iterations))))
+        seconds = fields.number(f"{where}.seconds", given["seconds"]) if "seconds" in given else math.inf
+        iterations = round(fields.number(f"{where}.iterations", given.get("iterations", Budget().iterations)))
+        budget = Budget(iterations, seconds, time.perf_counter)
         accuracy = fields.number(f"{where}.accuracy", given.get("accuracy", Options().accuracy))
         return Formulation(**values, options=Options(accuracy, budget))
     except ParamsError as error:

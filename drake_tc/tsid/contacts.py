@@ -12,6 +12,7 @@ from drake_tc.robot.mounts import Mount
 from drake_tc.types import FloatArray, IntArray
 
 Kind = Literal["surface", "point"]
+Axes = Literal["link", "world"]
 _SIZE = {"surface": 6, "point": 3}
 Extents = tuple[float, float, float, float]
 
@@ -20,7 +21,11 @@ Extents = tuple[float, float, float, float]
 class Contact:
     """One place of contact; its frame C has its origin on the sole and z out of the ground.
 
-    The environment pushes on the robot, in C's axes, with [fx fy fz tx ty tz] (surface) or [fx fy fz] (point).
+    The environment pushes on the robot with [fx fy fz tx ty tz] (surface) or [fx fy fz] (point), in `axes`.
+
+    A sole turns with the ground that it lies on, so its axes are C's. A point foot rolls: what the ground gives it does
+    not turn with its link. Its axes are the world's, z up, whatever C's; with axes "link" they are C's, for a tip that
+    pushes with one side (a hand against a wall).
 
     Attributes:
         name: As it stands in masks, labels and `Terms.frame`.
@@ -30,10 +35,13 @@ class Contact:
         extents: (x_min, x_max, y_min, y_max) of the sole in C instead of the halves, where C is not in its middle [m].
         friction: mu >= 0.
         moment_friction: Of the moment about z over the normal force, >= 0 [m].
-        minimum_force, maximum_force: Of fz [N].
+        minimum_force, maximum_force: Of the force along z of `axes` [N].
+        axes: Of its force, J and cone: "link" for C's, "world" for the world's, points only; None for "link" of a
+            surface, "world" of a point.
 
     Raises:
-        ParamsError: an unknown kind, a sole without area, C's origin outside it, or a number that is not possible.
+        ParamsError: an unknown kind or axes, a surface with axes "world", a sole without area, C's origin outside it,
+            or a number that is not possible.
     """
 
     name: str
@@ -46,11 +54,15 @@ class Contact:
     moment_friction: float = 0.1
     minimum_force: float = 1.0
     maximum_force: float = math.inf
+    axes: Axes | None = None
 
     def __post_init__(self) -> None:
         where = f"contact {self.name!r}"
         if self.kind not in get_args(Kind):
             raise ParamsError(f"{where}: wanted a kind of {', '.join(get_args(Kind))}; got {self.kind!r}")
+        possible = get_args(Axes)[: 1 if self.kind == "surface" else 2]
+        if self.axes is not None and self.axes not in possible:
+            raise ParamsError(f"{where}: axes: wanted {' or '.join(possible)} for a {self.kind}; got {self.axes!r}")
         for key in ("friction", "moment_friction", "minimum_force"):
             value = getattr(self, key)
             if not (math.isfinite(value) and value >= 0.0):
@@ -81,6 +93,11 @@ class Contact:
     def size(self) -> int:
         """How many numbers its force has: 6 or 3."""
         return _SIZE[self.kind]
+
+    @property
+    def upright(self) -> bool:
+        """Whether its axes are the world's."""
+        return self.kind == "point" and self.axes != "link"
 
     @property
     def sole(self) -> Extents:

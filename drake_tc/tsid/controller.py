@@ -7,7 +7,7 @@ import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.framework import Context, LeafSystem, ValueProducer
 
-from drake_tc.tsid.law import Before, Law, Status, Tick, solve_tick
+from drake_tc.tsid.law import Before, Law, Status, Tick, lost_tick, solve_tick
 from drake_tc.tsid.model import Scratch
 from drake_tc.tsid.warm_start import WarmStart
 from drake_tc.types import FloatArray
@@ -28,12 +28,13 @@ class RobustTsid(LeafSystem):  # type: ignore[misc, unused-ignore]
         torque (n): tau, in the robot's order [N m].
         acceleration (nv): vdot that the model expects of it.
         contact_force (K): of all contacts, 0 where one does not carry, each in its own axes [N, N m].
-        status (7): see `drake_tc.tsid.law.Status`; `constraints` names the rows that LIMIT counts.
+        status (9): see `drake_tc.tsid.law.Status`; `constraints` names the rows that LIMIT counts.
 
         y[n] = F(u[n], s[n]),  x[n+1] = [t[n]; y[n]; s[n+1]],  s: what the next tick's solve knows of this one
 
     At a tick (no update yet at this time) y is F, so there is no delay; after the update, and until the next tick, it
-    is x's. Nothing raises in the loop and all outputs are finite: what cannot be solved gives the safe torque, flagged.
+    is x's; time that goes back begins a new tick. Nothing raises in the loop and all outputs are finite: what cannot be
+    solved gives the safe torque, flagged.
     """
 
     def __init__(self, law: Law) -> None:
@@ -98,19 +99,27 @@ class RobustTsid(LeafSystem):  # type: ignore[misc, unused-ignore]
         """This tick's answer, or what is held, into the cache entry."""
         solution: _Solution = value.get_mutable_value()
         held = context.get_discrete_state(self._memory).value()
-        if not context.get_time() - held[0] > 0.99 * self._law.period:
+        if 0.0 <= context.get_time() - held[0] <= 0.99 * self._law.period:
             solution.hold(held, self._places)
             return
         references = [
             port.Eval(context) if port.HasValue(context) else rest
             for port, rest in zip(self._references, self._rest, strict=True)
         ]
-        active = self._all
-        if self._active.HasValue(context):
-            active = tuple((self._active.Eval(context) > 0.5).tolist())
         before = Before(held[self._places["torque"]], self._warm.unpack(held[self._start]))
+        active = self._switches(context)
+        if active is None:
+            solution.take(lost_tick(self._law, before))
+            return
         state = self._state.Eval(context)
         solution.take(solve_tick(self._law, solution.scratch, state, references, active, before))
+
+    def _switches(self, context: Any) -> tuple[bool, ...] | None:
+        """Which contacts carry; None where that is not a number."""
+        if not self._active.HasValue(context):
+            return self._all
+        given = self._active.Eval(context)
+        return tuple((given > 0.5).tolist()) if np.isfinite(given).all() else None
 
     def _writer(self, name: str) -> Callable[[Context, Any], None]:
         def write(context: Context, vector: Any) -> None:

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from drake_tc.tsid.tasks.rotation import rotation_vector
+from drake_tc.control.rotation import rotation_vector
 from drake_tc.tsid.terms import Pose, Terms
 from drake_tc.types import FloatArray
 
@@ -30,7 +30,9 @@ def holding_acceleration(terms: Terms, places: Sequence[Pose] | None, kp: float,
         terms.contacts.contacts, terms.contacts.rows, places, strict=True
     ):
         rotation, position = terms.pose(contact.name)
-        drift = rotation.T.dot(position - position_0)
+        drift = position - position_0
+        if not contact.upright:
+            drift = rotation.T.dot(drift)
         if contact.size == 6:
             drift = np.concatenate((drift, -rotation_vector(rotation.T.dot(rotation_0))))
         wanted[rows] -= kp * drift

@@ -5,9 +5,10 @@
 A tick always has an answer, and `Tick.status` says which of these it is:
 
     solved        the formulation's torque
+    risky         every limit can be kept but not R <= R_min: the formulation's safest torque
     infeasible    no torque keeps all limits: the one that misses least (`infeasible.diagnose`), near the safe one
     failed        no answer of the programs: the safe torque, weight and damping (`infeasible.safe_torque`)
-    lost          state or references are not finite: the torque before, faded out, tau[n] = exp(-period/fade) tau[n-1]
+    lost          an input is not finite: the torque before, faded out, tau[n] = exp(-period/fade) tau[n-1]
 """
 
 from collections.abc import Sequence
@@ -22,6 +23,7 @@ from drake_tc.errors import ParamsError
 from drake_tc.tsid.assembly import check_names, ordered
 from drake_tc.tsid.infeasible import diagnose, safe_torque
 from drake_tc.tsid.limits.base import Limit
+from drake_tc.tsid.limits.relaxed import relaxed_rows
 from drake_tc.tsid.model import Scratch, TsidModel
 from drake_tc.tsid.qp.problem import Outcome, QpSolver
 from drake_tc.tsid.reduction import Reduced, reduce
@@ -34,19 +36,22 @@ from drake_tc.tsid.terms import Terms
 from drake_tc.types import FloatArray
 
 LARGEST = 1e6
-"""No input in SI units is as large; one that is counts as not finite."""
+"""No input in SI units is as large; one that is counts as not finite. A larger R, or an infinite one, is told as it."""
 
 
 class Status(IntEnum):
     """Places in the vector of a tick's status.
 
-    OUTCOME: 0 solved, 1 infeasible, 2 failed or lost (`qp.problem.Outcome`).
+    OUTCOME: 0 solved, 1 infeasible, 2 failed or lost, 3 risky (`qp.problem.Outcome`).
     FALLBACK: 1 where the torque is not the formulation's.
     ITERATIONS: Of the formulation.
-    ROBUSTNESS: R of the formulation's own measure; 0 for "classic" and where there is none.
+    ROBUSTNESS: R of the formulation's own measure, 1e6 where it is infinite; 0 for "classic" and with a fallback.
     P_IND: Product of the probabilities of the single limits, whatever the formulation; 0 with a fallback.
     LIMIT: Which of `Law.constraints` gave way first (misses most), counted from 0; -1 for none.
     MISSED: By how much, in that row's unit.
+    RELAXED: How many joints' limits gave way before any program saw them, as their position, velocity and acceleration
+        contradict each other at this state (`limits.viability`); 0 for none, and where the state is lost.
+    CONVERGED: 1 where the formulation reached its accuracy, 0 where its budget was spent before or with a fallback.
     """
 
     OUTCOME = 0
@@ -56,6 +61,8 @@ class Status(IntEnum):
     P_IND = 4
     LIMIT = 5
     MISSED = 6
+    RELAXED = 7
+    CONVERGED = 8
 
 
 class Tick(NamedTuple):
@@ -65,7 +72,7 @@ class Tick(NamedTuple):
         torque: (n,) tau [N m], in the robot's order.
         acceleration: (nv,) vdot that it causes; 0 where the state is lost.
         force: (K,) of all contacts, 0 where one is not active [N, N m]; 0 where the state is lost.
-        status: (7,) see `Status`.
+        status: (9,) see `Status`.
         start: For the next tick.
     """
 
@@ -181,13 +188,29 @@ def solve_tick(
         before: The last tick.
     """
     if not np.abs(np.concatenate((state, *references))).max() < LARGEST:
-        return _lost(law, before)
+        return lost_tick(law, before)
+    try:
+        return _solved(law, scratch, state, references, active, before)
+    except Exception:  # in a control loop a torque is due, whatever went wrong; the status tells
+        return lost_tick(law, before)
+
+
+def _solved(
+    law: Law,
+    scratch: Scratch,
+    state: FloatArray,
+    references: Sequence[FloatArray],
+    active: tuple[bool, ...],
+    before: Before,
+) -> Tick:
     problem = problem_at(law, scratch, state, references, active)
     reduced = problem.reduced
     solution = law.formulation.solve(reduced.cost, reduced.polytope, law.error, law.solver, before.start)
-    if solution.outcome is not Outcome.SOLVED:
+    if solution.outcome in (Outcome.INFEASIBLE, Outcome.FAILED):
         return _given_way(law, problem, solution, before)
-    status = np.array([0.0, 0.0, solution.iterations, solution.robustness, solution.p_ind, -1.0, 0.0])
+    risk = min(solution.robustness, LARGEST)
+    found = (solution.outcome, 0.0, solution.iterations, risk, solution.p_ind, -1.0, 0.0)
+    status = np.array([*found, relaxed_rows(problem.limits), solution.converged])
     return _packed(law, problem, solution.torque, status, solution.start)
 
 
@@ -215,7 +238,8 @@ def _given_way(law: Law, problem: Problem, solution: RobustSolution, before: Bef
     terms, polytope = problem.terms, problem.reduced.polytope
     lower, upper = polytope.lower[: polytope.bounds], polytope.upper[: polytope.bounds]
     torque = safe_torque(terms, law.fallback_damping, *((lower, upper) if polytope.bounds else ()))
-    status = np.array([solution.outcome, 1.0, solution.iterations, 0.0, 0.0, -1.0, 0.0])
+    relaxed = relaxed_rows(problem.limits)
+    status = np.array([solution.outcome, 1.0, solution.iterations, 0.0, 0.0, -1.0, 0.0, relaxed, 0.0])
     if solution.outcome is Outcome.INFEASIBLE:
         found = diagnose(polytope, solver=law.solver, centre=torque)
         if found.outcome is Outcome.SOLVED:
@@ -226,13 +250,14 @@ def _given_way(law: Law, problem: Problem, solution: RobustSolution, before: Bef
             status[Status.LIMIT], status[Status.MISSED] = law.constraints.index(known), found.missed[0]
     tick = _packed(law, problem, torque, status, None)
     sound = np.isfinite(np.concatenate((tick.torque, tick.acceleration, tick.force, status))).all()
-    return tick if sound else _lost(law, before)
+    return tick if sound else lost_tick(law, before)
 
 
-def _lost(law: Law, before: Before) -> Tick:
+def lost_tick(law: Law, before: Before) -> Tick:
     """The torque before, faded, where nothing is known."""
     model = law.model
-    status = np.array([Outcome.FAILED, 1.0, 0.0, 0.0, 0.0, -1.0, 0.0])
+    status = np.zeros(len(Status))
+    status[Status.OUTCOME], status[Status.FALLBACK], status[Status.LIMIT] = Outcome.FAILED, 1.0, -1.0
     torque = np.exp(-law.period / law.fade) * before.torque
     return Tick(torque, np.zeros(model.nv), np.zeros(model.force_size), status, None)
 

@@ -219,12 +219,13 @@ class TsidModel:
         )
 
     def _contact_rows(self, context: Any, contacts: ActiveContacts) -> tuple[FloatArray, FloatArray]:
-        """J (k, nv) and Jdot v (k,), in each contact's axes."""
+        """J (k, nv) and Jdot v (k,), in each contact's `axes`."""
         plant, columns = self._plant, self._columns
         jacobian, bias = np.empty((contacts.size, self.nv)), np.empty(contacts.size)
         for contact, rows in zip(contacts.contacts, contacts.rows, strict=True):
             frame, force = self._frames[contact.name], slice(rows.start, rows.start + 3)
-            args = (context, JacobianWrtVariable.kV, frame, _ORIGIN, self._world, frame)
+            axes = self._world if contact.upright else frame
+            args = (context, JacobianWrtVariable.kV, frame, _ORIGIN, self._world, axes)
             twist = plant.CalcJacobianSpatialVelocity(*args)[:, columns]
             drift = plant.CalcBiasSpatialAcceleration(*args).get_coeffs()
             jacobian[force], bias[force] = twist[3:], drift[3:]

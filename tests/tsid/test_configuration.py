@@ -106,6 +106,12 @@ def test_limits_are_what_their_keys_say(load):
     assert_allclose(sole[2], 0.0, atol=2e-5)
 
 
+def test_axes_of_a_contact_are_read(load):
+    for axes, upright in (({}, True), ({"axes": "world"}, True), ({"axes": "link"}, False)):
+        law = load({"contacts": {"hand": {"kind": "point", "link": "l_hand", **axes}}})
+        assert [contact.upright for contact in law.model.contacts] == [False, False, upright]
+
+
 def test_every_kind_of_task_is_read(load):
     common = {"kp": 10.0, "kd": 2.0}
     law = load(
@@ -152,6 +158,8 @@ REFUSED = [
     (("contacts", "left_sole", "link"), "paw", "contact 'left_sole': no link 'paw'"),
     (("contacts", "left_sole", "half_length"), 0.0, "contact 'left_sole': wanted a sole of positive size"),
     (("contacts", "left_sole", "friction"), -0.1, "contact 'left_sole': friction: wanted a finite number >= 0"),
+    (("contacts", "left_sole", "axes"), "world", "contact 'left_sole': axes: wanted link for a surface; got 'world'"),
+    (("contacts", "left_sole", "axes"), 3, "contacts.left_sole.axes: wanted a text"),
     (("contacts", "left_sole", "colour"), "red", "contacts.left_sole: unknown key 'colour'"),
     (("contacts", "left_sole", "extents"), [0.0, 1.0], "contacts.left_sole.extents: wanted four numbers"),
     (("frames", "right_palm", "link"), "paw", "frame 'right_palm': no link 'paw'"),

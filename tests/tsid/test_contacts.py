@@ -42,6 +42,8 @@ def test_a_sole_by_its_halves_or_by_its_edges():
         ({"extents": (0.1, 0.2, -0.1, 0.1)}, "wanted the frame's origin on the sole"),
         ({"extents": (-0.1, 0.2, -0.1, 0.1), "half_width": 0.1}, "half_length and half_width or extents; got both"),
         ({"kind": "line"}, "wanted a kind of surface, point; got 'line'"),
+        ({"kind": "point", "axes": "up"}, "axes: wanted link or world for a point; got 'up'"),
+        ({"axes": "world", "half_length": 0.1, "half_width": 0.1}, "axes: wanted link for a surface; got 'world'"),
         ({"kind": "point", "friction": -0.1}, "friction: wanted a finite number >= 0; got -0.1"),
         ({"kind": "point", "friction": math.nan}, "friction: wanted a finite number >= 0"),
         ({"kind": "point", "moment_friction": -1.0}, "moment_friction: wanted a finite number >= 0"),
@@ -83,7 +85,8 @@ def test_holding_takes_drift_and_slip_out(tmp_path):
     for contact, rows, (turn_0, place_0) in zip(terms.contacts.contacts, terms.contacts.rows, places, strict=True):
         turn, place = terms.pose(contact.name)
         needed = Rotation.from_matrix(turn.T @ turn_0).as_rotvec()
-        error = np.concatenate([turn.T @ (place_0 - place), needed])[: contact.size]
+        axes = np.eye(3) if contact.upright else turn
+        error = np.concatenate([axes.T @ (place_0 - place), needed])[: contact.size]
         expected = 100.0 * error - 20.0 * terms.contact_velocity[rows]
         assert_allclose(found[rows], expected, atol=1e-11)
     still = holding_acceleration(model.terms(model.create_scratch(), q, 0 * v), places, 100.0, 20.0)

@@ -14,7 +14,7 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import LogVectorOutput
 
 from drake_tc.errors import ParamsError
-from drake_tc.robot.plant import make_plant
+from drake_tc.robot.plant import joint_limits, make_plant
 from drake_tc.tsid.configuration import load_law
 from drake_tc.tsid.controller import RobustTsid
 from drake_tc.tsid.law import Before, Status, solve_tick
@@ -256,6 +256,7 @@ def test_torques_that_do_not_err_make_robust_tsid_classic(measure):
         )
     assert_allclose(found[measure].torque, found["classic"].torque, atol=1e-3)
     assert found[measure].status[Status.P_IND] == 1.0
+    assert found[measure].status[Status.ITERATIONS] <= found["classic"].status[Status.ITERATIONS] + 1
 
 
 def test_stretched_legs_are_no_end(system, law):
@@ -323,6 +324,34 @@ def test_contradictory_limits_are_named_with_what_they_miss(law):
     assert_allclose(status[Status.MISSED], 4.0, rtol=1e-3)  # the gap of 8 rad/s^2, shared
     elbow = found["acceleration"][model.actuated[model.robot.joints.index("l_elbow")]]
     assert_allclose(elbow, 1.0, atol=5e-3)  # in the middle between 5 and -3
+
+
+def test_the_status_says_that_limits_of_joints_gave_way(system, law):
+    """Elbows beyond their stop or too fast for it; as little as a thousandth inside of it nothing has to give way."""
+    model = law.model
+    limits, joints = joint_limits(model.robot), [model.robot.joints.index(f"{side}_elbow") for side in "lr"]
+    for inside, speed, counted in ((1e-3, 0.0, 0.0), (-0.05, 0.0, 2.0), (1e-3, 3.0, 2.0)):
+        state = state_of(law)
+        state[model.positions[joints]] = limits.upper[joints] - inside
+        state[model.nq + model.actuated[joints]] = speed
+        found = outputs(system, at(system, state))
+        assert found["status"][Status.RELAXED] == counted
+        assert found["status"][Status.FALLBACK] == 0.0
+        elbows = found["acceleration"][model.actuated[joints]]
+        assert (elbows <= (-99.0 if speed else 1e-6)).all()  # it brakes with all of 100 rad/s^2, or goes no further
+    lost = outputs(system, at(system, np.full(73, np.nan)))
+    assert lost["status"][Status.RELAXED] == 0.0
+
+
+def test_a_fallback_tells_of_limits_that_gave_way_as_well(law):
+    model = law.model
+    two = Demand("up", model, "l_elbow", 5.0, np.inf), Demand("down", model, "l_elbow", -np.inf, -3.0)
+    system = RobustTsid(replace(law, limits=(*law.limits, *two)))
+    state = state_of(law)
+    knee = model.robot.joints.index("r_knee")
+    state[model.nq + model.actuated[knee]] = 50.0
+    status = outputs(system, at(system, state))["status"]
+    assert (status[Status.FALLBACK], status[Status.RELAXED]) == (1.0, 1.0)
 
 
 def test_one_solve_a_tick_however_many_read_it_and_however_fine_the_plant(law):

@@ -46,7 +46,9 @@ def test_a_joint_about_to_pass_its_limits_is_held_by_its_own_row(robot_model):
         assert_allclose(rows.upper[others], 50.0)
         assert_allclose(rows.lower, -50.0)
         assert not limit.bounds(it.terms(scratch, q, v)).relaxed.any()
+        assert rows.relaxed == 0
         v[it.actuated[j]] = 0.11
+        assert limit.rows(it.terms(scratch, q, v)).relaxed == 1
         assert np.flatnonzero(limit.bounds(it.terms(scratch, q, v)).relaxed).tolist() == [j]
 
 

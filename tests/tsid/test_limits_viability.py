@@ -119,10 +119,32 @@ def test_beyond_the_limits_the_bounds_are_never_empty_and_things_only_get_better
         q, v = q + v * h + 0.5 * a * h * h, v + a * h
 
 
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 2**32 - 1))
+def test_joints_are_counted_where_a_limit_had_to_give_way(seed):
+    """Where braking as hard as can be, B and A being what stops and what slows a joint, does not do."""
+    rng = np.random.default_rng(seed)
+    limits = ranges(rng)
+    viability, h = Viability(limits), limits.period
+    q = rng.uniform(limits.lower - 0.1, limits.upper + 0.1)
+    v = rng.uniform(1.5 * limits.velocity_lower, 1.5 * limits.velocity_upper)
+    up, down = (np.minimum(limits.acceleration, s / h) for s in (-limits.velocity_lower, limits.velocity_upper))
+    stops = [q + np.maximum(v, 0.0) ** 2 / (2 * up), q - np.maximum(-v, 0.0) ** 2 / (2 * down)]
+    slowed = h * limits.acceleration
+    fast = [v - slowed - limits.velocity_upper, limits.velocity_lower - v - slowed]
+    worst = np.max([stops[0] - limits.upper, limits.lower - stops[1], *fast], axis=0)
+    sure = np.abs(worst) > 1e-8
+    q, v = np.where(sure, q, 0.5 * (limits.lower + limits.upper)), np.where(sure, v, 0.0)
+    lower, upper, counted = viability.bounds(q, v)
+    assert (lower <= upper).all()
+    assert counted == np.count_nonzero(worst[sure] > 0.0)
+
+
 def test_the_flag_says_by_how_much():
     limits = JointRange(("a", "b", "c"), -np.ones(3), np.ones(3), -np.ones(3), np.ones(3), np.full(3, 10.0), 1e-3)
     bounds = Viability(limits)(np.array([0.0, 1.2, 0.0]), np.array([0.0, 0.0, 1.5]))
     assert bounds.relaxed.tolist() == [False, True, True]
+    assert Viability(limits).bounds(np.array([0.0, 1.2, 0.0]), np.array([0.0, 0.0, 1.5]))[2] == 2
     assert_allclose(bounds.beyond, [0.0, 0.2, 0.0], atol=1e-15)
     assert_allclose(bounds.too_fast, [0.0, 0.0, 0.5 - 10.0 * 1e-3], atol=1e-15)
     assert_allclose(bounds.upper[1], 0.0, atol=1e-9)  # may not go further out

@@ -56,14 +56,18 @@ def test_the_same_answer_on_thousands_of_states(family):
 @pytest.mark.slow
 @pytest.mark.parametrize("family", STRICT)
 def test_the_reference_finds_the_same_cost_on_hundreds_of_states(family):
-    """Clarabel, by Drake; its torques stray along the internal forces, by 1e-8 in the median and 5e-3 at worst."""
+    """Clarabel, by Drake. Its torques stray along the internal forces: by more than 1e-6 in 5 % of the states at most,
+    by 5e-6 at 99 %, by 6e-3 at worst (measured: 4 %, 4e-6 and 5.03e-3). There quadprog sides with DAQP, to 1e-6."""
     apart = []
     for problem in real(family, 400, seed=77):
         one, other = (solver(name).solve(problem) for name in ("daqp", "clarabel"))
-        assert_allclose(cost(problem, one.x), cost(problem, other.x), rtol=0, atol=1e-9)
+        assert_allclose(cost(problem, one.x), cost(problem, other.x), rtol=0, atol=1e-10)
         apart.append(np.abs(one.x - other.x).max())
-    assert np.percentile(apart, 90) <= 1e-6
-    assert max(apart) <= 5e-2
+        if apart[-1] > 1e-6:
+            assert_allclose(solver("quadprog").solve(problem).x, one.x, rtol=0, atol=1e-6)
+    assert np.percentile(apart, 95) <= 1e-6
+    assert np.percentile(apart, 99) <= 5e-6
+    assert max(apart) <= 6e-3
 
 
 @pytest.mark.parametrize("family", STRICT)
@@ -78,13 +82,11 @@ def test_the_reference_agrees(family):
 @pytest.mark.parametrize("name", ["piqp", "proxqp"])
 @pytest.mark.parametrize("family", FAMILIES)
 def test_methods_that_iterate_reach_the_same_cost(name, family):
-    solved = 0
-    for problem in real(family, 25)[:6]:
+    """ProxQP's own settings take steps towards the eighth and ninth saturated problem for proofs that there is none."""
+    for problem in real(family, 25)[:10]:
         one, other = solver("daqp").solve(problem), solver(name).solve(problem)
-        if other.outcome is Outcome.SOLVED:
-            solved += 1
-            assert_allclose(cost(problem, one.x), cost(problem, other.x), rtol=0, atol=1e-6)
-    assert solved >= 5
+        assert other.outcome is Outcome.SOLVED
+        assert_allclose(cost(problem, one.x), cost(problem, other.x), rtol=0, atol=1e-6)
 
 
 def test_free_internal_forces_leave_the_cost_one_value():

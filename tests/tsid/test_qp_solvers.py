@@ -103,7 +103,7 @@ def test_without_an_optimum(name):
     assert solver(name).solve(unbounded).outcome is not Outcome.SOLVED
 
 
-@pytest.mark.parametrize("name", ["daqp", "quadprog", "piqp", "clarabel"])  # ProxQP gives up now and then
+@pytest.mark.parametrize("name", ["daqp", "quadprog", "piqp", "proxqp", "clarabel"])
 @settings(max_examples=16, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.sampled_from([None, 6]), st.integers(0, 3))
 def test_optimality_conditions(name, seed, rank, equalities):
@@ -180,3 +180,23 @@ def test_a_solver_without_a_licence_is_refused_at_construction(name, monkeypatch
         monkeypatch.delenv(variable, raising=False)
     with pytest.raises(ParamsError, match="licence"):
         solver(name)
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_rows_without_sides_push_nothing_and_nothing_is_printed_of_them(name, capfd):
+    """Some among bounds, rows and equalities, then all; the others' answers are as without them."""
+    problem, chosen = random(1, equalities=2), solver(name)
+    sided = np.isfinite(problem.lower) | np.isfinite(problem.upper)
+    assert 0 < np.count_nonzero(~sided[problem.bounds :]) < sided.size
+    rows = problem.matrix[sided], problem.lower[sided], problem.upper[sided]
+    fewer = chosen.solve(QuadraticProgram(problem.hessian, problem.gradient, *rows))
+    found = chosen.solve(problem)
+    assert found.outcome is fewer.outcome is Outcome.SOLVED
+    assert_allclose(found.x, fewer.x, rtol=0, atol=1e-6)
+    assert_allclose(found.multipliers[sided], fewer.multipliers, rtol=0, atol=1e-5)
+    assert not found.multipliers[~sided].any()
+    ends = np.full(sided.size, INF)
+    free = chosen.solve(replace(problem, lower=-ends, upper=ends))
+    assert_allclose(free.x, np.linalg.solve(problem.hessian, -problem.gradient), rtol=0, atol=1e-5)
+    assert not free.multipliers.any()
+    assert capfd.readouterr() == ("", "")

@@ -14,6 +14,7 @@ from scipy.special import erf, log_ndtr, ndtr
 from drake_tc.tsid.polytope import LeastSquares, Polytope
 from drake_tc.tsid.probability import probability
 from drake_tc.tsid.qp.choose import solver
+from drake_tc.tsid.qp.problem import Outcome, QuadraticProgram
 from drake_tc.tsid.robust.box import BoxRows, box_risk, p_box, size_of_risk
 from drake_tc.tsid.robust.formulation import Formulation
 from drake_tc.tsid.robust.interval import interval_risk, interval_slopes
@@ -181,6 +182,39 @@ def test_box_program_by_brute_force_in_the_plane(seed):
     ours = best(solution.torque[:1], solution.torque[1:] * 1.0)[0]
     assert ours <= values.min() + 1e-6 * 0.01
     assert_allclose(solution.torque, centre, atol=2e-2 * sigma.max())
+
+
+def unseen(seed):
+    """A problem of six torques, the last of which enters the cost alone, so that its error, if it has one, is free."""
+    cost, polytope, error = random_problem(seed, n=5)
+    wider = Polytope(np.pad(polytope.matrix, ((0, 0), (0, 1))), polytope.lower, polytope.upper, bounds=5)
+    column = np.random.default_rng(seed).normal(size=(5, 1)) * np.abs(cost.matrix).max()
+    matrix = np.block([[cost.matrix, column], [np.zeros((1, 5)), np.full((1, 1), column[0, 0])]])
+    return LeastSquares(matrix, np.append(cost.target, 1.0)), wider, error.sigma
+
+
+@pytest.mark.parametrize("use", ["trade_off", "null_space"])
+@pytest.mark.parametrize("sigma_of_the_last", [0.0, 1.0])
+@pytest.mark.parametrize("seed", range(4))
+def test_where_no_limit_errs_a_box_of_any_size_costs_no_more_than_none(use, sigma_of_the_last, seed):
+    """Against the solver itself, which knows nothing of boxes."""
+    cost, polytope, _ = unseen(seed)
+    error = TorqueError(np.append(np.zeros(5), sigma_of_the_last))
+    program = QuadraticProgram(
+        2.0 * cost.matrix.T @ cost.matrix, -2.0 * cost.matrix.T @ cost.target,
+        polytope.matrix, polytope.lower, polytope.upper, polytope.bounds,
+    )  # fmt: skip
+    least = cost(QP.solve(program).x)
+    for weight in (1e-9, 1e-3, 1.0):
+        formulation, start = Formulation("box", use, weight=weight), None
+        for steps in (5, 2):
+            found = formulation.solve(cost, polytope, error, QP, start)
+            assert (found.outcome, found.converged) == (Outcome.SOLVED, True)
+            assert found.iterations <= steps
+            assert (found.robustness, found.p_ind) == (0.0, 1.0)
+            assert_allclose(found.cost, least, rtol=1e-5, atol=1e-5 * min(weight, 1.0))
+            assert polytope.violation(found.torque) < 1e-6
+            start = found.start
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -67,7 +67,7 @@ def test_constraint_is_met_with_equality_where_it_is_active(seed, measure):
     impossible = replace(formulation, minimum=0.5 * least + 1e-9)
     if least > 1e-6:
         refused = impossible.solve(cost, polytope, error, QP)
-        assert refused.outcome is Outcome.INFEASIBLE
+        assert refused.outcome is Outcome.RISKY
         assert polytope.violation(refused.torque) < 1e-6 * error.row_sigma(polytope.matrix).max()
         assert_allclose(refused.robustness, least, rtol=2e-3, atol=1e-6)
 

@@ -8,14 +8,19 @@ from drake_tc.errors import ParamsError
 from drake_tc.estimation.torque_model import as_slice
 from drake_tc.robot.plant import joint_limits
 from drake_tc.robot.robot import Robot
+from drake_tc.tsid.limits.relaxed import RelaxedRows
 from drake_tc.tsid.limits.viability import AccelerationBounds, JointRange, Viability
-from drake_tc.tsid.rows import LimitRows, selection
+from drake_tc.tsid.rows import selection
 from drake_tc.tsid.terms import Terms
 from drake_tc.types import FloatArray, IntArray
 
 
 class AccelerationLimit:
-    """lower(q, v) <= vdot of the joints <= upper(q, v), from `Viability`: kept from one viable state to the next."""
+    """lower(q, v) <= vdot of the joints <= upper(q, v), from `Viability`: kept from one viable state to the next.
+
+    At other states the limits of position, velocity and acceleration contradict each other. The position's gives way
+    first, then the velocity's, the acceleration's never; the rows say for how many joints (`RelaxedRows`).
+    """
 
     group = "acceleration"
 
@@ -72,10 +77,10 @@ class AccelerationLimit:
         """The bounds at this state, and where limits had to give way."""
         return self._viability(terms.joint_position, terms.v[self._actuated])
 
-    def rows(self, terms: Terms) -> LimitRows:
+    def rows(self, terms: Terms) -> RelaxedRows:
         """N rows; a joint's acceleration each [rad/s^2]."""
-        lower, upper = self._viability.bounds(terms.joint_position, terms.v[self._actuated])
-        return LimitRows(self.name, self.group, self._parts, lower, upper, self._labels)
+        lower, upper, relaxed = self._viability.bounds(terms.joint_position, terms.v[self._actuated])
+        return RelaxedRows(self.name, self.group, self._parts, lower, upper, self._labels, relaxed)
 
 
 def _each(where: str, value: float | FloatArray, n: int) -> FloatArray:

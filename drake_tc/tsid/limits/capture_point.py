@@ -99,13 +99,16 @@ class CapturePointLimit:
             name: Of the limit.
 
         Raises:
-            ParamsError: a period or gravity that is not positive, or a margin that is not finite.
+            ParamsError: no contacts, a period or gravity that is not positive, or a margin that is negative or not
+                finite.
         """
         for key, value in (("period", period), ("gravity", gravity)):
             if not (math.isfinite(value) and value > 0.0):
                 raise ParamsError(f"{name}: {key}: wanted a positive number; got {value!r}")
-        if not math.isfinite(margin):
-            raise ParamsError(f"{name}: margin: wanted a finite number [m]; got {margin!r}")
+        if not (math.isfinite(margin) and margin >= 0.0):
+            raise ParamsError(f"{name}: margin: wanted a finite number >= 0 [m]; got {margin!r}")
+        if not contacts:
+            raise ParamsError(f"{name}: wanted contacts, over which it is kept; got none")
         self.name = name
         self._period, self._margin, self._gravity = period, margin, gravity
         self._places = tuple((contact.name, contact.corners[:, :2].tolist()) for contact in contacts)
@@ -113,12 +116,12 @@ class CapturePointLimit:
 
     def capture_point(self, terms: Terms) -> FloatArray:
         """(2,) xi of this state [m]."""
-        _, height = self._corners(terms)
+        _, height = self.corners(terms)
         return np.asarray(terms.com[:2] + terms.com_velocity[:2] / self._rate(terms, height))
 
     def rows(self, terms: Terms) -> LimitRows:
         """One row an edge of the hull."""
-        corners, ground = self._corners(terms)
+        corners, ground = self.corners(terms)
         normals, reach = half_planes(corners) if math.isfinite(ground) else _unknown()
         rate, h = self._rate(terms, ground), self._period
         gain = 0.5 * h * h + h / rate
@@ -136,7 +139,7 @@ class CapturePointLimit:
         height = float(terms.com[2]) - ground
         return math.sqrt(self._gravity / (height if height > LEAST_HEIGHT else LEAST_HEIGHT))
 
-    def _corners(self, terms: Terms) -> tuple[list[tuple[float, float]], float]:
+    def corners(self, terms: Terms) -> tuple[list[tuple[float, float]], float]:
         """Corners of all active contacts from above, and the mean height of their frames [m]."""
         corners: list[tuple[float, float]] = []
         heights, active = 0.0, terms.contacts.index

@@ -125,7 +125,7 @@ class Viability:
     At a state that is not viable limits give way: the position's first, outwards to where braking with B stops the
     joint; then the velocity's, to what braking with A leaves after a period; the acceleration's A never. So a joint
     beyond its range may not go further out, and is not driven back either: where the task brings it back, the limit
-    closes behind it.
+    closes behind it. That this happened is told: `relaxed` of the bounds, and `law.Status.RELAXED` of a tick.
     """
 
     def __init__(self, limits: JointRange) -> None:
@@ -141,13 +141,18 @@ class Viability:
         self._drop = 0.5 * h * braking
         self._drop_squared = self._drop**2
 
-    def bounds(self, q: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """(lower, upper) for the next period at positions q and velocities v (n,) [rad, rad/s]."""
+    def bounds(self, q: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray, int]:
+        """(lower, upper) for the next period at positions q and velocities v (n,) [rad, rad/s].
+
+        The third is the number of joints of which a limit gave way.
+        """
         n, rate, most = self._n, 1.0 / self._h, self._most
         speed = np.concatenate((v, -v))
         given = np.concatenate((q, -q))
         np.subtract(self._end, given, out=given)
-        np.maximum(given, self._stop(speed), out=given)
+        stop = self._stop(speed)
+        beyond = stop - given
+        np.maximum(given, stop, out=given)
         rest = given - (0.5 * self._h) * speed
         turns = not rest.min(initial=0.0) >= 0.0
         if turns:
@@ -163,11 +168,15 @@ class Viability:
             ceiling[late] = -(speed[late] ** 2) / (2.0 * given[late])
         slower = self._fastest - speed
         slower *= rate
+        late_by = self._least - slower
         np.maximum(slower, self._least, out=slower)
         np.minimum(ceiling, slower, out=ceiling)
         np.minimum(ceiling, most, out=ceiling)
-        upper = ceiling[:n]
-        return np.minimum(-ceiling[n:], upper), upper
+        upper, relaxed = ceiling[:n], 0
+        if np.maximum(beyond, late_by).max(initial=0.0) > NEGLIGIBLE:
+            gave = (beyond > NEGLIGIBLE) | (late_by > NEGLIGIBLE * rate)
+            relaxed = int(np.count_nonzero(gave[:n] | gave[n:]))
+        return np.minimum(-ceiling[n:], upper), upper, relaxed
 
     def __call__(self, q: FloatArray, v: FloatArray) -> AccelerationBounds:
         """`bounds`, and by how much limits gave way."""
@@ -175,7 +184,7 @@ class Viability:
         beyond = np.maximum(self._stop(speed) - (self._end - np.concatenate((q, -q))), 0.0)
         fast = np.maximum(speed - self._fastest - self._h * self._most, 0.0)
         return AccelerationBounds(
-            *self.bounds(q, v), np.maximum(beyond[:n], beyond[n:]), np.maximum(fast[:n], fast[n:])
+            *self.bounds(q, v)[:2], np.maximum(beyond[:n], beyond[n:]), np.maximum(fast[:n], fast[n:])
         )
 
     def _stop(self, speed: FloatArray) -> FloatArray:

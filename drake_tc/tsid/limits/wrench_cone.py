@@ -17,7 +17,7 @@ Pyramid = Literal["inner", "outer"]
 
 
 def cone_rows(contact: Contact, pyramid: Pyramid = "inner") -> tuple[FloatArray, FloatArray, FloatArray, list[str]]:
-    """Rows of lower <= B f <= upper of one contact, f = [fx fy fz (tx ty tz)] in the axes of its frame C, z outwards.
+    """Rows of lower <= B f <= upper of one contact, f = [fx fy fz (tx ty tz)] in its axes, z outwards.
 
     +-fx, +-fy <= m fz              pyramid in the round cone (m = mu / sqrt 2, "inner") or around it (m = mu, "outer")
     fmin <= fz <= fmax

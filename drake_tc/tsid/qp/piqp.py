@@ -7,9 +7,15 @@ from drake_tc.tsid.qp.common import refused, unsolved
 from drake_tc.tsid.qp.problem import Outcome, QpSolution, QuadraticProgram
 from drake_tc.tsid.qp.scaling import scaled
 
+INFINITE = 1e30
+"""What PIQP takes for no side."""
+
 
 class Piqp:
-    """`QpSolver` by PIQP; no use is made of `start`, as interior-point methods gain nothing from it."""
+    """`QpSolver` by PIQP; no use is made of `start`, as interior-point methods gain nothing from it.
+
+    It never sees rows without sides, of which it would warn on the standard output; their multipliers are 0.
+    """
 
     def __init__(self, tolerance: float = 1e-12) -> None:
         """Keep the tolerance, of the residuals of the scaled problem, absolute and relative."""
@@ -26,8 +32,10 @@ class Piqp:
     def _solve(self, problem: QuadraticProgram) -> QpSolution:
         """The scaled problem."""
         k, n = problem.bounds, problem.gradient.size
-        same = problem.lower[k:] == problem.upper[k:]
-        equal, rest = np.flatnonzero(same) + k, np.flatnonzero(~same) + k
+        lower, upper = problem.lower[k:], problem.upper[k:]
+        same = lower == upper
+        sided = (lower > -INFINITE) | (upper < INFINITE)
+        equal, rest = np.flatnonzero(same) + k, np.flatnonzero(~same & sided) + k
         low, high = np.full(n, -np.inf), np.full(n, np.inf)
         low[:k], high[:k] = problem.lower[:k], problem.upper[:k]
         solver = piqp.DenseSolver()
@@ -49,7 +57,7 @@ class Piqp:
         if status != piqp.PIQP_SOLVED:
             infeasible = status == piqp.PIQP_PRIMAL_INFEASIBLE
             return unsolved(problem, Outcome.INFEASIBLE if infeasible else Outcome.FAILED, iterations)
-        multipliers = np.empty(problem.lower.size)
+        multipliers = np.zeros(problem.lower.size)
         multipliers[:k] = (found.z_bu - found.z_bl)[:k]
         multipliers[equal] = found.y
         multipliers[rest] = found.z_u - found.z_l

@@ -8,11 +8,18 @@ from drake_tc.types import FloatArray
 
 
 class Outcome(IntEnum):
-    """How a solver ended."""
+    """How a solver ended.
+
+    SOLVED: With an answer.
+    INFEASIBLE: No point keeps the limits.
+    FAILED: It does not know.
+    RISKY: Of robust programs that shall keep R <= R_min: a point that keeps the limits, but not this.
+    """
 
     SOLVED = 0
     INFEASIBLE = 1
     FAILED = 2
+    RISKY = 3
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,11 +25,13 @@ class Scaled:
     cost_unit: float
 
     def there(self, start: QpSolution | None) -> QpSolution | None:
-        """A start, over z."""
+        """A start, over z; None where its numbers are none there."""
         if start is None:
             return None
-        multipliers = start.multipliers * (self.row_unit / self.cost_unit)
-        return replace(start, x=start.x / self.unit, multipliers=multipliers)
+        x, multipliers = start.x / self.unit, start.multipliers * (self.row_unit / self.cost_unit)
+        if not (np.isfinite(x).all() and np.isfinite(multipliers).all()):
+            return None
+        return replace(start, x=x, multipliers=multipliers)
 
     def back(self, found: QpSolution) -> QpSolution:
         """A solution, over x; what a method that iterates leaves as push from a side that is not there is taken off."""

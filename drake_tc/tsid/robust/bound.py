@@ -21,6 +21,15 @@ ROUNDS, PATIENCE = 60, 2
 STRIDE = 0.7
 """Of log w while one end of the bracket is missing; it doubles each time."""
 
+FARTHEST = 100.0
+"""Of |log w|: beyond, nothing but rounding changes."""
+
+SURE = 1e-3
+"""Of R_min: how exactly the least R is known that is held against it."""
+
+NEAR = 0.5
+"""|log R - log R_min| from which on programs are solved sharply; farther off, only the side counts."""
+
 
 def in_null_space(program: Measure, problem: ScaledProblem, guess: Guess, means: Means) -> Found:
     """Min R over the minimisers of the cost (eq. 4): x = x* + T y with D T = 0, inside the limits."""
@@ -61,51 +70,65 @@ def within_risk(
     As w -> 0, x(w) goes to the most robust minimiser of J: where that keeps R_min, it is the answer.
 
     Returns:
-        Outcome.INFEASIBLE with the most robust torque where R_min cannot be had. Where time is up, the last torque
-        that keeps R_min, or else the last one that keeps the limits, not converged.
+        Outcome.RISKY with the most robust torque where R_min cannot be had; where the budget is spent, the best torque
+        that keeps R_min, not converged, or else, RISKY, the last one that keeps the limits.
     """
-    sharp = replace(means, accuracy=1e-6 * means.accuracy)
+    rough = replace(means, accuracy=min(means.accuracy, 0.1 * minimum))
+    sharp = replace(means, accuracy=1e-6 * rough.accuracy)
+    exact = replace(means, accuracy=min(means.accuracy, SURE * minimum))
     target, here, stride = math.log(minimum), math.log(weight), STRIDE
     low = high = below = above = math.nan
     steps = programs = side = 0
     best: tuple[Found, float] | None = None
-    found = program(problem, weight, guess, sharp)
+    found = program(problem, weight, guess, rough)
     for turn in range(ROUNDS):
         steps, programs = steps + found.iterations, programs + found.programs
         if found.outcome is not Outcome.SOLVED:
             break
         miss = math.log(max(found.risk, 1e-300)) - target
+        if abs(miss) < NEAR:
+            found = program(problem, math.exp(here), found.guess, sharp)
+            steps, programs = steps + found.iterations, programs + found.programs
+            miss = math.log(max(found.risk, 1e-300)) - target
         if miss > MET:
             above = 0.5 * above if side > 0 else above
             low, below, side = here, miss, 1
         else:
             below = 0.5 * below if side < 0 else below
-            high, above, side, best = here, miss, -1, (found, math.exp(here))
-            if miss >= -MET:
+            met = miss >= -MET
+            high, above, side, best = here, miss, -1, (replace(found, converged=met), math.exp(here))
+            if met:
                 break
-        if means.budget.late():
-            best = best or (replace(found, converged=False), 0.0)
+        if means.spending.late():
             break
         if not (math.isnan(low) or math.isnan(high)):
             here = (low * above - high * below) / (above - below)
         else:
             if turn == PATIENCE:
-                end = _beyond(program, problem, found.guess, means, unsafe=math.isnan(high))
+                end = _beyond(program, problem, found.guess, exact, unsafe=math.isnan(high))
                 if (end.risk > minimum) == math.isnan(high):
-                    outcome = Outcome.INFEASIBLE if math.isnan(high) else end.outcome
-                    return _counted(replace(end, outcome=outcome), steps, programs), 0.0
+                    return _counted(_judged(end, minimum), steps, programs), 0.0
             here, stride = (high - stride if math.isnan(low) else low + stride), 2.0 * stride
-        found = program(problem, math.exp(here), found.guess, sharp)
-    if best is None:
-        safest = most_robust(program, problem, found.guess, means)
-        outcome = safest.outcome if safest.risk <= minimum else Outcome.INFEASIBLE
-        return _counted(replace(safest, outcome=outcome), steps, programs), 0.0
-    return replace(best[0], iterations=steps, programs=programs), best[1]
+            if abs(here) > FARTHEST:
+                break
+        found = program(problem, math.exp(here), found.guess, rough)
+    if best is not None:
+        return replace(best[0], iterations=steps, programs=programs), best[1]
+    if found.outcome is Outcome.SOLVED and means.spending.late():
+        return replace(_judged(found, minimum), converged=False, iterations=steps, programs=programs), 0.0
+    safest = _judged(most_robust(program, problem, found.guess, exact), minimum)
+    return _counted(safest, steps, programs), 0.0
 
 
 def _beyond(program: Measure, problem: ScaledProblem, guess: Guess, means: Means, *, unsafe: bool) -> Found:
     """Where x(w) goes, for w -> infinity where R is too large yet, for w -> 0 where it is smaller than it need be."""
     return (most_robust if unsafe else in_null_space)(program, problem, guess, means)
+
+
+def _judged(found: Found, minimum: float) -> Found:
+    """RISKY where it keeps the limits, but not R <= minimum."""
+    risky = found.outcome is Outcome.SOLVED and not found.risk <= minimum
+    return replace(found, outcome=Outcome.RISKY) if risky else found
 
 
 def _counted(found: Found, steps: int, programs: int) -> Found:

@@ -7,7 +7,7 @@ from scipy.special import erfcinv
 
 from drake_tc.tsid.polytope import LeastSquares, Polytope
 from drake_tc.tsid.robust.objective import nothing
-from drake_tc.tsid.robust.scaled import Rows, ScaledProblem, scaled
+from drake_tc.tsid.robust.scaled import FEASIBLE, Rows, ScaledProblem, scaled
 from drake_tc.tsid.robust.torque_error import TorqueError
 from drake_tc.types import FloatArray, IntArray
 
@@ -17,23 +17,28 @@ _HALF = math.sqrt(0.5)
 class BoxRows:
     """Rows over (x, s): A x + |G L| 1 s <= upper, -A x + |G L| 1 s <= -lower, -s <= 0: 2 m + 1, upper sides only.
 
-    For a diagonal Sigma |G L| 1 = |G| sigma, over sigma_G; s >= 0 keeps tau itself inside.
+    For a diagonal Sigma |G L| 1 = |G| sigma, over sigma_G; s >= 0 keeps tau itself inside. Where no side errs every box
+    fits, so there is no largest: the rows -s <= -1, s <= 1 hold s then, 2 m + 2 in all, and the cost alone chooses x.
 
     Attributes:
         lower: None.
-        upper: (2 m + 1,).
+        upper: (2 m + 1,) or (2 m + 2,).
     """
 
     lower = None
 
     def __init__(self, limits: Rows, noise: FloatArray) -> None:
         m, n = limits.matrix.shape
-        self._matrix = matrix = np.empty((2 * m + 1, n + 1))
+        reach = np.abs(noise).dot(np.ones(noise.shape[1]))
+        ends = (0.0,) if _some_side_errs(limits, reach) else (-1.0, 1.0)
+        self._sides = 2 * m
+        self._matrix = matrix = np.empty((2 * m + len(ends), n + 1))
         matrix[:m, :n] = limits.matrix
-        np.negative(limits.matrix, out=matrix[m:-1, :n])
-        matrix[:m, n] = matrix[m:-1, n] = np.abs(noise).dot(np.ones(noise.shape[1]))
-        matrix[-1, :n], matrix[-1, n] = 0.0, -1.0
-        self.upper: FloatArray = np.concatenate((limits.upper, -limits.lower, np.zeros(1)))
+        np.negative(limits.matrix, out=matrix[m : 2 * m, :n])
+        matrix[:m, n] = matrix[m : 2 * m, n] = reach
+        matrix[2 * m :, :n] = 0.0
+        matrix[2 * m :, n] = (-1.0, 1.0)[: len(ends)]
+        self.upper: FloatArray = np.concatenate((limits.upper, -limits.lower, ends))
 
     def times(self, x: FloatArray) -> FloatArray:
         """See `RowProduct`."""
@@ -50,8 +55,16 @@ class BoxRows:
 
     def size(self, x: FloatArray) -> float:
         """The largest s for x (n,) inside, where every row errs."""
-        room = self.upper[:-1] - self._matrix[:-1, :-1] @ x
-        return float((room / self._matrix[:-1, -1]).min(initial=math.inf))
+        sides = self._matrix[: self._sides]
+        room = self.upper[: self._sides] - sides[:, :-1] @ x
+        return float((room / sides[:, -1]).min(initial=math.inf))
+
+
+def _some_side_errs(limits: Rows, reach: FloatArray) -> bool:
+    """Whether a row that errs has a side; the first row tells as a rule."""
+    if len(reach) and reach[0] > 0.0 and limits.upper[0] < math.inf:
+        return True
+    return bool(((reach > 0.0) & ((limits.upper < math.inf) | (limits.lower > -math.inf))).any())
 
 
 def box_size(problem: ScaledProblem, x: FloatArray) -> float:
@@ -60,7 +73,7 @@ def box_size(problem: ScaledProblem, x: FloatArray) -> float:
     value = limits.matrix @ x
     slack = np.minimum(limits.upper - value, value - limits.lower)
     if problem.certain is not None:
-        if slack[problem.certain].min() < -1e-9:
+        if slack[problem.certain].min() < -FEASIBLE:
             return -math.inf
         slack, reach = slack[~problem.certain], reach[~problem.certain]
     return float((slack / reach).min(initial=math.inf))

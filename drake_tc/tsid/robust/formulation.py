@@ -15,10 +15,9 @@ from drake_tc.tsid.robust.box import size_of_risk
 from drake_tc.tsid.robust.gaussian_tail import log_cdf
 from drake_tc.tsid.robust.individual import SAFE
 from drake_tc.tsid.robust.measures import Found, Guess, Means, Measure
-from drake_tc.tsid.robust.newton import FEASIBLE
 from drake_tc.tsid.robust.options import Options
 from drake_tc.tsid.robust.rectangle_program import rectangle
-from drake_tc.tsid.robust.scaled import ScaledProblem, scaled
+from drake_tc.tsid.robust.scaled import FEASIBLE, ScaledProblem, scaled
 from drake_tc.tsid.robust.solution import RobustSolution, Start
 from drake_tc.tsid.robust.step import FREE
 from drake_tc.tsid.robust.torque_error import TorqueError
@@ -75,7 +74,8 @@ class Formulation:
         qp: QpSolver,
         start: Start | None = None,
     ) -> RobustSolution:
-        """The torque; never raises on numbers (NaN gives Outcome.FAILED, contradictory limits INFEASIBLE).
+        """The torque; never raises on numbers (NaN gives Outcome.FAILED, contradictory limits INFEASIBLE, an R_min
+        that cannot be had RISKY).
 
         Args:
             cost: D, d over the torques [N m].
@@ -96,7 +96,7 @@ class Formulation:
             guess, weight = Guess(np.zeros(len(error.scale))), 0.0
         try:
             found, weight = self._found(problem, guess, weight, means, known)
-        except (np.linalg.LinAlgError, FloatingPointError, ValueError):
+        except (np.linalg.LinAlgError, ArithmeticError, LookupError, ValueError):
             found = Found(np.full(len(error.scale), np.nan), np.nan, FREE, Outcome.FAILED, False, 0, 0)
         return _packed(found, weight, problem, cost)
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from drake_tc.tsid.polytope import LeastSquares, Polytope
 from drake_tc.tsid.robust.gaussian_tail import curvature_of, hazard, log_cdf
-from drake_tc.tsid.robust.scaled import Rows, scaled
+from drake_tc.tsid.robust.scaled import FEASIBLE, Rows, scaled
 from drake_tc.tsid.robust.torque_error import TorqueError
 from drake_tc.types import BoolArray, FloatArray, IntArray
 
@@ -144,7 +144,7 @@ def p_ind(polytope: Polytope, torque: FloatArray, error: TorqueError) -> float:
     return float(np.exp(-risk.value(risk.margins(x))))
 
 
-def certain_miss(rows: Rows, certain: BoolArray | None, x: FloatArray, tolerance: float = 1e-9) -> bool:
+def certain_miss(rows: Rows, certain: BoolArray | None, x: FloatArray, tolerance: float = FEASIBLE) -> bool:
     """Whether a row that does not err is missed at x."""
     if certain is None:
         return False

@@ -7,8 +7,9 @@ import numpy as np
 
 from drake_tc.tsid.qp.problem import Outcome, QpSolver
 from drake_tc.tsid.robust.box import BoxRows, box_risk, box_size, with_size
+from drake_tc.tsid.robust.budget import Spending
 from drake_tc.tsid.robust.individual import IndividualRisk
-from drake_tc.tsid.robust.newton import Budget, Minimum, minimise
+from drake_tc.tsid.robust.newton import Minimum, minimise
 from drake_tc.tsid.robust.objective import Objective, nothing
 from drake_tc.tsid.robust.scaled import ScaledProblem
 from drake_tc.tsid.robust.step import FREE, Working
@@ -54,11 +55,11 @@ class Found:
 
 @dataclass(frozen=True, eq=False)
 class Means:
-    """With what a program is solved: the QP solver, the accuracy [of R], the budget."""
+    """With what a program is solved: the QP solver, the accuracy [of R], what is left of the budget."""
 
     qp: QpSolver
     accuracy: float
-    budget: Budget
+    spending: Spending
 
 
 Measure = Callable[[ScaledProblem, float, Guess, Means], Found]
@@ -80,7 +81,7 @@ def least_cost(problem: ScaledProblem, guess: Guess, means: Means) -> Found:
         guess.x,
         working=guess.working,
         accuracy=EXACT * float(problem.cost.target @ problem.cost.target),
-        budget=means.budget,
+        spending=means.spending,
     )
     return minimum_of(minimum, minimum.point.x, 0.0)
 
@@ -96,7 +97,7 @@ def individual(problem: ScaledProblem, weight: float, guess: Guess, means: Means
         guess.x,
         working=guess.working,
         accuracy=means.accuracy * weight,
-        budget=means.budget,
+        spending=means.spending,
     )
     return minimum_of(minimum, minimum.point.x, minimum.point.risk)
 
@@ -114,7 +115,7 @@ def box(problem: ScaledProblem, weight: float, guess: Guess, means: Means) -> Fo
         np.concatenate((guess.x, guess.inner if guess.inner is not None and len(guess.inner) == 1 else np.zeros(1))),
         working=guess.working,
         accuracy=means.accuracy * weight,
-        budget=means.budget,
+        spending=means.spending,
     )
     x = minimum.point.x[:n]
     size = rows.size(x) if problem.certain is None else box_size(problem, x)
@@ -122,7 +123,7 @@ def box(problem: ScaledProblem, weight: float, guess: Guess, means: Means) -> Fo
 
 
 def shrunk_box(problem: ScaledProblem, size: float, guess: Guess, means: Means) -> Found:
-    """Least cost with room for a box of `size` sigmas: R_box <= R_min is that; INFEASIBLE with the largest there is."""
+    """Least cost with room for a box of `size` sigmas: R_box <= R_min is that; RISKY with the largest there is."""
     found = least_cost(_shrunk(problem, size), Guess(guess.x, guess.working), means)
     if found.outcome is Outcome.INFEASIBLE:
         largest = box(replace(problem, cost=nothing(len(guess.x))), 1.0, Guess(guess.x), means)
@@ -130,7 +131,8 @@ def shrunk_box(problem: ScaledProblem, size: float, guess: Guess, means: Means) 
         if largest.inner is not None and largest.outcome is Outcome.SOLVED:
             cheapest = least_cost(_shrunk(problem, NEARLY * float(largest.inner[0])), Guess(largest.x), means)
             found = cheapest if cheapest.outcome is Outcome.SOLVED else found
-        found = replace(found, outcome=Outcome.INFEASIBLE)
+        if found.outcome is Outcome.SOLVED:
+            found = replace(found, outcome=Outcome.RISKY)
     return replace(found, risk=box_risk(box_size(problem, found.x), problem.noise.shape[1]))
 
 

@@ -1,21 +1,16 @@
-"""Newton's method (SQP) for a convex objective inside linear limits, with a budget."""
+"""Newton's method (SQP) for a convex objective inside linear limits, with what is left of a budget."""
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass, replace
 from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from drake_tc.errors import ParamsError
 from drake_tc.tsid.qp.problem import Outcome, QpSolver
+from drake_tc.tsid.robust.budget import Budget, Spending
 from drake_tc.tsid.robust.factor import Factor
-from drake_tc.tsid.robust.scaled import RowProduct
+from drake_tc.tsid.robust.scaled import FEASIBLE, RowProduct
 from drake_tc.tsid.robust.step import FREE, Stepper, Working
 from drake_tc.types import FloatArray
-
-FEASIBLE = 1e-6
-"""In units of a row (one sigma): what a point may miss and still count as feasible."""
 
 SUFFICIENT = 1e-4
 SHRINK = (0.1, 0.5)
@@ -24,42 +19,6 @@ SHRINK = (0.1, 0.5)
 KEEP_HESSIAN, KEEP_WHILE = 0.25, 0.1
 """A step along which no row moves by more sigmas keeps its Hessian for the next one, as long as the descent that is
 still promised falls by this factor or more each time."""
-
-
-@dataclass(frozen=True)
-class Budget:
-    """When to stop early.
-
-    Attributes:
-        iterations: Steps at most.
-        seconds: Wall time at most, by `clock`; infinite for a simulation that shall repeat itself.
-        clock: Seconds, e.g. time.perf_counter; needed where `seconds` is finite.
-        until: When the time is up, by the clock, once it is running; see `started`.
-
-    Raises:
-        ParamsError: no iterations, a negative time, or a finite time without a clock.
-    """
-
-    iterations: int = 100
-    seconds: float = math.inf
-    clock: Callable[[], float] | None = None
-    until: float = math.inf
-
-    def __post_init__(self) -> None:
-        if self.iterations < 1 or not self.seconds > 0.0:
-            raise ParamsError(f"budget: wanted iterations >= 1 and seconds > 0; got {self.iterations}, {self.seconds}")
-        if math.isfinite(self.seconds) and self.clock is None:
-            raise ParamsError("budget: wanted a clock, as seconds is finite; time.perf_counter is one")
-
-    def started(self) -> "Budget":
-        """The same with its time running from now on, however many programs share it."""
-        if self.clock is None or math.isinf(self.seconds):
-            return self
-        return replace(self, until=min(self.until, self.clock() + self.seconds))
-
-    def late(self) -> bool:
-        """Whether the time is up."""
-        return self.clock is not None and self.until < math.inf and self.clock() >= self.until
 
 
 class Point(Protocol):
@@ -126,7 +85,7 @@ def minimise(
     *,
     working: Working = FREE,
     accuracy: float = 0.0,
-    budget: Budget | None = None,
+    spending: Spending | None = None,
 ) -> Minimum:
     """Min f(x), lower <= A x <= upper.
 
@@ -142,9 +101,9 @@ def minimise(
         x: (n,) Start; may be infeasible.
         working: First guess of the rows that hold the minimum.
         accuracy: Stop when the conditions of optimality are missed by what promises less descent of f; or by rounding.
-        budget: When to stop before.
+        spending: When to stop before; the first step is always taken. None: a whole budget of its own.
     """
-    budget = Budget() if budget is None else budget
+    spending = Budget().started() if spending is None else spending
     point = objective.at(x)
     if len(x) == 0:
         return Minimum(point, FREE, Outcome.SOLVED, True, 0, 0)
@@ -155,7 +114,10 @@ def minimise(
         working = FREE
     stepper = Stepper(point.factor(), rows, qp)
     gradient, programs, before, last = point.gradient(), 0, math.inf, math.inf
-    for iteration in range(1, budget.iterations + 1):
+    iteration = 0
+    while True:
+        iteration += 1
+        spending.step()
         if stepper.failed or not math.isfinite(point.value):
             return Minimum(point, working, Outcome.FAILED, False, iteration, programs)
         step = stepper.step(gradient, lower, upper, working)
@@ -179,7 +141,7 @@ def minimise(
         point, feasible, gradient = new, True, new.gradient()
         rest = stepper.promise(gradient, working) if length == 1.0 else math.inf
         done = rest <= accuracy or (-slope <= noise and rest >= KEEP_WHILE * last)
-        if done or budget.late():
+        if done or spending.late():
             return Minimum(point, working, Outcome.SOLVED, done, iteration, programs)
         moved = length * step.along
         upper = upper - moved
@@ -189,7 +151,6 @@ def minimise(
         else:
             before = rest
         last = rest
-    return Minimum(point, working, Outcome.SOLVED, False, budget.iterations, programs)
 
 
 def _miss(lower: FloatArray | None, upper: FloatArray) -> float:

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 
 from drake_tc.errors import ParamsError
-from drake_tc.tsid.robust.newton import Budget
+from drake_tc.tsid.robust.budget import Budget
 
 
 @dataclass(frozen=True)

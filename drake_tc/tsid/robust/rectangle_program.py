@@ -7,12 +7,13 @@ import numpy as np
 
 from drake_tc.tsid.polytope import Polytope
 from drake_tc.tsid.qp.problem import Outcome, QpSolver
+from drake_tc.tsid.robust.budget import Budget
 from drake_tc.tsid.robust.individual import certain_miss
 from drake_tc.tsid.robust.measures import Found, Guess, Means, box, minimum_of
-from drake_tc.tsid.robust.newton import FEASIBLE, Budget, Minimum, minimise
+from drake_tc.tsid.robust.newton import Minimum, minimise
 from drake_tc.tsid.robust.objective import nothing
 from drake_tc.tsid.robust.rectangle import RectangleObjective, RectangleRows
-from drake_tc.tsid.robust.scaled import Rows, ScaledProblem, scaled
+from drake_tc.tsid.robust.scaled import FEASIBLE, Rows, ScaledProblem, scaled
 from drake_tc.tsid.robust.step import FREE, Working
 from drake_tc.tsid.robust.torque_error import TorqueError
 from drake_tc.types import FloatArray
@@ -71,7 +72,9 @@ def _from(
     steps = programs = 0
     for _ in range(ROUNDS):
         rows = RectangleRows(limits, problem.noise, held, width)
-        minimum = minimise(objective, rows, means.qp, start, working=working, accuracy=accuracy, budget=means.budget)
+        minimum = minimise(
+            objective, rows, means.qp, start, working=working, accuracy=accuracy, spending=means.spending
+        )
         start, working = minimum.point.x, minimum.working
         steps, programs = steps + minimum.iterations, programs + minimum.programs
         value = limits.matrix @ start[:n]
@@ -96,14 +99,13 @@ def _without(working: Working, first: int) -> Working:
 def _largest(problem: ScaledProblem, x: FloatArray, means: Means) -> FloatArray | None:
     """(x, a, b) of the largest box with equal sides: around the x where it is largest of all, or else beside x."""
     n, axes = len(x), problem.noise.shape[1]
-    patient = replace(means, budget=Budget())  # without a box there is nothing to begin with
     if n:
-        around = box(replace(problem, cost=nothing(n)), 1.0, Guess(x), patient)
+        around = box(replace(problem, cost=nothing(n)), 1.0, Guess(x), means)
         if around.outcome is Outcome.SOLVED and around.inner is not None and around.inner[0] > SMALL:
             return np.concatenate((around.x, np.full(2 * axes, around.inner[0])))
     value = problem.limits.matrix @ x
     rows = Rows(problem.noise, problem.limits.lower - value, problem.limits.upper - value)
-    beside = box(replace(problem, cost=nothing(axes), limits=rows), 1.0, Guess(np.zeros(axes)), patient)
+    beside = box(replace(problem, cost=nothing(axes), limits=rows), 1.0, Guess(np.zeros(axes)), means)
     if beside.outcome is not Outcome.SOLVED or beside.inner is None or not beside.inner[0] > SMALL:
         return None
     return np.concatenate((x, beside.inner[0] + beside.x, beside.inner[0] - beside.x))
@@ -121,7 +123,7 @@ def rectangle_risk(
     fixed = problem.along(x, np.zeros((n, 0)))
     if problem.certain is not None:
         fixed = replace(fixed, limits=problem.erring.along(x, np.zeros((n, 0))), certain=None)
-    found = rectangle(fixed, 1.0, Guess(np.zeros(0)), Means(qp, accuracy, Budget()))
+    found = rectangle(fixed, 1.0, Guess(np.zeros(0)), Means(qp, accuracy, Budget().started()))
     return found.risk if found.outcome is Outcome.SOLVED else math.inf
 
 

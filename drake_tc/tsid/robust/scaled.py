@@ -9,6 +9,9 @@ from drake_tc.tsid.polytope import LeastSquares, Polytope
 from drake_tc.tsid.robust.torque_error import CERTAIN, TorqueError
 from drake_tc.types import BoolArray, FloatArray, IntArray
 
+FEASIBLE = 1e-6
+"""In units of a row (one sigma): what a point may miss and still count as feasible."""
+
 
 class RowProduct(Protocol):
     """lower <= A x <= upper, A known by what it does.

@@ -35,7 +35,8 @@ class RobustSolution(NamedTuple):
         p_ind: Product of the probabilities of all sides (eq. 7) at the torque, whatever the formulation's measure.
         cost: ||D tau - d||^2.
         active: (m,) 1 at the upper side, -1 at the lower side, 0 elsewhere.
-        outcome: SOLVED where the torque keeps every limit (and R <= R_min, where that was asked for).
+        outcome: SOLVED where the torque keeps every limit, and R <= R_min where that was asked for; RISKY where it
+            keeps the limits alone.
         converged: Whether the accuracy was reached within the budget.
         iterations: Steps of Newton's method.
         programs: Steps that needed the QP solver.
