@@ -1,4 +1,4 @@
-"""A floor, and soles that touch it: a sphere at each corner of every contact of the controller."""
+"""A floor, and soles that touch it: spheres at the corners of the controller's contacts, or a soft layer of them."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -9,7 +9,9 @@ from pydrake.geometry import AddContactMaterial, Box, ProximityProperties, Spher
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import CoulombFriction, DiscreteContactApproximation, MultibodyPlant
 
+from drake_tc.errors import ParamsError
 from drake_tc.tsid.contacts import Contact
+from drake_tc.types import FloatArray
 
 WIDE, THICK = 20.0, 1.0
 """The floor is the top of a block [m]."""
@@ -21,27 +23,72 @@ _APPROXIMATIONS = {
 }
 
 
+RIGID = 1e12
+"""Of a floor under soft soles [N/m]."""
+
+
 def add_ground(plant: MultibodyPlant, contacts: Sequence[Contact], spec: GroundSpec) -> None:
     """The floor z = 0 and the spheres; before `Finalize`, with a SceneGraph. Nothing else of the robot touches.
 
-    The lowest points of the spheres are the sole's corners, moved out by the margin, z = 0 in the contact's frame.
+    The lowest points of the spheres are z = 0 in the contact's frame: the sole's corners, moved out by the margin, or a
+    grid between them where the soles are soft.
 
     Args:
         plant: Holds the robot.
         contacts: Of the controller.
         spec: Material and solver.
+
+    Raises:
+        ParamsError: see `touching_points`.
     """
-    rough = CoulombFriction(spec.friction, spec.friction)
-    material = ProximityProperties()
-    AddContactMaterial(
-        properties=material, friction=rough, dissipation=spec.dissipation, point_stiffness=spec.stiffness
-    )
     below: Any = np.array([0.0, 0.0, -0.5 * THICK])
-    plant.RegisterCollisionGeometry(plant.world_body(), RigidTransform(below), Box(WIDE, WIDE, THICK), "ground", rough)
+    block, place = Box(WIDE, WIDE, THICK), RigidTransform(below)
+    if spec.sole is None:
+        rough = CoulombFriction(spec.friction, spec.friction)
+        plant.RegisterCollisionGeometry(plant.world_body(), place, block, "ground", rough)
+    else:
+        floor = _material(spec, RIGID, 0.0)
+        plant.RegisterCollisionGeometry(plant.world_body(), place, block, "ground", floor)
     for contact in contacts:
-        body = plant.GetBodyByName(contact.frame.link)
-        for number, corner in enumerate(contact.corners):
-            centre: Any = corner + spec.margin * np.sign(corner) + np.array([0.0, 0.0, spec.radius])
+        body, points = plant.GetBodyByName(contact.frame.link), touching_points(contact, spec)
+        material = _material(spec, spec.stiffness, spec.dissipation)
+        if spec.sole is not None:
+            material = _material(spec, spec.sole.stiffness / len(points), spec.sole.dissipation)
+        for number, point in enumerate(points):
+            centre: Any = point + np.array([0.0, 0.0, spec.radius])
             pose = contact.frame.pose.transform.multiply(RigidTransform(centre))
             plant.RegisterCollisionGeometry(body, pose, Sphere(spec.radius), f"{contact.name}_{number}", material)
     plant.set_discrete_contact_approximation(_APPROXIMATIONS[spec.approximation])
+
+
+def touching_points(contact: Contact, spec: GroundSpec) -> FloatArray:
+    """(m, 3) of a sole in the contact's frame, where it may touch the floor [m].
+
+    Args:
+        contact: Of the controller.
+        spec: Of the floor.
+
+    Raises:
+        ParamsError: a margin so negative that nothing of the sole is left.
+    """
+    corners = contact.corners + spec.margin * np.sign(contact.corners)
+    reach = np.abs(contact.corners[contact.corners != 0.0])
+    least = reach.min(initial=np.inf)
+    if not least + spec.margin > 0.0:
+        raise ParamsError(
+            f"ground.margin: wanted more than {-least:g} m, where nothing is left of contact {contact.name!r};"
+            f" got {spec.margin:g}"
+        )
+    if spec.sole is None or contact.kind == "point":
+        return np.asarray(corners)
+    ends = corners.min(axis=0), corners.max(axis=0)
+    x, y = (np.linspace(ends[0][axis], ends[1][axis], spec.sole.points[axis]) for axis in (0, 1))
+    return np.stack([*(grid.ravel() for grid in np.meshgrid(x, y)), np.zeros(x.size * y.size)], axis=1)
+
+
+def _material(spec: GroundSpec, stiffness: float | None, dissipation: float) -> ProximityProperties:
+    """Of point contact."""
+    rough = CoulombFriction(spec.friction, spec.friction)
+    material = ProximityProperties()
+    AddContactMaterial(properties=material, friction=rough, dissipation=dissipation, point_stiffness=stiffness)
+    return material

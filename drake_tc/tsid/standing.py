@@ -16,9 +16,10 @@ import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.framework import Context, LeafSystem, ValueProducer
 
+from drake_tc.control.rotation import quaternion_of, rotation_matrix, rotation_vector
 from drake_tc.errors import ParamsError
+from drake_tc.tsid.law import LARGEST
 from drake_tc.tsid.model import Scratch, TsidModel
-from drake_tc.tsid.tasks.rotation import quaternion_of, rotation_matrix, rotation_vector
 from drake_tc.types import BoolArray, FloatArray
 
 ENOUGH = 3
@@ -50,12 +51,13 @@ class StandingState(LeafSystem):  # type: ignore[misc, unused-ignore]
         imu (6): [gyro; accel] in the IMU's frame [rad/s, m/s^2]; the gyro counts.
         active_contacts (contacts): above 1/2 where one carries; all of them when not connected.
     Output:
-        state (nq + nv): [q; v] in the order of the model; NaN where an input is not finite.
+        state (nq + nv): [q; v] in the order of the model; NaN where an input is not finite, or as large as
+            `law.LARGEST`.
 
         y[n] = F(u[n], x[n]),  x[n+1] = [corners a (3 c); quaternion of R]
 
-    where corners that do not carry move with the robot, so that a contact stands where it was put down. An input that
-    is not finite leaves x as it is.
+    where corners that do not carry move with the robot, so that a contact stands where it was put down. Where the
+    output is NaN, x stays as it is.
     """
 
     def __init__(self, model: TsidModel, period: float, trust: float = 0.5) -> None:
@@ -83,7 +85,6 @@ class StandingState(LeafSystem):  # type: ignore[misc, unused-ignore]
         self._base_q = np.setdiff1d(np.arange(model.nq), model.positions)
         self._base_v = np.setdiff1d(np.arange(model.nv), model.actuated)
         self._owner = np.concatenate([np.full(len(c.corners), i) for i, c in enumerate(model.contacts)])
-        self._all = (True,) * len(model.contacts)
         self._position: Any = self.DeclareVectorInputPort("joint_position", model.n)
         self._velocity: Any = self.DeclareVectorInputPort("joint_velocity", model.n)
         self._imu: Any = self.DeclareVectorInputPort("imu", 6)
@@ -105,17 +106,14 @@ class StandingState(LeafSystem):  # type: ignore[misc, unused-ignore]
     def _solve(self, context: Any, value: Any) -> None:
         known: _Known = value.get_mutable_value()
         model, held = self._model, context.get_discrete_state(self._memory).value()
-        active = self._all
-        if self._active.HasValue(context):
-            active = tuple((self._active.Eval(context) > 0.5).tolist())
+        switch = self._active.Eval(context) if self._active.HasValue(context) else np.ones(len(model.contacts))
         position, velocity, imu = (port.Eval(context) for port in (self._position, self._velocity, self._imu))
-        state = np.full(model.nq + model.nv, np.nan)
-        known.state, known.memory = state, None
-        if not np.isfinite(np.concatenate((position, velocity, imu[:3]))).all():
+        known.state, known.memory = np.full(model.nq + model.nv, np.nan), None
+        if not np.abs(np.concatenate((position, velocity, imu[:3], switch))).max() < LARGEST:
             return
         body = _Body(self, known.scratch, position, velocity)
         omega = body.imu_rotation @ (self._turn @ imu[:3]) - body.imu_rate
-        carries: BoolArray = np.array(active, dtype=bool)[self._owner]
+        carries: BoolArray = (switch > 0.5)[self._owner]
         stood, last = held[:-4].reshape(-1, 3), rotation_matrix(held[-4:])
         rotation = last @ turned(self._period * omega)
         if carries.sum() >= ENOUGH:
@@ -124,13 +122,15 @@ class StandingState(LeafSystem):  # type: ignore[misc, unused-ignore]
         some = carries if carries.any() else np.ones_like(carries)
         place = (stood[some] - body.corners[some] @ rotation.T).mean(axis=0)
         mean, rate = body.corners[some].mean(axis=0), body.rates[some].mean(axis=0)
-        quaternion = quaternion_of(rotation)
+        quaternion, state = quaternion_of(rotation), np.empty(model.nq + model.nv)
         state[self._base_q] = np.concatenate((quaternion, place))
         state[model.positions] = position
         state[model.nq + self._base_v] = np.concatenate((rotation @ omega, -rotation @ (np.cross(omega, mean) + rate)))
         state[model.nq + model.actuated] = velocity
         moved = np.where(carries[:, None], stood, body.corners @ rotation.T + place)
-        known.memory = np.concatenate((moved.ravel(), quaternion))
+        memory = np.concatenate((moved.ravel(), quaternion))
+        if np.isfinite(np.concatenate((state, memory))).all():
+            known.state, known.memory = state, memory
 
     def _write(self, context: Context, vector: Any) -> None:
         vector.set_value(self._solution.Eval(context).state)
@@ -160,7 +160,8 @@ class _Body:
             twist = terms.contact_velocity[rows]
             spin = twist[3:] if contact.size == 6 else np.zeros(3)
             corners.append(place + contact.corners @ rotation.T)
-            rates.append((twist[:3] + np.cross(spin, contact.corners)) @ rotation.T)
+            rate = twist[:3] + np.cross(spin, contact.corners)
+            rates.append(rate if contact.upright else rate @ rotation.T)
         imu = terms.frame(link)
         self.corners, self.rates = np.concatenate(corners), np.concatenate(rates)
         self.imu_rotation, self.imu_rate = imu.rotation, imu.velocity[:3]

@@ -119,6 +119,31 @@ def test_an_input_that_is_not_finite_is_passed_on_and_not_remembered(system):
     assert_allclose(system.GetOutputPort("state").Eval(context), good, atol=1e-12)
 
 
+@pytest.mark.parametrize(
+    ("port", "bad"),
+    [
+        ("joint_velocity", 1e200),
+        ("joint_velocity", 1e306),
+        ("joint_position", 1e300),
+        ("joint_position", 1e20),
+        ("imu", 1e200),
+        ("active_contacts", np.nan),
+        ("active_contacts", np.inf),
+    ],
+)
+def test_finite_garbage_neither_raises_nor_is_remembered(system, port, bad):
+    q, _ = standing(np.random.default_rng(3))
+    context = fixed(system, q, np.zeros(36), np.ones(2))
+    good = system.GetOutputPort("state").Eval(context).copy()
+    value = system.GetInputPort(port).Eval(context).copy()
+    value[1] = bad
+    system.GetInputPort(port).FixValue(context, value)
+    assert np.isnan(system.GetOutputPort("state").Eval(context)).all()
+    context.SetDiscreteState(system.EvalUniquePeriodicDiscreteUpdate(context))
+    fixed(system, q, np.zeros(36), np.ones(2), context)
+    assert_allclose(system.GetOutputPort("state").Eval(context), good, atol=1e-12)
+
+
 def test_rotations_come_back_from_points():
     rng = np.random.default_rng(2)
     for _ in range(20):

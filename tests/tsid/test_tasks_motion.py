@@ -5,6 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
+from drake_tc.control.rotation import rotation_matrix, rotation_vector
 from drake_tc.errors import ParamsError
 from drake_tc.robot.plant import make_plant
 from drake_tc.tsid.tasks.angular_momentum import AngularMomentumTask
@@ -14,7 +15,6 @@ from drake_tc.tsid.tasks.force import ForceTask
 from drake_tc.tsid.tasks.frame import FrameTask
 from drake_tc.tsid.tasks.orientation import OrientationTask
 from drake_tc.tsid.tasks.posture import PostureTask
-from drake_tc.tsid.tasks.rotation import rotation_matrix, rotation_vector
 
 from .machines import machine, random_state
 
@@ -128,6 +128,28 @@ def test_a_frame_on_its_reference(motion, axes_of):
     assert_allclose(motion.missed(task, reference), expected, rtol=1e-5, atol=2e-4)
 
 
+def test_a_frame_seen_from_its_reference(motion):
+    """wdot + kd w + kp theta = 0 by differences of R_d(t)^T R(t) alone; places as ever."""
+    wanted, reference = pose_path(motion, "tip", np.array([0.5, -1.2, 0.8, 0.1, 0.2, -0.3]))
+
+    def seen(t):
+        return wanted(t)[0].inv() * Rotation.from_matrix(motion.at(t).frame("tip").rotation)
+
+    def rate(t):
+        return (seen(t + STEP) * seen(t - STEP).inv()).as_rotvec() / (2 * STEP)
+
+    kp, kd = np.arange(1.0, 7.0) * 10, np.arange(2.0, 8.0)
+    law = (rate(STEP) - rate(-STEP)) / (2 * STEP) + kd[:3] * rate(0.0) + kp[:3] * seen(0.0).as_rotvec()
+    task = FrameTask(motion.model, "tip", kp, kd, axes_of="reference")
+    assert_allclose(motion.missed(task, reference)[:3], -law, rtol=1e-5, atol=2e-3)
+    world = motion.missed(FrameTask(motion.model, "tip", kp, kd), reference)
+    assert_allclose(motion.missed(task, reference)[3:], world[3:], rtol=1e-12)
+    assert np.abs(motion.missed(task, reference)[:3] - wanted(0.0)[0].inv().apply(world[:3])).max() > 0.1
+    turned = reference[[0, 1, 2, 3, 7, 8, 9, 13, 14, 15]]
+    some = OrientationTask(motion.model, "tip", kp[:3], kd[:3], axes_of="reference", mask=[False, True, True])
+    assert_allclose(motion.missed(some, turned), -law[1:], rtol=1e-5, atol=2e-3)
+
+
 @pytest.mark.parametrize("axes_of", ["world", "frame"])
 def test_a_frame_off_its_reference(motion, axes_of):
     _, reference = pose_path(motion, "tip", np.array([0.5, -1.2, 0.8, 0.1, 0.2, -0.3]))
@@ -213,7 +235,10 @@ def test_orientation_comes_home_from_far_away():
         (lambda m: PostureTask(m, [1, 2], 1), r"task 'posture': kp: wanted a number or 3 of them"),
         (lambda m: FrameTask(m, "head", 1, 1), r"task 'head': no frame 'head'; frames: base, upper"),
         (lambda m: FrameTask(m, "hand", 1, -1), r"task 'hand': kd: wanted finite numbers >= 0"),
-        (lambda m: FrameTask(m, "hand", 1, 1, axes_of="hand"), r"axes_of: wanted one of world, frame; got 'hand'"),
+        (
+            lambda m: FrameTask(m, "hand", 1, 1, axes_of="hand"),
+            r"wanted one of world, frame, reference; got 'hand'",
+        ),
         (lambda m: OrientationTask(m, "head", 1, 1), r"task 'head': no frame 'head'"),
         (lambda m: OrientationTask(m, "hand", 1, 1, mask=[1, 0, 0]), r"mask: wanted 3 of true or false"),
     ],

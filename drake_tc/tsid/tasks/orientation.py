@@ -15,7 +15,7 @@ _PLACES = np.array([0, 1, 2, 3, 7, 8, 9, 13, 14, 15])
 
 
 class OrientationTask:
-    """The angular rows of a `FrameTask`: alpha = alpha_d + kp log(R_d R^T) + kd (omega_d - omega).
+    """The angular rows of a `FrameTask`: alpha = alpha_d + kp log(R_d R^T) + kd (omega_d - omega), or as it says.
 
     Reference (10,): [quaternion wxyz; omega_d; alpha_d] in the world [rad/s, rad/s^2].
     """

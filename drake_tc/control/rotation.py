@@ -1,4 +1,4 @@
-"""Rotations as tasks measure them."""
+"""Rotations as laws and tasks measure them: matrix, quaternion, rotation vector."""
 
 import math
 

@@ -1,0 +1,28 @@
+"""A reference as a source of a controller's port."""
+
+from typing import Any
+
+from pydrake.systems.framework import Context, LeafSystem
+
+from drake_tc.control.references import Path
+
+
+class ReferenceSource(LeafSystem):  # type: ignore[misc, unused-ignore]
+    """What a task follows, as a function of time alone.
+
+    Output:
+        reference (path.size): y(t) = path.row(t); no state, no input.
+    """
+
+    def __init__(self, path: Path) -> None:
+        """Declare the port.
+
+        Args:
+            path: What to follow; its rows must be those of the task.
+        """
+        super().__init__()
+        self._path = path
+        self.DeclareVectorOutputPort("reference", path.size, self._write, {self.time_ticket()})
+
+    def _write(self, context: Context, vector: Any) -> None:
+        vector.set_value(self._path.row(context.get_time()))

@@ -1,0 +1,295 @@
+"""References of points and frames in closed form: from place to place, from one orientation to another, to and fro.
+
+All are three times differentiable in time, before, during and after they move, so that acceleration and its rate have
+no jump: s(u) = 35 u^4 - 84 u^5 + 70 u^6 - 20 u^7 goes from 0 to 1 with three derivatives that vanish at both ends. The
+paper, which does not print its functions, has "smooth exponential functions".
+"""
+
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from drake_tc.control.rotation import quaternion_of, rotation_matrix, rotation_vector
+from drake_tc.errors import ParamsError
+from drake_tc.types import FloatArray
+
+
+class Path(Protocol):
+    """A reference as a function of time.
+
+    Attributes:
+        size: Of `row`.
+    """
+
+    @property
+    def size(self) -> int:
+        """Of `row`."""
+        ...
+
+    def row(self, time: float) -> FloatArray:
+        """(size,) what a task follows at `time` [s]."""
+        ...
+
+
+class Motion(NamedTuple):
+    """A motion and its derivatives in time, (T, m) each: places, or angles and their rates in the world."""
+
+    position: FloatArray
+    velocity: FloatArray
+    acceleration: FloatArray
+    jerk: FloatArray
+
+
+def smooth_step(time: FloatArray, begin: float, duration: float) -> FloatArray:
+    """(4, T): s(u) and its first three derivatives in time, u = (t - begin)/duration, 0 before and 1 after.
+
+    Args:
+        time: (T,) [s].
+        begin: When it starts to rise [s].
+        duration: > 0, how long it does [s].
+    """
+    u = np.clip((np.asarray(time, dtype=np.float64) - begin) / duration, 0.0, 1.0)
+    left = 1.0 - u
+    value = u**4 * (35.0 + u * (-84.0 + u * (70.0 - 20.0 * u)))
+    first = 140.0 * (u * left) ** 3
+    second = 420.0 * (u * left) ** 2 * (1.0 - 2.0 * u)
+    third = 840.0 * u * left * (1.0 - 5.0 * u * left)
+    return np.stack([value, first / duration, second / duration**2, third / duration**3])
+
+
+@dataclass(frozen=True)
+class PointToPoint:
+    """x(t) = x_0 + s(u) (x_1 - x_0), of a point of any size m.
+
+    Attributes:
+        start, goal: x_0, x_1, of one length [m].
+        begin: [s].
+        duration: > 0 [s].
+
+    Raises:
+        ParamsError: two lengths, a number that is not finite, or a duration that is not positive.
+    """
+
+    start: tuple[float, ...]
+    goal: tuple[float, ...]
+    begin: float
+    duration: float
+
+    def __post_init__(self) -> None:
+        if len(self.start) != len(self.goal) or not self.start:
+            raise ParamsError(
+                f"point to point: wanted start and goal of one length; got {len(self.start)} and {len(self.goal)}"
+            )
+        _check("point to point", (*self.start, *self.goal), self.begin, self.duration)
+
+    @property
+    def size(self) -> int:
+        """3m: place, velocity, acceleration."""
+        return 3 * len(self.start)
+
+    def at(self, time: FloatArray) -> Motion:
+        """The motion at times (T,) [s]."""
+        step = smooth_step(time, self.begin, self.duration)
+        way = np.subtract(self.goal, self.start)
+        orders = step[:, :, None] * way
+        return Motion(self.start + orders[0], orders[1], orders[2], orders[3])
+
+    def row(self, time: float) -> FloatArray:
+        """[x; xd; xdd] at `time` [s]: the reference of a centre of mass."""
+        return np.concatenate([order[0] for order in self.at(np.array([time]))[:3]])
+
+
+@dataclass(frozen=True)
+class Slerp:
+    """From one orientation to another about the axis of their difference: R(t) = exp(s(u) phi) R_0.
+
+    phi = log(R_1 R_0^T), the shorter way, in the world; it stays, so omega = s' phi, alpha = s'' phi.
+
+    Attributes:
+        start, goal: Quaternions [w x y z] of R_0 and R_1, of any length but zero.
+        begin: [s].
+        duration: > 0 [s].
+
+    Raises:
+        ParamsError: a quaternion without direction, a number that is not finite, or a duration that is not positive.
+    """
+
+    start: tuple[float, float, float, float]
+    goal: tuple[float, float, float, float]
+    begin: float
+    duration: float
+
+    def __post_init__(self) -> None:
+        _check("slerp", (*self.start, *self.goal), self.begin, self.duration)
+        _check_quaternions("slerp", self.start, self.goal)
+
+    @property
+    def size(self) -> int:
+        """10: see `row`."""
+        return 10
+
+    def at(self, time: FloatArray) -> tuple[FloatArray, Motion]:
+        """R_WD (T, 3, 3), and the motion at times (T,): s phi [rad], omega, alpha and its rate in the world."""
+        first = rotation_matrix(np.array(self.start))
+        turn = rotation_vector(rotation_matrix(np.array(self.goal)) @ first.T)
+        orders = smooth_step(time, self.begin, self.duration)[:, :, None] * turn
+        return _turned(orders[0], first), Motion(*orders)
+
+    def row(self, time: float) -> FloatArray:
+        """[quaternion w x y z; omega; alpha] at `time` [s]: the reference of an orientation."""
+        return _orientation_row(*self.at(np.array([time])))
+
+
+@dataclass(frozen=True)
+class Swing:
+    """To and fro about an axis of the world: R(t) = exp(a(t) n) R_0, a = A s(u) sin(2 pi f (t - begin)).
+
+    s rises from 0 at `begin` to 1 over `rise`, so omega = a' n and alpha = a'' n start from rest without a jump.
+
+    Attributes:
+        start: Quaternion [w x y z] of R_0.
+        axis: n in the world, of any length but zero.
+        amplitude: A [rad].
+        frequency_hz: f > 0 [Hz].
+        begin: [s].
+        rise: > 0 [s].
+
+    Raises:
+        ParamsError: an axis or a quaternion without direction, or a number that is not possible.
+    """
+
+    start: tuple[float, float, float, float]
+    axis: tuple[float, float, float]
+    amplitude: float
+    frequency_hz: float
+    begin: float = 0.0
+    rise: float = 1.0
+
+    def __post_init__(self) -> None:
+        _check("swing", (*self.start, *self.axis, self.amplitude), self.begin, self.rise)
+        _check_quaternions("swing", self.start)
+        if not (math.isfinite(self.frequency_hz) and self.frequency_hz > 0.0):
+            raise ParamsError(f"swing: wanted a positive frequency_hz; got {self.frequency_hz!r}")
+        if not any(self.axis):
+            raise ParamsError("swing: wanted an axis with a direction; got zero")
+
+    @property
+    def size(self) -> int:
+        """10: see `row`."""
+        return 10
+
+    def angle(self, time: FloatArray) -> FloatArray:
+        """(4, T): a [rad] and its first three derivatives at times (T,) [s]."""
+        s = self.amplitude * smooth_step(time, self.begin, self.rise)
+        w = 2.0 * math.pi * self.frequency_hz
+        phase = w * (np.asarray(time, dtype=np.float64) - self.begin)
+        sine, cosine = np.sin(phase), np.cos(phase)
+        return np.stack(
+            [
+                s[0] * sine,
+                s[1] * sine + s[0] * w * cosine,
+                s[2] * sine + 2.0 * s[1] * w * cosine - s[0] * w**2 * sine,
+                s[3] * sine + 3.0 * s[2] * w * cosine - 3.0 * s[1] * w**2 * sine - s[0] * w**3 * cosine,
+            ]
+        )
+
+    def at(self, time: FloatArray) -> tuple[FloatArray, Motion]:
+        """R_WD (T, 3, 3), and the motion at times (T,): a n [rad], omega, alpha and its rate in the world."""
+        axis = np.array(self.axis) / math.hypot(*self.axis)
+        orders = self.angle(time)[:, :, None] * axis
+        return _turned(orders[0], rotation_matrix(np.array(self.start))), Motion(*orders)
+
+    def row(self, time: float) -> FloatArray:
+        """[quaternion w x y z; omega; alpha] at `time` [s]: the reference of an orientation."""
+        return _orientation_row(*self.at(np.array([time])))
+
+
+@dataclass(frozen=True)
+class Chain:
+    """One path after the other: that of the pieces which began last, before all of them the first.
+
+    Attributes:
+        pieces: In order of time, each where the one before has ended, of one kind.
+
+    Raises:
+        ParamsError: no piece, one that begins before the one before has ended, or of another size.
+    """
+
+    pieces: tuple[PointToPoint | Slerp, ...]
+
+    def __post_init__(self) -> None:
+        if not self.pieces or len({piece.size for piece in self.pieces}) > 1:
+            raise ParamsError(f"chain: wanted pieces of one size; got {[piece.size for piece in self.pieces]}")
+        for one, other in pairwise(self.pieces):
+            if other.begin < one.begin + one.duration - 1e-9:
+                raise ParamsError(
+                    f"chain: wanted each piece after the one before; {other.begin:g} s is before"
+                    f" {one.begin + one.duration:g} s"
+                )
+
+    @property
+    def size(self) -> int:
+        """That of its pieces."""
+        return self.pieces[0].size
+
+    def row(self, time: float) -> FloatArray:
+        """That of the piece at `time` [s]."""
+        begun = [piece for piece in self.pieces if piece.begin <= time]
+        return (begun[-1] if begun else self.pieces[0]).row(time)
+
+
+@dataclass(frozen=True)
+class PosePath:
+    """An orientation and a place together: the reference of a frame.
+
+    Attributes:
+        orientation: Of the frame.
+        place: Of its origin, three numbers [m].
+
+    Raises:
+        ParamsError: a place of other than three numbers.
+    """
+
+    orientation: Slerp | Swing
+    place: PointToPoint
+
+    def __post_init__(self) -> None:
+        if len(self.place.start) != 3:
+            raise ParamsError(f"pose: wanted a place of three numbers [m]; got {len(self.place.start)}")
+
+    @property
+    def size(self) -> int:
+        """19: see `row`."""
+        return 19
+
+    def row(self, time: float) -> FloatArray:
+        """[quaternion, p; omega, v; alpha, a] at `time` [s]."""
+        turn, place = self.orientation.row(time), self.place.row(time)
+        return np.concatenate((turn[:4], place[:3], turn[4:7], place[3:6], turn[7:], place[6:]))
+
+
+def _turned(angles: FloatArray, first: FloatArray) -> FloatArray:
+    """(T, 3, 3) exp(angles) first, of rotation vectors (T, 3)."""
+    half = 0.5 * np.linalg.norm(angles, axis=1, keepdims=True)
+    quaternions = np.hstack([np.cos(half), 0.5 * np.sinc(half / math.pi) * angles])
+    return np.array([rotation_matrix(quaternion) @ first for quaternion in quaternions])
+
+
+def _orientation_row(rotation: FloatArray, motion: Motion) -> FloatArray:
+    return np.concatenate((quaternion_of(rotation[0]), motion.velocity[0], motion.acceleration[0]))
+
+
+def _check(what: str, numbers: tuple[float, ...], begin: float, duration: float) -> None:
+    if not all(map(math.isfinite, (*numbers, begin))):
+        raise ParamsError(f"{what}: wanted finite numbers; got {numbers} and begin {begin!r}")
+    if not (math.isfinite(duration) and duration > 0.0):
+        raise ParamsError(f"{what}: wanted a positive duration [s]; got {duration!r}")
+
+
+def _check_quaternions(what: str, *quaternions: tuple[float, ...]) -> None:
+    for quaternion in quaternions:
+        if len(quaternion) != 4 or not any(quaternion):
+            raise ParamsError(f"{what}: wanted a quaternion [w x y z] that is not zero; got {quaternion}")
