@@ -70,14 +70,17 @@ def ordered(limits: Sequence[LimitRows]) -> list[LimitRows]:
 
 
 def check_names(names: Sequence[str]) -> None:
-    """Every task and limit is named once.
+    """Every task and limit is named once, also where spaces count as underscores, as in names of ports.
 
     Raises:
         ParamsError: a name that comes twice.
     """
+    plain = [name.replace(" ", "_") for name in names]
     for i, name in enumerate(names):
-        if name in names[:i]:
-            raise ParamsError(f"tasks and limits: wanted different names; {name!r} comes twice")
+        first = plain.index(plain[i])
+        if first < i:
+            how = "comes twice" if names[first] == name else f"is the same as {names[first]!r} in a name of a port"
+            raise ParamsError(f"tasks and limits: wanted different names; {name!r} {how}")
 
 
 def _fill(parts: Parts, causes: Map, out: FloatArray) -> None:

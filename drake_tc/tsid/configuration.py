@@ -19,6 +19,7 @@ from drake_tc.tsid.contacts import Contact
 from drake_tc.tsid.law import Law
 from drake_tc.tsid.limit_fields import read_limits
 from drake_tc.tsid.model import TsidModel
+from drake_tc.tsid.priority_fields import read_priorities, without_priorities
 from drake_tc.tsid.qp.choose import DEFAULT, solver
 from drake_tc.tsid.robust.budget import Budget
 from drake_tc.tsid.robust.formulation import Formulation
@@ -82,14 +83,16 @@ def _law(source: Path, top: Mapping[str, Any]) -> Law:
     frames = tuple(_mount(f"frames.{name}", name, entry) for name, entry in _items("frames", top))
     model = TsidModel(robot, contacts, frames=frames, rotor_inertia=_rotors(top, robot))
     period = fields.number("period", top.get("period", 1e-3))
-    tasks = tuple(read_task(f"tasks.{name}", name, entry, model) for name, entry in _items("tasks", top))
-    if not tasks:
+    entries = _items("tasks", top)
+    if not entries:
         raise ParamsError("tasks: wanted at least one; got none")
+    formulation = _formulation("formulation", top.get("formulation"))
     return Law(
         model=model,
-        tasks=tasks,
+        tasks=tuple(read_task(f"tasks.{name}", name, entry, model) for name, entry in without_priorities(entries)),
         limits=read_limits("limits", top.get("limits"), model, period),
-        formulation=_formulation("formulation", top.get("formulation")),
+        formulation=formulation,
+        priorities=read_priorities(entries, top.get("formulation") or {}, formulation.measure),
         error=_error("sigma", top.get("sigma", PAPER_SHARE), robot, source.parent),
         solver=solver(fields.text("solver", top.get("solver", DEFAULT))),
         period=period,
@@ -138,8 +141,8 @@ def _rotors(top: Mapping[str, Any], robot: Robot) -> dict[str, float] | None:
 
 
 def _formulation(where: str, entry: object) -> Formulation:
-    keys = ("measure", "use", "weight", "minimum", "accuracy", "iterations", "seconds")
-    given = fields.mapping(where, entry, optional=keys)
+    keys = ("measure", "use", "weight", "minimum", "accuracy", "iterations", "seconds", "priority")
+    given = {key: value for key, value in fields.mapping(where, entry, optional=keys).items() if value is not None}
     values: dict[str, Any] = {
         key: fields.text(f"{where}.{key}", given[key]) for key in ("measure", "use") if key in given
     }

@@ -47,15 +47,19 @@ class HierarchySolution:
         torque: (n,) [N m].
         values: f_k of each level at the torque: the cost, or R_ind.
         freedom: Directions that were left to each level before it was solved.
-        outcome: SOLVED when all levels were.
+        outcome: SOLVED when all levels were; where one was not, the torque is that of the levels above it.
+        converged: Whether every level reached its accuracy within the budget.
         iterations: Steps of Newton's method in all.
+        programs: Of them by the QP solver.
     """
 
     torque: FloatArray
     values: tuple[float, ...]
     freedom: tuple[int, ...]
     outcome: Outcome
+    converged: bool
     iterations: int
+    programs: int
 
 
 def hierarchy(
@@ -88,13 +92,13 @@ def hierarchy(
     x = np.zeros(n) if torque is None else torque / problem.scale
     basis = np.eye(n)
     freedom: list[int] = []
-    steps, outcome = 0, Outcome.SOLVED
+    steps, programs, outcome, converged = 0, 0, Outcome.SOLVED, True
     for level in levels:
         freedom.append(basis.shape[1])
         if not freedom[-1] and steps:
             continue
         found, fixed = _solve(level, problem, x, basis, means)
-        steps += found.iterations
+        steps, programs, converged = steps + found.iterations, programs + found.programs, converged and found.converged
         if found.outcome is not Outcome.SOLVED:
             outcome = found.outcome
             break
@@ -104,7 +108,7 @@ def hierarchy(
     if not np.isfinite(torque).all():
         torque, outcome = np.zeros(n), Outcome.FAILED
     values = tuple(_value(level, torque, problem) for level in levels)
-    return HierarchySolution(torque, values, tuple(freedom), outcome, steps)
+    return HierarchySolution(torque, values, tuple(freedom), outcome, converged, steps, programs)
 
 
 def _solve(

@@ -25,12 +25,13 @@ from drake_tc.tsid.infeasible import diagnose, safe_torque
 from drake_tc.tsid.limits.base import Limit
 from drake_tc.tsid.limits.relaxed import relaxed_rows
 from drake_tc.tsid.model import Scratch, TsidModel
+from drake_tc.tsid.priorities import Priorities
 from drake_tc.tsid.qp.problem import Outcome, QpSolver
 from drake_tc.tsid.reduction import Reduced, reduce
 from drake_tc.tsid.robust.formulation import Formulation
 from drake_tc.tsid.robust.solution import RobustSolution, Start
 from drake_tc.tsid.robust.torque_error import TorqueError
-from drake_tc.tsid.rows import LimitRows
+from drake_tc.tsid.rows import LimitRows, TaskRows
 from drake_tc.tsid.tasks.base import Task
 from drake_tc.tsid.terms import Terms
 from drake_tc.types import FloatArray
@@ -92,6 +93,8 @@ class Law:
         tasks: Each with its own name.
         limits: Each with its own name.
         formulation: How the torques are chosen.
+        priorities: Strict levels of the tasks in place of weights alone; of the formulation then its measure,
+            "classic" or "individual", and its options count.
         error: Of the torques.
         solver: Of quadratic programs.
         period: Of the ticks [s].
@@ -100,7 +103,8 @@ class Law:
         fade: Time in which the torque falls to 1/e where the state is lost [s].
 
     Raises:
-        ParamsError: two names that are equal, an error of another number of joints, or a number that is not possible.
+        ParamsError: two names that are equal, an error of another number of joints, priorities that do not fit, or a
+            number that is not possible.
     """
 
     model: TsidModel
@@ -113,11 +117,14 @@ class Law:
     contact_damping: float = 0.0
     fallback_damping: float = 5.0
     fade: float = 0.1
+    priorities: Priorities | None = None
 
     def __post_init__(self) -> None:
         check_names([*(task.name for task in self.tasks), *(limit.name for limit in self.limits)])
         if self.error.joints != self.model.n:
             raise ParamsError(f"sigma: wanted {self.model.n} joints, the robot's; got {self.error.joints}")
+        if self.priorities is not None:
+            self._check_priorities(self.priorities)
         for name in ("period", "fade"):
             value = getattr(self, name)
             if not (np.isfinite(value) and value > 0.0):
@@ -126,6 +133,15 @@ class Law:
             value = getattr(self, name)
             if not (np.isfinite(value) and value >= 0.0):
                 raise ParamsError(f"{name}: wanted a finite number >= 0; got {value!r}")
+
+    def _check_priorities(self, priorities: Priorities) -> None:
+        if len(priorities.tasks) != len(self.tasks):
+            raise ParamsError(f"priorities: wanted one a task, {len(self.tasks)}; got {len(priorities.tasks)}")
+        measure = self.formulation.measure
+        if (priorities.robustness is not None) != (measure == "individual") or measure in ("box", "rectangle"):
+            raise ParamsError(
+                f"priorities: wanted individual, with a level of its own, or classic, without one; got {measure}"
+            )
 
     def starting_terms(self) -> Terms:
         """At rest in the robot's starting posture, every contact active."""
@@ -148,11 +164,13 @@ class Problem(NamedTuple):
 
     Attributes:
         terms: At its state.
+        tasks: Rows of each task.
         limits: Rows of each limit.
         reduced: Cost and polytope over the torques, and what torques cause.
     """
 
     terms: Terms
+    tasks: Sequence[TaskRows]
     limits: Sequence[LimitRows]
     reduced: Reduced
 
@@ -204,8 +222,11 @@ def _solved(
     before: Before,
 ) -> Tick:
     problem = problem_at(law, scratch, state, references, active)
-    reduced = problem.reduced
-    solution = law.formulation.solve(reduced.cost, reduced.polytope, law.error, law.solver, before.start)
+    reduced, form = problem.reduced, law.formulation
+    if law.priorities is None:
+        solution = form.solve(reduced.cost, reduced.polytope, law.error, law.solver, before.start)
+    else:
+        solution = law.priorities.solve(problem.tasks, reduced, law.error, law.solver, form.options, before.start)
     if solution.outcome in (Outcome.INFEASIBLE, Outcome.FAILED):
         return _given_way(law, problem, solution, before)
     risk = min(solution.robustness, LARGEST)
@@ -223,7 +244,7 @@ def problem_at(
     tasks = [task.rows(terms, reference) for task, reference in zip(law.tasks, references, strict=True)]
     limits = [limit.rows(terms) for limit in law.limits]
     held = -law.contact_damping * terms.contact_velocity if law.contact_damping else None
-    return Problem(terms, limits, reduce(terms, tasks, limits, held))
+    return Problem(terms, tasks, limits, reduce(terms, tasks, limits, held))
 
 
 def _packed(law: Law, problem: Problem, torque: FloatArray, status: FloatArray, start: Start | None) -> Tick:

@@ -46,10 +46,10 @@ class TorqueLimit:
         """`share` of the efforts that the robot file, or else its URDF, allows.
 
         Raises:
-            ParamsError: a share that is not positive.
+            ParamsError: a share that is not positive, or above 1.
         """
-        if not share > 0.0:
-            raise ParamsError(f"torque limits: wanted a positive share; got {share:g}")
+        if not 0.0 < share <= 1.0:
+            raise ParamsError(f"torque limits: wanted a positive share, 1 at most; got {share:g}")
         effort = share * joint_limits(robot).effort
         return cls(robot.joints, -effort, effort)
 

@@ -1,0 +1,97 @@
+"""Strict priorities of a controller file: what a level leaves alone, where robustness stands, what is refused."""
+
+from pathlib import Path
+
+import drake_tc.models
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from drake_tc.errors import ParamsError
+from drake_tc.tsid.configuration import load_law
+from drake_tc.tsid.law import Before, Status, problem_at, solve_tick
+from drake_tc.tsid.qp.problem import Outcome
+
+FILE = Path(drake_tc.models.__file__).parent / "hrp2_like" / "hrp2_like_tsid.yaml"
+BOTH = (True, True)
+BY_LEVEL = {"use": None, "weight": None}
+
+
+def law_of(tasks, **formulation):
+    levels = {name: {"priority": level} for name, level in tasks.items()}
+    return load_law(FILE, {"tasks": levels, "sigma": 0.02, "formulation": {**BY_LEVEL, **formulation}})
+
+
+def tick_of(law, shift=0.004):
+    """Standing, the centre of mass asked 4 mm to the side, beyond what posture and forces would like."""
+    references = [task.rest(law.starting_terms()) for task in law.tasks]
+    references[0][1] += shift
+    state = np.concatenate((law.model.start, np.zeros(law.model.nv)))
+    scratch, before = law.model.create_scratch(), Before(np.zeros(law.model.n), None)
+    tick = solve_tick(law, scratch, state, references, BOTH, before)
+    assert tick.status[Status.OUTCOME] == Outcome.SOLVED
+    problem = problem_at(law, scratch, state, references, BOTH)
+    errors = {
+        rows.name: float(np.linalg.norm(rows.matrix.vdot @ tick.acceleration - rows.target))
+        for rows in problem.tasks
+        if rows.matrix.vdot is not None
+    }
+    return tick, errors
+
+
+def test_a_higher_level_is_exact_whatever_the_weights():
+    """The posture's weight is 1e6 times that of the file, so that it wins by weight and loses by priority."""
+    heavy = {"posture": {"weight": 1e3}}
+    by_weight = load_law(FILE, {"tasks": heavy})
+    by_level = load_law(
+        FILE, {"tasks": {"posture": {"weight": 1e3, "priority": 2}, "force": {"priority": 2}}, "formulation": BY_LEVEL}
+    )
+    (_, weighted), (_, strict) = tick_of(by_weight), tick_of(by_level)
+    assert weighted["com"] > 1e-2
+    assert strict["com"] < 1e-6
+
+
+@pytest.mark.parametrize("level", [2, 3])
+def test_robustness_is_as_good_as_the_levels_above_leave_it(level):
+    """Above posture it raises p, below it cannot move what the posture has fixed."""
+    posture = 5 - level
+    tick, errors = tick_of(law_of({"posture": posture, "force": posture}, priority=level))
+    other, _ = tick_of(law_of({"posture": 2, "force": 2}, measure="classic"))
+    assert errors["com"] < 1e-6
+    if level == 2:
+        assert tick.status[Status.ROBUSTNESS] < -0.01 * np.log(other.status[Status.P_IND])
+    else:
+        assert_allclose(tick.status[Status.P_IND], other.status[Status.P_IND], rtol=1e-3)
+
+
+def test_robustness_stands_below_all_tasks_unless_told_otherwise():
+    law = law_of({"posture": 2})
+    assert (law.priorities.tasks, law.priorities.robustness) == ((1, 2, 1), 3)
+    assert law_of({"posture": 2}, measure="classic").priorities.robustness is None
+    assert load_law(FILE).priorities is None
+
+
+@pytest.mark.parametrize(
+    ("tasks", "formulation", "wanted"),
+    [
+        ({"posture": 0}, BY_LEVEL, r"tasks\.posture\.priority: wanted 1, 2, \.\.\.; got 0"),
+        ({"posture": 1.5}, BY_LEVEL, r"tasks\.posture\.priority: wanted 1, 2"),
+        ({"posture": 2}, {}, r"formulation\.use: wanted none \(null\) beside strict priorities; got 'trade_off'"),
+        ({"posture": 2}, {**BY_LEVEL, "priority": 2}, "wanted a level of its own for robustness"),
+        ({"posture": 2}, {**BY_LEVEL, "measure": "box"}, "priorities: wanted individual"),
+        ({"posture": 2}, {**BY_LEVEL, "measure": "classic", "priority": 3}, "priorities: wanted individual"),
+    ],
+)
+def test_what_does_not_go_together_is_refused_in_one_line(tasks, formulation, wanted):
+    levels = {name: {"priority": level} for name, level in tasks.items()}
+    with pytest.raises(ParamsError, match=wanted) as caught:
+        load_law(FILE, {"tasks": levels, "formulation": formulation})
+    assert "\n" not in str(caught.value)
+
+
+def test_numbers_that_are_none_are_a_lost_tick():
+    law = law_of({"posture": 2})
+    state = np.full(law.model.nq + law.model.nv, np.nan)
+    references = [task.rest(law.starting_terms()) for task in law.tasks]
+    tick = solve_tick(law, law.model.create_scratch(), state, references, BOTH, Before(np.ones(30), None))
+    assert np.isfinite(tick.torque).all() and tick.status[Status.FALLBACK] == 1.0
