@@ -65,9 +65,15 @@ def build_tsid(scenario: TsidScenario, *, meshcat: bool = False) -> TsidLoop:
         meshcat: Show the robot in a browser.
 
     Raises:
-        ParamsError: a file that cannot be read, or names that do not fit.
+        ParamsError: a file that cannot be read, or names or times that do not fit.
     """
     law = load_law(scenario.path(scenario.controller), scenario.changes)
+    steps = law.period / scenario.plant_step
+    if not (steps > 0.5 and abs(steps - round(steps)) < 1e-6):
+        raise ParamsError(
+            f"plant_step: wanted the controller's period, {law.period:g} s, or a whole part of it;"
+            f" got {scenario.plant_step:g}"
+        )
     if not law.model.contacts:
         raise ParamsError(f"{scenario.path(scenario.controller)}: contacts: wanted at least one to stand on; got none")
     builder = DiagramBuilder()

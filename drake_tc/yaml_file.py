@@ -1,12 +1,14 @@
 """YAML files read strictly: a key that is given twice is an error, as it silently hides a value."""
 
-from collections.abc import Mapping
+from collections.abc import Hashable, Mapping
 from pathlib import Path
 from typing import Any
 
 import yaml
 
 from drake_tc.errors import ParamsError
+
+_MERGE = "tag:yaml.org,2002:merge"
 
 
 class _StrictLoader(yaml.SafeLoader):
@@ -16,9 +18,14 @@ class _StrictLoader(yaml.SafeLoader):
 def _mapping_without_repeats(loader: _StrictLoader, node: yaml.MappingNode) -> dict[Any, Any]:
     mapping: dict[Any, Any] = {}
     for key_node, value_node in node.value:
+        at = f"line {key_node.start_mark.line + 1}"
+        if key_node.tag == _MERGE:
+            raise ParamsError(f"{at}: wanted the keys themselves; '<<', which merges another mapping's, is not read")
         key = loader.construct_object(key_node, deep=True)
+        if not isinstance(key, Hashable):
+            raise ParamsError(f"{at}: wanted a key that is one word or number; got {key!r}")
         if key in mapping:
-            raise ParamsError(f"line {key_node.start_mark.line + 1}: key {key!r} is given twice")
+            raise ParamsError(f"{at}: key {key!r} is given twice")
         mapping[key] = loader.construct_object(value_node, deep=True)
     return mapping
 

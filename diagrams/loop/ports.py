@@ -43,17 +43,14 @@ def zeroed(parts: Parts, name: str, wrench: OutputPort) -> OutputPort:
     return port
 
 
-def first_imu(parts: Parts) -> OutputPort:
-    """The raw reading of the robot's first IMU."""
-    imu: Any = parts.sensors.imu
-    others = len(parts.robot.imu) - 1
-    port: OutputPort = imu.GetOutputPort("reading")
-    if others and parts.builder.HasSubsystemNamed("first_imu"):
-        port = parts.builder.GetSubsystemByName("first_imu").get_output_port(0)
-    elif others:
-        split = parts.builder.AddNamedSystem("first_imu", Demultiplexer([6, 6 * others]))
-        parts.builder.Connect(port, split.get_input_port())
-        port = split.get_output_port(0)
+def first_imu(builder: DiagramBuilder, reading: OutputPort) -> OutputPort:
+    """The reading of the robot's first IMU, of those of all of them; what takes it out is made once."""
+    if reading.size() == 6:
+        return reading
+    if not builder.HasSubsystemNamed("first_imu"):
+        split: Any = builder.AddNamedSystem("first_imu", Demultiplexer([6, reading.size() - 6]))
+        builder.Connect(reading, split.get_input_port())
+    port: OutputPort = builder.GetSubsystemByName("first_imu").get_output_port(0)
     return port
 
 
@@ -64,6 +61,7 @@ def base_now(parts: Parts) -> OutputPort:
         return made
     window, order = parts.scenario.filters.window, parts.scenario.filters.encoder_order
     smooth = SavitzkyGolayFilter(6, window, order, parts.scenario.dt, window - 1)
-    parts.add("base_predictor", smooth, signal=first_imu(parts))
+    imu: Any = parts.sensors.imu
+    parts.add("base_predictor", smooth, signal=first_imu(parts.builder, imu.GetOutputPort("reading")))
     wanted = {"imu_estimate": list(range(12))}
     return picked(parts.builder, "base_now", smooth.GetOutputPort("estimate"), wanted)["imu_estimate"]

@@ -31,11 +31,9 @@ from drake_tc.diagrams.papers.tsid_setup import (
 from drake_tc.diagrams.papers.tsid_simulation import Moment, Scene, follow
 
 from drake_tc.control.trajectories import knot_trajectory
-from drake_tc.tsid.contacts import Contact
 from drake_tc.tsid.limits.capture_point import CapturePointLimit, half_planes
 from drake_tc.tsid.model import TsidModel
 from drake_tc.tsid.tasks.frame import FrameTask
-from drake_tc.tsid.terms import Pose
 from drake_tc.types import FloatArray
 
 HOLD = 1.0
@@ -160,8 +158,7 @@ class _Watch:
         """The same moments."""
         for moment in moments:
             terms = self._robot.terms(self._scratch, moment.q, moment.v)
-            corners = [c for sole in SOLES for c in _corners(sole, terms.pose(sole.name))]
-            normals, reach_ = half_planes(corners)
+            normals, reach_ = half_planes(self._edges.corners(terms)[0])
             self.beyond.append(float((normals @ self._edges.capture_point(terms) - reach_).max()))
             self._hand = terms.pose(HAND)[1]
             yield moment
@@ -170,11 +167,6 @@ class _Watch:
         """Of the hand from its goal where it was last seen [m]."""
         terms = self._robot.terms(self._scratch, self._robot.start, np.zeros(self._robot.nv))
         return float(np.linalg.norm(self._hand - terms.pose(HAND)[1] - GOAL.offset))
-
-
-def _corners(sole: Contact, pose: Pose) -> list[tuple[float, float]]:
-    rotation, position = pose
-    return [(float(x), float(y)) for x, y, _ in sole.corners @ rotation.T + position]
 
 
 def far_reach(seed: int = 0, progress: Progress | None = None) -> Reproduction:

@@ -1,6 +1,5 @@
 """Paper B's simulations: v += dt vdot, q after it on its manifold, vdot from the torques through the held contacts."""
 
-import math
 import time as wall
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -10,6 +9,7 @@ from drake_tc.diagrams.papers.tsid_setup import DT, Way, force_task
 
 from drake_tc.tsid.infeasible import diagnose
 from drake_tc.tsid.limits.base import Limit
+from drake_tc.tsid.manifold import moved
 from drake_tc.tsid.model import Scratch, TsidModel
 from drake_tc.tsid.qp.choose import solver
 from drake_tc.tsid.qp.problem import Outcome
@@ -80,23 +80,6 @@ class Moment:
         return float(np.linalg.norm(cost.matrix[:rows] @ self.torque - cost.target[:rows]))
 
 
-def integrate(q: FloatArray, v: FloatArray, vdot: FloatArray, dt: float) -> tuple[FloatArray, FloatArray]:
-    """First-order Euler: v+ = v + dt vdot, q+ = q (+) dt v+, a floating base first: quaternion, then position.
-
-    The base turns by dt omega in the world's axes, exactly. Drake's order: v = [omega; v_base; joints].
-    """
-    v = v + dt * vdot
-    moved = q.copy()
-    moved[4:] += dt * v[3:]
-    turn = dt * v[:3]
-    angle = math.sqrt(float(turn @ turn))
-    scalar, vector = math.cos(0.5 * angle), 0.5 * float(np.sinc(0.5 * angle / math.pi)) * turn
-    moved[0] = scalar * q[0] - vector @ q[1:4]
-    moved[1:4] = scalar * q[1:4] + q[0] * vector + np.cross(vector, q[1:4])
-    moved[:4] /= np.linalg.norm(moved[:4])
-    return moved, v
-
-
 def follow(
     scene: Scene,
     way: Way,
@@ -134,7 +117,8 @@ def follow(
         if solution.outcome is not Outcome.SOLVED:
             torque = diagnose(problem.polytope, solver=qp).torque
         yield Moment(time, q, v, problem, true, solution, torque, seconds)
-        q, v = integrate(q, v, true.full(torque)[0], DT)
+        v = v + DT * true.full(torque)[0]
+        q = moved(real.model, q, v, DT)
 
 
 def solve_again(

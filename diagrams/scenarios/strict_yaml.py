@@ -7,6 +7,7 @@ from types import NoneType, UnionType
 from typing import Any, TypeVar, Union, get_args, get_origin, get_type_hints
 
 from drake_tc.errors import DrakeTcError, ParamsError
+from drake_tc.robot.fields import different
 from drake_tc.yaml_file import read_yaml
 
 Record = TypeVar("Record")
@@ -68,7 +69,10 @@ def _value(hint: Any, value: object, where: str) -> Any:
     if isinstance(origin, type) and issubclass(origin, Mapping):
         if not isinstance(value, Mapping):
             raise ParamsError(f"{where}: wanted a mapping; got {value!r}")
-        return {str(key): _value(arguments[1], item, f"{where}.{key}") for key, item in value.items()}
+        return {
+            key: _value(arguments[1], item, f"{where}.{key}")
+            for key, item in zip(different(where, value), value.values(), strict=True)
+        }
     return _scalar(hint, value, where)
 
 

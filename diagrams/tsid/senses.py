@@ -3,11 +3,11 @@
 from dataclasses import dataclass, replace
 from typing import Any
 
-from drake_tc.diagrams.loop.ports import picked
+from drake_tc.diagrams.loop.ports import first_imu, picked
 from drake_tc.diagrams.tsid.scenario import TsidScenario
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import DiagramBuilder, OutputPort
-from pydrake.systems.primitives import Demultiplexer, Multiplexer
+from pydrake.systems.primitives import Multiplexer
 
 from drake_tc.estimation.joint_torque import JointTorqueEstimator
 from drake_tc.estimation.torque_model import TorqueModel
@@ -62,18 +62,6 @@ def add_senses(wiring: Wiring) -> SensorSuite:
     return add_sensors(wiring.builder, wiring.plant, law.model.robot, suite, law.period, scenario.seed)
 
 
-def first_imu(wiring: Wiring, reading: OutputPort) -> OutputPort:
-    """The reading of the robot's first IMU."""
-    count = len(wiring.law.model.robot.imu)
-    if count == 1:
-        return reading
-    if not wiring.builder.HasSubsystemNamed("first_imu"):
-        cut: Any = wiring.builder.AddNamedSystem("first_imu", Demultiplexer([6] * count))
-        wiring.builder.Connect(reading, cut.get_input_port())
-    port: OutputPort = wiring.builder.GetSubsystemByName("first_imu").get_output_port(0)
-    return port
-
-
 def estimated_state(wiring: Wiring, sensors: SensorSuite, contacts: OutputPort | None) -> OutputPort:
     """[q; v] from the encoders and the contacts that carry.
 
@@ -88,7 +76,7 @@ def estimated_state(wiring: Wiring, sensors: SensorSuite, contacts: OutputPort |
     wiring.add("quick_filter", quick, signal=encoder)
     inputs = {"joint_position": encoder, "joint_velocity": quick.GetOutputPort("first_derivative")}
     if sensors.imu is not None:
-        inputs["imu"] = first_imu(wiring, sensors.imu.GetOutputPort("reading"))
+        inputs["imu"] = first_imu(wiring.builder, sensors.imu.GetOutputPort("reading"))
     if contacts is not None:
         inputs["active_contacts"] = contacts
     state = wiring.add("standing_state", StandingState(law.model, law.period), **inputs)
@@ -107,7 +95,7 @@ def estimated_torque(wiring: Wiring, sensors: SensorSuite) -> dict[str, OutputPo
     readings = [sensors.encoder.GetOutputPort("reading")]
     sizes = [n]
     if sensors.imu is not None:
-        readings.append(first_imu(wiring, sensors.imu.GetOutputPort("reading")))
+        readings.append(first_imu(wiring.builder, sensors.imu.GetOutputPort("reading")))
         sizes.append(6)
     if sensors.force_torque is not None:
         readings.append(sensors.force_torque.GetOutputPort("reading"))

@@ -3,6 +3,7 @@
 from typing import Any
 
 import numpy as np
+from drake_tc.diagrams.scenarios.checks import SEEDS
 from pydrake.systems.framework import DiscreteValues, LeafSystem
 
 from drake_tc.errors import ParamsError
@@ -24,15 +25,17 @@ class TorqueNoise(LeafSystem):  # type: ignore[misc, unused-ignore]
         Args:
             error: Sigma.
             period: How long a draw lasts [s].
-            seed: Of the draws, >= 0.
+            seed: Of the draws, from 0 to 2^64 - 1.
             scale: On e.
 
         Raises:
-            ParamsError: a period that is not positive.
+            ParamsError: a period that is not positive, or a seed that is not possible.
         """
         super().__init__()
         if not (np.isfinite(period) and period > 0.0):
             raise ParamsError(f"torque noise: wanted a positive period [s]; got {period!r}")
+        if not 0 <= seed < SEEDS:
+            raise ParamsError(f"torque noise: wanted a seed from 0 to 2^64 - 1; got {seed}")
         self._root, self._seed = scale * error.root, seed
         first: Any = self._draw(0)
         now = self.DeclareDiscreteState(first)

@@ -8,13 +8,14 @@ import numpy as np
 
 from drake_tc.report.bench_row import BenchRow
 from drake_tc.tsid.law import Law
+from drake_tc.tsid.manifold import moved
 from drake_tc.tsid.program import reduced_qp
 from drake_tc.tsid.qp.choose import solver
 from drake_tc.tsid.qp.problem import Outcome, QpSolution, QpSolver, QuadraticProgram
 from drake_tc.tsid.reduction import reduce
 from drake_tc.tsid.tasks.com import ComTask
 from drake_tc.tsid.tasks.force import ForceTask
-from drake_tc.types import FloatArray, IntArray
+from drake_tc.types import FloatArray
 
 Progress = Callable[[str, float], None]
 STEP = 5e-3
@@ -74,23 +75,9 @@ def record(law: Law, motion: Motion, ticks: int) -> list[QuadraticProgram]:
             v = np.zeros_like(v)
             continue
         found.append(problem)
-        q, v = _moved(model.positions, model.actuated, q, v, reduced.full(last.x)[0])
+        vdot = reduced.full(last.x)[0]
+        q, v = moved(model, q, v + 0.5 * STEP * vdot, STEP), v + STEP * vdot
     return found
-
-
-def _moved(
-    positions: IntArray, actuated: IntArray, q: FloatArray, v: FloatArray, vdot: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """State after STEP; a floating base's quaternion and place come first in q, its omega and velocity first in v."""
-    after, mean = v + STEP * vdot, v + 0.5 * STEP * vdot
-    moved = q.copy()
-    moved[positions] += STEP * mean[actuated]
-    if q.size > positions.size:
-        (w, x, y, z), (a, b, c) = q[:4], 0.5 * STEP * mean[:3]
-        moved[:4] += [-a * x - b * y - c * z, a * w + b * z - c * y, b * w + c * x - a * z, c * w + a * y - b * x]
-        moved[:4] /= np.linalg.norm(moved[:4])
-        moved[4:7] += STEP * mean[3:6]
-    return moved, after
 
 
 def residual(problem: QuadraticProgram, solution: QpSolution) -> float:

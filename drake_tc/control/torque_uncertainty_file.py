@@ -8,14 +8,13 @@ from typing import Any
 import numpy as np
 import yaml
 
+from drake_tc.control.covariance import checked_covariance
 from drake_tc.errors import ParamsError
 from drake_tc.types import FloatArray
 from drake_tc.yaml_file import read_yaml
 
 SCHEMA = 1
 UNIT = "N*m"
-ROUNDING = 1e-9
-"""Relative to the largest variance: how far from symmetric and positive semidefinite a covariance may be."""
 
 _REQUIRED = ("schema", "unit", "joints", "covariance")
 _OPTIONAL = (
@@ -65,7 +64,6 @@ class TorqueUncertainty:
         n = len(self.joints)
         if n < 1 or len(set(self.joints)) != n:
             raise ParamsError(f"joints: wanted at least one name, each once; got {list(self.joints)}")
-        _check_covariance(np.asarray(self.covariance, dtype=np.float64), n)
         sizes = {"mean": (n,), "ci95": (n, 2)} | dict.fromkeys(
             ("correlation_time", "effective_samples", "samples"), (n,)
         )
@@ -75,8 +73,10 @@ class TorqueUncertainty:
                 raise ParamsError(f"{name}: wanted shape {shape}, as there are {n} joints; got {value.shape}")
             value.setflags(write=False)
             object.__setattr__(self, name, value)
-        covariance = np.array(self.covariance, dtype=np.float64)
-        covariance = 0.5 * (covariance + covariance.T)
+        covariance = np.asarray(self.covariance, dtype=np.float64)
+        if covariance.shape != (n, n):
+            raise ParamsError(f"covariance: wanted shape {(n, n)}, as there are {n} joints; got {covariance.shape}")
+        covariance = checked_covariance(covariance)
         covariance.setflags(write=False)
         object.__setattr__(self, "covariance", covariance)
         if not 0.0 <= self.shrinkage <= 1.0:
@@ -106,20 +106,6 @@ class TorqueUncertainty:
                 raise ParamsError(f"torque uncertainty: no joint {joint!r}; joints here: {', '.join(self.joints)}")
         at = [self.joints.index(joint) for joint in joints]
         return np.asarray(self.covariance[np.ix_(at, at)])
-
-
-def _check_covariance(covariance: FloatArray, n: int) -> None:
-    if covariance.shape != (n, n):
-        raise ParamsError(f"covariance: wanted shape {(n, n)}, as there are {n} joints; got {covariance.shape}")
-    if not np.isfinite(covariance).all():
-        raise ParamsError("covariance: wanted finite numbers [(N*m)^2]; got one that is not")
-    largest = float(np.abs(covariance).max())
-    skewness = float(np.abs(covariance - covariance.T).max())
-    if skewness > ROUNDING * largest:
-        raise ParamsError(f"covariance: wanted a symmetric matrix; it differs from its transpose by {skewness:.3g}")
-    lowest = float(np.linalg.eigvalsh(0.5 * (covariance + covariance.T))[0])
-    if lowest < -ROUNDING * largest:
-        raise ParamsError(f"covariance: wanted a positive semidefinite matrix; its smallest eigenvalue is {lowest:.3g}")
 
 
 def load_torque_uncertainty(path: Path | str) -> TorqueUncertainty:

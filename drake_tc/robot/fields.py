@@ -14,7 +14,7 @@ def mapping(
     """`entry` as a mapping whose keys are as wanted; `optional` None allows any; an absent entry is empty.
 
     Raises:
-        ParamsError: no mapping, an unknown key, or a missing one.
+        ParamsError: no mapping, an unknown key, a missing one, or two that are the same text.
     """
     entry = {} if entry is None else entry
     required = sorted(required)
@@ -28,7 +28,21 @@ def mapping(
     for key in required:
         if key not in entry:
             raise ParamsError(f"{where}: missing key {key!r}; wanted: {', '.join(required)}")
-    return {str(key): value for key, value in entry.items()}
+    return dict(zip(different(where, entry), entry.values(), strict=True))
+
+
+def different(where: str, keys: Iterable[object]) -> list[str]:
+    """Keys as texts, each once: 5 and '5' are two to YAML.
+
+    Raises:
+        ParamsError: two that are the same text.
+    """
+    texts: dict[str, object] = {}
+    for key in keys:
+        if str(key) in texts:
+            raise ParamsError(f"{where}: wanted different keys; got both {texts[str(key)]!r} and {key!r}")
+        texts[str(key)] = key
+    return list(texts)
 
 
 def text(where: str, value: object) -> str:

@@ -157,7 +157,7 @@ def test_what_a_scenario_file_cannot_say(file, name, text, message):
         ),
         ("hrp2_leg", "{pushes: [{link: r_foot, begin: 0, duration: 1, force: [1, 2]}]}", "force: wanted three finite"),
         ("hrp2_leg", "{masses: {r_foot: -1}}", "masses.r_foot: wanted a positive factor"),
-        ("hrp2_leg", "{seed: -1}", "seed: wanted a whole number >= 0"),
+        ("hrp2_leg", "{seed: -1}", "seed: wanted a whole number from 0 to"),
         ("hrp2_leg", "{gains: {kf: [1, 2]}}", "kf: wanted one number or six"),
         ("hrp2_leg", "{motion: {posture: {r_knee: 9}}}", "r_knee: wanted 0 to 2.618 rad"),
         ("hrp2_leg", "{objects: [{size: [1, 1, .nan], xyz: [0, 0, 0]}]}", "size: wanted three finite numbers"),

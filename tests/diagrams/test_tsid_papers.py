@@ -24,7 +24,7 @@ from drake_tc.diagrams.papers.tsid_setup import (
     standing_limits,
     torque_error,
 )
-from drake_tc.diagrams.papers.tsid_simulation import DT, integrate, solve_again
+from drake_tc.diagrams.papers.tsid_simulation import DT, solve_again
 from numpy.testing import assert_allclose
 from scipy.stats import binom
 
@@ -75,31 +75,6 @@ def test_soles_stand_where_the_models_feet_do():
 
 
 # --- the simulation
-
-
-def test_integration_is_drakes_to_first_order_and_keeps_the_quaternion():
-    """The step's error against q + dt N(q) v of Drake falls with dt^2."""
-    plant = make_plant(robot(), 0.0)
-    context = plant.CreateDefaultContext()
-    rng = np.random.default_rng(4)
-    q, v, vdot = model().start.copy(), rng.normal(size=36), rng.normal(size=36)
-    errors = []
-    for dt in (1e-2, 1e-3):
-        moved, faster = integrate(q, v, vdot, dt)
-        assert_allclose(faster, v + dt * vdot, rtol=1e-14)
-        assert math.isclose(float(np.linalg.norm(moved[:4])), 1.0, rel_tol=1e-14)
-        plant.SetPositions(context, q)
-        errors.append(np.abs(moved - q - dt * plant.MapVelocityToQDot(context, faster)).max())
-    assert errors[1] < 0.011 * errors[0]
-
-
-def test_a_turn_about_one_axis_is_exact():
-    """A base that spins with 2 rad/s about z for 0.5 s, in 5 steps, is turned by 1 rad."""
-    q, v = model().start.copy(), np.zeros(36)
-    v[2] = 2.0
-    for _ in range(5):
-        q, v = integrate(q, v, np.zeros(36), 0.1)
-    assert_allclose(q[:4], [math.cos(0.5), 0.0, 0.0, math.sin(0.5)], atol=1e-14)
 
 
 def test_the_motion_obeys_the_equations_of_motion_and_the_feet_stay(sway):
@@ -229,7 +204,10 @@ def test_closed_loop_shares_and_intervals_from_known_runs():
     assert rows["runs that keep every limit, classic"] == 25.0
     assert rows["runs that keep every limit, individual"] == 100.0
     assert rows["runs that keep every limit, rectangle"] == 75.0
-    assert rows["box minus classic"] == 50.0
+    assert (rows["robots kept by individual alone"], rows["robots kept by classic but not by individual"]) == (6, 0)
+    assert rows["chance of as many, individual"] == pytest.approx(0.5**6)
+    assert (rows["robots kept by box alone"], rows["robots kept by classic but not by box"]) == (6, 2)
+    assert rows["chance of as many, box"] == pytest.approx((28 + 8 + 1) / 2**8)  # 6, 7 or 8 of 8
     assert rows["runs that fell, rectangle"] == 2.0
 
 

@@ -14,6 +14,7 @@ from drake_tc.errors import ParamsError
 from drake_tc.robot.packages import resolve
 from drake_tc.robot.plant import joint_limits
 from drake_tc.tsid.configuration import load_law
+from drake_tc.tsid.controller import RobustTsid
 
 MODELS = Path(drake_tc.models.__file__).parent
 FILE = MODELS / "hrp2_like" / "hrp2_like_tsid.yaml"
@@ -200,6 +201,15 @@ def test_a_robot_without_feet_where_contacts_are_wanted(load):
     law = load(contacts=None, tasks={"posture": {"kind": "posture", "kp": 1.0, "kd": 1.0}})
     assert law.model.force_size == 0
     assert [limit.group for limit in law.limits] == ["torque", "acceleration"]
+
+
+def test_tasks_whose_ports_would_be_called_the_same_are_refused(load):
+    com = {"kind": "com", "kp": 1.0, "kd": 1.0}
+    with pytest.raises(ParamsError, match="wanted different names; 'a_b' is the same as 'a b' in a name of a port"):
+        load({"tasks": {"a b": com, "a_b": com}})
+    law = load({"tasks": {"a b": com, "ab": com}})
+    ports = {RobustTsid(law).get_input_port(i).get_name() for i in range(RobustTsid(law).num_input_ports())}
+    assert {"a_b_reference", "ab_reference"} <= ports
 
 
 def test_a_key_given_twice_and_a_file_that_is_none(tmp_path):

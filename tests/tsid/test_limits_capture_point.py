@@ -72,7 +72,7 @@ def test_the_gradient_is_exact_where_the_period_is_short():
     q, v = state(np.random.default_rng(0), MOVING)
     limit, scratch = CapturePointLimit(SOLES, period=h), it.create_scratch()
     terms = it.terms(scratch, q, v)
-    rows, normals = limit.rows(terms), half_planes(limit._corners(terms)[0])[0]
+    rows, normals = limit.rows(terms), half_planes(limit.corners(terms)[0])[0]
     rate = np.sqrt(9.81 / (terms.com[2] - np.mean([terms.pose(sole.name)[1][2] for sole in SOLES])))
     for direction in np.eye(it.nv)[::5]:
         points = []
@@ -147,9 +147,11 @@ def test_a_state_that_is_no_number_gives_rows_that_are_none():
     [
         ({"period": 0.0}, "period: wanted a positive number"),
         ({"gravity": np.inf}, "gravity: wanted a positive number"),
-        ({"margin": np.nan}, "margin: wanted a finite number"),
+        ({"margin": np.nan}, "margin: wanted a finite number >= 0"),
+        ({"margin": -0.01}, "margin: wanted a finite number >= 0"),
+        ({"contacts": ()}, "capture point: wanted contacts"),
     ],
 )
 def test_refusals(change, message):
     with pytest.raises(ParamsError, match=message):
-        CapturePointLimit(SOLES, **{"period": H, **change})
+        CapturePointLimit(**{"contacts": SOLES, "period": H, **change})

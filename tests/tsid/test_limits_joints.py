@@ -88,9 +88,10 @@ def test_refused_torques(lower, upper, message):
         TorqueLimit(("a", "b"), np.array(lower), np.array(upper))
 
 
-def test_refused_share(robot_model):
-    with pytest.raises(ParamsError, match="positive share"):
-        TorqueLimit.of(robot_model.robot, share=0.0)
+@pytest.mark.parametrize("share", [0.0, -1.0, 1.001, 7.0, np.nan])
+def test_refused_share(robot_model, share):
+    with pytest.raises(ParamsError, match="wanted a positive share, 1 at most"):
+        TorqueLimit.of(robot_model.robot, share=share)
 
 
 @pytest.mark.parametrize("key", ["acceleration", "velocity"])

@@ -159,7 +159,7 @@ def test_hands_and_feet_carry_together():
         wrench = np.array([0.0, 0.0, 0.0, 0.0, 0.0, -9.81 * terms.mass])
         for contact, rows in zip(terms.contacts.contacts, terms.contacts.rows, strict=True):
             turn, place = terms.pose(contact.name)
-            push = turn @ force[rows][:3]
+            push = force[rows][:3] if contact.upright else turn @ force[rows][:3]
             wrench[3:] += push
             wrench[:3] += np.cross(place - terms.com, push)
             if contact.size == 6:

@@ -7,14 +7,16 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 from scipy.optimize import minimize, nnls
+from scipy.special import log_ndtr, ndtr
+from scipy.stats import norm
 
 from drake_tc.errors import ParamsError
 from drake_tc.tsid.polytope import LeastSquares, Polytope
 from drake_tc.tsid.qp.choose import solver
 from drake_tc.tsid.qp.problem import Outcome
+from drake_tc.tsid.robust.budget import Budget
 from drake_tc.tsid.robust.formulation import Formulation
 from drake_tc.tsid.robust.individual import individual_risk, p_ind
-from drake_tc.tsid.robust.newton import Budget
 from drake_tc.tsid.robust.options import Options
 from drake_tc.tsid.robust.torque_error import TorqueError
 
@@ -93,27 +95,39 @@ def test_more_robust_costs_more_and_the_robust_forms_beat_the_classic(robot_prob
         assert all(found[m].p_ind <= safest.p_ind + 1e-5 for m in MEASURES)
 
 
-def test_against_scipy():
-    for seed in range(3):
-        cost, polytope, error = random_problem(seed, n=3, rows=4)
-        sigma, weight = error.sigma, 0.05
-        ours = Formulation("individual", weight=weight, options=SHARP).solve(cost, polytope, error, QP).torque
+@pytest.mark.parametrize("weight", [0.05, 1e-3])
+def test_against_scipy(weight):
+    """SLSQP on the definition, one row after the other: no limit near, one that holds the torque, and a corner."""
+    holding = set()
+    for seed in range(5):
+        cost, polytope, error = random_problem(seed, n=3, rows=4, off=20.0)
+        sigma = error.sigma
+        ours = Formulation("individual", weight=weight, options=SHARP).solve(cost, polytope, error, QP)
+        assert ours.outcome is Outcome.SOLVED
+        length = np.linalg.norm(polytope.matrix * sigma, axis=1)
+        rows = np.concatenate((polytope.matrix, -polytope.matrix)) * sigma / np.tile(length, 2)[:, None]
+        sides = np.concatenate((polytope.upper, -polytope.lower)) / np.tile(length, 2)
+        rows, sides = rows[np.isfinite(sides)], sides[np.isfinite(sides)]
 
-        def objective(x, cost=cost, polytope=polytope, error=error, sigma=sigma):
-            risk = individual_risk(polytope, x * sigma, error)
-            slope = 2.0 * cost.matrix.T @ (cost.matrix @ (x * sigma) - cost.target) * sigma
-            return cost(x * sigma) + 0.05 * risk.value, slope + 0.05 * risk.gradient * sigma
+        def objective(x, of=(cost, sigma, rows, sides)):
+            (cost, sigma, rows, sides), off = of, of[0].matrix @ (x * of[1]) - of[0].target
+            room = sides - rows @ x
+            slope = 2.0 * (cost.matrix * sigma).T @ off + weight * rows.T @ (norm.pdf(room) / ndtr(room))
+            return off @ off - weight * log_ndtr(room).sum(), slope
 
-        def room(x, polytope=polytope, sigma=sigma):
-            value, length = polytope.matrix @ (x * sigma), np.linalg.norm(polytope.matrix * sigma, axis=1)
-            both = np.concatenate((polytope.upper - value, value - polytope.lower)) / np.tile(length, 2)
-            return both[np.isfinite(both)]
-
-        begin = ours / sigma + 0.3
-        constraints = {"type": "ineq", "fun": room}
-        other = minimize(objective, begin, jac=True, method="SLSQP", constraints=constraints, tol=1e-15)
-        assert room(ours / sigma).min() > -1e-7
-        assert objective(ours / sigma)[0] <= other.fun + 1e-8
+        found = ours.torque / sigma
+        bounds = {"type": "ineq", "fun": lambda x, a=rows, b=sides: b - a @ x, "jac": lambda x, a=rows: -a}
+        other = minimize(objective, found + 0.3, jac=True, method="SLSQP", constraints=bounds, tol=1e-13)
+        assert other.success
+        assert (sides - rows @ other.x).min() > -1e-9
+        assert (sides - rows @ found).min() > -1e-7
+        assert_allclose(objective(found)[0], other.fun, rtol=1e-11, atol=1e-11)
+        assert_allclose(found, other.x, atol=2e-5)
+        holding.add(int(np.count_nonzero(sides - rows @ found < 1e-7)))
+        assert np.count_nonzero(ours.active) == np.count_nonzero(sides - rows @ other.x < 1e-7)
+    assert 3 in holding
+    assert holding & {1, 2}
+    assert (0 in holding) == (weight == 0.05)
 
 
 @pytest.mark.parametrize("measure", MEASURES)

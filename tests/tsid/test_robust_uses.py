@@ -64,12 +64,28 @@ def test_constraint_is_met_with_equality_where_it_is_active(seed, measure):
     if measure != "box":
         trade = Formulation(measure, weight=solution.start.weight, options=SHARP).solve(cost, polytope, error, QP)
         assert_allclose(trade.cost, solution.cost, rtol=1e-3)
-    impossible = replace(formulation, minimum=0.5 * least + 1e-9)
-    if least > 1e-6:
-        refused = impossible.solve(cost, polytope, error, QP)
-        assert refused.outcome is Outcome.RISKY
-        assert polytope.violation(refused.torque) < 1e-6 * error.row_sigma(polytope.matrix).max()
-        assert_allclose(refused.robustness, least, rtol=2e-3, atol=1e-6)
+    refused = replace(formulation, minimum=0.5 * least).solve(cost, polytope, error, QP)
+    assert refused.outcome is Outcome.RISKY
+    assert polytope.violation(refused.torque) < 1e-6 * error.row_sigma(polytope.matrix).max()
+    assert_allclose(refused.robustness, least, rtol=2e-3)
+
+
+@pytest.mark.parametrize("measure", ["individual", "rectangle", "box"])
+def test_a_risk_of_one_in_a_million_is_kept_where_it_can_be_had(measure):
+    refused = 0
+    for seed in range(3):
+        cost, polytope, error = random_problem(seed, n=6, rows=5, off=40.0, near=80.0)
+        least = Formulation(measure, weight=1e12, options=SHARP).solve(cost, polytope, error, QP).robustness
+        costs = [Formulation("classic").solve(cost, polytope, error, QP).cost]
+        for minimum in (1e-2, 1e-4, 1e-6):
+            solution = Formulation(measure, "constraint", minimum=minimum).solve(cost, polytope, error, QP)
+            possible = least < minimum
+            assert solution.outcome is (Outcome.SOLVED if possible else Outcome.RISKY)
+            assert_allclose(solution.robustness, minimum if possible else least, rtol=2e-4 if possible else 1e-2)
+            refused += not possible
+            costs.append(solution.cost)
+        assert costs == sorted(costs)
+    assert refused == (0 if measure == "individual" else 1)
 
 
 def test_constraint_that_is_not_active_costs_nothing():
