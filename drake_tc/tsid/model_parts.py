@@ -16,7 +16,7 @@ _SUFFIX = "_of_tsid"
 
 
 def file_rotors(robot: Robot) -> dict[str, float]:
-    """Reflected inertia of each joint's drive [kg m^2], as the robot's files say.
+    """Reflected inertia of each joint's drive [kg m^2], as the robot's files say; 0 behind a spring or a gap.
 
     Raises:
         ParamsError: the actuator file cannot be read or has no model of a joint.
@@ -24,7 +24,7 @@ def file_rotors(robot: Robot) -> dict[str, float]:
     if robot.actuators is None:
         return dict(robot.rotor_inertia)
     models = models_of_joints(robot.actuators, robot.joints)
-    return {joint: model.inertia for joint, model in models.items()}
+    return {joint: 0.0 if model.transmission_effects else model.inertia for joint, model in models.items()}
 
 
 def add_rotors(plant: Any, robot: Robot, rotor_inertia: Mapping[str, float]) -> None:

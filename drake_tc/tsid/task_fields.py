@@ -14,6 +14,7 @@ from drake_tc.tsid.tasks.force import ForceTask
 from drake_tc.tsid.tasks.frame import FrameTask
 from drake_tc.tsid.tasks.orientation import OrientationTask
 from drake_tc.tsid.tasks.posture import PostureTask
+from drake_tc.tsid.tasks.torque import TorqueTask
 
 Reader = Callable[[str, object], Any]
 
@@ -55,6 +56,7 @@ _KINDS: Mapping[str, tuple[Mapping[str, Reader], Mapping[str, Reader], Callable[
     ),
     "force": ({}, {"weight": fields.number, "components": numbers}, ForceTask),
     "cop": ({"contact": fields.text}, _WEIGHT, CopTask),
+    "torque": ({}, _WEIGHT, TorqueTask),
 }
 """Kind to its needed keys, its optional keys and what it makes; all have `kind` beside them."""
 

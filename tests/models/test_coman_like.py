@@ -58,9 +58,13 @@ def stretched():
 
 @pytest.fixture(scope="module")
 def moved():
-    """The centre of mass forwards, over the left foot and down, with ideal torques."""
+    """The centre of mass forwards, over the left foot and down, with ideal torques and no cost on them."""
+    return moving({"tasks": {"torque": None}})
+
+
+def moving(changes):
     motion = {"com": KnotSpec((0.1, 0.8), ((0.0, 0.0, 0.0), (0.02, 0.03, -0.02)))}
-    return simulate_tsid(TsidScenario(controller=str(TSID), duration=1.0, motion=motion))
+    return simulate_tsid(TsidScenario(controller=str(TSID), duration=1.0, motion=motion, changes=changes))
 
 
 def bodies(plant):
@@ -220,6 +224,13 @@ def test_with_ideal_torques_it_moves_its_centre_of_mass(moved):
     assert (np.abs(moved["torque"]) < 0.5 * effort).all()
     velocity = moved["state"][-1, moved.law.model.nq + moved.law.model.actuated]
     assert np.abs(velocity).max() < 1e-2
+
+
+def test_the_cost_on_torques_buys_smaller_torques_with_a_sag_of_millimetres(moved):
+    soft = moving({})
+    assert soft.fell is None and soft.status(Status.FALLBACK).max() == 0.0
+    assert np.linalg.norm(soft["torque"], axis=1).mean() < 0.99 * np.linalg.norm(moved["torque"], axis=1).mean()
+    assert 1e-3 < np.linalg.norm(task_errors(soft)["com"], axis=1).max() < 2e-2
 
 
 def test_the_cost_of_a_wrench_is_that_of_the_least_forces_at_the_corners():

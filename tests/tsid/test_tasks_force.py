@@ -1,4 +1,4 @@
-"""Tasks on contact forces: what they measure, and which contacts they read."""
+"""Tasks on contact forces and torques: what they measure, and which contacts they read."""
 
 import numpy as np
 import pytest
@@ -8,6 +8,7 @@ from drake_tc.errors import ParamsError
 from drake_tc.tsid.model import TsidModel
 from drake_tc.tsid.tasks.cop import CopTask
 from drake_tc.tsid.tasks.force import ForceTask
+from drake_tc.tsid.tasks.torque import TorqueTask
 
 from .machines import arm, machine, random_state
 
@@ -37,6 +38,17 @@ def test_forces_follow_the_reference_of_the_contacts_that_are_active(model):
         assert rows.matrix.force.shape == (places.size, places.size)
         missed = rows.weight * (rows.matrix.force @ force[places] - rows.target)
         assert_allclose(missed, (weight * (force - reference))[places], atol=1e-14)
+
+
+def test_torques_follow_their_reference(model):
+    task, n = TorqueTask(model, weight=2.0), model.n
+    assert_allclose(task.rest(terms_of(model)), np.zeros(n), atol=0)
+    wanted, torque = np.random.default_rng(2).normal(size=(2, n))
+    rows = task.rows(terms_of(model), wanted)
+    assert rows.matrix.vdot is None and rows.matrix.force is None
+    assert_allclose(rows.weight * (rows.matrix.torque @ torque - rows.target), 2.0 * (torque - wanted), atol=1e-14)
+    with pytest.raises(ParamsError, match="torque"):
+        TorqueTask(model, weight=-1.0)
 
 
 def pressure(force):
