@@ -127,7 +127,7 @@ def _filters(parts: Parts) -> dict[str, OutputPort]:
     readings = {"joint_estimate": sensors.encoder.GetOutputPort("reading")}
     derivatives = {"joint_estimate": 3, "imu_estimate": 2, "wrench_estimate": 1}
     if sensors.imu is not None and parts.scenario.base_from == "imu":
-        readings["imu_estimate"] = first_imu(parts)
+        readings["imu_estimate"] = first_imu(parts.builder, sensors.imu.GetOutputPort("reading"))
     if sensors.force_torque is not None:
         readings["wrench_estimate"] = sensors.force_torque.GetOutputPort("reading")
     sizes = [port.size() for port in readings.values()]
@@ -174,7 +174,7 @@ def _monitor(parts: Parts, estimates: Mapping[str, OutputPort], reference: Outpu
     parts.builder.Connect(reference, rate.get_input_port())
     wires = {"encoder": sensors.encoder.GetOutputPort("reading"), "reference_velocity": rate.get_output_port(1)}
     if sensors.imu is not None:
-        wires["imu"] = first_imu(parts)
+        wires["imu"] = first_imu(parts.builder, sensors.imu.GetOutputPort("reading"))
     if sensors.force_torque is not None:
         wires["wrench"] = sensors.force_torque.GetOutputPort("reading")
         wires["contact_wrench"] = estimates["contact_wrench"]

@@ -32,7 +32,8 @@ def contact_wrenches(recording: TsidRecording, every: int = 1) -> FloatArray:
 def contact_misses(recording: TsidRecording, every: int = 1, window: int = 1) -> FloatArray:
     """(S,) by how much the worst row of all cones is missed by the true wrenches [N, N m]; negative: none is.
 
-    The cones are the controller's, "inner" ones where it has none. A contact counts while the scenario does not lift it.
+    The cones are the controller's, "inner" ones where it has none. A contact counts while the scenario does not lift
+    it.
 
     Args:
         recording: Of the run.

@@ -18,7 +18,7 @@ from drake_tc.robot.robot import Robot, load_robot
 from drake_tc.tsid.contacts import Contact
 from drake_tc.tsid.law import Law
 from drake_tc.tsid.limit_fields import read_limits
-from drake_tc.tsid.model import TsidModel
+from drake_tc.tsid.model import TsidModel, file_rotors
 from drake_tc.tsid.priority_fields import read_priorities, without_priorities
 from drake_tc.tsid.qp.choose import DEFAULT, solver
 from drake_tc.tsid.robust.budget import Budget
@@ -53,6 +53,8 @@ _CONTACT = (
     "minimum_force",
     "maximum_force",
 )
+_SOLE = ("half_length", "half_width", "extents", "moment_friction")
+"""Keys of a contact that a point has no use for."""
 PAPER_SHARE = 0.003
 """Of the effort limit: the paper's sigma."""
 
@@ -118,12 +120,17 @@ def _contact(name: str, entry: object) -> Contact:
     values: dict[str, Any] = {}
     for key, value in fields.mapping(where, entry, optional=None).items():
         at = f"{where}.{key}"
+        if value is None and key in _CONTACT:
+            continue
         if key in ("kind", "axes"):
             values[key] = fields.text(at, value)
         elif key == "extents":
             values[key] = _extents(at, value)
         elif key in _CONTACT:
             values[key] = fields.number(at, value, infinite=key == "maximum_force")
+    idle = [key for key in _SOLE if key in values and values.get("kind") == "point"]
+    if idle:
+        raise ParamsError(f"{where}.{idle[0]}: wanted kind: surface beside it; a point has no sole")
     return Contact(name, frame, **values)
 
 
@@ -134,10 +141,12 @@ def _extents(where: str, value: object) -> tuple[float, ...]:
 
 
 def _rotors(top: Mapping[str, Any], robot: Robot) -> dict[str, float] | None:
+    """Those given over those of the robot's files; None for the latter."""
     if top.get("rotor_inertia") is None:
         return None
     given = fields.mapping("rotor_inertia", top["rotor_inertia"], optional=robot.joints)
-    return {joint: fields.number(f"rotor_inertia.{joint}", value) for joint, value in given.items()}
+    own = {joint: fields.number(f"rotor_inertia.{joint}", value) for joint, value in given.items()}
+    return {**file_rotors(robot), **own}
 
 
 def _formulation(where: str, entry: object) -> Formulation:
@@ -147,14 +156,31 @@ def _formulation(where: str, entry: object) -> Formulation:
         key: fields.text(f"{where}.{key}", given[key]) for key in ("measure", "use") if key in given
     }
     values |= {key: fields.number(f"{where}.{key}", given[key]) for key in ("weight", "minimum") if key in given}
+    _check_acting(where, given)
     try:
         seconds = fields.number(f"{where}.seconds", given["seconds"]) if "seconds" in given else math.inf
-        iterations = round(fields.number(f"{where}.iterations", given.get("iterations", Budget().iterations)))
+        iterations = _whole(f"{where}.iterations", given.get("iterations", Budget().iterations))
         budget = Budget(iterations, seconds, time.perf_counter)
         accuracy = fields.number(f"{where}.accuracy", given.get("accuracy", Options().accuracy))
         return Formulation(**values, options=Options(accuracy, budget))
     except ParamsError as error:
         raise ParamsError(str(error) if str(error).startswith(where) else f"{where}.{error}") from None
+
+
+def _check_acting(where: str, given: Mapping[str, Any]) -> None:
+    """Refuse what would change nothing."""
+    use = given.get("use", "trade_off")
+    if given.get("measure") == "classic" and use != "trade_off":
+        raise ParamsError(f"{where}.use: wanted a measure of robustness beside {use}; measure: classic has none")
+    if "minimum" in given and use != "constraint":
+        raise ParamsError(f"{where}.minimum: wanted use: constraint beside it; got use: {use}")
+
+
+def _whole(where: str, value: object) -> int:
+    number = fields.number(where, value)
+    if number != round(number) or number < 1:
+        raise ParamsError(f"{where}: wanted a whole number >= 1; got {value!r}")
+    return round(number)
 
 
 def _error(where: str, entry: object, robot: Robot, folder: Path) -> TorqueError:

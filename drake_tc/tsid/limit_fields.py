@@ -65,16 +65,24 @@ def _acceleration(where: str, keys: object, model: TsidModel, period: float) -> 
     for key, value in values.items():
         if value.ndim and value.size != n:
             raise ParamsError(f"{where}.{key}: wanted a number or {n} of them, one a joint; got {value.size}")
-    held = fields.number(f"{where}.period", given.get("period", period))
+    held = _held(where, given, period)
     margin = fields.number(f"{where}.margin", given.get("margin", 0.0))
     return AccelerationLimit.of(model.robot, model.actuated, model.nv, period=held, margin=margin, **values)
 
 
 def _capture_point(where: str, keys: object, model: TsidModel, period: float) -> Limit:
     given = fields.mapping(where, keys, optional=("period", "margin"))
-    held = fields.number(f"{where}.period", given.get("period", period))
+    held = _held(where, given, period)
     margin = fields.number(f"{where}.margin", given.get("margin", 0.0))
     return CapturePointLimit(model.contacts, period=held, margin=margin)
+
+
+def _held(where: str, given: dict[str, Any], period: float) -> float:
+    """How long an acceleration is taken to last: the controller's period or more, as it decides no earlier."""
+    held = fields.number(f"{where}.period", given.get("period", period))
+    if held < (1.0 - 1e-9) * period:
+        raise ParamsError(f"{where}.period: wanted the controller's period, {period:g} s, or more; got {held:g}")
+    return held
 
 
 _KINDS = {

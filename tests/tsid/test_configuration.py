@@ -15,6 +15,7 @@ from drake_tc.robot.packages import resolve
 from drake_tc.robot.plant import joint_limits
 from drake_tc.tsid.configuration import load_law
 from drake_tc.tsid.controller import RobustTsid
+from drake_tc.tsid.model import file_rotors
 
 MODELS = Path(drake_tc.models.__file__).parent
 FILE = MODELS / "hrp2_like" / "hrp2_like_tsid.yaml"
@@ -107,10 +108,49 @@ def test_limits_are_what_their_keys_say(load):
     assert_allclose(sole[2], 0.0, atol=2e-5)
 
 
+def test_rotor_inertias_are_laid_over_the_robots_own(load):
+    own, given, none = (load(rotor_inertia=entry).model for entry in (None, {"r_knee": 0.8}, {}))
+    q, v = own.start, np.zeros(own.nv)
+    masses = [model.terms(model.create_scratch(), q, v).mass_matrix for model in (own, given, none)]
+    added = masses[1] - masses[0]
+    knee = own.actuated[own.robot.joints.index("r_knee")]
+    assert_allclose(added[knee, knee], 0.8 - file_rotors(own.robot)["r_knee"], rtol=1e-9)
+    added[knee, knee] = 0.0
+    assert_allclose(added, 0.0, atol=1e-12)
+    assert_array_equal(masses[2], masses[0])
+
+
+def test_a_limit_may_look_as_far_ahead_as_a_tick_or_farther(load):
+    for period in (1e-3, 0.1 * 0.01, 7e-3):
+        load(limits={"acceleration": {"period": period}, "capture_point": {"period": period}})
+    with pytest.raises(ParamsError, match=r"limits\.acceleration\.period: wanted the controller's period, 0\.01 s"):
+        load(period=0.01, limits={"acceleration": {"period": 5e-3}})
+
+
+def test_a_capture_point_without_contacts_is_refused(load):
+    posture = {"posture": {"kind": "posture", "kp": 1.0, "kd": 1.0}}
+    with pytest.raises(ParamsError, match=r"limits\.capture_point: capture point: wanted contacts"):
+        load(contacts=None, tasks=posture, limits={"capture_point": {}})
+
+
+def test_a_minimum_is_read_where_it_acts_and_classic_replaces_a_measure(load):
+    law = load(formulation={"use": "constraint", "minimum": 1e-3, "iterations": 2.0})
+    assert (law.formulation.minimum, law.formulation.options.budget.iterations) == (1e-3, 2)
+    assert load({"formulation": {"measure": "classic"}}).formulation.measure == "classic"
+
+
 def test_axes_of_a_contact_are_read(load):
     for axes, upright in (({}, True), ({"axes": "world"}, True), ({"axes": "link"}, False)):
         law = load({"contacts": {"hand": {"kind": "point", "link": "l_hand", **axes}}})
         assert [contact.upright for contact in law.model.contacts] == [False, False, upright]
+
+
+def test_a_sole_becomes_a_point_when_its_keys_are_taken_away(load):
+    sole = document()["contacts"]["left_sole"]
+    none = {key: None for key in SOLE_ALONE if key in sole}
+    assert {"half_length", "half_width"} <= set(none)
+    law = load({"contacts": {"left_sole": {"kind": "point", **none}}, "tasks": {"force": None}})
+    assert [contact.size for contact in law.model.contacts] == [6, 3]
 
 
 def test_every_kind_of_task_is_read(load):
@@ -143,6 +183,7 @@ def changed(path, value):
     return found
 
 
+SOLE_ALONE = {"half_length": 0.1, "half_width": 0.1, "extents": [-0.1, 0.1, -0.1, 0.1], "moment_friction": 0.2}
 REFUSED = [
     (("robot",), "nowhere.yaml", "nowhere.yaml: no such file"),
     (("colour",), "red", "controller: unknown key 'colour'"),
@@ -181,6 +222,27 @@ REFUSED = [
     (("period",), "soon", "period: wanted a finite number; got 'soon'"),
     (("contact_damping",), -1.0, "contact_damping: wanted a finite number >= 0"),
     (("rotor_inertia",), {"r_knee": -1.0}, "rotor_inertia: r_knee: wanted a number >= 0"),
+    (("limits", "acceleration", "period"), 9e-4, "limits.acceleration.period: wanted the controller's period, 0.001 s"),
+    (("limits", "acceleration", "margin"), -1.0, "limits.acceleration: margin: wanted a finite number >= 0"),
+    (("limits", "capture_point"), {"period": 1e-4}, "limits.capture_point.period: wanted the controller's period"),
+    (("limits", "capture_point"), {"margin": -0.01}, "limits.capture_point: capture point: margin: wanted a finite"),
+    (("limits", "torque"), {"share": 7.0}, "limits.torque: .*wanted a positive share, 1 at most; got 7"),
+    (("formulation",), {"measure": "classic", "use": "constraint"}, "formulation.use: wanted a measure of robustness"),
+    (("formulation",), {"measure": "classic", "use": "null_space"}, "formulation.use: wanted a measure of robustness"),
+    (("formulation",), {"measure": "classic", "minimum": 0.1}, "formulation.minimum: wanted use: constraint beside it"),
+    (("formulation",), {"minimum": 0.1}, "formulation.minimum: wanted use: constraint beside it; got use: trade_off"),
+    (("formulation",), {"use": "null_space", "minimum": 0.1}, "formulation.minimum: wanted use: constraint beside it"),
+    (("formulation", "iterations"), 0.6, "formulation.iterations: wanted a whole number >= 1; got 0.6"),
+    (("formulation", "iterations"), 2.4, "formulation.iterations: wanted a whole number >= 1; got 2.4"),
+    (("formulation", "iterations"), 0, "formulation.iterations: wanted a whole number >= 1; got 0"),
+    *(
+        (
+            ("contacts", "tip"),
+            {"kind": "point", "link": "l_hand", key: value},
+            f"contacts.tip.{key}: wanted kind: surface",
+        )
+        for key, value in SOLE_ALONE.items()
+    ),
 ]
 
 

@@ -70,7 +70,7 @@ def test_no_numbers_raise_or_let_a_nan_out(law, measure, use):
             measure,
             use,
             share=10.0 ** rng.uniform(-5, -0.3),
-            minimum=10.0 ** rng.uniform(-14, 1.5),
+            minimum=10.0 ** rng.uniform(-8, 1.5),
             weight=10.0 ** rng.uniform(-12, 8),
             options=Options(budget=Budget(100)),
         )

@@ -1,5 +1,7 @@
 """Bounds on accelerations: never empty, never too wide, never too narrow."""
 
+from typing import NamedTuple
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -11,6 +13,32 @@ from drake_tc.tsid.limits.viability import JointRange, Viability
 
 ROUNDING = 1e-9
 N = 40
+
+
+class Bounds(NamedTuple):
+    """Of `Viability`, and by how much position and velocity limits have to give way, by definition."""
+
+    lower: np.ndarray
+    upper: np.ndarray
+    beyond: np.ndarray
+    too_fast: np.ndarray
+
+    @property
+    def relaxed(self) -> np.ndarray:
+        return (self.beyond > ROUNDING) | (self.too_fast > ROUNDING)
+
+
+def at(limits: JointRange, q: np.ndarray, v: np.ndarray) -> Bounds:
+    """Braking as hard as can be, B being what stops and A what slows a joint within a period, does not do."""
+    lower, upper, count = Viability(limits).bounds(q, v)
+    h, a = limits.period, limits.acceleration
+    up, down = np.minimum(a, -limits.velocity_lower / h), np.minimum(a, limits.velocity_upper / h)
+    above = q + np.maximum(v, 0.0) ** 2 / (2 * up) - limits.upper
+    below = limits.lower - q + np.maximum(-v, 0.0) ** 2 / (2 * down)
+    fast = np.maximum(v - h * a - limits.velocity_upper, limits.velocity_lower - v - h * a)
+    bounds = Bounds(lower, upper, np.maximum(np.maximum(above, below), 0.0), np.maximum(fast, 0.0))
+    assert np.isnan(q).any() or count == np.count_nonzero(bounds.relaxed)
+    return bounds
 
 
 def needed(h, a, down, up) -> np.ndarray:
@@ -52,15 +80,15 @@ def chosen(rng, bounds) -> np.ndarray:
 def test_whoever_follows_the_bounds_never_leaves_the_box(seed):
     rng = np.random.default_rng(seed)
     limits = ranges(rng)
-    viability, h = Viability(limits), limits.period
+    h = limits.period
     q, v = rng.uniform(limits.lower, limits.upper), rng.uniform(limits.velocity_lower, limits.velocity_upper)
-    viable = ~viability(q, v).relaxed
+    viable = ~at(limits, q, v).relaxed
     assert viable.any()
     q, v = np.where(viable, q, 0.5 * (limits.lower + limits.upper)), np.where(viable, v, 0.0)
     habit = rng.integers(0, 2, N)  # half of the joints stay at one bound as long as they can
     side = rng.integers(0, 2, N)
     for _ in range(40):
-        bounds = viability(q, v)
+        bounds = at(limits, q, v)
         assert not bounds.relaxed.any()
         assert (bounds.lower <= bounds.upper).all()
         assert (np.abs(bounds.lower) <= limits.acceleration + ROUNDING).all()
@@ -86,10 +114,10 @@ def braked(q, v, a, brake, h) -> tuple[np.ndarray, np.ndarray]:
 def test_no_acceleration_above_the_bound_would_do(seed):
     rng = np.random.default_rng(seed)
     limits = ranges(rng)
-    viability, h = Viability(limits), limits.period
+    h = limits.period
     q, v = rng.uniform(limits.lower, limits.upper), rng.uniform(limits.velocity_lower, limits.velocity_upper)
     fine = limits.acceleration * h <= np.minimum(-limits.velocity_lower, limits.velocity_upper)
-    bounds = viability(q, v)
+    bounds = at(limits, q, v)
     for sign, bound in ((1.0, bounds.upper), (-1.0, -bounds.lower)):
         more = bound + 1e-4 * limits.acceleration
         end = limits.upper if sign > 0 else -limits.lower
@@ -104,12 +132,12 @@ def test_no_acceleration_above_the_bound_would_do(seed):
 def test_beyond_the_limits_the_bounds_are_never_empty_and_things_only_get_better(seed):
     rng = np.random.default_rng(seed)
     limits = ranges(rng)
-    viability, h = Viability(limits), limits.period
+    h = limits.period
     q = rng.uniform(limits.lower - 1, limits.upper + 1)
     v = rng.uniform(2 * limits.velocity_lower - 1, 2 * limits.velocity_upper + 1)
-    before = viability(q, v)
+    before = at(limits, q, v)
     for _ in range(20):
-        bounds = viability(q, v)
+        bounds = at(limits, q, v)
         assert (bounds.lower <= bounds.upper).all()
         assert (np.maximum(np.abs(bounds.lower), np.abs(bounds.upper)) <= limits.acceleration + ROUNDING).all()
         assert (bounds.beyond <= before.beyond + ROUNDING).all()
@@ -142,7 +170,7 @@ def test_joints_are_counted_where_a_limit_had_to_give_way(seed):
 
 def test_the_flag_says_by_how_much():
     limits = JointRange(("a", "b", "c"), -np.ones(3), np.ones(3), -np.ones(3), np.ones(3), np.full(3, 10.0), 1e-3)
-    bounds = Viability(limits)(np.array([0.0, 1.2, 0.0]), np.array([0.0, 0.0, 1.5]))
+    bounds = at(limits, np.array([0.0, 1.2, 0.0]), np.array([0.0, 0.0, 1.5]))
     assert bounds.relaxed.tolist() == [False, True, True]
     assert Viability(limits).bounds(np.array([0.0, 1.2, 0.0]), np.array([0.0, 0.0, 1.5]))[2] == 2
     assert_allclose(bounds.beyond, [0.0, 0.2, 0.0], atol=1e-15)
@@ -155,7 +183,7 @@ def test_the_flag_says_by_how_much():
 def test_free_joints_have_their_acceleration_alone():
     free = np.full(2, np.inf)
     limits = JointRange(("a", "b"), -free, free, -free, free, np.array([3.0, 7.0]), 1e-3)
-    bounds = Viability(limits)(np.array([1e3, -5.0]), np.array([40.0, -1e3]))
+    bounds = at(limits, np.array([1e3, -5.0]), np.array([40.0, -1e3]))
     assert_allclose(bounds.upper, [3.0, 7.0])
     assert_allclose(bounds.lower, [-3.0, -7.0])
     assert not bounds.relaxed.any()
@@ -163,7 +191,7 @@ def test_free_joints_have_their_acceleration_alone():
 
 def test_a_number_that_is_none_stays_one():
     limits = JointRange(("a", "b"), -np.ones(2), np.ones(2), -np.ones(2), np.ones(2), np.full(2, 10.0), 1e-3)
-    bounds = Viability(limits)(np.array([np.nan, 0.0]), np.array([0.0, 0.1]))
+    bounds = at(limits, np.array([np.nan, 0.0]), np.array([0.0, 0.1]))
     assert np.isnan(bounds.lower[0]) and np.isnan(bounds.upper[0])
     assert np.isfinite([bounds.lower[1], bounds.upper[1]]).all()
 

@@ -1,10 +1,14 @@
 """Tasks on contact forces and torques: what they measure, and which contacts they read."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
 from drake_tc.errors import ParamsError
+from drake_tc.robot.mounts import Mount
+from drake_tc.tsid.contacts import Contact
 from drake_tc.tsid.model import TsidModel
 from drake_tc.tsid.tasks.cop import CopTask
 from drake_tc.tsid.tasks.force import ForceTask
@@ -49,6 +53,17 @@ def test_torques_follow_their_reference(model):
     assert_allclose(rows.weight * (rows.matrix.torque @ torque - rows.target), 2.0 * (torque - wanted), atol=1e-14)
     with pytest.raises(ParamsError, match="torque"):
         TorqueTask(model, weight=-1.0)
+
+
+def test_six_components_of_two_points_are_one_a_force(tmp_path):
+    robot, mounts = machine("floating arm", tmp_path).robot, [Mount(name, name) for name in ("hand", "slider", "base")]
+    tips = [Contact(f"{mount.link}_tip", replace(mount, name=f"{mount.link}_tip"), "point") for mount in mounts]
+    components = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]
+    assert_allclose(ForceTask(TsidModel(robot, tips[:2]), components=components).weight, components, rtol=0)
+    three = ForceTask(TsidModel(robot, tips), components=components)
+    assert_allclose(three.weight, [1.0, 2.0, 3.0] * 3, rtol=0)  # the pattern of every contact
+    sole = Contact("sole", Mount("sole", "hand"), half_length=0.1, half_width=0.1)
+    assert_allclose(ForceTask(TsidModel(robot, [sole]), components=components).weight, components, rtol=0)
 
 
 def pressure(force):

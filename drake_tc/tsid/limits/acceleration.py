@@ -9,7 +9,7 @@ from drake_tc.estimation.torque_model import as_slice
 from drake_tc.robot.plant import joint_limits
 from drake_tc.robot.robot import Robot
 from drake_tc.tsid.limits.relaxed import RelaxedRows
-from drake_tc.tsid.limits.viability import AccelerationBounds, JointRange, Viability
+from drake_tc.tsid.limits.viability import JointRange, Viability
 from drake_tc.tsid.rows import selection
 from drake_tc.tsid.terms import Terms
 from drake_tc.types import FloatArray, IntArray
@@ -65,17 +65,15 @@ class AccelerationLimit:
             margin: Kept to both ends of the positions [rad].
 
         Raises:
-            ParamsError: see `JointRange`.
+            ParamsError: a margin that is negative or not finite; else see `JointRange`.
         """
+        if not (np.isfinite(margin) and margin >= 0.0):
+            raise ParamsError(f"margin: wanted a finite number >= 0 [rad]; got {margin!r}")
         known, n = joint_limits(robot), len(robot.joints)
         speed = _each("velocity", known.velocity if velocity is None else velocity, n)
         most = _each("acceleration", acceleration, n)
         ends = known.lower + margin, known.upper - margin
         return cls(JointRange(robot.joints, *ends, -speed, speed, most, period), actuated, velocities)
-
-    def bounds(self, terms: Terms) -> AccelerationBounds:
-        """The bounds at this state, and where limits had to give way."""
-        return self._viability(terms.joint_position, terms.v[self._actuated])
 
     def rows(self, terms: Terms) -> RelaxedRows:
         """N rows; a joint's acceleration each [rad/s^2]."""

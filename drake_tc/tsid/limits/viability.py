@@ -22,36 +22,14 @@ Source: Del Prete, Joint position and velocity bounds in discrete-time accelerat
 """
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
 from drake_tc.errors import ParamsError
-from drake_tc.types import BoolArray, FloatArray
+from drake_tc.types import FloatArray
 
 NEGLIGIBLE = 1e-9
 """What rounding may add to a position or a velocity [rad, rad/s]."""
-
-
-class AccelerationBounds(NamedTuple):
-    """lower <= vdot <= upper (n,) [rad/s^2], and by how much limits had to give way, (n,) each, 0 at viable states.
-
-    Attributes:
-        lower, upper: Never contradict each other; NaN only where the state is.
-        beyond: How far a position limit was moved out [rad].
-        too_fast: How far the velocity stays beyond its limit after the period [rad/s].
-    """
-
-    lower: FloatArray
-    upper: FloatArray
-    beyond: FloatArray
-    too_fast: FloatArray
-
-    @property
-    def relaxed(self) -> BoolArray:
-        """(n,) where a limit gave way by more than rounding."""
-        found: BoolArray = (self.beyond > NEGLIGIBLE) | (self.too_fast > NEGLIGIBLE)
-        return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,7 +103,7 @@ class Viability:
     At a state that is not viable limits give way: the position's first, outwards to where braking with B stops the
     joint; then the velocity's, to what braking with A leaves after a period; the acceleration's A never. So a joint
     beyond its range may not go further out, and is not driven back either: where the task brings it back, the limit
-    closes behind it. That this happened is told: `relaxed` of the bounds, and `law.Status.RELAXED` of a tick.
+    closes behind it. That this happened is told: by the count of `bounds`, and by `law.Status.RELAXED` of a tick.
     """
 
     def __init__(self, limits: JointRange) -> None:
@@ -177,15 +155,6 @@ class Viability:
             gave = (beyond > NEGLIGIBLE) | (late_by > NEGLIGIBLE * rate)
             relaxed = int(np.count_nonzero(gave[:n] | gave[n:]))
         return np.minimum(-ceiling[n:], upper), upper, relaxed
-
-    def __call__(self, q: FloatArray, v: FloatArray) -> AccelerationBounds:
-        """`bounds`, and by how much limits gave way."""
-        n, speed = self._n, np.concatenate((v, -v))
-        beyond = np.maximum(self._stop(speed) - (self._end - np.concatenate((q, -q))), 0.0)
-        fast = np.maximum(speed - self._fastest - self._h * self._most, 0.0)
-        return AccelerationBounds(
-            *self.bounds(q, v)[:2], np.maximum(beyond[:n], beyond[n:]), np.maximum(fast[:n], fast[n:])
-        )
 
     def _stop(self, speed: FloatArray) -> FloatArray:
         """(2n,) how much further a joint goes that brakes."""

@@ -25,6 +25,8 @@ from drake_tc.types import BoolArray, FloatArray
 
 MeasureName = Literal["classic", "individual", "rectangle", "box"]
 Use = Literal["trade_off", "null_space", "constraint"]
+LEAST = 1e-8
+"""Of R_min: below, the bound is lost in rounding."""
 
 
 @dataclass(frozen=True)
@@ -42,11 +44,11 @@ class Formulation:
         measure: Which R.
         use: What for.
         weight: w of the trade-off; a first guess of the multiplier for "constraint".
-        minimum: R_min of the constraint; p >= exp(-R_min) by the measure's approximation.
+        minimum: R_min of the constraint, 1e-8 or more; p >= exp(-R_min) by the measure's approximation.
         options: Accuracy and budget.
 
     Raises:
-        ParamsError: an unknown measure or use, or a weight or minimum that is not above 0.
+        ParamsError: an unknown measure or use, or a weight or minimum that is too small.
     """
 
     measure: MeasureName = "individual"
@@ -62,9 +64,10 @@ class Formulation:
         ):
             if value not in names:
                 raise ParamsError(f"{name}: wanted one of {sorted(names)}; got {value!r}")
-        for name, number in (("weight", self.weight), ("minimum", self.minimum)):
-            if not (number > 0.0 and np.isfinite(number)):
-                raise ParamsError(f"{name}: wanted a finite number > 0; got {number}")
+        if not (self.weight > 0.0 and np.isfinite(self.weight)):
+            raise ParamsError(f"weight: wanted a finite number > 0; got {self.weight}")
+        if not (self.minimum >= LEAST and np.isfinite(self.minimum)):
+            raise ParamsError(f"minimum: wanted a finite number >= {LEAST:g}; got {self.minimum}")
 
     def solve(
         self,

@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from drake_tc.control.covariance import checked_covariance
 from drake_tc.errors import ParamsError
 from drake_tc.types import BoolArray, FloatArray
 
@@ -75,21 +76,13 @@ def _checked(covariance: FloatArray) -> FloatArray:
     """(n, n) of what was given; raises ParamsError."""
     if covariance.ndim not in (1, 2) or covariance.size == 0 or covariance.shape[0] != covariance.shape[-1]:
         raise ParamsError(f"covariance: wanted (n,) variances or (n, n), n >= 1; got shape {covariance.shape}")
+    if covariance.ndim == 2:
+        return checked_covariance(covariance)
     if not np.all(np.isfinite(covariance)):
         raise ParamsError("covariance: wanted finite numbers; got NaN or infinity")
-    if covariance.ndim == 1:
-        if covariance.min() < 0.0:
-            raise ParamsError(f"covariance: wanted variances >= 0; the smallest is {covariance.min():g}")
-        return np.diag(covariance)
-    largest = float(np.abs(np.diagonal(covariance)).max())
-    if float(np.abs(covariance - covariance.T).max()) > ROUNDING * largest:
-        raise ParamsError("covariance: wanted a symmetric matrix; rows and columns differ")
-    smallest = float(np.linalg.eigvalsh(0.5 * (covariance + covariance.T)).min())
-    if smallest < -ROUNDING * largest:
-        raise ParamsError(f"covariance: wanted a positive semidefinite matrix; its smallest eigenvalue is {smallest:g}")
-    covariance = 0.5 * (covariance + covariance.T)
-    np.fill_diagonal(covariance, np.maximum(np.diagonal(covariance), 0.0))
-    return covariance
+    if covariance.min() < 0.0:
+        raise ParamsError(f"covariance: wanted variances >= 0; the smallest is {covariance.min():g}")
+    return np.diag(covariance)
 
 
 def _root(covariance: FloatArray, sigma: FloatArray, erring: BoolArray) -> FloatArray:

@@ -29,7 +29,7 @@ class ForceTask:
             model: Of the robot, with contacts.
             weight: Of the task (the paper's w_f).
             components: (6,) weights of [fx fy fz tx ty tz] in every contact (a point takes the first three), or (K,)
-                of all contacts; None for ones. They multiply `weight`.
+                of all contacts, which is what six are of two points; None for ones. They multiply `weight`.
             name: Of the task.
 
         Raises:
@@ -38,7 +38,7 @@ class ForceTask:
         if not model.contacts:
             raise ParamsError(f"task {name!r}: wanted a model with contacts; robot {model.robot.name!r} has none here")
         whole: Gains = 1.0 if components is None else np.asarray(components, dtype=float)
-        if components is not None and len(components) == 6:
+        if components is not None and len(components) == 6 != model.force_size:
             whole = np.concatenate([np.asarray(components, dtype=float)[: contact.size] for contact in model.contacts])
         scale = gains(f"task {name!r}: weight", weight, 1)
         self.name, self.reference_size = name, model.force_size
