@@ -15,10 +15,17 @@ from threadpoolctl import threadpool_limits
 
 from drake_tc.report.bench_row import BenchRow, timing_row
 from drake_tc.tsid.law import Before, Law, problem_at, solve_tick
-from drake_tc.tsid.robust.formulation import MeasureName
+from drake_tc.tsid.robust.formulation import MeasureName, Use
 from drake_tc.types import FloatArray
 
-MEASURES: tuple[MeasureName, ...] = ("classic", "individual", "box", "rectangle")
+FORMS: tuple[tuple[MeasureName, Use], ...] = (
+    ("classic", "trade_off"),
+    ("individual", "trade_off"),
+    ("box", "trade_off"),
+    ("rectangle", "trade_off"),
+    ("individual", "constraint"),
+    ("individual", "null_space"),
+)
 
 
 def tick_timings(scenario: TsidScenario, progress: Progress) -> list[BenchRow]:
@@ -33,11 +40,12 @@ def tick_timings(scenario: TsidScenario, progress: Progress) -> list[BenchRow]:
         recording = simulate_tsid(scenario)
         references = _references(recording)
         rows = _stages(recording, references)
-        for number, measure in enumerate(MEASURES):
-            progress(f"a tick, {measure}", (1 + number) / (2 + len(MEASURES)))
-            formulation = replace(recording.law.formulation, measure=measure)
-            rows.append(_ticks(replace(recording.law, formulation=formulation), recording, references))
-        progress("the diagram", 1.0 - 1.0 / (2 + len(MEASURES)))
+        for number, (measure, use) in enumerate(FORMS):
+            name = measure if use == "trade_off" else f"{measure}, {use}"
+            progress(f"a tick, {name}", (1 + number) / (2 + len(FORMS)))
+            formulation = replace(recording.law.formulation, measure=measure, use=use)
+            rows.append(_ticks(name, replace(recording.law, formulation=formulation), recording, references))
+        progress("the diagram", 1.0 - 1.0 / (2 + len(FORMS)))
         rows.append(_diagram(scenario))
     return rows
 
@@ -75,7 +83,7 @@ def _stages(recording: TsidRecording, references: Sequence[Sequence[FloatArray]]
     return [timing_row("terms of the dynamics", terms), timing_row("terms, rows and reduction to the torques", problem)]
 
 
-def _ticks(law: Law, recording: TsidRecording, references: Sequence[Sequence[FloatArray]]) -> BenchRow:
+def _ticks(name: str, law: Law, recording: TsidRecording, references: Sequence[Sequence[FloatArray]]) -> BenchRow:
     model = law.model
     scratch, active = model.create_scratch(), (True,) * len(model.contacts)
     before, seconds = Before(np.zeros(model.n), None), []
@@ -84,7 +92,7 @@ def _ticks(law: Law, recording: TsidRecording, references: Sequence[Sequence[Flo
         tick = solve_tick(law, scratch, state, wanted, active, before)
         seconds.append(time.thread_time() - begin)
         before = Before(tick.torque, tick.start)
-    return timing_row(f"a tick, everything: {law.formulation.measure}", seconds[1:])
+    return timing_row(f"a tick, everything: {name}", seconds[1:])
 
 
 def _diagram(scenario: TsidScenario) -> BenchRow:
