@@ -200,7 +200,11 @@ def test_closed_loop_shares_and_intervals_from_known_runs():
     good = tsid_closed_loop.Outcome(0.0, 0.0, 0.0, False)
     bad, fallen = dataclasses.replace(good, force=0.1), dataclasses.replace(good, fell=True)
     found = [(bad, good, good, good)] * 6 + [(good, good, fallen, bad)] * 2
-    rows = {row.name: row.value for row in tsid_closed_loop.reproduction(found).rows}
+    swept = [(good,) * 4, (bad, good, good, bad), (good, good, bad, good), (bad, bad, bad, bad)]
+    swept += [(good,) * 4] * (len(tsid_closed_loop.AMPLITUDES) - 4)  # what is kept beyond a miss does not count
+    rows = {row.name: row.value for row in tsid_closed_loop.reproduction(found, swept).rows}
+    steps = [rows[f"widest sway kept, {form} minus classic"] for form in ("individual", "rectangle", "box")]
+    assert steps == pytest.approx([1.0, 0.5, 0.0])
     assert rows["runs that keep every limit, classic"] == 25.0
     assert rows["runs that keep every limit, individual"] == 100.0
     assert rows["runs that keep every limit, rectangle"] == 75.0
