@@ -29,7 +29,7 @@ RUNS = 20
 FORMS = ("classic", "individual", "rectangle", "box")
 SCENARIO = Path(__file__).resolve().parents[1] / "humanoid_tsid.scenario.yaml"
 AMPLITUDE = 0.05
-"""Of the sway to either side [m]: of the amplitudes, the least at which the classic form misses a limit, masses right."""
+"""Of the sway to either side [m]: the least of `AMPLITUDES` at which the classic form misses a limit, masses right."""
 AMPLITUDES = (0.045, 0.05, 0.055, 0.06, 0.065, 0.07)
 """At which each form is tried with the right masses [m]."""
 TIMES = (0.6, 2.2, 3.8)
