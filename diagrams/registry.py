@@ -1,14 +1,24 @@
 """The diagrams that commands know by name."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Generic, Protocol, TypeVar
 
+from drake_tc.diagrams.analysed.operating_point import sliding
 from drake_tc.diagrams.humanoid_tsid import TsidLoop, build_tsid
-from drake_tc.diagrams.runs.simulated import Progress, Simulated, simulate_torque_loop, simulate_tsid_loop
+from drake_tc.diagrams.runs.simulated import (
+    Progress,
+    Simulated,
+    simulate_sea_loop,
+    simulate_torque_loop,
+    simulate_tsid_loop,
+)
 from drake_tc.diagrams.scenarios.files import scenario_names
 from drake_tc.diagrams.scenarios.scenario import Scenario, load_scenario
+from drake_tc.diagrams.sea.linear import sliding_sea
+from drake_tc.diagrams.sea.scenario import SeaScenario, load_sea_scenario
+from drake_tc.diagrams.sea_joint import SeaLoop, build_sea
 from drake_tc.diagrams.torque_loop import Loop, build_loop
 from drake_tc.diagrams.tsid.scenario import TsidScenario, load_tsid_scenario
 from pydrake.systems.framework import Diagram
@@ -55,6 +65,8 @@ class DiagramEntry(Generic[ScenarioT, LoopT]):
         load: File, name and text of changes to scenario.
         build: Scenario to loop.
         simulate: Scenario to what a run comes to; told of progress, and whether to show it in a browser.
+        sliding: The scenario as a linear analysis takes it: perfect sensors, dry friction constant. Model files that it
+            needs go into the folder, which must stay for as long. None: there is no such thing, it is taken as it is.
     """
 
     name: str
@@ -63,6 +75,7 @@ class DiagramEntry(Generic[ScenarioT, LoopT]):
     load: Callable[[Path, str, str | None], ScenarioT]
     build: Callable[[ScenarioT], LoopT]
     simulate: Callable[[ScenarioT, Progress | None, bool], Simulated]
+    sliding: Callable[[ScenarioT, Path], ScenarioT] | None = None
 
     def scenarios(self) -> list[str]:
         """Names of the committed scenarios."""
@@ -86,14 +99,27 @@ class DiagramEntry(Generic[ScenarioT, LoopT]):
 
 TorqueLoopEntry = DiagramEntry[Scenario, Loop]
 TsidEntry = DiagramEntry[TsidScenario, TsidLoop]
+SeaEntry = DiagramEntry[SeaScenario, SeaLoop]
 
 
 def _torque_loop(name: str, title: str) -> TorqueLoopEntry:
-    return DiagramEntry(name, title, HERE / f"{name}.scenario.yaml", load_scenario, build_loop, simulate_torque_loop)
+    file = HERE / f"{name}.scenario.yaml"
+    return DiagramEntry(name, title, file, load_scenario, build_loop, simulate_torque_loop, _sliding_loop)
+
+
+def _sliding_loop(scenario: Scenario, folder: Path) -> Scenario:
+    return replace(sliding(scenario, folder), sensors="perfect")
 
 
 def _tsid(name: str, title: str) -> TsidEntry:
     return DiagramEntry(name, title, HERE / f"{name}.scenario.yaml", load_tsid_scenario, build_tsid, simulate_tsid_loop)
+
+
+def _sea(name: str, title: str) -> SeaEntry:
+    file = HERE / f"{name}.scenario.yaml"
+    return DiagramEntry(
+        name, title, file, load_sea_scenario, build_sea, simulate_sea_loop, lambda scenario, _: sliding_sea(scenario)
+    )
 
 
 def _by_name(entries: Sequence[Any]) -> dict[str, Any]:
@@ -112,7 +138,11 @@ TSID_DIAGRAMS: Mapping[str, TsidEntry] = _by_name(
     [_tsid("humanoid_tsid", "a humanoid on a floor under robust TSID, its torques direct or through drives")]
 )
 
-RUNNABLE: Mapping[str, DiagramEntry[Any, Any]] = {**DIAGRAMS, **TSID_DIAGRAMS}
+SEA_DIAGRAMS: Mapping[str, SeaEntry] = _by_name(
+    [_sea("sea_joint", "a voltage-driven series-elastic joint in torque control: held, moved by a hand, or free")]
+)
+
+RUNNABLE: Mapping[str, DiagramEntry[Any, Any]] = {**DIAGRAMS, **TSID_DIAGRAMS, **SEA_DIAGRAMS}
 """Everything that can be simulated and drawn."""
 
 
@@ -132,6 +162,15 @@ def tsid_entry(name: str = "humanoid_tsid") -> TsidEntry:
         ParamsError: there is none; the message lists those there are.
     """
     return _found(name, TSID_DIAGRAMS)
+
+
+def sea_entry(name: str = "sea_joint") -> SeaEntry:
+    """The diagram of a series-elastic joint of that name.
+
+    Raises:
+        ParamsError: there is none; the message lists those there are.
+    """
+    return _found(name, SEA_DIAGRAMS)
 
 
 def runnable(name: str) -> DiagramEntry[Any, Any]:

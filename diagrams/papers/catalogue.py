@@ -6,6 +6,9 @@ from drake_tc.diagrams.papers.beyond import beyond
 from drake_tc.diagrams.papers.force_figures import fig5, fig6
 from drake_tc.diagrams.papers.motion_tables import table2, table3
 from drake_tc.diagrams.papers.reproduction import Progress, Reproduction
+from drake_tc.diagrams.papers.sea_bode import bode
+from drake_tc.diagrams.papers.sea_held import held
+from drake_tc.diagrams.papers.sea_motor import motor
 from drake_tc.diagrams.papers.stability import stability
 from drake_tc.diagrams.papers.stability_grid import stability_grid
 from drake_tc.diagrams.papers.table1 import table1
@@ -35,6 +38,9 @@ REPRODUCTIONS: Mapping[str, Callable[[int, Progress | None], Reproduction]] = {
     "B.test4": wrong_sigma,
     "B.test5": wrong_masses,
     "B.closed_loop": closed_loop,
+    "C.bode": bode,
+    "C.held": held,
+    "C.motor": motor,
 }
 """Id to a function of seed and progress."""
 

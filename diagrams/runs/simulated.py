@@ -9,6 +9,8 @@ from drake_tc.diagrams.runs.advancing import Progress
 from drake_tc.diagrams.runs.running import simulate_scenario
 from drake_tc.diagrams.runs.summary import summarise, write_results
 from drake_tc.diagrams.scenarios.scenario import Scenario
+from drake_tc.diagrams.sea.running import simulate_sea, summarise_sea, write_sea
+from drake_tc.diagrams.sea.scenario import SeaScenario
 from drake_tc.diagrams.tsid.running import simulate_tsid
 from drake_tc.diagrams.tsid.scenario import TsidScenario
 from drake_tc.diagrams.tsid.summary import summarise_tsid, write_tsid
@@ -92,6 +94,23 @@ def simulate_tsid_loop(scenario: TsidScenario, progress: Progress | None = None,
     ]
     table = Table(("joint", "max torque [N m]", "of its limit [%]"), rows)
     return Simulated(summary, table, tuple(lines), lambda folder, end, tell: write_tsid(recording, folder, end, tell))
+
+
+def simulate_sea_loop(scenario: SeaScenario, progress: Progress | None = None, meshcat: bool = False) -> Simulated:
+    """One series-elastic joint: its torque error, with and without the loop's delay, and the largest voltage.
+
+    Raises:
+        ParamsError: a scenario that cannot be built.
+        SimulationError: the motor ran away.
+    """
+    recording = simulate_sea(scenario, progress, meshcat=meshcat)
+    summary = summarise_sea(recording)
+    row = summary["joints"][0]
+    names = ("rms_error", "rms_error_but_for_delay", "max_error", "max_torque", "max_voltage")
+    headings = ("joint", "rms error [N m]", "but for the delay", "max error", "max torque", "max voltage [V]")
+    table = Table(headings, ((row["joint"], *(f"{row[name]:.3f}" for name in names)),))
+    lines = [_speed(summary), *(f"fault: {fault['name']} from {fault['first']:.3f} s" for fault in summary["faults"])]
+    return Simulated(summary, table, tuple(lines), lambda folder, end, tell: write_sea(recording, folder, end, tell))
 
 
 def _speed(summary: dict[str, Any]) -> str:

@@ -50,6 +50,14 @@ class Gear:
         """Lead of the motor [rad] when the gear passes `torque` [N m] at rest."""
         return torque * self.compliance + (math.copysign(self.half_gap, torque) if torque else 0.0)
 
+    def torque(self, twist: float, rate: float) -> float:
+        """What the gear passes [N m] when the motor leads by `twist` [rad] and gains on the link by `rate` [rad/s]."""
+        pressed = twist - max(-self.half_gap, min(self.half_gap, twist))
+        if self.half_gap and not pressed:
+            return 0.0
+        tau = (pressed + self.contact_time * rate) / self.compliance
+        return 0.0 if self.half_gap and tau * pressed < 0.0 else tau
+
     def step(
         self,
         motor: tuple[float, float, float],
@@ -73,11 +81,7 @@ class Gear:
         law = friction_law(self.motor_inertia, h)
         passed = friction = 0.0
         for _ in range(self.sub_steps):
-            twist = theta - q
-            pressed = twist - max(-self.half_gap, min(self.half_gap, twist))
-            tau = (pressed + self.contact_time * (omega - v)) / self.compliance if pressed else 0.0
-            if self.half_gap and tau * pressed < 0.0:
-                tau = 0.0
+            tau = self.torque(theta - q, omega - v)
             z, omega, rubbed = law(z, omega, thrust - tau, level, damping)
             theta += h * omega
             v += h * (tau - load) / self.link_inertia

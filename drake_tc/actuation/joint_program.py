@@ -105,6 +105,19 @@ class JointProgram:
             memory[at] = direction
         return memory
 
+    def motor(self, memory: list[float], q: float, v: float) -> tuple[float, float, float]:
+        """Motor angle and speed over the gear ratio, and the torque through the gear, at a tick.
+
+        Args:
+            memory: The joint's memory at the tick.
+            q: Of the link [rad].
+            v: Of the link [rad/s].
+        """
+        if self._gear is None or not memory[STARTED]:
+            return q, v, 0.0
+        theta, omega = memory[MOTOR], memory[MOTOR_VELOCITY]
+        return theta, omega, self._gear.torque(theta - q, omega - v)
+
     def step(self, memory: list[float], now: JointInput, *, at_tick: bool) -> JointOutput:
         """The torques from this tick to the next; `memory` becomes that of the next tick.
 

@@ -35,6 +35,9 @@ class ActuatorPlant(LeafSystem):  # type: ignore[misc, unused-ignore]
         effort: y, asked of the drive [rad | A | V].
         fault: 1 where the command (the last finite one is held) or the state (no torque) is not finite.
         step (5n + memory): those five of the first joint, of the second, and so on; then x[n+1].
+    Outputs at a tick, of the state x[n] and the input `state` alone:
+        motor_state (2n): [theta; theta'] over the gear ratio [rad, rad/s]; that of the joint where its gear is stiff.
+        transmitted_torque (n): what a gear with a TransmissionEffect passes to the link [N m]; 0 where it is stiff.
 
     State x: see `drake_tc.actuation.joint_program`. With F the step of the joints' programs,
         x[n+1], y[n] = F(x[n], u[n]).
@@ -96,6 +99,9 @@ class ActuatorPlant(LeafSystem):  # type: ignore[misc, unused-ignore]
             self.DeclareVectorOutputPort(name, size, self._writer(slice(index, kinds * size, kinds)), everything)
         self._after = slice(kinds * size, None)
         self._step: Any = self.DeclareVectorOutputPort("step", kinds * size + len(rest) + 1, self._solve, everything)
+        seen = {self._state.ticket(), self.discrete_state_ticket(memory)}
+        self.DeclareVectorOutputPort("motor_state", 2 * size, self._write_motor, seen)
+        self.DeclareVectorOutputPort("transmitted_torque", size, self._write_transmitted, seen)
         self.DeclarePeriodicDiscreteUpdateEvent(dt, 0.0, self._update)
 
     @property
@@ -167,6 +173,21 @@ class ActuatorPlant(LeafSystem):  # type: ignore[misc, unused-ignore]
             vector.set_value(self._step.Eval(context)[part])
 
         return write
+
+    def _motor(self, context: Context) -> list[tuple[float, float, float]]:
+        """(theta, theta', transmitted torque) of each joint, at a tick."""
+        held: list[float] = context.get_discrete_state(self._memory).value().tolist()
+        state = self._state.Eval(context).tolist()
+        size = len(self._programs)
+        joints = zip(self._programs, self._steps, state[:size], state[size:], strict=True)
+        return [program.motor(held[part], q, v) for program, (_, part), q, v in joints]
+
+    def _write_motor(self, context: Context, vector: Any) -> None:
+        motor = np.array(self._motor(context))
+        vector.set_value(_array([*motor[:, 0], *motor[:, 1]]))
+
+    def _write_transmitted(self, context: Context, vector: Any) -> None:
+        vector.set_value(_array([torque for _, _, torque in self._motor(context)]))
 
     def _update(self, context: Context, values: Any) -> None:
         """x[n+1]."""

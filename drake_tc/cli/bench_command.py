@@ -158,3 +158,13 @@ def bench_real_double_pendulum(data: Data, as_json: AsJson = False) -> None:
     with progress_bar("bench real-double-pendulum", quiet=as_json) as progress:
         table = rows(data, progress)
     _real("real-double-pendulum", table, as_json)
+
+
+@bench_app.command("real-icub")
+def bench_real_walking(data: Data, as_json: AsJson = False) -> None:
+    """Walking humanoid against motion capture: base position and yaw beside the published leg odometry."""
+    from drake_tc.bench.real_icub import rows
+
+    with progress_bar("bench real-icub", quiet=as_json) as progress:
+        table = rows(data, progress)
+    _real("real-icub", table, as_json)

@@ -9,7 +9,9 @@ from typer.exceptions import TyperException
 
 from drake_tc import __version__
 from drake_tc.cli.bench_command import bench_app
+from drake_tc.cli.bode_command import bode_command
 from drake_tc.cli.close_loop_command import close_loop_command
+from drake_tc.cli.estimate_base_command import estimate_base_command
 from drake_tc.cli.graph_command import graph_command
 from drake_tc.cli.identify_command import identify_command
 from drake_tc.cli.import_logs import import_logs
@@ -27,6 +29,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 app.command("close-loop")(close_loop_command)
+app.command("estimate-base")(estimate_base_command)
 app.command("identify")(identify_command)
 app.command("import")(import_logs)
 app.command("simulate")(simulate_command)
@@ -35,6 +38,7 @@ app.command("reproduce")(reproduce_command)
 app.command("stability")(stability_command)
 app.command("stability-map")(stability_map_command)
 app.command("tune")(tune_command)
+app.command("bode")(bode_command)
 app.add_typer(bench_app, name="bench")
 
 

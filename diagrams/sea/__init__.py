@@ -1,0 +1,1 @@
+"""One series-elastic joint: its scenario, its surroundings, its runs."""

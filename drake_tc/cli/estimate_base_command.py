@@ -1,0 +1,66 @@
+"""`drake-tc estimate-base`: pose and velocity of a floating base from a log, beside the chain from a foot's centre."""
+
+import json
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from drake_tc.cli.progress import progress_bar
+from drake_tc.errors import LogError
+from drake_tc.estimation.base.evaluate import BaseResult, evaluate_log
+from drake_tc.estimation.base.rig import load_base_rig
+
+_ROWS = ("x, m", "y, m", "z, m", "roll, deg", "pitch, deg", "yaw, deg", "vx, m/s", "vy, m/s", "vz, m/s")
+
+
+def estimate_base_command(
+    rig: Annotated[Path, typer.Option(help="Rig file: robot, contacts, columns (drake_tc/estimation/base/rig.py).")],
+    log: Annotated[Path, typer.Option(help="Log file: CSV, Parquet, NPZ or MAT.")],
+    out: Annotated[Path | None, typer.Option(help="Folder for estimate.csv and estimate.json.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the figures as JSON.")] = False,
+) -> None:
+    """Base position, yaw and velocity from encoders, IMU and loads; RMSE where the log holds the truth."""
+    what = load_base_rig(rig)
+    with progress_bar("estimate-base", quiet=as_json) as progress:
+        result = evaluate_log(what, log, progress)
+    document = {"name": "estimate-base", "rig": str(rig), "log": str(log), **result.to_json()}
+    if out is not None:
+        try:
+            out.mkdir(parents=True, exist_ok=True)
+            result.table().to_csv(out / "estimate.csv", index=False)
+            (out / "estimate.json").write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
+        except OSError as error:
+            raise LogError(f"--out {out}: cannot be written: {error}") from None
+    if as_json:
+        print(json.dumps(document))
+        return
+    _print(result)
+    if out is not None:
+        print(out / "estimate.csv")
+
+
+def _print(result: BaseResult) -> None:
+    console = Console(file=sys.stdout, highlight=False)
+    last, angle = result.estimate.position[-1], float(np.degrees(result.estimate.rpy[-1, 2]))
+    console.print(
+        f"{len(result.estimate.time)} samples, {result.estimate.time[-1]:.1f} s; base at the end:"
+        f" {last[0]:.3f} {last[1]:.3f} {last[2]:.3f} m, yaw {angle:.1f} deg"
+    )
+    if result.errors is not None:
+        table = Table(box=None, padding=(0, 2), title="RMSE against the truth", title_justify="left")
+        table.add_column("")
+        for heading in ("centre of pressure", "foot centre"):
+            table.add_column(heading, justify="right")
+        ours, base = ((*error.position, *np.degrees(error.angle), *error.velocity) for error in result.errors)
+        for name, *values in zip(_ROWS, ours, base, strict=True):
+            table.add_row(name, *(f"{value:.4f}" if np.isfinite(value) else "" for value in values))
+        console.print(table)
+    raised = {name: share for name, share in result.flag_shares().items() if share > 0.0 and not name.endswith("/on")}
+    if raised:
+        listed = sorted(raised.items(), key=lambda item: -item[1])
+        console.print("flags: " + ", ".join(f"{name} {100.0 * share:.1f} %" for name, share in listed))

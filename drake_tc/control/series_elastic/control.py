@@ -1,0 +1,114 @@
+"""`SeriesElasticControl`: wanted spring torques to the voltages of series-elastic joints (EQUATIONS C2)."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from pydrake.common.value import Value
+from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem, ValueProducer
+
+from drake_tc.actuation.model import ActuatorModel
+from drake_tc.control.series_elastic.law import Readings, SeriesElasticLaw
+from drake_tc.control.series_elastic.memory import KEPT, Kept
+from drake_tc.control.series_elastic.spec import SeriesElasticSpec
+from drake_tc.types import FloatArray
+
+LARGEST = 1e9
+"""No input in SI units is as large; one that is counts as not finite."""
+
+
+class _Solved:
+    """Answer of a tick and its fault flags; a box for the cache."""
+
+    def __init__(self) -> None:
+        self.rows: FloatArray = np.zeros((4, 0))
+        self.state: FloatArray = np.zeros(0)
+
+
+class SeriesElasticControl(LeafSystem):  # type: ignore[misc, unused-ignore]
+    """Torque control of n series-elastic joints, sampled every dt. See `law` for the equations.
+
+    Inputs (n each):
+        motor_angle: theta over the gear ratio, before the spring [rad].
+        torque: of the springs, as measured [N m].
+        reference_torque: tau_ref [N m].
+        reference_acceleration: q''_ref of the links [rad/s^2]; 0 when not connected, as for a joint that is held.
+    Outputs (n each), with direct feedthrough of every input:
+        voltage: v [V], within the motors' limits.
+        friction: the friction that it overcomes [N m].
+        shaped_reference: r, the wanted torque as it is asked of the motor [N m].
+        fault: 1 where an input is not finite (or beyond `LARGEST`): its last good value stands in.
+
+    State x: the memory of the law (ticks, 8, n), its integral (3, n), whether it has started. With L the law,
+        x[n+1], y[n] = L(x[n], u[n]);
+    at the first tick x is that of joints that have stood as they stand. Nothing is raised in the loop.
+    """
+
+    def __init__(self, spec: SeriesElasticSpec, motors: Sequence[ActuatorModel], dt: float = 1e-3) -> None:
+        """Declare the ports and compile the law.
+
+        Args:
+            spec: Which law.
+            motors: What it takes the motors for, one a joint.
+            dt: Period [s].
+
+        Raises:
+            ParamsError: no motor, or times that are no whole number of periods.
+        """
+        super().__init__()
+        self._law = law = SeriesElasticLaw(spec, motors, dt)
+        n = law.size
+        self._kept = law.length * KEPT * n
+        names = ("motor_angle", "torque", "reference_torque", "reference_acceleration")
+        self._inputs: list[Any] = [self.DeclareVectorInputPort(name, n) for name in names]
+        state = self.DeclareDiscreteState(self._kept + 3 * n + 1)
+        self._state = int(state)
+        tickets = {self.discrete_state_ticket(state), *(port.ticket() for port in self._inputs)}
+        solved: Any = self.DeclareCacheEntry(
+            "solved", ValueProducer(allocate=Value(_Solved()).Clone, calc=self._solve), tickets
+        )
+        self._solved = solved
+        for row, name in enumerate(("voltage", "friction", "shaped_reference", "fault")):
+            self.DeclareVectorOutputPort(name, n, self._writer(row), {solved.ticket()})
+        self.DeclarePeriodicDiscreteUpdateEvent(dt, 0.0, self._update)
+
+    @property
+    def law(self) -> SeriesElasticLaw:
+        """The law itself."""
+        return self._law
+
+    def _read(self, context: Context, last: FloatArray | None) -> tuple[Readings, FloatArray]:
+        """What came, with the last good value (or 0) for what is not finite; and where that was so (n,)."""
+        n = self._law.size
+        good = np.zeros((4, n)) if last is None else last[[Kept.ANGLE, Kept.TORQUE, Kept.WANTED, Kept.LINK]]
+        good = np.array(good)
+        good[3] = 0.0
+        rows = np.array([p.Eval(context) if p.HasValue(context) else np.zeros(n) for p in self._inputs])
+        lost = ~(np.abs(rows) < LARGEST)
+        return Readings(*np.where(lost, good, rows)), lost.any(axis=0).astype(np.float64)
+
+    def _solve(self, context: Any, box: Any) -> None:
+        held = context.get_discrete_state(self._state).value()
+        solved: _Solved = box.get_mutable_value()
+        law, n = self._law, self._law.size
+        started = held[-1] > 0.5
+        kept = held[: self._kept].reshape(law.length, KEPT, n)
+        now, fault = self._read(context, kept[-1] if started else None)
+        before = kept if started else law.at_rest(now)
+        answer = law.step(before, held[self._kept : -1].reshape(3, n), now)
+        solved.rows = np.stack([answer.voltage, answer.friction, answer.shaped, fault])
+        solved.state = np.concatenate([answer.kept.ravel(), answer.integral.ravel(), [1.0]])
+
+    def _writer(self, row: int) -> Any:
+        """The calc function of one output."""
+
+        def write(context: Context, vector: BasicVector) -> None:
+            solved: Any = self._solved.Eval(context)
+            vector.SetFromVector(solved.rows[row])
+
+        return write
+
+    def _update(self, context: Context, values: DiscreteValues) -> None:
+        """x[n+1]."""
+        solved: Any = self._solved.Eval(context)
+        values.set_value(self._state, solved.state)

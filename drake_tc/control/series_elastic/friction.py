@@ -1,0 +1,112 @@
+"""Where the inverse motor model takes friction from: observed in one step, observed as lost momentum, or modelled."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from drake_tc.actuation.model import ActuatorModel
+from drake_tc.control.series_elastic.memory import Kept, padded
+from drake_tc.errors import ParamsError
+from drake_tc.types import FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class MotorArrays:
+    """Motors of n joints, (n,) each.
+
+    Attributes:
+        torque_per_volt: 1/K = kt N/Rm [N m/V].
+        damping: F_v, friction and back-EMF [N m s/rad].
+        inertia: J = Jm N^2 [kg m^2].
+        coulomb: tau_co0 [N m].
+        compliance: 1/Ks [rad/(N m)].
+        limit: Of the voltage [V]; infinite for none.
+    """
+
+    torque_per_volt: FloatArray
+    damping: FloatArray
+    inertia: FloatArray
+    coulomb: FloatArray
+    compliance: FloatArray
+    limit: FloatArray
+
+
+def motor_arrays(models: Sequence[ActuatorModel]) -> MotorArrays:
+    """What the laws need of actuator models; other effects than these five are what the observer is for.
+
+    Raises:
+        ParamsError: a drive that takes no voltage, or a model without rotor inertia.
+    """
+    rows = []
+    for model in models:
+        if model.drive.kind != "voltage":
+            raise ParamsError(f"joint {model.joint!r}: wanted a voltage drive; got {model.drive.kind}")
+        if not model.inertia > 0.0:
+            raise ParamsError(f"joint {model.joint!r}: wanted rotor_inertia > 0 in the model")
+        known = {value.key: value.parameters for value in model.effects}
+        damping = known.get("viscous", {}).get("viscous", 0.0)
+        dry = known.get("coulomb", {}).get("coulomb", 0.0)
+        soft = known.get("elasticity", {}).get("compliance", 0.0)
+        limit = known.get("saturation", {}).get("limit", np.inf)
+        rows.append((1.0 / model.drive.gain, damping, model.inertia, dry, soft, limit))
+    return MotorArrays(*np.array(rows).T)
+
+
+def observer_weights(motor: MotorArrays, delay: int, step: int, dt: float, length: int) -> FloatArray:
+    """Weights (length, 3, n) on [voltage, angle, torque] whose sum is the Coulomb friction over the last step (C2).
+
+    EQUATIONS C2 inverted for the friction, each term its mean over the same `step` ticks, so that nothing in it is
+    older than the rest: with u[j] = v[j - D] what the motor felt after tick j, w[j] = (theta[j] - theta[j-1])/dt,
+
+        tau_co = 1/n sum_j { u[j-1]/K - F_v w[j] - J (w[j+1] - w[j-1])/(2 dt) - (tau[j] + tau[j-1])/2 },
+        j = k - n ... k - 1     (the difference for theta'' needs the sample after)
+
+    Args:
+        motor: The model; F_v holds the back-EMF.
+        delay: D, ticks.
+        step: n, ticks.
+        dt: Period [s].
+        length: Rows of the memory, its last one of tick k.
+    """
+    box = np.full(step, 1.0 / step)
+    speed = (padded(box, length, 1) - padded(box, length, 2)) / dt
+    ahead, behind = padded(box, length), padded(box, length, 2)
+    shifted = (padded(box, length, 1) - padded(box, length, 3)) / dt
+    rate = ((ahead - behind) / dt - shifted) / (2.0 * dt)
+    torque = 0.5 * (padded(box, length, 1) + padded(box, length, 2))
+    volts = padded(box, length, delay + 2)
+    out = np.zeros((length, 3, motor.inertia.size))
+    out[:, Kept.VOLTAGE] = volts[:, None] * motor.torque_per_volt
+    out[:, Kept.ANGLE] = -speed[:, None] * motor.damping - rate[:, None] * motor.inertia
+    out[:, Kept.TORQUE] = -torque[:, None]
+    return out
+
+
+def momentum_step(
+    motor: MotorArrays,
+    gain: float,
+    integral: FloatArray,
+    volts: FloatArray,
+    motion: tuple[FloatArray, FloatArray],
+    torque: FloatArray,
+    dt: float,
+) -> tuple[FloatArray, FloatArray]:
+    """Generalized-momentum observer, one tick: (friction, integral) (n,) each.
+
+        s[k] = s[k-1] + dt (v[k-1]/K - F_v w[k] - tau[k] - f[k-1]),   f[k] = K_o (s[k] - J w[k])
+
+    Args:
+        motor: The model.
+        gain: K_o [rad/s].
+        integral: s[k-1] + ... without this tick's friction, see the law.
+        volts: v[k-1], sent; the published observer knows no delay [V].
+        motion: (w[k], f[k-1]): speed [rad/s] and the last friction [N m].
+        torque: tau[k] [N m].
+        dt: [s].
+
+    Source: De Luca and Mattone (2003); Le Tien et al. (2008), for friction of joints with torque sensors.
+    """
+    speed, last = motion
+    total = integral + dt * (motor.torque_per_volt * volts - motor.damping * speed - torque - last)
+    return gain * (total - motor.inertia * speed), total

@@ -1,0 +1,165 @@
+"""The torque laws of `SeriesElasticSpec` as plain functions of what is read now and what is remembered.
+
+With D the loop delay in ticks, K = Rm/(kt N), F_v = tau_v + ke kt N^2/Rm, J = Jm N^2 (the printed law drops N^2):
+
+    v[k]     = K ( F_v y[k] + tau_f + J theta''_ref + r + kp (r~ - tau[k]) )                           (inverse)
+    r        = wanted torque, shaped: its cubic `horizon` and half a tick ahead, the middle of the voltage's hold
+    theta''_ref = q''_ref + r''/Ks, r'' `spring_time` earlier: the link's, and that of winding a spring with damping
+    r~       = (r[k-D] + r[k-D-1])/2
+    y[k]     = (1 - a) (y[k-1] + g[k]) + a theta'+,   a = 1 - exp(-speed_bandwidth dt)                 (speed)
+    g        = the growth of theta'_ref = q'_ref + r'/Ks in a tick
+    theta'+  = theta' + all g under way: of the last D ticks, and of those since the middle of what theta' is taken over
+
+theta'+ is the speed when the voltage arrives: what is measured, and what was asked for since and is still under way.
+The printed law has F_v theta'. D ticks late, that takes the motor its own damping by back-EMF and gives it an inertia
+of F_v D dt instead (15 ms: several times J): the joint rings on its spring, and neither P nor observer can be closed
+around it. So the speed that was asked for is fed forward, and what is measured corrects it slowly.
+r~ is what the torque should be *now*: P then corrects errors of the model and leaves the delay alone; against r it
+would fight the delay.
+
+    tau_f:  s[k] + leak (tau_co - s at the step observed),  s = tau_co0 tanh(y/v_s)     `observer`
+            leak tau_co                                                              `observer_as_printed`
+            of the momentum observer, or s                                           the others
+            with tau_co the friction observed over the last step, tau_co0 the motor model's: while the joint keeps its
+            direction the first two are one; where it turns round on its way, the first knows it before it is observed
+    pi:     v = K ( kp (tau_ref - tau) + ki int (tau_ref - tau) ), the integral held where v is at its limit
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from drake_tc.actuation.model import ActuatorModel
+from drake_tc.control.series_elastic.friction import momentum_step, motor_arrays, observer_weights
+from drake_tc.control.series_elastic.memory import KEPT, Kept, cubic_weights, padded
+from drake_tc.control.series_elastic.spec import WITH_P, SeriesElasticSpec
+from drake_tc.errors import ParamsError
+from drake_tc.types import FloatArray
+
+
+class Readings(NamedTuple):
+    """Of one tick, (n,) each: motor angle, torque, wanted torque, wanted acceleration of the link."""
+
+    angle: FloatArray
+    torque: FloatArray
+    wanted: FloatArray
+    acceleration: FloatArray
+
+
+class Answer(NamedTuple):
+    """Of one tick, (n,) each: voltage, friction taken for it, wanted torque as shaped; and the next memory."""
+
+    voltage: FloatArray
+    friction: FloatArray
+    shaped: FloatArray
+    kept: FloatArray
+    integral: FloatArray
+    """(3, n): the law's integral, its last friction, the speed y."""
+
+
+class SeriesElasticLaw:
+    """A law compiled for n motors; holds no changing data."""
+
+    def __init__(self, spec: SeriesElasticSpec, motors: Sequence[ActuatorModel], dt: float) -> None:
+        """Compile.
+
+        Args:
+            spec: Which law.
+            motors: What it takes the motors for, one a joint.
+            dt: Period [s].
+
+        Raises:
+            ParamsError: no motor, or times that are no whole number of periods.
+        """
+        if not motors:
+            raise ParamsError("motors: wanted one a joint; got none")
+        self.spec, self.motors, self.dt = spec, tuple(motors), dt
+        delay, step, speed = (spec.ticks(name, dt) for name in ("delay", "step", "speed_step"))
+        window = spec.ticks("reference_window", dt) + 1
+        back = speed // 2
+        self.length = length = max(delay + step + 2, delay + back + 1, step + 3, window + 1, speed + 1)
+        self._motor = motor_arrays(self.motors)
+        self._observe = observer_weights(self._motor, delay, step, dt, length)
+        ahead = 0.5 + spec.horizon / dt if window > 1 else 0.0
+        self._shape = padded(cubic_weights(window, ahead, 0, dt), length)
+        wound = ahead - spec.spring_time / dt
+        self._curve = padded(cubic_weights(window, wound, 2, dt), length)
+        slope = cubic_weights(window, wound, 1, dt)
+        self._faster = padded(slope, length) - padded(slope, length, 1)
+        self._speed = padded(np.array([-1.0, *np.zeros(speed - 1), 1.0]) / (speed * dt), length)
+        self._under_way = padded(np.full(delay + back, 1.0), length)
+        self._under_way[length - 1 - delay - back] = 1.0 if speed % 2 else 0.5
+        self._felt = padded(np.full(step, 1.0 / step), length, delay + 2)
+        self._correct = -np.expm1(-spec.speed_bandwidth * dt)
+        self._due = 0.5 * (padded(np.ones(1), length, delay) + padded(np.ones(1), length, delay + 1))
+
+    @property
+    def size(self) -> int:
+        """Joints n."""
+        return len(self.motors)
+
+    def at_rest(self, now: Readings) -> FloatArray:
+        """Memory (length, KEPT, n) of joints that have stood as they stand now, and wanted the same."""
+        kept = np.zeros((self.length, KEPT, self.size))
+        kept[:, Kept.ANGLE], kept[:, Kept.TORQUE] = now.angle, now.torque
+        kept[:, Kept.WANTED] = kept[:, Kept.SHAPED] = now.wanted
+        return kept
+
+    def step(self, before: FloatArray, integral: FloatArray, now: Readings) -> Answer:
+        """One tick.
+
+        Args:
+            before: Memory (length, KEPT, n), its last row of the tick before.
+            integral: (3, n) as the last Answer left it.
+            now: Readings of this tick, all finite.
+        """
+        kept = np.concatenate([before[1:], np.zeros((1, KEPT, self.size))])
+        last = kept[-1]
+        last[Kept.ANGLE], last[Kept.TORQUE], last[Kept.WANTED] = now.angle, now.torque, now.wanted
+        if self.spec.mode == "pi":
+            return self._proportional_integral(kept, integral, now)
+        last[Kept.SHAPED] = self._shape @ kept[:, Kept.WANTED]
+        last[Kept.LINK] = now.acceleration
+        winding = self._motor.compliance * (self._curve @ kept[:, Kept.WANTED])
+        faster = self._motor.compliance * (self._faster @ kept[:, Kept.WANTED])
+        last[Kept.FASTER] = faster + 0.5 * self.dt * (now.acceleration + kept[-2, Kept.LINK])
+        speed = self._speed @ kept[:, Kept.ANGLE]
+        arriving = speed + self._under_way @ kept[:, Kept.FASTER]
+        asked = integral[2] + last[Kept.FASTER]
+        arriving = asked + self._correct * (arriving - asked)
+        integral = np.stack([integral[0], integral[1], arriving])
+        last[Kept.DRY] = self._motor.coulomb * np.tanh(arriving / self.spec.friction_speed)
+        friction, integral = self._friction(kept, integral, speed)
+        motor = self._motor
+        torque = motor.damping * arriving + friction + motor.inertia * (now.acceleration + winding) + last[Kept.SHAPED]
+        if self.spec.mode in WITH_P:
+            torque = torque + self.spec.kp * (self._due @ kept[:, Kept.SHAPED] - now.torque)
+        last[Kept.VOLTAGE] = np.clip(torque / motor.torque_per_volt, -self._motor.limit, self._motor.limit)
+        return Answer(last[Kept.VOLTAGE], friction, last[Kept.SHAPED], kept, integral)
+
+    def _friction(self, kept: FloatArray, integral: FloatArray, speed: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """The dry friction (n,) that the voltage is to overcome, and the law's integral with the observer's in it."""
+        spec, motor, dry = self.spec, self._motor, kept[-1, Kept.DRY]
+        if spec.mode in ("observer", "observer_as_printed"):
+            seen = np.einsum("lkn,lkn->n", self._observe, kept[:, :3])
+            if spec.mode == "observer_as_printed":
+                return spec.leak * seen, integral
+            return dry + spec.leak * (seen - self._felt @ kept[:, Kept.DRY]), integral
+        if spec.mode == "momentum_observer":
+            volts, torque = kept[-2, Kept.VOLTAGE], kept[-1, Kept.TORQUE]
+            found, total = momentum_step(
+                motor, spec.momentum_gain, integral[0], volts, (speed, integral[1]), torque, self.dt
+            )
+            return found, np.stack([total, found, integral[2]])
+        return dry, integral
+
+    def _proportional_integral(self, kept: FloatArray, integral: FloatArray, now: Readings) -> Answer:
+        error = now.wanted - now.torque
+        total = integral[0] + self.dt * error
+        wish = (self.spec.kp * error + self.spec.ki * total) / self._motor.torque_per_volt
+        volts = np.clip(wish, -self._motor.limit, self._motor.limit)
+        held = (wish != volts) & (np.sign(wish) == np.sign(error))
+        kept[-1, Kept.VOLTAGE], kept[-1, Kept.SHAPED] = volts, now.wanted
+        none = np.zeros(self.size)
+        return Answer(volts, none, now.wanted, kept, np.stack([np.where(held, integral[0], total), none, none]))

@@ -1,0 +1,111 @@
+"""Run the estimator and its baseline over a log file, and say how far each is from the truth where there is one."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from drake_tc.estimation.base.chain import FootCentreEstimator
+from drake_tc.estimation.base.estimator import CopEstimator
+from drake_tc.estimation.base.log import BaseTrack, TrackError, run_log, track_error
+from drake_tc.estimation.base.read_log import read_base_log
+from drake_tc.estimation.base.rig import BaseRig
+from drake_tc.estimation.base.state import CONTACT_FLAGS, FLAGS
+from drake_tc.types import FloatArray
+
+_AXES = ("x", "y", "z")
+_ANGLES = ("roll", "pitch", "yaw")
+
+
+@dataclass(frozen=True, eq=False)
+class BaseResult:
+    """What came out of a log.
+
+    Attributes:
+        estimate, baseline: Of `CopEstimator` and `FootCentreEstimator`.
+        truth: As measured, or None.
+        contacts: Names, in order.
+    """
+
+    estimate: BaseTrack
+    baseline: BaseTrack
+    truth: BaseTrack | None
+    contacts: tuple[str, ...]
+
+    @property
+    def errors(self) -> tuple[TrackError, TrackError] | None:
+        """(estimate's, baseline's), or None without a truth."""
+        if self.truth is None:
+            return None
+        return track_error(self.estimate, self.truth), track_error(self.baseline, self.truth)
+
+    def flag_shares(self) -> dict[str, float]:
+        """Share of the samples with each flag up; those of contacts as `<contact>/<flag>`."""
+        shares = dict(zip(FLAGS, self.estimate.flags.mean(axis=0).tolist(), strict=True))
+        for name, row in zip(self.contacts, self.estimate.contact_flags.mean(axis=0).tolist(), strict=True):
+            shares |= {f"{name}/{flag}": share for flag, share in zip(CONTACT_FLAGS, row, strict=True)}
+        return shares
+
+    def to_json(self) -> dict[str, Any]:
+        """As `drake-tc estimate-base --json` prints it: RMSE in SI units, angles in degrees."""
+        rows: list[dict[str, Any]] = []
+        if self.errors is not None:
+            for which, error in zip(("estimate", "foot_centre"), self.errors, strict=True):
+                groups = (
+                    ("position", "m", _AXES, error.position),
+                    ("angle", "deg", _ANGLES, np.degrees(error.angle)),
+                    ("velocity", "m/s", _AXES, error.velocity),
+                )
+                for kind, unit, names, values in groups:
+                    for name, value in zip(names, values.tolist(), strict=True):
+                        shown = value if np.isfinite(value) else None
+                        rows.append({"name": f"{which}/{kind}_{name}", "unit": unit, "value": shown})
+        return {
+            "samples": len(self.estimate.time),
+            "seconds": float(self.estimate.time[-1]),
+            "final_position": self.estimate.position[-1].tolist(),
+            "final_yaw_deg": float(np.degrees(self.estimate.rpy[-1, 2])),
+            "rows": rows,
+            "flags": {name: share for name, share in self.flag_shares().items() if share > 0.0},
+        }
+
+    def table(self) -> pd.DataFrame:
+        """One row a sample: estimate, baseline, truth, centres of pressure and flags."""
+        columns: dict[str, FloatArray] = {"time": self.estimate.time}
+        for which, track in (("base", self.estimate), ("foot_centre", self.baseline), ("truth", self.truth)):
+            if track is not None:
+                columns |= {f"{which}/{axis}": track.position[:, i] for i, axis in enumerate(_AXES)}
+                columns |= {f"{which}/{angle}": track.rpy[:, i] for i, angle in enumerate(_ANGLES)}
+                columns |= {f"{which}/v{axis}": track.velocity[:, i] for i, axis in enumerate(_AXES)}
+        for i, name in enumerate(self.contacts):
+            columns |= {f"{name}/cop_{axis}": self.estimate.pressure[:, i, j] for j, axis in enumerate("xy")}
+            columns |= {f"{name}/{flag}": self.estimate.contact_flags[:, i, j] for j, flag in enumerate(CONTACT_FLAGS)}
+        columns |= {f"flag/{flag}": self.estimate.flags[:, j] for j, flag in enumerate(FLAGS)}
+        return pd.DataFrame(columns)
+
+
+def evaluate_log(
+    rig: BaseRig, log: Path | str, progress: Callable[[str, float], None] = lambda text, share: None
+) -> BaseResult:
+    """Both estimates over a log, from the rig's start, else the truth's first sample, else the robot file's pose.
+
+    Raises:
+        LogError, ParamsError, RigError: input that cannot be used.
+    """
+    samples, truth, period = read_base_log(rig, log)
+    pose = rig.robot.base_pose
+    position, yaw = np.array(pose.xyz), pose.rpy[2]
+    if rig.start is not None:
+        position, yaw = rig.start
+    elif truth is not None and np.isfinite(truth.position[0]).all():
+        position = truth.position[0]
+        yaw = float(truth.rpy[0, 2]) if np.isfinite(truth.rpy[0, 2]) else yaw
+    spec = rig.spec(period)
+    tracks = [
+        run_log(made(rig.robot, spec), samples, position, yaw, lambda share, name=name: progress(name, share))  # type: ignore[misc]
+        for name, made in (("centre of pressure", CopEstimator), ("foot centre", FootCentreEstimator))
+    ]
+    return BaseResult(tracks[0], tracks[1], truth, tuple(contact.mount.name for contact in rig.contacts))

@@ -1,0 +1,158 @@
+"""A log file as the arrays that the base estimator takes, by what its rig file says."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from drake_tc.errors import LogError
+from drake_tc.estimation.base.log import BaseTrack, SensorLog
+from drake_tc.estimation.base.rig import BaseRig
+from drake_tc.logs.readers import read_table
+from drake_tc.types import FloatArray
+
+_AXES = ("x", "y", "z")
+_WRENCH = ("fx", "fy", "fz", "tx", "ty", "tz")
+_LONGEST_GAP = 5.0
+"""Periods without a sample that are still no gap."""
+
+
+class _Source:
+    """Arrays of a file by name: those of an NPZ as they are, else columns of a table."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.rows: int | None = None  # as many as times, once these are known
+        self._arrays: dict[str, np.ndarray] = {}
+        if path.suffix.lower() == ".npz":
+            if not path.is_file():
+                raise LogError(f"{path}: no such log file")
+            try:
+                with np.load(path, allow_pickle=False) as archive:
+                    self._arrays = {name: archive[name] for name in archive.files}
+            except (OSError, ValueError, EOFError) as error:
+                raise LogError(f"{path}: cannot be read as .npz: {error}") from None
+        else:
+            table = read_table(path)
+            self._arrays = {str(name): table[name].to_numpy() for name in table.columns}
+
+    def __contains__(self, name: str) -> bool:
+        return name in self._arrays
+
+    def names(self, name: str) -> list[str]:
+        """An array of texts."""
+        return [str(item) for item in self._found(name).ravel()]
+
+    def numbers(self, what: str, name: str | Sequence[str], width: int) -> FloatArray:
+        """(T, width) numbers: an array of that width or more, or one column each."""
+        if not isinstance(name, str):
+            if len(name) != width:
+                raise LogError(f"{self.path}: {what}: wanted {width} columns; the rig file names {len(name)}")
+            return np.column_stack([self._column(what, item) for item in name])
+        if name not in self._arrays and f"{name}_0" in self._arrays:
+            return np.column_stack([self._column(what, f"{name}_{i}") for i in range(width)])
+        array = self._found(name)
+        array = array[:, None] if array.ndim == 1 else array
+        if array.ndim != 2 or array.shape[1] < width:
+            raise LogError(f"{self.path}: {what}: wanted {width} columns in {name!r}; its shape is {array.shape}")
+        return self._floats(what, array[:, :width])
+
+    def _column(self, what: str, name: str) -> FloatArray:
+        array = self._found(name)
+        if array.ndim != 1:
+            raise LogError(f"{self.path}: {what}: wanted one column in {name!r}; its shape is {array.shape}")
+        return self._floats(what, array)
+
+    def _floats(self, what: str, array: np.ndarray) -> FloatArray:
+        if self.rows is not None and len(array) != self.rows:
+            raise LogError(f"{self.path}: {what}: wanted {self.rows} rows, as many as times; got {len(array)}")
+        try:
+            return np.asarray(array, dtype=float)
+        except (TypeError, ValueError):
+            raise LogError(f"{self.path}: {what}: wanted numbers; got {array.dtype}") from None
+
+    def _found(self, name: str) -> np.ndarray:
+        if name not in self._arrays:
+            here = ", ".join(list(self._arrays)[:40]) or "none"
+            raise LogError(f"{self.path}: no column {name!r}; columns here: {here}")
+        return self._arrays[name]
+
+
+def read_base_log(rig: BaseRig, path: Path | str) -> tuple[SensorLog, BaseTrack | None, float]:
+    """(samples, truth where the rig names one, period [s]) of a log.
+
+    The period is the mean one; the samples are taken as they come, at that period. Readings that are missing stay NaN,
+    which the estimator knows how to bridge.
+
+    Raises:
+        LogError: a file that cannot be read, a column that is not there or of another length, times that do not
+            increase, or a gap.
+    """
+    source = _Source(Path(path))
+    columns, joints = rig.columns, list(rig.robot.joints)
+    time = source.numbers("time", columns.get("time", "time"), 1)[:, 0]
+    period = _period(source.path, time)
+    source.rows = len(time)
+
+    def of_joints(what: str) -> FloatArray:
+        if what in columns:
+            order = columns.get("joint_order", tuple(joints))
+            listed = source.names(order) if isinstance(order, str) else list(order)
+            missing = [name for name in joints if name not in listed]
+            if missing:
+                raise LogError(
+                    f"{source.path}: joint_order: no joint {missing[0]!r}; joints there: {', '.join(listed)}"
+                )
+            return source.numbers(what, columns[what], len(listed))[:, [listed.index(name) for name in joints]]
+        names = [f"{joint}/{what}" for joint in joints]
+        if what == "velocity" and names[0] not in source:
+            return np.zeros((0, 0))
+        return source.numbers(what, names, len(names))
+
+    imu = rig.robot.imu[0].name if rig.robot.imu else "base"
+    q, velocity = of_joints("position"), of_joints("velocity")
+    wrenches = [
+        source.numbers(
+            f"wrench of {contact.mount.name}", given or [f"ft_{contact.sensor}/{axis}" for axis in _WRENCH], 6
+        )
+        for contact, given in zip(rig.contacts, rig.wrench, strict=True)
+    ]
+    tilt = np.full((len(time), 2), np.nan)
+    if "roll_pitch" in columns:
+        tilt = source.numbers("roll_pitch", columns["roll_pitch"], 2)
+    log = SensorLog(
+        time=time - time[0],
+        q=q,
+        qd=np.diff(q, axis=0, prepend=q[:1]) / period if velocity.size == 0 else velocity,
+        gyro=source.numbers("gyro", columns.get("gyro", [f"imu_{imu}/gyro_{axis}" for axis in _AXES]), 3),
+        accel=source.numbers("accel", columns.get("accel", [f"imu_{imu}/accel_{axis}" for axis in _AXES]), 3),
+        tilt=tilt,
+        wrench=np.stack(wrenches, axis=1),
+        switch=np.zeros((len(time), len(rig.contacts))),
+    )
+    return log, _truth(source, rig, log.time, period), period
+
+
+def _period(path: Path, time: FloatArray) -> float:
+    if len(time) < 10 or not np.isfinite(time).all():
+        raise LogError(f"{path}: time: wanted at least ten finite samples; got {int(np.isfinite(time).sum())}")
+    steps = np.diff(time)
+    if not (steps > 0.0).all():
+        row = int(np.argmin(steps > 0.0)) + 2
+        raise LogError(f"{path}: time does not increase at row {row}; sort the rows and leave repeats out")
+    mean = float(time[-1] - time[0]) / (len(time) - 1)
+    if steps.max() > _LONGEST_GAP * mean:
+        row = int(np.argmax(steps)) + 2
+        raise LogError(f"{path}: a gap of {steps.max():.3g} s before row {row}; cut the log there")
+    return mean
+
+
+def _truth(source: _Source, rig: BaseRig, time: FloatArray, period: float) -> BaseTrack | None:
+    if "truth_position" not in rig.columns:
+        return None
+    position = source.numbers("truth_position", rig.columns["truth_position"], 3)
+    rpy = np.full_like(position, np.nan)
+    if "truth_rpy" in rig.columns:
+        rpy = np.unwrap(source.numbers("truth_rpy", rig.columns["truth_rpy"], 3), axis=0)
+    nothing = np.zeros((len(time), 0))
+    return BaseTrack(time, position, rpy, np.gradient(position, period, axis=0), nothing, nothing, nothing)

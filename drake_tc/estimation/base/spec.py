@@ -1,0 +1,160 @@
+"""What the base estimator is told: where the robot may touch, and how much it trusts which sensor."""
+
+from dataclasses import dataclass, fields
+from typing import Literal
+
+import numpy as np
+
+from drake_tc.errors import ParamsError
+from drake_tc.robot.mounts import Mount
+
+Point2 = tuple[float, float]
+Ground = Literal["unknown", "level"]
+Reference = Literal["rolling", "touchdown"]
+
+_POSITIVE_OR_INFINITE = (
+    "tilt_time",
+    "bias_time",
+    "yaw_time",
+    "yaw_bias_time",
+    "anchor_time",
+    "slip_speed",
+    "slip_distance",
+    "slip_turn",
+    "force_offset",
+)
+
+
+@dataclass(frozen=True)
+class ContactSpec:
+    """A part of the robot that may touch its surroundings.
+
+    Attributes:
+        mount: C: name, link, and pose on it. Of a sole: in its surface, z out of the foot's top, so that the ground's
+            force has a positive z; of a point: the point itself.
+        polygon: Corners of the sole in C's xy plane [m], in order, convex; None for a point (a hand).
+        sensor: F/T sensor of the robot whose reading shows this contact's load; None where the reading is the external
+            wrench at C itself, in C's axes.
+        make, break_: Load above which contact is made, and below which it is lost [N]: the normal force of a sole, the
+            length of the force at a point.
+    """
+
+    mount: Mount
+    polygon: tuple[Point2, ...] | None
+    sensor: str | None
+    make: float
+    break_: float
+
+    def __post_init__(self) -> None:
+        """Check the values.
+
+        Raises:
+            ParamsError: thresholds without 0 < break <= make, or a polygon that is not convex or has no area.
+        """
+        where = f"contact {self.mount.name!r}"
+        if not 0.0 < self.break_ <= self.make < np.inf:
+            raise ParamsError(f"{where}: wanted 0 < break <= make [N]; got break {self.break_:g}, make {self.make:g}")
+        if self.polygon is not None:
+            half_planes(where, self.polygon)
+
+
+def half_planes(where: str, corners: tuple[Point2, ...]) -> tuple[np.ndarray, np.ndarray]:
+    """(m, 2) outward unit normals N and (m,) offsets d of a convex polygon: N x <= d inside.
+
+    Raises:
+        ParamsError: fewer than three corners, no area, or not convex.
+    """
+    points = np.asarray(corners, dtype=float)
+    if points.ndim != 2 or points.shape[0] < 3 or points.shape[1] != 2 or not np.isfinite(points).all():
+        raise ParamsError(f"{where}: wanted at least three corners [x, y]; got {corners!r}")
+    edges = np.roll(points, -1, axis=0) - points
+    area = 0.5 * float(np.sum(points[:, 0] * np.roll(points[:, 1], -1) - np.roll(points[:, 0], -1) * points[:, 1]))
+    lengths = np.hypot(*edges.T)
+    if not (abs(area) > 1e-8 and lengths.min() > 1e-6):
+        raise ParamsError(f"{where}: wanted a sole of some area; got corners {corners!r}")
+    normals = np.sign(area) * np.column_stack([edges[:, 1], -edges[:, 0]]) / lengths[:, None]
+    offsets = np.sum(normals * points, axis=1)
+    if (points @ normals.T > offsets + 1e-6).any():
+        raise ParamsError(f"{where}: wanted a convex sole with its corners in order; got {corners!r}")
+    return normals, offsets
+
+
+@dataclass(frozen=True)
+class BaseEstimatorSpec:
+    """Contacts and tuning; SI units.
+
+    Times say how long a source is trusted before the contacts overrule it: a larger one filters more.
+
+    Attributes:
+        contacts: In the order of every vector of contacts.
+        period: Of a tick [s].
+        ground: "level": every sole's centre of pressure lies at one height; "unknown": heights are chained.
+        reference: How a contact's reference moves with the centre of pressure: "rolling" with the foot's present
+            orientation (exact for a foot that rolls, tilts or turns about it), "touchdown" with that of the touch-down
+            (the paper's (10)).
+        velocity_time: Of the accelerometer against the contacts' velocities [s].
+        contact_velocity: Standard deviation of the velocity that encoders give a contact [m/s].
+        cop_moment: Standard deviation of the moment of a sole about its centre of pressure [N m].
+        position_time: Of the velocity's integral against the contacts' positions [s].
+        yaw_time: Of the gyro's increments against the directions between contacts [s].
+        yaw_bias_time: In which what yaw and directions disagree about becomes a yaw-rate bias [s].
+        bias_time: In which the gyro's bias follows its mean while the robot stands still [s].
+        tilt_time: Of the gyro against the accelerometer, where the IMU gives no roll and pitch [s].
+        still_rate: Joint and base rates below which the robot stands still [rad/s].
+        anchor_time: In which contacts that disagree adapt their references [s].
+        slip_speed: Speed of a contact against the others, the IMU included, at which it is dropped [m/s].
+        slip_distance: Distance of a contact from its reference at which all references are taken anew [m].
+        slip_turn: Angle between the gyro's yaw and the contacts' at which they are taken anew [rad].
+        slip_time: Over which that speed is averaged [s].
+        slip_hold: How long a dropped contact must stand still before it counts again [s].
+        tilted: Angle of a loaded foot against its touch-down at which it is flagged [rad].
+        force_offset: Mean load of a contact in the air at which its sensor is flagged [N].
+        yaw_drift: Yaw-rate bias at which the gyro is flagged [rad/s].
+        encoder_spike: Step of an encoder, beyond what its speed explains, that is not believed [rad].
+    """
+
+    contacts: tuple[ContactSpec, ...]
+    period: float
+    ground: Ground = "unknown"
+    reference: Reference = "rolling"
+    velocity_time: float = 0.02
+    contact_velocity: float = 0.02
+    cop_moment: float = 0.5
+    position_time: float = 0.01
+    yaw_time: float = 0.5
+    yaw_bias_time: float = 5.0
+    bias_time: float = 5.0
+    tilt_time: float = 3.0
+    still_rate: float = 0.05
+    anchor_time: float = 20.0
+    slip_speed: float = 0.05
+    slip_distance: float = 0.01
+    slip_turn: float = 0.02
+    slip_time: float = 0.02
+    slip_hold: float = 0.05
+    tilted: float = 0.03
+    force_offset: float = 8.0
+    yaw_drift: float = 0.008
+    encoder_spike: float = 0.05
+
+    def __post_init__(self) -> None:
+        """Check the values.
+
+        Raises:
+            ParamsError: no contact, a name given twice, an unknown choice, or a number that is not positive.
+        """
+        if not self.contacts:
+            raise ParamsError("base estimator: wanted at least one contact; got none")
+        names = [contact.mount.name for contact in self.contacts]
+        if len(set(names)) < len(names):
+            raise ParamsError(f"base estimator: wanted contacts of different names; got {names}")
+        for key, possible in (("ground", ("unknown", "level")), ("reference", ("rolling", "touchdown"))):
+            if getattr(self, key) not in possible:
+                raise ParamsError(f"base estimator: {key}: wanted one of {possible}; got {getattr(self, key)!r}")
+        for item in fields(self):
+            if item.name in ("contacts", "ground", "reference"):
+                continue
+            value = getattr(self, item.name)
+            good = isinstance(value, (int, float)) and value > 0.0
+            if not (good and (np.isfinite(value) or item.name in _POSITIVE_OR_INFINITE)):
+                raise ParamsError(f"base estimator: {item.name}: wanted a positive number; got {value!r}")

@@ -1,0 +1,182 @@
+"""Stage 1 of a tick: what the contacts carry, base velocity and centres of pressure."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from drake_tc.estimation.base.attitude import Attitude
+from drake_tc.estimation.base.believed import Believed
+from drake_tc.estimation.base.contact_switch import Slip, carries, slipping
+from drake_tc.estimation.base.kinematics import BaseKinematics, Posture, skews
+from drake_tc.estimation.base.spec import BaseEstimatorSpec
+from drake_tc.estimation.base.state import CONTACT_FLAGS, BaseState
+from drake_tc.estimation.base.tilt import GRAVITY
+from drake_tc.estimation.base.velocity import Soles, VelocityProblem, soles_of, solve_velocity
+from drake_tc.types import FloatArray, IntArray
+
+_LIMITED = CONTACT_FLAGS.index("limited")
+_LEAST_LOAD = 1.0
+"""Below which a load says nothing about a centre of pressure [N]."""
+_FIRST = 1e-3
+"""Share of `velocity_time` that the rest before the first tick is trusted."""
+
+
+@dataclass(frozen=True, eq=False)
+class Setting:
+    """What of a specification is worked out once.
+
+    Attributes:
+        spec: The specification.
+        soles: Limits of the centres of pressure.
+        flat: (k,) whether a contact is a sole; all_flat: whether all are.
+        at: Indices of the soles, all of them as a slice.
+        middle: Middle of each sole [m].
+        limits: (make, break) of each contact [N].
+        level: Whether the ground is level.
+    """
+
+    spec: BaseEstimatorSpec
+    soles: Soles
+    flat: FloatArray
+    all_flat: bool
+    at: slice | IntArray
+    middle: list[tuple[float, float]]
+    limits: list[tuple[float, float]]
+    level: bool
+
+    @classmethod
+    def of(cls, spec: BaseEstimatorSpec) -> "Setting":
+        """Work it out.
+
+        Raises:
+            ParamsError: a sole that is not convex.
+        """
+        soles = soles_of(spec.contacts)
+        whole = bool(soles.flat.all())
+        return cls(
+            spec=spec,
+            soles=soles,
+            flat=soles.flat,
+            all_flat=whole,
+            at=slice(None) if whole else np.flatnonzero(soles.flat),
+            middle=[(x, y) for x, y in soles.middle.tolist()],
+            limits=[(contact.make, contact.break_) for contact in spec.contacts],
+            level=spec.ground == "level",
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Loads:
+    """What the contacts carry.
+
+    Attributes:
+        load: k [N]. on: Which carry load. new: Since this tick. changed: Whether any is new or off.
+        wrench: (k, 6) [f; t] at the contacts, their axes [N, N m]. up: (k, 3) the vertical in them.
+    """
+
+    load: list[float]
+    on: list[bool]
+    new: list[bool]
+    changed: bool
+    wrench: FloatArray
+    up: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """What stage 1 finds.
+
+    Attributes:
+        velocity: (3,) ydot [m/s]. pressure: (k, 2) centres of pressure [m]. limited: Which soles end there.
+        slip: What was dropped. weight: (k,) loads of the contacts that count [N].
+    """
+
+    velocity: FloatArray
+    pressure: FloatArray
+    limited: list[bool]
+    slip: Slip
+    weight: FloatArray
+
+
+def find_loads(
+    setting: Setting,
+    kinematics: BaseKinematics,
+    state: BaseState,
+    sample: Believed,
+    posture: Posture,
+    pose: Attitude,
+    switch: FloatArray,
+) -> Loads:
+    """What the contacts carry: external wrenches at the contacts, and which of them touch.
+
+    Args:
+        setting: Worked out once.
+        kinematics: Of the robot.
+        state: Before the tick.
+        sample: What was believed.
+        posture: Contacts against the base.
+        pose: Orientation.
+        switch: (k,) of `Readings`.
+    """
+    up = pose.up @ posture.rotation[:-1]
+    wrench = kinematics.external_wrench(sample.wrench, -GRAVITY * up)
+    force = wrench[:, 2]
+    if not setting.all_flat:
+        force = np.where(setting.flat > 0.0, force, np.sqrt((wrench[:, :3] ** 2).sum(axis=1)))
+    load, was = force.tolist(), state.contacts[:, 0].tolist()
+    on = carries(load, was, setting.limits, switch.tolist())
+    new = [touches and not before for touches, before in zip(on, was, strict=True)]
+    return Loads(load, on, new, not all(on) or any(new), wrench, up)
+
+
+def find_motion(
+    setting: Setting, state: BaseState, sample: Believed, posture: Posture, pose: Attitude, loads: Loads
+) -> Motion:
+    """Base velocity and centres of pressure.
+
+    Args:
+        setting: Worked out once.
+        state: Before the tick.
+        sample: What was believed.
+        posture: Contacts against the base.
+        pose: Orientation.
+        loads: What the contacts carry.
+    """
+    spec, dt, first = setting.spec, setting.spec.period, not state.started
+    reference = np.zeros(3)
+    if not first:
+        reference = (state.rotation @ (state.velocity + state.lever)) @ pose.predicted - posture.velocity[-1]
+        if not sample.has_accel and not any(loads.on):
+            reference = np.zeros(3)  # nothing says how the base moves: it is held
+        elif sample.has_accel:
+            reference += dt * (pose.accel - GRAVITY * pose.up)
+    seen = zip(loads.wrench.tolist(), loads.on, setting.soles.flat.tolist(), setting.middle, strict=True)
+    places, spreads = [], []
+    for (_, _, fz, tx, ty, _), touches, flat, middle in seen:
+        bearing = max(fz, _LEAST_LOAD)
+        places.append((-ty / bearing, tx / bearing) if touches and flat else middle)
+        spreads.append(flat * spec.cop_moment / bearing)
+    pressure = np.array(places)
+    R, offset = posture.rotation[:-1], posture.velocity[:-1]
+    matrix = skews(posture.rate[:-1]) @ R[:, :, :2]
+    still = offset + (matrix @ pressure[:, :, None])[:, :, 0]
+    before = Slip(state.drift, state.contacts[:, 2].tolist())
+    new = [True] * len(loads.on) if first else loads.new
+    slip = slipping(loads.on, new, loads.load, -still - reference, before, spec)
+    rows = zip(loads.on, loads.load, slip.dropped, strict=True)
+    forces = [max(force, _LEAST_LOAD) if touches and not dropped else 0.0 for touches, force, dropped in rows]
+    total = sum(forces) or 1.0
+    weight = np.array(forces)
+    problem = VelocityProblem(
+        reference=reference,
+        trust=(_FIRST if first else 1.0) * spec.velocity_time / dt / spec.contact_velocity**2,
+        matrix=matrix,
+        still=still,
+        pressure=pressure,
+        spread=np.array(spreads),
+        weight=weight / total,
+        deviation=spec.contact_velocity,
+    )
+    at_edge = bool(state.contact_flags[:, _LIMITED].any())
+    velocity, pressure, limited = solve_velocity(problem, setting.soles, at_edge=at_edge)
+    return Motion(velocity, pressure, limited, slip, weight)

@@ -1,0 +1,156 @@
+"""What goes into a tick, what is remembered between ticks, and what comes out; all arrays, all of a fixed size."""
+
+from dataclasses import dataclass, fields
+from functools import lru_cache
+from itertools import pairwise
+
+import numpy as np
+
+from drake_tc.estimation.base.pose import turned
+from drake_tc.types import FloatArray
+
+FLAGS = (
+    "no_contact",
+    "encoder_missing",
+    "encoder_spike",
+    "imu_missing",
+    "wrench_missing",
+    "yaw_drift",
+    "load_mismatch",
+    "inconsistent",
+    "failed",
+)
+"""Flags of the whole: nothing carries load, so the IMU alone carries the estimate; readings that are not finite (three
+kinds of sensors); an encoder step that was not believed; the gyro turns against the contacts; loads and weight differ;
+contacts were too far from their references, which were taken anew; a tick gave no numbers."""
+CONTACT_FLAGS = ("on", "limited", "slip", "tilt", "force_offset")
+"""Flags of each contact: carries load; its centre of pressure is at the sole's edge; slips and is left out; its foot is
+tilted against the touch-down; its sensor shows load in the air."""
+
+
+@dataclass(frozen=True, eq=False)
+class Readings:
+    """One sample of all sensors; n joints, k contacts. NaN marks what is missing.
+
+    Attributes:
+        q, qd: (n,) encoders [rad, rad/s].
+        gyro, accel: (3,) of the IMU, its axes [rad/s, m/s^2 (specific force)].
+        tilt: (2,) roll and pitch of the IMU's frame [rad]; NaN where the IMU gives none.
+        wrench: (k, 6) [f; t] of each contact's sensor, its axes [N, N m].
+        switch: (k,) 0 by the load's thresholds, 1 held on, -1 held off.
+    """
+
+    q: FloatArray
+    qd: FloatArray
+    gyro: FloatArray
+    accel: FloatArray
+    tilt: FloatArray
+    wrench: FloatArray
+    switch: FloatArray
+
+
+CONTACT_MEMORY = ("on", "load", "dropped", "airborne", "air_load")
+"""Columns of `BaseState.contacts`: carries load (0 or 1); load [N]; ticks until a contact that slipped counts again;
+ticks in the air; mean load in the air [N]."""
+SCALARS = ("started", "yaw", "rested", "mismatch", "ground")
+
+
+@dataclass(frozen=True, eq=False)
+class BaseState:
+    """Between two ticks. World W: z up, where the base started; base B; n joints, k contacts.
+
+    Attributes:
+        started: 1 after the first tick. yaw: Of the base [rad]. rested: Ticks that the robot has stood still so far.
+        mismatch: Mean of loads less weight [N].
+        ground: Height of a level ground [m]; NaN before the first contact.
+        position: (3,) p_WB [m]. rotation: (3, 3) R_WB; its last row is the vertical in B.
+        velocity: (3,) ydot, of B's origin in its axes [m/s]. rate: (3,) omega_WB in B [rad/s].
+        lever: (3,) velocity of the IMU against B's origin, in B [m/s].
+        bias: (3,) of the gyro, its axes [rad/s].
+        held: (k, 3) where the centre of pressure is held, in W [m].
+        foot: (k, 3, 3) R_WC with which the reference moves. foot_up: (k, 3) the vertical in C at touch-down.
+        pressure: (k, 2) centre of pressure in C [m].
+        drift: (k, 3) averaged velocity against the others, in B [m/s].
+        contacts: (k, 5) `CONTACT_MEMORY`.
+        q, qd: (n,) last believed [rad, rad/s]. doubt: (n,) ticks for which an encoder was not believed.
+        flags: (9,) `FLAGS`. contact_flags: (k, 5) `CONTACT_FLAGS`.
+    """
+
+    started: float
+    yaw: float
+    rested: float
+    mismatch: float
+    ground: float
+    position: FloatArray
+    rotation: FloatArray
+    velocity: FloatArray
+    rate: FloatArray
+    lever: FloatArray
+    bias: FloatArray
+    held: FloatArray
+    foot: FloatArray
+    foot_up: FloatArray
+    pressure: FloatArray
+    drift: FloatArray
+    contacts: FloatArray
+    q: FloatArray
+    qd: FloatArray
+    doubt: FloatArray
+    flags: FloatArray
+    contact_flags: FloatArray
+
+    def flag(self, name: str) -> bool:
+        """Whether a flag of `FLAGS` is up."""
+        return bool(self.flags[FLAGS.index(name)])
+
+    def contact_flag(self, contact: int, name: str) -> bool:
+        """Whether a flag of `CONTACT_FLAGS` is up."""
+        return bool(self.contact_flags[contact, CONTACT_FLAGS.index(name)])
+
+
+ARRAYS = tuple(item.name for item in fields(BaseState))[len(SCALARS) :]
+
+
+@lru_cache(maxsize=32)
+def _layout(n: int, k: int) -> tuple[tuple[str, slice, tuple[int, ...]], ...]:
+    shapes: dict[str, tuple[int, ...]] = dict.fromkeys(("position", "velocity", "rate", "lever", "bias"), (3,))
+    shapes |= dict.fromkeys(("held", "foot_up", "drift"), (k, 3))
+    shapes |= dict.fromkeys(("q", "qd", "doubt"), (n,))
+    shapes |= {"rotation": (3, 3), "foot": (k, 3, 3), "pressure": (k, 2), "contacts": (k, len(CONTACT_MEMORY))}
+    shapes |= {"flags": (len(FLAGS),), "contact_flags": (k, len(CONTACT_FLAGS))}
+    sizes = [int(np.prod(shapes[name])) for name in ARRAYS]
+    ends = np.cumsum([len(SCALARS), *sizes]).tolist()
+    return tuple((name, slice(a, b), shapes[name]) for name, (a, b) in zip(ARRAYS, pairwise(ends), strict=True))
+
+
+def state_size(n: int, k: int) -> int:
+    """Numbers in a packed state of n joints and k contacts."""
+    return int(_layout(n, k)[-1][1].stop)
+
+
+def packed(state: BaseState) -> FloatArray:
+    """All of a state in one vector: scalars first, then the arrays."""
+    scalars = np.array([getattr(state, name) for name in SCALARS], dtype=float)
+    return np.concatenate([scalars, *(getattr(state, name).ravel() for name in ARRAYS)])
+
+
+def unpacked(vector: FloatArray, n: int, k: int) -> BaseState:
+    """The state in a vector, for n joints and k contacts."""
+    return BaseState(
+        *vector[: len(SCALARS)].tolist(), *(vector[part].reshape(shape) for _, part, shape in _layout(n, k))
+    )
+
+
+def initial_state(q: FloatArray, k: int, position: FloatArray, yaw: float) -> BaseState:
+    """Before the first tick.
+
+    Args:
+        q: (n,) what the joints are taken to be until then [rad].
+        k: Contacts.
+        position: (3,) where the base starts [m].
+        yaw: Its yaw there [rad].
+    """
+    arrays = {name: np.zeros(shape) for name, _, shape in _layout(len(q), k)}
+    arrays |= {"position": np.array(position, dtype=float), "rotation": turned(yaw), "q": np.array(q)}
+    arrays["foot"] = np.tile(np.eye(3), (k, 1, 1))
+    return BaseState(0.0, float(yaw), 0.0, 0.0, float("nan"), **arrays)

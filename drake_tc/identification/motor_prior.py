@@ -1,0 +1,185 @@
+"""A voltage-driven motor from its logs, anchored to its data sheet (EQUATIONS C1).
+
+The logs tell, by linear least squares on v = K (tau + F_v theta' + tau_co sign(theta') + J theta''), four numbers
+
+    K = Rm/(kt N),   K F_v,   K tau_co,   K J                with F_v = tau_v + ke kt N^2/Rm, J = Jm N^2
+
+for six unknowns: kt and Rm only as their ratio, ke only with tau_v. The data sheet says the rest. With ke = c kt (c = 1
+for an ideal motor, which the paper takes), and x = (log kt, log Rm, log Jm, tau_co, tau_v),
+
+    min_x  |S^-1/2 (z - f(x))|^2 + sum_i ((x_i - prior_i)/width_i)^2                  (maximum a posteriori)
+
+z, S: the four numbers and their covariance. What the logs leave open keeps the width of its prior; `spread` says so.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import least_squares as nonlinear_least_squares
+
+from drake_tc.actuation.voltage_motor import VoltageMotor
+from drake_tc.errors import IdentificationError
+from drake_tc.filtering.common_kernel import CommonKernel
+from drake_tc.identification.linear_fit import LinearFit
+from drake_tc.identification.regression import least_squares
+from drake_tc.logs.record import Run
+from drake_tc.logs.rig import Rig
+from drake_tc.types import FloatArray
+
+NAMES = ("K", "K_v", "K_c", "K_a")
+UNKNOWNS = ("torque_constant", "resistance", "rotor_inertia", "coulomb", "viscous")
+CI95 = 1.96
+SLIDING = 0.05
+"""Share of the fastest speed below which samples are left out: where a joint sticks, dry friction is whatever holds."""
+
+
+@dataclass(frozen=True)
+class PriorWidths:
+    """One standard deviation of what the data sheet may be off by.
+
+    Attributes:
+        torque_constant, resistance, rotor_inertia: As shares [-].
+        coulomb, viscous: [N m], [N m s/rad]; a data sheet has none of a whole joint, so they are wide.
+        model: Share by which the four numbers may be off for what the model lacks [-], beside their own statistics.
+    """
+
+    torque_constant: float = 0.1
+    resistance: float = 0.15
+    rotor_inertia: float = 0.2
+    coulomb: float = 3.0
+    viscous: float = 1.5
+    model: float = 0.003
+
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            if not (np.isfinite(value) and value > 0.0):
+                raise IdentificationError(f"prior width {name}: wanted a positive number; got {value!r}")
+
+
+@dataclass(frozen=True, eq=False)
+class MotorFit:
+    """What logs and data sheet come to.
+
+    Attributes:
+        joint: Whose motor.
+        motor: The motor.
+        spread: Unknown to its 95 % interval.
+        from_logs: Unknown to the share of its prior's variance that the logs took away [-]: 0 tells that the number is
+            the data sheet's.
+        fit: The linear fit of the four numbers.
+    """
+
+    joint: str
+    motor: VoltageMotor
+    spread: dict[str, tuple[float, float]]
+    from_logs: dict[str, float]
+    fit: LinearFit
+
+
+def identify_motor(
+    runs: Sequence[Run],
+    rig: Rig,
+    sheet: VoltageMotor,
+    *,
+    joint: str | None = None,
+    widths: PriorWidths | None = None,
+    width_s: float = 0.03,
+) -> MotorFit:
+    """Fit one joint's motor.
+
+    Args:
+        runs: With position (of the motor, over the gear), voltage and torque behind the gear.
+        rig: Drive `voltage`, load `torque`; what it declares of the inertia is not used.
+        sheet: The data sheet; gear ratio, spring and voltage limit are taken as they are, ke/kt too.
+        joint: Which joint; None for the rig's first.
+        widths: How far the data sheet is trusted.
+        width_s: Width of the common smoothing kernel [s].
+
+    Raises:
+        IdentificationError: another drive or load, columns that are missing, or an excitation too poor.
+    """
+    name = rig.joints[0] if joint is None else joint
+    if name not in rig.joints:
+        raise IdentificationError(f"no joint {name!r} in the rig; joints here: {', '.join(rig.joints)}")
+    if rig.drive[name] != "voltage" or rig.load[name] != "torque":
+        raise IdentificationError(
+            f"{name}: wanted drive voltage and load torque; got {rig.drive[name]} and {rig.load[name]}"
+        )
+    columns, volts, lengths = _samples(runs, rig, name, width_s)
+    speed = np.abs(columns[:, 1])
+    sliding = (speed > SLIDING * np.percentile(speed, 99)).astype(np.float64)
+    fit = least_squares(columns, volts, names=NAMES, weights=sliding, lengths=lengths)
+    return _with_prior(name, fit, sheet, widths or PriorWidths())
+
+
+def _samples(
+    runs: Sequence[Run], rig: Rig, joint: str, width_s: float
+) -> tuple[FloatArray, FloatArray, tuple[int, ...]]:
+    """(T, 4) [torque, speed, direction, acceleration], (T,) voltage, stretches; all through one kernel."""
+    parts = []
+    for run in runs:
+        missing = [c for c in rig.required_columns(joint) if c not in run.columns]
+        if missing:
+            raise IdentificationError(f"{run.name}: identification of {joint} needs {', '.join(missing)}")
+        kernel = CommonKernel(width_s, run.period)
+        for part in run.segments():
+            if part.stop - part.start <= 2 * kernel.margin:
+                continue
+            position = run.columns[f"{joint}/position"][part]
+            speed = kernel.derivative(position)
+            rows = (
+                kernel.smooth(run.columns[f"{joint}/torque"][part]),
+                speed,
+                kernel.smooth(np.sign(speed)),
+                kernel.second_derivative(position),
+                kernel.smooth(run.columns[rig.command_column(joint)][part]),
+            )
+            parts.append(np.stack(rows, axis=1)[kernel.valid(position.size)])
+    if not parts:
+        raise IdentificationError(f"no stretch of {joint}'s runs is longer than the smoothing kernel of {width_s:g} s")
+    table = np.concatenate(parts)
+    return table[:, :4], table[:, 4], tuple(len(part) for part in parts)
+
+
+def _numbers(x: FloatArray, sheet: VoltageMotor) -> FloatArray:
+    """f(x) (4,): K, K F_v, K tau_co, K J."""
+    constant, resistance, inertia = np.exp(x[:3])
+    ratio, emf = sheet.gear_ratio, sheet.back_emf / sheet.torque_constant
+    gain = resistance / (constant * ratio)
+    return np.array([gain, gain * x[4] + emf * constant * ratio, gain * x[3], gain * inertia * ratio**2])
+
+
+def _with_prior(joint: str, fit: LinearFit, sheet: VoltageMotor, widths: PriorWidths) -> MotorFit:
+    z = np.asarray(fit.coefficients)
+    if not np.all(z[[0, 1, 3]] > 0.0):
+        raise IdentificationError(f"{joint}: wanted positive {', '.join(NAMES)}; the logs give {z.round(5).tolist()}")
+    covariance = np.asarray(fit.hac_covariance) + np.diag((widths.model * z) ** 2)
+    white = np.linalg.inv(np.linalg.cholesky(covariance))
+    logs = np.log([sheet.torque_constant, sheet.resistance, sheet.rotor_inertia])
+    prior = np.array([*logs, sheet.coulomb, sheet.viscous])
+    width = np.array([getattr(widths, name) for name in UNKNOWNS])
+
+    def residual(x: FloatArray) -> FloatArray:
+        return np.concatenate([white @ (z - _numbers(x, sheet)), (x - prior) / width])
+
+    lower = np.array([-np.inf, -np.inf, -np.inf, 0.0, 0.0])
+    start = np.maximum(prior, lower + 1e-9)
+    found = nonlinear_least_squares(residual, start, bounds=(lower, np.full(5, np.inf)), x_scale=width)
+    posterior = np.linalg.inv(found.jac.T @ found.jac)
+    deviation = np.sqrt(np.diag(posterior))
+    values = np.array([*np.exp(found.x[:3]), *found.x[3:]])
+    low, high = found.x - CI95 * deviation, found.x + CI95 * deviation
+    low, high = (np.array([*np.exp(side[:3]), *np.maximum(side[3:], 0.0)]) for side in (low, high))
+    emf = sheet.back_emf / sheet.torque_constant
+    named = dict(zip(UNKNOWNS, map(float, values), strict=True))
+    motor = VoltageMotor(
+        **named,
+        back_emf=emf * named["torque_constant"],
+        gear_ratio=sheet.gear_ratio,
+        stiffness=sheet.stiffness,
+        voltage_limit=sheet.voltage_limit,
+    )
+    spread = {name: (float(a), float(b)) for name, a, b in zip(UNKNOWNS, low, high, strict=True)}
+    share = {name: float(1.0 - (d / w) ** 2) for name, d, w in zip(UNKNOWNS, deviation, width, strict=True)}
+    return MotorFit(joint, motor, spread, share, fit)
