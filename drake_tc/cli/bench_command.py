@@ -80,7 +80,7 @@ def _real(name: str, rows: list[RealRow], as_json: bool) -> None:
     if as_json:
         print(json.dumps(rows_json(name, rows)))
         return
-    shown = Table(title=f"{name}: held-out figures on real data")
+    shown = Table(title=f"{name}: figures on real data")
     for heading in ("figure", "value", "wanted", "met", "note"):
         shown.add_column(heading, justify="right" if heading == "value" else "left", overflow="fold")
     for row in rows:

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+from matplotlib.ticker import FormatStrFormatter, LogFormatter
 from numpy.typing import NDArray
 
 from drake_tc.types import FloatArray
@@ -38,4 +39,6 @@ def draw_bode(
     above.set_title(title)
     for axes in (above, below):
         axes.grid(visible=True, which="both", alpha=0.3)
+        axes.xaxis.set_major_formatter(FormatStrFormatter("%g"))
+        axes.xaxis.set_minor_formatter(LogFormatter(labelOnlyBase=False, minor_thresholds=(2.0, 0.5)))
     below.legend()
