@@ -131,15 +131,15 @@ def _names_and_texts(tree: ast.Module) -> Iterator[str]:
 
 
 DATA_SETS = ("icub-walking-base", "real-icub")
-"""A public data set, and the benchmark on it, that carry a robot's name."""
+"""A public data set and the benchmark on it, which carry a robot's name."""
 
 
 def test_the_library_names_no_robot():
     found = []
     for path in sorted(LIBRARY.rglob("*.py")):
         for text in _names_and_texts(ast.parse(path.read_text(encoding="utf-8"))):
-            if text in DATA_SETS:
-                continue
+            for name in DATA_SETS:
+                text = text.replace(name, "")
             words = text.lower().replace("-", "")
             found += [f"{path.relative_to(ROOT)}: {robot} in {text!r}" for robot in ROBOTS if robot in words]
     assert found == [], "robots belong in diagrams/ and models/"
