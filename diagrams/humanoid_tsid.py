@@ -2,7 +2,8 @@
 
     references, contacts --> tsid --> [drives] --> (+ torque error) --> plant and floor --> state or estimate --> tsid
 
-`state: plant` hands the plant's own state to the controller, `torque: direct` its torques to the joints.
+`state: plant` hands the plant's own state to the controller, `torque: direct` its torques to the joints. Paper C's loop
+is `state: base_estimator` with `torque: series_elastic`.
 """
 
 from dataclasses import dataclass
@@ -10,11 +11,19 @@ from typing import Any
 
 from drake_tc.diagrams.loop.signal_log import SignalLog, add_log
 from drake_tc.diagrams.loop.surroundings import add_pushes, check_masses, set_masses
+from drake_tc.diagrams.tsid.base_estimation import base_state
 from drake_tc.diagrams.tsid.drives import add_drives
 from drake_tc.diagrams.tsid.ground import add_ground
 from drake_tc.diagrams.tsid.references import contact_source, task_source
 from drake_tc.diagrams.tsid.scenario import TsidScenario
 from drake_tc.diagrams.tsid.senses import Wiring, add_senses, estimated_state
+from drake_tc.diagrams.tsid.series_elastic_drives import (
+    SpringDrives,
+    Start,
+    add_spring_drives,
+    control_springs,
+    link_position,
+)
 from drake_tc.diagrams.tsid.torque_noise import TorqueNoise
 from pydrake.geometry import MeshcatVisualizer, StartMeshcat
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
@@ -24,6 +33,7 @@ from pydrake.systems.primitives import Adder
 from drake_tc.errors import ParamsError
 from drake_tc.robot.plant import add_robot
 from drake_tc.robot.robot import Robot
+from drake_tc.sensing.suite import SensorSuite
 from drake_tc.tsid.configuration import load_law
 from drake_tc.tsid.controller import RobustTsid, reference_port
 from drake_tc.tsid.law import Law
@@ -38,6 +48,7 @@ class TsidLoop:
         scenario, law: What it was built from.
         diagram, plant, controller: The systems.
         log: Of all recorded signals.
+        starts: Put parts of a context where the robot starts, in this order.
     """
 
     scenario: TsidScenario
@@ -46,6 +57,7 @@ class TsidLoop:
     plant: MultibodyPlant
     controller: RobustTsid
     log: SignalLog
+    starts: tuple[Start, ...] = ()
 
     @property
     def robot(self) -> Robot:
@@ -55,6 +67,8 @@ class TsidLoop:
     def start(self, context: Context) -> None:
         """Give the links the scenario's masses; the robot starts at rest in its posture."""
         set_masses(self.plant, self.plant.GetMyContextFromRoot(context), self.scenario.masses)
+        for start in self.starts:
+            start(context)
 
 
 def build_tsid(scenario: TsidScenario, *, meshcat: bool = False) -> TsidLoop:
@@ -81,15 +95,17 @@ def build_tsid(scenario: TsidScenario, *, meshcat: bool = False) -> TsidLoop:
     controller = RobustTsid(law)
     touched = plant.get_generalized_contact_forces_output_port(plant.GetModelInstanceByName(law.model.robot.name))
     wiring = Wiring(builder, scenario, law, plant, {"state": plant.get_state_output_port(), "contact": touched})
-    sensors = add_senses(wiring) if scenario.state == "estimated" or scenario.torque == "drives" else None
+    senses = scenario.state != "plant" or scenario.torque == "drives"
+    sensors = add_senses(wiring) if senses else None
+    springs = add_spring_drives(wiring) if scenario.torque == "series_elastic" else None
     builder.AddNamedSystem("tsid", controller)
     contacts = _connect_references(builder, scenario, controller)
-    state = plant.get_state_output_port()
-    if sensors is not None and scenario.state == "estimated":
-        state = wiring.signals["estimated_state"] = estimated_state(wiring, sensors, contacts)
+    state, starts = _known_state(wiring, sensors, springs, contacts)
     builder.Connect(state, controller.GetInputPort("estimated_state"))
     torque = _with_error(builder, scenario, law, controller.GetOutputPort("torque"))
-    if sensors is not None and scenario.torque == "drives":
+    if springs is not None:
+        starts.append(control_springs(wiring, springs, torque))
+    elif sensors is not None and scenario.torque == "drives":
         add_drives(wiring, sensors, torque, state)
     else:
         wiring.signals["applied_torque"] = torque
@@ -99,7 +115,25 @@ def build_tsid(scenario: TsidScenario, *, meshcat: bool = False) -> TsidLoop:
     log = add_log(builder, wiring.signals, law.period)
     diagram = builder.Build()
     diagram.set_name(f"{law.model.robot.name}_tsid")
-    return TsidLoop(scenario, law, diagram, plant, controller, log)
+    return TsidLoop(scenario, law, diagram, plant, controller, log, tuple(starts))
+
+
+def _known_state(
+    wiring: Wiring, sensors: SensorSuite | None, springs: SpringDrives | None, contacts: OutputPort | None
+) -> tuple[OutputPort, list[Start]]:
+    """[q; v] as the controller gets it, and what has to be started for it."""
+    if sensors is None or wiring.scenario.state == "plant":
+        return wiring.plant.get_state_output_port(), []
+    encoder = sensors.encoder.GetOutputPort("reading")
+    position = encoder if springs is None else link_position(wiring, springs, encoder)
+    starts: list[Start] = []
+    if wiring.scenario.state == "base_estimator":
+        state, start = base_state(wiring, sensors, position, contacts)
+        starts.append(start)
+    else:
+        state = estimated_state(wiring, sensors, contacts)
+    wiring.signals["estimated_state"] = state
+    return state, starts
 
 
 def _add_plant(builder: DiagramBuilder, scenario: TsidScenario, law: Law, *, meshcat: bool) -> MultibodyPlant:

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping
 
 from drake_tc.diagrams.papers.beyond import beyond
+from drake_tc.diagrams.papers.coman_motions import genuflection, turn_1hz, turn_half_hz
 from drake_tc.diagrams.papers.force_figures import fig5, fig6
 from drake_tc.diagrams.papers.motion_tables import table2, table3
 from drake_tc.diagrams.papers.reproduction import Progress, Reproduction
@@ -41,6 +42,9 @@ REPRODUCTIONS: Mapping[str, Callable[[int, Progress | None], Reproduction]] = {
     "C.bode": bode,
     "C.held": held,
     "C.motor": motor,
+    "C.genuflection": genuflection,
+    "C.turn1hz": turn_1hz,
+    "C.turn_half_hz": turn_half_hz,
 }
 """Id to a function of seed and progress."""
 

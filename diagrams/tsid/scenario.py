@@ -11,6 +11,7 @@ from drake_tc.diagrams.scenarios.checks import check_run
 from drake_tc.diagrams.scenarios.files import read_scenario
 from drake_tc.diagrams.scenarios.parts import PushSpec
 from drake_tc.diagrams.scenarios.strict_yaml import from_mapping
+from drake_tc.diagrams.tsid.chain_specs import BaseEstimationSpec, SpringDrivesSpec
 
 from drake_tc.control.torque_control import CompensationSpec
 from drake_tc.errors import ParamsError
@@ -215,10 +216,14 @@ class TsidScenario:
         duration: [s].
         plant_step: Of plant and drives [s]; the controller's period is a whole number of them.
         seed: Of all random numbers.
-        state: What the controller knows: the "plant"'s own state, or "estimated" from encoders, IMU and F/T sensors.
-        torque: Where its torques go: "direct" to the joints, or through "drives" with friction under torque control.
+        state: What the controller knows: the "plant"'s own state, "estimated" from encoders, gyro and soles, or by the
+            "base_estimator" from encoders, IMU and F/T sensors.
+        torque: Where its torques go: "direct" to the joints, through "drives" with friction under torque control, or
+            through "series_elastic" ones driven by voltage.
         sensors: "perfect", "realistic" or a mapping (`drake_tc.sensing.suite`); only where something is estimated.
         drives: Only with `torque: drives`.
+        series_elastic: Only with `torque: series_elastic`.
+        estimator: Only with `state: base_estimator`.
         motion: Task to where it goes.
         lifted: Contact to the times when the controller does without it.
         torque_error: Errors of the torques; None: none.
@@ -233,10 +238,12 @@ class TsidScenario:
     duration: float = 2.0
     plant_step: float = 1e-3
     seed: int = 0
-    state: Literal["plant", "estimated"] = "plant"
-    torque: Literal["direct", "drives"] = "direct"
+    state: Literal["plant", "estimated", "base_estimator"] = "plant"
+    torque: Literal["direct", "drives", "series_elastic"] = "direct"
     sensors: Any = SENSORS
     drives: DrivesSpec = field(default_factory=DrivesSpec)
+    series_elastic: SpringDrivesSpec = field(default_factory=SpringDrivesSpec)
+    estimator: BaseEstimationSpec = field(default_factory=BaseEstimationSpec)
     motion: Mapping[str, KnotSpec] = field(default_factory=dict)
     lifted: Mapping[str, tuple[SpanSpec, ...]] = field(default_factory=dict)
     torque_error: TorqueErrorSpec | None = None
@@ -246,15 +253,24 @@ class TsidScenario:
     source: str = "."
 
     def __post_init__(self) -> None:
-        choices = {"state": ("plant", "estimated"), "torque": ("direct", "drives")}
+        choices = {
+            "state": ("plant", "estimated", "base_estimator"),
+            "torque": ("direct", "drives", "series_elastic"),
+        }
         check_run(self, choices, ("duration", "plant_step"))
         if self.torque_error is not None and self.torque_error.hold < self.plant_step:
             raise ParamsError(
                 f"torque_error.hold: wanted plant_step {self.plant_step:g} s or more; got {self.torque_error.hold:g}"
             )
-        if self.torque == "direct" and self.drives != DrivesSpec():
-            raise ParamsError("drives: wanted torque: drives beside it; with torque: direct there are none")
-        if self.torque == "direct" and self.state == "plant" and self.sensors != SENSORS:
+        for name, default, choice, needed in (
+            ("drives", DrivesSpec(), self.torque, "drives"),
+            ("series_elastic", SpringDrivesSpec(), self.torque, "series_elastic"),
+            ("estimator", BaseEstimationSpec(), self.state, "base_estimator"),
+        ):
+            if choice != needed and getattr(self, name) != default:
+                key = "state" if name == "estimator" else "torque"
+                raise ParamsError(f"{name}: wanted {key}: {needed} beside it; with {key}: {choice} there are none")
+        if self.torque != "drives" and self.state == "plant" and self.sensors != SENSORS:
             raise ParamsError(
                 "sensors: wanted state: estimated or torque: drives beside it; with neither nothing is sensed"
             )

@@ -19,7 +19,7 @@ from drake_tc.diagrams.tsid.scenario import (
     load_tsid_scenario,
 )
 from drake_tc.diagrams.tsid.summary import summarise_tsid, task_errors, write_tsid
-from drake_tc.diagrams.tsid.timing import MEASURES
+from drake_tc.diagrams.tsid.timing import FORMS
 from drake_tc.diagrams.tsid.torque_noise import TorqueNoise
 from drake_tc.diagrams.tsid.violations import contact_wrenches, worst_misses
 from numpy.testing import assert_allclose, assert_array_equal
@@ -274,8 +274,8 @@ def test_a_foot_is_lifted_and_put_down():
         ("{lifted: {tail: [{begin: 1.0}]}}", "lifted: no contact 'tail'; contacts: right_sole, left_sole"),
         ("{lifted: {left_sole: [{begin: 1.0, end: 0.5}]}}", "wanted begin < end"),
         ("{masses: {tail: 1.1}}", "masses: no link 'tail' in hrp2_like"),
-        ("{state: guessed}", "state: wanted one of plant, estimated; got 'guessed'"),
-        ("{torque: by hand}", "torque: wanted one of direct, drives; got 'by hand'"),
+        ("{state: guessed}", "state: wanted one of plant, estimated, base_estimator; got 'guessed'"),
+        ("{torque: by hand}", "torque: wanted one of direct, drives, series_elastic; got 'by hand'"),
         ("{ground: {approximation: hard}}", "ground.approximation: wanted one of sap, tamsi, similar, lagged"),
         ("{ground: {stiffness: 0.0}}", "ground.stiffness: wanted a positive number"),
         ("{torque_error: {hold: 0.0}}", "torque_error: wanted scale >= 0 and hold > 0"),
@@ -335,7 +335,8 @@ def test_bench_tick_has_a_row_for_every_measure(capsys):
     told = json.loads(capsys.readouterr().out)
     assert told["name"] == "tick"
     names = [row["name"] for row in told["rows"]]
-    assert all(any(name.endswith(measure) for name in names) for measure in MEASURES)
+    wanted = [measure if use == "trade_off" else f"{measure}, {use}" for measure, use in FORMS]
+    assert all(any(name.endswith(f": {form}") for name in names) for form in wanted)
     assert all(0.0 < row["median"] <= row["p99"] for row in told["rows"])
 
 

@@ -1,0 +1,96 @@
+"""Series-elastic drives and the base estimator under a whole-body controller, as data (paper C)."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+from drake_tc.control.series_elastic.spec import SeriesElasticSpec
+from drake_tc.errors import ParamsError
+from drake_tc.estimation.base.system import METHODS
+from drake_tc.sensing.spec import SensorSpec
+
+
+@dataclass(frozen=True)
+class SpringDrivesSpec:
+    """Voltage-driven series-elastic joints, their sensors and their torque control.
+
+    Attributes:
+        actuators: Model file of the simulated drives; None takes the robot file's.
+        believed: `gain`, or an effect, to a factor on what the controller takes every motor for; 1 where absent.
+        control: The torque law; its `delay` should be the loop's.
+        delay: From a voltage computed to the voltage at the motor [s].
+        acceleration_bandwidth: Of the low pass through which the law is told the links' wanted accelerations [rad/s];
+            0: it is not told, and motors follow their links by feedback alone.
+        link_from: The joints' positions: the fine encoder before the spring less what the gauge says of its
+            deflection ("motor"), or the coarse one behind it ("link"), which is the scenario's `sensors.encoder`.
+        motor_encoder: Before the spring [rad].
+        gauge: Of the spring's torque [N m].
+    """
+
+    actuators: str | None = None
+    believed: Mapping[str, float] = field(default_factory=dict)
+    control: SeriesElasticSpec = field(default_factory=SeriesElasticSpec)
+    delay: float = 0.015
+    acceleration_bandwidth: float = 0.0
+    link_from: Literal["motor", "link"] = "motor"
+    motor_encoder: SensorSpec = field(default_factory=lambda: SensorSpec(resolution=1.534e-5))
+    gauge: SensorSpec = field(default_factory=lambda: SensorSpec(noise=0.02))
+
+    def __post_init__(self) -> None:
+        if self.link_from not in ("motor", "link"):
+            raise ParamsError(f"series_elastic.link_from: wanted motor or link; got {self.link_from!r}")
+        for name, value, unit in (
+            ("delay", self.delay, "a time >= 0 [s]"),
+            ("acceleration_bandwidth", self.acceleration_bandwidth, "a number >= 0 [rad/s]"),
+        ):
+            if not 0.0 <= value < math.inf:
+                raise ParamsError(f"series_elastic.{name}: wanted {unit}; got {value:g}")
+        for name, factor in self.believed.items():
+            if not 0.0 <= factor < math.inf:
+                raise ParamsError(f"series_elastic.believed.{name}: wanted a factor >= 0; got {factor!r}")
+
+    def ticks(self, period: float) -> int:
+        """The delay in the controller's periods.
+
+        Raises:
+            ParamsError: it is no whole number of them.
+        """
+        ticks = self.delay / period
+        if abs(ticks - round(ticks)) > 1e-6:
+            raise ParamsError(
+                f"series_elastic.delay: wanted a multiple of the period {period:g} s; got {self.delay:g} s"
+            )
+        return round(ticks)
+
+
+@dataclass(frozen=True)
+class BaseEstimationSpec:
+    """The base estimator of the controller.
+
+    Attributes:
+        method: "cop", or "foot_centre" for the baseline.
+        beside: Another method that sees the same, for logs alone: the signal "beside_state"; None: none.
+        make, break_: Load of a contact above which it is made and below which it is lost, as a share of the robot's
+            weight [-].
+        velocity_window: Samples of the filter behind the joints' velocities, read at its end.
+        tuning: Fields of `BaseEstimatorSpec`: `{velocity_time: 0.01}`.
+    """
+
+    method: str = "cop"
+    beside: str | None = None
+    make: float = 0.05
+    break_: float = 0.02
+    velocity_window: int = 15
+    tuning: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for name, method in (("method", self.method), ("beside", self.beside or self.method)):
+            if method not in METHODS:
+                raise ParamsError(f"estimator.{name}: wanted one of {', '.join(METHODS)}; got {method!r}")
+        if not 0.0 < self.break_ <= self.make < 1.0:
+            raise ParamsError(
+                f"estimator: wanted 0 < break_ <= make < 1; got break_ {self.break_:g}, make {self.make:g}"
+            )
+        if self.velocity_window < 4:
+            raise ParamsError(f"estimator.velocity_window: wanted 4 samples or more; got {self.velocity_window}")

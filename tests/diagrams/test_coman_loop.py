@@ -1,0 +1,200 @@
+"""The whole loop of paper C: base estimator, whole-body controller, torque control, voltage, springs, soft soles."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from drake_tc.diagrams.humanoid_tsid import build_tsid
+from drake_tc.diagrams.scenarios.files import scenario_names
+from drake_tc.diagrams.tsid.base_estimation import estimator_spec
+from drake_tc.diagrams.tsid.chain_specs import BaseEstimationSpec, SpringDrivesSpec
+from drake_tc.diagrams.tsid.ground import touching_points
+from drake_tc.diagrams.tsid.link_position import LinkPosition, spring_times
+from drake_tc.diagrams.tsid.running import simulate_tsid
+from drake_tc.diagrams.tsid.scenario import SpanSpec, TsidScenario, load_tsid_scenario
+from drake_tc.diagrams.tsid.senses import Wiring
+from numpy.testing import assert_allclose
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder
+
+from drake_tc.errors import ParamsError
+from drake_tc.tsid.law import Status
+
+FILE = Path(__file__).resolve().parents[2] / "diagrams" / "coman.scenario.yaml"
+BASE = slice(4, 7)
+
+
+def scenario(name, text=None):
+    return load_tsid_scenario(FILE, name, text)
+
+
+def base_errors(recording, since=0.3):
+    """Root mean squares of the base's position [m], and of its velocity without the angular one [m/s]."""
+    late, nq = recording.time > since, recording.law.model.nq
+    wrong = (recording["estimated_state"] - recording["state"])[late]
+    return np.sqrt((wrong[:, BASE] ** 2).mean()), np.sqrt((wrong[:, nq + 3 : nq + 6] ** 2).mean())
+
+
+@pytest.mark.parametrize("name", scenario_names(FILE))
+def test_every_committed_scenario_runs_and_stays_finite(name):
+    recording = simulate_tsid(scenario(name, "{duration: 0.03}"))
+    assert recording.time.size == 31
+    assert all(np.isfinite(values).all() for values in recording.signals.values())
+    assert recording.fell is None
+    assert recording.status(Status.FALLBACK).max() == 0.0
+
+
+@pytest.fixture(scope="module")
+def stood():
+    return simulate_tsid(scenario("stand", "{duration: 0.8}"))
+
+
+def test_it_stands_on_its_own_estimate_and_springs(stood):
+    """15 ms of delay, noisy sensors, dry friction of 2 to 3 N m, soles that give way."""
+    late = stood.time > 0.4
+    joints = stood["state"][late, -stood.law.model.n :]
+    assert stood.fell is None
+    assert np.abs(joints).max() < 0.15
+    assert np.ptp(stood["state"][late, BASE], axis=0).max() < 5e-3
+    wrong = (stood["torque"] - stood["applied_torque"])[late]
+    assert np.sqrt((wrong**2).mean()) < 0.6
+    assert np.abs(stood["applied_torque"][late]).max() > 8.0  # knees and ankles carry
+
+
+def test_the_estimate_is_the_plants_own_state(stood):
+    position, velocity = base_errors(stood)
+    assert position < 2e-3
+    assert velocity < 5e-3
+    assert np.abs(stood["estimated_state"] - stood["state"]).max() > 1e-5  # an estimate, not a wire
+
+
+def test_the_centre_of_pressure_is_the_plants(stood):
+    """Its moment about the world's origin is that of the contacts' true forces on the floating base, at rest."""
+    late = stood.time > 0.6
+    model = stood.law.model
+    force = stood["contact"][late][:, :6].mean(axis=0)  # [moment about the base; force], in the world
+    base = stood["state"][late, BASE].mean(axis=0)
+    x = base[0] - (force[1] + base[2] * force[3]) / force[5]
+    scratch, found = model.create_scratch(), []
+    for row, cop in zip(stood["state"][late][::20], stood["cop"][late][::20], strict=True):
+        terms = model.terms(scratch, row[: model.nq], row[model.nq :])
+        for i, contact in enumerate(model.contacts):
+            rotation, place = terms.pose(contact.name)
+            found.append((place + rotation @ [*cop[2 * i : 2 * i + 2], 0.0])[0])
+    assert_allclose(np.mean(found), x, atol=5e-3)  # F/T bias: 0.03 N m and 0.6 N over a load of 150 N
+
+
+def test_springs_are_wound_and_motors_under_voltage_from_the_start():
+    loop = build_tsid(scenario("stand"))
+    simulator = Simulator(loop.diagram)
+    context = simulator.get_mutable_context()
+    loop.start(context)
+    simulator.Initialize()
+    actuators, control = (loop.diagram.GetSubsystemByName(name) for name in ("actuators", "torque_control"))
+    mine = actuators.GetMyContextFromRoot(context)
+    torque = control.GetInputPort("reference_torque").Eval(control.GetMyContextFromRoot(context))
+    assert np.abs(torque).max() > 5.0
+    assert_allclose(actuators.GetOutputPort("transmitted_torque").Eval(mine), torque, atol=0.3)
+    assert_allclose(actuators.GetInputPort("command").Eval(mine), 0.15 * torque, atol=0.01)
+
+
+def test_another_estimator_watches_and_moves_nothing():
+    alone, watched = (
+        simulate_tsid(scenario("stand", f"{{duration: 0.1, estimator: {{beside: {beside}}}}}"))
+        for beside in ("null", "foot_centre")
+    )
+    assert_allclose(watched["state"], alone["state"], rtol=0.0, atol=0.0)
+    assert "beside_state" not in alone.signals
+    assert 1e-5 < np.abs(watched["beside_state"] - watched["estimated_state"])[:, BASE].max() < 0.01
+
+
+def test_a_contact_that_is_lifted_is_held_off():
+    lifted = {"right_sole": (SpanSpec(0.0),)}
+    loop = build_tsid(replace(scenario("stand"), lifted=lifted))
+    context = loop.diagram.CreateDefaultContext()
+    estimator = loop.diagram.GetSubsystemByName("base_estimator")
+    switch = estimator.GetInputPort("contact_switch").Eval(estimator.GetMyContextFromRoot(context))
+    assert_allclose(switch, [-1.0, 0.0])
+
+
+def test_the_estimators_soles_are_those_that_touch():
+    given = scenario("stand")
+    loop = build_tsid(given)
+    spec = estimator_spec(Wiring(DiagramBuilder(), given, loop.law, loop.plant, {}))
+    for contact, mine in zip(loop.law.model.contacts, spec.contacts, strict=True):
+        points = touching_points(contact, given.ground)[:, :2]
+        corners = np.array(mine.polygon)
+        assert_allclose([corners.min(axis=0), corners.max(axis=0)], [points.min(axis=0), points.max(axis=0)])
+        assert mine.mount.link == contact.frame.link
+    assert [contact.sensor for contact in spec.contacts] == ["right_ankle", "left_ankle"]
+    assert spec.still_rate == 0.001
+
+
+def test_spring_times_give_the_ratio_of_damping_by_eigenvalues():
+    c, J, M = np.array([0.005, 0.008]), np.array([0.12, 0.12]), np.array([0.03, 0.5])
+    for i, time in enumerate(spring_times(c, J, M)):
+        stiffness = np.array([[1.0, -1.0], [-1.0, 1.0]]) / c[i]
+        inverse = np.diag([1.0 / J[i], 1.0 / M[i]])
+        A = np.block([[np.zeros((2, 2)), np.eye(2)], [-inverse @ stiffness, -time * inverse @ stiffness]])
+        root = max(np.linalg.eigvals(A), key=lambda value: value.imag)
+        assert_allclose(-root.real / abs(root), 0.05, rtol=1e-6)
+
+
+def test_link_position_undoes_a_damped_spring():
+    """A deflection of our own making, its rate by backward differences as the simulated gear has it."""
+    dt, c, time = 1e-3, np.array([0.005, 0.008]), np.array([1.5e-3, 0.0])
+    system = LinkPosition(c, time, dt)
+    context = system.CreateDefaultContext()
+    t = dt * np.arange(200)
+    q = np.stack([np.sin(7.0 * t), np.cos(5.0 * t)], axis=1)
+    d = 0.05 * np.stack([np.sin(60.0 * t) ** 2, np.cos(90.0 * t)], axis=1)
+    rate = np.diff(d, axis=0, prepend=d[:1]) / dt
+    for k in range(len(t)):
+        system.GetInputPort("motor_angle").FixValue(context, q[k] + d[k])
+        system.GetInputPort("torque").FixValue(context, (d[k] + time * rate[k]) / c)
+        assert_allclose(system.GetOutputPort("position").Eval(context), q[k], atol=1e-12)
+        context.SetDiscreteState(np.array(system.EvalUniquePeriodicDiscreteUpdate(context).value()))
+    system.GetInputPort("torque").FixValue(context, [np.nan, 0.0])
+    after = system.EvalUniquePeriodicDiscreteUpdate(context).value()
+    assert np.isfinite(after).all()
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: BaseEstimationSpec(method="guess"), "estimator.method: wanted one of cop, foot_centre; got 'guess'"),
+        (lambda: BaseEstimationSpec(make=0.01), "wanted 0 < break_ <= make < 1; got break_ 0.02, make 0.01"),
+        (lambda: BaseEstimationSpec(velocity_window=3), "estimator.velocity_window: wanted 4 samples or more; got 3"),
+        (lambda: SpringDrivesSpec(link_from="air"), "series_elastic.link_from: wanted motor or link; got 'air'"),
+        (lambda: SpringDrivesSpec(delay=-1.0), "series_elastic.delay: wanted a time >= 0"),
+        (lambda: SpringDrivesSpec(believed={"gain": -1.0}), "series_elastic.believed.gain: wanted a factor >= 0"),
+        (
+            lambda: TsidScenario("x.yaml", estimator=BaseEstimationSpec("foot_centre")),
+            "estimator: wanted state: base_estimator beside it; with state: plant there are none",
+        ),
+        (
+            lambda: TsidScenario("x.yaml", series_elastic=SpringDrivesSpec(delay=0.0)),
+            "series_elastic: wanted torque: series_elastic beside it; with torque: direct there are none",
+        ),
+        (
+            lambda: TsidScenario("x.yaml", torque="series_elastic", sensors="perfect"),
+            "sensors: wanted state: estimated or torque: drives beside it; with neither nothing is sensed",
+        ),
+        (
+            lambda: build_tsid(scenario("stand", "{series_elastic: {delay: 0.0005}}")),
+            "series_elastic.delay: wanted a multiple of the period 0.001 s; got 0.0005 s",
+        ),
+        (
+            lambda: build_tsid(scenario("stand", "{series_elastic: {believed: {ripple: 1.0}}}")),
+            "series_elastic.believed: no 'ripple' in the models; there: coulomb, elasticity, gain",
+        ),
+        (
+            lambda: build_tsid(scenario("stand", "{estimator: {tuning: {guess: 1.0}}}")),
+            "estimator.tuning: .*'guess'",
+        ),
+    ],
+)
+def test_what_is_refused(make, message):
+    with pytest.raises(ParamsError, match=message):
+        make()
