@@ -46,21 +46,14 @@ SHOWN = {
     "04_robust_tsid": {"image/png"},
 }
 """Plots, and the block graph."""
-QUICK = "02_leg_torque_control"
-"""Runs in every test; the others take their time in the slow ones."""
 
 
 def test_every_notebook_is_known_here():
     assert {script.stem for script in SCRIPTS} == set(SAID) == set(SHOWN)
 
 
-@pytest.mark.parametrize(
-    "script",
-    [
-        pytest.param(script, marks=[] if script.stem == QUICK else [pytest.mark.slow], id=script.stem)
-        for script in SCRIPTS
-    ],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("script", SCRIPTS, ids=lambda p: p.stem)
 def test_the_script_runs(script, tmp_path):
     environment = os.environ | {"MPLBACKEND": "Agg", "TMPDIR": str(tmp_path)}
     done = subprocess.run(

@@ -50,8 +50,8 @@ def test_pendulum_agrees_with_another_integrator() -> None:
     [
         {},
         {"stribeck": {"excess": 2.0, "speed": 0.2, "exponent": 2.0}},
-        {"presliding_hysteresis": {"share": 0.8, "length": 0.02}},
-        {"elasticity": {"compliance": 3e-5}},
+        pytest.param({"presliding_hysteresis": {"share": 0.8, "length": 0.02}}, marks=pytest.mark.slow),
+        pytest.param({"elasticity": {"compliance": 3e-5}}, marks=pytest.mark.slow),
     ],
 )
 def test_halving_the_step_converges(causes: dict) -> None:
