@@ -23,7 +23,6 @@ from drake_tc.errors import ParamsError
 from drake_tc.tsid.assembly import check_names, ordered
 from drake_tc.tsid.infeasible import diagnose, safe_torque
 from drake_tc.tsid.limits.base import Limit
-from drake_tc.tsid.limits.relaxed import relaxed_rows
 from drake_tc.tsid.model import Scratch, TsidModel
 from drake_tc.tsid.priorities import Priorities
 from drake_tc.tsid.qp.problem import Outcome, QpSolver
@@ -208,31 +207,20 @@ def solve_tick(
     if not np.abs(np.concatenate((state, *references))).max() < LARGEST:
         return lost_tick(law, before)
     try:
-        return _solved(law, scratch, state, references, active, before)
+        problem = problem_at(law, scratch, state, references, active)
+        reduced, form = problem.reduced, law.formulation
+        if law.priorities is None:
+            solution = form.solve(reduced.cost, reduced.polytope, law.error, law.solver, before.start)
+        else:
+            solution = law.priorities.solve(problem.tasks, reduced, law.error, law.solver, form.options, before.start)
+        if solution.outcome in (Outcome.INFEASIBLE, Outcome.FAILED):
+            return _given_way(law, problem, solution, before)
+        risk = min(solution.robustness, LARGEST)
+        found = (solution.outcome, 0.0, solution.iterations, risk, solution.p_ind, -1.0, 0.0)
+        status = np.array([*found, _relaxed(problem), solution.converged])
+        return _packed(law, problem, solution.torque, status, solution.start)
     except Exception:  # in a control loop a torque is due, whatever went wrong; the status tells
         return lost_tick(law, before)
-
-
-def _solved(
-    law: Law,
-    scratch: Scratch,
-    state: FloatArray,
-    references: Sequence[FloatArray],
-    active: tuple[bool, ...],
-    before: Before,
-) -> Tick:
-    problem = problem_at(law, scratch, state, references, active)
-    reduced, form = problem.reduced, law.formulation
-    if law.priorities is None:
-        solution = form.solve(reduced.cost, reduced.polytope, law.error, law.solver, before.start)
-    else:
-        solution = law.priorities.solve(problem.tasks, reduced, law.error, law.solver, form.options, before.start)
-    if solution.outcome in (Outcome.INFEASIBLE, Outcome.FAILED):
-        return _given_way(law, problem, solution, before)
-    risk = min(solution.robustness, LARGEST)
-    found = (solution.outcome, 0.0, solution.iterations, risk, solution.p_ind, -1.0, 0.0)
-    status = np.array([*found, relaxed_rows(problem.limits), solution.converged])
-    return _packed(law, problem, solution.torque, status, solution.start)
 
 
 def problem_at(
@@ -259,7 +247,7 @@ def _given_way(law: Law, problem: Problem, solution: RobustSolution, before: Bef
     terms, polytope = problem.terms, problem.reduced.polytope
     lower, upper = polytope.lower[: polytope.bounds], polytope.upper[: polytope.bounds]
     torque = safe_torque(terms, law.fallback_damping, *((lower, upper) if polytope.bounds else ()))
-    relaxed = relaxed_rows(problem.limits)
+    relaxed = _relaxed(problem)
     status = np.array([solution.outcome, 1.0, solution.iterations, 0.0, 0.0, -1.0, 0.0, relaxed, 0.0])
     if solution.outcome is Outcome.INFEASIBLE:
         found = diagnose(polytope, solver=law.solver, centre=torque)
@@ -272,6 +260,10 @@ def _given_way(law: Law, problem: Problem, solution: RobustSolution, before: Bef
     tick = _packed(law, problem, torque, status, None)
     sound = np.isfinite(np.concatenate((tick.torque, tick.acceleration, tick.force, status))).all()
     return tick if sound else lost_tick(law, before)
+
+
+def _relaxed(problem: Problem) -> int:
+    return sum(rows.relaxed for rows in problem.limits)
 
 
 def lost_tick(law: Law, before: Before) -> Tick:

@@ -70,6 +70,7 @@ class LimitRows:
         matrix: B.
         lower, upper: (r,).
         labels: (r,) of each row, for people: "r_knee", "left_foot friction +x".
+        relaxed: For how many rows a limit had to give way, as limits contradict each other at this state.
     """
 
     name: str
@@ -78,3 +79,4 @@ class LimitRows:
     lower: FloatArray
     upper: FloatArray
     labels: tuple[str, ...]
+    relaxed: int = 0

@@ -7,43 +7,20 @@ from typing import Any
 import numpy as np
 
 from drake_tc.estimation.base.believed import believed
-from drake_tc.estimation.base.kinematics import BaseKinematics
+from drake_tc.estimation.base.on_kinematics import OnKinematics
 from drake_tc.estimation.base.pose import levelled, turned
-from drake_tc.estimation.base.spec import BaseEstimatorSpec
-from drake_tc.estimation.base.state import BaseState, Readings, initial_state
+from drake_tc.estimation.base.state import BaseState, Readings
 from drake_tc.estimation.base.tilt import GRAVITY, up_of
-from drake_tc.robot.robot import Robot
 from drake_tc.types import FloatArray
 
 
-class FootCentreEstimator:
+class FootCentreEstimator(OnKinematics):
     """Leg odometry: the most loaded contact is fixed in the world, position and orientation, until another takes over.
 
     With F the fixed contact:   X_WB = X_WF X_BF^-1,   V_WB from no velocity of F.   Orientation comes from the chain;
-    where the robot starts, from the IMU's roll and pitch if there are any.
+    where the robot starts, from the IMU's roll and pitch if there are any. Of the tuning, only what concerns sensors'
+    faults counts.
     """
-
-    def __init__(self, robot: Robot, spec: BaseEstimatorSpec) -> None:
-        """Build the kinematics.
-
-        Args:
-            robot: With a floating base and an IMU.
-            spec: Contacts; of the tuning, only what concerns sensors' faults.
-
-        Raises:
-            ParamsError: what robot and contacts lack.
-        """
-        self.spec = spec
-        self.kinematics = BaseKinematics(robot, spec.contacts)
-        self.num_joints, self.num_contacts = len(robot.joints), len(spec.contacts)
-
-    def create_scratch(self) -> Any:
-        """Memory for `step`; one for each context."""
-        return self.kinematics.create_scratch()
-
-    def initial_state(self, position: FloatArray, yaw: float) -> BaseState:
-        """Before the first tick, with the base at `position` (3,) [m] and `yaw` [rad]."""
-        return initial_state(self.kinematics.robot.posture, self.num_contacts, position, yaw)
 
     def step(self, scratch: Any, state: BaseState, readings: Readings) -> BaseState:
         """The state after one sample.

@@ -7,11 +7,12 @@ import numpy as np
 
 from drake_tc.estimation.base.attitude import attitude
 from drake_tc.estimation.base.believed import Believed, believed
-from drake_tc.estimation.base.kinematics import BaseKinematics, Posture
+from drake_tc.estimation.base.kinematics import Posture
+from drake_tc.estimation.base.on_kinematics import OnKinematics
 from drake_tc.estimation.base.spec import BaseEstimatorSpec
 from drake_tc.estimation.base.stage_one import Setting, find_loads, find_motion
 from drake_tc.estimation.base.stage_two import find_place
-from drake_tc.estimation.base.state import BaseState, Readings, initial_state
+from drake_tc.estimation.base.state import BaseState, Readings
 from drake_tc.estimation.base.status import status_flags
 from drake_tc.robot.robot import Robot
 from drake_tc.types import FloatArray
@@ -22,7 +23,7 @@ _LARGEST = 1e12
 """Sum of squares of an estimate that is still one; NaN is not below it either."""
 
 
-class CopEstimator:
+class CopEstimator(OnKinematics):
     """Base position, velocity and yaw from the point of each contact that stands still, the centre of pressure.
 
     Stage 1 (`velocity`), then stage 2 (`pose`), every tick; roll and pitch from the IMU, or from gyro and
@@ -32,27 +33,9 @@ class CopEstimator:
     """
 
     def __init__(self, robot: Robot, spec: BaseEstimatorSpec) -> None:
-        """Build the kinematics.
-
-        Args:
-            robot: With a floating base and an IMU.
-            spec: Contacts and tuning.
-
-        Raises:
-            ParamsError: what robot and contacts lack.
-        """
-        self.spec = spec
-        self.kinematics = BaseKinematics(robot, spec.contacts)
-        self.num_joints, self.num_contacts = len(robot.joints), len(spec.contacts)
+        """As `OnKinematics`."""
+        super().__init__(robot, spec)
         self._setting = Setting.of(spec)
-
-    def create_scratch(self) -> Any:
-        """Memory for `step`; one for each context."""
-        return self.kinematics.create_scratch()
-
-    def initial_state(self, position: FloatArray, yaw: float) -> BaseState:
-        """Before the first tick, with the base at `position` (3,) [m] and `yaw` [rad]."""
-        return initial_state(self.kinematics.robot.posture, self.num_contacts, position, yaw)
 
     def step(self, scratch: Any, state: BaseState, readings: Readings) -> BaseState:
         """The state after one sample; never raises, never holds a NaN but an unknown ground.

@@ -8,9 +8,8 @@ from drake_tc.errors import ParamsError
 from drake_tc.estimation.torque_model import as_slice
 from drake_tc.robot.plant import joint_limits
 from drake_tc.robot.robot import Robot
-from drake_tc.tsid.limits.relaxed import RelaxedRows
 from drake_tc.tsid.limits.viability import JointRange, Viability
-from drake_tc.tsid.rows import selection
+from drake_tc.tsid.rows import LimitRows, selection
 from drake_tc.tsid.terms import Terms
 from drake_tc.types import FloatArray, IntArray
 
@@ -19,7 +18,7 @@ class AccelerationLimit:
     """lower(q, v) <= vdot of the joints <= upper(q, v), from `Viability`: kept from one viable state to the next.
 
     At other states the limits of position, velocity and acceleration contradict each other. The position's gives way
-    first, then the velocity's, the acceleration's never; the rows say for how many joints (`RelaxedRows`).
+    first, then the velocity's, the acceleration's never; the rows say for how many joints (`LimitRows.relaxed`).
     """
 
     group = "acceleration"
@@ -75,10 +74,10 @@ class AccelerationLimit:
         ends = known.lower + margin, known.upper - margin
         return cls(JointRange(robot.joints, *ends, -speed, speed, most, period), actuated, velocities)
 
-    def rows(self, terms: Terms) -> RelaxedRows:
+    def rows(self, terms: Terms) -> LimitRows:
         """N rows; a joint's acceleration each [rad/s^2]."""
         lower, upper, relaxed = self._viability.bounds(terms.joint_position, terms.v[self._actuated])
-        return RelaxedRows(self.name, self.group, self._parts, lower, upper, self._labels, relaxed)
+        return LimitRows(self.name, self.group, self._parts, lower, upper, self._labels, relaxed)
 
 
 def _each(where: str, value: float | FloatArray, n: int) -> FloatArray:

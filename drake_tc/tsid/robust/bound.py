@@ -76,11 +76,12 @@ def within_risk(
     rough = replace(means, accuracy=min(means.accuracy, 0.1 * minimum))
     sharp = replace(means, accuracy=1e-6 * rough.accuracy)
     exact = replace(means, accuracy=min(means.accuracy, SURE * minimum))
-    target, here, stride = math.log(minimum), math.log(weight), STRIDE
+    target, stride = math.log(minimum), STRIDE
+    here = min(max(math.log(weight), -FARTHEST), FARTHEST)
     low = high = below = above = math.nan
     steps = programs = side = 0
     best: tuple[Found, float] | None = None
-    found = program(problem, weight, guess, rough)
+    found = program(problem, math.exp(here), guess, rough)
     for turn in range(ROUNDS):
         steps, programs = steps + found.iterations, programs + found.programs
         if found.outcome is not Outcome.SOLVED:
