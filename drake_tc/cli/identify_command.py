@@ -4,16 +4,17 @@ import json
 import sys
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, cast
 
 import typer
 from rich.console import Console
 from rich.table import Table
 
+from drake_tc.cli.identify_motors import identify_motors, print_motors
 from drake_tc.cli.progress import progress_bar
 from drake_tc.effects.base import EFFORT_UNIT
 from drake_tc.errors import IdentificationError, LogError, RigError
-from drake_tc.identification.identify import Identified
+from drake_tc.identification.identify import Identified, Method
 from drake_tc.identification.piecewise import PiecewiseFit
 
 
@@ -24,12 +25,16 @@ class MethodName(StrEnum):
     asymmetric = "asymmetric"
     two_stage = "two_stage"
     piecewise = "piecewise"
+    motor = "motor"
 
 
 def identify_command(
     rig: Annotated[Path | None, typer.Option(help="Rig file (YAML): joint, drive, what is declared.")] = None,
     log: Annotated[list[Path] | None, typer.Option(help="A run to fit; repeat for more.")] = None,
     method: Annotated[MethodName, typer.Option(help="How to fit.")] = MethodName.least_squares,
+    sheet: Annotated[
+        Path | None, typer.Option(help="Data sheet of the motors (YAML); method motor needs it, no other does.")
+    ] = None,
     joint: Annotated[str | None, typer.Option(help="Only this joint of the rig; all of them when left out.")] = None,
     out: Annotated[Path, typer.Option(help="Model file (YAML) to write.")] = Path("model.yaml"),
     as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON instead of a table.")] = False,
@@ -38,6 +43,7 @@ def identify_command(
 
     least_squares: all samples alike. asymmetric: friction is never over-estimated, so its compensation stays stable.
     two_stage: the gain at rest, then friction in motion. piecewise: three lines for each direction of motion.
+    motor: constants and friction of voltage-driven motors, with a data sheet for what the logs leave open.
     """
     from drake_tc.actuation.model_file import save_models
     from drake_tc.identification.actuator import actuator_model
@@ -49,21 +55,30 @@ def identify_command(
         raise RigError("identify: wanted --rig RIG.yaml, which says what the logs show; got none")
     if not log:
         raise LogError("identify: wanted at least one --log RUN; got none")
+    if (method is MethodName.motor) != (sheet is not None):
+        raise IdentificationError(
+            "identify: wanted --method motor and --sheet SHEET.yaml together, or neither;"
+            f" got --method {method.value} {'without a' if sheet is None else 'and a'} --sheet"
+        )
     with progress_bar("identify", quiet=as_json) as progress:
         read_rig = load_rig(rig)
         if joint is not None and joint not in read_rig.joints:
             raise IdentificationError(f"no joint {joint!r} in {rig}; joints there: {', '.join(read_rig.joints)}")
         progress("reading", 0.0)
         runs = load_runs(log, read_rig)
-        found, models = [], {}
         names = read_rig.joints if joint is None else (joint,)
-        for number, name in enumerate(names):
-            progress(f"fitting {name}", (1 + number) / (1 + len(names)))
-            result = identify(runs, read_rig, method.value, joint=name)
-            found.append(result)
-            models[name] = actuator_model(result, read_rig.known(name, "rotor_inertia"))
-    rows = [_row(result) for result in found]
+        if sheet is not None:
+            models, rows = identify_motors(runs, read_rig, sheet, names, progress)
+        else:
+            models, rows = {}, []
+            for number, name in enumerate(names):
+                progress(f"fitting {name}", (1 + number) / (1 + len(names)))
+                result = identify(runs, read_rig, cast("Method", method.value), joint=name)
+                rows.append(_row(result))
+                models[name] = actuator_model(result, read_rig.known(name, "rotor_inertia"))
     provenance = {"identified_by": "drake-tc identify", "rig": rig.name, "logs": [p.name for p in log], "fits": rows}
+    if sheet is not None:
+        provenance["data_sheet"] = sheet.name
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
         save_models(models, out, provenance=provenance)
@@ -71,6 +86,8 @@ def identify_command(
         raise LogError(f"{out}: cannot be written: {error.strerror or error}") from None
     if as_json:
         print(json.dumps({"model": str(out), "joints": {row["joint"]: row for row in rows}}, indent=1))
+    elif sheet is not None:
+        print_motors(rows, out)
     else:
         _print(rows, out)
 

@@ -124,3 +124,66 @@ def test_three_pieces_read_as_a_dead_zone_and_coulomb_friction():
     assert_allclose(drive.gain, gain, rtol=1e-12)  # closed form, rounding alone
     assert_allclose(coulomb.parameters["coulomb"], friction, rtol=1e-12)
     assert_allclose(zone.parameters["deadzone"], width, rtol=1e-9)
+
+
+MOTOR = "torque_constant: {kt}, back_emf: {kt}, resistance: 0.55, rotor_inertia: 1.0e-5, gear_ratio: 100.0"
+REST = "coulomb: 1.0, viscous: 1.0, stiffness: 200.0, voltage_limit: 24.0"
+
+
+@pytest.fixture
+def volts(tmp_path):
+    """A motor in closed form, v = Rm/(kt N) (tau + tau_co sign v + (tau_v + ke kt N^2/Rm) v + Jm N^2 a)."""
+    kt, rm, jm, ratio, coulomb, viscous = 0.04, 0.6, 1.2e-5, 100.0, 3.0, 1.5
+    t = np.arange(8000) * 1e-3
+    q, v, a = 0.5 * np.sin(9 * t), 4.5 * np.cos(9 * t), -40.5 * np.sin(9 * t)
+    tau = 12.0 * np.sin(3.1 * t + 1.0)
+    friction = coulomb * np.sign(v) + (viscous + kt * kt * ratio**2 / rm) * v
+    command = rm / (kt * ratio) * (tau + friction + jm * ratio**2 * a)
+    frame = {"time": t, "elbow/position": q, "elbow/voltage": command, "elbow/torque": tau}
+    pd.DataFrame(frame).to_csv(tmp_path / "run.csv", index=False)
+    (tmp_path / "rig.yaml").write_text("joint: elbow\ndrive: voltage\nload: torque\n")
+    (tmp_path / "sheet.yaml").write_text(f"motors:\n  all: {{{MOTOR.format(kt=0.043)}, {REST}}}\n")
+    return ["--rig", tmp_path / "rig.yaml", "--log", tmp_path / "run.csv", "--method", "motor"]
+
+
+def test_a_voltage_motor_by_its_data_sheet(invoke, volts, tmp_path):
+    """Inertia and dry friction are the logs'; kt and Rm come as far back as tau_v is known; the gain is their ratio."""
+    out = tmp_path / "model.yaml"
+    outcome = invoke("identify", *volts, "--sheet", tmp_path / "sheet.yaml", "--json", "--out", out)
+    found = json.loads(outcome.out)["joints"]["elbow"]["parameters"]
+    assert_allclose(found["rotor_inertia"]["value"], 1.2e-5, rtol=0.03)
+    assert_allclose(found["coulomb"]["value"], 3.0, rtol=0.01)
+    assert_allclose(found["torque_constant"]["value"], 0.04, rtol=0.04)
+    assert found["torque_constant"]["data_sheet"] == 0.043
+    assert found["viscous"]["from_logs"] < 0.5 < 0.99 < found["coulomb"]["from_logs"]
+    for entry in found.values():
+        assert entry["ci95"][0] <= entry["value"] <= entry["ci95"][1]
+    written = load_model_file(out)
+    assert written.models["elbow"].drive.kind == "voltage"
+    assert_allclose(written.models["elbow"].drive.gain, 0.15, rtol=2e-3)
+    assert written.provenance["data_sheet"] == "sheet.yaml"
+    shown = invoke("identify", *volts, "--sheet", tmp_path / "sheet.yaml", "--out", out).out
+    assert "data sheet" in shown and "from logs" in shown
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("motors: {}", "motors: wanted a mapping of joint, or 'all'"),
+        (f"motors: {{hip: {{{MOTOR.format(kt=0.04)}, {REST}}}}}", "no motor of joint 'elbow', nor 'all'; there: hip"),
+        (f"motors: {{all: {{{REST}}}}}", "motors.all: missing key 'torque_constant'"),
+        (f"motors: {{all: {{{MOTOR.format(kt=0.04)}, {REST}, mass: 1}}}}", "motors.all: unknown key 'mass'"),
+        (f"motors: {{all: {{{MOTOR.format(kt='much')}, {REST}}}}}", "motors.all.torque_constant: wanted a number"),
+        (f"motors: {{all: {{{MOTOR.format(kt=-1)}, {REST}}}}}", "motor.torque_constant: wanted a positive number"),
+        (f"motors: {{all: {{{MOTOR.format(kt=0.04)}, {REST}}}}}\nwidths: {{coulomb: 0}}", "prior width coulomb"),
+    ],
+)
+def test_a_data_sheet_that_cannot_be_used_is_refused(invoke, volts, tmp_path, text, says):
+    sheet = tmp_path / "sheet.yaml"
+    sheet.write_text(text)
+    assert says in invoke("identify", *volts, "--sheet", sheet, "--out", tmp_path / "m.yaml").refusal()
+
+
+def test_data_sheet_and_method_go_together(invoke, clean, volts, tmp_path):
+    assert "without a --sheet" in invoke("identify", *volts).refusal()
+    assert "--method least_squares and a --sheet" in invoke("identify", *clean, "--sheet", "x.yaml").refusal()
