@@ -9,6 +9,7 @@ from pydrake.systems.framework import Context, LeafSystem
 
 from drake_tc.actuation.joint_program import JointOutput, JointProgram
 from drake_tc.actuation.model import ActuatorModel
+from drake_tc.actuation.spring_joints import spring_joints
 from drake_tc.effects.thermal_friction import REFERENCE_CELSIUS
 from drake_tc.errors import ParamsError
 from drake_tc.types import FloatArray
@@ -76,6 +77,7 @@ class ActuatorPlant(LeafSystem):  # type: ignore[misc, unused-ignore]
         self._steps = tuple((program.run, part) for program, part in zip(self._programs, slices, strict=True))
         kept = (first + np.array(program.own) for first, program in zip(bounds, self._programs, strict=False))
         self._own = np.concatenate(list(kept))
+        self._springs = spring_joints(models, moved.tolist(), self._dt)
         self._no_load = (None,) * size
         self._room = (REFERENCE_CELSIUS,) * size
 
@@ -144,25 +146,32 @@ class ActuatorPlant(LeafSystem):  # type: ignore[misc, unused-ignore]
 
     def _solve(self, context: Any, vector: Any) -> None:
         """(outputs, x[n+1]) into the port `step`, which all others and the update read."""
-        held: list[float] = context.get_discrete_state(self._memory).value().tolist()
-        state = self._state.Eval(context).tolist()
-        size = len(self._steps)
+        kept: FloatArray = context.get_discrete_state(self._memory).value()
+        command, moving = self._command.Eval(context), self._state.Eval(context)
+        time, size = context.get_time(), len(self._steps)
+        at_tick = time - kept[-1] > 0.99 * self._dt
+        if self._springs is not None:
+            memory_now, q_now, v_now = kept[:-1].reshape(size, -1), moving[:size], moving[size:]
+            answer = self._springs.step(memory_now, command, q_now, v_now, at_tick=at_tick)
+            if answer is not None:
+                vector.set_value(np.concatenate((answer[0].ravel(), answer[1].ravel(), [time])))
+                return
+        held: list[float] = kept.tolist()
+        state = moving.tolist()
         joints = zip(
             self._steps,
-            self._command.Eval(context).tolist(),
+            command.tolist(),
             state[:size],
             state[size:],
             self._load.Eval(context).tolist() if self._load.HasValue(context) else self._no_load,
             self._temperature.Eval(context).tolist() if self._temperature.HasValue(context) else self._room,
             strict=True,
         )
-        time = context.get_time()
-        at_tick = time - held[-1] > 0.99 * self._dt
         memory: list[float] = []
         outputs: list[float] = []
-        for (run, part), command, q, v, load, celsius in joints:
+        for (run, part), asked, q, v, load, celsius in joints:
             own = held[part]
-            outputs += run(own, command, q, v, load, celsius, at_tick=at_tick)
+            outputs += run(own, asked, q, v, load, celsius, at_tick=at_tick)
             memory += own
         vector.set_value(_array([*outputs, *memory, time]))
 
@@ -174,20 +183,31 @@ class ActuatorPlant(LeafSystem):  # type: ignore[misc, unused-ignore]
 
         return write
 
-    def _motor(self, context: Context) -> list[tuple[float, float, float]]:
-        """(theta, theta', transmitted torque) of each joint, at a tick."""
+    def _motor(self, context: Any) -> FloatArray:
+        """(3, n): theta, theta', transmitted torque of each joint, at a tick."""
         held: list[float] = context.get_discrete_state(self._memory).value().tolist()
-        state = self._state.Eval(context).tolist()
-        size = len(self._programs)
+        state, size = self._state.Eval(context).tolist(), len(self._programs)
         joints = zip(self._programs, self._steps, state[:size], state[size:], strict=True)
-        return [program.motor(held[part], q, v) for program, (_, part), q, v in joints]
+        return np.array([program.motor(held[part], q, v) for program, (_, part), q, v in joints]).T
 
-    def _write_motor(self, context: Context, vector: Any) -> None:
-        motor = np.array(self._motor(context))
-        vector.set_value(_array([*motor[:, 0], *motor[:, 1]]))
+    def _write_motor(self, context: Any, vector: Any) -> None:
+        if self._springs is not None:
+            memory: FloatArray = context.get_discrete_state(self._memory).value()
+            found = self._springs.motor_state(memory[:-1].reshape(len(self._steps), -1))
+            if found is not None:
+                vector.set_value(found)
+                return
+        vector.set_value(self._motor(context)[:2].ravel())
 
-    def _write_transmitted(self, context: Context, vector: Any) -> None:
-        vector.set_value(_array([torque for _, _, torque in self._motor(context)]))
+    def _write_transmitted(self, context: Any, vector: Any) -> None:
+        if self._springs is not None:
+            memory: FloatArray = context.get_discrete_state(self._memory).value()
+            moving, size = self._state.Eval(context), len(self._steps)
+            found = self._springs.transmitted(memory[:-1].reshape(size, -1), moving[:size], moving[size:])
+            if found is not None:
+                vector.set_value(found)
+                return
+        vector.set_value(self._motor(context)[2])
 
     def _update(self, context: Context, values: Any) -> None:
         """x[n+1]."""

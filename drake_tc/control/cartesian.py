@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from drake_tc.control.rotation import rotation_vector
+from drake_tc.control.rotation import cross, rotation_vector
 from drake_tc.types import FloatArray
 
 Gain = float | FloatArray
@@ -103,9 +103,7 @@ def carried_to_world(reference: Turning, velocity: FloatArray, acceleration: Flo
     Source: paper C, (16).
     """
     seen = reference.rotation.dot(velocity)
-    return np.asarray(
-        reference.acceleration + np.cross(reference.velocity, seen) + reference.rotation.dot(acceleration)
-    )
+    return np.asarray(reference.acceleration + cross(reference.velocity, seen) + reference.rotation.dot(acceleration))
 
 
 def rotation_acceleration(

@@ -7,12 +7,14 @@ paper, which does not print its functions, has "smooth exponential functions".
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from drake_tc.control.rotation import quaternion_of, rotation_matrix, rotation_vector
+from drake_tc.control.instant import Quadruple, Triple, orientation_row, step_at, swinging, unit
+from drake_tc.control.rotation import rotation_matrix, rotation_vector
 from drake_tc.errors import ParamsError
 from drake_tc.types import FloatArray
 
@@ -99,7 +101,10 @@ class PointToPoint:
 
     def row(self, time: float) -> FloatArray:
         """[x; xd; xdd] at `time` [s]: the reference of a centre of mass."""
-        return np.concatenate([order[0] for order in self.at(np.array([time]))[:3]])
+        way = [one - other for one, other in zip(self.goal, self.start, strict=True)]
+        share, rate, growth = step_at(time, self.begin, self.duration)
+        place = [first + share * part for first, part in zip(self.start, way, strict=True)]
+        return np.array([*place, *(rate * part for part in way), *(growth * part for part in way)])
 
 
 @dataclass(frozen=True)
@@ -131,16 +136,29 @@ class Slerp:
         """10: see `row`."""
         return 10
 
+    @cached_property
+    def _turn(self) -> FloatArray:
+        """(3,) phi [rad]."""
+        return rotation_vector(rotation_matrix(np.array(self.goal)) @ rotation_matrix(np.array(self.start)).T)
+
+    @cached_property
+    def _plain(self) -> tuple[Triple, float, Quadruple]:
+        """Axis and angle of phi, and R_0, for `row`."""
+        angle = math.hypot(*self._turn.tolist())
+        x, y, z = self._turn.tolist() if angle else (0.0, 0.0, 0.0)
+        size = angle or 1.0
+        return (x / size, y / size, z / size), angle, unit(self.start)
+
     def at(self, time: FloatArray) -> tuple[FloatArray, Motion]:
         """R_WD (T, 3, 3), and the motion at times (T,): s phi [rad], omega, alpha and its rate in the world."""
-        first = rotation_matrix(np.array(self.start))
-        turn = rotation_vector(rotation_matrix(np.array(self.goal)) @ first.T)
-        orders = smooth_step(time, self.begin, self.duration)[:, :, None] * turn
-        return _turned(orders[0], first), Motion(*orders)
+        orders = smooth_step(time, self.begin, self.duration)[:, :, None] * self._turn
+        return _turned(orders[0], rotation_matrix(np.array(self.start))), Motion(*orders)
 
     def row(self, time: float) -> FloatArray:
         """[quaternion w x y z; omega; alpha] at `time` [s]: the reference of an orientation."""
-        return _orientation_row(*self.at(np.array([time])))
+        axis, angle, first = self._plain
+        share, rate, growth = step_at(time, self.begin, self.duration)
+        return np.array(orientation_row(axis, (share * angle, rate * angle, growth * angle), first))
 
 
 @dataclass(frozen=True)
@@ -202,9 +220,19 @@ class Swing:
         orders = self.angle(time)[:, :, None] * axis
         return _turned(orders[0], rotation_matrix(np.array(self.start))), Motion(*orders)
 
+    @cached_property
+    def _plain(self) -> tuple[Triple, Quadruple]:
+        """The axis, and R_0, for `row`."""
+        (x, y, z), length = self.axis, math.hypot(*self.axis)
+        return (x / length, y / length, z / length), unit(self.start)
+
     def row(self, time: float) -> FloatArray:
         """[quaternion w x y z; omega; alpha] at `time` [s]: the reference of an orientation."""
-        return _orientation_row(*self.at(np.array([time])))
+        axis, first = self._plain
+        a, (share, rate, growth) = self.amplitude, step_at(time, self.begin, self.rise)
+        w = 2.0 * math.pi * self.frequency_hz
+        wave = swinging((a * share, a * rate, a * growth), w, w * (time - self.begin))
+        return np.array(orientation_row(axis, wave, first))
 
 
 @dataclass(frozen=True)
@@ -276,10 +304,6 @@ def _turned(angles: FloatArray, first: FloatArray) -> FloatArray:
     half = 0.5 * np.linalg.norm(angles, axis=1, keepdims=True)
     quaternions = np.hstack([np.cos(half), 0.5 * np.sinc(half / math.pi) * angles])
     return np.array([rotation_matrix(quaternion) @ first for quaternion in quaternions])
-
-
-def _orientation_row(rotation: FloatArray, motion: Motion) -> FloatArray:
-    return np.concatenate((quaternion_of(rotation[0]), motion.velocity[0], motion.acceleration[0]))
 
 
 def _check(what: str, numbers: tuple[float, ...], begin: float, duration: float) -> None:

@@ -100,10 +100,13 @@ def _fill(parts: Parts, causes: Map, out: FloatArray) -> None:
         else:
             np.dot(parts.force, causes.push, out=out)
         started = True
-    if not started:
-        out[:] = 0.0
-    if parts.torque is not None:
+    if parts.torque is None:
+        if not started:
+            out[:] = 0.0
+    elif started:
         out[:, :-1] += parts.torque
+    else:
+        out[:, :-1], out[:, -1] = parts.torque, 0.0
 
 
 def cost_of(tasks: Sequence[TaskRows], causes: Map) -> LeastSquares:

@@ -134,8 +134,7 @@ class RobustTsid(LeafSystem):  # type: ignore[misc, unused-ignore]
             return
         memory: Any = np.empty(self._start.stop)
         memory[0] = context.get_time()
-        for name, place in self._places.items():
-            memory[place] = solution.outputs[name]
+        np.concatenate(tuple(solution.outputs.values()), out=memory[1 : self._start.start])
         self._warm.pack(solution.tick.start, memory[self._start])
         values.set_value(self._memory, memory)
 

@@ -80,10 +80,12 @@ class SeriesElasticControl(LeafSystem):  # type: ignore[misc, unused-ignore]
     def _read(self, context: Context, last: FloatArray | None) -> tuple[Readings, FloatArray]:
         """What came, with the last good value (or 0) for what is not finite; and where that was so (n,)."""
         n = self._law.size
+        rows = np.array([p.Eval(context) if p.HasValue(context) else np.zeros(n) for p in self._inputs])
+        if np.abs(rows).max() < LARGEST:
+            return Readings(*rows), np.zeros(n)
         good = np.zeros((4, n)) if last is None else last[[Kept.ANGLE, Kept.TORQUE, Kept.WANTED, Kept.LINK]]
         good = np.array(good)
         good[3] = 0.0
-        rows = np.array([p.Eval(context) if p.HasValue(context) else np.zeros(n) for p in self._inputs])
         lost = ~(np.abs(rows) < LARGEST)
         return Readings(*np.where(lost, good, rows)), lost.any(axis=0).astype(np.float64)
 
@@ -96,8 +98,8 @@ class SeriesElasticControl(LeafSystem):  # type: ignore[misc, unused-ignore]
         now, fault = self._read(context, kept[-1] if started else None)
         before = kept if started else law.at_rest(now)
         answer = law.step(before, held[self._kept : -1].reshape(3, n), now)
-        solved.rows = np.stack([answer.voltage, answer.friction, answer.shaped, fault])
-        solved.state = np.concatenate([answer.kept.ravel(), answer.integral.ravel(), [1.0]])
+        solved.rows = np.array((answer.voltage, answer.friction, answer.shaped, fault))
+        solved.state = np.concatenate((answer.kept.ravel(), answer.integral.ravel(), (1.0,)))
 
     def _writer(self, row: int) -> Any:
         """The calc function of one output."""

@@ -37,6 +37,9 @@ from drake_tc.control.series_elastic.spec import WITH_P, SeriesElasticSpec
 from drake_tc.errors import ParamsError
 from drake_tc.types import FloatArray
 
+VOLTAGE, ANGLE, TORQUE, WANTED, SHAPED, LINK, FASTER, DRY = map(int, Kept)
+"""As plain numbers: numpy takes twice as long over an index that is an IntEnum."""
+
 
 class Readings(NamedTuple):
     """Of one tick, (n,) each: motor angle, torque, wanted torque, wanted acceleration of the link."""
@@ -92,7 +95,9 @@ class SeriesElasticLaw:
         self._under_way[length - 1 - delay - back] = 1.0 if speed % 2 else 0.5
         self._felt = padded(np.full(step, 1.0 / step), length, delay + 2)
         self._correct = -np.expm1(-spec.speed_bandwidth * dt)
-        self._due = 0.5 * (padded(np.ones(1), length, delay) + padded(np.ones(1), length, delay + 1))
+        self._due = slice(length - 2 - delay, length - delay)
+        self._plain = window == 1
+        self._none = np.zeros(self.size)
 
     @property
     def size(self) -> int:
@@ -102,8 +107,8 @@ class SeriesElasticLaw:
     def at_rest(self, now: Readings) -> FloatArray:
         """Memory (length, KEPT, n) of joints that have stood as they stand now, and wanted the same."""
         kept = np.zeros((self.length, KEPT, self.size))
-        kept[:, Kept.ANGLE], kept[:, Kept.TORQUE] = now.angle, now.torque
-        kept[:, Kept.WANTED] = kept[:, Kept.SHAPED] = now.wanted
+        kept[:, ANGLE], kept[:, TORQUE] = now.angle, now.torque
+        kept[:, WANTED] = kept[:, SHAPED] = now.wanted
         return kept
 
     def step(self, before: FloatArray, integral: FloatArray, now: Readings) -> Answer:
@@ -114,40 +119,47 @@ class SeriesElasticLaw:
             integral: (3, n) as the last Answer left it.
             now: Readings of this tick, all finite.
         """
-        kept = np.concatenate([before[1:], np.zeros((1, KEPT, self.size))])
-        last = kept[-1]
-        last[Kept.ANGLE], last[Kept.TORQUE], last[Kept.WANTED] = now.angle, now.torque, now.wanted
+        kept = np.empty((self.length, KEPT, self.size))
+        kept[:-1], last = before[1:], kept[-1]
+        last[:] = 0.0
+        last[ANGLE], last[TORQUE], last[WANTED] = now.angle, now.torque, now.wanted
         if self.spec.mode == "pi":
             return self._proportional_integral(kept, integral, now)
-        last[Kept.SHAPED] = self._shape @ kept[:, Kept.WANTED]
-        last[Kept.LINK] = now.acceleration
-        winding = self._motor.compliance * (self._curve @ kept[:, Kept.WANTED])
-        faster = self._motor.compliance * (self._faster @ kept[:, Kept.WANTED])
-        last[Kept.FASTER] = faster + 0.5 * self.dt * (now.acceleration + kept[-2, Kept.LINK])
-        speed = self._speed @ kept[:, Kept.ANGLE]
-        arriving = speed + self._under_way @ kept[:, Kept.FASTER]
-        asked = integral[2] + last[Kept.FASTER]
+        last[SHAPED], winding, faster = self._shaped(kept)
+        last[LINK] = now.acceleration
+        last[FASTER] = faster + 0.5 * self.dt * (now.acceleration + kept[-2, LINK])
+        speed = self._speed @ kept[:, ANGLE]
+        arriving = speed + self._under_way @ kept[:, FASTER]
+        asked = integral[2] + last[FASTER]
         arriving = asked + self._correct * (arriving - asked)
-        integral = np.stack([integral[0], integral[1], arriving])
-        last[Kept.DRY] = self._motor.coulomb * np.tanh(arriving / self.spec.friction_speed)
+        integral = np.array((integral[0], integral[1], arriving))
+        last[DRY] = self._motor.coulomb * np.tanh(arriving / self.spec.friction_speed)
         friction, integral = self._friction(kept, integral, speed)
         motor = self._motor
-        torque = motor.damping * arriving + friction + motor.inertia * (now.acceleration + winding) + last[Kept.SHAPED]
+        torque = motor.damping * arriving + friction + motor.inertia * (now.acceleration + winding) + last[SHAPED]
         if self.spec.mode in WITH_P:
-            torque = torque + self.spec.kp * (self._due @ kept[:, Kept.SHAPED] - now.torque)
-        last[Kept.VOLTAGE] = np.clip(torque / motor.torque_per_volt, -self._motor.limit, self._motor.limit)
-        return Answer(last[Kept.VOLTAGE], friction, last[Kept.SHAPED], kept, integral)
+            first, second = kept[self._due, SHAPED]
+            torque = torque + self.spec.kp * (0.5 * (first + second) - now.torque)
+        last[VOLTAGE] = np.minimum(np.maximum(torque / motor.torque_per_volt, -motor.limit), motor.limit)
+        return Answer(last[VOLTAGE], friction, last[SHAPED], kept, integral)
+
+    def _shaped(self, kept: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """R (n,) of the newest tick, and what winding the spring adds to theta''_ref and to g."""
+        if self._plain:
+            return kept[-1, WANTED], self._none, self._none
+        wanted, soft = kept[:, WANTED], self._motor.compliance
+        return self._shape @ wanted, soft * (self._curve @ wanted), soft * (self._faster @ wanted)
 
     def _friction(self, kept: FloatArray, integral: FloatArray, speed: FloatArray) -> tuple[FloatArray, FloatArray]:
         """The dry friction (n,) that the voltage is to overcome, and the law's integral with the observer's in it."""
-        spec, motor, dry = self.spec, self._motor, kept[-1, Kept.DRY]
+        spec, motor, dry = self.spec, self._motor, kept[-1, DRY]
         if spec.mode in ("observer", "observer_as_printed"):
             seen = np.einsum("lkn,lkn->n", self._observe, kept[:, :3])
             if spec.mode == "observer_as_printed":
                 return spec.leak * seen, integral
-            return dry + spec.leak * (seen - self._felt @ kept[:, Kept.DRY]), integral
+            return dry + spec.leak * (seen - self._felt @ kept[:, DRY]), integral
         if spec.mode == "momentum_observer":
-            volts, torque = kept[-2, Kept.VOLTAGE], kept[-1, Kept.TORQUE]
+            volts, torque = kept[-2, VOLTAGE], kept[-1, TORQUE]
             found, total = momentum_step(
                 motor, spec.momentum_gain, integral[0], volts, (speed, integral[1]), torque, self.dt
             )
@@ -160,6 +172,6 @@ class SeriesElasticLaw:
         wish = (self.spec.kp * error + self.spec.ki * total) / self._motor.torque_per_volt
         volts = np.clip(wish, -self._motor.limit, self._motor.limit)
         held = (wish != volts) & (np.sign(wish) == np.sign(error))
-        kept[-1, Kept.VOLTAGE], kept[-1, Kept.SHAPED] = volts, now.wanted
+        kept[-1, VOLTAGE], kept[-1, SHAPED] = volts, now.wanted
         none = np.zeros(self.size)
         return Answer(volts, none, now.wanted, kept, np.stack([np.where(held, integral[0], total), none, none]))

@@ -6,7 +6,7 @@ from typing import Literal, get_args
 import numpy as np
 
 from drake_tc.control.cartesian import Turning, relative_turn
-from drake_tc.control.rotation import quaternion_of, rotation_matrix, rotation_vector
+from drake_tc.control.rotation import cross, quaternion_of, rotation_matrix, rotation_vector
 from drake_tc.errors import ParamsError
 from drake_tc.tsid.model import TsidModel
 from drake_tc.tsid.rows import Parts, TaskRows
@@ -64,6 +64,7 @@ class FrameTask:
         self._seen_from_reference = axes_of == "reference"
         self._kp, self._kd = gains(f"{where}: kp", kp, 6), gains(f"{where}: kd", kd, 6)
         self._axes = axes(f"{where}: mask", mask, 6)
+        self._turns_only = self._axes is not None and int(self._axes[-1]) < 3
         weights = gains(f"{where}: weight", weight, 6)
         self.weight = weights if self._axes is None else weights[self._axes]
 
@@ -90,7 +91,10 @@ class FrameTask:
         """Angular rows in the reference's axes, linear rows in the world's."""
         wanted = Turning(rotation_matrix(reference[:4]), reference[7:10], reference[13:16])
         back, turn = wanted.rotation.T, relative_turn(wanted, frame.rotation, frame.velocity[:3])
-        carried = wanted.acceleration + np.cross(wanted.velocity, frame.velocity[:3]) - frame.bias[:3]
+        carried = wanted.acceleration + cross(wanted.velocity, frame.velocity[:3]) - frame.bias[:3]
+        if self._turns_only:
+            target = back.dot(carried) - self._kp[:3] * turn.angles - self._kd[:3] * turn.velocity
+            return self._chosen(back.dot(frame.jacobian[:3]), target)
         error = np.concatenate((-turn.angles, reference[4:7] - frame.position))
         lag = np.concatenate((-turn.velocity, reference[10:13] - frame.velocity[3:]))
         free = np.concatenate((back.dot(carried), reference[16:] - frame.bias[3:]))
@@ -99,6 +103,6 @@ class FrameTask:
 
     def _chosen(self, matrix: FloatArray, target: FloatArray) -> TaskRows:
         """The rows that are wanted."""
-        if self._axes is not None:
+        if self._axes is not None and self._axes.size < target.size:
             matrix, target = matrix[self._axes], target[self._axes]
         return TaskRows(self.name, Parts(vdot=matrix), target, self.weight)
