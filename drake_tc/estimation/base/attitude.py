@@ -6,19 +6,21 @@ from dataclasses import dataclass
 import numpy as np
 
 from drake_tc.estimation.base.believed import Believed
+from drake_tc.estimation.base.imu_age import carried
 from drake_tc.estimation.base.kinematics import Posture
 from drake_tc.estimation.base.pose import levelled, turned
+from drake_tc.estimation.base.rest import rest
 from drake_tc.estimation.base.spec import BaseEstimatorSpec
 from drake_tc.estimation.base.state import BaseState
-from drake_tc.estimation.base.tilt import filtered_up, up_of
+from drake_tc.estimation.base.tilt import corrected_up, filtered_up, swerve_push, turned_up, up_of
 from drake_tc.types import FloatArray
 
 _LARGEST = 10.0
 """No roll or pitch is larger [rad]."""
-_DOUBT = 5.0
-"""Samples that a bias of zero counts for, before any is seen."""
+LARGEST_BIAS = 0.1
+"""No gyro has a larger bias [rad/s]."""
 _CALM = 0.2
-"""Share of `tilt_time` while the robot stands still."""
+"""Share of `tilt_time` while the robot rests."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,7 +32,8 @@ class Attitude:
         level: (3, 3) R_y(pitch) R_x(roll). turn: yaw increment that the gyro says [rad].
         predicted: (3, 3) R_WB with it.
         bias: (3,) of the gyro [rad/s], and up_imu: (3,) the vertical, both in the IMU's axes.
-        rested: Ticks that the robot has stood still so far.
+        trail: (6,) for `imu_age`.
+        rested, quiet: Of `BaseState`.
     """
 
     rate: FloatArray
@@ -41,10 +44,14 @@ class Attitude:
     predicted: FloatArray
     bias: FloatArray
     up_imu: FloatArray
+    trail: FloatArray
     rested: float
+    quiet: float
 
 
-def attitude(posture: Posture, state: BaseState, sample: Believed, spec: BaseEstimatorSpec) -> Attitude:
+def attitude(
+    posture: Posture, state: BaseState, sample: Believed, spec: BaseEstimatorSpec, shown: FloatArray | None = None
+) -> Attitude:
     """Rate, vertical and yaw increment of one tick.
 
     omega_b = R_BI (gyro - bias) - omega_BI; the yaw angle turns at (omega_y u_y + omega_z u_z)/(u_y^2 + u_z^2), u the
@@ -55,31 +62,27 @@ def attitude(posture: Posture, state: BaseState, sample: Believed, spec: BaseEst
         state: Before the tick.
         sample: What was believed.
         spec: Tuning.
+        shown: (3,) the vertical in B that soft soles show on a level ground; None: they show none.
     """
-    R_BI, against = posture.rotation[-1], posture.rate[-1]
-    rested, bias = _rest(state, sample, spec)
-    rate = R_BI @ (sample.gyro - bias) - against
-    accel = R_BI @ sample.accel
-    up = _up(state, sample, R_BI, rate, accel, spec, calm=rested > state.rested)
+    R_BI, against, dt = posture.rotation[-1], posture.rate[-1], spec.period
+    rested, quiet, bias = rest(state, sample, spec)
+    gyro, accel, trail = sample.gyro, sample.accel, state.trail
+    if spec.imu_age and not sample.imu_missing:
+        reading = np.concatenate((gyro, accel))
+        now, trail = carried(reading, trail if trail.any() else reading, spec.imu_age, dt)
+        gyro, accel = now[:3], now[3:]
+    rate = R_BI @ (gyro - bias) - against
+    accel = R_BI @ accel
+    up, bias = _up(state, sample, R_BI, rate, accel, bias, spec, shown, calm=rested > state.rested)
     level = levelled(up)
     turn = 0.0
     if state.started:
         _, y, z = up.tolist()
         _, wy, wz = rate.tolist()
-        turn = spec.period * (wy * y + wz * z) / max(y * y + z * z, 0.01)
-    return Attitude(rate, accel, up, level, turn, turned(state.yaw + turn) @ level, bias, up @ R_BI, rested)
-
-
-def _rest(state: BaseState, sample: Believed, spec: BaseEstimatorSpec) -> tuple[float, FloatArray]:
-    """(ticks that the robot has stood still so far, (3,) bias of the gyro [rad/s])."""
-    error, qd = sample.gyro - state.bias, sample.qd
-    if qd @ qd > qd.size * spec.still_rate**2:  # so one of them at least is too fast
-        return state.rested, state.bias
-    still = np.abs(error).max() < spec.still_rate and np.abs(sample.qd).max() < spec.still_rate
-    if sample.imu_missing or not still:
-        return state.rested, state.bias
-    rested = state.rested + 1.0
-    return rested, state.bias + max(1.0 / (rested + _DOUBT), min(1.0, spec.period / spec.bias_time)) * error
+        turn = dt * (wy * y + wz * z) / max(y * y + z * z, 0.01)
+    return Attitude(
+        rate, accel, up, level, turn, turned(state.yaw + turn) @ level, bias, up @ R_BI, trail, rested, quiet
+    )
 
 
 def _up(
@@ -88,16 +91,29 @@ def _up(
     R_BI: FloatArray,
     rate: FloatArray,
     accel: FloatArray,
+    bias: FloatArray,
     spec: BaseEstimatorSpec,
+    shown: FloatArray | None,
     *,
     calm: bool,
-) -> FloatArray:
-    """(3,) the vertical in B."""
+) -> tuple[FloatArray, FloatArray]:
+    """((3,) the vertical in B, (3,) the gyro's bias)."""
     roll, pitch = sample.tilt.tolist()
     if abs(roll) < _LARGEST and abs(pitch) < _LARGEST:
         told: FloatArray = R_BI @ up_of(roll, pitch)
-        return told
-    length = math.sqrt(float(accel @ accel))
+        return (turned_up(told, rate, spec.imu_age) if spec.imu_age else told), bias
     if not state.started:
-        return accel / length if length > 0.0 else np.array([0.0, 0.0, 1.0])
-    return filtered_up(state.rotation[2], rate, accel, spec.period, spec.tilt_time * (_CALM if calm else 1.0))
+        length = math.sqrt(float(accel @ accel))
+        return (accel / length if length > 0.0 else np.array([0.0, 0.0, 1.0])), bias
+    time = spec.tilt_time * (_CALM if calm else 1.0)
+    if state.stood:
+        moved = turned_up(state.rotation[2], rate, spec.period)
+        push = swerve_push(state.swerve, spec.period, time)
+        if shown is not None:
+            push = push + (spec.period / spec.sole_time) * (shown - moved)
+        if not calm:
+            turned_by = turned_up(moved, push, 1.0) - moved  # up x push
+            learnt = bias + (turned_by / spec.bias_time) @ R_BI
+            bias = learnt if learnt @ learnt < LARGEST_BIAS**2 else bias
+        return corrected_up(moved, push), bias
+    return filtered_up(state.rotation[2], rate, accel, spec.period, time), bias

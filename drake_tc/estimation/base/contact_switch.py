@@ -9,6 +9,9 @@ import numpy as np
 from drake_tc.estimation.base.spec import BaseEstimatorSpec
 from drake_tc.types import FloatArray
 
+_LEAST_SHARE = 0.05
+"""Of all load, that contacts which count must bear together."""
+
 
 @dataclass(frozen=True, eq=False)
 class Slip:
@@ -48,7 +51,8 @@ def slipping(
     m[n+1] = m[n] + (d - m[n]) dt/slip_time with d (k, 3) the base velocity that a contact says, less the one that the
     last tick and the accelerometer say. At most one contact a tick is dropped, the one with the largest |m| above
     `slip_speed`, and never the last one: against the IMU alone it is more likely right. A dropped contact counts again
-    after |m| < slip_speed/2 for `slip_hold`, or when no other is left.
+    after |m| < slip_speed/2 for `slip_hold`, or, as the most loaded one, when the others bear next to nothing: a foot
+    in the air says nothing about a foot that stands.
 
     Args:
         on: Which of k carry load.
@@ -68,12 +72,14 @@ def slipping(
     for i, left in enumerate(before.dropped):
         if left > 0.0 and fresh[i]:
             dropped[i] = left - 1.0 if speed[i] < 0.5 * spec.slip_speed else float(hold)
-    counts = [i for i, touches in enumerate(on) if touches and not dropped[i]]
+    bearing = [i for i, touches in enumerate(on) if touches]
+    counts = [i for i in bearing if not dropped[i]]
     if len(counts) > 1:
         worst = max(counts, key=speed.__getitem__)
         if speed[worst] > spec.slip_speed:
             dropped[worst] = float(hold)
-    elif not counts and any(on):
-        heaviest = max((i for i, touches in enumerate(on) if touches), key=load.__getitem__)
+            counts.remove(worst)
+    if bearing and sum(load[i] for i in counts) < _LEAST_SHARE * sum(load[i] for i in bearing):
+        heaviest = max(bearing, key=load.__getitem__)
         dropped[heaviest] = 0.0
     return Slip(drift, dropped)

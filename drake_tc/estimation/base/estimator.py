@@ -5,20 +5,22 @@ from typing import Any
 
 import numpy as np
 
-from drake_tc.estimation.base.attitude import attitude
+from drake_tc.estimation.base.attitude import LARGEST_BIAS, attitude
 from drake_tc.estimation.base.believed import Believed, believed
 from drake_tc.estimation.base.kinematics import Posture
 from drake_tc.estimation.base.on_kinematics import OnKinematics
+from drake_tc.estimation.base.rest import USUAL_TIME
+from drake_tc.estimation.base.sinking import shown_vertical
 from drake_tc.estimation.base.spec import BaseEstimatorSpec
-from drake_tc.estimation.base.stage_one import Setting, find_loads, find_motion
+from drake_tc.estimation.base.stage_one import Setting, find_loads, find_motion, find_sinking
 from drake_tc.estimation.base.stage_two import find_place
 from drake_tc.estimation.base.state import BaseState, Readings
 from drake_tc.estimation.base.status import status_flags
 from drake_tc.robot.robot import Robot
 from drake_tc.types import FloatArray
 
-_LARGEST_BIAS = 0.1
-"""No gyro has a larger bias [rad/s]."""
+_SETTLED = 0.1
+"""What a contact does when it is made says nothing about the vertical [s]."""
 _LARGEST = 1e12
 """Sum of squares of an estimate that is still one; NaN is not below it either."""
 
@@ -59,11 +61,17 @@ class CopEstimator(OnKinematics):
         still = self.kinematics.posture(scratch, sample.q, sample.qd)
         if not sample.has_gyro:
             sample = replace(sample, gyro=_gyro_of_foot(state, still))
-        pose = attitude(still, state, sample, self.spec)
+        shown = None
+        if self._setting.any_soft and self._setting.level:
+            shown = shown_vertical(self._setting.soft, still, state)
+        pose = attitude(still, state, sample, self.spec, shown)
         posture = still.turning(pose.rate)
         loads = find_loads(self._setting, self.kinematics, state, sample, posture, pose, switch)
+        sunk = find_sinking(self._setting, state, posture, loads)
+        if sunk is not None:
+            posture = sunk.posture
         motion = find_motion(self._setting, state, sample, posture, pose, loads)
-        place = find_place(self._setting, state, posture, pose, loads, motion)
+        place = find_place(self._setting, state, posture, pose, loads, motion, sunk)
         R_WC = place.rotation @ posture.rotation[:-1]
         foot, foot_up = R_WC, state.foot_up
         if loads.changed or self.spec.reference == "touchdown":
@@ -71,10 +79,13 @@ class CopEstimator(OnKinematics):
             foot_up = np.where(held[:, None], state.foot_up, loads.up)
             if self.spec.reference == "touchdown":
                 foot = np.where(held[:, None, None], state.foot, R_WC)
+        usual = motion.pressure
+        if not loads.changed and state.started:
+            usual = state.usual + min(1.0, self.spec.period / USUAL_TIME) * (usual - state.usual)
         bias = pose.bias
-        if place.correction:
-            bias = bias - (place.correction / self.spec.yaw_bias_time) * pose.up_imu
-            if bias @ bias > _LARGEST_BIAS**2:
+        if place.bias:
+            bias = bias - place.bias * pose.up_imu
+            if bias @ bias > LARGEST_BIAS**2:
                 bias = pose.bias
         airborne = [
             0.0 if touches else row[3] + 1.0 for touches, row in zip(loads.on, state.contacts.tolist(), strict=True)
@@ -83,11 +94,26 @@ class CopEstimator(OnKinematics):
             self._setting, state, sample, loads, motion, place.inconsistent, foot_up, airborne,
             bias_up=float(bias @ pose.up_imu), weight=self.kinematics.weight,
         )  # fmt: skip
-        memory = zip(loads.on, loads.load, motion.slip.dropped, airborne, told.air_load, strict=True)
+        rigid = [0.0] * len(loads.on)
+        depth, shape = (rigid, rigid) if sunk is None else (sunk.depth, sunk.shape)
+        memory = zip(
+            loads.on,
+            loads.load,
+            motion.slip.dropped,
+            airborne,
+            depth,
+            shape,
+            place.held_for,
+            told.air_load,
+            strict=True,
+        )
         return BaseState(
             started=1.0,
             yaw=place.yaw,
             rested=pose.rested,
+            quiet=pose.quiet,
+            stood=_stood(state, motion.weight, place.held_for, self.spec.period),
+            paired=place.paired,
             mismatch=told.mismatch,
             ground=place.ground,
             position=place.position,
@@ -96,6 +122,9 @@ class CopEstimator(OnKinematics):
             rate=pose.rate,
             lever=posture.velocity[-1],
             bias=bias,
+            trail=pose.trail,
+            swerve=motion.swerve,
+            usual=usual,
             held=place.held,
             foot=foot,
             foot_up=foot_up,
@@ -108,6 +137,13 @@ class CopEstimator(OnKinematics):
             flags=told.flags,
             contact_flags=told.contact_flags,
         )
+
+
+def _stood(state: BaseState, weight: FloatArray, held_for: list[float], period: float) -> float:
+    """Ticks in which contacts told the velocity; 0 while none that counts has been held for `_SETTLED`."""
+    least = _SETTLED / period
+    told = any(w > 0.0 and held > least for w, held in zip(weight.tolist(), held_for, strict=True))
+    return state.stood + 1.0 if told else 0.0
 
 
 def _gyro_of_foot(state: BaseState, posture: Posture) -> FloatArray:

@@ -14,6 +14,7 @@ Reference = Literal["rolling", "touchdown"]
 
 _POSITIVE_OR_INFINITE = (
     "tilt_time",
+    "sole_time",
     "bias_time",
     "yaw_time",
     "yaw_bias_time",
@@ -37,6 +38,9 @@ class ContactSpec:
             wrench at C itself, in C's axes.
         make, break_: Load above which contact is made, and below which it is lost [N]: the normal force of a sole, the
             length of the force at a point.
+        sole_stiffness: K of a soft sole, as its maker knows it [N/m]; None: rigid. It gives way by F/K and more under
+            a load F off its middle (`soft_sole`).
+        sole_points: Springs that it acts like, along x and y.
     """
 
     mount: Mount
@@ -44,18 +48,30 @@ class ContactSpec:
     sensor: str | None
     make: float
     break_: float
+    sole_stiffness: float | None = None
+    sole_points: tuple[int, int] = (5, 3)
 
     def __post_init__(self) -> None:
         """Check the values.
 
         Raises:
-            ParamsError: thresholds without 0 < break <= make, or a polygon that is not convex or has no area.
+            ParamsError: thresholds without 0 < break <= make, a polygon that is not convex or has no area, or a
+            stiffness that is not positive or of a point.
         """
         where = f"contact {self.mount.name!r}"
         if not 0.0 < self.break_ <= self.make < np.inf:
             raise ParamsError(f"{where}: wanted 0 < break <= make [N]; got break {self.break_:g}, make {self.make:g}")
         if self.polygon is not None:
             half_planes(where, self.polygon)
+        if self.sole_stiffness is not None:
+            if self.polygon is None:
+                raise ParamsError(f"{where}: sole_stiffness: wanted a sole beside it; this contact is a point")
+            if not 0.0 < self.sole_stiffness < np.inf:
+                raise ParamsError(
+                    f"{where}: sole_stiffness: wanted a number above 0 [N/m]; got {self.sole_stiffness!r}"
+                )
+        if len(self.sole_points) != 2 or min(self.sole_points) < 2:
+            raise ParamsError(f"{where}: sole_points: wanted two numbers, 2 or more each; got {self.sole_points!r}")
 
 
 def half_planes(where: str, corners: tuple[Point2, ...]) -> tuple[np.ndarray, np.ndarray]:
@@ -88,6 +104,7 @@ class BaseEstimatorSpec:
     Attributes:
         contacts: In the order of every vector of contacts.
         period: Of a tick [s].
+        imu_age: How old a reading of the IMU is at its tick [s].
         ground: "level": every sole's centre of pressure lies at one height; "unknown": heights are chained.
         reference: How a contact's reference moves with the centre of pressure: "rolling" with the foot's present
             orientation (exact for a foot that rolls, tilts or turns about it), "touchdown" with that of the touch-down
@@ -100,6 +117,7 @@ class BaseEstimatorSpec:
         yaw_bias_time: In which what yaw and directions disagree about becomes a yaw-rate bias [s].
         bias_time: In which the gyro's bias follows its mean while the robot stands still [s].
         tilt_time: Of the gyro against the accelerometer, where the IMU gives no roll and pitch [s].
+        sole_time: Of the gyro against the tilt that soft soles show, on a level ground [s].
         still_rate: Joint and base rates below which the robot stands still [rad/s].
         anchor_time: In which contacts that disagree adapt their references [s].
         slip_speed: Speed of a contact against the others, the IMU included, at which it is dropped [m/s].
@@ -111,10 +129,15 @@ class BaseEstimatorSpec:
         force_offset: Mean load of a contact in the air at which its sensor is flagged [N].
         yaw_drift: Yaw-rate bias at which the gyro is flagged [rad/s].
         encoder_spike: Step of an encoder, beyond what its speed explains, that is not believed [rad].
+        quick_start: For a robot that moves at once, on feet that do not slide yet: the contacts teach the gyro its bias
+            about the vertical as fast as they can from the first tick on (`memory`), and new references are averaged
+            over a tenth of a second where they disagree with the others. Else, and better on a robot that walks, the
+            bias is learnt at rest and slowly from the contacts.
     """
 
     contacts: tuple[ContactSpec, ...]
     period: float
+    imu_age: float = 0.0
     ground: Ground = "unknown"
     reference: Reference = "rolling"
     velocity_time: float = 0.02
@@ -125,6 +148,7 @@ class BaseEstimatorSpec:
     yaw_bias_time: float = 5.0
     bias_time: float = 5.0
     tilt_time: float = 3.0
+    sole_time: float = 1.0
     still_rate: float = 0.05
     anchor_time: float = 20.0
     slip_speed: float = 0.05
@@ -136,6 +160,7 @@ class BaseEstimatorSpec:
     force_offset: float = 8.0
     yaw_drift: float = 0.008
     encoder_spike: float = 0.05
+    quick_start: bool = False
 
     def __post_init__(self) -> None:
         """Check the values.
@@ -151,8 +176,10 @@ class BaseEstimatorSpec:
         for key, possible in (("ground", ("unknown", "level")), ("reference", ("rolling", "touchdown"))):
             if getattr(self, key) not in possible:
                 raise ParamsError(f"base estimator: {key}: wanted one of {possible}; got {getattr(self, key)!r}")
+        if not 0.0 <= self.imu_age < np.inf:
+            raise ParamsError(f"base estimator: imu_age: wanted a time >= 0 [s]; got {self.imu_age!r}")
         for item in fields(self):
-            if item.name in ("contacts", "ground", "reference"):
+            if item.name in ("contacts", "ground", "reference", "imu_age", "quick_start"):
                 continue
             value = getattr(self, item.name)
             good = isinstance(value, (int, float)) and value > 0.0

@@ -8,6 +8,8 @@ from drake_tc.estimation.base.attitude import Attitude
 from drake_tc.estimation.base.believed import Believed
 from drake_tc.estimation.base.contact_switch import Slip, carries, slipping
 from drake_tc.estimation.base.kinematics import BaseKinematics, Posture, skews
+from drake_tc.estimation.base.sinking import Sinking, sinking
+from drake_tc.estimation.base.soft_sole import SoftSole, soft_sole
 from drake_tc.estimation.base.spec import BaseEstimatorSpec
 from drake_tc.estimation.base.state import CONTACT_FLAGS, BaseState
 from drake_tc.estimation.base.tilt import GRAVITY
@@ -33,6 +35,7 @@ class Setting:
         middle: Middle of each sole [m].
         limits: (make, break) of each contact [N].
         level: Whether the ground is level.
+        soft: How each sole gives way; None of a rigid one; any_soft: whether any does.
     """
 
     spec: BaseEstimatorSpec
@@ -43,6 +46,8 @@ class Setting:
     middle: list[tuple[float, float]]
     limits: list[tuple[float, float]]
     level: bool
+    soft: list[SoftSole | None]
+    any_soft: bool
 
     @classmethod
     def of(cls, spec: BaseEstimatorSpec) -> "Setting":
@@ -52,6 +57,7 @@ class Setting:
             ParamsError: a sole that is not convex.
         """
         soles = soles_of(spec.contacts)
+        soft = [soft_sole(contact) for contact in spec.contacts]
         whole = bool(soles.flat.all())
         return cls(
             spec=spec,
@@ -62,6 +68,8 @@ class Setting:
             middle=[(x, y) for x, y in soles.middle.tolist()],
             limits=[(contact.make, contact.break_) for contact in spec.contacts],
             level=spec.ground == "level",
+            soft=soft,
+            any_soft=any(sole is not None for sole in soft),
         )
 
 
@@ -72,6 +80,7 @@ class Loads:
     Attributes:
         load: k [N]. on: Which carry load. new: Since this tick. changed: Whether any is new or off.
         wrench: (k, 6) [f; t] at the contacts, their axes [N, N m]. up: (k, 3) the vertical in them.
+        pressure: k centres of pressure as measured [m].
     """
 
     load: list[float]
@@ -80,6 +89,7 @@ class Loads:
     changed: bool
     wrench: FloatArray
     up: FloatArray
+    pressure: list[tuple[float, float]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,12 +98,14 @@ class Motion:
 
     Attributes:
         velocity: (3,) ydot [m/s]. pressure: (k, 2) centres of pressure [m]. limited: Which soles end there.
+        swerve: (3,) ydot less what the accelerometer carried on [m/s].
         slip: What was dropped. weight: (k,) loads of the contacts that count [N].
     """
 
     velocity: FloatArray
     pressure: FloatArray
     limited: list[bool]
+    swerve: FloatArray
     slip: Slip
     weight: FloatArray
 
@@ -126,7 +138,26 @@ def find_loads(
     load, was = force.tolist(), state.contacts[:, 0].tolist()
     on = carries(load, was, setting.limits, switch.tolist())
     new = [touches and not before for touches, before in zip(on, was, strict=True)]
-    return Loads(load, on, new, not all(on) or any(new), wrench, up)
+    seen = zip(wrench.tolist(), on, setting.soles.flat.tolist(), setting.middle, strict=True)
+    pressure = []
+    for (_, _, fz, tx, ty, _), touches, flat, middle in seen:
+        bearing = max(fz, _LEAST_LOAD)
+        pressure.append((-ty / bearing, tx / bearing) if touches and flat else middle)
+    return Loads(load, on, new, not all(on) or any(new), wrench, up, pressure)
+
+
+def find_sinking(setting: Setting, state: BaseState, posture: Posture, loads: Loads) -> Sinking | None:
+    """How soft soles give way; None where all are rigid.
+
+    Args:
+        setting: Worked out once.
+        state: Before the tick.
+        posture: Contacts against the base, turning with it.
+        loads: What the contacts carry.
+    """
+    if not setting.any_soft:
+        return None
+    return sinking(setting.soft, posture, loads.on, loads.load, loads.pressure, state, setting.spec.period)
 
 
 def find_motion(
@@ -150,13 +181,8 @@ def find_motion(
             reference = np.zeros(3)  # nothing says how the base moves: it is held
         elif sample.has_accel:
             reference += dt * (pose.accel - GRAVITY * pose.up)
-    seen = zip(loads.wrench.tolist(), loads.on, setting.soles.flat.tolist(), setting.middle, strict=True)
-    places, spreads = [], []
-    for (_, _, fz, tx, ty, _), touches, flat, middle in seen:
-        bearing = max(fz, _LEAST_LOAD)
-        places.append((-ty / bearing, tx / bearing) if touches and flat else middle)
-        spreads.append(flat * spec.cop_moment / bearing)
-    pressure = np.array(places)
+    flat = setting.soles.flat
+    pressure, spread = np.array(loads.pressure), flat * spec.cop_moment / np.maximum(loads.wrench[:, 2], _LEAST_LOAD)
     R, offset = posture.rotation[:-1], posture.velocity[:-1]
     matrix = skews(posture.rate[:-1]) @ R[:, :, :2]
     still = offset + (matrix @ pressure[:, :, None])[:, :, 0]
@@ -173,10 +199,11 @@ def find_motion(
         matrix=matrix,
         still=still,
         pressure=pressure,
-        spread=np.array(spreads),
+        spread=spread,
         weight=weight / total,
         deviation=spec.contact_velocity,
     )
     at_edge = bool(state.contact_flags[:, _LIMITED].any())
     velocity, pressure, limited = solve_velocity(problem, setting.soles, at_edge=at_edge)
-    return Motion(velocity, pressure, limited, slip, weight)
+    swerve = np.zeros(3) if first or not sample.has_accel else velocity - reference
+    return Motion(velocity, pressure, limited, swerve, slip, weight)

@@ -49,10 +49,11 @@ class Readings:
     switch: FloatArray
 
 
-CONTACT_MEMORY = ("on", "load", "dropped", "airborne", "air_load")
+CONTACT_MEMORY = ("on", "load", "dropped", "airborne", "sink", "shape", "held_for", "air_load")
 """Columns of `BaseState.contacts`: carries load (0 or 1); load [N]; ticks until a contact that slipped counts again;
-ticks in the air; mean load in the air [N]."""
-SCALARS = ("started", "yaw", "rested", "mismatch", "ground")
+ticks in the air; how far its sole gives way [m], and the shape of that [-] (`soft_sole`); ticks since its reference
+was taken; mean load in the air [N]."""
+SCALARS = ("started", "yaw", "rested", "quiet", "stood", "paired", "mismatch", "ground")
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,18 +61,23 @@ class BaseState:
     """Between two ticks. World W: z up, where the base started; base B; n joints, k contacts.
 
     Attributes:
-        started: 1 after the first tick. yaw: Of the base [rad]. rested: Ticks that the robot has stood still so far.
+        started: 1 after the first tick. yaw: Of the base [rad]. rested: Ticks that the robot has rested so far.
+        quiet: Ticks since something moved. stood: Ticks in which contacts told the velocity, 0 while none does.
+        paired: Ticks in which two of them told yaw.
         mismatch: Mean of loads less weight [N].
         ground: Height of a level ground [m]; NaN before the first contact.
         position: (3,) p_WB [m]. rotation: (3, 3) R_WB; its last row is the vertical in B.
         velocity: (3,) ydot, of B's origin in its axes [m/s]. rate: (3,) omega_WB in B [rad/s].
         lever: (3,) velocity of the IMU against B's origin, in B [m/s].
         bias: (3,) of the gyro, its axes [rad/s].
+        trail: (6,) low-passed [gyro; accel] (`imu_age`).
+        swerve: (3,) by how much the contacts overruled the accelerometer's velocity, in B [m/s].
+        usual: (k, 2) low-passed centre of pressure in C [m].
         held: (k, 3) where the centre of pressure is held, in W [m].
         foot: (k, 3, 3) R_WC with which the reference moves. foot_up: (k, 3) the vertical in C at touch-down.
         pressure: (k, 2) centre of pressure in C [m].
         drift: (k, 3) averaged velocity against the others, in B [m/s].
-        contacts: (k, 5) `CONTACT_MEMORY`.
+        contacts: (k, 8) `CONTACT_MEMORY`.
         q, qd: (n,) last believed [rad, rad/s]. doubt: (n,) ticks for which an encoder was not believed.
         flags: (9,) `FLAGS`. contact_flags: (k, 5) `CONTACT_FLAGS`.
     """
@@ -79,6 +85,9 @@ class BaseState:
     started: float
     yaw: float
     rested: float
+    quiet: float
+    stood: float
+    paired: float
     mismatch: float
     ground: float
     position: FloatArray
@@ -87,6 +96,9 @@ class BaseState:
     rate: FloatArray
     lever: FloatArray
     bias: FloatArray
+    trail: FloatArray
+    swerve: FloatArray
+    usual: FloatArray
     held: FloatArray
     foot: FloatArray
     foot_up: FloatArray
@@ -113,10 +125,19 @@ ARRAYS = tuple(item.name for item in fields(BaseState))[len(SCALARS) :]
 
 @lru_cache(maxsize=32)
 def _layout(n: int, k: int) -> tuple[tuple[str, slice, tuple[int, ...]], ...]:
-    shapes: dict[str, tuple[int, ...]] = dict.fromkeys(("position", "velocity", "rate", "lever", "bias"), (3,))
+    shapes: dict[str, tuple[int, ...]] = dict.fromkeys(
+        ("position", "velocity", "rate", "lever", "bias", "swerve"), (3,)
+    )
     shapes |= dict.fromkeys(("held", "foot_up", "drift"), (k, 3))
     shapes |= dict.fromkeys(("q", "qd", "doubt"), (n,))
-    shapes |= {"rotation": (3, 3), "foot": (k, 3, 3), "pressure": (k, 2), "contacts": (k, len(CONTACT_MEMORY))}
+    shapes |= {
+        "rotation": (3, 3),
+        "foot": (k, 3, 3),
+        "pressure": (k, 2),
+        "usual": (k, 2),
+        "trail": (6,),
+        "contacts": (k, len(CONTACT_MEMORY)),
+    }
     shapes |= {"flags": (len(FLAGS),), "contact_flags": (k, len(CONTACT_FLAGS))}
     sizes = [int(np.prod(shapes[name])) for name in ARRAYS]
     ends = np.cumsum([len(SCALARS), *sizes]).tolist()
@@ -153,4 +174,4 @@ def initial_state(q: FloatArray, k: int, position: FloatArray, yaw: float) -> Ba
     arrays = {name: np.zeros(shape) for name, _, shape in _layout(len(q), k)}
     arrays |= {"position": np.array(position, dtype=float), "rotation": turned(yaw), "q": np.array(q)}
     arrays["foot"] = np.tile(np.eye(3), (k, 1, 1))
-    return BaseState(0.0, float(yaw), 0.0, 0.0, float("nan"), **arrays)
+    return BaseState(0.0, float(yaw), 0.0, 0.0, 0.0, 0.0, 0.0, float("nan"), **arrays)

@@ -21,6 +21,12 @@ METHODS: dict[str, type[CopEstimator] | type[FootCentreEstimator]] = {
 }
 
 
+class _Unpacked:
+    """A state in a cache."""
+
+    state: BaseState
+
+
 class BaseEstimator(LeafSystem):  # type: ignore[misc, unused-ignore]
     """Pose and velocity of a floating base from encoders, IMU and loads; n joints, k contacts.
 
@@ -87,6 +93,9 @@ class BaseEstimator(LeafSystem):  # type: ignore[misc, unused-ignore]
             {self.nothing_ticket()},
         )
         of_state = {self.discrete_state_ticket(state)}
+        self._unpacked: Any = self.DeclareCacheEntry(
+            "unpacked", ValueProducer(allocate=lambda: Value(_Unpacked()), calc=self._unpack), of_state
+        )
         size = self._estimator.kinematics.state_size
         for name, width, calc in (
             ("base_pose", 7, self._write_pose),
@@ -106,7 +115,12 @@ class BaseEstimator(LeafSystem):  # type: ignore[misc, unused-ignore]
 
     def base_state(self, context: Any) -> BaseState:
         """All that is remembered."""
-        return unpacked(context.get_discrete_state(self._state).value(), self._n, self._k)
+        state: BaseState = self._unpacked.Eval(context).state
+        return state
+
+    def _unpack(self, context: Any, value: Any) -> None:
+        vector = np.array(context.get_discrete_state(self._state).value())
+        value.get_mutable_value().state = unpacked(vector, self._n, self._k)
 
     def _update(self, context: Any, values: DiscreteValues) -> None:
         imu = self._imu.Eval(context)
