@@ -11,11 +11,11 @@ The drift is the difference of the halves' means, which no harmonic has a part i
     y[k] - drift = c sin + d cos + e + rest,      H = (c + j d)/a,
 
 with c, d by projection: neither offset, drift nor harmonics leak into H. `rest` is `distortion`: noise, and what is not
-linear.
+linear. The halves' own H differ (`apart`) where it has not settled, or grows.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -23,11 +23,16 @@ from pydrake.systems.analysis import InitializeParams, Simulator
 from pydrake.systems.framework import Context, Diagram
 
 from drake_tc.analysis.margins import ComplexArray
+from drake_tc.analysis.phase_branch import nearest_turn
 from drake_tc.analysis.ports import cut_at, output_named
 from drake_tc.errors import ParamsError, SimulationError
-from drake_tc.types import FloatArray
+from drake_tc.types import BoolArray, FloatArray
 
 Progress = Callable[[str, float], None]
+FASTEST = 0.4
+"""Highest frequency, times dt."""
+STEADY_APART, STEADY_DISTORTION = 0.05, 1.0
+"""Halves further apart, or more rest than fundamental, are no steady sine."""
 
 
 @dataclass(frozen=True)
@@ -76,6 +81,18 @@ class Sweep:
         if not 0.0 <= self.settle < np.inf:
             raise ParamsError(f"sweep.settle: wanted a time >= 0 [s]; got {self.settle!r}")
 
+    def check(self, dt: float) -> None:
+        """Refuse what cannot be sampled every dt [s].
+
+        Raises:
+            ParamsError: a frequency of 0.4/dt or more.
+        """
+        for frequency in self.frequencies_hz:
+            if frequency >= FASTEST / dt:
+                raise ParamsError(
+                    f"swept sine: wanted frequencies below {FASTEST / dt:g} Hz at dt = {dt:g} s; got {frequency:g}"
+                )
+
 
 @dataclass(frozen=True, eq=False)
 class FrequencyResponse:
@@ -85,21 +102,53 @@ class FrequencyResponse:
         frequency_hz: (F,) as measured.
         response: (F,) H.
         distortion: (F,) RMS of what is not the fundamental over RMS of the fundamental; NaN where nothing was measured.
+        apart: (F,) how far the H of the measurement's halves are apart, over |H|; None where nothing was measured.
+        turned: (F,) arg H [rad] with its whole turns, where these are known.
     """
 
     frequency_hz: FloatArray
     response: ComplexArray
     distortion: FloatArray
+    apart: FloatArray | None = None
+    turned: FloatArray | None = None
 
     @property
     def magnitude_db(self) -> FloatArray:
-        """(F,) 20 log10 |H|."""
-        return np.asarray(20.0 * np.log10(np.maximum(np.abs(self.response), 1e-300)))
+        """(F,) 20 log10 |H|; minus infinity for 0."""
+        with np.errstate(divide="ignore"):
+            return np.asarray(20.0 * np.log10(np.abs(self.response)))
 
     @property
     def phase(self) -> FloatArray:
-        """(F,) arg H, unwrapped from the lowest frequency on [rad]."""
-        return np.asarray(np.unwrap(np.angle(self.response)))
+        """(F,) arg H [rad]: with its turns where they are known, else in (-pi, pi]."""
+        return np.asarray(np.angle(self.response)) if self.turned is None else self.turned
+
+    @property
+    def steady(self) -> BoolArray:
+        """(F,) whether a steady sine was measured; true where nothing was."""
+        apart = np.zeros(self.distortion.size) if self.apart is None else self.apart
+        return np.asarray(~(self.distortion > STEADY_DISTORTION) & ~(apart > STEADY_APART))
+
+    def unwrapped(self) -> "FrequencyResponse":
+        """With turns from the lowest frequency on: right if it begins in (-pi, pi] and no step turns by pi or more."""
+        return replace(self, turned=np.asarray(np.unwrap(np.angle(self.response))))
+
+    def near(self, phase: FloatArray) -> "FrequencyResponse":
+        """With the turns that bring it nearest to a phase (F,) [rad]."""
+        return replace(self, turned=nearest_turn(np.angle(self.response), phase))
+
+
+@dataclass(frozen=True)
+class Bandwidth:
+    """Where a response has dropped from about 1.
+
+    Attributes:
+        hz: [Hz].
+        at_least: It never drops in what was measured: `hz` is the highest measured frequency.
+    """
+
+    hz: float
+    at_least: bool
 
 
 def channel(name: str) -> Channel:
@@ -111,7 +160,7 @@ def channel(name: str) -> Channel:
     port, bracket, rest = name.partition("[")
     if not bracket:
         return Channel(name)
-    if not (rest.endswith("]") and rest[:-1].isdigit()):
+    if not (rest.endswith("]") and rest[:-1].isascii() and rest[:-1].isdecimal()):
         raise ParamsError(f"port {name!r}: wanted SYSTEM:PORT or SYSTEM:PORT[i]")
     return Channel(port, int(rest[:-1]))
 
@@ -135,11 +184,12 @@ def swept_sine(
         progress: Told what is done and which share.
 
     Raises:
-        ParamsError: a port or element that is not there, a frequency beyond half the sampling rate.
+        ParamsError: a port or element that is not there, a frequency of 0.4/dt or more.
         SimulationError: the diagram failed under a sine, or its output is not finite.
     """
     into, out = ports
     check_channels(diagram, context, ports)
+    sweep.check(dt)
     rows = []
     for number, wanted in enumerate(sweep.frequencies_hz):
         periods, ticks = _whole_periods(wanted, sweep.measure, dt)
@@ -152,8 +202,8 @@ def swept_sine(
         rows.append((frequency, *_lock_in(y[settle:], frequency, dt, settle, sweep.amplitude)))
         if progress:
             progress(f"{frequency:.2f} Hz", (number + 1) / len(sweep.frequencies_hz))
-    found = np.array([row[0] for row in rows])
-    return FrequencyResponse(found, np.array([row[1] for row in rows]), np.array([row[2] for row in rows]))
+    frequencies, response, distortion, apart = (np.array(column) for column in zip(*rows, strict=True))
+    return FrequencyResponse(frequencies, response, distortion, apart)
 
 
 def check_channels(diagram: Diagram, context: Context, ports: Sequence[Channel]) -> None:
@@ -171,8 +221,6 @@ def check_channels(diagram: Diagram, context: Context, ports: Sequence[Channel])
 
 def _whole_periods(frequency: float, measure: float, dt: float) -> tuple[int, int]:
     """(periods, ticks), both even, that close near `frequency`, over `measure` [s] or two periods."""
-    if frequency >= 0.4 / dt:
-        raise ParamsError(f"swept sine: wanted frequencies below {0.4 / dt:g} Hz at dt = {dt:g} s; got {frequency:g}")
     half = max(1, round(0.5 * measure * frequency))
     return 2 * half, 2 * round(half / (frequency * dt))
 
@@ -197,29 +245,32 @@ def _driven(diagram: Diagram, context: Context, dt: float, ports: tuple[Channel,
     return y
 
 
-def _lock_in(y: FloatArray, frequency: float, dt: float, first: int, amplitude: float) -> tuple[complex, float]:
-    """(H, distortion) of the samples y (N,) from tick `first` of the sine on."""
+def _lock_in(y: FloatArray, frequency: float, dt: float, first: int, amplitude: float) -> tuple[complex, float, float]:
+    """(H, distortion, apart) of the samples y (N,) from tick `first` of the sine on."""
     half = y.size // 2
     slope = (y[half:].mean() - y[:half].mean()) / half
     level = y - y.mean() - slope * (np.arange(y.size) - 0.5 * (y.size - 1))
     angle = 2.0 * np.pi * frequency * dt * np.arange(first, first + y.size)
-    c, d = 2.0 * float(np.mean(level * np.sin(angle))), 2.0 * float(np.mean(level * np.cos(angle)))
-    rest = level - c * np.sin(angle) - d * np.cos(angle)
-    size = float(np.hypot(c, d))
-    left = float(np.sqrt(2.0 * np.mean(rest**2)) / size) if size > 0.0 else float("nan")
-    return complex(c, d) / amplitude, left
+    turned = 2.0 * level * np.exp(-1j * angle) * 1j  # its mean is c + j d
+    h = complex(turned.mean())
+    rest = level - h.real * np.sin(angle) - h.imag * np.cos(angle)
+    size = abs(h)
+    if size == 0.0:
+        return 0j, float("nan"), float("nan")
+    left = float(np.sqrt(2.0 * np.mean(rest**2)) / size)
+    return h / amplitude, left, float(abs(turned[half:].mean() - turned[:half].mean()) / size)
 
 
-def bandwidth_hz(found: FrequencyResponse, drop_db: float = 3.0) -> float:
-    """Lowest frequency [Hz] at which |H| has dropped by `drop_db` from 0 dB, between measured ones by their dB.
+def bandwidth(found: FrequencyResponse, drop_db: float = 3.0) -> Bandwidth | None:
+    """Lowest frequency at which |H| has dropped by `drop_db` from 0 dB, between measured ones by their dB.
 
-    Where it never does, the highest measured frequency: the bandwidth is at least that. 0 where the lowest is below.
+    None where |H| is not within `drop_db` of 0 dB at the lowest frequency: H then is not about 1.
     """
+    if abs(found.magnitude_db[0]) > drop_db:
+        return None
     below = np.flatnonzero(found.magnitude_db < -drop_db)
     if not below.size:
-        return float(found.frequency_hz[-1])
+        return Bandwidth(float(found.frequency_hz[-1]), at_least=True)
     i = int(below[0])
-    if i == 0:
-        return 0.0
-    f, m = np.log(found.frequency_hz[i - 1 : i + 1]), found.magnitude_db[i - 1 : i + 1]
-    return float(np.exp(f[0] + (f[1] - f[0]) * (m[0] + drop_db) / (m[0] - m[1])))
+    f, m = np.log(found.frequency_hz[i - 1 : i + 1]), np.maximum(found.magnitude_db[i - 1 : i + 1], -1e3)
+    return Bandwidth(float(np.exp(f[0] + (f[1] - f[0]) * (m[0] + drop_db) / (m[0] - m[1]))), at_least=False)

@@ -7,13 +7,14 @@ from typing import Annotated
 
 import numpy as np
 import typer
-from rich.console import Console
-from rich.table import Table
 
+from drake_tc.cli.out_files import ready_folder
 from drake_tc.cli.progress import progress_bar
+from drake_tc.cli.wide_table import print_wide
 from drake_tc.errors import LogError
 from drake_tc.estimation.base.evaluate import BaseResult, evaluate_log
 from drake_tc.estimation.base.rig import load_base_rig
+from drake_tc.json_values import json_value
 
 _ROWS = ("x, m", "y, m", "z, m", "roll, deg", "pitch, deg", "yaw, deg", "vx, m/s", "vy, m/s", "vz, m/s")
 
@@ -26,41 +27,44 @@ def estimate_base_command(
 ) -> None:
     """Base position, yaw and velocity from encoders, IMU and loads; RMSE where the log holds the truth."""
     what = load_base_rig(rig)
+    if out is not None:
+        ready_folder(out, "--out", LogError)
     with progress_bar("estimate-base", quiet=as_json) as progress:
         result = evaluate_log(what, log, progress)
-    document = {"name": "estimate-base", "rig": str(rig), "log": str(log), **result.to_json()}
-    if out is not None:
-        try:
-            out.mkdir(parents=True, exist_ok=True)
-            result.table().to_csv(out / "estimate.csv", index=False)
-            (out / "estimate.json").write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
-        except OSError as error:
-            raise LogError(f"--out {out}: cannot be written: {error}") from None
+    document = json_value({"name": "estimate-base", "rig": str(rig), "log": str(log), **result.to_json()})
     if as_json:
         print(json.dumps(document))
+    else:
+        _print(result)
+    for note in result.notes:
+        print(f"estimate-base: {log}: {note}", file=sys.stderr)
+    if out is None:
         return
-    _print(result)
-    if out is not None:
+    try:
+        result.table().to_csv(out / "estimate.csv", index=False)
+        (out / "estimate.json").write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
+    except OSError as error:
+        raise LogError(f"--out {out}: cannot be written: {error}") from None
+    if not as_json:
         print(out / "estimate.csv")
 
 
 def _print(result: BaseResult) -> None:
-    console = Console(file=sys.stdout, highlight=False)
     last, angle = result.estimate.position[-1], float(np.degrees(result.estimate.rpy[-1, 2]))
-    console.print(
+    print(
         f"{len(result.estimate.time)} samples, {result.estimate.time[-1]:.1f} s; base at the end:"
         f" {last[0]:.3f} {last[1]:.3f} {last[2]:.3f} m, yaw {angle:.1f} deg"
     )
     if result.errors is not None:
-        table = Table(box=None, padding=(0, 2), title="RMSE against the truth", title_justify="left")
-        table.add_column("")
-        for heading in ("centre of pressure", "foot centre"):
-            table.add_column(heading, justify="right")
         ours, base = ((*error.position, *np.degrees(error.angle), *error.velocity) for error in result.errors)
-        for name, *values in zip(_ROWS, ours, base, strict=True):
-            table.add_row(name, *(f"{value:.4f}" if np.isfinite(value) else "" for value in values))
-        console.print(table)
+        counts = np.repeat(result.errors[0].samples, 3)
+        rows = [
+            (name, *(f"{value:.4f}" if np.isfinite(value) else "" for value in values), str(count))
+            for name, *values, count in zip(_ROWS, ours, base, counts, strict=True)
+        ]
+        headings = ("", "centre of pressure", "foot centre", "samples")
+        print_wide(headings, rows, left=("",), title="RMSE against the truth")
     raised = {name: share for name, share in result.flag_shares().items() if share > 0.0 and not name.endswith("/on")}
     if raised:
         listed = sorted(raised.items(), key=lambda item: -item[1])
-        console.print("flags: " + ", ".join(f"{name} {100.0 * share:.1f} %" for name, share in listed))
+        print("flags: " + ", ".join(f"{name} {100.0 * share:.1f} %" for name, share in listed))

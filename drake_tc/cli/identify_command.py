@@ -2,20 +2,25 @@
 
 import json
 import sys
+from collections.abc import Callable, Sequence
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Any, cast
+from typing import Annotated, Any, NamedTuple, cast
 
 import typer
-from rich.console import Console
-from rich.table import Table
 
-from drake_tc.cli.identify_motors import identify_motors, print_motors
+from drake_tc.actuation.model import ActuatorModel
+from drake_tc.cli.identify_motors import motor_row, print_motors
+from drake_tc.cli.out_files import ready_file
 from drake_tc.cli.progress import progress_bar
+from drake_tc.cli.wide_table import print_wide
 from drake_tc.effects.base import EFFORT_UNIT
 from drake_tc.errors import IdentificationError, LogError, RigError
 from drake_tc.identification.identify import Identified, Method
 from drake_tc.identification.piecewise import PiecewiseFit
+from drake_tc.json_values import json_value
+from drake_tc.logs.record import Run
+from drake_tc.logs.rig import Rig
 
 
 class MethodName(StrEnum):
@@ -43,11 +48,10 @@ def identify_command(
 
     least_squares: all samples alike. asymmetric: friction is never over-estimated, so its compensation stays stable.
     two_stage: the gain at rest, then friction in motion. piecewise: three lines for each direction of motion.
-    motor: constants and friction of voltage-driven motors, with a data sheet for what the logs leave open.
+    motor: constants and friction of voltage-driven motors, with a data sheet for what the logs leave open; its
+    intervals are of statistics and data sheet, not of effects that the model lacks.
     """
     from drake_tc.actuation.model_file import save_models
-    from drake_tc.identification.actuator import actuator_model
-    from drake_tc.identification.identify import identify
     from drake_tc.logs.prepare import load_runs
     from drake_tc.logs.rig import load_rig
 
@@ -60,36 +64,106 @@ def identify_command(
             "identify: wanted --method motor and --sheet SHEET.yaml together, or neither;"
             f" got --method {method.value} {'without a' if sheet is None else 'and a'} --sheet"
         )
+    read_rig = load_rig(rig)
+    if joint is not None and joint not in read_rig.joints:
+        raise IdentificationError(f"no joint {joint!r} in {rig}; joints there: {', '.join(read_rig.joints)}")
+    names = read_rig.joints if joint is None else (joint,)
+    fit = _fitting(read_rig, method, sheet, names)
+    ready_file(out, "--out", LogError)
     with progress_bar("identify", quiet=as_json) as progress:
-        read_rig = load_rig(rig)
-        if joint is not None and joint not in read_rig.joints:
-            raise IdentificationError(f"no joint {joint!r} in {rig}; joints there: {', '.join(read_rig.joints)}")
         progress("reading", 0.0)
         runs = load_runs(log, read_rig)
-        names = read_rig.joints if joint is None else (joint,)
-        if sheet is not None:
-            models, rows = identify_motors(runs, read_rig, sheet, names, progress)
-        else:
-            models, rows = {}, []
-            for number, name in enumerate(names):
-                progress(f"fitting {name}", (1 + number) / (1 + len(names)))
-                result = identify(runs, read_rig, cast("Method", method.value), joint=name)
-                rows.append(_row(result))
-                models[name] = actuator_model(result, read_rig.known(name, "rotor_inertia"))
-    provenance = {"identified_by": "drake-tc identify", "rig": rig.name, "logs": [p.name for p in log], "fits": rows}
+        fits = _Fits({}, [], {})
+        for number, name in enumerate(names):
+            progress(f"fitting {name}", (1 + number) / (1 + len(names)))
+            try:
+                fits.models[name], row = fit(runs, name)
+                fits.rows.append(row)
+            except IdentificationError as error:
+                fits.failed[name] = str(error) if name in str(error) else f"{name}: {error}"
+    if not fits.rows:
+        raise IdentificationError("; ".join(fits.failed.values()))
+    for note in dict.fromkeys(note for row in fits.rows for note in row["notes"]):
+        print(f"identify: {note}", file=sys.stderr)
+    provenance = {
+        "identified_by": "drake-tc identify",
+        "rig": rig.name,
+        "logs": [p.name for p in log],
+        "fits": fits.rows,
+    }
     if sheet is not None:
         provenance["data_sheet"] = sheet.name
     try:
-        out.parent.mkdir(parents=True, exist_ok=True)
-        save_models(models, out, provenance=provenance)
+        save_models(fits.models, out, provenance=provenance)
+        lost = ""
     except OSError as error:
-        raise LogError(f"{out}: cannot be written: {error.strerror or error}") from None
+        lost = f"{out}: cannot be written: {error.strerror or error}"
     if as_json:
-        print(json.dumps({"model": str(out), "joints": {row["joint"]: row for row in rows}}, indent=1))
+        joints = {row["joint"]: row for row in fits.rows}
+        print(json.dumps(json_value({"model": str(out), "joints": joints, "failed": fits.failed}), indent=1))
     elif sheet is not None:
-        print_motors(rows, out)
+        print_motors(fits.rows)
     else:
-        _print(rows, out)
+        _print(fits.rows)
+    if lost:
+        raise LogError(lost)
+    if not as_json:
+        print(f"model: {out}")
+    if fits.failed:
+        raise IdentificationError("; ".join(fits.failed.values()))
+
+
+class _Fits(NamedTuple):
+    """What came of each joint: a model and a row of plain data, or a line."""
+
+    models: dict[str, ActuatorModel]
+    rows: list[dict[str, Any]]
+    failed: dict[str, str]
+
+
+def _fitting(
+    rig: Rig, method: MethodName, sheet: Path | None, joints: Sequence[str]
+) -> Callable[[Sequence[Run], str], tuple[ActuatorModel, dict[str, Any]]]:
+    """fit(runs, joint) -> (model, row); what rig and data sheet cannot do for a joint is told before any log is read.
+
+    Raises:
+        ParamsError: a data sheet that cannot be used.
+        IdentificationError: another drive or load than the method takes.
+    """
+    from drake_tc.identification.actuator import actuator_model
+    from drake_tc.identification.identify import identify
+    from drake_tc.identification.motor_prior import check_motor_rig, identify_motor
+    from drake_tc.identification.motor_sheet import load_motor_sheet
+
+    if sheet is None:
+
+        def fit(runs: Sequence[Run], name: str) -> tuple[ActuatorModel, dict[str, Any]]:
+            result = identify(runs, rig, cast("Method", method.value), joint=name)
+            return actuator_model(result, rig.known(name, "rotor_inertia")), _row(result, _notes(runs, rig, name))
+
+        return fit
+    told = load_motor_sheet(sheet)
+    for name in joints:
+        check_motor_rig(rig, name)
+        told.motor(name)
+
+    def fit_motor(runs: Sequence[Run], name: str) -> tuple[ActuatorModel, dict[str, Any]]:
+        found = identify_motor(runs, rig, told.motor(name), joint=name, widths=told.widths)
+        row = motor_row(found, told, _notes(runs, rig, name), [run.name for run in runs])
+        return found.motor.actuator_model(name), row
+
+    return fit_motor
+
+
+def _notes(runs: Sequence[Run], rig: Rig, joint: str) -> list[str]:
+    """What was repaired in the runs, but for what concerns other joints alone."""
+    others = [f"{name}/" for name in rig.joints if name != joint]
+    kept = []
+    for run in runs:
+        for note in run.notes:
+            if f"{joint}/" in note or not any(other in note for other in others):
+                kept.append(f"{run.name}: {note}")
+    return kept
 
 
 def _unit(drive: str, name: str) -> str:
@@ -102,7 +176,7 @@ def _unit(drive: str, name: str) -> str:
     return f"{effort}*s/rad" if last == "K_v" else f"{effort}/(N*m)"
 
 
-def _row(found: Identified) -> dict[str, Any]:
+def _row(found: Identified, notes: list[str]) -> dict[str, Any]:
     """Plain data: for the provenance of the model file, for --json, and for the table."""
     parameters: dict[str, Any] = {}
     for name, value in found.parameters.items():
@@ -122,23 +196,18 @@ def _row(found: Identified) -> dict[str, Any]:
         "converged": fit.forward.converged and fit.backward.converged if isinstance(fit, PiecewiseFit) else None,
         "samples": int(found.residual.size),
         "runs": list(found.runs),
+        "notes": notes,
     }
 
 
-def _print(rows: list[dict[str, Any]], out: Path) -> None:
-    console = Console(file=sys.stdout, highlight=False)
+def _print(rows: list[dict[str, Any]]) -> None:
     for row in rows:
-        console.print(
-            f"[bold]{row['joint']}[/bold]: {row['method']}, {row['samples']} samples of {len(row['runs'])} runs"
-        )
-        table = Table(box=None, padding=(0, 2))
-        for header in ("parameter", "value", "95 % interval", "unit"):
-            table.add_column(header, justify="left" if header in ("parameter", "unit") else "right")
+        title = f"{row['joint']}: {row['method']}, {row['samples']} samples of {len(row['runs'])} runs"
+        lines = []
         for name, entry in row["parameters"].items():
             interval = "[{:.4g}, {:.4g}]".format(*entry["ci95"]) if "ci95" in entry else "-"
-            table.add_row(name, f"{entry['value']:.4g}", interval.replace("[", r"\["), entry["unit"])
-        table.add_row("residual rms", f"{row['rms']['value']:.4g}", "-", row["rms"]["unit"])
-        console.print(table)
+            lines.append((name, f"{entry['value']:.4g}", interval, entry["unit"]))
+        lines.append(("residual rms", f"{row['rms']['value']:.4g}", "-", row["rms"]["unit"]))
+        print_wide(("parameter", "value", "95 % interval", "unit"), lines, ("parameter", "unit"), title)
         if row["converged"] is False:
-            console.print("  the break points did not come to rest: these logs do not look like three pieces")
-    console.print(f"model: {out}", soft_wrap=True)
+            print("  the break points did not come to rest: these logs do not look like three pieces")

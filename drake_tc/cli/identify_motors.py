@@ -1,16 +1,11 @@
 """`drake-tc identify --method motor`: voltage-driven motors from logs and a data sheet."""
 
-import sys
-from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
+from collections.abc import Mapping, Sequence
 from typing import Any
 
-from rich.console import Console
-from rich.table import Table
-
-from drake_tc.actuation.model import ActuatorModel
-from drake_tc.logs.record import Run
-from drake_tc.logs.rig import Rig
+from drake_tc.cli.wide_table import print_wide
+from drake_tc.identification.motor_prior import MotorFit
+from drake_tc.identification.motor_sheet import MotorSheet
 
 UNITS: Mapping[str, str] = {
     "torque_constant": "N*m/A",
@@ -19,73 +14,59 @@ UNITS: Mapping[str, str] = {
     "coulomb": "N*m",
     "viscous": "N*m*s/rad",
 }
+HEADINGS = ("parameter", "data sheet", "identified", "95 % interval", "unit", "from logs", "off the sheet [sd]")
+MEANING = (
+    "intervals are of statistics and data sheet, not of effects that the model lacks (ripple, Stribeck, temperature)"
+)
 
 
-def identify_motors(
-    runs: Sequence[Run], rig: Rig, sheet: Path, joints: Sequence[str], progress: Callable[[str, float], None]
-) -> tuple[dict[str, ActuatorModel], list[dict[str, Any]]]:
-    """Models by joint, and a row of plain data each: parameters with data sheet, interval and the logs' share.
+def motor_row(found: MotorFit, told: MotorSheet, notes: Sequence[str], runs: Sequence[str]) -> dict[str, Any]:
+    """Plain data of a motor: parameters with data sheet, interval, the logs' share, and how far off the sheet they are.
 
     Args:
-        runs: To fit.
-        rig: Of the runs.
-        sheet: Data sheet file.
-        joints: Which.
-        progress: Told which joint is fitted and which share is done.
-
-    Raises:
-        ParamsError: a data sheet that cannot be used.
-        IdentificationError: logs that cannot.
+        found: The fit.
+        told: The data sheet.
+        notes: What was done to the logs.
+        runs: Names.
     """
-    from drake_tc.identification.motor_prior import identify_motor
-    from drake_tc.identification.motor_sheet import load_motor_sheet
-
-    told = load_motor_sheet(sheet)
-    models, rows = {}, []
-    for number, joint in enumerate(joints):
-        progress(f"fitting {joint}", (1 + number) / (1 + len(joints)))
-        found = identify_motor(runs, rig, told.motor(joint), joint=joint, widths=told.widths)
-        models[joint] = found.motor.actuator_model(joint)
-        parameters = {
-            name: {
-                "value": float(getattr(found.motor, name)),
-                "unit": unit,
-                "ci95": [float(bound) for bound in found.spread[name]],
-                "data_sheet": float(getattr(told.motor(joint), name)),
-                "from_logs": float(found.from_logs[name]),
-            }
-            for name, unit in UNITS.items()
+    sheet = told.motor(found.joint)
+    parameters = {
+        name: {
+            "value": float(getattr(found.motor, name)),
+            "unit": unit,
+            "ci95": [float(bound) for bound in found.spread[name]],
+            "data_sheet": float(getattr(sheet, name)),
+            "from_logs": float(found.from_logs[name]),
+            "off_sheet_sd": float(found.pull[name]),
         }
-        rows.append(
-            {
-                "joint": joint,
-                "drive": rig.drive[joint],
-                "method": "motor",
-                "parameters": parameters,
-                "rms": {"value": float(found.fit.rms), "unit": "V"},
-                "condition_number": float(found.fit.condition_number),
-                "converged": None,
-                "samples": int(found.fit.residual.size),
-                "runs": [run.name for run in runs],
-            }
-        )
-    return models, rows
+        for name, unit in UNITS.items()
+    }
+    return {
+        "joint": found.joint,
+        "drive": "voltage",
+        "method": "motor",
+        "parameters": parameters,
+        "rms": {"value": float(found.fit.rms), "unit": "V"},
+        "condition_number": float(found.fit.condition_number),
+        "converged": None,
+        "samples": int(found.fit.residual.size),
+        "runs": list(runs),
+        "notes": [*notes, *found.notes],
+    }
 
 
-def print_motors(rows: Sequence[Mapping[str, Any]], out: Path) -> None:
+def print_motors(rows: Sequence[Mapping[str, Any]]) -> None:
     """A table a joint."""
-    console = Console(file=sys.stdout, highlight=False)
     for row in rows:
-        console.print(
-            f"[bold]{row['joint']}[/bold]: motor, {row['samples']} samples of {len(row['runs'])} runs,"
+        title = (
+            f"{row['joint']}: motor, {row['samples']} samples of {len(row['runs'])} runs,"
             f" residual {row['rms']['value']:.3g} V rms"
         )
-        table = Table(box=None, padding=(0, 1))
-        for header in ("parameter", "data sheet", "identified", "95 % interval", "unit", "from logs"):
-            table.add_column(header, justify="left" if header in ("parameter", "unit") else "right")
+        lines = []
         for name, entry in row["parameters"].items():
-            interval = r"\[{:.4g}, {:.4g}]".format(*entry["ci95"])
-            numbers = (f"{entry['data_sheet']:.4g}", f"{entry['value']:.4g}", interval)
-            table.add_row(name, *numbers, entry["unit"], f"{100 * entry['from_logs']:.0f} %")
-        console.print(table)
-    console.print(f"model: {out}", soft_wrap=True)
+            interval = "[{:.4g}, {:.4g}]".format(*entry["ci95"])
+            numbers = (f"{entry['data_sheet']:.4g}", f"{entry['value']:.4g}", interval, entry["unit"])
+            lines.append((name, *numbers, f"{100 * entry['from_logs']:.0f} %", f"{entry['off_sheet_sd']:+.1f}"))
+        print_wide(HEADINGS, lines, ("parameter", "unit"), title)
+    if rows:
+        print(MEANING)

@@ -9,12 +9,14 @@ import math
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
-from typing import NamedTuple, Protocol
+from typing import Protocol
 
 import numpy as np
 
 from drake_tc.control.instant import Quadruple, Triple, orientation_row, step_at, swinging, unit
+from drake_tc.control.reference_checks import check_quaternions, check_times, meet
 from drake_tc.control.rotation import rotation_matrix, rotation_vector
+from drake_tc.control.smooth_step import Motion, smooth_step
 from drake_tc.errors import ParamsError
 from drake_tc.types import FloatArray
 
@@ -36,32 +38,6 @@ class Path(Protocol):
         ...
 
 
-class Motion(NamedTuple):
-    """A motion and its derivatives in time, (T, m) each: places, or angles and their rates in the world."""
-
-    position: FloatArray
-    velocity: FloatArray
-    acceleration: FloatArray
-    jerk: FloatArray
-
-
-def smooth_step(time: FloatArray, begin: float, duration: float) -> FloatArray:
-    """(4, T): s(u) and its first three derivatives in time, u = (t - begin)/duration, 0 before and 1 after.
-
-    Args:
-        time: (T,) [s].
-        begin: When it starts to rise [s].
-        duration: > 0, how long it does [s].
-    """
-    u = np.clip((np.asarray(time, dtype=np.float64) - begin) / duration, 0.0, 1.0)
-    left = 1.0 - u
-    value = u**4 * (35.0 + u * (-84.0 + u * (70.0 - 20.0 * u)))
-    first = 140.0 * (u * left) ** 3
-    second = 420.0 * (u * left) ** 2 * (1.0 - 2.0 * u)
-    third = 840.0 * u * left * (1.0 - 5.0 * u * left)
-    return np.stack([value, first / duration, second / duration**2, third / duration**3])
-
-
 @dataclass(frozen=True)
 class PointToPoint:
     """x(t) = x_0 + s(u) (x_1 - x_0), of a point of any size m.
@@ -69,10 +45,10 @@ class PointToPoint:
     Attributes:
         start, goal: x_0, x_1, of one length [m].
         begin: [s].
-        duration: > 0 [s].
+        duration: At least 1 us [s].
 
     Raises:
-        ParamsError: two lengths, a number that is not finite, or a duration that is not positive.
+        ParamsError: two lengths, a number that is not finite, or a duration that is too short.
     """
 
     start: tuple[float, ...]
@@ -85,7 +61,7 @@ class PointToPoint:
             raise ParamsError(
                 f"point to point: wanted start and goal of one length; got {len(self.start)} and {len(self.goal)}"
             )
-        _check("point to point", (*self.start, *self.goal), self.begin, self.duration)
+        check_times("point to point", (*self.start, *self.goal), self.begin, self.duration)
 
     @property
     def size(self) -> int:
@@ -116,10 +92,10 @@ class Slerp:
     Attributes:
         start, goal: Quaternions [w x y z] of R_0 and R_1, of any length but zero.
         begin: [s].
-        duration: > 0 [s].
+        duration: At least 1 us [s].
 
     Raises:
-        ParamsError: a quaternion without direction, a number that is not finite, or a duration that is not positive.
+        ParamsError: a quaternion without direction, a number that is not finite, or a duration that is too short.
     """
 
     start: tuple[float, float, float, float]
@@ -128,8 +104,8 @@ class Slerp:
     duration: float
 
     def __post_init__(self) -> None:
-        _check("slerp", (*self.start, *self.goal), self.begin, self.duration)
-        _check_quaternions("slerp", self.start, self.goal)
+        check_times("slerp", (*self.start, *self.goal), self.begin, self.duration)
+        check_quaternions("slerp", self.start, self.goal)
 
     @property
     def size(self) -> int:
@@ -139,7 +115,7 @@ class Slerp:
     @cached_property
     def _turn(self) -> FloatArray:
         """(3,) phi [rad]."""
-        return rotation_vector(rotation_matrix(np.array(self.goal)) @ rotation_matrix(np.array(self.start)).T)
+        return rotation_vector(_matrix(self.goal) @ _matrix(self.start).T)
 
     @cached_property
     def _plain(self) -> tuple[Triple, float, Quadruple]:
@@ -152,7 +128,7 @@ class Slerp:
     def at(self, time: FloatArray) -> tuple[FloatArray, Motion]:
         """R_WD (T, 3, 3), and the motion at times (T,): s phi [rad], omega, alpha and its rate in the world."""
         orders = smooth_step(time, self.begin, self.duration)[:, :, None] * self._turn
-        return _turned(orders[0], rotation_matrix(np.array(self.start))), Motion(*orders)
+        return _turned(orders[0], _matrix(self.start)), Motion(*orders)
 
     def row(self, time: float) -> FloatArray:
         """[quaternion w x y z; omega; alpha] at `time` [s]: the reference of an orientation."""
@@ -173,7 +149,7 @@ class Swing:
         amplitude: A [rad].
         frequency_hz: f > 0 [Hz].
         begin: [s].
-        rise: > 0 [s].
+        rise: At least 1 us [s].
 
     Raises:
         ParamsError: an axis or a quaternion without direction, or a number that is not possible.
@@ -187,12 +163,12 @@ class Swing:
     rise: float = 1.0
 
     def __post_init__(self) -> None:
-        _check("swing", (*self.start, *self.axis, self.amplitude), self.begin, self.rise)
-        _check_quaternions("swing", self.start)
+        check_times("swing", (*self.start, *self.axis, self.amplitude), self.begin, self.rise)
+        check_quaternions("swing", self.start)
         if not (math.isfinite(self.frequency_hz) and self.frequency_hz > 0.0):
             raise ParamsError(f"swing: wanted a positive frequency_hz; got {self.frequency_hz!r}")
-        if not any(self.axis):
-            raise ParamsError("swing: wanted an axis with a direction; got zero")
+        if not (any(self.axis) and math.isfinite(math.hypot(*self.axis))):
+            raise ParamsError(f"swing: wanted an axis with a direction; got {self.axis}")
 
     @property
     def size(self) -> int:
@@ -218,7 +194,7 @@ class Swing:
         """R_WD (T, 3, 3), and the motion at times (T,): a n [rad], omega, alpha and its rate in the world."""
         axis = np.array(self.axis) / math.hypot(*self.axis)
         orders = self.angle(time)[:, :, None] * axis
-        return _turned(orders[0], rotation_matrix(np.array(self.start))), Motion(*orders)
+        return _turned(orders[0], _matrix(self.start)), Motion(*orders)
 
     @cached_property
     def _plain(self) -> tuple[Triple, Quadruple]:
@@ -243,7 +219,7 @@ class Chain:
         pieces: In order of time, each where the one before has ended, of one kind.
 
     Raises:
-        ParamsError: no piece, one that begins before the one before has ended, or of another size.
+        ParamsError: no piece, one that begins before the one before has ended or elsewhere, or of another size.
     """
 
     pieces: tuple[PointToPoint | Slerp, ...]
@@ -256,6 +232,11 @@ class Chain:
                 raise ParamsError(
                     f"chain: wanted each piece after the one before; {other.begin:g} s is before"
                     f" {one.begin + one.duration:g} s"
+                )
+            if not meet(one.goal, other.start, turns=isinstance(one, Slerp)):
+                raise ParamsError(
+                    f"chain: wanted each piece where the one before has ended; it ends at {one.goal}, the next begins"
+                    f" at {other.start}"
                 )
 
     @property
@@ -299,21 +280,13 @@ class PosePath:
         return np.concatenate((turn[:4], place[:3], turn[4:7], place[3:6], turn[7:], place[6:]))
 
 
+def _matrix(quaternion: Quadruple) -> FloatArray:
+    """(3, 3) of a quaternion of any length: squares of it could be 0 or infinite."""
+    return rotation_matrix(np.array(unit(quaternion)))
+
+
 def _turned(angles: FloatArray, first: FloatArray) -> FloatArray:
     """(T, 3, 3) exp(angles) first, of rotation vectors (T, 3)."""
     half = 0.5 * np.linalg.norm(angles, axis=1, keepdims=True)
     quaternions = np.hstack([np.cos(half), 0.5 * np.sinc(half / math.pi) * angles])
     return np.array([rotation_matrix(quaternion) @ first for quaternion in quaternions])
-
-
-def _check(what: str, numbers: tuple[float, ...], begin: float, duration: float) -> None:
-    if not all(map(math.isfinite, (*numbers, begin))):
-        raise ParamsError(f"{what}: wanted finite numbers; got {numbers} and begin {begin!r}")
-    if not (math.isfinite(duration) and duration > 0.0):
-        raise ParamsError(f"{what}: wanted a positive duration [s]; got {duration!r}")
-
-
-def _check_quaternions(what: str, *quaternions: tuple[float, ...]) -> None:
-    for quaternion in quaternions:
-        if len(quaternion) != 4 or not any(quaternion):
-            raise ParamsError(f"{what}: wanted a quaternion [w x y z] that is not zero; got {quaternion}")

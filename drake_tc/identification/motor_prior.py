@@ -10,6 +10,11 @@ for an ideal motor, which the paper takes), and x = (log kt, log Rm, log Jm, tau
     min_x  |S^-1/2 (z - f(x))|^2 + sum_i ((x_i - prior_i)/width_i)^2                  (maximum a posteriori)
 
 z, S: the four numbers and their covariance. What the logs leave open keeps the width of its prior; `spread` says so.
+`pull`, (x_i - prior_i)/width_i at the minimum, says how far logs and data sheet contradict each other.
+
+An interval is of the logs' statistics and of the data sheet: where model and sheet hold it contains the truth in 95 %
+of the cases. It knows nothing of effects that the model lacks (ripple, Stribeck, a warm motor) but for
+`PriorWidths.model`.
 """
 
 from collections.abc import Sequence
@@ -27,11 +32,24 @@ from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
 from drake_tc.types import FloatArray
 
-NAMES = ("K", "K_v", "K_c", "K_a")
+NAMES = (
+    "the voltage for a torque, Rm/(kt N)",
+    "the voltage for a speed",
+    "the voltage for dry friction",
+    "the voltage for an acceleration",
+)
+"""Of the four numbers."""
 UNKNOWNS = ("torque_constant", "resistance", "rotor_inertia", "coulomb", "viscous")
 CI95 = 1.96
 SLIDING = 0.05
 """Share of the fastest speed below which samples are left out: where a joint sticks, dry friction is whatever holds."""
+
+FEWEST_STEPS = 20
+"""Steps of its encoder that a joint must move by at least."""
+LEAST_TRAVEL = 1e-3
+"""What it must move by at least [rad]."""
+DOUBTFUL, CONTRADICTION = 3.0, 5.0
+"""Deviations off the data sheet that are told, and that no data sheet that fits the motor has."""
 
 
 @dataclass(frozen=True)
@@ -67,14 +85,34 @@ class MotorFit:
         spread: Unknown to its 95 % interval.
         from_logs: Unknown to the share of its prior's variance that the logs took away [-]: 0 tells that the number is
             the data sheet's.
+        pull: Unknown to how many of its prior's deviations it is off the data sheet [-].
+        cost: What was minimised, at the minimum; its expectation is 4, the number of things that the logs tell.
         fit: The linear fit of the four numbers.
+        notes: Sentences on what is doubtful.
     """
 
     joint: str
     motor: VoltageMotor
     spread: dict[str, tuple[float, float]]
     from_logs: dict[str, float]
+    pull: dict[str, float]
+    cost: float
     fit: LinearFit
+    notes: tuple[str, ...] = ()
+
+
+def check_motor_rig(rig: Rig, joint: str) -> None:
+    """Refuse a joint of a rig that cannot be fitted by this method.
+
+    Raises:
+        IdentificationError: no such joint, or another drive or load.
+    """
+    if joint not in rig.joints:
+        raise IdentificationError(f"no joint {joint!r} in the rig; joints here: {', '.join(rig.joints)}")
+    if rig.drive[joint] != "voltage" or rig.load[joint] != "torque":
+        raise IdentificationError(
+            f"{joint}: wanted drive voltage and load torque; got {rig.drive[joint]} and {rig.load[joint]}"
+        )
 
 
 def identify_motor(
@@ -97,19 +135,18 @@ def identify_motor(
         width_s: Width of the common smoothing kernel [s].
 
     Raises:
-        IdentificationError: another drive or load, columns that are missing, or an excitation too poor.
+        IdentificationError: another drive or load, columns that are missing, an excitation too poor, or logs that
+            contradict the data sheet.
     """
     name = rig.joints[0] if joint is None else joint
-    if name not in rig.joints:
-        raise IdentificationError(f"no joint {name!r} in the rig; joints here: {', '.join(rig.joints)}")
-    if rig.drive[name] != "voltage" or rig.load[name] != "torque":
-        raise IdentificationError(
-            f"{name}: wanted drive voltage and load torque; got {rig.drive[name]} and {rig.load[name]}"
-        )
+    check_motor_rig(rig, name)
     columns, volts, lengths = _samples(runs, rig, name, width_s)
     speed = np.abs(columns[:, 1])
     sliding = (speed > SLIDING * np.percentile(speed, 99)).astype(np.float64)
-    fit = least_squares(columns, volts, names=NAMES, weights=sliding, lengths=lengths)
+    try:
+        fit = least_squares(columns, volts, names=NAMES, weights=sliding, lengths=lengths)
+    except IdentificationError as error:
+        raise IdentificationError(f"{name}: {error}") from None
     return _with_prior(name, fit, sheet, widths or PriorWidths())
 
 
@@ -118,6 +155,7 @@ def _samples(
 ) -> tuple[FloatArray, FloatArray, tuple[int, ...]]:
     """(T, 4) [torque, speed, direction, acceleration], (T,) voltage, stretches; all through one kernel."""
     parts = []
+    travel, pulled = 0.0, False
     for run in runs:
         missing = [c for c in rig.required_columns(joint) if c not in run.columns]
         if missing:
@@ -127,6 +165,8 @@ def _samples(
             if part.stop - part.start <= 2 * kernel.margin:
                 continue
             position = run.columns[f"{joint}/position"][part]
+            travel = max(travel, _travel(position))
+            pulled = pulled or bool(np.any(run.columns[f"{joint}/torque"][part]))
             speed = kernel.derivative(position)
             rows = (
                 kernel.smooth(run.columns[f"{joint}/torque"][part]),
@@ -138,8 +178,26 @@ def _samples(
             parts.append(np.stack(rows, axis=1)[kernel.valid(position.size)])
     if not parts:
         raise IdentificationError(f"no stretch of {joint}'s runs is longer than the smoothing kernel of {width_s:g} s")
+    if travel < LEAST_TRAVEL:
+        raise IdentificationError(
+            f"{joint}: excitation too poor: wanted a motion of at least {LEAST_TRAVEL:g} rad and {FEWEST_STEPS} steps"
+            " of the encoder; the position stands still; record richer motion"
+        )
+    if not pulled:
+        raise IdentificationError(
+            f"{joint}: excitation too poor: the hand's torque is 0 throughout, so that {NAMES[0]}, cannot be told;"
+            " pull at the joint while it moves"
+        )
     table = np.concatenate(parts)
     return table[:, :4], table[:, 4], tuple(len(part) for part in parts)
+
+
+def _travel(position: FloatArray) -> float:
+    """How far the joint moves [rad]; 0 if it is less than a few steps of its encoder."""
+    steps = np.abs(np.diff(position))
+    smallest = float(steps[steps > 0.0].min(initial=np.inf))
+    travel = float(np.ptp(position))
+    return travel if travel >= FEWEST_STEPS * smallest else 0.0
 
 
 def _numbers(x: FloatArray, sheet: VoltageMotor) -> FloatArray:
@@ -153,7 +211,8 @@ def _numbers(x: FloatArray, sheet: VoltageMotor) -> FloatArray:
 def _with_prior(joint: str, fit: LinearFit, sheet: VoltageMotor, widths: PriorWidths) -> MotorFit:
     z = np.asarray(fit.coefficients)
     if not np.all(z[[0, 1, 3]] > 0.0):
-        raise IdentificationError(f"{joint}: wanted positive {', '.join(NAMES)}; the logs give {z.round(5).tolist()}")
+        told = ", ".join(f"{name}: {value:.4g}" for name, value in zip(NAMES, z, strict=True) if value <= 0.0)
+        raise IdentificationError(f"{joint}: wanted positive numbers; the logs give {told}")
     covariance = np.asarray(fit.hac_covariance) + np.diag((widths.model * z) ** 2)
     white = np.linalg.inv(np.linalg.cholesky(covariance))
     logs = np.log([sheet.torque_constant, sheet.resistance, sheet.rotor_inertia])
@@ -182,4 +241,30 @@ def _with_prior(joint: str, fit: LinearFit, sheet: VoltageMotor, widths: PriorWi
     )
     spread = {name: (float(a), float(b)) for name, a, b in zip(UNKNOWNS, low, high, strict=True)}
     share = {name: float(1.0 - (d / w) ** 2) for name, d, w in zip(UNKNOWNS, deviation, width, strict=True)}
-    return MotorFit(joint, motor, spread, share, fit)
+    pull = dict(zip(UNKNOWNS, map(float, (found.x - prior) / width), strict=True))
+    return MotorFit(
+        joint, motor, spread, share, pull, 2.0 * float(found.cost), fit, _doubts(joint, pull, sheet, widths)
+    )
+
+
+def _doubts(joint: str, pull: dict[str, float], sheet: VoltageMotor, widths: PriorWidths) -> tuple[str, ...]:
+    """What does not fit.
+
+    Raises:
+        IdentificationError: an unknown that is beyond any doubt.
+    """
+    far = {name: value for name, value in pull.items() if abs(value) > DOUBTFUL}
+    told = ", ".join(f"{name} is {value:+.1f} deviations off the data sheet" for name, value in far.items())
+    if any(abs(value) > CONTRADICTION for value in far.values()):
+        raise IdentificationError(
+            f"{joint}: logs and data sheet contradict each other: {told}; check gear_ratio and the other numbers of the"
+            " sheet and the units of the logs, or widen `widths` in the sheet"
+        )
+    notes = [f"{joint}: {told}: the sheet, its gear_ratio or the logs' units may not fit"] if far else []
+    ratio = sheet.back_emf / sheet.torque_constant
+    if abs(np.log(ratio)) > widths.torque_constant:
+        notes.append(
+            f"{joint}: the data sheet's back_emf is {ratio:.3g} of its torque_constant; in SI they are equal for an"
+            " ideal motor, and the fit keeps their ratio"
+        )
+    return tuple(notes)

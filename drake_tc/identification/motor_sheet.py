@@ -64,13 +64,17 @@ def load_motor_sheet(path: Path) -> MotorSheet:
     if strange := sorted(map(str, set(document) - {"motors", "widths"})):
         raise ParamsError(f"{path}: unknown key {strange[0]!r}; possible: motors, widths")
     known = [item.name for item in fields(VoltageMotor)]
-    motors = {
-        str(joint): VoltageMotor(**_numbers(f"{path}: motors.{joint}", entry, known, _OPTIONAL))
-        for joint, entry in document["motors"].items()
-    }
+    motors = {}
+    for joint, entry in document["motors"].items():
+        where = f"{path}: motors.{joint}"
+        values = _numbers(where, entry, known, _OPTIONAL)
+        try:
+            motors[str(joint)] = VoltageMotor(**values)
+        except ParamsError as error:
+            raise ParamsError(f"{where}{str(error).removeprefix('motor')}") from None
     names = [item.name for item in fields(PriorWidths)]
     try:
-        widths = PriorWidths(**_numbers(f"{path}: widths", document.get("widths", {}), names, names))
+        widths = PriorWidths(**_numbers(f"{path}: widths", document.get("widths") or {}, names, names))
     except IdentificationError as error:
         raise ParamsError(f"{path}: {error}") from None
     return MotorSheet(path, motors, widths)

@@ -15,13 +15,16 @@ from pydrake.systems.primitives import (
 )
 
 from drake_tc.analysis.frequency_response import (
+    Bandwidth,
     Channel,
     FrequencyResponse,
     Sweep,
-    bandwidth_hz,
+    _lock_in,
+    bandwidth,
     channel,
     swept_sine,
 )
+from drake_tc.analysis.phase_branch import continuous_phase
 from drake_tc.analysis.sampled import linearise
 from drake_tc.errors import ParamsError, SimulationError
 
@@ -137,6 +140,8 @@ def test_a_port_that_is_not_there_says_what_is():
             swept_sine(diagram, context, DT, (good, channel(name)), Sweep((5.0,)))
     with pytest.raises(ParamsError, match=r"wanted SYSTEM:PORT or SYSTEM:PORT\[i\]"):
         channel("lag:y0[x]")
+    with pytest.raises(ParamsError, match=r"wanted SYSTEM:PORT or SYSTEM:PORT\[i\]"):
+        channel("lag:y0[\N{SUPERSCRIPT TWO}]")
 
 
 @pytest.mark.parametrize(
@@ -158,6 +163,10 @@ def test_what_is_too_fast_or_grows_out_of_numbers_is_refused():
     ports = (channel("source:y0"), channel("lag:y0"))
     with pytest.raises(ParamsError, match="wanted frequencies below 400 Hz"):
         swept_sine(diagram, context, DT, ports, Sweep((450.0,)))
+    done = []
+    with pytest.raises(ParamsError, match="wanted frequencies below 400 Hz"):
+        swept_sine(diagram, context, DT, ports, Sweep((5.0, 450.0)), lambda *told: done.append(told))
+    assert done == []  # before the first sine
     with pytest.raises(SimulationError, match="not finite at"):
         swept_sine(diagram, context, DT, ports, Sweep((5.0,), 1.0, 1.0, 0.5))
 
@@ -166,9 +175,60 @@ def test_the_bandwidth_is_where_three_decibels_are_lost_first():
     frequency = np.geomspace(1.0, 100.0, 41)
     lag = 1.0 / (1.0 + 1j * frequency / 20.0)
     nothing = np.full(frequency.size, np.nan)
-    assert_allclose(bandwidth_hz(FrequencyResponse(frequency, lag, nothing)), 20.0, rtol=0.01)
-    assert bandwidth_hz(FrequencyResponse(frequency, np.ones(41, complex), nothing)) == 100.0
-    assert bandwidth_hz(FrequencyResponse(frequency, 0.1 * lag, nothing)) == 0.0
+    found = bandwidth(FrequencyResponse(frequency, lag, nothing))
+    assert_allclose(found.hz, 20.0, rtol=0.01)
+    assert not found.at_least
+    assert bandwidth(FrequencyResponse(frequency, np.ones(41, complex), nothing)) == Bandwidth(100.0, at_least=True)
+    for gain in (0.1, 10.0):  # not about 1 at the lowest frequency: there is nothing to drop from
+        assert bandwidth(FrequencyResponse(frequency, gain * lag, nothing)) is None
+
+
+def test_nothing_at_all_is_minus_infinity_and_no_number():
+    found = FrequencyResponse(np.array([1.0]), np.zeros(1, complex), np.array([np.nan]))
+    assert found.magnitude_db[0] == -np.inf
+
+
+def test_what_has_not_settled_or_grows_is_no_steady_sine():
+    """A pole at 1.002 grows by 2.7 in half a second; one of 10 s has hardly begun to settle; one of 5 ms is steady."""
+    for pole, steady in ((1.002, False), (1.01, False), (0.98, True)):
+        diagram, context = chain(("lag", sampled(pole, 0.01)))
+        ports = (channel("source:y0"), channel("lag:y0"))
+        found = swept_sine(diagram, context, DT, ports, Sweep((5.0,), 1.0, 0.5, 1.0))
+        assert found.steady.tolist() == [steady], pole
+
+
+def test_half_of_what_is_measured_being_another_sine_is_seen():
+    """The halves' H of a sine whose amplitude rises by exp(g t): apart by 2 tanh(g T/4), to first order."""
+    n, hz, growth = 1000, 5.0, 0.4
+    t = np.arange(n) * DT
+    _, _, apart = _lock_in(np.exp(growth * t) * np.sin(2.0 * np.pi * hz * t), hz, DT, 0, 1.0)
+    assert_allclose(apart, 2.0 * np.tanh(0.25 * growth * n * DT), rtol=0.02)
+
+
+@pytest.mark.parametrize("hz", [(1.0, 5.0, 9.0, 13.0, 17.0, 19.0), (12.0, 14.0), (1.0, 40.0), (399.0,)])
+def test_a_delay_of_51_ms_is_on_its_own_turn_on_any_grid(hz):
+    frequency = np.array(hz)
+
+    def late(f):
+        return np.exp(-2j * np.pi * f * 0.051)
+
+    assert_allclose(continuous_phase(late, frequency), -2.0 * np.pi * frequency * 0.051, atol=1e-9)
+    measured = FrequencyResponse(frequency, 0.9 * np.exp(0.1j) * late(frequency), np.zeros(frequency.size))
+    assert np.abs(measured.phase).max() <= np.pi  # without a prediction
+    placed = measured.near(continuous_phase(late, frequency))
+    assert_allclose(placed.phase, -2.0 * np.pi * frequency * 0.051 + 0.1, atol=1e-9)
+
+
+def test_a_sharp_resonance_turns_the_phase_by_180_degrees_on_the_right_side():
+    """1/(1 - r^2 + 2 j zeta r), zeta = 1e-4, between two points; a double integrator begins at -180 and stays."""
+
+    def resonance(f):
+        r = f / 7.123
+        return 1.0 / (1.0 - r**2 + 2e-4j * r)
+
+    assert_allclose(np.degrees(continuous_phase(resonance, np.array([1.0, 30.0]))), [0.0, -180.0], atol=0.1)
+    masses = continuous_phase(lambda f: -1.0 / f**2 + 0j, np.array([1.0, 2.0]))
+    assert_allclose(np.degrees(masses), -180.0, atol=1e-9)
 
 
 def test_a_channel_reads_as_it_is_written():

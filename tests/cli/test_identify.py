@@ -156,8 +156,9 @@ def test_a_voltage_motor_by_its_data_sheet(invoke, volts, tmp_path):
     assert_allclose(found["torque_constant"]["value"], 0.04, rtol=0.04)
     assert found["torque_constant"]["data_sheet"] == 0.043
     assert found["viscous"]["from_logs"] < 0.5 < 0.99 < found["coulomb"]["from_logs"]
-    for entry in found.values():
-        assert entry["ci95"][0] <= entry["value"] <= entry["ci95"][1]
+    for name, truth in {"torque_constant": 0.04, "resistance": 0.6, "viscous": 1.5}.items():
+        low, high = found[name]["ci95"]
+        assert low <= truth <= high
     written = load_model_file(out)
     assert written.models["elbow"].drive.kind == "voltage"
     assert_allclose(written.models["elbow"].drive.gain, 0.15, rtol=2e-3)
@@ -174,7 +175,10 @@ def test_a_voltage_motor_by_its_data_sheet(invoke, volts, tmp_path):
         (f"motors: {{all: {{{REST}}}}}", "motors.all: missing key 'torque_constant'"),
         (f"motors: {{all: {{{MOTOR.format(kt=0.04)}, {REST}, mass: 1}}}}", "motors.all: unknown key 'mass'"),
         (f"motors: {{all: {{{MOTOR.format(kt='much')}, {REST}}}}}", "motors.all.torque_constant: wanted a number"),
-        (f"motors: {{all: {{{MOTOR.format(kt=-1)}, {REST}}}}}", "motor.torque_constant: wanted a positive number"),
+        (
+            f"motors: {{all: {{{MOTOR.format(kt=-1)}, {REST}}}}}",
+            "sheet.yaml: motors.all.torque_constant: wanted a positive number",
+        ),
         (f"motors: {{all: {{{MOTOR.format(kt=0.04)}, {REST}}}}}\nwidths: {{coulomb: 0}}", "prior width coulomb"),
     ],
 )

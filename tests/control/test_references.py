@@ -116,6 +116,26 @@ def test_a_chain_goes_on_from_where_the_last_piece_rests():
     assert_allclose(chain.row(2.5 - 1e-9), chain.row(2.5), atol=1e-6)
 
 
+def test_pieces_meet_up_to_rounding_and_the_sign_of_a_quaternion():
+    """No jump where they do, in position, velocity and acceleration."""
+    turned_back = Slerp(tuple(-2.0 * part for part in GOAL), START, 2.0, 0.5)
+    away = PointToPoint((0.3 + 1e-12, 0.8, -2.0), (1.0, 1.0, 1.0), 2.0, 0.5)
+    for one, other in ((TURN, turned_back), (MOVE, away)):
+        chain = Chain((one, other))
+        assert_allclose(chain.row(2.0 + 1e-7), chain.row(2.0 - 1e-7), atol=1e-6)
+
+
+@pytest.mark.parametrize("size", [1e-200, 1e200])
+def test_a_quaternion_of_any_length_gives_the_same_numbers(size):
+    """Its squares are 0 or infinite."""
+    long = (tuple(size * part for part in START), tuple(size * part for part in GOAL))
+    axis = tuple(size * part for part in SWING.axis)
+    for path, plain in ((Slerp(*long, 0.5, 1.5), TURN), (Swing(long[0], axis, 0.6, 1.3, 0.4, 1.1), SWING)):
+        for now in (0.0, 0.9, 3.0):
+            assert_allclose(path.row(now), plain.row(now), atol=1e-12)
+        assert_allclose(path.at(TIMES)[0], plain.at(TIMES)[0], atol=1e-12)
+
+
 @pytest.mark.parametrize("path", [MOVE, TURN, SWING, PosePath(SWING, MOVE)])
 def test_as_a_source_it_follows_time_alone(path):
     source = ReferenceSource(path)
@@ -142,6 +162,17 @@ def test_as_a_source_it_follows_time_alone(path):
         (lambda: Swing(START, (0.0, 0.0, 1.0), 0.1, -1.0), "swing: wanted a positive frequency_hz"),
         (lambda: Chain(()), "chain: wanted pieces of one size"),
         (lambda: Chain((TURN, MOVE)), r"chain: wanted pieces of one size; got \[10, 9\]"),
+        (
+            lambda: Chain((MOVE, PointToPoint((5.0, 0.8, -2.0), (6.0, 0.8, -2.0), 2.0, 1.0))),
+            "ends at .*, the next begins",
+        ),
+        (
+            lambda: Chain((TURN, Slerp(START, GOAL, 2.0, 1.0))),
+            "chain: wanted each piece where the one before has ended",
+        ),
+        (lambda: PointToPoint((0.0,), (1.0,), 0.0, 1e-300), r"wanted a duration of at least 1e-06 s; got 1e-300"),
+        (lambda: Slerp((1.5e308, 1.5e308, 0.0, 0.0), GOAL, 0.0, 1.0), "slerp: wanted a quaternion"),
+        (lambda: Swing(START, (1.5e308, 1.5e308, 0.0), 0.1, 1.0), "swing: wanted an axis with a direction"),
         (lambda: Chain((TURN, TURN)), "chain: wanted each piece after the one before; 0.5 s is before 2 s"),
         (lambda: PosePath(TURN, PointToPoint((0.0,), (1.0,), 0.0, 1.0)), "pose: wanted a place of three numbers"),
     ],

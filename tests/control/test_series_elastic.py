@@ -101,7 +101,7 @@ def sine(amplitude, frequency_hz):
     return wanted
 
 
-@pytest.mark.parametrize("mode", ["observer", "observer_as_printed", "feedforward", "feedforward_p"])
+@pytest.mark.parametrize("mode", ["observer", "last_step_friction", "feedforward", "feedforward_p"])
 @pytest.mark.parametrize("frequency_hz", [3.0, 9.0])
 def test_with_the_right_model_the_torque_is_the_wanted_one_a_delay_later(mode, frequency_hz):
     motor = VoltageMotor(0.04, 0.04, 0.6, 1.2e-5, 100.0, 0.0, 1.5, 200.0, 24.0)
@@ -144,7 +144,7 @@ def test_observers_undo_friction_that_the_model_does_not_have():
 def test_a_reversal_that_is_known_in_advance_is_not_waited_for():
     wanted = sine(4.0, 1.0)
     error = []
-    for mode in ("observer", "observer_as_printed"):
+    for mode in ("observer", "last_step_friction"):
         found = clamped(SeriesElasticSpec(mode=mode, kp=0.0), wanted, MOTOR, dry=3.0, ticks=1500)
         late = np.array([wanted(max(k * DT - 0.015, 0.0)) for k in range(found.size)])
         error.append(np.sqrt(np.mean((found - late)[500:] ** 2)))

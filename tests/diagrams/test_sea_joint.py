@@ -6,16 +6,13 @@ import numpy as np
 import pytest
 from drake_tc.diagrams.papers import sea_bode, sea_held
 from drake_tc.diagrams.papers.sea_laws import (
-    LARGEST_PEAK,
-    LAWS,
-    LEAST_DELAY_MARGIN,
     MOMENTUM,
     OBSERVER,
     PI,
     PREDICTED,
-    margins_of,
     with_law,
 )
+from drake_tc.diagrams.papers.sea_motor import simulated_value
 from drake_tc.diagrams.registry import runnable, sea_entry
 from drake_tc.diagrams.sea.excitation import Excitation, record_excitation
 from drake_tc.diagrams.sea.running import simulate_sea, summarise_sea, write_sea
@@ -147,25 +144,6 @@ def test_the_figures_of_c_bode_from_responses_that_are_known():
     assert_allclose(values["held by a hand of 2000 N m/rad: phase off the pure delay [deg]"], 3.6, rtol=1e-9)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", [name for name in LAWS if name != "feedforward"])
-def test_every_law_with_feedback_keeps_the_rule_and_uses_it(name):
-    """Within the rule; and with a tenth more gain no longer."""
-    found = margins_of(name)
-    assert found.sensitivity_peak <= LARGEST_PEAK
-    assert found.delay_margin >= LEAST_DELAY_MARGIN
-    more = min(LARGEST_PEAK / found.sensitivity_peak, found.delay_margin / LEAST_DELAY_MARGIN)
-    assert more < 1.05
-
-
-@pytest.mark.slow
-def test_c_bode_and_c_held_are_what_the_readme_says():
-    bode, held = sea_bode.bode(), sea_held.held()
-    assert [row.name for row in bode.rows if row.met is False] == []
-    missed = [row.name for row in held.rows if row.met is False]
-    assert missed == ["torque RMSE, observer + P over momentum observer"]
-
-
 BRIEF = Excitation(duration=3.5)
 
 
@@ -185,7 +163,8 @@ def test_the_motor_comes_back_from_sines_trapezoids_and_its_data_sheet(excited):
     for name in ("torque_constant", "resistance", "rotor_inertia", "coulomb"):
         assert_allclose(getattr(found.motor, name), getattr(TRUE, name), rtol=0.05, err_msg=name)
         low, high = found.spread[name]
-        assert low < getattr(found.motor, name) < high
+        assert low <= simulated_value(TRUE, name, BRIEF.step) <= high, name
+        assert abs(found.pull[name]) < 3.0
     assert found.motor.back_emf == found.motor.torque_constant
     assert_allclose(found.motor.volts_per_torque, TRUE.volts_per_torque, rtol=2e-3)
     assert_allclose(found.motor.damping, TRUE.damping, rtol=5e-3)

@@ -18,7 +18,7 @@ r~ is what the torque should be *now*: P then corrects errors of the model and l
 would fight the delay.
 
     tau_f:  s[k] + leak (tau_co - s at the step observed),  s = tau_co0 tanh(y/v_s)     `observer`
-            leak tau_co                                                              `observer_as_printed`
+            leak tau_co                                                              `last_step_friction`
             of the momentum observer, or s                                           the others
             with tau_co the friction observed over the last step, tau_co0 the motor model's: while the joint keeps its
             direction the first two are one; where it turns round on its way, the first knows it before it is observed
@@ -153,9 +153,9 @@ class SeriesElasticLaw:
     def _friction(self, kept: FloatArray, integral: FloatArray, speed: FloatArray) -> tuple[FloatArray, FloatArray]:
         """The dry friction (n,) that the voltage is to overcome, and the law's integral with the observer's in it."""
         spec, motor, dry = self.spec, self._motor, kept[-1, DRY]
-        if spec.mode in ("observer", "observer_as_printed"):
+        if spec.mode in ("observer", "last_step_friction"):
             seen = np.einsum("lkn,lkn->n", self._observe, kept[:, :3])
-            if spec.mode == "observer_as_printed":
+            if spec.mode == "last_step_friction":
                 return spec.leak * seen, integral
             return dry + spec.leak * (seen - self._felt @ kept[:, DRY]), integral
         if spec.mode == "momentum_observer":

@@ -6,8 +6,8 @@ from typing import Literal, get_args
 
 from drake_tc.errors import ParamsError
 
-Mode = Literal["observer", "observer_as_printed", "feedforward", "feedforward_p", "pi", "momentum_observer"]
-WITH_P: tuple[Mode, ...] = ("observer", "observer_as_printed", "feedforward_p", "pi", "momentum_observer")
+Mode = Literal["observer", "last_step_friction", "feedforward", "feedforward_p", "pi", "momentum_observer"]
+WITH_P: tuple[Mode, ...] = ("observer", "last_step_friction", "feedforward_p", "pi", "momentum_observer")
 """Laws that feed the torque error back in proportion."""
 
 
@@ -17,7 +17,7 @@ class SeriesElasticSpec:
 
     Attributes:
         mode: `observer`: inverse motor model, one-step friction observer that knows reversals in advance, P.
-            `observer_as_printed`: the last step's friction as it was. `feedforward`: inverse motor model with the
+            `last_step_friction`: the last step's friction as it was. `feedforward`: inverse motor model with the
             friction of its parameters. `feedforward_p`: the same with P. `pi`: P and I of the torque error alone.
             `momentum_observer`: as `observer`, with the generalized-momentum observer of friction.
         kp: Motor torque for a torque error [N m/(N m)]: P = kp Rm/(kt N); not used by `feedforward`.

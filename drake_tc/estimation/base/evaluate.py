@@ -11,7 +11,7 @@ import pandas as pd
 from drake_tc.estimation.base.chain import FootCentreEstimator
 from drake_tc.estimation.base.estimator import CopEstimator
 from drake_tc.estimation.base.log import BaseTrack, TrackError, run_log, track_error
-from drake_tc.estimation.base.read_log import read_base_log
+from drake_tc.estimation.base.read_log import read_base_log, timing_notes
 from drake_tc.estimation.base.rig import BaseRig
 from drake_tc.estimation.base.state import CONTACT_FLAGS, FLAGS
 from drake_tc.types import FloatArray
@@ -28,12 +28,14 @@ class BaseResult:
         estimate, baseline: Of `CopEstimator` and `FootCentreEstimator`.
         truth: As measured, or None.
         contacts: Names, in order.
+        notes: Sentences on the log.
     """
 
     estimate: BaseTrack
     baseline: BaseTrack
     truth: BaseTrack | None
     contacts: tuple[str, ...]
+    notes: tuple[str, ...] = ()
 
     @property
     def errors(self) -> tuple[TrackError, TrackError] | None:
@@ -59,15 +61,17 @@ class BaseResult:
                     ("angle", "deg", _ANGLES, np.degrees(error.angle)),
                     ("velocity", "m/s", _AXES, error.velocity),
                 )
-                for kind, unit, names, values in groups:
+                for (kind, unit, names, values), count in zip(groups, error.samples, strict=True):
                     for name, value in zip(names, values.tolist(), strict=True):
                         shown = value if np.isfinite(value) else None
-                        rows.append({"name": f"{which}/{kind}_{name}", "unit": unit, "value": shown})
+                        name = f"{which}/{kind}_{name}"
+                        rows.append({"name": name, "unit": unit, "value": shown, "samples": count})
         return {
             "samples": len(self.estimate.time),
             "seconds": float(self.estimate.time[-1]),
             "final_position": self.estimate.position[-1].tolist(),
             "final_yaw_deg": float(np.degrees(self.estimate.rpy[-1, 2])),
+            "notes": list(self.notes),
             "rows": rows,
             "flags": {name: share for name, share in self.flag_shares().items() if share > 0.0},
         }
@@ -100,12 +104,13 @@ def evaluate_log(
     position, yaw = np.array(pose.xyz), pose.rpy[2]
     if rig.start is not None:
         position, yaw = rig.start
-    elif truth is not None and np.isfinite(truth.position[0]).all():
-        position = truth.position[0]
+    elif truth is not None:
+        position = truth.position[0] if np.isfinite(truth.position[0]).all() else position
         yaw = float(truth.rpy[0, 2]) if np.isfinite(truth.rpy[0, 2]) else yaw
     spec = rig.spec(period)
     tracks = [
         run_log(made(rig.robot, spec), samples, position, yaw, lambda share, name=name: progress(name, share))  # type: ignore[misc]
         for name, made in (("centre of pressure", CopEstimator), ("foot centre", FootCentreEstimator))
     ]
-    return BaseResult(tracks[0], tracks[1], truth, tuple(contact.mount.name for contact in rig.contacts))
+    names = tuple(contact.mount.name for contact in rig.contacts)
+    return BaseResult(tracks[0], tracks[1], truth, names, timing_notes(samples.time))

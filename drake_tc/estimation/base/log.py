@@ -127,22 +127,22 @@ class TrackError:
 
     Attributes:
         position: x, y, z [m]. angle: roll, pitch, yaw [rad]. velocity: x, y, z [m/s].
-        final: Position error at the end [m].
+        samples: Of how many samples each of the three is.
     """
 
     position: FloatArray
     angle: FloatArray
     velocity: FloatArray
-    final: FloatArray
+    samples: tuple[int, int, int]
 
 
 def track_error(track: BaseTrack, truth: BaseTrack) -> TrackError:
     """How far an estimate is from the truth, sample by sample, nothing aligned."""
     position = track.position - truth.position
     angle = (track.rpy - truth.rpy + np.pi) % (2.0 * np.pi) - np.pi
-    known = np.flatnonzero(np.isfinite(position).all(axis=1))
-    final = position[known[-1]] if known.size else np.full(3, np.nan)
-    return TrackError(_rms(position), _rms(angle), _rms(track.velocity - truth.velocity), final)
+    velocity = track.velocity - truth.velocity
+    counts = [int(np.isfinite(error).all(axis=1).sum()) for error in (position, angle, velocity)]
+    return TrackError(_rms(position), _rms(angle), _rms(velocity), (counts[0], counts[1], counts[2]))
 
 
 def _rms(error: FloatArray) -> FloatArray:

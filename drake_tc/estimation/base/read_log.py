@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from drake_tc.errors import LogError
+from drake_tc.estimation.base.check_log import check_log, check_period
 from drake_tc.estimation.base.log import BaseTrack, SensorLog
 from drake_tc.estimation.base.rig import BaseRig
 from drake_tc.logs.readers import read_table
@@ -15,6 +16,8 @@ _AXES = ("x", "y", "z")
 _WRENCH = ("fx", "fy", "fz", "tx", "ty", "tz")
 _LONGEST_GAP = 5.0
 """Periods without a sample that are still no gap."""
+_UNEVEN = 0.2
+"""A step between times that is off the mean period by this share is told."""
 
 
 class _Source:
@@ -66,6 +69,8 @@ class _Source:
     def _floats(self, what: str, array: np.ndarray) -> FloatArray:
         if self.rows is not None and len(array) != self.rows:
             raise LogError(f"{self.path}: {what}: wanted {self.rows} rows, as many as times; got {len(array)}")
+        if np.iscomplexobj(array):
+            raise LogError(f"{self.path}: {what}: wanted numbers; got {array.dtype}")
         try:
             return np.asarray(array, dtype=float)
         except (TypeError, ValueError):
@@ -81,12 +86,13 @@ class _Source:
 def read_base_log(rig: BaseRig, path: Path | str) -> tuple[SensorLog, BaseTrack | None, float]:
     """(samples, truth where the rig names one, period [s]) of a log.
 
-    The period is the mean one; the samples are taken as they come, at that period. Readings that are missing stay NaN,
-    which the estimator knows how to bridge.
+    The period is the mean one; the samples are taken as they come, at that period (`timing_notes` tells where that is
+    rough). Velocities by differences take the real steps. Readings that are missing stay NaN, which the estimator knows
+    how to bridge.
 
     Raises:
         LogError: a file that cannot be read, a column that is not there or of another length, times that do not
-            increase, or a gap.
+            increase, a gap, or numbers that cannot be in SI units.
     """
     source = _Source(Path(path))
     columns, joints = rig.columns, list(rig.robot.joints)
@@ -123,19 +129,41 @@ def read_base_log(rig: BaseRig, path: Path | str) -> tuple[SensorLog, BaseTrack 
     log = SensorLog(
         time=time - time[0],
         q=q,
-        qd=np.diff(q, axis=0, prepend=q[:1]) / period if velocity.size == 0 else velocity,
+        qd=_differences(time, q) if velocity.size == 0 else velocity,
         gyro=source.numbers("gyro", columns.get("gyro", [f"imu_{imu}/gyro_{axis}" for axis in _AXES]), 3),
         accel=source.numbers("accel", columns.get("accel", [f"imu_{imu}/accel_{axis}" for axis in _AXES]), 3),
         tilt=tilt,
         wrench=np.stack(wrenches, axis=1),
         switch=np.zeros((len(time), len(rig.contacts))),
     )
-    return log, _truth(source, rig, log.time, period), period
+    check_log(source.path, rig, log, has_tilt="roll_pitch" in columns)
+    return log, _truth(source, rig, log.time), period
+
+
+def timing_notes(time: FloatArray) -> tuple[str, ...]:
+    """A sentence where the steps between times (T,) [s] are not even."""
+    steps = np.diff(time)
+    mean = float(steps.mean())
+    off = int(np.sum(np.abs(steps - mean) > _UNEVEN * mean))
+    if not off:
+        return ()
+    return (
+        f"time steps of {1e3 * steps.min():.3g} to {1e3 * steps.max():.3g} ms, {off} of {steps.size} off the mean by"
+        f" more than {100 * _UNEVEN:.0f} %: all samples are taken {1e3 * mean:.3g} ms apart",
+    )
+
+
+def _differences(time: FloatArray, q: FloatArray) -> FloatArray:
+    """(T, n) backward differences; 0 in the first row."""
+    return np.concatenate([np.zeros((1, q.shape[1])), np.diff(q, axis=0) / np.diff(time)[:, None]])
 
 
 def _period(path: Path, time: FloatArray) -> float:
-    if len(time) < 10 or not np.isfinite(time).all():
-        raise LogError(f"{path}: time: wanted at least ten finite samples; got {int(np.isfinite(time).sum())}")
+    if len(time) < 10:
+        raise LogError(f"{path}: time: wanted at least ten samples; got {len(time)}")
+    if not np.isfinite(time).all():
+        row = int(np.argmin(np.isfinite(time))) + 1
+        raise LogError(f"{path}: time: wanted numbers; row {row} has none; leave such rows out")
     steps = np.diff(time)
     if not (steps > 0.0).all():
         row = int(np.argmin(steps > 0.0)) + 2
@@ -144,15 +172,21 @@ def _period(path: Path, time: FloatArray) -> float:
     if steps.max() > _LONGEST_GAP * mean:
         row = int(np.argmax(steps)) + 2
         raise LogError(f"{path}: a gap of {steps.max():.3g} s before row {row}; cut the log there")
+    check_period(path, mean)
     return mean
 
 
-def _truth(source: _Source, rig: BaseRig, time: FloatArray, period: float) -> BaseTrack | None:
-    if "truth_position" not in rig.columns:
+def _truth(source: _Source, rig: BaseRig, time: FloatArray) -> BaseTrack | None:
+    """What the rig file names of it; the rest is NaN."""
+    if not {"truth_position", "truth_rpy"} & set(rig.columns):
         return None
-    position = source.numbers("truth_position", rig.columns["truth_position"], 3)
-    rpy = np.full_like(position, np.nan)
+    position, rpy = np.full((len(time), 3), np.nan), np.full((len(time), 3), np.nan)
+    if "truth_position" in rig.columns:
+        position = source.numbers("truth_position", rig.columns["truth_position"], 3)
     if "truth_rpy" in rig.columns:
-        rpy = np.unwrap(source.numbers("truth_rpy", rig.columns["truth_rpy"], 3), axis=0)
+        rpy = source.numbers("truth_rpy", rig.columns["truth_rpy"], 3).copy()
+        for angle in rpy.T:  # a view: a marker that is lost leaves a hole, and nothing else
+            known = np.isfinite(angle)
+            angle[known] = np.unwrap(angle[known])
     nothing = np.zeros((len(time), 0))
-    return BaseTrack(time, position, rpy, np.gradient(position, period, axis=0), nothing, nothing, nothing)
+    return BaseTrack(time, position, rpy, np.gradient(position, time, axis=0), nothing, nothing, nothing)

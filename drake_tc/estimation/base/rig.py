@@ -21,7 +21,7 @@ estimator: {ground: level}         # optional; fields of BaseEstimatorSpec but c
 start: {position: [0, 0, 0.6], yaw: 0.0}   # optional; else the truth's first sample, else the robot file's pose
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -117,6 +117,16 @@ def _contact(name: str, entry: object) -> tuple[ContactSpec, str | tuple[str, ..
     return contact, None if given.get("wrench") is None else _names(f"{where}.wrench", given["wrench"])
 
 
+def _check_sensors(contacts: Sequence[ContactSpec], robot: Robot) -> None:
+    there = [mount.name for mount in robot.force_torque]
+    for contact in contacts:
+        if contact.sensor is not None and contact.sensor not in there:
+            raise ParamsError(
+                f"contacts.{contact.mount.name}.sensor: no F/T sensor {contact.sensor!r} in the robot file;"
+                f" there: {', '.join(there) or 'none'}"
+            )
+
+
 def _tuning(entry: object) -> dict[str, Any]:
     possible = [item.name for item in fields(BaseEstimatorSpec) if item.name not in ("contacts", "period")]
     given = field.mapping("estimator", entry, (), possible)
@@ -150,6 +160,7 @@ def load_base_rig(path: Path | str) -> BaseRig:
         robot = load_robot(source.parent / field.text("robot", top["robot"]))
         entries = field.mapping("contacts", top["contacts"], optional=None)
         contacts = [_contact(name, entry) for name, entry in entries.items()]
+        _check_sensors([contact for contact, _ in contacts], robot)
         columns = field.mapping("columns", top.get("columns"), (), COLUMNS)
         rig = BaseRig(
             robot=robot,

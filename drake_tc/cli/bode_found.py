@@ -1,0 +1,154 @@
+"""What `drake-tc bode` measures and predicts, and what it says of both."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+
+from drake_tc.analysis.frequency_response import Channel, FrequencyResponse, Sweep, bandwidth, swept_sine
+from drake_tc.analysis.phase_branch import continuous_phase
+from drake_tc.analysis.sampled import linearise
+from drake_tc.diagrams.runs.settled import period_of, settled_at
+from drake_tc.errors import DrakeTcError
+from drake_tc.json_values import json_value
+from drake_tc.types import FloatArray
+
+UNSTABLE = 1e-4
+"""A spectral radius by so much above 1 is told: below it, double eigenvalues at 1 that rounding has moved apart."""
+LARGEST_GROWTH = 2.0
+"""An unstable loop that grows by more than this during a measurement has no response that could be compared."""
+
+
+@dataclass(frozen=True)
+class BodeFound:
+    """What was measured and computed.
+
+    Attributes:
+        measured: The response.
+        predicted: Of the linearisation, or None where there is none.
+        notes: Sentences: why there is no prediction, what is no steady response.
+        stable: False where the linearised loop is not.
+    """
+
+    measured: FrequencyResponse
+    predicted: FrequencyResponse | None
+    notes: tuple[str, ...]
+    stable: bool = True
+
+    def rows(self) -> list[dict[str, Any]]:
+        """Plain data, one a frequency; angles in degrees."""
+        rows = []
+        for i, frequency in enumerate(self.measured.frequency_hz.tolist()):
+            one, other = self.measured, self.predicted
+            row = {
+                "frequency_hz": frequency,
+                "magnitude_db": float(one.magnitude_db[i]),
+                "phase_deg": float(np.degrees(one.phase[i])),
+                "distortion": float(one.distortion[i]),
+                "predicted_magnitude_db": None if other is None else float(other.magnitude_db[i]),
+                "predicted_phase_deg": None if other is None else float(np.degrees(other.phase[i])),
+                "steady": bool(one.steady[i]),
+            }
+            rows.append(json_value(row))
+        return rows
+
+    def to_json(self) -> dict[str, Any]:
+        """Rows; bandwidth, null where H is not about 1 at the lowest frequency; notes."""
+        found = bandwidth(self.measured) if self.stable else None
+        return {
+            "rows": self.rows(),
+            "phase_modulo_360": self.measured.turned is None,
+            "bandwidth_hz": None if found is None else found.hz,
+            "bandwidth_is_at_least": found is not None and found.at_least,
+            "note": "; ".join(self.notes),
+        }
+
+
+@dataclass(frozen=True)
+class BodeWanted:
+    """What is to be measured.
+
+    Attributes:
+        entry: Of the diagrams' registry.
+        scenario: Of that entry.
+        channels: Input and output.
+        at: When it starts [s].
+        sweep: How.
+        prediction: Also linearise.
+    """
+
+    entry: Any
+    scenario: Any
+    channels: tuple[Channel, Channel]
+    at: float
+    sweep: Sweep
+    prediction: bool
+
+
+def find(wanted: BodeWanted, progress: Callable[[str, float], None]) -> BodeFound:
+    """Measure and predict.
+
+    Raises:
+        ParamsError: ports or frequencies that cannot be.
+        SimulationError: the diagram failed on its way or under a sine.
+    """
+    if dt := getattr(wanted.scenario, "dt", None):
+        wanted.sweep.check(dt)
+    progress(f"on its way to t = {wanted.at:g} s", 0.0)
+    loop, context = settled_at(wanted.entry, wanted.scenario, wanted.at, wanted.channels)
+    measured = swept_sine(loop.diagram, context, period_of(loop), wanted.channels, wanted.sweep, progress)
+    notes = _unsteady(measured)
+    if not wanted.prediction:
+        return BodeFound(measured, None, notes)
+    try:
+        with TemporaryDirectory() as folder:
+            progress("linearising", 1.0)
+            sliding = wanted.entry.sliding
+            plain = wanted.scenario if sliding is None else sliding(wanted.scenario, Path(folder))
+            predicted, radius = _predicted(wanted, plain, measured.frequency_hz)
+    except DrakeTcError as error:
+        return BodeFound(measured, None, (*notes, f"no prediction: {error}"))
+    stable = radius <= 1.0 + UNSTABLE
+    if not stable:
+        lasts = max(wanted.sweep.settle, 2.0 / measured.frequency_hz[0])
+        lasts += max(wanted.sweep.measure, 2.0 / measured.frequency_hz[0])
+        exponent = np.log(radius) * lasts / period_of(loop)
+        growth = float(np.exp(min(exponent, 20.0)))
+        notes += (
+            f"the linearised loop is unstable: spectral radius {radius:.4f}, {growth:.2g} times as large after the"
+            f" {lasts:.2g} s of a measurement; it has no steady response",
+        )
+        if exponent > np.log(LARGEST_GROWTH):
+            return BodeFound(measured, None, notes, stable=False)
+    return BodeFound(measured.near(predicted.phase), predicted, notes, stable)
+
+
+def _unsteady(measured: FrequencyResponse) -> tuple[str, ...]:
+    apart = np.zeros(measured.frequency_hz.size) if measured.apart is None else measured.apart
+    return tuple(
+        f"{frequency:.2f} Hz: no steady sine (distortion {distortion:.2g}; the halves of the measurement"
+        f" {100.0 * away:.0f} % apart): --settle longer, or another --amplitude"
+        for frequency, distortion, away, steady in zip(
+            measured.frequency_hz, measured.distortion, apart, measured.steady, strict=True
+        )
+        if not steady
+    )
+
+
+def _predicted(wanted: BodeWanted, scenario: Any, frequency_hz: FloatArray) -> tuple[FrequencyResponse, float]:
+    """The linearisation's response, and the spectral radius of its loop."""
+    into, out = wanted.channels
+    loop, context = settled_at(wanted.entry, scenario, wanted.at, wanted.channels)
+    system = linearise(loop.diagram, context, period_of(loop), inputs=(into.port,), outputs=(out.port,))
+
+    def response(hz: FloatArray) -> Any:
+        return system.response(2.0 * np.pi * hz)[:, out.index, into.index]
+
+    nothing = np.full(frequency_hz.size, np.nan)
+    turned = continuous_phase(response, frequency_hz)
+    return FrequencyResponse(
+        frequency_hz, response(frequency_hz), nothing, turned=turned
+    ), system.radius_but_for_drift()
