@@ -25,6 +25,8 @@ from drake_tc.diagrams.tsid.series_elastic_drives import (
     link_position,
 )
 from drake_tc.diagrams.tsid.torque_noise import TorqueNoise
+from drake_tc.diagrams.tsid.trust.faults import Trusted, add_flags, add_trust, stopped
+from drake_tc.diagrams.tsid.trust.stopping_reference import StoppingReference
 from pydrake.geometry import MeshcatVisualizer, StartMeshcat
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, OutputPort
@@ -49,6 +51,7 @@ class TsidLoop:
         diagram, plant, controller: The systems.
         log: Of all recorded signals.
         starts: Put parts of a context where the robot starts, in this order.
+        flag_names: Of the recorded signal "flags"; empty without one.
     """
 
     scenario: TsidScenario
@@ -58,6 +61,7 @@ class TsidLoop:
     controller: RobustTsid
     log: SignalLog
     starts: tuple[Start, ...] = ()
+    flag_names: tuple[str, ...] = ()
 
     @property
     def robot(self) -> Robot:
@@ -100,7 +104,16 @@ def build_tsid(scenario: TsidScenario, *, meshcat: bool = False) -> TsidLoop:
     springs = add_spring_drives(wiring) if scenario.torque == "series_elastic" else None
     builder.AddNamedSystem("tsid", controller)
     contacts = _connect_references(builder, scenario, controller)
-    state, starts = _known_state(wiring, sensors, springs, contacts)
+    trusted = _trusted(wiring, sensors, springs, contacts)
+    position = None
+    if trusted is not None:
+        sensors, springs, contacts = trusted.sensors, trusted.springs, trusted.contacts
+        position = trusted.position
+    elif springs is not None and sensors is not None:
+        position = link_position(wiring, springs, sensors.encoder.GetOutputPort("reading"))
+    state, starts = _known_state(wiring, sensors, position, contacts)
+    if trusted is not None:
+        state, springs = stopped(wiring, trusted, state)
     builder.Connect(state, controller.GetInputPort("estimated_state"))
     torque = _with_error(builder, scenario, law, controller.GetOutputPort("torque"))
     if springs is not None:
@@ -112,20 +125,34 @@ def build_tsid(scenario: TsidScenario, *, meshcat: bool = False) -> TsidLoop:
         builder.Connect(torque, plant.get_actuation_input_port())
     outputs = ("torque", "acceleration", "contact_force", "status")
     wiring.signals |= {name: controller.GetOutputPort(name) for name in outputs}
+    flag_names = () if trusted is None else add_flags(wiring, trusted)
     log = add_log(builder, wiring.signals, law.period)
     diagram = builder.Build()
     diagram.set_name(f"{law.model.robot.name}_tsid")
-    return TsidLoop(scenario, law, diagram, plant, controller, log, tuple(starts))
+    return TsidLoop(scenario, law, diagram, plant, controller, log, tuple(starts), flag_names)
+
+
+def _checked(scenario: TsidScenario) -> bool:
+    """Whether senses are checked, and motions stop where they are lost: in paper C's loop."""
+    return bool(scenario.state == "base_estimator" and scenario.torque == "series_elastic")
+
+
+def _trusted(
+    wiring: Wiring, sensors: SensorSuite | None, springs: SpringDrives | None, contacts: OutputPort | None
+) -> Trusted | None:
+    """What checks the senses, in paper C's loop."""
+    if sensors is None or springs is None or not _checked(wiring.scenario):
+        return None
+    return add_trust(wiring, sensors, springs, contacts)
 
 
 def _known_state(
-    wiring: Wiring, sensors: SensorSuite | None, springs: SpringDrives | None, contacts: OutputPort | None
+    wiring: Wiring, sensors: SensorSuite | None, position: OutputPort | None, contacts: OutputPort | None
 ) -> tuple[OutputPort, list[Start]]:
-    """[q; v] as the controller gets it, and what has to be started for it."""
+    """[q; v] as the controller gets it, and what has to be started for it; joints' encoders where no `position` is."""
     if sensors is None or wiring.scenario.state == "plant":
         return wiring.plant.get_state_output_port(), []
-    encoder = sensors.encoder.GetOutputPort("reading")
-    position = encoder if springs is None else link_position(wiring, springs, encoder)
+    position = sensors.encoder.GetOutputPort("reading") if position is None else position
     starts: list[Start] = []
     if wiring.scenario.state == "base_estimator":
         state, start = base_state(wiring, sensors, position, contacts)
@@ -158,9 +185,10 @@ def _add_plant(builder: DiagramBuilder, scenario: TsidScenario, law: Law, *, mes
 def _connect_references(builder: DiagramBuilder, scenario: TsidScenario, controller: RobustTsid) -> OutputPort | None:
     """Sources of what moves; what does not stays as the controller has it. The contacts that carry, if they change."""
     law = controller.law
+    stops = _checked(scenario)
     for name, spec in scenario.motion.items():
-        port = reference_port(name)
-        source = builder.AddNamedSystem(port, task_source(law, name, spec))
+        port, source = reference_port(name), task_source(law, name, spec)
+        source = builder.AddNamedSystem(port, StoppingReference(source, law.period) if stops else source)
         builder.Connect(source.get_output_port(), controller.GetInputPort(port))
     if not scenario.lifted:
         return None

@@ -92,6 +92,7 @@ def simulate_tsid_loop(scenario: TsidScenario, progress: Progress | None = None,
     lines += [
         f"gave way: {fault['name']} from {fault['first']:.3f} s, {fault['ticks']} ticks" for fault in summary["faults"]
     ]
+    lines += [f"flag: {flag['name']} from {flag['first']:.3f} s" for flag in summary["flags"]]
     table = Table(("joint", "max torque [N m]", "of its limit [%]"), rows)
     return Simulated(summary, table, tuple(lines), lambda folder, end, tell: write_tsid(recording, folder, end, tell))
 

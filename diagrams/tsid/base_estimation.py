@@ -5,7 +5,8 @@ from typing import Any
 
 import numpy as np
 from drake_tc.diagrams.loop.ports import first_imu, picked
-from drake_tc.diagrams.tsid.senses import Wiring
+from drake_tc.diagrams.tsid.scenario import TsidScenario
+from drake_tc.diagrams.tsid.senses import Wiring, sensor_specs
 from drake_tc.diagrams.tsid.series_elastic_drives import Start
 from pydrake.systems.framework import Context, OutputPort
 from pydrake.systems.primitives import Adder, ConstantVectorSource
@@ -37,11 +38,25 @@ def estimator_spec(wiring: Wiring) -> BaseEstimatorSpec:
             corners = contact.corners + scenario.ground.margin * np.sign(contact.corners)
             sole = tuple((float(x), float(y)) for x, y, _ in corners)
         sensor = law.model.robot.force_torque[_sensor_of(law.model.robot, contact)].name
-        contacts.append(ContactSpec(contact.frame, sole, sensor, options.make * weight, options.break_ * weight))
+        soft = None if sole is None else options.sole_stiffness
+        points = options.sole_points[0], options.sole_points[1]
+        loads = options.make * weight, options.break_ * weight
+        contacts.append(ContactSpec(contact.frame, sole, sensor, *loads, soft, points))
     try:
-        return replace(BaseEstimatorSpec(tuple(contacts), law.period), **options.tuning)
+        return replace(BaseEstimatorSpec(tuple(contacts), law.period, imu_age(scenario, law.period)), **options.tuning)
     except TypeError as error:
         raise ParamsError(f"estimator.tuning: {error}") from None
+
+
+def imu_age(scenario: TsidScenario, period: float) -> float:
+    """How old the IMU's readings are at a tick [s].
+
+    Args:
+        scenario: Whose sensors they are.
+        period: Of the controller [s].
+    """
+    latency: float = sensor_specs(scenario, period).gyro.latency
+    return latency
 
 
 def _sensor_of(robot: Robot, contact: Contact) -> int:

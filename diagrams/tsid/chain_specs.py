@@ -22,6 +22,11 @@ class SpringDrivesSpec:
         delay: From a voltage computed to the voltage at the motor [s].
         acceleration_bandwidth: Of the low pass through which the law is told the links' wanted accelerations [rad/s];
             0: it is not told, and motors follow their links by feedback alone.
+        joint_damping: Times each joint's velocity, as the controller knows it, it is taken off the wanted torques
+            [N m s/rad]; the controller is not told.
+        damped_joints: Those that have it; none named: all.
+        position_gain: In place of torque control [N m/rad]: a voltage loop around each motor's own encoder holds the
+            robot as it starts; `control` then is not used. 0: torque control.
         link_from: The joints' positions: the fine encoder before the spring less what the gauge says of its
             deflection ("motor"), or the coarse one behind it ("link"), which is the scenario's `sensors.encoder`.
         motor_encoder: Before the spring [rad].
@@ -33,6 +38,9 @@ class SpringDrivesSpec:
     control: SeriesElasticSpec = field(default_factory=SeriesElasticSpec)
     delay: float = 0.015
     acceleration_bandwidth: float = 0.0
+    joint_damping: float = 0.0
+    damped_joints: tuple[str, ...] = ()
+    position_gain: float = 0.0
     link_from: Literal["motor", "link"] = "motor"
     motor_encoder: SensorSpec = field(default_factory=lambda: SensorSpec(resolution=1.534e-5))
     gauge: SensorSpec = field(default_factory=lambda: SensorSpec(noise=0.02))
@@ -43,9 +51,16 @@ class SpringDrivesSpec:
         for name, value, unit in (
             ("delay", self.delay, "a time >= 0 [s]"),
             ("acceleration_bandwidth", self.acceleration_bandwidth, "a number >= 0 [rad/s]"),
+            ("joint_damping", self.joint_damping, "a number >= 0 [N m s/rad]"),
+            ("position_gain", self.position_gain, "a number >= 0 [N m/rad]"),
         ):
             if not 0.0 <= value < math.inf:
                 raise ParamsError(f"series_elastic.{name}: wanted {unit}; got {value:g}")
+        if self.damped_joints and not self.joint_damping:
+            raise ParamsError("series_elastic.damped_joints: wanted a joint_damping > 0 beside it; got none")
+        for name in ("joint_damping", "acceleration_bandwidth"):
+            if self.position_gain and getattr(self, name):
+                raise ParamsError(f"series_elastic.{name}: wanted 0 beside a position_gain, which tracks no torque")
         for name, factor in self.believed.items():
             if not 0.0 <= factor < math.inf:
                 raise ParamsError(f"series_elastic.believed.{name}: wanted a factor >= 0; got {factor!r}")
@@ -74,6 +89,8 @@ class BaseEstimationSpec:
         make, break_: Load of a contact above which it is made and below which it is lost, as a share of the robot's
             weight [-].
         velocity_window: Samples of the filter behind the joints' velocities, read at its end.
+        sole_stiffness: Of a whole sole, as the robot's maker knows it [N/m]; None: it is taken for rigid.
+        sole_points: Springs that it acts like, along x and y.
         tuning: Fields of `BaseEstimatorSpec`: `{velocity_time: 0.01}`.
     """
 
@@ -82,6 +99,8 @@ class BaseEstimationSpec:
     make: float = 0.05
     break_: float = 0.02
     velocity_window: int = 15
+    sole_stiffness: float | None = None
+    sole_points: tuple[int, ...] = (5, 3)
     tuning: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -94,3 +113,5 @@ class BaseEstimationSpec:
             )
         if self.velocity_window < 4:
             raise ParamsError(f"estimator.velocity_window: wanted 4 samples or more; got {self.velocity_window}")
+        if len(self.sole_points) != 2:
+            raise ParamsError(f"estimator.sole_points: wanted two numbers; got {list(self.sole_points)}")

@@ -1,12 +1,12 @@
-"""A floor, and soles that touch it: spheres at the corners of the controller's contacts, or a soft layer of them."""
+"""A floor, walls, tables, and what touches them: spheres at the corners of contacts, or soft layers of spheres."""
 
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from drake_tc.diagrams.tsid.scenario import GroundSpec
+from drake_tc.diagrams.tsid.ground_spec import GroundSpec
 from pydrake.geometry import AddContactMaterial, Box, ProximityProperties, Sphere
-from pydrake.math import RigidTransform
+from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.plant import CoulombFriction, DiscreteContactApproximation, MultibodyPlant
 
 from drake_tc.errors import ParamsError
@@ -25,10 +25,11 @@ _APPROXIMATIONS = {
 
 RIGID = 1e12
 """Of a floor under soft soles [N/m]."""
+GREY: Any = np.array([0.6, 0.6, 0.62, 1.0])
 
 
 def add_ground(plant: MultibodyPlant, contacts: Sequence[Contact], spec: GroundSpec) -> None:
-    """The floor z = 0 and the spheres; before `Finalize`, with a SceneGraph. Nothing else of the robot touches.
+    """Floor z = 0, supports and spheres; before `Finalize`, with a SceneGraph. Nothing else of the robot touches.
 
     The lowest points of the spheres are z = 0 in the contact's frame: the sole's corners, moved out by the margin, or a
     grid between them where the soles are soft.
@@ -43,26 +44,26 @@ def add_ground(plant: MultibodyPlant, contacts: Sequence[Contact], spec: GroundS
     """
     below: Any = np.array([0.0, 0.0, -0.5 * THICK])
     block, place = Box(WIDE, WIDE, THICK), RigidTransform(below)
-    if spec.sole is None:
-        rough = CoulombFriction(spec.friction, spec.friction)
-        plant.RegisterCollisionGeometry(plant.world_body(), place, block, "ground", rough)
-    else:
-        floor = _material(spec, RIGID, 0.0)
-        plant.RegisterCollisionGeometry(plant.world_body(), place, block, "ground", floor)
+    _fix(plant, "ground", block, place, spec, spec.friction)
+    for number, item in enumerate(spec.supports):
+        centre: Any = np.array(item.xyz)
+        name, pose = f"support_{number}", RigidTransform(RollPitchYaw(*item.rpy), centre)
+        _fix(plant, name, Box(*item.size), pose, spec, item.friction)
+        plant.RegisterVisualGeometry(plant.world_body(), pose, Box(*item.size), f"{name}_visual", GREY)
     for contact in contacts:
         body, points = plant.GetBodyByName(contact.frame.link), touching_points(contact, spec)
-        material = _material(spec, spec.stiffness, spec.dissipation)
+        material = _material(spec.friction, spec.stiffness, spec.dissipation)
         if spec.sole is not None:
-            material = _material(spec, spec.sole.stiffness / len(points), spec.sole.dissipation)
+            material = _material(spec.friction, spec.sole.stiffness / len(points), spec.sole.dissipation)
         for number, point in enumerate(points):
-            centre: Any = point + np.array([0.0, 0.0, spec.radius])
-            pose = contact.frame.pose.transform.multiply(RigidTransform(centre))
+            middle: Any = point + np.array([0.0, 0.0, spec.radius])
+            pose = contact.frame.pose.transform.multiply(RigidTransform(middle))
             plant.RegisterCollisionGeometry(body, pose, Sphere(spec.radius), f"{contact.name}_{number}", material)
     plant.set_discrete_contact_approximation(_APPROXIMATIONS[spec.approximation])
 
 
 def touching_points(contact: Contact, spec: GroundSpec) -> FloatArray:
-    """(m, 3) of a sole in the contact's frame, where it may touch the floor [m].
+    """(m, 3) of a sole in the contact's frame, where it may touch the ground [m]; a point, soft or not, has one.
 
     Args:
         contact: Of the controller.
@@ -86,9 +87,17 @@ def touching_points(contact: Contact, spec: GroundSpec) -> FloatArray:
     return np.stack([*(grid.ravel() for grid in np.meshgrid(x, y)), np.zeros(x.size * y.size)], axis=1)
 
 
-def _material(spec: GroundSpec, stiffness: float | None, dissipation: float) -> ProximityProperties:
+def _fix(plant: MultibodyPlant, name: str, box: Box, pose: RigidTransform, spec: GroundSpec, friction: float) -> None:
+    """A box of the world: rigid under soft soles, else as hard as the step allows."""
+    if spec.sole is None:
+        plant.RegisterCollisionGeometry(plant.world_body(), pose, box, name, CoulombFriction(friction, friction))
+    else:
+        plant.RegisterCollisionGeometry(plant.world_body(), pose, box, name, _material(friction, RIGID, 0.0))
+
+
+def _material(friction: float, stiffness: float | None, dissipation: float) -> ProximityProperties:
     """Of point contact."""
-    rough = CoulombFriction(spec.friction, spec.friction)
+    rough = CoulombFriction(friction, friction)
     material = ProximityProperties()
     AddContactMaterial(properties=material, friction=rough, dissipation=dissipation, point_stiffness=stiffness)
     return material

@@ -6,7 +6,10 @@ import numpy as np
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
 from drake_tc.actuation.gear import CONTACT_DAMPING
-from drake_tc.types import FloatArray
+from drake_tc.types import BoolArray, FloatArray
+
+LARGEST = 1e9
+"""No reading in SI units is as large; one that is counts as not finite."""
 
 
 def spring_times(compliance: FloatArray, motor_inertia: FloatArray, link_inertia: FloatArray) -> FloatArray:
@@ -30,13 +33,14 @@ class LinkPosition(LeafSystem):  # type: ignore[misc, unused-ignore]
     Inputs (n each):
         motor_angle: theta, before the spring [rad].
         torque: tau of the spring, as measured [N m].
-    Output, with direct feedthrough of both:
-        position (n): q [rad].
-    State x: d of the last tick (n), whether there was one (1). With s = dt/(dt + t_d),
+    Outputs, with direct feedthrough of both:
+        position (n): q [rad], always finite.
+        fault (n): 1 where an input is not finite (or beyond `LARGEST`): the last position stands in, 0 before any.
+    State x: d of the last tick (n), its position (n), whether there was one (1). With s = dt/(dt + t_d),
 
         d[n+1] = d[n] + s (c tau[n] - d[n]),   y[n] = theta[n] - d[n+1];   d[1] = c tau[0]
 
-    so t_d = 0 gives y = theta - c tau. What is not finite goes through and is not remembered.
+    so t_d = 0 gives y = theta - c tau; while tau is lost, d stays.
     """
 
     def __init__(self, compliance: FloatArray, spring_time: FloatArray, dt: float) -> None:
@@ -53,27 +57,35 @@ class LinkPosition(LeafSystem):  # type: ignore[misc, unused-ignore]
         self._share = dt / (dt + np.asarray(spring_time, dtype=float))
         self._motor: Any = self.DeclareVectorInputPort("motor_angle", n)
         self._torque: Any = self.DeclareVectorInputPort("torque", n)
-        state = self.DeclareDiscreteState(n + 1)
+        self._n = n
+        state = self.DeclareDiscreteState(2 * n + 1)
         self._state = int(state)
-        self.DeclareVectorOutputPort(
-            "position",
-            n,
-            self._write,
-            {self.discrete_state_ticket(state), self._motor.ticket(), self._torque.ticket()},
-        )
+        tickets = {self.discrete_state_ticket(state), self._motor.ticket(), self._torque.ticket()}
+        self.DeclareVectorOutputPort("position", n, self._write, tickets)
+        self.DeclareVectorOutputPort("fault", n, self._write_fault, tickets)
         self.DeclarePeriodicDiscreteUpdateEvent(dt, 0.0, self._update)
 
-    def _deflection(self, context: Context) -> FloatArray:
-        held = context.get_discrete_state(self._state).value()
-        stretched: FloatArray = self._compliance * self._torque.Eval(context)
-        if not held[-1]:
-            return stretched
-        return np.asarray(held[:-1] + self._share * (stretched - held[:-1]))
+    def _lost(self, context: Context) -> BoolArray:
+        """(n,) where an input is not finite."""
+        told = [np.abs(port.Eval(context)) < LARGEST for port in (self._motor, self._torque)]
+        return np.asarray(~(told[0] & told[1]))
+
+    def _solve(self, context: Context) -> tuple[FloatArray, FloatArray]:
+        """(n,) d and (n,) position of this tick."""
+        held, n = context.get_discrete_state(self._state).value(), self._n
+        motor, torque, lost = self._motor.Eval(context), self._torque.Eval(context), self._lost(context)
+        told = np.abs(torque) < LARGEST
+        deflection = self._compliance * np.where(told, torque, 0.0)
+        if held[-1]:
+            deflection = np.where(told, held[:n] + self._share * (deflection - held[:n]), held[:n])
+        return deflection, np.where(lost, held[n:-1], np.where(lost, 0.0, motor) - deflection)
 
     def _write(self, context: Context, vector: Any) -> None:
-        vector.set_value(self._motor.Eval(context) - self._deflection(context))
+        vector.set_value(self._solve(context)[1])
+
+    def _write_fault(self, context: Context, vector: Any) -> None:
+        vector.set_value(self._lost(context).astype(float))
 
     def _update(self, context: Context, values: DiscreteValues) -> None:
-        found, held = self._deflection(context), context.get_discrete_state(self._state).value()
-        after: Any = np.append(np.where(np.isfinite(found), found, held[:-1]), 1.0)
+        after: Any = np.concatenate([*self._solve(context), [1.0]])
         values.set_value(self._state, after)

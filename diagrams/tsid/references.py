@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from itertools import pairwise
 
 import numpy as np
-from drake_tc.diagrams.tsid.scenario import KnotSpec, SpanSpec, TurnSpec
+from drake_tc.diagrams.tsid.motion_spec import KnotSpec, SpanSpec, TurnSpec
 from pydrake.polynomial import Polynomial
 from pydrake.systems.primitives import TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial

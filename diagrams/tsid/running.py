@@ -33,9 +33,11 @@ class TsidRecording:
         time: (T,) [s].
         signals: (T, width) each. Of the plant "state" (nq + nv) and "contact" (nv), the generalized forces of its true
             contacts; of the controller "torque", "acceleration", "contact_force", "status"; "applied_torque" at the
-            joints; with drives "estimated_torque" and "command" too, and "estimated_state" where it is estimated.
+            joints; with drives "estimated_torque" and "command" too, and "estimated_state" where it is estimated; in
+            paper C's loop "flags" of sensors that are not believed.
         seconds: Wall time that the simulation took [s].
         fell: When the robot was found fallen [s]; None: it stands.
+        flag_names: Of the signal "flags", SENSOR/WHAT; empty without one.
     """
 
     scenario: TsidScenario
@@ -45,6 +47,7 @@ class TsidRecording:
     signals: Mapping[str, FloatArray]
     seconds: float
     fell: float | None
+    flag_names: tuple[str, ...] = ()
 
     def __getitem__(self, name: str) -> FloatArray:
         """(T, width) of one signal.
@@ -104,7 +107,14 @@ def run_tsid(loop: TsidLoop, progress: Progress | None = None) -> TsidRecording:
     seconds = time.perf_counter() - begin
     times, signals = loop.log.recorded(context)
     return TsidRecording(
-        loop.scenario, loop.law, loop.controller.constraints, times, signals, seconds, fallen[0] if fallen else None
+        loop.scenario,
+        loop.law,
+        loop.controller.constraints,
+        times,
+        signals,
+        seconds,
+        fallen[0] if fallen else None,
+        loop.flag_names,
     )
 
 

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from itertools import pairwise
 from pathlib import Path
 from typing import Any, Literal
 
@@ -12,154 +11,24 @@ from drake_tc.diagrams.scenarios.files import read_scenario
 from drake_tc.diagrams.scenarios.parts import PushSpec
 from drake_tc.diagrams.scenarios.strict_yaml import from_mapping
 from drake_tc.diagrams.tsid.chain_specs import BaseEstimationSpec, SpringDrivesSpec
+from drake_tc.diagrams.tsid.ground_spec import GroundSpec, SoleSpec
+from drake_tc.diagrams.tsid.motion_spec import KnotSpec, SpanSpec, TurnSpec
 
 from drake_tc.control.torque_control import CompensationSpec
 from drake_tc.errors import ParamsError
+from drake_tc.sensing.fault import SensorFault
 
-LONG = 0.1
-"""The largest sphere under a sole, and how far soles may reach beyond what the controller takes for them [m]."""
-
-
-@dataclass(frozen=True)
-class TurnSpec:
-    """How an orientation turns about an axis of the world: through angles, resting at each, or to and fro.
-
-    Attributes:
-        axis: Of any length but zero.
-        times: Of the angles [s], increasing, two at least; none for to and fro.
-        angles: From its resting orientation [rad], one a time.
-        amplitude: Of the motion to and fro [rad]; with no times.
-        frequency_hz: Of that [Hz].
-        begin: When it starts [s].
-        rise: In which its amplitude grows from 0 [s].
-    """
-
-    axis: tuple[float, ...]
-    times: tuple[float, ...] = ()
-    angles: tuple[float, ...] = ()
-    amplitude: float = 0.0
-    frequency_hz: float = 1.0
-    begin: float = 0.0
-    rise: float = 1.0
-
-    def __post_init__(self) -> None:
-        if len(self.axis) != 3:
-            raise ParamsError(f"turn.axis: wanted three numbers; got {len(self.axis)}")
-        if len(self.times) == 1 or len(self.angles) != len(self.times):
-            raise ParamsError(
-                f"turn: wanted no times, or two or more and as many angles; got {len(self.times)} and"
-                f" {len(self.angles)}"
-            )
-        if self.times and self.amplitude:
-            raise ParamsError("turn: wanted either times and angles or an amplitude; got both")
-        if not all(later > earlier for earlier, later in pairwise(self.times)):
-            raise ParamsError(f"turn.times: wanted increasing times [s]; got {list(self.times)}")
-
-
-@dataclass(frozen=True)
-class KnotSpec:
-    """Where a task goes: its resting place moved by offsets, joined smoothly, at rest at both ends; or how it turns.
-
-    Attributes:
-        times: Of the knots [s], increasing, two at least.
-        offsets: One a knot, [x, y, z] in the world [m].
-        turn: In place of knots, for an orientation.
-    """
-
-    times: tuple[float, ...] = ()
-    offsets: tuple[tuple[float, ...], ...] = ()
-    turn: TurnSpec | None = None
-
-    def __post_init__(self) -> None:
-        if self.turn is not None and not self.times and not self.offsets:
-            return
-        if self.turn is not None:
-            raise ParamsError("motion: wanted either times and offsets or a turn; got both")
-        if len(self.times) < 2 or len(self.offsets) != len(self.times):
-            raise ParamsError(
-                f"motion: wanted two times or more and as many offsets; got {len(self.times)} and {len(self.offsets)}"
-            )
-        if any(len(offset) != 3 for offset in self.offsets):
-            raise ParamsError("motion: wanted offsets of three numbers [x, y, z]")
-
-
-@dataclass(frozen=True)
-class SpanSpec:
-    """A time in which something is so: begin <= t < end [s]."""
-
-    begin: float
-    end: float = math.inf
-
-    def __post_init__(self) -> None:
-        if not self.begin < self.end:
-            raise ParamsError(f"span: wanted begin < end [s]; got {self.begin:g} and {self.end:g}")
-
-
-@dataclass(frozen=True)
-class SoleSpec:
-    """A soft layer under each sole, that lets the foot sink, tilt and roll: springs in a grid, on a rigid floor.
-
-    Each of nx ny points carries k/(nx ny) of its depth and never pulls. At rest under a force F, c [m] off the middle
-    of a sole of 2a x 2b, the foot sinks by F/k and tilts by F c/(k r^2), r^2 = a^2 (nx + 1)/(3 (nx - 1)) along x and
-    the like along y, as long as all points touch: |c| < r^2/a. Farther out it rolls onto its edge.
-
-    Attributes:
-        stiffness: k of a whole sole [N/m]; E A/h of a layer of modulus E, area A, thickness h.
-        points: nx, ny, along the sole's x and y, the outermost at its corners; a point foot has one.
-        dissipation: Of Hunt and Crossley [s/m]: a foot under F has F times it for a damper; "sap" has a time instead.
-    """
-
-    stiffness: float
-    points: tuple[int, ...] = (5, 3)
-    dissipation: float = 10.0
-
-    def __post_init__(self) -> None:
-        if not 0.0 < self.stiffness < math.inf:
-            raise ParamsError(f"ground.sole.stiffness: wanted a positive number [N/m]; got {self.stiffness:g}")
-        if len(self.points) != 2 or min(self.points) < 2:
-            raise ParamsError(f"ground.sole.points: wanted two numbers, 2 or more each; got {list(self.points)}")
-        if not 0.0 <= self.dissipation < math.inf:
-            raise ParamsError(f"ground.sole.dissipation: wanted a finite number >= 0; got {self.dissipation:g}")
-
-
-@dataclass(frozen=True)
-class GroundSpec:
-    """The floor z = 0 and how the soles touch it: a sphere at each corner, point contact.
-
-    Attributes:
-        friction: Coulomb's, of the pair of surfaces.
-        stiffness: Of each sphere [N/m]; None for as stiff as the step allows.
-        dissipation: Of Hunt and Crossley [s/m].
-        radius: Of the spheres [m], `LONG` at most.
-        margin: How far the soles reach beyond what the controller takes for them [m], `LONG` at most; less than they
-            do where it is negative.
-        approximation: How the discrete plant solves for contact forces.
-        sole: A soft layer in place of the corners' spheres, with a stiffness and dissipation of its own; None: none.
-    """
-
-    friction: float = 0.8
-    stiffness: float | None = None
-    dissipation: float = 1.0
-    radius: float = 0.01
-    margin: float = 0.005
-    approximation: Literal["sap", "tamsi", "similar", "lagged"] = "tamsi"
-    sole: SoleSpec | None = None
-
-    def __post_init__(self) -> None:
-        if not (0.0 <= self.friction < math.inf and 0.0 <= self.dissipation < math.inf):
-            raise ParamsError("ground: wanted finite friction and dissipation >= 0")
-        if not 0.0 < self.radius <= LONG:
-            raise ParamsError(f"ground.radius: wanted a length above 0, {LONG:g} m at most; got {self.radius:g}")
-        if not -LONG <= self.margin <= LONG:
-            raise ParamsError(f"ground.margin: wanted a length of {-LONG:g} to {LONG:g} m; got {self.margin:g}")
-        if self.stiffness is not None and not 0.0 < self.stiffness < math.inf:
-            raise ParamsError(f"ground.stiffness: wanted a positive number [N/m]; got {self.stiffness:g}")
-        if self.stiffness is not None and self.sole is not None:
-            raise ParamsError("ground: wanted either stiffness, of hard soles, or sole; got both")
-        if self.approximation not in ("sap", "tamsi", "similar", "lagged"):
-            raise ParamsError(
-                f"ground.approximation: wanted one of sap, tamsi, similar, lagged; got {self.approximation!r}"
-            )
+__all__ = [
+    "DrivesSpec",
+    "GroundSpec",
+    "KnotSpec",
+    "SoleSpec",
+    "SpanSpec",
+    "TorqueErrorSpec",
+    "TsidScenario",
+    "TurnSpec",
+    "load_tsid_scenario",
+]
 
 
 @dataclass(frozen=True)
@@ -204,6 +73,8 @@ class TorqueErrorSpec:
 
 SENSORS = "realistic"
 """Preset of a scenario that says nothing of sensors."""
+FALLIBLE = ("encoder", "motor_encoder", "gauge", "imu", "force_torque", "contacts")
+"""What a scenario's faults may name."""
 
 
 @dataclass(frozen=True)
@@ -227,9 +98,11 @@ class TsidScenario:
         motion: Task to where it goes.
         lifted: Contact to the times when the controller does without it.
         torque_error: Errors of the torques; None: none.
-        ground: The floor.
+        ground: The floor, and what else the robot may touch.
         pushes: Wrenches on links over time.
         masses: Link to a factor on its mass and inertia in the plant alone.
+        faults: Of `FALLIBLE` to when and how it fails (`drake_tc.sensing.fault`); only with `state: base_estimator` and
+            `torque: series_elastic`. `contacts` is what the estimator is told of those that the controller stands on.
         source: Folder that file names are relative to.
     """
 
@@ -250,6 +123,7 @@ class TsidScenario:
     ground: GroundSpec = field(default_factory=GroundSpec)
     pushes: tuple[PushSpec, ...] = ()
     masses: Mapping[str, float] = field(default_factory=dict)
+    faults: Mapping[str, tuple[SensorFault, ...]] = field(default_factory=dict)
     source: str = "."
 
     def __post_init__(self) -> None:
@@ -273,6 +147,14 @@ class TsidScenario:
         if self.torque != "drives" and self.state == "plant" and self.sensors != SENSORS:
             raise ParamsError(
                 "sensors: wanted state: estimated or torque: drives beside it; with neither nothing is sensed"
+            )
+        for name in self.faults:
+            if name not in FALLIBLE:
+                raise ParamsError(f"faults: no sensor {name!r}; possible: {', '.join(FALLIBLE)}")
+        if any(self.faults.values()) and (self.state, self.torque) != ("base_estimator", "series_elastic"):
+            raise ParamsError(
+                "faults: wanted state: base_estimator and torque: series_elastic beside it;"
+                f" got {self.state} and {self.torque}"
             )
 
     def changed(self, **fields: Any) -> "TsidScenario":

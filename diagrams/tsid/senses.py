@@ -12,7 +12,7 @@ from pydrake.systems.primitives import Multiplexer
 from drake_tc.estimation.joint_torque import JointTorqueEstimator
 from drake_tc.estimation.torque_model import TorqueModel
 from drake_tc.filtering.savitzky_golay import SavitzkyGolayFilter
-from drake_tc.sensing.suite import SensorSuite, add_sensors, load_suite
+from drake_tc.sensing.suite import SENSORS, SensorSuite, SensorSuiteSpec, add_sensors, load_suite
 from drake_tc.tsid.law import Law
 from drake_tc.tsid.standing import StandingState
 
@@ -55,11 +55,20 @@ def add_senses(wiring: Wiring) -> SensorSuite:
         ParamsError: an unknown preset or field of the scenario's sensors.
     """
     scenario, law = wiring.scenario, wiring.law
+    suite, faults = sensor_specs(scenario, law.period), {n: f for n, f in scenario.faults.items() if n in SENSORS}
+    return add_sensors(wiring.builder, wiring.plant, law.model.robot, suite, law.period, scenario.seed, faults)
+
+
+def sensor_specs(scenario: TsidScenario, period: float) -> SensorSuiteSpec:
+    """What the scenario's sensors do, the IMU a period late at least.
+
+    Raises:
+        ParamsError: an unknown preset or field.
+    """
     entry = {"preset": scenario.sensors} if isinstance(scenario.sensors, str) else scenario.sensors
     suite = load_suite("sensors", entry)
-    late = {name: replace(getattr(suite, name), latency=max(law.period, getattr(suite, name).latency)) for name in _IMU}
-    suite = replace(suite, **late)
-    return add_sensors(wiring.builder, wiring.plant, law.model.robot, suite, law.period, scenario.seed)
+    late = {name: replace(getattr(suite, name), latency=max(period, getattr(suite, name).latency)) for name in _IMU}
+    return replace(suite, **late)
 
 
 def estimated_state(wiring: Wiring, sensors: SensorSuite, contacts: OutputPort | None) -> OutputPort:

@@ -1,7 +1,9 @@
 """Series-elastic drives under the controller (paper C): torque control, voltage, springs.
 
-torque --> torque_control --> loop_delay --> actuators (motors, gears, springs) --> plant
-                ^ motor_encoder, torque_gauge --------|
+torque (- damping) --> torque_control --> loop_delay --> actuators (motors, gears, springs) --> plant
+                          ^ motor_encoder, torque_gauge --------|
+
+With a `position_gain` position_control around the motors' own encoders takes the place of torque_control.
 """
 
 from collections.abc import Callable, Mapping
@@ -13,13 +15,14 @@ from drake_tc.diagrams.loop.ports import picked
 from drake_tc.diagrams.tsid.link_position import LinkPosition, spring_times
 from drake_tc.diagrams.tsid.senses import Wiring
 from pydrake.systems.framework import Context, OutputPort
-from pydrake.systems.primitives import DiscreteTimeDelay, LinearSystem, MatrixGain
+from pydrake.systems.primitives import Adder, ConstantVectorSource, DiscreteTimeDelay, LinearSystem, MatrixGain
 
 from drake_tc.actuation.model import ActuatorModel
 from drake_tc.actuation.model_file import models_of_joints
 from drake_tc.actuation.plant import ActuatorPlant
 from drake_tc.actuation.wiring import add_actuators, joint_inertias
 from drake_tc.control.series_elastic.control import SeriesElasticControl
+from drake_tc.control.series_elastic.position import MotorPositionControl
 from drake_tc.errors import ParamsError
 from drake_tc.sensing.sensor import Sensor
 from drake_tc.sensing.suite import sensor_seed
@@ -150,11 +153,13 @@ def control_springs(wiring: Wiring, drives: SpringDrives, torque: OutputPort) ->
         ParamsError: times that are no whole number of the controller's periods.
     """
     spec, law, builder = wiring.scenario.series_elastic, wiring.law, wiring.builder
-    believed = believed_models(drives.models, spec.believed)
-    inputs = {"motor_angle": drives.motor_angle, "torque": drives.torque, "reference_torque": torque}
-    if spec.acceleration_bandwidth > 0.0:
-        inputs["reference_acceleration"] = _wanted_acceleration(wiring, spec.acceleration_bandwidth)
-    control = wiring.add("torque_control", SeriesElasticControl(spec.control, believed, law.period), **inputs)
+    held: Any = None
+    if spec.position_gain > 0.0:
+        control, held = _hold_motors(wiring, drives)
+    else:
+        if spec.joint_damping > 0.0:
+            torque = _damped(wiring, torque)
+        control = _track_torque(wiring, drives, torque)
     voltage, ticks, late = control.GetOutputPort("voltage"), spec.ticks(law.period), None
     if ticks:
         late = builder.AddNamedSystem("loop_delay", DiscreteTimeDelay(law.period, ticks - 1, law.model.n))
@@ -172,11 +177,55 @@ def control_springs(wiring: Wiring, drives: SpringDrives, torque: OutputPort) ->
         first: Any = torque.Eval(source.GetMyContextFromRoot(root))
         rest: Any = np.array(gains * first)
         if late is not None:
-            held = late.GetMyMutableContextFromRoot(root)
-            held.SetDiscreteState(np.tile(rest, ticks))
-        _wind(drives.actuators, drives.actuators.GetMyMutableContextFromRoot(root), first, rest)
+            late.GetMyMutableContextFromRoot(root).SetDiscreteState(np.tile(rest, ticks))
+        actuators = drives.actuators
+        _wind(actuators, actuators.GetMyMutableContextFromRoot(root), first, rest)
+        if held is not None:
+            angle: Any = actuators.GetOutputPort("motor_state").Eval(actuators.GetMyContextFromRoot(root))
+            source = held.get_mutable_source_value(held.GetMyMutableContextFromRoot(root))
+            source.SetFromVector(angle[: law.model.n] + first / spec.position_gain)
 
     return start
+
+
+def _track_torque(wiring: Wiring, drives: SpringDrives, torque: OutputPort) -> Any:
+    """The torque law, connected."""
+    spec = wiring.scenario.series_elastic
+    inputs = {"motor_angle": drives.motor_angle, "torque": drives.torque, "reference_torque": torque}
+    if spec.acceleration_bandwidth > 0.0:
+        inputs["reference_acceleration"] = _wanted_acceleration(wiring, spec.acceleration_bandwidth)
+    law = SeriesElasticControl(spec.control, believed_models(drives.models, spec.believed), wiring.law.period)
+    return wiring.add("torque_control", law, **inputs)
+
+
+def _hold_motors(wiring: Wiring, drives: SpringDrives) -> tuple[Any, Any]:
+    """Position loops around the motors, and the constant angles at which they are held, not yet known."""
+    spec, n = wiring.scenario.series_elastic, wiring.law.model.n
+    nothing: Any = np.zeros(n)
+    held = wiring.builder.AddNamedSystem("held_angle", ConstantVectorSource(nothing))
+    loops = MotorPositionControl(spec.position_gain, believed_models(drives.models, spec.believed))
+    inputs = {"motor_angle": drives.motor_angle, "reference_angle": held.get_output_port()}
+    return wiring.add("position_control", loops, **inputs), held
+
+
+def _damped(wiring: Wiring, torque: OutputPort) -> OutputPort:
+    """(n,) torque less damping times the joints' velocities [N m], as far as the controller knows these."""
+    model, builder, spec = wiring.law.model, wiring.builder, wiring.scenario.series_elastic
+    joints = model.robot.joints
+    if strange := sorted(set(spec.damped_joints) - set(joints)):
+        raise ParamsError(f"series_elastic.damped_joints: no joint {strange[0]!r}; there: {', '.join(joints)}")
+    chosen = np.array([not spec.damped_joints or joint in spec.damped_joints for joint in joints])
+    state = wiring.signals.get("estimated_state", wiring.signals["state"])
+    against: Any = np.zeros((model.n, state.size()))
+    against[np.arange(model.n), model.nq + model.actuated] = np.where(chosen, -spec.joint_damping, 0.0)
+    gain = builder.AddNamedSystem("joint_damping", MatrixGain(against))
+    builder.Connect(state, gain.get_input_port())
+    total: Any = builder.AddNamedSystem("damped_torque", Adder(2, model.n))
+    for number, part in enumerate((torque, gain.get_output_port())):
+        builder.Connect(part, total.get_input_port(number))
+    port: OutputPort = total.get_output_port()
+    wiring.signals["damped_torque"] = port
+    return port
 
 
 def _wanted_acceleration(wiring: Wiring, bandwidth: float) -> OutputPort:

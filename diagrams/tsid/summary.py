@@ -62,7 +62,20 @@ def summarise_tsid(recording: TsidRecording) -> dict[str, Any]:
         "p_ind": {"median": float(np.median(p_ind)), "min": float(p_ind.min())},
         "fell": recording.fell,
         "faults": _faults(recording),
+        "flags": flagged(recording),
     }
+
+
+def flagged(recording: TsidRecording) -> list[dict[str, Any]]:
+    """Each flag of a sensor, SENSOR/WHAT, that was up: its name, and when first; none without the signal "flags"."""
+    if not recording.flag_names:
+        return []
+    up = recording["flags"] > 0.0
+    return [
+        {"name": name, "first": float(recording.time[int(np.argmax(up[:, i]))])}
+        for i, name in enumerate(recording.flag_names)
+        if up[:, i].any()
+    ]
 
 
 def _faults(recording: TsidRecording) -> list[dict[str, Any]]:

@@ -82,7 +82,7 @@ class Corruption:
         return bool(self.faults) or drawn
 
     def offsets(self, block: int) -> FloatArray:
-        """(BLOCK, n) bias + noise w[k] + biased faults of the ticks k of a block; NaN where the sample is lost."""
+        """(BLOCK, n) bias + noise w[k] + biased and spiked faults of a block's ticks; NaN where a sample is lost."""
         key = np.array([self.seed, block], dtype=np.uint64)
         generator = np.random.Generator(np.random.Philox(key=key))
         rows = generator.standard_normal((BLOCK, self.size))
@@ -91,13 +91,22 @@ class Corruption:
         dropout = self.spec.channels("dropout", self.size)
         if dropout.any():
             rows[generator.random((BLOCK, self.size)) < dropout] = np.nan
-        for fault in self.faults:
+        for number, fault in enumerate(self.faults):
             active = self._active(fault, block)
             if fault.kind == "biased":
                 rows[active] += fault.value
+            elif fault.kind == "spikes":
+                rows += active * self._spikes(fault, block, number)
             elif fault.kind in ("dropped", "nan"):
                 rows[active] = np.nan
         return rows
+
+    def _spikes(self, fault: SensorFault, block: int, number: int) -> FloatArray:
+        """(BLOCK, n) +/- value at the ticks that are hit, else 0, from a stream of the fault's own."""
+        key = np.array([self.seed, block], dtype=np.uint64)
+        counter = np.array([0, 0, 0, 1 + number], dtype=np.uint64)
+        drawn = np.random.Generator(np.random.Philox(counter=counter, key=key)).random((BLOCK, self.size))
+        return np.asarray(fault.value * ((drawn < 0.5 * fault.chance) * 1.0 - (drawn > 1.0 - 0.5 * fault.chance)))
 
     def frozen(self, block: int) -> BoolArray:
         """(BLOCK, n) where a fault repeats the last finite reading."""

@@ -8,9 +8,12 @@ from typing import Literal, get_args
 from drake_tc.errors import ParamsError
 from drake_tc.robot.fields import mapping, number
 
-FaultKind = Literal["frozen", "dropped", "biased", "nan"]
+FaultKind = Literal["frozen", "dropped", "biased", "nan", "spikes"]
 KINDS: tuple[str, ...] = get_args(FaultKind)
 
+SPIKE_CHANCE = 0.05
+"""One sample in twenty."""
+_SIZED = {"biased": "bias", "spikes": "spikes"}
 _TICK_TOLERANCE = 1e-6
 
 
@@ -20,11 +23,13 @@ class SensorFault:
 
     Attributes:
         kind: `frozen` repeats the last finite reading, noise included; `dropped` and `nan` read NaN (the sample does
-            not come; it comes as NaN); `biased` adds `value` to the reading before quantisation.
+            not come; it comes as NaN); `biased` adds `value` to the reading before quantisation, `spikes` adds or
+            takes it off at single samples of a channel, drawn from the sensor's seed.
         start: [s], time of the scenario.
         duration: [s]; infinite for good.
         channels: Indices; None for all.
-        value: Size of the bias [unit of the signal].
+        value: Size of the bias, or of the spikes [unit of the signal].
+        chance: Of a sample to be a spike [-]; 0.05 where it is not given.
 
     Raises:
         ParamsError: A value that is not possible.
@@ -35,6 +40,7 @@ class SensorFault:
     duration: float = math.inf
     channels: tuple[int, ...] | None = None
     value: float = 0.0
+    chance: float = SPIKE_CHANCE
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
@@ -45,10 +51,16 @@ class SensorFault:
             raise ParamsError(f"SensorFault.duration: wanted a time > 0 [s], or .inf; got {self.duration!r}")
         if not math.isfinite(self.value):
             raise ParamsError(f"SensorFault.value: wanted a finite number; got {self.value!r}")
-        if self.kind == "biased" and self.value == 0.0:
-            raise ParamsError("SensorFault.value: wanted the size of the bias; got 0")
-        if self.kind != "biased" and self.value != 0.0:
-            raise ParamsError(f"SensorFault.value: wanted only with kind biased; got {self.value:g} with {self.kind}")
+        if self.kind in _SIZED and self.value == 0.0:
+            raise ParamsError(f"SensorFault.value: wanted the size of the {_SIZED[self.kind]}; got 0")
+        if self.kind not in _SIZED and self.value != 0.0:
+            raise ParamsError(
+                f"SensorFault.value: wanted only with kind {' or '.join(_SIZED)}; got {self.value:g} with {self.kind}"
+            )
+        if not 0.0 < self.chance <= 1.0:
+            raise ParamsError(f"SensorFault.chance: wanted a probability above 0, 1 at most; got {self.chance!r}")
+        if self.kind != "spikes" and self.chance != SPIKE_CHANCE:
+            raise ParamsError(f"SensorFault.chance: wanted only with kind spikes; got it with {self.kind}")
         if self.channels is not None and (not self.channels or len(set(self.channels)) < len(self.channels)):
             raise ParamsError(f"SensorFault.channels: wanted different indices, or None for all; got {self.channels!r}")
 
@@ -73,7 +85,7 @@ class SensorFault:
 
 
 def _load_fault(where: str, entry: object) -> SensorFault:
-    fields = mapping(where, entry, ("kind",), ("start", "duration", "channels", "value"))
+    fields = mapping(where, entry, ("kind",), ("start", "duration", "channels", "value", "chance"))
     channels = fields.get("channels")
     if channels is not None:
         if not isinstance(channels, list) or not all(type(channel) is int for channel in channels):
@@ -86,6 +98,7 @@ def _load_fault(where: str, entry: object) -> SensorFault:
             number(f"{where}.duration", fields.get("duration", math.inf), infinite=True),
             channels,
             number(f"{where}.value", fields.get("value", 0.0)),
+            number(f"{where}.chance", fields.get("chance", SPIKE_CHANCE)),
         )
     except ParamsError as error:
         text = str(error)

@@ -27,7 +27,7 @@ FOLDER = Path(__file__).resolve().parents[2] / "models" / "coman_like"
 ROBOT = load_robot(FOLDER / "coman_like.yaml")
 TSID = FOLDER / "coman_like_tsid.yaml"
 RATIO, KT, RM, JM, SUPPLY = 100.0, 0.04, 0.6, 1.2e-5, 24.0  # as the head of the actuator file has them
-MAKERS = {  # kg, of the makers' model; the head with its camera, forearms with wrists, feet with ankles
+MAKERS = {  # kg, of the makers' model; the head with its camera, forearms with hands, feet with ankles
     "pelvis": 1.80,
     "waist_roll_link": 0.546,
     "waist_pitch_link": 0.754,
@@ -40,7 +40,7 @@ MAKERS = {  # kg, of the makers' model; the head with its camera, forearms with 
     "r_shoulder_pitch_link": 0.568,
     "r_shoulder_roll_link": 0.777,
     "r_upper_arm": 1.046,
-    "r_forearm": 1.881,
+    "r_forearm r_hand": 1.881,
 }
 
 
@@ -79,8 +79,9 @@ def test_twenty_three_joints_and_31_kg(stretched):
     plant, context = stretched
     assert len(ROBOT.joints) == plant.num_actuators() == 2 * 6 + 3 + 2 * 4
     assert_allclose(plant.CalcTotalMass(context), 31.2, rtol=1e-12)
-    for name, mass in MAKERS.items():
-        assert_allclose(plant.GetBodyByName(name).get_mass(context), mass, atol=0.2, err_msg=name)
+    for names, mass in MAKERS.items():
+        total = sum(plant.GetBodyByName(name).get_mass(context) for name in names.split())
+        assert_allclose(total, mass, atol=0.2, err_msg=names)
 
 
 def test_stretched_it_is_95_cm_high_and_its_hips_are_at_52(stretched):
@@ -137,12 +138,14 @@ def test_left_is_the_mirror_of_right(stretched):
     plant, context = stretched
     mirror = np.diag([1.0, -1.0, 1.0])
     rights = [body.name() for body in bodies(plant) if body.name().startswith("r_")]
-    assert len(rights) == 7 + 4
+    assert len(rights) == 7 + 5
     for right in rights:
         pair = [plant.GetBodyByName(side + right[1:]) for side in "rl"]
         inertias = [body.CalcSpatialInertiaInBodyFrame(context) for body in pair]
         assert inertias[0].get_mass() == inertias[1].get_mass()
         assert_allclose(mirror @ inertias[0].get_com(), inertias[1].get_com(), atol=1e-12)
+        turns = [inertia.CalcRotationalInertia().CopyToFullMatrix3() for inertia in inertias]
+        assert_allclose(mirror @ turns[0] @ mirror, turns[1], atol=1e-12)
         places = [body.EvalPoseInWorld(context).translation() for body in pair]
         assert_allclose(mirror @ places[0], places[1], atol=1e-9)
     limits, models = joint_limits(ROBOT), load_models(ROBOT.actuators)
@@ -154,6 +157,7 @@ def test_left_is_the_mirror_of_right(stretched):
             assert_allclose([limits.lower[j], limits.upper[j]], mirrored)
             assert (limits.effort[i], limits.velocity[i]) == (limits.effort[j], limits.velocity[j])
             assert models[right].effects == models["l" + right[1:]].effects
+            assert models[right].drive == models["l" + right[1:]].drive
 
 
 def test_torque_limits_are_those_of_series_elastic_joints():
@@ -175,6 +179,34 @@ def test_it_stands_on_both_soles_and_its_centre_of_mass_is_above_them():
         assert corners[:, 0].min() + 0.04 < com[0] < corners[:, 0].max() - 0.04
         assert_allclose(corners[:, 2], 0.0, atol=1e-4)
     assert_allclose(com[1], 0.0, atol=1e-9)
+
+
+def test_forearm_and_hand_weigh_as_one_bar(stretched):
+    """A bar of 24 cm, cut at the F/T sensor: its inertia about its own middle."""
+    plant, context = stretched
+    forearm, hand = (plant.GetBodyByName(f"l_{name}") for name in ("forearm", "hand"))
+    joined = forearm.CalcSpatialInertiaInBodyFrame(context)
+    joined += hand.CalcSpatialInertiaInBodyFrame(context).Shift(np.array([0.012, 0.0, 0.16]))
+    assert_allclose(joined.get_mass(), 1.9, rtol=1e-12)
+    assert_allclose(joined.get_com(), [-0.012, 0.0, -0.1], atol=1e-12)
+    about = joined.Shift(joined.get_com()).CalcRotationalInertia().CopyToFullMatrix3()
+    across = 1.9 / 12.0 * (0.06**2 + 0.24**2)
+    assert_allclose(about, np.diag([across, across, 1.9 / 12.0 * 2.0 * 0.06**2]), rtol=1e-3, atol=1e-9)
+
+
+def test_leaning_it_has_both_soles_on_the_ground_and_a_level_forearm():
+    leaning = load_robot(FOLDER / "coman_like_leaning.yaml")
+    plant = make_plant(leaning, 1e-3)
+    context = plant.CreateDefaultContext()
+    soles, palm = leaning.force_torque[:2], sole_of(plant, context, leaning.force_torque[2])
+    for mount in soles:
+        sole = sole_of(plant, context, mount)
+        assert_allclose(sole.translation()[2], 0.0, atol=1e-4)
+        assert_allclose(sole.rotation().matrix(), np.eye(3), atol=1e-4)
+    assert_allclose(palm.rotation().matrix()[:, 2], [-1.0, 0.0, 0.0], atol=1e-4)
+    ankle = plant.GetBodyByName("l_ankle").EvalPoseInWorld(context).translation()
+    assert ankle[0] < -0.03  # the pelvis is in front of it
+    assert palm.translation()[0] > 0.25
 
 
 def test_the_actuators_are_what_motor_and_gear_make_of_them():

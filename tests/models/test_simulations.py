@@ -74,5 +74,5 @@ def test_feet_stand_flat_on_the_ground(path):
         assert_allclose(sole.rotation().matrix()[2], [0, 0, 1], atol=1e-3)
 
 
-def test_there_are_eight():
-    assert len(FILES) == 8
+def test_there_are_nine():
+    assert len(FILES) == 9

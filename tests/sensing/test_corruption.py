@@ -98,6 +98,22 @@ def test_a_bias_fault_adds_before_quantisation():
     assert_allclose(readings[:, 0], [0] * 5 + [0.25] * 3 + [0] * 4, atol=1e-15)
 
 
+def test_spikes_hit_single_samples_at_the_stated_rate_with_either_sign_and_leave_the_noise():
+    spec = SensorSpec(noise=1e-3)
+    plain = corrupt(np.zeros((LONG, 3)), spec, DT, seed=8)
+    faults = [SensorFault("spikes", 1.0, channels=(0, 2), value=0.3, chance=0.1)]
+    spiked = corrupt(np.zeros((LONG, 3)), spec, DT, faults, seed=8) - plain
+    assert_array_equal(spiked[:1000], 0.0)
+    assert_array_equal(spiked[:, 1], 0.0)
+    late = spiked[1000:, [0, 2]]
+    assert_allclose(np.abs(late[late != 0.0]), 0.3, rtol=1e-12)
+    for sign in (1.0, -1.0):
+        low, high = stats.binom.ppf([1e-4, 1 - 1e-4], late.shape[0], 0.05)
+        hits = (sign * late > 0.0).sum(axis=0)
+        assert np.all((hits >= low) & (hits <= high))
+    assert np.abs(np.corrcoef((late != 0.0).T)[0, 1]) < 4.0 / np.sqrt(LONG)
+
+
 def test_a_frozen_sensor_repeats_its_last_reading_noise_included():
     truth = np.arange(600.0)[:, None] * [1.0, 1.0]
     spec = SensorSpec(noise=0.1)
@@ -142,11 +158,14 @@ def test_impossible_specs_are_refused(spec, message):
 @pytest.mark.parametrize(
     ("fault", "message"),
     [
-        ({"kind": "melted"}, "frozen, dropped, biased, nan; got 'melted'"),
+        ({"kind": "melted"}, "frozen, dropped, biased, nan, spikes; got 'melted'"),
         ({"kind": "nan", "start": np.nan}, "start"),
         ({"kind": "nan", "duration": 0.0}, "duration"),
         ({"kind": "biased"}, "size of the bias"),
         ({"kind": "nan", "value": 1.0}, "only with kind biased"),
+        ({"kind": "spikes"}, "size of the spikes"),
+        ({"kind": "spikes", "value": 1.0, "chance": 0.0}, "probability above 0, 1 at most; got 0.0"),
+        ({"kind": "nan", "chance": 0.5}, "chance: wanted only with kind spikes"),
         ({"kind": "nan", "channels": ()}, "channels"),
     ],
 )

@@ -1,0 +1,192 @@
+"""`StandingFeet`: what feet that stand say of the base, to check a gyro by and to go on without an IMU."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from pydrake.common.value import Value
+from pydrake.systems.framework import Context, DiscreteValues, LeafSystem, ValueProducer
+
+from drake_tc.robot.plant import make_plant
+from drake_tc.robot.robot import Robot
+from drake_tc.tsid.contacts import Contact
+from drake_tc.types import FloatArray
+
+TILT_TIME = 0.05
+"""In which a tilt that no IMU measures goes over to that of the soles [s]."""
+STEEPEST = 0.1
+"""Tilt of a sole beyond which its springs have long let go of the floor at one end [rad]."""
+_EVERY = 5
+"""Ticks from one look at the gyro to the next."""
+_AVERAGED, _RATED = 0.03, 0.02
+"""Over which feet seem to turn, and over which their tilts change [s]."""
+TURNING = 0.011
+"""Yaw rate that feet do not have [rad/s]: less than 1 deg/s; noise and the gyro's bias make up to 0.006 of it."""
+RESTS, _REMEMBERED = 0.05, 0.3
+"""Root mean square of joint speeds below which a robot rests [rad/s]: feet of one that turns at 1 Hz turn at up to
+0.3 rad/s themselves; and how long a larger one is remembered [s]."""
+LOST = 0.03
+"""An IMU that has been left out for so long is lost [s]."""
+_FLAG, _ABSENT, _SPEED, _TILTS = range(4)
+"""Where they begin in the state."""
+
+
+class StandingFeet(LeafSystem):  # type: ignore[misc, unused-ignore]
+    """Soles on a level floor against the base estimate: as their springs let them tilt, and not turning.
+
+    Inputs:
+        state (nq + nv): [q; v] of the base estimator, a tick old.
+        imu (6): [gyro; accel]; NaN where the IMU is left out.
+        cop (2c): centres of pressure of the contacts [m], of the base estimator.
+        wrench (6k): F/T readings [N, N m].
+        link_angle (n): encoders behind the springs [rad], less noisy than the state's velocities.
+        contacts (c): 0 where the controller does without a contact; all carry, when not connected.
+    Outputs:
+        reading (6): the input `imu`; where that is left out, the gyro is omega of below, the accelerometer NaN.
+        imu_tilt (2): roll and pitch of the IMU [rad], for the estimator; NaN while it has an IMU. A sole under a force
+            F at (x, y) tilts towards it, so the vertical in its axes is (-a_x F x, -a_y F y, 1), with its compliances a
+            [rad/(N m)] (`SoleSpec`), and it turns at (-a_y (F y)', a_x (F x)', 0). With n the mean of those verticals
+            in the estimate's world, u the vertical in the IMU's axes, omega its rate against the feet and theirs:
+                u+ = u - dt omega x u + (dt/T) (R' n - u),   T = `TILT_TIME`
+        lost (1): of the state. 1 where the IMU has been left out for `LOST`.
+        flag (1): of the state. 1 where |s| > `TURNING` and the robot rests.
+    State, every fifth tick: the flag; how long the IMU has been left out [s]; the joints' speed, which falls by a low
+    pass alone; tilts of the soles through a low pass of 20 ms, whose difference to those of now, over that time, is
+    their rate; the base's angular velocity and the link angles through one of 30 ms. With those and the link angles'
+    rates, likewise, s is the mean yaw rate of the soles.
+    A gyro that is off by b has feet turn at b that stand.
+    """
+
+    def __init__(
+        self, robot: Robot, contacts: Sequence[Contact], sensor_of: Sequence[int], compliance: FloatArray, dt: float
+    ) -> None:
+        """Declare ports, state and the periodic update.
+
+        Args:
+            robot: With an IMU and F/T sensors.
+            contacts: Of the controller; points are left out.
+            sensor_of: Of each contact, which F/T sensor has its load.
+            compliance: (c, 2) a_x, a_y of each [rad/(N m)]; 0 for a hard sole.
+            dt: Period [s].
+        """
+        super().__init__()
+        plant: Any = make_plant(robot, 0.0)
+        self._places = [plant.GetJointByName(joint).velocity_start() for joint in robot.joints]
+        self._plant, self._dt, self._n = plant, dt, len(robot.joints)
+        self._memory = float(np.exp(-_EVERY * dt / _REMEMBERED))
+        self._blend, self._sinking = (-np.expm1(-_EVERY * dt / time) for time in (_AVERAGED, _RATED))
+        soles = [(number, contact) for number, contact in enumerate(contacts) if contact.kind == "surface"]
+        self._which = np.array([number for number, _ in soles], dtype=int)
+        self._links = [plant.GetBodyByName(contact.frame.link) for _, contact in soles]
+        self._axes = [contact.frame.pose.transform.rotation().matrix() for _, contact in soles]
+        self._sensor = np.array(sensor_of, dtype=int)[self._which]
+        self._compliance = np.asarray(compliance, dtype=float)[self._which]
+        mount = robot.imu[0]
+        self._imu_link, self._R_LI = plant.GetBodyByName(mount.link), mount.pose.transform.rotation().matrix()
+        self._state: Any = self.DeclareVectorInputPort("state", plant.num_multibody_states())
+        self._imu: Any = self.DeclareVectorInputPort("imu", 6)
+        self._cop: Any = self.DeclareVectorInputPort("cop", 2 * len(contacts))
+        self._wrench: Any = self.DeclareVectorInputPort("wrench", 6 * len(robot.force_torque))
+        self._contacts: Any = self.DeclareVectorInputPort("contacts", len(contacts))
+        self._scratch: Any = self.DeclareCacheEntry(
+            "scratch",
+            ValueProducer(allocate=lambda: Value(plant.CreateDefaultContext()), calc=lambda context, value: None),
+            {self.nothing_ticket()},
+        )
+        self._link: Any = self.DeclareVectorInputPort("link_angle", self._n)
+        self._turns = slice(_TILTS + 2 * len(soles), _TILTS + 2 * len(soles) + 3)
+        held = self.DeclareDiscreteState(self._turns.stop + self._n + 1)
+        self._held = int(held)
+        inputs = (self._state, self._imu, self._cop, self._wrench, self._contacts)
+        tickets = {self.discrete_state_ticket(held), *(port.ticket() for port in inputs)}
+        self.DeclareVectorOutputPort("reading", 6, self._write_reading, tickets)
+        self.DeclareVectorOutputPort("imu_tilt", 2, self._write_tilt, tickets)
+        self.DeclareVectorOutputPort("flag", 1, self._write_flag, {self.discrete_state_ticket(held)})
+        self.DeclareVectorOutputPort("lost", 1, self._write_lost, {self.discrete_state_ticket(held)})
+        self.DeclarePeriodicDiscreteUpdateEvent(_EVERY * dt, 0.0, self._update)
+
+    def _moved(self, context: Context) -> Any:
+        """A context of the plant at the estimate."""
+        scratch = self._scratch.Eval(context)
+        self._plant.SetPositionsAndVelocities(scratch, self._state.Eval(context))
+        return scratch
+
+    def _standing(self, context: Context) -> list[int]:
+        """Soles that carry."""
+        if not self._contacts.HasValue(context):
+            return list(range(len(self._links)))
+        return np.flatnonzero(self._contacts.Eval(context)[self._which] > 0.5).tolist()
+
+    def _rates(self, scratch: Any, soles: list[int]) -> FloatArray:
+        """(3,) mean angular velocity of the soles."""
+        found = [self._plant.EvalBodySpatialVelocityInWorld(scratch, self._links[i]).rotational() for i in soles]
+        return np.asarray(np.mean(found, axis=0))
+
+    def _sunk(self, context: Context) -> FloatArray:
+        """(soles, 2) tilts of the soles towards their centres of pressure [rad]."""
+        load = np.linalg.norm(self._wrench.Eval(context).reshape(-1, 6)[self._sensor, :3], axis=1)
+        tilt = self._compliance * load[:, None] * self._cop.Eval(context).reshape(-1, 2)[self._which]
+        return np.asarray(np.clip(tilt, -STEEPEST, STEEPEST))
+
+    def _seen(self, context: Context) -> tuple[FloatArray, FloatArray, FloatArray] | None:
+        """(3,) normal of the floor and (3,) rate of the IMU's link in the estimate's world, (3, 3) R_WI; or no sole."""
+        soles = self._standing(context)
+        if not soles:
+            return None
+        scratch, plant = self._moved(context), self._plant
+        sunk = self._sunk(context)
+        rates = (
+            sunk - context.get_discrete_state(self._held).value()[_TILTS : self._turns.start].reshape(-1, 2)
+        ) / _RATED
+        ups, turns = [], []
+        for i in soles:
+            axes = plant.EvalBodyPoseInWorld(scratch, self._links[i]).rotation().matrix() @ self._axes[i]
+            ups.append(axes @ [*(-sunk[i]), 1.0] / np.sqrt(1.0 + sunk[i] @ sunk[i]))
+            turns.append(axes @ [-rates[i, 1], rates[i, 0], 0.0])
+        R_WI = plant.EvalBodyPoseInWorld(scratch, self._imu_link).rotation().matrix() @ self._R_LI
+        rate = plant.EvalBodySpatialVelocityInWorld(scratch, self._imu_link).rotational() - self._rates(scratch, soles)
+        return np.mean(ups, axis=0), rate + np.mean(turns, axis=0), R_WI
+
+    def _write_reading(self, context: Context, vector: Any) -> None:
+        reading = self._imu.Eval(context)
+        seen = None if np.isfinite(reading).all() else self._seen(context)
+        vector.set_value(reading if seen is None else np.concatenate([seen[1] @ seen[2], np.full(3, np.nan)]))
+
+    def _write_tilt(self, context: Context, vector: Any) -> None:
+        seen = None if np.isfinite(self._imu.Eval(context)).all() else self._seen(context)
+        if seen is None:
+            vector.set_value(np.full(2, np.nan))
+            return
+        normal, rate, R_WI = seen
+        up = R_WI[2]
+        up = up - self._dt * np.cross(rate @ R_WI, up) + (self._dt / TILT_TIME) * (normal @ R_WI - up)
+        x, y, z = (up / np.linalg.norm(up)).tolist()
+        vector.set_value([np.arctan2(y, z), -np.arcsin(np.clip(x, -1.0, 1.0))])
+
+    def _write_flag(self, context: Context, vector: Any) -> None:
+        vector.set_value(context.get_discrete_state(self._held).value()[_FLAG : _FLAG + 1])
+
+    def _write_lost(self, context: Context, vector: Any) -> None:
+        vector.set_value([float(context.get_discrete_state(self._held).value()[_ABSENT] > LOST - 0.5 * self._dt)])
+
+    def _update(self, context: Context, values: DiscreteValues) -> None:
+        held = context.get_discrete_state(self._held).value()
+        after: Any = np.zeros(held.size)
+        tilts, turns, angles = (slice(_TILTS, self._turns.start), self._turns, slice(self._turns.stop, -1))
+        after[tilts] = held[tilts] + self._sinking * (self._sunk(context).ravel() - held[tilts])
+        q, omega = self._link.Eval(context), self._state.Eval(context)[self._plant.num_positions() :][:3]
+        begun = held[-1] > 0.0
+        after[turns] = held[turns] + self._blend * (omega - held[turns]) if begun else omega
+        after[angles] = held[angles] + self._blend * (q - held[angles]) if begun else q
+        after[-1] = 1.0
+        rates = self._blend * (q - held[angles]) / (_EVERY * self._dt) if begun else np.zeros(self._n)
+        after[_SPEED] = max(float(np.sqrt(np.mean(rates**2))), held[_SPEED] * self._memory)
+        if not np.isfinite(self._imu.Eval(context)).all():
+            after[_ABSENT] = held[_ABSENT] + _EVERY * self._dt
+        elif (soles := self._standing(context)) and after[_SPEED] < RESTS:
+            scratch = self._moved(context)
+            moving = np.zeros(self._plant.num_velocities())
+            moving[:3], moving[self._places] = after[turns], rates
+            self._plant.SetVelocities(scratch, moving)
+            after[_FLAG] = float(abs(self._rates(scratch, soles)[2]) > TURNING)
+        values.set_value(self._held, after)

@@ -1,0 +1,79 @@
+"""`StoppingReference`: a motion that slows down and stays where it is when it is told to stop."""
+
+import math
+from typing import Any
+
+import numpy as np
+from pydrake.common.value import Value
+from pydrake.systems.framework import Context, DiscreteValues, LeafSystem, ValueProducer
+
+from drake_tc.types import FloatArray
+
+STOP_TIME = 0.3
+"""From full speed to rest [s]."""
+LAYOUTS = {9: (3, 6), 10: (4, 7), 19: (7, 13)}
+"""Size of a reference to where its velocity and its acceleration begin: of a point, an orientation, a frame."""
+
+
+class StoppingReference(LeafSystem):  # type: ignore[misc, unused-ignore]
+    """A reference [place; velocity; acceleration] along its own path, at a pace p(t) that a stop takes from 1 to 0.
+
+    Input: stop (1), read at the ticks; above 0.5 once, it is told to stop for good.
+    Output: reference, of time and state alone. With t0 the tick after which it stops, r the source and T = `STOP_TIME`,
+
+        p = 1 - (t - t0)/T, not below 0,   s = t0 + (1 - p^2) T/2
+        place r(s),   velocity p r'(s),   acceleration p^2 r''(s) - r'(s)/T, 0 after the stop
+
+    State: t0, infinite before; then y(t) = r(t).
+    """
+
+    def __init__(self, source: Any, dt: float) -> None:
+        """Declare ports, state and the periodic update.
+
+        Args:
+            source: A system without inputs and state, whose one output is the reference over time.
+            dt: Period [s].
+        """
+        super().__init__()
+        size = int(source.get_output_port().size())
+        self._source, self._dt = source, dt
+        self._velocity, self._acceleration = LAYOUTS[size]
+        self._stop: Any = self.DeclareVectorInputPort("stop", 1)
+        never: Any = np.array([math.inf])
+        state = self.DeclareDiscreteState(never)
+        self._state = int(state)
+        self._scratch: Any = self.DeclareCacheEntry(
+            "scratch",
+            ValueProducer(allocate=lambda: Value(source.CreateDefaultContext()), calc=lambda context, value: None),
+            {self.nothing_ticket()},
+        )
+        self.DeclareVectorOutputPort(
+            "reference", size, self._write, {self.time_ticket(), self.discrete_state_ticket(state)}
+        )
+        self.DeclarePeriodicDiscreteUpdateEvent(dt, 0.0, self._update)
+
+    def _at(self, context: Context, instant: float) -> FloatArray:
+        """The source's reference at an instant."""
+        scratch = self._scratch.Eval(context)
+        scratch.SetTime(instant)
+        found: FloatArray = self._source.get_output_port().Eval(scratch)
+        return found
+
+    def _write(self, context: Context, vector: Any) -> None:
+        now, begin = context.get_time(), float(context.get_discrete_state(self._state).value()[0])
+        if now <= begin:
+            vector.set_value(self._at(context, now))
+            return
+        pace = max(0.0, 1.0 - (now - begin) / STOP_TIME)
+        found = np.array(self._at(context, begin + 0.5 * (1.0 - pace * pace) * STOP_TIME))
+        v, a = self._velocity, self._acceleration
+        braking = found[v:a] / STOP_TIME if pace > 0.0 else 0.0
+        found[a:] = pace * pace * found[a:] - braking
+        found[v:a] *= pace
+        vector.set_value(found)
+
+    def _update(self, context: Context, values: DiscreteValues) -> None:
+        begin: Any = np.array(context.get_discrete_state(self._state).value())
+        if begin[0] == math.inf and self._stop.HasValue(context) and self._stop.Eval(context)[0] > 0.5:
+            begin[0] = context.get_time()
+        values.set_value(self._state, begin)
