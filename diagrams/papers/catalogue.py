@@ -7,6 +7,8 @@ from drake_tc.diagrams.papers.coman_contacts import one_foot, three_contacts
 from drake_tc.diagrams.papers.coman_faults import faults
 from drake_tc.diagrams.papers.coman_motions import genuflection, turn_1hz, turn_half_hz
 from drake_tc.diagrams.papers.coman_pushes import pushes
+from drake_tc.diagrams.papers.coman_slip import slip
+from drake_tc.diagrams.papers.coman_soles import soles
 from drake_tc.diagrams.papers.force_figures import fig5, fig6
 from drake_tc.diagrams.papers.motion_tables import table2, table3
 from drake_tc.diagrams.papers.reproduction import Progress, Reproduction
@@ -48,6 +50,8 @@ REPRODUCTIONS: Mapping[str, Callable[[int, Progress | None], Reproduction]] = {
     "C.genuflection": genuflection,
     "C.turn1hz": turn_1hz,
     "C.turn_half_hz": turn_half_hz,
+    "C.slip": slip,
+    "C.soles": soles,
     "C.pushes": pushes,
     "C.faults": faults,
     "C.one_foot": one_foot,

@@ -1,0 +1,45 @@
+"""Paper C, beyond it: what the base estimator has to know of soles and floor."""
+
+from typing import Any
+
+from drake_tc.diagrams.papers.coman_motions import SCENARIOS, BaseErrors, base_errors
+from drake_tc.diagrams.papers.reproduction import Progress, Reproduction, TextTable, expectations, judged, text_rows
+from drake_tc.diagrams.tsid.running import simulate_tsid
+from drake_tc.diagrams.tsid.scenario import load_tsid_scenario
+
+KNOWN = {
+    "as it is": "{beside: foot_centre}",
+    "stiffness 30 % too large": "{beside: foot_centre, sole_stiffness: 1.3e+5}",
+    "stiffness 30 % too small": "{beside: foot_centre, sole_stiffness: 0.7e+5}",
+    "taken for rigid": "{beside: foot_centre, sole_stiffness: null}",
+    "rigid, floor not known to be level": "{beside: foot_centre, sole_stiffness: null, tuning: {ground: unknown}}",
+}
+"""What the estimator in the loop is told of soles of 1e5 N/m on a level floor: laid over `estimator`."""
+CHAIN = "foot centre, in the first run"
+NOTES = (
+    "Simulated: the turn at 0.5 Hz, the estimator in the loop told other things of the same soles and floor; each run's"
+    " errors over those of the chain from the foot's centre, which is told nothing, in that run.",
+)
+
+
+def soles(seed: int = 0, progress: Progress | None = None) -> Reproduction:
+    """C.soles: base errors by what the estimator is told of soles and floor."""
+    ours: dict[str, BaseErrors] = {}
+    chain: dict[str, BaseErrors] = {}
+    values: dict[str, float] = {}
+    for number, (name, text) in enumerate(KNOWN.items()):
+        if progress:
+            progress(name, number / len(KNOWN))
+        scenario = load_tsid_scenario(SCENARIOS, "turn_half_hz", f"{{estimator: {text}}}")
+        run = simulate_tsid(scenario.changed(seed=seed))
+        ours[name], chain[name] = (base_errors(run, signal) for signal in ("estimated_state", "beside_state"))
+        values[f"{name}: fell"] = float(run.fell is not None)
+        for what in ("position", "velocity", "yaw"):
+            values[f"{name}: base {what} error, ours over foot centre"] = getattr(ours[name], what) / getattr(
+                chain[name], what
+            )
+    shown = {**ours, CHAIN: next(iter(chain.values()))}
+    columns: list[Any] = [[getattr(one, what) for one in shown.values()] for what in ("position", "velocity", "yaw")]
+    headings = ("told", "position [m]", "velocity [m/s]", "yaw [rad]")
+    table = TextTable("RMS errors of the base", headings, text_rows(list(shown), columns, ".3g"))
+    return Reproduction("C.soles", judged(values, expectations("c_soles")), (table,), NOTES)
