@@ -32,7 +32,8 @@ NOTES = (
     " loop delay, noisy sensors with biases. Drives, sensors and robot are models with chosen numbers.",
     "Pushes at the chest, sin^2 over 0.1 s, 1.5 s apart: forwards, backwards, to the left, to the right, down, and a"
     " torque about the vertical. Forces, heights and the centre of mass are the plant's true ones.",
-    "Base errors: both estimators in the same run, the one with ours in the loop.",
+    "Base errors: both estimators in the same run, the one with ours in the loop. Ours is told that the floor is level,"
+    " the soles' stiffness and outline, and how late the IMU is; the chain is told none of it and uses no IMU.",
 )
 
 

@@ -79,12 +79,16 @@ class SpringDrivesSpec:
         return round(ticks)
 
 
+_NOT_TUNING = {"contacts", "period", "imu_age"}
+_SWITCHES = {"quick_start"}
+
+
 @dataclass(frozen=True)
 class BaseEstimationSpec:
     """The base estimator of the controller.
 
     Attributes:
-        method: "cop", or "foot_centre" for the baseline.
+        method: "cop", or a baseline: "foot_centre" without the IMU, "foot_centre_imu" with it.
         beside: Another method that sees the same, for logs alone: the signal "beside_state"; None: none.
         make, break_: Load of a contact above which it is made and below which it is lost, as a share of the robot's
             weight [-].
@@ -111,6 +115,15 @@ class BaseEstimationSpec:
             raise ParamsError(
                 f"estimator: wanted 0 < break_ <= make < 1; got break_ {self.break_:g}, make {self.make:g}"
             )
+        if strange := sorted(set(self.tuning) & _NOT_TUNING):
+            raise ParamsError(
+                f"estimator.tuning.{strange[0]}: wanted fields that are a matter of taste; contacts, the period and the"
+                " IMU's age are those of robot, controller and sensors"
+            )
+        for name, value in self.tuning.items():
+            if isinstance(value, bool) != (name in _SWITCHES):
+                kind = "true or false" if name in _SWITCHES else "a number or a word"
+                raise ParamsError(f"estimator.tuning.{name}: wanted {kind}; got {value!r}")
         if self.velocity_window < 4:
             raise ParamsError(f"estimator.velocity_window: wanted 4 samples or more; got {self.velocity_window}")
         if len(self.sole_points) != 2:

@@ -151,6 +151,12 @@ class TsidScenario:
         for name in self.faults:
             if name not in FALLIBLE:
                 raise ParamsError(f"faults: no sensor {name!r}; possible: {', '.join(FALLIBLE)}")
+        if self.faults.get("contacts") and not any(self.lifted.values()):
+            raise ParamsError("faults.contacts: wanted `lifted` beside it; a controller that stands on all tells none")
+        if self.series_elastic.position_gain > 0.0 and (self.motion or self.lifted):
+            raise ParamsError(
+                "series_elastic.position_gain: wanted neither motion nor lifted; motors stay where they are"
+            )
         if any(self.faults.values()) and (self.state, self.torque) != ("base_estimator", "series_elastic"):
             raise ParamsError(
                 "faults: wanted state: base_estimator and torque: series_elastic beside it;"

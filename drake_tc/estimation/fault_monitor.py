@@ -189,7 +189,7 @@ class FaultMonitor(LeafSystem):  # type: ignore[misc, unused-ignore]
         error = usual[2 * raw :]
         after[2 * raw :] = error + self._blend * (now[self._filtered] - self._expected - error)
         watched = np.abs(np.concatenate((now, step, after[raw:])))
-        if not np.logical_and.reduce(watched < self._within):  # also where one is NaN
+        if np.count_nonzero(watched < self._within) < watched.size:  # also where one is NaN
             return False
         memory[self._usual] = after
         return True

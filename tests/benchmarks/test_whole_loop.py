@@ -23,8 +23,9 @@ SCENARIOS = Path(next(iter(drake_tc.diagrams.__path__))) / "coman.scenario.yaml"
 CHUNK = 10
 GOAL = 0.5
 """Times real time."""
-MARGIN = 1.25
-"""What a busy neighbour takes from caches and memory beyond what it takes from the copying systems."""
+MARGIN = 1.7
+"""Slower than the goal by more than this fails: runs of the same code differ by a third, as a busy neighbour takes more
+from caches and memory than from the copying systems. Whether the goal is met is printed."""
 
 
 def whole_loop(scenario: str) -> Simulator:

@@ -58,14 +58,34 @@ def test_an_imu_that_jumps_is_left_out_until_it_is_back():
 
 
 def test_a_jump_that_feet_feel_too_is_true():
-    """Felt before it, with it or within 10 ms: believed from then on; felt later than that: left out as if not."""
+    """Felt before it, with it or within 20 ms: believed from then on; felt later than that: left out as if not."""
     samples = standing_imu(400)
     samples[200:, 3] += 3.0
-    for first, left_out in ((190, range(0)), (200, range(0)), (205, range(200, 206)), (215, range(200, 400))):
+    for first, left_out in ((190, range(0)), (200, range(0)), (205, range(200, 206)), (225, range(200, 400))):
         jolts = np.zeros((400, 2))
         jolts[first : first + 30, 1] = 1.0
         found, _ = imu_run(samples, jolts=jolts)
         assert_array_equal(np.flatnonzero(np.isnan(found).all(axis=1)), np.array(left_out, dtype=int))
+
+
+@pytest.mark.parametrize(("long", "left_out"), [(1, 2), (15, 16), (40, None)])
+def test_a_jump_that_is_soon_over_costs_its_own_samples(long, left_out):
+    """A bad sample or a short hit, in a gyro that turns on at 10 rad/s^2; a long one is left out for 0.1 s and more."""
+    samples = standing_imu(500)
+    samples[:, 2] += 0.01 * np.arange(500)
+    samples[200 : 200 + long, 4] += 5.0
+    found, _ = imu_run(samples)
+    lost = np.isnan(found).all(axis=1)
+    assert lost[200 : 200 + long].all() and not lost[:200].any()
+    assert lost.sum() == left_out if left_out else lost.sum() >= 100
+
+
+def test_a_contact_of_which_nothing_is_told_goes_by_its_load():
+    system = TrustedWrench(2, 1, (0, 1), DT)
+    context = system.CreateDefaultContext()
+    for name, value in (("wrench", np.ones(12)), ("flagged", [0.0, 1.0]), ("contacts", [np.nan, 1.0])):
+        system.GetInputPort(name).FixValue(context, value)
+    assert_array_equal(system.GetOutputPort("contacts").Eval(context), [1.0, 2.0])
 
 
 def test_an_imu_that_stays_off_stays_out_and_flags_and_nan_leave_it_out_at_once():

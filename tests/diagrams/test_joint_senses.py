@@ -91,7 +91,8 @@ def test_any_one_of_three_is_found_out_and_replaced(name, kind):
     settled = slice(at + round(LATE.get(f"{name}-{kind}", 0.01) / DT), None)
     # position error: what may go unseen, 1 mrad and 5 % of 0.1 rad of deflection
     assert wrong[:, [THETA, Q]].max() < 7e-3
-    assert wrong[settled][:, [THETA, Q]].max() < 2e-3 if kind != "frozen" else True
+    if kind != "frozen":  # a frozen one is off by what the joint moves before it is found out, as above
+        assert wrong[settled][:, [THETA, Q]].max() < 2e-3
     assert wrong[settled][:, TAU].max() < (0.1 if name != "gauge" or kind != "frozen" else 0.2)
 
 

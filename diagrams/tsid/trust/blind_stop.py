@@ -43,15 +43,15 @@ class BlindStop(LeafSystem):  # type: ignore[misc, unused-ignore]
         self.DeclarePeriodicDiscreteUpdateEvent(dt, 0.0, self._update)
 
     def _write(self, context: Context, vector: Any) -> None:
-        blind = context.get_discrete_state(self._ticks).value()[0] >= self._limit
+        blind = context.get_discrete_state(self._ticks).GetAtIndex(0) >= self._limit
         vector.set_value(self._nothing if blind else self._known.Eval(context))
 
     def _write_torque(self, context: Context, vector: Any) -> None:
-        blind = context.get_discrete_state(self._ticks).value()[0] - self._limit
-        vector.set_value(np.exp(-self._rate * max(blind, 0.0)) * self._torque.Eval(context))
+        blind, torque = context.get_discrete_state(self._ticks).GetAtIndex(0) - self._limit, self._torque.Eval(context)
+        vector.set_value(torque if blind <= 0.0 else np.exp(-self._rate * blind) * torque)
 
     def _update(self, context: Context, values: DiscreteValues) -> None:
-        ticks = float(context.get_discrete_state(self._ticks).value()[0])
+        ticks = context.get_discrete_state(self._ticks).GetAtIndex(0)
         up = ticks >= self._limit or self._lost.Eval(context)[0] > 0.0
-        after: Any = np.array([ticks + 1.0 if up else 0.0])
-        values.set_value(self._ticks, after)
+        if ticks or up:
+            values.get_mutable_vector(self._ticks).SetAtIndex(0, ticks + 1.0 if up else 0.0)

@@ -179,16 +179,19 @@ def sensors_of(wiring: Wiring) -> tuple[int, ...]:
 
 
 def sole_compliance(wiring: Wiring) -> FloatArray:
-    """(c, 2) how far each contact tilts along its x and y per N m [rad/(N m)], as `SoleSpec` has it; 0 where hard."""
-    sole, margin = wiring.scenario.ground.sole, wiring.scenario.ground.margin
+    """(c, 2) how far each contact tilts along its x and y per N m [rad/(N m)], as `SoleSpec` has it; 0 where hard.
+
+    Of soles as stiff as the base estimator is told.
+    """
+    known, margin = wiring.scenario.estimator, wiring.scenario.ground.margin
     contacts = wiring.law.model.contacts
     found = np.zeros((len(contacts), 2))
     for number, contact in enumerate(contacts):
-        if sole is None or contact.kind != "surface":
+        if known.sole_stiffness is None or contact.kind != "surface":
             continue
         half = 0.5 * np.ptp(contact.corners[:, :2], axis=0) + margin
-        points = np.array(sole.points)
-        found[number] = 1.0 / (sole.stiffness * half**2 * (points + 1) / (3 * (points - 1)))
+        points = np.array(known.sole_points)
+        found[number] = 1.0 / (known.sole_stiffness * half**2 * (points + 1) / (3 * (points - 1)))
     return found
 
 
@@ -223,7 +226,12 @@ def add_flags(wiring: Wiring, trusted: Trusted) -> tuple[str, ...]:
         builder.Connect(feet.GetOutputPort("lost"), moving.GetInputPort("stop"))
     places = [known.index(name) for name in named]
     own = picked(builder, "estimator_flags", estimator.GetOutputPort("status"), {"own": places})
-    told = {**trusted.flags, ("imu/turning",): feet.GetOutputPort("flag"), tuple(named.values()): own["own"]}
+    told = {
+        **trusted.flags,
+        ("imu/turning",): feet.GetOutputPort("flag"),
+        ("imu/lost",): feet.GetOutputPort("lost"),
+        tuple(named.values()): own["own"],
+    }
     groups = list(told.items())
     joined: Any = builder.AddNamedSystem("all_flags", Multiplexer([len(names) for names, _ in groups]))
     for number, (_, port) in enumerate(groups):

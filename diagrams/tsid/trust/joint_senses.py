@@ -38,7 +38,8 @@ class JointSenses(LeafSystem):  # type: ignore[misc, unused-ignore]
         position (n): of the links, theta - d [rad], as `LinkPosition` has it;
     and, of the state alone,
         flags (7): 1 up, 0 down, `FLAGS`, from the tick after the cause.
-    State x: memory of the vote (ROWS, n), whether there was a tick, ticks that each flag stays up. With V the vote,
+    State x: memory of the vote (ROWS, n), whether there was a tick; ticks that each flag stays up; the flags. With V
+    the vote,
 
         x[n+1], y[n] = V(x[n], u[n])
 
@@ -62,8 +63,9 @@ class JointSenses(LeafSystem):  # type: ignore[misc, unused-ignore]
         self._hold = float(np.ceil(HOLD / dt))
         names = ("motor_angle", "torque", "link_angle")
         self._inputs: list[Any] = [self.DeclareVectorInputPort(name, n) for name in names]
-        state, flags = self.DeclareDiscreteState(ROWS * n + 1), self.DeclareDiscreteState(len(FLAGS))
-        self._state, self._up = int(state), int(flags)
+        state = self.DeclareDiscreteState(ROWS * n + 1)
+        left, flags = self.DeclareDiscreteState(len(FLAGS)), self.DeclareDiscreteState(len(FLAGS))
+        self._state, self._left, self._flags = int(state), int(left), int(flags)
         tickets = {self.discrete_state_ticket(state), *(port.ticket() for port in self._inputs)}
         self._solved: Any = self.DeclareCacheEntry(
             "solved", ValueProducer(allocate=Value(_Solved()).Clone, calc=self._solve), tickets
@@ -71,7 +73,7 @@ class JointSenses(LeafSystem):  # type: ignore[misc, unused-ignore]
         for row, name in enumerate(names):
             self.DeclareVectorOutputPort(name, n, self._writer(row), {self._solved.ticket()})
         self.DeclareVectorOutputPort("position", n, self._write_position, {self._solved.ticket()})
-        self.DeclareVectorOutputPort("flags", len(FLAGS), self._write_flags, {self.discrete_state_ticket(flags)})
+        self.DeclareStateOutputPort("flags", flags)
         self.DeclarePeriodicDiscreteUpdateEvent(dt, 0.0, self._update)
 
     def _solve(self, context: Any, box: Any) -> None:
@@ -91,18 +93,17 @@ class JointSenses(LeafSystem):  # type: ignore[misc, unused-ignore]
         solved: Any = self._solved.Eval(context)
         vector.set_value(solved.vote.given[THETA] - solved.vote.memory[DEFLECTION])
 
-    def _write_flags(self, context: Context, vector: Any) -> None:
-        left: Any = context.get_discrete_state(self._up).value()
-        vector.set_value(left > 0.0)
-
     def _update(self, context: Context, values: DiscreteValues) -> None:
         solved: Any = self._solved.Eval(context)
         vote: Vote = solved.vote
-        after: Any = np.append(vote.memory, 1.0)
-        values.set_value(self._state, after)
-        up: Any = context.get_discrete_state(self._up).value()
-        left = np.maximum(up - 1.0, 0.0)
+        memory: Any = values.get_mutable_value(self._state)
+        memory[:-1], memory[-1] = vote.memory.ravel(), 1.0
+        left: Any = values.get_mutable_value(self._left)
+        if vote.well and not np.count_nonzero(left):
+            return
+        left -= 1.0
+        np.maximum(left, 0.0, out=left)
         missing, frozen, odd = (rows.any(axis=1) for rows in (vote.missing, vote.frozen, vote.odd))
         causes = [missing[0], odd[0], missing[1], frozen[1], odd[1], odd[2], vote.lost.any()]
         left[causes] = self._hold
-        values.set_value(self._up, left)
+        values.get_mutable_value(self._flags)[:] = left > 0.0

@@ -21,6 +21,7 @@ Where two of three are wrong, each keeps its last good value. Source: our own; t
 from typing import NamedTuple
 
 import numpy as np
+from numpy import count_nonzero
 
 from drake_tc.types import BoolArray, FloatArray
 
@@ -45,6 +46,7 @@ class Vote(NamedTuple):
         memory: (ROWS, n).
         missing, frozen, odd: (3, n) where a reading is not finite, repeats itself, or is at odds with the other two.
         lost: (n,) where two of three are wrong.
+        well: Whether nothing is wrong, for sure.
     """
 
     given: FloatArray
@@ -53,6 +55,7 @@ class Vote(NamedTuple):
     frozen: BoolArray
     odd: BoolArray
     lost: BoolArray
+    well: bool = False
 
 
 class JointVoting:
@@ -73,7 +76,8 @@ class JointVoting:
             ticks if has else np.inf for ticks, has in zip((GAUGE_REPEATS, LINK_REPEATS), noisy, strict=True)
         )
         self._repeats = np.array([[np.inf], [gauge], [link]])
-        self._nothing = np.zeros((3, len(self._c)), dtype=np.bool_)
+        nothing = np.zeros((3, len(self._c)), dtype=np.bool_)
+        self._well = (nothing, nothing, nothing, nothing[0])
 
     def started(self, y: FloatArray) -> FloatArray:
         """The memory (ROWS, n) that a first sample y (3, n) leaves; what is not finite is taken for 0."""
@@ -89,18 +93,20 @@ class JointVoting:
             memory: (ROWS, n).
             y: (3, n) theta [rad], tau [N m], q [rad], as they came.
         """
+        same = (memory[_SAME] + 1.0) * (y == memory[_RAW])
+        before, (theta, tau, q) = memory[DEFLECTION], y
+        doubt = memory[_DOUBT]
+        if count_nonzero(np.abs(y) < LARGEST) == y.size and not count_nonzero(doubt):  # nearly always
+            d = before + self._s * (self._c * tau - before)
+            within = np.abs(theta - q - d) <= TOLERANCE + SHARE * np.abs(d)
+            if count_nonzero(within) == within.size and not count_nonzero(same >= self._repeats):
+                return Vote(y, np.concatenate((y, memory[_LAST], y, same, doubt, d[None])), *self._well, well=True)
         after = np.empty_like(memory)
-        after[_BEFORE], after[_RAW] = memory[_LAST], y
-        after[_SAME] = same = (memory[_SAME] + 1.0) * (y == memory[_RAW])
-        before = memory[DEFLECTION]
-        with np.errstate(invalid="ignore", over="ignore"):  # readings may be infinite
-            d = before + self._s * (self._c * y[TAU] - before)
-            within = np.abs(y[THETA] - y[Q] - d) <= TOLERANCE + SHARE * np.abs(d)
-            fresh = same < self._repeats
-            if within.all() and fresh.all() and not memory[_DOUBT].any():
-                after[_LAST], after[_DOUBT], after[DEFLECTION] = y, 0.0, d
-                return Vote(y, after, self._nothing, self._nothing, self._nothing, self._nothing[0])
-            return self._examine(memory, after, y, d, within, ~fresh)
+        after[_BEFORE], after[_RAW], after[_SAME] = memory[_LAST], y, same
+        with np.errstate(invalid="ignore", over="ignore"):
+            d = before + self._s * (self._c * tau - before)
+            within = np.abs(theta - q - d) <= TOLERANCE + SHARE * np.abs(d)
+            return self._examine(memory, after, y, d, within, same >= self._repeats)
 
     def _examine(
         self, memory: FloatArray, after: FloatArray, y: FloatArray, d: FloatArray, within: BoolArray, frozen: BoolArray

@@ -31,6 +31,14 @@ _FLAG, _ABSENT, _SPEED, _TILTS = range(4)
 """Where they begin in the state."""
 
 
+_NO_TILT: FloatArray = np.full(2, np.nan)
+
+
+def _finite(reading: FloatArray) -> bool:
+    """Whether all of it is."""
+    return bool(np.count_nonzero(np.isfinite(reading)) == reading.size)
+
+
 class StandingFeet(LeafSystem):  # type: ignore[misc, unused-ignore]
     """Soles on a level floor against the base estimate: as their springs let them tilt, and not turning.
 
@@ -149,13 +157,13 @@ class StandingFeet(LeafSystem):  # type: ignore[misc, unused-ignore]
 
     def _write_reading(self, context: Context, vector: Any) -> None:
         reading = self._imu.Eval(context)
-        seen = None if np.isfinite(reading).all() else self._seen(context)
+        seen = None if _finite(reading) else self._seen(context)
         vector.set_value(reading if seen is None else np.concatenate([seen[1] @ seen[2], np.full(3, np.nan)]))
 
     def _write_tilt(self, context: Context, vector: Any) -> None:
-        seen = None if np.isfinite(self._imu.Eval(context)).all() else self._seen(context)
+        seen = None if _finite(self._imu.Eval(context)) else self._seen(context)
         if seen is None:
-            vector.set_value(np.full(2, np.nan))
+            vector.set_value(_NO_TILT)
             return
         normal, rate, R_WI = seen
         up = R_WI[2]
@@ -181,7 +189,7 @@ class StandingFeet(LeafSystem):  # type: ignore[misc, unused-ignore]
         after[-1] = 1.0
         rates = self._blend * (q - held[angles]) / (_EVERY * self._dt) if begun else np.zeros(self._n)
         after[_SPEED] = max(float(np.sqrt(np.mean(rates**2))), held[_SPEED] * self._memory)
-        if not np.isfinite(self._imu.Eval(context)).all():
+        if not _finite(self._imu.Eval(context)):
             after[_ABSENT] = held[_ABSENT] + _EVERY * self._dt
         elif (soles := self._standing(context)) and after[_SPEED] < RESTS:
             scratch = self._moved(context)

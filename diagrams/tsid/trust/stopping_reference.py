@@ -35,8 +35,9 @@ class StoppingReference(LeafSystem):  # type: ignore[misc, unused-ignore]
             dt: Period [s].
         """
         super().__init__()
-        size = int(source.get_output_port().size())
-        self._source, self._dt = source, dt
+        output = source.get_output_port()
+        size = int(output.size())
+        self._source, self._output = source, output
         self._velocity, self._acceleration = LAYOUTS[size]
         self._stop: Any = self.DeclareVectorInputPort("stop", 1)
         never: Any = np.array([math.inf])
@@ -56,11 +57,11 @@ class StoppingReference(LeafSystem):  # type: ignore[misc, unused-ignore]
         """The source's reference at an instant."""
         scratch = self._scratch.Eval(context)
         scratch.SetTime(instant)
-        found: FloatArray = self._source.get_output_port().Eval(scratch)
+        found: FloatArray = self._output.Eval(scratch)
         return found
 
     def _write(self, context: Context, vector: Any) -> None:
-        now, begin = context.get_time(), float(context.get_discrete_state(self._state).value()[0])
+        now, begin = context.get_time(), context.get_discrete_state(self._state).GetAtIndex(0)
         if now <= begin:
             vector.set_value(self._at(context, now))
             return
@@ -73,7 +74,6 @@ class StoppingReference(LeafSystem):  # type: ignore[misc, unused-ignore]
         vector.set_value(found)
 
     def _update(self, context: Context, values: DiscreteValues) -> None:
-        begin: Any = np.array(context.get_discrete_state(self._state).value())
-        if begin[0] == math.inf and self._stop.HasValue(context) and self._stop.Eval(context)[0] > 0.5:
-            begin[0] = context.get_time()
-        values.set_value(self._state, begin)
+        begin = context.get_discrete_state(self._state).GetAtIndex(0)
+        if begin == math.inf and self._stop.HasValue(context) and self._stop.Eval(context)[0] > 0.5:
+            values.get_mutable_vector(self._state).SetAtIndex(0, context.get_time())

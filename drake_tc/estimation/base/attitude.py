@@ -1,7 +1,7 @@
 """The base's orientation before the contacts have their say: rate, vertical, and where the gyro turns it."""
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -23,8 +23,7 @@ _CALM = 0.2
 """Share of `tilt_time` while the robot rests."""
 
 
-@dataclass(frozen=True, eq=False)
-class Attitude:
+class Attitude(NamedTuple):
     """Of one tick.
 
     Attributes:

@@ -1,7 +1,7 @@
 """What of a sample can be believed: missing readings and encoder spikes give way to what the last tick knew."""
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,8 +18,7 @@ _PATIENCE = 5
 """Ticks after which an encoder that insists is believed."""
 
 
-@dataclass(frozen=True, eq=False)
-class Believed:
+class Believed(NamedTuple):
     """A sample without holes: `Readings`' fields, and what had to be done.
 
     Attributes:

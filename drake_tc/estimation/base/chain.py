@@ -1,4 +1,4 @@
-"""`FootCentreEstimator`: the baseline, the chain from a foot whose centre is taken to stand still."""
+"""The baselines: the chain from a foot whose centre is taken to stand still, without the IMU and with it."""
 
 import math
 from dataclasses import replace
@@ -6,7 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from drake_tc.estimation.base.believed import believed
+from drake_tc.estimation.base.attitude import attitude
+from drake_tc.estimation.base.believed import Believed, believed
+from drake_tc.estimation.base.kinematics import Posture
 from drake_tc.estimation.base.on_kinematics import OnKinematics
 from drake_tc.estimation.base.pose import levelled, turned
 from drake_tc.estimation.base.state import BaseState, Readings
@@ -48,8 +50,7 @@ class FootCentreEstimator(OnKinematics):
             last = self.kinematics.posture(scratch, state.q, state.qd) if state.started else posture
             foot, held = here @ last.rotation[:-1], state.position + last.position[:-1] @ here.T
             state = replace(state, contacts=contacts, foot=foot, held=held)
-        rotation = state.foot[i] @ R[i].T
-        rate = -posture.rate[i]
+        rotation, rate, kept = self._turned(state, sample, posture, i)
         velocity = -(posture.velocity[i] + np.cross(rate, p[i]))
         flags = np.zeros_like(state.flags)
         return replace(
@@ -64,7 +65,32 @@ class FootCentreEstimator(OnKinematics):
             qd=sample.qd,
             doubt=sample.doubt,
             flags=flags,
+            **kept,
         )
+
+    def _turned(
+        self, state: BaseState, sample: Believed, posture: Posture, foot: int
+    ) -> tuple[FloatArray, FloatArray, dict[str, Any]]:
+        """R_WB (3, 3), omega_b (3,) [rad/s], and what else is remembered, with a foot that does not turn."""
+        return state.foot[foot] @ posture.rotation[foot].T, -posture.rate[foot], {}
+
+
+class FootCentreImuEstimator(FootCentreEstimator):
+    """The same with roll, pitch and angular velocity by the IMU, as `attitude` has them; yaw by the chain.
+
+    The foot's centre is still taken to stand still, whichever way the foot tilts. Without a gyro it is the chain alone.
+    """
+
+    def _turned(
+        self, state: BaseState, sample: Believed, posture: Posture, foot: int
+    ) -> tuple[FloatArray, FloatArray, dict[str, Any]]:
+        chain, rate, kept = super()._turned(state, sample, posture, foot)
+        if not sample.has_gyro:
+            return chain, rate, kept
+        pose = attitude(posture, state, sample, self.spec)
+        rotation: FloatArray = turned(math.atan2(chain[1, 0], chain[0, 0])) @ pose.level
+        kept = {name: getattr(pose, name) for name in ("bias", "trail", "rested", "quiet")}
+        return rotation, pose.rate, kept
 
 
 def _first_up(tilt: FloatArray, accel: FloatArray, R_BI: FloatArray) -> FloatArray:

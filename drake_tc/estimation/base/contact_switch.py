@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,8 +13,7 @@ _LEAST_SHARE = 0.05
 """Of all load, that contacts which count must bear together."""
 
 
-@dataclass(frozen=True, eq=False)
-class Slip:
+class Slip(NamedTuple):
     """What slipping contacts leave behind; k contacts.
 
     Attributes:

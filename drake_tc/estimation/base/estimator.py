@@ -60,7 +60,7 @@ class CopEstimator(OnKinematics):
     def _step(self, scratch: Any, state: BaseState, sample: Believed, switch: FloatArray) -> BaseState:
         still = self.kinematics.posture(scratch, sample.q, sample.qd)
         if not sample.has_gyro:
-            sample = replace(sample, gyro=_gyro_of_foot(state, still))
+            sample = sample._replace(gyro=_gyro_of_foot(state, still))
         shown = None
         if self._setting.any_soft and self._setting.level:
             shown = shown_vertical(self._setting.soft, still, state)

@@ -13,7 +13,7 @@ with T the constant transform from S to C, m and c the mass and centre of mass (
 """
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from pydrake.multibody.parsing import Parser
@@ -40,8 +40,7 @@ def skews(a: FloatArray) -> FloatArray:
     return S
 
 
-@dataclass(frozen=True, eq=False)
-class Posture:
+class Posture(NamedTuple):
     """Of k contacts and, behind them, the IMU; in the axes of the base.
 
     Attributes:
@@ -63,7 +62,12 @@ class Posture:
 
 
 class BaseKinematics:
-    """The robot's contacts and its IMU against the base; holds no state."""
+    """The robot's contacts and its IMU against the base; holds no state.
+
+    Attributes:
+        order: (nq + nv,) where each of the whole robot's [q; v] is in [base pose (7); q (n); base velocity (6); qd (n);
+            0].
+    """
 
     def __init__(self, robot: Robot, contacts: tuple[ContactSpec, ...]) -> None:
         """Build the plants and precompute what is constant.
@@ -111,6 +115,10 @@ class BaseKinematics:
         self.joint_velocity = self.num_positions + np.array(
             [joint.velocity_start() for joint in whole_joints], dtype=np.intp
         )
+        at, turning = np.arange(7) + self.base_position, np.arange(6) + self.base_velocity
+        places = np.concatenate((at, self.joint_position, turning, self.joint_velocity))
+        self.order = np.full(self.state_size, places.size)
+        self.order[places] = np.arange(places.size)
 
     def create_scratch(self) -> Any:
         """Memory to compute in; one for each context that uses this object."""

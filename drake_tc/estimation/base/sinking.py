@@ -1,6 +1,6 @@
 """Contacts on soft soles: the point that stands still is not in the sole's surface, but on the floor above it."""
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,8 +13,7 @@ _FLAT = 2.0
 """g above which a sole is on its edge, and its tilt no longer sure [-]."""
 
 
-@dataclass(frozen=True, eq=False)
-class Sinking:
+class Sinking(NamedTuple):
     """How far k soles give way at their centres of pressure.
 
     Attributes:
@@ -74,8 +73,8 @@ def sinking(
         period: Of a tick [s].
     """
     depths, shapes, backs, rates = [], [], [], []
-    rows = zip(soles, on, load, pressure, state.contacts[:, [0, 1, 4, 5]].tolist(), strict=True)
-    for sole, touches, force, (x, y), (before, force_before, depth_before, shape_before) in rows:
+    rows = zip(soles, on, load, pressure, state.contacts.tolist(), strict=True)
+    for sole, touches, force, (x, y), (before, force_before, _, _, depth_before, shape_before, *_) in rows:
         depth = shape = back = rate = 0.0
         if sole is not None and touches:
             shape = sole.shape(x, y)
@@ -92,5 +91,5 @@ def sinking(
     position, velocity = posture.position.copy(), posture.velocity.copy()
     position[:-1] += lift
     velocity[:-1] += (skews(posture.rate[:-1]) @ lift[:, :, None])[:, :, 0] + up * np.array(rates)[:, None]
-    moved = Posture(posture.rotation, position, posture.rate, velocity)
+    moved = posture._replace(position=position, velocity=velocity)
     return Sinking(moved, depths, shapes, np.array(backs))

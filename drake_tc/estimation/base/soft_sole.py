@@ -48,21 +48,31 @@ class SoftSole:
 
     def shape(self, x: float, y: float) -> float:
         """G at a centre of pressure [m]; outside the sole, that of the nearest node."""
-        last = len(self.table) - 1
-        u = min(max((x - self.origin[0]) / self.step[0], 0.0), last - 1e-9)
-        v = min(max((y - self.origin[1]) / self.step[1], 0.0), last - 1e-9)
-        i, j = int(u), int(v)
-        u, v = u - i, v - j
+        return self._between(self._node(x, 0), self._node(y, 1))
+
+    def _node(self, at: float, axis: int) -> tuple[int, float]:
+        """The node before a coordinate [m], and which share of a step it is beyond."""
+        u, last = (at - self.origin[axis]) / self.step[axis], len(self.table) - 1 - 1e-9
+        if u < 0.0:
+            u = 0.0
+        elif u > last:
+            u = last
+        i = int(u)
+        return i, u - i
+
+    def _between(self, along_x: tuple[int, float], along_y: tuple[int, float]) -> float:
+        (i, u), (j, v) = along_x, along_y
         low, high = self.table[i], self.table[i + 1]
         return (1.0 - u) * ((1.0 - v) * low[j] + v * low[j + 1]) + u * ((1.0 - v) * high[j] + v * high[j + 1])
 
     def tilt(self, x: float, y: float, load: float) -> tuple[float, float]:
         """(a, b): under a load [N] the floor's normal in the sole's axes is (-a, -b, 1) [rad]; F dg/dc/(2K)."""
         u, v = self.step
-        flat = load / (4.0 * self.stiffness)
+        flat, g = load / (4.0 * self.stiffness), self._between
+        here = self._node(x, 0), self._node(y, 1)
         return (
-            flat * (self.shape(x + u, y) - self.shape(x - u, y)) / u,
-            flat * (self.shape(x, y + v) - self.shape(x, y - v)) / v,
+            flat * (g(self._node(x + u, 0), here[1]) - g(self._node(x - u, 0), here[1])) / u,
+            flat * (g(here[0], self._node(y + v, 1)) - g(here[0], self._node(y - v, 1))) / v,
         )
 
 

@@ -1,6 +1,7 @@
 """Stage 1 of a tick: what the contacts carry, base velocity and centres of pressure."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -73,8 +74,7 @@ class Setting:
         )
 
 
-@dataclass(frozen=True, eq=False)
-class Loads:
+class Loads(NamedTuple):
     """What the contacts carry.
 
     Attributes:
@@ -92,8 +92,7 @@ class Loads:
     pressure: list[tuple[float, float]]
 
 
-@dataclass(frozen=True, eq=False)
-class Motion:
+class Motion(NamedTuple):
     """What stage 1 finds.
 
     Attributes:

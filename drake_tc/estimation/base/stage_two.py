@@ -1,7 +1,7 @@
 """Stage 2 of a tick: base position and yaw, and what the contacts hold from now on."""
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -23,8 +23,7 @@ _START = 0.2
 _HELD_FOR = CONTACT_MEMORY.index("held_for")
 
 
-@dataclass(frozen=True, eq=False)
-class Place:
+class Place(NamedTuple):
     """What stage 2 finds.
 
     Attributes:

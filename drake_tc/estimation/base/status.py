@@ -1,7 +1,7 @@
 """What a tick says about itself: the flags of `state.FLAGS` and `state.CONTACT_FLAGS`."""
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,8 +18,7 @@ _AIR_TIME, _LOAD_TIME = 0.3, 1.0
 """Over which loads in the air, and the sum of loads, are averaged [s]."""
 
 
-@dataclass(frozen=True, eq=False)
-class Told:
+class Told(NamedTuple):
     """Flags, and the averages that some of them rest on.
 
     Attributes:

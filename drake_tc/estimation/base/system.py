@@ -8,7 +8,7 @@ from pydrake.math import RotationMatrix
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem, ValueProducer
 
 from drake_tc.errors import ParamsError
-from drake_tc.estimation.base.chain import FootCentreEstimator
+from drake_tc.estimation.base.chain import FootCentreEstimator, FootCentreImuEstimator
 from drake_tc.estimation.base.estimator import CopEstimator
 from drake_tc.estimation.base.spec import BaseEstimatorSpec
 from drake_tc.estimation.base.state import CONTACT_FLAGS, FLAGS, BaseState, Readings, packed, unpacked
@@ -18,7 +18,12 @@ from drake_tc.types import FloatArray
 METHODS: dict[str, type[CopEstimator] | type[FootCentreEstimator]] = {
     "cop": CopEstimator,
     "foot_centre": FootCentreEstimator,
+    "foot_centre_imu": FootCentreImuEstimator,
 }
+
+
+_NOTHING = np.zeros(1)
+"""Of what the estimator does not know: see `BaseKinematics.order`."""
 
 
 class _Unpacked:
@@ -59,7 +64,7 @@ class BaseEstimator(LeafSystem):  # type: ignore[misc, unused-ignore]
         Args:
             robot: With a floating base and an IMU.
             spec: Contacts, period and tuning.
-            method: "cop", or "foot_centre" for the baseline.
+            method: "cop", or a baseline: "foot_centre", "foot_centre_imu".
             position: (3,) where the base starts [m]; the robot file's base pose by default.
             yaw: Its yaw there [rad].
 
@@ -142,18 +147,12 @@ class BaseEstimator(LeafSystem):  # type: ignore[misc, unused-ignore]
         vector.set_value(np.concatenate((_quaternion(state.rotation), state.position)))
 
     def _write_velocity(self, context: Context, vector: Any) -> None:
-        vector.set_value(_twist(self.base_state(context)))
+        vector.set_value(np.concatenate(_twists(self.base_state(context))))
 
     def _write_state(self, context: Context, vector: Any) -> None:
         state, kinematics = self.base_state(context), self._estimator.kinematics
-        out = np.zeros(kinematics.state_size)
-        at, turning = kinematics.base_position, kinematics.base_velocity
-        out[at : at + 4] = _quaternion(state.rotation)
-        out[at + 4 : at + 7] = state.position
-        out[turning : turning + 6] = _twist(state)
-        out[kinematics.joint_position] = state.q
-        out[kinematics.joint_velocity] = state.qd
-        vector.set_value(out)
+        found = (_quaternion(state.rotation), state.position, state.q, *_twists(state), state.qd, _NOTHING)
+        vector.set_value(np.concatenate(found)[kinematics.order])
 
     def _write_cop(self, context: Context, vector: Any) -> None:
         vector.set_value(self.base_state(context).pressure.ravel())
@@ -164,9 +163,9 @@ class BaseEstimator(LeafSystem):  # type: ignore[misc, unused-ignore]
 
 
 def _quaternion(R: FloatArray) -> FloatArray:
-    out: FloatArray = np.array(RotationMatrix(R).ToQuaternion().wxyz())
+    out: FloatArray = RotationMatrix(R).ToQuaternion().wxyz()
     return out
 
 
-def _twist(state: BaseState) -> FloatArray:
-    return np.concatenate((state.rotation @ state.rate, state.rotation @ state.velocity))
+def _twists(state: BaseState) -> tuple[FloatArray, FloatArray]:
+    return state.rotation @ state.rate, state.rotation @ state.velocity

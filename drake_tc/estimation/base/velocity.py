@@ -24,7 +24,7 @@ leaves its sole is the program solved.
 """
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from daqp import solve  # type: ignore[import-not-found, import-untyped, unused-ignore]
@@ -81,8 +81,7 @@ def soles_of(contacts: tuple[ContactSpec, ...]) -> Soles:
     return Soles(normals, offsets, middle, flat, whole, below, np.zeros(k * m, dtype=np.int32), template)
 
 
-@dataclass(frozen=True, eq=False)
-class VelocityProblem:
+class VelocityProblem(NamedTuple):
     """One tick; k contacts, some of them without weight.
 
     Attributes:
