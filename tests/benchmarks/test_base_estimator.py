@@ -16,8 +16,9 @@ pytestmark = pytest.mark.benchmark
 
 BUDGET = 200.0
 """Of a tick on a quiet machine [us]."""
-SLACK = 1.25
-"""By how much the two measures of a shared machine's speed are apart."""
+SLACK = 1.6
+"""Slower than the budget by more than this fails: on a shared machine the two measures of its speed are apart by up to
+a half. Whether the budget is kept is for the printed rows to say."""
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from drake_tc.estimation.base.chain import FootCentreEstimator
+from drake_tc.estimation.base.chain import FootCentreEstimator, FootCentreImuEstimator
 from drake_tc.estimation.base.estimator import CopEstimator
 from drake_tc.estimation.base.log import run_log, track_error
 
@@ -57,6 +57,20 @@ def test_the_foot_centre_chain_is_exact_while_feet_stand():
     assert_allclose(track.position, made.truth.position, atol=1e-6)
     assert_allclose(track.rpy, made.truth.rpy, atol=1e-6)
     assert_allclose(track.velocity[5:], made.truth.velocity[5:], atol=1e-4)
+
+
+def test_the_chain_with_the_imu_is_exact_while_feet_stand_and_knows_a_tilt_that_the_chain_alone_does_not():
+    """Without noise; the IMU's roll and pitch are those of the base whatever the feet do."""
+    made = construct(motion(tilt=0.0, pivot=0.0, cop=0.0))
+    track, _ = estimated(made, FootCentreImuEstimator)
+    assert_allclose(track.position, made.truth.position, atol=1e-5)
+    assert_allclose(track.velocity[5:], made.truth.velocity[5:], atol=1e-3)
+    tilting = construct(motion())
+    plain, imu = (np.abs(estimated(tilting, kind)[0].rpy - tilting.truth.rpy).max(axis=0)
+                  for kind in (FootCentreEstimator, FootCentreImuEstimator))  # fmt: skip
+    assert (imu[:2] < 1e-6).all()
+    assert plain[:2].max() > 0.02
+    assert_allclose(imu[2], plain[2], atol=5e-3)
 
 
 @pytest.mark.parametrize("frequency", [0.5, 1.0])

@@ -169,8 +169,9 @@ def test_flags_have_names_of_their_contacts():
     assert {"yaw_drift", "left/slip", "right/force_offset"} <= set(names)
 
 
-def test_the_foot_centre_baseline_has_the_same_ports(made):
-    system = BaseEstimator(walker(), spec(PERIOD), method="foot_centre")
+@pytest.mark.parametrize("method", ["foot_centre", "foot_centre_imu"])
+def test_the_baselines_have_the_same_ports(made, method):
+    system = BaseEstimator(walker(), spec(PERIOD), method=method)
     context = system.CreateDefaultContext()
     fixed(system, context, made.log, 0)
     ticked(system, context)
