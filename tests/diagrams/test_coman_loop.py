@@ -211,7 +211,24 @@ def test_link_position_undoes_a_damped_spring():
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: BaseEstimationSpec(method="guess"), "estimator.method: wanted one of cop, foot_centre; got 'guess'"),
+        (lambda: BaseEstimationSpec(method="guess"), "estimator.method: wanted one of cop, foot_centre, .*'guess'"),
+        (
+            lambda: BaseEstimationSpec(tuning={"period": 0.01}),
+            "estimator.tuning.period: wanted fields that are a matter",
+        ),
+        (
+            lambda: BaseEstimationSpec(tuning={"quick_start": 1}),
+            "estimator.tuning.quick_start: wanted true or false; got 1",
+        ),
+        (lambda: BaseEstimationSpec(tuning={"yaw_time": True}), "estimator.tuning.yaw_time: wanted a number"),
+        (
+            lambda: scenario("stand", "{faults: {contacts: [{kind: nan}]}}"),
+            "faults.contacts: wanted `lifted` beside it",
+        ),
+        (
+            lambda: scenario("genuflection", "{series_elastic: {position_gain: 5800.0}}"),
+            "series_elastic.position_gain: wanted neither motion nor lifted",
+        ),
         (lambda: BaseEstimationSpec(make=0.01), "wanted 0 < break_ <= make < 1; got break_ 0.02, make 0.01"),
         (lambda: BaseEstimationSpec(sole_points=(5, 3, 2)), "estimator.sole_points: wanted two numbers; got .5, 3, 2."),
         (lambda: BaseEstimationSpec(velocity_window=3), "estimator.velocity_window: wanted 4 samples or more; got 3"),
