@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from drake_tc.diagrams.runs.raised_flags import raised_flags
 from drake_tc.diagrams.runs.recording import Recording, log_columns, write_log, write_rig
 
 from drake_tc.errors import LogError
@@ -39,20 +40,8 @@ def summarise(recording: Recording) -> dict[str, Any]:
         "duration": float(recording.time[-1]),
         "real_time_factor": recording.real_time_factor,
         "joints": joints,
-        "faults": _faults(recording),
+        "faults": raised_flags(recording.time, recording.signals, recording.flag_names),
     }
-
-
-def _faults(recording: Recording) -> list[dict[str, Any]]:
-    """Each flag that was up: its name, and when first."""
-    if "flags" not in recording.signals:
-        return []
-    flags = recording["flags"] > 0.0
-    return [
-        {"name": name, "first": float(recording.time[int(np.argmax(flags[:, i]))])}
-        for i, name in enumerate(recording.flag_names)
-        if flags[:, i].any()
-    ]
 
 
 def estimated(recording: Recording, window: int = 41) -> TorqueLog:

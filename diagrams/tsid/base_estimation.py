@@ -37,7 +37,7 @@ def estimator_spec(wiring: Wiring) -> BaseEstimatorSpec:
         if contact.kind == "surface":
             corners = contact.corners + scenario.ground.margin * np.sign(contact.corners)
             sole = tuple((float(x), float(y)) for x, y, _ in corners)
-        sensor = law.model.robot.force_torque[_sensor_of(law.model.robot, contact)].name
+        sensor = law.model.robot.force_torque[sensor_of(law.model.robot, contact)].name
         soft = None if sole is None else options.sole_stiffness
         points = options.sole_points[0], options.sole_points[1]
         loads = options.make * weight, options.break_ * weight
@@ -59,8 +59,12 @@ def imu_age(scenario: TsidScenario, period: float) -> float:
     return latency
 
 
-def _sensor_of(robot: Robot, contact: Contact) -> int:
-    """Which of the robot's F/T sensors has the contact's link beyond it."""
+def sensor_of(robot: Robot, contact: Contact) -> int:
+    """Which of the robot's F/T sensors has the contact's link beyond it.
+
+    Raises:
+        ParamsError: none has.
+    """
     for number, sensor in enumerate(robot.force_torque):
         if sensor.contact.link == contact.frame.link:
             return number
@@ -95,7 +99,7 @@ def base_state(
         raise ParamsError(f"{law.model.robot.source}: wanted an IMU and F/T sensors; one of them is missing")
     filtered = SavitzkyGolayFilter(n, options.velocity_window, 2, law.period, options.velocity_window - 1)
     wiring.add("velocity_filter", filtered, signal=position)
-    numbers = [_sensor_of(law.model.robot, contact) for contact in law.model.contacts]
+    numbers = [sensor_of(law.model.robot, contact) for contact in law.model.contacts]
     places = [6 * number + axis for number in numbers for axis in range(6)]
     inputs = {
         "position": position,

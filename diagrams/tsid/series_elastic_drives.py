@@ -115,6 +115,16 @@ def add_spring_drives(wiring: Wiring) -> SpringDrives:
     return SpringDrives(actuators, models, *readings)
 
 
+def believed_springs(wiring: Wiring, drives: SpringDrives) -> tuple[FloatArray, FloatArray]:
+    """(n,) compliances [rad/(N m)] and (n,) damping over stiffness [s] of the springs, as the controller takes them."""
+    believed = believed_models(drives.models, wiring.scenario.series_elastic.believed)
+    compliance = np.array(
+        [value.parameters["compliance"] for model in believed for value in model.effects if value.key == _SPRING]
+    )
+    motors = np.array([model.inertia for model in believed])
+    return compliance, spring_times(compliance, motors, joint_inertias(wiring.plant))
+
+
 def link_position(wiring: Wiring, drives: SpringDrives, encoder: OutputPort) -> OutputPort:
     """(n,) position of the links [rad]: the fine encoders less the springs, or that of the coarse ones.
 
@@ -125,12 +135,7 @@ def link_position(wiring: Wiring, drives: SpringDrives, encoder: OutputPort) -> 
     """
     if wiring.scenario.series_elastic.link_from == "link":
         return encoder
-    believed = believed_models(drives.models, wiring.scenario.series_elastic.believed)
-    compliance = np.array(
-        [value.parameters["compliance"] for m in believed for value in m.effects if value.key == _SPRING]
-    )
-    motors = np.array([model.inertia for model in believed])
-    times = spring_times(compliance, motors, joint_inertias(wiring.plant))
+    compliance, times = believed_springs(wiring, drives)
     system = LinkPosition(compliance, times, wiring.law.period)
     wiring.add("link_position", system, motor_angle=drives.motor_angle, torque=drives.torque)
     port: OutputPort = system.GetOutputPort("position")

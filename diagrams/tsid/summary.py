@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from drake_tc.diagrams.runs.raised_flags import raised_flags
 from drake_tc.diagrams.runs.recording import write_log
 from drake_tc.diagrams.tsid.references import POSITION, task_source
 from drake_tc.diagrams.tsid.running import TsidRecording
@@ -62,20 +63,8 @@ def summarise_tsid(recording: TsidRecording) -> dict[str, Any]:
         "p_ind": {"median": float(np.median(p_ind)), "min": float(p_ind.min())},
         "fell": recording.fell,
         "faults": _faults(recording),
-        "flags": flagged(recording),
+        "flags": raised_flags(recording.time, recording.signals, recording.flag_names),
     }
-
-
-def flagged(recording: TsidRecording) -> list[dict[str, Any]]:
-    """Each flag of a sensor, SENSOR/WHAT, that was up: its name, and when first; none without the signal "flags"."""
-    if not recording.flag_names:
-        return []
-    up = recording["flags"] > 0.0
-    return [
-        {"name": name, "first": float(recording.time[int(np.argmax(up[:, i]))])}
-        for i, name in enumerate(recording.flag_names)
-        if up[:, i].any()
-    ]
 
 
 def _faults(recording: TsidRecording) -> list[dict[str, Any]]:

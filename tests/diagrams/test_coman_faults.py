@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from drake_tc.diagrams.papers import coman_faults
 from drake_tc.diagrams.papers.coman_faults import STARTS, FaultOutcome, cases, outcome, reproduction, scenario_of
+from drake_tc.diagrams.runs.raised_flags import raised_flags
 from drake_tc.diagrams.tsid.running import simulate_tsid
 from drake_tc.diagrams.tsid.scenario import FALLIBLE, load_tsid_scenario
-from drake_tc.diagrams.tsid.summary import flagged
 from drake_tc.diagrams.tsid.trust.blind_stop import BLIND, BlindStop
 from drake_tc.diagrams.tsid.trust.standing_feet import LOST
 from drake_tc.diagrams.tsid.trust.stopping_reference import STOP_TIME, StoppingReference
@@ -121,7 +121,7 @@ def test_torques_fade_once_a_joint_is_lost_for_good():
 def test_all_sensors_lost_at_once_leave_finite_numbers(lost):
     assert all(np.isfinite(values).all() for values in lost.signals.values())
     assert np.abs(lost["torque"]).max() < 50.0
-    assert flagged(lost) == []  # before flags are looked at
+    assert raised_flags(lost.time, lost.signals, lost.flag_names) == []  # before flags are looked at
 
 
 @pytest.fixture(scope="module")
@@ -131,7 +131,7 @@ def sound():
 
 @pytest.mark.slow
 def test_no_flag_is_up_and_no_reading_replaced_while_nothing_is_wrong(sound):
-    assert flagged(sound) == []
+    assert raised_flags(sound.time, sound.signals, sound.flag_names) == []
     assert len(sound.flag_names) == sound["flags"].shape[1]
 
 
@@ -148,7 +148,9 @@ def test_no_flag_is_up_and_no_reading_replaced_while_nothing_is_wrong(sound):
 def test_a_fault_is_flagged_by_its_name_and_the_robot_stands_as_it_did(sound, name, fault, flag, late):
     scenario = load_tsid_scenario(FILE, "stand", "{duration: 0.9}")
     recording = simulate_tsid(scenario.changed(faults={name: (fault,)}))
-    first = {item["name"]: item["first"] for item in flagged(recording)}
+    first = {
+        item["name"]: item["first"] for item in raised_flags(recording.time, recording.signals, recording.flag_names)
+    }
     assert 0.6 < first[flag] <= 0.6 + late
     assert recording.fell is None
     case = replace(cases()[0], scenario="stand", faults={name: (fault,)}, groups=(flag,))

@@ -20,9 +20,9 @@ from typing import Any
 
 import numpy as np
 from drake_tc.diagrams.loop.ports import first_imu, picked
-from drake_tc.diagrams.tsid.link_position import spring_times
+from drake_tc.diagrams.tsid.base_estimation import sensor_of
 from drake_tc.diagrams.tsid.senses import Wiring, sensor_specs
-from drake_tc.diagrams.tsid.series_elastic_drives import SpringDrives, believed_models
+from drake_tc.diagrams.tsid.series_elastic_drives import SpringDrives, believed_springs
 from drake_tc.diagrams.tsid.trust.blind_stop import BlindStop
 from drake_tc.diagrams.tsid.trust.body_senses import SETTLED, TrustedImu, TrustedWrench
 from drake_tc.diagrams.tsid.trust.joint_senses import FLAGS, JointSenses
@@ -30,7 +30,6 @@ from drake_tc.diagrams.tsid.trust.standing_feet import StandingFeet
 from pydrake.systems.framework import Context, LeafSystem, OutputPort
 from pydrake.systems.primitives import Multiplexer
 
-from drake_tc.actuation.wiring import joint_inertias
 from drake_tc.errors import ParamsError
 from drake_tc.estimation.fault_monitor import FaultMonitor
 from drake_tc.estimation.monitor_spec import MonitorSpec
@@ -112,7 +111,7 @@ def add_trust(wiring: Wiring, sensors: SensorSuite, springs: SpringDrives, conta
     limit = np.repeat([MONITOR.gyro_jump, MONITOR.accel_jump], 3)
     trusted_imu = TrustedImu(limit, 1, len(robot.force_torque), period)
     wiring.add("trusted_imu", trusted_imu, imu=imu, flagged=doubts["imu"], jolt=doubts["jolt"])
-    contacts_of = sensors_of(wiring)
+    contacts_of = tuple(sensor_of(robot, contact) for contact in law.model.contacts)
     trusted_wrench = TrustedWrench(len(robot.force_torque), len(_BELIEVED_NOT), contacts_of, period)
     told = {} if contacts is None else {"contacts": failing(wiring, "contacts", contacts)}
     wiring.add("trusted_wrench", trusted_wrench, wrench=wrench, flagged=doubts["wrench"], **told)
@@ -145,11 +144,7 @@ class _As:
 
 def _joint_senses(wiring: Wiring, springs: SpringDrives, encoder: OutputPort) -> JointSenses:
     spec, suite = wiring.scenario.series_elastic, sensor_specs(wiring.scenario, wiring.law.period)
-    believed = believed_models(springs.models, spec.believed)
-    compliance = np.array(
-        [value.parameters["compliance"] for m in believed for value in m.effects if value.key == "elasticity"]
-    )
-    times = spring_times(compliance, np.array([m.inertia for m in believed]), joint_inertias(wiring.plant))
+    compliance, times = believed_springs(wiring, springs)
     noisy = bool(np.all(np.asarray(spec.gauge.noise) > 0.0)), bool(np.all(np.asarray(suite.encoder.noise) > 0.0))
     senses = JointSenses(compliance, times, wiring.law.period, noisy)
     raw = {
@@ -159,23 +154,6 @@ def _joint_senses(wiring: Wiring, springs: SpringDrives, encoder: OutputPort) ->
     }
     wiring.add("joint_senses", senses, **raw)
     return senses
-
-
-def sensors_of(wiring: Wiring) -> tuple[int, ...]:
-    """Of each contact of the controller, which F/T sensor has its link beyond it.
-
-    Raises:
-        ParamsError: none has.
-    """
-    robot, found = wiring.law.model.robot, []
-    beyond = [sensor.contact.link for sensor in robot.force_torque]
-    for contact in wiring.law.model.contacts:
-        if contact.frame.link not in beyond:
-            raise ParamsError(
-                f"{robot.source}: force_torque: wanted one whose contact is on {contact.frame.link!r}; got none"
-            )
-        found.append(beyond.index(contact.frame.link))
-    return tuple(found)
 
 
 def sole_compliance(wiring: Wiring) -> FloatArray:
