@@ -17,7 +17,6 @@ WIDE, THICK = 20.0, 1.0
 """The floor is the top of a block [m]."""
 _APPROXIMATIONS = {
     "sap": DiscreteContactApproximation.kSap,
-    "tamsi": DiscreteContactApproximation.kTamsi,
     "similar": DiscreteContactApproximation.kSimilar,
     "lagged": DiscreteContactApproximation.kLagged,
 }

@@ -60,7 +60,7 @@ class GroundSpec:
     dissipation: float = 1.0
     radius: float = 0.01
     margin: float = 0.005
-    approximation: Literal["sap", "tamsi", "similar", "lagged"] = "tamsi"
+    approximation: Literal["lagged", "sap", "similar"] = "lagged"
     sole: SoleSpec | None = None
     supports: tuple[ObjectSpec, ...] = ()
 
@@ -75,7 +75,7 @@ class GroundSpec:
             raise ParamsError(f"ground.stiffness: wanted a positive number [N/m]; got {self.stiffness:g}")
         if self.stiffness is not None and self.sole is not None:
             raise ParamsError("ground: wanted either stiffness, of hard soles, or sole; got both")
-        if self.approximation not in ("sap", "tamsi", "similar", "lagged"):
+        if self.approximation not in ("lagged", "sap", "similar"):
             raise ParamsError(
-                f"ground.approximation: wanted one of sap, tamsi, similar, lagged; got {self.approximation!r}"
+                f"ground.approximation: wanted one of lagged, sap, similar; got {self.approximation!r}"
             )

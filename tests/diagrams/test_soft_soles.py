@@ -47,7 +47,7 @@ def spread(half, count):
     return half**2 * (count + 1) / (3 * (count - 1))
 
 
-@pytest.mark.parametrize("approximation", ["tamsi", "sap", "lagged"])
+@pytest.mark.parametrize("approximation", ["lagged", "sap", "similar"])
 def test_under_its_middle_it_sinks_evenly(approximation):
     spec = GroundSpec(sole=SoleSpec(STIFFNESS, dissipation=20.0), approximation=approximation)
     depth, turn = rested((0.0, 0.0), spec, duration=1.5)
