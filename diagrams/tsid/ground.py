@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from drake_tc.diagrams.tsid.ground_spec import GroundSpec
+from drake_tc.diagrams.tsid.ground_spec import Approximation, GroundSpec
 from pydrake.geometry import AddContactMaterial, Box, ProximityProperties, Sphere
 from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.plant import CoulombFriction, DiscreteContactApproximation, MultibodyPlant
@@ -15,10 +15,10 @@ from drake_tc.types import FloatArray
 
 WIDE, THICK = 20.0, 1.0
 """The floor is the top of a block [m]."""
-_APPROXIMATIONS = {
+_APPROXIMATIONS: dict[Approximation, Any] = {
+    "lagged": DiscreteContactApproximation.kLagged,
     "sap": DiscreteContactApproximation.kSap,
     "similar": DiscreteContactApproximation.kSimilar,
-    "lagged": DiscreteContactApproximation.kLagged,
 }
 
 
@@ -59,6 +59,7 @@ def add_ground(plant: MultibodyPlant, contacts: Sequence[Contact], spec: GroundS
             pose = contact.frame.pose.transform.multiply(RigidTransform(middle))
             plant.RegisterCollisionGeometry(body, pose, Sphere(spec.radius), f"{contact.name}_{number}", material)
     plant.set_discrete_contact_approximation(_APPROXIMATIONS[spec.approximation])
+    plant.set_stiction_tolerance(spec.stiction_tolerance)
 
 
 def touching_points(contact: Contact, spec: GroundSpec) -> FloatArray:

@@ -2,12 +2,15 @@
 
 import math
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args
 
 from drake_tc.diagrams.scenarios.parts import ObjectSpec
 
 from drake_tc.errors import ParamsError
 
+Approximation = Literal["lagged", "sap", "similar"]
+"""How Drake's discrete plant solves for contact forces; `drake-tc bench floor` compares them."""
+APPROXIMATIONS: tuple[Approximation, ...] = get_args(Approximation)
 LONG = 0.1
 """The largest sphere under a sole, and how far soles may reach beyond what the controller takes for them [m]."""
 
@@ -51,6 +54,8 @@ class GroundSpec:
         margin: How far the soles reach beyond what the controller takes for them [m], `LONG` at most; less than they
             do where it is negative.
         approximation: How the discrete plant solves for contact forces.
+        stiction_tolerance: Speed v_s [m/s] by which a foot that sticks may creep: the friction force is
+            mu f_n v/sqrt(v^2 + v_s^2). Used by "lagged" and "similar"; "sap" has a tolerance of its own.
         sole: A soft layer in place of the corners' spheres, with a stiffness and dissipation of its own; None: none.
         supports: Boxes beside the floor, as hard as it is: a wall, a table.
     """
@@ -60,7 +65,8 @@ class GroundSpec:
     dissipation: float = 1.0
     radius: float = 0.01
     margin: float = 0.005
-    approximation: Literal["lagged", "sap", "similar"] = "lagged"
+    approximation: Approximation = "lagged"
+    stiction_tolerance: float = 1e-5
     sole: SoleSpec | None = None
     supports: tuple[ObjectSpec, ...] = ()
 
@@ -75,7 +81,11 @@ class GroundSpec:
             raise ParamsError(f"ground.stiffness: wanted a positive number [N/m]; got {self.stiffness:g}")
         if self.stiffness is not None and self.sole is not None:
             raise ParamsError("ground: wanted either stiffness, of hard soles, or sole; got both")
-        if self.approximation not in ("lagged", "sap", "similar"):
+        if not 0.0 < self.stiction_tolerance < math.inf:
             raise ParamsError(
-                f"ground.approximation: wanted one of lagged, sap, similar; got {self.approximation!r}"
+                f"ground.stiction_tolerance: expected a positive speed [m/s]; got {self.stiction_tolerance:g}"
+            )
+        if self.approximation not in APPROXIMATIONS:
+            raise ParamsError(
+                f"ground.approximation: expected one of {', '.join(APPROXIMATIONS)}; got {self.approximation!r}"
             )

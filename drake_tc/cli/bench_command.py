@@ -15,6 +15,7 @@ from rich.table import Table
 
 from drake_tc.bench.real_rows import RealRow, rows_json
 from drake_tc.blind.scoreboard import print_score
+from drake_tc.cli.bench_floor_command import bench_floor
 from drake_tc.cli.bench_qp_command import bench_qp
 from drake_tc.cli.bench_robot_command import bench_robot
 from drake_tc.cli.bench_table import print_times
@@ -24,6 +25,7 @@ from drake_tc.cli.progress import progress_bar
 bench_app = typer.Typer(help="Benchmarks: rows of figures, with --json for programs.", no_args_is_help=True)
 bench_app.command("robot")(bench_robot)
 bench_app.command("qp")(bench_qp)
+bench_app.command("floor")(bench_floor)
 bench_app.command("tick")(bench_tick)
 
 

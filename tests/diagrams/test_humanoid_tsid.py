@@ -276,7 +276,7 @@ def test_a_foot_is_lifted_and_put_down():
         ("{masses: {tail: 1.1}}", "masses: no link 'tail' in hrp2_like"),
         ("{state: guessed}", "state: wanted one of plant, estimated, base_estimator; got 'guessed'"),
         ("{torque: by hand}", "torque: wanted one of direct, drives, series_elastic; got 'by hand'"),
-        ("{ground: {approximation: hard}}", "ground.approximation: wanted one of lagged, sap, similar"),
+        ("{ground: {approximation: hard}}", "ground.approximation: expected one of lagged, sap, similar"),
         ("{ground: {stiffness: 0.0}}", "ground.stiffness: wanted a positive number"),
         ("{torque_error: {hold: 0.0}}", "torque_error: wanted scale >= 0 and hold > 0"),
         ("{controller: nowhere.yaml}", "nowhere.yaml: wanted a controller file"),
