@@ -1,7 +1,7 @@
-"""Which contact approximation suits soles: one foot that stands, slips and rocks, against closed forms and an ODE.
+"""Which contact approximation suits soles: a foot that stands, slides and rocks, and a robot that leans far.
 
-The foot is a rigid body of 20 kg on one sole of 0.2 x 0.1 m, its centre of mass `LOW` or `HIGH` above the sole. It is
-simulated by the same `add_ground` as every diagram, with the plant's own step of 1 ms.
+The foot is held against closed forms and an ODE. It is a rigid body of 20 kg on one sole of 0.2 x 0.1 m, its centre of
+mass `LOW` or `HIGH` above the sole, simulated by the same `add_ground` as every diagram, with a step of 1 ms.
 """
 
 from collections.abc import Sequence
@@ -12,8 +12,10 @@ import numpy as np
 from drake_tc.diagrams.runs.advancing import Progress
 from drake_tc.diagrams.tsid.ground import add_ground, touching_points
 from drake_tc.diagrams.tsid.ground_spec import APPROXIMATIONS, Approximation, GroundSpec, SoleSpec
+from drake_tc.diagrams.tsid.running import TsidRecording, simulate_tsid
 from drake_tc.diagrams.tsid.scenario import TsidScenario
 from drake_tc.diagrams.tsid.timing import diagram_tick_times
+from drake_tc.diagrams.tsid.violations import contact_misses
 from pydrake.common.value import Value
 from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.math import SpatialForce
@@ -45,6 +47,8 @@ STICKING, SLIDING = 0.4, 1.5
 """Horizontal pushes: shares of the friction that the weight gives."""
 SPEED = 0.5
 """The foot is set sliding at this speed [m/s]; it stops after v^2/(2 mu g)."""
+SETTLED = 0.3
+"""A robot's contact forces count from here on [s]."""
 TILT, ROCKING = 0.15, 0.8
 """The foot is let go on its edge at this angle [rad] and watched for so long [s]."""
 
@@ -177,13 +181,23 @@ def rocking(spec: GroundSpec, x: float, z: float, times: FloatArray) -> FloatArr
     return np.asarray(found.y[2])
 
 
+def cone_miss(recording: TsidRecording) -> float:
+    """By how much the true contact forces, means over 10 ms, miss the controller's cones at worst, 0 if never [N]."""
+    late = recording.time >= SETTLED
+    return max(float(contact_misses(recording, window=10)[late].max()), 0.0)
+
+
 def floor_rows(
-    scenario: TsidScenario, progress: Progress, approximations: Sequence[Approximation] = APPROXIMATIONS
+    moved: TsidScenario,
+    reaching: TsidScenario,
+    progress: Progress,
+    approximations: Sequence[Approximation] = APPROXIMATIONS,
 ) -> list[BenchRow]:
     """The rows of `drake-tc bench floor`.
 
     Args:
-        scenario: Whose diagram is timed.
+        moved: Its diagram is timed.
+        reaching: A robot on hard soles that leans as far as its limits allow.
         progress: Told what is measured and which share is done.
         approximations: To compare.
     """
@@ -199,9 +213,16 @@ def floor_rows(
                 _one(f"{approximation}, {name}: lift while sliding", "mm", 1e3 * lift_while_sliding(spec)),
             ]
         rows.append(_one(f"{approximation}, soft sole: error of a rocking tilt", "mrad", 1e3 * rocking_error(soft)))
-        on_floor = scenario.changed(ground=replace(scenario.ground, approximation=approximation))
-        rows.append(timing_row(f"{approximation}: a tick of the diagram", diagram_tick_times(on_floor)))
+        leaning = simulate_tsid(_on(reaching, approximation))
+        rows += [
+            _one(f"{approximation}, hard floor: a leaning robot's forces outside their cones", "N", cone_miss(leaning)),
+            timing_row(f"{approximation}: a tick of the diagram", diagram_tick_times(_on(moved, approximation))),
+        ]
     return rows
+
+
+def _on(scenario: TsidScenario, approximation: Approximation) -> TsidScenario:
+    return scenario.changed(ground=replace(scenario.ground, approximation=approximation))
 
 
 def _one(name: str, unit: str, value: float) -> BenchRow:

@@ -58,7 +58,7 @@ def add_ground(plant: MultibodyPlant, contacts: Sequence[Contact], spec: GroundS
             middle: Any = point + np.array([0.0, 0.0, spec.radius])
             pose = contact.frame.pose.transform.multiply(RigidTransform(middle))
             plant.RegisterCollisionGeometry(body, pose, Sphere(spec.radius), f"{contact.name}_{number}", material)
-    plant.set_discrete_contact_approximation(_APPROXIMATIONS[spec.approximation])
+    plant.set_discrete_contact_approximation(_APPROXIMATIONS[spec.solver])
     plant.set_stiction_tolerance(spec.stiction_tolerance)
 
 

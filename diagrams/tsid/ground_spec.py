@@ -53,9 +53,10 @@ class GroundSpec:
         radius: Of the spheres [m], `LONG` at most.
         margin: How far the soles reach beyond what the controller takes for them [m], `LONG` at most; less than they
             do where it is negative.
-        approximation: How the discrete plant solves for contact forces.
-        stiction_tolerance: Speed v_s [m/s] by which a foot that sticks may creep: the friction force is
-            mu f_n v/sqrt(v^2 + v_s^2). Used by "lagged" and "similar"; "sap" has a tolerance of its own.
+        approximation: How the discrete plant solves for contact forces. None: "sap" for hard soles, which stand best
+            on it, and "lagged" for soft ones, which rock and slide best on it (`drake-tc bench floor`).
+        stiction_tolerance: Speed v_s [m/s] of the regularised friction mu f_n v/sqrt(v^2 + v_s^2): a foot that sticks
+            creeps by less. Used by "lagged" and "similar"; "sap" has a tolerance of its own.
         sole: A soft layer in place of the corners' spheres, with a stiffness and dissipation of its own; None: none.
         supports: Boxes beside the floor, as hard as it is: a wall, a table.
     """
@@ -65,7 +66,7 @@ class GroundSpec:
     dissipation: float = 1.0
     radius: float = 0.01
     margin: float = 0.005
-    approximation: Approximation = "lagged"
+    approximation: Approximation | None = None
     stiction_tolerance: float = 1e-5
     sole: SoleSpec | None = None
     supports: tuple[ObjectSpec, ...] = ()
@@ -85,7 +86,12 @@ class GroundSpec:
             raise ParamsError(
                 f"ground.stiction_tolerance: expected a positive speed [m/s]; got {self.stiction_tolerance:g}"
             )
-        if self.approximation not in APPROXIMATIONS:
+        if self.approximation is not None and self.approximation not in APPROXIMATIONS:
             raise ParamsError(
                 f"ground.approximation: expected one of {', '.join(APPROXIMATIONS)}; got {self.approximation!r}"
             )
+
+    @property
+    def solver(self) -> Approximation:
+        """The approximation that is used."""
+        return self.approximation or ("sap" if self.sole is None else "lagged")

@@ -15,13 +15,14 @@ def bench_floor(
     duration: Annotated[float, typer.Option(min=0.1, help="Simulated seconds of the diagram that is timed.")] = 2.0,
     as_json: Annotated[bool, typer.Option("--json", help="Print the rows as JSON.")] = False,
 ) -> None:
-    """Compare the contact approximations on a foot that stands, slides and rocks, and by the time of a tick."""
+    """Compare the contact approximations: a foot that stands, slides and rocks, a leaning robot, the time of a tick."""
     from drake_tc.diagrams.registry import tsid_entry
     from drake_tc.diagrams.tsid.floor_bench import floor_rows
 
-    scenario = tsid_entry().scenario("com_move").changed(duration=duration)
+    moved = tsid_entry().scenario("com_move").changed(duration=duration)
+    reaching = tsid_entry().scenario("far_reach")
     with progress_bar("bench floor", quiet=as_json) as progress:
-        rows = floor_rows(scenario, progress)
+        rows = floor_rows(moved, reaching, progress)
     if as_json:
         print(json.dumps({"name": "floor", "rows": [row.to_json() for row in rows]}))
         return
