@@ -32,7 +32,7 @@ SAID = {
         "every robust measure is safer than classic: True",
         "the robust controller misses limits a third as often or less: True",
         "independent: False",
-        "limits contradicted each other: classic True, individual False",
+        "contact forces stay in their cones: classic False, individual True",
         "the robust controller stands: True",
         "twice the classic p, all states             missed",
         "p_ind >= p_rect >= p_box                    missed",

@@ -246,7 +246,10 @@ def test_robust_torques_keep_the_contact_cones_where_classic_ones_miss_them():
     )
     assert robust.fell is None
     assert np.median(robust.status(Status.P_IND)[1000:]) > 0.98
-    assert np.linalg.norm(task_errors(robust)["reach"], axis=1).max() < 0.015
+    off = {
+        name: np.linalg.norm(task_errors(run)["reach"], axis=1).max() for name, run in (("r", robust), ("c", classic))
+    }
+    assert off["r"] < min(1.1 * off["c"], 0.02)  # robustness costs the hand little
     assert cone_miss(robust) == 0.0
     assert np.median(classic.status(Status.P_IND)[1000:]) < 0.1
     assert cone_miss(classic) > 30.0
