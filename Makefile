@@ -50,8 +50,8 @@ times: $(VENV)/.installed-test ## what one tick costs: nothing else running
 wheel: $(VENV)/.installed-test ## build the wheel and run the demo from it, in an empty environment
 	bash .ci/wheel.sh $(BIN)/python
 
-test-slow: $(VENV)/.installed-test ## long reproductions and the full blind benchmark
-	$(BIN)/pytest -q -m slow
+test-slow: $(VENV)/.installed-test ## long reproductions and benchmarks, all parts; one of them: PART=name
+	$(BIN)/python tests/slow_parts.py $(PART)
 
 notebook: $(VENV)/.installed-test ## run the notebooks' scripts and store them rendered
 	for script in notebooks/*.py; do \

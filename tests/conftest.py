@@ -1,9 +1,13 @@
-"""Settings of every test: no window opens, and a terminal is 80 columns wide unless a test says otherwise."""
+"""Settings of every test, and the parts of the slow ones.
+
+No window opens, and a terminal is 80 columns wide unless a test says otherwise.
+"""
 
 import os
 
 import pytest
 from hypothesis import settings
+from slow_parts import PARTS, parts_of
 
 os.environ.setdefault("MPLBACKEND", "Agg")
 
@@ -18,3 +22,31 @@ def _plain_terminal(monkeypatch):
     monkeypatch.setenv("COLUMNS", "80")
     monkeypatch.setenv("NO_COLOR", "1")
     monkeypatch.delenv("FORCE_COLOR", raising=False)
+
+
+SLOW_TIMEOUT = 40 * 60
+"""A slow test may take as long as a part of them [s]."""
+
+
+def pytest_addoption(parser):
+    parser.addoption("--part", choices=PARTS, help="of the slow tests, run this part: see tests/slow_parts.py")
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(config, items):
+    """Every slow test belongs to one part and may take as long as that; with --part the other parts are left out."""
+    chosen = config.getoption("part")
+    kept = []
+    for item in items:
+        parts = None
+        if item.get_closest_marker("slow"):
+            test = item.nodeid.removeprefix("tests/")
+            parts = parts_of(test)
+            if len(parts) != 1:
+                raise pytest.UsageError(f"{test} is slow: expected one part of tests/slow_parts.py, got {parts}")
+            if not item.get_closest_marker("timeout"):
+                item.add_marker(pytest.mark.timeout(SLOW_TIMEOUT))
+        if chosen is None or parts == [chosen]:
+            kept.append(item)
+    config.hook.pytest_deselected(items=[item for item in items if item not in kept] if chosen else [])
+    items[:] = kept

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Any, Literal, TypeVar, get_args
 
 import numpy as np
 from drake_tc.diagrams.scenarios.strict_yaml import from_mapping, read_mapping
@@ -13,6 +13,28 @@ from drake_tc.errors import ParamsError
 How = Literal["min", "max", "within"]
 Progress = Callable[[str, float], None]
 EXPECTED = Path(__file__).parent / "expected"
+
+
+@dataclass(frozen=True)
+class OnRecord:
+    """The value of a row as it was last computed with seed 0, and as texts quote it.
+
+    Attributes:
+        name: Of the row.
+        reached: The value.
+        reached_tolerance: How far a newly computed value may be from it, to either side, in the value's unit.
+    """
+
+    name: str
+    reached: float
+    reached_tolerance: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.reached) and 0.0 <= self.reached_tolerance < np.inf):
+            raise ParamsError(
+                f"{self.name}: expected a finite value reached and a finite tolerance of it, not negative;"
+                f" got {self.reached} and {self.reached_tolerance}"
+            )
 
 
 @dataclass(frozen=True)
@@ -26,7 +48,9 @@ class Expectation:
         tolerance: In the value's unit; allowed beyond `expected` for "min" and "max" too.
         unit: Of value, expected and tolerance.
         source: Page, table or figure it comes from, or the reason why it is asked for.
-        reason: Why it is not met, where it is known not to be.
+        reason: Why it is not met, where it is known not to be; `reached` then says by how much.
+        reached: The value that was last computed with seed 0 and put on record, as texts quote it.
+        reached_tolerance: How far a newly computed value may be from `reached`, to either side.
     """
 
     name: str
@@ -36,6 +60,8 @@ class Expectation:
     unit: str = ""
     source: str = ""
     reason: str = ""
+    reached: float | None = None
+    reached_tolerance: float = 0.0
 
     def __post_init__(self) -> None:
         if self.how not in get_args(How):
@@ -45,6 +71,18 @@ class Expectation:
                 f"{self.name}: wanted a finite expected value and tolerance, the latter not negative;"
                 f" got {self.expected} and {self.tolerance}"
             )
+        if self.reason and self.reached is None:
+            raise ParamsError(f"{self.name}: a known miss, one with a reason, needs the value it has: `reached`")
+        if self.reached is not None:
+            OnRecord(self.name, self.reached, self.reached_tolerance)  # refuses what is not finite
+
+    @property
+    def on_record(self) -> "OnRecord | None":
+        """The value that was last computed, where one is on record."""
+        return None if self.reached is None else OnRecord(self.name, self.reached, self.reached_tolerance)
+
+
+Named = TypeVar("Named", OnRecord, Expectation)
 
 
 @dataclass(frozen=True)
@@ -119,14 +157,52 @@ def expectations(file: str) -> dict[str, Expectation]:
     """The expected values beside the code: `expected/FILE.yaml`, a list under `rows`, by name.
 
     Raises:
-        ParamsError: anything but a list under `rows`, a field that is unknown, missing or bad, or a name given twice.
+        ParamsError: as `_read` and `_by_name`.
+    """
+    path, rows, _ = _read(file)
+    return _by_name(Expectation, rows, path, "rows")
+
+
+def on_record(file: str) -> dict[str, OnRecord]:
+    """The values on record in `expected/FILE.yaml`, by name: of judged rows, and of the rows under `quoted`.
+
+    Rows under `quoted` are not judged, but a text quotes them.
+
+    Raises:
+        ParamsError: as `_read` and `_by_name`, or a name that is under `rows` and under `quoted`.
+    """
+    path, rows, quoted = _read(file)
+    judged_rows = _by_name(Expectation, rows, path, "rows")
+    others = _by_name(OnRecord, quoted, path, "quoted")
+    if twice := sorted(set(judged_rows) & set(others)):
+        raise ParamsError(f"{path}: judged and under `quoted`: {', '.join(twice)}")
+    return {name: row.on_record for name, row in judged_rows.items() if row.on_record} | others
+
+
+def _read(file: str) -> tuple[Path, list[object], list[object]]:
+    """The file's path, its `rows`, and what is under `quoted`, if anything is.
+
+    Raises:
+        ParamsError: `rows` or `quoted` is no list of something, or there is another key.
     """
     path = EXPECTED / f"{file}.yaml"
     document = read_mapping(path)
-    listed = document.get("rows")
-    if set(document) != {"rows"} or not isinstance(listed, list) or not listed:
-        raise ParamsError(f"{path}: wanted a list of expected values under `rows`, and no other key")
-    rows = [from_mapping(Expectation, item, f"{path}: rows[{i}]") for i, item in enumerate(listed)]
+    lists = [document.get("rows"), document.get("quoted", [None])]
+    if not set(document) <= {"rows", "quoted"} or not all(isinstance(rows, list) and rows for rows in lists):
+        raise ParamsError(
+            f"{path}: wanted a list of expected values under `rows`, perhaps one of values on record under `quoted`,"
+            " and no other key"
+        )
+    return path, document["rows"], document.get("quoted", [])
+
+
+def _by_name(kind: type[Named], listed: list[object], path: Path, key: str) -> dict[str, Named]:
+    """The list's items as `kind`, by name.
+
+    Raises:
+        ParamsError: a field that is unknown, missing or bad, or a name given twice.
+    """
+    rows = [from_mapping(kind, item, f"{path}: {key}[{i}]") for i, item in enumerate(listed)]
     named = {row.name: row for row in rows}
     if len(named) != len(rows):
         raise ParamsError(f"{path}: a name is given twice")

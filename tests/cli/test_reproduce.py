@@ -11,7 +11,11 @@ from drake_tc.diagrams.papers.reproduction import Expectation, Reproduction, Row
 
 ROWS = (
     Row("met [1]", 2.5, Expectation("met [1]", 2.0, "min", unit="N", source="Table 9")),
-    Row("missed with a reason", 3.0, Expectation("missed with a reason", 1.0, "max", 0.5, reason="too [warm] a day")),
+    Row(
+        "missed with a reason",
+        3.0,
+        Expectation("missed with a reason", 1.0, "max", 0.5, reason="too [warm] a day", reached=3.0),
+    ),
     Row("missed without", float("nan"), Expectation("missed without", 1.0, "within", 0.1)),
     Row("not judged", 4.0),
 )

@@ -1,0 +1,92 @@
+"""Puts computed values on record: `python -m drake_tc.diagrams.papers.record_reached RESULT.json ...`.
+
+RESULT.json is what `drake-tc reproduce ID --json` printed, of one id or of all. In `expected/*.yaml` every judged row,
+and every row under `quoted`, gets the value that was computed as `reached`, to four digits. A `reached_tolerance` that a
+row has stays; a row without one gets 5 % of the value, 0.1 % of the expected value at least, and none for a whole
+number. Comments, order and everything else of the file stay. What the record then contradicts is printed.
+"""
+
+import json
+import re
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from drake_tc.diagrams.papers.departures import departures, expected_file
+from drake_tc.diagrams.papers.reproduction import EXPECTED, Row, expectations, on_record
+
+from drake_tc.errors import ParamsError
+
+SHARE, LEAST_SHARE = 0.05, 1e-3
+"""Of the value and of the expected value, for the tolerance of a row that has none."""
+NAME = re.compile(r'name: "([^"]*)"')
+REACHED = re.compile(r", reached: [^,}]+")
+TOLERANCE = re.compile(r", reached_tolerance: ([^,}]+)")
+AFTER = re.compile(r'how: \w+(?:, tolerance: [^,}]+)?|name: "[^"]*"(?!.*\bhow:)')
+"""Where the fields go: behind what is expected, or behind the name of a row that is not judged."""
+
+
+def recorded_text(text: str, values: Mapping[str, float]) -> str:
+    """The text of an expected file, one row a line, with the values on record.
+
+    Raises:
+        ParamsError: a row without a value, or a value that is not finite.
+    """
+    return "\n".join(_recorded_line(line, values) for line in text.split("\n"))
+
+
+def _recorded_line(line: str, values: Mapping[str, float]) -> str:
+    found = NAME.search(line)
+    if line.lstrip().startswith("#") or not found:
+        return line
+    value = values.get(found.group(1))
+    if value is None:
+        raise ParamsError(f"{found.group(1)}: no finite value was computed that could be put on record")
+    tolerance = TOLERANCE.search(line)
+    expected = re.search(r"expected: ([^,}]+)", line)
+    kept = tolerance.group(1) if tolerance else _number(_tolerance(value, float(expected.group(1)) if expected else 0.0))
+    line = TOLERANCE.sub("", REACHED.sub("", line))
+    more = f", reached: {_number(value)}, reached_tolerance: {kept}"
+    return AFTER.sub(lambda place: place.group() + more, line, count=1)
+
+
+def _tolerance(value: float, expected: float) -> float:
+    if value == round(value):
+        return 0.0
+    return float(f"{max(SHARE * abs(value), LEAST_SHARE * abs(expected)):.2g}")
+
+
+def _number(value: float) -> str:
+    """To four digits, and as YAML reads a number: with a point, also before an exponent."""
+    text = repr(float(f"{value:.4g}"))
+    return text if "." in text else text.replace("e", ".0e")
+
+
+def record(result: Mapping[str, Any]) -> list[str]:
+    """Put one result on record; what the file then says against itself.
+
+    Raises:
+        ParamsError: see `recorded_text`; a row that is not on a line of its own, with its name in double quotes.
+    """
+    file = expected_file(result["id"])
+    path = EXPECTED / f"{file}.yaml"
+    values = {row["name"]: row["value"] for row in [*result["rows"], *result["others"]]}
+    path.write_text(recorded_text(path.read_text("utf-8"), values), encoding="utf-8")
+    recorded, wanted = on_record(file), expectations(file)
+    if left := sorted(set(wanted) - set(recorded)):
+        raise ParamsError(f"{path}: expected one row a line, with its name in double quotes: {', '.join(left)}")
+    return departures([Row(name, item.reached, wanted.get(name)) for name, item in recorded.items()], recorded)
+
+
+def main(files: list[str]) -> None:
+    """Record the results in these files."""
+    for name in files:
+        found = json.loads(Path(name).read_text("utf-8"))
+        for result in found if isinstance(found, list) else [found]:
+            for text in record(result):
+                print(f"{result['id']}: {text}")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

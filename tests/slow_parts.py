@@ -1,0 +1,146 @@
+"""Parts of the slow tests, each under forty minutes on two cores: `python tests/slow_parts.py [PART ...]` runs them.
+
+Without a part all of them run one after the other; `--list` prints them. A test belongs to the part that has a pattern
+of its file and parameters (`tests/conftest.py`); every slow test belongs to exactly one.
+"""
+
+import subprocess
+import sys
+import time
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+REPRODUCED = "diagrams/test_papers.py::test_a_reproduction_is_as_recorded?"
+"""The test of whole reproductions; its parameter, an id in square brackets, follows."""
+
+
+@dataclass(frozen=True)
+class Part:
+    """Slow tests that one kind of change can reach.
+
+    Attributes:
+        about: One line for `make help`.
+        tests: Patterns of test ids below tests/, as in `fnmatch`; `?` stands for a bracket.
+        alone: Whether its tests start processes of their own, or take times, and so run one by one.
+    """
+
+    about: str
+    tests: tuple[str, ...]
+    alone: bool = False
+
+
+PARTS = {
+    "leg": Part(
+        "paper A: the leg's torque loop, its faults and stress, what it is tuned to, its command line",
+        (
+            REPRODUCED + "A.fig*",
+            REPRODUCED + "A.t[ao]*",
+            "diagrams/test_papers.py::test_another_seed*",
+            "diagrams/test_faults.py::*",
+            "diagrams/test_stress.py::*",
+            "diagrams/test_table1.py::*",
+            "diagrams/test_other_robots.py::*",
+            "analysis/*",
+            "cli/*",
+        ),
+    ),
+    "leg-sweeps": Part(
+        "paper A: stability, its grid, tuning, and what goes beyond the paper",
+        (REPRODUCED + "A.stability*", REPRODUCED + "A.tune?", REPRODUCED + "A.beyond?"),
+        alone=True,
+    ),
+    "tsid": Part(
+        "paper B: its five tests, how their motions were chosen, quadratic programs",
+        (REPRODUCED + "B.test*", "diagrams/test_tsid_papers.py::*", "tsid/*"),
+        alone=True,
+    ),
+    "closed-loop": Part(
+        "paper B: twenty robots in the whole chain (B.closed_loop)", (REPRODUCED + "B.closed_loop?",), alone=True
+    ),
+    "humanoid": Part("humanoids of several makers on a floor under robust TSID", ("diagrams/test_humanoid_tsid.py::*",)),
+    "series-elastic": Part(
+        "paper C: one series-elastic joint, its laws and its motor",
+        (
+            *(REPRODUCED + id_ for id_ in ("C.bode?", "C.held?", "C.motor?")),
+            "diagrams/test_sea_*",
+            "identification/*",
+        ),
+    ),
+    "coman-motions": Part(
+        "paper C: the whole loop turns, bows and slips; the base's estimate",
+        (
+            *(REPRODUCED + id_ for id_ in ("C.turn*", "C.genuflection?", "C.slip?", "C.soles?")),
+            "diagrams/test_coman_loop.py::*",
+            "estimation/base/test_motions.py::*",
+        ),
+    ),
+    "coman-disturbed": Part(
+        "paper C: the whole loop is pushed, stands on one foot and on three contacts, loses sensors",
+        (
+            *(REPRODUCED + id_ for id_ in ("C.pushes?", "C.one_foot?", "C.three_contacts?", "C.faults?")),
+            "diagrams/test_coman_pushes.py::*",
+            "diagrams/test_coman_contacts.py::*",
+            "diagrams/test_coman_faults.py::*",
+        ),
+        alone=True,
+    ),
+    "diagnosis": Part(
+        "small blind benchmarks, of single joints and of a leg",
+        ("blind/*", "diagnosis/test_blind_mini.py::*", "diagnosis/test_shared_leg.py::*"),
+    ),
+    "blind-middle": Part(
+        "the full blind benchmark: effects of middle strength, and pairs",
+        ("diagnosis/test_blind_full.py::*?middle?",),
+        alone=True,
+    ),
+    "blind-rest": Part(
+        "the full blind benchmark: weak and strong effects, rigs without any, causes not in the library",
+        ("diagnosis/test_blind_full.py::*?rest?",),
+        alone=True,
+    ),
+    "real-data": Part(
+        "public data sets; skipped where they are not there",
+        ("diagnosis/test_real_*", "estimation/base/test_walking_robot.py::*"),
+        alone=True,
+    ),
+    "notebooks": Part("the notebooks' scripts", ("test_notebooks.py::*",)),
+    "times": Part("long timings; nothing else may run", ("benchmarks/*",), alone=True),
+}
+
+
+def parts_of(test: str) -> list[str]:
+    """Names of the parts that a test belongs to, by its id below tests/."""
+    return [name for name, part in PARTS.items() if any(fnmatchcase(test, pattern) for pattern in part.tests)]
+
+
+def run(name: str) -> bool:
+    """Run a part and say how long it took; whether it passed."""
+    command = [sys.executable, "-m", "pytest", "-q", "-m", "slow", "--part", name, "--durations", "10"]
+    if not PARTS[name].alone:
+        command += ["-n", "2", "--dist", "worksteal"]
+    begin = time.monotonic()
+    passed = subprocess.run(command, cwd=ROOT, check=False).returncode == 0
+    minutes = (time.monotonic() - begin) / 60.0
+    print(f"slow tests, part {name}: {'passed' if passed else 'FAILED'} in {minutes:.1f} minutes", flush=True)
+    return passed
+
+
+def main(names: list[str]) -> int:
+    """List the parts, or run those that are named, or all; the exit code."""
+    if names == ["--list"]:
+        print("parts of the slow tests:")
+        print("\n".join(f"  make test-slow PART={name:<16} {part.about}" for name, part in PARTS.items()))
+        return 0
+    if unknown := sorted(set(names) - set(PARTS)):
+        print(f"no part {', '.join(unknown)}; parts: {', '.join(PARTS)}", file=sys.stderr)
+        return 2
+    failed = [name for name in names or PARTS if not run(name)]
+    if failed:
+        print(f"slow tests: failed: {', '.join(failed)}")
+    return 1 if failed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
