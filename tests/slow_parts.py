@@ -59,7 +59,9 @@ PARTS = {
     "closed-loop": Part(
         "paper B: twenty robots in the whole chain (B.closed_loop)", (REPRODUCED + "B.closed_loop?",), alone=True
     ),
-    "humanoid": Part("humanoids of several makers on a floor under robust TSID", ("diagrams/test_humanoid_tsid.py::*",)),
+    "humanoid": Part(
+        "humanoids of several makers on a floor under robust TSID", ("diagrams/test_humanoid_tsid.py::*",)
+    ),
     "series-elastic": Part(
         "paper C: one series-elastic joint, its laws and its motor",
         (

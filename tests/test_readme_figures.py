@@ -46,7 +46,9 @@ def motions(what: str, *ids: str, times: float = 1.0) -> list[float | None]:
 
 def base(id_: str, begin: str = "") -> list[float | None]:
     """Position, velocity and yaw."""
-    return [each(id_, f"{begin}base {what} error, ours over foot centre")[0] for what in ("position", "velocity", "yaw")]
+    return [
+        each(id_, f"{begin}base {what} error, ours over foot centre")[0] for what in ("position", "velocity", "yaw")
+    ]
 
 
 def crossing(id_: str, begin: str, forms: tuple[str, ...]) -> list[float | None]:
@@ -97,7 +99,12 @@ QUOTES: list[tuple[str, str, int, Values]] = [
     ),
     (MAIN, "pushes whose growth", 1, lambda: [*group("A.stability", "pushes that prediction"), 24]),
     (MAIN, "linear verdict", 1, lambda: each("A.stability_grid", "verdicts that disagree")),
-    (MAIN, "largest Kf", 1, lambda: crossing("A.stability", "Kf at the border of force control, ", ("predicted", "simulated"))),
+    (
+        MAIN,
+        "largest Kf",
+        1,
+        lambda: crossing("A.stability", "Kf at the border of force control, ", ("predicted", "simulated")),
+    ),
     (
         MAIN,
         "K6 = 0.1, squared error",
@@ -279,7 +286,11 @@ QUOTES: list[tuple[str, str, int, Values]] = [
         "4 | least p",
         2,
         lambda: [
-            min(p for name, p in recorded("B.test4").items() if name.startswith("p, sigma") and name.endswith(f", {form}"))
+            min(
+                p
+                for name, p in recorded("B.test4").items()
+                if name.startswith("p, sigma") and name.endswith(f", {form}")
+            )
             for form in ("p_ind", "p_box", "p_box, w = 1e-05")
         ],
     ),
@@ -396,14 +407,21 @@ QUOTES: list[tuple[str, str, int, Values]] = [
         for cell, way in enumerate(WAYS, 1)
     ),
 ]
-NOT_YET = (PAPER_C, "twenty robots", "base errors in", "at 0.5 Hz with", "joint damping over", "largest push", "33 sens")
+NOT_YET = (
+    PAPER_C,
+    "twenty robots",
+    "base errors in these turns",
+    "at 0.5 Hz with soles",
+    "joint damping over none",
+    "largest push survived",
+    "33 sensor faults",
+)
 """Quotes of figures that are being computed anew on another floor."""
 
 
-@pytest.mark.parametrize(
-    ("file", "begin", "cell", "values"),
-    [q for q in QUOTES if not any(q[0] == name or q[1].startswith(name) for name in NOT_YET)],
-    ids=lambda value: value if isinstance(value, str) else None,
-)
+CHECKED = [quote for quote in QUOTES if not any(text in NOT_YET for text in quote[:2])]
+
+
+@pytest.mark.parametrize(("file", "begin", "cell", "values"), CHECKED, ids=[f"{q[0]}: {q[1]}, {q[2]}" for q in CHECKED])
 def test_a_table_quotes_what_is_on_record(file, begin, cell, values):
     assert_quoted(row(file, begin)[cell], values(), f"{file}: {begin}")

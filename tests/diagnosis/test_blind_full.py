@@ -1,4 +1,4 @@
-"""The whole blind benchmark (`drake-tc bench diagnosis --scale full`) in two parts: the figures that README.md quotes."""
+"""The whole blind benchmark (`bench diagnosis --scale full`) in two parts: the figures that README.md quotes."""
 
 import os
 from concurrent.futures import ProcessPoolExecutor

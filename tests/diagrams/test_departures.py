@@ -134,11 +134,11 @@ quoted:
 """
 ROWS = """# A comment, name: "no row".
 rows:
-  - {name: "a [N m], K6 = 1", expected: 2.0, how: max, tolerance: 0.1, reached: 1.235, reached_tolerance: 0.062, unit: "-", source: "p. 7"}
-  - {name: "b", expected: 4, how: min, reached: 2.0, reached_tolerance: 0.0, source: "p. 8", reason: &why "it is, as said, warm"}
+  - {name: "a [N m], K6 = 1", expected: 2.0, how: max, tolerance: 0.1, reached: 1.235, reached_tolerance: 0.025, unit: "-", source: "p. 7"}
+  - {name: "b", expected: 4, how: min, reached: 2.0, reached_tolerance: 0.004, source: "p. 8", reason: &why "it is, as said, warm"}
   - {name: "c", expected: 1.0, how: within, reached: 1.5e-05, reached_tolerance: 0.3, source: "p. 9", reason: *why}
 quoted:
-  - {name: "d", reached: 1.0e-07, reached_tolerance: 5.0e-09}
+  - {name: "d", reached: 1.0e-07, reached_tolerance: 2.0e-09}
 """  # noqa: E501
 VALUES = {"a [N m], K6 = 1": 1.23456, "b": 2.0, "c": 1.5e-5, "d": 1e-7, "e": np.nan}
 
@@ -146,6 +146,9 @@ VALUES = {"a [N m], K6 = 1": 1.23456, "b": 2.0, "c": 1.5e-5, "d": 1e-7, "e": np.
 def test_values_are_put_on_record_and_everything_else_stays():
     assert recorded_text(FILE, VALUES) == ROWS
     assert recorded_text(ROWS, VALUES) == ROWS
+    wider = recorded_text(FILE, VALUES, share=0.1)
+    assert "reached: 1.235, reached_tolerance: 0.12" in wider and "reached: 1.5e-05, reached_tolerance: 0.3" in wider
+    assert "reached: 3000.0, reached_tolerance: 0.5" in recorded_text(FILE, VALUES | {"b": 3000.0})  # it may be a count
 
 
 def test_a_row_without_a_finite_value_cannot_be_recorded():
@@ -169,7 +172,7 @@ def test_a_result_file_is_recorded_and_what_it_contradicts_is_printed(tmp_path, 
     result = {"id": "X.one", "rows": rows, "others": [{"name": "d", "value": 1e-7}, {"name": "e", "value": None}]}
     (tmp_path / "result.json").write_text(json.dumps([result]))
     record_reached.main([str(tmp_path / "result.json")])
-    assert on_record("x_one")["a [N m], K6 = 1"] == OnRecord("a [N m], K6 = 1", 1.235, 0.062)
+    assert on_record("x_one")["a [N m], K6 = 1"] == OnRecord("a [N m], K6 = 1", 1.235, 0.025)
     assert capsys.readouterr().out == ""
     rows[1]["value"] = 5.0
     (tmp_path / "result.json").write_text(json.dumps(result))
