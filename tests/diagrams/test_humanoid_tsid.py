@@ -24,6 +24,7 @@ from drake_tc.diagrams.tsid.timing import FORMS
 from drake_tc.diagrams.tsid.torque_noise import TorqueNoise
 from drake_tc.diagrams.tsid.violations import contact_wrenches, worst_misses
 from numpy.testing import assert_allclose, assert_array_equal
+from optional import skip_without_robots
 
 from drake_tc.cli.main import run
 from drake_tc.errors import ParamsError
@@ -58,12 +59,8 @@ def truth(moved):
 
 
 def of_other_robot(name, text):
-    try:
-        return simulate_tsid(load_tsid_scenario(OTHERS, name, text))
-    except ParamsError as error:
-        if "neither installed" in str(error):
-            pytest.skip("example-robot-data is not installed")
-        raise
+    skip_without_robots()
+    return simulate_tsid(load_tsid_scenario(OTHERS, name, text))
 
 
 @pytest.mark.parametrize("name", tsid_entry().scenarios())

@@ -7,9 +7,7 @@ import pytest
 import yaml
 from drake_tc.diagrams.runs.running import simulate_scenario
 from drake_tc.diagrams.scenarios.scenario import load_scenario
-
-from drake_tc.errors import ParamsError
-from drake_tc.robot.packages import resolve
+from optional import skip_without_robots
 
 ROOT = Path(__file__).resolve().parents[2]
 OTHERS = ROOT / "diagrams" / "other_robots.scenario.yaml"
@@ -61,10 +59,7 @@ def squared_error(recording, rows):
 
 @pytest.mark.parametrize("name", ["talos_leg", pytest.param("icub_leg", marks=pytest.mark.slow)])
 def test_legs_of_other_makers_swing_untuned(name):
-    try:
-        resolve("package://example-robot-data/package.xml", ROOT)
-    except ParamsError:
-        pytest.skip('needs pip install "drake-tc[robots]"')
+    skip_without_robots()
     better(*both(OTHERS, name, BRISK), times=10.0)
 
 

@@ -20,8 +20,7 @@ from drake_tc.diagrams.papers.identification import (
     off_line_torque,
 )
 from drake_tc.diagrams.papers.leg_models import STEM, leg_models, write_leg_models
-from drake_tc.diagrams.papers.reproduction import expectations, judged
-from drake_tc.diagrams.papers.table1 import family_factor, figures, identify_table1
+from drake_tc.diagrams.papers.table1 import family_factor, identify_table1
 from drake_tc.diagrams.runs.recording import write_log
 from drake_tc.diagrams.runs.running import simulate_scenario
 from numpy.testing import assert_allclose
@@ -167,12 +166,8 @@ def test_committed_models_are_as_near_the_truth_as_the_table_says():
 
 
 @pytest.mark.slow
-def test_the_whole_table_and_the_committed_models(tmp_path):
-    data = identify_table1(0)
-    missed = {row.name: row for row in judged(figures(data), expectations("a_table1")) if row.met is False}
-    assert set(missed) <= {"K_tau within its 95 % interval alone, joints"}
-    assert all(row.expectation is not None and row.expectation.reason for row in missed.values())
-    for path in write_leg_models(leg_models(data), tmp_path):
+def test_the_committed_models_are_those_that_the_logs_give(tmp_path):
+    for path in write_leg_models(leg_models(identify_table1(0, hidden=("deadzone",))), tmp_path):
         fresh, committed = load_models(path), load_models(MODELS / path.name)
         assert list(fresh) == list(committed)
         for joint, model in fresh.items():

@@ -9,8 +9,6 @@ from drake_tc.diagrams.analysed.perturbed_plants import Compared, Spread, compar
 from drake_tc.diagrams.analysed.tuned import tuned_scenario
 from drake_tc.diagrams.analysed.tuning_task import joint_tasks
 from drake_tc.diagrams.loop.parts import actuator_models, loop_robot, torque_gains
-from drake_tc.diagrams.papers.reproduction import Row
-from drake_tc.diagrams.papers.tuning import tuning
 from drake_tc.diagrams.registry import diagram_entry
 from drake_tc.diagrams.runs.recording import Recording
 from numpy.testing import assert_allclose, assert_array_equal
@@ -122,11 +120,3 @@ def test_a_tuned_scenario_has_the_settings_and_keeps_the_others():
     assert (given["k6"], given["kp"], given["ki"]) == (0.5, 1.0, 2.0)
     assert given["k7"] == pytest.approx(chosen.k7, rel=1e-5)
     assert changed.gains.by_joint["r_hip_yaw"] == {"kp": 1.0}
-
-
-@pytest.mark.slow
-def test_a_tune_meets_all_that_is_asked_of_it():
-    result = tuning(0)
-    missed: list[Row] = [row for row in result.rows if row.met is False]
-    assert missed == []
-    assert len(result.to_json()["rows"]) == 11

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 import yaml
 from numpy.testing import assert_allclose
+from optional import skip_without_robots
 from pydrake.systems.analysis import Simulator
 
-from drake_tc.errors import ParamsError
 from drake_tc.robot.packages import resolve
 from drake_tc.robot.plant import make_plant
 from drake_tc.robot.robot import load_robot
@@ -25,10 +25,8 @@ ROBOTS = {  # URDF below example-robot-data/robots, base, joints that move, mass
 def case(request, tmp_path):
     urdf, base, count = ROBOTS[request.param]
     reference = f"package://example-robot-data/robots/{urdf}"
-    try:
-        path = resolve(reference, tmp_path)
-    except ParamsError:
-        pytest.skip('needs pip install "drake-tc[robots]"')
+    skip_without_robots()
+    path = resolve(reference, tmp_path)
     tree = read_urdf(path)
     return tmp_path, reference, base, count, tree
 

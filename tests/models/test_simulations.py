@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from optional import skip_without_robots
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
@@ -12,8 +13,6 @@ from pydrake.systems.primitives import ConstantVectorSource
 
 from drake_tc.actuation.model_file import load_models
 from drake_tc.actuation.wiring import actuated_joints, add_actuators
-from drake_tc.errors import ParamsError
-from drake_tc.robot.packages import resolve
 from drake_tc.robot.plant import add_robot, joint_limits
 from drake_tc.robot.robot import Robot, load_robot
 
@@ -23,10 +22,7 @@ FILES = sorted(path for path in MODELS.glob("*/*.yaml") if "\nurdf:" in path.rea
 
 def robot_or_skip(path: Path) -> Robot:
     if "package://example-robot-data" in path.read_text(encoding="utf-8"):
-        try:
-            resolve("package://example-robot-data/package.xml", path.parent)
-        except ParamsError:
-            pytest.skip('needs pip install "drake-tc[robots]"')
+        skip_without_robots()
     return load_robot(path)
 
 

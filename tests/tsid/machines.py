@@ -6,12 +6,10 @@ from pathlib import Path
 
 import drake_tc.models
 import numpy as np
-import pytest
 import yaml
+from optional import skip_without_robots
 
-from drake_tc.errors import ParamsError
 from drake_tc.robot.mounts import Mount, Pose
-from drake_tc.robot.packages import resolve
 from drake_tc.robot.plant import joint_limits
 from drake_tc.robot.robot import Robot, load_robot
 from drake_tc.tsid.contacts import Contact
@@ -63,10 +61,7 @@ def arm(folder: Path, **changes: object) -> Robot:
 def robot_or_skip(path: Path) -> Robot:
     """A robot of models/, skipped where its package is not installed."""
     if path.parent.name != "hrp2_like":
-        try:
-            resolve("package://example-robot-data/package.xml", path.parent)
-        except ParamsError:
-            pytest.skip('needs pip install "drake-tc[robots]"')
+        skip_without_robots()
     return load_robot(path)
 
 

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 import yaml
 from numpy.testing import assert_allclose, assert_array_equal
+from optional import skip_without_robots
 
 from drake_tc.control.torque_uncertainty_file import TorqueUncertainty, save_torque_uncertainty
 from drake_tc.errors import ParamsError
-from drake_tc.robot.packages import resolve
 from drake_tc.robot.plant import joint_limits
 from drake_tc.tsid.configuration import load_law
 from drake_tc.tsid.controller import RobustTsid
@@ -54,10 +54,7 @@ def test_the_committed_file_is_what_it_says():
 @pytest.mark.parametrize("name", OTHERS)
 def test_other_robots_files_load(name):
     path = MODELS / name / f"{name}_tsid.yaml"
-    try:
-        resolve(yaml.safe_load((MODELS / name / f"{name}.yaml").read_text())["urdf"], path.parent)
-    except ParamsError:
-        pytest.skip("example-robot-data is not installed")
+    skip_without_robots()
     law = load_law(path)
     assert law.model.force_size == 12  # two soles, or four points
     assert {contact.kind for contact in law.model.contacts} == ({"point"} if name == "solo12" else {"surface"})
