@@ -38,7 +38,7 @@ def seconds(simulator: Simulator, chunk: int) -> float:
 
 
 @pytest.mark.parametrize(("scenario", "bound"), [("stairs_swing_servo", 60.0), ("stairs_swing", 160.0)])
-def test_leg_loop(scenario, bound):
+def test_the_leg_loop_is_no_slower_than_its_bound(scenario, bound):
     loop, copies = leg(scenario), copying()
     for simulator in (loop, copies):
         simulator.Initialize()

@@ -77,7 +77,8 @@ SPECS = {
 
 @pytest.mark.parametrize("size", [6, 18])
 @pytest.mark.parametrize("name", SPECS)
-def test_sensor(name, size):
+def test_a_sensor_is_no_slower_than_its_bound(name, size):
+    """3 % of a tick beyond the floor; the goals are printed beside."""
     spec, faults = SPECS[name]
     floor = times(Floor(size), "reading", size)
     own = times(Sensor(size, spec, TICK, faults), "reading", size)
@@ -86,7 +87,7 @@ def test_sensor(name, size):
 
 
 @pytest.mark.parametrize("size", [6, 18])
-def test_savitzky_golay(size):
+def test_the_filter_is_no_slower_than_its_bound(size):
     floor = times(Floor(size), "reading", size)
     own = times(SavitzkyGolayFilter(size, 80, 2, TICK), "estimate", size)
     report(f"SavitzkyGolayFilter, {size} signals, window 80, all derivatives (5 and 10 us wanted)", own, floor)

@@ -16,10 +16,11 @@ BUDGET = {
 }
 """Median [us] on a quiet machine."""
 MARGIN = 1.4
-"""What a busy neighbour takes from caches and memory beyond what `slowness` sees."""
+"""A guard against regressions fails beyond the budget times this, not at the budget itself: a busy neighbour takes more
+from caches and memory than `slowness` sees."""
 
 
-def test_a_tick_and_the_diagram_keep_their_budgets():
+def test_a_tick_and_the_diagram_are_no_slower_than_their_bounds():
     before = slowness()
     rows = {row.name: row for row in tick_timings(tsid_entry().scenario("com_move").changed(duration=1.0), _silent)}
     slow = max(before, slowness())

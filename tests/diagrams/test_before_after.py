@@ -120,16 +120,15 @@ def test_one_model_means_one_simulation_and_it_is_said(tmp_path, no_simulation):
     assert found.joints["arm"].before == found.joints["arm"].after
 
 
-def test_a_loop_that_runs_away_is_told_and_has_no_error(tmp_path):
+def test_the_guard_holds_a_loop_that_is_unstable_and_it_errs_widely(tmp_path):
     found = run_case(a_case(tmp_path, a_model(viscous=400.0), a_model()), tmp_path)
     arm = found.joints["arm"]
     assert arm.before.spectral_radius > 1.0 > arm.after.spectral_radius
     assert np.isnan(arm.before.gain_margin)
     assert np.isfinite(arm.after.rms_error)
     assert arm.after.rms_error < 0.01
-    ran = any("ran away" in note for note in found.notes)
-    assert ran == bool(np.isnan(arm.before.rms_error))
-    assert ran or arm.before.rms_error > 5.0 * arm.after.rms_error  # the guard holds what it can
+    assert not any("ran away" in note for note in found.notes)
+    assert arm.before.rms_error > 5.0 * arm.after.rms_error
 
 
 def test_another_drive_has_margins_alone(tmp_path, no_simulation):

@@ -113,7 +113,15 @@ def test_smallest_biases_that_are_flagged_in_time(situation, sensor, channel, se
     assert flagged_after(seen) <= FLAGGED_WITHIN
     assert flagged_after(-seen) <= FLAGGED_WITHIN
     assert flagged_after(unseen) > FLAGGED_WITHIN
-    assert abs(BIASES[sensor][0]) >= seen or channel != BIASES[sensor][1]
+
+
+def test_the_cases_biases_are_large_enough_to_be_seen():
+    needed = {(sensor, channel): seen for _, sensor, channel, seen, _ in sorted(SMALLEST, key=lambda row: row[3])}
+    compared = {
+        sensor: (abs(bias), needed[sensor, at]) for sensor, (bias, at) in BIASES.items() if (sensor, at) in needed
+    }
+    assert compared
+    assert {sensor for sensor, (bias, seen) in compared.items() if bias < seen} == set()
 
 
 @pytest.mark.slow

@@ -64,7 +64,7 @@ def test_a_contact_lost_without_notice(estimator, stepping):
     hung[at:, 0] = hung[at, 0]
     track, error = run(estimator, stepping, replace(log, wrench=hung))
     flying = (log.time > 1.7) & (log.time < 2.3)
-    assert of_contact(track, 0, "slip")[flying].mean() > 0.8 or "inconsistent" in raised(track)
+    assert of_contact(track, 0, "slip")[flying].mean() > 0.8
     assert "load_mismatch" in raised(track)
     assert np.linalg.norm(error.position) < 3e-3  # the foot moves by 50 mm
     assert np.degrees(error.angle[2]) < 1.0
