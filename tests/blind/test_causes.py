@@ -12,67 +12,86 @@ from drake_tc.blind.registry import TERMS
 
 from .make import rig
 
+Traces = dict[str, tuple[Record, CleanLog, np.ndarray]]
+RIGS = {
+    "deadzone": rig({"deadzone": {"width": 3.0}}),
+    "saturation": rig({"saturation": {"limit": 30.0}}, "voltage"),
+    "effort_delay": rig({"delay": {"delay": 4e-3}}, "current"),
+    "command_delay": rig({"delay": {"delay": 5e-3}}),
+    "current_lag": rig({"current_lag": {"time": 0.01}}, "voltage"),
+    "cable_spring": rig({"cable_spring": {"stiffness": 3.0, "rest": 0.1}}),
+    "torque_ripple": rig({"torque_ripple": {"amplitude": 1.1, "count": 60.0, "phase": 0.7}}),
+    "rotor_inertia": rig({"rotor_inertia": {"inertia": 0.36}}),
+    "payload": rig({"payload": {"mass": 1.0, "arm": 0.4}}),
+    "torque_sensor_gain": rig({"torque_sensor_gain": {"error": 0.1}}),
+    "encoder_eccentricity": rig({"encoder_eccentricity": {"amplitude": 2e-4, "phase": 0.4}}),
+    "load_dependent_friction": rig({"load_dependent_friction": {"mu": 0.2}}),
+}
 
-def trace(causes: dict, drive: str = "position_servo", run: str = "multisine") -> tuple[Record, CleanLog, np.ndarray]:
-    record = simulate([rig(causes, drive)], [run])[0]  # type: ignore[arg-type]
-    log = clean_log(record)
-    return record, log, unmodelled_torque(record, log)
+
+@pytest.fixture(scope="module")
+def traces() -> Traces:
+    """What is recorded of each rig's multisine, without noise, and the torque that the declared model leaves."""
+    records = simulate([*RIGS.values()], ["multisine"] * len(RIGS))
+    logs = [clean_log(record) for record in records]
+    left = [unmodelled_torque(record, log) for record, log in zip(records, logs, strict=True)]
+    return dict(zip(RIGS, zip(records, logs, left, strict=True), strict=True))
 
 
 def test_every_cause_can_be_simulated_and_drawn() -> None:
     assert set(AMPLITUDES) == set(TERMS) - {"command_delay", "effort_delay"}
 
 
-def test_dead_zone_takes_its_width() -> None:
-    _, log, u = trace({"deadzone": {"width": 3.0}})
+def test_dead_zone_takes_its_width(traces: Traces) -> None:
+    _, log, u = traces["deadzone"]
     np.testing.assert_allclose(u, np.clip(log.effort / 1.5e-4, -3.0, 3.0), atol=1e-8)
 
 
-def test_saturation_takes_what_is_above_the_limit() -> None:
-    _, log, u = trace({"saturation": {"limit": 30.0}}, "voltage")
+def test_saturation_takes_what_is_above_the_limit(traces: Traces) -> None:
+    _, log, u = traces["saturation"]
     y = log.effort / 0.4
     np.testing.assert_allclose(u, y - np.clip(y, -30.0, 30.0), atol=1e-8)
 
 
-def test_effort_delay_is_the_effort_now_less_the_effort_then() -> None:
-    _, log, u = trace({"delay": {"delay": 4e-3}}, "current")
+def test_effort_delay_is_the_effort_now_less_the_effort_then(traces: Traces) -> None:
+    _, log, u = traces["effort_delay"]
     y = log.effort / 0.08
     np.testing.assert_allclose(u[10:], y[10:] - y[6:-4], atol=1e-7)
 
 
-def test_command_delay_is_the_command_now_less_the_command_then() -> None:
-    _, log, u = trace({"delay": {"delay": 5e-3}})
+def test_command_delay_is_the_command_now_less_the_command_then(traces: Traces) -> None:
+    _, log, u = traces["command_delay"]
     np.testing.assert_allclose(u[10:], (log.command[10:] - log.command[5:-5]) / 1.5e-4, atol=1e-6)
 
 
-def test_current_lag_obeys_its_differential_equation() -> None:
+def test_current_lag_obeys_its_differential_equation(traces: Traces) -> None:
     """T dtau_m/dt = y/K - tau_m, and u = y/K - tau_m: so T d(y/K - u)/dt = u."""
-    _, log, u = trace({"current_lag": {"time": 0.01}}, "voltage")
+    _, log, u = traces["current_lag"]
     motor = log.effort / 0.4 - u
     np.testing.assert_allclose(0.01 * np.gradient(motor, 1e-3)[5:-5], u[5:-5], atol=0.05 * np.std(u))
 
 
-def test_spring_ripple_and_inertia_are_functions_of_the_motion() -> None:
-    _, log, u = trace({"cable_spring": {"stiffness": 3.0, "rest": 0.1}})
+def test_spring_ripple_and_inertia_are_functions_of_the_motion(traces: Traces) -> None:
+    _, log, u = traces["cable_spring"]
     np.testing.assert_allclose(u, 3.0 * (log.position - 0.1), atol=1e-8)
-    _, log, u = trace({"torque_ripple": {"amplitude": 1.1, "count": 60.0, "phase": 0.7}})
+    _, log, u = traces["torque_ripple"]
     np.testing.assert_allclose(u, 1.1 * np.sin(60.0 * log.position + 0.7), atol=1e-8)
-    _, log, u = trace({"rotor_inertia": {"inertia": 0.36}})
+    _, log, u = traces["rotor_inertia"]
     np.testing.assert_allclose(u, 0.36 * log.acceleration, atol=1e-8)
 
 
-def test_sensor_causes_are_what_the_sensor_misses() -> None:
-    record, log, u = trace({"payload": {"mass": 1.0, "arm": 0.4}})
+def test_sensor_causes_are_what_the_sensor_misses(traces: Traces) -> None:
+    record, log, u = traces["payload"]
     q, a = record.channels["position"], record.channels["acceleration"]
     np.testing.assert_allclose(u, 0.4 * 9.81 * np.sin(q) + 0.16 * a, atol=1e-8)
-    record, log, u = trace({"torque_sensor_gain": {"error": 0.1}})
+    record, log, u = traces["torque_sensor_gain"]
     np.testing.assert_allclose(u, -0.1 * record.channels["torque"], atol=1e-8)
-    record, log, u = trace({"encoder_eccentricity": {"amplitude": 2e-4, "phase": 0.4}})
+    record, log, u = traces["encoder_eccentricity"]
     np.testing.assert_allclose(log.velocity, np.gradient(log.position, 1e-3), atol=0.02)
 
 
-def test_load_dependent_friction_grows_with_the_transmitted_torque() -> None:
-    record, _, u = trace({"load_dependent_friction": {"mu": 0.2}})
+def test_load_dependent_friction_grows_with_the_transmitted_torque(traces: Traces) -> None:
+    record, _, u = traces["load_dependent_friction"]
     expected = 0.2 * np.abs(record.channels["torque"]) * record.channels["bristle"]
     # atol: the torque of one step (0.1 ms) before
     np.testing.assert_allclose(u, expected, atol=0.05)
