@@ -71,7 +71,7 @@ def test_a_narrow_terminal_keeps_the_columns(closed):
 
 
 def test_json_alone_on_stdout(bench, tmp_path):
-    done = command([*bench.close_loop(tmp_path / "out"), "--json"], tmp_path)
+    done = command([*bench.close_loop(tmp_path / "out"), "--no-closed-loop", "--json"], tmp_path)
     assert done.returncode == 0, done.stderr
     report = json.loads(done.stdout)
     check_report(report)

@@ -86,6 +86,9 @@ def test_what_is_on_record_is_checked(fields, message):
 
 
 NOT_YET = {
+    "A.beyond",
+    "A.stability_grid",
+    "A.tune",
     "B.closed_loop",
     "C.faults",
     "C.genuflection",
@@ -97,7 +100,7 @@ NOT_YET = {
     "C.turn1hz",
     "C.turn_half_hz",
 }
-"""Being computed anew on another floor; their files hold values of the old one."""
+"""Being computed anew; what their files hold is of an older run, and not every row has a value."""
 
 
 @pytest.mark.parametrize("id_", [id_ for id_ in REPRODUCTIONS if id_ not in NOT_YET])
