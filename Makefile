@@ -31,7 +31,7 @@ demo: $(VENV)/.installed ## install, simulate a bench, close the loop on it; the
 	@$(BIN)/drake-tc close-loop --out $(OUT)
 	@echo "$(OUT)/report.html"
 
-test: lint unit times wheel ## all checks, at most ten minutes on two cores
+test: lint unit times wheel ## all checks, at most eight minutes on two cores
 
 lint: $(VENV)/.installed-test
 	$(BIN)/ruff check .

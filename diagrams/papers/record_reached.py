@@ -77,7 +77,9 @@ def record(result: Mapping[str, Any], share: float = SHARE) -> list[str]:
     recorded, wanted = on_record(file), expectations(file)
     if left := sorted(set(wanted) - set(recorded)):
         raise ParamsError(f"{path}: expected one row a line, with its name in double quotes: {', '.join(left)}")
-    return departures([Row(name, item.reached, wanted.get(name)) for name, item in recorded.items()], recorded)
+    rows = [Row(name, item.reached, wanted.get(name)) for name, item in recorded.items()]
+    contradicted: list[str] = departures(rows, recorded)
+    return contradicted
 
 
 def main(arguments: list[str] | None = None) -> None:

@@ -8,8 +8,9 @@ import sys
 import pytest
 
 from drake_tc.actuation.model_file import load_models
-from drake_tc.cli.demo import JOINT, ROTOR_INERTIA
+from drake_tc.cli.demo import JOINT, ROTOR_INERTIA, DemoLength, record_demo
 
+from .conftest import Bench
 from .report_schema import check_report
 
 
@@ -70,7 +71,10 @@ def test_a_narrow_terminal_keeps_the_columns(closed):
     assert "reading" in done.stderr and "reading" not in done.stdout
 
 
-def test_json_alone_on_stdout(bench, tmp_path):
+def test_json_alone_on_stdout(tmp_path):
+    """A recording of 3 s, as nothing of what is found counts here."""
+    rig, logs, held = record_demo(tmp_path / "bench", 0, DemoLength(duration=3.0, period=4e-3, step=1e-3), jobs=1)
+    bench = Bench(rig, tuple(logs), held[0])
     done = command([*bench.close_loop(tmp_path / "out"), "--no-closed-loop", "--json"], tmp_path)
     assert done.returncode == 0, done.stderr
     report = json.loads(done.stdout)
