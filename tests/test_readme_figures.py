@@ -408,7 +408,6 @@ QUOTES: list[tuple[str, str, int, Values]] = [
     ),
 ]
 NOT_YET = (
-    PAPER_C,
     "linear verdict",
     "K6 = 0.1, squared error",
     "K6 = 1, RMS error",
@@ -420,11 +419,6 @@ NOT_YET = (
     "sensitivity peak, delay",
     "100 perturbed plants",
     "twenty robots",
-    "base errors in these turns",
-    "at 0.5 Hz with soles",
-    "joint damping over none",
-    "largest push survived",
-    "33 sensor faults",
 )
 """Quotes of figures that are being computed anew."""
 
