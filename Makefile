@@ -37,7 +37,6 @@ lint: $(VENV)/.installed-test
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
-	$(BIN)/mypy -p diagrams
 
 unit: $(VENV)/.installed-test
 	$(BIN)/pytest -q -n 2 --dist loadscope -m 'not slow and not benchmark'

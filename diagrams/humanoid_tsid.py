@@ -27,7 +27,7 @@ from drake_tc.diagrams.tsid.series_elastic_drives import (
 from drake_tc.diagrams.tsid.torque_noise import TorqueNoise
 from drake_tc.diagrams.tsid.trust.faults import Trusted, add_flags, add_trust, stopped
 from drake_tc.diagrams.tsid.trust.stopping_reference import StoppingReference
-from pydrake.geometry import MeshcatVisualizer, StartMeshcat
+from pydrake.geometry import Meshcat, MeshcatVisualizer
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, OutputPort
 from pydrake.systems.primitives import Adder
@@ -170,7 +170,7 @@ def _add_plant(builder: DiagramBuilder, scenario: TsidScenario, law: Law, *, mes
     add_robot(plant, robot, visuals=meshcat)
     add_ground(plant, law.model.contacts, scenario.ground)
     if meshcat:
-        MeshcatVisualizer.AddToBuilder(builder, scene_graph, StartMeshcat())
+        MeshcatVisualizer.AddToBuilder(builder, scene_graph, Meshcat())
     plant.SetUseSampledOutputPorts(False)
     plant.Finalize()
     plant.set_name("plant")
@@ -188,8 +188,8 @@ def _connect_references(builder: DiagramBuilder, scenario: TsidScenario, control
     stops = _checked(scenario)
     for name, spec in scenario.motion.items():
         port, source = reference_port(name), task_source(law, name, spec)
-        source = builder.AddNamedSystem(port, StoppingReference(source, law.period) if stops else source)
-        builder.Connect(source.get_output_port(), controller.GetInputPort(port))
+        added = builder.AddNamedSystem(port, StoppingReference(source, law.period) if stops else source)
+        builder.Connect(added.get_output_port(), controller.GetInputPort(port))
     if not scenario.lifted:
         return None
     switch = contact_source(law.model.contacts, scenario.lifted, scenario.duration, law.period)

@@ -149,7 +149,7 @@ def record_bench(
 
 def growing_sinusoid(scenario: BenchScenario, start: float, growth: float, frequency_hz: float) -> Table:
     """q(t) = (a0 + a t) sin(2 pi f t) (EQUATIONS A4), start a0, growth a [unit/s], as a command table."""
-    time = np.arange(round(scenario.duration / scenario.log_period) + 1) * scenario.log_period
+    time = np.arange(round(scenario.duration / scenario.log_period) + 1, dtype=np.float64) * scenario.log_period
     return Table(time, (start + growth * time) * np.sin(2.0 * np.pi * frequency_hz * time))
 
 

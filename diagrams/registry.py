@@ -7,8 +7,8 @@ from typing import Any, Generic, Protocol, TypeVar
 
 from drake_tc.diagrams.analysed.operating_point import sliding
 from drake_tc.diagrams.humanoid_tsid import TsidLoop, build_tsid
+from drake_tc.diagrams.runs.advancing import Progress
 from drake_tc.diagrams.runs.simulated import (
-    Progress,
     Simulated,
     simulate_sea_loop,
     simulate_torque_loop,

@@ -22,7 +22,7 @@ from drake_tc.diagrams.loop.stages import servo_command, torque_command
 from drake_tc.diagrams.loop.surroundings import add_objects, add_pushes, add_suspension, check_masses, set_masses
 from drake_tc.diagrams.scenarios.references import posture, references
 from drake_tc.diagrams.scenarios.scenario import Scenario
-from pydrake.geometry import MeshcatVisualizer, StartMeshcat
+from pydrake.geometry import Meshcat, MeshcatVisualizer
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, OutputPort
 
@@ -97,7 +97,7 @@ def _add_plant(builder: DiagramBuilder, scenario: Scenario, robot: Robot, *, mes
         add_robot(plant, robot, visuals=meshcat, collisions=bool(scenario.objects))
         add_objects(plant, scenario.objects)
         if meshcat:
-            MeshcatVisualizer.AddToBuilder(builder, scene_graph, StartMeshcat())
+            MeshcatVisualizer.AddToBuilder(builder, scene_graph, Meshcat())
     else:
         plant = builder.AddNamedSystem("plant", MultibodyPlant(scenario.plant_step))
         add_robot(plant, robot)

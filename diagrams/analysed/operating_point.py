@@ -64,12 +64,14 @@ def sliding(scenario: Scenario, folder: Path, direction: float = 0.0) -> Scenari
     """
     robot = loop_robot(scenario)
     plain = replace(scenario, model_factors=ModelFactors())
-    files = {}
-    for name in ("actuators", "model"):
-        models = actuator_models(plain, robot, controller=name == "model")
-        files[name] = str((folder / f"sliding_{name}.yaml").resolve())
-        save_models({joint: _sliding(model, direction) for joint, model in models.items()}, files[name])
-    return replace(scenario, **files)
+
+    def saved(name: str, *, controller: bool) -> str:
+        models = actuator_models(plain, robot, controller=controller)
+        path = str((folder / f"sliding_{name}.yaml").resolve())
+        save_models({joint: _sliding(model, direction) for joint, model in models.items()}, path)
+        return path
+
+    return replace(scenario, actuators=saved("actuators", controller=False), model=saved("model", controller=True))
 
 
 def _sliding(model: ActuatorModel, direction: float) -> ActuatorModel:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from drake_tc.diagrams.analysed.perturbed_plants import Compared, Spread, compare_on_plant
 from drake_tc.diagrams.loop.parts import loop_robot
-from drake_tc.diagrams.runs.running import Progress
+from drake_tc.diagrams.runs.advancing import Progress
 from drake_tc.diagrams.scenarios.scenario import Scenario
 
 from drake_tc.analysis.sweep import sweep

@@ -20,7 +20,8 @@ import numpy as np
 from drake_tc.diagrams.analysed.joint_loops import joint_loops
 from drake_tc.diagrams.before_after.case import LoopCase, loop_case
 from drake_tc.diagrams.before_after.changed_robot import mass_factors, write_robot_of_masses, write_welded_robot
-from drake_tc.diagrams.before_after.track import Progress, Trace, remarks, simulated
+from drake_tc.diagrams.before_after.track import Trace, remarks, simulated
+from drake_tc.diagrams.runs.advancing import Progress
 from drake_tc.diagrams.scenarios.parts import GainSpec
 from drake_tc.diagrams.scenarios.scenario import Scenario
 

@@ -56,7 +56,7 @@ def track(scenario: Scenario) -> Trace:
     n, done = made.size, made.time.size
     ran_away = made.time[-1] < scenario.duration - 1.5 * scenario.dt
     ticks = round(scenario.duration / scenario.dt) + 1 if ran_away else done
-    time = np.arange(ticks) * scenario.dt
+    time = np.arange(ticks, dtype=np.float64) * scenario.dt
     reference, error = np.full((ticks, n), np.nan), np.full((ticks, n), np.nan)
     reference[:done] = made["reference"][:, :n]
     error[:done] = made.tracking_error

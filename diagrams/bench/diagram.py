@@ -98,7 +98,7 @@ def make_plant(link: Link, step: float) -> MultibodyPlant:
     return plant
 
 
-class TorqueSensor(LeafSystem):  # type: ignore[misc, unused-ignore]
+class TorqueSensor(LeafSystem):
     """The torque that the gear passes to the link, with noise.
 
     Inputs: reaction_forces (of the plant), noise (1) [-], standard normal, applied_torque (1) [N m] on the link from
@@ -143,12 +143,14 @@ def build_bench(model: ActuatorModel, link: Link, table: Table, rates: Rates, de
     actuators = add_actuators(builder, plant, {JOINT: replace(model, joint=JOINT)}, rates.step)
     held = np.append(table.time - 0.25 * rates.step, table.time[-1] + 1.0)  # a sample holds from just before its tick
 
+    polynomial: Any = PiecewisePolynomial  # the stubs ask for lists; the functions take arrays too
+
     def hold(values: FloatArray) -> Any:
-        return PiecewisePolynomial.ZeroOrderHold(held, np.append(values, values[-1])[None, :])
+        return polynomial.ZeroOrderHold(held, np.append(values, values[-1])[None, :])
 
     def line(values: FloatArray) -> Any:
         ends = np.append(table.time, table.time[-1] + 1.0)
-        return PiecewisePolynomial.FirstOrderHold(ends, np.append(values, values[-1])[None, :])
+        return polynomial.FirstOrderHold(ends, np.append(values, values[-1])[None, :])
 
     builder.Connect(_source(builder, "command", hold(table.command)), actuators.GetInputPort("command"))
     if table.temperature is not None:

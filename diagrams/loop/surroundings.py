@@ -72,7 +72,7 @@ def add_pushes(builder: DiagramBuilder, plant: MultibodyPlant, pushes: Sequence[
         builder.Connect(system.get_output_port(), plant.get_applied_spatial_force_input_port())
 
 
-class Pushes(LeafSystem):  # type: ignore[misc, unused-ignore]
+class Pushes(LeafSystem):
     """Wrenches on links over time: sum over the pushes of w sin^2(pi (t - begin)/duration) within their time.
 
     Output: spatial_forces, a list of ExternallyAppliedSpatialForce in world axes; y(t), no state.

@@ -103,7 +103,8 @@ def trunk_orientations(run: TsidRecording) -> tuple[FloatArray, FloatArray, Floa
             continue
         context.SetTime(now)
         times.append(now)
-        wanted.append(rotation_matrix(source.get_output_port().Eval(context)[:4]))
+        reference = np.asarray(source.get_output_port().Eval(context))
+        wanted.append(rotation_matrix(reference[:4]))
         true.append(law.model.terms(scratch, state[:nq], state[nq:]).pose(TRUNK)[0])
     return np.array(times), np.array(wanted), np.array(true)
 

@@ -10,7 +10,7 @@ from drake_tc.diagrams.runs.running import simulate_scenario
 from drake_tc.diagrams.runs.summary import estimated
 
 from drake_tc.control.torque_control import COMPONENTS
-from drake_tc.types import FloatArray
+from drake_tc.types import BoolArray, FloatArray
 
 SETTLED = 3.0
 """The sine is judged from here on [s]: half a period after the force has risen."""
@@ -101,7 +101,7 @@ def _components(recording: Recording) -> FloatArray:
     return np.asarray(recording["components"].reshape(-1, len(COMPONENTS), recording.size))
 
 
-def _shares(recording: Recording, inside: FloatArray) -> FloatArray:
+def _shares(recording: Recording, inside: BoolArray) -> FloatArray:
     """(6, n) RMS of each component [rad]."""
     return np.asarray(np.sqrt(np.mean(_components(recording)[inside] ** 2, axis=0)))
 

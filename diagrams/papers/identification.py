@@ -135,7 +135,8 @@ def record_experiment(folder: Path, progress: Progress | None = None, seed: int 
         peaks.append(np.stack([recording["joint_torque"].min(axis=0), recording["joint_torque"].max(axis=0)]))
         files[name] = write_log(log_columns(recording, torque), folder / f"{name}.npz")
         if name in TRAIN:
-            unscaled = off_line_torque(recording, scenario.dt, sensor_suite(scenario).force.scale)
+            scale = np.asarray(sensor_suite(scenario).force.scale, dtype=np.float64)
+            unscaled = off_line_torque(recording, scenario.dt, scale)
             control = f"{name}_unscaled"
             files[control] = write_log(log_columns(recording, unscaled), folder / f"{control}.npz")
     rig = write_rig(recording, folder / "rig.yaml")

@@ -77,7 +77,7 @@ class Reversal:
         return float(np.sqrt(np.mean(self.other_speed[self.time >= LATE] ** 2)))
 
 
-class PiecewiseFeedforward(LeafSystem):  # type: ignore[misc, unused-ignore]
+class PiecewiseFeedforward(LeafSystem):
     """command = q + s f+(tau_g) + (1 - s) f-(tau_g),  s = (1 + tanh(vhat/v_s))/2, for one joint.
 
     Inputs: joint_estimate (3): [q; qdot; qddot]; position (1): q now [rad].
@@ -162,8 +162,8 @@ def reversal(scenario: Scenario, joint: str, fit: PiecewiseFit, seed: int = 0) -
     torque = np.array([_gravity(alone(robot, scenario, joint))])
     jump = 0.5 * float((fit.forward(torque) - fit.backward(torque))[0])
     slope = 0.5 * float(sum((f(torque + 0.5) - f(torque - 0.5))[0] for f in (fit.forward, fit.backward)))
-    no_feedback = {"kp": 0.0, "ks": 0.0, "kd": 0.0, "ki": 0.0, "gravity_stiffness": 0.0, "sensed_gravity": 0.0}
-    at_reversal = replace(linear, k_tau_model=max(slope, 1e-9), k_v_model=jump / SWITCHING_SPEED, **no_feedback)
+    without_feedback = replace(linear, kp=0.0, ks=0.0, kd=0.0, ki=0.0, gravity_stiffness=0.0, sensed_gravity=0.0)
+    at_reversal = replace(without_feedback, k_tau_model=max(slope, 1e-9), k_v_model=jump / SWITCHING_SPEED)
     values = {value.key: value.parameters for value in true.effects}
     friction = values["deadzone"]["deadzone"] + true.drive.gain * values["coulomb"]["coulomb"]
 

@@ -161,4 +161,4 @@ def run_case(scenario: Scenario, case: FaultCase, start: float) -> FaultOutcome:
     recording = run_loop(loop)
     groups = case.groups(loop.robot)
     mine = [i for i, name in enumerate(recording.flag_names) if name.startswith(groups)]
-    return FaultOutcome(case, start, recording, (recording["flags"][:, mine] > 0.0).any(axis=1))
+    return FaultOutcome(case, start, recording, np.any(recording["flags"][:, mine] > 0.0, axis=1))

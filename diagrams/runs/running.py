@@ -8,9 +8,10 @@ from drake_tc.diagrams.runs.recording import Recording
 from drake_tc.diagrams.scenarios.scenario import Scenario
 from drake_tc.diagrams.torque_loop import Loop, build_loop
 from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import Context
 
 from drake_tc.errors import SimulationError
-from drake_tc.types import IntArray
+from drake_tc.types import FloatArray, IntArray
 
 CHUNK = 0.02
 """The state is looked at this often [s]."""
@@ -71,21 +72,21 @@ def joint_order(loop: Loop) -> IntArray:
     return np.array([loop.plant.GetJointByName(name).velocity_start() for name in loop.robot.joints])
 
 
-def _speeds(loop: Loop, context: object) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+def _speeds(loop: Loop, context: Context) -> FloatArray:
     plant = loop.plant
     return np.asarray(plant.GetVelocities(plant.GetMyContextFromRoot(context)))
 
 
-def _bounded(loop: Loop, context: object) -> bool:
+def _bounded(loop: Loop, context: Context) -> bool:
     speeds = _speeds(loop, context)
     return bool(np.all(np.isfinite(speeds)) and np.abs(speeds).max(initial=0.0) < RUNAWAY_SPEED)
 
 
-def _runaway(loop: Loop, context: object) -> SimulationError:
+def _runaway(loop: Loop, context: Context) -> SimulationError:
     speeds = _speeds(loop, context)
     worst = int(np.argmax(np.where(np.isfinite(speeds), np.abs(speeds), np.inf)))
     names = loop.plant.GetVelocityNames()
-    at = context.get_time()  # type: ignore[attr-defined]
+    at = context.get_time()
     return SimulationError(
         f"system 'plant' ran away by t = {at:.3f} s: {names[worst]} is {speeds[worst]:.3g}, beyond"
         f" {RUNAWAY_SPEED:g} rad/s; the loop is unstable, or plant_step {loop.scenario.plant_step:g} s too large"

@@ -1,6 +1,7 @@
 """What a scenario asks of the joints and the contacts, on the ticks of the controller."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from drake_tc.diagrams.scenarios.parts import ForceSpec, MotionSpec, SinusoidSpec
@@ -36,14 +37,15 @@ def references(scenario: Scenario, robot: Robot) -> References:
     Raises:
         ParamsError: a joint or a sensor that the robot does not have, or knots that do not fit their times.
     """
-    time = np.arange(round(scenario.duration / scenario.dt) + 2) * scenario.dt
+    time = np.arange(round(scenario.duration / scenario.dt) + 2, dtype=np.float64) * scenario.dt
     return References(time, _motion(scenario.motion, robot, time), _force(scenario, robot, time))
 
 
 def table_source(time: FloatArray, values: FloatArray) -> TrajectorySource:
     """A source that holds row k of `values` (T, m) from half a tick before `time[k]` on."""
     tick = time[1] - time[0]
-    return TrajectorySource(PiecewisePolynomial.ZeroOrderHold(time - 0.5 * tick, values.T.copy()))
+    hold: Any = PiecewisePolynomial.ZeroOrderHold  # the stubs ask for lists; the functions take arrays too
+    return TrajectorySource(hold(time - 0.5 * tick, values.T.copy()))
 
 
 def posture(motion: MotionSpec, robot: Robot) -> FloatArray:

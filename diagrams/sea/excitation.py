@@ -70,7 +70,7 @@ def record_excitation(scenario: SeaScenario, excitation: Excitation | None = Non
         rig declares the motor's inertia.
     """
     how = excitation or Excitation()
-    time = np.arange(round(how.duration / scenario.dt) + 1) * scenario.dt
+    time = np.arange(round(how.duration / scenario.dt) + 1, dtype=np.float64) * scenario.dt
     runs = {name: _record(scenario, how, name, time, motion) for name, motion in motions(how, time).items()}
     inertia = scenario.actuator().inertia
     declared = {scenario.joint: {"rotor_inertia": inertia}}

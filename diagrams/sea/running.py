@@ -98,10 +98,11 @@ def run_sea(loop: SeaLoop, progress: Progress | None = None) -> SeaRecording:
     simulator = Simulator(loop.diagram)
     context = simulator.get_mutable_context()
     loop.start(context)
-    motor = loop.diagram.GetSubsystemByName("actuators").GetOutputPort("motor_state")
+    actuators = loop.diagram.GetSubsystemByName("actuators")
+    motor: Any = actuators.GetOutputPort("motor_state")
 
     def goes_on(now: float) -> bool:
-        speed = float(motor.Eval(motor.get_system().GetMyContextFromRoot(context))[1])
+        speed = float(motor.Eval(actuators.GetMyContextFromRoot(context))[1])
         if not (math.isfinite(speed) and abs(speed) < RUNAWAY_SPEED):
             raise SimulationError(f"joint {JOINT!r} ran away by t = {now:.3f} s: its motor turns at {speed:.3g} rad/s")
         return True

@@ -11,7 +11,7 @@ from pydrake.trajectories import PiecewisePolynomial
 from drake_tc.types import FloatArray
 
 
-class Hand(LeafSystem):  # type: ignore[misc, unused-ignore]
+class Hand(LeafSystem):
     """torque = k (q_h - q) + d (q'_h - q'), on the link.
 
     Inputs: state (2): [q; q'] of the link; motion (2): [q_h; q'_h].
@@ -30,7 +30,7 @@ class Hand(LeafSystem):  # type: ignore[misc, unused-ignore]
         vector.SetAtIndex(0, float(self._gains @ (self._motion.Eval(context) - self._state.Eval(context))))
 
 
-class PositionLoop(LeafSystem):  # type: ignore[misc, unused-ignore]
+class PositionLoop(LeafSystem):
     """tau_ref = M q''_d + m g l sin q_d + k (q_d - q) + d (q'_d - q'), of one link.
 
     Inputs: state (2): [q; q'] of the link, as known; motion (3): [q_d; q'_d; q''_d].
@@ -51,7 +51,7 @@ class PositionLoop(LeafSystem):  # type: ignore[misc, unused-ignore]
         vector.SetAtIndex(0, float(carried + self._gains @ (motion[:2] - self._state.Eval(context))))
 
 
-class LinkState(LeafSystem):  # type: ignore[misc, unused-ignore]
+class LinkState(LeafSystem):
     """The link behind the spring as the fine encoder and the gauge tell it, every dt.
 
         y = theta - c tau,   v[n+1] = v[n] + SHARE (z[n] - v[n]),   z[n] = (y[n] - y[n-1])/dt
@@ -90,7 +90,7 @@ class LinkState(LeafSystem):  # type: ignore[misc, unused-ignore]
 
 def wanted_path(spec: WantedSpec, duration: float, dt: float) -> PiecewisePolynomial:
     """The wanted torque or angle (1), exact at the ticks, with two derivatives."""
-    time = np.arange(round(duration / dt) + 3) * dt
+    time = np.arange(round(duration / dt) + 3, dtype=np.float64) * dt
     rise = smooth_step((time - spec.begin) / spec.ramp)
     phase = 2.0 * np.pi * spec.frequency_hz * (time - spec.begin)
     values = rise * (spec.offset + spec.amplitude * np.sin(phase))
@@ -101,7 +101,7 @@ def wanted_path(spec: WantedSpec, duration: float, dt: float) -> PiecewisePolyno
 
 def hand_path(spec: HandSpec, duration: float, dt: float) -> PiecewisePolynomial:
     """(2) [q_h; q'_h]: straight lines whose corners are rounded by a running mean over `rounding`."""
-    time = np.arange(round(duration / dt) + 3) * dt
+    time = np.arange(round(duration / dt) + 3, dtype=np.float64) * dt
     if not spec.times:
         return _path(PiecewisePolynomial.ZeroOrderHold, np.array([0.0, duration + 1.0]), np.zeros((2, 2)))
     fine = np.linspace(-0.5, 0.5, 41) * spec.rounding

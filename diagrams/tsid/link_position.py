@@ -27,7 +27,7 @@ def spring_times(compliance: FloatArray, motor_inertia: FloatArray, link_inertia
     return times
 
 
-class LinkPosition(LeafSystem):  # type: ignore[misc, unused-ignore]
+class LinkPosition(LeafSystem):
     """Positions of n links behind springs with damping, tau = (d + t_d d')/c of the deflection d = theta - q.
 
     Inputs (n each):

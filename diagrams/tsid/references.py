@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from drake_tc.diagrams.tsid.motion_spec import KnotSpec, SpanSpec, TurnSpec
@@ -80,7 +81,7 @@ def _quadruple(values: FloatArray) -> tuple[float, float, float, float]:
 def _moved(rest: FloatArray, path: PiecewisePolynomial, places: tuple[int, int, int]) -> PiecewisePolynomial:
     """(m,) `rest` with a path (3,) added at its position, and the path's derivatives at the other two places."""
     orders = [path, path.derivative(1), path.derivative(2)]
-    pieces = []
+    pieces: list[Any] = []
     for segment in range(path.get_number_of_segments()):
         rows = [[Polynomial(value)] for value in rest.tolist()]
         for order, first in zip(orders, places, strict=True):
@@ -115,4 +116,5 @@ def contact_source(
         for begin, end in every:
             values[names.index(name), (begin <= ticks) & (ticks < end)] = 0.0
     breaks = np.maximum(ticks - 0.5, 0.0) * period
-    return TrajectorySource(PiecewisePolynomial.ZeroOrderHold(breaks, values))
+    hold: Any = PiecewisePolynomial.ZeroOrderHold  # the stubs ask for lists; the functions take arrays too
+    return TrajectorySource(hold(breaks, values))

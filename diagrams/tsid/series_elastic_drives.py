@@ -182,7 +182,8 @@ def control_springs(wiring: Wiring, drives: SpringDrives, torque: OutputPort) ->
         first: Any = torque.Eval(source.GetMyContextFromRoot(root))
         rest: Any = np.array(gains * first)
         if late is not None:
-            late.GetMyMutableContextFromRoot(root).SetDiscreteState(np.tile(rest, ticks))
+            commands: Any = np.tile(rest, ticks)
+            late.GetMyMutableContextFromRoot(root).SetDiscreteState(commands)
         actuators = drives.actuators
         _wind(actuators, actuators.GetMyMutableContextFromRoot(root), first, rest)
         if held is not None:

@@ -35,7 +35,7 @@ def task_errors(recording: TsidRecording, every: int = 10) -> dict[str, FloatArr
             reference = task.rest(rest)
             if name in sources:
                 contexts[name].SetTime(instant)
-                reference = sources[name].get_output_port().Eval(contexts[name])
+                reference = np.asarray(sources[name].get_output_port().Eval(contexts[name]))
             wanted[name].append(reference[place : place + 3])
             found[name].append(task.rest(terms)[place : place + 3])
     return {name: np.array(wanted[name]) - np.array(found[name]) for name in followed}

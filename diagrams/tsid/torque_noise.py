@@ -11,7 +11,7 @@ from drake_tc.tsid.robust.torque_error import TorqueError
 from drake_tc.types import FloatArray
 
 
-class TorqueNoise(LeafSystem):  # type: ignore[misc, unused-ignore]
+class TorqueNoise(LeafSystem):
     """A torque error e = scale L zeta, zeta ~ N(0, I), L L^T = Sigma; held for `period`.
 
     Output:

@@ -62,7 +62,7 @@ def _carrying(recording: TsidRecording) -> BoolArray:
     context, found = source.CreateDefaultContext(), []
     for instant in recording.time:
         context.SetTime(instant)
-        found.append(source.get_output_port().Eval(context) > 0.5)
+        found.append(np.asarray(source.get_output_port().Eval(context)) > 0.5)
     return np.array(found)
 
 

@@ -20,7 +20,7 @@ def _array(values: list[float]) -> Any:
     return np.array(values)
 
 
-class ActuatorPlant(LeafSystem):  # type: ignore[misc, unused-ignore]
+class ActuatorPlant(LeafSystem):
     """n geared, driven joints, sampled every `dt`.
 
     Inputs (vectors, in the order of `models`):

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import JointActuator, JointActuatorIndex
+from pydrake.multibody.tree import JointActuator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import MatrixGain, Selector, SelectorParams
 
@@ -16,7 +16,7 @@ from drake_tc.types import FloatArray
 
 def actuated_joints(plant: MultibodyPlant) -> list[str]:
     """Names of the actuated joints, in the order of the plant's actuation vector."""
-    actuators = [plant.get_joint_actuator(JointActuatorIndex(i)) for i in plant.GetJointActuatorIndices()]
+    actuators = [plant.get_joint_actuator(i) for i in plant.GetJointActuatorIndices()]
     return [actuator.joint().name() for actuator in sorted(actuators, key=lambda a: int(a.input_start()))]
 
 

@@ -12,7 +12,7 @@ from drake_tc.types import FloatArray
 __all__ = ["CommandGuard", "GuardMode", "GuardSpec"]
 
 
-class CommandGuard(LeafSystem):  # type: ignore[misc, unused-ignore]
+class CommandGuard(LeafSystem):
     """Bumpless start, limits, and a safe reaction to lost signals: hold, then damp.
 
     r is where a drive is at rest: the position for a position servo, 0 for others. Every tick, with D the offset limit

@@ -33,7 +33,7 @@ class _Parts(NamedTuple):
     unmet: FloatArray
 
 
-class InverseDynamics(LeafSystem):  # type: ignore[misc, unused-ignore]
+class InverseDynamics(LeafSystem):
     """tau_d = M qddot_d + h - J^T (f_d + Kf e_f) + Ks e + Kd edot, for a base that is welded or floats.
 
     e = q_d - q, edot = qdot_d - qdot, e_f = f_d - f_hat; M, h (gravity included) and J at the estimated, hence as a

@@ -7,7 +7,7 @@ from pydrake.systems.framework import BasicVector, Context, LeafSystem
 from drake_tc.errors import ParamsError
 
 
-class PositionReference(LeafSystem):  # type: ignore[misc, unused-ignore]
+class PositionReference(LeafSystem):
     """command = q_d: what a position-controlled robot does; to be sent through the same CommandGuard.
 
     Input:

@@ -7,7 +7,7 @@ from pydrake.systems.framework import Context, LeafSystem
 from drake_tc.control.references import Path
 
 
-class ReferenceSource(LeafSystem):  # type: ignore[misc, unused-ignore]
+class ReferenceSource(LeafSystem):
     """What a task follows, as a function of time alone.
 
     Output:

@@ -97,7 +97,7 @@ class _Solution(NamedTuple):
     commanded: tuple[float, ...]
 
 
-class TorqueControl(LeafSystem):  # type: ignore[misc, unused-ignore]
+class TorqueControl(LeafSystem):
     """Feedforward through the actuator models and proportional-integral feedback of the estimated torque.
 
         u     = tau_d + Kp (tau_d - tau_hat) + Ki s[n]

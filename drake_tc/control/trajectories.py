@@ -34,7 +34,7 @@ def _spline(t: FloatArray, x: FloatArray, starts: FloatArray, ends: FloatArray) 
     given = ([(1, starts[0]), (2, starts[1])], [(1, ends[0]), (2, ends[1])])
     spline = make_interp_spline(t, x, k=5, bc_type=given)
     rising = np.array([spline(t[:-1], nu=order) / math.factorial(order) for order in range(6)])  # (6, m - 1, n)
-    pieces = [np.array([[Polynomial(c)] for c in rising[:, piece].T]) for piece in range(t.size - 1)]
+    pieces: list[Any] = [np.array([[Polynomial(c)] for c in rising[:, piece].T]) for piece in range(t.size - 1)]
     return PiecewisePolynomial(pieces, t.tolist())
 
 

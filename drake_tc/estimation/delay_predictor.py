@@ -46,7 +46,7 @@ class PredictorSpec:
             raise ParamsError(f"predictor.bandwidth: wanted a positive number [rad/s]; got {self.bandwidth!r}")
 
 
-class DelayPredictor(LeafSystem):  # type: ignore[misc, unused-ignore]
+class DelayPredictor(LeafSystem):
     """tau_now and the joints' motion now, or the delayed ones while the model cannot be trusted.
 
     Inputs:

@@ -93,7 +93,7 @@ def observer_gains(bandwidth: float, dt: float) -> tuple[float, float, float]:
     return 1.0 - z**3, 1.5 * (1.0 - z) ** 2 * (1.0 + z) / dt, (1.0 - z) ** 3 / dt**2
 
 
-class DisturbanceObserver(LeafSystem):  # type: ignore[misc, unused-ignore]
+class DisturbanceObserver(LeafSystem):
     """The observer of the module's docstring for all joints of a robot.
 
     Inputs:

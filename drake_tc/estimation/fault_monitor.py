@@ -29,7 +29,7 @@ REPEATS = 6
 _NEVER = 1e12
 
 
-class FaultMonitor(LeafSystem):  # type: ignore[misc, unused-ignore]
+class FaultMonitor(LeafSystem):
     """Flags of sensor faults; n joints, k F/T sensors, N = n + 6 + 6k raw channels u.
 
     Inputs:

@@ -15,7 +15,7 @@ LARGEST = 1e9
 """No reading in SI units is as large; one that is counts as not finite."""
 
 
-class JointTorqueEstimator(LeafSystem):  # type: ignore[misc, unused-ignore]
+class JointTorqueEstimator(LeafSystem):
     """Joint torques and external wrenches from filtered sensors.
 
     Inputs:

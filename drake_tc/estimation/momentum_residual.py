@@ -13,7 +13,7 @@ from drake_tc.estimation.torque_model import TorqueModel
 from drake_tc.types import FloatArray
 
 
-class MomentumResidual(LeafSystem):  # type: ignore[misc, unused-ignore]
+class MomentumResidual(LeafSystem):
     r"""External generalized forces on n joints and the base, filtered by K, without joint accelerations.
 
     Inputs:

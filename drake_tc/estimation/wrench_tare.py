@@ -11,7 +11,7 @@ from drake_tc.estimation.torque_model import TorqueModel
 from drake_tc.types import FloatArray
 
 
-class WrenchTare(LeafSystem):  # type: ignore[misc, unused-ignore]
+class WrenchTare(LeafSystem):
     """Readings less their bias, which is what they show of a robot that nothing touches beyond what its motion needs.
 
     Inputs:

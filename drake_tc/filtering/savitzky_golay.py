@@ -98,7 +98,7 @@ def smooth_causal(x: FloatArray, window: int, order: int, dt: float, at: float |
     return Smoothed(*outputs)
 
 
-class SavitzkyGolayFilter(LeafSystem):  # type: ignore[misc, unused-ignore]
+class SavitzkyGolayFilter(LeafSystem):
     """Smoothed value and derivatives of n joints, from a polynomial through the last N samples.
 
     Ports:

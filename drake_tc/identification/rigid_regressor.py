@@ -55,8 +55,9 @@ def link_tree(plant: MultibodyPlant) -> LinkTree:
     zero: Any = np.zeros(plant.num_positions())
     plant.SetPositions(context, zero)
     joints = [plant.get_joint(JointIndex(int(i))) for i in plant.GetJointIndices()]
-    moving = sorted((j for j in joints if j.num_velocities() > 0), key=lambda j: int(j.velocity_start()))
-    odd = [j.name() for j in moving if not isinstance(j, RevoluteJoint | PrismaticJoint)]
+    free = sorted((j for j in joints if j.num_velocities() > 0), key=lambda j: int(j.velocity_start()))
+    moving = [j for j in free if isinstance(j, RevoluteJoint | PrismaticJoint)]
+    odd = [j.name() for j in free if not isinstance(j, RevoluteJoint | PrismaticJoint)]
     if odd:
         raise IdentificationError(f"rigid-body regressor: wanted joints that turn or slide, got also {', '.join(odd)}")
     above = {int(j.child_body().index()): j for j in joints}
@@ -68,7 +69,7 @@ def link_tree(plant: MultibodyPlant) -> LinkTree:
             body = above[int(body.index())].parent_body()
         X_PF = plant.CalcRelativeTransform(context, body.body_frame(), joint.child_body().body_frame())
         turned = joint.frame_on_child().GetFixedPoseInBodyFrame().rotation().matrix()
-        given = joint.revolute_axis() if isinstance(joint, RevoluteJoint) else joint.translation_axis()
+        given = np.asarray(joint.revolute_axis() if isinstance(joint, RevoluteJoint) else joint.translation_axis())
         rotation.append(X_PF.rotation().matrix())
         origin.append(X_PF.translation())
         axis.append(turned @ given)

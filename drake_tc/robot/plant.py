@@ -1,6 +1,7 @@
 """A robot in a MultibodyPlant: links, driven joints, actuators in the robot's order."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from pydrake.multibody.parsing import Parser
@@ -71,7 +72,7 @@ def add_robot(plant: MultibodyPlant, robot: Robot, *, visuals: bool = False, col
         plant.SetDefaultFloatingBaseBodyPose(body, robot.base_pose.transform)
     limits = joint_limits(robot)
     for name, effort, position in zip(robot.joints, limits.effort, robot.posture, strict=True):
-        joint = plant.GetJointByName(name, model)
+        joint: Any = plant.GetJointByName(name, model)
         joint.set_default_positions([position])
         actuator = plant.AddJointActuator(name, joint, float(effort))
         actuator.set_default_rotor_inertia(robot.rotor_inertia.get(name, 0.0))

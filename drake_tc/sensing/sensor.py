@@ -34,7 +34,7 @@ def _keep(context: object, value: object) -> None:
     """What is drawn does not age: it is a function of seed and tick."""
 
 
-class SensorBase(LeafSystem):  # type: ignore[misc, unused-ignore]
+class SensorBase(LeafSystem):
     """A truth that becomes a reading; a subclass says where the truth comes from.
 
     Output:

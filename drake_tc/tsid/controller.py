@@ -16,7 +16,7 @@ TASK_PORT = "{}_reference"
 """Name of a task's port."""
 
 
-class RobustTsid(LeafSystem):  # type: ignore[misc, unused-ignore]
+class RobustTsid(LeafSystem):
     """Torques by robust TSID, every `period`; between its ticks the outputs are held.
 
     Inputs:

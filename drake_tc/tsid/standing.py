@@ -43,7 +43,7 @@ def turned(vector: FloatArray) -> FloatArray:
     return rotation_matrix(np.concatenate(([np.cos(half)], 0.5 * np.sinc(half / np.pi) * vector)))
 
 
-class StandingState(LeafSystem):  # type: ignore[misc, unused-ignore]
+class StandingState(LeafSystem):
     """The state of a robot with a floating base from its joints, its first IMU and the contacts that carry it.
 
     Inputs:

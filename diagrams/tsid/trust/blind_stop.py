@@ -9,7 +9,7 @@ BLIND = 0.15
 """How long a flag is up before nothing is believed [s]: of those 0.1 s are the flag's own."""
 
 
-class BlindStop(LeafSystem):  # type: ignore[misc, unused-ignore]
+class BlindStop(LeafSystem):
     """What the controllers get once `lost` has been up for `BLIND`, for good.
 
     Inputs: state (m) of the robot; torque (n) of the gauges; lost (1).

@@ -38,7 +38,7 @@ class _Solved:
     jumps: bool
 
 
-class TrustedImu(LeafSystem):  # type: ignore[misc, unused-ignore]
+class TrustedImu(LeafSystem):
     """An IMU that may be left out: NaN then, on which the base estimator goes by the contacts alone.
 
     Inputs: imu (6) raw [gyro; accel]; flagged (m): any that is up leaves it out; jolt (j): any that is up says that the
@@ -131,7 +131,7 @@ class _Good:
     sensors: BoolArray | None
 
 
-class TrustedWrench(LeafSystem):  # type: ignore[misc, unused-ignore]
+class TrustedWrench(LeafSystem):
     """k F/T sensors, each of which may be left out: its last good reading stands in, and its contact is kept.
 
     Inputs:

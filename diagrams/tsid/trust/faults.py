@@ -219,7 +219,7 @@ def add_flags(wiring: Wiring, trusted: Trusted) -> tuple[str, ...]:
     return tuple(name for names, _ in groups for name in names)
 
 
-class Settled(LeafSystem):  # type: ignore[misc, unused-ignore]
+class Settled(LeafSystem):
     """Zeros at first, then the input `signal` (n): soles that take their load look like faults. No state.
 
     At first: before `SETTLED` and the time for which the monitor's flags stay up.

@@ -30,7 +30,7 @@ class _Solved:
     vote: Vote
 
 
-class JointSenses(LeafSystem):  # type: ignore[misc, unused-ignore]
+class JointSenses(LeafSystem):
     """Readings of n joints that can be believed: see `joint_voting` for the equations.
 
     Inputs (n each), raw: motor_angle [rad], torque [N m], link_angle [rad].
@@ -103,7 +103,7 @@ class JointSenses(LeafSystem):  # type: ignore[misc, unused-ignore]
             return
         left -= 1.0
         np.maximum(left, 0.0, out=left)
-        missing, frozen, odd = (rows.any(axis=1) for rows in (vote.missing, vote.frozen, vote.odd))
+        missing, frozen, odd = (np.any(rows, axis=1) for rows in (vote.missing, vote.frozen, vote.odd))
         causes = [missing[0], odd[0], missing[1], frozen[1], odd[1], odd[2], vote.lost.any()]
         left[causes] = self._hold
         values.get_mutable_value(self._flags)[:] = left > 0.0

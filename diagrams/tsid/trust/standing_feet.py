@@ -39,7 +39,7 @@ def _finite(reading: FloatArray) -> bool:
     return bool(np.count_nonzero(np.isfinite(reading)) == reading.size)
 
 
-class StandingFeet(LeafSystem):  # type: ignore[misc, unused-ignore]
+class StandingFeet(LeafSystem):
     """Soles on a level floor against the base estimate: as their springs let them tilt, and not turning.
 
     Inputs:

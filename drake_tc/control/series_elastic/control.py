@@ -25,7 +25,7 @@ class _Solved:
         self.state: FloatArray = np.zeros(0)
 
 
-class SeriesElasticControl(LeafSystem):  # type: ignore[misc, unused-ignore]
+class SeriesElasticControl(LeafSystem):
     """Torque control of n series-elastic joints, sampled every dt. See `law` for the equations.
 
     Inputs (n each):

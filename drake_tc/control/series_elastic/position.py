@@ -12,7 +12,7 @@ from drake_tc.errors import ParamsError
 from drake_tc.types import FloatArray
 
 
-class MotorPositionControl(LeafSystem):  # type: ignore[misc, unused-ignore]
+class MotorPositionControl(LeafSystem):
     """Position loops of n motors before their springs, as on a drive's own board.
 
     Inputs (n each):

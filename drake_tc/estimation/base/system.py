@@ -32,7 +32,7 @@ class _Unpacked:
     state: BaseState
 
 
-class BaseEstimator(LeafSystem):  # type: ignore[misc, unused-ignore]
+class BaseEstimator(LeafSystem):
     """Pose and velocity of a floating base from encoders, IMU and loads; n joints, k contacts.
 
     Inputs, read at the ticks alone:
@@ -163,8 +163,7 @@ class BaseEstimator(LeafSystem):  # type: ignore[misc, unused-ignore]
 
 
 def _quaternion(R: FloatArray) -> FloatArray:
-    out: FloatArray = RotationMatrix(R).ToQuaternion().wxyz()
-    return out
+    return np.asarray(RotationMatrix(R).ToQuaternion().wxyz())
 
 
 def _twists(state: BaseState) -> tuple[FloatArray, FloatArray]:
