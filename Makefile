@@ -11,7 +11,7 @@ export MPLBACKEND ?= Agg
 .PHONY: help demo test test-slow lint unit coverage times wheel notebook clean
 
 help: ## what can be made
-	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1|/' | column -t -s '|'
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 	@$(PYTHON) tests/slow_parts.py --list
 
 $(VENV)/bin/python:
@@ -21,10 +21,12 @@ $(VENV)/bin/python:
 
 $(VENV)/.installed: pyproject.toml | $(VENV)/bin/python
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable .
+	@bash .ci/system_libraries.sh $(BIN)/python pydrake.common
 	@touch $@
 
 $(VENV)/.installed-test: pyproject.toml | $(VENV)/bin/python
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[test,notebooks,robots,cluster,solvers]'
+	@bash .ci/system_libraries.sh $(BIN)/python pydrake.common proxsuite
 	@touch $@ $(VENV)/.installed
 
 demo: $(VENV)/.installed ## install, simulate a bench, close the loop on it; the last line is the report

@@ -1,8 +1,11 @@
 """The house's walls: imports point down, files are small, robots live in diagrams and models."""
 
 import ast
+import re
+import sys
 import tomllib
 from collections.abc import Iterator
+from importlib.metadata import packages_distributions
 from pathlib import Path
 
 import pytest
@@ -16,6 +19,7 @@ FLOOR = {
     "types": 0,
     "yaml_file": 0,
     "json_values": 0,
+    "system_libraries": 0,
     "logs": 1,
     "robot": 1,
     "filtering": 1,
@@ -49,6 +53,10 @@ def sources() -> list[Path]:
     return sorted(p for folder in ("drake_tc", "diagrams", "models") for p in (ROOT / folder).rglob("*.py"))
 
 
+def every_source() -> list[Path]:
+    return [*sources(), *(path for folder in ("tests", "notebooks") for path in sorted((ROOT / folder).rglob("*.py")))]
+
+
 def package_of(path: Path) -> str:
     if LIBRARY not in path.parents:
         return path.relative_to(ROOT).parts[0]
@@ -61,8 +69,9 @@ def imported(path: Path) -> Iterator[tuple[int, str]]:
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
             yield from ((node.lineno, alias.name) for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.level:
+            assert path.is_relative_to(ROOT / "tests"), f"{path}:{node.lineno}: expected an absolute import"
         elif isinstance(node, ast.ImportFrom):
-            assert node.level == 0, f"{path}:{node.lineno}: wanted an absolute import"
             yield node.lineno, node.module or ""
             yield from ((node.lineno, f"{node.module}.{alias.name}") for alias in node.names)
 
@@ -105,10 +114,67 @@ def test_imports_of_drake_are_narrow():
     assert broad == []
 
 
+NAMED_TUPLE = {"_fields", "_replace", "_asdict", "_make"}
+"""Public in spite of their underscore."""
+
+
+def _is_private(name: str) -> bool:
+    return name.startswith("_") and not name.endswith("_") and name not in NAMED_TUPLE
+
+
+def test_nothing_private_of_others_is_used():
+    """Neither a module or name of Drake that begins with an underscore, nor such an attribute that is not ours."""
+    trees = {path: ast.parse(path.read_text(encoding="utf-8")) for path in every_source()}
+    nodes = [(path, node) for path, tree in trees.items() for node in ast.walk(tree)]
+    ours = {node.name for _, node in nodes if isinstance(node, ast.FunctionDef | ast.ClassDef)}
+    ours |= {node.id for _, node in nodes if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store)}
+    ours |= {node.attr for _, node in nodes if isinstance(node, ast.Attribute) and isinstance(node.ctx, ast.Store)}
+    found = [
+        f"{path}:{node.lineno} {ast.unparse(node)}"
+        for path, node in nodes
+        if isinstance(node, ast.Attribute) and _is_private(node.attr) and node.attr not in ours
+    ]
+    for path in trees:
+        for line, module in imported(path):
+            parts = module.split(".")
+            if parts[0] != "drake_tc" and any(map(_is_private, parts)):
+                found.append(f"{path}:{line} {module}")
+    assert found == []
+
+
+DISTRIBUTIONS = {"proxsuite": "proxsuite"}
+"""Modules whose distribution the metadata do not tell (proxsuite's lies in a folder that a .pth file adds)."""
+
+
+def distribution_name(requirement: str) -> str:
+    """The normalized name in a requirement such as `PyYAML>=6; python_version < "4"`."""
+    return re.sub(r"[-_.]+", "-", re.match(r"[\w.-]+", requirement)[0]).lower()
+
+
+def test_what_is_imported_is_declared():
+    """The library needs its own dependencies or, for what it imports on demand, an extra; tests may use any extra."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    extras = project["optional-dependencies"]
+    on_demand = [name for extra in ("solvers", "cluster", "robots") for name in extras[extra]]
+    library = {distribution_name(name) for name in (*project["dependencies"], *on_demand)}
+    everything = library | {distribution_name(name) for extra in extras.values() for name in extra}
+    distributions = packages_distributions() | {module: [name] for module, name in DISTRIBUTIONS.items()}
+    missing = {}
+    for path in every_source():
+        declared = library if path in sources() else everything
+        for line, dotted in imported(path):
+            module = dotted.split(".")[0]
+            if module in sys.stdlib_module_names or module == "drake_tc" or (ROOT / "tests" / module).exists():
+                continue
+            named = {distribution_name(name) for name in distributions.get(module, [f"unknown-{module}"])}
+            if not named & declared:
+                missing[module] = f"{path.relative_to(ROOT)}:{line}"
+    assert missing == {}
+
+
 def test_files_are_small():
-    files = [*sources(), *(ROOT / "tests").rglob("*.py"), *(ROOT / "notebooks").rglob("*.py")]
     lengths = {}
-    for path in files:
+    for path in every_source():
         lines = path.read_text(encoding="utf-8").splitlines()
         if path.parent.name == "notebooks":  # their prose stands in comments
             lines = [line for line in lines if not line.startswith("#")]

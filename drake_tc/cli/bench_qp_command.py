@@ -15,7 +15,9 @@ COMPARED = ("daqp", "quadprog", "piqp", "proxqp", "clarabel", "osqp")
 
 
 def bench_qp(
-    solver: Annotated[list[str] | None, typer.Option(help="A solver to time, again and again; all by default.")] = None,
+    solver: Annotated[
+        list[str] | None, typer.Option(help="A solver to time, again and again; by default, all installed ones.")
+    ] = None,
     controller: Annotated[Path | None, typer.Option(help="Controller file; the humanoid's by default.")] = None,
     ticks: Annotated[int, typer.Option(min=20, help="Problems of each motion.")] = 400,
     as_json: Annotated[bool, typer.Option("--json", help="Print the rows as JSON.")] = False,
@@ -23,10 +25,15 @@ def bench_qp(
     """Quadratic programs along motions of a robot by each solver: time from nothing and warm-started, and accuracy."""
     from drake_tc.bench.qp import qp_rows
     from drake_tc.tsid.configuration import load_law
+    from drake_tc.tsid.qp.choose import unavailable
 
+    missing = {} if solver else {name: why for name in COMPARED if (why := unavailable(name)) is not None}
+    for why in missing.values():
+        print(f"drake-tc: not timed: {why}", file=sys.stderr)
+    names = solver or [name for name in COMPARED if name not in missing]
     law = load_law(controller or humanoid_controller())
     with progress_bar("bench qp", quiet=as_json) as progress:
-        rows = qp_rows(law, solver or COMPARED, progress, ticks)
+        rows = qp_rows(law, names, progress, ticks)
     if as_json:
         print(json.dumps({"name": "qp", "rows": [row.to_json() for row in rows]}))
         return

@@ -16,7 +16,7 @@ from .report_schema import check_report
 
 def command(arguments, folder, **environment):
     """The installed command in a process of its own, far from the source tree."""
-    call = [sys.executable, "-c", "from drake_tc.cli.main import main; main()", *arguments]
+    call = [sys.executable, "-c", "from drake_tc.cli.entry import main; main()", *arguments]
     return subprocess.run(
         call, cwd=folder, capture_output=True, text=True, timeout=300, env=os.environ | environment, check=False
     )

@@ -63,19 +63,19 @@ def test_a_level_changes_nothing_above_it(seed):
     assert list(more.freedom) == sorted(more.freedom, reverse=True)
 
 
-def test_robustness_in_the_null_space_of_two_levels():
-    levels, polytope, error = problem(2, near=2.5)
+@pytest.mark.parametrize("seed", [0, 1, 2, 5])
+def test_robustness_in_the_null_space_of_two_levels(seed):
+    """Of seeds whose limits leave it room, so that the risk falls and its slope in the null space vanishes."""
+    levels, polytope, error = problem(seed, sizes=(2, 3))
     without = hierarchy(levels, polytope, error, QP)
     robust = hierarchy([*levels, Robustness()], polytope, error, QP)
-    assert_allclose(robust.values[:3], without.values, rtol=1e-7, atol=1e-9)
+    assert_allclose(robust.values[:2], without.values, rtol=1e-7, atol=1e-9)
     before = individual_risk(polytope, without.torque, error).value
-    assert robust.values[3] < before
-    assert_allclose(robust.values[3], individual_risk(polytope, robust.torque, error).value, rtol=1e-9)
-    basis = np.linalg.svd(np.vstack([level.matrix * error.sigma for level in levels]))[2][7:].T
+    assert robust.values[2] < before - 1.0
+    assert_allclose(robust.values[2], individual_risk(polytope, robust.torque, error).value, rtol=1e-9)
+    basis = np.linalg.svd(np.vstack([level.matrix * error.sigma for level in levels]))[2][5:].T
     slope = basis.T @ (individual_risk(polytope, robust.torque, error).gradient * error.sigma)
-    at_side = np.abs(polytope.matrix @ robust.torque - polytope.upper) < 1e-6
-    if not at_side.any():
-        assert_allclose(slope, 0.0, atol=1e-3)
+    assert_allclose(slope, 0.0, atol=1e-3)
 
 
 def test_robustness_first_leaves_only_what_it_does_not_see():

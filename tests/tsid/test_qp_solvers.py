@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose
 
 from drake_tc.errors import ParamsError
 from drake_tc.tsid.qp import choose
-from drake_tc.tsid.qp.choose import DEFAULT, OF_DRAKE, SOLVERS, solver
+from drake_tc.tsid.qp.choose import DEFAULT, OF_DRAKE, SOLVERS, SolverUnavailableError, solver, unavailable
 from drake_tc.tsid.qp.problem import Outcome, QuadraticProgram
 
 from .quadratic import Residuals, cost, crude, has_a_point, random
@@ -169,9 +169,19 @@ def test_the_default_is_there_and_others_are_asked_for_by_name(monkeypatch):
     with pytest.raises(ParamsError, match=r"solver: wanted one of daqp, .*clarabel.*; got 'simplex'"):
         solver("simplex")
     monkeypatch.setitem(choose.SOLVERS, "piqp", ("drake_tc.tsid.qp.not_there", "Piqp"))
-    with pytest.raises(ParamsError, match=r"solver 'piqp': its package is not here .*drake-tc\[solvers\]"):
+    with pytest.raises(ParamsError, match=r"solver 'piqp' is not available: .*not_there.*drake-tc\[solvers\]"):
         solver("piqp")
     assert set(OF_DRAKE) >= {"clarabel", "osqp"}
+
+
+def test_a_solver_that_lacks_a_system_library_names_the_package(monkeypatch):
+    def without_openmp(module):
+        raise ImportError("libgomp.so.1: cannot open shared object file: No such file or directory")
+
+    monkeypatch.setattr(choose, "import_module", without_openmp)
+    with pytest.raises(SolverUnavailableError, match=r"'proxqp' is not available: .*libgomp\.so\.1.*install libgomp1"):
+        solver("proxqp")
+    assert "libgomp1" in unavailable("proxqp")
 
 
 @pytest.mark.parametrize("name", ["gurobi", "mosek"])

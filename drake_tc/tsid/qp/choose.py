@@ -3,6 +3,7 @@
 from importlib import import_module
 
 from drake_tc.errors import ParamsError
+from drake_tc.system_libraries import how_to_install, missing_library
 from drake_tc.tsid.qp.problem import QpSolver
 
 DEFAULT = "daqp"
@@ -16,6 +17,10 @@ SOLVERS = {
 OF_DRAKE = ("clarabel", "osqp", "scs", "gurobi", "mosek")
 
 
+class SolverUnavailableError(ParamsError):
+    """A solver whose package, or a shared library that the package loads, is not installed."""
+
+
 def solver(name: str = DEFAULT) -> QpSolver:
     """A solver.
 
@@ -23,7 +28,8 @@ def solver(name: str = DEFAULT) -> QpSolver:
         name: One of SOLVERS or OF_DRAKE.
 
     Raises:
-        ParamsError: an unknown name, or one whose package or licence is not there.
+        ParamsError: an unknown name, or a solver of Drake without a licence.
+        SolverUnavailableError: its package, or a shared library that the package loads, is not installed.
     """
     if name in OF_DRAKE:
         from drake_tc.tsid.qp.drake import DrakeSolver
@@ -35,8 +41,17 @@ def solver(name: str = DEFAULT) -> QpSolver:
     try:
         found = import_module(module)
     except ImportError as error:
-        raise ParamsError(
-            f"solver {name!r}: its package is not here ({error}); pip install 'drake-tc[solvers]', or take {DEFAULT!r}"
-        ) from None
+        library = missing_library(error)
+        reason = how_to_install(library) if library else f"{error}; pip install 'drake-tc[solvers]'"
+        raise SolverUnavailableError(f"solver {name!r} is not available: {reason}; or take {DEFAULT!r}") from None
     chosen: QpSolver = getattr(found, made)()
     return chosen
+
+
+def unavailable(name: str) -> str | None:
+    """Why a solver cannot be used here; None if it can."""
+    try:
+        solver(name)
+    except SolverUnavailableError as error:
+        return str(error)
+    return None

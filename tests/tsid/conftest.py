@@ -1,0 +1,12 @@
+"""Tests of a named solver are skipped where it is not installed, and say what it lacks."""
+
+import pytest
+
+from drake_tc.tsid.qp.choose import SOLVERS, unavailable
+
+
+@pytest.fixture(autouse=True)
+def _solver_is_installed(request):
+    parameters = request.node.callspec.params if hasattr(request.node, "callspec") else {}
+    if parameters.get("name") in SOLVERS and (why := unavailable(parameters["name"])) is not None:
+        pytest.skip(why)
