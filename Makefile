@@ -8,7 +8,7 @@ export OMP_NUM_THREADS ?= 1
 export MPLBACKEND ?= Agg
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-slow lint unit coverage times wheel notebook clean
+.PHONY: help demo test test-slow lint unit coverage times wheel resolve notebook clean
 
 help: ## what can be made
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -51,6 +51,9 @@ times: $(VENV)/.installed-test ## what one tick costs: nothing else running
 
 wheel: $(VENV)/.installed-test ## build the wheel and run the demo from it, in an empty environment
 	bash .ci/wheel.sh $(BIN)/python
+
+resolve: $(VENV)/.installed ## resolve all dependencies from wheels for Python 3.12 to 3.14; installs nothing
+	bash .ci/resolve.sh $(BIN)/python
 
 test-slow: $(VENV)/.installed-test ## long reproductions and benchmarks, all parts; one of them: PART=name
 	$(BIN)/python tests/slow_parts.py $(PART)
