@@ -159,12 +159,13 @@ def test_what_is_imported_is_declared():
     library = {distribution_name(name) for name in (*project["dependencies"], *on_demand)}
     everything = library | {distribution_name(name) for extra in extras.values() for name in extra}
     distributions = packages_distributions() | {module: [name] for module, name in DISTRIBUTIONS.items()}
+    ours = {"drake_tc", *(path.stem for path in (ROOT / "tests").iterdir())}
     missing = {}
     for path in every_source():
         declared = library if path in sources() else everything
         for line, dotted in imported(path):
             module = dotted.split(".")[0]
-            if module in sys.stdlib_module_names or module == "drake_tc" or (ROOT / "tests" / module).exists():
+            if module in ours or module in sys.stdlib_module_names:
                 continue
             named = {distribution_name(name) for name in distributions.get(module, [f"unknown-{module}"])}
             if not named & declared:
