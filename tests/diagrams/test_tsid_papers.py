@@ -205,6 +205,7 @@ def test_closed_loop_shares_and_intervals_from_known_runs():
     rows = {row.name: row.value for row in tsid_closed_loop.reproduction(found, swept).rows}
     steps = [rows[f"widest sway kept, {form} minus classic"] for form in ("individual", "rectangle", "box")]
     assert steps == pytest.approx([1.0, 0.5, 0.0])
+    assert rows["amplitude of the sway [cm]"] == 100.0 * tsid_closed_loop.AMPLITUDES[1]  # classic misses a limit there
     assert rows["runs that keep every limit, classic"] == 25.0
     assert rows["runs that keep every limit, individual"] == 100.0
     assert rows["runs that keep every limit, rectangle"] == 75.0
