@@ -5,6 +5,7 @@ import re
 import sys
 import tomllib
 from collections.abc import Iterator
+from functools import cache
 from importlib.metadata import packages_distributions
 from pathlib import Path
 
@@ -57,6 +58,11 @@ def every_source() -> list[Path]:
     return [*sources(), *(path for folder in ("tests", "notebooks") for path in sorted((ROOT / folder).rglob("*.py")))]
 
 
+@cache
+def parsed(path: Path) -> ast.Module:
+    return ast.parse(path.read_text(encoding="utf-8"))
+
+
 def package_of(path: Path) -> str:
     if LIBRARY not in path.parents:
         return path.relative_to(ROOT).parts[0]
@@ -66,7 +72,7 @@ def package_of(path: Path) -> str:
 
 def imported(path: Path) -> Iterator[tuple[int, str]]:
     """(line, dotted module) of every import in the file, also those inside functions."""
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in ast.walk(parsed(path)):
         if isinstance(node, ast.Import):
             yield from ((node.lineno, alias.name) for alias in node.names)
         elif isinstance(node, ast.ImportFrom) and node.level:
@@ -124,7 +130,7 @@ def _is_private(name: str) -> bool:
 
 def test_nothing_private_of_others_is_used():
     """Neither a module or name of Drake that begins with an underscore, nor such an attribute that is not ours."""
-    trees = {path: ast.parse(path.read_text(encoding="utf-8")) for path in every_source()}
+    trees = {path: parsed(path) for path in every_source()}
     nodes = [(path, node) for path, tree in trees.items() for node in ast.walk(tree)]
     ours = {node.name for _, node in nodes if isinstance(node, ast.FunctionDef | ast.ClassDef)}
     ours |= {node.id for _, node in nodes if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store)}
@@ -204,7 +210,7 @@ DATA_SETS = ("icub-walking-base", "real-icub")
 def test_the_library_names_no_robot():
     found = []
     for path in sorted(LIBRARY.rglob("*.py")):
-        for text in _names_and_texts(ast.parse(path.read_text(encoding="utf-8"))):
+        for text in _names_and_texts(parsed(path)):
             for name in DATA_SETS:
                 text = text.replace(name, "")
             words = text.lower().replace("-", "")
@@ -225,7 +231,7 @@ def test_no_library_file_prints_or_asserts():
     """stdout belongs to the commands; checks of input are errors that teach."""
     wrong = []
     for path in sorted(LIBRARY.rglob("*.py")):
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        for node in ast.walk(parsed(path)):
             prints = isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "print"
             if isinstance(node, ast.Assert) or (prints and package_of(path) not in ("cli", "bench", "blind")):
                 wrong.append(f"{path.relative_to(ROOT)}:{node.lineno}")

@@ -46,8 +46,7 @@ def tick_timings(scenario: TsidScenario, progress: Progress) -> list[BenchRow]:
             formulation = replace(recording.law.formulation, measure=measure, use=use)
             rows.append(_ticks(name, replace(recording.law, formulation=formulation), recording, references))
         progress("the diagram", 1.0 - 1.0 / (2 + len(FORMS)))
-        name = f"the diagram, a tick of {1e3 * recording.law.period:g} ms: controller, plant with contact, log"
-        rows.append(timing_row(name, diagram_tick_times(scenario)))
+        rows.append(diagram_timing(scenario))
     return rows
 
 
@@ -96,8 +95,8 @@ def _ticks(name: str, law: Law, recording: TsidRecording, references: Sequence[S
     return timing_row(f"a tick, everything: {name}", seconds[1:])
 
 
-def diagram_tick_times(scenario: TsidScenario) -> list[float]:
-    """Thread time of each tick of controller, plant with contact, references and log, after the first [s]."""
+def diagram_timing(scenario: TsidScenario) -> BenchRow:
+    """Single ticks of controller, plant with contact, references and log; the first one warms up."""
     loop = build_tsid(scenario)
     simulator, period, seconds = Simulator(loop.diagram), loop.law.period, []
     loop.start(simulator.get_mutable_context())
@@ -106,4 +105,4 @@ def diagram_tick_times(scenario: TsidScenario) -> list[float]:
         begin = time.thread_time()
         simulator.AdvanceTo(tick * period)
         seconds.append(time.thread_time() - begin)
-    return seconds[1:]
+    return timing_row(f"the diagram, a tick of {1e3 * period:g} ms: controller, plant with contact, log", seconds[1:])

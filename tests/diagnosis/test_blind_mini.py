@@ -35,7 +35,7 @@ SPECS: dict[str, RigSpec] = {
 }
 """20 s at 500 Hz instead of the benchmark's 30 s at 1 kHz: a third of its work."""
 
-QUICK = ("stribeck", "deadzone", "null")
+QUICK = ("stribeck", "null")
 """Run in every test; the others take their time in the slow ones."""
 
 
