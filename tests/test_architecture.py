@@ -6,7 +6,7 @@ import sys
 import tomllib
 from collections.abc import Iterator
 from functools import cache
-from importlib.metadata import packages_distributions
+from importlib.metadata import distributions
 from pathlib import Path
 
 import pytest
@@ -63,6 +63,11 @@ def parsed(path: Path) -> ast.Module:
     return ast.parse(path.read_text(encoding="utf-8"))
 
 
+@cache
+def nodes_of(path: Path) -> tuple[ast.AST, ...]:
+    return tuple(ast.walk(parsed(path)))
+
+
 def package_of(path: Path) -> str:
     if LIBRARY not in path.parents:
         return path.relative_to(ROOT).parts[0]
@@ -72,7 +77,7 @@ def package_of(path: Path) -> str:
 
 def imported(path: Path) -> Iterator[tuple[int, str]]:
     """(line, dotted module) of every import in the file, also those inside functions."""
-    for node in ast.walk(parsed(path)):
+    for node in nodes_of(path):
         if isinstance(node, ast.Import):
             yield from ((node.lineno, alias.name) for alias in node.names)
         elif isinstance(node, ast.ImportFrom) and node.level:
@@ -130,8 +135,7 @@ def _is_private(name: str) -> bool:
 
 def test_nothing_private_of_others_is_used():
     """Neither a module or name of Drake that begins with an underscore, nor such an attribute that is not ours."""
-    trees = {path: parsed(path) for path in every_source()}
-    nodes = [(path, node) for path, tree in trees.items() for node in ast.walk(tree)]
+    nodes = [(path, node) for path in every_source() for node in nodes_of(path)]
     ours = {node.name for _, node in nodes if isinstance(node, ast.FunctionDef | ast.ClassDef)}
     ours |= {node.id for _, node in nodes if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store)}
     ours |= {node.attr for _, node in nodes if isinstance(node, ast.Attribute) and isinstance(node.ctx, ast.Store)}
@@ -140,7 +144,7 @@ def test_nothing_private_of_others_is_used():
         for path, node in nodes
         if isinstance(node, ast.Attribute) and _is_private(node.attr) and node.attr not in ours
     ]
-    for path in trees:
+    for path in every_source():
         for line, module in imported(path):
             parts = module.split(".")
             if parts[0] != "drake_tc" and any(map(_is_private, parts)):
@@ -150,6 +154,20 @@ def test_nothing_private_of_others_is_used():
 
 DISTRIBUTIONS = {"proxsuite": "proxsuite"}
 """Modules whose distribution the metadata do not tell (proxsuite's lies in a folder that a .pth file adds)."""
+
+
+def modules_of_distributions() -> dict[str, set[str]]:
+    """Top-level module to the distributions that install it, by their lists of files.
+
+    `importlib.metadata.packages_distributions` says the same and takes seconds.
+    """
+    found: dict[str, set[str]] = {}
+    for distribution in distributions():
+        name = distribution.metadata["Name"]
+        for line in (distribution.read_text("RECORD") or "").splitlines():
+            module = line.split(",")[0].split("/")[0].removesuffix(".py").split(".")[0]
+            found.setdefault(module, set()).add(name)
+    return found
 
 
 def distribution_name(requirement: str) -> str:
@@ -164,7 +182,7 @@ def test_what_is_imported_is_declared():
     on_demand = [name for extra in ("solvers", "cluster", "robots") for name in extras[extra]]
     library = {distribution_name(name) for name in (*project["dependencies"], *on_demand)}
     everything = library | {distribution_name(name) for extra in extras.values() for name in extra}
-    distributions = packages_distributions() | {module: [name] for module, name in DISTRIBUTIONS.items()}
+    installed = modules_of_distributions() | {module: {name} for module, name in DISTRIBUTIONS.items()}
     ours = {"drake_tc", *(path.stem for path in (ROOT / "tests").iterdir())}
     missing = {}
     for path in every_source():
@@ -173,7 +191,7 @@ def test_what_is_imported_is_declared():
             module = dotted.split(".")[0]
             if module in ours or module in sys.stdlib_module_names:
                 continue
-            named = {distribution_name(name) for name in distributions.get(module, [f"unknown-{module}"])}
+            named = {distribution_name(name) for name in installed.get(module, {f"unknown-{module}"})}
             if not named & declared:
                 missing[module] = f"{path.relative_to(ROOT)}:{line}"
     assert missing == {}
@@ -231,7 +249,7 @@ def test_no_library_file_prints_or_asserts():
     """stdout belongs to the commands; checks of input are errors that teach."""
     wrong = []
     for path in sorted(LIBRARY.rglob("*.py")):
-        for node in ast.walk(parsed(path)):
+        for node in nodes_of(path):
             prints = isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "print"
             if isinstance(node, ast.Assert) or (prints and package_of(path) not in ("cli", "bench", "blind")):
                 wrong.append(f"{path.relative_to(ROOT)}:{node.lineno}")
