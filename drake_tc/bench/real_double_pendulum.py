@@ -13,6 +13,7 @@ from drake_tc.diagnosis.arm_hold_out import ArmHeldOut, declare, declared_fricti
 from drake_tc.diagnosis.arm_rows import ArmRows, JointLog, arm_rows
 from drake_tc.diagnosis.arm_search import ARM_OPTIONS
 from drake_tc.diagnosis.coupled_axes import joint_axes
+from drake_tc.errors import LogError
 from drake_tc.identification.rigid_regressor import LinkTree, regressor
 from drake_tc.logs.importers.dfki import DOUBLE_JOINTS, TORQUE_PER_AMPERE, convert
 from drake_tc.logs.readers import read_table
@@ -56,6 +57,19 @@ def separate_joints(columns: FloatArray) -> FloatArray:
     for j in range(joints):
         out[:, j, j] = columns[:, j]
     return out.reshape(samples, joints, joints * size)
+
+
+def designs_in(data: Path) -> list[str]:
+    """The designs whose runs are in the set.
+
+    Raises:
+        LogError: none is.
+    """
+    folder = set_folder(data, DATA_SET)
+    found = [design for design in DESIGNS if any(folder.glob(f"{design}_*"))]
+    if not found:
+        raise LogError(f"{folder}: no runs of a known design; expected files that begin with {', '.join(DESIGNS)}")
+    return found
 
 
 def logs_of(data: Path, design: str) -> list[JointLog]:
@@ -131,8 +145,9 @@ def _common_rows(all_rows: list[ArmRows]) -> list[BoolArray]:
 def rows(data: Path, progress: Progress = lambda text, share: None) -> list[RealRow]:
     """The table: what is left of each joint's torque beside the pooled least squares, by design."""
     out = []
-    for number, design in enumerate(DESIGNS):
-        progress("designs", number / len(DESIGNS))
+    present = designs_in(data)
+    for number, design in enumerate(present):
+        progress("designs", number / len(present))
         results = held_out(data, design)
         found = [each for _, _, each in results]
         least_squares = rms(np.concatenate([plain for _, plain, _ in results]))

@@ -63,13 +63,17 @@ class Outcome:
 
 
 def read_outcome(truth_path: Path, report_path: Path) -> Outcome:
-    """Read a rig's `truth.json` and its `report.json`; a missing report is an answer not given.
+    """Read a rig's `truth.json` and its `report.json`.
+
+    A missing report is no answer; neither is one that says why the rig was refused.
 
     Raises:
         BlindError: A file that is no JSON, or lacks a key of its contract.
     """
     truth = _read(truth_path)
     report = _read(report_path) if report_path.exists() else None
+    if report is not None and report.get("error"):
+        report = None  # the rig was refused: no answer
     try:
         said = _verdict(report, float(truth["oracle"]["heldout"])) if report is not None else _SILENT
         return Outcome(

@@ -28,6 +28,7 @@ ISOLATES: Mapping[str, str] = {
     "torque_sensor_gain": "hang known weights on the link and read the torque sensor",
     "torque_sensor_drift": "leave the joint at rest, unloaded, for several minutes",
     "encoder_offset": "let the link hang freely, drive off, and read the encoder",
+    "encoder_ripple": "turn at two constant speeds over a whole turn: the error of the encoder keeps its place",
     "encoder_eccentricity": "turn at constant speed over a whole turn, or compare with a second encoder",
 }
 

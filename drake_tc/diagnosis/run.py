@@ -13,7 +13,7 @@ from drake_tc.diagnosis.result import CloseLoopResult, JointResult, SharedEffect
 from drake_tc.diagnosis.search import Progress
 from drake_tc.diagnosis.shared.diagnose import diagnose_robot
 from drake_tc.estimation.robot_loads import robot_logs
-from drake_tc.logs.prepare import load_runs, require_two_runs
+from drake_tc.logs.prepare import load_runs, require_different_files, require_two_runs
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig, load_rig
 
@@ -57,6 +57,7 @@ def _close_loop(
     start = time.perf_counter()
     rig: Rig = load_rig(rig_path)
     require_two_runs([*logs, *holdout])
+    require_different_files(logs, holdout)
     progress("reading", 0.0)
     runs = load_runs([*logs, *holdout], rig)
     train, held = runs[: len(logs)], runs[len(logs) :]

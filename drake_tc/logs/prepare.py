@@ -3,6 +3,7 @@
 Every repair and exclusion leaves one sentence in `Run.notes`; every refusal is a `LogError` of one line.
 """
 
+import hashlib
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -229,3 +230,24 @@ def require_two_runs(runs: Sequence[Run | Path | str], what: str = "runs") -> No
         raise LogError(
             f"wanted at least two {what}, one to fit and one held out, got {len(runs)} ({came}); record another run"
         )
+
+
+def require_different_files(logs: Sequence[Path], holdout: Sequence[Path]) -> None:
+    """Refuse a run that is given twice: a held-out run that was fitted says nothing, and one fitted twice counts twice.
+
+    Files are the same if their contents are, whatever their names.
+
+    Raises:
+        LogError: Two of them are the same.
+    """
+    seen: dict[str, tuple[str, Path]] = {}
+    for option, paths in (("--log", logs), ("--holdout", holdout)):
+        for path in paths:
+            if not path.is_file():
+                continue  # the reader says what is wrong with it
+            content = hashlib.sha256(path.read_bytes()).hexdigest()
+            if content in seen:
+                first, other = seen[content]
+                same = "the same file" if other == path else f"the same content as {other}"
+                raise LogError(f"{path}: given as {option}, but {same} is already given as {first}; remove one of them")
+            seen[content] = (option, path)

@@ -103,3 +103,12 @@ def test_refusals(root: Path, tmp_path: Path) -> None:
     (root / "reports" / "n1" / "report.json").write_text("{")
     with pytest.raises(BlindError, match="wanted a JSON file"):
         score_reports(root / "truth", root / "reports")
+
+
+def test_a_refused_rig_is_no_answer(root: Path) -> None:
+    before = score_reports(root / "truth", root / "reports")
+    refused = {"schema": 1, "verdict": "no_missing_effect", "joints": {}, "error": "the joint never moves"}
+    (root / "reports" / "r1" / "report.json").write_text(json.dumps(refused))
+    after = score_reports(root / "truth", root / "reports")
+    assert before.confusion.loc["stribeck", "stribeck"] == 1
+    assert after.confusion.loc["stribeck", "(no report)"] == 1

@@ -206,6 +206,33 @@ def test_wrong_sources_are_refused(tmp_path):
         IMPORTERS["uart-backlash"](tmp_path, tmp_path / "out")
 
 
+def bam_run(tmp_path, **changes):
+    entries = [{"timestamp": 0.01 * k, "position": 0.1 * k, "goal_position": 0.1 * k + 0.05} for k in range(30)]
+    run = {"mass": 1.0, "length": 0.1, "kp": 8, "motor": "other", "entries": entries} | changes
+    (tmp_path / "run.json").write_text(json.dumps(run))
+    return IMPORTERS["bam"](tmp_path, tmp_path / "out")
+
+
+def test_bam_of_a_motor_that_reports_position_alone(tmp_path):
+    (rig_file,) = bam_run(tmp_path)
+    (run,) = load_runs(sorted(rig_file.parent.glob("*.parquet")), load_rig(rig_file))
+    assert_allclose(run.columns["servo/position"], 0.1 * np.arange(30))
+    assert "servo/temperature" not in run.columns
+
+
+@pytest.mark.parametrize(
+    ("entries", "message"),
+    [
+        ([{"timestamp": 0.0, "position": 0.0}], "entries: missing goal_position; present: position, timestamp"),
+        ([{"timestamp": 0.0, "position": 0.0}, {"timestamp": 0.1}], "entries: expected the same keys with numbers"),
+        ([{"timestamp": "now", "position": 0.0}], "entries: expected the same keys with numbers"),
+    ],
+)
+def test_bam_entries_that_are_odd_are_refused(tmp_path, entries, message):
+    with pytest.raises(LogError, match=message):
+        bam_run(tmp_path, entries=entries)
+
+
 def command() -> typer.Typer:
     app = typer.Typer()
     app.command("import")(import_logs)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from drake_tc.errors import LogError
-from drake_tc.logs.prepare import load_run, load_runs, require_two_runs
+from drake_tc.logs.prepare import load_run, load_runs, require_different_files, require_two_runs
 
 from .conftest import bench, servo_rig, write
 
@@ -125,3 +125,18 @@ def test_everything_switched_off(tmp_path, table):
     rig = servo_rig(enabled="on")
     assert "no usable samples are left of 6000 rows" in refusal(table.assign(on=0), tmp_path / "run.csv", rig)
     assert "no column 'off'" in refusal(table, tmp_path / "run.csv", servo_rig(enabled="off"))
+
+
+def test_a_run_that_is_given_twice_is_refused(tmp_path):
+    one, other, copy = (tmp_path / name for name in ("one.csv", "other.csv", "copy.csv"))
+    one.write_text("time,a\n0,1\n")
+    other.write_text("time,a\n0,2\n")
+    copy.write_text(one.read_text())
+    require_different_files([one], [other])
+    require_different_files([one, tmp_path / "missing.csv"], [other])
+    with pytest.raises(LogError, match=r"one\.csv: given as --holdout, but the same file is already given as --log"):
+        require_different_files([one], [other, one])
+    with pytest.raises(LogError, match=r"copy\.csv: given as --holdout, but the same content as .*one\.csv is already"):
+        require_different_files([one], [copy])
+    with pytest.raises(LogError, match="given as --log, but the same file is already given as --log"):
+        require_different_files([one, one], [other])

@@ -41,19 +41,26 @@ def applied_duty(register: np.ndarray) -> np.ndarray:
     return np.where(counts > 32767, counts - 65536.0, counts) / FULL_DUTY
 
 
-def _columns(run: dict[str, Any]) -> dict[str, np.ndarray]:
-    """Canonical columns of one run; the voltage only where the load register was read."""
+NEEDED = {"timestamp": "time", "position": f"{JOINT}/position", "goal_position": f"{JOINT}/position_command"}
+OPTIONAL = {"speed": f"{JOINT}/velocity", "temp": f"{JOINT}/temperature", "torque_enable": "enabled"}
+"""Key of an entry to canonical column; not every servo reports the optional ones."""
+
+
+def _columns(path: Path, run: dict[str, Any]) -> dict[str, np.ndarray]:
+    """Canonical columns of one run; the voltage only where the load register was read.
+
+    Raises:
+        LogError: An entry lacks a key, or holds something else than a number.
+    """
     entries = run["entries"]
-    series = {key: np.array([entry[key] for entry in entries], dtype=np.float64) for key in entries[0]}
-    columns = {
-        "time": series["timestamp"],
-        f"{JOINT}/position": series["position"],
-        f"{JOINT}/position_command": series["goal_position"],
-        f"{JOINT}/velocity": series["speed"],
-        f"{JOINT}/temperature": series["temp"],
-        "enabled": series["torque_enable"],
-    }
-    if np.any(series["load"]):
+    try:
+        series = {key: np.array([entry[key] for entry in entries], dtype=np.float64) for key in entries[0]}
+    except (KeyError, TypeError, ValueError) as error:
+        raise LogError(f"{path}: entries: expected the same keys with numbers in each; {error}") from None
+    if missing := sorted(set(NEEDED) - set(series)):
+        raise LogError(f"{path}: entries: missing {', '.join(missing)}; present: {', '.join(sorted(series))}")
+    columns = {column: series[key] for key, column in (NEEDED | OPTIONAL).items() if key in series}
+    if np.any(series.get("load", 0.0)) and "input_volts" in series:
         columns[f"{JOINT}/voltage"] = applied_duty(series["load"]) * float(np.median(series["input_volts"]))
     return columns
 
@@ -70,18 +77,20 @@ def convert(src: Path, out: Path) -> tuple[Path, ...]:
         groups.setdefault(f"{run['motor']}_kp{run['kp']}", []).append((path, run))
     rigs: list[Path] = []
     for name, members in sorted(groups.items()):
-        folder, voltage = out / name, True
+        folder, voltage, enabled = out / name, True, True
         for path, run in members:
-            columns = _columns(run)
+            columns = _columns(path, run)
             voltage &= f"{JOINT}/voltage" in columns
+            enabled &= "enabled" in columns
             write_log(columns, folder / f"{run.get('trajectory', path.name.split('.')[0])}.parquet")
         first = members[0][1]
         base = {
             "joint": JOINT,
             "load": {"pendulum": {"mass": float(first["mass"]), "length": float(first["length"])}},
             "units": {"position": "rad"},
-            "enabled": "enabled",
         }
+        if enabled:
+            base["enabled"] = "enabled"
         head = f"{first['motor']} servo on a pendulum, firmware P gain {first['kp']}"
         servo_name = "rig_servo.yaml" if voltage else "rig.yaml"
         if voltage:
