@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from drake_tc.diagrams.bench.rig_free_run import rig_free_run
 from numpy.testing import assert_allclose
+from readme_quotes_real import differing_cells
 
 from drake_tc.actuation.position_loop import through_loop
 from drake_tc.bench.real_bam import (
@@ -22,6 +23,7 @@ from drake_tc.bench.real_bam import (
     real_bam_rows,
     trial_of,
 )
+from drake_tc.bench.real_rows import RealRow
 from drake_tc.errors import LogError
 from drake_tc.identification.output_error import simulate
 from drake_tc.logs.importers.bam import JOINT
@@ -59,13 +61,23 @@ def test_the_published_model_has_the_error_that_was_published(recorded: dict[int
     assert 0.04 < float(np.mean(errors)) < 0.08
 
 
+@pytest.fixture(scope="module")
+def table(data: Path) -> dict[str, RealRow]:
+    with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
+        return {row.name: row for row in real_bam_rows(data, rig_free_run, executor=pool)}
+
+
 @pytest.mark.slow
 @pytest.mark.timeout(1800)
-def test_held_out_trajectories_at_every_gain(data: Path) -> None:
-    with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
-        rows = {row.name: row for row in real_bam_rows(data, rig_free_run, executor=pool)}
+def test_held_out_trajectories_at_every_gain(table: dict[str, RealRow]) -> None:
     for kp in GAINS:
-        assert rows[f"free_run_mae/kp{kp}"].value <= TO_REACH
+        assert table[f"free_run_mae/kp{kp}"].value <= TO_REACH
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(1800)
+def test_the_readme_quotes_what_is_computed(table: dict[str, RealRow]) -> None:
+    assert differing_cells("real-bam", table) == []
 
 
 def test_a_missing_data_set_is_named(tmp_path: Path) -> None:

@@ -5,8 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from readme_quotes_real import differing_cells
 
-from drake_tc.bench.real_dfki import GOOD, TORQUE_PER_AMPERE, WANTED, WIDTHS, good_runs, held_out
+from drake_tc.bench.real_dfki import GOOD, TORQUE_PER_AMPERE, WANTED, WIDTHS, good_runs, held_out, rows
 from drake_tc.bench.real_fit import HeldOut
 from drake_tc.filtering.common_kernel import CommonKernel
 
@@ -56,3 +57,8 @@ def test_held_out_residual_of_the_ddp_run(results: dict[str, HeldOut]) -> None:
     result = results["ddp"]
     assert result.command_error(result.chosen) * TORQUE_PER_AMPERE <= WANTED
     assert np.isfinite(result.chosen.gain)
+
+
+@pytest.mark.slow
+def test_the_readme_quotes_what_is_computed(data: Path) -> None:
+    assert differing_cells("real-dfki", {row.name: row for row in rows(data)}) == []

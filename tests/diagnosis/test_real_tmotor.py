@@ -4,8 +4,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from readme_quotes_real import differing_cells
 
-from drake_tc.bench.real_tmotor import LOWER_BY, held_out, published_features
+from drake_tc.bench.real_tmotor import LOWER_BY, held_out, published_features, rows
 from drake_tc.logs.importers.tmotor import SESSIONS, convert
 from drake_tc.logs.readers import read_table
 
@@ -32,3 +33,8 @@ def test_inertia_brings_the_swung_log_far_below_the_published_model(data: Path) 
     assert "rotor_inertia" in result.found
     error = result.torque_error(result.chosen)
     assert error <= (1.0 - LOWER_BY) * result.torque_error_of(published_features)
+
+
+@pytest.mark.slow
+def test_the_readme_quotes_what_is_computed(data: Path) -> None:
+    assert differing_cells("real-tmotor", {row.name: row for row in rows(data)}) == []

@@ -5,7 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from readme_quotes_real import differing_cells
 
+from drake_tc.bench.real_rows import RealRow
 from drake_tc.bench.real_uart import rows, stand_reports
 from drake_tc.diagnosis.play import PlayReport
 
@@ -51,8 +53,16 @@ def test_most_of_the_single_servos_loaded_span_is_play(reports: dict[str, PlayRe
     assert report.drive.low <= np.radians(STEP) <= report.drive.high
 
 
-def test_table_says_what_is_met(data: Path) -> None:
-    table = {row.name: row for row in rows(data)}
+@pytest.fixture(scope="module")
+def table(data: Path) -> dict[str, RealRow]:
+    return {row.name: row for row in rows(data)}
+
+
+def test_the_readme_quotes_what_is_computed(table: dict[str, RealRow]) -> None:
+    assert differing_cells("real-uart", table) == []
+
+
+def test_table_says_what_is_met(table: dict[str, RealRow]) -> None:
     assert table["single/servo_5/loaded_span"].met
     assert table["single/servo_5/play"].met is None
     wanted = [row for row in table.values() if row.met is not None]

@@ -1,0 +1,171 @@
+"""Cells of the README files' tables that quote a benchmark on real data, by the benchmark.
+
+A cell holds numbers, compared as in `readme_tables`, and perhaps `yes` or `no` for what is met.
+"""
+
+import re
+from collections.abc import Callable, Iterable, Mapping
+
+from readme_tables import assert_quoted, row
+
+from drake_tc.bench import real_bam, real_dfki, real_double_pendulum, real_icub, real_tiago, real_tx40, real_uart
+from drake_tc.bench.real_rows import RealRow
+from drake_tc.logs.importers.dfki import DOUBLE_JOINTS
+from drake_tc.logs.importers.staubli import JOINTS
+from drake_tc.logs.importers.tmotor import SESSIONS
+
+MAIN, DIAGNOSIS, BASE = "README.md", "drake_tc/diagnosis/README.md", "drake_tc/estimation/base/README.md"
+PERCENT = 100.0
+
+Rows = Mapping[str, RealRow]
+Quote = tuple[str, str, int, Callable[[Rows], list[float | bool]]]
+"""File, beginning of the row, cell, and what stands in it: numbers in order, and what `yes` and `no` say."""
+
+
+def each(*names: str, times: float = 1.0) -> Callable[[Rows], list[float | bool]]:
+    """The values of these rows."""
+    return lambda rows: [times * rows[name].value for name in names]
+
+
+def expected(*names: str) -> Callable[[Rows], list[float | bool]]:
+    """What these rows have to reach."""
+    return lambda rows: [rows[name].expected for name in names]
+
+
+def met(*names: str) -> Callable[[Rows], list[float | bool]]:
+    """Whether all these rows reach it."""
+    return lambda rows: [all(bool(rows[name].met) for name in names)]
+
+
+def mean(*names: str) -> Callable[[Rows], list[float | bool]]:
+    """Mean of these rows."""
+    return lambda rows: [sum(rows[name].value for name in names) / len(names)]
+
+
+def told_of(name: str) -> Callable[[Rows], list[float | bool]]:
+    """The size that the row's note tells, as in `of 0.315 N*m`."""
+    return lambda rows: [float(rows[name].note.split()[1])]
+
+
+def constant(*values: float) -> Callable[[Rows], list[float | bool]]:
+    """Published values, which no benchmark computes."""
+    return lambda rows: list(values)
+
+
+def both(*parts: Callable[[Rows], list[float | bool]]) -> Callable[[Rows], list[float | bool]]:
+    """One after the other."""
+    return lambda rows: [value for part in parts for value in part(rows)]
+
+
+def _bam() -> Iterable[Quote]:
+    for kp in real_bam.GAINS:
+        yield DIAGNOSIS, f"{kp} |", 1, each(f"free_run_mae/kp{kp}")
+        for cell, model in ((2, "equation_error"), (3, "published_M1")):
+            yield DIAGNOSIS, f"{kp} |", cell, mean(*(f"{model}/kp{kp}/{name}" for name in real_bam.TRAJECTORIES))
+        yield DIAGNOSIS, f"{kp} |", 4, expected(f"free_run_mae/kp{kp}")
+
+
+def _dfki() -> Iterable[Quote]:
+    for run, name in (("ddp", "ddp"), ("direct collocation", "direct_collocation")):
+        for band, label in (("80 ms", "80ms"), ("shared band", "shared_band")):
+            begin, found = f"{run} | {band} |", f"{name}/{label}/residual"
+            yield DIAGNOSIS, begin, 2, each(f"{found}_before")
+            yield DIAGNOSIS, begin, 3, both(each(found), each(f"{found}_share", times=PERCENT))
+            yield DIAGNOSIS, begin, 4, met(found)
+    assert set(real_dfki.WIDTHS) == {"80ms", "shared_band"}
+
+
+def _tmotor() -> Iterable[Quote]:
+    for name in SESSIONS["early"]:
+        found = f"{name}/found_model"
+        for cell, what in (
+            (1, each(f"{name}/published_model")),
+            (2, each(found)),
+            (3, expected(found)),
+            (4, met(found)),
+        ):
+            yield DIAGNOSIS, f"{name} |", cell, what
+
+
+def _uart() -> Iterable[Quote]:
+    for stand in real_uart.STANDS:
+        for joint in stand.held:
+            begin, name = f"{stand.folder}, {joint} |", f"{stand.folder}/{joint}"
+            loaded, unloaded = f"{name}/loaded_span", f"{name}/unloaded_span"
+            yield DIAGNOSIS, begin, 1, each(loaded)
+            yield DIAGNOSIS, begin, 2, expected(loaded)
+            yield DIAGNOSIS, begin, 3, each(unloaded)
+            yield DIAGNOSIS, begin, 4, expected(unloaded)
+            yield DIAGNOSIS, begin, 5, both(met(loaded), met(unloaded))
+
+
+def _tx40() -> Iterable[Quote]:
+    for number, (joint, published) in enumerate(zip(JOINTS, real_tx40.PUBLISHED, strict=True), 1):
+        begin = f"{number} | {PERCENT * published:.1f} %"
+        yield DIAGNOSIS, begin, 2, each(f"{joint}/declared_share", times=PERCENT)
+        yield DIAGNOSIS, begin, 3, each(f"{joint}/share", times=PERCENT)
+        yield DIAGNOSIS, begin, 4, each(f"{joint}/ratio")
+        yield DIAGNOSIS, begin, 5, both(met(f"{joint}/ratio"), met(f"{joint}/share"))
+
+
+def _double_pendulum() -> Iterable[Quote]:
+    for design in real_double_pendulum.DESIGNS:
+        for joint in DOUBLE_JOINTS:
+            begin, name = f"{design[0]}.0 {joint} |", f"{design}/{joint}"
+            yield DIAGNOSIS, begin, 1, told_of(f"{name}/pooled_least_squares")
+            for cell, what in ((2, "pooled_least_squares"), (3, "shared_band"), (4, "residual"), (5, "ratio")):
+                yield DIAGNOSIS, begin, cell, each(f"{name}/{what}")
+            yield DIAGNOSIS, begin, 6, met(f"{name}/ratio")
+
+
+def _tiago() -> Iterable[Quote]:
+    for shaft in (*real_tiago.MOTORS, *(f"{joint} (not a motor)" for joint in real_tiago.JOINTS[1:])):
+        name = shaft.split()[0]
+        for cell, what in ((1, "report_open"), (2, "linear_share"), (3, "gated_share"), (4, "explained")):
+            yield DIAGNOSIS, f"{shaft} |", cell, each(f"{name}/{what}", times=PERCENT)
+
+
+def _icub() -> Iterable[Quote]:
+    run = real_icub.LONG
+    figures = [f"{run}/{what}" for what in ("x", "y", "z", "yaw")]
+    yield MAIN, "walking robot, 89 s", 1, each(*figures)
+    yield MAIN, "walking robot, 89 s", 2, expected(*figures)
+    for begin, whats in (("x, y, z [m]", ("x", "y", "z")), ("yaw [deg]", ("yaw",))):
+        yield BASE, begin, 1, constant(*(real_icub.PUBLISHED[what] for what in whats))
+        yield BASE, begin, 2, expected(*(f"{run}/{what}" for what in whats))
+    for begin, whats in (
+        ("x, y, z [m]", ("x", "y", "z")),
+        ("yaw [deg]", ("yaw",)),
+        ("roll, pitch [deg]", ("roll", "pitch")),
+    ):
+        yield BASE, begin, 3, each(*(f"{run}/{what}" for what in whats))
+        yield BASE, begin, 4, each(*(f"{run}/foot_centre_{what}" for what in whats))
+
+
+BENCHES: dict[str, Callable[[], Iterable[Quote]]] = {
+    "real-bam": _bam,
+    "real-dfki": _dfki,
+    "real-tmotor": _tmotor,
+    "real-uart": _uart,
+    "real-tx40": _tx40,
+    "real-double-pendulum": _double_pendulum,
+    "real-tiago": _tiago,
+    "real-icub": _icub,
+}
+
+
+def differing_cells(bench: str, rows: Rows) -> list[str]:
+    """What the cells that quote this benchmark contradict, one text each; empty where all agree with `rows`."""
+    found = []
+    for file, begin, cell, values in BENCHES[bench]():
+        try:
+            _assert_cell(row(file, begin)[cell], values(rows), f"{file}: {begin}, cell {cell}")
+        except AssertionError as error:
+            found.append(str(error))
+    return found
+
+
+def _assert_cell(cell: str, values: list[float | bool], what: str) -> None:
+    assert_quoted(cell, [value for value in values if not isinstance(value, bool)], what)
+    verdicts = ["yes" if value else "no" for value in values if isinstance(value, bool)]
+    assert re.findall(r"\b(?:yes|no)\b", cell) == verdicts, f"{what}: {cell!r}, but computed: {', '.join(verdicts)}"
