@@ -2,10 +2,11 @@
 
 import pytest
 from readme_quotes import FIRST_PAGE
+from readme_quotes_coman import COMAN
 from readme_quotes_pages import OTHER_PAGES
 from readme_tables import assert_quoted, row
 
-QUOTES = [*FIRST_PAGE, *OTHER_PAGES]
+QUOTES = [*FIRST_PAGE, *OTHER_PAGES, *COMAN]
 NOT_YET = (
     "linear verdict",
     "K6 = 0.1, squared error",

@@ -61,6 +61,15 @@ def base_errors(run: TsidRecording, signal: str) -> BaseErrors:
     return BaseErrors(_rms(wrong[:, 4:7]), _rms(wrong[:, nq + 3 : nq + 6]), _rms(np.arctan2(np.sin(yaw), np.cos(yaw))))
 
 
+def rmse_values(name: str, errors: BaseErrors) -> dict[str, float]:
+    """Values of a reproduction: the errors of an estimate, by name and unit."""
+    return {
+        f"{name}: base position RMSE [m]": errors.position,
+        f"{name}: base velocity RMSE [m/s]": errors.velocity,
+        f"{name}: base yaw RMSE [rad]": errors.yaw,
+    }
+
+
 def _both(run: TsidRecording) -> tuple[BaseErrors, BaseErrors]:
     """Of ours and of the chain beside it."""
     return base_errors(run, "estimated_state"), base_errors(run, "beside_state")
@@ -152,7 +161,7 @@ def motion(scenario: str, id_: str, seed: int, progress: Progress | None, *, dam
         runs[name] = simulate_tsid(load_tsid_scenario(SCENARIOS, which, text).changed(seed=seed))
     others = [load_tsid_scenario(SCENARIOS, *names[OURS]).changed(seed=seed + more) for more in range(1, SEEDS)]
     compared = [_both(run) for run in (runs[OURS], *(simulate_tsid(scenario) for scenario in others))]
-    ours = compared[0][0]
+    ours, chain = compared[0]
     shaking = {name: vibration(run) for name, run in runs.items()}
     tracking = {name: trunk_errors(run) for name, run in runs.items()}
     values = {f"{name}: fell": float(run.fell is not None) for name, run in runs.items()}
@@ -163,10 +172,8 @@ def motion(scenario: str, id_: str, seed: int, progress: Progress | None, *, dam
         "base position error, ours over foot centre": max(own.position / chain.position for own, chain in compared),
         "base velocity error, ours over foot centre": max(own.velocity / chain.velocity for own, chain in compared),
         "base yaw error, ours over foot centre": max(own.yaw / chain.yaw for own, chain in compared),
-        f"{OURS}: base position RMSE [m]": ours.position,
-        f"{OURS}: base velocity RMSE [m/s]": ours.velocity,
-        f"{OURS}: base yaw RMSE [rad]": ours.yaw,
     }
+    values |= rmse_values(OURS, ours) | rmse_values(f"{BASELINE}, in the same run", chain)
     if damped:
         values |= {
             "trunk RMS, joint damping over none": _rms(tracking[DAMPED]) / _rms(tracking[OURS]),

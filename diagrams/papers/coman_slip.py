@@ -3,7 +3,7 @@
 from typing import Any
 
 import numpy as np
-from drake_tc.diagrams.papers.coman_motions import SCENARIOS, SINCE, base_errors
+from drake_tc.diagrams.papers.coman_motions import BASELINE, OURS, SCENARIOS, SINCE, base_errors, rmse_values
 from drake_tc.diagrams.papers.reproduction import Progress, Reproduction, TextTable, expectations, judged, text_rows
 from drake_tc.diagrams.tsid.running import TsidRecording, simulate_tsid
 from drake_tc.diagrams.tsid.scenario import load_tsid_scenario
@@ -39,12 +39,15 @@ def slip(seed: int = 0, progress: Progress | None = None) -> Reproduction:
     values: dict[str, float] = {"fell": float(run.fell is not None)}
     for name in ("position", "velocity", "yaw"):
         values[f"base {name} error, ours over foot centre"] = getattr(ours, name) / getattr(theirs, name)
+    values |= rmse_values(OURS, ours) | rmse_values(BASELINE, theirs)
+    contacts = [contact.name for contact in run.law.model.contacts]
+    values |= {f"{name}: turned by at most [rad]": angle for name, angle in zip(contacts, turned.tolist(), strict=True)}
     columns: list[Any] = [[getattr(one, name) for one in (ours, theirs)] for name in ("position", "velocity", "yaw")]
     headings = ("estimator", "position [m]", "velocity [m/s]", "yaw [rad]")
     table = TextTable("RMS errors of the base", headings, text_rows(["CoP", "foot centre"], columns, ".3g"))
     feet = TextTable(
         "feet",
         ("foot", "turned by at most [rad]"),
-        text_rows([contact.name for contact in run.law.model.contacts], [turned.tolist()], ".3f"),
+        text_rows(contacts, [turned.tolist()], ".3f"),
     )
     return Reproduction("C.slip", judged(values, expectations("c_slip")), (table, feet), NOTES)

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from drake_tc.diagrams.papers.coman_motions import SCENARIOS, BaseErrors, base_errors
+from drake_tc.diagrams.papers.coman_motions import SCENARIOS, BaseErrors, base_errors, rmse_values
 from drake_tc.diagrams.papers.reproduction import Progress, Reproduction, TextTable, expectations, judged, text_rows
 from drake_tc.diagrams.tsid.running import simulate_tsid
 from drake_tc.diagrams.tsid.scenario import load_tsid_scenario
@@ -48,6 +48,8 @@ def soles(seed: int = 0, progress: Progress | None = None) -> Reproduction:
     for what in ("position", "velocity", "yaw"):
         values[f"base {what} error, ours over {IMU_CHAIN}"] = getattr(best, what) / getattr(chain[IMU_CHAIN], what)
     shown = {**ours, CHAIN: next(iter(chain.values())), IMU_CHAIN: chain[IMU_CHAIN]}
+    for name, errors in shown.items():
+        values |= rmse_values(name, errors)
     columns: list[Any] = [[getattr(one, what) for one in shown.values()] for what in ("position", "velocity", "yaw")]
     headings = ("told", "position [m]", "velocity [m/s]", "yaw [rad]")
     table = TextTable("RMS errors of the base", headings, text_rows(list(shown), columns, ".3g"))
