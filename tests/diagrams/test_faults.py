@@ -7,6 +7,7 @@ import pytest
 from drake_tc.diagrams.registry import diagram_entry
 from drake_tc.diagrams.runs.faults import BIASES, CASES, FLAGGED_WITHIN, FaultCase, run_case
 from drake_tc.diagrams.runs.running import simulate_scenario
+from readme_tables import assert_quoted, row
 
 from drake_tc.control.guard import GuardMode
 from drake_tc.errors import ParamsError
@@ -56,6 +57,19 @@ def test_a_failing_sensor_is_flagged_and_the_robot_stays_safe(situation, case):
     if lasting:  # never taken up again, and at rest
         assert recording["mode"][-1, 0] == GuardMode.DAMP
         assert np.abs(recording.velocity[-1]).max() < 0.05
+
+
+@pytest.mark.slow
+def test_the_readme_quotes_the_slowest_flag():
+    """Of all cases, each run until well after it has to be flagged."""
+    found = [
+        outcome(situation, case, duration=start + 0.06).flagged_after
+        for situation, (_, _, start) in SITUATIONS.items()
+        for case in CASES
+    ]
+    cells = row("README.md", "frozen, missing, biased")
+    assert_quoted(cells[0], [len(found)], "cases")
+    assert_quoted(cells[1], [1e3 * max(found)], "slowest flag [ms]")
 
 
 @pytest.mark.parametrize("gain", [1.0, pytest.param(0.1, marks=pytest.mark.slow)])
