@@ -19,6 +19,7 @@ PARTS = {"middle": 100, "rest": 214}
 """Rigs whose effects are of middle strength, pairs among them; all others."""
 GOALS = {"right effect": 0.95, "exactly that": 0.90, "both effects": 0.85, "causes that are not": 0.90}
 """At least; by the beginning of the README's row."""
+DIAGNOSIS = "drake_tc/diagnosis/README.md"
 LIMITS = {"false alarms": 0.03, "other rigs flagged": 0.05}
 """At most."""
 
@@ -51,21 +52,45 @@ def test_figures(part, tmp_path):
             "exactly that": share(singles, lambda o: o.exact),
             "both effects": share(pairs, lambda o: o.all_found),
         }
-        ratio = next(one.median for one in score.rows if one.name == "held-out error over oracle, middle")
-        assert_quoted(row("README.md", "held-out error over that")[1], [ratio], "error over oracle")
+        in_detail = {
+            "right effect first, middle strength": [100.0 * shares["right effect"]],
+            "exactly that effect and no other, middle strength": [100.0 * shares["exactly that"]],
+            "both effects of a pair named": [100.0 * shares["both effects"]],
+        }
+        ratios = [over_oracle(score, "middle"), None]
+        assert_quoted(row("README.md", "held-out error over that")[1], ratios[:1], "error over oracle")
     else:
         nulls, outside = ([o for o in found if o.group == group] for group in ("null", "outside"))
         shares = {
             "false alarms": share(nulls, lambda o: bool(o.named) or not o.answered),
             "causes that are not": share(outside, lambda o: o.structured),
         }
+        in_detail = {
+            "false alarms on nulls": [100.0 * shares["false alarms"]],
+            "causes outside the library flagged": [100.0 * shares["causes that are not"]],
+        }
+        for strength in ("weak", "strong"):
+            singles = [o for o in found if o.group == "single" and o.strength == strength]
+            in_detail[f"right effect first / exact, {strength}"] = [
+                100.0 * share(singles, lambda o: o.first_right),
+                100.0 * share(singles, lambda o: o.exact),
+            ]
+        ratios = [None, over_oracle(score, "nulls")]
     quoted = {begin: [100.0 * value] for begin, value in shares.items()}
     both = [100.0 * flagged, None] if part == "middle" else [None, 100.0 * flagged]
     for begin, values in (quoted | {"other rigs flagged": both}).items():
         assert_quoted(row("README.md", begin)[1], values, begin)
+    in_detail |= {"other rigs flagged as structure": both, "held-out error over an oracle's": ratios}
+    for begin, values in in_detail.items():
+        assert_quoted(row(DIAGNOSIS, begin)[1], values, f"{DIAGNOSIS}: {begin}")
     shares |= {"other rigs flagged": flagged}
     assert {begin: value for begin, value in shares.items() if value < GOALS.get(begin, 0.0)} == {}
     assert {begin: value for begin, value in shares.items() if value > LIMITS.get(begin, 1.0)} == {}
+
+
+def over_oracle(score, which):
+    """Median of the held-out error over the oracle's."""
+    return next(one.median for one in score.rows if one.name == f"held-out error over oracle, {which}")
 
 
 def share(outcomes, test):
