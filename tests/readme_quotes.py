@@ -9,6 +9,7 @@ from drake_tc.diagrams.papers.tsid_judge import wilson
 
 MAIN, TSID, SEA = "README.md", "drake_tc/tsid/README.md", "diagrams/sea/README.md"
 ANALYSIS, PAPER_C = "drake_tc/analysis/README.md", "diagrams/tsid/PAPER_C.md"
+ROBOTS = 20
 PERCENT, MILLI = 100.0, 1e3
 
 Values = Callable[[], list[float | None]]
@@ -54,6 +55,12 @@ def share(begin: str, way: str) -> list[float | None]:
     """Of the hundred controllers of B.test5, and the ends of its 95 % interval [%]."""
     (found,) = crossing("B.test5", begin, (way,))
     return [found, *(PERCENT * end for end in wilson(round(found), 100))]
+
+
+def share_of_robots(form: str) -> list[float | None]:
+    """Of the twenty robots of B.closed_loop that keep every limit, and the ends of the 95 % interval [%]."""
+    (found,) = each("B.closed_loop", f"runs that keep every limit, {form}")
+    return [found, *(PERCENT * end for end in wilson(round(found / PERCENT * ROBOTS), ROBOTS))]
 
 
 TURNS = ("C.turn1hz", "C.turn_half_hz")

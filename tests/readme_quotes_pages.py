@@ -6,6 +6,7 @@ from readme_quotes import (
     MILLI,
     OURS_PUSHED,
     PAPER_C,
+    ROBUST,
     SEA,
     TSID,
     WAYS,
@@ -16,6 +17,7 @@ from readme_quotes import (
     group,
     recorded,
     share,
+    share_of_robots,
 )
 
 OTHER_PAGES: list[Quote] = [
@@ -100,6 +102,15 @@ OTHER_PAGES: list[Quote] = [
             )
             for form in ("p_ind", "p_box", "p_box, w = 1e-05")
         ],
+    ),
+    *(
+        (TSID, f"robots under {form}", cell, values)
+        for form in ("classic", *ROBUST)
+        for cell, values in (
+            (1, lambda form=form: share_of_robots(form)),
+            (2, lambda form=form: each("B.closed_loop", f"samples with a missed contact limit, {form}")),
+            (3, lambda form=form: each("B.closed_loop", f"widest sway kept, {form} [cm]")),
+        )
     ),
     # --- series-elastic joints
     (
