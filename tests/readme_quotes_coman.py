@@ -1,6 +1,6 @@
 """Figures of paper C's whole loop that README tables quote: contacts, sensors that fail, errors of the base."""
 
-from readme_quotes import MILLI, PAPER_C, Quote, Values, each, recorded
+from readme_quotes import MAIN, MILLI, PAPER_C, Quote, Values, each, recorded
 
 BASE = "drake_tc/estimation/base/README.md"
 ONE_FOOT, THREE_CONTACTS = "C.one_foot", "C.three_contacts"
@@ -9,6 +9,8 @@ ERRORS = ("position RMSE [m]", "velocity RMSE [m/s]", "yaw RMSE [rad]")
 OVER_CENTRE = tuple(f"base {what} error, ours over foot centre" for what in ("position", "velocity", "yaw"))
 SLIPS = "ticks with a slip seen by the estimator"
 """A tick is a millisecond."""
+OURS, CENTRE = "CoP estimator: ", "foot centre: "
+MOTIONS = ("C.turn1hz", "C.turn_half_hz", "C.genuflection")
 FLAGGED = ": flagged after [s]"
 SOLES = (
     "stiffness 30 % too large",
@@ -90,6 +92,7 @@ COMAN: list[Quote] = [
     *both_cases("over the foot centre's", *OVER_CENTRE),
     *both_cases("largest factor of", "largest factor on the pushes that is survived"),
     *flag_times(),
+    *((PAPER_C, f"`{id_}`", 2, of(id_, f"{CENTRE}falls at [s]")) for id_ in MOTIONS[:2]),
     *base_errors("1 Hz, ours / chain", "C.turn1hz", "CoP estimator", "foot centre, in the same run"),
     *base_errors("0.5 Hz, ours / chain", "C.soles", "as it is", "foot centre, in the first run"),
     *base_errors("0.5 Hz, the chain with", "C.soles", "foot centre with the IMU"),
@@ -105,3 +108,17 @@ COMAN: list[Quote] = [
         ),
     ),
 ]
+
+STANDS: list[tuple[str, str, int, dict[str, list[str]]]] = [
+    (MAIN, "whole loop, turns at", 1, {"C.turn1hz": [OURS, CENTRE]}),
+    (MAIN, "whole loop, turns at", 1, {"C.turn_half_hz": [OURS, CENTRE]}),
+    (MAIN, "ten seconds under pushes", 1, {ONE_FOOT: [""], THREE_CONTACTS: [""]}),
+    *((PAPER_C, f"`{id_}`", cell, {id_: [loop]}) for id_ in MOTIONS for cell, loop in ((1, OURS), (2, CENTRE))),
+]
+"""File, beginning of the row, cell, and by reproduction the loops that the words `stands` and `falls` are of."""
+
+
+def stands_or_falls(loops: dict[str, list[str]]) -> list[str]:
+    """A word for each loop on record."""
+    fell = [recorded(id_)[f"{name}fell"] for id_, names in loops.items() for name in names]
+    return ["falls" if one else "stands" for one in fell]

@@ -6,6 +6,7 @@ from readme_quotes import (
     MILLI,
     OURS_PUSHED,
     PAPER_C,
+    PERCENT,
     ROBUST,
     SEA,
     TSID,
@@ -199,6 +200,32 @@ OTHER_PAGES: list[Quote] = [
         "100 perturbed plants",
         1,
         lambda: crossing("A.tune", "perturbed plants: tuned over paper's, ", ("median", "worst plant")),
+    ),
+    (
+        ANALYSIS,
+        "growth of the symmetric fit's",
+        1,
+        lambda: each("A.stability", "largest error of a predicted runaway's growth"),
+    ),
+    (
+        ANALYSIS,
+        "Kf at which",
+        1,
+        lambda: [
+            *each("A.stability", "Kf at the border of force control, predicted"),
+            None,
+            *each("A.stability", "Kf at the border of force control, simulated"),
+        ],
+    ),
+    (
+        ANALYSIS,
+        "plants with 30 %",
+        1,
+        lambda: [
+            *each("A.tune", "perturbed plants: share with 30 % less error or better", times=PERCENT),
+            None,
+            *each("A.tune", "perturbed plants: ran away"),
+        ],
     ),
     # --- the whole loop of paper C
     *(

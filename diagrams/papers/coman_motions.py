@@ -165,6 +165,7 @@ def motion(scenario: str, id_: str, seed: int, progress: Progress | None, *, dam
     shaking = {name: vibration(run) for name, run in runs.items()}
     tracking = {name: trunk_errors(run) for name, run in runs.items()}
     values = {f"{name}: fell": float(run.fell is not None) for name, run in runs.items()}
+    values |= {f"{name}: falls at [s]": run.fell for name, run in runs.items() if run.fell is not None}
     values |= {
         f"{OURS}: largest error of the trunk [rad]": float(tracking[OURS].max()),
         f"{OURS}: vibration above 5 Hz [rad/s]": shaking[OURS],
