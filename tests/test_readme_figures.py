@@ -11,9 +11,6 @@ from readme_tables import assert_quoted, row
 QUOTES = [*FIRST_PAGE, *OTHER_PAGES, *COMAN]
 NOT_YET = (
     "linear verdict",
-    "K6 = 0.1, squared error",
-    "K6 = 1, RMS error",
-    "K_tau and K_v wrong",
     "tuned over the paper's setting",
     "256 loops",
     "tracking error, tuned",
@@ -21,7 +18,6 @@ NOT_YET = (
     "sensitivity peak, delay",
     "100 perturbed plants",
     "plants with 30 %",
-    "twenty robots",
 )
 """Quotes of figures that are being computed anew."""
 
