@@ -186,4 +186,6 @@ def context_of(samples: Samples, rig: Rig, joint: str) -> Context:
         position_span=(float(s.position[rows].min()), float(s.position[rows].max())),
         effort_span=(float(low), float(high)),
         period=s.period,
+        torque_span=(float(s.load_torque[rows].min()), float(s.load_torque[rows].max())),
+        duration=float(s.time.max()),
     )

@@ -5,9 +5,22 @@ from typing import ClassVar
 
 import numpy as np
 
-from drake_tc.effects.base import Parameter, Shape, Signals, Signature, TorqueEffect
+from drake_tc.effects.base import Context, Parameter, Plausible, Shape, Signals, Signature, TorqueEffect
 from drake_tc.effects.kernel import TorqueKernel, TorqueParts
 from drake_tc.types import FloatArray
+
+COULOMB_ASYMMETRY_RANGE = Plausible(
+    -1.0,
+    1.0,
+    "friction dissipates energy in both directions of motion",
+    "coulomb",
+)
+VISCOUS_ASYMMETRY_RANGE = Plausible(
+    -1.0,
+    1.0,
+    "friction cannot exceed the torque that drive and load put in",
+    "torque/speed",
+)
 
 
 class AsymmetricFriction(TorqueEffect):
@@ -17,10 +30,22 @@ class AsymmetricFriction(TorqueEffect):
     title = "direction-dependent friction"
     kind = "friction"
     coefficients: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("coulomb_asymmetry", "N*m"),
-        Parameter("viscous_asymmetry", "N*m*s/rad"),
+        Parameter("coulomb_asymmetry", "N*m", plausible=COULOMB_ASYMMETRY_RANGE),
+        Parameter("viscous_asymmetry", "N*m*s/rad", plausible=VISCOUS_ASYMMETRY_RANGE),
     )
     signature = Signature(x="velocity", split="", look_for="both directions shifted the same way, more so at speed")
+
+    def inconsistency(self, parameters: Mapping[str, float], context: Context) -> str:
+        """Friction opposes the motion in both directions at the highest speed: F_c + F_v v >= |A_c + A_v v|."""
+        speed, fitted = context.max_speed, context.fitted
+        mean = fitted.get("coulomb", np.inf) + fitted.get("viscous", np.inf) * speed
+        part = abs(parameters["coulomb_asymmetry"] + parameters.get("viscous_asymmetry", 0.0) * speed)
+        if part <= mean:
+            return ""
+        return (
+            f"At {speed:.3g} rad/s the directions differ by {part:.3g} N*m from a friction of {mean:.3g} N*m: "
+            f"{COULOMB_ASYMMETRY_RANGE.source}."
+        )
 
     def columns(self, signals: Signals, shape: Shape) -> FloatArray:
         """Phi (T, 2): see the class."""
@@ -40,7 +65,7 @@ class CoulombAsymmetry(AsymmetricFriction):
     """A_c [N m]: only the Coulomb level differs. In motion this is a constant, as a torque sensor's bias is."""
 
     form = "coulomb"
-    coefficients = (Parameter("coulomb_asymmetry", "N*m"),)
+    coefficients = (Parameter("coulomb_asymmetry", "N*m", plausible=COULOMB_ASYMMETRY_RANGE),)
 
     def columns(self, signals: Signals, shape: Shape) -> FloatArray:
         """Phi (T, 1): see the class."""

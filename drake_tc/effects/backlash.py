@@ -4,12 +4,19 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from drake_tc.effects.base import Context, Parameter, Shape, Signals, Signature, TransmissionEffect
+from drake_tc.effects.base import Context, Parameter, Plausible, Shape, Signals, Signature, TransmissionEffect
 from drake_tc.effects.kernel import Transmission
 from drake_tc.types import FloatArray
 
 CONTACT_STIFFNESS = 2.0e4
 """Stiffness of the closed gear in simulation [N m/rad]."""
+
+
+BACKLASH_RANGE = Plausible(
+    0.0,
+    0.1,
+    "gears of hobby servos have 1 to 3 degrees of play, worn ones 6 (catalogues of robot gears: below 0.001 rad)",
+)
 
 
 class Backlash(TransmissionEffect):
@@ -22,7 +29,7 @@ class Backlash(TransmissionEffect):
     id = "backlash"
     title = "backlash of the gear"
     kind = "transmission"
-    coefficients = (Parameter("backlash", "rad", 0.0, 0.5, description="whole gap b"),)
+    coefficients = (Parameter("backlash", "rad", 0.0, 0.5, description="whole gap b", plausible=BACKLASH_RANGE),)
     signature = Signature(x="load_torque", split="", look_for="a step where the load torque changes its sign")
 
     def obstacle(self, context: Context) -> str:

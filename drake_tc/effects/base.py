@@ -18,16 +18,32 @@ log (identification, diagnosis) and on the joints of a robot at one instant (sim
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import MISSING, dataclass, field, fields, replace
+from dataclasses import MISSING, dataclass, fields, replace
 from typing import Any, ClassVar, Literal
 
 import numpy as np
 
+from drake_tc.effects.context import EFFORT_UNIT, Context, DriveKind
 from drake_tc.effects.kernel import DriveKernel, TorqueKernel, TorqueParts, Transmission
+from drake_tc.effects.parameter import Parameter, Plausible
 from drake_tc.types import BoolArray, FloatArray, IntArray
 
-DriveKind = Literal["position_servo", "current", "voltage"]
-EFFORT_UNIT: Mapping[str, str] = {"position_servo": "rad", "current": "A", "voltage": "V"}
+__all__ = [
+    "EFFORT_UNIT",
+    "Context",
+    "DriveEffect",
+    "DriveKind",
+    "Effect",
+    "Parameter",
+    "Plausible",
+    "SensorEffect",
+    "Shape",
+    "Signals",
+    "Signature",
+    "TorqueEffect",
+    "TransmissionEffect",
+    "plain_signals",
+]
 
 
 @dataclass(frozen=True)
@@ -89,53 +105,6 @@ class Signals:
         values = {f.name: getattr(self, f.name) for f in fields(self)}
         changed: dict[str, Any] = {name: v[index] for name, v in values.items() if isinstance(v, np.ndarray)}
         return replace(self, **changed)
-
-
-@dataclass(frozen=True)
-class Parameter:
-    """One parameter of an effect: its unit, where it may lie, and what it is before any data speak.
-
-    Attributes:
-        name: As it stands in YAML files and reports.
-        unit: SI, as text; "effort" stands for the drive's own unit.
-        lower, upper: Bounds, inclusive; an estimate that rests on one is reported `at_bound`.
-        default: Value of a model that names the effect without this parameter.
-        description: One line for reports and docs.
-    """
-
-    name: str
-    unit: str
-    lower: float = -np.inf
-    upper: float = np.inf
-    default: float = 0.0
-    description: str = ""
-
-
-@dataclass(frozen=True)
-class Context:
-    """What is known of the rig before the data are looked at; decides which effects can apply.
-
-    Attributes:
-        drive: Kind of drive.
-        load: Where the load torque comes from: a torque column, a pendulum's mass and length, or a robot's model.
-        recorded: Names of the `Signals` fields that were recorded.
-        declared: Parameter values that the user vouches for.
-        link_inertia: Of a pendulum load about the axis [kg m^2]; 0 where the load is measured.
-        max_speed: Largest resolved speed in the logs [rad/s].
-        position_span: (lowest, highest) position [rad].
-        effort_span: (lowest, highest) effort.
-        period: Sampling period [s].
-    """
-
-    drive: DriveKind
-    load: Literal["torque", "pendulum", "robot"]
-    recorded: frozenset[str]
-    declared: Mapping[str, float] = field(default_factory=dict)
-    link_inertia: float = 0.0
-    max_speed: float = 1.0
-    position_span: tuple[float, float] = (-1.0, 1.0)
-    effort_span: tuple[float, float] = (-1.0, 1.0)
-    period: float = 1e-3
 
 
 @dataclass(frozen=True)
@@ -202,6 +171,14 @@ class Effect(ABC):
         """Reported parameters by name, from the coefficients, the shape and the drive gain K [effort/(N m)]."""
         named = dict(zip((p.name for p in self.coefficients), map(float, theta), strict=True))
         return named | {p.name: float(shape[p.name]) for p in self.shapes}
+
+    def inconsistency(self, parameters: Mapping[str, float], context: Context) -> str:
+        """Why these values are not possible together, in one sentence; empty when they are.
+
+        The range of each parameter alone is its `Parameter.plausible`; this is for what two of them, or a parameter
+        and the range of the log, say together. `drake_tc.effects.plausibility.implausible` asks for both.
+        """
+        return ""
 
     def balance_inertia(self, theta: FloatArray, rotor_inertia: float) -> float:
         """What the effect adds to the coefficient of qddot [kg m^2]: more encoder noise comes through."""

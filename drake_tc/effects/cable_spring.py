@@ -4,9 +4,23 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from drake_tc.effects.base import Parameter, Shape, Signals, Signature, TorqueEffect
+from drake_tc.effects.base import Parameter, Plausible, Shape, Signals, Signature, TorqueEffect
 from drake_tc.effects.kernel import TorqueKernel, TorqueParts
 from drake_tc.types import FloatArray
+
+SPRING_STIFFNESS_RANGE = Plausible(
+    0.0,
+    1.0,
+    "a passive spring pulls back towards its rest position; a negative stiffness would release energy at "
+    "every deflection",
+    "torque/span",
+)
+SPRING_PRELOAD_RANGE = Plausible(
+    -1.0,
+    1.0,
+    "a spring cannot pull harder than drive and load together",
+    "torque",
+)
 
 
 class CableSpring(TorqueEffect):
@@ -17,8 +31,8 @@ class CableSpring(TorqueEffect):
     kind = "load"
     linear = True
     coefficients = (
-        Parameter("spring_stiffness", "N*m/rad"),
-        Parameter("spring_preload", "N*m", description="-k q_0"),
+        Parameter("spring_stiffness", "N*m/rad", plausible=SPRING_STIFFNESS_RANGE),
+        Parameter("spring_preload", "N*m", description="-k q_0", plausible=SPRING_PRELOAD_RANGE),
     )
     signature = Signature(
         x="position", split="", look_for="a straight line over the angle, the same in both directions"

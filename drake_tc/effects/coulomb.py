@@ -2,9 +2,16 @@
 
 from collections.abc import Mapping
 
-from drake_tc.effects.base import Parameter, Shape, Signals, Signature, TorqueEffect
+from drake_tc.effects.base import Parameter, Plausible, Shape, Signals, Signature, TorqueEffect
 from drake_tc.effects.kernel import TorqueKernel, TorqueParts
 from drake_tc.types import FloatArray
+
+COULOMB_RANGE = Plausible(
+    0.0,
+    1.0,
+    "friction dissipates energy, so it opposes the motion, and it cannot exceed the torque that drive and load put in",
+    "torque",
+)
 
 
 class Coulomb(TorqueEffect):
@@ -13,7 +20,7 @@ class Coulomb(TorqueEffect):
     id = "coulomb"
     title = "Coulomb friction"
     kind = "friction"
-    coefficients = (Parameter("coulomb", "N*m", 0.0),)
+    coefficients = (Parameter("coulomb", "N*m", 0.0, plausible=COULOMB_RANGE),)
     signature = Signature(x="velocity", split="direction", look_for="a step at zero velocity")
 
     def columns(self, signals: Signals, shape: Shape) -> FloatArray:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 import numpy as np
 from scipy.signal import lfilter
 
-from drake_tc.effects.base import Context, DriveEffect, Parameter, Shape, Signals, Signature
+from drake_tc.effects.base import Context, DriveEffect, Parameter, Plausible, Shape, Signals, Signature
 from drake_tc.effects.kernel import DriveKernel, memoryless
 from drake_tc.types import FloatArray
 
@@ -19,13 +19,21 @@ def hold_coefficients(lag: float, period: float) -> tuple[float, float, float]:
     return pole, 1.0 - share, share - pole
 
 
+LAG_RANGE = Plausible(
+    0.0,
+    0.05,
+    "electrical time constants L/R and current loops of servo motors lie between 0.1 and 20 ms, filters "
+    "at most at 50 ms",
+)
+
+
 class CurrentLag(DriveEffect):
     """T dy*/dt + y* = y: first-order lag of the motor current (inductance, current loop)."""
 
     id = "current_lag"
     title = "lag of the motor current"
     kind = "drive"
-    shapes = (Parameter("lag", "s", 0.0, 0.1, description="time constant T"),)
+    shapes = (Parameter("lag", "s", 0.0, 0.1, description="time constant T", plausible=LAG_RANGE),)
     signature = Signature(
         x="acceleration",
         split="direction",

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from drake_tc.effects.base import Context, DriveEffect, Parameter, Shape, Signals, Signature
+from drake_tc.effects.base import Context, DriveEffect, Parameter, Plausible, Shape, Signals, Signature
 from drake_tc.effects.kernel import DriveKernel
 from drake_tc.types import FloatArray
 
@@ -14,13 +14,21 @@ def apply_deadzone(effort: FloatArray, width: FloatArray | float) -> FloatArray:
     return np.asarray(np.sign(effort) * np.maximum(np.abs(effort) - width, 0.0))
 
 
+DEADZONE_RANGE = Plausible(
+    0.0,
+    0.9,
+    "a dead zone that covers the recorded efforts would have let no motion happen",
+    "effort",
+)
+
+
 class Deadzone(DriveEffect):
     """y* = sign(y) max(|y| - w, 0) (EQUATIONS A3: the servo of HRP-2)."""
 
     id = "deadzone"
     title = "dead zone of the drive"
     kind = "drive"
-    shapes = (Parameter("deadzone", "effort", 0.0, description="half width w"),)
+    shapes = (Parameter("deadzone", "effort", 0.0, description="half width w", plausible=DEADZONE_RANGE),)
     signature = Signature(x="effort", split="", look_for="a step at zero effort, flat beyond it")
 
     def shape_grid(self, context: Context) -> list[dict[str, float]]:

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from drake_tc.effects.base import Context, DriveEffect, Parameter, Shape, Signals, Signature
+from drake_tc.effects.base import Context, DriveEffect, Parameter, Plausible, Shape, Signals, Signature
 from drake_tc.effects.kernel import DriveKernel
 from drake_tc.types import FloatArray
 
@@ -20,6 +20,13 @@ def shift(values: FloatArray, samples: float) -> FloatArray:
     return np.asarray((1.0 - part) * late + part * later)
 
 
+DELAY_RANGE = Plausible(
+    0.0,
+    0.05,
+    "drives, field buses and sampling are late by at most some 50 ms, and never early",
+)
+
+
 class Delay(DriveEffect):
     """y*(t) = y(t - d): the whole effort acts late."""
 
@@ -27,7 +34,7 @@ class Delay(DriveEffect):
     title = "delay"
     kind = "drive"
     form = "loop"
-    shapes = (Parameter("delay", "s", 0.0, 0.2),)
+    shapes = (Parameter("delay", "s", 0.0, 0.2, plausible=DELAY_RANGE),)
     signature = Signature(
         x="acceleration", split="direction", look_for="loops: the residual follows the rate of the effort"
     )

@@ -4,9 +4,16 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from drake_tc.effects.base import Context, DriveEffect, Parameter, Shape, Signals, Signature
+from drake_tc.effects.base import Context, DriveEffect, Parameter, Plausible, Shape, Signals, Signature
 from drake_tc.effects.kernel import DriveKernel, memoryless
 from drake_tc.types import FloatArray
+
+HALF_EFFORT_RANGE = Plausible(
+    0.3,
+    np.inf,
+    "a drive that loses more than three quarters of its largest effort is defective",
+    "effort",
+)
 
 
 class DriveCompression(DriveEffect):
@@ -15,7 +22,16 @@ class DriveCompression(DriveEffect):
     id = "drive_compression"
     title = "compression of the drive"
     kind = "drive"
-    shapes = (Parameter("half_effort", "effort", 1e-9, default=np.inf, description="effort y_h of which half arrives"),)
+    shapes = (
+        Parameter(
+            "half_effort",
+            "effort",
+            1e-9,
+            default=np.inf,
+            description="effort y_h of which half arrives",
+            plausible=HALF_EFFORT_RANGE,
+        ),
+    )
     signature = Signature(x="effort", split="", look_for="an S through zero: the slope falls off on both sides")
 
     def shape_grid(self, context: Context) -> list[dict[str, float]]:

@@ -4,9 +4,17 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from drake_tc.effects.base import Context, Parameter, Shape, Signals, Signature, TransmissionEffect
+from drake_tc.effects.base import Context, Parameter, Plausible, Shape, Signals, Signature, TransmissionEffect
 from drake_tc.effects.kernel import Transmission
 from drake_tc.types import FloatArray
+
+COMPLIANCE_RANGE = Plausible(
+    0.0,
+    0.3,
+    "the springs of series elastic actuators wind up by at most some 0.3 rad under the largest load, "
+    "gears by milliradians",
+    "1/torque",
+)
 
 
 class Elasticity(TransmissionEffect):
@@ -37,7 +45,7 @@ class Elasticity(TransmissionEffect):
     @property
     def parameters(self) -> tuple[Parameter, ...]:
         """The compliance c alone."""
-        return (Parameter("compliance", "rad/(N*m)", 0.0),)
+        return (Parameter("compliance", "rad/(N*m)", 0.0, plausible=COMPLIANCE_RANGE),)
 
     def balance_inertia(self, theta: FloatArray, rotor_inertia: float) -> float:
         """-J w."""

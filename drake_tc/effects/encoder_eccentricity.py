@@ -5,8 +5,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from drake_tc.effects.base import Context, Parameter, SensorEffect, Shape, Signals, Signature
+from drake_tc.effects.base import Context, Parameter, Plausible, SensorEffect, Shape, Signals, Signature
 from drake_tc.types import FloatArray
+
+DISC_ERROR_RANGE = Plausible(
+    -0.05,
+    0.05,
+    "a disc of 10 mm radius mounted 0.5 mm off its axis errs by 0.05 rad (data sheets of ring encoders: "
+    "below 0.01 rad)",
+)
 
 
 class EncoderEccentricity(SensorEffect):
@@ -21,10 +28,20 @@ class EncoderEccentricity(SensorEffect):
     kind = "sensor"
     form = "shared"
     coefficients = (
-        Parameter("eccentricity_sine", "rad"),
-        Parameter("eccentricity_cosine", "rad"),
+        Parameter("eccentricity_sine", "rad", plausible=DISC_ERROR_RANGE),
+        Parameter("eccentricity_cosine", "rad", plausible=DISC_ERROR_RANGE),
     )
     signature = Signature(x="position", split="direction", look_for="one wave a turn that grows with the speed")
+
+    def inconsistency(self, parameters: Mapping[str, float], context: Context) -> str:
+        """The amplitude of the wave has the range of its two parts."""
+        amplitude = float(np.hypot(parameters["eccentricity_sine"], parameters["eccentricity_cosine"]))
+        if amplitude <= DISC_ERROR_RANGE.upper:
+            return ""
+        return (
+            f"The amplitude is {amplitude:.3g} rad, above the plausible {DISC_ERROR_RANGE.upper:g} rad: "
+            f"{DISC_ERROR_RANGE.source}."
+        )
 
     def columns(self, signals: Signals, shape: Shape) -> FloatArray:
         """Phi (T, 2): see the class."""

@@ -5,8 +5,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from drake_tc.effects.base import Context, Parameter, SensorEffect, Shape, Signals, Signature
+from drake_tc.effects.base import Context, Parameter, Plausible, SensorEffect, Shape, Signals, Signature
 from drake_tc.types import FloatArray
+
+OFFSET_RANGE = Plausible(
+    -0.35,
+    0.35,
+    "a joint zeroed by eye or on the wrong spline tooth is off by at most some 20 degrees",
+)
 
 
 class EncoderOffset(SensorEffect):
@@ -16,7 +22,7 @@ class EncoderOffset(SensorEffect):
     title = "encoder offset"
     kind = "sensor"
     linear = True
-    coefficients = (Parameter("offset", "rad"),)
+    coefficients = (Parameter("offset", "rad", plausible=OFFSET_RANGE),)
     signature = Signature(
         x="position", split="", look_for="a constant (servo) or a cosine of the angle (pendulum load)"
     )

@@ -5,8 +5,20 @@ from dataclasses import replace
 
 import numpy as np
 
-from drake_tc.effects.base import Context, Parameter, SensorEffect, Shape, Signals, Signature
+from drake_tc.effects.base import Context, Parameter, Plausible, SensorEffect, Shape, Signals, Signature
 from drake_tc.types import FloatArray
+
+WAVE_RANGE = Plausible(
+    -0.02,
+    0.02,
+    "interpolation and magnet errors of encoders stay below 0.02 rad (data sheets of magnetic encoders: "
+    "0.02 rad on the axis)",
+)
+CYCLES_PER_TURN_RANGE = Plausible(
+    2.0,
+    400.0,
+    "an encoder behind a gear of up to 1:200 errs once and twice a motor turn; one cycle a turn is eccentricity",
+)
 
 
 class EncoderRipple(SensorEffect):
@@ -21,10 +33,10 @@ class EncoderRipple(SensorEffect):
     title = "encoder ripple"
     kind = "sensor"
     coefficients = (
-        Parameter("ripple_sine", "rad"),
-        Parameter("ripple_cosine", "rad"),
+        Parameter("ripple_sine", "rad", plausible=WAVE_RANGE),
+        Parameter("ripple_cosine", "rad", plausible=WAVE_RANGE),
     )
-    shapes = (Parameter("cycles_per_turn", "1/turn", 1.5, 400.0, 12.0),)
+    shapes = (Parameter("cycles_per_turn", "1/turn", 1.5, 400.0, 12.0, plausible=CYCLES_PER_TURN_RANGE),)
     signature = Signature(
         x="position modulo period",
         split="direction",
@@ -43,6 +55,14 @@ class EncoderRipple(SensorEffect):
         fastest = 0.25 / context.period * 2 * np.pi / max(context.max_speed, 1e-9)
         most = min(60.0, fastest)
         return [{"cycles_per_turn": float(n)} for n in np.arange(2.0, max(most, 3.0), max(0.35 / turns, 0.25))]
+
+    def inconsistency(self, parameters: Mapping[str, float], context: Context) -> str:
+        """The reading grows with the angle: n |e| < 1."""
+        cycles = parameters["cycles_per_turn"]
+        slope = cycles * float(np.hypot(parameters["ripple_sine"], parameters["ripple_cosine"]))
+        if slope < 1.0:
+            return ""
+        return f"With {cycles:.3g} cycles a turn the reading would run backwards: its slope changes by {slope:.3g}."
 
     def columns(self, signals: Signals, shape: Shape) -> FloatArray:
         """Phi (T, 2): see the class."""

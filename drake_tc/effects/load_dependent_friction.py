@@ -4,9 +4,16 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from drake_tc.effects.base import Parameter, Shape, Signals, Signature, TorqueEffect
+from drake_tc.effects.base import Parameter, Plausible, Shape, Signals, Signature, TorqueEffect
 from drake_tc.effects.kernel import TorqueKernel, TorqueParts
 from drake_tc.types import FloatArray
+
+LOAD_FRICTION_RANGE = Plausible(
+    0.0,
+    1.0,
+    "gears that are driven are at least 50 % efficient (efficiency 1/(1 + mu)); catalogues of harmonic "
+    "and planetary gears give 60 to 97 %",
+)
 
 
 class LoadDependentFriction(TorqueEffect):
@@ -15,7 +22,7 @@ class LoadDependentFriction(TorqueEffect):
     id = "load_dependent_friction"
     title = "load-dependent friction"
     kind = "friction"
-    coefficients = (Parameter("load_friction", "-", 0.0, 1.0),)
+    coefficients = (Parameter("load_friction", "-", 0.0, 1.0, plausible=LOAD_FRICTION_RANGE),)
     signature = Signature(
         x="load_torque", split="direction", look_for="a V for one direction, an inverted V for the other"
     )

@@ -5,9 +5,21 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from drake_tc.effects.base import Context, Parameter, Shape, Signals, Signature, TorqueEffect
+from drake_tc.effects.base import Context, Parameter, Plausible, Shape, Signals, Signature, TorqueEffect
 from drake_tc.effects.kernel import TorqueKernel, TorqueParts
 from drake_tc.types import FloatArray
+
+LOAD_STRIBECK_RANGE = Plausible(
+    0.0,
+    1.0,
+    "gears that are driven are at least 50 % efficient, from break-away on",
+)
+LOAD_STRIBECK_VELOCITY_RANGE = Plausible(
+    0.0,
+    1.0,
+    "the Stribeck peak dies out within the recorded speeds; beyond them it is load-dependent friction",
+    "speed",
+)
 
 
 class LoadStribeck(TorqueEffect):
@@ -20,8 +32,8 @@ class LoadStribeck(TorqueEffect):
     id = "load_stribeck"
     title = "Stribeck part of load-dependent friction"
     kind = "friction"
-    coefficients = (Parameter("load_stribeck", "-", 0.0, 1.0),)
-    shapes = (Parameter("load_stribeck_velocity", "rad/s", 1e-3, default=0.3),)
+    coefficients = (Parameter("load_stribeck", "-", 0.0, 1.0, plausible=LOAD_STRIBECK_RANGE),)
+    shapes = (Parameter("load_stribeck_velocity", "rad/s", 1e-3, default=0.3, plausible=LOAD_STRIBECK_VELOCITY_RANGE),)
     signature = Signature(
         x="velocity", split="direction", look_for="peaks at zero velocity whose height follows the load"
     )

@@ -5,9 +5,16 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from drake_tc.effects.base import Context, Parameter, Shape, Signals, Signature, TorqueEffect
+from drake_tc.effects.base import Context, Parameter, Plausible, Shape, Signals, Signature, TorqueEffect
 from drake_tc.effects.kernel import TorqueKernel, TorqueParts
 from drake_tc.types import FloatArray
+
+TILT_MOMENT_RANGE = Plausible(
+    -0.35,
+    0.35,
+    "a pendulum mounted by eye is tilted by at most some 20 degrees",
+    "load",
+)
 
 
 class LoadTilt(TorqueEffect):
@@ -17,7 +24,7 @@ class LoadTilt(TorqueEffect):
     title = "tilt of the gravity load"
     kind = "load"
     linear = True
-    coefficients = (Parameter("tilt_moment", "N*m", description="A = -m g l sin z"),)
+    coefficients = (Parameter("tilt_moment", "N*m", description="A = -m g l sin z", plausible=TILT_MOMENT_RANGE),)
     signature = Signature(x="position", split="", look_for="a cosine of the angle")
 
     def obstacle(self, context: Context) -> str:

@@ -6,9 +6,26 @@ from typing import ClassVar
 
 import numpy as np
 
-from drake_tc.effects.base import Context, Parameter, Shape, Signals, Signature, TorqueEffect
+from drake_tc.effects.base import Context, Parameter, Plausible, Shape, Signals, Signature, TorqueEffect
 from drake_tc.effects.kernel import TorqueKernel, TorqueParts
 from drake_tc.types import FloatArray
+
+PAYLOAD_MOMENT_RANGE = Plausible(
+    0.0,
+    1.0,
+    "a mass pulls downwards, with no more than the torque that drive and load put in",
+    "torque",
+)
+PAYLOAD_INERTIA_RANGE = Plausible(
+    0.0,
+    450.0,
+    "an inertia is positive, and 50 kg at 3 m have 450 kg m^2",
+)
+PAYLOAD_SHARE_RANGE = Plausible(
+    0.0,
+    5.0,
+    "a mass is positive, and a load of six times the declared one is another load",
+)
 
 
 class Payload(TorqueEffect):
@@ -19,8 +36,8 @@ class Payload(TorqueEffect):
     kind = "load"
     linear = True
     coefficients: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("payload_moment", "N*m", 0.0, description="m g l"),
-        Parameter("payload_inertia", "kg*m^2", 0.0, description="m l^2"),
+        Parameter("payload_moment", "N*m", 0.0, description="m g l", plausible=PAYLOAD_MOMENT_RANGE),
+        Parameter("payload_inertia", "kg*m^2", 0.0, description="m l^2", plausible=PAYLOAD_INERTIA_RANGE),
     )
     signature = Signature(
         x="position", split="", look_for="a sine of the angle that comes with a line over the acceleration"
@@ -73,7 +90,15 @@ class PendulumPayload(Payload):
     @property
     def parameters(self) -> tuple[Parameter, ...]:
         """The share s alone."""
-        return (Parameter("payload_share", "-", 0.0, description="load beyond the pendulum's, as a share of it"),)
+        return (
+            Parameter(
+                "payload_share",
+                "-",
+                0.0,
+                description="load beyond the pendulum's, as a share of it",
+                plausible=PAYLOAD_SHARE_RANGE,
+            ),
+        )
 
     def obstacle(self, context: Context) -> str:
         """Needs a pendulum and a declared inertia."""

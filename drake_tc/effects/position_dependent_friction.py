@@ -5,9 +5,21 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from drake_tc.effects.base import Context, Parameter, Shape, Signals, Signature, TorqueEffect
+from drake_tc.effects.base import Context, Parameter, Plausible, Shape, Signals, Signature, TorqueEffect
 from drake_tc.effects.kernel import TorqueKernel, TorqueParts
 from drake_tc.types import FloatArray
+
+WAVE_RANGE = Plausible(
+    -1.0,
+    1.0,
+    "friction dissipates energy at every position",
+    "coulomb",
+)
+CYCLES_PER_TURN_RANGE = Plausible(
+    0.3,
+    400.0,
+    "seals, bearings and gear teeth repeat with a turn of a shaft of the gear",
+)
 
 
 class PositionDependentFriction(TorqueEffect):
@@ -17,10 +29,10 @@ class PositionDependentFriction(TorqueEffect):
     title = "position-dependent friction"
     kind = "friction"
     coefficients = (
-        Parameter("friction_cosine", "N*m"),
-        Parameter("friction_sine", "N*m"),
+        Parameter("friction_cosine", "N*m", plausible=WAVE_RANGE),
+        Parameter("friction_sine", "N*m", plausible=WAVE_RANGE),
     )
-    shapes = (Parameter("cycles_per_turn", "1/turn", 0.3, 400.0, 1.0),)
+    shapes = (Parameter("cycles_per_turn", "1/turn", 0.3, 400.0, 1.0, plausible=CYCLES_PER_TURN_RANGE),)
     signature = Signature(
         x="position", split="direction", look_for="a wave over the angle, mirrored between the two directions"
     )
@@ -30,6 +42,14 @@ class PositionDependentFriction(TorqueEffect):
         turns = (context.position_span[1] - context.position_span[0]) / (2 * np.pi)
         finest = min(60.0, 60.0 / turns)
         return [{"cycles_per_turn": float(n)} for n in np.arange(max(0.5, 0.4 / turns), finest, 0.35 / turns)]
+
+    def inconsistency(self, parameters: Mapping[str, float], context: Context) -> str:
+        """Friction stays positive at every position: its wave is no larger than its mean, the Coulomb friction."""
+        amplitude = float(np.hypot(parameters["friction_cosine"], parameters["friction_sine"]))
+        mean = context.scale("coulomb")
+        if amplitude <= mean:
+            return ""
+        return f"The wave of {amplitude:.3g} N*m exceeds the Coulomb friction of {mean:.3g} N*m: {WAVE_RANGE.source}."
 
     def columns(self, signals: Signals, shape: Shape) -> FloatArray:
         """Phi (T, 2): see the class."""

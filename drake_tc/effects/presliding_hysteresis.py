@@ -4,9 +4,22 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from drake_tc.effects.base import Context, Parameter, Shape, Signals, Signature, TorqueEffect
+from drake_tc.effects.base import Context, Parameter, Plausible, Shape, Signals, Signature, TorqueEffect
 from drake_tc.effects.kernel import TorqueKernel, TorqueParts
 from drake_tc.types import FloatArray
+
+PRESLIDING_RANGE = Plausible(
+    0.0,
+    1.2,
+    "the bristles carry a share of the sliding friction (Dahl, 1968), here with 20 % for the error of both estimates",
+    "coulomb",
+)
+PRESLIDING_TRAVEL_RANGE = Plausible(
+    0.0,
+    0.2,
+    "geared joints reach full sliding friction within milliradians to some tenths of a radian (Dahl, "
+    "1968; Armstrong-Hélouvry et al., 1994)",
+)
 
 
 class PreslidingHysteresis(TorqueEffect):
@@ -19,8 +32,8 @@ class PreslidingHysteresis(TorqueEffect):
     id = "presliding_hysteresis"
     title = "presliding hysteresis"
     kind = "friction"
-    coefficients = (Parameter("presliding", "N*m", 0.0),)
-    shapes = (Parameter("presliding_travel", "rad", 1.5e-3, 1.0, 0.01),)
+    coefficients = (Parameter("presliding", "N*m", 0.0, plausible=PRESLIDING_RANGE),)
+    shapes = (Parameter("presliding_travel", "rad", 1.5e-3, 1.0, 0.01, plausible=PRESLIDING_TRAVEL_RANGE),)
     signature = Signature(
         x="travel",
         split="direction",

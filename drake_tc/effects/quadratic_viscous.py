@@ -4,9 +4,17 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from drake_tc.effects.base import Parameter, Shape, Signals, Signature, TorqueEffect
+from drake_tc.effects.base import Parameter, Plausible, Shape, Signals, Signature, TorqueEffect
 from drake_tc.effects.kernel import TorqueKernel, TorqueParts
 from drake_tc.types import FloatArray
+
+QUADRATIC_VISCOUS_RANGE = Plausible(
+    0.0,
+    1.0,
+    "churning and windage grow with the square of the speed and dissipate energy; friction that flattens "
+    "with the speed is a power law below 1",
+    "torque/speed^2",
+)
 
 
 class QuadraticViscous(TorqueEffect):
@@ -15,7 +23,7 @@ class QuadraticViscous(TorqueEffect):
     id = "quadratic_viscous"
     title = "quadratic viscous friction"
     kind = "friction"
-    coefficients = (Parameter("quadratic_viscous", "N*m*s^2/rad^2"),)
+    coefficients = (Parameter("quadratic_viscous", "N*m*s^2/rad^2", plausible=QUADRATIC_VISCOUS_RANGE),)
     signature = Signature(
         x="velocity", split="", look_for="an S that steepens (or flattens) towards the highest speeds"
     )

@@ -2,9 +2,15 @@
 
 from collections.abc import Mapping
 
-from drake_tc.effects.base import Parameter, Shape, Signals, Signature, TorqueEffect
+from drake_tc.effects.base import Parameter, Plausible, Shape, Signals, Signature, TorqueEffect
 from drake_tc.effects.kernel import TorqueKernel, TorqueParts
 from drake_tc.types import FloatArray
+
+ROTOR_INERTIA_RANGE = Plausible(
+    0.0,
+    300.0,
+    "an inertia is positive, and a servo motor's rotor of 0.01 kg m^2 behind a gear of 1:160 reflects 256 kg m^2",
+)
 
 
 class RotorInertia(TorqueEffect):
@@ -14,7 +20,7 @@ class RotorInertia(TorqueEffect):
     title = "reflected rotor inertia"
     kind = "load"
     linear = True
-    coefficients = (Parameter("rotor_inertia", "kg*m^2", 0.0),)
+    coefficients = (Parameter("rotor_inertia", "kg*m^2", 0.0, plausible=ROTOR_INERTIA_RANGE),)
     signature = Signature(x="acceleration", split="", look_for="a straight line through zero")
 
     def balance_inertia(self, theta: FloatArray, rotor_inertia: float) -> float:

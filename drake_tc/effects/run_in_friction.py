@@ -4,9 +4,27 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from drake_tc.effects.base import Context, Parameter, Shape, Signals, Signature, TorqueEffect
+from drake_tc.effects.base import Context, Parameter, Plausible, Shape, Signals, Signature, TorqueEffect
 from drake_tc.effects.kernel import TorqueKernel, TorqueParts
 from drake_tc.types import FloatArray
+
+RUN_IN_COULOMB_RANGE = Plausible(
+    -1.0,
+    1.0,
+    "friction stays positive while it settles, and cannot exceed the torque that drive and load put in",
+    "torque",
+)
+RUN_IN_VISCOUS_RANGE = Plausible(
+    -1.0,
+    1.0,
+    "friction stays positive while it settles, and cannot exceed the torque that drive and load put in",
+    "torque/speed",
+)
+RUN_IN_TIME_RANGE = Plausible(
+    0.1,
+    10000.0,
+    "a lubricant settles within seconds to hours",
+)
 
 
 class RunInFriction(TorqueEffect):
@@ -20,10 +38,10 @@ class RunInFriction(TorqueEffect):
     title = "friction that settles during a run"
     kind = "friction"
     coefficients = (
-        Parameter("run_in_coulomb", "N*m"),
-        Parameter("run_in_viscous", "N*m*s/rad"),
+        Parameter("run_in_coulomb", "N*m", plausible=RUN_IN_COULOMB_RANGE),
+        Parameter("run_in_viscous", "N*m*s/rad", plausible=RUN_IN_VISCOUS_RANGE),
     )
-    shapes = (Parameter("run_in_time", "s", 0.1, 1e4, 2.0),)
+    shapes = (Parameter("run_in_time", "s", 0.1, 1e4, 2.0, plausible=RUN_IN_TIME_RANGE),)
     signature = Signature(x="time", split="direction", look_for="a fan that closes with the time since the start")
 
     def shape_grid(self, context: Context) -> list[dict[str, float]]:

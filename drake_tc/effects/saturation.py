@@ -4,9 +4,16 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from drake_tc.effects.base import Context, DriveEffect, Parameter, Shape, Signals, Signature
+from drake_tc.effects.base import Context, DriveEffect, Parameter, Plausible, Shape, Signals, Signature
 from drake_tc.effects.kernel import DriveKernel, memoryless
 from drake_tc.types import FloatArray
+
+LIMIT_RANGE = Plausible(
+    0.02,
+    1.0,
+    "a limit beyond the recorded efforts never acted, and one far below them would have let no motion happen",
+    "effort",
+)
 
 
 class Saturation(DriveEffect):
@@ -15,7 +22,7 @@ class Saturation(DriveEffect):
     id = "saturation"
     title = "saturation of the drive"
     kind = "drive"
-    shapes = (Parameter("limit", "effort", 0.0, default=np.inf, description="largest effort L"),)
+    shapes = (Parameter("limit", "effort", 0.0, default=np.inf, description="largest effort L", plausible=LIMIT_RANGE),)
     signature = Signature(x="effort", split="", look_for="a line that bends at the same effort on both sides")
 
     def shape_grid(self, context: Context) -> list[dict[str, float]]:

@@ -5,9 +5,15 @@ from collections.abc import Mapping
 import numpy as np
 from scipy.signal import lfilter
 
-from drake_tc.effects.base import DriveEffect, Parameter, Shape, Signals, Signature
+from drake_tc.effects.base import DriveEffect, Parameter, Plausible, Shape, Signals, Signature
 from drake_tc.effects.kernel import DriveKernel
 from drake_tc.types import FloatArray
+
+INTEGRAL_RATE_RANGE = Plausible(
+    0.0,
+    50.0,
+    "integral action faster than the position loop, of some 50 1/s, is unstable, and negative action is so at once",
+)
 
 
 class ServoIntegrator(DriveEffect):
@@ -27,7 +33,7 @@ class ServoIntegrator(DriveEffect):
     @property
     def parameters(self) -> tuple[Parameter, ...]:
         """K_i."""
-        return (Parameter("integral_rate", "1/s", 0.0),)
+        return (Parameter("integral_rate", "1/s", 0.0, plausible=INTEGRAL_RATE_RANGE),)
 
     def columns(self, signals: Signals, shape: Shape) -> FloatArray:
         """-int y dt (T, 1)."""

@@ -5,9 +5,29 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from drake_tc.effects.base import Context, Parameter, Shape, Signals, Signature, TorqueEffect
+from drake_tc.effects.base import Context, Parameter, Plausible, Shape, Signals, Signature, TorqueEffect
 from drake_tc.effects.kernel import TorqueKernel, TorqueParts
 from drake_tc.types import FloatArray
+
+STRIBECK_RANGE = Plausible(
+    0.0,
+    1.0,
+    "friction dissipates energy, so it opposes the motion, and it cannot exceed the torque that drive and"
+    " load put in; static friction exceeds sliding friction (Armstrong-Hélouvry, Dupont and Canudas de "
+    "Wit, 1994)",
+    "torque",
+)
+STRIBECK_VELOCITY_RANGE = Plausible(
+    0.0,
+    1.0,
+    "the Stribeck peak dies out within the recorded speeds; beyond them it is viscous friction",
+    "speed",
+)
+STRIBECK_EXPONENT_RANGE = Plausible(
+    0.5,
+    2.0,
+    "published exponents lie between 0.5 and 2 (Armstrong-Hélouvry, Dupont and Canudas de Wit, 1994)",
+)
 
 
 class Stribeck(TorqueEffect):
@@ -19,10 +39,10 @@ class Stribeck(TorqueEffect):
     id = "stribeck"
     title = "Stribeck friction"
     kind = "friction"
-    coefficients = (Parameter("stribeck", "N*m", 0.0, description="F_s - F_c"),)
+    coefficients = (Parameter("stribeck", "N*m", 0.0, description="F_s - F_c", plausible=STRIBECK_RANGE),)
     shapes = (
-        Parameter("stribeck_velocity", "rad/s", 1e-4, default=0.1),
-        Parameter("stribeck_exponent", "-", 0.5, 2.0, 2.0),
+        Parameter("stribeck_velocity", "rad/s", 1e-4, default=0.1, plausible=STRIBECK_VELOCITY_RANGE),
+        Parameter("stribeck_exponent", "-", 0.5, 2.0, 2.0, plausible=STRIBECK_EXPONENT_RANGE),
     )
     signature = Signature(
         x="velocity",

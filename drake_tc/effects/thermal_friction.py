@@ -5,11 +5,30 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from drake_tc.effects.base import Context, Parameter, Shape, Signals, Signature, TorqueEffect
+from drake_tc.effects.base import Context, Parameter, Plausible, Shape, Signals, Signature, TorqueEffect
 from drake_tc.effects.kernel import TorqueKernel, TorqueParts
 from drake_tc.types import FloatArray
 
 REFERENCE_CELSIUS = 25.0
+
+
+COULOMB_PER_KELVIN_RANGE = Plausible(
+    -0.1,
+    0.1,
+    "lubricants change their friction by at most a tenth of it for each kelvin",
+    "coulomb",
+)
+VISCOUS_PER_KELVIN_RANGE = Plausible(
+    -0.1,
+    0.1,
+    "lubricants change their viscosity by at most a tenth of it for each kelvin (mineral oil: 3 to 7 %)",
+    "viscous",
+)
+THERMAL_RATE_RANGE = Plausible(
+    0.0,
+    0.1,
+    "the viscosity of lubricants falls by at most a tenth for each kelvin (mineral oil: 3 to 7 %)",
+)
 
 
 class ThermalFriction(TorqueEffect):
@@ -23,10 +42,10 @@ class ThermalFriction(TorqueEffect):
     kind = "friction"
     needs = frozenset({"temperature"})
     coefficients = (
-        Parameter("coulomb_per_kelvin", "N*m/K"),
-        Parameter("viscous_per_kelvin", "N*m*s/(rad*K)"),
+        Parameter("coulomb_per_kelvin", "N*m/K", plausible=COULOMB_PER_KELVIN_RANGE),
+        Parameter("viscous_per_kelvin", "N*m*s/(rad*K)", plausible=VISCOUS_PER_KELVIN_RANGE),
     )
-    shapes = (Parameter("thermal_rate", "1/K", 1e-4, 0.2, 1e-4),)
+    shapes = (Parameter("thermal_rate", "1/K", 1e-4, 0.2, 1e-4, plausible=THERMAL_RATE_RANGE),)
     signature = Signature(
         x="temperature", split="direction", look_for="a fan that opens (or closes) as the joint warms up"
     )

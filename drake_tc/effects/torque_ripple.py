@@ -5,9 +5,24 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from drake_tc.effects.base import Context, Parameter, Shape, Signals, Signature, TorqueEffect
+from drake_tc.effects.base import Context, Parameter, Plausible, Shape, Signals, Signature, TorqueEffect
 from drake_tc.effects.kernel import TorqueKernel, TorqueParts
 from drake_tc.types import FloatArray
+
+WAVE_RANGE = Plausible(
+    -1.0,
+    1.0,
+    "a ripple cannot exceed the torque that drive and load put in",
+    "torque",
+)
+CYCLES_PER_TURN_RANGE = Plausible(
+    3.0,
+    2000.0,
+    "shafts behind a gear, pole pairs and gear teeth repeat three times or more in a turn of the output; "
+    "less often it is a load curve over the position",
+)
+LEAST_PERIODS = 1.5
+"""Periods of a ripple that the positions must span."""
 
 
 class TorqueRipple(TorqueEffect):
@@ -17,10 +32,10 @@ class TorqueRipple(TorqueEffect):
     title = "torque ripple"
     kind = "load"
     coefficients = (
-        Parameter("ripple_cosine", "N*m"),
-        Parameter("ripple_sine", "N*m"),
+        Parameter("ripple_cosine", "N*m", plausible=WAVE_RANGE),
+        Parameter("ripple_sine", "N*m", plausible=WAVE_RANGE),
     )
-    shapes = (Parameter("cycles_per_turn", "1/turn", 1.5, 2000.0, 20.0),)
+    shapes = (Parameter("cycles_per_turn", "1/turn", 1.5, 2000.0, 20.0, plausible=CYCLES_PER_TURN_RANGE),)
     signature = Signature(
         x="position modulo period",
         split="direction",
@@ -34,6 +49,17 @@ class TorqueRipple(TorqueEffect):
             {"cycles_per_turn": float(n)}
             for n in np.arange(max(2.0, 1.2 / turns), min(420.0, 200 / turns), 0.35 / turns)
         ]
+
+    def inconsistency(self, parameters: Mapping[str, float], context: Context) -> str:
+        """The log spans at least one period and a half: a wave that was not seen to repeat is a curve."""
+        cycles = parameters["cycles_per_turn"]
+        periods = cycles * context.turns
+        if periods >= LEAST_PERIODS:
+            return ""
+        return (
+            f"The positions span {periods:.2g} periods of a ripple of {cycles:.3g} cycles a turn, fewer than "
+            f"{LEAST_PERIODS:g}: it was not seen to repeat, so it is a load curve over the position."
+        )
 
     def columns(self, signals: Signals, shape: Shape) -> FloatArray:
         """Phi (T, 2): see the class."""

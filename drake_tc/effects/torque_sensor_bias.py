@@ -5,8 +5,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from drake_tc.effects.base import Context, Parameter, SensorEffect, Shape, Signals, Signature
+from drake_tc.effects.base import Context, Parameter, Plausible, SensorEffect, Shape, Signals, Signature
 from drake_tc.types import FloatArray
+
+BIAS_RANGE = Plausible(
+    -1.0,
+    1.0,
+    "a sensor whose zero is off by more than the largest torque it recorded is defective (data sheets: 1 "
+    "to 2 % of full scale, some 20 % after mounting)",
+    "load",
+)
 
 
 class TorqueSensorBias(SensorEffect):
@@ -16,7 +24,7 @@ class TorqueSensorBias(SensorEffect):
     title = "torque sensor bias"
     kind = "sensor"
     linear = True
-    coefficients = (Parameter("bias", "N*m"),)
+    coefficients = (Parameter("bias", "N*m", plausible=BIAS_RANGE),)
     signature = Signature(x="load_torque", split="", look_for="everything shifted by one constant, at rest too")
 
     def obstacle(self, context: Context) -> str:

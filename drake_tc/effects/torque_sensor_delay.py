@@ -5,8 +5,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from drake_tc.effects.base import Context, Parameter, SensorEffect, Shape, Signals, Signature
+from drake_tc.effects.base import Context, Parameter, Plausible, SensorEffect, Shape, Signals, Signature
 from drake_tc.types import FloatArray
+
+DELAY_RANGE = Plausible(
+    0.0,
+    0.05,
+    "sensor filters and field buses are late by at most some 50 ms, and never early",
+)
 
 
 class TorqueSensorDelay(SensorEffect):
@@ -20,7 +26,7 @@ class TorqueSensorDelay(SensorEffect):
     kind = "sensor"
     form = "torque_sensor"
     linear = True
-    coefficients = (Parameter("delay", "s", 0.0, 0.2),)
+    coefficients = (Parameter("delay", "s", 0.0, 0.2, plausible=DELAY_RANGE),)
     signature = Signature(
         x="acceleration", split="direction", look_for="loops: the residual follows the rate of the load"
     )

@@ -3,8 +3,16 @@
 from collections.abc import Mapping
 from dataclasses import replace
 
-from drake_tc.effects.base import Context, Parameter, SensorEffect, Shape, Signals, Signature
+from drake_tc.effects.base import Context, Parameter, Plausible, SensorEffect, Shape, Signals, Signature
 from drake_tc.types import FloatArray
+
+DRIFT_RANGE = Plausible(
+    -1.0,
+    1.0,
+    "a sensor that drifts by more than the largest torque it recorded within one run is defective (data "
+    "sheets: below 1 % of full scale for 10 K)",
+    "load/duration",
+)
 
 
 class TorqueSensorDrift(SensorEffect):
@@ -14,7 +22,7 @@ class TorqueSensorDrift(SensorEffect):
     title = "torque sensor drift"
     kind = "sensor"
     linear = True
-    coefficients = (Parameter("drift", "N*m/s"),)
+    coefficients = (Parameter("drift", "N*m/s", plausible=DRIFT_RANGE),)
     signature = Signature(x="time", split="", look_for="a straight line over the time of every run")
 
     def obstacle(self, context: Context) -> str:

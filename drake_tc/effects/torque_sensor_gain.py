@@ -3,8 +3,15 @@
 from collections.abc import Mapping
 from dataclasses import replace
 
-from drake_tc.effects.base import Context, Parameter, SensorEffect, Shape, Signals, Signature
+from drake_tc.effects.base import Context, Parameter, Plausible, SensorEffect, Shape, Signals, Signature
 from drake_tc.types import FloatArray
+
+GAIN_ERROR_RANGE = Plausible(
+    -0.5,
+    1.0,
+    "a strain-gauge amplifier that is set to half or to twice its gain is the largest error of scale met "
+    "in practice (data sheets: below 2 %)",
+)
 
 
 class TorqueSensorGain(SensorEffect):
@@ -18,7 +25,7 @@ class TorqueSensorGain(SensorEffect):
     title = "torque sensor gain"
     kind = "sensor"
     linear = True
-    coefficients = (Parameter("gain_error", "-", -0.9, 10.0),)
+    coefficients = (Parameter("gain_error", "-", -0.9, 10.0, plausible=GAIN_ERROR_RANGE),)
     signature = Signature(
         x="acceleration", split="", look_for="a line over the acceleration although the inertia is declared"
     )

@@ -4,9 +4,15 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from drake_tc.effects.base import DriveEffect, Parameter, Shape, Signals, Signature
+from drake_tc.effects.base import DriveEffect, Parameter, Plausible, Shape, Signals, Signature
 from drake_tc.effects.kernel import DriveKernel
 from drake_tc.types import FloatArray
+
+SWITCH_RANGE = Plausible(
+    -0.5,
+    0.5,
+    "a drive that is three times as strong in one direction is defective",
+)
 
 
 class VelocitySignSwitch(DriveEffect):
@@ -26,7 +32,7 @@ class VelocitySignSwitch(DriveEffect):
     @property
     def parameters(self) -> tuple[Parameter, ...]:
         """The switch s alone."""
-        return (Parameter("switch", "-", -1.0, 1.0),)
+        return (Parameter("switch", "-", -1.0, 1.0, plausible=SWITCH_RANGE),)
 
     def columns(self, signals: Signals, shape: Shape) -> FloatArray:
         """-y sign(qdot) (T, 1)."""

@@ -2,9 +2,16 @@
 
 from collections.abc import Mapping
 
-from drake_tc.effects.base import Parameter, Shape, Signals, Signature, TorqueEffect
+from drake_tc.effects.base import Parameter, Plausible, Shape, Signals, Signature, TorqueEffect
 from drake_tc.effects.kernel import TorqueKernel, TorqueParts
 from drake_tc.types import FloatArray
+
+VISCOUS_RANGE = Plausible(
+    0.0,
+    1.0,
+    "friction dissipates energy, so it opposes the motion, and it cannot exceed the torque that drive and load put in",
+    "torque/speed",
+)
 
 
 class Viscous(TorqueEffect):
@@ -14,7 +21,7 @@ class Viscous(TorqueEffect):
     title = "viscous friction"
     kind = "friction"
     linear = True
-    coefficients = (Parameter("viscous", "N*m*s/rad", 0.0),)
+    coefficients = (Parameter("viscous", "N*m*s/rad", 0.0, plausible=VISCOUS_RANGE),)
     signature = Signature(x="velocity", split="", look_for="a straight line through zero")
 
     def columns(self, signals: Signals, shape: Shape) -> FloatArray:

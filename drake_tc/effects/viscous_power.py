@@ -4,9 +4,20 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from drake_tc.effects.base import Context, Parameter, Shape, Signals, Signature, TorqueEffect
+from drake_tc.effects.base import Context, Parameter, Plausible, Shape, Signals, Signature, TorqueEffect
 from drake_tc.effects.kernel import TorqueKernel, TorqueParts
 from drake_tc.types import FloatArray
+
+VISCOUS_POWER_RANGE = Plausible(
+    -np.inf,
+    np.inf,
+    "only its sum with viscous and Coulomb friction is physical, and `inconsistency` bounds that",
+)
+VISCOUS_EXPONENT_RANGE = Plausible(
+    0.1,
+    2.0,
+    "shear-thinning lubricants have exponents of 0.2 to 1, churning has 2 (Waiboer, Aarts and Jonker, 2005)",
+)
 
 
 class ViscousPower(TorqueEffect):
@@ -20,13 +31,22 @@ class ViscousPower(TorqueEffect):
     id = "viscous_power"
     title = "viscous friction by a power law"
     kind = "friction"
-    coefficients = (Parameter("viscous_power", "N*m*(s/rad)^p"),)
-    shapes = (Parameter("viscous_exponent", "-", 0.1, 3.0, 0.5),)
+    coefficients = (Parameter("viscous_power", "N*m*(s/rad)^p", plausible=VISCOUS_POWER_RANGE),)
+    shapes = (Parameter("viscous_exponent", "-", 0.1, 3.0, 0.5, plausible=VISCOUS_EXPONENT_RANGE),)
     signature = Signature(x="velocity", split="", look_for="an S that flattens towards the highest speeds")
 
     def shape_grid(self, context: Context) -> list[dict[str, float]]:
         """Exponents on both sides of 1."""
         return [{"viscous_exponent": p} for p in (0.2, 0.35, 0.5, 0.65, 0.8, 1.5)]
+
+    def inconsistency(self, parameters: Mapping[str, float], context: Context) -> str:
+        """All friction together must dissipate energy at the highest speed: F_c + F_v v + F_p v^p >= 0."""
+        speed = context.max_speed
+        dry, viscous = (context.fitted.get(name, np.inf) for name in ("coulomb", "viscous"))
+        total = dry + viscous * speed + parameters["viscous_power"] * speed ** parameters["viscous_exponent"]
+        if total >= 0.0:
+            return ""
+        return f"All friction together is {total:.3g} N*m at {speed:.3g} rad/s: it would drive the joint."
 
     def columns(self, signals: Signals, shape: Shape) -> FloatArray:
         """Phi (T, 1): see the class."""

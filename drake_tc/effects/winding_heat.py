@@ -6,9 +6,22 @@ from collections.abc import Mapping
 import numpy as np
 from scipy.signal import lfilter
 
-from drake_tc.effects.base import Context, DriveEffect, Parameter, Shape, Signals, Signature
+from drake_tc.effects.base import Context, DriveEffect, Parameter, Plausible, Shape, Signals, Signature
 from drake_tc.effects.kernel import DriveKernel
 from drake_tc.types import FloatArray
+
+WARM_EFFORT_RANGE = Plausible(
+    0.5,
+    np.inf,
+    "insulation of class H bears 180 degrees Celsius (IEC 60085), which raises the resistance of copper "
+    "by at most 0.7 while the largest effort is held",
+    "effort",
+)
+WARM_TIME_RANGE = Plausible(
+    0.3,
+    300.0,
+    "data sheets of servo motors give thermal time constants of the winding of 1 to 100 s",
+)
 
 
 class WindingHeat(DriveEffect):
@@ -22,8 +35,15 @@ class WindingHeat(DriveEffect):
     title = "heating of the motor's winding"
     kind = "drive"
     shapes = (
-        Parameter("warm_effort", "effort", 1e-9, default=np.inf, description="effort y_w that doubles the resistance"),
-        Parameter("warm_time", "s", 0.05, 1000.0, 1.0, description="time constant T"),
+        Parameter(
+            "warm_effort",
+            "effort",
+            1e-9,
+            default=np.inf,
+            description="effort y_w that doubles the resistance",
+            plausible=WARM_EFFORT_RANGE,
+        ),
+        Parameter("warm_time", "s", 0.05, 1000.0, 1.0, description="time constant T", plausible=WARM_TIME_RANGE),
     )
     signature = Signature(x="time", split="", look_for="torque that fades within seconds under a high effort")
 

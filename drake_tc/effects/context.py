@@ -1,0 +1,88 @@
+"""What is known of a rig before an effect is looked for in its logs."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+from drake_tc.effects.parameter import Scale
+
+DriveKind = Literal["position_servo", "current", "voltage"]
+EFFORT_UNIT: Mapping[str, str] = {"position_servo": "rad", "current": "A", "voltage": "V"}
+
+
+@dataclass(frozen=True)
+class Context:
+    """What is known of the rig before the data are looked at; decides which effects can apply.
+
+    Attributes:
+        drive: Kind of drive.
+        load: Where the load torque comes from: a torque column, a pendulum's mass and length, or a robot's model.
+        recorded: Names of the `Signals` fields that were recorded.
+        declared: Parameter values that the user vouches for.
+        link_inertia: Of a pendulum load about the axis [kg m^2]; 0 where the load is measured.
+        max_speed: Largest resolved speed in the logs [rad/s].
+        position_span: (lowest, highest) position [rad].
+        effort_span: (lowest, highest) effort.
+        period: Sampling period [s].
+        torque_span: (lowest, highest) load torque [N m]; infinite where it is not known.
+        duration: Length of the longest run [s]; infinite where it is not known.
+        fitted: Values of the fitted model that other effects are compared with: `gain` (K [effort/(N m)]),
+            `viscous` [N m s/rad] and `coulomb` [N m], those that are known.
+    """
+
+    drive: DriveKind
+    load: Literal["torque", "pendulum", "robot"]
+    recorded: frozenset[str]
+    declared: Mapping[str, float] = field(default_factory=dict)
+    link_inertia: float = 0.0
+    max_speed: float = 1.0
+    position_span: tuple[float, float] = (-1.0, 1.0)
+    effort_span: tuple[float, float] = (-1.0, 1.0)
+    period: float = 1e-3
+    torque_span: tuple[float, float] = (-math.inf, math.inf)
+    duration: float = math.inf
+    fitted: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def effort(self) -> float:
+        """Largest |effort| in the logs."""
+        return max(abs(self.effort_span[0]), abs(self.effort_span[1]))
+
+    @property
+    def turns(self) -> float:
+        """Turns of the output that the positions span."""
+        return (self.position_span[1] - self.position_span[0]) / (2.0 * math.pi)
+
+    @property
+    def load_torque(self) -> float:
+        """Largest |load torque| in the logs [N m]; infinite where it is not known."""
+        return max(abs(self.torque_span[0]), abs(self.torque_span[1]))
+
+    @property
+    def torque(self) -> float:
+        """Largest torque that drive and load together put into the joint [N m]; infinite where it is not known."""
+        gain = self.fitted.get("gain", 0.0)
+        return self.effort / gain + self.load_torque if gain > 0.0 else math.inf
+
+    def scale(self, name: Scale) -> float:
+        """The quantity `name` of this rig, infinite where it is not known (`1/torque` is then 0)."""
+        tiny = 1e-12
+        speed, span = max(self.max_speed, tiny), max(2.0 * math.pi * self.turns, tiny)
+        values: dict[Scale, float] = {
+            "one": 1.0,
+            "effort": self.effort,
+            "torque": self.torque,
+            "torque/speed": self.torque / speed,
+            "torque/speed^2": self.torque / speed**2,
+            "torque/span": self.torque / span,
+            "load": self.load_torque,
+            "load/duration": self.load_torque / max(self.duration, tiny),
+            "speed": speed,
+            "span": span,
+            "1/torque": 1.0 / max(self.load_torque, tiny) if math.isfinite(self.load_torque) else math.inf,
+            "coulomb": self.fitted.get("coulomb", math.inf),
+            "viscous": self.fitted.get("viscous", math.inf),
+        }
+        value = values[name]
+        return math.inf if math.isnan(value) else value

@@ -1,0 +1,54 @@
+"""A parameter of an effect: its unit, the bounds of its fit, and where its value is physically possible."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+Scale = Literal[
+    "one", "effort", "torque", "torque/speed", "torque/speed^2", "torque/span", "load", "load/duration", "speed",
+    "span", "1/torque", "coulomb", "viscous",
+]  # fmt: skip
+"""The quantity of the rig by which a plausible range is multiplied; `Context.scale` computes it."""
+
+
+@dataclass(frozen=True)
+class Plausible:
+    """The range in which a parameter is physically possible: lower * scale <= value <= upper * scale.
+
+    The bounds of a fit keep the arithmetic sound and may be wide. This range decides whether a value that was fitted
+    may be reported as a cause.
+
+    Attributes:
+        lower, upper: Limits, inclusive, in units of `scale`.
+        source: Why the range is what it is: a law, a definition, a data sheet or a publication.
+        scale: What the limits are multiplied by.
+    """
+
+    lower: float
+    upper: float
+    source: str
+    scale: Scale = "one"
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One parameter of an effect: its unit, where it may lie, and what it is before any data speak.
+
+    Attributes:
+        name: As it stands in YAML files and reports.
+        unit: SI, as text; "effort" stands for the drive's own unit.
+        lower, upper: Bounds of the fit, inclusive; an estimate that rests on one is reported `at_bound`.
+        default: Value of a model that names the effect without this parameter.
+        description: One line for reports and docs.
+        plausible: Where the value is physically possible (`drake_tc.effects.plausibility`). None for a coefficient
+            of a fit that no report shows.
+    """
+
+    name: str
+    unit: str
+    lower: float = -np.inf
+    upper: float = np.inf
+    default: float = 0.0
+    description: str = ""
+    plausible: Plausible | None = None
