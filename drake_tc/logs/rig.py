@@ -10,8 +10,12 @@
     declared: {rotor_inertia: 0.31, stribeck: null}        # optional; or [stribeck, ...]; or by joint
     enabled: torque_on                 # optional; column that is 0 while the drive is off (those samples are left out)
     saturation: 12.0                   # optional; known effort limit of the drive [rad | A | V]
+    sensors: {torque_noise: 0.25 N*m, correlation_time: 20 ms, encoder_step: 1.5 mrad,
+              ft_foot: {bias: [2 N, 0.05 N*m], gain: 1 %, alignment: 0.5 deg}, imu_trunk: {part: bmi088}}  # optional
 
-Viscous and Coulomb friction are always declared.
+Viscous and Coulomb friction are always declared. `sensors` says what the sensors do (`drake_tc.logs.rig_sensors`): the
+noise of the joints' channels replaces what is estimated from the log; biases, gains and alignments of F/T sensors and
+IMUs are standard deviations, and errors within them are estimated along with everything else but never reported.
 """
 
 from collections.abc import Mapping
@@ -26,8 +30,13 @@ from drake_tc.logs import rig_fields
 from drake_tc.logs.loads import Load, Pendulum, RobotLoad
 from drake_tc.logs.rig_fields import Declared, DriveKind
 from drake_tc.logs.rig_robot import check_robot_load, parse_robot, robot_joints
+from drake_tc.logs.rig_sensors import parse_sensors, sensors_entry
+from drake_tc.logs.sensors import JointSensors, Tolerance, typical
 
-_KEYS = ("joint", "joints", "robot", "drive", "columns", "units", "load", "declared", "enabled", "saturation")
+_KEYS = (
+    *("joint", "joints", "robot", "drive", "columns", "units", "load", "declared", "enabled", "saturation"),
+    "sensors",
+)
 _COMMAND: Mapping[DriveKind, str] = {"position_servo": "position_command", "current": "current", "voltage": "voltage"}
 
 
@@ -51,6 +60,8 @@ class Rig:
         saturation: Known effort limit by joint [rad | A | V], where known.
         source: The file it came from, or None.
         robot: The robot file whose model gives the loads, or None.
+        sensors: Declared noise by joint; see `joint_sensors`.
+        tolerances: Declared tolerances by the sensor's column name (`ft_foot`, `imu_trunk`); see `tolerance`.
     """
 
     joints: tuple[str, ...]
@@ -63,6 +74,16 @@ class Rig:
     saturation: Mapping[str, float] = field(default_factory=_empty)
     source: Path | None = None
     robot: Path | None = None
+    sensors: Mapping[str, JointSensors] = field(default_factory=_empty)
+    tolerances: Mapping[str, Tolerance] = field(default_factory=_empty)
+
+    def joint_sensors(self, joint: str) -> JointSensors:
+        """What is declared of the joint's own channels; all None where nothing is."""
+        return self.sensors.get(joint, JointSensors())
+
+    def tolerance(self, column: str) -> Tolerance:
+        """The tolerance of a robot's sensor, by its column name; a typical sensor's where none is declared."""
+        return self.tolerances.get(column, typical(column))
 
     def command_column(self, joint: str) -> str:
         """Canonical name of the drive's command: `<joint>/position_command`, `/current` or `/voltage`."""
@@ -102,6 +123,7 @@ def parse_rig(document: object, source: Path | str = "rig") -> Rig:
     joints = rig_fields.parse_joints(name, document)
     if "drive" not in document:
         raise RigError(f"{name}: drive is missing; possible: position_servo, current, voltage")
+    sensors, tolerances = parse_sensors(name, document.get("sensors"), joints, robot)
     rig = Rig(
         joints=joints,
         drive=rig_fields.parse_drive(name, document["drive"], joints),
@@ -113,6 +135,8 @@ def parse_rig(document: object, source: Path | str = "rig") -> Rig:
         saturation=rig_fields.parse_saturation(name, document.get("saturation"), joints),
         source=source if isinstance(source, Path) else None,
         robot=robot,
+        sensors=sensors,
+        tolerances=tolerances,
     )
     check_robot_load(name, rig.load, robot)
     return rig
@@ -178,6 +202,9 @@ def rig_document(rig: Rig) -> dict[str, Any]:
     document |= {key: dict(getattr(rig, key)) for key in ("columns", "units", "saturation") if getattr(rig, key)}
     if rig.enabled is not None:
         document["enabled"] = rig.enabled
+    sensors = sensors_entry(rig.sensors, rig.tolerances)
+    if sensors:
+        document["sensors"] = sensors
     return document
 
 

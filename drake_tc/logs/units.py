@@ -113,6 +113,32 @@ def parse_unit(canonical: str, unit: str | float) -> Scale:
     return Scale(sign * known[name], sign * _OFFSET.get(name, 0.0), stated=True)
 
 
+def quantity(channel: str, value: object) -> float:
+    """A value in SI, from a number (SI) or a text such as "0.1 deg".
+
+    Args:
+        channel: Whose units it may have, as in `allowed_units`; or "ratio", for a plain share.
+        value: Number or text.
+
+    Raises:
+        ValueError: Neither; the message lists the possible units.
+    """
+    known = {"": 1.0, "%": 0.01} if channel == "ratio" else allowed_units(channel)
+    if isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value):
+        return float(value)
+    number, _, unit = value.strip().partition(" ") if isinstance(value, str) else ("", "", "")
+    try:
+        size = float(number)
+    except ValueError:
+        size = math.nan
+    if not math.isfinite(size) or unit.strip() not in known:
+        listed = ", ".join(unit for unit in known if unit)
+        raise ValueError(
+            f"expected a number or a text such as '0.1 {listed.split(',')[0]}', got {value!r}; units: {listed}"
+        )
+    return size * known[unit.strip()]
+
+
 def scale_of(canonical: str, units: Mapping[str, str | float]) -> Scale:
     """The scale of one channel: its own entry in `units`, its suffix's, or for a second angle that of `position`.
 
