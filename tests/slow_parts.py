@@ -119,7 +119,7 @@ def parts_of(test: str) -> list[str]:
 
 def run(name: str) -> bool:
     """Run a part and say how long it took; whether it passed."""
-    command = [sys.executable, "-m", "pytest", "-q", "-m", "slow", "--part", name, "--durations", "10"]
+    command = [sys.executable, "-m", "pytest", "-q", "-m", "slow", f"--part={name}", "--durations", "10"]
     if not PARTS[name].alone:
         command += ["-n", "2", "--dist", "worksteal"]
     begin = time.monotonic()

@@ -89,7 +89,9 @@ def run_case(folder: Path, number: int, seed: int) -> str:
         held = [log for log in logs if log.name.startswith(HELD_OUT)]
         try:
             fit = [log for log in logs if log not in held]
-            text = json.dumps(result_json(close_loop(rig / "rig.yaml", fit, held, DiagnosisOptions(judged=False))))
+            text = json.dumps(
+                result_json(close_loop(rig / "rig.yaml", fit, held, DiagnosisOptions(assess_residual=False)))
+            )
         except DrakeTcError as error:
             text = json.dumps({"schema": 1, "joints": {}, "shared": [], "error": str(error)})
         report.parent.mkdir(parents=True, exist_ok=True)

@@ -18,12 +18,7 @@ from drake_tc.diagnosis.result import CloseLoopResult, JointResult
 from drake_tc.diagnosis.run import close_loop
 from drake_tc.diagnosis.to_json import result_json
 from drake_tc.errors import LogError
-
-VERDICTS = {
-    "effects_found": "the model lacked something, and it was found",
-    "no_missing_effect": "nothing is missing: what is left is noise",
-    "unexplained_structure": "something is left that no effect in the library explains",
-}
+from drake_tc.report.words import REASONS, VERDICTS, unexplained
 
 
 def close_loop_command(
@@ -99,9 +94,13 @@ def print_summary(result: CloseLoopResult, out: Path) -> None:
     for joint in result.joints.values():
         console.print(f"[bold]{joint.joint}[/bold]: {VERDICTS[joint.verdict]}")
         console.print(_errors_table(joint))
+        if joint.verdict.startswith("unexplained"):
+            console.print(f"  {unexplained(joint)}")
         for effect in joint.effects:
             values = ", ".join(f"{n} {p.value:.4g} {p.unit}" for n, p in effect.parameters.items())
             console.print(f"  + [bold]{effect.id}[/bold]  {values}  (held-out gain {100 * effect.heldout_gain:.0f} %)")
+        for withdrawn in joint.did_not_hold:
+            console.print(f"  - {withdrawn.id} did not hold ({REASONS[withdrawn.reason]}): {withdrawn.why}")
         for first, second in joint.indistinguishable:
             console.print(f"  ? {first} and {second} cannot be told apart by these logs")
         if joint.next_experiment:

@@ -13,11 +13,12 @@ import numpy as np
 
 from drake_tc.diagnosis.coupled_axes import Axis
 from drake_tc.diagnosis.design import Term
-from drake_tc.diagnosis.resolution import Resolution, light_width
+from drake_tc.diagnosis.resolution import Resolution, sample_noise
 from drake_tc.diagnosis.sliding import direction_of_motion
 from drake_tc.effects.base import Context, Signals, plain_signals
 from drake_tc.errors import IdentificationError
 from drake_tc.filtering.common_kernel import CommonKernel
+from drake_tc.logs.channels import grid_step
 from drake_tc.types import BoolArray, FloatArray, IntArray
 
 RigidColumns = Callable[[FloatArray, FloatArray, FloatArray], FloatArray]
@@ -119,7 +120,8 @@ def _signals(axis: Axis, q: FloatArray, light: CommonKernel, segments: Sequence[
     turned = q @ np.array(axis.turns)
     period = light.period
     position, velocity = light.smooth(turned, segments), light.derivative(turned, segments)
-    step, noise = light_width(turned, segments, period)[1:]
+    step = grid_step(turned)
+    noise = max(sample_noise(turned, step, segments), 1e-12)
     resolution = Resolution(step, noise, 0.0, noise * float(np.sqrt(np.sum(light.kernels[1] ** 2))))
     direction, travel, _ = direction_of_motion(position, velocity, segments, resolution)
     known = {

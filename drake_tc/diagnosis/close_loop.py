@@ -1,22 +1,27 @@
 """The main job for one joint: declared model, residual, missing effects, refit, errors before and after, verdict."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from drake_tc.diagnosis.ceiling import StructureOptions, judge
+from drake_tc.diagnosis.confirmation import confirm
+from drake_tc.diagnosis.consistency import consistency
 from drake_tc.diagnosis.design import Columns, Fit, Term, fit, predict
 from drake_tc.diagnosis.estimates import estimates
 from drake_tc.diagnosis.evidence import better_share, compare
 from drake_tc.diagnosis.experiments import next_experiment
 from drake_tc.diagnosis.prepared import Prepared, prepare_joint
+from drake_tc.diagnosis.residual_structure import ResidualOptions, assess_residual, features
 from drake_tc.diagnosis.result import (
+    DataSplit,
+    DidNotHold,
     Errors,
     FoundEffect,
     JointResult,
     RejectedEffect,
-    Side,
+    Rejection,
+    RunErrors,
     Unexplained,
     Verdict,
 )
@@ -35,18 +40,21 @@ from drake_tc.types import FloatArray
 
 @dataclass(frozen=True)
 class DiagnosisOptions:
-    """Thresholds of the search and of the judgement of what is left; `seed` for resampling.
+    """Thresholds of the search and of the assessment of what is left; `seed` for resampling.
 
-    `judged`: whether what is left is judged at all, which costs more than all the rest; False calls nothing structured.
+    `assess_residual`: whether what is left is assessed at all, which costs more than all the rest; False calls nothing
+    structured.
     """
 
     search: SearchOptions = field(default_factory=SearchOptions)
-    structure: StructureOptions = field(default_factory=StructureOptions)
+    residual: ResidualOptions = field(default_factory=ResidualOptions)
     seed: int = 0
-    judged: bool = True
+    assess_residual: bool = True
 
 
 SETTLING_ROUNDS = 4
+UNTESTED_EFFORT = 1.1
+"""Largest effort of the held-out runs over that of the training runs, above which a saturation was not tested."""
 SOFTER = 0.97
 SCOUT_SAMPLES = 200_000
 
@@ -63,6 +71,11 @@ class Stage:
     scout: Columns
     obstacles: tuple[tuple[str, str], ...]
     found: Search
+
+    @property
+    def passed_over(self) -> tuple[DidNotHold, ...]:
+        """Effects that fitted best and whose values are impossible."""
+        return self.found.passed_over
 
 
 def _looked_for(prepared: Prepared, options: DiagnosisOptions, progress: Progress) -> Stage:
@@ -114,60 +127,117 @@ def diagnose_joint(
         soft = _looked_for(prepare_joint(train_runs, held_runs, rig, joint, compliance), options, progress)
         if _has_elasticity(soft.found) and soft.found.chosen.cv_rms < SOFTER * stage.found.chosen.cv_rms:
             stage = soft
-    prepared, scout, found, obstacles = stage.prepared, stage.scout, stage.found, stage.obstacles
-    columns, held_columns, context, floor = prepared.train, prepared.held, prepared.context, prepared.floor
-    ties = indistinguishable(scout, found, context)
-    stability = stabilities(found, options.seed)
-    if scout is not columns:
-        found = replace(found, baseline=fit(columns, found.baseline.terms), chosen=fit(columns, found.chosen.terms))
-    before_residual = predict(held_columns, found.baseline)
-    columns, held_columns, found = _settled(columns, held_columns, found, context)
-    progress("judging", 0.0)
-    after_residual = predict(held_columns, found.chosen)
-    sides = (
-        Side(columns.samples, found.baseline.residual, found.chosen.residual),
-        Side(held_columns.samples, before_residual, after_residual),
-    )
-    unexplained = Unexplained(0.0, False, ())
-    if options.judged:
-        unexplained = judge(*sides, floor, _structure_options(options.structure, found), options.seed)
-    effects = _found_effects(columns, held_columns, found, context, stability)
-    verdict: Verdict = "effects_found" if effects else "no_missing_effect"
-    if unexplained.structured:
-        verdict = "unexplained_structure"
-    before = estimates(columns, found.baseline, context.drive)
-    after = estimates(columns, found.chosen, context.drive)
+    prepared, scout, context = stage.prepared, stage.scout, stage.prepared.context
+    ties = indistinguishable(scout, stage.found, context)
+    stability = stabilities(stage.found, options.seed)
+    found, columns, held = _refitted(stage)
+    known = frozenset(t.effect.key for t in found.baseline.terms)
+    confirmed = confirm(columns, held, found.chosen, known, context, prepared.floor)
+    columns, held, chosen = _settled(prepared.train, prepared.held, confirmed.fit, found.baseline, context)
+    progress("what is left", 0.0)
+    floor = _floor(columns, chosen)
+    splits = _splits(columns, held, found.baseline, chosen)
+    unexplained = _unexplained(splits, chosen, floor, context, options)
+    effects = _found_effects(columns, held, chosen, known, context, stability)
+    kept = {e.id for e in effects}
+    ties = tuple(pair for pair in ties if pair[0] in kept)
     return JointResult(
         joint=joint,
         drive=context.drive,
         unit=EFFORT_UNIT[context.drive],
         baseline=found.baseline,
-        final=found.chosen,
-        baseline_parameters=before,
-        final_parameters=after,
+        final=chosen,
+        baseline_parameters=estimates(columns, found.baseline, context.drive),
+        final_parameters=estimates(columns, chosen, context.drive),
         noise_floor=floor,
-        before=Errors(found.baseline.rms, _rms(before_residual), None),
-        after=Errors(found.chosen.rms, _rms(after_residual), None),
+        before=Errors(_rms(splits[0].before), _rms(splits[1].before), None),
+        after=Errors(_rms(splits[0].after), _rms(splits[1].after), None),
         effects=effects,
-        rejected=_rejected(columns, held_columns, found, context, options.search, obstacles, floor),
+        rejected=_rejected(columns, held, found.baseline, chosen, context, options.search, stage.obstacles, floor),
         indistinguishable=ties,
-        next_experiment=next_experiment(ties, unexplained, obstacles),
+        next_experiment=next_experiment(ties, unexplained, stage.obstacles),
         unexplained=unexplained,
-        verdict=verdict,
-        train=sides[0],
-        heldout=sides[1],
-        notes=(*columns.samples.notes, *held_columns.samples.notes),
+        verdict=verdict_of(unexplained, found=bool(effects)),
+        train=splits[0],
+        heldout=splits[1],
+        did_not_hold=(*stage.passed_over, *confirmed.withdrawn),
+        runs=tuple(run_errors(splits)),
+        consistency=consistency(columns, chosen),
+        notes=(*columns.samples.notes, *held.samples.notes),
     )
 
 
-def _settled(columns: Columns, held: Columns, found: Search, context: Context) -> tuple[Columns, Columns, Search]:
-    """The same with columns that know the final model: some effects act through its stiffness and damping."""
+def verdict_of(left: Unexplained, *, found: bool) -> Verdict:
+    """The verdict of one joint, which follows from what is left and from whether effects were found."""
+    if left.structured:
+        return "unexplained_structure"
+    if left.excess:
+        return "unexplained_residual"
+    return "effects_found" if found else "no_missing_effect"
+
+
+def _refitted(stage: Stage) -> tuple[Search, Columns, Columns]:
+    """What was found on a subsample, fitted to all training rows, with columns that know the final model."""
+    prepared, found = stage.prepared, stage.found
+    if stage.scout is not prepared.train:
+        found = replace(
+            found,
+            baseline=fit(prepared.train, found.baseline.terms),
+            chosen=fit(prepared.train, found.chosen.terms),
+        )
+    columns, held, chosen = _settled(prepared.train, prepared.held, found.chosen, found.baseline, prepared.context)
+    return replace(found, chosen=chosen), columns, held
+
+
+def _floor(columns: Columns, chosen: Fit) -> float:
+    """Noise floor [effort] under the final model's coefficients."""
+    inertia, at = 0.0, 1
+    for term in chosen.terms:
+        theta = chosen.beta[at : at + len(term.effect.coefficients)]
+        inertia += term.effect.balance_inertia(theta, columns.samples.signals.rotor_inertia)
+        at += theta.size
+    return chosen.gain * columns.samples.floor.torque(float(chosen.beta[0]), float(chosen.beta[1]), inertia)
+
+
+def _splits(columns: Columns, held: Columns, baseline: Fit, chosen: Fit) -> tuple[DataSplit, DataSplit]:
+    """Residuals before and after on both splits, as effort by the final drive gain."""
+    out = []
+    for each in (columns, held):
+        before, after = ((each.target - each.design(f.terms) @ f.beta) * chosen.gain for f in (baseline, chosen))
+        out.append(DataSplit(each.samples, np.asarray(before), np.asarray(after)))
+    return out[0], out[1]
+
+
+def run_errors(splits: Sequence[DataSplit]) -> Iterator[RunErrors]:
+    """Errors of every run, training runs first."""
+    for split, heldout in zip(splits, (False, True), strict=True):
+        for number, name in enumerate(split.samples.runs):
+            mine = split.samples.run == number
+            if mine.any():
+                before, after = split.before[mine], split.after[mine]
+                absolute = [float(np.mean(np.abs(x))) for x in (before, after)]
+                yield RunErrors(name, heldout, int(mine.sum()), _rms(before), _rms(after), *absolute)
+
+
+def _unexplained(
+    splits: tuple[DataSplit, DataSplit], chosen: Fit, floor: float, context: Context, options: DiagnosisOptions
+) -> Unexplained:
+    if not options.assess_residual:
+        return Unexplained(0.0, 0.0, False, 0.0, 0.0, False, ())
     servo = context.drive == "position_servo"
-    chosen, first = found.chosen, (columns, held)
-    for _ in range(SETTLING_ROUNDS if len(chosen.terms) > len(found.baseline.terms) else 0):
+    x = (features(splits[0].samples, chosen.beta, servo=servo), features(splits[1].samples, chosen.beta, servo=servo))
+    return assess_residual(*splits, x, floor, _residual_options(options.residual, chosen), options.seed)
+
+
+def _settled(
+    columns: Columns, held: Columns, chosen: Fit, baseline: Fit, context: Context
+) -> tuple[Columns, Columns, Fit]:
+    """The fit with columns that know the final model: some effects act through its stiffness and damping."""
+    servo, first = context.drive == "position_servo", (columns, held)
+    for _ in range(SETTLING_ROUNDS if len(chosen.terms) > len(baseline.terms) else 0):
         columns, held = (c.with_model(chosen.beta, servo=servo, true_torque=true_torque(c, chosen)) for c in first)
         chosen = fit(columns, chosen.terms)
-    return columns, held, replace(found, chosen=chosen)
+    return columns, held, chosen
 
 
 def true_torque(columns: Columns, fitted: Fit) -> FloatArray:
@@ -181,9 +251,9 @@ def true_torque(columns: Columns, fitted: Fit) -> FloatArray:
     return signals.load_torque
 
 
-def _structure_options(options: StructureOptions, found: Search) -> StructureOptions:
+def _residual_options(options: ResidualOptions, chosen: Fit) -> ResidualOptions:
     """A gear's play or softness is modelled at rest only: three times as much may be left of what it explains."""
-    if any(isinstance(t.effect, TransmissionEffect) for t in found.chosen.terms):
+    if any(isinstance(t.effect, TransmissionEffect) for t in chosen.terms):
         return replace(options, least_of_before=3.0 * options.least_of_before)
     return options
 
@@ -198,26 +268,29 @@ def stabilities(found: Search, seed: int) -> dict[str, float]:
 
 
 def _found_effects(
-    columns: Columns, held: Columns, found: Search, context: Context, stability: Mapping[str, float]
+    columns: Columns,
+    held: Columns,
+    chosen: Fit,
+    known: frozenset[str],
+    context: Context,
+    stability: Mapping[str, float],
 ) -> tuple[FoundEffect, ...]:
-    parameters = estimates(columns, found.chosen, context.drive)
-    with_all = _rms(predict(held, found.chosen))
-    known = {t.effect.key for t in found.baseline.terms}
+    parameters = estimates(columns, chosen, context.drive)
+    after = predict(held, chosen)
     out = []
-    for term in found.chosen.terms:
+    for term in chosen.terms:
         if term.effect.key in known:
             continue
-        rest = fit(columns, [t for t in found.chosen.terms if t is not term])
-        residual = predict(held, rest)
+        residual = predict(held, fit(columns, [t for t in chosen.terms if t is not term]))
         out.append(
             FoundEffect(
                 key=term.effect.key,
                 id=term.effect.id,
                 title=term.effect.title,
                 parameters=parameters[term.effect.key],
-                heldout_gain=1.0 - with_all / max(_rms(residual), 1e-300),
+                heldout_gain=1.0 - _rms(after) / max(_rms(residual), 1e-300),
                 stability=stability[term.effect.key],
-                contribution=_rms(predict(held, found.chosen) - residual),
+                contribution=_rms(after - residual),
             )
         )
     return tuple(sorted(out, key=lambda e: -e.heldout_gain))
@@ -226,35 +299,42 @@ def _found_effects(
 def _rejected(
     columns: Columns,
     held: Columns,
-    found: Search,
+    baseline: Fit,
+    chosen: Fit,
     context: Context,
     options: SearchOptions,
     obstacles: Sequence[tuple[str, str]],
     floor: float,
 ) -> tuple[RejectedEffect, ...]:
     """Every other effect, tried on top of the final model."""
-    chosen = {t.effect.id for t in found.chosen.terms}
-    base = _rms(predict(held, found.chosen))
+    taken = {t.effect.id for t in chosen.terms}
+    base = _rms(predict(held, chosen))
     best: dict[str, RejectedEffect] = {}
-    usable, _ = candidates(LIBRARY, context, sorted(chosen | set(context.declared)))
+    usable, _ = candidates(LIBRARY, context, sorted(taken | set(context.declared)))
     for member in usable:
-        tried = best_shape(columns, found.chosen.terms, member, context, found.chosen.residual)
-        comparison = compare(found.chosen, tried, columns.samples)
+        tried = best_shape(columns, chosen.terms, member, context, chosen.residual)
+        comparison = compare(chosen, tried, columns.samples)
         gain = 1.0 - _rms(predict(held, tried)) / base
+        reason: Rejection = "imperfect_form"
         if comparison.gain < options.least_gain:
-            drop, least = 100 * comparison.gain, 100 * options.least_gain
-            why = f"lowers the cross-validated error by {drop:.1f} %, below {least:g} %"
+            reason = "too_little_gain"
         elif comparison.removed < options.least_removed * floor:
-            why = "explains less than the sensors resolve"
+            reason = "below_floor"
         elif comparison.share < options.least_share:
-            why = f"helps in {100 * comparison.share:.0f} % of the resamples only"
-        else:
-            why = "small beside what the chosen effects explain: more likely their imperfect form"
-        entry = RejectedEffect(member.key, member.id, gain, comparison.gain, why)
+            reason = "unstable"
+        if reason == "too_little_gain" and member.id == "saturation" and _faster(columns, held):
+            reason = "untested"
+        entry = RejectedEffect(member.key, member.id, gain, comparison.gain, reason, share=comparison.share)
         if member.id not in best or entry.train_gain > best[member.id].train_gain:
             best[member.id] = entry
     for key, obstacle in obstacles:
         name = key.split(".")[0]
-        if name not in best and name not in chosen:
-            best[name] = RejectedEffect(key, name, 0.0, 0.0, f"cannot be looked for here: {obstacle}")
+        if name not in best and name not in taken:
+            best[name] = RejectedEffect(key, name, 0.0, 0.0, "cannot_be_looked_for", obstacle)
     return tuple(sorted(best.values(), key=lambda r: -r.train_gain))
+
+
+def _faster(columns: Columns, held: Columns) -> bool:
+    """Whether the held-out runs ask for clearly more effort than the training runs ever did."""
+    largest = [float(np.percentile(np.abs(c.samples.signals.effort[c.samples.rows]), 99.9)) for c in (columns, held)]
+    return largest[1] > UNTESTED_EFFORT * largest[0]

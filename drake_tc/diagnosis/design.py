@@ -102,8 +102,8 @@ class Columns:
         if true_torque is not None:
             s = replace(s, load_torque=true_torque)
         signals = replace(s, viscous=float(beta[1]), stiffness=stiffness, expected_torque=expected)
-        floor = self.samples.noise_floor(servo=servo)
-        return Columns(replace(self.samples, signals=signals), 1.0 / max(float(beta[0]), 1e-9), floor, self.target)
+        gain = 1.0 / max(float(beta[0]), 1e-9)
+        return Columns(replace(self.samples, signals=signals), gain, self.samples.floor, self.target)
 
     def noise_ratio(self, beta: FloatArray, terms: Sequence[Term]) -> float:
         """Noise floor under the declared model over that under beta: a fit that lets less encoder noise through, by a

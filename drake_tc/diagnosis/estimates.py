@@ -1,15 +1,15 @@
 """Physical parameters of a fit with 95 % intervals, shape parameters and drive gain included."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 
-from drake_tc.diagnosis.design import Columns, Fit, Term
+from drake_tc.diagnosis.design import Columns, Fit
+from drake_tc.diagnosis.parameters import physical_parameters, shape_places, with_shapes
 from drake_tc.diagnosis.result import Estimate
 from drake_tc.effects.base import EFFORT_UNIT
 from drake_tc.identification.autocorrelation import critical_value_95
 from drake_tc.identification.regression import least_squares
-from drake_tc.types import FloatArray
 
 
 def block_lengths(columns: Columns) -> list[int]:
@@ -22,51 +22,13 @@ def block_lengths(columns: Columns) -> list[int]:
     return [int(n) for n in np.diff(np.concatenate([[0], cuts, [rows.size]]))]
 
 
-def _shape_values(terms: Sequence[Term]) -> tuple[list[tuple[int, str]], FloatArray]:
-    where = [(i, p.name) for i, t in enumerate(terms) for p in t.effect.shapes]
-    return where, np.array([terms[i].shape[name] for i, name in where], dtype=float)
-
-
-def _with_shapes(terms: Sequence[Term], where: Sequence[tuple[int, str]], values: FloatArray) -> list[Term]:
-    shapes = [dict(t.shape) for t in terms]
-    for (i, name), value in zip(where, values, strict=True):
-        shapes[i][name] = float(value)
-    return [Term(t.effect, s) for t, s in zip(terms, shapes, strict=True)]
-
-
-def physical_parameters(fitted: Fit, beta: FloatArray, shapes: FloatArray) -> dict[str, dict[str, float]]:
-    """Reported parameters by term key ("drive" holds the gain), from beta (1 + k,) and the shape values (s,)."""
-    where, _ = _shape_values(fitted.terms)
-    terms = _with_shapes(fitted.terms, where, shapes)
-    gain = 1.0 / beta[0]
-    out: dict[str, dict[str, float]] = {"drive": {"gain": float(gain)}}
-    at, scale = 1, 1.0
-    for term in terms:
-        theta = beta[at : at + len(term.effect.coefficients)]
-        out[term.effect.key] = term.effect.physical(theta, term.shape, gain)
-        scale *= term.effect.torque_scale(theta, gain)
-        at += theta.size
-    if scale != 1.0:
-        _to_true_torque(out, terms, scale)
-    return out
-
-
-def _to_true_torque(out: dict[str, dict[str, float]], terms: Sequence[Term], scale: float) -> None:
-    """One N m of the fit is 1/scale N m of true torque (a sensor's gain error, a servo's wind-up)."""
-    out["drive"]["gain"] *= scale
-    for term in terms:
-        for p in term.effect.parameters:
-            if p.unit.startswith(("N*m", "kg")):
-                out[term.effect.key][p.name] /= scale
-
-
 def estimates(columns: Columns, fitted: Fit, drive: str) -> Mapping[str, Mapping[str, Estimate]]:
     """Every parameter with its 95 % interval.
 
     Gauss-Newton: the Jacobian of the prediction by coefficients and shapes, its HAC sandwich covariance
     (identification.regression), and the delta method for parameters that are functions of several estimates.
     """
-    where, values = _shape_values(fitted.terms)
+    where, values = shape_places(fitted.terms)
     design = columns.design(fitted.terms)
     prediction = design @ fitted.beta
     slopes = []
@@ -74,7 +36,7 @@ def estimates(columns: Columns, fitted: Fit, drive: str) -> Mapping[str, Mapping
         step = 1e-3 * abs(value) + 1e-9
         moved = values.copy()
         moved[j] = value + step
-        changed = columns.design(_with_shapes(fitted.terms, where, moved)) @ fitted.beta
+        changed = columns.design(with_shapes(fitted.terms, where, moved)) @ fitted.beta
         slopes.append((changed - prediction) / step)
     jacobian = np.column_stack([design, *slopes]) if slopes else design
     point = np.concatenate([fitted.beta, values])

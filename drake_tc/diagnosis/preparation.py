@@ -5,12 +5,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drake_tc.diagnosis.resolution import Resolution, light_width, white_noise
+from drake_tc.diagnosis.resolution import NoiseFloor, Resolution, light_width, sample_noise
 from drake_tc.diagnosis.samples import Samples
 from drake_tc.diagnosis.sliding import choose_rows, direction_of_motion
 from drake_tc.effects.base import Context, Signals
 from drake_tc.errors import IdentificationError
 from drake_tc.filtering.common_kernel import CommonKernel
+from drake_tc.logs.channels import grid_step
 from drake_tc.logs.common_rate import at_common_period
 from drake_tc.logs.loads import GRAVITY, Pendulum, RobotLoad
 from drake_tc.logs.record import Run
@@ -18,6 +19,8 @@ from drake_tc.logs.rig import Rig
 from drake_tc.types import FloatArray, IntArray
 
 SLOWER = 3.0
+LEAST_NOISE = 1e-12
+"""Of a position [rad], so that noise-free logs have a resolution too."""
 SHORTEST = 40
 """A usable stretch has more samples than this."""
 
@@ -48,6 +51,16 @@ class Channels:
     def time(self) -> FloatArray:
         """(T,) since the start of each run [s]."""
         return np.concatenate([run.time[s] - run.time[0] for _, run, s in self.pieces])
+
+    def step(self, name: str) -> float:
+        """Step of the recorded values of `<joint>/name`, the median of the runs'; 0 where they lie on no grid."""
+        column = f"{self.joint}/{name}"
+        runs = {id(run): run for _, run, _ in self.pieces if column in run.columns}
+        found = [
+            grid_step(run.columns[column]) if run.source is None else run.steps.get(column, 0.0)
+            for run in runs.values()
+        ]
+        return float(np.median(found)) if found else 0.0
 
     def raw(self, name: str) -> FloatArray:
         """(T,) of `<joint>/name`, NaN in runs that did not record it."""
@@ -94,6 +107,33 @@ def _load(
     )
 
 
+def _encoder(channels: Channels, rig: Rig, position: FloatArray) -> tuple[float, float]:
+    """(step, standard deviation of one sample with its steps) of the position [rad]: declared, or from the log."""
+    declared = rig.joint_sensors(channels.joint)
+    step = channels.step("position") if declared.encoder_step is None else declared.encoder_step
+    if declared.position_noise is not None:
+        return step, max(float(np.hypot(declared.position_noise, step / np.sqrt(12.0))), LEAST_NOISE)
+    return step, max(sample_noise(position, step, channels.segments), LEAST_NOISE)
+
+
+def _resolution(channels: Channels, rig: Rig, step: float, noise: float, light: CommonKernel) -> Resolution:
+    """What the joint's sensors resolve, after the light kernel where velocity is concerned."""
+    declared = rig.joint_sensors(channels.joint)
+    torque_noise = 0.0
+    if declared.torque_noise is not None:
+        torque_noise = declared.torque_noise
+    elif not isinstance(rig.load[channels.joint], Pendulum):
+        torque_noise = sample_noise(channels.raw("torque"), channels.step("torque"), channels.segments)
+    return Resolution(
+        position_step=step,
+        position_noise=noise,
+        torque_noise=torque_noise,
+        velocity_noise=noise * float(np.sqrt(np.sum(light.kernels[1] ** 2))),
+        torque_correlation_time=declared.torque_correlation_time or 0.0,
+        effort_step=channels.step(rig.command_column(channels.joint).rpartition("/")[2]),
+    )
+
+
 def build_samples(
     runs: Sequence[Run], rig: Rig, joint: str, width_s: float | None = None, compliance: float = 0.0
 ) -> Samples:
@@ -112,15 +152,14 @@ def build_samples(
     channels = channels_of(runs, joint)
     period, segments, load = channels.period, channels.segments, rig.load[joint]
     raw_q = channels.raw("position")
-    width, step, noise = light_width(raw_q, segments, period)
-    light = CommonKernel(width if width_s is None else width_s, period)
+    step, noise = _encoder(channels, rig, raw_q)
+    width = light_width(raw_q, noise, segments, period) if width_s is None else width_s
+    light = CommonKernel(width, period)
     final = CommonKernel(light.actual_width_s, period)
     q, v, a = light.smooth(raw_q), light.derivative(raw_q), light.second_derivative(raw_q)
     command = light.smooth(channels.raw(rig.command_column(joint).rpartition("/")[2]))
     torque, slow_torque, slope = _load(channels, rig, light, q, a)
-    torque_noise = 0.0 if isinstance(load, Pendulum) else white_noise(channels.raw("torque"), segments)
-    velocity_noise = noise * float(np.sqrt(np.sum(light.kernels[1] ** 2)))
-    resolution = Resolution(step, noise, torque_noise, velocity_noise)
+    resolution = _resolution(channels, rig, step, noise, light)
     inner = [slice(s.start + light.margin, max(s.stop - light.margin, s.start + light.margin)) for s in segments]
     motor, motor_rate = q + compliance * slow_torque, v + compliance * np.gradient(slow_torque, period)
     direction, travel, moving = direction_of_motion(motor, motor_rate, inner, resolution)
@@ -148,8 +187,8 @@ def build_samples(
     rows, block = choose_rows(moving, segments, final, light, period)
     if rows.size < 50:
         raise IdentificationError(
-            f"joint {joint}: it resolvably moves (above {5 * velocity_noise:.2g} rad/s) in {rows.size} samples only; "
-            "record runs in which the joint moves"
+            f"joint {joint}: it resolvably moves (above {5 * resolution.velocity_noise:.2g} rad/s) in {rows.size} "
+            "samples only; record runs in which the joint moves"
         )
     return Samples(
         signals=signals,
@@ -162,6 +201,14 @@ def build_samples(
         moving=moving,
         runs=tuple(r.name for r in runs),
         resolution=resolution,
+        floor=NoiseFloor.of(
+            resolution,
+            light,
+            final,
+            signals,
+            rows,
+            servo=rig.drive[joint] == "position_servo",
+        ),
         row_period=float(np.median(np.diff(rows))) * period,
         run_of_sample=channels.run_of_sample,
         notes=tuple(note for r in runs for note in r.notes),

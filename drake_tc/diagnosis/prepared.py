@@ -1,11 +1,12 @@
 """A joint ready for a search: both sides filtered (`preparation`), its declared model fitted and known to columns."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from drake_tc.diagnosis.declared import declared_terms, fit_declared, known_values, without_known
 from drake_tc.diagnosis.design import Columns, Term
 from drake_tc.diagnosis.preparation import build_samples, context_of
+from drake_tc.diagnosis.signs import require_consistent_signs
 from drake_tc.effects.base import Context
 from drake_tc.identification.regression import least_squares
 from drake_tc.logs.record import Run
@@ -60,11 +61,13 @@ def prepare_joint(
     plain = fit_declared(first, declared_terms(rig, joint), context)
     labels = ["drive gain", *(p.name for t in plain.terms for p in t.effect.coefficients)]
     least_squares(first.design(plain.terms), first.target, names=labels, max_condition=MAX_CONDITION)
+    require_consistent_signs(first, plain, joint, context.drive)
+    fitted = {"gain": plain.gain, "viscous": float(plain.beta[1]), "coulomb": float(plain.beta[2])}
     return Prepared(
         train=first.with_model(plain.beta, servo=servo),
         held=Columns(held).with_model(plain.beta, servo=servo),
         terms=plain.terms,
-        floor=plain.gain * train.noise_floor(servo=servo).torque(float(plain.beta[0]), float(plain.beta[1])),
-        context=context,
+        floor=plain.gain * train.floor.torque(float(plain.beta[0]), float(plain.beta[1])),
+        context=replace(context, fitted=fitted),
         declared=(*(t.effect.id for t in plain.terms), *(key.partition(".")[0] for key in rig.declared[joint])),
     )

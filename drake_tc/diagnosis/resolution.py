@@ -6,88 +6,157 @@ from typing import Self
 
 import numpy as np
 
+from drake_tc.effects.base import Signals
 from drake_tc.filtering.common_kernel import CommonKernel
-from drake_tc.types import FloatArray
+from drake_tc.types import FloatArray, IntArray
+
+WIDEST_LIGHT = 0.060
+"""Widest light kernel [s] that the encoder's noise alone may ask for."""
+ACCELERATION_NOISE = 0.04
+"""Noise of the filtered acceleration, as a share of the acceleration's own spread, that the light kernel leaves."""
 
 
 @dataclass(frozen=True)
 class Resolution:
-    """What the sensors resolve, estimated from the log itself.
+    """What the sensors resolve.
 
     Attributes:
-        position_step: Smallest step between different positions [rad].
-        position_noise, torque_noise: White noise of one raw sample [rad, N m].
+        position_step: Step of the encoder as recorded [rad]; 0 where the positions lie on no grid.
+        position_noise: Standard deviation of one raw position sample, steps included [rad].
+        torque_noise: The same of the torque [N m].
         velocity_noise: Of the filtered velocity [rad/s].
+        torque_correlation_time: Declared correlation time of the torque noise [s]; 0 for white noise.
+        effort_step: Step of the recorded command [rad | A | V]; 0 where it lies on no grid.
     """
 
     position_step: float
     position_noise: float
     torque_noise: float
     velocity_noise: float
+    torque_correlation_time: float = 0.0
+    effort_step: float = 0.0
 
 
-def light_width(position: FloatArray, segments: Sequence[slice], period: float) -> tuple[float, float, float]:
-    """Width of the light kernel [s] and the position's (step, noise) [rad].
+def light_width(position: FloatArray, noise: float, segments: Sequence[slice], period: float) -> float:
+    """Width of the light kernel [s].
 
-    The narrowest width whose acceleration noise is below 4 % of the acceleration's own spread, between 4 periods (at
-    least 12 ms) and 60 ms: wide enough to differentiate the encoder twice, narrow enough to keep reversals sharp.
+    The narrowest width whose acceleration noise is below 4 % of the acceleration's own spread over all stretches,
+    between 4 periods (at least 12 ms) and 60 ms: wide enough to differentiate the encoder twice, narrow enough to keep
+    reversals sharp.
+
+    Args:
+        position: (T,) [rad].
+        noise: Standard deviation of one sample [rad].
+        segments: Uniform stretches.
+        period: [s].
     """
-    inside = np.concatenate([position[s] for s in segments])
-    steps = np.abs(np.diff(inside))
-    positive = steps[steps > 1e-12]
-    step = float(np.min(positive)) if positive.size else 0.0
-    if step and np.mean(np.abs(np.round(positive / step) * step - positive) < 0.02 * step) <= 0.9:
-        step = 0.0  # no grid: the positions are not quantised
-    third = np.concatenate([np.diff(position[s], 3) for s in segments if s.stop - s.start > 8] or [np.zeros(1)])
-    noise = max(step / np.sqrt(12.0), 1.4826 * float(np.median(np.abs(third))) / np.sqrt(20.0), 1e-12)
     width = max(4.0 * period, 0.012)
-    while width < 0.060:
+    while width < WIDEST_LIGHT:
         kernel = CommonKernel(width, period)
-        longest = max(segments, key=lambda s: s.stop - s.start)
-        acceleration = kernel.second_derivative(position[longest])
+        inner = [slice(s.start + kernel.margin, s.stop - kernel.margin) for s in segments]
+        acceleration = kernel.second_derivative(position)
+        kept = np.concatenate([acceleration[s] for s in inner if s.stop > s.start] or [acceleration])
         gain = float(np.sqrt(np.sum(kernel.kernels[2] ** 2)))
-        if noise * gain < 0.04 * float(np.std(acceleration)):
+        if noise * gain < ACCELERATION_NOISE * float(np.std(kept)):
             break
         width *= 1.25
-    return width, step, noise
+    return width
 
 
 def white_noise(values: FloatArray, segments: Sequence[slice]) -> float:
     """Standard deviation of the white part of a channel (T,), from its third differences; 0 where not recorded."""
-    third = np.concatenate([np.diff(values[s], 3) for s in segments])
+    third = np.concatenate([np.diff(values[s], 3) for s in segments if s.stop - s.start > 8] or [np.zeros(1)])
     third = third[np.isfinite(third)]
-    return 1.4826 * float(np.median(np.abs(third))) / np.sqrt(20.0) if third.size else 0.0
+    return 1.4826 * float(np.median(np.abs(third))) / float(np.sqrt(20.0)) if third.size else 0.0
+
+
+def sample_noise(values: FloatArray, step: float, segments: Sequence[slice]) -> float:
+    """Standard deviation of one sample of a channel (T,) whose values have a step: the larger of step/sqrt(12) and
+    the white part.
+    """
+    return max(step / float(np.sqrt(12.0)), white_noise(values, segments))
+
+
+def quantisation_error(position: FloatArray, step: float) -> FloatArray:
+    """What rounding to multiples of `step` [rad] adds to a smooth position (T,) [rad].
+
+    At low speed it is a slow sawtooth that no low-pass removes, which white noise of the same size does not show.
+    """
+    return np.asarray(np.round(position / step) * step - position)
 
 
 @dataclass(frozen=True)
 class NoiseFloor:
     """What sensor noise and encoder steps alone leave in the balance [N m].
 
-    White noise of a raw sample (`Resolution`) through the kernels and the balance's coefficients: torque noise through
-    k, encoder noise through J k'' + F_v k' (+ k/K where the effort is q_d - q), J [kg m^2] with a pendulum's own.
+    Noise of a raw sample (`Resolution`) through the kernels and the balance's coefficients: torque noise through k,
+    encoder noise through J k'' + F_v k' + s k (+ k/K where the effort is q_d - q), J [kg m^2] with a pendulum's own and
+    s = d tau/dq where the load is computed from the position.
 
     Attributes:
         torque_variance: Of the torque noise after both kernels [N m]^2.
-        encoder_gram: (3, 3) inner products of k'', k', k times the encoder's variance.
+        encoder_gram: (3, 3) second moments of the encoder's error after k'', k', k [rad^2/s^4, ..., rad^2].
         inertia: J [kg m^2].
         servo: Whether the effort holds the position.
+        effort_variance: Of the effort's rounding after both kernels [effort]^2.
+        load_slope: RMS of d tau/dq of a load that is computed from the position [N m/rad].
     """
 
     torque_variance: float
     encoder_gram: FloatArray
     inertia: float
     servo: bool
+    effort_variance: float = 0.0
+    load_slope: float = 0.0
 
     @classmethod
     def of(
-        cls, resolution: Resolution, light: CommonKernel, final: CommonKernel, inertia: float, *, servo: bool
+        cls,
+        resolution: Resolution,
+        light: CommonKernel,
+        final: CommonKernel,
+        signals: Signals,
+        rows: IntArray,
+        *,
+        servo: bool,
     ) -> Self:
-        """The floor of rows that passed `light` and then `final`."""
+        """The floor of rows that passed `light` and then `final`.
+
+        Args:
+            resolution: Of the raw samples.
+            light: First kernel.
+            final: Second kernel.
+            signals: (T,) filtered; the encoder's steps are replayed on their motion.
+            rows: (N,) of T.
+            servo: Whether the effort is q_d - q.
+        """
         k = np.stack([np.convolve(light.kernels[d], final.kernels[0]) for d in (2, 1, 0)])
-        gram = resolution.position_noise**2 * (k @ k.T)
-        return cls(resolution.torque_noise**2 * float(k[2] @ k[2]), gram, inertia, servo)
+        step, white = resolution.position_step, resolution.position_noise
+        if step > 0.0 and rows.size:
+            error = quantisation_error(signals.position, step)
+            passed = (light.second_derivative(error), light.derivative(error), light.smooth(error))
+            replay = np.stack([final.smooth(each)[rows] for each in passed])
+            rest = max(white**2 - step**2 / 12.0, 0.0)
+            gram = replay @ replay.T / rows.size + rest * (k @ k.T)
+        else:
+            gram = white**2 * (k @ k.T)
+        lags = np.abs(np.subtract.outer(np.arange(k.shape[1]), np.arange(k.shape[1]))) * light.period
+        memory = resolution.torque_correlation_time
+        correlation = np.exp(-lags / memory) if memory > 0.0 else np.eye(k.shape[1])
+        effort = resolution.effort_step**2 / 12.0 * float(k[2] @ k[2])
+        slope = float(np.sqrt(np.mean(signals.load_slope[rows] ** 2))) if rows.size else 0.0
+        return cls(
+            torque_variance=resolution.torque_noise**2 * float(k[2] @ correlation @ k[2]),
+            encoder_gram=gram,
+            inertia=signals.rotor_inertia + signals.link_inertia,
+            servo=servo,
+            effort_variance=effort,
+            load_slope=slope,
+        )
 
     def torque(self, stiffness: float, viscous: float, more_inertia: float = 0.0) -> float:
         """RMS [N m] under 1/K = `stiffness` [N m/effort], F_v = `viscous` and J + `more_inertia`."""
-        weights = np.array([self.inertia + more_inertia, viscous, stiffness if self.servo else 0.0])
-        return float(np.sqrt(self.torque_variance + weights @ self.encoder_gram @ weights))
+        held = self.load_slope + (stiffness if self.servo else 0.0)
+        weights = np.array([self.inertia + more_inertia, viscous, held])
+        rounding = stiffness**2 * self.effort_variance
+        return float(np.sqrt(self.torque_variance + rounding + weights @ self.encoder_gram @ weights))

@@ -11,7 +11,18 @@ from drake_tc.diagnosis.samples import Samples
 from drake_tc.effects.base import DriveKind
 from drake_tc.types import FloatArray
 
-Verdict = Literal["effects_found", "no_missing_effect", "unexplained_structure"]
+Verdict = Literal["effects_found", "no_missing_effect", "unexplained_structure", "unexplained_residual"]
+SEVERITY: tuple[Verdict, ...] = (
+    "unexplained_structure",
+    "unexplained_residual",
+    "effects_found",
+    "no_missing_effect",
+)
+"""Verdicts; that of a whole rig is the first of these that one of its joints has."""
+Withdrawal = Literal["implausible", "below_resolution", "training_run_against", "heldout_run_against"]
+"""Why an effect that the search chose is not part of the model after."""
+Rejection = Literal["too_little_gain", "below_floor", "unstable", "imperfect_form", "cannot_be_looked_for", "untested"]
+"""Why an effect was tried and not added, or could not be tried."""
 
 
 @dataclass(frozen=True)
@@ -21,6 +32,63 @@ class Errors:
     train: float
     heldout: float
     free_run_heldout: float | None
+
+
+@dataclass(frozen=True)
+class RunErrors:
+    """Errors of the model equation on one run [effort].
+
+    Attributes:
+        run: Name. heldout: whether it took no part in fitting. rows: number of rows.
+        before, after: RMS. mean_absolute_before, mean_absolute_after: mean absolute error.
+    """
+
+    run: str
+    heldout: bool
+    rows: int
+    before: float
+    after: float
+    mean_absolute_before: float
+    mean_absolute_after: float
+
+
+@dataclass(frozen=True)
+class ParameterByCondition:
+    """One coefficient of the final model, refitted in each part of the rows.
+
+    Attributes:
+        effect, name: Which; the effect is "drive" for the drive gain.
+        by: What parts the rows: "run", "load" or "direction".
+        values: Part to (value, lower, upper end of the 95 % interval).
+        change: Spread of the values as a share of their mean size.
+        probability: Of such differences under one common value.
+        moves: Whether the value changes by more than its intervals.
+    """
+
+    effect: str
+    name: str
+    by: str
+    values: Mapping[str, tuple[float, float, float]]
+    change: float
+    probability: float
+    moves: bool
+
+
+@dataclass(frozen=True)
+class DidNotHold:
+    """An effect that the training runs chose and that is not believed.
+
+    Attributes:
+        key, id, title: Of the effect. reason: as a word. why: one sentence with figures.
+        heldout_gain: 1 - held-out error with it / without it; None where it was never part of the model.
+    """
+
+    key: str
+    id: str
+    title: str
+    reason: Withdrawal
+    why: str
+    heldout_gain: float | None = None
 
 
 @dataclass(frozen=True)
@@ -54,13 +122,22 @@ class FoundEffect:
 
 @dataclass(frozen=True)
 class RejectedEffect:
-    """An effect that was tried on top of the final model and not added."""
+    """An effect that was tried on top of the final model and not added, or that could not be tried.
+
+    Attributes:
+        key, id: Of the effect.
+        heldout_gain, train_gain: 1 - error with it / without it, held out and cross-validated; 0 where not tried.
+        reason: As a word. obstacle: why it could not be tried, in words; "" where it was.
+        share: Of the block resamples in which it helped.
+    """
 
     key: str
     id: str
     heldout_gain: float
     train_gain: float
-    why: str
+    reason: Rejection
+    obstacle: str = ""
+    share: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -74,28 +151,35 @@ class TimeStretch:
 
 @dataclass(frozen=True)
 class Unexplained:
-    """What is left in the held-out residual.
+    """What is left in the residual.
 
     Attributes:
-        fraction: Share of its variance that some function of the measured signals could still explain.
+        floors: RMS of the held-out residual in noise floors. floors_anywhere: the same of the worse of both splits.
+        excess: Whether that is more than the noise floor explains.
+        share_of_signal: RMS of the held-out residual over that of the effort.
+        fraction: Share of its variance that some function of the recorded signals could still explain.
         structured: Whether that, or its confinement in time, is more than noise leaves.
         depends_on: The signals that function needs, most important first; "time" for what only time explains.
         confined_to: Stretches that hold most of it.
         period_hz: Frequency of a line in its spectrum, or None.
-        ceiling: RMS that would be left if that function were known [effort].
+        explainable_rms: RMS that would be left if that function were known [effort].
     """
 
+    floors: float
+    floors_anywhere: float
+    excess: bool
+    share_of_signal: float
     fraction: float
     structured: bool
     depends_on: tuple[str, ...]
     confined_to: tuple[TimeStretch, ...] = ()
     period_hz: float | None = None
-    ceiling: float = float("nan")
+    explainable_rms: float = float("nan")
 
 
 @dataclass(frozen=True)
-class Side:
-    """Rows of one side (training or held-out), for plots: signals of the rows, residual before and after [effort]."""
+class DataSplit:
+    """Rows of the training or the held-out runs: signals, residual before and after [effort], by one drive gain."""
 
     samples: Samples
     before: FloatArray
@@ -122,10 +206,19 @@ class JointResult:
     next_experiment: str | None
     unexplained: Unexplained
     verdict: Verdict
-    train: Side
-    heldout: Side
+    train: DataSplit
+    heldout: DataSplit
+    did_not_hold: tuple[DidNotHold, ...] = ()
+    runs: tuple[RunErrors, ...] = ()
+    consistency: tuple[ParameterByCondition, ...] = ()
     free_run: Mapping[str, Mapping[str, FloatArray]] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+
+    @property
+    def gain_identified(self) -> bool:
+        """Whether the interval of the drive gain is narrower than the gain itself."""
+        gain = self.final_parameters["drive"]["gain"]
+        return gain.ci95[1] - gain.ci95[0] < abs(gain.value)
 
 
 @dataclass(frozen=True)

@@ -5,11 +5,12 @@ from collections.abc import Iterable, Sequence
 from concurrent.futures import Executor
 from pathlib import Path
 
+import numpy as np
 from threadpoolctl import threadpool_limits
 
 from drake_tc.diagnosis.close_loop import DiagnosisOptions, diagnose_joint
 from drake_tc.diagnosis.free_running import FreeRun, with_free_runs
-from drake_tc.diagnosis.result import CloseLoopResult, JointResult, SharedEffect, Verdict
+from drake_tc.diagnosis.result import SEVERITY, CloseLoopResult, JointResult, SharedEffect, Verdict
 from drake_tc.diagnosis.search import Progress
 from drake_tc.diagnosis.shared.diagnose import diagnose_robot
 from drake_tc.estimation.robot_loads import robot_logs
@@ -60,7 +61,7 @@ def _close_loop(
     require_different_files(logs, holdout)
     progress("reading", 0.0)
     runs = load_runs([*logs, *holdout], rig)
-    train, held = runs[: len(logs)], runs[len(logs) :]
+    train, held = in_order(runs[: len(logs)], rig), in_order(runs[len(logs) :], rig)
     joints: dict[str, JointResult] = {}
     shared: tuple[SharedEffect, ...] = ()
     before: Sequence[Run] | None = None
@@ -88,5 +89,18 @@ def _close_loop(
 
 def _overall(joints: Iterable[JointResult]) -> Verdict:
     verdicts = {j.verdict for j in joints}
-    order: tuple[Verdict, ...] = ("unexplained_structure", "effects_found", "no_missing_effect")
-    return next(v for v in order if v in verdicts)
+    return next(v for v in SEVERITY if v in verdicts)
+
+
+def in_order(runs: Sequence[Run], rig: Rig) -> list[Run]:
+    """The runs in an order that depends on what they hold alone, so that nothing depends on the order of the files.
+
+    Sorted by length, sampling period and the spread of each joint's position and command, to six digits: names, units,
+    zeros and signs do not change it.
+    """
+
+    def key(run: Run) -> tuple[float, ...]:
+        spreads = [float(np.std(run.columns[c])) for j in rig.joints for c in (f"{j}/position", rig.command_column(j))]
+        return (len(run), *(float(f"{x:.6g}") for x in (run.period, *spreads)))
+
+    return sorted(runs, key=key)

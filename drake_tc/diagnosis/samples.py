@@ -27,6 +27,7 @@ class Samples:
         moving: (T,) whether the direction of motion is resolved.
         runs: The runs' names, by index. `notes`: what was done to them.
         resolution: See `Resolution`.
+        floor: What noise alone leaves in the rows.
         row_period: Mean time between rows inside a block [s].
     """
 
@@ -40,6 +41,7 @@ class Samples:
     moving: BoolArray
     runs: tuple[str, ...]
     resolution: Resolution
+    floor: NoiseFloor
     row_period: float
     run_of_sample: IntArray
     notes: tuple[str, ...] = field(default=())
@@ -56,11 +58,6 @@ class Samples:
         if fresh:
             values = self.light.smooth(values)
         return self.kernel.smooth(values)[self.rows]
-
-    def noise_floor(self, *, servo: bool) -> NoiseFloor:
-        """What noise alone leaves in the rows."""
-        inertia = self.signals.rotor_inertia + self.signals.link_inertia
-        return NoiseFloor.of(self.resolution, self.light, self.kernel, inertia, servo=servo)
 
     def scout(self, most: int) -> "Samples":
         """Every k-th five-second chunk: at most about `most` of the T samples; itself when they are few."""

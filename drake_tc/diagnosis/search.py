@@ -6,8 +6,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.optimize import minimize
 
+from drake_tc.diagnosis.believable import objection_to_values
 from drake_tc.diagnosis.design import Columns, Fit, Term, fit
 from drake_tc.diagnosis.evidence import Comparison, compare
+from drake_tc.diagnosis.result import DidNotHold
 from drake_tc.effects.base import Context, DriveEffect, Effect
 from drake_tc.effects.library import LIBRARY
 from drake_tc.types import FloatArray
@@ -46,7 +48,7 @@ class Search:
         baseline, chosen: Fits without and with the missing effects.
         steps: For each effect chosen, in order, what it brought.
         rivals: Other sets of the chosen size, best first. alone: the best fit of every candidate alone.
-        obstacles: Effects that could not be looked for, and why.
+        passed_over: Effects that would have been added but for values that are impossible or below the sensor.
     """
 
     baseline: Fit
@@ -54,7 +56,7 @@ class Search:
     steps: tuple[tuple[str, Comparison], ...]
     rivals: tuple[Fit, ...]
     alone: tuple[Fit, ...]
-    obstacles: tuple[tuple[str, str], ...] = field(default=())
+    passed_over: tuple[DidNotHold, ...] = field(default=())
 
 
 def screen(
@@ -174,6 +176,7 @@ def search(
     steps: list[tuple[str, Comparison]] = []
     rivals: list[Fit] = []
     alone: list[Fit] = []
+    passed_over: dict[str, DidNotHold] = {}
     for size in range(1, options.most + 1):
         grown: dict[frozenset[str], Fit] = {}
         for number, parent in enumerate(beam):
@@ -190,7 +193,14 @@ def search(
         if coarse[0].cv_rms > (1.0 - 0.2 * options.least_gain) * chosen.cv_rms and size > 1:
             break
         close = [f for f in coarse if f.cv_rms < 1.5 * coarse[0].cv_rms][: options.beam]
-        refined = ranked(refine(columns, f) for f in close)
+        believed, impossible = _believable((refine(columns, f) for f in close), baseline, context, columns)
+        least = min((f.cv_rms for f in believed), default=np.inf)
+        for fitted, objections in impossible:
+            if fitted.cv_rms < least and compare(chosen, fitted, columns.samples).gain >= options.least_gain:
+                passed_over |= objections
+        if not believed:
+            break
+        refined = ranked(believed)
         if size == 1:
             alone = [*refined, *coarse[len(close) :]]
         explained = float(np.sqrt(max(baseline.cv_rms**2 - chosen.cv_rms**2, 0.0)))
@@ -203,7 +213,30 @@ def search(
         steps.append(("+".join(added), comparison))
         chosen, rivals = best, [f for f in refined if f is not best]
         beam = refined[: options.beam]
-    return Search(baseline, chosen, tuple(steps), tuple(rivals), tuple(alone))
+    taken = {t.effect.id for t in chosen.terms}
+    withdrawn = tuple(d for d in passed_over.values() if d.id not in taken)
+    return Search(baseline, chosen, tuple(steps), tuple(rivals), tuple(alone), withdrawn)
+
+
+def _believable(
+    fits: Iterable[Fit], baseline: Fit, context: Context, columns: Columns
+) -> tuple[list[Fit], list[tuple[Fit, dict[str, DidNotHold]]]]:
+    """The fits whose added effects all have possible values, and the others with the objections to them."""
+    known = {t.effect.key for t in baseline.terms}
+    kept: list[Fit] = []
+    refused: list[tuple[Fit, dict[str, DidNotHold]]] = []
+    for fitted in fits:
+        objections = {}
+        for term in fitted.terms:
+            effect = term.effect
+            found = None if effect.key in known else objection_to_values(fitted, term, context, columns.samples)
+            if found is not None:
+                objections[effect.key] = DidNotHold(effect.key, effect.id, effect.title, found[0], found[1])
+        if objections:
+            refused.append((fitted, objections))
+        else:
+            kept.append(fitted)
+    return kept, refused
 
 
 def _real(c: Comparison, floor: float, explained: float, options: SearchOptions) -> bool:

@@ -5,7 +5,16 @@ from collections.abc import Mapping
 from typing import Any
 
 from drake_tc.diagnosis.closed_loop_json import loop_entry, loop_summary, uncertainty_entry
-from drake_tc.diagnosis.result import CloseLoopResult, Errors, Estimate, JointResult, SharedEffect
+from drake_tc.diagnosis.rejection import why_rejected
+from drake_tc.diagnosis.result import (
+    CloseLoopResult,
+    Errors,
+    Estimate,
+    JointResult,
+    ParameterByCondition,
+    RunErrors,
+    SharedEffect,
+)
 
 
 def _number(x: float | None) -> float | None:
@@ -28,6 +37,30 @@ def _estimate(e: Estimate) -> dict[str, Any]:
     return {"value": _number(e.value), "unit": e.unit, "ci95": [_number(b) for b in e.ci95], "at_bound": e.at_bound}
 
 
+def _run(errors: RunErrors) -> dict[str, Any]:
+    return {
+        "run": errors.run,
+        "heldout": errors.heldout,
+        "rows": errors.rows,
+        "before": {"rms": _number(errors.before), "mean_absolute": _number(errors.mean_absolute_before)},
+        "after": {"rms": _number(errors.after), "mean_absolute": _number(errors.mean_absolute_after)},
+    }
+
+
+def _by_condition(parameter: ParameterByCondition) -> dict[str, Any]:
+    return {
+        "effect": parameter.effect,
+        "parameter": parameter.name,
+        "by": parameter.by,
+        "values": [
+            {"part": part, "value": _number(value), "ci95": [_number(low), _number(high)]}
+            for part, (value, low, high) in parameter.values.items()
+        ],
+        "change": _number(parameter.change),
+        "moves": parameter.moves,
+    }
+
+
 def joint_json(joint: JointResult) -> dict[str, Any]:
     """The entry of one joint."""
     left = joint.unexplained
@@ -47,17 +80,30 @@ def joint_json(joint: JointResult) -> dict[str, Any]:
             }
             for e in joint.effects
         ],
-        "rejected": [{"id": r.id, "heldout_gain": _number(r.heldout_gain), "why": r.why} for r in joint.rejected],
+        "rejected": [
+            {"id": r.id, "heldout_gain": _number(r.heldout_gain), "reason": r.reason, "why": why_rejected(r)}
+            for r in joint.rejected
+        ],
         "indistinguishable": [list(pair) for pair in joint.indistinguishable],
         "next_experiment": joint.next_experiment,
+        "did_not_hold": [
+            {"id": d.id, "reason": d.reason, "why": d.why, "heldout_gain": _number(d.heldout_gain)}
+            for d in joint.did_not_hold
+        ],
         "unexplained": {
+            "floors": _number(left.floors),
+            "floors_anywhere": _number(left.floors_anywhere),
+            "share_of_signal": _number(left.share_of_signal),
             "fraction": _number(left.fraction),
             "structured": left.structured,
             "depends_on": list(left.depends_on),
             "confined_to": [{"run": s.run, "start": s.start, "end": s.end} for s in left.confined_to],
             "period_hz": _number(left.period_hz),
-            "ceiling": _number(left.ceiling),
+            "explainable_rms": _number(left.explainable_rms),
         },
+        "runs": [_run(errors) for errors in joint.runs],
+        "consistency": [_by_condition(p) for p in joint.consistency],
+        "gain_identified": joint.gain_identified,
         "notes": list(joint.notes),
     }
 

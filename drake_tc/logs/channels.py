@@ -124,3 +124,20 @@ def zero_stretches(effort: FloatArray, position: FloatArray, period: float) -> B
         if effort[start] == 0.0 and length >= max(20, 0.1 / period) and np.ptp(position[start:stop]) > 0.02 * span:
             off[start:stop] = True
     return off
+
+
+def grid_step(values: FloatArray) -> float:
+    """The step of recorded values (T,) that lie on a grid, as an encoder's do; 0 where they do not.
+
+    The smallest difference between neighbouring rows is the step when nine differences in ten are multiples of it to
+    within 2 % of a step.
+    """
+    finite = values[np.isfinite(values)]
+    changes = np.abs(np.diff(finite))
+    changes = changes[changes > 1e-12 * max(float(np.max(np.abs(finite), initial=0.0)), 1e-12)]
+    if changes.size == 0:
+        return 0.0
+    step = float(np.min(changes))
+    multiples = changes / step
+    on_grid = np.abs(multiples - np.round(multiples)) < 0.02 * np.maximum(1.0, 0.02 * multiples)
+    return step if float(np.mean(on_grid)) > 0.9 else 0.0

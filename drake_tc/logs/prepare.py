@@ -167,7 +167,9 @@ def _prepare(path: Path, rig: Rig) -> Run:
     check_angles(resampled, usable, rig, clock.period, path)
     notes += more + clock.notes + check_velocity(resampled, usable, rig, clock.period, path)
     notes += lag_notes(resampled, usable, rig, clock.period)
-    return Run(run_name(path), path, clock.time, clock.period, resampled, segment, notes, rows)
+    steps = {name: channels.grid_step(raw.columns[name]) for name in resampled}
+    found = {name: step for name, step in steps.items() if step > 0.0}
+    return Run(run_name(path), path, clock.time, clock.period, resampled, segment, notes, rows, found)
 
 
 def _unique_names(runs: list[Run]) -> list[Run]:

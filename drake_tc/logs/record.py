@@ -24,6 +24,8 @@ class Run:
         segment: (T,) integers: samples that share a number >= 0 are contiguous and uniform; -1 marks samples
             that must not be used (torque off, a gap's filler, missing values).
         notes: One sentence for every repair and every exclusion, for the report.
+        steps: Column name to the step of its recorded values, for the columns whose values lie on a grid. It is read
+            before the resampling, which hides it.
     """
 
     name: str
@@ -34,6 +36,7 @@ class Run:
     segment: IntArray
     notes: tuple[str, ...] = ()
     raw_rows: int = field(default=0)
+    steps: Mapping[str, float] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return int(self.time.size)

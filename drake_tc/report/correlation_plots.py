@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from drake_tc.diagnosis.result import Side
+from drake_tc.diagnosis.result import DataSplit
 from drake_tc.report.correlation import Correlation, autocorrelation, cross_correlation, on_grid
 from drake_tc.report.rows import LABELS
 from drake_tc.report.svg import AFTER, BEFORE, MUTED, SHADE, new_figure, page_style, to_svg
@@ -15,12 +15,12 @@ SIGNALS = ("velocity", "acceleration", "load_torque")
 SIZE = (4.4, 2.4)
 
 
-def correlation_plots(side: Side, prefix: str) -> Sequence[str]:
+def correlation_plots(split: DataSplit, prefix: str) -> Sequence[str]:
     """Auto-correlation, then cross-correlation with velocity, acceleration and load torque: four panels of SVG."""
-    samples = side.samples
+    samples = split.samples
     time = samples.signals.time[samples.rows]
     longest = min(LONGEST_S, 0.25 * float(np.ptp(time)))
-    before, after = on_grid(samples, side.before), on_grid(samples, side.after)
+    before, after = on_grid(samples, split.before), on_grid(samples, split.after)
     reach = (samples.light.margin + samples.kernel.margin) * samples.signals.period
     own = [autocorrelation(r, longest) for r in (before, after)]
     pictures = [_panel(f"{prefix}-auto", "residual with itself", own[0], own[1], reach)]

@@ -13,6 +13,7 @@ from drake_tc import __version__
 from drake_tc.diagnosis.result import CloseLoopResult, JointResult
 from drake_tc.report.bins import MOST_POINTS
 from drake_tc.report.closed_loop_section import closed_loop_section
+from drake_tc.report.consistency_table import consistency_rows
 from drake_tc.report.correlation_plots import correlation_plots
 from drake_tc.report.free_run_plots import free_run_plots
 from drake_tc.report.leftover_plots import leftover_plots
@@ -22,8 +23,8 @@ from drake_tc.report.panels import TRAIN_POINTS, residual_cards
 from drake_tc.report.residual_plots import LEGEND
 from drake_tc.report.shared_section import shared_section
 from drake_tc.report.signature_plots import signature_plots
-from drake_tc.report.tables import data_facts, data_rows, error_table, parameter_rows, rejected_rows
-from drake_tc.report.words import VERDICTS, headline, joined, signal_name, title_of, unexplained, warnings
+from drake_tc.report.tables import data_facts, data_rows, error_table, parameter_rows, rejected_rows, run_error_rows
+from drake_tc.report.words import REASONS, VERDICTS, headline, joined, signal_name, title_of, unexplained, warnings
 
 
 def write_report(result: CloseLoopResult, path: Path) -> None:
@@ -47,6 +48,7 @@ def render(result: CloseLoopResult) -> str:
         version=__version__,
         verdict=result.verdict,
         verdicts=VERDICTS,
+        reasons=REASONS,
         joints=joints,
         train=[_short(p) for p in result.train_files],
         heldout=[_short(p) for p in result.heldout_files],
@@ -95,12 +97,15 @@ def _joint(joint: JointResult, prefix: str) -> dict[str, Any]:
         "fold": fold(joint.before.heldout, joint.after.heldout),
         "after_by_floor": fold(joint.after.heldout, joint.noise_floor),
         "errors": error_table(joint),
+        "run_errors": run_error_rows(joint),
         "signatures": signature_plots(joint, prefix),
         "held_cards": residual_cards(joint, joint.heldout, f"{prefix}-held", MOST_POINTS),
         "train_cards": residual_cards(joint, joint.train, f"{prefix}-train", TRAIN_POINTS),
         "correlations": correlation_plots(joint.heldout, prefix),
         "free_runs": free_run_plots(joint.free_run, prefix),
         "parameters": parameter_rows(joint),
+        "did_not_hold": joint.did_not_hold,
+        "consistency": consistency_rows(joint),
         "tried": tried,
         "barred": barred,
         "ties": [(title_of(a), title_of(b)) for a, b in joint.indistinguishable],
@@ -112,7 +117,9 @@ def _joint(joint: JointResult, prefix: str) -> dict[str, Any]:
             "depends_on": joined([signal_name(n) for n in left.depends_on]) or "nothing recorded",
             "confined_to": left.confined_to,
             "line": "none" if left.period_hz is None else f"{significant(left.period_hz)} Hz",
-            "ceiling": scale.quantity(left.ceiling),
+            "explainable": scale.quantity(left.explainable_rms),
+            "floors": significant(left.floors, 2),
+            "share": percent(left.share_of_signal),
         },
         "leftovers": leftover_plots(joint, prefix),
         "notes": joint.notes,

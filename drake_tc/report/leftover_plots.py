@@ -21,13 +21,13 @@ def leftover_plots(joint: JointResult, prefix: str) -> Sequence[str]:
         return []
     held = joint.heldout.samples.runs
     in_training = bool(left.confined_to) and not any(s.run in held for s in left.confined_to)
-    side, where = (joint.train, "training runs") if in_training else (joint.heldout, "held-out runs")
-    rows = rows_of(side)
-    scale = scale_for(float(abs(side.after).max()), joint.unit)
+    split, where = (joint.train, "training runs") if in_training else (joint.heldout, "held-out runs")
+    rows = rows_of(split)
+    scale = scale_for(float(abs(split.after).max()), joint.unit)
     panels = []
     for name in left.depends_on[:MOST_PLOTS]:
-        against = quantity(side, name, joint.unit, left.confined_to)
+        against = quantity(split, name, joint.unit, left.confined_to)
         if against is not None:
-            cloud = Cloud(f"{prefix}-left-{name}", f"after, {where}", side.after, scale, joint.noise_floor, size=SIZE)
+            cloud = Cloud(f"{prefix}-left-{name}", f"after, {where}", split.after, scale, joint.noise_floor, size=SIZE)
             panels.append(cloud_svg(cloud, against, rows))
     return panels

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drake_tc.diagnosis.result import JointResult, Side
+from drake_tc.diagnosis.result import DataSplit, JointResult
 from drake_tc.report.numbers import Scale, fold, scale_for
 from drake_tc.report.residual_plots import Cloud, cloud_svg
 from drake_tc.report.rows import Quantity, modulo, quantity, rows_of
@@ -25,31 +25,31 @@ class Card:
     after: str
 
 
-def quantities(joint: JointResult, side: Side) -> Sequence[Quantity]:
+def quantities(joint: JointResult, split: DataSplit) -> Sequence[Quantity]:
     """What the residual is drawn against: every recorded signal, and the position modulo found periods."""
     out = []
     for key in SIGNALS:
-        found = quantity(side, key, joint.unit, joint.unexplained.confined_to)
+        found = quantity(split, key, joint.unit, joint.unexplained.confined_to)
         if found is not None:
             out.append(found)
         if key == "position":
             cycles = [cycles_of(joint.final, t.effect.key) for t in joint.final.terms]
-            out += [modulo(side, c) for c in sorted({c for c in cycles if c is not None})]
+            out += [modulo(split, c) for c in sorted({c for c in cycles if c is not None})]
     return out
 
 
-def residual_cards(joint: JointResult, side: Side, prefix: str, most: int) -> Sequence[Card]:
+def residual_cards(joint: JointResult, split: DataSplit, prefix: str, most: int) -> Sequence[Card]:
     """One card a quantity; each of the two panels has its own scale, the noise floor's band ties them together."""
-    rows = rows_of(side)
-    same = bool(np.array_equal(side.before, side.after))
-    coarse, fine = _scale(side.before, joint.unit), _scale(side.after, joint.unit)
-    smaller = fold(_reach(side.before), _reach(side.after))
+    rows = rows_of(split)
+    same = bool(np.array_equal(split.before, split.after))
+    coarse, fine = _scale(split.before, joint.unit), _scale(split.after, joint.unit)
+    smaller = fold(_reach(split.before), _reach(split.after))
     cards = []
-    for against in quantities(joint, side):
+    for against in quantities(joint, split):
         name = f"{prefix}-{against.key}"
         title = "before and after: nothing was added" if same else "before"
-        before = Cloud(f"{name}-before", title, side.before, coarse, joint.noise_floor, most=most)
-        after = Cloud(f"{name}-after", f"after (axis {smaller} finer)", side.after, fine, joint.noise_floor, most=most)
+        before = Cloud(f"{name}-before", title, split.before, coarse, joint.noise_floor, most=most)
+        after = Cloud(f"{name}-after", f"after (axis {smaller} finer)", split.after, fine, joint.noise_floor, most=most)
         cards.append(
             Card(against.title, cloud_svg(before, against, rows), "" if same else cloud_svg(after, against, rows))
         )

@@ -1,11 +1,11 @@
-"""The rows of one side (training or held-out runs) as a plot wants them: signals, direction of motion, reversals."""
+"""The rows of one data split for plots: signals, direction of motion and reversals."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from drake_tc.diagnosis.result import Side, TimeStretch
+from drake_tc.diagnosis.result import DataSplit, TimeStretch
 from drake_tc.diagnosis.samples import Samples
 from drake_tc.types import BoolArray, FloatArray
 
@@ -15,6 +15,8 @@ LABELS: dict[str, tuple[str, str]] = {
     "acceleration": ("acceleration", "rad/s²"),
     "position": ("position", "rad"),
     "load_torque": ("load torque", "N·m"),
+    "expected_torque": ("load torque expected by the model", "N·m"),
+    "command": ("command", ""),
     "effort": ("effort", ""),
     "temperature": ("temperature", "°C"),
     "travel": ("travel since the last reversal", "rad"),
@@ -45,18 +47,18 @@ class Quantity:
 
 @dataclass(frozen=True)
 class Rows:
-    """One side's rows: direction (N,) in {-1, 0, 1}, and whether a reversal is within 0.1 s (N,)."""
+    """Rows of one split: direction (N,) in {-1, 0, 1}, and whether a reversal is within 0.1 s (N,)."""
 
-    side: Side
+    split: DataSplit
     direction: FloatArray
     reversal: BoolArray
 
 
-def rows_of(side: Side) -> Rows:
-    """Direction of motion and nearness to a reversal on the rows of `side`."""
-    samples = side.samples
+def rows_of(split: DataSplit) -> Rows:
+    """Direction of motion and nearness to a reversal on the rows of `split`."""
+    samples = split.samples
     direction = np.sign(samples.signals.direction[samples.rows])
-    return Rows(side, np.asarray(direction), near_reversal(samples, REVERSAL_SECONDS))
+    return Rows(split, np.asarray(direction), near_reversal(samples, REVERSAL_SECONDS))
 
 
 def near_reversal(samples: Samples, seconds: float) -> BoolArray:
@@ -73,22 +75,22 @@ def near_reversal(samples: Samples, seconds: float) -> BoolArray:
     return np.asarray(near[samples.rows])
 
 
-def quantity(side: Side, key: str, effort_unit: str, stretches: Sequence[TimeStretch] = ()) -> Quantity | None:
-    """The signal `key` on the side's rows, or None if it was not recorded."""
+def quantity(split: DataSplit, key: str, effort_unit: str, stretches: Sequence[TimeStretch] = ()) -> Quantity | None:
+    """The signal `key` on the split's rows, or None if it was not recorded."""
     if key == "time":
-        return _time(side.samples, stretches)
-    values = np.asarray(getattr(side.samples.signals, key)[side.samples.rows], dtype=float)
+        return _time(split.samples, stretches)
+    values = np.asarray(getattr(split.samples.signals, key)[split.samples.rows], dtype=float)
     if not np.isfinite(values).any():
         return None
     title, unit = LABELS[key]
-    unit = effort_unit if key == "effort" else unit
+    unit = effort_unit if key in ("effort", "command") else unit
     return Quantity(key, title, f"{title} [{unit}]" if unit else title, values)
 
 
-def modulo(side: Side, cycles: float) -> Quantity:
+def modulo(split: DataSplit, cycles: float) -> Quantity:
     """Position within one period of `cycles` periods a turn, in degrees."""
     period = 360.0 / cycles
-    position = np.degrees(side.samples.signals.position[side.samples.rows])
+    position = np.degrees(split.samples.signals.position[split.samples.rows])
     title = f"position modulo {period:.3g}° ({cycles:.4g} a turn)"
     return Quantity(f"modulo-{cycles:.6g}", title, f"position modulo {period:.3g}° [°]", np.mod(position, period))
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from drake_tc.diagnosis.design import Columns, Fit
-from drake_tc.diagnosis.result import FoundEffect, JointResult, Side
+from drake_tc.diagnosis.result import DataSplit, FoundEffect, JointResult
 from drake_tc.effects.base import DriveEffect
 from drake_tc.report.numbers import percent, scale_for
 from drake_tc.report.residual_plots import Cloud, cloud_svg
@@ -28,7 +28,7 @@ class SignaturePlot:
     with_it: str
 
 
-def contribution(side: Side, fitted: Fit, key: str) -> FloatArray:
+def contribution(split: DataSplit, fitted: Fit, key: str) -> FloatArray:
     """What the effect `key` of the final model takes off the residual (N,) [effort]: residual without minus with it.
 
     The other effects keep their final parameters. A torque effect's share is -K phi theta, from
@@ -37,8 +37,8 @@ def contribution(side: Side, fitted: Fit, key: str) -> FloatArray:
 
     and that of an effect on the drive is the difference between the efforts y* with and without it.
     """
-    columns = Columns(side.samples)
-    share = np.zeros(side.after.shape)
+    columns = Columns(split.samples)
+    share = np.zeros(split.after.shape)
     at = 1
     for term in fitted.terms:
         count = len(term.effect.coefficients)
@@ -60,31 +60,31 @@ def cycles_of(fitted: Fit, key: str) -> float | None:
     return None
 
 
-def signature_quantity(side: Side, joint: JointResult, found: FoundEffect) -> Quantity | None:
+def signature_quantity(split: DataSplit, joint: JointResult, found: FoundEffect) -> Quantity | None:
     """What the effect's signature is drawn against; None if that was not recorded."""
     x = next(t.effect.signature.x for t in joint.final.terms if t.effect.key == found.key)
     if x.startswith("position modulo"):
         cycles = cycles_of(joint.final, found.key)
-        return modulo(side, cycles) if cycles else quantity(side, "position", joint.unit)
-    return quantity(side, x, joint.unit)
+        return modulo(split, cycles) if cycles else quantity(split, "position", joint.unit)
+    return quantity(split, x, joint.unit)
 
 
 def signature_plots(joint: JointResult, prefix: str) -> Sequence[SignaturePlot]:
     """One pair of panels for each effect that was found, on the held-out runs."""
-    side = joint.heldout
-    rows = rows_of(side)
+    split = joint.heldout
+    rows = rows_of(split)
     plots = []
     for number, found in enumerate(joint.effects):
-        against = signature_quantity(side, joint, found)
+        against = signature_quantity(split, joint, found)
         if against is None:
             continue
-        share = contribution(side, joint.final, found.key)
-        without = side.after + share
+        share = contribution(split, joint.final, found.key)
+        without = split.after + share
         scale = scale_for(float(np.max(np.abs(without))), joint.unit)
-        fine = scale_for(float(np.max(np.abs(side.after))), joint.unit)
+        fine = scale_for(float(np.max(np.abs(split.after))), joint.unit)
         name, floor = f"{prefix}-signature-{number}", joint.noise_floor
         bare = Cloud(f"{name}-without", f"without {found.title}", without, scale, floor, line=share, size=SIZE)
-        full = Cloud(f"{name}-with", f"with {found.title}", side.after, fine, floor, size=SIZE)
+        full = Cloud(f"{name}-with", f"with {found.title}", split.after, fine, floor, size=SIZE)
         plots.append(
             SignaturePlot(
                 title=found.title,

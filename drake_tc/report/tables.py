@@ -5,7 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drake_tc.diagnosis.result import Estimate, JointResult, RejectedEffect, Side
+from drake_tc.diagnosis.rejection import why_rejected
+from drake_tc.diagnosis.result import DataSplit, Estimate, JointResult, RejectedEffect
 from drake_tc.report.numbers import UNKNOWN, Scale, fold, interval, percent, pretty_unit, scale_for, significant
 from drake_tc.report.words import title_of
 
@@ -31,8 +32,8 @@ class ErrorTable:
     rows: Sequence[ErrorRow]
     floor: str
     floor_torque: str
-    ceiling: str
-    ceiling_torque: str
+    explainable: str
+    explainable_torque: str
     gain: str
 
 
@@ -56,13 +57,13 @@ def error_table(joint: JointResult) -> ErrorTable:
         b, a = (float("nan") if v is None else v for v in (before, after))
         high = float(np.nanmax([b, a, 0.0]))
         rows.append(_error_row("free run, held-out", b, a, scale_for(high, "rad"), None, gain, high))
-    ceiling = joint.unexplained.ceiling
+    explainable = joint.unexplained.explainable_rms
     return ErrorTable(
         rows=rows,
         floor=scale.quantity(joint.noise_floor),
         floor_torque=torque.quantity(joint.noise_floor / gain),
-        ceiling=scale.quantity(ceiling),
-        ceiling_torque=torque.quantity(ceiling / gain),
+        explainable=scale.quantity(explainable),
+        explainable_torque=torque.quantity(explainable / gain),
         gain=f"{significant(gain, 4)} {pretty_unit(joint.unit)}/(N·m)",
     )
 
@@ -83,6 +84,36 @@ def _error_row(
         bar_before=round(bar(before), 2),
         bar_after=round(bar(after), 2),
     )
+
+
+@dataclass(frozen=True)
+class RunErrorRow:
+    """Errors of one run."""
+
+    run: str
+    role: str
+    before: str
+    after: str
+    absolute_before: str
+    absolute_after: str
+    floors: str
+
+
+def run_error_rows(joint: JointResult) -> Sequence[RunErrorRow]:
+    """One row a run, training runs first."""
+    scale = scale_for(max((r.before for r in joint.runs), default=0.0), joint.unit)
+    return [
+        RunErrorRow(
+            run=r.run,
+            role="held-out" if r.heldout else "training",
+            before=scale.quantity(r.before),
+            after=scale.quantity(r.after),
+            absolute_before=scale.quantity(r.mean_absolute_before),
+            absolute_after=scale.quantity(r.mean_absolute_after),
+            floors=significant(r.after / joint.noise_floor, 2) if joint.noise_floor > 0.0 else UNKNOWN,
+        )
+        for r in joint.runs
+    ]
 
 
 @dataclass(frozen=True)
@@ -140,24 +171,9 @@ def rejected_rows(rejected: Sequence[RejectedEffect]) -> tuple[Sequence[Rejected
     tried: list[RejectedRow] = []
     barred: list[RejectedRow] = []
     for r in rejected:
-        impossible = r.why.startswith("cannot be looked for here")
-        row = RejectedRow(
-            title_of(r.key),
-            r.id,
-            percent(r.heldout_gain),
-            percent(r.train_gain),
-            _why(r, impossible=impossible),
-        )
-        (barred if impossible else tried).append(row)
+        row = RejectedRow(title_of(r.key), r.id, percent(r.heldout_gain), percent(r.train_gain), why_rejected(r))
+        (barred if r.reason == "cannot_be_looked_for" else tried).append(row)
     return tried, barred
-
-
-def _why(rejected: RejectedEffect, *, impossible: bool) -> str:
-    if impossible:
-        return rejected.why.split("here: ")[-1]
-    if rejected.why.startswith("lowers") and rejected.train_gain < 5e-4:
-        return "does not lower the cross-validated error"
-    return rejected.why
 
 
 @dataclass(frozen=True)
@@ -173,9 +189,9 @@ class DataRow:
     load: str
 
 
-def data_rows(side: Side, role: str) -> Sequence[DataRow]:
+def data_rows(split: DataSplit, role: str) -> Sequence[DataRow]:
     """One row a run: duration, rows of the regression, share of the samples in resolved motion, spans."""
-    samples = side.samples
+    samples = split.samples
     signals = samples.signals
     out = []
     for k, run in enumerate(samples.runs):

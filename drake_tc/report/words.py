@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from drake_tc.diagnosis.result import JointResult, Verdict
+from drake_tc.diagnosis.result import JointResult, Verdict, Withdrawal
 from drake_tc.diagnosis.shared.causes import TITLES
 from drake_tc.effects.library import LIBRARY
 from drake_tc.report.numbers import percent, scale_for, significant, times
@@ -13,7 +13,14 @@ from drake_tc.report.rows import LABELS
 VERDICTS: dict[Verdict, str] = {
     "effects_found": "Missing effect found",
     "no_missing_effect": "Nothing is missing",
-    "unexplained_structure": "Something is left unexplained",
+    "unexplained_structure": "Structure is left unexplained",
+    "unexplained_residual": "More is left than sensor noise",
+}
+REASONS: dict[Withdrawal, str] = {
+    "implausible": "physically implausible",
+    "below_resolution": "below what the sensor resolves",
+    "training_run_against": "does not hold in every training run",
+    "heldout_run_against": "does not hold in the held-out runs",
 }
 
 
@@ -51,14 +58,25 @@ def headline(joint: JointResult) -> str:
     found = f"The model lacked {names}: with them, {change}." if len(joint.effects) > 1 else found
     if joint.verdict == "effects_found":
         return found
-    start = found or f"No effect in the library lowers the held-out error of {fine.quantity(after)}, {above}."
-    return f"{start} But {unexplained(joint)}"
+    start = found or f"No effect of the library was added; the held-out error is {fine.quantity(after)}, {above}."
+    return f"{start} {'However, ' if found else ''}{_capital(unexplained(joint), lower=bool(found))}"
+
+
+def _capital(sentence: str, *, lower: bool) -> str:
+    return sentence if lower else sentence[:1].upper() + sentence[1:]
 
 
 def unexplained(joint: JointResult) -> str:
-    """What is left in the held-out residual, in one sentence that can follow "But"."""
+    """What is left in the residual, in one sentence that can follow "However,"."""
     left = joint.unexplained
     parts = []
+    if not left.structured and left.excess:
+        return (
+            f"what is left is {significant(left.floors, 2)} times the noise floor on the held-out runs "
+            f"({significant(left.floors_anywhere, 2)} on the worse of training and held-out runs) and "
+            f"{percent(left.share_of_signal)} of the effort's RMS, and depends on nothing recorded: an unrecorded "
+            "disturbance, a sensor that wanders, or a cause that needs another sensor."
+        )
     if left.depends_on and left.fraction > 0.0 and any(name != "time" for name in left.depends_on):
         names = joined([signal_name(n) for n in left.depends_on])
         parts.append(
@@ -70,7 +88,9 @@ def unexplained(joint: JointResult) -> str:
         parts.append(f"most of what is left lies in {where}" + (f" and {more} more stretches" if more > 0 else ""))
     if left.period_hz is not None:
         parts.append(f"what is left repeats at {significant(left.period_hz)} Hz")
-    return (joined(parts) or "what is left is more than noise") + "."
+    if not parts:
+        parts.append("what is left is larger on the held-out runs than on the training runs")
+    return joined(parts) + "."
 
 
 def warnings(joint: JointResult) -> Sequence[str]:
@@ -84,6 +104,12 @@ def warnings(joint: JointResult) -> Sequence[str]:
             for name, estimate in group.items()
             if estimate.at_bound
         ]
+    if not joint.gain_identified:
+        gain = joint.final_parameters["drive"]["gain"]
+        out.append(
+            f"These logs do not identify the drive gain: its 95 % interval reaches from {significant(gain.ci95[0])} "
+            f"to {significant(gain.ci95[1])} {gain.unit}."
+        )
     if joint.effects and joint.after.heldout > joint.before.heldout:
         out.append("The held-out error did not fall: do not use the model after without looking at the plots.")
     before, after = joint.before.free_run_heldout, joint.after.free_run_heldout

@@ -110,8 +110,7 @@ def problem(joint: Joint, seed: int = 0, runs: int = 1) -> Problem:
 
 def floor_of(p: Problem) -> float:
     """The noise floor under the baseline's coefficients [effort]."""
-    floor = p.samples.noise_floor(servo=p.context.drive == "position_servo")
-    return p.baseline.gain * floor.torque(float(p.baseline.beta[0]), float(p.baseline.beta[1]))
+    return p.baseline.gain * p.samples.floor.torque(float(p.baseline.beta[0]), float(p.baseline.beta[1]))
 
 
 def servo(**changes: object) -> Joint:

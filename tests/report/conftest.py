@@ -9,12 +9,12 @@ from drake_tc.diagnosis.design import Columns, Fit, Term, fit, predict
 from drake_tc.diagnosis.preparation import build_samples
 from drake_tc.diagnosis.result import (
     CloseLoopResult,
+    DataSplit,
     Errors,
     Estimate,
     FoundEffect,
     JointResult,
     RejectedEffect,
-    Side,
     TimeStretch,
     Unexplained,
 )
@@ -81,8 +81,8 @@ def joint() -> JointResult:
     baseline, final = fit(train, plain), fit(train, [*plain, *found])
     before, after = estimates(baseline), estimates(final)
     sides = (
-        Side(train.samples, baseline.residual, final.residual),
-        Side(held.samples, predict(held, baseline), predict(held, final)),
+        DataSplit(train.samples, baseline.residual, final.residual),
+        DataSplit(held.samples, predict(held, baseline), predict(held, final)),
     )
     effects = tuple(
         FoundEffect(t.effect.key, t.effect.id, t.effect.title, after[t.effect.key], 0.6, 0.97, 0.05) for t in found

@@ -8,7 +8,7 @@ import numpy as np
 from drake_tc.diagnosis.design import Term, fit, predict
 from drake_tc.diagnosis.estimates import estimates
 from drake_tc.diagnosis.prepared import Prepared
-from drake_tc.diagnosis.result import Errors, Estimate, JointResult, SharedEffect, Side
+from drake_tc.diagnosis.result import DataSplit, Errors, Estimate, JointResult, SharedEffect
 from drake_tc.diagnosis.search import refine
 from drake_tc.diagnosis.shared.causes import TITLES, Cause, CauseColumns
 from drake_tc.diagnosis.shared.selection import SharedSearch, columns_of
@@ -37,9 +37,9 @@ def original_baseline(result: JointResult, prepared: Prepared) -> JointResult:
     )
 
 
-def _with_before(side: Side, residual: FloatArray) -> Side:
+def _with_before(split: DataSplit, residual: FloatArray) -> DataSplit:
     """A soft gear may have changed the rows; its residual before then stays."""
-    return replace(side, before=residual) if residual.size == side.before.size else side
+    return replace(split, before=residual) if residual.size == split.before.size else split
 
 
 def shared_effects(

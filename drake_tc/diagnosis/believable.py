@@ -1,0 +1,36 @@
+"""Can the fitted values of an effect be believed at all, whatever the effect explains?"""
+
+from collections.abc import Mapping
+
+from drake_tc.diagnosis.design import Fit, Term
+from drake_tc.diagnosis.parameters import physical_parameters
+from drake_tc.diagnosis.result import Withdrawal
+from drake_tc.diagnosis.samples import Samples
+from drake_tc.effects.base import Context, Effect
+from drake_tc.effects.plausibility import implausible
+
+RESOLVED: Mapping[str, str] = {
+    "encoder_offset": "offset",
+    "encoder_eccentricity": "amplitude",
+    "encoder_ripple": "amplitude",
+}
+"""Effects that correct the encoder, and the parameter [rad] that its resolution must reach."""
+
+
+def objection_to_values(fitted: Fit, term: Term, context: Context, samples: Samples) -> tuple[Withdrawal, str] | None:
+    """Why the values of one effect of a fit cannot be believed, whatever they explain."""
+    values = physical_parameters(fitted)[term.effect.key]
+    why = implausible(term.effect, values, context)
+    if why:
+        return "implausible", why
+    return _below_resolution(term.effect, values, samples)
+
+
+def _below_resolution(effect: Effect, values: Mapping[str, float], samples: Samples) -> tuple[Withdrawal, str] | None:
+    name = RESOLVED.get(effect.id)
+    if name is None or name not in values:
+        return None
+    least = max(samples.resolution.position_step, samples.resolution.position_noise)
+    if abs(values[name]) >= least:
+        return None
+    return "below_resolution", f"{name} is {abs(values[name]):.2g} rad; the encoder resolves {least:.2g} rad."
