@@ -79,7 +79,10 @@ def run_case(chosen: RealLogSet, case: RealLogCase, logs: Path, scratch: Path) -
 
 
 def real_log_claims(
-    data: Path, names: Sequence[str] = (), progress: Progress = lambda text, share: None
+    data: Path,
+    names: Sequence[str] = (),
+    progress: Progress = lambda text, share: None,
+    finished: Callable[[CaseClaims], None] = lambda case: None,
 ) -> list[SetClaims]:
     """Run every case of the chosen sets.
 
@@ -87,6 +90,7 @@ def real_log_claims(
         data: Folder of public data sets.
         names: Sets; all that have rig files where empty. A set that is not in `data` is left out with the reason then.
         progress: Told which case runs.
+        finished: Given every case as soon as it is done.
 
     Raises:
         ParamsError: An unknown set.
@@ -113,6 +117,7 @@ def real_log_claims(
             for case in entry.cases:
                 progress(f"{entry.name}/{case.name}", done / total)
                 cases.append(run_case(entry, case, logs, scratch))
+                finished(cases[-1])
                 done += 1
             out.append(SetClaims(entry.name, tuple(cases)))
     return out

@@ -23,17 +23,20 @@ def bench_real_logs(
     as_json: Annotated[bool, typer.Option("--json", help="Print the rows and all cases as JSON.")] = False,
 ) -> None:
     """Run close-loop on public logs with the committed rig files, and check what it claims on each held-out run."""
+    console = Console(file=sys.stdout, highlight=False)
+
+    def show(case: CaseClaims) -> None:
+        if not as_json:
+            _print_case(console, case)
+
     with progress_bar("bench real-logs", quiet=as_json) as progress:
-        sets = real_log_claims(data, name or (), progress)
+        sets = real_log_claims(data, name or (), progress, show)
     if as_json:
         print(json.dumps(_document(sets)))
         return
-    console = Console(file=sys.stdout, highlight=False)
     for entry in sets:
         if entry.not_readable:
             console.print(f"[bold]{entry.name}[/bold]: not run. {escape(entry.not_readable)}")
-        for case in entry.cases:
-            _print_case(console, case)
     console.print(_summary(sets))
 
 
