@@ -17,6 +17,7 @@ from drake_tc.bench.real_rows import RealRow, rows_json
 from drake_tc.blind.scoreboard import print_score
 from drake_tc.cli.bench_floor_command import bench_floor
 from drake_tc.cli.bench_qp_command import bench_qp
+from drake_tc.cli.bench_real_logs_command import bench_real_logs
 from drake_tc.cli.bench_robot_command import bench_robot
 from drake_tc.cli.bench_table import print_times
 from drake_tc.cli.bench_tick_command import bench_tick
@@ -27,6 +28,7 @@ bench_app.command("robot")(bench_robot)
 bench_app.command("qp")(bench_qp)
 bench_app.command("floor")(bench_floor)
 bench_app.command("tick")(bench_tick)
+bench_app.command("real-logs")(bench_real_logs)
 
 
 @bench_app.command("diagnosis")

@@ -1,0 +1,119 @@
+"""`drake-tc bench real-logs`: what close-loop claims of public logs, and whether its own figures support it."""
+
+import json
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from drake_tc.bench.real_log_claims import CaseClaims, JointClaims
+from drake_tc.bench.real_logs import SetClaims, real_log_claims, rows_of
+from drake_tc.bench.real_rows import rows_json
+from drake_tc.cli.progress import progress_bar
+
+
+def bench_real_logs(
+    data: Annotated[Path, typer.Option(help="Folder that holds the public data sets.")],
+    name: Annotated[list[str] | None, typer.Option("--set", help="A data set; repeat for more. Default: all.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the rows and all cases as JSON.")] = False,
+) -> None:
+    """Run close-loop on public logs with the committed rig files, and check what it claims on each held-out run."""
+    console = Console(file=sys.stdout, highlight=False)
+
+    def show(case: CaseClaims) -> None:
+        if not as_json:
+            _print_case(console, case)
+
+    with progress_bar("bench real-logs", quiet=as_json) as progress:
+        sets = real_log_claims(data, name or (), progress, show)
+    if as_json:
+        print(json.dumps(_document(sets)))
+        return
+    for entry in sets:
+        if entry.not_readable:
+            console.print(f"[bold]{entry.name}[/bold]: not run. {escape(entry.not_readable)}")
+    console.print(_summary(sets))
+
+
+def _document(sets: Sequence[SetClaims]) -> dict[str, Any]:
+    return rows_json("real-logs", rows_of(sets)) | {
+        "cases": [case.to_json() for entry in sets for case in entry.cases],
+        "not_run": {entry.name: entry.not_readable for entry in sets if entry.not_readable},
+    }
+
+
+def _yes(value: bool) -> str:
+    return "yes" if value else "NO"
+
+
+def _print_case(console: Console, case: CaseClaims) -> None:
+    console.print(f"[bold]{escape(case.name)}[/bold]: {case.verdict} ({case.seconds:.1f} s)")
+    if case.note:
+        console.print(f"  note: {escape(case.note)}")
+    if case.refusal:
+        console.print(f"  {escape(case.refusal)}")
+        return
+    for cause in case.shared:
+        console.print(f"  + {cause['id']} of {cause['where']}  {_parameters(cause)}")
+    for joint in case.joints:
+        _print_joint(console, joint)
+    for label, problems in (("claims hold", case.failures), ("verdict agrees", case.disagreements)):
+        console.print(f"  {label}: {_yes(not problems)}")
+        for why in problems:
+            console.print(f"    - {escape(why)}")
+
+
+def _print_joint(console: Console, joint: JointClaims) -> None:
+    table = Table(box=None, padding=(0, 2))
+    table.add_column(f"{joint.joint}, floor {joint.floor:.3g} {joint.unit}", overflow="fold")
+    for heading in (f"before [{joint.unit}]", f"after [{joint.unit}]", "after / floor"):
+        table.add_column(escape(heading), justify="right", no_wrap=True)
+    for run in (joint.train, *joint.heldout):
+        table.add_row(escape(run.name), f"{run.before:.3g}", f"{run.after:.3g}", f"{joint.ratio(run):.3g}")
+    console.print(table)
+    for effect in joint.effects:
+        gain = effect["heldout_gain"]
+        shown = "unknown" if gain is None else f"{100 * gain:.0f} %"
+        console.print(f"  + {effect['id']}  {_parameters(effect)}  (held-out gain {shown})")
+    for effect in joint.did_not_hold:
+        console.print(f"  - {effect['id']} did not hold: {escape(str(effect.get('why', '')))}")
+    left = joint.unexplained
+    depends = ", ".join(left["depends_on"]) or "nothing recorded"
+    floors = left.get("floors")
+    size = "" if floors is None else f"{floors:.3g} floors, "
+    share = left["fraction"]
+    shown = "an unknown share" if share is None else f"{100 * share:.0f} %"
+    console.print(f"  left: {size}{shown} of it depends on {depends}; structured: {_yes(left['structured']).lower()}")
+
+
+def _parameters(effect: Any) -> str:
+    shown = []
+    for name, entry in effect["parameters"].items():
+        value = "unknown" if entry["value"] is None else f"{entry['value']:.4g}"
+        shown.append(f"{name} {value} {entry['unit']}" + (" (at its bound)" if entry["at_bound"] else ""))
+    return escape(", ".join(shown))
+
+
+def _summary(sets: Sequence[SetClaims]) -> Table:
+    table = Table(title="close-loop on public logs")
+    for heading in ("case", "verdict", "effects", "claims hold", "verdict agrees"):
+        table.add_column(heading, overflow="fold")
+    table.add_column("largest after / floor", justify="right")
+    for case in (case for entry in sets for case in entry.cases):
+        named = [str(e["id"]) for e in (*case.shared, *(e for joint in case.joints for e in joint.effects))]
+        ratios = [joint.ratio(run) for joint in case.joints for run in (joint.train, *joint.heldout)]
+        refused = case.verdict == "refused"
+        table.add_row(
+            escape(case.name),
+            case.verdict,
+            ", ".join(dict.fromkeys(named)) or "none",
+            "" if refused else _yes(not case.failures),
+            "" if refused else _yes(not case.disagreements),
+            "" if not ratios else f"{max(ratios):.3g}",
+        )
+    return table
