@@ -182,7 +182,8 @@ def _reaching_limits(spec: RigSpec, k: int) -> RigSpec:
     """Two of three saturated rigs with a training run that asks for as much effort as the held-out one.
 
     Otherwise the limit, which is set so that it acts in the moving runs together, is reached in the held-out run alone
-    (as it stays in the third rig). The hand pushes with a fifth of its usual force, so that it does not overpower the drive.
+    (as it stays in the third rig). The hand pushes with a fifth of its usual force, so that it does not overpower the
+    drive.
     """
     if spec.kind != "saturation" or (k + list(STRENGTHS).index(spec.strength)) % 3 == 2:
         return spec

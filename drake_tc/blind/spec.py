@@ -82,8 +82,8 @@ class Sensors:
         temperature_noise: RMS [K].
         temperature_drift: What the thermometer's own drift adds in 30 s [K].
         torque_bias: Constant error of the torque [N m]. torque_gain: Relative error of the torque.
-        torque_band, position_band, command_band: RMS of noise in `band_hz` on that channel as it is recorded [N m], [rad],
-            [rad or effort]. The joint does not feel it.
+        torque_band, position_band, command_band: RMS of noise in `band_hz` on that channel as it is recorded, in its
+            unit. The joint does not feel it.
         band_hz: Lower and upper limit of that noise [Hz].
         jitter: Uniform half width of the sampling instants, as a share of the period.
         lost: Share of rows lost (single rows and bursts).

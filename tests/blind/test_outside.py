@@ -38,7 +38,7 @@ def traces() -> Traces:
 
 def test_random_disturbance_has_its_rms_and_band(traces: Traces) -> None:
     """The term is a torque on the joint: u is the noise itself, at any step of the integration."""
-    _, log, u = traces["random_disturbance"]
+    _, _, u = traces["random_disturbance"]
     other = simulate([RIGS["random_disturbance"]], ["multisine"], 2e-4)[0]
     np.testing.assert_allclose(u, unmodelled_torque(other, clean_log(other)), atol=1e-8)
     noise = BandNoise.draw([[1], [2]], 1.0, 5.0)
