@@ -1,4 +1,4 @@
-"""Biases that zeroing leaves in the sensors of `drake-tc bench robot`, and the tolerances that the rig file declares."""
+"""Biases that zeroing leaves in the sensors of `drake-tc bench robot`, and the tolerances that a rig file declares."""
 
 from dataclasses import asdict, dataclass, replace
 from typing import Any
@@ -35,7 +35,9 @@ class Tolerances:
 
     def draw(self, rng: np.random.Generator) -> "SensorBiases":
         """Biases from normal distributions that are cut off at three standard deviations."""
-        return SensorBiases(**{name: _vector(sigma * _normal(rng)) for name, sigma in asdict(self).items()})
+        sigmas = (self.force, self.torque, self.accel, self.gyro)
+        force, torque, accel, gyro = (_vector(sigma * _normal(rng)) for sigma in sigmas)
+        return SensorBiases(force, torque, accel, gyro)
 
 
 @dataclass(frozen=True)
@@ -56,7 +58,8 @@ class SensorBiases:
 
     def plus(self, **more: FloatArray) -> "SensorBiases":
         """With vectors added to some of the biases, by attribute."""
-        return replace(self, **{name: _vector(np.asarray(getattr(self, name)) + add) for name, add in more.items()})
+        changed: dict[str, Any] = {n: _vector(np.asarray(getattr(self, n)) + add) for n, add in more.items()}
+        return replace(self, **changed)
 
     def applied(self, suite: SensorSuiteSpec) -> SensorSuiteSpec:
         """The suite with these biases and this gain."""

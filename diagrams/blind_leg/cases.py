@@ -97,7 +97,9 @@ def leg_case(number: int, seed: int, tolerance_scale: float = 1.0) -> LegCase:
     biases = tolerances.draw(np.random.default_rng([seed, number, 1]))
     what, wrong = ROUND[number % len(ROUND)], Wrong()
     turn = number // len(ROUND)
-    where, numbers, estimated = "", {}, {}
+    where = ""
+    numbers: dict[str, Any] = {}
+    estimated: dict[str, float] = {}
     if what in JOINT_EFFECTS:
         joints = LOADED if what == "load_dependent_friction" else robot.joints
         where = joints[(turn + JOINT_EFFECTS.index(what)) % len(joints)]

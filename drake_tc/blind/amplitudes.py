@@ -86,7 +86,7 @@ AMPLITUDES: Mapping[str, Amplitude] = {
     "backlash": Amplitude("half_gap", 2e-4, 1e-5, 0.02),
     "elasticity": Amplitude("compliance", 2e-5, 2e-6, 4e-4),
     "deadzone": Amplitude("width", 2.0, 0.2, 12.0),
-    "saturation": Amplitude("limit", 20.0, 4.0, 120.0, power=-3.0),
+    "saturation": Amplitude("limit", 30.0, 4.0, 250.0, power=-3.0),
     "servo_integrator": Amplitude("rate", 0.1, 0.005, 15.0),
     "velocity_sign_switch": Amplitude("delta", 0.06, 0.005, 0.5),
     "delay": Amplitude("delay", 4e-3, 1e-3, 10e-3),

@@ -45,7 +45,7 @@ def bench_robot(
             scores[number] = robot_benchmark(folder, range(cases), number, pool, report, tolerances)
     everything = [score for group in scores.values() for score in group]
     if as_json:
-        document = {"name": "robot", "rows": summary_rows(everything), "missed": _missed(scores)}
+        document: dict[str, Any] = {"name": "robot", "rows": summary_rows(everything), "missed": _missed(scores)}
         if len(scores) > 1:
             document["by_seed"] = {str(number): summary_rows(group) for number, group in scores.items()}
         print(json.dumps(document))
