@@ -11,7 +11,7 @@ from drake_tc.blind.spec import DivergedError, RigSpec
 
 PILOT_STEP = 2.5e-4
 PILOT_RUNS = ("sine", "multisine")
-ROUNDS = 7
+ROUNDS = 9
 
 
 def calibrate(specs: list[RigSpec], rounds: int = ROUNDS) -> list[RigSpec]:
