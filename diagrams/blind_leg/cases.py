@@ -2,12 +2,13 @@
 
 import shutil
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import yaml
+from drake_tc.diagrams.blind_leg.biases import SensorBiases, Tolerances, by_axis, declared_sensors
 from drake_tc.diagrams.blind_leg.recorder import Place, Wrong, random_motion, record_leg
 from drake_tc.diagrams.runs.recording import log_columns, write_log
 
@@ -48,11 +49,13 @@ class LegCase:
 
     Attributes:
         name: Unique.
-        truth: id, where, and the numbers of what is wrong.
+        truth: id, where, and the numbers of what is wrong; `estimated`: the values that a report's parameters should
+            have; `biases` and `tolerances` of the sensors; `friction` of each joint.
         models: Joint to the simulated actuator.
         suite: What the sensors do.
         wrong: Of the links.
         seed: Of motions and noise.
+        tolerances: That the rig file declares.
     """
 
     name: str
@@ -61,42 +64,66 @@ class LegCase:
     suite: SensorSuiteSpec
     wrong: Wrong = field(default_factory=Wrong)
     seed: int = 0
+    tolerances: Tolerances = field(default_factory=Tolerances)
 
 
 def zeroed_suite() -> SensorSuiteSpec:
-    """The realistic sensors, their F/T sensor zeroed (what 0.3 s of its noise leave of the bias) and without scale."""
+    """The realistic sensors without bias or scale, as if they had been zeroed perfectly."""
     suite = SensorSuiteSpec.realistic()
     return replace(
         suite,
-        force=replace(suite.force, bias=(0.03, -0.02, 0.03), scale=1.0),
-        torque=replace(suite.torque, bias=(1e-3, -1e-3, 1e-3), scale=1.0),
+        gyro=replace(suite.gyro, bias=0.0),
+        accel=replace(suite.accel, bias=0.0),
+        force=replace(suite.force, bias=0.0, scale=1.0),
+        torque=replace(suite.torque, bias=0.0, scale=1.0),
     )
 
 
-def leg_case(number: int, seed: int) -> LegCase:
-    """Case `number` of a seed."""
+def leg_case(number: int, seed: int, tolerance_scale: float = 1.0) -> LegCase:
+    """Case `number` of a seed.
+
+    Args:
+        number: Which of the rounds' entries.
+        seed: Of all draws.
+        tolerance_scale: Factor of the sensors' tolerances against `Tolerances`; the drawn biases and the declared
+            tolerances grow by it.
+    """
     rng = np.random.default_rng([seed, number])
     robot = load_robot(ROBOT)
     known = load_models(robot.actuators or "")
     models = {j: replace(m, effects=tuple(e for e in m.effects if e.key in DECLARED)) for j, m in known.items()}
-    what, suite, wrong = ROUND[number % len(ROUND)], zeroed_suite(), Wrong()
+    tolerances = Tolerances().scaled(tolerance_scale)
+    # A generator of their own: the other draws of a case stay the same whatever the tolerances.
+    biases = tolerances.draw(np.random.default_rng([seed, number, 1]))
+    what, wrong = ROUND[number % len(ROUND)], Wrong()
     turn = number // len(ROUND)
-    where, numbers = "", {}
+    where = ""
+    numbers: dict[str, Any] = {}
+    estimated: dict[str, float] = {}
     if what in JOINT_EFFECTS:
         joints = LOADED if what == "load_dependent_friction" else robot.joints
         where = joints[(turn + JOINT_EFFECTS.index(what)) % len(joints)]
         value = _joint_effect(what, models[where], rng)
         models[where] = replace(models[where], effects=(*models[where].effects, value))
-        numbers = dict(value.parameters)
+        numbers = estimated = dict(value.parameters)
     elif what in ("link_mass", "link_com"):
         where = LINKS[turn % len(LINKS)]
         wrong, numbers = _wrong_link(what, where, rng)
+        estimated = {"mass": numbers["mass"]} if what == "link_mass" else by_axis("com", numbers["com"])
     elif what:
         where = robot.imu[0].name if what == "imu_bias" else robot.force_torque[0].name
-        suite, numbers = _wrong_sensor(what, suite, rng)
-    truth = {"id": what, "where": where, "parameters": numbers}
+        biases, numbers = _wrong_sensor(what, biases, rng)
+        estimated = biases.estimated(what)
+    truth = {"id": what, "where": where, "parameters": numbers, "estimated": estimated, "biases": asdict(biases)}
     name = f"{number:03d}_{what or 'null'}" + (f"_{where}" if where else "")
-    return LegCase(name, truth, models, suite, wrong, int(rng.integers(2**31)))
+    truth |= {"tolerances": asdict(tolerances), "friction": {j: _friction(model) for j, model in models.items()}}
+    suite = biases.applied(zeroed_suite())
+    return LegCase(name, truth, models, suite, wrong, int(rng.integers(2**31)), tolerances)
+
+
+def _friction(model: ActuatorModel) -> dict[str, float]:
+    """True viscous coefficient [N m s/rad] and Coulomb level [N m]."""
+    return {e.key: float(e.parameters[e.key]) for e in model.effects if e.key in ("viscous", "coulomb")}
 
 
 def _joint_effect(what: str, model: ActuatorModel, rng: np.random.Generator) -> EffectValue:
@@ -135,20 +162,16 @@ def _wrong_link(what: str, link: str, rng: np.random.Generator) -> tuple[Wrong, 
     return Wrong(com={link: (x, y, z)}), {"com": [x, y, z]}
 
 
-def _wrong_sensor(
-    what: str, suite: SensorSuiteSpec, rng: np.random.Generator
-) -> tuple[SensorSuiteSpec, dict[str, Any]]:
+def _wrong_sensor(what: str, biases: SensorBiases, rng: np.random.Generator) -> tuple[SensorBiases, dict[str, Any]]:
+    """The biases with an error far beyond any tolerance added, and that error's numbers."""
     if what == "ft_bias":
-        force = tuple(map(float, rng.uniform(3.0, 8.0) * _direction(rng)))
-        torque = tuple(map(float, rng.uniform(0.2, 0.6) * _direction(rng)))
-        changed = replace(suite, force=replace(suite.force, bias=force), torque=replace(suite.torque, bias=torque))
-        return changed, {"force": list(force), "torque": list(torque)}
+        force, torque = rng.uniform(3.0, 8.0) * _direction(rng), rng.uniform(0.2, 0.6) * _direction(rng)
+        return biases.plus(force=force, torque=torque), {"force": force.tolist(), "torque": torque.tolist()}
     if what == "ft_gain":
         scale = 1.0 + float(rng.choice([-1.0, 1.0]) * rng.uniform(0.06, 0.15))
-        changed = replace(suite, force=replace(suite.force, scale=scale), torque=replace(suite.torque, scale=scale))
-        return changed, {"scale": scale}
-    accel = tuple(map(float, rng.uniform(0.25, 0.6) * _direction(rng)))
-    return replace(suite, accel=replace(suite.accel, bias=accel)), {"accel": list(accel)}
+        return replace(biases, scale=scale), {"scale": scale}
+    accel = rng.uniform(0.25, 0.6) * _direction(rng)
+    return biases.plus(accel=accel), {"accel": accel.tolist()}
 
 
 def record_case(case: LegCase, folder: Path) -> None:
@@ -172,5 +195,6 @@ def record_case(case: LegCase, folder: Path) -> None:
         "drive": "position_servo",
         "load": {"robot": "estimate"},
         "declared": ["rotor_inertia"],
+        "sensors": declared_sensors(robot, case.tolerances),
     }
     (folder / "rig.yaml").write_text(yaml.safe_dump(rig, sort_keys=False), encoding="utf-8")

@@ -55,7 +55,7 @@ def _reports(files: CaseFiles) -> tuple[dict[str, Any], dict[str, dict[str, Any]
     names = _distinct_names(files.holdout)
     if len(names) == 1:
         return whole, {names[0]: whole}
-    quick = DiagnosisOptions(judged=False)
+    quick = DiagnosisOptions(assess_residual=False)
     reports = [result_json(close_loop(files.rig, files.log, [path], quick)) for path in files.holdout]
     return whole, dict(zip(names, reports, strict=True))
 

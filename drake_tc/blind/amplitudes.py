@@ -38,6 +38,10 @@ def _sign(rng: np.random.Generator) -> float:
     return float(rng.choice([-1.0, 1.0]))
 
 
+def _seed(rng: np.random.Generator) -> float:
+    return float(rng.integers(2**31))
+
+
 AMPLITUDES: Mapping[str, Amplitude] = {
     "rotor_inertia": Amplitude("inertia", 0.35, 0.03, 1.5),
     "stribeck": Amplitude(
@@ -82,7 +86,7 @@ AMPLITUDES: Mapping[str, Amplitude] = {
     "backlash": Amplitude("half_gap", 2e-4, 1e-5, 0.02),
     "elasticity": Amplitude("compliance", 2e-5, 2e-6, 4e-4),
     "deadzone": Amplitude("width", 2.0, 0.2, 12.0),
-    "saturation": Amplitude("limit", 20.0, 4.0, 120.0, power=-3.0),
+    "saturation": Amplitude("limit", 30.0, 4.0, 250.0, power=-3.0),
     "servo_integrator": Amplitude("rate", 0.1, 0.005, 15.0),
     "velocity_sign_switch": Amplitude("delta", 0.06, 0.005, 0.5),
     "delay": Amplitude("delay", 4e-3, 1e-3, 10e-3),
@@ -124,9 +128,38 @@ AMPLITUDES: Mapping[str, Amplitude] = {
     "triangular_cam": Amplitude(
         "amplitude", 1.5, 0.1, 15.0, others=lambda r, j: {"count": float(r.integers(5, 12)), "phase": _phase(r)}
     ),
+    "random_disturbance": Amplitude("amplitude", 1.0, 0.1, 10.0, others=lambda r, j: {"noise_seed": _seed(r)}),
+    "long_touch": Amplitude(
+        "amplitude",
+        3.0,
+        0.3,
+        40.0,
+        others=lambda r, j: {
+            "start": float(r.uniform(4.0, 18.0)),
+            "length": float(r.uniform(7.0, 9.0)),
+            "only_run": float(r.choice([1.0, 2.0])),
+        },
+    ),
+    "wandering_sensor": Amplitude("walk", 2.0, 0.2, 40.0, others=lambda r, j: {"noise_seed": _seed(r)}),
+    "end_stop": Amplitude(
+        "stiffness",
+        40.0,
+        2.0,
+        600.0,
+        others=lambda r, j: {"side": _sign(r), "stop": float(r.uniform(0.3, 0.45))},
+    ),
+    "load_times_speed": Amplitude("slope", 0.25, 0.02, 3.0),
+    "drive_dropout": Amplitude(
+        "share",
+        0.25,
+        0.03,
+        1.0,
+        others=lambda r, j: {"noise_seed": _seed(r), "length": float(r.uniform(0.08, 0.25))},
+    ),
+    "friction_jump": Amplitude("share", 0.6, 0.05, 0.95, others=lambda r, j: {"start": float(r.uniform(8.0, 15.0))}),
 }
 SIGNED = frozenset({"asymmetric_friction", "velocity_sign_switch", "torque_sensor_bias", "torque_sensor_gain",
-                    "torque_sensor_drift", "encoder_offset"})  # fmt: skip
+                    "torque_sensor_drift", "encoder_offset", "long_touch"})  # fmt: skip
 
 
 def draw_cause(cause: str, rng: np.random.Generator, joint: Joint) -> dict[str, float]:

@@ -11,9 +11,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from drake_tc.blind.physics import Record
+from drake_tc.blind.random_signals import random_walk
+from drake_tc.blind.spec import RUNS
 from drake_tc.types import BoolArray, FloatArray
 
 GRAVITY = 9.81
+WALK_TIME = 30.0  # [s]: after it, a wandering sensor has the standard deviation that its cause states
 MOVING_SPEED = 0.02  # [rad/s]: below it, strength is not measured
 
 
@@ -79,6 +82,10 @@ def _sensor_torque(record: Record, time: FloatArray) -> FloatArray:
         torque = torque + causes["torque_sensor_bias"]["bias"]
     if "torque_sensor_drift" in causes:
         torque = torque + causes["torque_sensor_drift"]["rate"] * time
+    if "wandering_sensor" in causes:
+        wander = causes["wandering_sensor"]
+        seed = [int(wander["noise_seed"]), RUNS.index(record.run)]
+        torque = torque + wander["walk"] * random_walk(time, record.spec.duration, seed) / np.sqrt(WALK_TIME)
     return np.asarray(torque)
 
 

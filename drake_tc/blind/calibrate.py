@@ -11,13 +11,14 @@ from drake_tc.blind.spec import DivergedError, RigSpec
 
 PILOT_STEP = 2.5e-4
 PILOT_RUNS = ("sine", "multisine")
-ROUNDS = 4
+ROUNDS = 9
 
 
 def calibrate(specs: list[RigSpec], rounds: int = ROUNDS) -> list[RigSpec]:
     """The same rigs with amplitudes that meet `targets`, each cause calibrated alone.
 
-    Secant steps on log(strength) against log(|amplitude|), from coarse simulations (0.25 ms) of the two moving
+    Secant steps on log(strength) against log(|amplitude|), halving steps where the target lies between two trials and
+    the secant leaves them (a saturation's strength jumps), from coarse simulations (0.25 ms) of the two moving
     runs; an amplitude stays within its plausible range, so that a strength may be missed (the truth file has
     the strength that was reached).
     """
@@ -75,6 +76,8 @@ class _Search:
         self.cause, self.target = cause, target
         self.slope, self.done, self.miss = self.amplitude.power, False, np.inf
         self.last: tuple[float, float] | None = None
+        self.weaker: float | None = None  # log |amplitude| of the trials next to the target
+        self.stronger: float | None = None
         scale = (target / 0.8) ** (1.0 / self.slope)
         self.spec = self.best = self._at(spec, self._value(spec) * scale)
 
@@ -96,13 +99,29 @@ class _Search:
             self.done = True
             return
         here = (np.log(abs(value)), np.log(max(strength, 1e-9)))
+        if strength < self.target:
+            self.weaker = here[0]
+        else:
+            self.stronger = here[0]
         if not np.isfinite(strength):
-            self.spec = self._at(self.spec, value * (0.5 if self.slope > 0 else 2.0))
+            middle = None if self.weaker is None else float(np.exp(0.5 * (self.weaker + here[0])))
+            self._try(value, middle or abs(value) * (0.5 if self.slope > 0 else 2.0))
             return
         if self.last is not None and abs(here[0] - self.last[0]) > 1e-6:
             slope = (here[1] - self.last[1]) / (here[0] - self.last[0])
             low, high = sorted((0.3 * self.amplitude.power, 4.0 * self.amplitude.power))
             self.slope = float(np.clip(slope, low, high))
         self.last = here
-        factor = np.exp(np.clip((np.log(self.target) - here[1]) / self.slope, -1.2, 1.2))
-        self.spec = self._at(self.spec, value * factor)
+        step = float(np.clip((np.log(self.target) - here[1]) / self.slope, -1.2, 1.2))
+        self._try(value, np.exp(self._within(here[0] + step)))
+
+    def _try(self, value: float, size: float) -> None:
+        self.spec = self._at(self.spec, float(np.copysign(size, value)))
+
+    def _within(self, proposed: float) -> float:
+        """The proposed log |amplitude|, or the middle of the trials next to the target where it leaves them."""
+        if self.weaker is None or self.stronger is None:
+            return proposed
+        low, high = sorted((self.weaker, self.stronger))
+        margin = 0.05 * (high - low)
+        return proposed if low + margin < proposed < high - margin else 0.5 * (low + high)

@@ -15,10 +15,12 @@ import yaml
 
 from drake_tc.blind.balance import beyond_refit, clean_log, unmodelled_torque
 from drake_tc.blind.measurement import measured, sample_clean
+from drake_tc.blind.noise import torque_left_by_noise
 from drake_tc.blind.oracle import oracle_errors
 from drake_tc.blind.physics import Record
 from drake_tc.blind.reference import run_generator
-from drake_tc.blind.spec import EFFORT_UNIT, RUNS, BlindError, RigSpec
+from drake_tc.blind.registry import right_verdicts
+from drake_tc.blind.spec import EFFORT_UNIT, HELD_OUT, RUNS, BlindError, RigSpec
 
 SENSOR_STREAM = 1
 
@@ -44,8 +46,8 @@ def write_rig(records: list[Record], out_dir: Path) -> Path:
         _write_table(tables[record.run], folder / f"run_{record.run}.{spec.file_format}")
     (folder / "rig.yaml").write_text(rig_yaml(spec))
     _write_signals(truths, hidden / "truth.npz")
-    moving = [record for record in records if record.run != "static"]
-    truth = _truth(spec) | {"reached": beyond_refit(moving), "oracle": oracle_errors(spec, tables, truths)}
+    oracle = oracle_errors(spec, tables, truths)
+    truth = _truth(spec) | _strengths(records, oracle["smoothing_sigma"]) | {"oracle": oracle}
     (hidden / "truth.json").write_text(json.dumps(truth, indent=1))
     return folder
 
@@ -57,14 +59,42 @@ def rig_yaml(spec: RigSpec) -> str:
     rig["declared"] = {"rotor_inertia": float(np.round(declared, 6))} if declared else {}
     if spec.pendulum is not None:
         rig["load"] = {"pendulum": {"mass": spec.pendulum[0], "length": spec.pendulum[1]}}
+    rig |= _declared_sensors(spec)
     return str(yaml.safe_dump(rig, sort_keys=False, default_flow_style=None))
+
+
+def _declared_sensors(spec: RigSpec) -> dict[str, object]:
+    """The section `sensors:` of an owner who declares the noise of his sensors; empty for the others."""
+    if not spec.declares_sensors:
+        return {}
+    sensors = spec.sensors
+    noise = {"torque_noise": sensors.torque_noise, "correlation_time": sensors.torque_noise_time}
+    declared = {name: float(np.round(value, 6)) for name, value in noise.items()} if spec.pendulum is None else {}
+    return {"sensors": declared | {"encoder_step": float(np.round(sensors.encoder_step, 9))}}
 
 
 def _truth(spec: RigSpec) -> dict[str, object]:
     truth = asdict(spec)
     truth["effects"] = sorted(spec.causes) if spec.group in ("single", "pair") else []
+    truth["right_verdicts"] = right_verdicts(spec)
     truth["unit"] = EFFORT_UNIT[spec.joint.drive]
     return truth
+
+
+def _strengths(records: list[Record], sigma: float) -> dict[str, object]:
+    """How strong the causes are [N m] where the joint moves, and whether they act in the training runs at all.
+
+    reached: Beyond refitting gain, viscous and Coulomb friction, in both moving runs. reached_in_training: the same in
+    the training runs. noise: what the sensors' noise leaves. acts_in_training: whether the second exceeds the third.
+    """
+    training = beyond_refit([record for record in records if record.run != HELD_OUT])
+    noise = torque_left_by_noise(records[0].spec, sigma)
+    return {
+        "reached": beyond_refit([record for record in records if record.run != "static"]),
+        "reached_in_training": training,
+        "noise": noise,
+        "acts_in_training": training > noise,
+    }
 
 
 def _write_signals(truths: dict[str, pd.DataFrame], path: Path) -> None:

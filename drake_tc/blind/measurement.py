@@ -4,6 +4,7 @@ import numpy as np
 import pandas as pd
 
 from drake_tc.blind.balance import CleanLog
+from drake_tc.blind.random_signals import BandNoise
 from drake_tc.blind.reference import LOG_PERIOD
 from drake_tc.blind.spec import RigSpec, Sensors
 from drake_tc.types import BoolArray, FloatArray
@@ -51,21 +52,33 @@ def measured(clean: pd.DataFrame, spec: RigSpec, rng: np.random.Generator) -> pd
     """The file's columns from the clean ones: canonical names, quantised and noisy."""
     sensors, n = spec.sensors, len(clean)
     time = clean["time"].to_numpy()
-    table = {
-        "time": np.round(time, 6),
-        "joint/position": _quantised(clean["position"].to_numpy(), sensors.encoder_step),
-    }
+    position = clean["position"].to_numpy() + _band_noise(time, sensors.position_band, sensors, rng)
+    command = clean["command"].to_numpy() + _band_noise(time, sensors.command_band, sensors, rng)
+    table = {"time": np.round(time, 6), "joint/position": _quantised(position, sensors.encoder_step)}
     if spec.motor_position:
         table["joint/motor_position"] = _quantised(clean["motor_position"].to_numpy(), sensors.encoder_step)
-    table[f"joint/{COMMAND_COLUMN[spec.joint.drive]}"] = np.round(clean["command"].to_numpy(), 9)
+    table[f"joint/{COMMAND_COLUMN[spec.joint.drive]}"] = np.round(command, 9)
     if spec.pendulum is None:
-        noise = coloured_noise(time, sensors.torque_noise, sensors.torque_noise_time, rng)
-        steps = np.sqrt(np.diff(time, prepend=time[0]))
-        walk = np.cumsum(rng.standard_normal(n) * steps) * sensors.torque_walk / np.sqrt(30.0)
-        table["joint/torque"] = np.round(clean["torque"].to_numpy() + noise + walk, 6)
+        table["joint/torque"] = np.round(_sensor_reading(clean["torque"].to_numpy(), time, sensors, rng), 6)
     heat = clean["temperature"].to_numpy() + rng.normal(0.0, sensors.temperature_noise, n)
-    table["joint/temperature"] = np.round(heat, 2)
+    table["joint/temperature"] = np.round(heat + sensors.temperature_drift * time / 30.0, 2)
     return pd.DataFrame(table)
+
+
+def _sensor_reading(torque: FloatArray, time: FloatArray, sensors: Sensors, rng: np.random.Generator) -> FloatArray:
+    """What the torque sensor reads (T,) [N m]: gain and bias, noise, a random walk, noise in a band."""
+    noise = coloured_noise(time, sensors.torque_noise, sensors.torque_noise_time, rng)
+    steps = np.sqrt(np.diff(time, prepend=time[0]))
+    walk = np.cumsum(rng.standard_normal(time.size) * steps) * sensors.torque_walk / np.sqrt(30.0)
+    band = _band_noise(time, sensors.torque_band, sensors, rng)
+    return np.asarray((1.0 + sensors.torque_gain) * torque + sensors.torque_bias + noise + walk + band)
+
+
+def _band_noise(time: FloatArray, rms: float, sensors: Sensors, rng: np.random.Generator) -> FloatArray:
+    """Noise (T,) of the given RMS between the limits of `band_hz`; nothing is drawn where the RMS is zero."""
+    if rms <= 0.0:
+        return np.zeros(time.size)
+    return rms * BandNoise.draw([[int(rng.integers(2**31))]], *sensors.band_hz).over(time)
 
 
 def coloured_noise(time: FloatArray, rms: float, correlation: float, rng: np.random.Generator) -> FloatArray:

@@ -36,15 +36,15 @@ def make_motion(spec: RigSpec, run: str) -> Motion:
     rng = run_generator(spec, run)
     time: FloatArray = np.asarray(np.arange(round(spec.duration / LOG_PERIOD) + 1) * LOG_PERIOD, dtype=np.float64)
     if run == "static":
-        position, load = _postures(time, rng), _smooth_random(time, rng, rng.uniform(30.0, 50.0), 0.6)
+        position, load = _postures(time, rng, spec.pace), _smooth_random(time, rng, rng.uniform(30.0, 50.0), 0.6)
     elif run == "sine":
-        position, load = _growing_sine(time, rng), np.zeros_like(time)
+        position, load = _growing_sine(time, rng, spec.pace * spec.sine_pace), np.zeros_like(time)
     else:
-        position, load = _multisine(time, rng), _smooth_random(time, rng, rng.uniform(8.0, 20.0), 0.5)
+        position, load = _multisine(time, rng, spec.pace), _smooth_random(time, rng, rng.uniform(8.0, 20.0), 0.5)
     if spec.pendulum is not None:
         load = np.zeros_like(time)
     velocity = np.asarray(np.gradient(position, LOG_PERIOD), dtype=np.float64)
-    return Motion(position, velocity, load * _ramp(time, 1.0))
+    return Motion(position, velocity, spec.hand * load * _ramp(time, 1.0))
 
 
 def _ramp(time: FloatArray, length: float) -> FloatArray:
@@ -53,28 +53,28 @@ def _ramp(time: FloatArray, length: float) -> FloatArray:
     return np.asarray(x**3 * (10.0 - 15.0 * x + 6.0 * x * x))
 
 
-def _postures(time: FloatArray, rng: np.random.Generator) -> FloatArray:
+def _postures(time: FloatArray, rng: np.random.Generator, pace: float) -> FloatArray:
     position = np.zeros_like(time)
     last = 0.0
     for start in np.arange(0.0, time[-1], 5.0):
         goal = float(rng.uniform(-0.75, 0.75))
         while abs(goal - last) < 0.15:
             goal = float(rng.uniform(-0.75, 0.75))
-        position += (goal - last) * _ramp(time - start, rng.uniform(0.9, 1.6))
+        position += (goal - last) * _ramp(time - start, rng.uniform(0.9, 1.6) / pace)
         last = goal
     return position
 
 
-def _growing_sine(time: FloatArray, rng: np.random.Generator) -> FloatArray:
+def _growing_sine(time: FloatArray, rng: np.random.Generator, pace: float) -> FloatArray:
     first, last = rng.uniform(0.02, 0.08), rng.uniform(0.65, 0.8)
     amplitude = first + (last - first) * time / time[-1]
-    return np.asarray(amplitude * np.sin(2 * np.pi * rng.uniform(0.28, 0.48) * time) * _ramp(time, 1.0))
+    return np.asarray(amplitude * np.sin(2 * np.pi * pace * rng.uniform(0.28, 0.48) * time) * _ramp(time, 1.0))
 
 
-def _multisine(time: FloatArray, rng: np.random.Generator) -> FloatArray:
+def _multisine(time: FloatArray, rng: np.random.Generator, pace: float) -> FloatArray:
     count = int(rng.integers(5, 9))
     frequency = rng.uniform(0.35, 1.25, count)
-    raw = _sines(time, rng, frequency, frequency**-0.3)
+    raw = _sines(time, rng, pace * frequency, frequency**-0.3)
     return np.asarray(raw * (rng.uniform(0.7, 0.8) / np.max(np.abs(raw))) * _ramp(time, 1.5))
 
 

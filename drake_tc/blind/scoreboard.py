@@ -1,4 +1,4 @@
-"""Prints a score for a person: the figures against their goals, then who was taken for whom.
+"""Prints a score for a person: the figures against their goals, the kinds, and who was taken for whom.
 
 `python -m drake_tc.blind.scoreboard --truth DIR --reports DIR [--json]`
 """
@@ -12,17 +12,18 @@ from rich.console import Console
 from rich.table import Table
 
 from drake_tc.blind.score import BenchmarkScore, score_reports
+from drake_tc.blind.score_kinds import describe_wrong, kind_table
 
 
 def print_score(score: BenchmarkScore, console: Console | None = None) -> None:
     """Print the figures, the confusions, and the rigs that were answered wrongly, to `console` (default: stdout)."""
     console = console or Console()
     console.print(_figures(score))
+    console.print(_kinds(score))
     console.print(_confusions(score))
-    wrong = [o for o in score.outcomes if not (o.structured if o.group == "outside" else o.exact)]
-    for outcome in wrong:
-        named = ", ".join(outcome.named) or ("structure" if outcome.structured else "nothing")
-        console.print(f"{outcome.name}: {outcome.group} {outcome.kind} {outcome.strength}: named {named}")
+    for outcome in score.outcomes:
+        if not outcome.right:
+            console.print(describe_wrong(outcome), soft_wrap=True)
 
 
 def _figures(score: BenchmarkScore) -> Table:
@@ -33,6 +34,17 @@ def _figures(score: BenchmarkScore) -> Table:
         met = "" if not row.goal else "yes" if row.met else "NO"
         unit = "" if row.unit in ("share", "ratio") else f" {row.unit}"
         table.add_row(row.name, f"{row.median:.3f}{unit}", f"{row.p99:.3f}{unit}", str(row.n), row.goal, met)
+    return table
+
+
+def _kinds(score: BenchmarkScore) -> Table:
+    """One line for each group, kind and strength: rigs answered rightly of how many."""
+    table = Table(title="Right answers by group and kind")
+    for heading in ("group", "kind", "strength", "right", "rigs", "acting in training"):
+        table.add_column(heading, justify="left" if heading in ("group", "kind", "strength") else "right")
+    for row in kind_table(score.outcomes).to_dict("records"):
+        texts = [str(row[name]) for name in ("group", "kind", "strength", "right", "rigs")]
+        table.add_row(*texts, str(row["acting"]) if row["group"] == "single" else "")
     return table
 
 

@@ -80,6 +80,11 @@ class Sensors:
         torque_noise_time: Correlation time of the torque noise [s]; 0 is white.
         torque_walk: Standard deviation, after 30 s, of a random walk added to the torque [N m].
         temperature_noise: RMS [K].
+        temperature_drift: What the thermometer's own drift adds in 30 s [K].
+        torque_bias: Constant error of the torque [N m]. torque_gain: Relative error of the torque.
+        torque_band, position_band, command_band: RMS of noise in `band_hz` on that channel as it is recorded, in its
+            unit. The joint does not feel it.
+        band_hz: Lower and upper limit of that noise [Hz].
         jitter: Uniform half width of the sampling instants, as a share of the period.
         lost: Share of rows lost (single rows and bursts).
     """
@@ -90,6 +95,13 @@ class Sensors:
     torque_noise_time: float = 0.0
     torque_walk: float = 0.0
     temperature_noise: float = 0.07
+    temperature_drift: float = 0.0
+    torque_bias: float = 0.0
+    torque_gain: float = 0.0
+    torque_band: float = 0.0
+    position_band: float = 0.0
+    command_band: float = 0.0
+    band_hz: tuple[float, float] = (1.0, 5.0)
     jitter: float = 0.0
     lost: float = 0.0
 
@@ -116,6 +128,10 @@ class RigSpec:
         file_format: Of the runs.
         seed: Of everything random in this rig.
         duration: Of each run [s].
+        pace: Speed of the references against the usual one; 0.3 is a slow rig.
+        declares_sensors: Whether the rig file says what the torque sensor's noise and the encoder's step are.
+        sine_pace: The same of the run `sine` alone; 2 makes it ask for as much effort as the held-out run.
+        hand: Loads by hand against the usual ones.
     """
 
     name: str
@@ -131,6 +147,10 @@ class RigSpec:
     motor_position: bool = False
     file_format: FileFormat = "csv"
     duration: float = 30.0
+    pace: float = 1.0
+    declares_sensors: bool = False
+    sine_pace: float = 1.0
+    hand: float = 1.0
 
     @property
     def declared_inertia(self) -> float:

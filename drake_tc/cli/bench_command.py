@@ -3,7 +3,6 @@
 import json
 import os
 import sys
-import tempfile
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 from pathlib import Path
@@ -14,7 +13,7 @@ from rich.console import Console
 from rich.table import Table
 
 from drake_tc.bench.real_rows import RealRow, rows_json
-from drake_tc.blind.scoreboard import print_score
+from drake_tc.cli.bench_diagnosis_command import bench_diagnosis
 from drake_tc.cli.bench_floor_command import bench_floor
 from drake_tc.cli.bench_qp_command import bench_qp
 from drake_tc.cli.bench_real_logs_command import bench_real_logs
@@ -24,36 +23,12 @@ from drake_tc.cli.bench_tick_command import bench_tick
 from drake_tc.cli.progress import progress_bar
 
 bench_app = typer.Typer(help="Benchmarks: rows of figures, with --json for programs.", no_args_is_help=True)
+bench_app.command("diagnosis")(bench_diagnosis)
 bench_app.command("robot")(bench_robot)
 bench_app.command("qp")(bench_qp)
 bench_app.command("floor")(bench_floor)
 bench_app.command("tick")(bench_tick)
 bench_app.command("real-logs")(bench_real_logs)
-
-
-@bench_app.command("diagnosis")
-def bench_diagnosis(
-    scale: Annotated[str, typer.Option(help="smoke (about 30 rigs) or full (over 300).")] = "smoke",
-    out: Annotated[Path | None, typer.Option(help="Keep rigs and reports here; rigs found here are reused.")] = None,
-    seed: Annotated[int, typer.Option(help="Seed of the rigs.")] = 0,
-    jobs: Annotated[int, typer.Option(help="Rigs diagnosed side by side.")] = os.cpu_count() or 1,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the rows as JSON.")] = False,
-) -> None:
-    """Blind benchmark: rigs are simulated by an independent code path; the diagnosis sees only their files."""
-    from drake_tc.bench.blind_rigs import blind_benchmark
-
-    if scale not in ("smoke", "full"):
-        raise typer.BadParameter(f"wanted smoke or full, got {scale!r}", param_hint="--scale")
-    with (
-        tempfile.TemporaryDirectory() as scratch,
-        progress_bar("bench diagnosis", quiet=as_json) as progress,
-        ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool,
-    ):
-        score = blind_benchmark(out or Path(scratch), scale, seed, pool, progress)  # type: ignore[arg-type]
-    if as_json:
-        print(json.dumps(score.to_json()))
-    else:
-        print_score(score)
 
 
 @bench_app.command("leg")

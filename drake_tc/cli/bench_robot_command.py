@@ -7,7 +7,7 @@ import tempfile
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from rich.console import Console
@@ -20,35 +20,66 @@ from drake_tc.cli.progress import progress_bar
 def bench_robot(
     cases: Annotated[int, typer.Option(min=1, help="How many; 13 hold one of each kind and two nulls.")] = 65,
     out: Annotated[Path | None, typer.Option(help="Keep logs and reports here; those found here are reused.")] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the cases.")] = 0,
+    seed: Annotated[list[int] | None, typer.Option(help="Seed of the cases, 0 by default; may be repeated.")] = None,
+    tolerances: Annotated[
+        float, typer.Option(min=0.0, help="Factor of the sensors' tolerances (0.1 N, 5 mN m, 0.01 m/s^2), such as 3.")
+    ] = 1.0,
     jobs: Annotated[int, typer.Option(min=1, help="Cases side by side.")] = os.cpu_count() or 1,
     as_json: Annotated[bool, typer.Option("--json", help="Print the rows as JSON.")] = False,
 ) -> None:
     """Blind benchmark of a robot's rig: an effect in one joint, a sensor's error, a wrong link, or nothing."""
+    seeds = list(dict.fromkeys(seed or [0]))
+    scores: dict[int, list[RobotScore]] = {}
     with (
         tempfile.TemporaryDirectory() as scratch,
         progress_bar("bench robot", quiet=as_json) as progress,
         ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool,
     ):
-        scores = robot_benchmark(out or Path(scratch), range(cases), seed, pool, progress)
-    rows = summary_rows(scores)
+        root = out or Path(scratch)
+        for done, number in enumerate(seeds):
+            folder = root if len(seeds) == 1 else root / f"seed_{number}"
+
+            def report(text: str, share: float, done: int = done) -> None:
+                progress(text, (done + share) / len(seeds))
+
+            scores[number] = robot_benchmark(folder, range(cases), number, pool, report, tolerances)
+    everything = [score for group in scores.values() for score in group]
     if as_json:
-        missed = [{"name": s.name, "named": list(s.named)} for s in scores if not s.exact]
-        print(json.dumps({"name": "robot", "rows": rows, "missed": missed}))
+        document: dict[str, Any] = {"name": "robot", "rows": summary_rows(everything), "missed": _missed(scores)}
+        if len(scores) > 1:
+            document["by_seed"] = {str(number): summary_rows(group) for number, group in scores.items()}
+        print(json.dumps(document))
         return
-    _print(rows, scores)
-
-
-def _print(rows: list[dict[str, object]], scores: list[RobotScore]) -> None:
     console = Console(file=sys.stdout, highlight=False)
+    if len(scores) > 1:
+        for number, group in scores.items():
+            console.print(f"Seed {number}")
+            console.print(_table(summary_rows(group)))
+        console.print(f"Seeds {', '.join(map(str, scores))} together")
+    console.print(_table(summary_rows(everything)))
+    for miss in _missed(scores):
+        reason = miss["failure"] or f"named {', '.join(miss['named']) or 'nothing'}"
+        console.print(f"seed {miss['seed']}, {miss['name']}: {reason}", soft_wrap=True)
+
+
+def _missed(scores: dict[int, list[RobotScore]]) -> list[dict[str, Any]]:
+    """The cases whose answer is not exact."""
+    return [
+        {"seed": number, "name": s.name, "named": list(s.named), "failure": s.failure}
+        for number, group in scores.items()
+        for s in group
+        if not s.exact
+    ]
+
+
+def _table(rows: list[dict[str, Any]]) -> Table:
     table = Table(box=None, padding=(0, 2))
     table.add_column("figure")
-    for heading in ("reached", "wanted", "cases"):
+    for heading in ("reached", "wanted", "n"):
         table.add_column(heading, justify="right")
     for row in rows:
         wanted = "" if row["expected"] is None else f">= {row['expected']:.0f} %"
+        if row["at_most"] is not None:
+            wanted = f"{row['expected']:.0f} to {row['at_most']:.0f} %"
         table.add_row(str(row["name"]), f"{row['value']:.1f} %", wanted, str(row["n"]))
-    console.print(table)
-    for score in scores:
-        if not score.exact:
-            console.print(f"{score.name}: named {', '.join(score.named) or 'nothing'}")
+    return table

@@ -20,6 +20,8 @@ FRICTION = {
     "position": {"position_dependent_friction": {"alpha": 0.5, "cycles": 6.0, "phase": 0.3}},
     "thermal": {"thermal_friction": {"rate": 0.05, "coulomb_share": 1.0, "viscous_share": 1.0}},
     "quadratic": {"quadratic_viscous": {"b2": 3.0}},
+    "load times speed": {"load_times_speed": {"slope": 0.2}},
+    "jump": {"friction_jump": {"share": 0.8, "start": -2.5}},
 }
 
 

@@ -28,7 +28,7 @@ class Logs:
     held: tuple[Path, ...]
 
     def report(self, *, judged: bool = True) -> dict[str, Any]:
-        """report.json of `close-loop`; `judged=False` leaves out what it says of the residual, which takes longest.
+        """report.json of `close-loop`; `assess_residual=False` leaves out what it says of the residual, which takes longest.
 
         Raises:
             DrakeTcError: the input is refused.

@@ -65,18 +65,18 @@ def outcome_of(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Outc
 @pytest.mark.parametrize("name", [pytest.param(n, marks=[] if n in QUICK else [pytest.mark.slow]) for n in SPECS])
 def test_the_answer_is_right(name, outcome_of):
     outcome = outcome_of(name)
-    said = f"{name}: named {outcome.named}, structured {outcome.structured}, ties {outcome.ties}"
+    said = f"{name}: named {outcome.named}, verdict {outcome.verdict}, ties {outcome.ties}"
     if outcome.group == "null":
-        assert outcome.named == (), said
+        assert not outcome.false_alarm, said
     elif outcome.group == "outside":
-        assert outcome.structured, said
+        assert outcome.flagged_rightly, said
         return
     elif outcome.group == "pair":
         assert outcome.all_found, said
     else:
         assert outcome.first_right, said
         assert outcome.exact, said
-    assert not outcome.structured, said
+    assert not outcome.flagged, said
     # 1.15 is the goal of the median rig; one short rig may miss it by its noise
     assert outcome.ratio <= 1.5, said
 
@@ -94,6 +94,7 @@ def test_the_smoke_catalogue_is_nearly_all_right(tmp_path):
     nulls = [o for o in outcomes if o.group == "null"]
     assert sum(o.first_right for o in singles) >= len(singles) - 1, score.confusion
     assert sum(o.exact for o in singles) >= len(singles) - 2, score.confusion
-    assert sum(bool(o.named) for o in nulls) == 0, score.confusion
+    assert sum(o.false_alarm for o in nulls) == 0, score.confusion
     assert all(o.all_found for o in outcomes if o.group == "pair"), score.confusion
-    assert sum(o.structured for o in outcomes if o.group == "outside") >= 3, score.confusion
+    outside = [o for o in outcomes if o.group == "outside"]
+    assert sum(o.flagged_rightly for o in outside) >= len(outside) - 1, score.confusion

@@ -23,7 +23,7 @@ from .rigs import Joint, record, rig_of, servo
 NOISY = Joint(torque_noise=0.25, extra=lambda m: 1.2 * m.v * np.abs(m.v))
 
 
-QUICK = DiagnosisOptions(judged=False)
+QUICK = DiagnosisOptions(assess_residual=False)
 """Without the search for structure in what is left, which these tests do not ask for."""
 
 

@@ -55,9 +55,9 @@ UNSEEN_SIGN = "the sign check is silent on a noisy sensor, and the fit puts the 
 )
 def test_a_torque_of_the_wrong_sign_is_refused_or_turned_and_said(tmp_path, name: str) -> None:
     joint = SIGNS[name]
-    right = write_logs(tmp_path / "right", joint).report(judged=False)
+    right = write_logs(tmp_path / "right", joint).report(assess_residual=False)
     try:
-        wrong = write_logs(tmp_path / "wrong", joint, turned("torque")).report(judged=False)
+        wrong = write_logs(tmp_path / "wrong", joint, turned("torque")).report(assess_residual=False)
     except DrakeTcError as refusal:
         assert "sign" in str(refusal)
         return
@@ -74,7 +74,7 @@ def test_a_pendulum_that_runs_against_its_declared_weight_is_refused_or_said(tmp
     joint = servo(duration=12.0, encoder_step=1e-5, extra=hanging)
     pendulum = {"mass": 8.0 / 9.81, "length": 1.0, "inertia": 0.3, "zero": float(np.pi)}
     try:
-        report = write_logs(tmp_path, joint, rig={"load": {"pendulum": pendulum}}).report(judged=False)
+        report = write_logs(tmp_path, joint, rig={"load": {"pendulum": pendulum}}).report(assess_residual=False)
     except DrakeTcError as refusal:
         assert any(word in str(refusal) for word in ("sign", "zero", "gain"))
         return
@@ -139,7 +139,7 @@ def test_a_run_that_is_held_out_in_another_format_is_refused(tmp_path) -> None:
     again = tmp_path / "again.parquet"
     pd.read_csv(logs.train[0]).to_parquet(again, index=False)
     with pytest.raises(DrakeTcError, match="same"):
-        replace(logs, held=(again,)).report(judged=False)
+        replace(logs, held=(again,)).report(assess_residual=False)
 
 
 STEP = 2.0 * np.pi / 4096.0

@@ -21,12 +21,15 @@ def report(shared=(), joints=None):
     return {"shared": list(shared), "joints": joints or {}}
 
 
-def found(name, where, ties=()):
-    return {"id": name, "where": where, "indistinguishable": list(ties)}
+def found(name, where, ties=(), gain=0.5):
+    return {"id": name, "where": where, "indistinguishable": list(ties), "heldout_gain": gain, "parameters": {}}
 
 
 def own(*effects, pairs=()):
-    return {"effects": [{"id": i, "heldout_gain": g} for i, g in effects], "indistinguishable": list(pairs)}
+    return {
+        "effects": [{"id": i, "heldout_gain": g, "parameters": {}} for i, g in effects],
+        "indistinguishable": list(pairs),
+    }
 
 
 @pytest.mark.parametrize(
@@ -49,7 +52,18 @@ def own(*effects, pairs=()):
             False,
         ),
         (("delay", "knee"), report(joints={"knee": own(("lag", 0.4), pairs=[["lag", "delay"]])}), True, True),
-        (("stribeck", "knee"), report([found("ft_bias", "a")], {"knee": own(("stribeck", 0.9))}), False, False),
+        (
+            ("stribeck", "knee"),
+            report([found("ft_bias", "a", gain=0.95)], {"knee": own(("stribeck", 0.9))}),
+            False,
+            False,
+        ),
+        (
+            ("stribeck", "knee"),
+            report([found("ft_bias", "a", gain=0.01)], {"knee": own(("stribeck", 0.9))}),
+            True,
+            False,
+        ),
     ],
 )
 def test_scoring(truth, entry, first, exact):
