@@ -8,6 +8,7 @@ from drake_tc.effects.coulomb import Coulomb
 from drake_tc.effects.current_lag import CurrentLag
 from drake_tc.effects.deadzone import Deadzone
 from drake_tc.effects.delay import CommandDelay, Delay
+from drake_tc.effects.directional_efficiency import DirectionalEfficiency
 from drake_tc.effects.drive_compression import DriveCompression
 from drake_tc.effects.elasticity import Elasticity
 from drake_tc.effects.encoder_eccentricity import EncoderEccentricity, SeparateEncoderEccentricity
@@ -18,6 +19,8 @@ from drake_tc.effects.load_stribeck import LoadStribeck
 from drake_tc.effects.load_tilt import LoadTilt
 from drake_tc.effects.payload import Payload, PendulumPayload
 from drake_tc.effects.position_dependent_friction import PositionDependentFriction
+from drake_tc.effects.position_dependent_load import PositionDependentLoad
+from drake_tc.effects.position_sensor_delay import PositionSensorDelay
 from drake_tc.effects.presliding_hysteresis import PreslidingHysteresis
 from drake_tc.effects.quadratic_viscous import QuadraticViscous
 from drake_tc.effects.rotor_inertia import RotorInertia
@@ -55,6 +58,7 @@ LIBRARY: tuple[Effect, ...] = (
     CommandDelay(),
     Delay(),
     TorqueSensorDelay(),
+    PositionSensorDelay(),
     CurrentLag(),
     Payload(),
     PendulumPayload(),
@@ -70,6 +74,8 @@ LIBRARY: tuple[Effect, ...] = (
     EncoderEccentricity(),
     SeparateEncoderEccentricity(),
     EncoderRipple(),
+    DirectionalEfficiency(),
+    PositionDependentLoad(),
 )
 
 SPECIAL: tuple[Effect, ...] = (

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from drake_tc.diagrams.bench.diagram import Table
 from drake_tc.diagrams.joint_bench import BenchScenario, record_bench
+from numpy.testing import assert_allclose
 
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.diagnosis.design import Columns, Term, fit
@@ -22,7 +23,7 @@ from drake_tc.diagnosis.estimates import estimates
 from drake_tc.diagnosis.preparation import build_samples, context_of
 from drake_tc.diagnosis.result import Estimate
 from drake_tc.diagnosis.search import best_shape, refine
-from drake_tc.effects.base import DriveKind
+from drake_tc.effects.base import DriveKind, plain_signals
 from drake_tc.effects.library import LIBRARY, SPECIAL, effect
 from drake_tc.logs.rig import parse_rig
 
@@ -77,6 +78,8 @@ CASES: dict[str, Case] = {
     "delay.loop": Case("current", {"delay": 0.012}),
     # first order in d: the next term of tau(t - d) is d/2 times the rate over the one kept
     "delay.torque_sensor": Case("current", {"delay": 0.006}, bias=0.05),
+    # first order in d, as above
+    "delay.position_sensor": Case("current", {"delay": 0.006}, bias=0.05),
     "current_lag": Case("voltage", {"lag": 0.015}),
     "payload": Case("current", {"payload_moment": 2.0, "payload_inertia": 0.08}, loads=(BENCH, LIGHTER)),
     "payload.pendulum": Case("current", {"payload_share": 0.25}, pendulum=True),
@@ -109,6 +112,12 @@ CASES: dict[str, Case] = {
     "load_stribeck": Case("current", {"load_stribeck": 0.2, "load_stribeck_velocity": 0.4}, bias=0.01),
     "drive_compression": Case("current", {"half_effort": 8.0}),
     "winding_heat": Case("voltage", {"warm_effort": 20.0, "warm_time": 1.0}),
+    "directional_efficiency": Case("current", {"driving_friction": 0.15, "backdriven_friction": 0.25}),
+    "position_dependent_load": Case(
+        "position_servo",
+        {f"level_{k + 1}": x for k, x in enumerate((0.5, -1.0, 1.5, 0.8, -0.7, 1.2, -0.4))}
+        | {"curve_start": -1.1, "curve_end": 1.1},
+    ),
     "load_tilt": Case("current", {"tilt_moment": 0.9}, pendulum=True),
 }
 
@@ -156,7 +165,19 @@ def identify(key: str, case: Case) -> Mapping[str, Mapping[str, Estimate]]:
     return estimates(columns, fitted, case.drive)
 
 
-@pytest.mark.parametrize("key", CASES)
+def test_a_curve_over_the_position_is_found_with_other_knots():
+    found = identify("position_dependent_load", CASES["position_dependent_load"])["position_dependent_load"]
+    curve = effect("position_dependent_load")
+    low, high = found["curve_start"].value, found["curve_end"].value
+    q = np.linspace(low + 0.02, high - 0.02, 50)
+    signals = plain_signals(q.size, {"position": q})
+    was = curve.torque(signals, CASES["position_dependent_load"].truth)
+    now = curve.torque(signals, {name: e.value for name, e in found.items()})
+    # the knots are those of the recorded positions: a spline of other knots follows to a few hundredths of the swing
+    assert_allclose(now, was, atol=0.05 * np.ptp(was))
+
+
+@pytest.mark.parametrize("key", [key for key in CASES if not effect(key).given_shapes])
 def test_simulate_then_identify_back_within_the_stated_interval(key):
     case = CASES[key]
     found = identify(key, case)

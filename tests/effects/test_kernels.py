@@ -21,6 +21,10 @@ def key(effect: Effect) -> str:
 
 def draw(effect: Effect, seed: int, largest: float = 3.0) -> dict[str, float]:
     rng = np.random.default_rng(seed)
+    if effect.given_shapes:  # a range has a start and an end
+        return {p.name: float(rng.uniform(-1, 1)) for p in effect.coefficients} | {
+            p.name: p.default for p in effect.given_shapes
+        }
     lows = {p.name: max(p.lower, -largest) for p in effect.parameters}
     bounds = ((p.name, lows[p.name], max(lows[p.name], min(p.upper, largest))) for p in effect.parameters)
     return {name: float(rng.uniform(low, high)) for name, low, high in bounds}
@@ -76,7 +80,7 @@ def test_columns_of_a_log_are_those_of_its_instants(effect):
     known = {name: rng.normal(size=20) for name in names}
     known |= {"direction": np.sign(known["velocity"]), "travel": rng.uniform(0, 1, 20)}
     log = plain_signals(20, known)
-    shape = {p.name: draw(effect, 1)[p.name] for p in effect.shapes}
+    shape = {p.name: draw(effect, 1)[p.name] for p in (*effect.shapes, *effect.given_shapes)}
     at_once = effect.columns(log, shape)
     one_by_one = np.concatenate([effect.columns(log.take(slice(i, i + 1)), shape) for i in range(20)])
     assert_allclose(at_once, one_by_one, rtol=1e-14, atol=0)  # elementwise: the same operations
@@ -128,7 +132,20 @@ def test_a_late_torque_is_moved_back():
     assert_allclose(back.load_torque[100:-100], true.load_torque[100:-100], atol=2e-6)
 
 
-@pytest.mark.parametrize("effect", [e for e in SENSOR if e.key != "delay.torque_sensor"], ids=key)
+def test_a_late_position_is_moved_back():
+    time = np.linspace(0, 3, 3001)
+    true = plain_signals(3001, {"time": time, "position": np.sin(2 * time), "velocity": 2 * np.cos(2 * time)})
+    late = effect("delay.position_sensor").corrupt(true, {"delay": 0.0503})
+    assert_allclose(late.position[100:], np.sin(2 * (time[100:] - 0.0503)), atol=1e-6)  # linear between samples
+    assert_allclose(late.velocity[100:], 2 * np.cos(2 * (time[100:] - 0.0503)), atol=2e-6)
+    back = effect("delay.position_sensor").restore(late, {"delay": 0.0503})
+    assert_allclose(back.position[100:-100], true.position[100:-100], atol=2e-6)
+
+
+DELAYS = ("delay.torque_sensor", "delay.position_sensor")
+
+
+@pytest.mark.parametrize("effect", [e for e in SENSOR if e.key not in DELAYS], ids=key)
 def test_restore_undoes_corrupt(effect):
     parameters = draw(effect, 2, 0.2)
     time = np.linspace(0, 3, 50)

@@ -100,6 +100,17 @@ CASES: dict[str, tuple[dict[str, float], dict[str, float], str]] = {
         {"ripple_sine": 0.01, "ripple_cosine": 0.0, "cycles_per_turn": 110.0},
         "backwards",
     ),
+    "delay.position_sensor": ({"delay": 0.012}, {"delay": 0.06}, "50 ms"),
+    "directional_efficiency": (
+        {"driving_friction": 0.1, "backdriven_friction": 0.3},
+        {"driving_friction": 0.1, "backdriven_friction": -0.05},
+        "back-driven",
+    ),
+    "position_dependent_load": (
+        {f"level_{k}": 2.0 for k in range(1, 8)} | {"curve_start": -1.0, "curve_end": 1.0},
+        {f"level_{k}": 80.0 for k in range(1, 8)} | {"curve_start": -1.0, "curve_end": 1.0},
+        "-75 to 75 N*m",
+    ),
     "load_stribeck": (
         {"load_stribeck": 0.2, "load_stribeck_velocity": 0.4},
         {"load_stribeck": 0.2, "load_stribeck_velocity": 3.0},
