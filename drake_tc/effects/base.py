@@ -62,6 +62,7 @@ class Signals:
         direction: sign of the last resolved motion, in [-1, 1]; between them while it turns over.
         travel: distance moved since the last reversal [rad], >= 0.
         load_slope: d tau / d q of a load that is computed from the position (m g l cos q) [N m/rad], or 0.
+        supply_voltage: Voltage that feeds the drive [V], NaN where not recorded; 0 counts as not known.
         known_torque: Torque of effects whose values the owner declares [N m].
         temperature: [deg C], NaN where it was not recorded.
         motor_position: Motor-side position over the gear ratio [rad], NaN where not recorded.
@@ -86,6 +87,7 @@ class Signals:
     load_slope: FloatArray
     temperature: FloatArray
     motor_position: FloatArray
+    supply_voltage: FloatArray
     known_torque: FloatArray
     rotor_inertia: float = 0.0
     link_inertia: float = 0.0

@@ -28,6 +28,8 @@ from drake_tc.effects.run_in_friction import RunInFriction
 from drake_tc.effects.saturation import Saturation
 from drake_tc.effects.servo_integrator import ServoIntegrator
 from drake_tc.effects.stribeck import Stribeck
+from drake_tc.effects.supply_limit import SupplyLimit
+from drake_tc.effects.supply_sag import SupplySag
 from drake_tc.effects.thermal_friction import ThermalFriction
 from drake_tc.effects.torque_ripple import TorqueRipple
 from drake_tc.effects.torque_sensor_bias import TorqueSensorBias
@@ -38,6 +40,8 @@ from drake_tc.effects.velocity_sign_switch import VelocitySignSwitch
 from drake_tc.effects.viscous import Viscous
 from drake_tc.effects.viscous_power import ViscousPower
 from drake_tc.effects.winding_heat import WindingHeat
+from drake_tc.effects.winding_lag import WindingLag
+from drake_tc.effects.winding_temperature import WindingTemperature
 from drake_tc.errors import ParamsError
 
 LIBRARY: tuple[Effect, ...] = (
@@ -55,17 +59,21 @@ LIBRARY: tuple[Effect, ...] = (
     VelocitySignSwitch(),
     ServoIntegrator(),
     Saturation(),
+    SupplySag(),
+    SupplyLimit(),
     CommandDelay(),
     Delay(),
     TorqueSensorDelay(),
     PositionSensorDelay(),
     CurrentLag(),
+    WindingLag(),
     Payload(),
     PendulumPayload(),
     CableSpring(),
     AsymmetricFriction(),
     CoulombAsymmetry(),
     ThermalFriction(),
+    WindingTemperature(),
     PreslidingHysteresis(),
     TorqueRipple(),
     PositionDependentFriction(),

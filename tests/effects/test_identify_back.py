@@ -41,6 +41,8 @@ BENCH = BenchScenario(
 )
 LIGHTER = replace(BENCH, link_inertia=0.1, gravity_moment=1.0, seed=1)
 """A second hung weight: with one alone, a payload is the same as another drive gain."""
+SUPPLY = 24.0
+"""[V]; the recorded supply moves by 3 V about it. Effects that do not know of it are not touched by it."""
 LENGTH = 0.5
 PENDULUM = {"mass": 8.0 / (9.81 * LENGTH), "length": LENGTH, "inertia": 0.3}
 
@@ -118,6 +120,10 @@ CASES: dict[str, Case] = {
         {f"level_{k + 1}": x for k, x in enumerate((0.5, -1.0, 1.5, 0.8, -0.7, 1.2, -0.4))}
         | {"curve_start": -1.1, "curve_end": 1.1},
     ),
+    "current_lag.winding": Case("voltage", {"lag": 0.02, "back_emf": 1.6}),
+    "winding_temperature": Case("voltage", {"resistance_per_kelvin": 0.0039, "back_emf": 1.6}),
+    "supply_sag": Case("voltage", {"supply_sensitivity": 1.0, "nominal_voltage": 24.0}),
+    "saturation.supply": Case("voltage", {"limit_per_volt": 0.35}),
     "load_tilt": Case("current", {"tilt_moment": 0.9}, pendulum=True),
 }
 
@@ -133,7 +139,8 @@ def motion(drive: DriveKind, bench: BenchScenario, speed: float) -> Table:
     for frequency, amplitude, phase in ((0.13, 0.6, 0.0), (0.37, 0.35, 1.1), (0.81, 0.2, 2.3), (1.7, 0.06, 0.4)):
         wave += amplitude * (np.sin(2 * np.pi * frequency * speed * time + phase) - np.sin(phase) * np.exp(-time))
     size = 1.0 if drive == "position_servo" else 25.0 * GAIN[drive]
-    return Table(time, size * wave, temperature=25.0 + 25.0 * (1.0 - np.exp(-time / 8.0)))
+    warm = 25.0 + 25.0 * (1.0 - np.exp(-time / 8.0))
+    return Table(time, size * wave, temperature=warm, supply_voltage=SUPPLY + 3.0 * np.sin(1.3 * time))
 
 
 def identify(key: str, case: Case) -> Mapping[str, Mapping[str, Estimate]]:
@@ -177,13 +184,15 @@ def test_a_curve_over_the_position_is_found_with_other_knots():
     assert_allclose(now, was, atol=0.05 * np.ptp(was))
 
 
-@pytest.mark.parametrize("key", [key for key in CASES if not effect(key).given_shapes])
+@pytest.mark.parametrize("key", [key for key in CASES if key != "position_dependent_load"])
 def test_simulate_then_identify_back_within_the_stated_interval(key):
     case = CASES[key]
     found = identify(key, case)
     wanted = {**case.truth}
     if key == "rotor_inertia":
         wanted["rotor_inertia"] = INERTIA + 0.5 * VISCOUS * BENCH.step
+    for name in (p.name for p in effect(key).given_shapes):
+        wanted.pop(name)  # taken from the range of the log, not fitted
     for name, true in wanted.items():
         estimate = found[key][name]
         low, high = estimate.ci95
