@@ -118,7 +118,8 @@ def record_bench(
         name: Of the run.
 
     Returns:
-        `joint/position`, `joint/torque` (link side) and the command's column, `joint/temperature` where it is given.
+        `joint/position`, `joint/torque` (link side) and the command's column, `joint/temperature` and `joint/supply_voltage`
+            where they are given.
     """
     rng = np.random.default_rng(scenario.seed) if generator is None else generator
     link = Link(scenario.link_inertia, scenario.gravity_moment)
@@ -141,8 +142,10 @@ def record_bench(
         f"{model.joint}/{COMMAND_COLUMN[model.drive.kind]}": table.command[row],
         f"{model.joint}/torque": signals.load_torque,
     }
-    if table.temperature is not None:
-        columns[f"{model.joint}/temperature"] = table.temperature[row]
+    for channel in ("temperature", "supply_voltage"):
+        values = getattr(table, channel)
+        if values is not None:
+            columns[f"{model.joint}/{channel}"] = values[row]
     usable = np.zeros(time.size, dtype=np.int64)
     return Run(name, None, time, scenario.log_period, columns, usable, (), int(time.size))
 

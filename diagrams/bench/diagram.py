@@ -48,6 +48,7 @@ class Table:
         load_torque: (T,) what the gear is known to transmit [N m], for load-dependent friction, linear between samples;
             None: what the motion says.
         temperature: (T,) [deg C], held; None: 25.
+        supply_voltage: (T,) of the drive [V], held; None: its nominal one.
     """
 
     time: FloatArray
@@ -55,6 +56,7 @@ class Table:
     applied: FloatArray | None = None
     load_torque: FloatArray | None = None
     temperature: FloatArray | None = None
+    supply_voltage: FloatArray | None = None
 
 
 @dataclass(frozen=True)
@@ -153,8 +155,10 @@ def build_bench(model: ActuatorModel, link: Link, table: Table, rates: Rates, de
         return polynomial.FirstOrderHold(ends, np.append(values, values[-1])[None, :])
 
     builder.Connect(_source(builder, "command", hold(table.command)), actuators.GetInputPort("command"))
-    if table.temperature is not None:
-        builder.Connect(_source(builder, "temperature", hold(table.temperature)), actuators.GetInputPort("temperature"))
+    for name in ("temperature", "supply_voltage"):
+        values = getattr(table, name)
+        if values is not None:
+            builder.Connect(_source(builder, name, hold(values)), actuators.GetInputPort(name))
     outside = None
     if table.applied is not None:
         outside = _source(builder, "applied_torque", line(table.applied))

@@ -38,6 +38,7 @@ class Recording:
             link from outside is -load_torque.
         pendulum: Inertia and gravity moment of the link; None when the load is recorded.
         temperature: [deg C]; None: 25.
+        supply_voltage: Of the drive [V]; None: its nominal one.
     """
 
     time: FloatArray
@@ -48,6 +49,7 @@ class Recording:
     load_torque: FloatArray | None = None
     pendulum: Link | None = None
     temperature: FloatArray | None = None
+    supply_voltage: FloatArray | None = None
 
 
 def _with_inertia(model: ActuatorModel, rotor_inertia: float | None) -> ActuatorModel:
@@ -104,7 +106,7 @@ def _thinned(recording: Recording, stride: int) -> Recording:
     """Every `stride`-th sample."""
     arrays: dict[str, Any] = {
         name: None if (values := getattr(recording, name)) is None else values[::stride]
-        for name in ("time", "command", "load_torque", "temperature")
+        for name in ("time", "command", "load_torque", "temperature", "supply_voltage")
     }
     return replace(recording, **arrays)
 
@@ -122,7 +124,7 @@ def _check(model: ActuatorModel, recording: Recording, substeps: int | None) -> 
     size = recording.time.size
     if size < 2 or (substeps is not None and substeps < 1):
         raise ParamsError(f"free run: wanted at least 2 samples and 1 substep; got {size} and {substeps}")
-    for name in ("command", "load_torque", "temperature"):
+    for name in ("command", "load_torque", "temperature", "supply_voltage"):
         values = getattr(recording, name)
         if values is not None and values.shape != (size,):
             raise ParamsError(f"free run: wanted {name} of shape ({size},); got {values.shape}")
@@ -141,16 +143,17 @@ def _bench(
     it by the gear's twist under that load.
     """
     rates = Rates(step, float(time[1] - time[0]))
-    command, warm = recording.command, recording.temperature
+    command = recording.command
+    around = {"temperature": recording.temperature, "supply_voltage": recording.supply_voltage}
     if recording.pendulum is not None:
         applied = None if recording.load_torque is None else -load
-        table = Table(time, command, applied=applied, temperature=warm)
+        table = Table(time, command, applied=applied, **around)
         return build_bench(model, recording.pendulum, table, rates, None), np.zeros_like(time)
     lead = np.zeros_like(time)
     for effect, parameters in model.transmission_effects:
         lead += effect.twist(load, parameters)
     stiff = tuple(value for value in model.effects if not isinstance(value.effect, TransmissionEffect))
-    table = Table(time, command, applied=-load, load_torque=load, temperature=warm)
+    table = Table(time, command, applied=-load, load_torque=load, **around)
     rotor = Link(inertia=1e-6 * model.inertia)
     return build_bench(replace(model, effects=stiff), rotor, table, rates, None), lead
 

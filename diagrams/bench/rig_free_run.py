@@ -37,7 +37,7 @@ def rig_free_run(
     load = rig.load[joint]
     zero = load.zero if isinstance(load, Pendulum) else 0.0
     command = run.columns[rig.command_column(joint)][stretch]
-    warm = run.columns.get(f"{joint}/temperature")
+    warm, supply = (run.columns.get(f"{joint}/{channel}") for channel in ("temperature", "supply_voltage"))
     torque = run.columns.get(f"{joint}/torque")
     recording = Recording(
         time=run.time[stretch] - run.time[stretch.start],
@@ -48,6 +48,7 @@ def rig_free_run(
         load_torque=None if isinstance(load, Pendulum) or torque is None else kernel.smooth(torque[stretch]),
         pendulum=Link(load.inertia, load.mass * GRAVITY * load.length) if isinstance(load, Pendulum) else None,
         temperature=None if warm is None else warm[stretch],
+        supply_voltage=None if supply is None else supply[stretch],
     )
     try:
         simulated = free_run(model, recording, substeps=max(1, math.ceil(run.period / LONGEST_STEP - 1e-9)))

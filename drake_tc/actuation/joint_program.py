@@ -8,7 +8,7 @@ q, v, torque: at the last update; load: all that resisted the joint in the step 
 """
 
 import math
-from math import isfinite
+from math import isfinite, nan
 from typing import NamedTuple
 
 from drake_tc.actuation.constant_parts import CONSTANT, split_parts
@@ -21,13 +21,17 @@ STARTED, DEFLECTION, POSITION, VELOCITY, TORQUE, LOAD, COMMAND, MOTOR, MOTOR_VEL
 
 
 class JointInput(NamedTuple):
-    """What one joint sees at a tick: command, position, velocity, load torque or None, temperature [deg C]."""
+    """What one joint sees at a tick: command, position, velocity, load torque or None, temperature [deg C], supply [V].
+
+    A supply voltage of NaN or 0 counts as the drive's nominal one.
+    """
 
     command: float
     position: float
     velocity: float
     load_torque: float | None
     temperature: float
+    supply_voltage: float = nan
 
 
 class JointOutput(NamedTuple):
@@ -84,6 +88,8 @@ class JointProgram:
             at += kernel.size
         self._command = tuple((kernel.step, place) for kernel, place in self._command_kernels)
         self._effort = tuple((kernel.step, place) for kernel, place in self._effort_kernels)
+        both = (*self._command_kernels, *self._effort_kernels)
+        self._observe = tuple((kernel.observe, place) for kernel, place in both if kernel.observe is not None)
         self.size = at
 
     @property
@@ -136,6 +142,7 @@ class JointProgram:
         v: float,
         tau: float | None,
         celsius: float,
+        supply: float = nan,
         *,
         at_tick: bool,
     ) -> tuple[float, float, float, float, float]:
@@ -148,7 +155,7 @@ class JointProgram:
                 fault, command = 1.0, (memory[COMMAND] if memory[STARTED] else (q if self._servo else 0.0))
         gear = self._gear
         if not memory[STARTED]:
-            self._start(memory, command, q, v, tau)
+            self._start(memory, command, (q, v), tau, (celsius, supply))
         elif at_tick:
             slowed = (v - memory[VELOCITY]) / self._period
             memory[LOAD] = memory[TORQUE] - self._inertia * slowed
@@ -167,6 +174,8 @@ class JointProgram:
                 self._turn_over(memory, moved)
             if tau is None:
                 tau = memory[LOAD]
+        for observe, at in self._observe:
+            observe(drive_v, celsius, supply, memory, at)
         direction = memory[DEFLECTION]
         target = command
         for step, at in self._command:
@@ -195,9 +204,17 @@ class JointProgram:
         memory[POSITION], memory[VELOCITY], memory[TORQUE], memory[COMMAND] = q, v, out, command
         return out, motor, friction, asked, fault
 
-    def _start(self, memory: list[float], command: float, q: float, v: float, tau: float | None) -> None:
+    def _start(
+        self,
+        memory: list[float],
+        command: float,
+        motion: tuple[float, float],
+        tau: float | None,
+        around: tuple[float, float],
+    ) -> None:
         """First tick: a drive that has always seen this command, a joint whose load is the one given, or nil."""
         memory[STARTED] = 1.0
+        q, v = motion
         memory[POSITION], memory[VELOCITY] = q, v
         memory[LOAD] = tau or 0.0
         if self._gear is not None:
@@ -210,6 +227,8 @@ class JointProgram:
         raw = value
         for kernel, at in self._effort_kernels:
             memory[at : at + kernel.size] = kernel.start(value, raw)
+            if kernel.observe is not None:
+                kernel.observe(v, *around, memory, at)
             value = kernel.step(value, raw, memory[DEFLECTION], list(memory), at)
 
     def _turn_over(self, memory: list[float], moved: float) -> None:

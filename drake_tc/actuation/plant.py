@@ -27,6 +27,7 @@ class ActuatorPlant(LeafSystem):
         command (n): q_d [rad], i [A] or V [V], by each joint's drive.
         state (2n): [q; v] of the joints [rad, rad/s].
         temperature (n): [deg C]; 25 when not connected.
+        supply_voltage (n): [V], of drives whose strength follows it; their nominal one when not connected.
         load_torque (n): what the gears transmit to the links [N m], for load-dependent friction; when not connected,
             what the motion since the last update says.
     Outputs (n each), all with direct feedthrough of every input:
@@ -80,10 +81,12 @@ class ActuatorPlant(LeafSystem):
         self._springs = spring_joints(models, moved.tolist(), self._dt)
         self._no_load = (None,) * size
         self._room = (REFERENCE_CELSIUS,) * size
+        self._nominal = (np.nan,) * size
 
         self._command: Any = self.DeclareVectorInputPort("command", size)
         self._state: Any = self.DeclareVectorInputPort("state", 2 * size)
         self._temperature: Any = self.DeclareVectorInputPort("temperature", size)
+        self._supply: Any = self.DeclareVectorInputPort("supply_voltage", size)
         self._load: Any = self.DeclareVectorInputPort("load_torque", size)
         rest = [value for program in self._programs for value in program.initial()]
         memory = self.DeclareDiscreteState(_array([*rest, -np.inf]))
@@ -92,6 +95,7 @@ class ActuatorPlant(LeafSystem):
             self._command.ticket(),
             self._state.ticket(),
             self._temperature.ticket(),
+            self._supply.ticket(),
             self._load.ticket(),
             self.discrete_state_ticket(memory),
             self.time_ticket(),
@@ -165,13 +169,14 @@ class ActuatorPlant(LeafSystem):
             state[size:],
             self._load.Eval(context).tolist() if self._load.HasValue(context) else self._no_load,
             self._temperature.Eval(context).tolist() if self._temperature.HasValue(context) else self._room,
+            self._supply.Eval(context).tolist() if self._supply.HasValue(context) else self._nominal,
             strict=True,
         )
         memory: list[float] = []
         outputs: list[float] = []
-        for (run, part), asked, q, v, load, celsius in joints:
+        for (run, part), asked, q, v, load, celsius, supply in joints:
             own = held[part]
-            outputs += run(own, asked, q, v, load, celsius, at_tick=at_tick)
+            outputs += run(own, asked, q, v, load, celsius, supply, at_tick=at_tick)
             memory += own
         vector.set_value(_array([*outputs, *memory, time]))
 

@@ -54,7 +54,7 @@ def through_loop(model: ActuatorModel, loop: PositionLoop) -> ActuatorModel:
 
 def _scaled(value: EffectValue, gain: float) -> EffectValue:
     units = {p.name: p.unit for p in value.effect.parameters}
-    per = {name: gain if units[name] == "effort" else 1.0 for name in value.parameters}
+    per = {name: gain if units[name].startswith("effort") else 1.0 for name in value.parameters}
     numbers = {name: number / per[name] for name, number in value.parameters.items()}
     intervals = {name: (low / per[name], high / per[name]) for name, (low, high) in value.ci95.items()}
     return replace(value, parameters=numbers, ci95=intervals)

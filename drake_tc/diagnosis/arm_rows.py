@@ -134,6 +134,7 @@ def _signals(axis: Axis, q: FloatArray, light: CommonKernel, segments: Sequence[
         "travel": travel,
         "temperature": np.full(turned.size, np.nan),
         "motor_position": np.full(turned.size, np.nan),
+        "supply_voltage": np.full(turned.size, np.nan),
     }
     return replace(plain_signals(turned.size, known), period=period)
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -163,7 +164,10 @@ def build_samples(
     inner = [slice(s.start + light.margin, max(s.stop - light.margin, s.start + light.margin)) for s in segments]
     motor, motor_rate = q + compliance * slow_torque, v + compliance * np.gradient(slow_torque, period)
     direction, travel, moving = direction_of_motion(motor, motor_rate, inner, resolution)
-    temperature, motor_position = channels.raw("temperature"), channels.raw("motor_position")
+    temperature, motor_position, supply = (
+        light.smooth(raw) if np.isfinite(raw).any() else raw
+        for raw in map(channels.raw, ("temperature", "motor_position", "supply_voltage"))
+    )
     signals = Signals(
         time=channels.time,
         position=q,
@@ -177,8 +181,9 @@ def build_samples(
         direction=direction,
         travel=travel,
         load_slope=slope,
-        temperature=light.smooth(temperature) if np.isfinite(temperature).any() else temperature,
-        motor_position=light.smooth(motor_position) if np.isfinite(motor_position).any() else motor_position,
+        temperature=temperature,
+        motor_position=motor_position,
+        supply_voltage=supply,
         known_torque=np.zeros_like(q),
         link_inertia=load.inertia if isinstance(load, Pendulum) else 0.0,
         rotor_inertia=rig.known(joint, "rotor_inertia"),
@@ -215,11 +220,24 @@ def build_samples(
     )
 
 
+def _slow_channels(signals: Signals, rows: IntArray) -> dict[str, Any]:
+    """Fields of `Context` that describe the recorded supply voltage and temperature, where there are such."""
+    out: dict[str, Any] = {}
+    if signals.has("supply_voltage"):
+        supply = signals.supply_voltage[rows]
+        out["supply_voltage"] = float(np.nanmedian(supply))
+        out["supply_change"] = float(np.nanmax(np.abs(supply - out["supply_voltage"])))
+    if signals.has("temperature"):
+        warm = signals.temperature[rows]
+        out["temperature_span"] = (float(np.nanmin(warm)), float(np.nanmax(warm)))
+    return out
+
+
 def context_of(samples: Samples, rig: Rig, joint: str) -> Context:
     """What the logs offer to the effects."""
     s = samples.signals
     rows = samples.rows
-    recorded = frozenset(n for n in ("temperature", "motor_position") if s.has(n))
+    recorded = frozenset(n for n in ("temperature", "motor_position", "supply_voltage") if s.has(n))
     declared: Mapping[str, float] = {k: float(v) for k, v in rig.declared[joint].items() if v is not None}
     low, high = np.percentile(s.effort[rows], [0.05, 99.95])
     load = rig.load[joint]
@@ -235,4 +253,5 @@ def context_of(samples: Samples, rig: Rig, joint: str) -> Context:
         period=s.period,
         torque_span=(float(s.load_torque[rows].min()), float(s.load_torque[rows].max())),
         duration=float(s.time.max()),
+        **_slow_channels(s, rows),
     )

@@ -62,6 +62,7 @@ class Signals:
         direction: sign of the last resolved motion, in [-1, 1]; between them while it turns over.
         travel: distance moved since the last reversal [rad], >= 0.
         load_slope: d tau / d q of a load that is computed from the position (m g l cos q) [N m/rad], or 0.
+        supply_voltage: Voltage that feeds the drive [V], NaN where not recorded; 0 counts as not known.
         known_torque: Torque of effects whose values the owner declares [N m].
         temperature: [deg C], NaN where it was not recorded.
         motor_position: Motor-side position over the gear ratio [rad], NaN where not recorded.
@@ -86,6 +87,7 @@ class Signals:
     load_slope: FloatArray
     temperature: FloatArray
     motor_position: FloatArray
+    supply_voltage: FloatArray
     known_torque: FloatArray
     rotor_inertia: float = 0.0
     link_inertia: float = 0.0
@@ -139,6 +141,8 @@ class Effect(ABC):
     form: ClassVar[str] = ""
     coefficients: ClassVar[tuple[Parameter, ...]] = ()
     shapes: ClassVar[tuple[Parameter, ...]] = ()
+    given_shapes: ClassVar[tuple[Parameter, ...]] = ()
+    """Shape parameters that `shape_grid` takes from the range of the log; they are reported, but no fit moves them."""
     signature: ClassVar[Signature]
     needs: ClassVar[frozenset[str]] = frozenset()
     linear: ClassVar[bool] = False
@@ -147,7 +151,7 @@ class Effect(ABC):
     @property
     def parameters(self) -> tuple[Parameter, ...]:
         """What model files and reports call the effect's numbers; coefficients and shape unless a subclass converts."""
-        return self.coefficients + self.shapes
+        return self.coefficients + self.shapes + self.given_shapes
 
     @property
     def key(self) -> str:
@@ -161,7 +165,7 @@ class Effect(ABC):
 
     def shape_grid(self, context: Context) -> list[dict[str, float]]:
         """Starting points for the shape parameters, coarse but covering; the search refines the best ones."""
-        return [{p.name: p.default for p in self.shapes}]
+        return [{p.name: p.default for p in (*self.shapes, *self.given_shapes)}]
 
     @abstractmethod
     def columns(self, signals: Signals, shape: Shape) -> FloatArray:
@@ -170,7 +174,7 @@ class Effect(ABC):
     def physical(self, theta: FloatArray, shape: Shape, gain: float) -> dict[str, float]:
         """Reported parameters by name, from the coefficients, the shape and the drive gain K [effort/(N m)]."""
         named = dict(zip((p.name for p in self.coefficients), map(float, theta), strict=True))
-        return named | {p.name: float(shape[p.name]) for p in self.shapes}
+        return named | {p.name: float(shape[p.name]) for p in (*self.shapes, *self.given_shapes)}
 
     def inconsistency(self, parameters: Mapping[str, float], context: Context) -> str:
         """Why these values are not possible together, in one sentence; empty when they are.
@@ -200,7 +204,7 @@ class TorqueEffect(Effect):
 
     def torque(self, signals: Signals, parameters: Mapping[str, FloatArray | float]) -> FloatArray:
         """sum_k theta_k phi_k (T,): over a log, and for compensation; parameters may be one value a joint."""
-        shape = {p.name: parameters[p.name] for p in self.shapes}
+        shape = {p.name: parameters[p.name] for p in (*self.shapes, *self.given_shapes)}
         columns = self.columns(signals, shape)  # type: ignore[arg-type]
         theta = np.stack([np.broadcast_to(parameters[p.name], len(signals)) for p in self.coefficients], axis=-1)
         return np.asarray(np.sum(columns * theta, axis=-1))

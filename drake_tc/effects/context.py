@@ -27,6 +27,9 @@ class Context:
         period: Sampling period [s].
         torque_span: (lowest, highest) load torque [N m]; infinite where it is not known.
         duration: Length of the longest run [s]; infinite where it is not known.
+        supply_voltage: Median of the recorded supply voltage [V]; NaN where it was not recorded.
+        supply_change: Largest departure of it from its median [V]; 0 where it was not recorded.
+        temperature_span: (lowest, highest) recorded temperature [deg C]; NaN where it was not recorded.
         fitted: Values of the fitted model that other effects are compared with: `gain` (K [effort/(N m)]),
             `viscous` [N m s/rad] and `coulomb` [N m], those that are known.
     """
@@ -42,6 +45,9 @@ class Context:
     period: float = 1e-3
     torque_span: tuple[float, float] = (-math.inf, math.inf)
     duration: float = math.inf
+    supply_voltage: float = math.nan
+    supply_change: float = 0.0
+    temperature_span: tuple[float, float] = (math.nan, math.nan)
     fitted: Mapping[str, float] = field(default_factory=dict)
 
     @property
@@ -81,6 +87,8 @@ class Context:
             "speed": speed,
             "span": span,
             "1/torque": 1.0 / max(self.load_torque, tiny) if math.isfinite(self.load_torque) else math.inf,
+            "effort/speed": self.effort / speed,
+            "effort/supply": self.effort / self.supply_voltage if self.supply_voltage > 0.0 else math.inf,
             "coulomb": self.fitted.get("coulomb", math.inf),
             "viscous": self.fitted.get("viscous", math.inf),
         }

@@ -29,11 +29,14 @@ class DriveKernel:
         start: (value, raw effort) to the memory of a drive that has always seen these.
         step: (value, raw effort, direction, memory, at) to the value passed on; the effect's memory is
             `memory[at : at + size]` and is overwritten with the next one.
+        observe: (velocity [rad/s], temperature [deg C], supply voltage [V], memory, at), called before `step` at every
+            sample, writes into the memory what `step` needs to know of them; None for an effect that needs none.
     """
 
     size: int
     start: Callable[[float, float], list[float]]
     step: Callable[[float, float, float, list[float], int], float]
+    observe: Callable[[float, float, float, list[float], int], None] | None = None
 
 
 @dataclass(frozen=True)

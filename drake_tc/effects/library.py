@@ -8,6 +8,7 @@ from drake_tc.effects.coulomb import Coulomb
 from drake_tc.effects.current_lag import CurrentLag
 from drake_tc.effects.deadzone import Deadzone
 from drake_tc.effects.delay import CommandDelay, Delay
+from drake_tc.effects.directional_efficiency import DirectionalEfficiency
 from drake_tc.effects.drive_compression import DriveCompression
 from drake_tc.effects.elasticity import Elasticity
 from drake_tc.effects.encoder_eccentricity import EncoderEccentricity, SeparateEncoderEccentricity
@@ -18,6 +19,8 @@ from drake_tc.effects.load_stribeck import LoadStribeck
 from drake_tc.effects.load_tilt import LoadTilt
 from drake_tc.effects.payload import Payload, PendulumPayload
 from drake_tc.effects.position_dependent_friction import PositionDependentFriction
+from drake_tc.effects.position_dependent_load import PositionDependentLoad
+from drake_tc.effects.position_sensor_delay import PositionSensorDelay
 from drake_tc.effects.presliding_hysteresis import PreslidingHysteresis
 from drake_tc.effects.quadratic_viscous import QuadraticViscous
 from drake_tc.effects.rotor_inertia import RotorInertia
@@ -25,6 +28,8 @@ from drake_tc.effects.run_in_friction import RunInFriction
 from drake_tc.effects.saturation import Saturation
 from drake_tc.effects.servo_integrator import ServoIntegrator
 from drake_tc.effects.stribeck import Stribeck
+from drake_tc.effects.supply_limit import SupplyLimit
+from drake_tc.effects.supply_sag import SupplySag
 from drake_tc.effects.thermal_friction import ThermalFriction
 from drake_tc.effects.torque_ripple import TorqueRipple
 from drake_tc.effects.torque_sensor_bias import TorqueSensorBias
@@ -35,6 +40,8 @@ from drake_tc.effects.velocity_sign_switch import VelocitySignSwitch
 from drake_tc.effects.viscous import Viscous
 from drake_tc.effects.viscous_power import ViscousPower
 from drake_tc.effects.winding_heat import WindingHeat
+from drake_tc.effects.winding_lag import WindingLag
+from drake_tc.effects.winding_temperature import WindingTemperature
 from drake_tc.errors import ParamsError
 
 LIBRARY: tuple[Effect, ...] = (
@@ -52,16 +59,21 @@ LIBRARY: tuple[Effect, ...] = (
     VelocitySignSwitch(),
     ServoIntegrator(),
     Saturation(),
+    SupplySag(),
+    SupplyLimit(),
     CommandDelay(),
     Delay(),
     TorqueSensorDelay(),
+    PositionSensorDelay(),
     CurrentLag(),
+    WindingLag(),
     Payload(),
     PendulumPayload(),
     CableSpring(),
     AsymmetricFriction(),
     CoulombAsymmetry(),
     ThermalFriction(),
+    WindingTemperature(),
     PreslidingHysteresis(),
     TorqueRipple(),
     PositionDependentFriction(),
@@ -70,6 +82,8 @@ LIBRARY: tuple[Effect, ...] = (
     EncoderEccentricity(),
     SeparateEncoderEccentricity(),
     EncoderRipple(),
+    DirectionalEfficiency(),
+    PositionDependentLoad(),
 )
 
 SPECIAL: tuple[Effect, ...] = (

@@ -7,7 +7,7 @@ import numpy as np
 
 Scale = Literal[
     "one", "effort", "torque", "torque/speed", "torque/speed^2", "torque/span", "load", "load/duration", "speed",
-    "span", "1/torque", "coulomb", "viscous",
+    "span", "1/torque", "effort/speed", "effort/supply", "coulomb", "viscous",
 ]  # fmt: skip
 """The quantity of the rig by which a plausible range is multiplied; `Context.scale` computes it."""
 

@@ -82,7 +82,7 @@ def _repair_channels(raw: RawLog, rig: Rig) -> tuple[dict[str, FloatArray], Bool
         if name not in required and holes.mean() > MOST_MISSING:
             notes += (f"Column {name} is missing in {100 * holes.mean():.0f} % of the rows and was left out.",)
             continue
-        slow = name.endswith("/temperature")
+        slow = name.endswith(("/temperature", "/supply_voltage"))
         if note:
             note = note.replace("of long holes were left out", "of long holes were filled too") if slow else note
             filled_notes.setdefault(note, []).append(name)
@@ -95,7 +95,7 @@ def _repair_channels(raw: RawLog, rig: Rig) -> tuple[dict[str, FloatArray], Bool
     period = float(np.median(np.diff(raw.time)))
     for name in list(columns):
         suffix = name.rsplit("/", 1)[-1]
-        k = channels.hold_factor(columns[name]) if suffix != "temperature" else 1
+        k = channels.hold_factor(columns[name]) if suffix not in ("temperature", "supply_voltage") else 1
         if k > 1 and suffix in _HELD_BY_NATURE:
             notes += (f"Column {name} changes every {k} rows only: a command that is held, left as it is.",)
         elif k > 1:

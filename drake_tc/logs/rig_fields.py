@@ -19,6 +19,7 @@ EFFECT_IDS = (
     *("torque_ripple", "cable_spring", "backlash", "elasticity", "deadzone", "saturation", "servo_integrator"),
     *("velocity_sign_switch", "delay", "current_lag", "payload", "torque_sensor_bias", "torque_sensor_gain"),
     *("torque_sensor_drift", "encoder_offset", "encoder_eccentricity", "encoder_ripple"),
+    *("directional_efficiency", "position_dependent_load", "supply_sag", "winding_temperature"),
     *("load_stribeck", "drive_compression", "winding_heat", "load_tilt"),
     *("link_mass", "link_com", "ft_bias", "ft_gain", "imu_bias"),
 )

@@ -52,6 +52,7 @@ JOINT_SUFFIXES: Mapping[str, Mapping[str, float]] = {
     "voltage": _VOLTAGE,
     "torque": _TORQUE,
     "temperature": _TEMPERATURE,
+    "supply_voltage": _VOLTAGE,
 }
 """What may follow `<joint>/`, with the units that each may be in."""
 

@@ -15,7 +15,7 @@ from drake_tc.effects.base import SensorEffect
 from drake_tc.effects.library import LIBRARY, SPECIAL, effect
 
 TICK = 1e-3
-INPUTS = ("command", "position", "velocity", "load_torque", "temperature")
+INPUTS = ("command", "position", "velocity", "load_torque", "temperature", "supply_voltage")
 RECORD = np.load(Path(__file__).with_name("recorded_torques.npz"))
 CASES = json.loads(str(RECORD["cases"]))
 
@@ -38,8 +38,8 @@ def test_torques_are_those_of_the_record(index):
     memory = program.initial(float(index % 2))
     rows = []
     for k in range(RECORD["command"].size):
-        command, q, v, load, celsius = (float(RECORD[signal][k]) for signal in INPUTS)
-        now = JointInput(command, q, v, load if case["load"] else None, celsius)
+        command, q, v, load, celsius, supply = (float(RECORD[signal][k]) for signal in INPUTS)
+        now = JointInput(command, q, v, load if case["load"] else None, celsius, supply)
         rows.append(program.step(memory, now, at_tick=bool(RECORD["at_tick"][k])))
     expected = RECORD["outputs"][index]
     # the same operations in another order: rounding, of differences of large terms
@@ -70,7 +70,7 @@ def test_the_plant_is_its_programs_side_by_side():
         u = {port: rng.normal(0, 0.1, len(models)) for port in INPUTS}
         context.SetTime(tick * TICK)
         system.GetInputPort("state").FixValue(context, np.concatenate([u["position"], u["velocity"]]))
-        for port in ("command", "load_torque", "temperature"):
+        for port in ("command", "load_torque", "temperature", "supply_voltage"):
             system.GetInputPort(port).FixValue(context, u[port])
         rows = [
             program.step(memory, JointInput(*(float(u[port][j]) for port in INPUTS)), at_tick=True)

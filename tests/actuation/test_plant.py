@@ -23,9 +23,10 @@ RICH = (
     EffectValue("viscous", {"viscous": 1.0}),
     EffectValue("load_dependent_friction", {"load_friction": 0.1}),
     EffectValue("thermal_friction", {"coulomb_per_kelvin": 0.02, "viscous_per_kelvin": 0.01, "thermal_rate": 0.01}),
+    EffectValue("supply_sag", {"supply_sensitivity": 1.0, "nominal_voltage": 24.0}),
     EffectValue("delay.command", {"delay": 0.002}),
 )
-INPUTS = ("command", "state", "temperature", "load_torque")
+INPUTS = ("command", "state", "temperature", "load_torque", "supply_voltage")
 
 
 def rich(kind="position_servo"):
@@ -39,6 +40,7 @@ def fixed(system, **values):
         "state": [0.0, 0.0, 1.0, -1.0],
         "temperature": [30.0, 30.0],
         "load_torque": [5.0, 5.0],
+        "supply_voltage": [22.0, 22.0],
     }
     for name in INPUTS:
         system.GetInputPort(name).FixValue(context, np.array(values.get(name, start[name])))

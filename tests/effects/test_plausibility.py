@@ -19,6 +19,7 @@ RIG = Context(
     effort_span=(-3.0, 4.0),
     torque_span=(-10.0, 8.0),
     duration=20.0,
+    supply_voltage=24.0,
     fitted={"gain": 0.1, "viscous": 2.0, "coulomb": 3.0},
 )
 """The drive puts in 4 A / (0.1 A/(N m)) = 40 N m and the load 10 N m; the positions span 2 rad = 0.318 turns."""
@@ -100,6 +101,29 @@ CASES: dict[str, tuple[dict[str, float], dict[str, float], str]] = {
         {"ripple_sine": 0.01, "ripple_cosine": 0.0, "cycles_per_turn": 110.0},
         "backwards",
     ),
+    "delay.position_sensor": ({"delay": 0.012}, {"delay": 0.06}, "50 ms"),
+    "directional_efficiency": (
+        {"driving_friction": 0.1, "backdriven_friction": 0.3},
+        {"driving_friction": 0.1, "backdriven_friction": -0.05},
+        "back-driven",
+    ),
+    "position_dependent_load": (
+        {f"level_{k}": 2.0 for k in range(1, 8)} | {"curve_start": -1.0, "curve_end": 1.0},
+        {f"level_{k}": 80.0 for k in range(1, 8)} | {"curve_start": -1.0, "curve_end": 1.0},
+        "-75 to 75 N*m",
+    ),
+    "current_lag.winding": ({"lag": 0.015, "back_emf": 1.9}, {"lag": 0.015, "back_emf": 2.1}, "back-EMF"),
+    "winding_temperature": (
+        {"resistance_per_kelvin": 0.0039, "back_emf": 1.0},
+        {"resistance_per_kelvin": 0.015, "back_emf": 1.0},
+        "copper",
+    ),
+    "supply_sag": (
+        {"supply_sensitivity": 1.0, "nominal_voltage": 24.0},
+        {"supply_sensitivity": 1.7, "nominal_voltage": 24.0},
+        "duty",
+    ),
+    "saturation.supply": ({"limit_per_volt": 0.2}, {"limit_per_volt": 0.4}, "0 to 0.333 A/V"),
     "load_stribeck": (
         {"load_stribeck": 0.2, "load_stribeck_velocity": 0.4},
         {"load_stribeck": 0.2, "load_stribeck_velocity": 3.0},

@@ -1,0 +1,96 @@
+"""A gear that loses more torque when it is driven by its load than when it drives the load, or less."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from drake_tc.effects.base import Context, Parameter, Plausible, Shape, Signals, Signature, TorqueEffect
+from drake_tc.effects.kernel import TorqueKernel, TorqueParts
+from drake_tc.types import FloatArray
+
+DRIVING_RANGE = Plausible(
+    0.0,
+    1.0,
+    "friction dissipates energy, and gears that drive a load are at least 50 % efficient (efficiency 1/(1 + mu))",
+)
+BACKDRIVEN_RANGE = Plausible(
+    0.0,
+    1.0,
+    "friction dissipates energy, and a gear that loses all of the load's torque (mu = 1) cannot be back-driven",
+)
+
+
+class DirectionalEfficiency(TorqueEffect):
+    """mu |tau| sign(qdot) [N m] with mu_d where the joint drives its load (tau qdot > 0), mu_b where it is back-driven.
+
+    With mu the mean and delta half of the difference of mu_d and mu_b this is  mu |tau| sign(qdot) + delta tau. The
+    second part scales the load torque, as a wrong drive gain does. The drive gain is free, so the difference shows
+    only against a torque that is known without the gear: the declared inertia. The balance divided by 1 + delta reads
+
+        y*/K' = tau + J qddot - w J qddot + mu' |tau| sign(qdot) + ...,   w = delta/(1 + delta),   mu' = mu/(1 + delta)
+
+    so the logs cannot tell this effect from load-dependent friction together with a wrong scale of the load torque.
+    Source: Wang and Kim, Directional efficiency in geared transmissions (2015): forward and backward efficiency,
+    eta_f = 1/(1 + mu_d) and eta_b = 1 - mu_b.
+    """
+
+    id = "directional_efficiency"
+    title = "gear efficiency that differs when the gear is back-driven"
+    kind = "friction"
+    coefficients = (
+        Parameter("mean_load_friction", "-", 0.0, 1.0),
+        Parameter("scaled_inertia", "-", -0.9, 0.9, description="w"),
+    )
+    signature = Signature(
+        x="load_torque",
+        split="direction",
+        look_for="lines through zero whose slopes differ between the quadrants in which torque and motion agree or not",
+    )
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """mu_d and mu_b."""
+        return (
+            Parameter("driving_friction", "-", 0.0, 1.0, description="mu_d", plausible=DRIVING_RANGE),
+            Parameter("backdriven_friction", "-", 0.0, 1.0, description="mu_b", plausible=BACKDRIVEN_RANGE),
+        )
+
+    def obstacle(self, context: Context) -> str:
+        """Needs a declared inertia: without one the difference is the same as another drive gain."""
+        if not context.declared.get("rotor_inertia"):
+            return "no inertia is declared that the load torque could be held against"
+        return super().obstacle(context)
+
+    def balance_inertia(self, theta: FloatArray, rotor_inertia: float) -> float:
+        """-J w."""
+        return -rotor_inertia * float(theta[1])
+
+    def columns(self, signals: Signals, shape: Shape) -> FloatArray:
+        """(|tau| sign(qdot), -J qddot) (T, 2)."""
+        friction = np.abs(signals.load_torque) * signals.direction
+        return np.stack([friction, -signals.rotor_inertia * signals.acceleration], axis=-1)
+
+    def physical(self, theta: FloatArray, shape: Shape, gain: float) -> dict[str, float]:
+        """mu_d = mu + delta and mu_b = mu - delta."""
+        difference = float(theta[1]) / (1.0 - float(theta[1]))
+        mean = float(theta[0]) * (1.0 + difference)
+        return {"driving_friction": mean + difference, "backdriven_friction": mean - difference}
+
+    def torque_scale(self, theta: FloatArray, gain: float) -> float:
+        """1 - w = 1/(1 + delta)."""
+        return 1.0 - float(theta[1])
+
+    def torque(self, signals: Signals, parameters: Mapping[str, FloatArray | float]) -> FloatArray:
+        """(T,): see the class."""
+        driving = signals.load_torque * signals.direction > 0.0
+        mu = np.where(driving, parameters["driving_friction"], parameters["backdriven_friction"])
+        return np.asarray(mu * np.abs(signals.load_torque) * signals.direction)
+
+    def kernel(self, parameters: Mapping[str, float]) -> TorqueKernel:
+        """The same at one instant."""
+        driving, driven = parameters["driving_friction"], parameters["backdriven_friction"]
+
+        def parts(q: float, v: float, direction: float, tau: float, celsius: float, hysteresis: float) -> TorqueParts:
+            return (driving if tau * direction > 0.0 else driven) * abs(tau), 0.0, 0.0
+
+        return parts

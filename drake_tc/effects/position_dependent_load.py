@@ -1,0 +1,89 @@
+"""A load that depends on the position in a way that no other effect describes."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from drake_tc.effects.base import Context, Parameter, Plausible, Shape, Signals, Signature, TorqueEffect
+from drake_tc.effects.kernel import TorqueKernel, TorqueParts
+from drake_tc.types import FloatArray
+
+LEVEL_RANGE = Plausible(
+    -1.5,
+    1.5,
+    "a load cannot exceed the torque that drive and load put in, here with half of it for the sides of the curve",
+    "torque",
+)
+END_RANGE = Plausible(-np.inf, np.inf, "the ends of the curve are those of the recorded positions")
+INTERVALS = 4
+SIZE = INTERVALS + 3
+"""Cubic B-splines over `INTERVALS` equal intervals."""
+_PIECES = np.array([[1.0, -3.0, 3.0, -1.0], [4.0, 0.0, -6.0, 3.0], [1.0, 3.0, 3.0, -3.0], [0.0, 0.0, 0.0, 1.0]]) / 6.0
+"""The four cubic B-splines of one interval as polynomials in u in [0, 1]: row k holds the powers 0 to 3."""
+
+
+class PositionDependentLoad(TorqueEffect):
+    """sum_k c_k B_k(q) [N m]: a smooth curve over the position, the same in both directions of motion.
+
+    B_k are uniform cubic B-splines over four equal intervals of the recorded positions [q_a, q_b]; they are positive
+    and add up to 1, so the curve lies between its smallest and largest coefficient. Beyond q_a and q_b the curve keeps
+    its last value: nothing was measured there. Source: de Boor, A Practical Guide to Splines (1978), chapter X.
+
+    The curve is not a cause: it holds cables, springs, gravity, detents and ripples that repeat too rarely to be
+    told from a curve. Effects that name a cause have fewer parameters and are preferred where they fit as well.
+    """
+
+    id = "position_dependent_load"
+    title = "load that depends on the position, of unknown form"
+    kind = "load"
+    coefficients = tuple(Parameter(f"level_{k + 1}", "N*m", plausible=LEVEL_RANGE) for k in range(SIZE))
+    given_shapes = (
+        Parameter("curve_start", "rad", default=-1.0, description="q_a", plausible=END_RANGE),
+        Parameter("curve_end", "rad", default=1.0, description="q_b > q_a", plausible=END_RANGE),
+    )
+    signature = Signature(x="position", split="direction", look_for="one curve for both directions of motion")
+
+    def obstacle(self, context: Context) -> str:
+        """Needs positions to span."""
+        if context.position_span[1] - context.position_span[0] < 1e-3:
+            return "the joint does not move far enough to show a curve over the position"
+        return super().obstacle(context)
+
+    def shape_grid(self, context: Context) -> list[dict[str, float]]:
+        """The recorded positions."""
+        return [{"curve_start": context.position_span[0], "curve_end": context.position_span[1]}]
+
+    def inconsistency(self, parameters: Mapping[str, float], context: Context) -> str:
+        """The curve has a range to lie over."""
+        start, end = parameters["curve_start"], parameters["curve_end"]
+        return "" if end > start else f"The curve ends at {end:.3g} rad, before it starts at {start:.3g} rad."
+
+    def columns(self, signals: Signals, shape: Shape) -> FloatArray:
+        """B (T, 7): see the class."""
+        width = (np.asarray(shape["curve_end"]) - shape["curve_start"]) / INTERVALS
+        place = np.clip((signals.position - shape["curve_start"]) / width, 0.0, INTERVALS)
+        interval = np.minimum(place.astype(np.int64), INTERVALS - 1)
+        u = place - interval
+        u2, u3 = u * u, u * u * u
+        pieces = ((1.0 - u) ** 3, 3.0 * u3 - 6.0 * u2 + 4.0, 3.0 * (u + u2 - u3) + 1.0, u3)
+        out = np.zeros((len(signals), SIZE))
+        rows = np.arange(len(signals))
+        for k, piece in enumerate(pieces):
+            out[rows, interval + k] = piece / 6.0
+        return out
+
+    def kernel(self, parameters: Mapping[str, float]) -> TorqueKernel:
+        """The same at one instant: one cubic an interval, by Horner's rule."""
+        levels = np.array([parameters[p.name] for p in self.coefficients])
+        cubics = [tuple(map(float, levels[i : i + 4] @ _PIECES)) for i in range(INTERVALS)]
+        start = parameters["curve_start"]
+        per_rad = INTERVALS / (parameters["curve_end"] - start)
+
+        def parts(q: float, v: float, direction: float, tau: float, celsius: float, hysteresis: float) -> TorqueParts:
+            place = min(max((q - start) * per_rad, 0.0), float(INTERVALS))
+            interval = min(int(place), INTERVALS - 1)
+            a, b, c, d = cubics[interval]
+            u = place - interval
+            return 0.0, 0.0, a + u * (b + u * (c + u * d))
+
+        return parts
