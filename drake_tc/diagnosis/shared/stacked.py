@@ -6,8 +6,14 @@ z_j = tau_meas + J qddot and X_j are those of the joint's own regression (`drake
 causes' columns through the same filters. Parameters with a tolerance t_i have the prior delta_i ~ N(0, t_i^2), cut off at
 three of them; the others have none. The estimate is the posterior's mode,
 
-    min  sum_j w_j |z_j - X_j beta_j - C_j delta|^2 + sum_i delta_i^2/t_i^2   with |delta_i| <= 3 t_i
-    w_j = (n_j/N_j)/sigma_j^2
+    min  sum_j n_j log(|e_j|^2/K_j^-2) + sum_i delta_i^2/t_i^2   with |delta_i| <= 3 t_i
+
+e_j(delta) is what the joint's own least squares leave, and 1/K_j(delta) its first coefficient: residuals count in effort,
+by the drive gain of the fit itself. In torque, delta that shrink all torques together, and the drive gains' inverses with
+them, would shrink the residual too and be taken for an explanation. It is solved by Gauss-Newton steps: with C~_j what X_j
+leaves of C_j and g_j = -d log(1/K_j)/d delta,
+
+    sum_j w_j (C~_j - e_j g_j')' (C~_j - e_j g_j') + diag(1/t_i^2),   w_j = (n_j/N_j)/sigma_j^2
 
 N_j rows that are correlated in time say as much as n_j independent ones (N_j over their integrated autocorrelation time:
 the variance of a mean of N correlated values is sigma^2/n): without n_j/N_j the prior would be overruled by noise that the
@@ -27,8 +33,8 @@ from drake_tc.diagnosis.shared.causes import CauseColumns
 from drake_tc.diagnosis.sliding import BLOCK_SECONDS
 from drake_tc.types import FloatArray, IntArray
 
-ROUNDS = 3
-"""Of weighting: the noise of each joint follows from the fit."""
+ROUNDS = 4
+"""Of weighting and Gauss-Newton steps: the noise of each joint follows from the fit."""
 LEAST_STIFFNESS = 0.2
 """Of a joint's own fit: causes that take more of 1/K away have explained the torque itself away."""
 LEAST_NOISE = 1e-6
@@ -133,12 +139,13 @@ def _over_samples(samples: Samples, joint: str, causes: CauseColumns) -> FloatAr
 
 @dataclass(frozen=True, eq=False)
 class _Problem:
-    """Which causes are fitted, and what the rows weigh."""
+    """Which causes are fitted, what the rows weigh, and where the next step starts."""
 
     columns: IntArray
     tolerance: FloatArray
     sigma: FloatArray
     effective: FloatArray
+    delta: FloatArray
 
 
 def fit_stacked(
@@ -162,10 +169,12 @@ def fit_stacked(
     alone = np.array([_rms(r, beta, nobody, np.zeros(0)) for r, beta in zip(rows, own, strict=True)])
     prior = np.full(columns.size, np.inf) if tolerance is None else tolerance
     start = np.ones(len(rows)) if effective is None else effective
-    result = _fit(rows, _Problem(columns, prior, alone if sigma is None else sigma, start))
+    zero = np.zeros(columns.size)
+    result = _fit(rows, _Problem(columns, prior, alone if sigma is None else sigma, start, zero))
     for _ in range(ROUNDS - 1 if columns.size else 0):
         share = effective_rows(rows, result) / _counts(rows) if effective is None else effective
-        result = _fit(rows, _Problem(columns, prior, np.maximum(result.sigma, LEAST_NOISE * alone), share))
+        noise = np.maximum(result.sigma, LEAST_NOISE * alone)
+        result = _fit(rows, _Problem(columns, prior, noise, share, result.delta))
     least = LEAST_STIFFNESS * np.array([beta[0] for beta in own])
     gone = np.array([beta[0] for beta in result.beta]) < least
     return replace(result, cv_rms=np.where(gone, np.inf, result.cv_rms))
@@ -176,15 +185,15 @@ def _counts(rows: Sequence[JointRows]) -> FloatArray:
 
 
 def _fit(rows: Sequence[JointRows], problem: _Problem) -> StackedFit:
-    columns = problem.columns
+    columns, widths = problem.columns, [r.width for r in rows]
     totals = [_kept(r, columns) for r in rows]
-    delta = _solve_delta(totals, [r.width for r in rows], problem)
+    delta = _solve_delta(totals, widths, problem)
     beta = tuple(_own(r, g, delta) for r, g in zip(rows, totals, strict=True))
     held = np.zeros(len(rows))
     for f in range(FOLDS):
         parts = [_kept(r, columns, f) for r in rows]
         rest = [g - p for g, p in zip(totals, parts, strict=True)]
-        without = _solve_delta(rest, [r.width for r in rows], problem)
+        without = _solve_delta(rest, widths, replace(problem, delta=delta))
         for j, (r, g, p) in enumerate(zip(rows, rest, parts, strict=True)):
             v = np.concatenate([_own(r, g, without), without, [-1.0]])
             held[j] += max(float(v @ p @ v), 0.0)
@@ -212,17 +221,23 @@ def inverse(gram: FloatArray) -> FloatArray:
 
 
 def _solve_delta(grams: Sequence[FloatArray], widths: Sequence[int], problem: _Problem) -> FloatArray:
-    """(p,) from the sum over the joints of what their own columns leave, and the prior."""
+    """(p,) after one Gauss-Newton step from the problem's delta, over all joints and the prior."""
     p = problem.columns.size
     if p == 0:
         return np.zeros(0)
     left, right = np.diag(1.0 / problem.tolerance**2), np.zeros(p)
     weights = problem.effective / problem.sigma**2
+    seen = np.concatenate([-problem.delta, [1.0]])
     for gram, k, weight in zip(grams, widths, weights, strict=True):
-        project = gram[k:, :k] @ inverse(gram[:k, :k]) @ gram[:k, k:]
-        rest = weight * (gram[k:, k:] - project)
-        left += rest[:p, :p]
-        right += rest[:p, p]
+        response = inverse(gram[:k, :k]) @ gram[:k, k:]
+        rest = gram[k:, k:] - gram[k:, :k] @ response
+        stiffness = max(float(response[0] @ seen), 1e-9)
+        change = np.append(response[0, :p] / stiffness, 0.0)[:, None]
+        error, size = (rest @ seen)[:, None], float(seen @ rest @ seen)
+        effort = rest - error @ change.T - change @ error.T + size * change @ change.T
+        left += weight * effort[:p, :p]
+        step = (error - size * change)[:p, 0]
+        right += weight * (step + effort[:p, :p] @ problem.delta)
     return _cut_off(left, right, CUT_OFF * problem.tolerance)
 
 
