@@ -54,6 +54,11 @@ class Cause:
         return f"{self.id}@{self.where}"
 
     @property
+    def scales(self) -> bool:
+        """Whether it scales readings or the model; a bias adds to them."""
+        return self.id not in ("ft_bias", "imu_bias")
+
+    @property
     def size(self) -> int:
         """Number of parameters."""
         return len(self.parameters)

@@ -9,7 +9,9 @@ the score of half second b over all joints, sum_j w_j D_j' e_j over its rows:
 The joints share the sensors' noise: what happens within one half second, on whichever joints, counts as one observation (a
 sandwich; Cameron and Miller 2015, section II), and neighbouring half seconds are correlated too (Newey and West 1987).
 Parameters with a prior deviate from the estimate because of noise, and because the prior draws them towards 0: that is
-the second term. Where the weights w_j are right, M is H less the prior, and the covariance is the posterior's, H^-1.
+the second term. Where the weights w_j are right, M is H less the prior, and the covariance is the posterior's, H^-1. From
+some tens of half seconds M scatters, and comes out too small where noise is correlated over more than one of them: no
+standard deviation is taken to be smaller than the posterior's.
 Quantiles are those of Student's t with the degrees of freedom of Bartlett's kernel, 1.5 B/(L + 1), or B - f if smaller.
 """
 
@@ -21,7 +23,7 @@ from scipy.stats import t as student
 from drake_tc.diagnosis.shared.stacked import JointRows, StackedFit, inverse
 from drake_tc.types import FloatArray
 
-LAGS = 2
+LAGS = 3
 """L: half seconds over which scores are taken to be correlated; that of reversals, of motions of 0.3 to 1 Hz."""
 
 
@@ -40,7 +42,8 @@ def covariance(rows: Sequence[JointRows], fitted: StackedFit) -> tuple[FloatArra
         shared = r.shared[:, fitted.columns]
         response = own_response(r, fitted)
         residual = fitted.residual(r, j)[:, None]
-        rest = shared - r.own @ response - residual * response[:1] / max(float(fitted.beta[j][0]), 1e-9)
+        change = r.scales(fitted.columns) * response[0] / max(float(fitted.beta[j][0]), 1e-9)
+        rest = shared - r.own @ response - residual * change
         weight = fitted.effective[j] / fitted.sigma[j] ** 2
         bread += weight * rest.T @ rest
         each = weight * rest * residual
@@ -50,7 +53,10 @@ def covariance(rows: Sequence[JointRows], fitted: StackedFit) -> tuple[FloatArra
     used = int(np.any(scores != 0.0, axis=1).sum())
     left = max(used - float(np.trace(inner @ bread)), 1.0)
     meat = _long_run(scores) * used / left
-    return np.asarray(inner @ (meat + prior) @ inner), max(min(left, 1.5 * used / (LAGS + 1)), 1.0)
+    spread = inner @ (meat + prior) @ inner
+    own = np.maximum(np.diag(spread), 1e-300)
+    scale = np.sqrt(np.maximum(np.diag(inner) / own, 1.0))
+    return np.asarray(spread * np.outer(scale, scale)), max(min(left, 1.5 * used / (LAGS + 1)), 1.0)
 
 
 def _long_run(scores: FloatArray) -> FloatArray:

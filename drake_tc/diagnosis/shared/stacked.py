@@ -8,12 +8,14 @@ three of them; the others have none. The estimate is the posterior's mode,
 
     min  sum_j n_j log(|e_j|^2/K_j^-2) + sum_i delta_i^2/t_i^2   with |delta_i| <= 3 t_i
 
-e_j(delta) is what the joint's own least squares leave, and 1/K_j(delta) its first coefficient: residuals count in effort,
-by the drive gain of the fit itself. In torque, delta that shrink all torques together, and the drive gains' inverses with
-them, would shrink the residual too and be taken for an explanation. It is solved by Gauss-Newton steps: with C~_j what X_j
-leaves of C_j and g_j = -d log(1/K_j)/d delta,
+e_j(delta) is what the joint's own least squares leave. K_j^-1(delta) is its first coefficient as a function of those delta
+that scale readings or the model (gains, alignments, masses), so that these residuals count in effort, by the drive gain of
+the fit itself. In torque, such delta could shrink all torques together, and the drive gains' inverses with them: the
+residual would shrink too, which explains nothing. (These columns hold the noise of z itself. Biases' columns hold none and
+stay as they are. The others' own noise is neglected: an error of g_j sigma_j^2/|C~_j|^2, some 1e-3 of a delta.) It is
+solved by Gauss-Newton steps: with C~_j what X_j leaves of C_j and g_j = -d log(1/K_j)/d delta,
 
-    sum_j w_j (C~_j - e_j g_j')' (C~_j - e_j g_j') + diag(1/t_i^2),   w_j = (n_j/N_j)/sigma_j^2
+    H = sum_j w_j (C~_j - e_j g_j')' (C~_j - e_j g_j') + diag(1/t_i^2),   w_j = (n_j/N_j)/sigma_j^2
 
 N_j rows that are correlated in time say as much as n_j independent ones (N_j over their integrated autocorrelation time:
 the variance of a mean of N correlated values is sigma^2/n): without n_j/N_j the prior would be overruled by noise that the
@@ -31,7 +33,7 @@ from drake_tc.diagnosis.evidence import effective_samples
 from drake_tc.diagnosis.samples import Samples
 from drake_tc.diagnosis.shared.causes import CauseColumns
 from drake_tc.diagnosis.sliding import BLOCK_SECONDS
-from drake_tc.types import FloatArray, IntArray
+from drake_tc.types import BoolArray, FloatArray, IntArray
 
 ROUNDS = 4
 """Of weighting and Gauss-Newton steps: the noise of each joint follows from the fit."""
@@ -53,6 +55,7 @@ class JointRows:
         own: (N, k) X. shared: (N, P) C of all causes. target: (N,) z.
         block: (N,) half seconds, numbered alike for all joints.
         grams: (FOLDS, m, m) of [X, C, z] by fold, m = k + P + 1.
+        scaling: (P,) columns that scale what z is made of; None: all.
     """
 
     joint: str
@@ -62,6 +65,11 @@ class JointRows:
     target: FloatArray
     block: IntArray
     grams: FloatArray
+    scaling: BoolArray | None = None
+
+    def scales(self, columns: IntArray) -> FloatArray:
+        """(p,) 1.0 where these columns scale what z is made of, else 0.0."""
+        return np.ones(columns.size) if self.scaling is None else self.scaling[columns].astype(np.float64)
 
     @property
     def width(self) -> int:
@@ -115,6 +123,7 @@ def stack(
     """
     keys = {joint: _block_keys(c.samples) for joint, c in columns.items()}
     known = np.unique(np.concatenate(list(keys.values())))
+    scaling = np.concatenate([np.full(c.size, c.scales) for c in causes.causes])
     stacked = []
     for joint, each in columns.items():
         shared = each.samples.reduce(_over_samples(each.samples, joint, causes), fresh=True)
@@ -123,7 +132,7 @@ def stack(
         fold = (block // 2) % FOLDS
         every = np.column_stack([own, shared, each.target])
         grams = np.stack([every[fold == f].T @ every[fold == f] for f in range(FOLDS)])
-        stacked.append(JointRows(joint, each.samples, own, shared, each.target, block, grams))
+        stacked.append(JointRows(joint, each.samples, own, shared, each.target, block, grams, scaling))
     return tuple(stacked)
 
 
@@ -187,13 +196,13 @@ def _counts(rows: Sequence[JointRows]) -> FloatArray:
 def _fit(rows: Sequence[JointRows], problem: _Problem) -> StackedFit:
     columns, widths = problem.columns, [r.width for r in rows]
     totals = [_kept(r, columns) for r in rows]
-    delta = _solve_delta(totals, widths, problem)
+    delta = _solve_delta(totals, widths, problem, rows[0].scales(columns))
     beta = tuple(_own(r, g, delta) for r, g in zip(rows, totals, strict=True))
     held = np.zeros(len(rows))
     for f in range(FOLDS):
         parts = [_kept(r, columns, f) for r in rows]
         rest = [g - p for g, p in zip(totals, parts, strict=True)]
-        without = _solve_delta(rest, widths, replace(problem, delta=delta))
+        without = _solve_delta(rest, widths, replace(problem, delta=delta), rows[0].scales(columns))
         for j, (r, g, p) in enumerate(zip(rows, rest, parts, strict=True)):
             v = np.concatenate([_own(r, g, without), without, [-1.0]])
             held[j] += max(float(v @ p @ v), 0.0)
@@ -220,7 +229,9 @@ def inverse(gram: FloatArray) -> FloatArray:
     )
 
 
-def _solve_delta(grams: Sequence[FloatArray], widths: Sequence[int], problem: _Problem) -> FloatArray:
+def _solve_delta(
+    grams: Sequence[FloatArray], widths: Sequence[int], problem: _Problem, scales: FloatArray
+) -> FloatArray:
     """(p,) after one Gauss-Newton step from the problem's delta, over all joints and the prior."""
     p = problem.columns.size
     if p == 0:
@@ -232,7 +243,7 @@ def _solve_delta(grams: Sequence[FloatArray], widths: Sequence[int], problem: _P
         response = inverse(gram[:k, :k]) @ gram[:k, k:]
         rest = gram[k:, k:] - gram[k:, :k] @ response
         stiffness = max(float(response[0] @ seen), 1e-9)
-        change = np.append(response[0, :p] / stiffness, 0.0)[:, None]
+        change = np.append(scales * response[0, :p] / stiffness, 0.0)[:, None]
         error, size = (rest @ seen)[:, None], float(seen @ rest @ seen)
         effort = rest - error @ change.T - change @ error.T + size * change @ change.T
         left += weight * effort[:p, :p]
