@@ -31,7 +31,14 @@ from drake_tc.logs.loads import Load, Pendulum, RobotLoad
 from drake_tc.logs.rig_fields import Declared, DriveKind
 from drake_tc.logs.rig_robot import check_robot_load, parse_robot, robot_joints
 from drake_tc.logs.rig_sensors import parse_sensors, sensors_entry
-from drake_tc.logs.sensors import JointSensors, Tolerance, typical
+from drake_tc.logs.sensors import (
+    FORCE_TORQUE_PARTS,
+    IMU_PARTS,
+    ForceTorqueTolerance,
+    ImuTolerance,
+    JointSensors,
+    Tolerance,
+)
 
 _KEYS = (
     *("joint", "joints", "robot", "drive", "columns", "units", "load", "declared", "enabled", "saturation"),
@@ -61,7 +68,7 @@ class Rig:
         source: The file it came from, or None.
         robot: The robot file whose model gives the loads, or None.
         sensors: Declared noise by joint; see `joint_sensors`.
-        tolerances: Declared tolerances by the sensor's column name (`ft_foot`, `imu_trunk`); see `tolerance`.
+        tolerances: Declared tolerances by the sensor's column name (`ft_foot`, `imu_trunk`).
     """
 
     joints: tuple[str, ...]
@@ -81,9 +88,15 @@ class Rig:
         """What is declared of the joint's own channels; all None where nothing is."""
         return self.sensors.get(joint, JointSensors())
 
-    def tolerance(self, column: str) -> Tolerance:
-        """The tolerance of a robot's sensor, by its column name; a typical sensor's where none is declared."""
-        return self.tolerances.get(column, typical(column))
+    def force_torque_tolerance(self, name: str) -> ForceTorqueTolerance:
+        """The tolerance of the robot's F/T sensor `name`; a typical sensor's where none is declared."""
+        found = self.tolerances.get(f"ft_{name}")
+        return found if isinstance(found, ForceTorqueTolerance) else FORCE_TORQUE_PARTS["typical"]
+
+    def imu_tolerance(self, name: str) -> ImuTolerance:
+        """The tolerance of the robot's IMU `name`; a typical one's where none is declared."""
+        found = self.tolerances.get(f"imu_{name}")
+        return found if isinstance(found, ImuTolerance) else IMU_PARTS["typical"]
 
     def command_column(self, joint: str) -> str:
         """Canonical name of the drive's command: `<joint>/position_command`, `/current` or `/voltage`."""

@@ -34,8 +34,8 @@ def robot_rig(folder, sensors, **more):
 def test_nothing_is_declared_by_default():
     rig = parse_rig(BASE)
     assert rig.joint_sensors("knee") == JointSensors()
-    assert rig.tolerance("ft_foot") == FORCE_TORQUE_PARTS["typical"]
-    assert rig.tolerance("imu_trunk") == IMU_PARTS["typical"]
+    assert rig.force_torque_tolerance("foot") == FORCE_TORQUE_PARTS["typical"]
+    assert rig.imu_tolerance("trunk") == IMU_PARTS["typical"]
 
 
 def test_plain_numbers_are_si_and_texts_name_their_unit():
@@ -60,9 +60,9 @@ def test_tolerances_fill_up_from_the_part_or_a_typical_one(tmp_path):
     sensors = {"ft_foot": {"bias": ["2 N", "50 mN*m"], "gain": "1 %"}, "imu_trunk": {"part": "MPU-6050", "gain": 0.0}}
     rig = robot_rig(tmp_path, sensors)
     usual = typical("ft_foot")
-    assert rig.tolerance("ft_foot") == ForceTorqueTolerance(2.0, 0.05, 0.01, usual.alignment)
+    assert rig.force_torque_tolerance("foot") == ForceTorqueTolerance(2.0, 0.05, 0.01, usual.alignment)
     part = IMU_PARTS["mpu_6050"]
-    assert rig.tolerance("imu_trunk") == ImuTolerance(part.accel_bias, part.gyro_bias, 0.0, part.alignment)
+    assert rig.imu_tolerance("trunk") == ImuTolerance(part.accel_bias, part.gyro_bias, 0.0, part.alignment)
 
 
 def test_every_part_is_a_plausible_sensor():

@@ -8,7 +8,10 @@ With tau_meas what the robot's model makes of its sensors and tau the truth,
     link_com      the same of the centre of mass, at the same mass and inertia about it (first order) [m]
     ft_bias       W_meas = W + b [N, N m]
     ft_gain       W_meas = (1 + s) W, one s for the forces and one for the torques; delta = s/(1 + s)
+    ft_alignment  f_meas = f + r x f, t_meas = t + r x t (first order in r) [rad]
     imu_bias      gyro_meas = gyro + b_g, accel_meas = accel + b_a (first order in b_g) [rad/s, m/s^2]
+    imu_gain      accel_meas = (1 + s) accel; delta = s/(1 + s)
+    imu_alignment gyro_meas = gyro + r x gyro, accel_meas = accel + r x accel (first order in r) [rad]
 
 of a link of mass m, centre of mass c and inertia I about its origin O, which moves with omega, alpha and the proper
 acceleration a of O, the force and moment at O that it needs are
@@ -95,6 +98,12 @@ def gain_columns(reading: FloatArray, wrench: FloatArray) -> FloatArray:
     return np.stack([each[:, :, :3].sum(axis=2), each[:, :, 3:].sum(axis=2)], axis=2)
 
 
+def alignment_columns(reading: FloatArray, wrench: FloatArray) -> FloatArray:
+    """(T, n, 3) [N m/rad] of a sensor that is turned about its own axes, from `reading_columns` and its readings."""
+    turned = np.concatenate([-skew(wrench[:, :3]), -skew(wrench[:, 3:])], axis=1)
+    return np.asarray(np.einsum("tjp,tpr->tjr", reading, turned))
+
+
 def accelerometer_columns(motion: BodyMotion, structure: Structure, slides: BoolArray) -> FloatArray:
     """(T, n, 3) [N m/(m/s^2)], by the IMU's axes: as if all links fell that much slower."""
     total = np.zeros((*motion.axis.shape[:2], 3))
@@ -114,10 +123,10 @@ def motion_torque(motion: BodyMotion, structure: Structure, slides: BoolArray) -
 
 
 def gyro_columns(at: Callable[[FloatArray], BodyMotion], structure: Structure, slides: BoolArray) -> FloatArray:
-    """(T, n, 3) [N m/(rad/s)], by forward differences.
+    """(T, n, 3) by forward differences of 1e-4: [N m/(rad/s)] of the gyro's bias, [N m/rad] of the IMU's alignment.
 
     Args:
-        at: The motion with an offset (3,) [rad/s] on the gyro.
+        at: The motion with an offset (3,) on the gyro [rad/s], or with the IMU turned by that much [rad].
         structure: Links.
         slides: (n,) prismatic joints.
     """

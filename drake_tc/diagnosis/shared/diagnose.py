@@ -1,10 +1,13 @@
 """`close-loop` of a rig whose loads come from a robot's model: shared causes first, then each joint's own.
 
 1. All joints together, with the declared models: which causes that no single joint owns are missing (`selection`).
-2. Each joint by itself, on loads without them (`diagnose_joint`).
-3. The rival: no shared cause, each joint left to explain its own part. It stands when all joints together fit
+   Errors of sensors within their tolerances are estimated along (`stacked`).
+2. Each joint by itself, on loads without all of these (`diagnose_joint`).
+3. The alternative: no shared cause, each joint left to explain its own part. It stands when all joints together fit
    better that way.
 4. The shared causes anew, beside the effects that the joints were found to have: those no longer real go.
+
+The model before is that of step 1 with no cause named: its loads are those without the sensors' errors within tolerance.
 """
 
 from collections.abc import Mapping, Sequence
@@ -15,20 +18,22 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from drake_tc.diagnosis.close_loop import DiagnosisOptions, diagnose_joint
-from drake_tc.diagnosis.design import Columns, Term
+from drake_tc.diagnosis.design import Term
 from drake_tc.diagnosis.evidence import effective_samples
 from drake_tc.diagnosis.prepared import Prepared, prepare_joint
 from drake_tc.diagnosis.result import JointResult, SharedEffect
 from drake_tc.diagnosis.search import Progress, Search, candidates, search
 from drake_tc.diagnosis.shared.causes import CauseColumns, columns_over
 from drake_tc.diagnosis.shared.correction import corrected
-from drake_tc.diagnosis.shared.outcome import original_baseline, shared_effects
-from drake_tc.diagnosis.shared.selection import SharedOptions, SharedSearch, select
-from drake_tc.diagnosis.shared.stacked import StackedFit, stack
+from drake_tc.diagnosis.shared.outcome import both_sides, original_baseline, shared_effects, with_shared_uncertainty
+from drake_tc.diagnosis.shared.selection import SharedOptions, SharedSearch, active, select, select_among
+from drake_tc.diagnosis.shared.stacked import StackedFit, fit_stacked, stack
+from drake_tc.diagnosis.shared.widening import robot_gains
 from drake_tc.effects.library import LIBRARY
 from drake_tc.estimation.robot_loads import RobotLogs, with_robot_loads
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
+from drake_tc.types import FloatArray
 
 
 @dataclass(frozen=True)
@@ -36,16 +41,19 @@ class RobotResult:
     """What was found on a robot.
 
     Attributes:
-        joints: By name; errors and models "before" are those of the loads as the robot's model gives them.
-        shared: Causes that no single joint owns.
-        held: Held-out runs with loads as the robot's model gives them.
+        joints: By name; errors and models "before" are those of loads without the sensors' errors within tolerance.
+        shared: Causes that no single joint owns, by held-out gain.
+        held: Held-out runs with the loads of the model before.
         held_after: The same without the shared causes.
+        robot_gains: (joint, effect key) to the effect's held-out gain of the whole robot, which compares with
+            `SharedEffect.heldout_gain`.
     """
 
     joints: Mapping[str, JointResult]
     shared: tuple[SharedEffect, ...]
     held: Sequence[Run] = field(default=())
     held_after: Sequence[Run] = field(default=())
+    robot_gains: Mapping[tuple[str, str], float] = field(default_factory=dict)
 
 
 LEAST_REMOVED = 1.0
@@ -126,25 +134,40 @@ def diagnose_robot(
     progress("what all joints share", 0.0)
     least = max(options.search.least_removed, LEAST_REMOVED)
     options = replace(options, search=replace(options.search, least_removed=least))
-    case = _Case(train, held, rig, columns_over(logs, [*train, *held]), options, progress, executor)
-    prepared = {joint: prepare_joint(train, held, rig, joint) for joint in rig.joints}
+    case = _Case(train, held, rig, columns_over(logs, [*train, *held], rig), options, progress, executor)
+    raw = {joint: prepare_joint(train, held, rig, joint) for joint in rig.joints}
     thresholds = shared_options or SharedOptions()
-    found = _search(case, prepared, thresholds)
-    if not found.chosen:
-        return RobotResult(case.diagnose(train, held, rig.joints), (), held, held)
-    after = case.without(found.fit)
-    touched = _touched(found, rig.joints)
-    if _evidence(case, prepared, after, touched, found) <= 0.0:
-        return RobotResult(case.diagnose(train, held, rig.joints), (), held, held)
-    return _settled(case, prepared, found, case.diagnose(*after, rig.joints), thresholds)
+    found = _search(case, raw, thresholds)
+    before = case.without(found.baseline)
+    prepared = {joint: prepare_joint(*before, rig, joint) for joint in rig.joints}
+    if found.chosen and _evidence(case, prepared, found) <= 0.0:
+        found = SharedSearch((), found.baseline, found.baseline, ())
+    return _settled(case, _Before(raw, prepared, found.baseline, before[1]), found, thresholds)
 
 
-def _search(case: _Case, prepared: Mapping[str, Prepared], options: SharedOptions) -> SharedSearch:
-    rows = stack(
-        {joint: p.train for joint, p in prepared.items()}, {j: p.terms for j, p in prepared.items()}, case.causes
-    )
-    floor = np.array([p.floor for p in prepared.values()])
-    return select(rows, case.causes.causes, floor, options)
+@dataclass(frozen=True, eq=False)
+class _Before:
+    """The model before.
+
+    Attributes:
+        raw: Joints with loads as the robot's model gives them. prepared: ... without the sensors' errors within tolerance.
+        fitted: All joints with no cause named. held: Held-out runs of its loads.
+    """
+
+    raw: Mapping[str, Prepared]
+    prepared: Mapping[str, Prepared]
+    fitted: StackedFit
+    held: Sequence[Run]
+
+    @property
+    def floor(self) -> FloatArray:
+        """(n,) noise floors [effort]."""
+        return np.array([p.floor for p in self.raw.values()])
+
+
+def _search(case: _Case, raw: Mapping[str, Prepared], options: SharedOptions) -> SharedSearch:
+    rows = stack({joint: p.train for joint, p in raw.items()}, {j: p.terms for j, p in raw.items()}, case.causes)
+    return select(rows, case.causes.causes, np.array([p.floor for p in raw.values()]), options)
 
 
 def _touched(found: SharedSearch, joints: Sequence[str]) -> list[str]:
@@ -153,26 +176,21 @@ def _touched(found: SharedSearch, joints: Sequence[str]) -> list[str]:
     return [joint for joint, each in zip(joints, change, strict=True) if each > 0.01]
 
 
-def _evidence(
-    case: _Case,
-    prepared: Mapping[str, Prepared],
-    after: tuple[Sequence[Run], Sequence[Run]],
-    joints: Sequence[str],
-    found: SharedSearch,
-) -> float:
-    """Nats for the shared causes against joints that explain their part alone, parameters paid."""
-    nats, rows, size = 0.0, 0.0, found.fit.delta.size
-    for joint in joints:
+def _evidence(case: _Case, prepared: Mapping[str, Prepared], found: SharedSearch) -> float:
+    """Log evidence for the shared causes against joints that explain their part alone, parameters paid."""
+    evidence, rows, size = 0.0, 0.0, sum(c.size for c in found.chosen)
+    after = case.without(found.fit)
+    for joint in _touched(found, case.rig.joints):
         case.progress(f"{joint}: alone or shared", 0.0)
         alone = _own_search(case, prepared[joint])
         mended = prepare_joint(*after, case.rig, joint)
         mine = _own_search(case, mended)
         count = effective_samples(mine.chosen.residual, mended.train.samples)
         errors = [_own_error(alone, prepared[joint]), _own_error(mine, mended)]
-        nats += count * float(np.log(errors[0] / errors[1]))
+        evidence += count * float(np.log(errors[0] / errors[1]))
         rows += count
         size += mine.chosen.size - alone.chosen.size
-    return nats - 0.5 * size * float(np.log(max(rows, 2.0)))
+    return evidence - 0.5 * size * float(np.log(max(rows, 2.0)))
 
 
 def _own_error(found: Search, prepared: Prepared) -> float:
@@ -186,37 +204,35 @@ def _own_search(case: _Case, prepared: Prepared) -> Search:
     return search(prepared.train, prepared.terms, usable, prepared.context, prepared.floor, case.options.search)
 
 
-def _settled(
-    case: _Case,
-    prepared: Mapping[str, Prepared],
-    found: SharedSearch,
-    joints: Mapping[str, JointResult],
-    options: SharedOptions,
-) -> RobotResult:
+def _settled(case: _Case, before: _Before, found: SharedSearch, options: SharedOptions) -> RobotResult:
     """Causes and coefficients beside the joints' own effects; joints that have some are diagnosed anew on such loads.
 
     A cause that is no longer real beside them was their imperfect form, and goes.
     """
-    own = [joint for joint, result in joints.items() if result.effects]
-    made = dict(joints)
-    fitted = found.fit
+    joints = case.rig.joints
+    made = case.diagnose(*case.without(found.fit), joints)
+    own = [joint for joint, result in made.items() if result.effects]
     if own:
-        rows = stack(_columns(prepared, made), _terms(made), case.causes)
-        floor = np.array([p.floor for p in prepared.values()])
-        found = select(rows, found.chosen, floor, options)
-        if not found.chosen:
-            return RobotResult(case.diagnose(case.train, case.held, case.rig.joints), (), case.held, case.held)
-        fitted = found.fit
-        made |= case.diagnose(*case.without(fitted), own)
-    after = case.without(fitted)
-    shared = shared_effects(prepared, _terms(made), case.causes, found)
-    results = {joint: original_baseline(made[joint], prepared[joint]) for joint in case.rig.joints}
-    return RobotResult(results, shared, case.held, after[1])
+        rows = stack({j: p.train for j, p in before.raw.items()}, _terms(made), case.causes)
+        kept = select_among(rows, case.causes.causes, found.chosen, before.floor, options)
+        again = own if len(kept.chosen) == len(found.chosen) else joints
+        found = kept
+        made |= case.diagnose(*case.without(found.fit), again)
+    train, held = both_sides(before.raw, _terms(made), case.causes)
+    fitted = fit_stacked(train, *active(case.causes.causes, found.chosen))
+    results = {joint: original_baseline(made[joint], before.prepared[joint]) for joint in joints}
+    declared = stack(
+        {j: p.train for j, p in before.raw.items()}, {j: p.terms for j, p in before.raw.items()}, case.causes
+    )
+    results = with_shared_uncertainty(results, (declared, before.fitted), (train, fitted))
+    return RobotResult(
+        joints=results,
+        shared=shared_effects(train, held, case.causes, found.chosen, found.ties),
+        held=before.held,
+        held_after=case.without(found.fit)[1],
+        robot_gains=robot_gains(results, dict(zip(joints, map(float, fitted.sigma), strict=True))),
+    )
 
 
 def _terms(joints: Mapping[str, JointResult]) -> dict[str, Sequence[Term]]:
     return {joint: result.final.terms for joint, result in joints.items()}
-
-
-def _columns(prepared: Mapping[str, Prepared], joints: Mapping[str, JointResult]) -> dict[str, Columns]:
-    return {joint: prepared[joint].train for joint in joints}

@@ -11,15 +11,17 @@ from drake_tc.diagnosis.prepared import Prepared
 from drake_tc.diagnosis.result import DataSplit, Errors, Estimate, JointResult, SharedEffect
 from drake_tc.diagnosis.search import refine
 from drake_tc.diagnosis.shared.causes import TITLES, Cause, CauseColumns
-from drake_tc.diagnosis.shared.selection import SharedSearch, columns_of
-from drake_tc.diagnosis.shared.stacked import JointRows, StackedFit, fit_stacked, intervals, stack
+from drake_tc.diagnosis.shared.covariance import covariance, intervals, own_response
+from drake_tc.diagnosis.shared.selection import active
+from drake_tc.diagnosis.shared.stacked import JointRows, StackedFit, fit_stacked, stack
+from drake_tc.diagnosis.shared.widening import widened
 from drake_tc.types import FloatArray
 
 RESAMPLES = 400
 
 
 def original_baseline(result: JointResult, prepared: Prepared) -> JointResult:
-    """The joint's result with the declared model, and its errors, of the loads as the robot's model gives them."""
+    """The joint's result with the declared model, and its errors, of loads without any effect that was found."""
     declared = refine(prepared.train, fit(prepared.train, prepared.terms))
     held = predict(prepared.held, declared)
     sides = (
@@ -43,30 +45,31 @@ def _with_before(split: DataSplit, residual: FloatArray) -> DataSplit:
 
 
 def shared_effects(
-    prepared: Mapping[str, Prepared],
-    terms: Mapping[str, Sequence[Term]],
+    train: Sequence[JointRows],
+    held: Sequence[JointRows],
     causes: CauseColumns,
-    found: SharedSearch,
+    chosen: Sequence[Cause],
+    ties: Sequence[Sequence[Cause]],
 ) -> tuple[SharedEffect, ...]:
     """The causes found, with all effects of the joints beside them.
 
     Args:
-        prepared: Both sides of every joint.
-        terms: Each joint's final model.
+        train, held: Rows of both sides, with each joint's final model.
         causes: Columns.
-        found: The selection.
+        chosen: Causes found.
+        ties: By chosen cause, those that do as well in its place.
     """
-    train = stack({joint: p.train for joint, p in prepared.items()}, terms, causes)
-    held = stack({joint: p.held for joint, p in prepared.items()}, terms, causes)
-    fitted = fit_stacked(train, columns_of(found.chosen))
+    if not chosen:
+        return ()
+    fitted = fit_stacked(train, *active(causes.causes, chosen))
     half = intervals(train, fitted)
     out = []
     at = 0
-    for number, cause in enumerate(found.chosen):
+    for number, cause in enumerate(chosen):
         part = slice(at, at + cause.size)
         at += cause.size
-        others = [c for c in found.chosen if c is not cause]
-        without = fit_stacked(train, columns_of(others))
+        others = [c for c in chosen if c is not cause]
+        without = fit_stacked(train, *active(causes.causes, others))
         gain, stability, by_joint = _on_held(held, fitted, without)
         out.append(
             SharedEffect(
@@ -77,10 +80,47 @@ def shared_effects(
                 heldout_gain=gain,
                 stability=stability,
                 joints={r.joint: each for r, each in zip(held, by_joint, strict=True)},
-                ties=tuple((c.id, c.where) for c in found.ties[number]),
+                ties=tuple((c.id, c.where) for c in ties[number]),
             )
         )
     return tuple(sorted(out, key=lambda e: -e.heldout_gain))
+
+
+def both_sides(
+    prepared: Mapping[str, Prepared], terms: Mapping[str, Sequence[Term]], causes: CauseColumns
+) -> tuple[tuple[JointRows, ...], tuple[JointRows, ...]]:
+    """Training and held-out rows of all joints with these models."""
+    train = stack({joint: p.train for joint, p in prepared.items()}, terms, causes)
+    return train, stack({joint: p.held for joint, p in prepared.items()}, terms, causes)
+
+
+def with_shared_uncertainty(
+    joints: Mapping[str, JointResult],
+    before: tuple[Sequence[JointRows], StackedFit],
+    after: tuple[Sequence[JointRows], StackedFit],
+) -> dict[str, JointResult]:
+    """The joints' results with intervals that know what is not known of the shared causes.
+
+    Args:
+        joints: Results on loads at the estimate of the shared causes.
+        before: Training rows with the declared models, and the fit with no cause named.
+        after: The same with the final models.
+    """
+    spread = [covariance(rows, fitted)[0] for rows, fitted in (before, after)]
+    out = {}
+    for number, (name, joint) in enumerate(joints.items()):
+        of_beta = []
+        for (rows, fitted), each in zip((before, after), spread, strict=True):
+            response = own_response(rows[number], fitted)
+            of_beta.append(response @ each @ response.T)
+        final = widened(joint.final_parameters, joint.final, of_beta[1])
+        out[name] = replace(
+            joint,
+            baseline_parameters=widened(joint.baseline_parameters, joint.baseline, of_beta[0]),
+            final_parameters=final,
+            effects=tuple(replace(e, parameters=final[e.key]) for e in joint.effects),
+        )
+    return out
 
 
 def _parameters(cause: Cause, delta: FloatArray, half: FloatArray) -> dict[str, Estimate]:

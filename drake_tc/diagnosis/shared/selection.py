@@ -1,11 +1,16 @@
-"""Which causes that no single joint owns are missing: forward selection by the cross-validated error of all joints."""
+"""Which causes that no single joint owns are missing: forward selection by the cross-validated error of all joints.
+
+Errors of sensors that have a tolerance are in every fit, with that prior (`stacked`). A candidate among them loses its
+prior, and counts only if its estimate lies beyond what tolerance and noise together explain.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from drake_tc.diagnosis.shared.causes import Cause
+from drake_tc.diagnosis.shared.causes import TITLES, Cause
+from drake_tc.diagnosis.shared.covariance import covariance
 from drake_tc.diagnosis.shared.stacked import JointRows, StackedFit, effective_rows, fit_stacked
 from drake_tc.types import FloatArray, IntArray
 
@@ -21,6 +26,7 @@ class SharedOptions:
         least_removed: What it must explain there, in noise floors.
         least_of_first: ... and as a share of what the causes before it explain: less is likely their imperfect form.
         second_gain, second_nats: Drop and evidence that at least one more joint must have: else it is one joint's own.
+        beyond: Standard deviations, of tolerance and estimate together, beyond which a sensor's error is not expected.
         same: Mean logarithm of the error by which causes as good as each other may differ; the smaller one is taken.
     """
 
@@ -31,6 +37,7 @@ class SharedOptions:
     least_of_first: float = 0.10
     second_gain: float = 0.05
     second_nats: float = 5.0
+    beyond: float = 3.0
     same: float = 0.02
 
 
@@ -72,16 +79,27 @@ class SharedSearch:
     ties: tuple[tuple[Cause, ...], ...]
 
 
-def columns_of(causes: Sequence[Cause]) -> IntArray:
-    """Places of the causes' columns, in order."""
-    return np.concatenate([np.arange(c.columns.start, c.columns.stop) for c in causes] or [np.zeros(0)]).astype(
-        np.int64
-    )
+def active(causes: Sequence[Cause], chosen: Sequence[Cause]) -> tuple[IntArray, FloatArray]:
+    """Columns (p,) of the chosen causes and of all that have a tolerance, and the prior of each (p,): see `StackedFit`.
+
+    The chosen causes come first and have no prior. A tolerance of 0 leaves its parameter out.
+    """
+    columns = [k for c in chosen for k in range(c.columns.start, c.columns.stop)]
+    tolerance = [np.inf] * len(columns)
+    for cause in causes:
+        for place, size in enumerate(cause.tolerance if cause not in chosen else ()):
+            if size > 0.0:
+                columns.append(cause.columns.start + place)
+                tolerance.append(size)
+    return np.array(columns, dtype=np.int64), np.array(tolerance, dtype=np.float64)
 
 
-def try_cause(rows: Sequence[JointRows], chosen: Sequence[Cause], before: StackedFit, cause: Cause) -> Trial:
+def try_cause(
+    rows: Sequence[JointRows], causes: Sequence[Cause], chosen: Sequence[Cause], before: StackedFit, cause: Cause
+) -> Trial:
     """The fit with one more cause against the one before."""
-    fitted = fit_stacked(rows, columns_of([*chosen, cause]))
+    columns, tolerance = active(causes, [*chosen, cause])
+    fitted = fit_stacked(rows, columns, tolerance, effective=before.effective)
     if not np.isfinite(fitted.cv_rms).all():
         nil = np.zeros(len(rows))
         return Trial(cause, fitted, nil - np.inf, nil, nil, np.inf)
@@ -113,6 +131,17 @@ def real(trial: Trial, floor: FloatArray, explained: FloatArray, options: Shared
     return bool(trial.evidence >= options.least_nats and matters.any() and supports.sum() >= 2)
 
 
+def beyond_tolerance(rows: Sequence[JointRows], trial: Trial, most: float) -> bool:
+    """Whether an estimate lies where an error within its tolerance does not: |delta_i| > most sqrt(t_i^2 + s_i^2)."""
+    cause = trial.cause
+    if not cause.tolerance:
+        return True
+    place = np.isin(trial.fit.columns, np.arange(cause.columns.start, cause.columns.stop))
+    noise = np.diag(covariance(rows, trial.fit)[0])[place]
+    expected = np.sqrt(np.array(cause.tolerance) ** 2 + noise)
+    return bool((np.abs(trial.fit.delta[place]) > most * expected).any())
+
+
 def select(
     rows: Sequence[JointRows], causes: Sequence[Cause], floor: FloatArray, options: SharedOptions
 ) -> SharedSearch:
@@ -120,18 +149,29 @@ def select(
 
     Args:
         rows: Training rows of all joints.
-        causes: Candidates.
+        causes: All of them; those in `TITLES` are candidates.
         floor: (n,) noise floors [effort].
         options: Thresholds.
     """
-    baseline = current = fit_stacked(rows, columns_of([]))
+    return select_among(rows, causes, [c for c in causes if c.id in TITLES], floor, options)
+
+
+def select_among(
+    rows: Sequence[JointRows],
+    causes: Sequence[Cause],
+    candidates: Sequence[Cause],
+    floor: FloatArray,
+    options: SharedOptions,
+) -> SharedSearch:
+    """The same, of given candidates."""
+    baseline = current = fit_stacked(rows, *active(causes, []))
     chosen: list[Cause] = []
     ties: list[tuple[Cause, ...]] = []
     for _ in range(options.most):
-        trials = [try_cause(rows, chosen, current, cause) for cause in causes if cause not in chosen]
+        trials = [try_cause(rows, causes, chosen, current, cause) for cause in candidates if cause not in chosen]
         trials.sort(key=lambda t: -t.evidence)
         explained = np.sqrt(np.maximum(baseline.cv_rms**2 - current.cv_rms**2, 0.0))
-        good = [t for t in trials if real(t, floor, explained, options)]
+        good = [t for t in trials if real(t, floor, explained, options) and beyond_tolerance(rows, t, options.beyond)]
         if not good:
             break
         level = min(t.level for t in good)
@@ -139,5 +179,5 @@ def select(
         best = min(alike, key=lambda t: (t.cause.size, t.level))
         ties.append(tuple(t.cause for t in alike if t is not best))
         chosen.append(best.cause)
-        current = best.fit
+        current = fit_stacked(rows, *active(causes, chosen))
     return SharedSearch(tuple(chosen), current, baseline, tuple(ties))

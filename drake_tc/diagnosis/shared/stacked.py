@@ -3,30 +3,46 @@
     z_j = X_j beta_j + C_j delta + e_j,   e_j ~ (0, sigma_j^2)                              joints j = 1 ... n
 
 z_j = tau_meas + J qddot and X_j are those of the joint's own regression (`drake_tc.diagnosis.design`); C_j are the
-causes' columns through the same filters. Least squares weighted by 1/sigma_j^2, sigma_j from the fit itself; the
-beta_j are eliminated joint by joint, so that only the few delta are solved for together. Cross-validation: folds of
-neighbouring half seconds, the same instants for all joints.
+causes' columns through the same filters. Parameters with a tolerance t_i have the prior delta_i ~ N(0, t_i^2), cut off at
+three of them; the others have none. The estimate is the posterior's mode,
+
+    min  sum_j n_j log(|e_j|^2/K_j^-2) + sum_i delta_i^2/t_i^2   with |delta_i| <= 3 t_i
+
+e_j(delta) is what the joint's own least squares leave. K_j^-1(delta) is its first coefficient as a function of those delta
+that scale readings or the model (gains, alignments, masses), so that these residuals count in effort, by the drive gain of
+the fit itself. In torque, such delta could shrink all torques together, and the drive gains' inverses with them: the
+residual would shrink too, which explains nothing. (These columns hold the noise of z itself. Biases' columns hold none and
+stay as they are. The others' own noise is neglected: an error of g_j sigma_j^2/|C~_j|^2, some 1e-3 of a delta.) It is
+solved by Gauss-Newton steps: with C~_j what X_j leaves of C_j and g_j = -d log(1/K_j)/d delta,
+
+    H = sum_j w_j (C~_j - e_j g_j')' (C~_j - e_j g_j') + diag(1/t_i^2),   w_j = (n_j/N_j)/sigma_j^2
+
+N_j rows that are correlated in time say as much as n_j independent ones (N_j over their integrated autocorrelation time:
+the variance of a mean of N correlated values is sigma^2/n): without n_j/N_j the prior would be overruled by noise that the
+rows repeat. sigma_j and n_j follow from the fit itself; the beta_j are eliminated joint by joint, so that only the few
+delta are solved for together. Cross-validation: folds of neighbouring half seconds, the same instants for all joints.
 """
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.stats import t as student
 
 from drake_tc.diagnosis.design import FOLDS, Columns, Term
 from drake_tc.diagnosis.evidence import effective_samples
 from drake_tc.diagnosis.samples import Samples
 from drake_tc.diagnosis.shared.causes import CauseColumns
 from drake_tc.diagnosis.sliding import BLOCK_SECONDS
-from drake_tc.types import FloatArray, IntArray
+from drake_tc.types import BoolArray, FloatArray, IntArray
 
-ROUNDS = 3
-"""Of weighting: the noise of each joint follows from the fit."""
+ROUNDS = 4
+"""Of weighting and Gauss-Newton steps: the noise of each joint follows from the fit."""
 LEAST_STIFFNESS = 0.2
 """Of a joint's own fit: causes that take more of 1/K away have explained the torque itself away."""
 LEAST_NOISE = 1e-6
 """Of a joint's own fit's residual, at least: no joint weighs more than this lets it."""
+CUT_OFF = 3.0
+"""Tolerances that a parameter with a prior reaches at most."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,6 +55,7 @@ class JointRows:
         own: (N, k) X. shared: (N, P) C of all causes. target: (N,) z.
         block: (N,) half seconds, numbered alike for all joints.
         grams: (FOLDS, m, m) of [X, C, z] by fold, m = k + P + 1.
+        scaling: (P,) columns that scale what z is made of; None: all.
     """
 
     joint: str
@@ -48,6 +65,11 @@ class JointRows:
     target: FloatArray
     block: IntArray
     grams: FloatArray
+    scaling: BoolArray | None = None
+
+    def scales(self, columns: IntArray) -> FloatArray:
+        """(p,) 1.0 where these columns scale what z is made of, else 0.0."""
+        return np.ones(columns.size) if self.scaling is None else self.scaling[columns].astype(np.float64)
 
     @property
     def width(self) -> int:
@@ -61,17 +83,21 @@ class StackedFit:
 
     Attributes:
         columns: (p,) which columns delta belongs to.
+        tolerance: (p,) standard deviations of the prior; infinite where there is none.
         delta: (p,). beta: by joint, (k,).
         sigma: (n,) RMS residual [N m].
+        effective: (n,) n_j/N_j, the share of the rows that say something of their own.
         cv_rms: (n,) the same, every fold predicted from the others, times the drive's gain [effort]: torques that are
             shrunk by a cause, and the drive's stiffness with them, explain nothing by that. Infinite where next to
             nothing of the stiffness is left.
     """
 
     columns: IntArray
+    tolerance: FloatArray
     delta: FloatArray
     beta: tuple[FloatArray, ...]
     sigma: FloatArray
+    effective: FloatArray
     cv_rms: FloatArray
 
     def residual(self, rows: JointRows, number: int) -> FloatArray:
@@ -97,6 +123,7 @@ def stack(
     """
     keys = {joint: _block_keys(c.samples) for joint, c in columns.items()}
     known = np.unique(np.concatenate(list(keys.values())))
+    scaling = np.concatenate([np.full(c.size, c.scales) for c in causes.causes])
     stacked = []
     for joint, each in columns.items():
         shared = each.samples.reduce(_over_samples(each.samples, joint, causes), fresh=True)
@@ -105,7 +132,7 @@ def stack(
         fold = (block // 2) % FOLDS
         every = np.column_stack([own, shared, each.target])
         grams = np.stack([every[fold == f].T @ every[fold == f] for f in range(FOLDS)])
-        stacked.append(JointRows(joint, each.samples, own, shared, each.target, block, grams))
+        stacked.append(JointRows(joint, each.samples, own, shared, each.target, block, grams, scaling))
     return tuple(stacked)
 
 
@@ -119,40 +146,70 @@ def _over_samples(samples: Samples, joint: str, causes: CauseColumns) -> FloatAr
     return out
 
 
-def fit_stacked(rows: Sequence[JointRows], columns: IntArray, sigma: FloatArray | None = None) -> StackedFit:
+@dataclass(frozen=True, eq=False)
+class _Problem:
+    """Which causes are fitted, what the rows weigh, and where the next step starts."""
+
+    columns: IntArray
+    tolerance: FloatArray
+    sigma: FloatArray
+    effective: FloatArray
+    delta: FloatArray
+
+
+def fit_stacked(
+    rows: Sequence[JointRows],
+    columns: IntArray,
+    tolerance: FloatArray | None = None,
+    sigma: FloatArray | None = None,
+    effective: FloatArray | None = None,
+) -> StackedFit:
     """Fit the causes of these columns, (p,) places; none gives each joint's own fit.
 
     Args:
         rows: From `stack`.
         columns: (p,).
+        tolerance: (p,) standard deviations of the prior, infinite where there is none; None: none anywhere.
         sigma: (n,) noise to weigh by first [N m]; None takes that of the joints' own fits.
+        effective: (n,) n_j/N_j to weigh by; None: from the residuals.
     """
     nobody = np.zeros(0, dtype=np.int64)
     own = [_own(r, _kept(r, nobody)) for r in rows]
     alone = np.array([_rms(r, beta, nobody, np.zeros(0)) for r, beta in zip(rows, own, strict=True)])
-    result = _fit(rows, columns, alone if sigma is None else sigma)
+    prior = np.full(columns.size, np.inf) if tolerance is None else tolerance
+    start = np.ones(len(rows)) if effective is None else effective
+    zero = np.zeros(columns.size)
+    result = _fit(rows, _Problem(columns, prior, alone if sigma is None else sigma, start, zero))
     for _ in range(ROUNDS - 1 if columns.size else 0):
-        result = _fit(rows, columns, np.maximum(result.sigma, LEAST_NOISE * alone))
+        share = effective_rows(rows, result) / _counts(rows) if effective is None else effective
+        noise = np.maximum(result.sigma, LEAST_NOISE * alone)
+        result = _fit(rows, _Problem(columns, prior, noise, share, result.delta))
     least = LEAST_STIFFNESS * np.array([beta[0] for beta in own])
     gone = np.array([beta[0] for beta in result.beta]) < least
     return replace(result, cv_rms=np.where(gone, np.inf, result.cv_rms))
 
 
-def _fit(rows: Sequence[JointRows], columns: IntArray, sigma: FloatArray) -> StackedFit:
+def _counts(rows: Sequence[JointRows]) -> FloatArray:
+    return np.array([r.target.size for r in rows], dtype=np.float64)
+
+
+def _fit(rows: Sequence[JointRows], problem: _Problem) -> StackedFit:
+    columns, widths = problem.columns, [r.width for r in rows]
     totals = [_kept(r, columns) for r in rows]
-    delta = _solve_delta(totals, [r.width for r in rows], sigma)
+    delta = _solve_delta(totals, widths, problem, rows[0].scales(columns))
     beta = tuple(_own(r, g, delta) for r, g in zip(rows, totals, strict=True))
     held = np.zeros(len(rows))
     for f in range(FOLDS):
         parts = [_kept(r, columns, f) for r in rows]
         rest = [g - p for g, p in zip(totals, parts, strict=True)]
-        without = _solve_delta(rest, [r.width for r in rows], sigma)
+        without = _solve_delta(rest, widths, replace(problem, delta=delta), rows[0].scales(columns))
         for j, (r, g, p) in enumerate(zip(rows, rest, parts, strict=True)):
             v = np.concatenate([_own(r, g, without), without, [-1.0]])
             held[j] += max(float(v @ p @ v), 0.0)
     spread = np.array([_rms(r, b, columns, delta) for r, b in zip(rows, beta, strict=True)])
     stiffness = np.array([max(float(b[0]), 1e-9) for b in beta])
-    return StackedFit(columns, delta, beta, spread, np.sqrt(held / [r.target.size for r in rows]) / stiffness)
+    error = np.sqrt(held / _counts(rows)) / stiffness
+    return StackedFit(columns, problem.tolerance, delta, beta, spread, problem.effective, error)
 
 
 def _kept(rows: JointRows, columns: IntArray, fold: int | None = None) -> FloatArray:
@@ -163,7 +220,7 @@ def _kept(rows: JointRows, columns: IntArray, fold: int | None = None) -> FloatA
     return np.asarray(gram[np.ix_(index, index)])
 
 
-def _inverse(gram: FloatArray) -> FloatArray:
+def inverse(gram: FloatArray) -> FloatArray:
     """Pseudo-inverse of a Gram matrix, scaled to unit diagonal first: what no row excites stays 0."""
     scale = np.sqrt(np.maximum(np.diag(gram), 0.0))
     scale = np.where(scale > 1e-12 * max(scale.max(initial=0.0), 1e-300), scale, np.inf)
@@ -172,25 +229,49 @@ def _inverse(gram: FloatArray) -> FloatArray:
     )
 
 
-def _solve_delta(grams: Sequence[FloatArray], widths: Sequence[int], sigma: FloatArray) -> FloatArray:
-    """(p,) from the sum over the joints of what their own columns leave."""
-    p = grams[0].shape[0] - widths[0] - 1
+def _solve_delta(
+    grams: Sequence[FloatArray], widths: Sequence[int], problem: _Problem, scales: FloatArray
+) -> FloatArray:
+    """(p,) after one Gauss-Newton step from the problem's delta, over all joints and the prior."""
+    p = problem.columns.size
     if p == 0:
         return np.zeros(0)
-    left, right = np.zeros((p, p)), np.zeros(p)
-    for gram, k, s in zip(grams, widths, sigma, strict=True):
-        project = gram[k:, :k] @ _inverse(gram[:k, :k]) @ gram[:k, k:]
-        rest = (gram[k:, k:] - project) / s**2
-        left += rest[:p, :p]
-        right += rest[:p, p]
-    return np.asarray(_inverse(left) @ right)
+    left, right = np.diag(1.0 / problem.tolerance**2), np.zeros(p)
+    weights = problem.effective / problem.sigma**2
+    seen = np.concatenate([-problem.delta, [1.0]])
+    for gram, k, weight in zip(grams, widths, weights, strict=True):
+        response = inverse(gram[:k, :k]) @ gram[:k, k:]
+        rest = gram[k:, k:] - gram[k:, :k] @ response
+        stiffness = max(float(response[0] @ seen), 1e-9)
+        change = np.append(scales * response[0, :p] / stiffness, 0.0)[:, None]
+        error, size = (rest @ seen)[:, None], float(seen @ rest @ seen)
+        effort = rest - error @ change.T - change @ error.T + size * change @ change.T
+        left += weight * effort[:p, :p]
+        step = (error - size * change)[:p, 0]
+        right += weight * (step + effort[:p, :p] @ problem.delta)
+    return _cut_off(left, right, CUT_OFF * problem.tolerance)
+
+
+def _cut_off(left: FloatArray, right: FloatArray, most: FloatArray) -> FloatArray:
+    """Argmin d' L d / 2 - r' d with |d| <= most (p,), by an active set that only grows."""
+    delta = np.asarray(inverse(left) @ right)
+    fixed = np.zeros(delta.size, dtype=np.bool_)
+    while True:
+        outside = ~fixed & (np.abs(delta) > most * (1.0 + 1e-9))
+        if not outside.any():
+            return delta
+        fixed |= outside
+        delta[outside] = np.clip(delta[outside], -most[outside], most[outside])
+        free = ~fixed
+        rest = right[free] - left[np.ix_(free, fixed)] @ delta[fixed]
+        delta[free] = inverse(left[np.ix_(free, free)]) @ rest
 
 
 def _own(rows: JointRows, gram: FloatArray, delta: FloatArray | None = None) -> FloatArray:
     """(k,) beta_j for given delta."""
     k = rows.width
     shift = 0.0 if delta is None or delta.size == 0 else gram[:k, k:-1] @ delta
-    return np.asarray(_inverse(gram[:k, :k]) @ (gram[:k, -1] - shift))
+    return np.asarray(inverse(gram[:k, :k]) @ (gram[:k, -1] - shift))
 
 
 def _rms(rows: JointRows, beta: FloatArray, columns: IntArray, delta: FloatArray) -> float:
@@ -201,27 +282,3 @@ def _rms(rows: JointRows, beta: FloatArray, columns: IntArray, delta: FloatArray
 def effective_rows(rows: Sequence[JointRows], fitted: StackedFit) -> FloatArray:
     """(n,) rows that say something of their own, by joint."""
     return np.array([effective_samples(fitted.residual(r, j), r.samples) for j, r in enumerate(rows)])
-
-
-def intervals(rows: Sequence[JointRows], fitted: StackedFit) -> FloatArray:
-    """(p,) half widths of 95 % intervals of delta: a sandwich clustered by half seconds, over all joints together.
-
-    Joints share the sensors' noise, and neighbouring rows theirs: what happens within one half second, on whichever
-    joints, counts as one observation.
-    """
-    p = fitted.delta.size
-    bread = np.zeros((p, p))
-    count = int(max(int(r.block.max()) for r in rows)) + 1
-    scores = np.zeros((count, p))
-    for j, r in enumerate(rows):
-        shared = r.shared[:, fitted.columns]
-        rest = shared - r.own @ (_inverse(r.own.T @ r.own) @ (r.own.T @ shared))
-        weight = 1.0 / fitted.sigma[j] ** 2
-        bread += weight * rest.T @ rest
-        each = weight * rest * fitted.residual(r, j)[:, None]
-        np.add.at(scores, r.block, each)
-    inverse = _inverse(bread)
-    used = int(np.any(scores != 0.0, axis=1).sum())
-    freedom = max(used - p, 1)
-    covariance = inverse @ (scores.T @ scores) @ inverse * used / freedom
-    return np.asarray(student.ppf(0.975, freedom) * np.sqrt(np.maximum(np.diag(covariance), 0.0)))
