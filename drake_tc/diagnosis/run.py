@@ -14,7 +14,7 @@ from drake_tc.diagnosis.result import SEVERITY, CloseLoopResult, JointResult, Sh
 from drake_tc.diagnosis.search import Progress
 from drake_tc.diagnosis.shared.diagnose import diagnose_robot
 from drake_tc.estimation.robot_loads import robot_logs
-from drake_tc.logs.prepare import load_runs, require_different_files, require_two_runs
+from drake_tc.logs.prepare import load_runs, require_different_files, require_different_runs, require_two_runs
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig, load_rig
 
@@ -61,6 +61,7 @@ def _close_loop(
     require_different_files(logs, holdout)
     progress("reading", 0.0)
     runs = load_runs([*logs, *holdout], rig)
+    require_different_runs(runs)
     train, held = in_order(runs[: len(logs)], rig), in_order(runs[len(logs) :], rig)
     joints: dict[str, JointResult] = {}
     shared: tuple[SharedEffect, ...] = ()

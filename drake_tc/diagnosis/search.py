@@ -27,6 +27,8 @@ class SearchOptions:
         least_nats: Evidence it must leave after its parameters are paid.
         least_share: Share of block resamples in which it must help.
         least_removed: Smallest RMS it must explain, in noise floors: less is nil in practice.
+        promising_gain: Smallest relative drop from which on a second effect is tried beside one that is not real by
+            itself: each of two effects can hide the evidence of the other.
         least_of_first: ... and as a share of what the effects before it explain: a smaller remainder is more likely an
             imperfect form of those than a cause of its own.
     """
@@ -38,6 +40,7 @@ class SearchOptions:
     least_share: float = 0.98
     least_removed: float = 0.5
     least_of_first: float = 0.10
+    promising_gain: float = 0.02
 
 
 @dataclass(frozen=True)
@@ -177,6 +180,7 @@ def search(
     rivals: list[Fit] = []
     alone: list[Fit] = []
     passed_over: dict[str, DidNotHold] = {}
+    waited = False  # for a second effect, because the first alone was promising and not real
     for size in range(1, options.most + 1):
         grown: dict[frozenset[str], Fit] = {}
         for number, parent in enumerate(beam):
@@ -206,8 +210,14 @@ def search(
         explained = float(np.sqrt(max(baseline.cv_rms**2 - chosen.cv_rms**2, 0.0)))
         comparisons = [compare(chosen, f, columns.samples) for f in refined]
         real = [i for i, c in enumerate(comparisons) if _real(c, floor, explained, options)]
+        if real and waited:
+            real = [i for i in real if _each_needed(columns, refined[i], chosen, floor, options)]
         if not real:
-            break
+            if waited or max(c.gain for c in comparisons) < options.promising_gain:
+                break
+            waited, beam = True, refined[: options.beam]
+            continue
+        waited = False
         best, comparison = refined[real[0]], comparisons[real[0]]
         added = [t.effect.key for t in best.terms if t.effect.key not in {u.effect.key for u in chosen.terms}]
         steps.append(("+".join(added), comparison))
@@ -237,6 +247,17 @@ def _believable(
         else:
             kept.append(fitted)
     return kept, refused
+
+
+def _each_needed(columns: Columns, pair: Fit, chosen: Fit, floor: float, options: SearchOptions) -> bool:
+    """Whether a fit loses a real improvement with any one of the effects that it has beyond `chosen`."""
+    known = {t.effect.key for t in chosen.terms}
+    for term in pair.terms:
+        if term.effect.key not in known:
+            without = refine(columns, fit(columns, [t for t in pair.terms if t is not term]), evaluations=20)
+            if not _real(compare(without, pair, columns.samples), floor, 0.0, options):
+                return False
+    return True
 
 
 def _real(c: Comparison, floor: float, explained: float, options: SearchOptions) -> bool:

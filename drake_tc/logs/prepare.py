@@ -234,6 +234,19 @@ def require_two_runs(runs: Sequence[Run | Path | str], what: str = "runs") -> No
         )
 
 
+def require_different_runs(runs: Sequence[Run]) -> None:
+    """Refuse a run whose samples another file holds too, in whatever format.
+
+    Raises:
+        LogError: Two runs have the same samples in all columns that both have.
+    """
+    for number, run in enumerate(runs):
+        for other in runs[:number]:
+            common = set(run.columns) & set(other.columns)
+            if len(run) == len(other) and all(np.array_equal(run.columns[c], other.columns[c]) for c in common):
+                raise LogError(f"{run.source}: it holds the same samples as {other.source}; remove one of them")
+
+
 def require_different_files(logs: Sequence[Path], holdout: Sequence[Path]) -> None:
     """Refuse a run that is given twice: a held-out run that was fitted says nothing, and one fitted twice counts twice.
 

@@ -27,13 +27,16 @@ class Logs:
     train: tuple[Path, ...]
     held: tuple[Path, ...]
 
-    def report(self, *, judged: bool = True) -> dict[str, Any]:
-        """report.json of `close-loop`; `assess_residual=False` leaves out what it says of the residual, which takes longest.
+    def report(self, *, assess_residual: bool = True) -> dict[str, Any]:
+        """report.json of `close-loop`.
+
+        `assess_residual=False` leaves out what it says of the residual, which takes longest.
 
         Raises:
             DrakeTcError: the input is refused.
         """
-        return result_json(close_loop(self.rig, self.train, self.held, DiagnosisOptions(judged=judged)))
+        options = DiagnosisOptions(assess_residual=assess_residual)
+        return result_json(close_loop(self.rig, self.train, self.held, options))
 
 
 def write_rig(folder: Path, joint: Joint, **keys: object) -> Path:

@@ -9,8 +9,8 @@ from numpy.testing import assert_allclose
 
 from drake_tc.diagnosis.design import FOLDS
 from drake_tc.diagnosis.shared.causes import Cause
-from drake_tc.diagnosis.shared.selection import SharedOptions, select
 from drake_tc.diagnosis.shared.covariance import intervals
+from drake_tc.diagnosis.shared.selection import SharedOptions, select
 from drake_tc.diagnosis.shared.stacked import JointRows, fit_stacked
 
 N, P = 1500, 6
