@@ -1,7 +1,8 @@
 """What `close-loop` claims of one case, read from its report, and whether the report's own figures support it.
 
 Two checks. *Claims hold*: every effect that is named lowers the error of every single held-out run, when the model is
-refitted without it, and none of its parameters rests on a bound. *Verdict agrees*: `no_missing_effect` is only said
+refitted without it; none of its parameters rests on a bound or is physically impossible; and no run's error is larger
+after than before. *Verdict agrees*: `no_missing_effect` is only said
 where the error after is at most `FLOORS` noise floors, on the training runs and on every held-out run.
 """
 
@@ -13,6 +14,22 @@ from drake_tc.json_values import json_value
 
 FLOORS = 3.0
 """Largest ratio of error to noise floor at which nothing is missing (issue text: a calibrated factor of 2 to 3)."""
+
+POSSIBLE: Mapping[tuple[str, str], tuple[float, float]] = {
+    ("encoder_eccentricity", "eccentricity_sine"): (-0.1, 0.1),
+    ("encoder_eccentricity", "eccentricity_cosine"): (-0.1, 0.1),
+    ("encoder_ripple", "ripple_sine"): (-0.1, 0.1),
+    ("encoder_ripple", "ripple_cosine"): (-0.1, 0.1),
+    ("cable_spring", "spring_stiffness"): (0.0, float("inf")),
+    ("delay", "delay"): (0.0, 0.1),
+    ("elasticity", "compliance"): (0.0, 0.5),
+}
+"""Effect and parameter to what can exist [SI units of the parameter].
+
+An encoder disc errs by its offset over its radius: 0.1 rad is a tenth of the radius. A passive spring has no negative
+stiffness. No drive's bus is late by more than 0.1 s. A gear that yields more than 0.5 rad/(N m) is a series elastic
+actuator. These limits are the benchmark's own, so that it does not repeat the diagnosis's bounds.
+"""
 
 Report = Mapping[str, Any]
 """A joint's or a whole call's part of report.json."""
@@ -137,10 +154,20 @@ def _at_bound(effect: Report) -> list[str]:
     return [name for name, entry in effect["parameters"].items() if entry["at_bound"]]
 
 
+def _impossible(effect: Report) -> list[str]:
+    out = []
+    for name, entry in effect["parameters"].items():
+        low, high = POSSIBLE.get((effect["id"], name), (float("-inf"), float("inf")))
+        if entry["value"] is not None and not low <= entry["value"] <= high:
+            out.append(f"{name} of {entry['value']:.3g} {entry['unit']} is not possible")
+    return out
+
+
 def _not_held(effects: tuple[Report, ...], by_run: Mapping[str, tuple[Report, ...]], where: str) -> list[str]:
     out = []
     for effect in effects:
         out += [f"{where}: {effect['id']}: {name} rests on a bound" for name in _at_bound(effect)]
+        out += [f"{where}: {effect['id']}: {why}" for why in _impossible(effect)]
         for run, entries in by_run.items():
             gain = next((_figure(e["heldout_gain"]) for e in entries if e["id"] == effect["id"]), None)
             if gain is None:
@@ -157,6 +184,10 @@ def _joint_claims(name: str, report: Report, by_run: Mapping[str, Report]) -> Jo
     parts = {run: r["joints"][name] for run, r in by_run.items() if name in r["joints"]}
     heldout = tuple(_figures(run, part, "heldout") for run, part in parts.items())
     floor = _figure(joint["noise_floor"])
+    not_held = _not_held(effects, {run: tuple(p["effects"]) for run, p in parts.items()}, name)
+    if effects:
+        grown = [run for run in (train, *heldout) if run.after > run.before]
+        not_held += [f"{name}: the error grew from {run.before:.3g} to {run.after:.3g} on {run.name}" for run in grown]
     disagreements = []
     if report["verdict"] == "no_missing_effect":
         for run in (train, *heldout):
@@ -172,7 +203,7 @@ def _joint_claims(name: str, report: Report, by_run: Mapping[str, Report]) -> Jo
         effects=effects,
         did_not_hold=tuple(joint.get("did_not_hold", ())),
         unexplained=joint["unexplained"],
-        not_held=tuple(_not_held(effects, {run: tuple(p["effects"]) for run, p in parts.items()}, name)),
+        not_held=tuple(not_held),
         disagreements=tuple(disagreements),
     )
 

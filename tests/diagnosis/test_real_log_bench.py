@@ -121,6 +121,18 @@ def test_a_claim_that_fails_on_one_run_is_named(bad: dict[str, Any] | None, said
     assert said in why
 
 
+def test_an_impossible_parameter_and_a_grown_error_are_named() -> None:
+    spring = effect()
+    spring["id"] = "cable_spring"
+    spring["parameters"] = {"spring_stiffness": spring["parameters"]["stribeck"] | {"value": -0.7}}
+    bad = report("effects_found", 1.2, spring)
+    bad["joints"]["j"]["error"]["before"]["heldout"] = 1.0
+    assert [why.split(": ", 1)[1] for why in checked(bad, a=bad).failures] == [
+        "cable_spring: spring_stiffness of -0.7 N*m is not possible",
+        "the error grew from 1 to 1.2 on a",
+    ]
+
+
 @pytest.mark.parametrize(("verdict", "against"), [("no_missing_effect", 1), ("unexplained_structure", 0)])
 def test_a_green_verdict_far_above_the_floor_is_contradicted(verdict: str, against: int) -> None:
     # together the held-out runs pass the limit; one of them alone does not
