@@ -11,5 +11,5 @@ def test_every_effect_of_the_library_has_an_experiment_that_shows_it_alone():
 
 
 def test_a_tie_with_any_effect_has_a_sentence():
-    text = next_experiment([("encoder_ripple", "delay")], Unexplained(0.0, False, ()), ())
+    text = next_experiment([("encoder_ripple", "delay")], Unexplained(1.0, 1.0, False, 0.0, 0.0, False, ()), ())
     assert text.startswith("To tell encoder_ripple from delay: ")

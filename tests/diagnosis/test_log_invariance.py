@@ -34,7 +34,6 @@ def require_same(report: dict[str, Any], plain: dict[str, Any]) -> None:
     assert_allclose(figures(report), figures(plain), **SAME)
 
 
-@pytest.mark.xfail(strict=True, reason="errors differ by 2e-6: folds and filters follow the order of the files")
 def test_the_order_of_the_logs_changes_nothing(logs: Logs, plain: dict[str, Any]) -> None:
     require_same(replace(logs, train=logs.train[::-1]).report(), plain)
 

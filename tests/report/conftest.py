@@ -103,14 +103,14 @@ def joint() -> JointResult:
         after=Errors(final.rms, rms(sides[1].after), 0.01),
         effects=effects,
         rejected=(
-            RejectedEffect("delay", "delay", 0.011, 0.009, "lowers the cross-validated error by 0.9 %, below 5 %"),
+            RejectedEffect("delay", "delay", 0.011, 0.009, "too_little_gain"),
             RejectedEffect(
-                "thermal_friction", "thermal_friction", 0.0, 0.0, "cannot be looked for here: temperature not recorded"
+                "thermal_friction", "thermal_friction", 0.0, 0.0, "cannot_be_looked_for", "temperature not recorded"
             ),
         ),
         indistinguishable=(("stribeck", "presliding_hysteresis"),),
         next_experiment="Creep at constant speed & note <both> directions.",
-        unexplained=Unexplained(0.04, False, (), (), None, 5e-4),
+        unexplained=Unexplained(1.1, 1.1, False, 0.01, 0.04, False, (), (), None, 5e-4),
         verdict="effects_found",
         train=sides[0],
         heldout=sides[1],
@@ -152,7 +152,16 @@ def unexplained_joint(joint: JointResult) -> JointResult:
         train=replace(joint.train, after=joint.train.before),
         heldout=replace(joint.heldout, after=joint.heldout.before),
         unexplained=Unexplained(
-            0.7, True, ("velocity", "load_torque", "time"), (TimeStretch("fast", 2.0, 3.5),), 4.2, 0.02
+            40.0,
+            40.0,
+            True,
+            0.3,
+            0.7,
+            True,
+            ("velocity", "expected_torque", "time"),
+            (TimeStretch("fast", 2.0, 3.5),),
+            4.2,
+            0.02,
         ),
         verdict="unexplained_structure",
         free_run={},
