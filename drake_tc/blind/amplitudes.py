@@ -115,7 +115,9 @@ AMPLITUDES: Mapping[str, Amplitude] = {
         20.0,
         others=lambda r, j: {"frequency_hz": float(r.uniform(3.0, 9.0)), "phase": _phase(r)},
     ),
-    "supply_sag": Amplitude("share", 0.15, 0.03, 0.5, others=lambda r, j: {"start": float(r.uniform(9.0, 16.0))}),
+    "unrecorded_supply_sag": Amplitude(
+        "share", 0.15, 0.03, 0.5, others=lambda r, j: {"start": float(r.uniform(9.0, 16.0))}
+    ),
     "position_velocity_friction": Amplitude("slope", 4.0, 0.2, 30.0),
     "detent": Amplitude(
         "amplitude",
@@ -146,7 +148,11 @@ AMPLITUDES: Mapping[str, Amplitude] = {
         40.0,
         2.0,
         600.0,
-        others=lambda r, j: {"side": _sign(r), "stop": float(r.uniform(0.3, 0.45))},
+        others=lambda r, j: {
+            "side": _sign(r),
+            "stop": float(r.uniform(0.3, 0.45)),
+            "time": float(r.uniform(0.1, 0.2)),
+        },
     ),
     "load_times_speed": Amplitude("slope", 0.25, 0.02, 3.0),
     "drive_dropout": Amplitude(

@@ -98,7 +98,14 @@ _SMOKE_SINGLES = (
     "servo_integrator",
     "encoder_offset",
 )
-_SMOKE_OUTSIDE = ("touch", "supply_sag", "random_disturbance", "wandering_sensor", "end_stop", "friction_jump")
+_SMOKE_OUTSIDE = (
+    "touch",
+    "unrecorded_supply_sag",
+    "random_disturbance",
+    "wandering_sensor",
+    "end_stop",
+    "friction_jump",
+)
 
 
 def catalogue(scale: Scale = "smoke", seed: int = 0) -> list[RigSpec]:

@@ -12,7 +12,7 @@ from drake_tc.blind.terms import Term
 OUTSIDE: tuple[str, ...] = (
     "touch",
     "periodic_disturbance",
-    "supply_sag",
+    "unrecorded_supply_sag",
     "position_velocity_friction",
     "detent",
     "ageing",
@@ -32,7 +32,7 @@ _EITHER = (STRUCTURE, RESIDUAL)
 RIGHT_VERDICTS: Mapping[str, tuple[str, ...]] = {
     "touch": (STRUCTURE,),
     "periodic_disturbance": _EITHER,
-    "supply_sag": _EITHER,
+    "unrecorded_supply_sag": _EITHER,
     "position_velocity_friction": (STRUCTURE,),
     "detent": (STRUCTURE,),
     "ageing": _EITHER,
@@ -81,7 +81,7 @@ TERMS: Mapping[str, tuple[type[Term], ...]] = {
     "encoder_eccentricity": (),
     "touch": (load.Touch,),
     "periodic_disturbance": (load.PeriodicDisturbance,),
-    "supply_sag": (drive.SupplySag,),
+    "unrecorded_supply_sag": (drive.SupplySag,),
     "position_velocity_friction": (load.PositionTimesVelocity,),
     "detent": (load.Detent,),
     "ageing": (load.Ageing,),

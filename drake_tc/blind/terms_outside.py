@@ -47,14 +47,20 @@ class LongTouch(Term):
 
 
 class EndStop(Term):
-    """k max(s q - stop, 0) s: a rubber stop that the travel reaches at one end, s = +1 or -1."""
+    """k max(d + T ddot, 0) s in contact, d = s q - stop > 0: a rubber stop at one end of the travel, s = +1 or -1.
+
+    A Kelvin-Voigt element of stiffness k and relaxation time T that pushes and never pulls. Without its damping a
+    smooth curve over the position would explain it.
+    """
 
     stage = "torque"
 
     def apply(self, state: State, x: FloatArray) -> FloatArray:
         """The class's equation."""
-        depth = self.p["side"] * state.q[self.index] - self.p["stop"]
-        return x + self.p["stiffness"] * np.maximum(depth, 0.0) * self.p["side"]
+        side = self.p["side"]
+        depth = side * state.q[self.index] - self.p["stop"]
+        pressed = np.maximum(depth + self.p["time"] * side * state.v[self.index], 0.0) * (depth > 0.0)
+        return np.asarray(x + self.p["stiffness"] * pressed * side)
 
 
 class LoadTimesSpeed(Term):

@@ -50,13 +50,17 @@ def bench_robot(
             document["by_seed"] = {str(number): summary_rows(group) for number, group in scores.items()}
         print(json.dumps(document))
         return
+    _print(scores)
+
+
+def _print(scores: dict[int, list[RobotScore]]) -> None:
     console = Console(file=sys.stdout, highlight=False)
     if len(scores) > 1:
         for number, group in scores.items():
             console.print(f"Seed {number}")
             console.print(_table(summary_rows(group)))
         console.print(f"Seeds {', '.join(map(str, scores))} together")
-    console.print(_table(summary_rows(everything)))
+    console.print(_table(summary_rows([score for group in scores.values() for score in group])))
     for miss in _missed(scores):
         reason = miss["failure"] or f"named {', '.join(miss['named']) or 'nothing'}"
         console.print(f"seed {miss['seed']}, {miss['name']}: {reason}", soft_wrap=True)

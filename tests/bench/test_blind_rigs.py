@@ -32,7 +32,7 @@ def test_parts_of_the_benchmark_keep_the_names_of_the_whole() -> None:
 def test_a_choice_that_is_not_possible_is_one_clear_line() -> None:
     with pytest.raises(BlindError, match="no group 'null'; groups are nulls, singles, pairs, outside"):
         BlindOptions("smoke", ("null",)).chosen(0)
-    with pytest.raises(BlindError, match="no kind 'stribeck' among the chosen rigs; kinds are .*touch"):
+    with pytest.raises(BlindError, match=r"no kind 'stribeck' among the chosen rigs; kinds are .*touch"):
         BlindOptions("smoke", ("outside",), ("stribeck",)).chosen(0)
 
 

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.interpolate import BSpline
 
 from drake_tc.blind.balance import CleanLog, clean_log, unmodelled_torque
 from drake_tc.blind.catalogue import caused_rig
@@ -20,7 +21,7 @@ RIGS = {
     "long_touch": rig({"long_touch": TOUCH}),
     "other_run": rig({"long_touch": TOUCH | {"only_run": 1.0}}),
     "wandering_sensor": rig({"wandering_sensor": {"walk": 3.0, "noise_seed": 12.0}}),
-    "end_stop": rig({"end_stop": {"stiffness": 60.0, "stop": 0.3, "side": -1.0}}),
+    "end_stop": rig({"end_stop": {"stiffness": 60.0, "stop": 0.3, "side": -1.0, "time": 0.1}}),
     "load_times_speed": rig({"load_times_speed": {"slope": 0.3}}),
     "drive_dropout": rig({"drive_dropout": {"share": 0.4, "length": 0.1, "noise_seed": 13.0}}, "voltage"),
     "friction_jump": rig({"friction_jump": {"share": 0.6, "start": -4.5}}),
@@ -87,8 +88,11 @@ def test_long_touch_lasts_its_time_in_one_run(traces: Traces) -> None:
 def test_end_stop_pushes_at_one_end(traces: Traces) -> None:
     _, log, u = traces["end_stop"]
     assert (log.position < -0.35).any() and (log.position > 0.35).any()
-    expected = np.where(log.position < -0.3, 60.0 * (log.position + 0.3), 0.0)
+    depth = -log.position - 0.3
+    expected = np.where(depth > 0.0, -60.0 * np.maximum(depth - 0.1 * log.velocity, 0.0), 0.0)
     np.testing.assert_allclose(u, expected, atol=1e-8)
+    assert np.max(u) <= 1e-8  # the stop pushes, it never pulls
+    assert np.any((depth > 0.0) & (np.abs(u) < 1e-8))  # it lets go while the joint leaves it fast
 
 
 def test_load_times_speed_takes_power(traces: Traces) -> None:
@@ -127,14 +131,19 @@ def test_every_outside_cause_knows_its_right_verdict() -> None:
 
 
 def library_columns(log: CleanLog, balance: np.ndarray) -> np.ndarray:
-    """(T, p) what a library of friction, load, drive and sensor effects can add: a wide linear dictionary."""
+    """(T, p) what a library of friction, load, drive and sensor effects can add: a wide linear dictionary.
+
+    It has the expected torque and not the effort itself: the two together balance whatever is missing.
+    """
     q, v, s, tau = log.position, log.velocity, log.bristle, log.torque
     one = np.ones_like(q)
     drive = np.sign(log.effort), np.gradient(log.command, 1e-3), np.gradient(log.effort, 1e-3)
     stribeck = [s * np.exp(-np.abs(v / speed)) for speed in (0.05, 0.2, 0.8)]
-    columns = [balance, tau, v, s, np.abs(tau) * s, np.abs(v) * v, np.abs(v), q, one, np.cos(q), np.sin(q), log.effort]
+    columns = [balance, tau, v, s, np.abs(tau) * s, np.abs(v) * v, np.abs(v), q, one, np.cos(q), np.sin(q)]
     columns += [s * log.effort, log.time, log.time * s, log.time * v, log.acceleration, *drive, *stribeck]
-    return np.stack(columns, axis=1)
+    knots = np.concatenate([np.full(3, q.min()), np.linspace(q.min(), q.max(), 5), np.full(3, q.max())])
+    curve = BSpline.design_matrix(np.clip(q, q.min(), q.max() - 1e-12), knots, 3).toarray()
+    return np.concatenate([np.stack(columns, axis=1), curve], axis=1)
 
 
 @pytest.mark.slow
@@ -145,7 +154,9 @@ def test_a_library_of_effects_leaves_most_of_an_outside_cause(kind: str) -> None
     spec = caused_rig((kind,), "outside", "outside", 0, 3)
     causes = {kind: dict(spec.causes[kind])}
     if "only_run" in causes[kind]:
-        causes[kind] |= {"only_run": float(("static", "sine", "multisine").index(run)), "start": 6.0}
+        causes[kind] |= {"only_run": float(("static", "sine", "multisine").index(run))}
+    if "start" in causes[kind]:
+        causes[kind] |= {"start": 6.0}
     spec = replace(spec, causes=causes, duration=20.0, name=kind)
     record = simulate([spec], [run], 2e-4)[0]
     log = clean_log(record)
