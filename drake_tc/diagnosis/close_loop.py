@@ -11,6 +11,7 @@ from drake_tc.diagnosis.design import Columns, Fit, Term, fit, predict
 from drake_tc.diagnosis.estimates import estimates
 from drake_tc.diagnosis.evidence import better_share, compare
 from drake_tc.diagnosis.experiments import next_experiment
+from drake_tc.diagnosis.noise_colour import correlated_noise
 from drake_tc.diagnosis.prepared import Prepared, prepare_joint
 from drake_tc.diagnosis.residual_structure import ResidualOptions, assess_residual, features
 from drake_tc.diagnosis.result import (
@@ -53,6 +54,8 @@ class DiagnosisOptions:
 
 
 SETTLING_ROUNDS = 4
+NOTED = 1.2
+"""Noise floor with correlated noise over that without, from which on the report says so."""
 UNTESTED_EFFORT = 1.1
 """Largest effort of the held-out runs over that of the training runs, above which a saturation was not tested."""
 SOFTER = 0.97
@@ -137,7 +140,7 @@ def diagnose_joint(
     progress("what is left", 0.0)
     floor = _floor(columns, chosen)
     splits = _splits(columns, held, found.baseline, chosen)
-    unexplained = _unexplained(splits, chosen, floor, context, options)
+    unexplained, floor, notes = _unexplained(splits, chosen, floor, context, options)
     effects = _found_effects(columns, held, chosen, known, context, stability)
     kept = {e.id for e in effects}
     ties = tuple(pair for pair in ties if pair[0] in kept)
@@ -163,7 +166,7 @@ def diagnose_joint(
         did_not_hold=(*stage.passed_over, *confirmed.withdrawn),
         runs=tuple(run_errors(splits)),
         consistency=consistency(columns, chosen),
-        notes=(*columns.samples.notes, *held.samples.notes),
+        notes=(*columns.samples.notes, *held.samples.notes, *notes),
     )
 
 
@@ -221,12 +224,32 @@ def run_errors(splits: Sequence[DataSplit]) -> Iterator[RunErrors]:
 
 def _unexplained(
     splits: tuple[DataSplit, DataSplit], chosen: Fit, floor: float, context: Context, options: DiagnosisOptions
-) -> Unexplained:
+) -> tuple[Unexplained, float, tuple[str, ...]]:
+    """What is left, the noise floor [effort] with correlated noise of the torque sensor in it, and notes."""
     if not options.assess_residual:
-        return Unexplained(0.0, 0.0, False, 0.0, 0.0, False, ())
+        return Unexplained(0.0, 0.0, False, 0.0, 0.0, False, ()), floor, ()
     servo = context.drive == "position_servo"
     x = (features(splits[0].samples, chosen.beta, servo=servo), features(splits[1].samples, chosen.beta, servo=servo))
-    return assess_residual(*splits, x, floor, _residual_options(options.residual, chosen), options.seed)
+    thresholds = _residual_options(options.residual, chosen)
+    left = assess_residual(*splits, x, floor, thresholds, options.seed)
+    if left.structured or context.load != "torque":
+        return left, floor, ()
+    noise = [correlated_noise(s.samples, s.after / chosen.gain) for s in splits]
+    levels = [max(floor, n.rms * chosen.gain) if n is not None and n.is_noise else floor for n in noise]
+    rms = [_rms(s.after) for s in splits]
+    left = left.with_floors(
+        rms[1] / levels[1], max(r / f for r, f in zip(rms, levels, strict=True)), thresholds.most_floors
+    )
+    if levels[1] <= NOTED * floor or noise[1] is None:
+        return left, levels[1], ()
+    return (
+        left,
+        levels[1],
+        (
+            f"The torque noise is correlated over about {1e3 * noise[1].correlation_time:.0f} ms: it leaves "
+            f"{levels[1] / floor:.1f} times as much as white noise of the size seen at the highest frequencies.",
+        ),
+    )
 
 
 def _settled(

@@ -1,7 +1,7 @@
 """What `close-loop` knows of a joint when it is done; plain data, read by the report and written to report.json."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 from drake_tc.control.torque_uncertainty_file import TorqueUncertainty
@@ -175,6 +175,10 @@ class Unexplained:
     confined_to: tuple[TimeStretch, ...] = ()
     period_hz: float | None = None
     explainable_rms: float = float("nan")
+
+    def with_floors(self, heldout: float, anywhere: float, most: float) -> "Unexplained":
+        """The same held against another noise floor; more than `most` of it is excess."""
+        return replace(self, floors=heldout, floors_anywhere=anywhere, excess=anywhere > most)
 
 
 @dataclass(frozen=True)
