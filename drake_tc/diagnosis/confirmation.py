@@ -6,9 +6,10 @@ An effect of the chosen set is withdrawn when
   3. some training run speaks against it: fitted on the other runs, it makes the error of that run larger. With fewer
      than three training runs the folds of the cross-validation take the place of the runs,
   4. the held-out runs speak against it.
-A run says something about an effect where the effect acts in it: where its contribution has an RMS of half a noise
-floor or more. A run speaks against it when its error is larger with the effect in 95 % of block resamples, the model
-without the effect being fitted anew.
+A run says something about an effect where the effect acts in it: where its contribution has an RMS of a quarter of
+the noise floor or more. A run speaks against it when its error is larger with the effect in 90 % of block resamples, the
+model without the effect being fitted anew. All held-out runs together speak against an effect that acts in them at all
+and makes their error larger.
 """
 
 from collections.abc import Sequence
@@ -23,9 +24,11 @@ from drake_tc.diagnosis.samples import Samples
 from drake_tc.effects.base import Context
 from drake_tc.types import FloatArray, IntArray
 
-ACTS = 0.5
+ACTS = 0.25
 """RMS of an effect's contribution to a run, in noise floors, from which on the run says something about it."""
-CERTAIN = 0.95
+ACTS_AT_ALL = 0.1
+"""The same for all held-out runs together."""
+CERTAIN = 0.90
 """Share of block resamples that must agree before a run speaks against an effect."""
 FEW_RUNS = 3
 """Training runs from which on each is left out in turn."""
@@ -85,7 +88,7 @@ def _objection(
     against = speaks_against(held.samples, without_it, with_it, floor)
     if against:
         return withdrawn("heldout_run_against", f"It makes the held-out error of {against} larger.")
-    if gain <= 0.0 and _rms(with_it - without_it) >= ACTS * floor:
+    if gain <= 0.0 and _rms(with_it - without_it) >= ACTS_AT_ALL * floor:
         return withdrawn("heldout_run_against", f"It changes the held-out error by {-100 * gain:+.1f} %.")
     return None
 
