@@ -1,4 +1,4 @@
-"""Sensors' errors within tolerance: the posterior against its textbook form, coverage of the intervals, what is named."""
+"""Sensors' errors within tolerance: the textbook posterior, coverage of the intervals, what is named."""
 
 from dataclasses import replace
 from types import SimpleNamespace
