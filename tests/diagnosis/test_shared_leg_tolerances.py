@@ -25,7 +25,7 @@ def diagnosed(folder, kind, seed, size):
     logs = sorted(folder.glob("run_*.npz"))
     held = [log for log in logs if log.name.startswith("run_held")]
     fit = [log for log in logs if log not in held]
-    return case.truth, close_loop(folder / "rig.yaml", fit, held, DiagnosisOptions(judged=False))
+    return case.truth, close_loop(folder / "rig.yaml", fit, held, DiagnosisOptions(assess_residual=False))
 
 
 def friction_inside(result):
