@@ -90,7 +90,12 @@ PARTS = {
     ),
     "diagnosis": Part(
         "small blind benchmarks, of single joints and of a leg",
-        ("blind/*", "diagnosis/test_blind_mini.py::*", "diagnosis/test_shared_leg.py::*"),
+        (
+            "blind/*",
+            "diagnosis/test_blind_mini.py::*",
+            "diagnosis/test_shared_leg.py::*",
+            "diagnosis/test_shared_leg_tolerances.py::*",
+        ),
     ),
     "blind-middle": Part(
         "the full blind benchmark: effects of middle strength, and pairs",

@@ -104,6 +104,12 @@ def test_sensor_columns_are_the_estimate_of_wrong_readings(arm, rows, parts):
     delta = 0.1 / 1.1
     column = cc.gain_columns(reading, wrench)[:, :, 0]
     assert_allclose(delta * column, torque(arm, scaled) - right, rtol=0, atol=1e-11)
+    turned = cc.alignment_columns(reading, np.array([row[5] for row in rows]))
+    for axis in range(3):
+        angle = 1e-4 * np.eye(3)[axis]
+        wrong = [(*r[:5], r[5] + np.concatenate([np.cross(angle, r[5][:3]), np.cross(angle, r[5][3:])])) for r in rows]
+        # linear in the readings: exact but for rounding of N m over 1e-4
+        assert_allclose(turned[:, :, axis], (torque(arm, wrong) - right) / 1e-4, rtol=0, atol=1e-6)
     accel = cc.accelerometer_columns(motion, structure, slides)
     for axis in range(3):
         shift = np.concatenate([np.zeros(3), np.eye(3)[axis]])

@@ -7,7 +7,8 @@
    better that way.
 4. The shared causes anew, beside the effects that the joints were found to have: those no longer real go.
 
-The model before is that of step 1 with no cause named: its loads are those without the sensors' errors within tolerance.
+The model before is that of step 1 with no cause named: its loads are those without the sensors' errors within
+tolerance.
 """
 
 from collections.abc import Mapping, Sequence
@@ -150,7 +151,8 @@ class _Before:
     """The model before.
 
     Attributes:
-        raw: Joints with loads as the robot's model gives them. prepared: ... without the sensors' errors within tolerance.
+        raw: Joints with loads as the robot's model gives them.
+        prepared: The same without the sensors' errors within tolerance.
         fitted: All joints with no cause named. held: Held-out runs of its loads.
     """
 

@@ -54,7 +54,8 @@ def shared_effects(
     """The causes found, with all effects of the joints beside them.
 
     Args:
-        train, held: Rows of both sides, with each joint's final model.
+        train: Training rows, with each joint's final model.
+        held: Held-out rows, the same.
         causes: Columns.
         chosen: Causes found.
         ties: By chosen cause, those that do as well in its place.

@@ -3,24 +3,26 @@
     z_j = X_j beta_j + C_j delta + e_j,   e_j ~ (0, sigma_j^2)                              joints j = 1 ... n
 
 z_j = tau_meas + J qddot and X_j are those of the joint's own regression (`drake_tc.diagnosis.design`); C_j are the
-causes' columns through the same filters. Parameters with a tolerance t_i have the prior delta_i ~ N(0, t_i^2), cut off at
-three of them; the others have none. The estimate is the posterior's mode,
+causes' columns through the same filters. Parameters with a tolerance t_i have the prior delta_i ~ N(0, t_i^2), cut
+off at three of them; the others have none. The estimate is the posterior's mode,
 
     min  sum_j n_j log(|e_j|^2/K_j^-2) + sum_i delta_i^2/t_i^2   with |delta_i| <= 3 t_i
 
-e_j(delta) is what the joint's own least squares leave. K_j^-1(delta) is its first coefficient as a function of those delta
-that scale readings or the model (gains, alignments, masses), so that these residuals count in effort, by the drive gain of
-the fit itself. In torque, such delta could shrink all torques together, and the drive gains' inverses with them: the
-residual would shrink too, which explains nothing. (These columns hold the noise of z itself. Biases' columns hold none and
-stay as they are. The others' own noise is neglected: an error of g_j sigma_j^2/|C~_j|^2, some 1e-3 of a delta.) It is
-solved by Gauss-Newton steps: with C~_j what X_j leaves of C_j and g_j = -d log(1/K_j)/d delta,
+e_j(delta) is what the joint's own least squares leave. K_j^-1(delta) is its first coefficient as a function of those
+delta that scale readings or the model (gains, alignments, masses), so that these residuals count in effort, by the
+drive gain of the fit itself. In torque, such delta could shrink all torques together, and the drive gains' inverses
+with them: the residual would shrink too, which explains nothing. (These columns hold the noise of z itself. Biases'
+columns hold none and stay as they are. The others' own noise is neglected: an error of g_j sigma_j^2/|C~_j|^2, some
+1e-3 of a delta.) It is solved by Gauss-Newton steps: with C~_j what X_j leaves of C_j and g_j = -d log(1/K_j)/d
+delta,
 
     H = sum_j w_j (C~_j - e_j g_j')' (C~_j - e_j g_j') + diag(1/t_i^2),   w_j = (n_j/N_j)/sigma_j^2
 
-N_j rows that are correlated in time say as much as n_j independent ones (N_j over their integrated autocorrelation time:
-the variance of a mean of N correlated values is sigma^2/n): without n_j/N_j the prior would be overruled by noise that the
-rows repeat. sigma_j and n_j follow from the fit itself; the beta_j are eliminated joint by joint, so that only the few
-delta are solved for together. Cross-validation: folds of neighbouring half seconds, the same instants for all joints.
+N_j rows that are correlated in time say as much as n_j independent ones (N_j over their integrated autocorrelation
+time: the variance of a mean of N correlated values is sigma^2/n): without n_j/N_j the prior would be overruled by
+noise that the rows repeat. sigma_j and n_j follow from the fit itself; the beta_j are eliminated joint by joint, so
+that only the few delta are solved for together. Cross-validation: folds of neighbouring half seconds, the same
+instants for all joints.
 """
 
 from collections.abc import Mapping, Sequence

@@ -1,6 +1,7 @@
 """Each joint's intervals with what is not known of the shared causes, and its effects' gains on the whole robot.
 
-A joint's own coefficients follow the shared ones, beta_j(delta) = beta_j - G_j delta (`covariance.own_response`), so that
+A joint's own coefficients follow the shared ones, beta_j(delta) = beta_j - G_j delta (`covariance.own_response`), so
+that
 
     Cov(theta_j) = Cov(theta_j | delta) + D G_j Cov(delta) G_j' D',    D = d theta_j/d beta_j
 
@@ -57,7 +58,8 @@ def _wider(estimate: Estimate, slope: FloatArray, spread: FloatArray) -> Estimat
 def robot_gains(joints: Mapping[str, JointResult], sigma: Mapping[str, float]) -> dict[tuple[str, str], float]:
     """Held-out gain of the whole robot by joint and effect key, told as that of a shared cause.
 
-    1 - sqrt(S/S_0), S the sum over the joints of their held-out squares over sigma_j^2, S_0 the same without the effect.
+    1 - sqrt(S/S_0), S the sum over the joints of their held-out squares over sigma_j^2, S_0 the same without the
+    effect.
 
     Args:
         joints: Results.
