@@ -118,7 +118,7 @@ def record_bench(
         name: Of the run.
 
     Returns:
-        `joint/position`, `joint/torque` (link side) and the command's column, `joint/temperature` and
+        `joint/position`, `joint/torque` (link side) and the command's column; `joint/temperature` and
             `joint/supply_voltage` where they are given.
     """
     rng = np.random.default_rng(scenario.seed) if generator is None else generator

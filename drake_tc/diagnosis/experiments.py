@@ -29,6 +29,8 @@ ISOLATES: Mapping[str, str] = {
     "torque_sensor_drift": "leave the joint at rest, unloaded, for several minutes",
     "encoder_offset": "let the link hang freely, drive off, and read the encoder",
     "encoder_ripple": "turn at two constant speeds over a whole turn: the error of the encoder keeps its place",
+    "servo_gain": "hang known weights on the link and read the effort that holds them, approached from both sides",
+    "static_friction": "raise the effort slowly from rest until the joint moves, many times in both directions",
     "supply_sag": "repeat one motion on a stabilised supply at two voltages",
     "winding_temperature": "repeat one motion under load cold and warm, without changing it",
     "directional_efficiency": "lower and raise known weights slowly, with the motor's torque recorded in its own unit",

@@ -239,6 +239,8 @@ def context_of(samples: Samples, rig: Rig, joint: str) -> Context:
     rows = samples.rows
     recorded = frozenset(n for n in ("temperature", "motor_position", "supply_voltage") if s.has(n))
     declared: Mapping[str, float] = {k: float(v) for k, v in rig.declared[joint].items() if v is not None}
+    if joint in rig.drive_gain:
+        declared = {**declared, "drive_gain": rig.drive_gain[joint]}
     low, high = np.percentile(s.effort[rows], [0.05, 99.95])
     load = rig.load[joint]
     return Context(

@@ -23,6 +23,13 @@ class Elasticity(TransmissionEffect):
     In a log of the link's position under a servo that holds the motor's, the effort is off by c tau, and the motor's
     own friction and inertia see the rates of c tau. The first scales tau against J qddot by 1 + c/K; the balance
     divided by that reads  tau + J qddot = ... - c (F_v tau' + J tau'') + w J qddot,  w = (c/K)/(1 + c/K).
+
+    A delay d of the effort also follows a rate, d y'/K = d (tau' + J qdddot + F_v qddot + the steps of dry friction),
+    but at the full size of tau' and with the steps, where compliance has the small share c F_v of tau' and a part in
+    phase with qddot. With the load torque and the effort both recorded the two are told apart
+    (tests/effects/test_told_apart.py). They are not where no inertia is declared, and ringing of the link faster than
+    a third of the filters' band is not in the columns, because the torque's noise, differentiated twice, would explain
+    itself.
     """
 
     id = "elasticity"

@@ -26,7 +26,9 @@ from drake_tc.effects.quadratic_viscous import QuadraticViscous
 from drake_tc.effects.rotor_inertia import RotorInertia
 from drake_tc.effects.run_in_friction import RunInFriction
 from drake_tc.effects.saturation import Saturation
+from drake_tc.effects.servo_gain import ServoGain
 from drake_tc.effects.servo_integrator import ServoIntegrator
+from drake_tc.effects.static_friction import StaticFriction
 from drake_tc.effects.stribeck import Stribeck
 from drake_tc.effects.supply_limit import SupplyLimit
 from drake_tc.effects.supply_sag import SupplySag
@@ -91,6 +93,8 @@ SPECIAL: tuple[Effect, ...] = (
     DriveCompression(),
     WindingHeat(),
     LoadTilt(),
+    ServoGain(),
+    StaticFriction(),
 )
 """Effects that a model may list but that no search looks for unasked: each resembles a commoner one in LIBRARY."""
 

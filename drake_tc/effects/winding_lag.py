@@ -20,7 +20,9 @@ BACK_EMF_RANGE = Plausible(
 
 
 class WindingLag(CurrentLag):
-    """L di/dt + R i = V - k_e qdot, k_e on the joint's side [V s/rad], gives with T = L/R and tau_motor = k_t N i
+    """A winding has L di/dt + R i = V - k_e qdot, k_e on the joint's side [V s/rad].
+
+    With T = L/R and tau_motor = k_t N i that is
 
         T dtau_motor/dt + tau_motor = V/K - F_e qdot,      K = R/(k_t N),  F_e = k_e/K.
 

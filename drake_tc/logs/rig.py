@@ -10,6 +10,7 @@
     declared: {rotor_inertia: 0.31, stribeck: null}        # optional; or [stribeck, ...]; or by joint
     enabled: torque_on                 # optional; column that is 0 while the drive is off (those samples are left out)
     saturation: 12.0                   # optional; known effort limit of the drive [rad | A | V]
+    drive_gain: 0.08                   # optional; gain of the drive as declared [rad | A | V for 1 N*m]
     sensors: {torque_noise: 0.25 N*m, correlation_time: 20 ms, encoder_step: 1.5 mrad,
               ft_foot: {bias: [2 N, 0.05 N*m], gain: 1 %, alignment: 0.5 deg}, imu_trunk: {part: bmi088}}  # optional
 
@@ -42,7 +43,7 @@ from drake_tc.logs.sensors import (
 
 _KEYS = (
     *("joint", "joints", "robot", "drive", "columns", "units", "load", "declared", "enabled", "saturation"),
-    "sensors",
+    *("drive_gain", "sensors"),
 )
 _COMMAND: Mapping[DriveKind, str] = {"position_servo": "position_command", "current": "current", "voltage": "voltage"}
 
@@ -65,6 +66,7 @@ class Rig:
         units: Canonical name or suffix to a unit or scale factor, where not SI.
         enabled: Name in the log of the column that is 0 while the drive is off, or None.
         saturation: Known effort limit by joint [rad | A | V], where known.
+        drive_gain: Declared gain K_0 by joint [effort/(N m)], where it is declared.
         source: The file it came from, or None.
         robot: The robot file whose model gives the loads, or None.
         sensors: Declared noise by joint; see `joint_sensors`.
@@ -79,6 +81,7 @@ class Rig:
     units: Mapping[str, str | float] = field(default_factory=_empty)
     enabled: str | None = None
     saturation: Mapping[str, float] = field(default_factory=_empty)
+    drive_gain: Mapping[str, float] = field(default_factory=_empty)
     source: Path | None = None
     robot: Path | None = None
     sensors: Mapping[str, JointSensors] = field(default_factory=_empty)
@@ -145,7 +148,10 @@ def parse_rig(document: object, source: Path | str = "rig") -> Rig:
         columns=rig_fields.parse_columns(name, document.get("columns"), joints),
         units=rig_fields.parse_units(name, document.get("units"), joints),
         enabled=rig_fields.parse_enabled(name, document.get("enabled")),
-        saturation=rig_fields.parse_saturation(name, document.get("saturation"), joints),
+        saturation=rig_fields.parse_positive(name, "saturation", document.get("saturation"), joints, "effort limit"),
+        drive_gain=rig_fields.parse_positive(
+            name, "drive_gain", document.get("drive_gain"), joints, "effort for 1 N*m of torque"
+        ),
         source=source if isinstance(source, Path) else None,
         robot=robot,
         sensors=sensors,
@@ -212,7 +218,9 @@ def rig_document(rig: Rig) -> dict[str, Any]:
         document["load"] = _one_or_each({joint: _load_entry(load) for joint, load in rig.load.items()})
     if any(declared.values()):
         document["declared"] = _one_or_each(declared)
-    document |= {key: dict(getattr(rig, key)) for key in ("columns", "units", "saturation") if getattr(rig, key)}
+    document |= {
+        key: dict(getattr(rig, key)) for key in ("columns", "units", "saturation", "drive_gain") if getattr(rig, key)
+    }
     if rig.enabled is not None:
         document["enabled"] = rig.enabled
     sensors = sensors_entry(rig.sensors, rig.tolerances)

@@ -19,7 +19,8 @@ EFFECT_IDS = (
     *("torque_ripple", "cable_spring", "backlash", "elasticity", "deadzone", "saturation", "servo_integrator"),
     *("velocity_sign_switch", "delay", "current_lag", "payload", "torque_sensor_bias", "torque_sensor_gain"),
     *("torque_sensor_drift", "encoder_offset", "encoder_eccentricity", "encoder_ripple"),
-    *("directional_efficiency", "position_dependent_load", "supply_sag", "winding_temperature"),
+    *("directional_efficiency", "position_dependent_load", "supply_sag", "winding_temperature", "servo_gain"),
+    "static_friction",
     *("load_stribeck", "drive_compression", "winding_heat", "load_tilt"),
     *("link_mass", "link_com", "ft_bias", "ft_gain", "imu_bias"),
 )
@@ -216,14 +217,14 @@ def parse_enabled(source: str, value: object) -> str | None:
     raise RigError(f"{source}: enabled: wanted the name of a column in the log, got {value!r}")
 
 
-def parse_saturation(source: str, value: object, joints: tuple[str, ...]) -> Mapping[str, float]:
-    """Known effort limit of the drive (rad, A or V), one for all joints or by joint."""
-    by_joint = mapping(source, "saturation", value) if isinstance(value, Mapping) else {}
+def parse_positive(source: str, key: str, value: object, joints: tuple[str, ...], what: str) -> Mapping[str, float]:
+    """A positive number for all joints or by joint, e.g. the known effort limit of the drive (rad, A or V)."""
+    by_joint = mapping(source, key, value) if isinstance(value, Mapping) else {}
     if value is not None and not isinstance(value, Mapping):
         by_joint = dict.fromkeys(joints, value)
-    for joint, limit in by_joint.items():
+    for joint, number in by_joint.items():
         if joint not in joints:
-            raise RigError(f"{source}: saturation: {joint!r} is not a joint of this rig; joints: {list(joints)}")
-        if isinstance(limit, bool) or not isinstance(limit, (int, float)) or not 0 < limit < math.inf:
-            raise RigError(f"{source}: saturation: wanted a positive number (effort limit), got {limit!r}")
-    return {joint: float(limit) for joint, limit in by_joint.items()}
+            raise RigError(f"{source}: {key}: {joint!r} is not a joint of this rig; joints: {list(joints)}")
+        if isinstance(number, bool) or not isinstance(number, (int, float)) or not 0 < number < math.inf:
+            raise RigError(f"{source}: {key}: wanted a positive number ({what}), got {number!r}")
+    return {joint: float(number) for joint, number in by_joint.items()}

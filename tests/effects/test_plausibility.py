@@ -124,6 +124,12 @@ CASES: dict[str, tuple[dict[str, float], dict[str, float], str]] = {
         "duty",
     ),
     "saturation.supply": ({"limit_per_volt": 0.2}, {"limit_per_volt": 0.4}, "0 to 0.333 A/V"),
+    "servo_gain": ({"gain_error": -0.3}, {"gain_error": 12.0}, "units"),
+    "static_friction": (
+        {"static_excess": 6.0, "break_away_speed": 0.01},
+        {"static_excess": 60.0, "break_away_speed": 0.01},
+        "broken away",
+    ),
     "load_stribeck": (
         {"load_stribeck": 0.2, "load_stribeck_velocity": 0.4},
         {"load_stribeck": 0.2, "load_stribeck_velocity": 3.0},
