@@ -7,7 +7,7 @@ Rows of  z = tau + J qddot  against  [y*, -phi_1, ..., -phi_k], all passed throu
 Residuals are told in the drive's effort: K (z - z_hat), the effort that the model asks too little.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -64,17 +64,28 @@ class Columns:
         self.target = target
         self._cache: dict[tuple[object, ...], FloatArray] = {}
         self._bytes = 0
+        folds = fold_of(samples.block)
+        self._order = np.argsort(folds, kind="stable")
+        self._ends = np.cumsum(np.bincount(folds, minlength=FOLDS))
+        self._sorted: dict[tuple[object, ...], FloatArray] = {}
+        self._products: dict[tuple[object, ...], FloatArray] = {}
 
     def effort(self, terms: Sequence[Term]) -> FloatArray:
         """y* (N,) after every drive effect among the terms, in the library's order."""
-        drives = [t for t in terms if isinstance(t.effect, DriveEffect) and t.effect.shapes]
-        key = ("effort", *(k for t in drives for k in t.cache_key))
+        drives, key = self._drives(terms), self._effort_key(terms)
         if key not in self._cache:
             values = self.samples.signals.effort
             for term in drives:
                 values = self.samples.by_segment(term.effect, term.shape, values)
             self._remember(key, self.samples.reduce(values))
         return self._cache[key]
+
+    @staticmethod
+    def _drives(terms: Sequence[Term]) -> list[Term]:
+        return [t for t in terms if isinstance(t.effect, DriveEffect) and t.effect.shapes]
+
+    def _effort_key(self, terms: Sequence[Term]) -> tuple[object, ...]:
+        return ("effort", *(k for t in self._drives(terms) for k in t.cache_key))
 
     def of(self, term: Term) -> FloatArray:
         """Phi (N, k) of one term."""
@@ -85,11 +96,47 @@ class Columns:
         return self._cache[key]
 
     def _remember(self, key: tuple[object, ...], value: FloatArray) -> None:
-        self._bytes += value.nbytes
+        self._bytes += 2 * value.nbytes
         if self._bytes > CACHE_BYTES:
             self._cache.clear()
-            self._bytes = value.nbytes
+            self._sorted.clear()
+            self._products.clear()
+            self._bytes = 2 * value.nbytes
         self._cache[key] = value
+
+    def normal(self, terms: Sequence[Term]) -> "Normal":
+        """Normal equations of a set of terms; the products of two terms' columns are computed once."""
+        acting = [t for t in terms if t.effect.coefficients]
+        keys = [self._effort_key(terms), *(t.cache_key for t in acting)]
+        sorted_ = [self._by_fold(keys[0], lambda: self.effort(terms)[:, None])]
+        sorted_ += [self._by_fold(t.cache_key, lambda t=t: -self.of(t)) for t in acting]  # type: ignore[misc]
+        target = self._by_fold(("target",), lambda: self.target[:, None])
+        widths = np.cumsum([0, *(x.shape[1] for x in sorted_)])
+        size = int(widths[-1])
+        grams, moments = np.empty((FOLDS, size, size)), np.empty((FOLDS, size))
+        for i, (key, x) in enumerate(zip(keys, sorted_, strict=True)):
+            mine = slice(widths[i], widths[i + 1])
+            moments[:, mine] = self._product(key, x, ("target",), target)[:, :, 0]
+            for j in range(i, len(keys)):
+                other = slice(widths[j], widths[j + 1])
+                product = self._product(key, x, keys[j], sorted_[j])
+                grams[:, mine, other] = product
+                grams[:, other, mine] = product.transpose(0, 2, 1)
+        return Normal(grams, moments, self._product(("target",), target, ("target",), target)[:, 0, 0])
+
+    def _by_fold(self, key: tuple[object, ...], values: Callable[[], FloatArray]) -> FloatArray:
+        """Columns (N, k) with the rows of each fold together."""
+        if key not in self._sorted:
+            made = values()  # may empty the caches
+            self._sorted[key] = np.ascontiguousarray(made[self._order])
+        return self._sorted[key]
+
+    def _product(self, a: tuple[object, ...], x: FloatArray, b: tuple[object, ...], y: FloatArray) -> FloatArray:
+        """X'Y (FOLDS, k, l) by fold."""
+        if (a, b) not in self._products:
+            starts = np.concatenate([[0], self._ends[:-1]])
+            self._products[a, b] = np.stack([x[s:e].T @ y[s:e] for s, e in zip(starts, self._ends, strict=True)])
+        return self._products[a, b]
 
     def with_model(self, beta: FloatArray, *, servo: bool, true_torque: FloatArray | None = None) -> "Columns":
         """The same samples once the declared model's [1/K, F_v, F_c, ...] is known: see `Signals`.
@@ -196,50 +243,85 @@ def collinear(gram: FloatArray) -> bool:
     return bool(np.linalg.cond(unit) > 1e9)
 
 
+@dataclass(frozen=True, eq=False)
+class Normal:
+    """Normal equations of one set of terms by fold, from cached products of columns.
+
+    Attributes:
+        grams: (FOLDS, m, m) X'X. moments: (FOLDS, m) X'z. squares: (FOLDS,) z'z.
+    """
+
+    grams: FloatArray
+    moments: FloatArray
+    squares: FloatArray
+
+
 def fold_of(block: IntArray) -> IntArray:
     """Blocks dealt to folds in pairs, so that neighbours mostly share a fold."""
     return np.asarray((block // 2) % FOLDS)
 
 
-def fit(columns: Columns, terms: Sequence[Term], weights: FloatArray | None = None) -> Fit:
-    """Least squares with blockwise cross-validation, from Gram matrices of the folds.
+@dataclass(frozen=True)
+class Score:
+    """Coefficients and errors of a set of terms without its residual.
+
+    Attributes:
+        terms: In the order of the columns.
+        beta: (1 + sum k,). by_fold: (FOLDS, 1 + sum k) fitted without each fold.
+        cv_rms: Cross-validated, noise let through weighed.
+        gain: K in which errors are told. noise_correction: Weight of the noise let through.
+    """
+
+    terms: tuple[Term, ...]
+    beta: FloatArray
+    by_fold: FloatArray
+    cv_rms: float
+    gain: float
+    noise_correction: float
+
+
+def score(columns: Columns, terms: Sequence[Term]) -> Score:
+    """Least squares with blockwise cross-validation, from normal equations alone."""
+    normal = columns.normal(terms)
+    low, high = bounds_of(terms)
+    gram, moment = normal.grams.sum(0), normal.moments.sum(0)
+    beta = solve_bounded(gram, moment, low, high)
+    gain = columns.gain or 1.0 / float(beta[0])
+    correction = np.inf if collinear(gram) else columns.noise_ratio(beta, terms)
+    by_fold = np.empty((FOLDS, beta.size))
+    total = 0.0
+    for f in range(FOLDS):
+        part = by_fold[f] = solve_bounded(gram - normal.grams[f], moment - normal.moments[f], low, high)
+        error = normal.squares[f] - 2.0 * part @ normal.moments[f] + part @ normal.grams[f] @ part
+        total += max(float(error), 0.0)
+    cv_rms = gain * correction * float(np.sqrt(total / columns.target.size))
+    return Score(tuple(terms), beta, by_fold, cv_rms, gain, correction)
+
+
+def fit(columns: Columns, terms: Sequence[Term]) -> Fit:
+    """Least squares with blockwise cross-validation, from normal equations of the folds.
 
     Args:
         columns: Reduced columns of the training rows.
         terms: The effects.
-        weights: (N,) for each row, or None.
     """
-    x = columns.design(terms)
-    z = columns.target
-    xw = x if weights is None else x * weights[:, None]
-    block = columns.samples.block
+    found = score(columns, terms)
+    x, z, block = columns.design(terms), columns.target, columns.samples.block
     folds = fold_of(block)
-    grams = np.stack([xw[folds == f].T @ x[folds == f] for f in range(FOLDS)])
-    moments = np.stack([xw[folds == f].T @ z[folds == f] for f in range(FOLDS)])
-    low, high = bounds_of(terms)
-    total_gram, total_moment = grams.sum(0), moments.sum(0)
-    beta = solve_bounded(total_gram, total_moment, low, high)
-    gain = columns.gain or 1.0 / beta[0]
-    fair = np.inf if collinear(total_gram) else columns.noise_ratio(beta, terms)
     held = np.empty_like(z)
     for f in range(FOLDS):
         rows = folds == f
-        if rows.any():
-            part = solve_bounded(total_gram - grams[f], total_moment - moments[f], low, high)
-            held[rows] = (z[rows] - x[rows] @ part) * gain
-    residual = (z - x @ beta) * gain
-    held = held * fair
-    if weights is not None:
-        held = held * np.sqrt(weights)
+        held[rows] = z[rows] - x[rows] @ found.by_fold[f]
+    held = held * (found.gain * found.noise_correction)
+    residual = (z - x @ found.beta) * found.gain
     count = int(block.max()) + 1
-    sse = np.bincount(block, held**2, count).astype(float)
     return Fit(
-        terms=tuple(terms),
-        beta=beta,
+        terms=found.terms,
+        beta=found.beta,
         residual=residual,
         rms=float(np.sqrt(np.mean(residual**2))),
         cv_rms=float(np.sqrt(np.mean(held**2))),
-        block_sse=sse,
+        block_sse=np.bincount(block, held**2, count).astype(float),
         block_rows=np.bincount(block, minlength=count).astype(float),
     )
 

@@ -7,7 +7,7 @@ import numpy as np
 from scipy.optimize import minimize
 
 from drake_tc.diagnosis.believable import objection_to_values
-from drake_tc.diagnosis.design import Columns, Fit, Term, fit
+from drake_tc.diagnosis.design import Columns, Fit, Term, fit, score
 from drake_tc.diagnosis.evidence import Comparison, compare
 from drake_tc.diagnosis.result import DidNotHold
 from drake_tc.effects.base import Context, DriveEffect, Effect
@@ -85,11 +85,11 @@ def screen(
 
 def best_shape(columns: Columns, terms: Sequence[Term], effect: Effect, context: Context, residual: FloatArray) -> Fit:
     """The best fit of `terms` plus one effect over its shape grid."""
-    fits = [
-        fit(columns, [*terms, Term(effect, shape)])
+    tried = [
+        score(columns, [*terms, Term(effect, shape)])
         for shape in screen(columns, residual, effect, effect.shape_grid(context), keep=4)
     ]
-    return min(fits, key=lambda f: f.cv_rms)
+    return fit(columns, min(tried, key=lambda s: s.cv_rms).terms)
 
 
 def refine(columns: Columns, start: Fit, evaluations: int = 60) -> Fit:
@@ -99,7 +99,7 @@ def refine(columns: Columns, start: Fit, evaluations: int = 60) -> Fit:
         return start
     values = np.array([start.terms[i].shape[p.name] for i, p in free])
     steps = np.array([0.004 if p.name == "cycles_per_turn" else 0.15 for _, p in free])
-    best = start
+    best, least = start.terms, start.cv_rms
 
     def shaped(x: FloatArray) -> list[Term]:
         shapes: list[dict[str, float]] = [dict(t.shape) for t in start.terms]
@@ -108,10 +108,10 @@ def refine(columns: Columns, start: Fit, evaluations: int = 60) -> Fit:
         return [Term(t.effect, s) for t, s in zip(start.terms, shapes, strict=True)]
 
     def cost(x: FloatArray) -> float:
-        nonlocal best
-        candidate = fit(columns, shaped(x))
-        if candidate.cv_rms < best.cv_rms:
-            best = candidate
+        nonlocal best, least
+        candidate = score(columns, shaped(x))
+        if candidate.cv_rms < least:
+            best, least = candidate.terms, candidate.cv_rms
         return float(np.log(candidate.cv_rms))
 
     zero = np.zeros(len(free))
@@ -122,7 +122,7 @@ def refine(columns: Columns, start: Fit, evaluations: int = 60) -> Fit:
         method="Nelder-Mead",
         options={"maxfev": evaluations * len(free), "xatol": 0.02, "fatol": 1e-4, "initial_simplex": simplex},
     )
-    return best
+    return start if best is start.terms else fit(columns, best)
 
 
 SAME = 1.02
