@@ -1,6 +1,6 @@
 """The main job for one joint: declared model, residual, missing effects, refit, errors before and after, verdict."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -22,10 +22,10 @@ from drake_tc.diagnosis.result import (
     JointResult,
     RejectedEffect,
     Rejection,
-    RunErrors,
     Unexplained,
     Verdict,
 )
+from drake_tc.diagnosis.run_errors import run_errors
 from drake_tc.diagnosis.search import Progress, Search, SearchOptions, best_shape, candidates, search
 from drake_tc.diagnosis.ties import indistinguishable
 from drake_tc.effects.base import EFFORT_UNIT, Context, TransmissionEffect
@@ -133,10 +133,16 @@ def diagnose_joint(
     prepared, scout, context = stage.prepared, stage.scout, stage.prepared.context
     ties = indistinguishable(scout, stage.found, context)
     stability = stabilities(stage.found, options.seed)
-    found, columns, held = _refitted(stage)
+    found = _refitted(stage)
     known = frozenset(t.effect.key for t in found.baseline.terms)
-    confirmed = confirm(columns, held, found.chosen, known, context, prepared.floor)
-    columns, held, chosen = _settled(prepared.train, prepared.held, confirmed.fit, found.baseline, context)
+    confirmed = confirm(
+        lambda chosen: _settled(prepared.train, prepared.held, chosen, found.baseline, context),
+        found.chosen,
+        known,
+        context,
+        prepared.floor,
+    )
+    columns, held, chosen = confirmed.train, confirmed.held, confirmed.fit
     progress("what is left", 0.0)
     floor = _floor(columns, chosen)
     splits = _splits(columns, held, found.baseline, chosen)
@@ -179,17 +185,13 @@ def verdict_of(left: Unexplained, *, found: bool) -> Verdict:
     return "effects_found" if found else "no_missing_effect"
 
 
-def _refitted(stage: Stage) -> tuple[Search, Columns, Columns]:
-    """What was found on a subsample, fitted to all training rows, with columns that know the final model."""
+def _refitted(stage: Stage) -> Search:
+    """What was found on a subsample, fitted to all training rows."""
     prepared, found = stage.prepared, stage.found
-    if stage.scout is not prepared.train:
-        found = replace(
-            found,
-            baseline=fit(prepared.train, found.baseline.terms),
-            chosen=fit(prepared.train, found.chosen.terms),
-        )
-    columns, held, chosen = _settled(prepared.train, prepared.held, found.chosen, found.baseline, prepared.context)
-    return replace(found, chosen=chosen), columns, held
+    if stage.scout is prepared.train:
+        return found
+    baseline, chosen = (fit(prepared.train, f.terms) for f in (found.baseline, found.chosen))
+    return replace(found, baseline=baseline, chosen=chosen)
 
 
 def _floor(columns: Columns, chosen: Fit) -> float:
@@ -209,17 +211,6 @@ def _splits(columns: Columns, held: Columns, baseline: Fit, chosen: Fit) -> tupl
         before, after = ((each.target - each.design(f.terms) @ f.beta) * chosen.gain for f in (baseline, chosen))
         out.append(DataSplit(each.samples, np.asarray(before), np.asarray(after)))
     return out[0], out[1]
-
-
-def run_errors(splits: Sequence[DataSplit]) -> Iterator[RunErrors]:
-    """Errors of every run, training runs first."""
-    for split, heldout in zip(splits, (False, True), strict=True):
-        for number, name in enumerate(split.samples.runs):
-            mine = split.samples.run == number
-            if mine.any():
-                before, after = split.before[mine], split.after[mine]
-                absolute = [float(np.mean(np.abs(x))) for x in (before, after)]
-                yield RunErrors(name, heldout, int(mine.sum()), _rms(before), _rms(after), *absolute)
 
 
 def _unexplained(

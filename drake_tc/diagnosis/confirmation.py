@@ -7,12 +7,12 @@ An effect of the chosen set is withdrawn when
      than three training runs the folds of the cross-validation take the place of the runs,
   4. the held-out runs speak against it.
 A run says something about an effect where the effect acts in it: where its contribution has an RMS of a quarter of
-the noise floor or more. A run speaks against it when its error is larger with the effect in 90 % of block resamples, the
-model without the effect being fitted anew. All held-out runs together speak against an effect that acts in them at all
-and makes their error larger.
+the noise floor or more. A training run speaks against it when its error is larger with the effect in 90 % of block
+resamples, a held-out run when its error is larger at all; the model without the effect is fitted anew. All held-out
+runs together speak against an effect that acts in them at all and makes their error larger.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -37,20 +37,23 @@ RESAMPLES = 400
 
 @dataclass(frozen=True)
 class Confirmed:
-    """The effects that held, fitted anew, and those that did not."""
+    """Rows that know the final model, the effects that held, fitted anew, and those that did not."""
 
+    train: Columns
+    held: Columns
     fit: Fit
     withdrawn: tuple[DidNotHold, ...]
 
 
-def confirm(
-    columns: Columns, held: Columns, chosen: Fit, known: frozenset[str], context: Context, floor: float
-) -> Confirmed:
+Settle = Callable[[Fit], tuple[Columns, Columns, Fit]]
+"""A fit to training rows, held-out rows and the fit itself, once the columns know the fit's coefficients."""
+
+
+def confirm(settle: Settle, chosen: Fit, known: frozenset[str], context: Context, floor: float) -> Confirmed:
     """Withdraw effects one by one until all that are left hold.
 
     Args:
-        columns: Training rows.
-        held: Held-out rows.
+        settle: Makes columns know a fit.
         chosen: What the search chose.
         known: Keys of the declared effects, which are not questioned.
         context: What the logs span.
@@ -58,10 +61,11 @@ def confirm(
     """
     withdrawn: list[DidNotHold] = []
     while True:
+        columns, held, chosen = settle(chosen)
         added = [t for t in chosen.terms if t.effect.key not in known]
         failed = [f for t in added if (f := _objection(columns, held, chosen, t, context, floor)) is not None]
         if not failed:
-            return Confirmed(chosen, tuple(withdrawn))
+            return Confirmed(columns, held, chosen, tuple(withdrawn))
         worst = min(failed, key=lambda f: (f.reason != "implausible", f.heldout_gain or 0.0))
         withdrawn.append(worst)
         chosen = fit(columns, [t for t in chosen.terms if t.effect.key != worst.key])
@@ -85,7 +89,7 @@ def _objection(
     against = _training_run_against(columns, chosen, without, floor)
     if against:
         return withdrawn("training_run_against", f"Fitted on the other runs, it makes the error of {against} larger.")
-    against = speaks_against(held.samples, without_it, with_it, floor)
+    against = speaks_against(held.samples, without_it, with_it, floor, certain=0.0)
     if against:
         return withdrawn("heldout_run_against", f"It makes the held-out error of {against} larger.")
     if gain <= 0.0 and _rms(with_it - without_it) >= ACTS_AT_ALL * floor:
@@ -118,15 +122,17 @@ def left_out(columns: Columns, terms: Sequence[Term]) -> FloatArray:
     return out
 
 
-def speaks_against(samples: Samples, without: FloatArray, with_it: FloatArray, floor: float) -> str:
-    """Name of the run whose error (N,) is larger with an effect, in nearly all block resamples; or ""."""
+def speaks_against(
+    samples: Samples, without: FloatArray, with_it: FloatArray, floor: float, certain: float = CERTAIN
+) -> str:
+    """Name of the run whose error (N,) is larger with an effect, in at least `certain` of block resamples; or ""."""
     worst, name = 0.0, ""
     for r in np.unique(samples.run):
         rows = samples.run == r
         if _rms(with_it[rows] - without[rows]) < ACTS * floor:
             continue
         loss = _rms(with_it[rows]) / max(_rms(without[rows]), 1e-300) - 1.0
-        if loss > worst and _worse_share(samples.block[rows], without[rows], with_it[rows]) >= CERTAIN:
+        if loss > worst and _worse_share(samples.block[rows], without[rows], with_it[rows]) >= certain:
             worst, name = loss, samples.runs[int(r)]
     return name
 

@@ -25,7 +25,7 @@ LEAST_GAIN = 0.05
 """Squared gain of the filters at the upper end of the band that is fitted."""
 MOST_MISFIT = 0.30
 MOST_UNEVENNESS = 2.5
-"""Set on the calibration seed: noise of a sensor leaves at most 0.25 and 2.3, causes that the library lacks leave more."""
+"""Set on the calibration seed: noise of a sensor leaves at most 0.25 and 2.3."""
 TIMES = np.geomspace(0.003, 0.053, 15)
 
 

@@ -12,7 +12,7 @@
     saturation: 12.0                   # optional; known effort limit of the drive [rad | A | V]
     drive_gain: 0.08                   # optional; gain of the drive as declared [rad | A | V for 1 N*m]
     sensors: {torque_noise: 0.25 N*m, correlation_time: 20 ms, encoder_step: 1.5 mrad,
-              ft_foot: {bias: [2 N, 0.05 N*m], gain: 1 %, alignment: 0.5 deg}, imu_trunk: {part: bmi088}}  # optional
+              ft_foot: {bias: [2 N, 0.05 N*m], gain: 1 %, alignment: 0.5 deg}, imu_trunk: {part: mpu_6050}}  # optional
 
 Viscous and Coulomb friction are always declared. `sensors` says what the sensors do (`drake_tc.logs.rig_sensors`): the
 noise of the joints' channels replaces what is estimated from the log; biases, gains and alignments of F/T sensors and

@@ -7,7 +7,7 @@
       position_noise: 0.1 mrad
       knee: {encoder_step: 0.18 deg}   # of one joint, in place of what is said of all
       ft_foot: {bias: [2 N, 0.05 N*m], gain: 1 %, alignment: 0.01 rad}
-      imu_trunk: {part: bmi088, bias: [0.02 m/s^2, 0.002 rad/s]}
+      imu_trunk: {part: mpu_6050, bias: [0.02 m/s^2, 0.002 rad/s]}
 
 Plain numbers are SI. Tolerances are standard deviations; what is not said of a sensor is that of its `part`, or of a
 typical one (`drake_tc.logs.sensors`).

@@ -64,28 +64,21 @@ _G = 9.80665
 _DEG = 0.017453292519943295
 
 FORCE_TORQUE_PARTS: Mapping[str, ForceTorqueTolerance] = {
-    # Strain-gauge sensors of some 300 N and 15 N m, zeroed unloaded: 0.1 % of range is left, 1 % of scale (data sheets
-    # state 0.75 to 2 % of range at 95 %), and 0.3 degrees of mounting (a bolted flange with its dowel pin).
+    # Assumed of a strain-gauge sensor of some 300 N and 15 N m that was zeroed unloaded: 0.1 % of the range is left,
+    # 1 % of scale, 0.3 degrees of mounting.
     "typical": ForceTorqueTolerance(0.3, 0.015, 0.01, 0.005),
-    # ATI Industrial Automation, document 9620-05-Transducer Section, Mini45 SI-145-5: ranges 145 N (290 N along z) and
-    # 5 N m; measurement uncertainty (95 %) of at most 1.5 % of range, half of which is one standard deviation.
-    "ati_mini45": ForceTorqueTolerance(0.3, 0.01, 0.0075, 0.005),
-    # The same document, Gamma SI-130-10: ranges 130 N (400 N along z) and 10 N m; uncertainty of at most 1.25 %.
-    "ati_gamma": ForceTorqueTolerance(0.3, 0.02, 0.006, 0.005),
 }
 """Common F/T sensors, zeroed unloaded before the runs."""
 
 IMU_PARTS: Mapping[str, ImuTolerance] = {
-    # Inertial modules that were calibrated in the factory (the MTi-30 below), their gyro zeroed at rest.
+    # Assumed of an inertial module that was calibrated in the factory, its gyro zeroed at rest.
     "typical": ImuTolerance(0.03, 0.005, 0.001, 0.005),
-    # Xsens, MTi user manual MT0605P: accelerometer's bias repeats within 0.03 m/s^2 in a year, misalignment of the axes
-    # 0.05 deg; gyro's bias within 0.5 deg/s in a year (Xsens knowledge base, "Bias repeatability of gyroscopes").
-    "xsens_mti_30": ImuTolerance(0.03, 0.5 * _DEG, 0.001, 0.003),
-    # Bosch Sensortec BST-BMI088-DS001: zero-g offset 20 mg, zero-rate offset 1 deg/s, sensitivity 1 %, cross-axis
-    # sensitivity 0.5 % (typical values: one standard deviation).
-    "bmi088": ImuTolerance(0.020 * _G, 1.0 * _DEG, 0.01, 0.005),
-    # InvenSense PS-MPU-6000A-00 revision 3.4, sections 6.1 and 6.2: zero-g output 50 mg (80 mg along z), zero-rate
-    # output 20 deg/s, sensitivity 3 %, cross-axis sensitivity 2 %; neither is calibrated in the factory.
+    # Xsens: gyro's bias within 0.5 deg/s in a year (knowledge base, "Bias repeatability of gyroscopes"); base plate
+    # aligned with the output frame within 0.1 deg (MTi user manual MT0605P.2018.E, section 5.2.1). The accelerometer's
+    # bias and gain are those of "typical".
+    "xsens_mti_30": ImuTolerance(0.03, 0.5 * _DEG, 0.001, 0.1 * _DEG),
+    # InvenSense PS-MPU-6000A-00 revision 3.4, sections 6.1 and 6.2: zero-g output 50 mg (80 mg along z, taken for all
+    # axes), zero-rate output 20 deg/s, sensitivity of the accelerometer 3 %, cross-axis sensitivity 2 %.
     "mpu_6050": ImuTolerance(0.080 * _G, 20.0 * _DEG, 0.03, 0.02),
 }
 """Common IMUs, as they leave the factory."""

@@ -75,7 +75,7 @@ def test_every_part_is_a_plausible_sensor():
     "sensors",
     [
         {"torque_noise": 0.2, "correlation_time": 0.0},
-        {"hip": {"encoder_step": 0.001}, "ft_foot": {"part": "ati_mini45"}},
+        {"hip": {"encoder_step": 0.001}, "ft_foot": {"part": "typical"}},
         {"position_noise": 1e-4, "knee": {"torque_noise": 1.0}, "imu_trunk": {"bias": [0.02, 0.002]}},
         {},
     ],
@@ -105,7 +105,7 @@ def test_round_trip(tmp_path, sensors):
         ({"ft_foot": {"bias": ["1 N*m", "1 N*m"]}}, "units: N, mN"),
         ({"ft_foot": {"gain": "1 N"}}, "units: %"),
         ({"ft_foot": {"part": "mini54"}}, "unknown part 'mini54'"),
-        ({"imu_trunk": {"part": "BMI-080"}}, "did you mean 'bmi088'"),
+        ({"imu_trunk": {"part": "MPU-6000"}}, "did you mean 'mpu_6050'"),
     ],
 )
 def test_refusals(tmp_path, sensors, says):

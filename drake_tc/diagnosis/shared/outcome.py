@@ -5,10 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from drake_tc.diagnosis.design import Term, fit, predict
+from drake_tc.diagnosis.design import Term, fit
 from drake_tc.diagnosis.estimates import estimates
 from drake_tc.diagnosis.prepared import Prepared
 from drake_tc.diagnosis.result import DataSplit, Errors, Estimate, JointResult, SharedEffect
+from drake_tc.diagnosis.run_errors import run_errors
 from drake_tc.diagnosis.search import refine
 from drake_tc.diagnosis.shared.causes import TITLES, Cause, CauseColumns
 from drake_tc.diagnosis.shared.covariance import covariance, intervals, own_response
@@ -23,19 +24,22 @@ RESAMPLES = 400
 def original_baseline(result: JointResult, prepared: Prepared) -> JointResult:
     """The joint's result with the declared model, and its errors, of loads without any effect that was found."""
     declared = refine(prepared.train, fit(prepared.train, prepared.terms))
-    held = predict(prepared.held, declared)
-    sides = (
-        _with_before(side, residual) for side, residual in ((result.train, declared.residual), (result.heldout, held))
+    residuals = [
+        (columns.target - columns.design(declared.terms) @ declared.beta) * result.final.gain
+        for columns in (prepared.train, prepared.held)
+    ]
+    train, held = (
+        _with_before(split, residual) for split, residual in zip((result.train, result.heldout), residuals, strict=True)
     )
-    train_side, held_side = sides
+    rms = [float(np.sqrt(np.mean(residual**2))) for residual in residuals]
     return replace(
         result,
         baseline=declared,
         baseline_parameters=estimates(prepared.train, declared, result.drive),
-        noise_floor=prepared.floor,
-        before=Errors(declared.rms, float(np.sqrt(np.mean(held**2))), result.before.free_run_heldout),
-        train=train_side,
-        heldout=held_side,
+        before=Errors(rms[0], rms[1], result.before.free_run_heldout),
+        train=train,
+        heldout=held,
+        runs=tuple(run_errors((train, held))),
     )
 
 
