@@ -1,7 +1,7 @@
 """`bench diagnosis`: simulated rigs, written as files, diagnosed from the files alone, scored against the truth."""
 
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import Executor, as_completed
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,6 +20,8 @@ from drake_tc.errors import DrakeTcError
 HELD_OUT = "run_multisine"
 GROUPS = {"nulls": "null", "singles": "single", "pairs": "pair", "outside": "outside"}
 """Names on the command line to the groups of `RigSpec`."""
+TOGETHER = 30
+"""Rigs that one process simulates at a time."""
 
 
 def diagnose_folder(rig: Path, reports: Path) -> str:
@@ -96,7 +98,8 @@ def blind_benchmark(
     specs = options.chosen(seed)
     _claim(folder, options.scale, seed)
     missing = [spec for spec in specs if not (folder / "truth" / spec.name / "truth.json").exists()]
-    generate(missing, folder, lambda done, total: progress(f"simulating rig {done} of {total}", 0.4 * done / total))
+    for done in _simulated(missing, folder, executor):
+        progress(f"simulated rig {done} of {len(missing)}", 0.4 * done / len(missing))
     rigs = [folder / "rigs" / spec.name for spec in sorted(specs, key=lambda spec: spec.name)]
     for number, name in enumerate(_diagnosed(rigs, folder / "reports", executor), start=1):
         progress(f"diagnosed {name}, {number} of {len(rigs)}", 0.4 + 0.6 * number / len(rigs))
@@ -106,6 +109,16 @@ def blind_benchmark(
             for rig in rigs
         ]
     )
+
+
+def _simulated(specs: Sequence[RigSpec], folder: Path, executor: Executor) -> Iterator[int]:
+    """Simulate rigs and write their files, some at a time beside each other; how many are done."""
+    parts = [list(specs[i : i + TOGETHER]) for i in range(0, len(specs), TOGETHER)]
+    futures = [executor.submit(generate, part, folder) for part in parts]
+    done = 0
+    for future in as_completed(futures):
+        done += len(future.result())
+        yield done
 
 
 def _claim(folder: Path, scale: Scale, seed: int) -> None:
