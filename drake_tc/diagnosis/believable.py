@@ -1,6 +1,7 @@
 """Can the fitted values of an effect be believed at all, whatever the effect explains?"""
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 from drake_tc.diagnosis.design import Fit, Term
 from drake_tc.diagnosis.parameters import physical_parameters
@@ -19,8 +20,14 @@ RESOLVED: Mapping[str, str] = {
 
 def objection_to_values(fitted: Fit, term: Term, context: Context, samples: Samples) -> tuple[Withdrawal, str] | None:
     """Why the values of one effect of a fit cannot be believed, whatever they explain."""
-    values = physical_parameters(fitted)[term.effect.key]
-    why = implausible(term.effect, values, context)
+    named = physical_parameters(fitted)
+    values = named[term.effect.key]
+    own = {
+        "gain": named["drive"]["gain"],
+        "viscous": named["viscous"]["viscous"],
+        "coulomb": named["coulomb"]["coulomb"],
+    }
+    why = implausible(term.effect, values, replace(context, fitted=own))
     if why:
         return "implausible", why
     return _below_resolution(term.effect, values, samples)

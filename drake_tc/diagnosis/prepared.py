@@ -1,7 +1,7 @@
 """A joint ready for a search: both sides filtered (`preparation`), its declared model fitted and known to columns."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from drake_tc.diagnosis.declared import declared_terms, fit_declared, known_values, without_known
 from drake_tc.diagnosis.design import Columns, Term
@@ -62,12 +62,11 @@ def prepare_joint(
     labels = ["drive gain", *(p.name for t in plain.terms for p in t.effect.coefficients)]
     least_squares(first.design(plain.terms), first.target, names=labels, max_condition=MAX_CONDITION)
     require_consistent_signs(first, plain, joint, context.drive)
-    fitted = {"gain": plain.gain, "viscous": float(plain.beta[1]), "coulomb": float(plain.beta[2])}
     return Prepared(
         train=first.with_model(plain.beta, servo=servo),
         held=Columns(held).with_model(plain.beta, servo=servo),
         terms=plain.terms,
         floor=plain.gain * train.floor.torque(float(plain.beta[0]), float(plain.beta[1])),
-        context=replace(context, fitted=fitted),
+        context=context,
         declared=(*(t.effect.id for t in plain.terms), *(key.partition(".")[0] for key in rig.declared[joint])),
     )

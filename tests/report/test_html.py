@@ -128,7 +128,7 @@ def test_names_cannot_break_the_page(result: CloseLoopResult, unexplained_joint:
 def test_a_remainder_is_shown_against_what_it_depends_on(unexplained_joint: JointResult, joint: JointResult) -> None:
     panels = leftover_plots(unexplained_joint, "x")
     assert len(panels) == 3
-    for panel, name in zip(panels, ("velocity", "load torque", "time"), strict=True):
+    for panel, name in zip(panels, ("velocity", "load torque expected by the model", "time"), strict=True):
         assert f"residual against {name}, after, held-out runs" in panel
     left = replace(unexplained_joint.unexplained, confined_to=(TimeStretch("slow", 1.0, 2.0),))
     assert "training runs" in leftover_plots(replace(unexplained_joint, unexplained=left), "x")[0]
@@ -153,7 +153,7 @@ def test_no_figure_is_refused(result: CloseLoopResult, joint: JointResult, value
         noise_floor=value,
         before=Errors(value, value, value),
         after=Errors(value, value, None),
-        unexplained=replace(joint.unexplained, ceiling=value, fraction=value),
+        unexplained=replace(joint.unexplained, explainable_rms=value, fraction=value),
         free_run={"fast": {**trace, "after": np.full(800, np.nan)}, "slow": lone},
     )
     made = render(replace(result, joints={"knee": broken}, model_before_yaml="", model_after_yaml=""))
