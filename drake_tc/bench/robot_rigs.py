@@ -60,7 +60,7 @@ def score_report(name: str, truth: Mapping[str, Any], report: Mapping[str, Any])
     """
     found = [(entry.get("heldout_gain") or 0.0, _alike_shared(entry)) for entry in report.get("shared", [])]
     found += [
-        (effect["heldout_gain"] or 0.0, {(effect["id"], joint), *_pairs(effect["id"], joint, entry)})
+        (_robot_gain(effect), {(effect["id"], joint), *_pairs(effect["id"], joint, entry)})
         for joint, entry in report.get("joints", {}).items()
         for effect in entry["effects"]
     ]
@@ -75,6 +75,12 @@ def score_report(name: str, truth: Mapping[str, Any], report: Mapping[str, Any])
     exact = first and len(named) == 1
     own = own_intervals(truth, report)
     return RobotScore(name, truth["id"], truth["where"], first, exact, shown, own, friction, failure)
+
+
+def _robot_gain(effect: Mapping[str, Any]) -> float:
+    """Held-out gain of the whole robot, which compares with a shared cause's; the joint's own in older reports."""
+    gain = effect.get("robot_heldout_gain")
+    return float((effect["heldout_gain"] if gain is None else gain) or 0.0)
 
 
 def _alike_shared(entry: Mapping[str, Any]) -> set[tuple[str, str]]:

@@ -18,7 +18,7 @@ from drake_tc.diagnosis.result import CloseLoopResult, JointResult
 from drake_tc.diagnosis.run import close_loop
 from drake_tc.diagnosis.to_json import result_json
 from drake_tc.errors import LogError
-from drake_tc.report.words import REASONS, VERDICTS, unexplained
+from drake_tc.report.words import REASONS, VERDICTS, ranked_effects, unexplained
 
 
 def close_loop_command(
@@ -85,10 +85,14 @@ def write_results(result: CloseLoopResult, out: Path) -> CloseLoopResult:
 def print_summary(result: CloseLoopResult, out: Path) -> None:
     """Verdict and one table a joint on stdout."""
     console = Console(file=sys.stdout, highlight=False)
+    ranking = ranked_effects(result)
+    if len(ranking) > 1 and result.shared:
+        listed = "; ".join(f"{name} of {where} ({100 * gain:.0f} %)" for name, where, gain in ranking)
+        console.print(f"Found, by the held-out gain of all joints: {listed}")
     for cause in result.shared:
         values = ", ".join(f"{n} {p.value:.4g} {p.unit}" for n, p in cause.parameters.items())
         gain = f"held-out gain of all joints {100 * cause.heldout_gain:.0f} %"
-        console.print(f"[bold]no single joint's[/bold]: + [bold]{cause.id}[/bold] of {cause.where}  {values}  ({gain})")
+        console.print(f"[bold]all joints[/bold]: + [bold]{cause.id}[/bold] of {cause.where}  {values}  ({gain})")
         for other, where in cause.ties:
             console.print(f"  ? {other} of {where} cannot be told apart from it by these logs")
     for joint in result.joints.values():

@@ -109,6 +109,8 @@ class FoundEffect:
         heldout_gain: 1 - held-out error with it / without it (the other effects refitted).
         stability: Share of block resamples of the training runs in which it belongs to the best set of this size.
         contribution: RMS of what it adds, on held-out rows [effort].
+        robot_gain: Of a robot: 1 - held-out error of all joints with it / without it, each joint weighted by its noise,
+            which compares with `SharedEffect.heldout_gain`. None for joints whose loads are measured.
     """
 
     key: str
@@ -118,6 +120,7 @@ class FoundEffect:
     heldout_gain: float
     stability: float
     contribution: float
+    robot_gain: float | None = None
 
 
 @dataclass(frozen=True)

@@ -1,8 +1,9 @@
 """`close-loop` from files to result: every joint of a rig, one after the other or in processes."""
 
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import Executor
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -69,7 +70,8 @@ def _close_loop(
     logs_of_robot = robot_logs(rig, runs)
     if logs_of_robot is not None:
         robot = diagnose_robot(logs_of_robot, train, held, rig, options, progress=progress, executor=executor)
-        joints, shared, before, held = dict(robot.joints), robot.shared, robot.held, list(robot.held_after)
+        joints = {name: _ranked(joint, robot.robot_gains) for name, joint in robot.joints.items()}
+        shared, before, held = robot.shared, robot.held, list(robot.held_after)
     for joint in rig.joints:
         if logs_of_robot is None:
             joints[joint] = diagnose_joint(train, held, rig, joint, options, progress)
@@ -86,6 +88,12 @@ def _close_loop(
         rig_file=str(rig_path),
         shared=shared,
     )
+
+
+def _ranked(joint: JointResult, gains: Mapping[tuple[str, str], float]) -> JointResult:
+    """The joint's result with what each effect is worth on the whole robot."""
+    effects = tuple(replace(e, robot_gain=gains.get((joint.joint, e.key))) for e in joint.effects)
+    return replace(joint, effects=effects)
 
 
 def _overall(joints: Iterable[JointResult]) -> Verdict:

@@ -77,6 +77,7 @@ def joint_json(joint: JointResult) -> dict[str, Any]:
                 "parameters": {name: _estimate(p) for name, p in e.parameters.items()},
                 "heldout_gain": _number(e.heldout_gain),
                 "stability": _number(e.stability),
+                "robot_heldout_gain": _number(e.robot_gain),
             }
             for e in joint.effects
         ],

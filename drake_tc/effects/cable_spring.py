@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from drake_tc.effects.base import Parameter, Plausible, Shape, Signals, Signature, TorqueEffect
+from drake_tc.effects.base import Context, Parameter, Plausible, Shape, Signals, Signature, TorqueEffect
 from drake_tc.effects.kernel import TorqueKernel, TorqueParts
 from drake_tc.types import FloatArray
 
@@ -23,6 +23,10 @@ SPRING_PRELOAD_RANGE = Plausible(
 )
 
 
+MOST_TURNS = 2.0
+"""Range of the output over which a cable can act as a spring [turns]; cable guides of robot joints allow about one."""
+
+
 class CableSpring(TorqueEffect):
     """k (q - q_0) [N m], as k q - k q_0."""
 
@@ -37,6 +41,15 @@ class CableSpring(TorqueEffect):
     signature = Signature(
         x="position", split="", look_for="a straight line over the angle, the same in both directions"
     )
+
+    def inconsistency(self, parameters: Mapping[str, float], context: Context) -> str:
+        """A cable does not wind up over several turns."""
+        if context.turns <= MOST_TURNS:
+            return ""
+        return (
+            f"The joint turns over {context.turns:.2g} turns of its output: a cable or spring that is fixed to both sides "
+            f"allows at most some {MOST_TURNS:g}."
+        )
 
     def columns(self, signals: Signals, shape: Shape) -> FloatArray:
         """Phi (T, 2): see the class."""

@@ -24,7 +24,17 @@ from drake_tc.report.residual_plots import LEGEND
 from drake_tc.report.shared_section import shared_section
 from drake_tc.report.signature_plots import signature_plots
 from drake_tc.report.tables import data_facts, data_rows, error_table, parameter_rows, rejected_rows, run_error_rows
-from drake_tc.report.words import REASONS, VERDICTS, headline, joined, signal_name, title_of, unexplained, warnings
+from drake_tc.report.words import (
+    REASONS,
+    VERDICTS,
+    headline,
+    joined,
+    ranked_effects,
+    signal_name,
+    title_of,
+    unexplained,
+    warnings,
+)
 
 
 def write_report(result: CloseLoopResult, path: Path) -> None:
@@ -58,6 +68,7 @@ def render(result: CloseLoopResult) -> str:
         has_models=bool(result.model_before_yaml or result.model_after_yaml),
         legend=LEGEND,
         shared=shared_section(result),
+        ranking=[(title_of(name), where, percent(gain)) for name, where, gain in ranked_effects(result)],
         closed=closed_loop_section(result),
     )
 

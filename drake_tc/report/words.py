@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from drake_tc.diagnosis.result import JointResult, Verdict, Withdrawal
+from drake_tc.diagnosis.result import CloseLoopResult, JointResult, Verdict, Withdrawal
 from drake_tc.diagnosis.shared.causes import TITLES
 from drake_tc.effects.library import LIBRARY
 from drake_tc.report.numbers import percent, scale_for, significant, times
@@ -91,6 +91,18 @@ def unexplained(joint: JointResult) -> str:
     if not parts:
         parts.append("what is left is larger on the held-out runs than on the training runs")
     return joined(parts) + "."
+
+
+def ranked_effects(result: CloseLoopResult) -> Sequence[tuple[str, str, float]]:
+    """Effects of a robot, shared or one joint's own, largest gain first.
+
+    Returns:
+        (id, joint or link or sensor, held-out gain of all joints) of each.
+    """
+    found = [(c.id, c.where, c.heldout_gain) for c in result.shared]
+    for joint in result.joints.values():
+        found += [(e.id, joint.joint, e.heldout_gain if e.robot_gain is None else e.robot_gain) for e in joint.effects]
+    return sorted(found, key=lambda each: -each[2])
 
 
 def warnings(joint: JointResult) -> Sequence[str]:
