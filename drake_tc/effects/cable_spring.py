@@ -47,7 +47,7 @@ class CableSpring(TorqueEffect):
         if context.turns <= MOST_TURNS:
             return ""
         return (
-            f"The joint turns over {context.turns:.2g} turns of its output: a cable or spring that is fixed to both sides "
+            f"The joint turns over {context.turns:.2g} turns of its output: a cable or spring fixed to both sides "
             f"allows at most some {MOST_TURNS:g}."
         )
 

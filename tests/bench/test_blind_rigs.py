@@ -59,7 +59,7 @@ def made(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """Rigs are truths without files, none of them diagnosed; returns the names of those that were made."""
     names: list[str] = []
 
-    def generate(specs, folder, progress):
+    def generate(specs, folder):
         for spec in specs:
             (folder / "truth" / spec.name).mkdir(parents=True)
             (folder / "rigs" / spec.name).mkdir(parents=True)
@@ -67,6 +67,7 @@ def made(monkeypatch: pytest.MonkeyPatch) -> list[str]:
             text = json.dumps(truth | {"effects": [], "oracle": {"heldout": 1.0}})
             (folder / "truth" / spec.name / "truth.json").write_text(text, encoding="utf-8")
             names.append(spec.name)
+        return [folder / "rigs" / spec.name for spec in specs]
 
     monkeypatch.setattr(blind_rigs, "generate", generate)
     return names

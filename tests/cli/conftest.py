@@ -10,7 +10,7 @@ import pytest
 from drake_tc.cli.demo import DemoLength, record_demo
 from drake_tc.cli.main import run
 
-SHORT = DemoLength(duration=8.0, period=2e-3, step=1e-3)
+SHORT = DemoLength(duration=8.0, period=2e-3, step=2.5e-4)
 
 
 @dataclass(frozen=True)
