@@ -44,7 +44,7 @@ class ResidualOptions:
     """
 
     least_floors: float = 1.5
-    most_floors: float = 2.5
+    most_floors: float = 3.0
     least_fraction: float = 0.25
     least_rms: float = 0.6
     least_of_before: float = 0.05
