@@ -15,9 +15,10 @@ import numpy as np
 from drake_tc.diagrams.papers.identification import Experiment
 from threadpoolctl import threadpool_limits
 
-from drake_tc.diagnosis.close_loop import DiagnosisOptions, diagnose_joint
-from drake_tc.diagnosis.design import Columns, Term
+from drake_tc.diagnosis.close_loop import diagnose_joint
+from drake_tc.diagnosis.columns import Columns, Term
 from drake_tc.diagnosis.estimates import block_lengths
+from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.result import JointResult
 from drake_tc.diagnosis.search import SearchOptions
 from drake_tc.identification.autocorrelation import critical_value_95

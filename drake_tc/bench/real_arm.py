@@ -50,7 +50,7 @@ def found_on(results: Sequence[ArmHeldOut], joint: int) -> str:
     seen: dict[str, int] = {}
     for result in results:
         axes = result.baseline.rows.axes
-        here = [s.placed for s in result.steps if axes[s.placed.axis].turns[joint] != 0.0]
+        here = [s.added for s in result.steps if axes[s.added.axis].turns[joint] != 0.0]
         for label in {_label(axes[p.axis].name, p.term.effect.key, p.term.shape.get("cycles_per_turn")) for p in here}:
             seen[label] = seen.get(label, 0) + 1
     ordered = sorted(seen.items(), key=lambda item: -item[1])

@@ -5,8 +5,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from drake_tc.diagnosis.design import Columns, Fit, Term, fit
+from drake_tc.diagnosis.columns import Columns, Term
 from drake_tc.diagnosis.preparation import build_samples, context_of
+from drake_tc.diagnosis.regression import Fit, fit
 from drake_tc.diagnosis.samples import Samples
 from drake_tc.diagnosis.search import SearchOptions, candidates, search
 from drake_tc.effects.library import LIBRARY, effect

@@ -8,7 +8,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from drake_tc.bench.real_rows import RealRow
-from drake_tc.diagnosis.play import Interval, PlayReport, analyse_play
+from drake_tc.identification.backlash_test import BacklashReport, Interval, analyse_backlash
 from drake_tc.logs.importers.uart_backlash import convert
 from drake_tc.logs.readers import read_table
 from drake_tc.logs.record import Run
@@ -38,7 +38,7 @@ STANDS = (
 """The last two give ranges (0.22-0.26 and 0.01-0.10; 0.02-0.13 and 0.01-0.02): their middles stand here."""
 
 
-def stand_reports(data: Path, stands: Sequence[Stand] = STANDS) -> dict[str, PlayReport]:
+def stand_reports(data: Path, stands: Sequence[Stand] = STANDS) -> dict[str, BacklashReport]:
     """Analyse every held joint: `<folder>/<joint>` to its report.
 
     Args:
@@ -59,7 +59,7 @@ def stand_reports(data: Path, stands: Sequence[Stand] = STANDS) -> dict[str, Pla
             whole = np.zeros(time.size, dtype=np.int64)
             run = Run(stand.folder, None, time, float(np.median(np.diff(time))), columns, whole)
             for joint in stand.held:
-                reports[f"{stand.folder}/{joint}"] = analyse_play(run, joint, stand.pullers)
+                reports[f"{stand.folder}/{joint}"] = analyse_backlash(run, joint, stand.pullers)
     return reports
 
 
@@ -90,7 +90,7 @@ def rows(data: Path) -> list[RealRow]:
     return out
 
 
-def _causes(name: str, report: PlayReport) -> list[RealRow]:
+def _causes(name: str, report: BacklashReport) -> list[RealRow]:
     law = report.drive
     bound = "; the servo drove against the pulls: a lower bound" if report.lower_bound else ""
     bracket = f"between {np.degrees(law.low):.2f} and {np.degrees(law.high):.2f} by the encoder's steps"

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from drake_tc.bench.interval_coverage import final_parameters, friction_intervals, own_intervals
-from drake_tc.diagnosis.close_loop import DiagnosisOptions
+from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.run import close_loop
 from drake_tc.diagnosis.search import Progress
 from drake_tc.diagnosis.shared.causes import TITLES

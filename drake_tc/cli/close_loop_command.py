@@ -13,7 +13,7 @@ from rich.console import Console
 from rich.table import Table
 
 from drake_tc.cli.progress import progress_bar
-from drake_tc.diagnosis.close_loop import DiagnosisOptions
+from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.result import CloseLoopResult, JointResult
 from drake_tc.diagnosis.run import close_loop
 from drake_tc.diagnosis.to_json import result_json

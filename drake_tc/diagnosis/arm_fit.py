@@ -5,14 +5,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from drake_tc.diagnosis.arm_rows import ArmRows
-from drake_tc.diagnosis.design import FOLDS, Term, fold_of, solve_bounded
+from drake_tc.diagnosis.bounded import solve_bounded
+from drake_tc.diagnosis.columns import FOLDS, Term, fold_of
 from drake_tc.types import FloatArray
 
 RIDGE = 1e-9
 
 
 @dataclass(frozen=True)
-class Placed:
+class ShaftEffect:
     """An effect on a shaft."""
 
     axis: int
@@ -26,7 +27,7 @@ class ArmFit:
     Attributes:
         rows: What it was fitted on.
         sigma: (n,) [N m].
-        placed: Effects, in the order of their columns, after the p rigid ones.
+        shaft_effects: Effects, in the order of their columns, after the p rigid ones.
         design: (N, n, m) unweighted.
         lower, upper: (m,) bounds of the coefficients.
         grams, moments: (FOLDS, m, m), (FOLDS, m) weighted.
@@ -36,7 +37,7 @@ class ArmFit:
 
     rows: ArmRows
     sigma: FloatArray
-    placed: tuple[Placed, ...]
+    shaft_effects: tuple[ShaftEffect, ...]
     design: FloatArray
     lower: FloatArray
     upper: FloatArray
@@ -62,34 +63,34 @@ class ArmFit:
 
     def predict(self, rows: ArmRows) -> FloatArray:
         """Y pi + phi theta (N', n) on other rows of the same robot [N m]."""
-        return np.asarray(design_of(rows, self.placed) @ self.beta)
+        return np.asarray(design_of(rows, self.shaft_effects) @ self.beta)
 
 
-def design_of(rows: ArmRows, placed: tuple[Placed, ...]) -> FloatArray:
+def design_of(rows: ArmRows, shaft_effects: tuple[ShaftEffect, ...]) -> FloatArray:
     """(N, n, m): rigid columns, then each effect's."""
-    blocks = [rows.rigid] + [rows.spread(p.axis, rows.of(p.axis, p.term)) for p in placed]
+    blocks = [rows.rigid] + [rows.spread(p.axis, rows.of(p.axis, p.term)) for p in shaft_effects]
     return np.concatenate(blocks, axis=2)
 
 
-def fit_arm(rows: ArmRows, placed: tuple[Placed, ...], sigma: FloatArray) -> ArmFit:
+def fit_arm(rows: ArmRows, shaft_effects: tuple[ShaftEffect, ...], sigma: FloatArray) -> ArmFit:
     """Fit from scratch."""
-    return _solved(rows, placed, sigma, design_of(rows, placed))
+    return _solved(rows, shaft_effects, sigma, design_of(rows, shaft_effects))
 
 
 def reweighted(fit: ArmFit, sigma: FloatArray) -> ArmFit:
     """The same columns with the joints' errors weighed by 1/sigma (n,)."""
-    return _solved(fit.rows, fit.placed, sigma, fit.design)
+    return _solved(fit.rows, fit.shaft_effects, sigma, fit.design)
 
 
-def grown(parent: ArmFit, place: Placed) -> ArmFit:
+def grown(parent: ArmFit, place: ShaftEffect) -> ArmFit:
     """The parent's columns and one more effect."""
     more = parent.rows.spread(place.axis, parent.rows.of(place.axis, place.term))
     design = np.concatenate([parent.design, more], axis=2)
-    return _solved(parent.rows, (*parent.placed, place), parent.sigma, design)
+    return _solved(parent.rows, (*parent.shaft_effects, place), parent.sigma, design)
 
 
-def _bounds(rigid: int, placed: tuple[Placed, ...]) -> tuple[FloatArray, FloatArray]:
-    parameters = [q for p in placed for q in p.term.effect.coefficients]
+def _bounds(rigid: int, shaft_effects: tuple[ShaftEffect, ...]) -> tuple[FloatArray, FloatArray]:
+    parameters = [q for p in shaft_effects for q in p.term.effect.coefficients]
     free = np.full(rigid, np.inf)
     return (
         np.concatenate([-free, [q.lower for q in parameters]]),
@@ -97,8 +98,8 @@ def _bounds(rigid: int, placed: tuple[Placed, ...]) -> tuple[FloatArray, FloatAr
     )
 
 
-def _solved(rows: ArmRows, placed: tuple[Placed, ...], sigma: FloatArray, design: FloatArray) -> ArmFit:
-    lower, upper = _bounds(rows.rigid.shape[2], placed)
+def _solved(rows: ArmRows, shaft_effects: tuple[ShaftEffect, ...], sigma: FloatArray, design: FloatArray) -> ArmFit:
+    lower, upper = _bounds(rows.rigid.shape[2], shaft_effects)
     folds = fold_of(rows.block)
     weighted, goal = design / sigma[None, :, None], rows.torque / sigma
     m = design.shape[2]
@@ -112,7 +113,7 @@ def _solved(rows: ArmRows, placed: tuple[Placed, ...], sigma: FloatArray, design
         part = solve_bounded(_ridged(total - grams[f]), moment - moments[f], lower, upper)
         held[folds == f] = rows.torque[folds == f] - design[folds == f] @ part
     beta = solve_bounded(_ridged(total), moment, lower, upper)
-    return ArmFit(rows, sigma, placed, design, lower, upper, grams, moments, beta, held)
+    return ArmFit(rows, sigma, shaft_effects, design, lower, upper, grams, moments, beta, held)
 
 
 def _ridged(gram: FloatArray) -> FloatArray:

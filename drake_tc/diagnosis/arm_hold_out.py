@@ -5,10 +5,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from drake_tc.diagnosis.arm_fit import ArmFit, Placed, design_of, fit_arm, reweighted
+from drake_tc.diagnosis.arm_fit import ArmFit, ShaftEffect, design_of, fit_arm, reweighted
 from drake_tc.diagnosis.arm_rows import ArmRows
 from drake_tc.diagnosis.arm_search import ARM_OPTIONS, Step, search_arm
-from drake_tc.diagnosis.design import Term
+from drake_tc.diagnosis.columns import Term
 from drake_tc.diagnosis.search import SearchOptions
 from drake_tc.effects.base import Effect
 from drake_tc.effects.library import effect
@@ -38,8 +38,8 @@ class ArmHeldOut:
 
 
 def declare(
-    rows: ArmRows, raw: FloatArray, declared: Sequence[Placed]
-) -> tuple[ArmRows, FloatArray, tuple[Placed, ...]]:
+    rows: ArmRows, raw: FloatArray, declared: Sequence[ShaftEffect]
+) -> tuple[ArmRows, FloatArray, tuple[ShaftEffect, ...]]:
     """Keep the base parameters: a largest independent set of rigid and declared columns.
 
     Returns:
@@ -52,21 +52,21 @@ def declare(
     mine = kept[kept < rigid]
     widths = np.cumsum([rigid, *(len(p.term.effect.coefficients) for p in declared)])
     spans = zip(declared, widths[:-1], widths[1:], strict=True)
-    placed = tuple(p for p, start, stop in spans if np.isin(np.arange(start, stop), kept).all())
-    return replace(rows, rigid=rows.rigid[:, :, mine]), raw[:, :, mine], placed
+    shaft_effects = tuple(p for p, start, stop in spans if np.isin(np.arange(start, stop), kept).all())
+    return replace(rows, rigid=rows.rigid[:, :, mine]), raw[:, :, mine], shaft_effects
 
 
-def declared_friction(axes: int, joints: int, *, inertia: bool) -> tuple[Placed, ...]:
+def declared_friction(axes: int, joints: int, *, inertia: bool) -> tuple[ShaftEffect, ...]:
     """Viscous and Coulomb friction (and a rotor) on every shaft, and a constant torque on each of the first shafts."""
     names = ("viscous", "coulomb", "rotor_inertia") if inertia else ("viscous", "coulomb")
-    on_shafts = [Placed(a, Term(effect(name))) for a in range(axes) for name in names]
-    return (*on_shafts, *(Placed(j, Term(effect("torque_sensor_bias"))) for j in range(joints)))
+    on_shafts = [ShaftEffect(a, Term(effect(name))) for a in range(axes) for name in names]
+    return (*on_shafts, *(ShaftEffect(j, Term(effect("torque_sensor_bias"))) for j in range(joints)))
 
 
 def hold_out_arm(
     rows: ArmRows,
     raw: FloatArray,
-    declared: Sequence[Placed],
+    declared: Sequence[ShaftEffect],
     test: BoolArray,
     effects: Sequence[Effect],
     options: SearchOptions = ARM_OPTIONS,

@@ -11,8 +11,8 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
+from drake_tc.diagnosis.columns import Term
 from drake_tc.diagnosis.coupled_axes import Axis
-from drake_tc.diagnosis.design import Term
 from drake_tc.diagnosis.resolution import Resolution, sample_noise
 from drake_tc.diagnosis.sliding import direction_of_motion
 from drake_tc.effects.base import Context, Signals, plain_signals

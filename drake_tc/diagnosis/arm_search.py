@@ -6,8 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import minimize
 
-from drake_tc.diagnosis.arm_fit import RIDGE, ArmFit, Placed, grown
-from drake_tc.diagnosis.design import Term, solve_bounded
+from drake_tc.diagnosis.arm_fit import RIDGE, ArmFit, ShaftEffect, grown
+from drake_tc.diagnosis.bounded import solve_bounded
+from drake_tc.diagnosis.columns import Term
 from drake_tc.diagnosis.evidence import Comparison
 from drake_tc.diagnosis.search import SearchOptions
 from drake_tc.effects.base import Effect
@@ -18,7 +19,7 @@ FINALISTS = 6
 PERIODIC = "cycles_per_turn"
 TRIED = 12
 """Shapes of a long grid that are tried with the filters; the others only on unfiltered columns."""
-ARM_OPTIONS = SearchOptions(most=30, least_gain=0.02, least_nats=-np.inf, least_share=0.95)
+ARM_OPTIONS = SearchOptions(most=30, least_gain=0.02, least_log_evidence=-np.inf, least_share=0.95)
 """Looser than for one joint: the error of a rigid body's sixty parameters is in every cross-validated figure, so
 one effect of many lowers it by less."""
 
@@ -27,7 +28,7 @@ one effect of many lowers it by less."""
 class Step:
     """One effect added: what it brought on the joints that its shaft loads."""
 
-    placed: Placed
+    added: ShaftEffect
     comparison: Comparison
 
 
@@ -87,8 +88,8 @@ def search_arm(
 ) -> ArmSearch:
     """Add the effect that explains most, shaft by shaft and shape by shape, until none is a real improvement.
 
-    In each round every effect is placed on every shaft at each point of its shape grid; the best few are refined and
-    cross-validated. The same effect may be on several shafts, and a periodic one on a shaft with several periods.
+    In each round every effect is put on every shaft at each point of its shape grid; the best few are refined
+    and cross-validated. The same effect may be on several shafts, and a periodic one on a shaft with several periods.
 
     Args:
         baseline: Of the declared columns, on the training rows.
@@ -109,7 +110,7 @@ def search_arm(
 
     for number in range(options.most):
         trial = _Trial(chosen)
-        ranked: list[tuple[float, Placed]] = []
+        ranked: list[tuple[float, ShaftEffect]] = []
         for axis in range(len(rows.axes)):
             context = rows.context(axis)
             for effect in effects:
@@ -119,7 +120,7 @@ def search_arm(
                 gains = [trial.gain(axis, effect, columns(axis, t)) for t in tried]
                 if gains:
                     best = int(np.argmax(gains))
-                    ranked.append((gains[best], Placed(axis, tried[best])))
+                    ranked.append((gains[best], ShaftEffect(axis, tried[best])))
         ranked.sort(key=lambda pair: -pair[0])
         grown_fits = [grown(chosen, _refined(trial, place)) for _, place in ranked[:FINALISTS]]
         judged = [(compare_arms(chosen, f), f) for f in grown_fits]
@@ -128,13 +129,13 @@ def search_arm(
         if not real:
             break
         comparison, best_fit = max(real, key=lambda pair: pair[0].removed)
-        steps.append(Step(best_fit.placed[-1], comparison))
+        steps.append(Step(best_fit.shaft_effects[-1], comparison))
         chosen = best_fit
     return ArmSearch(chosen, tuple(steps))
 
 
 def _taken(fit: ArmFit, axis: int, effect: Effect) -> bool:
-    there = [p.term.effect for p in fit.placed if p.axis == axis]
+    there = [p.term.effect for p in fit.shaft_effects if p.axis == axis]
     same = [e for e in there if e.id == effect.id]
     periodic = any(p.name == PERIODIC for p in effect.shapes)
     return len(same) >= (6 if periodic else 1)
@@ -157,7 +158,7 @@ def _screened(trial: _Trial, axis: int, effect: Effect, grid: Sequence[dict[str,
     return [grid[int(i)] for i in np.argsort(-scores)[:TRIED]]
 
 
-def _refined(trial: _Trial, place: Placed) -> Placed:
+def _refined(trial: _Trial, place: ShaftEffect) -> ShaftEffect:
     """The shape that explains most, from where the grid left it (Nelder-Mead on logarithms)."""
     effect, shape = place.term.effect, place.term.shape
     names = effect.shapes
@@ -185,27 +186,29 @@ def _refined(trial: _Trial, place: Placed) -> Placed:
             "initial_simplex": np.vstack([zero, np.eye(len(names))]),
         },
     )
-    return Placed(place.axis, at(found.x))
+    return ShaftEffect(place.axis, at(found.x))
 
 
 def compare_arms(small: ArmFit, large: ArmFit, seed: int = 0, resamples: int = 400) -> Comparison:
     """What the last effect of `large` brings on the joints that its shaft loads, in units of sigma."""
-    turns = np.abs(np.array(large.rows.axes[large.placed[-1].axis].turns))
+    turns = np.abs(np.array(large.rows.axes[large.shaft_effects[-1].axis].turns))
     hit = turns > 0
     before, after = (np.sqrt(np.mean((f.held / f.sigma)[:, hit] ** 2)) for f in (small, large))
     lengths = [int(n) for n in np.bincount(large.rows.run) if n]
     residual = (large.held / large.sigma)[:, hit]
     effective = sum(max(r.size / correlation_time(r - r.mean(), lengths), 3.0) for r in residual.T)
     ratio = float(before / max(after, 1e-300))
-    extra = large.placed[-1].term.size
-    nats = effective * float(np.log(ratio)) - 0.5 * extra * float(np.log(effective))
+    extra = large.shaft_effects[-1].term.size
+    log_evidence = effective * float(np.log(ratio)) - 0.5 * extra * float(np.log(effective))
     removed = float(np.sqrt(max(before**2 - after**2, 0.0) * hit.sum()))
     difference = small.block_sse(turns) - large.block_sse(turns)
     rng = np.random.default_rng(seed)
     draws = rng.integers(0, difference.size, (resamples, difference.size))
     share = float(np.mean(difference[draws].sum(axis=1) > 0.0))
-    return Comparison(1.0 - 1.0 / ratio, removed, nats, share)
+    return Comparison(1.0 - 1.0 / ratio, removed, log_evidence, share)
 
 
 def _real(c: Comparison, options: SearchOptions) -> bool:
-    return c.gain >= options.least_gain and c.nats >= options.least_nats and c.share >= options.least_share
+    return (
+        c.gain >= options.least_gain and c.log_evidence >= options.least_log_evidence and c.share >= options.least_share
+    )

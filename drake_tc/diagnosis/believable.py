@@ -3,8 +3,9 @@
 from collections.abc import Mapping
 from dataclasses import replace
 
-from drake_tc.diagnosis.design import Fit, Term
+from drake_tc.diagnosis.columns import Term
 from drake_tc.diagnosis.parameters import physical_parameters
+from drake_tc.diagnosis.regression import Fit
 from drake_tc.diagnosis.result import Withdrawal
 from drake_tc.diagnosis.samples import Samples
 from drake_tc.effects.base import Context, Effect

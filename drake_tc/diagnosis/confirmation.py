@@ -18,7 +18,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from drake_tc.diagnosis.believable import objection_to_values
-from drake_tc.diagnosis.design import Columns, Fit, Term, bounds_of, fit, predict, solve_bounded
+from drake_tc.diagnosis.bounded import solve_bounded
+from drake_tc.diagnosis.columns import Columns, Term
+from drake_tc.diagnosis.regression import Fit, bounds_of, fit, predict
 from drake_tc.diagnosis.result import DidNotHold, Withdrawal
 from drake_tc.diagnosis.samples import Samples
 from drake_tc.effects.base import Context

@@ -16,8 +16,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import chi2, norm
 
-from drake_tc.diagnosis.design import Columns, Fit
+from drake_tc.diagnosis.columns import Columns
 from drake_tc.diagnosis.estimates import block_lengths
+from drake_tc.diagnosis.regression import Fit
 from drake_tc.diagnosis.result import ParameterByCondition
 from drake_tc.errors import IdentificationError
 from drake_tc.identification.autocorrelation import critical_value_95

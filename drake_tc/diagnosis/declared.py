@@ -3,7 +3,8 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from drake_tc.diagnosis.design import Columns, Fit, Term, fit
+from drake_tc.diagnosis.columns import Columns, Term
+from drake_tc.diagnosis.regression import Fit, fit
 from drake_tc.diagnosis.samples import Samples
 from drake_tc.effects.base import Context, SensorEffect, TorqueEffect
 from drake_tc.effects.library import effect

@@ -4,8 +4,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from drake_tc.diagnosis.design import Columns, Fit
+from drake_tc.diagnosis.columns import Columns
 from drake_tc.diagnosis.parameters import physical_parameters, shape_places, with_shapes
+from drake_tc.diagnosis.regression import Fit
 from drake_tc.diagnosis.result import Estimate
 from drake_tc.effects.base import EFFORT_UNIT
 from drake_tc.identification.autocorrelation import critical_value_95

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drake_tc.diagnosis.design import Fit
+from drake_tc.diagnosis.regression import Fit
 from drake_tc.diagnosis.samples import Samples
 from drake_tc.identification.autocorrelation import correlation_time
 from drake_tc.types import FloatArray
@@ -23,13 +23,13 @@ class Comparison:
     Attributes:
         gain: 1 - cv_rms(large)/cv_rms(small).
         removed: RMS of what the larger one explains more [effort]: sqrt(cv_small^2 - cv_large^2).
-        nats: n_eff ln(cv_small/cv_large) - penalty: evidence left after the cost of its parameters.
+        log_evidence: n_eff ln(cv_small/cv_large) - penalty: evidence left after the cost of its parameters.
         share: Share of block resamples in which the larger fit is better.
     """
 
     gain: float
     removed: float
-    nats: float
+    log_evidence: float
     share: float
 
 
@@ -40,9 +40,9 @@ def compare(small: Fit, large: Fit, samples: Samples, seed: int = 0) -> Comparis
     ratio = small.cv_rms / max(large.cv_rms, 1e-300)
     n_eff = effective_samples(large.residual, samples)
     extra = max(large.size - small.size, 0)
-    nats = n_eff * float(np.log(ratio)) - 0.5 * extra * float(np.log(max(n_eff, 2.0)))
+    log_evidence = n_eff * float(np.log(ratio)) - 0.5 * extra * float(np.log(max(n_eff, 2.0)))
     removed = float(np.sqrt(max(small.cv_rms**2 - large.cv_rms**2, 0.0)))
-    return Comparison(1.0 - 1.0 / ratio, removed, nats, better_share(small, large, seed))
+    return Comparison(1.0 - 1.0 / ratio, removed, log_evidence, better_share(small, large, seed))
 
 
 def better_share(small: Fit, large: Fit, seed: int = 0, resamples: int = 400) -> float:

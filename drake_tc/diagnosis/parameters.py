@@ -4,7 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from drake_tc.diagnosis.design import Fit, Term
+from drake_tc.diagnosis.columns import Term
+from drake_tc.diagnosis.regression import Fit
 from drake_tc.types import FloatArray
 
 

@@ -3,8 +3,8 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from drake_tc.diagnosis.columns import Columns, Term
 from drake_tc.diagnosis.declared import declared_terms, fit_declared, known_values, without_known
-from drake_tc.diagnosis.design import Columns, Term
 from drake_tc.diagnosis.preparation import build_samples, context_of
 from drake_tc.diagnosis.signs import require_consistent_signs
 from drake_tc.effects.base import Context

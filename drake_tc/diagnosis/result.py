@@ -6,7 +6,7 @@ from typing import Literal
 
 from drake_tc.control.torque_uncertainty_file import TorqueUncertainty
 from drake_tc.diagnosis.closed_loop import ClosedLoop
-from drake_tc.diagnosis.design import Fit
+from drake_tc.diagnosis.regression import Fit
 from drake_tc.diagnosis.samples import Samples
 from drake_tc.effects.base import DriveKind
 from drake_tc.types import FloatArray

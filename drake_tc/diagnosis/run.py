@@ -9,8 +9,9 @@ from pathlib import Path
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from drake_tc.diagnosis.close_loop import DiagnosisOptions, diagnose_joint
+from drake_tc.diagnosis.close_loop import diagnose_joint
 from drake_tc.diagnosis.free_running import FreeRun, with_free_runs
+from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.result import SEVERITY, CloseLoopResult, JointResult, SharedEffect, Verdict
 from drake_tc.diagnosis.search import Progress
 from drake_tc.diagnosis.shared.diagnose import diagnose_robot

@@ -59,7 +59,7 @@ class Samples:
             values = self.light.smooth(values)
         return self.kernel.smooth(values)[self.rows]
 
-    def scout(self, most: int) -> "Samples":
+    def subsample(self, most: int) -> "Samples":
         """Every k-th five-second chunk: at most about `most` of the T samples; itself when they are few."""
         every = int(np.ceil(len(self.signals) / most))
         if every <= 1:

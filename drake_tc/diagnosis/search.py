@@ -7,8 +7,9 @@ import numpy as np
 from scipy.optimize import minimize
 
 from drake_tc.diagnosis.believable import objection_to_values
-from drake_tc.diagnosis.design import Columns, Fit, Term, fit, score
+from drake_tc.diagnosis.columns import Columns, Term
 from drake_tc.diagnosis.evidence import Comparison, compare
+from drake_tc.diagnosis.regression import Fit, fit, score
 from drake_tc.diagnosis.result import DidNotHold
 from drake_tc.effects.base import Context, DriveEffect, Effect
 from drake_tc.effects.library import LIBRARY
@@ -24,7 +25,7 @@ class SearchOptions:
     Attributes:
         beam: Sets kept at each size. most: largest number of effects added.
         least_gain: Smallest relative drop of the cross-validated RMS that one more effect must bring.
-        least_nats: Evidence it must leave after its parameters are paid.
+        least_log_evidence: Evidence it must leave after its parameters are paid.
         least_share: Share of block resamples in which it must help.
         least_removed: Smallest RMS it must explain, in noise floors: less is nil in practice.
         promising_gain: Smallest relative drop from which on a second effect is tried beside one that is not real by
@@ -36,7 +37,7 @@ class SearchOptions:
     beam: int = 6
     most: int = 4
     least_gain: float = 0.05
-    least_nats: float = 8.0
+    least_log_evidence: float = 8.0
     least_share: float = 0.98
     least_removed: float = 0.5
     least_of_first: float = 0.10
@@ -50,14 +51,14 @@ class Search:
     Attributes:
         baseline, chosen: Fits without and with the missing effects.
         steps: For each effect chosen, in order, what it brought.
-        rivals: Other sets of the chosen size, best first. alone: the best fit of every candidate alone.
+        alternatives: Other sets of the chosen size, best first. alone: the best fit of every candidate alone.
         passed_over: Effects that would have been added but for values that are impossible or below the sensor.
     """
 
     baseline: Fit
     chosen: Fit
     steps: tuple[tuple[str, Comparison], ...]
-    rivals: tuple[Fit, ...]
+    alternatives: tuple[Fit, ...]
     alone: tuple[Fit, ...]
     passed_over: tuple[DidNotHold, ...] = field(default=())
 
@@ -177,7 +178,7 @@ def search(
     baseline = refine(columns, fit(columns, declared))
     beam, chosen = [baseline], baseline
     steps: list[tuple[str, Comparison]] = []
-    rivals: list[Fit] = []
+    alternatives: list[Fit] = []
     alone: list[Fit] = []
     passed_over: dict[str, DidNotHold] = {}
     waited = False  # for a second effect, because the first alone was promising and not real
@@ -221,11 +222,11 @@ def search(
         best, comparison = refined[real[0]], comparisons[real[0]]
         added = [t.effect.key for t in best.terms if t.effect.key not in {u.effect.key for u in chosen.terms}]
         steps.append(("+".join(added), comparison))
-        chosen, rivals = best, [f for f in refined if f is not best]
+        chosen, alternatives = best, [f for f in refined if f is not best]
         beam = refined[: options.beam]
     taken = {t.effect.id for t in chosen.terms}
     withdrawn = tuple(d for d in passed_over.values() if d.id not in taken)
-    return Search(baseline, chosen, tuple(steps), tuple(rivals), tuple(alone), withdrawn)
+    return Search(baseline, chosen, tuple(steps), tuple(alternatives), tuple(alone), withdrawn)
 
 
 def _believable(
@@ -263,7 +264,7 @@ def _each_needed(columns: Columns, pair: Fit, chosen: Fit, floor: float, options
 def _real(c: Comparison, floor: float, explained: float, options: SearchOptions) -> bool:
     return (
         c.gain >= options.least_gain
-        and c.nats >= options.least_nats
+        and c.log_evidence >= options.least_log_evidence
         and c.share >= options.least_share
         and c.removed >= options.least_removed * floor
         and c.removed >= options.least_of_first * explained

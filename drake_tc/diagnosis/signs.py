@@ -11,8 +11,9 @@ of the joint.
 
 import numpy as np
 
-from drake_tc.diagnosis.design import Columns, Fit
+from drake_tc.diagnosis.columns import Columns
 from drake_tc.diagnosis.estimates import block_lengths
+from drake_tc.diagnosis.regression import Fit
 from drake_tc.effects.base import EFFORT_UNIT, DriveKind
 from drake_tc.errors import IdentificationError
 from drake_tc.identification.regression import least_squares

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drake_tc.diagnosis.design import Columns, Fit
+from drake_tc.diagnosis.columns import Columns
+from drake_tc.diagnosis.regression import Fit
 from drake_tc.diagnosis.result import DataSplit, FoundEffect, JointResult
 from drake_tc.effects.base import DriveEffect
 from drake_tc.report.numbers import percent, scale_for

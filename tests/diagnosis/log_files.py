@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import yaml
 
-from drake_tc.diagnosis.close_loop import DiagnosisOptions
+from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.run import close_loop
 from drake_tc.diagnosis.to_json import result_json
 

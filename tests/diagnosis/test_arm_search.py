@@ -64,7 +64,7 @@ def rms(x):
 )
 def test_right_effect_on_the_right_motor_of_a_coupled_transmission(key, extra):
     result = held_out(extra)
-    first = result.steps[0].placed
+    first = result.steps[0].added
     assert (MOTORS[first.axis].name, first.term.effect.key) == ("motor_2", key)
     assert np.all(rms(result.after) < 0.6 * rms(result.before))
     if key == "torque_ripple":

@@ -10,8 +10,9 @@ from numpy.testing import assert_allclose
 
 from drake_tc.actuation.model_file import load_models
 from drake_tc.diagnosis import close_loop as module
-from drake_tc.diagnosis.close_loop import DiagnosisOptions, diagnose_joint
+from drake_tc.diagnosis.close_loop import diagnose_joint
 from drake_tc.diagnosis.models import model_of, models_of
+from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.result import CloseLoopResult, JointResult
 from drake_tc.diagnosis.run import close_loop
 from drake_tc.diagnosis.to_json import result_json

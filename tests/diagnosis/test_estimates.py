@@ -7,8 +7,9 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.signal import lfilter
 
-from drake_tc.diagnosis.design import Term, fit
+from drake_tc.diagnosis.columns import Term
 from drake_tc.diagnosis.estimates import block_lengths, estimates, physical_parameters
+from drake_tc.diagnosis.regression import fit
 from drake_tc.diagnosis.search import refine
 from drake_tc.effects.library import effect
 

@@ -9,8 +9,9 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.signal import lfilter
 
-from drake_tc.diagnosis.design import Fit, Term, fit
+from drake_tc.diagnosis.columns import Term
 from drake_tc.diagnosis.evidence import better_share, compare, effective_samples
+from drake_tc.diagnosis.regression import Fit, fit
 from drake_tc.effects.library import effect
 
 from .rigs import Joint, floor_of, problem, servo
@@ -76,14 +77,14 @@ def test_comparison_charges_for_parameters_by_effective_samples():
     small = fit(p.columns, p.declared)
     same = compare(small, small, p.samples)
     assert same.gain == 0.0
-    assert same.nats == 0.0
+    assert same.log_evidence == 0.0
     assert same.removed == 0.0
     useless = compare(small, fit(p.columns, [*p.declared, Term(effect("quadratic_viscous"))]), p.samples)
-    assert useless.nats < 0.0
+    assert useless.log_evidence < 0.0
     planted = problem(Joint(torque_noise=0.3, extra=lambda m: 0.5 * m.v * np.abs(m.v)), seed=2)
     small, large = (fit(planted.columns, t) for t in (planted.declared, (*planted.declared, QUADRATIC)))
     real = compare(small, large, planted.samples)
-    assert real.nats > 20.0
+    assert real.log_evidence > 20.0
     assert real.share == 1.0
     assert_allclose(real.removed**2 + large.cv_rms**2, small.cv_rms**2, rtol=1e-9)
 

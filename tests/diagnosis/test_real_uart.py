@@ -9,23 +9,23 @@ from readme_quotes_real import differing_cells
 
 from drake_tc.bench.real_rows import RealRow
 from drake_tc.bench.real_uart import rows, stand_reports
-from drake_tc.diagnosis.play import PlayReport
+from drake_tc.identification.backlash_test import BacklashReport
 
 STEP = 360.0 / 4096.0
 
 
 @pytest.fixture(scope="module")
-def reports(data: Path) -> dict[str, PlayReport]:
+def reports(data: Path) -> dict[str, BacklashReport]:
     return stand_reports(data)
 
 
-def test_spans_of_the_single_servo(reports: dict[str, PlayReport]) -> None:
+def test_spans_of_the_single_servo(reports: dict[str, BacklashReport]) -> None:
     report = reports["single/servo_5"]
     assert_allclose(np.degrees(report.loaded_span.value), 1.25, rtol=0.10)
     assert_allclose(np.degrees(report.unloaded_span.value), 0.62, rtol=0.10)
 
 
-def test_spans_of_the_coupled_pair(reports: dict[str, PlayReport]) -> None:
+def test_spans_of_the_coupled_pair(reports: dict[str, BacklashReport]) -> None:
     for joint, loaded, unloaded in (("servo_1", 0.62, 0.47), ("servo_2", 0.67, 0.46)):
         report = reports[f"nocomp2/{joint}"]
         assert_allclose(np.degrees(report.loaded_span.value), loaded, rtol=0.10)
@@ -33,7 +33,7 @@ def test_spans_of_the_coupled_pair(reports: dict[str, PlayReport]) -> None:
 
 
 def test_the_same_gears_with_another_servo_setting_change_the_drive_and_not_the_play(
-    reports: dict[str, PlayReport],
+    reports: dict[str, BacklashReport],
 ) -> None:
     # both files hold the same coupled pair; the second raised the P gain and set the dead band to zero
     for joint in ("servo_1", "servo_2"):
@@ -45,7 +45,7 @@ def test_the_same_gears_with_another_servo_setting_change_the_drive_and_not_the_
         assert changed.lower_bound  # the stiffer servo closes the gap before it is seen
 
 
-def test_most_of_the_single_servos_loaded_span_is_play(reports: dict[str, PlayReport]) -> None:
+def test_most_of_the_single_servos_loaded_span_is_play(reports: dict[str, BacklashReport]) -> None:
     report = reports["single/servo_5"]
     assert not report.lower_bound
     assert report.play.low > 4.0 * report.drive.dead_zone

@@ -7,8 +7,9 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.signal import lfilter
 
-from drake_tc.diagnosis.design import Columns, Term, fit
+from drake_tc.diagnosis.columns import Columns, Term
 from drake_tc.diagnosis.preparation import build_samples
+from drake_tc.diagnosis.regression import fit
 from drake_tc.diagnosis.residual_stretches import spectral_line
 from drake_tc.diagnosis.residual_structure import FEATURES, ResidualOptions, assess_residual, features, share_explained
 from drake_tc.diagnosis.result import DataSplit

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from drake_tc.diagnosis.design import Columns, Term, fit
+from drake_tc.diagnosis.columns import Columns, Term
 from drake_tc.diagnosis.preparation import build_samples
+from drake_tc.diagnosis.regression import fit
 from drake_tc.effects.library import effect
 from drake_tc.errors import IdentificationError
 from drake_tc.logs.record import Run

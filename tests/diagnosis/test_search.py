@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from drake_tc.diagnosis.design import Fit, Term, fit
+from drake_tc.diagnosis.columns import Term
+from drake_tc.diagnosis.regression import Fit, fit
 from drake_tc.diagnosis.search import SearchOptions, best_shape, candidates, ranked, refine, screen, search
 from drake_tc.effects.base import Context
 from drake_tc.effects.library import LIBRARY, effect

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from drake_tc.diagnosis.design import FOLDS
+from drake_tc.diagnosis.columns import FOLDS
 from drake_tc.diagnosis.shared.causes import Cause
 from drake_tc.diagnosis.shared.covariance import intervals
 from drake_tc.diagnosis.shared.selection import SharedOptions, select

@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 from scipy.optimize import minimize
 from scipy.signal import lfilter
 
-from drake_tc.diagnosis.design import FOLDS
+from drake_tc.diagnosis.columns import FOLDS
 from drake_tc.diagnosis.shared.causes import Cause
 from drake_tc.diagnosis.shared.covariance import covariance, intervals
 from drake_tc.diagnosis.shared.selection import SharedOptions, active, select

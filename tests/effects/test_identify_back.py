@@ -18,9 +18,10 @@ from drake_tc.diagrams.joint_bench import BenchScenario, record_bench
 from numpy.testing import assert_allclose
 
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
-from drake_tc.diagnosis.design import Columns, Term, fit
+from drake_tc.diagnosis.columns import Columns, Term
 from drake_tc.diagnosis.estimates import estimates
 from drake_tc.diagnosis.preparation import build_samples, context_of
+from drake_tc.diagnosis.regression import fit
 from drake_tc.diagnosis.result import Estimate
 from drake_tc.diagnosis.search import best_shape, refine
 from drake_tc.effects.base import DriveKind, plain_signals

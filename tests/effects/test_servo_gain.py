@@ -6,8 +6,9 @@ from drake_tc.diagrams.joint_bench import record_bench
 from numpy.testing import assert_allclose
 
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
-from drake_tc.diagnosis.design import Columns, Term, fit
+from drake_tc.diagnosis.columns import Columns, Term
 from drake_tc.diagnosis.preparation import build_samples, context_of
+from drake_tc.diagnosis.regression import fit
 from drake_tc.effects.library import effect
 from drake_tc.effects.servo_gain import gain_error
 from drake_tc.errors import RigError

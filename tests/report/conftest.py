@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from drake_tc.diagnosis.design import Columns, Fit, Term, fit, predict
+from drake_tc.diagnosis.columns import Columns, Term
 from drake_tc.diagnosis.preparation import build_samples
+from drake_tc.diagnosis.regression import Fit, fit, predict
 from drake_tc.diagnosis.result import (
     CloseLoopResult,
     DataSplit,

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from drake_tc.diagnosis.design import Columns, Term, fit, predict
+from drake_tc.diagnosis.columns import Columns, Term
+from drake_tc.diagnosis.regression import fit, predict
 from drake_tc.diagnosis.result import JointResult, TimeStretch
 from drake_tc.effects.library import effect
 from drake_tc.report.bins import binned, evenly, frame

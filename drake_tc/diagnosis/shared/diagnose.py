@@ -18,9 +18,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from drake_tc.diagnosis.close_loop import DiagnosisOptions, diagnose_joint
-from drake_tc.diagnosis.design import Term
+from drake_tc.diagnosis.close_loop import diagnose_joint
+from drake_tc.diagnosis.columns import Term
 from drake_tc.diagnosis.evidence import effective_samples
+from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.prepared import Prepared, prepare_joint
 from drake_tc.diagnosis.result import JointResult, SharedEffect
 from drake_tc.diagnosis.search import Progress, Search, candidates, search

@@ -5,9 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from drake_tc.diagnosis.design import Term, fit
+from drake_tc.diagnosis.columns import Term
 from drake_tc.diagnosis.estimates import estimates
 from drake_tc.diagnosis.prepared import Prepared
+from drake_tc.diagnosis.regression import fit
 from drake_tc.diagnosis.result import DataSplit, Errors, Estimate, JointResult, SharedEffect
 from drake_tc.diagnosis.run_errors import run_errors
 from drake_tc.diagnosis.search import refine

@@ -21,22 +21,23 @@ class SharedOptions:
 
     Attributes:
         most: Largest number of causes.
-        least_nats: Evidence of all joints that it must leave after its parameters are paid.
+        least_log_evidence: Evidence of all joints that it must leave after its parameters are paid.
         least_gain: Relative drop of the cross-validated RMS that the joint it matters most to must have.
         least_removed: What it must explain there, in noise floors.
         least_of_first: ... and as a share of what the causes before it explain: less is likely their imperfect form.
-        second_gain, second_nats: Drop and evidence that at least one more joint must have: else it is one joint's own.
+        second_gain, second_log_evidence: Drop and evidence that at least one more joint must have: else it is one
+            joint's own.
         beyond: Standard deviations, of tolerance and estimate together, beyond which a sensor's error is not expected.
         same: Mean logarithm of the error by which causes as good as each other may differ; the smaller one is taken.
     """
 
     most: int = 3
-    least_nats: float = 20.0
+    least_log_evidence: float = 20.0
     least_gain: float = 0.10
     least_removed: float = 0.5
     least_of_first: float = 0.10
     second_gain: float = 0.05
-    second_nats: float = 5.0
+    second_log_evidence: float = 5.0
     beyond: float = 3.0
     same: float = 0.02
 
@@ -47,13 +48,13 @@ class Trial:
 
     Attributes:
         cause: Which. fit: with it.
-        nats: (n,) evidence by joint. gain: (n,) drop of the cross-validated RMS. removed: (n,) [effort].
+        log_evidence: (n,) evidence by joint. gain: (n,) drop of the cross-validated RMS. removed: (n,) [effort].
         level: Mean logarithm of the cross-validated RMS, joints weighted by their effective rows.
     """
 
     cause: Cause
     fit: StackedFit
-    nats: FloatArray
+    log_evidence: FloatArray
     gain: FloatArray
     removed: FloatArray
     level: float
@@ -61,7 +62,7 @@ class Trial:
     @property
     def evidence(self) -> float:
         """Nats left after the parameters are paid; the rows of all joints count together."""
-        return float(self.nats.sum())
+        return float(self.log_evidence.sum())
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,11 +107,11 @@ def try_cause(
     count = effective_rows(rows, fitted)
     ratio = np.log(before.cv_rms / np.maximum(fitted.cv_rms, 1e-300))
     price = 0.5 * cause.size * np.log(max(count.sum(), 2.0))
-    nats = count * ratio - price * count / count.sum()
+    log_evidence = count * ratio - price * count / count.sum()
     removed = np.sqrt(np.maximum(before.cv_rms**2 - fitted.cv_rms**2, 0.0))
     weight = np.array([r.target.size for r in rows], dtype=float)
     level = float(weight @ np.log(fitted.cv_rms) / weight.sum())
-    return Trial(cause, fitted, nats, 1.0 - np.exp(-ratio), removed, level)
+    return Trial(cause, fitted, log_evidence, 1.0 - np.exp(-ratio), removed, level)
 
 
 def real(trial: Trial, floor: FloatArray, explained: FloatArray, options: SharedOptions) -> bool:
@@ -127,8 +128,8 @@ def real(trial: Trial, floor: FloatArray, explained: FloatArray, options: Shared
         & (trial.removed >= options.least_removed * floor)
         & (trial.removed >= options.least_of_first * explained)
     )
-    supports = (trial.gain >= options.second_gain) & (trial.nats >= options.second_nats)
-    return bool(trial.evidence >= options.least_nats and matters.any() and supports.sum() >= 2)
+    supports = (trial.gain >= options.second_gain) & (trial.log_evidence >= options.second_log_evidence)
+    return bool(trial.evidence >= options.least_log_evidence and matters.any() and supports.sum() >= 2)
 
 
 def beyond_tolerance(rows: Sequence[JointRows], trial: Trial, most: float) -> bool:

@@ -2,7 +2,7 @@
 
     z_j = X_j beta_j + C_j delta + e_j,   e_j ~ (0, sigma_j^2)                              joints j = 1 ... n
 
-z_j = tau_meas + J qddot and X_j are those of the joint's own regression (`drake_tc.diagnosis.design`); C_j are the
+z_j = tau_meas + J qddot and X_j are those of the joint's own regression (`drake_tc.diagnosis.regression`); C_j are the
 causes' columns through the same filters. Parameters with a tolerance t_i have the prior delta_i ~ N(0, t_i^2), cut
 off at three of them; the others have none. The estimate is the posterior's mode,
 
@@ -30,7 +30,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from drake_tc.diagnosis.design import FOLDS, Columns, Term
+from drake_tc.diagnosis.columns import FOLDS, Columns, Term
 from drake_tc.diagnosis.evidence import effective_samples
 from drake_tc.diagnosis.samples import Samples
 from drake_tc.diagnosis.shared.causes import CauseColumns

@@ -14,8 +14,8 @@ from dataclasses import replace
 import numpy as np
 from scipy.stats import norm
 
-from drake_tc.diagnosis.design import Fit
 from drake_tc.diagnosis.parameters import physical_parameters
+from drake_tc.diagnosis.regression import Fit
 from drake_tc.diagnosis.result import Estimate, JointResult
 from drake_tc.types import FloatArray
 

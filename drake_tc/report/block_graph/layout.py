@@ -28,7 +28,7 @@ class Wire:
 
 
 @dataclass(frozen=True)
-class Placed:
+class ShaftEffect:
     """A block as drawn: its box and top left corner [px]."""
 
     box: Box
@@ -56,7 +56,7 @@ class Drawing:
     title: str
     width: float
     height: float
-    blocks: tuple[Placed, ...]
+    blocks: tuple[ShaftEffect, ...]
     wires: tuple[Wire, ...]
     regions: tuple[Region, ...]
 
@@ -143,12 +143,12 @@ def _draw(
             row_tops.append(y + HEAD)
             y += HEAD + ground.heights[k] + FOOT
     track_y = {(k, n): corridor_tops[k] + GAP * (t + 0.5) for k, (by, _) in corridors.items() for n, t in by.items()}
-    blocks: list[Placed] = []
+    blocks: list[ShaftEffect] = []
     regions: list[Region] = []
     for r, row in enumerate(ground.rows):
         for c, column in enumerate(row.columns):
             spot = frame.lefts[r, c], frame.widths[r, c]
-            blocks += [Placed(boxes[k], spot[0], row_tops[r] + tops[k], spot[1], row.flow) for k in column]
+            blocks += [ShaftEffect(boxes[k], spot[0], row_tops[r] + tops[k], spot[1], row.flow) for k in column]
             top, high = row_tops[r] - HEAD, HEAD + ground.heights[r] + FOOT
             last = regions[-1] if regions else None
             if last is not None and c > 0 and last.stage == row.stages[c]:

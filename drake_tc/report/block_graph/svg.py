@@ -7,7 +7,7 @@ from importlib.resources import files
 from itertools import pairwise
 
 from drake_tc.report.block_graph.frame import LABEL
-from drake_tc.report.block_graph.layout import Drawing, Placed, Wire, layout
+from drake_tc.report.block_graph.layout import Drawing, ShaftEffect, Wire, layout
 from drake_tc.report.block_graph.place import EDGE, NOTE, PIN, TITLE
 from drake_tc.report.block_graph.text import text_width
 from drake_tc.report.block_graph.view import View
@@ -59,7 +59,7 @@ def _regions(drawing: Drawing) -> Iterator[str]:
         yield _text(region.x + 10.0, region.y + 15.0, region.stage.upper(), f"stage {region.stage}", STAGE, bold=True)
 
 
-def _wire(wire: Wire, blocks: Sequence[Placed]) -> Iterator[str]:
+def _wire(wire: Wire, blocks: Sequence[ShaftEffect]) -> Iterator[str]:
     stage = next(b.box.shape.stage for b in blocks if b.box.shape.key == wire.net.source[0])
     look = f"{stage}{' dim' if wire.net.dim else ''}"
     yield f'<g class="wire {look}">'
@@ -111,7 +111,7 @@ def _path(line: Sequence[tuple[float, float]]) -> str:
     return "".join(parts)
 
 
-def _block(block: Placed) -> Iterator[str]:
+def _block(block: ShaftEffect) -> Iterator[str]:
     shape, box = block.box.shape, block.box
     terminal = not any(pin.name for pin in (*box.left, *box.right)) and shape.stage in ("inputs", "outputs")
     yield f'<g class="block {shape.stage}{" dim" if shape.dim else ""}">'
@@ -139,7 +139,7 @@ class Entry:
     bold: bool = False
 
 
-def texts(block: Placed) -> Iterator[Entry]:
+def texts(block: ShaftEffect) -> Iterator[Entry]:
     """All text inside a block."""
     box = block.box
     middle = block.x + block.width / 2.0

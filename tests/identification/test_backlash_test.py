@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from drake_tc.diagnosis.drive_law import fit_drive_law
-from drake_tc.diagnosis.play import analyse_play
 from drake_tc.errors import IdentificationError
+from drake_tc.identification.backlash_test import analyse_backlash
+from drake_tc.identification.drive_law import fit_drive_law
 from drake_tc.logs.record import Run
 
 STEP = 2.0 * np.pi / 4096.0
@@ -73,7 +73,7 @@ def stand_log(stand: Stand, cycles: int = 6, period: float = 0.1, substeps: int 
 
 @pytest.mark.parametrize("gap", [0.4, 0.6, 0.8])
 def test_play_is_the_gap_and_not_the_dead_zone(gap: float) -> None:
-    report = analyse_play(stand_log(Stand(gap=gap * DEGREE)), "held", ("right", "left"))
+    report = analyse_backlash(stand_log(Stand(gap=gap * DEGREE)), "held", ("right", "left"))
     # one encoder step (0.088 deg) on each of the rests that make up the difference
     assert_allclose(report.play.value, gap * DEGREE, rtol=0.0, atol=1.0 * STEP)
     assert report.play.low <= gap * DEGREE <= report.play.high
@@ -82,7 +82,7 @@ def test_play_is_the_gap_and_not_the_dead_zone(gap: float) -> None:
 
 
 def test_a_servo_that_drives_against_the_pull_leaves_a_lower_bound() -> None:
-    report = analyse_play(stand_log(Stand(gap=1.5 * DEGREE)), "held", ("right", "left"))
+    report = analyse_backlash(stand_log(Stand(gap=1.5 * DEGREE)), "held", ("right", "left"))
     assert report.lower_bound
     assert 0.5 * DEGREE < report.play.value < 1.5 * DEGREE
 
@@ -97,14 +97,14 @@ def test_dead_zone_is_read_from_the_drive_whatever_the_gap(steps: float) -> None
 
 
 def test_a_wide_dead_zone_alone_is_no_play() -> None:
-    report = analyse_play(stand_log(Stand(gap=0.0, dead_zone=4.0 * STEP)), "held", ("right", "left"))
+    report = analyse_backlash(stand_log(Stand(gap=0.0, dead_zone=4.0 * STEP)), "held", ("right", "left"))
     assert report.play.value < 1.0 * STEP
     assert report.servo_band is not None
     assert report.servo_band.value > 6.0 * STEP  # the servo alone leaves that much
 
 
 def test_spans_are_what_the_mechanics_leave() -> None:
-    report = analyse_play(stand_log(Stand()), "held", ("right", "left"))
+    report = analyse_backlash(stand_log(Stand()), "held", ("right", "left"))
     rests = {side: [p.loaded for p in report.pulls if p.puller == side] for side in ("right", "left")}
     assert report.loaded_span.value > report.unloaded_span.value > 0.0
     assert report.loaded_span.low <= np.mean(rests["right"]) - np.mean(rests["left"]) <= report.loaded_span.high
@@ -114,7 +114,7 @@ def test_refusals_say_what_was_wanted() -> None:
     run = stand_log(Stand(), cycles=2)
     still = dict(run.columns) | {"left/position_command": np.zeros(len(run))}
     with pytest.raises(IdentificationError, match="never pulls"):
-        analyse_play(Run("still", None, run.time, run.period, still, run.segment), "held", ("right", "left"))
+        analyse_backlash(Run("still", None, run.time, run.period, still, run.segment), "held", ("right", "left"))
     stuck = dict(run.columns) | {"held/position": np.zeros(len(run))}
     with pytest.raises(IdentificationError, match="never moves"):
         fit_drive_law(Run("stuck", None, run.time, run.period, stuck, run.segment), "held")

@@ -7,8 +7,10 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.optimize import lsq_linear
 
-from drake_tc.diagnosis.design import FOLDS, Columns, Term, fit, fold_of, predict, score, solve_bounded
+from drake_tc.diagnosis.bounded import solve_bounded
+from drake_tc.diagnosis.columns import FOLDS, Columns, Term, fold_of
 from drake_tc.diagnosis.preparation import build_samples
+from drake_tc.diagnosis.regression import fit, predict, score
 from drake_tc.effects.library import effect
 
 from .rigs import Joint, motion, problem, record, rig_of

@@ -2,8 +2,9 @@
 
 import numpy as np
 
-from drake_tc.diagnosis.design import Columns, Fit, fit
+from drake_tc.diagnosis.columns import Columns
 from drake_tc.diagnosis.evidence import better_share
+from drake_tc.diagnosis.regression import Fit, fit
 from drake_tc.diagnosis.search import Search, best_shape, refine
 from drake_tc.effects.base import Context
 from drake_tc.effects.library import LIBRARY

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import t as student
 
-from drake_tc.diagnosis.drive_law import DriveLaw, fit_drive_law
-from drake_tc.diagnosis.pulls import Pull, find_pulls
+from drake_tc.identification.drive_law import DriveLaw, fit_drive_law
+from drake_tc.identification.pull_tests import Pull, find_pulls
 from drake_tc.logs.record import Run
 from drake_tc.types import FloatArray
 
@@ -28,7 +28,7 @@ class Interval:
 
 
 @dataclass(frozen=True)
-class PlayReport:
+class BacklashReport:
     """What a held joint does when it is pulled left and right, split into its causes; widths in rad.
 
     Attributes:
@@ -59,7 +59,7 @@ class PlayReport:
     follows_start: float | None
 
 
-def analyse_play(run: Run, held: str, pullers: Sequence[str]) -> PlayReport:
+def analyse_backlash(run: Run, held: str, pullers: Sequence[str]) -> BacklashReport:
     """Split the movement of a pulled joint into play, elastic wind-up, and what its servo leaves.
 
     With the motor at rest, a relaxed joint that is pulled to its other flank moves by b + c T (play and compliance);
@@ -94,7 +94,7 @@ def analyse_play(run: Run, held: str, pullers: Sequence[str]) -> PlayReport:
     wind_up = _mean(
         np.concatenate([(side * (loaded - before))[staying], (side * (loaded - after))[at_rest]]), DIFFERENCE * step
     )
-    return PlayReport(
+    return BacklashReport(
         joint=held,
         pulls=pulls,
         loaded_span=_difference(loaded[side > 0], loaded[side < 0], step),

@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from drake_tc.diagnosis import ties
-from drake_tc.diagnosis.design import Term, fit
+from drake_tc.diagnosis import indistinguishable as module
+from drake_tc.diagnosis.columns import Term
+from drake_tc.diagnosis.regression import fit
 from drake_tc.diagnosis.search import Search
 from drake_tc.effects.base import Parameter, Signature, TorqueEffect
 from drake_tc.effects.library import effect
@@ -56,9 +57,9 @@ def biased() -> Problem:
 
 
 def ties_with(p: Problem, library, monkeypatch) -> tuple[tuple[str, str], ...]:
-    monkeypatch.setattr(ties, "LIBRARY", tuple(library))
+    monkeypatch.setattr(module, "LIBRARY", tuple(library))
     chosen = fit(p.columns, [*p.declared, Term(effect("torque_sensor_bias"))])
-    return ties.indistinguishable(p.columns, Search(p.baseline, chosen, (), (), ()), p.context)
+    return module.indistinguishable(p.columns, Search(p.baseline, chosen, (), (), ()), p.context)
 
 
 def test_two_identical_columns_are_a_tie(biased, monkeypatch):
@@ -70,14 +71,14 @@ def test_a_nested_superset_is_no_tie(biased, monkeypatch):
 
 
 def test_of_the_library_only_a_constant_in_motion_is_a_biass_twin(biased, monkeypatch):
-    pairs = ties_with(biased, ties.LIBRARY, monkeypatch)
+    pairs = ties_with(biased, module.LIBRARY, monkeypatch)
     assert {p[0] for p in pairs} <= {"torque_sensor_bias"}
     assert {p[1] for p in pairs} <= {"asymmetric_friction"}  # its Coulomb form is 1 wherever the joint moves
 
 
 def test_nothing_found_leaves_nothing_to_tie(biased):
     nothing = Search(biased.baseline, biased.baseline, (), (), ())
-    assert ties.indistinguishable(biased.columns, nothing, biased.context) == ()
+    assert module.indistinguishable(biased.columns, nothing, biased.context) == ()
 
 
 def test_a_weak_effect_that_another_imitates_within_the_noise_is_a_tie(monkeypatch):

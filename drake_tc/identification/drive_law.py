@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drake_tc.diagnosis.pulls import most_common
 from drake_tc.errors import IdentificationError
+from drake_tc.identification.pull_tests import most_common
 from drake_tc.logs.record import Run
 from drake_tc.types import BoolArray, FloatArray
 
