@@ -17,7 +17,8 @@ from drake_tc.diagnosis.regression import fit
 from drake_tc.diagnosis.search import best_shape, refine
 from drake_tc.effects.library import effect
 from drake_tc.logs.rig import parse_rig
-from tests.effects.test_identify_back import BENCH, COULOMB, GAIN, INERTIA, VISCOUS, motion
+
+from .test_identify_back import BENCH, COULOMB, GAIN, INERTIA, VISCOUS, motion
 
 SHORT = replace(BENCH, duration=8.0)
 CLEARLY = 1.3
