@@ -1,6 +1,7 @@
 """`drake-tc close-loop`: residual, missing effect, better model, error before and after."""
 
 import json
+import math
 import sys
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
@@ -10,15 +11,17 @@ from typing import Annotated
 
 import typer
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from drake_tc.cli.progress import progress_bar
+from drake_tc.diagnosis.closed_loop import JointClosedLoop
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.result import CloseLoopResult, JointResult
 from drake_tc.diagnosis.run import close_loop
 from drake_tc.diagnosis.to_json import result_json
 from drake_tc.errors import LogError
-from drake_tc.report.words import REASONS, VERDICTS, ranked_effects, unexplained
+from drake_tc.report.words import REASONS, VERDICTS, ranked_effects, unexplained, warnings
 
 
 def close_loop_command(
@@ -99,26 +102,39 @@ def print_summary(result: CloseLoopResult, out: Path) -> None:
         console.print(f"[bold]{joint.joint}[/bold]: {VERDICTS[joint.verdict]}")
         console.print(_errors_table(joint))
         if joint.verdict.startswith("unexplained"):
-            console.print(f"  {unexplained(joint)}")
+            console.print(f"  {escape(unexplained(joint))}")
         for effect in joint.effects:
             values = ", ".join(f"{n} {p.value:.4g} {p.unit}" for n, p in effect.parameters.items())
             console.print(f"  + [bold]{effect.id}[/bold]  {values}  (held-out gain {100 * effect.heldout_gain:.0f} %)")
         for withdrawn in joint.did_not_hold:
-            console.print(f"  - {withdrawn.id} did not hold ({REASONS[withdrawn.reason]}): {withdrawn.why}")
-        for first, second in joint.indistinguishable:
-            console.print(f"  ? {first} and {second} cannot be told apart by these logs")
+            console.print(f"  - {withdrawn.id} did not hold ({REASONS[withdrawn.reason]}): {escape(withdrawn.why)}")
+        for moving in (p for p in joint.consistency if p.moves):
+            where = "drive" if moving.effect == "drive" else moving.effect
+            console.print(f"  * {where} {moving.name} differs by {moving.by}: {100 * moving.change:.0f} %")
+        for warning in warnings(joint):
+            console.print(f"  ! {escape(warning)}")
         if joint.next_experiment:
             console.print(f"  next: {joint.next_experiment}")
         loop = None if result.closed_loop is None else result.closed_loop.joints.get(joint.joint)
         if loop is not None and loop.changed:
-            before, after = (f"{1e3 * figures.rms_error:.3g}" for figures in (loop.before, loop.after))
-            console.print(f"  closed loop, simulated: tracking error {before} before, {after} mrad after")
+            console.print(f"  closed loop, simulated: {_tracking(loop)}")
+    if result.closed_loop is not None:
+        for note in result.closed_loop.notes:
+            console.print(f"closed loop: {escape(note)}")
     console.print(f"{result.seconds:.1f} s; report: {out / 'report.html'}")
+
+
+def _tracking(loop: JointClosedLoop) -> str:
+    """Tracking errors before and after, or that there are none."""
+    figures = [1e3 * each.rms_error for each in (loop.before, loop.after)]
+    if not all(math.isfinite(value) for value in figures):
+        return "no tracking error; the report has the margins of the linear loop"
+    return f"tracking error {figures[0]:.3g} mrad before, {figures[1]:.3g} mrad after"
 
 
 def _errors_table(joint: JointResult) -> Table:
     table = Table(box=None, padding=(0, 2))
-    for header in ("", "train", "held-out", "free run [rad]"):
+    for header in ("", "train", "held-out", escape("free run [rad]")):
         table.add_column(header, justify="left" if not header else "right")
     for name, errors in (("before", joint.before), ("after", joint.after)):
         free = "-" if errors.free_run_heldout is None else f"{errors.free_run_heldout:.3g}"
