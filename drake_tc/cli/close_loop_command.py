@@ -21,7 +21,7 @@ from drake_tc.diagnosis.result import CloseLoopResult, JointResult
 from drake_tc.diagnosis.run import close_loop
 from drake_tc.diagnosis.to_json import result_json
 from drake_tc.errors import LogError
-from drake_tc.report.words import REASONS, VERDICTS, ranked_effects, unexplained, warnings
+from drake_tc.report.words import REASONS, VERDICTS, capital, ranked_effects, unexplained, warnings
 
 
 def close_loop_command(
@@ -102,7 +102,7 @@ def print_summary(result: CloseLoopResult, out: Path) -> None:
         console.print(f"[bold]{joint.joint}[/bold]: {VERDICTS[joint.verdict]}")
         console.print(_errors_table(joint))
         if joint.verdict.startswith("unexplained"):
-            console.print(f"  {escape(unexplained(joint))}")
+            console.print(f"  {escape(capital(unexplained(joint)))}")
         for effect in joint.effects:
             values = ", ".join(f"{n} {p.value:.4g} {p.unit}" for n, p in effect.parameters.items())
             console.print(f"  + [bold]{effect.id}[/bold]  {values}  (held-out gain {100 * effect.heldout_gain:.0f} %)")

@@ -27,6 +27,7 @@ from drake_tc.report.tables import data_facts, data_rows, error_table, parameter
 from drake_tc.report.words import (
     REASONS,
     VERDICTS,
+    capital,
     headline,
     joined,
     ranked_effects,
@@ -124,7 +125,7 @@ def _joint(joint: JointResult, prefix: str) -> dict[str, Any]:
         "left": {
             "fraction": percent(left.fraction),
             "structured": left.structured,
-            "sentence": _capital(unexplained(joint)),
+            "sentence": capital(unexplained(joint)),
             "depends_on": joined([signal_name(n) for n in left.depends_on]) or "nothing recorded",
             "confined_to": left.confined_to,
             "line": "none" if left.period_hz is None else f"{significant(left.period_hz)} Hz",
@@ -137,7 +138,3 @@ def _joint(joint: JointResult, prefix: str) -> dict[str, Any]:
         "runs": [*data_rows(joint.train, "training"), *data_rows(joint.heldout, "held-out")],
         "facts": data_facts(joint),
     }
-
-
-def _capital(sentence: str) -> str:
-    return sentence[:1].upper() + sentence[1:]

@@ -58,12 +58,14 @@ def headline(joint: JointResult) -> str:
     found = f"The model lacked {names}: with them, {change}." if len(joint.effects) > 1 else found
     if joint.verdict == "effects_found":
         return found
-    start = found or f"No effect of the library was added; the held-out error is {fine.quantity(after)}, {above}."
-    return f"{start} {'However, ' if found else ''}{_capital(unexplained(joint), lower=bool(found))}"
+    if found:
+        return f"{found} However, {unexplained(joint)}"
+    return f"No effect of the library was added. {capital(unexplained(joint))}"
 
 
-def _capital(sentence: str, *, lower: bool) -> str:
-    return sentence if lower else sentence[:1].upper() + sentence[1:]
+def capital(sentence: str) -> str:
+    """The sentence with a capital first letter."""
+    return sentence[:1].upper() + sentence[1:]
 
 
 def unexplained(joint: JointResult) -> str:
@@ -71,11 +73,13 @@ def unexplained(joint: JointResult) -> str:
     left = joint.unexplained
     parts = []
     if not left.structured and left.excess:
+        training = ""
+        if left.floors_anywhere > 1.2 * left.floors:
+            training = f" ({significant(left.floors_anywhere, 2)} times on the training runs)"
         return (
-            f"what is left is {significant(left.floors, 2)} times the noise floor on the held-out runs "
-            f"({significant(left.floors_anywhere, 2)} on the worse of training and held-out runs) and "
-            f"{percent(left.share_of_signal)} of the effort's RMS, and depends on nothing recorded: an unrecorded "
-            "disturbance, a sensor that wanders, or a cause that needs another sensor."
+            f"what is left on the held-out runs is {significant(left.floors, 2)} times the noise floor{training} and "
+            f"{percent(left.share_of_signal)} of the effort's RMS, and it depends on nothing recorded: it comes from "
+            "an unrecorded disturbance, from a sensor that wanders, or from a cause that needs another sensor."
         )
     if left.depends_on and left.fraction > 0.0 and any(name != "time" for name in left.depends_on):
         names = joined([signal_name(n) for n in left.depends_on])
