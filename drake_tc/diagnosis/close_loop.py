@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from drake_tc.diagnosis.break_away_note import sticking
 from drake_tc.diagnosis.columns import Columns, Term
 from drake_tc.diagnosis.confirmation import confirm
 from drake_tc.diagnosis.consistency import consistency
@@ -57,7 +58,12 @@ def _looked_for(prepared: Prepared, options: DiagnosisOptions, progress: Progres
     usable, obstacles = candidates(LIBRARY, prepared.context, prepared.declared)
     subsample = columns = prepared.train
     if len(columns.samples.signals) > SEARCHED_SAMPLES:
-        subsample = Columns(columns.samples.subsample(SEARCHED_SAMPLES), columns.gain, columns.floor)
+        subsample = Columns(
+            columns.samples.subsample(SEARCHED_SAMPLES),
+            columns.gain,
+            columns.floor,
+            declared_gain=columns.declared_gain,
+        )
     found = search(subsample, prepared.terms, usable, prepared.context, prepared.floor, options.search, progress)
     return Stage(prepared, subsample, tuple(obstacles), found)
 
@@ -144,8 +150,13 @@ def diagnose_joint(
         did_not_hold=(*stage.passed_over, *confirmed.withdrawn),
         runs=tuple(run_errors(splits)),
         consistency=consistency(columns, chosen),
-        notes=(*columns.samples.notes, *held.samples.notes, *notes),
+        notes=(*columns.samples.notes, *held.samples.notes, *notes, *_sticking(columns, chosen, context)),
     )
+
+
+def _sticking(columns: Columns, chosen: Fit, context: Context) -> tuple[str, ...]:
+    found = None if context.load == "robot" else sticking(columns, chosen)
+    return () if found is None else (found.sentence(),)
 
 
 def _refitted(stage: Stage) -> Search:

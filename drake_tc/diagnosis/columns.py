@@ -39,7 +39,7 @@ class Term:
     @property
     def size(self) -> int:
         """Number of parameters it adds."""
-        return len(self.effect.coefficients) + len(self.effect.shapes)
+        return self.effect.degrees_of_freedom
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,12 +64,15 @@ class Columns:
         gain: float | None = None,
         floor: NoiseFloor | None = None,
         target: FloatArray | None = None,
+        declared_gain: float | None = None,
     ) -> None:
         """Columns over `samples`; `gain` [effort/(N m)] in which all residuals are told, None for each fit's own.
 
         With a gain of its own a drive effect could make its residual small by making the gain small. `floor` then also
-        weighs the noise that each fit's coefficients let through. `target` replaces tau + J qddot (N,).
+        weighs the noise that each fit's coefficients let through. `target` replaces tau + J qddot (N,). With a
+        `declared_gain` K_0 [effort/(N m)] fits hold the drive at it unless one of their effects says that it is wrong.
         """
+        self.declared_gain = declared_gain
         self.samples = samples
         self.gain = gain
         self.floor = floor
@@ -166,7 +169,8 @@ class Columns:
             s = replace(s, load_torque=true_torque)
         signals = replace(s, viscous=float(beta[1]), stiffness=stiffness, expected_torque=expected)
         gain = 1.0 / max(float(beta[0]), 1e-9)
-        return Columns(replace(self.samples, signals=signals), gain, self.samples.floor, self.target)
+        samples = replace(self.samples, signals=signals)
+        return Columns(samples, gain, self.samples.floor, self.target, self.declared_gain)
 
     def noise_ratio(self, beta: FloatArray, terms: Sequence[Term]) -> float:
         """Noise floor under the declared model over that under beta: a fit that lets less encoder noise through, by a

@@ -42,6 +42,8 @@ def estimates(columns: Columns, fitted: Fit, drive: str) -> Mapping[str, Mapping
     jacobian = np.column_stack([design, *slopes]) if slopes else design
     point = np.concatenate([fitted.beta, values])
     dead = np.sqrt(np.mean(jacobian**2, axis=0)) * np.maximum(np.abs(point), 1e-12) < 1e-12
+    if columns.declared_gain is not None and "servo_gain" not in {t.effect.id for t in fitted.terms}:
+        dead[0] = True  # the drive is held at its declared gain
     linear = least_squares(
         jacobian[:, ~dead], columns.target - prediction, lengths=block_lengths(columns), max_condition=1e15
     )

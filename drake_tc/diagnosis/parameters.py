@@ -41,6 +41,7 @@ def physical_parameters(
     out: dict[str, dict[str, float]] = {"drive": {"gain": float(gain)}}
     at, scale = 1, 1.0
     for term in terms:
+        out["drive"]["gain"] = term.effect.drive_gain(out["drive"]["gain"], term.shape)
         theta = beta[at : at + len(term.effect.coefficients)]
         out[term.effect.key] = term.effect.physical(theta, term.shape, gain)
         scale *= term.effect.torque_scale(theta, gain)

@@ -57,14 +57,15 @@ def prepare_joint(
     known = known_values(rig, joint)
     train, held = without_known(train, known), without_known(held, known)
     servo = context.drive == "position_servo"
-    first = Columns(train)
+    declared_gain = context.declared.get("drive_gain")
+    first = Columns(train, declared_gain=declared_gain)
     plain = fit_declared(first, declared_terms(rig, joint), context)
     labels = ["drive gain", *(p.name for t in plain.terms for p in t.effect.coefficients)]
     least_squares(first.design(plain.terms), first.target, names=labels, max_condition=MAX_CONDITION)
     require_consistent_signs(first, plain, joint, context.drive)
     return Prepared(
         train=first.with_model(plain.beta, servo=servo),
-        held=Columns(held).with_model(plain.beta, servo=servo),
+        held=Columns(held, declared_gain=declared_gain).with_model(plain.beta, servo=servo),
         terms=plain.terms,
         floor=plain.gain * train.floor.torque(float(plain.beta[0]), float(plain.beta[1])),
         context=context,

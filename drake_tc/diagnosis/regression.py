@@ -10,6 +10,7 @@ import numpy as np
 
 from drake_tc.diagnosis.bounded import collinear, solve_bounded
 from drake_tc.diagnosis.columns import FOLDS, Columns, Term, fold_of
+from drake_tc.effects.servo_gain import ServoGain
 from drake_tc.types import FloatArray
 
 
@@ -46,9 +47,12 @@ class Fit:
         return 1 + sum(t.size for t in self.terms)
 
 
-def bounds_of(terms: Sequence[Term]) -> tuple[FloatArray, FloatArray]:
-    """Lower and upper bounds of beta."""
-    lower, upper = [1e-12], [np.inf]
+def bounds_of(terms: Sequence[Term], declared_gain: float | None = None) -> tuple[FloatArray, FloatArray]:
+    """Lower and upper bounds of beta; 1/K is held at a declared gain unless an effect says that it is wrong."""
+    free = declared_gain is None or any(isinstance(t.effect, ServoGain) for t in terms)
+    lower, upper = (
+        ([1e-12], [np.inf]) if free or declared_gain is None else ([1.0 / declared_gain], [1.0 / declared_gain])
+    )
     for term in terms:
         lower += [p.lower for p in term.effect.coefficients]
         upper += [p.upper for p in term.effect.coefficients]
@@ -77,7 +81,7 @@ class Score:
 def score(columns: Columns, terms: Sequence[Term]) -> Score:
     """Least squares with blockwise cross-validation, from normal equations alone."""
     normal = columns.normal(terms)
-    low, high = bounds_of(terms)
+    low, high = bounds_of(terms, columns.declared_gain)
     gram, moment = normal.grams.sum(0), normal.moments.sum(0)
     beta = solve_bounded(gram, moment, low, high)
     gain = columns.gain or 1.0 / float(beta[0])

@@ -159,4 +159,6 @@ def torque_error(joint: JointResult) -> Rows:
     index = samples.rows
     stride = int(np.median(np.diff(index))) if index.size > 1 else 1
     gain = joint.final_parameters["drive"]["gain"].value
+    if "servo_gain" in joint.final_parameters:  # the drive is listed with its declared gain
+        gain /= 1.0 + joint.final_parameters["servo_gain"]["gain_error"].value
     return Rows(joint.heldout.after / gain, index, stride, np.searchsorted(ends, index, side="right").astype(np.int64))

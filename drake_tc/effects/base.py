@@ -184,6 +184,15 @@ class Effect(ABC):
         """
         return ""
 
+    @property
+    def degrees_of_freedom(self) -> int:
+        """Number of parameters that a fit with the effect has beyond one without it."""
+        return len(self.coefficients) + len(self.shapes)
+
+    def drive_gain(self, gain: float, shape: Shape) -> float:
+        """Drive gain [effort/(N m)] of a model with the effect, from that of the fit."""
+        return gain
+
     def balance_inertia(self, theta: FloatArray, rotor_inertia: float) -> float:
         """What the effect adds to the coefficient of qddot [kg m^2]: more encoder noise comes through."""
         return 0.0

@@ -61,6 +61,7 @@ LIBRARY: tuple[Effect, ...] = (
     VelocitySignSwitch(),
     ServoIntegrator(),
     Saturation(),
+    ServoGain(),
     SupplySag(),
     SupplyLimit(),
     CommandDelay(),
@@ -93,7 +94,6 @@ SPECIAL: tuple[Effect, ...] = (
     DriveCompression(),
     WindingHeat(),
     LoadTilt(),
-    ServoGain(),
     StaticFriction(),
 )
 """Effects that a model may list but that no search looks for unasked: each resembles a commoner one in LIBRARY."""

@@ -18,15 +18,15 @@ GAIN_RANGE = Plausible(
 class ServoGain(DriveEffect):
     """y* = (1 + e) y, so that 1/K = (1 + e)/K_0 with the declared gain K_0 (rig file, key `drive_gain`).
 
-    A fit whose drive gain is free holds e in its 1/K, and this column is then the drive's own. It can be looked for
-    only where the fit holds 1/K at 1/K_0; it is linear in e/K_0 there.
+    The declared model holds the drive at K_0. With this effect the fit's 1/K is free, and e = K_0/K - 1; the effect has
+    no column of its own.
     """
 
     id = "servo_gain"
     title = "drive gain that is not the declared one"
     kind = "drive"
     linear = True
-    coefficients = (Parameter("gain_torque", "N*m/effort"),)
+    given_shapes = (Parameter("declared_gain", "effort/(N*m)", 0.0, description="K_0"),)
     signature = Signature(x="effort", split="", look_for="a straight line through zero, the same in both directions")
 
     @property
@@ -34,24 +34,33 @@ class ServoGain(DriveEffect):
         """The relative error e of 1/K."""
         return (Parameter("gain_error", "-", -1.0, 100.0, description="e", plausible=GAIN_RANGE),)
 
+    @property
+    def degrees_of_freedom(self) -> int:
+        """One: the drive gain itself."""
+        return 1
+
     def obstacle(self, context: Context) -> str:
         """Needs a declared gain."""
         return "" if context.declared.get("drive_gain") else "no drive gain is declared"
 
-    def columns(self, signals: Signals, shape: Shape) -> FloatArray:
-        """-y (T, 1)."""
-        return -signals.effort[:, None]
+    def shape_grid(self, context: Context) -> list[dict[str, float]]:
+        """The declared gain."""
+        return [{"declared_gain": float(context.declared["drive_gain"])}]
 
     def physical(self, theta: FloatArray, shape: Shape, gain: float) -> dict[str, float]:
-        """E = theta K_0; `gain` is the declared K_0, at which the fit holds the drive."""
-        return {"gain_error": float(theta[0]) * gain}
+        """E = K_0/K - 1 with the fitted gain K."""
+        return {"gain_error": shape["declared_gain"] / gain - 1.0}
+
+    def drive_gain(self, gain: float, shape: Shape) -> float:
+        """A model that lists this effect has the declared gain: the effect holds the rest."""
+        return float(shape["declared_gain"])
 
     def transform(self, effort: FloatArray, signals: Signals, shape: Shape) -> FloatArray:
-        """The error acts through its column."""
+        """The error acts through the drive gain."""
         return effort
 
     def kernel(self, parameters: Mapping[str, float], period: float) -> DriveKernel:
-        """No memory; acts on the raw effort, as the column does."""
+        """No memory; acts on the raw effort."""
         error = parameters["gain_error"]
         return memoryless(lambda value, effort, direction: value + error * effort)
 
@@ -62,15 +71,3 @@ class ServoGain(DriveEffect):
         gain = 1.0 + np.asarray(parameters["gain_error"])
         alive = np.abs(gain) > 1e-6
         return np.asarray(np.where(alive, effort / np.where(alive, gain, 1.0), effort))
-
-
-def gain_error(gain: float, interval: tuple[float, float], declared: float) -> tuple[float, tuple[float, float]]:
-    """E and its interval from a fit with a free gain: 1 + e = K_0/K.
-
-    Args:
-        gain: Fitted K [effort/(N m)].
-        interval: Its 95 % interval.
-        declared: K_0 [effort/(N m)].
-    """
-    low, high = (declared / x - 1.0 for x in (interval[1], interval[0]))
-    return declared / gain - 1.0, (low, high)

@@ -7,13 +7,15 @@ from numpy.testing import assert_allclose
 
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.diagnosis.columns import Columns, Term
+from drake_tc.diagnosis.estimates import estimates
+from drake_tc.diagnosis.parameters import physical_parameters
 from drake_tc.diagnosis.preparation import build_samples, context_of
 from drake_tc.diagnosis.regression import fit
 from drake_tc.effects.library import effect
-from drake_tc.effects.servo_gain import gain_error
 from drake_tc.errors import RigError
 from drake_tc.logs.rig import parse_rig, rig_document
-from tests.effects.test_identify_back import BENCH, COULOMB, GAIN, INERTIA, VISCOUS, motion
+
+from .test_identify_back import BENCH, COULOMB, GAIN, INERTIA, VISCOUS, motion
 
 DECLARED = {"rotor_inertia": INERTIA + 0.5 * VISCOUS * BENCH.step}
 
@@ -26,21 +28,20 @@ def test_the_error_of_a_declared_gain_is_found(drive):
     run = record_bench(ActuatorModel("joint", Drive(drive, declared), values), motion(drive, BENCH, 1.0), BENCH)
     rig = parse_rig({"joint": "joint", "drive": drive, "declared": DECLARED, "drive_gain": declared})
     samples = build_samples([run], rig, "joint")
+    context = context_of(samples, rig, "joint")
     member = effect("servo_gain")
-    assert member.obstacle(context_of(samples, rig, "joint")) == ""
-    columns = Columns(samples)
+    assert member.obstacle(context) == ""
+    columns = Columns(samples, declared_gain=declared)
     terms = [Term(effect("viscous")), Term(effect("coulomb"))]
-    free = fit(columns, terms)
-    assert_allclose(gain_error(free.gain, (free.gain, free.gain), declared)[0], error, atol=0.005)
-    design = np.column_stack([-columns.of(Term(member)), columns.design(terms)[:, 1:]])
-    held = columns.target - columns.effort(terms) / declared  # the drive is held at its declared gain
-    theta = np.linalg.lstsq(design, held, rcond=None)[0]
-    assert_allclose(member.physical(theta[:1], {}, declared)["gain_error"], error, atol=0.005)
-
-
-def test_the_interval_of_the_error_follows_that_of_the_gain():
-    value, (low, high) = gain_error(0.08, (0.07, 0.1), 0.09)
-    assert_allclose([value, low, high], [0.125, -0.1, 0.09 / 0.07 - 1.0])
+    held = fit(columns, terms)
+    assert_allclose(held.gain, declared, rtol=1e-9)  # without the effect the drive is held at its declared gain
+    freed = fit(columns, [*terms, Term(member, member.shape_grid(context)[0])])
+    assert freed.rms < 0.2 * held.rms
+    found = physical_parameters(freed)
+    assert_allclose(found["servo_gain"]["gain_error"], error, atol=0.005)
+    assert_allclose(found["drive"]["gain"], declared, rtol=1e-12)
+    estimate = estimates(columns, freed, drive)["servo_gain"]["gain_error"]
+    assert estimate.ci95[0] < error < estimate.ci95[1]
 
 
 def test_compensation_undoes_the_error():
