@@ -15,6 +15,8 @@ from drake_tc.blind.generate import generate
 from drake_tc.blind.score import score_reports
 from drake_tc.blind.scoreboard import print_score
 
+SEED = 200
+"""Untouched until the thresholds were frozen; they were set on seed 100."""
 PARTS = {"middle": 100, "rest": 244}
 """Rigs whose effects are of middle strength, pairs among them; all others."""
 GOALS = {"right effect": 0.95, "exactly that": 0.92, "both effects": 0.90, "causes that are not": 0.95}
@@ -30,14 +32,14 @@ def part_of(spec):
 
 @pytest.mark.parametrize("part", PARTS)
 def test_parts_have_their_rigs(part):
-    assert sum(part_of(spec) == part for spec in catalogue("full", 0)) == PARTS[part]
+    assert sum(part_of(spec) == part for spec in catalogue("full", SEED)) == PARTS[part]
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("part", PARTS)
 def test_figures(part, tmp_path):
     """Goals are met, and the README quotes what is computed; its row on other rigs has a figure of each part."""
-    folders = generate([spec for spec in catalogue("full", 0) if part_of(spec) == part], tmp_path)
+    folders = generate([spec for spec in catalogue("full", SEED) if part_of(spec) == part], tmp_path)
     with ProcessPoolExecutor(os.cpu_count() or 1, mp_context=get_context("spawn")) as pool:
         list(pool.map(partial(diagnose_folder, reports=tmp_path / "reports"), folders))
     score = score_reports(tmp_path / "truth", tmp_path / "reports")
