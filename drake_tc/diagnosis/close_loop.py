@@ -20,6 +20,7 @@ from drake_tc.diagnosis.residual import compared, noise_floor, verdict_of, what_
 from drake_tc.diagnosis.result import DidNotHold, Errors, JointResult
 from drake_tc.diagnosis.run_errors import run_errors
 from drake_tc.diagnosis.search import Progress, Search, candidates, search
+from drake_tc.diagnosis.shared_band import shared_band
 from drake_tc.effects.base import EFFORT_UNIT, Context
 from drake_tc.effects.elasticity import Elasticity
 from drake_tc.effects.library import LIBRARY
@@ -150,6 +151,7 @@ def diagnose_joint(
         did_not_hold=(*stage.passed_over, *confirmed.withdrawn),
         runs=tuple(run_errors(splits)),
         consistency=consistency(columns, chosen),
+        shared_band=shared_band(*splits),
         notes=(*columns.samples.notes, *held.samples.notes, *notes, *_sticking(columns, chosen, context)),
     )
 

@@ -53,6 +53,20 @@ class RunErrors:
 
 
 @dataclass(frozen=True)
+class SharedBand:
+    """The band in which the model explains at least half of the effort's power, and what is left in it.
+
+    Attributes:
+        limit_hz: End of the band [Hz].
+        train, heldout: RMS of the residual after, below the limit [effort].
+    """
+
+    limit_hz: float
+    train: float
+    heldout: float
+
+
+@dataclass(frozen=True)
 class ParameterByCondition:
     """One coefficient of the final model, refitted in each part of the rows.
 
@@ -218,6 +232,7 @@ class JointResult:
     did_not_hold: tuple[DidNotHold, ...] = ()
     runs: tuple[RunErrors, ...] = ()
     consistency: tuple[ParameterByCondition, ...] = ()
+    shared_band: SharedBand | None = None
     free_run: Mapping[str, Mapping[str, FloatArray]] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
 

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping
+from dataclasses import asdict
 from typing import Any
 
 from drake_tc.diagnosis.closed_loop_json import loop_entry, loop_summary, uncertainty_entry
@@ -15,6 +16,7 @@ from drake_tc.diagnosis.result import (
     RunErrors,
     SharedEffect,
 )
+from drake_tc.json_values import json_value
 
 
 def _number(x: float | None) -> float | None:
@@ -105,6 +107,7 @@ def joint_json(joint: JointResult) -> dict[str, Any]:
         "runs": [_run(errors) for errors in joint.runs],
         "consistency": [_by_condition(p) for p in joint.consistency],
         "gain_identified": joint.gain_identified,
+        "shared_band": None if joint.shared_band is None else json_value(asdict(joint.shared_band)),
         "notes": list(joint.notes),
     }
 

@@ -27,6 +27,7 @@ from drake_tc.report.tables import data_facts, data_rows, error_table, parameter
 from drake_tc.report.words import (
     REASONS,
     VERDICTS,
+    band_sentence,
     capital,
     headline,
     joined,
@@ -132,6 +133,7 @@ def _joint(joint: JointResult, prefix: str) -> dict[str, Any]:
             "explainable": scale.quantity(left.explainable_rms),
             "floors": significant(left.floors, 2),
             "share": percent(left.share_of_signal),
+            "band": band_sentence(joint),
         },
         "leftovers": leftover_plots(joint, prefix),
         "notes": joint.notes,

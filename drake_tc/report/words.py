@@ -97,6 +97,16 @@ def unexplained(joint: JointResult) -> str:
     return joined(parts) + "."
 
 
+def band_sentence(joint: JointResult) -> str:
+    """Up to which frequency the model explains the effort, and what is left below it."""
+    band = joint.shared_band
+    if band is None:
+        return "the whole band of the filters"
+    left = scale_for(band.heldout, joint.unit).quantity(band.heldout)
+    torque = scale_for(band.heldout / joint.final.gain, "N*m").quantity(band.heldout / joint.final.gain)
+    return f"up to {significant(band.limit_hz)} Hz, where {left} ({torque}) is left on the held-out runs"
+
+
 def ranked_effects(result: CloseLoopResult) -> Sequence[tuple[str, str, float]]:
     """Effects of a robot, shared or one joint's own, largest gain first.
 
