@@ -1,6 +1,7 @@
 """What became of each effect: found, with its parameters and gains, or tried and not added."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -9,7 +10,7 @@ from drake_tc.diagnosis.estimates import estimates
 from drake_tc.diagnosis.evidence import better_share, compare
 from drake_tc.diagnosis.regression import Fit, fit, predict
 from drake_tc.diagnosis.result import FoundEffect, RejectedEffect, Rejection
-from drake_tc.diagnosis.search import Search, SearchOptions, best_shape, candidates
+from drake_tc.diagnosis.search import SAME, Search, SearchOptions, best_shape, candidates
 from drake_tc.effects.base import Context
 from drake_tc.effects.library import LIBRARY
 from drake_tc.types import FloatArray
@@ -23,13 +24,19 @@ def _rms(values: FloatArray) -> float:
 
 
 def stabilities(found: Search, seed: int) -> dict[str, float]:
-    """For each effect: share of block resamples in which the chosen set beats every rival set without it."""
+    """For each effect: share of block resamples in which no set without it is better by more than 2 %.
+
+    2 % is the difference below which the search takes the simpler set.
+    """
     out = {}
     for term in found.chosen.terms:
-        alternatives = [
-            r for r in (found.baseline, *found.alternatives) if term.effect.id not in {t.effect.id for t in r.terms}
+        without = [
+            fitted
+            for fitted in (found.baseline, *found.alternatives)
+            if term.effect.id not in {t.effect.id for t in fitted.terms}
         ]
-        out[term.effect.key] = min((better_share(r, found.chosen, seed) for r in alternatives), default=1.0)
+        shares = [better_share(replace(f, block_sse=SAME**2 * f.block_sse), found.chosen, seed) for f in without]
+        out[term.effect.key] = min(shares, default=1.0)
     return out
 
 

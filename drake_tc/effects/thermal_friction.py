@@ -13,21 +13,24 @@ REFERENCE_CELSIUS = 25.0
 
 
 COULOMB_PER_KELVIN_RANGE = Plausible(
-    -0.1,
-    0.1,
-    "lubricants change their friction by at most a tenth of it for each kelvin",
+    -0.2,
+    0.2,
+    "lubricants change their friction by at most a tenth of it for each kelvin, here twice that, because both are "
+    "extrapolated from the temperatures of the log",
     "coulomb",
 )
 VISCOUS_PER_KELVIN_RANGE = Plausible(
-    -0.1,
-    0.1,
-    "lubricants change their viscosity by at most a tenth of it for each kelvin (mineral oil: 3 to 7 %)",
+    -0.2,
+    0.2,
+    "lubricants change their viscosity by at most a tenth of it for each kelvin (mineral oil: 3 to 7 %), here twice "
+    "that, because both are extrapolated from the temperatures of the log",
     "viscous",
 )
 THERMAL_RATE_RANGE = Plausible(
     0.0,
-    0.1,
-    "the viscosity of lubricants falls by at most a tenth for each kelvin (mineral oil: 3 to 7 %)",
+    0.2,
+    "the viscosity of lubricants falls by at most a tenth for each kelvin (mineral oil: 3 to 7 %), here twice that "
+    "for the error of the estimate",
 )
 
 

@@ -66,7 +66,7 @@ CASES: dict[str, tuple[dict[str, float], dict[str, float], str]] = {
     "asymmetric_friction.coulomb": ({"coulomb_asymmetry": 2.9}, {"coulomb_asymmetry": 3.1}, "both directions"),
     "thermal_friction": (
         {"coulomb_per_kelvin": -0.2, "viscous_per_kelvin": -0.1, "thermal_rate": 0.02},
-        {"coulomb_per_kelvin": 0.4, "viscous_per_kelvin": -0.1, "thermal_rate": 0.02},
+        {"coulomb_per_kelvin": 0.9, "viscous_per_kelvin": -0.1, "thermal_rate": 0.02},
         "-0.3 to 0.3 N*m/K",
     ),
     "presliding_hysteresis": (
