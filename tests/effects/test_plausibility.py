@@ -67,7 +67,7 @@ CASES: dict[str, tuple[dict[str, float], dict[str, float], str]] = {
     "thermal_friction": (
         {"coulomb_per_kelvin": -0.2, "viscous_per_kelvin": -0.1, "thermal_rate": 0.02},
         {"coulomb_per_kelvin": 0.9, "viscous_per_kelvin": -0.1, "thermal_rate": 0.02},
-        "-0.3 to 0.3 N*m/K",
+        "-0.6 to 0.6 N*m/K",
     ),
     "presliding_hysteresis": (
         {"presliding": 3.0, "presliding_travel": 0.03},
