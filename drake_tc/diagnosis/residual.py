@@ -8,7 +8,7 @@ from drake_tc.diagnosis.columns import Columns
 from drake_tc.diagnosis.noise_colour import correlated_noise
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.regression import Fit
-from drake_tc.diagnosis.residual_structure import ResidualOptions, assess_residual, features
+from drake_tc.diagnosis.residual_structure import ResidualOptions, assess_residual, features, is_excess
 from drake_tc.diagnosis.result import DataSplit, Unexplained, Verdict
 from drake_tc.effects.base import Context, TransmissionEffect
 from drake_tc.types import FloatArray
@@ -56,7 +56,9 @@ def what_is_left(
     levels = [max(floor, n.rms * chosen.gain) if n is not None and n.is_noise else floor for n in noise]
     rms = [_rms(s.after) for s in splits]
     left = left.with_floors(
-        rms[1] / levels[1], max(r / f for r, f in zip(rms, levels, strict=True)), thresholds.most_floors
+        rms[1] / levels[1],
+        max(r / f for r, f in zip(rms, levels, strict=True)),
+        excess=is_excess(splits, levels, thresholds),
     )
     if levels[1] <= NOTED * floor or noise[1] is None:
         return left, levels[1], ()

@@ -6,6 +6,7 @@ The features are therefore the command, the motion after a kernel three times as
 model expects from these two.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -31,7 +32,7 @@ class ResidualOptions:
 
     Attributes:
         least_floors: RMS of the residual in noise floors below which nothing is flagged.
-        most_floors: ... above which more is left than the floor explains.
+        most_floors: ... above which more is left than the floor explains, if it is also more than `least_of_before`.
         least_fraction: Smallest share of the residual's variance that a function of the signals must explain.
         least_rms: Smallest RMS of that share, in noise floors.
         least_of_before: ... and as a share of the error before.
@@ -217,7 +218,7 @@ def assess_residual(
     return Unexplained(
         floors=float(floors),
         floors_anywhere=float(most),
-        excess=bool(most > options.most_floors),
+        excess=is_excess((train, held), (floor, floor), options),
         share_of_signal=_share_of_signal(held, rms),
         fraction=found.fraction,
         structured=structured,
@@ -226,6 +227,17 @@ def assess_residual(
         period_hz=frequency if structured and periodic else None,
         explainable_rms=float(rms * np.sqrt(max(0.0, 1.0 - found.signals))),
     )
+
+
+def is_excess(splits: Sequence[DataSplit], floors: Sequence[float], options: ResidualOptions) -> bool:
+    """Whether some split has more left than noise: more than its noise floor, and more than a remainder of what the
+    model explains, which an effect's imperfect form leaves.
+    """
+    for split, floor in zip(splits, floors, strict=True):
+        after, before = (float(np.sqrt(np.mean(x**2))) for x in (split.after, split.before))
+        if after > options.most_floors * floor and after > options.least_of_before * before:
+            return True
+    return False
 
 
 def _share_of_signal(split: DataSplit, rms: float) -> float:

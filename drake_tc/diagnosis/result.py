@@ -193,9 +193,9 @@ class Unexplained:
     period_hz: float | None = None
     explainable_rms: float = float("nan")
 
-    def with_floors(self, heldout: float, anywhere: float, most: float) -> "Unexplained":
-        """The same held against another noise floor; more than `most` of it is excess."""
-        return replace(self, floors=heldout, floors_anywhere=anywhere, excess=anywhere > most)
+    def with_floors(self, heldout: float, anywhere: float, *, excess: bool) -> "Unexplained":
+        """The same held against another noise floor."""
+        return replace(self, floors=heldout, floors_anywhere=anywhere, excess=excess)
 
 
 @dataclass(frozen=True)
