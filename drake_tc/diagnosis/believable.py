@@ -1,5 +1,6 @@
 """Can the fitted values of an effect be believed at all, whatever the effect explains?"""
 
+import math
 from collections.abc import Mapping
 from dataclasses import replace
 
@@ -11,12 +12,12 @@ from drake_tc.diagnosis.samples import Samples
 from drake_tc.effects.base import Context, Effect
 from drake_tc.effects.plausibility import implausible
 
-RESOLVED: Mapping[str, str] = {
-    "encoder_offset": "offset",
-    "encoder_eccentricity": "amplitude",
-    "encoder_ripple": "amplitude",
+RESOLVED: Mapping[str, tuple[str, ...]] = {
+    "encoder_offset": ("offset",),
+    "encoder_eccentricity": ("eccentricity_sine", "eccentricity_cosine"),
+    "encoder_ripple": ("ripple_sine", "ripple_cosine"),
 }
-"""Effects that correct the encoder, and the parameter [rad] that its resolution must reach."""
+"""Effects that correct the encoder, and the parameters [rad] whose root sum of squares its resolution must reach."""
 
 
 def objection_to_values(fitted: Fit, term: Term, context: Context, samples: Samples) -> tuple[Withdrawal, str] | None:
@@ -35,10 +36,12 @@ def objection_to_values(fitted: Fit, term: Term, context: Context, samples: Samp
 
 
 def _below_resolution(effect: Effect, values: Mapping[str, float], samples: Samples) -> tuple[Withdrawal, str] | None:
-    name = RESOLVED.get(effect.id)
-    if name is None or name not in values:
+    names = RESOLVED.get(effect.id)
+    if names is None:
         return None
+    size = math.hypot(*(values[name] for name in names))
     least = max(samples.resolution.position_step, samples.resolution.position_noise)
-    if abs(values[name]) >= least:
+    if size >= least:
         return None
-    return "below_resolution", f"{name} is {abs(values[name]):.2g} rad; the encoder resolves {least:.2g} rad."
+    what = names[0] if len(names) == 1 else "amplitude"
+    return "below_resolution", f"{what} is {size:.2g} rad; the encoder resolves {least:.2g} rad."

@@ -104,7 +104,14 @@ def _entry(split: Split, effect: str, name: str, found: LinearFit, count: int) -
     change = float(np.ptp(values) / max(float(np.mean(np.abs(values))), 1e-300))
     ends = np.column_stack([values, interval])
     if effect == "drive":  # the regression has 1/K
-        ends = 1.0 / ends[:, [0, 2, 1]]
+        ends = np.array([_inverse(*each) for each in ends])
     intervals = {part: (float(v), float(a), float(b)) for part, (v, a, b) in zip(split.names, ends, strict=True)}
     moves = probability < SIGNIFICANT and change > LEAST_CHANGE
     return ParameterByCondition(effect, name, split.by, intervals, change, probability, moves)
+
+
+def _inverse(value: float, low: float, high: float) -> tuple[float, float, float]:
+    """1/x and its interval from those of x; without an upper end, or any, where the interval of x reaches 0."""
+    if low > 0.0 or high < 0.0:
+        return 1.0 / value, 1.0 / high, 1.0 / low
+    return 1.0 / value, 1.0 / high if value > 0.0 else -np.inf, np.inf

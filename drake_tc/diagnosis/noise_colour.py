@@ -14,6 +14,7 @@ estimate counts only where S has that form and the residual is equally loud all 
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.signal import welch
 
 from drake_tc.diagnosis.samples import Samples
 from drake_tc.types import FloatArray
@@ -26,6 +27,8 @@ LEAST_GAIN = 0.05
 MOST_MISFIT = 0.30
 MOST_UNEVENNESS = 2.5
 """Set on the calibration seed: noise of a sensor leaves at most 0.25 and 2.3."""
+WELCH_SECONDS = 4.0
+"""Length of the windows of the torque channel's density."""
 TIMES = np.geomspace(0.003, 0.053, 15)
 
 
@@ -66,6 +69,24 @@ def spectral_density(samples: Samples, values: FloatArray) -> tuple[FloatArray, 
     return np.asarray(np.fft.rfftfreq(size, step)), np.asarray(2.0 * step * power / values.size)
 
 
+def channel_density(samples: Samples, frequency: FloatArray) -> FloatArray:
+    """One-sided density (F,) [(N m)^2/Hz] of the torque channel after both filters, at the frequencies (F,) [Hz].
+
+    Welch's estimate with Hann windows on whole stretches: the gaps between the rows, and windows without a taper, would
+    spread the large load at low frequencies over the band in which the noise is looked for.
+    """
+    signals = samples.signals
+    torque = samples.kernel.smooth(signals.load_torque)
+    edge = samples.light.margin + samples.kernel.margin
+    parts = [torque[s.start + edge : s.stop - edge] for s in samples.segments if s.stop - s.start > 2 * edge + 8]
+    total = np.zeros_like(frequency)
+    for part in parts:
+        size = min(part.size, round(WELCH_SECONDS / signals.period))
+        found, density = welch(part, 1.0 / signals.period, nperseg=size)
+        total += part.size * np.interp(frequency, found, density)
+    return np.asarray(total / max(sum(part.size for part in parts), 1))
+
+
 def correlated_noise(samples: Samples, residual: FloatArray) -> CorrelatedNoise | None:
     """What noise of the torque channel leaves, white part included; None where the band is too narrow to tell.
 
@@ -74,7 +95,7 @@ def correlated_noise(samples: Samples, residual: FloatArray) -> CorrelatedNoise 
         residual: (N,) of the final model [N m].
     """
     frequency, left = spectral_density(samples, residual)
-    channel = spectral_density(samples, samples.reduce(samples.signals.load_torque))[1]
+    channel = channel_density(samples, frequency)
     gain = (samples.light.gain(frequency) * samples.kernel.gain(frequency)) ** 2
     usable = (frequency >= LOWEST_HZ) & (gain >= LEAST_GAIN)
     if not usable.any() or float(frequency[usable].max()) < LEAST_TOP_HZ:

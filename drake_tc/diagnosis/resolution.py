@@ -15,6 +15,9 @@ WIDEST_LIGHT = 0.060
 ACCELERATION_NOISE = 0.04
 """Noise of the filtered acceleration, as a share of the acceleration's own spread, that the light kernel leaves."""
 
+REPLAY_WIDER = 3.0
+"""Width of the kernel that frees the position of its steps before they are replayed, over the light kernel's."""
+
 
 @dataclass(frozen=True)
 class Resolution:
@@ -133,7 +136,9 @@ class NoiseFloor:
         k = np.stack([np.convolve(light.kernels[d], final.kernels[0]) for d in (2, 1, 0)])
         step, white = resolution.position_step, resolution.position_noise
         if step > 0.0 and rows.size:
-            error = quantisation_error(signals.position, step)
+            # the light kernel alone leaves the recorded steps in the position, and rounding finds less to round
+            wide = CommonKernel(REPLAY_WIDER * light.actual_width_s, light.period)
+            error = quantisation_error(wide.smooth(signals.position), step)
             passed = (light.second_derivative(error), light.derivative(error), light.smooth(error))
             replay = np.stack([final.smooth(each)[rows] for each in passed])
             rest = max(white**2 - step**2 / 12.0, 0.0)

@@ -7,6 +7,8 @@ from drake_tc.types import BoolArray, FloatArray, IntArray
 LONGEST_FILL = 5
 FROZEN_SECONDS = 0.1
 FROZEN_ROWS = 30
+LEAST_LEVELS = 8
+"""Different values of a channel below which they are its levels and not the steps of a converter."""
 
 
 def run_lengths(values: FloatArray) -> tuple[IntArray, IntArray]:
@@ -130,9 +132,11 @@ def grid_step(values: FloatArray) -> float:
     """The step of recorded values (T,) that lie on a grid, as an encoder's do; 0 where they do not.
 
     The smallest difference between neighbouring rows is the step when nine differences in ten are multiples of it to
-    within 2 % of a step.
+    within 2 % of a step. A channel of a few levels (a binary or a staircase command) is exact and not rounded to them.
     """
     finite = values[np.isfinite(values)]
+    if np.unique(finite).size < LEAST_LEVELS:
+        return 0.0
     changes = np.abs(np.diff(finite))
     changes = changes[changes > 1e-12 * max(float(np.max(np.abs(finite), initial=0.0)), 1e-12)]
     if changes.size == 0:

@@ -1,0 +1,209 @@
+"""What the report says in words: for each verdict, for what is left, and what must not be overlooked."""
+
+from dataclasses import replace
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from drake_tc.diagnosis.rejection import why_rejected
+from drake_tc.diagnosis.result import (
+    CloseLoopResult,
+    Errors,
+    Estimate,
+    JointResult,
+    ParameterByCondition,
+    RejectedEffect,
+    SharedEffect,
+    TimeStretch,
+    Unexplained,
+)
+from drake_tc.report.consistency_table import consistency_rows
+from drake_tc.report.words import REASONS, VERDICTS, headline, joined, ranked_effects, title_of, unexplained, warnings
+
+QUIET = Unexplained(1.0, 1.2, False, 0.1, 0.0, False, ())
+
+
+def plain(text: str) -> str:
+    """With ordinary spaces."""
+    return text.replace("\u00a0", " ")
+
+
+def with_errors(joint: JointResult, before: float, after: float, floor: float) -> JointResult:
+    return replace(joint, before=Errors(1.0, before, None), after=Errors(1.0, after, None), noise_floor=floor)
+
+
+@pytest.mark.parametrize(
+    ("words", "phrase"), [([], ""), (["a"], "a"), (["a", "b"], "a and b"), (["a", "b", "c"], "a, b and c")]
+)
+def test_words_are_joined(words, phrase):
+    assert joined(words) == phrase
+
+
+def test_what_was_lacking_and_what_it_did(joint):
+    two = with_errors(joint, 0.02, 0.004, 0.002)
+    titles = [e.title for e in joint.effects]
+    said = plain(headline(two))
+    assert said == (
+        f"The model lacked {titles[0]} and {titles[1]}: with them, the held-out error goes from 20.0 mA to 4.00 mA "
+        "(5.0 times smaller), 2.00 times the noise floor."
+    )
+    one = plain(headline(replace(two, effects=two.effects[:1])))
+    assert one.startswith(f"The model lacked {titles[0]}: with it, the held-out error")
+
+
+def test_an_error_that_grew_is_said_to_be_larger(joint):
+    assert "(2.0 times larger), 4.00 times the noise floor" in plain(headline(with_errors(joint, 0.004, 0.008, 0.002)))
+
+
+def test_nothing_is_missing(joint):
+    none = replace(with_errors(joint, 0.004, 0.004, 0.002), effects=(), verdict="no_missing_effect")
+    assert plain(headline(none)) == (
+        "The declared model explains the data: its held-out error of 4.00 mA is 2.00 times the noise floor."
+    )
+
+
+def test_a_floor_of_nothing_is_unknown(joint):
+    none = replace(with_errors(joint, 0.004, 0.004, 0.0), effects=(), verdict="no_missing_effect")
+    assert headline(none).endswith("the noise floor unknown.")
+
+
+@pytest.mark.parametrize("found", [False, True])
+def test_more_than_noise_says_how_many_floors_and_which_share(joint, found):
+    left = replace(QUIET, floors=40.8, floors_anywhere=52.0, excess=True, share_of_signal=0.123)
+    loud = replace(with_errors(joint, 0.1, 0.0816, 0.002), unexplained=left, verdict="unexplained_residual")
+    said = plain(headline(loud if found else replace(loud, effects=())))
+    assert "41 times the noise floor on the held-out runs (52 on the worse of training and held-out runs)" in said
+    assert "12 % of the effort's RMS, and depends on nothing recorded" in said
+    assert said.startswith("The model lacked" if found else "No effect of the library was added")
+    assert ("However, what is left" in said) == found
+    assert (" What is left" in said) != found
+    assert said.endswith("sensor.")
+    assert ".." not in said
+
+
+@pytest.mark.parametrize("found", [False, True])
+def test_structure_says_on_what_it_depends(joint, found):
+    left = replace(QUIET, structured=True, excess=True, fraction=0.7, depends_on=("velocity", "expected_torque"))
+    made = replace(joint, unexplained=left, verdict="unexplained_structure")
+    said = plain(headline(made if found else replace(made, effects=())))
+    assert "70 % of what is left is a function of velocity and load torque expected by the model" in said
+    assert ("However, 70 %" in said) == found
+    assert "an unrecorded disturbance" not in said
+
+
+def test_structure_in_time_names_three_stretches_and_counts_the_rest(joint):
+    stretches = tuple(TimeStretch("run", 10.0 * k, 10.0 * k + 2.5) for k in range(5))
+    left = replace(QUIET, structured=True, fraction=0.0, depends_on=("time",), confined_to=stretches, period_hz=4.237)
+    said = plain(unexplained(replace(joint, unexplained=left)))
+    assert "run from 0.0 to 2.5 s, run from 10.0 to 12.5 s and run from 20.0 to 22.5 s and 2 more stretches" in said
+    assert said.endswith("and what is left repeats at 4.24 Hz.")
+    three = plain(unexplained(replace(joint, unexplained=replace(left, confined_to=stretches[:3], period_hz=None))))
+    assert "more stretches" not in three
+
+
+def test_a_model_that_does_not_carry_over_is_said_to_be_larger_on_held_out_runs(joint):
+    left = replace(QUIET, structured=True)
+    assert unexplained(replace(joint, unexplained=left)) == (
+        "what is left is larger on the held-out runs than on the training runs."
+    )
+
+
+def test_every_verdict_and_every_reason_has_words():
+    assert set(VERDICTS) == {"effects_found", "no_missing_effect", "unexplained_structure", "unexplained_residual"}
+    assert set(REASONS) == {"implausible", "below_resolution", "training_run_against", "heldout_run_against"}
+    assert len({*VERDICTS.values()}) == len({*REASONS.values()}) == 4
+
+
+def test_titles_are_those_of_library_and_shared_causes():
+    assert title_of("stribeck") != "stribeck"
+    assert title_of("ft_bias") == "bias of an F/T sensor"
+    assert title_of("no_such_effect") == "no such effect"
+
+
+@given(st.lists(st.floats(-0.5, 0.99), min_size=4, max_size=4))
+def test_effects_are_ranked_by_gain_shared_or_not(result_of, gains):
+    ranked = ranked_effects(result_of(gains))
+    assert [g for _, _, g in ranked] == sorted(gains, reverse=True)
+    assert {(name, where) for name, where, _ in ranked} == {
+        ("link_mass", "shank"),
+        ("imu_bias", "pelvis"),
+        ("stribeck", "knee"),
+        ("torque_ripple", "knee"),
+    }
+
+
+@pytest.fixture(scope="module")
+def result_of(result: CloseLoopResult):
+    """A result with two shared causes and the knee's two effects, of these gains of the whole robot."""
+
+    def make(gains: list[float]) -> CloseLoopResult:
+        causes = (("link_mass", "shank"), ("imu_bias", "pelvis"))
+        shared = tuple(SharedEffect(i, w, "", {}, g, 1.0, {}) for (i, w), g in zip(causes, gains[:2], strict=True))
+        knee = result.joints["knee"]
+        effects = tuple(replace(e, robot_gain=g) for e, g in zip(knee.effects, gains[2:], strict=True))
+        return replace(result, joints={"knee": replace(knee, effects=effects)}, shared=shared)
+
+    return make
+
+
+def test_a_joints_own_gain_ranks_where_the_robots_is_not_known(result):
+    assert [g for _, _, g in ranked_effects(result)] == [e.heldout_gain for e in result.joints["knee"].effects]
+
+
+def identified(joint: JointResult, low: float, high: float) -> JointResult:
+    drive = {"gain": Estimate(0.1, "A/(N*m)", (low, high), False)}
+    parameters = {key: {n: replace(e, at_bound=False) for n, e in g.items()} for key, g in joint.final_parameters.items()}
+    return replace(joint, final_parameters={**parameters, "drive": drive}, indistinguishable=())
+
+
+def test_a_sound_result_has_no_warnings(joint):
+    assert list(warnings(with_errors(identified(joint, 0.09, 0.11), 0.02, 0.004, 0.002))) == []
+
+
+@pytest.mark.parametrize(("high", "said"), [(0.1449, False), (0.1451, True)])
+def test_a_gain_whose_interval_is_wider_than_itself_is_not_identified(joint, high, said):
+    found = warnings(identified(joint, 0.045, high))
+    assert any("do not identify the drive gain" in w and "0.0450 to 0.145" in w for w in found) == said
+
+
+def test_what_must_not_be_overlooked(joint):
+    sound = with_errors(identified(joint, 0.09, 0.11), 0.02, 0.004, 0.002)
+    assert "held-out error did not fall" in warnings(with_errors(sound, 0.004, 0.0041, 0.002))[0]
+    assert warnings(replace(with_errors(sound, 0.004, 0.0041, 0.002), effects=())) == []
+    free = replace(sound, before=replace(sound.before, free_run_heldout=1.0))
+    for after, said in ((1.019, False), (1.021, True)):
+        made = replace(free, after=replace(free.after, free_run_heldout=after))
+        assert any("free run did not improve" in w for w in warnings(made)) == said
+    either = warnings(replace(sound, indistinguishable=(("stribeck", "delay"),)))
+    assert either == [f"These logs cannot tell {title_of('stribeck')} from {title_of('delay')}; either would do."]
+    bound = {"stribeck": {"stribeck_exponent": Estimate(4.0, "-", (3.0, 4.0), True)}}
+    at_bound = warnings(replace(sound, final_parameters={**sound.final_parameters, **bound}))
+    assert at_bound == [f"The stribeck exponent of {title_of('stribeck')} rests on a bound of what it may be."]
+
+
+def test_parameters_that_move_come_first_with_all_their_values(joint):
+    still = ParameterByCondition("viscous", "viscous", "load", {"small load": (5.0, 4.0, 6.0)}, 0.02, 0.4, False)
+    moved = ParameterByCondition("drive", "gain", "run", {"a": (0.1, 0.09, 0.11), "b": (0.2, 0.19, 0.21)}, 0.667, 0.0, True)
+    first, second = consistency_rows(replace(joint, consistency=(still, moved)))
+    assert (first.parameter, first.by, first.moves) == ("drive: gain", "run", True)
+    assert plain(first.change) == "67 %"
+    assert [(part, value) for part, value, _ in first.values] == [("a", "0.100"), ("b", "0.200")]
+    assert first.values[1][2] == "[0.190, 0.210]"
+    assert (second.parameter, second.by, second.moves) == (f"{title_of('viscous')}: viscous", "size of the load", False)
+
+
+@pytest.mark.parametrize(
+    ("rejected", "said"),
+    [
+        (RejectedEffect("delay", "delay", 0.0, 0.0, "cannot_be_looked_for", "temperature not recorded"), "temperature"),
+        (RejectedEffect("saturation", "saturation", 0.0, 0.0, "untested"), "untested: the held-out runs"),
+        (RejectedEffect("delay", "delay", 0.0, 4.9e-4, "too_little_gain"), "does not lower the cross-validated error"),
+        (RejectedEffect("delay", "delay", 0.3, 0.034, "too_little_gain"), "lowers the cross-validated error by 3.4 %"),
+        (RejectedEffect("delay", "delay", 0.3, 0.2, "below_floor"), "less than the sensors resolve"),
+        (RejectedEffect("delay", "delay", 0.3, 0.2, "unstable", share=0.71), "in only 71 % of the resamples"),
+        (RejectedEffect("delay", "delay", 0.3, 0.2, "imperfect_form"), "their imperfect form"),
+    ],
+)
+def test_why_an_effect_was_not_added(rejected, said):
+    assert said in why_rejected(rejected)
