@@ -69,7 +69,7 @@ def test_figures(part, tmp_path):
         }
         in_detail = {
             "false alarms on nulls": [100.0 * shares["false alarms"]],
-            "causes outside the library flagged": [100.0 * shares["causes that are not"]],
+            "causes outside the library flagged by": [100.0 * shares["causes that are not"]],
         }
         for strength in ("weak", "strong"):
             singles = [o for o in found if o.group == "single" and o.strength == strength and o.acts]
@@ -82,7 +82,7 @@ def test_figures(part, tmp_path):
     both = [100.0 * flagged, None] if part == "middle" else [None, 100.0 * flagged]
     for begin, values in (quoted | {"other rigs flagged": both}).items():
         assert_quoted(row("README.md", begin)[1], values, begin)
-    in_detail |= {"other rigs flagged as structure": both, "held-out error over an oracle's": ratios}
+    in_detail |= {"other rigs flagged: of middle": both, "held-out error over an oracle's": ratios}
     for begin, values in in_detail.items():
         assert_quoted(row(DIAGNOSIS, begin)[1], values, f"{DIAGNOSIS}: {begin}")
     shares |= {"other rigs flagged": flagged}
