@@ -1,4 +1,4 @@
-"""What a chosen effect must withstand: possible values, the sensor's resolution, every training run, the held-out run."""
+"""What a chosen effect must withstand: possible values, the sensor's resolution, every training and held-out run."""
 
 from collections.abc import Sequence
 from dataclasses import replace

@@ -153,7 +153,9 @@ def test_a_joints_own_gain_ranks_where_the_robots_is_not_known(result):
 
 def identified(joint: JointResult, low: float, high: float) -> JointResult:
     drive = {"gain": Estimate(0.1, "A/(N*m)", (low, high), False)}
-    parameters = {key: {n: replace(e, at_bound=False) for n, e in g.items()} for key, g in joint.final_parameters.items()}
+    parameters = {
+        key: {n: replace(e, at_bound=False) for n, e in g.items()} for key, g in joint.final_parameters.items()
+    }
     return replace(joint, final_parameters={**parameters, "drive": drive}, indistinguishable=())
 
 
@@ -184,7 +186,9 @@ def test_what_must_not_be_overlooked(joint):
 
 def test_parameters_that_move_come_first_with_all_their_values(joint):
     still = ParameterByCondition("viscous", "viscous", "load", {"small load": (5.0, 4.0, 6.0)}, 0.02, 0.4, False)
-    moved = ParameterByCondition("drive", "gain", "run", {"a": (0.1, 0.09, 0.11), "b": (0.2, 0.19, 0.21)}, 0.667, 0.0, True)
+    moved = ParameterByCondition(
+        "drive", "gain", "run", {"a": (0.1, 0.09, 0.11), "b": (0.2, 0.19, 0.21)}, 0.667, 0.0, True
+    )
     first, second = consistency_rows(replace(joint, consistency=(still, moved)))
     assert (first.parameter, first.by, first.moves) == ("drive: gain", "run", True)
     assert plain(first.change) == "67 %"
