@@ -14,7 +14,6 @@ from drake_tc.diagnosis.preparation import build_samples, context_of
 from drake_tc.diagnosis.regression import fit
 from drake_tc.diagnosis.residual import compared, noise_floor, verdict_of, what_is_left
 from drake_tc.diagnosis.residual_stretches import loud_stretches
-from drake_tc.diagnosis.residual_structure import ResidualOptions
 from drake_tc.diagnosis.result import SEVERITY, DataSplit, Unexplained
 from drake_tc.diagnosis.run_errors import run_errors
 from drake_tc.effects.library import effect
@@ -39,20 +38,6 @@ def test_a_rig_has_the_gravest_verdict_of_its_joints():
     assert made == set(SEVERITY)
     assert SEVERITY[0] == "unexplained_structure"
     assert SEVERITY[-1] == "no_missing_effect"
-
-
-@given(st.floats(0.0, 100.0), st.floats(0.0, 100.0))
-def test_excess_is_more_than_most_floors_of_the_worse_split(heldout, more):
-    most = ResidualOptions().most_floors
-    left = replace(LEFT, excess=True).with_floors(heldout, heldout + more, most)
-    assert (left.floors, left.floors_anywhere) == (heldout, heldout + more)
-    assert left.excess == (heldout + more > 3.0)
-    assert verdict_of(left, found=False) == ("unexplained_residual" if heldout + more > 3.0 else "no_missing_effect")
-
-
-def test_three_floors_exactly_are_no_excess():
-    assert not LEFT.with_floors(3.0, 3.0, 3.0).excess
-    assert LEFT.with_floors(3.0, np.nextafter(3.0, 4.0), 3.0).excess
 
 
 @pytest.fixture(scope="module")
