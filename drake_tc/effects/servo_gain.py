@@ -56,8 +56,8 @@ class ServoGain(DriveEffect):
         return float(shape["declared_gain"])
 
     def transform(self, effort: FloatArray, signals: Signals, shape: Shape) -> FloatArray:
-        """The error acts through the drive gain."""
-        return effort
+        """(1 + e) y; in a fit, whose shapes hold no e, the error acts through the drive gain instead."""
+        return np.asarray(effort * (1.0 + shape.get("gain_error", 0.0)))
 
     def kernel(self, parameters: Mapping[str, float], period: float) -> DriveKernel:
         """No memory; acts on the raw effort."""
