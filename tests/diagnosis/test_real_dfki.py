@@ -43,7 +43,7 @@ def test_every_run_shows_the_encoder_err_twice_a_motor_turn(data: Path, name: st
     assert_allclose(left(12.0)[1], 1.2e-3, rtol=0.35)  # rad: below half of the encoder's step of 2.9 mrad
 
 
-@pytest.mark.parametrize(("name", "reached"), [("ddp", 0.112), ("direct_collocation", 0.16)])
+@pytest.mark.parametrize(("name", "reached"), [("ddp", 0.112), ("direct_collocation", 0.169)])
 def test_held_out_residual_in_the_band_that_torque_and_motion_share(
     results: dict[str, HeldOut], name: str, reached: float
 ) -> None:
