@@ -148,6 +148,8 @@ def candidates(
         if effect.id in declared:
             continue
         obstacle = effect.obstacle(context)
+        if not obstacle and not effect.shape_grid(context):
+            obstacle = "the motion spans too little of its range"
         if obstacle:
             obstacles.append((effect.key, obstacle))
         else:

@@ -118,3 +118,11 @@ def test_candidates_say_why_they_cannot_be_looked_for():
     assert "no torque sensor" in why["torque_sensor_bias"]
     assert not {"viscous", "coulomb"} & {e.id for e in usable}
     assert {e.key for e in usable} | set(why) | {"viscous", "coulomb"} == {e.key for e in LIBRARY}
+
+
+def test_a_motion_of_a_hundredth_of_a_radian_leaves_effects_without_shapes_out():
+    p = problem(Joint(duration=8.0))
+    still = replace(p.context, position_span=(0.0, 1e-3))
+    usable, obstacles = candidates(LIBRARY, still, [])
+    assert all(member.shape_grid(still) for member in usable)
+    assert "position_dependent_friction" in dict(obstacles)
