@@ -202,15 +202,15 @@ def search(
         close = [f for f in coarse if f.cv_rms < 1.5 * coarse[0].cv_rms][: options.beam]
         believed, impossible = _believable((refine(columns, f) for f in close), baseline, context, columns)
         least = min((f.cv_rms for f in believed), default=np.inf)
+        explained = float(np.sqrt(max(baseline.cv_rms**2 - chosen.cv_rms**2, 0.0)))
         for fitted, objections in impossible:
-            if fitted.cv_rms < least and compare(chosen, fitted, columns.samples).gain >= options.least_gain:
+            if fitted.cv_rms < least and _real(compare(chosen, fitted, columns.samples), floor, explained, options):
                 passed_over |= objections
         if not believed:
             break
         refined = ranked(believed)
         if size == 1:
             alone = [*refined, *coarse[len(close) :]]
-        explained = float(np.sqrt(max(baseline.cv_rms**2 - chosen.cv_rms**2, 0.0)))
         comparisons = [compare(chosen, f, columns.samples) for f in refined]
         real = [i for i, c in enumerate(comparisons) if _real(c, floor, explained, options)]
         if real and waited:
