@@ -50,7 +50,7 @@ from drake_tc.diagrams.tsid.running import simulate_tsid
 from drake_tc.diagrams.tsid.scenario import load_tsid_scenario
 from scipy.signal import welch
 
-from drake_tc.diagnosis.close_loop import diagnose_joint
+from drake_tc.diagnosis.joint import diagnose_joint
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.identification.motor_prior import UNKNOWNS, identify_motor
 

@@ -9,9 +9,10 @@ from drake_tc.diagrams.before_after.held_out_motion import HeldOutMotion, held_o
 from drake_tc.diagrams.before_after.pendulum_robot import Swing, fitted_swing, swing_of, write_pendulum_robot
 
 from drake_tc.actuation.model import ActuatorModel
-from drake_tc.diagnosis.models import model_of
-from drake_tc.diagnosis.result import CloseLoopResult, JointResult, SharedEffect
-from drake_tc.diagnosis.samples import one_clock
+from drake_tc.diagnosis.data.samples import one_clock
+from drake_tc.diagnosis.result.joint_result import JointResult
+from drake_tc.diagnosis.result.models import model_of
+from drake_tc.diagnosis.result.rig_result import CloseLoopResult, SharedEffect
 from drake_tc.errors import ParamsError
 from drake_tc.logs.loads import Pendulum
 from drake_tc.logs.rig import Rig, load_rig

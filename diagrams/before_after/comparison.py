@@ -32,8 +32,8 @@ from drake_tc.analysis.loop_parameters import with_values
 from drake_tc.analysis.margins import Margins
 from drake_tc.analysis.quick_margins import quick_margins
 from drake_tc.control.guard import GuardSpec
-from drake_tc.diagnosis.closed_loop import ClosedLoop, JointClosedLoop, LoopFigures
-from drake_tc.diagnosis.result import CloseLoopResult
+from drake_tc.diagnosis.result.closed_loop import ClosedLoop, JointClosedLoop, LoopFigures
+from drake_tc.diagnosis.result.rig_result import CloseLoopResult
 from drake_tc.errors import DrakeTcError, ParamsError
 from drake_tc.estimation.monitor_spec import MonitorSpec
 from drake_tc.robot.robot import Robot, load_robot

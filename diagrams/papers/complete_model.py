@@ -15,12 +15,12 @@ import numpy as np
 from drake_tc.diagrams.papers.identification import Experiment
 from threadpoolctl import threadpool_limits
 
-from drake_tc.diagnosis.close_loop import diagnose_joint
-from drake_tc.diagnosis.columns import Columns, Term
-from drake_tc.diagnosis.estimates import block_lengths
+from drake_tc.diagnosis.joint import diagnose_joint
 from drake_tc.diagnosis.options import DiagnosisOptions
-from drake_tc.diagnosis.result import JointResult
-from drake_tc.diagnosis.search import SearchOptions
+from drake_tc.diagnosis.problem.columns import Columns, Term
+from drake_tc.diagnosis.problem.estimates import block_lengths
+from drake_tc.diagnosis.result.joint_result import JointResult
+from drake_tc.diagnosis.selection.thresholds import JOINT
 from drake_tc.identification.autocorrelation import critical_value_95
 from drake_tc.identification.regression import least_squares
 from drake_tc.logs.prepare import load_runs
@@ -101,7 +101,7 @@ def diagnose(logs: Logs, joint: str, hidden: str | None = None, seed: int = 0) -
 def control(logs: Logs, joint: str) -> JointResult:
     """The complete model without any search, on the logs whose F/T sensors have no scale error."""
     with threadpool_limits(1):
-        options = replace(DiagnosisOptions(), search=replace(SearchOptions(), most=0))
+        options = replace(DiagnosisOptions(), search=replace(JOINT, most=0))
         return diagnose_joint(logs.unscaled, logs.held, _rig(logs, joint), joint, options)
 
 

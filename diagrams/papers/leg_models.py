@@ -9,7 +9,7 @@ from drake_tc.diagrams.papers.table1 import Table1, identify_table1
 
 from drake_tc.actuation.model import ActuatorModel
 from drake_tc.actuation.model_file import save_models
-from drake_tc.diagnosis.models import model_of
+from drake_tc.diagnosis.result.models import model_of
 
 STEM = "hrp2_like_leg"
 LINEAR_NOTE = (

@@ -18,7 +18,7 @@ from drake_tc.diagrams.papers.reproduction import Progress, Reproduction, TextTa
 from scipy.stats import norm
 
 from drake_tc.actuation.model import ActuatorModel
-from drake_tc.diagnosis.result import JointResult
+from drake_tc.diagnosis.result.joint_result import JointResult
 
 HIDDEN = ("deadzone", "velocity_sign_switch")
 RECORDING = 0.18

@@ -12,9 +12,9 @@ from drake_tc.blind.generate import generate
 from drake_tc.blind.outcome import read_outcome
 from drake_tc.blind.score import BenchmarkScore, score_outcomes
 from drake_tc.blind.spec import BlindError, RigSpec
+from drake_tc.diagnosis.result.to_json import result_json
 from drake_tc.diagnosis.run import close_loop
-from drake_tc.diagnosis.search import Progress
-from drake_tc.diagnosis.to_json import result_json
+from drake_tc.diagnosis.selection.engine import Progress
 from drake_tc.errors import DrakeTcError
 
 HELD_OUT = "run_multisine"

@@ -7,7 +7,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from drake_tc.diagnosis.result import CloseLoopResult
+from drake_tc.diagnosis.result.rig_result import CloseLoopResult
 
 FRICTION = ("viscous", "coulomb")
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from drake_tc.bench.real_rows import RealRow
-from drake_tc.diagnosis.arm_hold_out import ArmHeldOut
+from drake_tc.diagnosis.arm import ArmHeldOut
 from drake_tc.effects.base import Effect
 from drake_tc.effects.library import LIBRARY, MULTI_JOINT, SPECIAL
 from drake_tc.types import FloatArray
@@ -50,7 +50,7 @@ def found_on(results: Sequence[ArmHeldOut], joint: int) -> str:
     seen: dict[str, int] = {}
     for result in results:
         axes = result.baseline.rows.axes
-        here = [s.added for s in result.steps if axes[s.added.axis].turns[joint] != 0.0]
+        here = [p for p in result.found if axes[p.axis].turns[joint] != 0.0]
         for label in {_label(axes[p.axis].name, p.term.effect.key, p.term.shape.get("cycles_per_turn")) for p in here}:
             seen[label] = seen.get(label, 0) + 1
     ordered = sorted(seen.items(), key=lambda item: -item[1])

@@ -18,9 +18,9 @@ import numpy as np
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.actuation.position_loop import PositionLoop, through_loop
 from drake_tc.bench.real_rows import RealRow
-from drake_tc.diagnosis.columns import Columns, Term
-from drake_tc.diagnosis.preparation import build_samples
-from drake_tc.diagnosis.regression import fit
+from drake_tc.diagnosis.data.preparation import build_samples
+from drake_tc.diagnosis.problem.columns import Columns, Term
+from drake_tc.diagnosis.problem.regression import fit
 from drake_tc.effects.library import effect
 from drake_tc.errors import LogError, RigError
 from drake_tc.identification.output_error import OutputErrorOptions, Trial, refine_from_starts

@@ -9,10 +9,10 @@ import numpy as np
 
 from drake_tc.bench.real_arm import found_on, looked_for, pooled, rms, set_folder
 from drake_tc.bench.real_rows import RealRow
-from drake_tc.diagnosis.arm_hold_out import ArmHeldOut, declare, declared_friction, hold_out_arm
-from drake_tc.diagnosis.arm_rows import ArmRows, JointLog, arm_rows
-from drake_tc.diagnosis.arm_search import ARM_OPTIONS
-from drake_tc.diagnosis.coupled_axes import joint_axes
+from drake_tc.diagnosis.arm import ArmHeldOut, declare, declared_friction, hold_out_arm
+from drake_tc.diagnosis.problem.arm.rows import ArmRows, JointLog, arm_rows
+from drake_tc.diagnosis.problem.arm.shafts import joint_axes
+from drake_tc.diagnosis.selection.thresholds import ARM
 from drake_tc.errors import LogError
 from drake_tc.identification.rigid_regressor import LinkTree, regressor
 from drake_tc.logs.importers.dfki import DOUBLE_JOINTS, TORQUE_PER_AMPERE, convert
@@ -29,7 +29,7 @@ WIDTH = 0.035
 MOTION_WIDTHS = (0.035, 0.06, 0.09, 0.13, 0.18, 0.25)
 """Of the kernel that the motion passes twice [s]: which of them is decided on the training runs."""
 SLOWEST = 0.05
-MOST = replace(ARM_OPTIONS, most=6)
+MOST = replace(ARM, most=6)
 FOLDS = 3
 """Every third run is held out, in turn, in the order of their names."""
 

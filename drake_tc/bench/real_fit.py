@@ -5,11 +5,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from drake_tc.diagnosis.columns import Columns, Term
-from drake_tc.diagnosis.preparation import build_samples, context_of
-from drake_tc.diagnosis.regression import Fit, fit
-from drake_tc.diagnosis.samples import Samples
-from drake_tc.diagnosis.search import SearchOptions, candidates, search
+from drake_tc.diagnosis.data.preparation import build_samples, context_of
+from drake_tc.diagnosis.data.samples import Samples
+from drake_tc.diagnosis.problem.columns import Columns, Term
+from drake_tc.diagnosis.problem.regression import Fit, fit
+from drake_tc.diagnosis.selection.joint import candidates, search
+from drake_tc.diagnosis.selection.thresholds import JOINT
 from drake_tc.effects.library import LIBRARY, effect
 from drake_tc.logs.common_rate import at_common_period
 from drake_tc.logs.loads import Pendulum
@@ -90,5 +91,5 @@ def hold_out(
     columns, other = (c.with_model(plain.beta, servo=False) for c in (first, Columns(sides[1])))
     known = ["viscous", "coulomb", *(k.partition(".")[0] for k in rig.declared[joint]), *left_out]
     usable, _ = candidates(LIBRARY, context, known)
-    result = search(columns, declared, usable, context, floor, SearchOptions())
+    result = search(columns, declared, usable, context, floor, JOINT)
     return HeldOut(columns, other, result.baseline, result.chosen)

@@ -17,8 +17,8 @@ from drake_tc.bench.real_log_cases import (
 from drake_tc.bench.real_log_claims import FLOORS, CaseClaims, claims_of
 from drake_tc.bench.real_rows import RealRow
 from drake_tc.diagnosis.options import DiagnosisOptions
+from drake_tc.diagnosis.result.to_json import result_json
 from drake_tc.diagnosis.run import close_loop
-from drake_tc.diagnosis.to_json import result_json
 from drake_tc.errors import DrakeTcError, ParamsError
 
 Progress = Callable[[str, float], None]

@@ -17,7 +17,7 @@ import numpy as np
 
 from drake_tc.bench.real_arm import set_folder
 from drake_tc.bench.real_rows import RealRow
-from drake_tc.diagnosis.coupled_axes import Axis, joint_axes, motor_axes
+from drake_tc.diagnosis.problem.arm.shafts import Axis, joint_axes, motor_axes
 from drake_tc.filtering.common_kernel import CommonKernel
 from drake_tc.logs.importers.tiago import convert
 from drake_tc.logs.readers import read_table

@@ -7,7 +7,7 @@ import numpy as np
 
 from drake_tc.bench.real_fit import HeldOut, hold_out
 from drake_tc.bench.real_rows import RealRow
-from drake_tc.diagnosis.samples import Samples
+from drake_tc.diagnosis.data.samples import Samples
 from drake_tc.logs.importers.tmotor import SESSIONS, convert
 from drake_tc.logs.prepare import load_runs
 from drake_tc.logs.rig import load_rig

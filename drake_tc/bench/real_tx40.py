@@ -9,9 +9,9 @@ import yaml
 
 from drake_tc.bench.real_arm import joint_rows, looked_for, set_folder
 from drake_tc.bench.real_rows import RealRow
-from drake_tc.diagnosis.arm_hold_out import ArmHeldOut, declare, declared_friction, every_other_block, hold_out_arm
-from drake_tc.diagnosis.arm_rows import ArmRows, JointLog, arm_rows
-from drake_tc.diagnosis.coupled_axes import Axis, motor_axes
+from drake_tc.diagnosis.arm import ArmHeldOut, declare, declared_friction, every_other_block, hold_out_arm
+from drake_tc.diagnosis.problem.arm.rows import ArmRows, JointLog, arm_rows
+from drake_tc.diagnosis.problem.arm.shafts import Axis, motor_axes
 from drake_tc.identification.rigid_regressor import LinkTree, link_tree, regressor
 from drake_tc.logs.importers.files import find
 from drake_tc.logs.importers.staubli import JOINTS, PERIOD, convert

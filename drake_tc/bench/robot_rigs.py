@@ -15,10 +15,10 @@ import numpy as np
 
 from drake_tc.bench.interval_coverage import final_parameters, friction_intervals, own_intervals
 from drake_tc.diagnosis.options import DiagnosisOptions
+from drake_tc.diagnosis.problem.shared.causes import TITLES
+from drake_tc.diagnosis.result.to_json import result_json
 from drake_tc.diagnosis.run import close_loop
-from drake_tc.diagnosis.search import Progress
-from drake_tc.diagnosis.shared.causes import TITLES
-from drake_tc.diagnosis.to_json import result_json
+from drake_tc.diagnosis.selection.engine import Progress
 from drake_tc.errors import DrakeTcError
 
 HELD_OUT = "run_held"

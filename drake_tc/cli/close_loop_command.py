@@ -15,11 +15,12 @@ from rich.markup import escape
 from rich.table import Table
 
 from drake_tc.cli.progress import progress_bar
-from drake_tc.diagnosis.closed_loop import JointClosedLoop
 from drake_tc.diagnosis.options import DiagnosisOptions
-from drake_tc.diagnosis.result import CloseLoopResult, JointResult
+from drake_tc.diagnosis.result.closed_loop import JointClosedLoop
+from drake_tc.diagnosis.result.joint_result import JointResult
+from drake_tc.diagnosis.result.rig_result import CloseLoopResult
+from drake_tc.diagnosis.result.to_json import result_json
 from drake_tc.diagnosis.run import close_loop
-from drake_tc.diagnosis.to_json import result_json
 from drake_tc.errors import LogError
 from drake_tc.report.words import REASONS, VERDICTS, capital, ranked_effects, unexplained, warnings
 
@@ -71,8 +72,8 @@ def close_loop_command(
 def write_results(result: CloseLoopResult, out: Path) -> CloseLoopResult:
     """report.html, report.json, model_before.yaml, model_after.yaml and torque_uncertainty.yaml in `out`."""
     from drake_tc.control.torque_uncertainty_file import save_torque_uncertainty
-    from drake_tc.diagnosis.models import models_of
-    from drake_tc.diagnosis.torque_uncertainty import torque_uncertainty
+    from drake_tc.diagnosis.result.models import models_of
+    from drake_tc.diagnosis.result.torque_uncertainty import torque_uncertainty
     from drake_tc.report.html import write_report
 
     out.mkdir(parents=True, exist_ok=True)
@@ -96,7 +97,7 @@ def print_summary(result: CloseLoopResult, out: Path) -> None:
         values = ", ".join(f"{n} {p.value:.4g} {p.unit}" for n, p in cause.parameters.items())
         gain = f"held-out gain of all joints {100 * cause.heldout_gain:.0f} %"
         console.print(f"[bold]all joints[/bold]: + [bold]{cause.id}[/bold] of {cause.where}  {values}  ({gain})")
-        for other, where in cause.ties:
+        for other, where in cause.indistinguishable:
             console.print(f"  ? {other} of {where} cannot be told apart from it by these logs")
     for joint in result.joints.values():
         console.print(f"[bold]{joint.joint}[/bold]: {VERDICTS[joint.verdict]}")

@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass, field
 
-from drake_tc.diagnosis.residual_structure import ResidualOptions
-from drake_tc.diagnosis.search import SearchOptions
+from drake_tc.diagnosis.residual.structure import ResidualOptions
+from drake_tc.diagnosis.selection.thresholds import JOINT, Thresholds
 
 
 @dataclass(frozen=True)
@@ -14,7 +14,7 @@ class DiagnosisOptions:
     structured.
     """
 
-    search: SearchOptions = field(default_factory=SearchOptions)
+    search: Thresholds = JOINT
     residual: ResidualOptions = field(default_factory=ResidualOptions)
     seed: int = 0
     assess_residual: bool = True

@@ -9,12 +9,14 @@ from pathlib import Path
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from drake_tc.diagnosis.close_loop import diagnose_joint
-from drake_tc.diagnosis.free_running import FreeRun, with_free_runs
+from drake_tc.diagnosis.joint import diagnose_joint
 from drake_tc.diagnosis.options import DiagnosisOptions
-from drake_tc.diagnosis.result import SEVERITY, CloseLoopResult, JointResult, SharedEffect, Verdict
-from drake_tc.diagnosis.search import Progress
-from drake_tc.diagnosis.shared.diagnose import diagnose_robot
+from drake_tc.diagnosis.residual.unexplained import SEVERITY, Verdict
+from drake_tc.diagnosis.result.free_running import FreeRun, with_free_runs
+from drake_tc.diagnosis.result.joint_result import JointResult
+from drake_tc.diagnosis.result.rig_result import CloseLoopResult, SharedEffect
+from drake_tc.diagnosis.robot import diagnose_robot
+from drake_tc.diagnosis.selection.engine import Progress
 from drake_tc.estimation.robot_loads import robot_logs
 from drake_tc.logs.prepare import load_runs, require_different_files, require_different_runs, require_two_runs
 from drake_tc.logs.record import Run

@@ -99,7 +99,7 @@ SPECIAL: tuple[Effect, ...] = (
 """Effects that a model may list but that no search looks for unasked: each resembles a commoner one in LIBRARY."""
 
 MULTI_JOINT: tuple[Effect, ...] = (ViscousPower(), RunInFriction())
-"""Effects that only the search over several joints together looks for (drake_tc/diagnosis/arm_search.py)."""
+"""Effects that only the search over several joints together looks for (drake_tc/diagnosis/selection/arm.py)."""
 
 
 def effect(key: str) -> Effect:

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from drake_tc.diagnosis.result import JointResult, ParameterByCondition
+from drake_tc.diagnosis.result.joint_result import JointResult, ParameterByCondition
 from drake_tc.report.numbers import interval, percent
 from drake_tc.report.words import title_of
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drake_tc.diagnosis.samples import Samples
+from drake_tc.diagnosis.data.samples import Samples
 from drake_tc.types import FloatArray
 
 LEAST_PAIRS = 30

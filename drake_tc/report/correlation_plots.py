@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from drake_tc.diagnosis.result import DataSplit
+from drake_tc.diagnosis.residual.unexplained import DataSplit
 from drake_tc.report.correlation import Correlation, autocorrelation, cross_correlation, on_grid
 from drake_tc.report.rows import LABELS
 from drake_tc.report.svg import AFTER, BEFORE, MUTED, SHADE, new_figure, page_style, to_svg

@@ -10,7 +10,8 @@ from jinja2 import DictLoader, Environment, StrictUndefined
 from markupsafe import Markup
 
 from drake_tc import __version__
-from drake_tc.diagnosis.result import CloseLoopResult, JointResult
+from drake_tc.diagnosis.result.joint_result import JointResult
+from drake_tc.diagnosis.result.rig_result import CloseLoopResult
 from drake_tc.report.bins import MOST_POINTS
 from drake_tc.report.closed_loop_section import closed_loop_section
 from drake_tc.report.consistency_table import consistency_rows

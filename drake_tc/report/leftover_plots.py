@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from drake_tc.diagnosis.result import JointResult
+from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.report.numbers import scale_for
 from drake_tc.report.residual_plots import Cloud, cloud_svg
 from drake_tc.report.rows import quantity, rows_of

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drake_tc.diagnosis.result import DataSplit, JointResult
+from drake_tc.diagnosis.residual.unexplained import DataSplit
+from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.report.numbers import Scale, fold, scale_for
 from drake_tc.report.residual_plots import Cloud, cloud_svg
 from drake_tc.report.rows import Quantity, modulo, quantity, rows_of

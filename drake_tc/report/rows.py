@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drake_tc.diagnosis.result import DataSplit, TimeStretch
-from drake_tc.diagnosis.samples import Samples
+from drake_tc.diagnosis.data.samples import Samples
+from drake_tc.diagnosis.residual.unexplained import DataSplit, TimeStretch
 from drake_tc.types import BoolArray, FloatArray
 
 REVERSAL_SECONDS = 0.1

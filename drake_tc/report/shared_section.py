@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from drake_tc.diagnosis.result import CloseLoopResult, SharedEffect
+from drake_tc.diagnosis.result.rig_result import CloseLoopResult, SharedEffect
 from drake_tc.report.numbers import interval, percent, pretty_unit, significant
 from drake_tc.report.tables import ErrorTable, error_table
 from drake_tc.report.words import joined, title_of
@@ -56,5 +56,5 @@ def _card(cause: SharedEffect, result: CloseLoopResult) -> SharedCard:
         stability=percent(cause.stability),
         parameters=parameters,
         joints=joints,
-        ties=joined([f"{title_of(name)} ({where})" for name, where in cause.ties]),
+        ties=joined([f"{title_of(name)} ({where})" for name, where in cause.indistinguishable]),
     )

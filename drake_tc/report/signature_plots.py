@@ -5,9 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drake_tc.diagnosis.columns import Columns
-from drake_tc.diagnosis.regression import Fit
-from drake_tc.diagnosis.result import DataSplit, FoundEffect, JointResult
+from drake_tc.diagnosis.problem.columns import Columns
+from drake_tc.diagnosis.problem.regression import Fit
+from drake_tc.diagnosis.residual.unexplained import DataSplit
+from drake_tc.diagnosis.result.joint_result import FoundEffect, JointResult
 from drake_tc.effects.base import DriveEffect
 from drake_tc.report.numbers import percent, scale_for
 from drake_tc.report.residual_plots import Cloud, cloud_svg

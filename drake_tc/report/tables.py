@@ -5,8 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drake_tc.diagnosis.rejection import why_rejected
-from drake_tc.diagnosis.result import DataSplit, Estimate, JointResult, RejectedEffect
+from drake_tc.diagnosis.problem.estimates import Estimate
+from drake_tc.diagnosis.residual.unexplained import DataSplit
+from drake_tc.diagnosis.result.joint_result import JointResult, RejectedEffect
+from drake_tc.diagnosis.result.rejection import why_rejected
 from drake_tc.report.numbers import UNKNOWN, Scale, fold, interval, percent, pretty_unit, scale_for, significant
 from drake_tc.report.words import title_of
 

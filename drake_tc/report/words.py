@@ -4,8 +4,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from drake_tc.diagnosis.result import CloseLoopResult, JointResult, Verdict, Withdrawal
-from drake_tc.diagnosis.shared.causes import TITLES
+from drake_tc.diagnosis.problem.shared.causes import TITLES
+from drake_tc.diagnosis.residual.unexplained import Verdict
+from drake_tc.diagnosis.result.joint_result import JointResult
+from drake_tc.diagnosis.result.rig_result import CloseLoopResult
+from drake_tc.diagnosis.selection.withdrawal import Withdrawal
 from drake_tc.effects.library import LIBRARY
 from drake_tc.report.numbers import percent, scale_for, significant, times
 from drake_tc.report.rows import LABELS

@@ -5,10 +5,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from drake_tc.diagnosis.columns import Columns, Term
-from drake_tc.diagnosis.preparation import build_samples, context_of
-from drake_tc.diagnosis.regression import Fit, fit
-from drake_tc.diagnosis.samples import Samples
+from drake_tc.diagnosis.data.preparation import build_samples, context_of
+from drake_tc.diagnosis.data.samples import Samples
+from drake_tc.diagnosis.problem.columns import Columns, Term
+from drake_tc.diagnosis.problem.regression import Fit, fit
 from drake_tc.effects.base import Context, DriveKind
 from drake_tc.effects.library import effect
 from drake_tc.logs.record import Run

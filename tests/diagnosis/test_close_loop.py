@@ -9,13 +9,14 @@ import pytest
 from numpy.testing import assert_allclose
 
 from drake_tc.actuation.model_file import load_models
-from drake_tc.diagnosis import close_loop as module
-from drake_tc.diagnosis.close_loop import diagnose_joint
-from drake_tc.diagnosis.models import model_of, models_of
+from drake_tc.diagnosis import joint as module
+from drake_tc.diagnosis.joint import diagnose_joint
 from drake_tc.diagnosis.options import DiagnosisOptions
-from drake_tc.diagnosis.result import CloseLoopResult, JointResult
+from drake_tc.diagnosis.result.joint_result import JointResult
+from drake_tc.diagnosis.result.models import model_of, models_of
+from drake_tc.diagnosis.result.rig_result import CloseLoopResult
+from drake_tc.diagnosis.result.to_json import result_json
 from drake_tc.diagnosis.run import close_loop
-from drake_tc.diagnosis.to_json import result_json
 from drake_tc.effects.library import effect
 from drake_tc.errors import DrakeTcError, IdentificationError
 

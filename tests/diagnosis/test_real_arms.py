@@ -10,7 +10,7 @@ from readme_quotes_real import differing_cells
 from drake_tc.bench import real_double_pendulum, real_tiago, real_tx40
 from drake_tc.bench.real_arm import pooled
 from drake_tc.bench.real_rows import RealRow
-from drake_tc.diagnosis.coupled_axes import motor_axes
+from drake_tc.diagnosis.problem.arm.shafts import motor_axes
 from drake_tc.logs.importers.dfki import DOUBLE_JOINTS
 
 

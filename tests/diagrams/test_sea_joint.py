@@ -22,7 +22,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from drake_tc.actuation.voltage_motor import VoltageMotor
 from drake_tc.analysis.frequency_response import FrequencyResponse
-from drake_tc.diagnosis.close_loop import diagnose_joint
+from drake_tc.diagnosis.joint import diagnose_joint
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.errors import IdentificationError, ParamsError
 from drake_tc.identification.motor_prior import PriorWidths, identify_motor

@@ -28,7 +28,7 @@ from scipy.stats import norm
 
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.actuation.model_file import load_model_file, load_models
-from drake_tc.diagnosis.result import JointResult
+from drake_tc.diagnosis.result.joint_result import JointResult
 
 MODELS = Path(__file__).resolve().parents[2] / "models" / "hrp2_like"
 TRUTH = load_models(MODELS / f"{STEM}_actuators.yaml")

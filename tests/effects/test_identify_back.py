@@ -18,12 +18,11 @@ from drake_tc.diagrams.joint_bench import BenchScenario, record_bench
 from numpy.testing import assert_allclose
 
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
-from drake_tc.diagnosis.columns import Columns, Term
-from drake_tc.diagnosis.estimates import estimates
-from drake_tc.diagnosis.preparation import build_samples, context_of
-from drake_tc.diagnosis.regression import fit
-from drake_tc.diagnosis.result import Estimate
-from drake_tc.diagnosis.search import best_shape, refine
+from drake_tc.diagnosis.data.preparation import build_samples, context_of
+from drake_tc.diagnosis.problem.columns import Columns, Term
+from drake_tc.diagnosis.problem.estimates import Estimate, estimates
+from drake_tc.diagnosis.problem.regression import fit
+from drake_tc.diagnosis.selection.joint import best_shape, refine
 from drake_tc.effects.base import DriveKind, plain_signals
 from drake_tc.effects.library import LIBRARY, SPECIAL, effect
 from drake_tc.logs.rig import parse_rig

@@ -6,11 +6,11 @@ from drake_tc.diagrams.joint_bench import record_bench
 from numpy.testing import assert_allclose
 
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
-from drake_tc.diagnosis.columns import Columns, Term
-from drake_tc.diagnosis.estimates import estimates
-from drake_tc.diagnosis.parameters import physical_parameters
-from drake_tc.diagnosis.preparation import build_samples, context_of
-from drake_tc.diagnosis.regression import fit
+from drake_tc.diagnosis.data.preparation import build_samples, context_of
+from drake_tc.diagnosis.problem.columns import Columns, Term
+from drake_tc.diagnosis.problem.estimates import estimates
+from drake_tc.diagnosis.problem.parameters import physical_parameters
+from drake_tc.diagnosis.problem.regression import fit
 from drake_tc.effects.library import effect
 from drake_tc.errors import RigError
 from drake_tc.logs.rig import parse_rig, rig_document

@@ -11,10 +11,10 @@ import pytest
 from drake_tc.diagrams.joint_bench import record_bench
 
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
-from drake_tc.diagnosis.columns import Columns, Term
-from drake_tc.diagnosis.preparation import build_samples, context_of
-from drake_tc.diagnosis.regression import fit
-from drake_tc.diagnosis.search import best_shape, refine
+from drake_tc.diagnosis.data.preparation import build_samples, context_of
+from drake_tc.diagnosis.problem.columns import Columns, Term
+from drake_tc.diagnosis.problem.regression import fit
+from drake_tc.diagnosis.selection.joint import best_shape, refine
 from drake_tc.effects.library import effect
 from drake_tc.logs.rig import parse_rig
 

@@ -7,7 +7,7 @@ from drake_tc.diagrams.joint_bench import BenchScenario, record_bench
 from numpy.testing import assert_allclose
 
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
-from drake_tc.diagnosis.preparation import build_samples
+from drake_tc.diagnosis.data.preparation import build_samples
 from drake_tc.identification.break_away import break_away
 from drake_tc.logs.rig import parse_rig
 

@@ -5,20 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from drake_tc.diagnosis.columns import Columns, Term
-from drake_tc.diagnosis.preparation import build_samples
-from drake_tc.diagnosis.regression import Fit, fit, predict
-from drake_tc.diagnosis.result import (
-    CloseLoopResult,
-    DataSplit,
-    Errors,
-    Estimate,
-    FoundEffect,
-    JointResult,
-    RejectedEffect,
-    TimeStretch,
-    Unexplained,
-)
+from drake_tc.diagnosis.data.preparation import build_samples
+from drake_tc.diagnosis.problem.columns import Columns, Term
+from drake_tc.diagnosis.problem.estimates import Estimate
+from drake_tc.diagnosis.problem.regression import Fit, fit, predict
+from drake_tc.diagnosis.residual.unexplained import DataSplit, TimeStretch, Unexplained
+from drake_tc.diagnosis.result.joint_result import Errors, FoundEffect, JointResult, RejectedEffect
+from drake_tc.diagnosis.result.rig_result import CloseLoopResult
 from drake_tc.effects.library import effect
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import parse_rig

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.testing import assert_allclose
 
-from drake_tc.diagnosis.result import JointResult
+from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.report.correlation import Gridded, autocorrelation, cross_correlation, on_grid
 
 

@@ -9,7 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from drake_tc.diagnosis.result import CloseLoopResult, Errors, JointResult, TimeStretch
+from drake_tc.diagnosis.residual.unexplained import TimeStretch
+from drake_tc.diagnosis.result.joint_result import Errors, JointResult
+from drake_tc.diagnosis.result.rig_result import CloseLoopResult
 from drake_tc.report.html import render, write_report
 from drake_tc.report.leftover_plots import leftover_plots
 

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from drake_tc.diagnosis.columns import Columns, Term
-from drake_tc.diagnosis.regression import fit, predict
-from drake_tc.diagnosis.result import JointResult, TimeStretch
+from drake_tc.diagnosis.problem.columns import Columns, Term
+from drake_tc.diagnosis.problem.regression import fit, predict
+from drake_tc.diagnosis.residual.unexplained import TimeStretch
+from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.effects.library import effect
 from drake_tc.report.bins import binned, evenly, frame
 from drake_tc.report.free_run_plots import rms_error, worst_window

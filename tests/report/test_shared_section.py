@@ -4,8 +4,9 @@ from dataclasses import replace
 
 import pytest
 
-from drake_tc.diagnosis.result import CloseLoopResult, Estimate, SharedEffect
-from drake_tc.diagnosis.to_json import result_json
+from drake_tc.diagnosis.problem.estimates import Estimate
+from drake_tc.diagnosis.result.rig_result import CloseLoopResult, SharedEffect
+from drake_tc.diagnosis.result.to_json import result_json
 from drake_tc.report.html import render
 from drake_tc.report.numbers import percent
 from drake_tc.report.shared_section import shared_section
@@ -21,7 +22,7 @@ def cause() -> SharedEffect:
         heldout_gain=0.53,
         stability=0.99,
         joints={"knee": 0.71},
-        ties=(("link_com", "thigh"),),
+        indistinguishable=(("link_com", "thigh"),),
     )
 
 

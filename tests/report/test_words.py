@@ -6,18 +6,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drake_tc.diagnosis.rejection import why_rejected
-from drake_tc.diagnosis.result import (
-    CloseLoopResult,
-    Errors,
-    Estimate,
-    JointResult,
-    ParameterByCondition,
-    RejectedEffect,
-    SharedEffect,
-    TimeStretch,
-    Unexplained,
-)
+from drake_tc.diagnosis.problem.estimates import Estimate
+from drake_tc.diagnosis.residual.unexplained import TimeStretch, Unexplained
+from drake_tc.diagnosis.result.joint_result import Errors, JointResult, ParameterByCondition, RejectedEffect
+from drake_tc.diagnosis.result.rejection import why_rejected
+from drake_tc.diagnosis.result.rig_result import CloseLoopResult, SharedEffect
 from drake_tc.report.consistency_table import consistency_rows
 from drake_tc.report.words import REASONS, VERDICTS, headline, joined, ranked_effects, title_of, unexplained, warnings
 

@@ -1,0 +1,141 @@
+"""Noise of a torque sensor that is correlated over milliseconds: what it leaves in the band of the regression.
+
+The noise floor is read from the highest frequencies of the log, where noise of a sensor with a filter of its own is
+small. What the final model leaves above the band of the motion shows the rest: its spectral density is taken to be
+
+    S(f) = S_w + S_c/(1 + (2 pi f T)^2),   3 ms <= T <= 53 ms,   f from 5 Hz to the end of the filters' band,
+
+fitted to S = min(S_e, S_tau)/|H|^2, H the filters' gain: noise of the sensor is in the torque channel too, so it cannot
+be larger than what that channel holds. The floor is then the root of the integral of S |H|^2 over all frequencies. What
+the model leaves below 5 Hz takes no part in the fit, so a cause that acts there does not raise its own floor. The
+estimate counts only where S has that form and the residual is equally loud all the time, as noise of a sensor is.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.signal import welch
+
+from drake_tc.diagnosis.data.samples import Samples
+from drake_tc.types import FloatArray
+
+LOWEST_HZ = 5.0
+LEAST_TOP_HZ = 8.0
+BANDS = 16
+LEAST_GAIN = 0.05
+"""Squared gain of the filters at the upper end of the band that is fitted."""
+MOST_MISFIT = 0.30
+MOST_UNEVENNESS = 2.5
+"""Set on the calibration seed: noise of a sensor leaves at most 0.25 and 2.3."""
+WELCH_SECONDS = 4.0
+"""Length of the windows of the torque channel's density."""
+TIMES = np.geomspace(0.003, 0.053, 15)
+
+
+@dataclass(frozen=True)
+class CorrelatedNoise:
+    """What correlated noise leaves.
+
+    Attributes:
+        rms: On the rows [N m].
+        correlation_time: T [s].
+        misfit: RMS difference between the logarithms of S and of its form.
+        unevenness: 95th percentile of the residual's RMS in half seconds over the median.
+    """
+
+    rms: float
+    correlation_time: float
+    misfit: float
+    unevenness: float
+
+    @property
+    def is_noise(self) -> bool:
+        """Whether what is left looks like noise of a sensor."""
+        return self.misfit <= MOST_MISFIT and self.unevenness <= MOST_UNEVENNESS
+
+
+def spectral_density(samples: Samples, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """(frequency (F,) [Hz], one-sided density (F,) [unit^2/Hz]) of values (N,) on the rows, all runs together."""
+    time, step = samples.signals.time[samples.rows], samples.row_period
+    runs = np.unique(samples.run)
+    longest = max(float(np.ptp(time[samples.run == k])) for k in runs)
+    size = int(longest / step) + 2
+    power = np.zeros(size // 2 + 1)
+    for k in runs:
+        rows = samples.run == k
+        slot = np.round((time[rows] - time[rows][0]) / step).astype(int)
+        grid = np.bincount(slot, values[rows] - values[rows].mean(), size)[:size]
+        power += np.abs(np.fft.rfft(grid, size)) ** 2
+    return np.asarray(np.fft.rfftfreq(size, step)), np.asarray(2.0 * step * power / values.size)
+
+
+def channel_density(samples: Samples, frequency: FloatArray) -> FloatArray:
+    """One-sided density (F,) [(N m)^2/Hz] of the torque channel after both filters, at the frequencies (F,) [Hz].
+
+    Welch's estimate with Hann windows on whole stretches: the gaps between the rows, and windows without a taper, would
+    spread the large load at low frequencies over the band in which the noise is looked for.
+    """
+    signals = samples.signals
+    torque = samples.kernel.smooth(signals.load_torque)
+    edge = samples.light.margin + samples.kernel.margin
+    parts = [torque[s.start + edge : s.stop - edge] for s in samples.segments if s.stop - s.start > 2 * edge + 8]
+    total = np.zeros_like(frequency)
+    for part in parts:
+        size = min(part.size, round(WELCH_SECONDS / signals.period))
+        found, density = welch(part, 1.0 / signals.period, nperseg=size)
+        total += part.size * np.interp(frequency, found, density)
+    return np.asarray(total / max(sum(part.size for part in parts), 1))
+
+
+def correlated_noise(samples: Samples, residual: FloatArray) -> CorrelatedNoise | None:
+    """What noise of the torque channel leaves, white part included; None where the band is too narrow to tell.
+
+    Args:
+        samples: Rows of one split.
+        residual: (N,) of the final model [N m].
+    """
+    frequency, left = spectral_density(samples, residual)
+    channel = channel_density(samples, frequency)
+    gain = (samples.light.gain(frequency) * samples.kernel.gain(frequency)) ** 2
+    usable = (frequency >= LOWEST_HZ) & (gain >= LEAST_GAIN)
+    if not usable.any() or float(frequency[usable].max()) < LEAST_TOP_HZ:
+        return None
+    edges = np.geomspace(LOWEST_HZ, float(frequency[usable].max()) * 1.0001, BANDS + 1)
+    band = np.digitize(frequency, edges) - 1
+    means = [
+        [float(np.mean(s[usable & (band == b)] / gain[usable & (band == b)])) for s in (left, channel)]
+        for b in range(BANDS)
+        if (usable & (band == b)).sum() >= 3
+    ]
+    centres = [
+        float(np.mean(frequency[usable & (band == b)])) for b in range(BANDS) if (usable & (band == b)).sum() >= 3
+    ]
+    if len(means) < BANDS // 2:
+        return None
+    density, f = np.min(np.array(means), axis=1), np.array(centres)
+    white = 2.0 * samples.resolution.torque_noise**2 * samples.signals.period
+    misfit, coloured, memory = _fitted(f, density, white)
+    shape = white + coloured / (1.0 + (2.0 * np.pi * frequency * memory) ** 2)
+    rms = float(np.sqrt(np.trapezoid(shape * gain, frequency)))
+    return CorrelatedNoise(rms, float(memory), misfit, _unevenness(samples, residual))
+
+
+def _unevenness(samples: Samples, residual: FloatArray) -> float:
+    """95th percentile of the RMS of half-second blocks over their median."""
+    count = int(samples.block.max()) + 1
+    rows = np.bincount(samples.block, minlength=count)
+    level = np.sqrt(np.bincount(samples.block, residual**2, count) / np.maximum(rows, 1))
+    full = rows >= 0.3 * rows.max()
+    return float(np.percentile(level[full], 95.0) / max(float(np.median(level[full])), 1e-300))
+
+
+def _fitted(f: FloatArray, density: FloatArray, white: float) -> tuple[float, float, float]:
+    """(RMS difference of the logarithms, S_c, T) that fit best."""
+    best = (np.inf, 0.0, float(TIMES[0]))
+    for memory in TIMES:
+        fall = 1.0 + (2.0 * np.pi * f * memory) ** 2
+        level = float(np.median(np.maximum(density - white, 0.0) * fall))
+        model = np.maximum(white + level / fall, 1e-300)
+        cost = float(np.sum(np.log(model / np.maximum(density, 1e-300)) ** 2))
+        best = min(best, (cost, level, float(memory)))
+    return float(np.sqrt(best[0] / f.size)), best[1], best[2]

@@ -1,0 +1,259 @@
+"""From recorded runs to `Samples`: every channel of a joint through common filters."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from drake_tc.diagnosis.data.resolution import NoiseFloor, Resolution, light_width, sample_noise
+from drake_tc.diagnosis.data.samples import Samples
+from drake_tc.diagnosis.data.sliding import choose_rows, direction_of_motion
+from drake_tc.effects.base import Context, Signals
+from drake_tc.errors import IdentificationError
+from drake_tc.filtering.common_kernel import CommonKernel
+from drake_tc.logs.channels import grid_step
+from drake_tc.logs.common_rate import at_common_period
+from drake_tc.logs.loads import GRAVITY, Pendulum, RobotLoad
+from drake_tc.logs.record import Run
+from drake_tc.logs.rig import Rig
+from drake_tc.types import FloatArray, IntArray
+
+SLOWER = 3.0
+LEAST_NOISE = 1e-12
+"""Of a position [rad], so that noise-free logs have a resolution too."""
+SHORTEST = 40
+"""A usable stretch has more samples than this."""
+
+
+@dataclass(frozen=True)
+class Channels:
+    """The usable stretches of all runs, end to end.
+
+    One filter pass goes over all of them: what leaks across a joint stays inside the margins that no row uses.
+    """
+
+    joint: str
+    pieces: tuple[tuple[int, Run, slice], ...]
+    period: float
+
+    @property
+    def segments(self) -> tuple[slice, ...]:
+        """Where each stretch lies in the joined arrays."""
+        lengths = [s.stop - s.start for _, _, s in self.pieces]
+        return tuple(slice(int(e - n), int(e)) for e, n in zip(np.cumsum(lengths), lengths, strict=True))
+
+    @property
+    def run_of_sample(self) -> IntArray:
+        """(T,) index of the run."""
+        return np.repeat([i for i, _, _ in self.pieces], [s.stop - s.start for _, _, s in self.pieces])
+
+    @property
+    def time(self) -> FloatArray:
+        """(T,) since the start of each run [s]."""
+        return np.concatenate([run.time[s] - run.time[0] for _, run, s in self.pieces])
+
+    def step(self, name: str) -> float:
+        """Step of the recorded values of `<joint>/name`, the median of the runs'; 0 where they lie on no grid."""
+        column = f"{self.joint}/{name}"
+        runs = {id(run): run for _, run, _ in self.pieces if column in run.columns}
+        found = [
+            grid_step(run.columns[column]) if run.source is None else run.steps.get(column, 0.0)
+            for run in runs.values()
+        ]
+        return float(np.median(found)) if found else 0.0
+
+    def raw(self, name: str) -> FloatArray:
+        """(T,) of `<joint>/name`, NaN in runs that did not record it."""
+        column = f"{self.joint}/{name}"
+        return np.concatenate(
+            [
+                np.asarray(run.columns[column][s], float)
+                if column in run.columns
+                else np.full(s.stop - s.start, np.nan)
+                for _, run, s in self.pieces
+            ]
+        )
+
+
+def channels_of(runs: Sequence[Run], joint: str) -> Channels:
+    """The runs' usable stretches at one period.
+
+    Raises:
+        IdentificationError: there is none.
+    """
+    even = at_common_period(runs)
+    pieces = tuple((i, run, s) for i, run in enumerate(even) for s in run.segments() if s.stop - s.start > SHORTEST)
+    if not pieces:
+        names = ", ".join(r.name for r in runs)
+        raise IdentificationError(f"joint {joint}: no stretch of more than {SHORTEST} usable samples in {names}")
+    return Channels(joint, pieces, float(np.median([r.period for r in even])))
+
+
+def _load(
+    channels: Channels, rig: Rig, light: CommonKernel, q: FloatArray, a: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """(tau, the same from a slower filter, d tau/dq), (T,) each: measured, or a pendulum's from its motion."""
+    load = rig.load[channels.joint]
+    slow = CommonKernel(SLOWER * light.actual_width_s, channels.period)
+    if not isinstance(load, Pendulum):
+        raw = channels.raw("torque")
+        return light.smooth(raw), slow.smooth(raw), np.zeros_like(q)
+    moment, raw_q = load.mass * GRAVITY * load.length, channels.raw("position")
+    gravity = moment * np.sin(raw_q - load.zero)
+    return (
+        light.smooth(gravity) + load.inertia * a,
+        slow.smooth(gravity) + load.inertia * slow.second_derivative(raw_q),
+        moment * np.cos(q - load.zero),
+    )
+
+
+def _encoder(channels: Channels, rig: Rig, position: FloatArray) -> tuple[float, float]:
+    """(step, standard deviation of one sample with its steps) of the position [rad]: declared, or from the log."""
+    declared = rig.joint_sensors(channels.joint)
+    step = channels.step("position") if declared.encoder_step is None else declared.encoder_step
+    if declared.position_noise is not None:
+        return step, max(float(np.hypot(declared.position_noise, step / np.sqrt(12.0))), LEAST_NOISE)
+    return step, max(sample_noise(position, step, channels.segments), LEAST_NOISE)
+
+
+def _resolution(channels: Channels, rig: Rig, step: float, noise: float, light: CommonKernel) -> Resolution:
+    """What the joint's sensors resolve, after the light kernel where velocity is concerned."""
+    declared = rig.joint_sensors(channels.joint)
+    torque_noise = 0.0
+    if declared.torque_noise is not None:
+        torque_noise = declared.torque_noise
+    elif not isinstance(rig.load[channels.joint], Pendulum):
+        torque_noise = sample_noise(channels.raw("torque"), channels.step("torque"), channels.segments)
+    return Resolution(
+        position_step=step,
+        position_noise=noise,
+        torque_noise=torque_noise,
+        velocity_noise=noise * float(np.sqrt(np.sum(light.kernels[1] ** 2))),
+        torque_correlation_time=declared.torque_correlation_time or 0.0,
+        effort_step=channels.step(rig.command_column(channels.joint).rpartition("/")[2]),
+    )
+
+
+def build_samples(
+    runs: Sequence[Run], rig: Rig, joint: str, width_s: float | None = None, compliance: float = 0.0
+) -> Samples:
+    """Filter the runs' channels with common kernels and choose the rows.
+
+    Args:
+        runs: Runs on uniform clocks.
+        rig: Says drive and load.
+        joint: Which joint.
+        width_s: Width of the light kernel [s]; None lets the data choose.
+        compliance: Of a soft gear [rad/(N m)]: the motor slides, and its friction turns over, by q + compliance tau.
+
+    Raises:
+        IdentificationError: nothing usable, or the joint never resolvably moves.
+    """
+    channels = channels_of(runs, joint)
+    period, segments, load = channels.period, channels.segments, rig.load[joint]
+    raw_q = channels.raw("position")
+    step, noise = _encoder(channels, rig, raw_q)
+    width = light_width(raw_q, noise, segments, period) if width_s is None else width_s
+    light = CommonKernel(width, period)
+    final = CommonKernel(light.actual_width_s, period)
+    q, v, a = light.smooth(raw_q), light.derivative(raw_q), light.second_derivative(raw_q)
+    command = light.smooth(channels.raw(rig.command_column(joint).rpartition("/")[2]))
+    torque, slow_torque, slope = _load(channels, rig, light, q, a)
+    resolution = _resolution(channels, rig, step, noise, light)
+    inner = [slice(s.start + light.margin, max(s.stop - light.margin, s.start + light.margin)) for s in segments]
+    motor, motor_rate = q + compliance * slow_torque, v + compliance * np.gradient(slow_torque, period)
+    direction, travel, moving = direction_of_motion(motor, motor_rate, inner, resolution)
+    temperature, motor_position, supply = (
+        light.smooth(raw) if np.isfinite(raw).any() else raw
+        for raw in map(channels.raw, ("temperature", "motor_position", "supply_voltage"))
+    )
+    signals = Signals(
+        time=channels.time,
+        position=q,
+        velocity=v,
+        acceleration=a,
+        load_torque=torque,
+        expected_torque=torque,
+        slow_torque=slow_torque,
+        effort=command - q if rig.drive[joint] == "position_servo" else command,
+        command=command,
+        direction=direction,
+        travel=travel,
+        load_slope=slope,
+        temperature=temperature,
+        motor_position=motor_position,
+        supply_voltage=supply,
+        known_torque=np.zeros_like(q),
+        link_inertia=load.inertia if isinstance(load, Pendulum) else 0.0,
+        rotor_inertia=rig.known(joint, "rotor_inertia"),
+        period=period,
+    )
+    rows, block = choose_rows(moving, segments, final, light, period)
+    if rows.size < 50:
+        raise IdentificationError(
+            f"joint {joint}: it resolvably moves (above {5 * resolution.velocity_noise:.2g} rad/s) in {rows.size} "
+            "samples only; record runs in which the joint moves"
+        )
+    return Samples(
+        signals=signals,
+        segments=segments,
+        light=light,
+        kernel=final,
+        rows=rows,
+        run=channels.run_of_sample[rows],
+        block=block,
+        moving=moving,
+        runs=tuple(r.name for r in runs),
+        resolution=resolution,
+        floor=NoiseFloor.of(
+            resolution,
+            light,
+            final,
+            signals,
+            rows,
+            servo=rig.drive[joint] == "position_servo",
+        ),
+        row_period=float(np.median(np.diff(rows))) * period,
+        run_of_sample=channels.run_of_sample,
+        notes=tuple(note for r in runs for note in r.notes),
+    )
+
+
+def _slow_channels(signals: Signals, rows: IntArray) -> dict[str, Any]:
+    """Fields of `Context` that describe the recorded supply voltage and temperature, where there are such."""
+    out: dict[str, Any] = {}
+    if signals.has("supply_voltage"):
+        supply = signals.supply_voltage[rows]
+        out["supply_voltage"] = float(np.nanmedian(supply))
+        out["supply_change"] = float(np.nanmax(np.abs(supply - out["supply_voltage"])))
+    if signals.has("temperature"):
+        warm = signals.temperature[rows]
+        out["temperature_span"] = (float(np.nanmin(warm)), float(np.nanmax(warm)))
+    return out
+
+
+def context_of(samples: Samples, rig: Rig, joint: str) -> Context:
+    """What the logs offer to the effects."""
+    s = samples.signals
+    rows = samples.rows
+    recorded = frozenset(n for n in ("temperature", "motor_position", "supply_voltage") if s.has(n))
+    declared: Mapping[str, float] = {k: float(v) for k, v in rig.declared[joint].items() if v is not None}
+    if joint in rig.drive_gain:
+        declared = {**declared, "drive_gain": rig.drive_gain[joint]}
+    low, high = np.percentile(s.effort[rows], [0.05, 99.95])
+    load = rig.load[joint]
+    return Context(
+        drive=rig.drive[joint],
+        load="pendulum" if isinstance(load, Pendulum) else "robot" if isinstance(load, RobotLoad) else "torque",
+        link_inertia=load.inertia if isinstance(load, Pendulum) else 0.0,
+        recorded=recorded,
+        declared=declared,
+        max_speed=float(np.percentile(np.abs(s.velocity[rows]), 99.5)),
+        position_span=(float(s.position[rows].min()), float(s.position[rows].max())),
+        effort_span=(float(low), float(high)),
+        period=s.period,
+        torque_span=(float(s.load_torque[rows].min()), float(s.load_torque[rows].max())),
+        duration=float(s.time.max()),
+        **_slow_channels(s, rows),
+    )

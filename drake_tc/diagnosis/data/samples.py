@@ -1,0 +1,111 @@
+"""The rows of a regression: one joint's filtered signals, and which of them take part."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from drake_tc.diagnosis.data.resolution import NoiseFloor, Resolution
+from drake_tc.effects.base import Effect, Shape, Signals
+from drake_tc.filtering.common_kernel import CommonKernel
+from drake_tc.types import BoolArray, FloatArray, IntArray
+
+CHUNK_SECONDS = 5.0
+
+
+@dataclass(frozen=True)
+class Samples:
+    """One joint's runs, filtered, end to end, and the rows that take part in the regression.
+
+    Attributes:
+        signals: (T,) filtered by the light kernel, at the log's rate, all runs one after the other.
+        segments: Contiguous uniform stretches of `signals`.
+        light: The kernel that smoothed and differentiated the signals.
+        kernel: The final low-pass that every column and the target pass.
+        rows: (N,) indices into T: where the joint resolvably moves and the filters owe nothing to an end.
+        run: (N,) index of the run; `block`: (N,) consecutive half-second blocks, never across a gap.
+        moving: (T,) whether the direction of motion is resolved.
+        runs: The runs' names, by index. `notes`: what was done to them.
+        resolution: See `Resolution`.
+        floor: What noise alone leaves in the rows.
+        row_period: Mean time between rows inside a block [s].
+    """
+
+    signals: Signals
+    segments: tuple[slice, ...]
+    light: CommonKernel
+    kernel: CommonKernel
+    rows: IntArray
+    run: IntArray
+    block: IntArray
+    moving: BoolArray
+    runs: tuple[str, ...]
+    resolution: Resolution
+    floor: NoiseFloor
+    row_period: float
+    run_of_sample: IntArray
+    notes: tuple[str, ...] = field(default=())
+
+    def reduce(self, values: FloatArray, *, fresh: bool = False) -> FloatArray:
+        """Low-pass (T,) or (T, k) values and keep the rows: (N,) or (N, k).
+
+        `fresh` values have not passed the light kernel yet (a nonlinear function of signals that have): they pass it
+        now, so that every channel has seen the same filters.
+        """
+        if values.ndim == 2:
+            kept = [self.reduce(values[:, k], fresh=fresh) for k in range(values.shape[1])]
+            return np.stack(kept, axis=-1) if kept else np.zeros((self.rows.size, 0))
+        if fresh:
+            values = self.light.smooth(values)
+        return self.kernel.smooth(values)[self.rows]
+
+    def subsample(self, most: int) -> "Samples":
+        """Every k-th five-second chunk: at most about `most` of the T samples; itself when they are few."""
+        every = int(np.ceil(len(self.signals) / most))
+        if every <= 1:
+            return self
+        length = max(round(CHUNK_SECONDS / self.signals.period), 4 * self.kernel.margin)
+        chunks = [
+            slice(start, min(start + length, s.stop))
+            for s in self.segments
+            for start in range(s.start, s.stop, length * every)
+        ]
+        kept = np.concatenate([np.arange(c.start, c.stop) for c in chunks])
+        place = np.full(len(self.signals), -1)
+        place[kept] = np.arange(kept.size)
+        edge = self.kernel.margin + self.light.margin
+        inner = np.zeros(len(self.signals), dtype=bool)
+        for c in chunks:
+            inner[c.start + edge : max(c.stop - edge, c.start + edge)] = True
+        use = inner[self.rows]
+        ends = np.cumsum([c.stop - c.start for c in chunks])
+        return replace(
+            self,
+            signals=self.signals.take(kept),
+            segments=tuple(slice(int(e - (c.stop - c.start)), int(e)) for e, c in zip(ends, chunks, strict=True)),
+            rows=place[self.rows[use]],
+            run=self.run[use],
+            block=np.unique(self.block[use], return_inverse=True)[1].astype(np.int64),
+            moving=self.moving[kept],
+            run_of_sample=self.run_of_sample[kept],
+        )
+
+    def by_segment(self, effect: Effect, shape: Shape, values: FloatArray | None = None) -> FloatArray:
+        """An effect's columns, or with `values` its transform of them, stretch by stretch: memory never spans a gap."""
+        parts = []
+        for segment in self.segments:
+            piece = self.signals.take(segment)
+            if values is None:
+                parts.append(effect.columns(piece, shape))
+            else:
+                parts.append(effect.transform(values[segment], piece, shape))  # type: ignore[attr-defined]
+        width = parts[0].shape[1:]
+        out = np.zeros((len(self.signals), *width))
+        for segment, part in zip(self.segments, parts, strict=True):
+            out[segment] = part
+        return out
+
+
+def one_clock(samples: Sequence[Samples]) -> bool:
+    """Whether all sides count the same samples."""
+    return all(s.segments == samples[0].segments and s.signals.period == samples[0].signals.period for s in samples)

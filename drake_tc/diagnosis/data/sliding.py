@@ -1,0 +1,74 @@
+"""Where the joint resolvably slides, which way, and which samples may therefore take part in the regression."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.ndimage import minimum_filter1d
+
+from drake_tc.diagnosis.data.resolution import Resolution
+from drake_tc.filtering.common_kernel import CommonKernel
+from drake_tc.types import BoolArray, FloatArray, IntArray
+
+BLOCK_SECONDS = 0.5
+MAX_ROWS = 60_000
+LEAST_TRAVEL = 1e-3
+"""Travel after a reversal [rad] before the joint counts as sliding: the bristles of any gear wind up over less."""
+
+
+def direction_of_motion(
+    q: FloatArray, v: FloatArray, segments: Sequence[slice], resolution: Resolution
+) -> tuple[FloatArray, FloatArray, BoolArray]:
+    """Direction of the last resolved motion, travel since it turned, and where both are certain."""
+    threshold = 5.0 * resolution.velocity_noise
+    least_travel = max(8.0 * resolution.position_noise, LEAST_TRAVEL)
+    direction, travel = np.zeros_like(q), np.zeros_like(q)
+    for s in segments:
+        sign = np.where(np.abs(v[s]) > threshold, np.sign(v[s]), 0.0)
+        known = np.flatnonzero(sign)
+        if known.size == 0:
+            continue
+        held, coming = _held(sign), _held(sign[::-1])[::-1]
+        # between two different resolved signs the true crossing is where the velocity itself crosses
+        turning = (sign == 0.0) & (held != coming) & (v[s] != 0.0)
+        held = np.where(turning, np.sign(v[s]), held)
+        turned = np.concatenate([[0], np.flatnonzero(np.diff(held)) + 1])
+        start = turned[np.searchsorted(turned, np.arange(sign.size), side="right") - 1]
+        direction[s] = held
+        travel[s] = np.abs(q[s] - q[s][start])
+    moving = np.zeros(q.size, dtype=bool)
+    for s in segments:
+        if s.stop > s.start:
+            # how far the bristles were wound when the stretch began is unknown: wait for five times the travel
+            settled = np.maximum.accumulate(travel[s]) > 5.0 * least_travel
+            moving[s] = settled & (np.abs(v[s]) > threshold) & (travel[s] > least_travel)
+    return direction, travel, moving
+
+
+def choose_rows(
+    moving: BoolArray, segments: Sequence[slice], final: CommonKernel, light: CommonKernel, period: float
+) -> tuple[IntArray, IntArray]:
+    """Rows whose neighbourhood in the final kernel moves throughout, thinned to the kernel's resolution."""
+    reach = max(1, int(0.6 * final.margin))
+    usable = np.zeros(moving.size, dtype=bool)
+    edge = final.margin + light.margin
+    for s in segments:
+        inner = minimum_filter1d(moving[s].astype(np.uint8), 2 * reach + 1, mode="nearest").astype(bool)
+        inner[:edge] = False
+        inner[max(0, inner.size - edge) :] = False
+        usable[s] = inner
+    stride = max(1, final.box // 2)
+    stride = max(stride, int(np.ceil(usable.sum() / MAX_ROWS)))
+    rows = np.concatenate([np.arange(s.start, s.stop, stride) for s in segments])
+    rows = rows[usable[rows]]
+    length = max(1, round(BLOCK_SECONDS / period))
+    segment_of = np.searchsorted([s.stop for s in segments], rows, side="right")
+    starts = np.array([s.start for s in segments])
+    raw = segment_of * 10**7 + (rows - starts[segment_of]) // length
+    block = np.unique(raw, return_inverse=True)[1]
+    return rows.astype(np.int64), block.astype(np.int64)
+
+
+def _held(sign: FloatArray) -> FloatArray:
+    """Each sample's last sign other than 0, 0 before the first (T,)."""
+    last = np.maximum.accumulate(np.where(sign != 0.0, np.arange(sign.size), -1))
+    return np.where(last >= 0, sign[np.maximum(last, 0)], 0.0)

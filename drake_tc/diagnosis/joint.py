@@ -1,0 +1,194 @@
+"""The main job for one joint: declared model, residual, missing effects, refit, errors before and after, verdict."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from drake_tc.diagnosis.options import DiagnosisOptions
+from drake_tc.diagnosis.problem.columns import Columns, Term
+from drake_tc.diagnosis.problem.estimates import estimates
+from drake_tc.diagnosis.problem.prepared import Prepared, prepare_joint
+from drake_tc.diagnosis.problem.regression import Fit, fit
+from drake_tc.diagnosis.residual.band import shared_band
+from drake_tc.diagnosis.residual.verdict import compared, noise_floor, verdict_of, what_is_left
+from drake_tc.diagnosis.result.break_away_note import sticking
+from drake_tc.diagnosis.result.consistency import consistency
+from drake_tc.diagnosis.result.experiments import next_experiment
+from drake_tc.diagnosis.result.joint_result import Errors, JointResult
+from drake_tc.diagnosis.result.outcome import found_effects, rejected_effects, stabilities
+from drake_tc.diagnosis.result.run_errors import run_errors
+from drake_tc.diagnosis.selection.confirmation import confirm
+from drake_tc.diagnosis.selection.engine import Progress
+from drake_tc.diagnosis.selection.indistinguishable import indistinguishable
+from drake_tc.diagnosis.selection.joint import Search, candidates, search
+from drake_tc.diagnosis.selection.withdrawal import DidNotHold
+from drake_tc.effects.base import EFFORT_UNIT, Context
+from drake_tc.effects.elasticity import Elasticity
+from drake_tc.effects.library import LIBRARY
+from drake_tc.effects.torque_sensor_bias import TorqueSensorBias
+from drake_tc.effects.torque_sensor_drift import TorqueSensorDrift
+from drake_tc.effects.torque_sensor_gain import TorqueSensorGain
+from drake_tc.logs.record import Run
+from drake_tc.logs.rig import Rig
+from drake_tc.types import FloatArray
+
+SETTLING_ROUNDS = 4
+SOFTER = 0.97
+SEARCHED_SAMPLES = 200_000
+
+
+def _rms(values: FloatArray) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+@dataclass(frozen=True)
+class Stage:
+    """One search: what it looked at and what it found."""
+
+    prepared: Prepared
+    subsample: Columns
+    obstacles: tuple[tuple[str, str], ...]
+    found: Search
+
+    @property
+    def passed_over(self) -> tuple[DidNotHold, ...]:
+        """Effects that fitted best and whose values are impossible."""
+        return self.found.passed_over
+
+
+def _looked_for(prepared: Prepared, options: DiagnosisOptions, progress: Progress) -> Stage:
+    usable, obstacles = candidates(LIBRARY, prepared.context, prepared.declared)
+    subsample = columns = prepared.train
+    if len(columns.samples.signals) > SEARCHED_SAMPLES:
+        subsample = Columns(
+            columns.samples.subsample(SEARCHED_SAMPLES),
+            columns.gain,
+            columns.floor,
+            declared_gain=columns.declared_gain,
+        )
+    found = search(subsample, prepared.terms, usable, prepared.context, prepared.floor, options.search, progress)
+    return Stage(prepared, subsample, tuple(obstacles), found)
+
+
+def _has_elasticity(found: Search) -> bool:
+    return any(isinstance(t.effect, Elasticity) for t in found.chosen.terms)
+
+
+def _wind_up(stage: Stage) -> float:
+    """The compliance [rad/(N m)] of a gear that may wind up between the servo's encoder and the logged one, or 0.
+
+    Elasticity and a torque sensor that reads too little scale the load alike. They differ in when the motor sticks:
+    under a soft gear the link still moves. So when either was found, the rows are chosen anew as a soft gear has them.
+    """
+    gain = next((t for t in stage.found.chosen.terms if isinstance(t.effect, TorqueSensorGain)), None)
+    if gain is None and not _has_elasticity(stage.found):
+        return 0.0
+    soft = Elasticity()
+    if soft.obstacle(stage.prepared.context):
+        return 0.0
+    tried = fit(stage.subsample, [*stage.found.baseline.terms, Term(soft)])
+    return soft.physical(tried.beta[-2:], {}, tried.gain)["compliance"]
+
+
+def diagnose_joint(
+    train_runs: Sequence[Run],
+    held_runs: Sequence[Run],
+    rig: Rig,
+    joint: str,
+    options: DiagnosisOptions,
+    progress: Progress = lambda text, share: None,
+) -> JointResult:
+    """Diagnose one joint. The held-out runs are looked at only after every choice is made.
+
+    Raises:
+        IdentificationError: the training runs cannot identify even the declared model.
+    """
+    progress("filtering", 0.0)
+    stage = _looked_for(prepare_joint(train_runs, held_runs, rig, joint), options, progress)
+    compliance = _wind_up(stage)
+    if compliance > 0.0:
+        soft = _looked_for(prepare_joint(train_runs, held_runs, rig, joint, compliance), options, progress)
+        if _has_elasticity(soft.found) and soft.found.chosen.cv_rms < SOFTER * stage.found.chosen.cv_rms:
+            stage = soft
+    prepared, subsample, context = stage.prepared, stage.subsample, stage.prepared.context
+    ties = indistinguishable(subsample, stage.found, context)
+    stability = stabilities(stage.found, options.seed)
+    found = _refitted(stage)
+    known = frozenset(t.effect.key for t in found.baseline.terms)
+    confirmed = confirm(
+        lambda chosen: _settled(prepared.train, prepared.held, chosen, found.baseline, context),
+        found.chosen,
+        known,
+        context,
+        prepared.floor,
+    )
+    columns, held, chosen = confirmed.train, confirmed.held, confirmed.fit
+    progress("what is left", 0.0)
+    floor = noise_floor(columns, chosen)
+    splits = compared(columns, held, found.baseline, chosen)
+    unexplained, floor, notes = what_is_left(splits, chosen, floor, context, options)
+    effects = found_effects(columns, held, chosen, known, context, stability)
+    kept = {e.id for e in effects}
+    ties = tuple(pair for pair in ties if pair[0] in kept)
+    return JointResult(
+        joint=joint,
+        drive=context.drive,
+        unit=EFFORT_UNIT[context.drive],
+        baseline=found.baseline,
+        final=chosen,
+        baseline_parameters=estimates(columns, found.baseline, context.drive),
+        final_parameters=estimates(columns, chosen, context.drive),
+        noise_floor=floor,
+        before=Errors(_rms(splits[0].before), _rms(splits[1].before), None),
+        after=Errors(_rms(splits[0].after), _rms(splits[1].after), None),
+        effects=effects,
+        rejected=rejected_effects(columns, held, chosen, context, options.search, stage.obstacles, floor),
+        indistinguishable=ties,
+        next_experiment=next_experiment(ties, unexplained, stage.obstacles),
+        unexplained=unexplained,
+        verdict=verdict_of(unexplained, found=bool(effects)),
+        train=splits[0],
+        heldout=splits[1],
+        did_not_hold=(*stage.passed_over, *confirmed.withdrawn),
+        runs=tuple(run_errors(splits)),
+        consistency=consistency(columns, chosen),
+        shared_band=shared_band(*splits),
+        notes=(*columns.samples.notes, *held.samples.notes, *notes, *_sticking(columns, chosen, context)),
+    )
+
+
+def _sticking(columns: Columns, chosen: Fit, context: Context) -> tuple[str, ...]:
+    found = None if context.load == "robot" else sticking(columns, chosen)
+    return () if found is None else (found.sentence(),)
+
+
+def _refitted(stage: Stage) -> Search:
+    """What was found on a subsample, fitted to all training rows."""
+    prepared, found = stage.prepared, stage.found
+    if stage.subsample is prepared.train:
+        return found
+    baseline, chosen = (fit(prepared.train, f.terms) for f in (found.baseline, found.chosen))
+    return replace(found, baseline=baseline, chosen=chosen)
+
+
+def _settled(
+    columns: Columns, held: Columns, chosen: Fit, baseline: Fit, context: Context
+) -> tuple[Columns, Columns, Fit]:
+    """The fit with columns that know the final model: some effects act through its stiffness and damping."""
+    servo, first = context.drive == "position_servo", (columns, held)
+    for _ in range(SETTLING_ROUNDS if len(chosen.terms) > len(baseline.terms) else 0):
+        columns, held = (c.with_model(chosen.beta, servo=servo, true_torque=true_torque(c, chosen)) for c in first)
+        chosen = fit(columns, chosen.terms)
+    return columns, held, chosen
+
+
+def true_torque(columns: Columns, fitted: Fit) -> FloatArray:
+    """The measured load (T,) without the additive sensor errors among the fit's terms."""
+    signals, at = columns.samples.signals, 1
+    for term in fitted.terms:
+        theta = fitted.beta[at : at + len(term.effect.coefficients)]
+        at += theta.size
+        if isinstance(term.effect, TorqueSensorBias | TorqueSensorDrift):
+            signals = term.effect.restore(signals, term.effect.physical(theta, term.shape, fitted.gain))
+    return signals.load_torque

@@ -1,0 +1,1 @@
+"""Several joints as one regression with the links' inertial parameters."""

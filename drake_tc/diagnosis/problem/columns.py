@@ -1,0 +1,193 @@
+"""Columns of the torque balance over filtered rows, each computed once, and the normal equations made of them.
+
+Rows of  z = tau + J qddot  against  [y*, -phi_1, ..., -phi_k], all passed through the same low-pass (`Samples.reduce`):
+
+    z = (1/K) y* - sum_k theta_k phi_k                                                     (effects.base, balance)
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from drake_tc.diagnosis.data.resolution import NoiseFloor
+from drake_tc.diagnosis.data.samples import Samples
+from drake_tc.effects.base import DriveEffect, Effect
+from drake_tc.types import FloatArray, IntArray
+
+FOLDS = 5
+CACHE_BYTES = 300_000_000
+
+
+def fold_of(block: IntArray) -> IntArray:
+    """Blocks dealt to folds in pairs, so that neighbours mostly share a fold."""
+    return np.asarray((block // 2) % FOLDS)
+
+
+@dataclass(frozen=True)
+class Term:
+    """An effect together with a value of its shape parameters."""
+
+    effect: Effect
+    shape: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def cache_key(self) -> tuple[object, ...]:
+        """Same key, same columns."""
+        return (self.effect.key, *(round(float(v), 12) for v in self.shape.values()))
+
+    @property
+    def size(self) -> int:
+        """Number of parameters it adds."""
+        return self.effect.degrees_of_freedom
+
+
+@dataclass(frozen=True, eq=False)
+class Normal:
+    """Normal equations of one set of terms by fold, from cached products of columns.
+
+    Attributes:
+        grams: (FOLDS, m, m) X'X. moments: (FOLDS, m) X'z. squares: (FOLDS,) z'z.
+    """
+
+    grams: FloatArray
+    moments: FloatArray
+    squares: FloatArray
+
+
+class Columns:
+    """Reduced columns of terms over one `Samples`, each computed once."""
+
+    def __init__(
+        self,
+        samples: Samples,
+        gain: float | None = None,
+        floor: NoiseFloor | None = None,
+        target: FloatArray | None = None,
+        declared_gain: float | None = None,
+    ) -> None:
+        """Columns over `samples`; `gain` [effort/(N m)] in which all residuals are told, None for each fit's own.
+
+        With a gain of its own a drive effect could make its residual small by making the gain small. `floor` then also
+        weighs the noise that each fit's coefficients let through. `target` replaces tau + J qddot (N,). With a
+        `declared_gain` K_0 [effort/(N m)] fits hold the drive at it unless one of their effects says that it is wrong.
+        """
+        self.declared_gain = declared_gain
+        self.samples = samples
+        self.gain = gain
+        self.floor = floor
+        signals = samples.signals
+        inertial = signals.rotor_inertia * signals.acceleration
+        if target is None:
+            target = samples.reduce(signals.load_torque + inertial + signals.known_torque)
+        self.target = target
+        self._cache: dict[tuple[object, ...], FloatArray] = {}
+        self._bytes = 0
+        folds = fold_of(samples.block)
+        self._order = np.argsort(folds, kind="stable")
+        self._ends = np.cumsum(np.bincount(folds, minlength=FOLDS))
+        self._sorted: dict[tuple[object, ...], FloatArray] = {}
+        self._products: dict[tuple[object, ...], FloatArray] = {}
+
+    def effort(self, terms: Sequence[Term]) -> FloatArray:
+        """y* (N,) after every drive effect among the terms, in the library's order."""
+        drives, key = self._drives(terms), self._effort_key(terms)
+        if key not in self._cache:
+            values = self.samples.signals.effort
+            for term in drives:
+                values = self.samples.by_segment(term.effect, term.shape, values)
+            self._remember(key, self.samples.reduce(values))
+        return self._cache[key]
+
+    @staticmethod
+    def _drives(terms: Sequence[Term]) -> list[Term]:
+        return [t for t in terms if isinstance(t.effect, DriveEffect) and t.effect.shapes]
+
+    def _effort_key(self, terms: Sequence[Term]) -> tuple[object, ...]:
+        return ("effort", *(k for t in self._drives(terms) for k in t.cache_key))
+
+    def of(self, term: Term) -> FloatArray:
+        """Phi (N, k) of one term."""
+        key = term.cache_key
+        if key not in self._cache:
+            values = self.samples.by_segment(term.effect, term.shape)
+            self._remember(key, self.samples.reduce(values, fresh=not term.effect.linear))
+        return self._cache[key]
+
+    def _remember(self, key: tuple[object, ...], value: FloatArray) -> None:
+        self._bytes += 2 * value.nbytes
+        if self._bytes > CACHE_BYTES:
+            self._cache.clear()
+            self._sorted.clear()
+            self._products.clear()
+            self._bytes = 2 * value.nbytes
+        self._cache[key] = value
+
+    def normal(self, terms: Sequence[Term]) -> Normal:
+        """Normal equations of a set of terms; the products of two terms' columns are computed once."""
+        acting = [t for t in terms if t.effect.coefficients]
+        keys = [self._effort_key(terms), *(t.cache_key for t in acting)]
+        sorted_ = [self._by_fold(keys[0], lambda: self.effort(terms)[:, None])]
+        sorted_ += [self._by_fold(t.cache_key, lambda t=t: -self.of(t)) for t in acting]  # type: ignore[misc]
+        target = self._by_fold(("target",), lambda: self.target[:, None])
+        widths = np.cumsum([0, *(x.shape[1] for x in sorted_)])
+        size = int(widths[-1])
+        grams, moments = np.empty((FOLDS, size, size)), np.empty((FOLDS, size))
+        for i, (key, x) in enumerate(zip(keys, sorted_, strict=True)):
+            mine = slice(widths[i], widths[i + 1])
+            moments[:, mine] = self._product(key, x, ("target",), target)[:, :, 0]
+            for j in range(i, len(keys)):
+                other = slice(widths[j], widths[j + 1])
+                product = self._product(key, x, keys[j], sorted_[j])
+                grams[:, mine, other] = product
+                grams[:, other, mine] = product.transpose(0, 2, 1)
+        return Normal(grams, moments, self._product(("target",), target, ("target",), target)[:, 0, 0])
+
+    def _by_fold(self, key: tuple[object, ...], values: Callable[[], FloatArray]) -> FloatArray:
+        """Columns (N, k) with the rows of each fold together."""
+        if key not in self._sorted:
+            made = values()  # may empty the caches
+            self._sorted[key] = np.ascontiguousarray(made[self._order])
+        return self._sorted[key]
+
+    def _product(self, a: tuple[object, ...], x: FloatArray, b: tuple[object, ...], y: FloatArray) -> FloatArray:
+        """X'Y (FOLDS, k, l) by fold."""
+        if (a, b) not in self._products:
+            starts = np.concatenate([[0], self._ends[:-1]])
+            self._products[a, b] = np.stack([x[s:e].T @ y[s:e] for s, e in zip(starts, self._ends, strict=True)])
+        return self._products[a, b]
+
+    def with_model(self, beta: FloatArray, *, servo: bool, true_torque: FloatArray | None = None) -> "Columns":
+        """The same samples once the declared model's [1/K, F_v, F_c, ...] is known: see `Signals`.
+
+        `true_torque` (T,): what a found sensor error leaves of the measured load, for effects that depend on it.
+        """
+        s = self.samples.signals
+        expected = beta[0] * s.effort - beta[1] * s.velocity - beta[2] * s.direction - s.rotor_inertia * s.acceleration
+        stiffness = float(beta[0]) if servo else 0.0
+        if true_torque is not None:
+            s = replace(s, load_torque=true_torque)
+        signals = replace(s, viscous=float(beta[1]), stiffness=stiffness, expected_torque=expected)
+        gain = 1.0 / max(float(beta[0]), 1e-9)
+        samples = replace(self.samples, signals=signals)
+        return Columns(samples, gain, self.samples.floor, self.target, self.declared_gain)
+
+    def noise_ratio(self, beta: FloatArray, terms: Sequence[Term]) -> float:
+        """Noise floor under the declared model over that under beta: a fit that lets less encoder noise through, by a
+        smaller 1/K or F_v, has not explained anything by that (errors in variables).
+        """
+        if self.floor is None or self.gain is None:
+            return 1.0
+        at, inertia = 1, 0.0
+        for term in terms:
+            theta = beta[at : at + len(term.effect.coefficients)]
+            inertia += term.effect.balance_inertia(theta, self.samples.signals.rotor_inertia)
+            at += theta.size
+        own = self.floor.torque(float(beta[0]), float(beta[1]), inertia)
+        declared = self.floor.torque(1.0 / self.gain, self.samples.signals.viscous)
+        return float(np.clip(declared / max(own, 1e-300), 0.5, 2.0))
+
+    def design(self, terms: Sequence[Term]) -> FloatArray:
+        """[y*, -phi ...] (N, 1 + sum k)."""
+        blocks = [self.effort(terms)[:, None]] + [-self.of(t) for t in terms if t.effect.coefficients]
+        return np.concatenate(blocks, axis=1)

@@ -1,0 +1,69 @@
+"""What the owner already models: terms to fit, and known values that are taken off before any fit."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+from drake_tc.diagnosis.data.samples import Samples
+from drake_tc.diagnosis.problem.columns import Columns, Term
+from drake_tc.diagnosis.problem.regression import Fit, fit
+from drake_tc.effects.base import Context, SensorEffect, TorqueEffect
+from drake_tc.effects.library import effect
+from drake_tc.logs.rig import Rig
+
+ALWAYS = ("viscous", "coulomb")
+
+
+def known_values(rig: Rig, joint: str) -> dict[str, dict[str, float]]:
+    """Declared effects whose values the owner gives: id to parameters. Not the inertia, which is part of the target,
+    and not viscous and Coulomb friction, which every log tells better (they hold the drive's damping too).
+    """
+    out: dict[str, dict[str, float]] = {}
+    for key, value in rig.declared[joint].items():
+        name, _, parameter = key.partition(".")
+        if value is None or name in (*ALWAYS, "rotor_inertia"):
+            continue
+        out.setdefault(name, {})[parameter or effect(name).parameters[0].name] = value
+    return {name: _filled(name, given) for name, given in out.items() if _can_be_held(name)}
+
+
+def _can_be_held(name: str) -> bool:
+    return isinstance(effect(name), TorqueEffect | SensorEffect)
+
+
+def _filled(name: str, given: Mapping[str, float]) -> dict[str, float]:
+    return {p.name: given.get(p.name, p.default) for p in effect(name).parameters}
+
+
+def without_known(samples: Samples, known: Mapping[str, Mapping[str, float]]) -> Samples:
+    """The samples as if the known effects were not there: sensors restored, known torques added to the load."""
+    signals = samples.signals
+    for name, parameters in known.items():
+        member = effect(name)
+        if isinstance(member, SensorEffect):
+            signals = member.restore(signals, parameters)
+    extra = sum(
+        member.torque(signals, known[name])
+        for name, member in ((n, effect(n)) for n in known)
+        if isinstance(member, TorqueEffect)
+    )
+    return replace(samples, signals=replace(signals, known_torque=signals.known_torque + extra))
+
+
+def declared_terms(rig: Rig, joint: str) -> list[str]:
+    """Ids fitted with the baseline: viscous, Coulomb, and what is declared without a value that can be held."""
+    known = known_values(rig, joint)
+    names = [key.partition(".")[0] for key, value in rig.declared[joint].items() if value is None or key not in known]
+    fitted = [n for n in names if n not in known and not (n == "rotor_inertia" and rig.declared[joint][n] is not None)]
+    return list(dict.fromkeys([*ALWAYS, *fitted]))
+
+
+def fit_declared(columns: Columns, names: Sequence[str], context: Context) -> Fit:
+    """The declared model: each effect at the best point of its shape grid, in the order declared."""
+    best = fit(columns, [Term(effect(n)) for n in ALWAYS])
+    for name in names:
+        if name in ALWAYS:
+            continue
+        member = effect(name)
+        tried = [fit(columns, [*best.terms, Term(member, shape)]) for shape in member.shape_grid(context)]
+        best = min(tried, key=lambda f: f.cv_rms)
+    return best

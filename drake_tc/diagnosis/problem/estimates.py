@@ -1,0 +1,88 @@
+"""Physical parameters of a fit with 95 % intervals, shape parameters and drive gain included."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from drake_tc.diagnosis.problem.columns import Columns
+from drake_tc.diagnosis.problem.parameters import physical_parameters, shape_places, with_shapes
+from drake_tc.diagnosis.problem.regression import Fit
+from drake_tc.effects.base import EFFORT_UNIT
+from drake_tc.identification.autocorrelation import critical_value_95
+from drake_tc.identification.regression import least_squares
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """One parameter: value, unit, 95 % interval that accounts for autocorrelation, and whether it rests on a bound."""
+
+    value: float
+    unit: str
+    ci95: tuple[float, float]
+    at_bound: bool
+
+
+def block_lengths(columns: Columns) -> list[int]:
+    """Rows in each contiguous stretch: autocorrelation is not counted across gaps."""
+    rows = columns.samples.rows
+    typical = int(np.median(np.diff(rows)))
+    ends = np.array([s.stop for s in columns.samples.segments])
+    segment = np.searchsorted(ends, rows, side="right")
+    cuts = np.flatnonzero((np.diff(rows) > 50 * typical) | (np.diff(segment) != 0)) + 1
+    return [int(n) for n in np.diff(np.concatenate([[0], cuts, [rows.size]]))]
+
+
+def estimates(columns: Columns, fitted: Fit, drive: str) -> Mapping[str, Mapping[str, Estimate]]:
+    """Every parameter with its 95 % interval.
+
+    Gauss-Newton: the Jacobian of the prediction by coefficients and shapes, its HAC sandwich covariance
+    (identification.regression), and the delta method for parameters that are functions of several estimates.
+    """
+    where, values = shape_places(fitted.terms)
+    design = columns.design(fitted.terms)
+    prediction = design @ fitted.beta
+    slopes = []
+    for j, value in enumerate(values):
+        step = 1e-3 * abs(value) + 1e-9
+        moved = values.copy()
+        moved[j] = value + step
+        changed = columns.design(with_shapes(fitted.terms, where, moved)) @ fitted.beta
+        slopes.append((changed - prediction) / step)
+    jacobian = np.column_stack([design, *slopes]) if slopes else design
+    point = np.concatenate([fitted.beta, values])
+    dead = np.sqrt(np.mean(jacobian**2, axis=0)) * np.maximum(np.abs(point), 1e-12) < 1e-12
+    if columns.declared_gain is not None and "servo_gain" not in {t.effect.id for t in fitted.terms}:
+        dead[0] = True  # the drive is held at its declared gain
+    linear = least_squares(
+        jacobian[:, ~dead], columns.target - prediction, lengths=block_lengths(columns), max_condition=1e15
+    )
+    covariance = np.zeros((point.size, point.size))
+    covariance[np.ix_(~dead, ~dead)] = linear.hac_covariance
+    critical = critical_value_95(linear.bandwidth, columns.target.size)
+    named = physical_parameters(fitted, fitted.beta, values)
+    units = {"drive": {"gain": f"{EFFORT_UNIT[drive]}/(N*m)"}}
+    bounds: dict[str, dict[str, tuple[float, float]]] = {"drive": {"gain": (0.0, np.inf)}}
+    for term in fitted.terms:
+        ps = term.effect.parameters
+        units[term.effect.key] = {p.name: p.unit.replace("effort", EFFORT_UNIT[drive]) for p in ps}
+        bounds[term.effect.key] = {p.name: (p.lower, p.upper) for p in ps}
+    out: dict[str, dict[str, Estimate]] = {}
+    for key, group in named.items():
+        out[key] = {}
+        for name, value in group.items():
+            gradient = np.zeros(point.size)
+            for j in range(point.size):
+                step = 1e-6 * abs(point[j]) + 1e-12
+                moved = point.copy()
+                moved[j] += step
+                n = fitted.beta.size
+                gradient[j] = (physical_parameters(fitted, moved[:n], moved[n:])[key][name] - value) / step
+            half = critical * float(np.sqrt(max(float(gradient @ covariance @ gradient), 0.0)))
+            low, high = bounds[key].get(name, (-np.inf, np.inf))
+            tight = 1e-9 * max(1.0, abs(value))
+            at_bound = bool(abs(value - low) <= tight or abs(value - high) <= tight)
+            out[key][name] = Estimate(
+                value, units[key].get(name, "-"), (max(value - half, low), min(value + half, high)), at_bound
+            )
+    return out

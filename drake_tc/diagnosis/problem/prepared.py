@@ -1,0 +1,73 @@
+"""A joint ready for a search: both sides filtered (`preparation`), its declared model fitted and known to columns."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from drake_tc.diagnosis.data.preparation import build_samples, context_of
+from drake_tc.diagnosis.problem.columns import Columns, Term
+from drake_tc.diagnosis.problem.declared import declared_terms, fit_declared, known_values, without_known
+from drake_tc.diagnosis.problem.signs import require_consistent_signs
+from drake_tc.effects.base import Context
+from drake_tc.identification.regression import least_squares
+from drake_tc.logs.record import Run
+from drake_tc.logs.rig import Rig
+
+MAX_CONDITION = 300.0
+"""Of the declared model's columns, scaled to unit length: beyond it the motion does not tell them apart."""
+
+
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """One joint with its declared model.
+
+    Attributes:
+        train, held: Columns of both sides that know the declared model's coefficients.
+        terms: The declared model.
+        floor: Noise floor [effort].
+        context: What the training logs offer to the effects.
+        declared: Ids of all that the owner models, fitted or known.
+    """
+
+    train: Columns
+    held: Columns
+    terms: tuple[Term, ...]
+    floor: float
+    context: Context
+    declared: tuple[str, ...]
+
+
+def prepare_joint(
+    train_runs: Sequence[Run], held_runs: Sequence[Run], rig: Rig, joint: str, compliance: float = 0.0
+) -> Prepared:
+    """Filter one joint's runs, take off what is known of it and fit its declared model.
+
+    Args:
+        train_runs: To fit.
+        held_runs: To judge by.
+        rig: Says drive, load and what is declared.
+        joint: Which.
+        compliance: As in `build_samples` [rad/(N m)].
+
+    Raises:
+        IdentificationError: the training runs cannot identify the declared model.
+    """
+    train = build_samples(train_runs, rig, joint, compliance=compliance)
+    held = build_samples(held_runs, rig, joint, train.light.width_s, compliance)
+    context = context_of(train, rig, joint)
+    known = known_values(rig, joint)
+    train, held = without_known(train, known), without_known(held, known)
+    servo = context.drive == "position_servo"
+    declared_gain = context.declared.get("drive_gain")
+    first = Columns(train, declared_gain=declared_gain)
+    plain = fit_declared(first, declared_terms(rig, joint), context)
+    labels = ["drive gain", *(p.name for t in plain.terms for p in t.effect.coefficients)]
+    least_squares(first.design(plain.terms), first.target, names=labels, max_condition=MAX_CONDITION)
+    require_consistent_signs(first, plain, joint, context.drive)
+    return Prepared(
+        train=first.with_model(plain.beta, servo=servo),
+        held=Columns(held, declared_gain=declared_gain).with_model(plain.beta, servo=servo),
+        terms=plain.terms,
+        floor=plain.gain * train.floor.torque(float(plain.beta[0]), float(plain.beta[1])),
+        context=context,
+        declared=(*(t.effect.id for t in plain.terms), *(key.partition(".")[0] for key in rig.declared[joint])),
+    )

@@ -1,0 +1,126 @@
+"""Least squares of a set of effects, with everything cross-validation needs in one pass.
+
+Residuals are told in the drive's effort: K (z - z_hat), the effort that the model asks too little (`columns`).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from drake_tc.diagnosis.problem.bounded import collinear, cross_validated
+from drake_tc.diagnosis.problem.columns import FOLDS, Columns, Term, fold_of
+from drake_tc.effects.servo_gain import ServoGain
+from drake_tc.types import FloatArray
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Least squares of one set of terms.
+
+    Attributes:
+        terms: In the order of the columns, after the drive's own.
+        beta: (1 + sum k,) [1/K, theta ...].
+        residual: (N,) K (z - z_hat) on the training rows [effort].
+        rms: Of the residual.
+        cv_rms: The same, every fold predicted from the others, noise let through weighed (`Columns.noise_ratio`).
+        block_sse: (B,) cross-validated squared residual by block [effort^2].
+        block_rows: (B,) rows by block.
+    """
+
+    terms: tuple[Term, ...]
+    beta: FloatArray
+    residual: FloatArray
+    rms: float
+    cv_rms: float
+    block_sse: FloatArray
+    block_rows: FloatArray
+
+    @property
+    def gain(self) -> float:
+        """K [effort/(N m)]."""
+        return float(1.0 / self.beta[0]) if self.beta[0] > 0.0 else float("nan")
+
+    @property
+    def size(self) -> int:
+        """Number of parameters, shapes included."""
+        return 1 + sum(t.size for t in self.terms)
+
+
+def bounds_of(terms: Sequence[Term], declared_gain: float | None = None) -> tuple[FloatArray, FloatArray]:
+    """Lower and upper bounds of beta; 1/K is held at a declared gain unless an effect says that it is wrong."""
+    free = declared_gain is None or any(isinstance(t.effect, ServoGain) for t in terms)
+    lower, upper = (
+        ([1e-12], [np.inf]) if free or declared_gain is None else ([1.0 / declared_gain], [1.0 / declared_gain])
+    )
+    for term in terms:
+        lower += [p.lower for p in term.effect.coefficients]
+        upper += [p.upper for p in term.effect.coefficients]
+    return np.array(lower), np.array(upper)
+
+
+@dataclass(frozen=True)
+class Score:
+    """Coefficients and errors of a set of terms without its residual.
+
+    Attributes:
+        terms: In the order of the columns.
+        beta: (1 + sum k,). by_fold: (FOLDS, 1 + sum k) fitted without each fold.
+        cv_rms: Cross-validated, noise let through weighed.
+        gain: K in which errors are told. noise_correction: Weight of the noise let through.
+    """
+
+    terms: tuple[Term, ...]
+    beta: FloatArray
+    by_fold: FloatArray
+    cv_rms: float
+    gain: float
+    noise_correction: float
+
+
+def score(columns: Columns, terms: Sequence[Term]) -> Score:
+    """Least squares with blockwise cross-validation, from normal equations alone."""
+    normal = columns.normal(terms)
+    low, high = bounds_of(terms, columns.declared_gain)
+    beta, by_fold = cross_validated(normal.grams, normal.moments, low, high)
+    gain = columns.gain or 1.0 / float(beta[0])
+    correction = np.inf if collinear(normal.grams.sum(0)) else columns.noise_ratio(beta, terms)
+    total = 0.0
+    for part, gram, moment, square in zip(by_fold, normal.grams, normal.moments, normal.squares, strict=True):
+        error = square - 2.0 * part @ moment + part @ gram @ part
+        total += max(float(error), 0.0)
+    cv_rms = gain * correction * float(np.sqrt(total / columns.target.size))
+    return Score(tuple(terms), beta, by_fold, cv_rms, gain, correction)
+
+
+def fit(columns: Columns, terms: Sequence[Term]) -> Fit:
+    """Least squares with blockwise cross-validation, from normal equations of the folds.
+
+    Args:
+        columns: Reduced columns of the training rows.
+        terms: The effects.
+    """
+    found = score(columns, terms)
+    x, z, block = columns.design(terms), columns.target, columns.samples.block
+    folds = fold_of(block)
+    held = np.empty_like(z)
+    for f in range(FOLDS):
+        rows = folds == f
+        held[rows] = z[rows] - x[rows] @ found.by_fold[f]
+    held = held * (found.gain * found.noise_correction)
+    residual = (z - x @ found.beta) * found.gain
+    count = int(block.max()) + 1
+    return Fit(
+        terms=found.terms,
+        beta=found.beta,
+        residual=residual,
+        rms=float(np.sqrt(np.mean(residual**2))),
+        cv_rms=float(np.sqrt(np.mean(held**2))),
+        block_sse=np.bincount(block, held**2, count).astype(float),
+        block_rows=np.bincount(block, minlength=count).astype(float),
+    )
+
+
+def predict(columns: Columns, fitted: Fit) -> FloatArray:
+    """Residual K (z - z_hat) (N,) of a fit on other samples, e.g. held-out runs."""
+    return np.asarray((columns.target - columns.design(fitted.terms) @ fitted.beta) * (columns.gain or fitted.gain))

@@ -1,0 +1,1 @@
+"""Joints that share causes: one regression of all torque balances."""

@@ -1,0 +1,197 @@
+"""The causes that no single joint owns: their names, parameters, tolerances and columns over a rig's runs."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import islice
+
+import numpy as np
+
+from drake_tc.diagnosis.problem.shared import cause_columns
+from drake_tc.diagnosis.problem.shared.body_motion import (
+    BodyMotion,
+    Structure,
+    body_motion,
+    joint_is_prismatic,
+    structure_of,
+)
+from drake_tc.estimation.off_line import Row, smoothed
+from drake_tc.estimation.robot_loads import RobotLogs, off_line_filter, usable_stretches
+from drake_tc.logs.record import Run
+from drake_tc.logs.rig import Rig
+from drake_tc.types import BoolArray, FloatArray
+
+GRID_SECONDS = 0.01
+"""Columns are computed this often and interpolated: they have passed filters of three times that width."""
+
+TITLES: Mapping[str, str] = {
+    "link_mass": "mass of a link",
+    "link_com": "centre of mass of a link",
+    "ft_bias": "bias of an F/T sensor",
+    "ft_gain": "gain of an F/T sensor",
+    "imu_bias": "bias of the IMU",
+}
+"""Causes that may be reported. Others are estimated along within their tolerances and never reported."""
+AXES = ("x", "y", "z")
+
+
+@dataclass(frozen=True)
+class Cause:
+    """One cause.
+
+    Attributes:
+        id: As in `TITLES`.
+        where: Link or sensor.
+        parameters: Names. units: of each.
+        columns: Its places among all columns.
+        tolerance: (p,) standard deviations that its sensor's data sheet or owner gives the parameters; empty where
+            nothing is known of them (a link's mass).
+    """
+
+    id: str
+    where: str
+    parameters: tuple[str, ...]
+    units: tuple[str, ...]
+    columns: slice
+    tolerance: tuple[float, ...] = ()
+
+    @property
+    def key(self) -> str:
+        """`id` and `where` in one word."""
+        return f"{self.id}@{self.where}"
+
+    @property
+    def scales(self) -> bool:
+        """Whether it scales readings or the model; a bias adds to them."""
+        return self.id not in ("ft_bias", "imu_bias")
+
+    @property
+    def size(self) -> int:
+        """Number of parameters."""
+        return len(self.parameters)
+
+    def physical(self, delta: FloatArray) -> FloatArray:
+        """Reported parameters from delta (p,): what the sensor adds, or what the model lacks."""
+        if self.id in ("link_mass", "link_com"):
+            return np.asarray(-delta)
+        if self.id in ("ft_gain", "imu_gain"):
+            return np.asarray(delta / (1.0 - delta))
+        return np.asarray(delta)
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """Columns over one stretch of a run: time (G,) [s] and values (G, n, P)."""
+
+    time: FloatArray
+    values: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class CauseColumns:
+    """All causes' columns over a set of runs.
+
+    Attributes:
+        causes: In the order of the columns.
+        joints: Of the columns, n.
+        pieces: By run name.
+    """
+
+    causes: tuple[Cause, ...]
+    joints: tuple[str, ...]
+    pieces: Mapping[str, tuple[Piece, ...]]
+
+    def of(self, run: str, joint: str, time: FloatArray) -> FloatArray:
+        """(T, P) at times of a run; 0 outside its usable stretches."""
+        j = self.joints.index(joint)
+        width = self.causes[-1].columns.stop
+        out = np.zeros((time.size, width))
+        for piece in self.pieces[run]:
+            inside = (time >= piece.time[0] - 1e-9) & (time <= piece.time[-1] + GRID_SECONDS)
+            for column in range(width):
+                out[inside, column] = np.interp(time[inside], piece.time, piece.values[:, j, column])
+        return out
+
+
+def list_causes(logs: RobotLogs, structure: Structure, rig: Rig) -> tuple[Cause, ...]:
+    """Every cause that this robot's torques can have, with the rig's tolerances."""
+    found: list[Cause] = []
+
+    def add(name: str, where: str, parts: Sequence[tuple[str, str]], tolerance: Sequence[float] = ()) -> None:
+        first = found[-1].columns.stop if found else 0
+        names, units = zip(*parts, strict=True)
+        found.append(Cause(name, where, names, units, slice(first, first + len(parts)), tuple(tolerance)))
+
+    for link in structure.links:
+        add("link_mass", link.name, [("mass", "kg")])
+    for link in structure.links:
+        add("link_com", link.name, [(f"com_{a}", "m") for a in AXES])
+    turns = [(f"turn_{a}", "rad") for a in AXES]
+    for mount in logs.robot.force_torque:
+        known = rig.force_torque_tolerance(mount.name)
+        biases = [(f"force_{a}", "N") for a in AXES] + [(f"torque_{a}", "N*m") for a in AXES]
+        add("ft_bias", mount.name, biases, [known.force_bias] * 3 + [known.torque_bias] * 3)
+        add("ft_gain", mount.name, [("force", "-"), ("torque", "-")], [known.gain] * 2)
+        add("ft_alignment", mount.name, turns, [known.alignment] * 3)
+    if logs.reads_imu:
+        name = logs.robot.imu[0].name
+        imu = rig.imu_tolerance(name)
+        biases = [(f"accel_{a}", "m/s^2") for a in AXES] + [(f"gyro_{a}", "rad/s") for a in AXES]
+        add("imu_bias", name, biases, [imu.accel_bias] * 3 + [imu.gyro_bias] * 3)
+        add("imu_gain", name, [("accel", "-")], [imu.gain])
+        add("imu_alignment", name, turns, [imu.alignment] * 3)
+    return tuple(found)
+
+
+def columns_over(logs: RobotLogs, runs: Sequence[Run], rig: Rig) -> CauseColumns:
+    """The causes' columns over runs that have the sensors' columns."""
+    structure = structure_of(logs.model)
+    slides = joint_is_prismatic(logs.model)
+    pieces = {
+        run.name: tuple(_piece(logs, structure, slides, run, part) for part in usable_stretches(run)) for run in runs
+    }
+    return CauseColumns(list_causes(logs, structure, rig), logs.robot.joints, pieces)
+
+
+def _piece(logs: RobotLogs, structure: Structure, slides: BoolArray, run: Run, part: slice) -> Piece:
+    sensors = logs.sensors(run, part)
+    every = max(1, round(GRID_SECONDS / run.period))
+    rows = list(islice(smoothed(logs.model, sensors, off_line_filter(run.period), None), 0, None, every))
+    motion = body_motion(logs.model, structure, rows)
+    blocks = [cause_columns.mass_column(motion, link, i, slides) for i, link in enumerate(structure.links)]
+    blocks += [cause_columns.com_columns(motion, link, i, slides) for i, link in enumerate(structure.links)]
+    wrench = np.array([row[5] for row in rows])
+    for k in range(len(logs.robot.force_torque)):
+        reading, own = cause_columns.reading_columns(motion, structure, k, slides), wrench[:, 6 * k : 6 * k + 6]
+        blocks += [reading, cause_columns.gain_columns(reading, own), cause_columns.alignment_columns(reading, own)]
+    if logs.reads_imu:
+        blocks += _imu(logs, structure, slides, rows, motion)
+    return Piece(run.time[part][::every], np.concatenate(blocks, axis=2))
+
+
+def _imu(
+    logs: RobotLogs, structure: Structure, slides: BoolArray, rows: Sequence[Row], motion: BodyMotion
+) -> list[FloatArray]:
+    """Columns of the IMU's biases, of the accelerometer's gain and of the IMU's alignment."""
+
+    def after(change: Callable[[FloatArray, Row], Row]) -> Callable[[FloatArray], BodyMotion]:
+        def at(size: FloatArray) -> BodyMotion:
+            if not size.any():
+                return motion
+            return body_motion(logs.model, structure, [change(size, row) for row in rows])
+
+        return at
+
+    def shifted(offset: FloatArray, row: Row) -> Row:
+        q, v, a, imu, rate, wrench = row
+        return q, v, a, imu + np.concatenate([offset, np.zeros(3)]), rate, wrench
+
+    def turned(angle: FloatArray, row: Row) -> Row:
+        q, v, a, imu, rate, wrench = row
+        more = [imu[:3] + np.cross(angle, imu[:3]), imu[3:] + np.cross(angle, imu[3:])]
+        return q, v, a, np.concatenate(more), rate + np.cross(angle, rate), wrench
+
+    accel = cause_columns.accelerometer_columns(motion, structure, slides)
+    gyro = cause_columns.gyro_columns(after(shifted), structure, slides)
+    felt = np.array([row[3][3:] for row in rows])
+    gain = np.einsum("tjp,tp->tj", accel, felt)[:, :, None]
+    return [accel, gyro, gain, cause_columns.gyro_columns(after(turned), structure, slides)]

@@ -1,0 +1,286 @@
+"""The torque balances of all joints as one regression: each joint has its own drive and friction, all share delta.
+
+    z_j = X_j beta_j + C_j delta + e_j,   e_j ~ (0, sigma_j^2)                              joints j = 1 ... n
+
+z_j = tau_meas + J qddot and X_j are those of the joint's own regression (`problem.regression`); C_j are the causes'
+columns through the same filters. Parameters with a tolerance t_i have the prior delta_i ~ N(0, t_i^2), cut
+off at three of them; the others have none. The estimate is the posterior's mode,
+
+    min  sum_j n_j log(|e_j|^2/K_j^-2) + sum_i delta_i^2/t_i^2   with |delta_i| <= 3 t_i
+
+e_j(delta) is what the joint's own least squares leave. K_j^-1(delta) is its first coefficient as a function of those
+delta that scale readings or the model (gains, alignments, masses), so that these residuals count in effort, by the
+drive gain of the fit itself. In torque, such delta could shrink all torques together, and the drive gains' inverses
+with them: the residual would shrink too, which explains nothing. (These columns hold the noise of z itself. Biases'
+columns hold none and stay as they are. The others' own noise is neglected: an error of g_j sigma_j^2/|C~_j|^2, some
+1e-3 of a delta.) It is solved by Gauss-Newton steps: with C~_j what X_j leaves of C_j and g_j = -d log(1/K_j)/d
+delta,
+
+    H = sum_j w_j (C~_j - e_j g_j')' (C~_j - e_j g_j') + diag(1/t_i^2),   w_j = (n_j/N_j)/sigma_j^2
+
+N_j rows that are correlated in time say as much as n_j independent ones (N_j over their integrated autocorrelation
+time: the variance of a mean of N correlated values is sigma^2/n): without n_j/N_j the prior would be overruled by
+noise that the rows repeat. sigma_j and n_j follow from the fit itself; the beta_j are eliminated joint by joint, so
+that only the few delta are solved for together. Cross-validation: folds of neighbouring half seconds, the same
+instants for all joints.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from drake_tc.diagnosis.data.samples import Samples
+from drake_tc.diagnosis.data.sliding import BLOCK_SECONDS
+from drake_tc.diagnosis.problem.columns import FOLDS, Columns, Term
+from drake_tc.diagnosis.problem.shared.causes import CauseColumns
+from drake_tc.diagnosis.selection.comparison import effective_samples
+from drake_tc.types import BoolArray, FloatArray, IntArray
+
+ROUNDS = 4
+"""Of weighting and Gauss-Newton steps: the noise of each joint follows from the fit."""
+LEAST_STIFFNESS = 0.2
+"""Of a joint's own fit: causes that take more of 1/K away have explained the torque itself away."""
+LEAST_NOISE = 1e-6
+"""Of a joint's own fit's residual, at least: no joint weighs more than this lets it."""
+CUT_OFF = 3.0
+"""Tolerances that a parameter with a prior reaches at most."""
+
+
+@dataclass(frozen=True, eq=False)
+class JointRows:
+    """One joint's rows.
+
+    Attributes:
+        joint: Name.
+        samples: Where the rows come from.
+        own: (N, k) X. shared: (N, P) C of all causes. target: (N,) z.
+        block: (N,) half seconds, numbered alike for all joints.
+        grams: (FOLDS, m, m) of [X, C, z] by fold, m = k + P + 1.
+        scaling: (P,) columns that scale what z is made of; None: all.
+    """
+
+    joint: str
+    samples: Samples
+    own: FloatArray
+    shared: FloatArray
+    target: FloatArray
+    block: IntArray
+    grams: FloatArray
+    scaling: BoolArray | None = None
+
+    def scales(self, columns: IntArray) -> FloatArray:
+        """(p,) 1.0 where these columns scale what z is made of, else 0.0."""
+        return np.ones(columns.size) if self.scaling is None else self.scaling[columns].astype(np.float64)
+
+    @property
+    def width(self) -> int:
+        """Number of own columns k."""
+        return int(self.own.shape[1])
+
+
+@dataclass(frozen=True, eq=False)
+class StackedFit:
+    """One set of causes fitted to all joints.
+
+    Attributes:
+        columns: (p,) which columns delta belongs to.
+        tolerance: (p,) standard deviations of the prior; infinite where there is none.
+        delta: (p,). beta: by joint, (k,).
+        sigma: (n,) RMS residual [N m].
+        effective: (n,) n_j/N_j, the share of the rows that say something of their own.
+        cv_rms: (n,) the same, every fold predicted from the others, times the drive's gain [effort]: torques that are
+            shrunk by a cause, and the drive's stiffness with them, explain nothing by that. Infinite where next to
+            nothing of the stiffness is left.
+    """
+
+    columns: IntArray
+    tolerance: FloatArray
+    delta: FloatArray
+    beta: tuple[FloatArray, ...]
+    sigma: FloatArray
+    effective: FloatArray
+    cv_rms: FloatArray
+
+    def residual(self, rows: JointRows, number: int) -> FloatArray:
+        """(N,) of one joint [N m]."""
+        explained = rows.own @ self.beta[number] + rows.shared[:, self.columns] @ self.delta
+        return np.asarray(rows.target - explained)
+
+
+def _block_keys(samples: Samples) -> IntArray:
+    time = samples.signals.time[samples.rows]
+    return np.asarray(samples.run.astype(np.int64) * 10**7 + np.floor(time / BLOCK_SECONDS).astype(np.int64))
+
+
+def stack(
+    columns: Mapping[str, Columns], terms: Mapping[str, Sequence[Term]], causes: CauseColumns
+) -> tuple[JointRows, ...]:
+    """The rows of all joints.
+
+    Args:
+        columns: By joint, the training rows.
+        terms: By joint, what its own model holds.
+        causes: Columns over the same runs.
+    """
+    keys = {joint: _block_keys(c.samples) for joint, c in columns.items()}
+    known = np.unique(np.concatenate(list(keys.values())))
+    scaling = np.concatenate([np.full(c.size, c.scales) for c in causes.causes])
+    stacked = []
+    for joint, each in columns.items():
+        shared = each.samples.reduce(_over_samples(each.samples, joint, causes), fresh=True)
+        own = each.design(terms[joint])
+        block = np.searchsorted(known, keys[joint])
+        fold = (block // 2) % FOLDS
+        every = np.column_stack([own, shared, each.target])
+        grams = np.stack([every[fold == f].T @ every[fold == f] for f in range(FOLDS)])
+        stacked.append(JointRows(joint, each.samples, own, shared, each.target, block, grams, scaling))
+    return tuple(stacked)
+
+
+def _over_samples(samples: Samples, joint: str, causes: CauseColumns) -> FloatArray:
+    """(T, P) of one joint on the samples' own clock."""
+    time, run = samples.signals.time, samples.run_of_sample
+    out = np.zeros((time.size, causes.causes[-1].columns.stop))
+    for number, name in enumerate(samples.runs):
+        inside = run == number
+        out[inside] = causes.of(name, joint, time[inside])
+    return out
+
+
+@dataclass(frozen=True, eq=False)
+class _Problem:
+    """Which causes are fitted, what the rows weigh, and where the next step starts."""
+
+    columns: IntArray
+    tolerance: FloatArray
+    sigma: FloatArray
+    effective: FloatArray
+    delta: FloatArray
+
+
+def fit_stacked(
+    rows: Sequence[JointRows],
+    columns: IntArray,
+    tolerance: FloatArray | None = None,
+    sigma: FloatArray | None = None,
+    effective: FloatArray | None = None,
+) -> StackedFit:
+    """Fit the causes of these columns, (p,) places; none gives each joint's own fit.
+
+    Args:
+        rows: From `stack`.
+        columns: (p,).
+        tolerance: (p,) standard deviations of the prior, infinite where there is none; None: none anywhere.
+        sigma: (n,) noise to weigh by first [N m]; None takes that of the joints' own fits.
+        effective: (n,) n_j/N_j to weigh by; None: from the residuals.
+    """
+    nobody = np.zeros(0, dtype=np.int64)
+    own = [_own(r, _kept(r, nobody)) for r in rows]
+    alone = np.array([_rms(r, beta, nobody, np.zeros(0)) for r, beta in zip(rows, own, strict=True)])
+    prior = np.full(columns.size, np.inf) if tolerance is None else tolerance
+    start = np.ones(len(rows)) if effective is None else effective
+    zero = np.zeros(columns.size)
+    result = _fit(rows, _Problem(columns, prior, alone if sigma is None else sigma, start, zero))
+    for _ in range(ROUNDS - 1 if columns.size else 0):
+        share = effective_rows(rows, result) / _counts(rows) if effective is None else effective
+        noise = np.maximum(result.sigma, LEAST_NOISE * alone)
+        result = _fit(rows, _Problem(columns, prior, noise, share, result.delta))
+    least = LEAST_STIFFNESS * np.array([beta[0] for beta in own])
+    gone = np.array([beta[0] for beta in result.beta]) < least
+    return replace(result, cv_rms=np.where(gone, np.inf, result.cv_rms))
+
+
+def _counts(rows: Sequence[JointRows]) -> FloatArray:
+    return np.array([r.target.size for r in rows], dtype=np.float64)
+
+
+def _fit(rows: Sequence[JointRows], problem: _Problem) -> StackedFit:
+    columns, widths = problem.columns, [r.width for r in rows]
+    totals = [_kept(r, columns) for r in rows]
+    delta = _solve_delta(totals, widths, problem, rows[0].scales(columns))
+    beta = tuple(_own(r, g, delta) for r, g in zip(rows, totals, strict=True))
+    held = np.zeros(len(rows))
+    for f in range(FOLDS):
+        parts = [_kept(r, columns, f) for r in rows]
+        rest = [g - p for g, p in zip(totals, parts, strict=True)]
+        without = _solve_delta(rest, widths, replace(problem, delta=delta), rows[0].scales(columns))
+        for j, (r, g, p) in enumerate(zip(rows, rest, parts, strict=True)):
+            v = np.concatenate([_own(r, g, without), without, [-1.0]])
+            held[j] += max(float(v @ p @ v), 0.0)
+    spread = np.array([_rms(r, b, columns, delta) for r, b in zip(rows, beta, strict=True)])
+    stiffness = np.array([max(float(b[0]), 1e-9) for b in beta])
+    error = np.sqrt(held / _counts(rows)) / stiffness
+    return StackedFit(columns, problem.tolerance, delta, beta, spread, problem.effective, error)
+
+
+def _kept(rows: JointRows, columns: IntArray, fold: int | None = None) -> FloatArray:
+    """Gram of [X, C of these columns, z]."""
+    gram = rows.grams.sum(axis=0) if fold is None else rows.grams[fold]
+    k = rows.width
+    index = np.concatenate([np.arange(k), k + columns, [gram.shape[0] - 1]])
+    return np.asarray(gram[np.ix_(index, index)])
+
+
+def inverse(gram: FloatArray) -> FloatArray:
+    """Pseudo-inverse of a Gram matrix, scaled to unit diagonal first: what no row excites stays 0."""
+    scale = np.sqrt(np.maximum(np.diag(gram), 0.0))
+    scale = np.where(scale > 1e-12 * max(scale.max(initial=0.0), 1e-300), scale, np.inf)
+    return np.asarray(
+        np.linalg.pinv(gram / np.outer(scale, scale), rcond=1e-10, hermitian=True) / np.outer(scale, scale)
+    )
+
+
+def _solve_delta(
+    grams: Sequence[FloatArray], widths: Sequence[int], problem: _Problem, scales: FloatArray
+) -> FloatArray:
+    """(p,) after one Gauss-Newton step from the problem's delta, over all joints and the prior."""
+    p = problem.columns.size
+    if p == 0:
+        return np.zeros(0)
+    left, right = np.diag(1.0 / problem.tolerance**2), np.zeros(p)
+    weights = problem.effective / problem.sigma**2
+    seen = np.concatenate([-problem.delta, [1.0]])
+    for gram, k, weight in zip(grams, widths, weights, strict=True):
+        response = inverse(gram[:k, :k]) @ gram[:k, k:]
+        rest = gram[k:, k:] - gram[k:, :k] @ response
+        stiffness = max(float(response[0] @ seen), 1e-9)
+        change = np.append(scales * response[0, :p] / stiffness, 0.0)[:, None]
+        error, size = (rest @ seen)[:, None], float(seen @ rest @ seen)
+        effort = rest - error @ change.T - change @ error.T + size * change @ change.T
+        left += weight * effort[:p, :p]
+        step = (error - size * change)[:p, 0]
+        right += weight * (step + effort[:p, :p] @ problem.delta)
+    return _cut_off(left, right, CUT_OFF * problem.tolerance)
+
+
+def _cut_off(left: FloatArray, right: FloatArray, most: FloatArray) -> FloatArray:
+    """Argmin d' L d / 2 - r' d with |d| <= most (p,), by an active set that only grows; what no row excites stays 0."""
+    delta = np.asarray(inverse(left) @ right)
+    fixed = np.zeros(delta.size, dtype=np.bool_)
+    while True:
+        outside = ~fixed & (np.abs(delta) > most * (1.0 + 1e-9))
+        if not outside.any():
+            return delta
+        fixed |= outside
+        delta[outside] = np.clip(delta[outside], -most[outside], most[outside])
+        free = ~fixed
+        rest = right[free] - left[np.ix_(free, fixed)] @ delta[fixed]
+        delta[free] = inverse(left[np.ix_(free, free)]) @ rest
+
+
+def _own(rows: JointRows, gram: FloatArray, delta: FloatArray | None = None) -> FloatArray:
+    """(k,) beta_j for given delta."""
+    k = rows.width
+    shift = 0.0 if delta is None or delta.size == 0 else gram[:k, k:-1] @ delta
+    return np.asarray(inverse(gram[:k, :k]) @ (gram[:k, -1] - shift))
+
+
+def _rms(rows: JointRows, beta: FloatArray, columns: IntArray, delta: FloatArray) -> float:
+    rest = rows.target - rows.own @ beta - rows.shared[:, columns] @ delta
+    return float(np.sqrt(np.mean(rest**2)))
+
+
+def effective_rows(rows: Sequence[JointRows], fitted: StackedFit) -> FloatArray:
+    """(n,) rows that say something of their own, by joint."""
+    return np.array([effective_samples(fitted.residual(r, j), r.samples) for j, r in enumerate(rows)])

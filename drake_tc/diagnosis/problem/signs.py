@@ -1,0 +1,72 @@
+"""Columns whose signs contradict each other: refused before anything is fitted to them.
+
+The torque balance of a joint with its load reads, in the declared model,
+
+    y = K (tau + J qddot) + F_v qdot + F_c s + c + e,   K >= 0
+
+An effort that goes against the balance altogether (1/K <= 0 in the declared model's own fit), or a load tau whose
+negative leaves at most half as much of an effort that is far from explained, is a column of the wrong sign and not a
+property of the joint.
+"""
+
+import numpy as np
+
+from drake_tc.diagnosis.problem.columns import Columns
+from drake_tc.diagnosis.problem.regression import Fit
+from drake_tc.effects.base import EFFORT_UNIT, DriveKind
+from drake_tc.errors import IdentificationError
+from drake_tc.types import FloatArray
+
+NO_STIFFNESS = 1e-9
+"""1/K over the torque per effort of the rows, at or below which the effort does not enter the balance."""
+CLEARLY_WORSE = 2.0
+"""Error of the balance with the load as it is over that with the load turned, from which the sign is wrong.
+
+A missing effect that follows the motion can make the turned load fit better, but hardly twice as well."""
+LEAST_UNEXPLAINED = 0.1
+"""Share of the effort that the balance must leave before a sign is questioned: a missing effect of a few per cent can
+weigh more than the load of a joint that works against its own friction and rotor."""
+
+
+def require_consistent_signs(columns: Columns, declared: Fit, joint: str, drive: DriveKind) -> None:
+    """Refuse rows whose load or effort has the wrong sign.
+
+    Args:
+        columns: Training rows.
+        declared: The declared model, fitted to them.
+        joint: For the message.
+        drive: For the message.
+
+    Raises:
+        IdentificationError: One line that names the column and the repair.
+    """
+    samples = columns.samples
+    s = samples.signals
+    effort = samples.reduce(s.effort)
+    typical = float(np.std(columns.target)) / max(float(np.std(effort)), 1e-300)
+    command = {"position_servo": "position_command", "current": "current", "voltage": "voltage"}[drive]
+    if declared.beta[0] <= NO_STIFFNESS * typical:
+        raise IdentificationError(
+            f"joint {joint}: the torque does not rise with the effort (drive gain not identifiable, "
+            f"{EFFORT_UNIT[drive]}/(N*m)): the sign of the torque or of the {command} column is wrong, or they belong "
+            f"to different joints; try units: {{torque: -N*m}} in the rig file"
+        )
+    load = samples.reduce(s.load_torque)
+    inertia = s.rotor_inertia * samples.reduce(s.acceleration)
+    friction = np.column_stack([samples.reduce(s.velocity), samples.reduce(s.direction), np.ones(load.size)])
+    as_it_is, turned = (_unexplained(effort, x + inertia, friction) for x in (load, -load))
+    if as_it_is > max(CLEARLY_WORSE * turned, LEAST_UNEXPLAINED * float(np.std(effort))):
+        raise IdentificationError(
+            f"joint {joint}: the load torque has the wrong sign: turned, it leaves {turned:.3g} {EFFORT_UNIT[drive]} "
+            f"of the effort unexplained, as it is {as_it_is:.3g}; turn one of the columns with units: "
+            f"{{torque: -N*m}} or units: {{{command}: -{EFFORT_UNIT[drive]}}} in the rig file"
+        )
+
+
+def _unexplained(effort: FloatArray, torque: FloatArray, friction: FloatArray) -> float:
+    """RMS of the effort (N,) that the balance with this joint torque (N,) leaves, its gain K not negative."""
+    columns = np.column_stack([torque, friction])
+    solution = np.linalg.lstsq(columns, effort, rcond=None)[0]
+    if solution[0] < 0.0:
+        columns, solution = friction, np.linalg.lstsq(friction, effort, rcond=None)[0]
+    return float(np.sqrt(np.mean((effort - columns @ solution) ** 2)))

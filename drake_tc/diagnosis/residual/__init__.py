@@ -1,0 +1,1 @@
+"""What the final model leaves, held against the noise floor."""

@@ -1,0 +1,261 @@
+"""What is left of the residual: does it depend on recorded signals, or on a stretch of time?
+
+Only signals whose own noise does not enter the residual may explain it. The residual holds the noise of the torque
+channel and of the lightly filtered motion; a function of those two would find their noise in it and call it structure.
+The features are therefore the command, the motion after a kernel three times as wide, and the load torque that the
+model expects from these two.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from sklearn.ensemble import HistGradientBoostingRegressor
+
+from drake_tc.diagnosis.data.samples import Samples
+from drake_tc.diagnosis.residual.stretches import loud_stretches, spectral_line
+from drake_tc.diagnosis.residual.unexplained import DataSplit, Unexplained
+from drake_tc.filtering.common_kernel import CommonKernel
+from drake_tc.identification.autocorrelation import correlation_time
+from drake_tc.types import BoolArray, FloatArray, IntArray
+
+MOST_ROWS = 12_000
+GROUP_SECONDS = 1.5
+WIDER = 3.0
+"""Width of the features' kernel over the light kernel's."""
+FEATURES = ("velocity", "acceleration", "position", "expected_torque", "command", "direction", "travel", "temperature")
+
+
+@dataclass(frozen=True)
+class ResidualOptions:
+    """When a remainder counts as structure, and when it counts as more than noise.
+
+    Attributes:
+        least_floors: RMS of the residual in noise floors below which nothing is flagged.
+        most_floors: ... above which more is left than the floor explains, if it is also more than `least_of_before`.
+        least_fraction: Smallest share of the residual's variance that a function of the signals must explain.
+        least_rms: Smallest RMS of that share, in noise floors.
+        least_of_before: ... and as a share of the error before.
+        least_log_evidence: Evidence of that share, in effective samples of what is left: noise that wanders has few.
+        most_growth: How many times the training error the held-out one may be: beyond it the model does not carry over.
+        least_growth: ... by at least this share of the held-out error before; so too for all that lies beyond the
+            range of the training runs, for stretches and for lines.
+        least_burst: How many times the typical half-second RMS a confined stretch must reach.
+        least_line: Share of the residual's variance that one spectral line must hold.
+    """
+
+    least_floors: float = 1.5
+    most_floors: float = 3.0
+    least_fraction: float = 0.25
+    least_rms: float = 0.6
+    least_of_before: float = 0.05
+    least_log_evidence: float = 25.0
+    most_growth: float = 2.5
+    least_growth: float = 0.25
+    least_burst: float = 3.0
+    least_line: float = 0.25
+
+
+def features(samples: Samples, beta: FloatArray, *, servo: bool) -> FloatArray:
+    """(N, 8) of the `FEATURES` on the rows; an unrecorded signal is constant.
+
+    Args:
+        samples: Of one split.
+        beta: (1 + k,) [1/K, F_v, F_c, ...] of the final model.
+        servo: Whether the effort is q_d - q.
+    """
+    s = samples.signals
+    wide = CommonKernel(WIDER * samples.light.actual_width_s, s.period)
+    q, v, a = (
+        np.nan_to_num(f(s.position, samples.segments)) for f in (wide.smooth, wide.derivative, wide.second_derivative)
+    )
+    effort = s.command - q if servo else s.command
+    expected = beta[0] * effort - beta[1] * v - beta[2] * s.direction - s.rotor_inertia * a
+    columns = (v, a, q, expected, s.command, s.direction, s.travel, s.temperature)
+    return np.asarray(np.nan_to_num(np.stack([c[samples.rows] for c in columns], axis=-1)))
+
+
+def inside_range(train: FloatArray, held: FloatArray, margin: float = 0.05) -> BoolArray:
+    """Held-out rows (M,) whose signals lie where the training rows (N, 8) have been.
+
+    Beyond it the found effects extrapolate: an error there says how their curve goes on, not that a cause is missing.
+    """
+    low, high = train.min(axis=0), train.max(axis=0)
+    slack = margin * (high - low)
+    inside = np.all((held >= low - slack) & (held <= high + slack), axis=1)
+    return np.asarray(inside)
+
+
+def cross_predict(x: FloatArray, y: FloatArray, group: IntArray, seed: int, folds: int = 4) -> FloatArray:
+    """Out-of-fold predictions (N,) of a gradient-boosted tree; samples of one group share a fold."""
+    out = np.zeros_like(y)
+    fold = np.random.default_rng(seed).permutation(int(group.max()) + 1)[group] % folds
+    for f in range(folds):
+        model = _trees(seed, max_leaf_nodes=24, l2_regularization=1.0)
+        held = fold == f
+        if held.any() and (~held).sum() > 100:
+            model.fit(x[~held], y[~held])
+            out[held] = model.predict(x[held])
+    return out
+
+
+def _trees(seed: int, **more: float) -> HistGradientBoostingRegressor:
+    return HistGradientBoostingRegressor(
+        max_iter=80, learning_rate=0.12, min_samples_leaf=40, random_state=seed, **more
+    )
+
+
+def share_explained(y: FloatArray, predicted: FloatArray) -> float:
+    """1 - sum (y - yhat)^2 / sum (y - mean)^2, at least 0."""
+    return max(0.0, 1.0 - float(np.sum((y - predicted) ** 2) / max(np.sum((y - y.mean()) ** 2), 1e-300)))
+
+
+@dataclass(frozen=True, eq=False)
+class _Rows:
+    """Both splits' rows, thinned: features, clipped residual, run, time, group; which are held out and inside."""
+
+    x: FloatArray
+    y: FloatArray
+    held: BoolArray
+    run: IntArray
+    clock: FloatArray
+    group: IntArray
+    carried: bool
+
+
+def _rows(train: DataSplit, held: DataSplit, x: tuple[FloatArray, FloatArray]) -> _Rows:
+    inside = inside_range(*x)
+    carried = bool(inside.sum() >= max(300, 0.05 * inside.size))
+    inside = inside if carried else np.ones_like(inside)
+    y = np.concatenate([s.after for s in (train, held)])
+    is_held = np.concatenate([np.zeros(train.after.size, bool), inside])
+    time = np.concatenate([s.samples.signals.time[s.samples.rows] for s in (train, held)])
+    run = np.concatenate([train.samples.run, held.samples.run + len(train.samples.runs)])
+    stride = max(1, int(np.ceil(y.size / MOST_ROWS)))
+    thin = slice(None, None, stride)
+    y, time, run = y[thin].copy(), time[thin], run[thin]
+    for rows in (run >= len(train.samples.runs), run < len(train.samples.runs)):
+        spread = 3.0 * float(np.percentile(np.abs(y[rows]), 95.0))
+        y[rows] = np.clip(y[rows], -spread, spread)
+    group = np.unique(run * 10**6 + (time / GROUP_SECONDS).astype(int), return_inverse=True)[1]
+    clock = np.stack([time, run.astype(float)], axis=-1)
+    return _Rows(np.concatenate(x)[thin], y, is_held[thin], run, clock, group, carried)
+
+
+@dataclass(frozen=True)
+class _Dependence:
+    """What functions of signals and time explain: share and RMS on held-out rows, evidence, and whether time helps."""
+
+    fraction: float
+    signals: float
+    rms: float
+    log_evidence: float
+    needs_time: bool
+
+
+def _dependence(rows: _Rows, seed: int) -> _Dependence:
+    by_signals = cross_predict(rows.x, rows.y, rows.group, seed)
+    by_both = cross_predict(np.hstack([rows.x, rows.clock]), rows.y, rows.group, seed)
+    by_time = cross_predict(rows.clock, rows.y, rows.group, seed)
+    y, held = rows.y, rows.held
+    signals = share_explained(y[held], by_signals[held])
+    both = share_explained(y, by_both)
+    interplay = both - share_explained(y, by_time)
+    fraction = max(signals, min(interplay, both))
+    left = y[held] - (by_signals if signals >= fraction else by_both)[held]
+    lengths = [int(n) for n in np.bincount(rows.run[held]) if n]
+    whole = y[held] - y[held].mean()
+    n_eff = left.size / max(correlation_time(part, lengths) for part in (left - left.mean(), whole))
+    evidence = -0.5 * n_eff * float(np.log(max(1.0 - fraction, 1e-9)))
+    rms = float(np.sqrt(fraction)) * float(np.std(y[held]))
+    return _Dependence(float(fraction), signals, rms, evidence, interplay > signals + 0.1)
+
+
+def assess_residual(
+    train: DataSplit,
+    held: DataSplit,
+    x: tuple[FloatArray, FloatArray],
+    floor: float,
+    options: ResidualOptions,
+    seed: int = 0,
+) -> Unexplained:
+    """What is left of both splits after the final model, and whether it is structure or simply more than noise.
+
+    Args:
+        train: Fitted rows. held: rows that took no part.
+        held: The same of the held-out runs.
+        x: Of each split, its `features`.
+        floor: Noise floor [effort].
+        options: Thresholds.
+        seed: Of the folds.
+    """
+    rms, train_rms = (float(np.sqrt(np.mean(s.after**2))) for s in (held, train))
+    before = float(np.sqrt(np.mean(held.before**2)))
+    floors = rms / floor if floor > 0.0 else np.inf
+    most = max(rms, train_rms) / floor if floor > 0.0 else np.inf
+    rows = _rows(train, held, x)
+    found = _dependence(rows, seed)
+    least = max(options.least_rms * floor, options.least_of_before * before)
+    enough = least if rows.carried else max(least, options.least_growth * before)
+    functional = (
+        found.fraction >= options.least_fraction
+        and found.rms >= enough
+        and found.log_evidence >= options.least_log_evidence
+    )
+    event = max(2.0 * least, options.most_floors * floor, options.least_growth * before)
+    stretches = tuple(s for split in (train, held) for s in loud_stretches(split, options.least_burst, event))
+    frequency, line = max((spectral_line(s) for s in (train, held)), key=lambda p: p[1])
+    periodic = line >= options.least_line and np.sqrt(line) * rms >= event
+    grown = (
+        rms > options.most_growth * train_rms
+        and rms - train_rms > max(least, options.least_growth * before)
+        and not stretches
+    )
+    structured = most >= options.least_floors and bool(functional or stretches or periodic or grown)
+    names = depends_on(rows.x, rows.y, rows.group, seed) if structured and (functional or grown) else []
+    if structured and ((found.needs_time and functional) or stretches or periodic):
+        names.append("time")
+    return Unexplained(
+        floors=float(floors),
+        floors_anywhere=float(most),
+        excess=is_excess((train, held), (floor, floor), options),
+        share_of_signal=_share_of_signal(held, rms),
+        fraction=found.fraction,
+        structured=structured,
+        depends_on=tuple(names),
+        confined_to=stretches if structured else (),
+        period_hz=frequency if structured and periodic else None,
+        explainable_rms=float(rms * np.sqrt(max(0.0, 1.0 - found.signals))),
+    )
+
+
+def is_excess(splits: Sequence[DataSplit], floors: Sequence[float], options: ResidualOptions) -> bool:
+    """Whether some split has more left than noise: more than its noise floor, and more than a remainder of what the
+    model explains, which an effect's imperfect form leaves.
+    """
+    for split, floor in zip(splits, floors, strict=True):
+        after, before = (float(np.sqrt(np.mean(x**2))) for x in (split.after, split.before))
+        if after > options.most_floors * floor and after > options.least_of_before * before:
+            return True
+    return False
+
+
+def _share_of_signal(split: DataSplit, rms: float) -> float:
+    """RMS of the residual over that of the effort on the same rows."""
+    effort = split.samples.signals.effort[split.samples.rows]
+    return rms / max(float(np.sqrt(np.mean(effort**2))), 1e-300)
+
+
+def depends_on(x: FloatArray, y: FloatArray, group: IntArray, seed: int) -> list[str]:
+    """Signals whose shuffling costs the flexible regressor at least 15 % of what the most important one costs."""
+    rng = np.random.default_rng(seed)
+    first = group % 2 == 0
+    model = _trees(seed).fit(x[first], y[first])
+    base = float(np.mean((y[~first] - model.predict(x[~first])) ** 2))
+    cost = np.zeros(x.shape[1])
+    for j in range(x.shape[1]):
+        shuffled = x[~first].copy()
+        shuffled[:, j] = rng.permutation(shuffled[:, j])
+        cost[j] = float(np.mean((y[~first] - model.predict(shuffled)) ** 2)) - base
+    order = [int(j) for j in np.argsort(-cost) if cost[j] > 0.15 * cost.max()]
+    return [FEATURES[j] for j in order if cost.max() > 0.0]

@@ -1,0 +1,82 @@
+"""What is left of a residual, as data."""
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+from drake_tc.diagnosis.data.samples import Samples
+from drake_tc.types import FloatArray
+
+Verdict = Literal["effects_found", "no_missing_effect", "unexplained_structure", "unexplained_residual"]
+
+
+SEVERITY: tuple[Verdict, ...] = (
+    "unexplained_structure",
+    "unexplained_residual",
+    "effects_found",
+    "no_missing_effect",
+)
+"""Verdicts; that of a whole rig is the first of these that one of its joints has."""
+
+
+@dataclass(frozen=True)
+class DataSplit:
+    """Rows of the training or the held-out runs: signals, residual before and after [effort], by one drive gain."""
+
+    samples: Samples
+    before: FloatArray
+    after: FloatArray
+
+
+@dataclass(frozen=True)
+class SharedBand:
+    """The band in which the model explains at least half of the effort's power, and what is left in it.
+
+    Attributes:
+        limit_hz: End of the band [Hz].
+        train, heldout: RMS of the residual after, below the limit [effort].
+    """
+
+    limit_hz: float
+    train: float
+    heldout: float
+
+
+@dataclass(frozen=True)
+class TimeStretch:
+    """A stretch of one run in which the residual stands out: run, start and end since its start [s]."""
+
+    run: str
+    start: float
+    end: float
+
+
+@dataclass(frozen=True)
+class Unexplained:
+    """What is left in the residual.
+
+    Attributes:
+        floors: RMS of the held-out residual in noise floors. floors_anywhere: the same of the worse of both splits.
+        excess: Whether that is more than the noise floor explains.
+        share_of_signal: RMS of the held-out residual over that of the effort.
+        fraction: Share of its variance that some function of the recorded signals could still explain.
+        structured: Whether that, or its confinement in time, is more than noise leaves.
+        depends_on: The signals that function needs, most important first; "time" for what only time explains.
+        confined_to: Stretches that hold most of it.
+        period_hz: Frequency of a line in its spectrum, or None.
+        explainable_rms: RMS that would be left if that function were known [effort].
+    """
+
+    floors: float
+    floors_anywhere: float
+    excess: bool
+    share_of_signal: float
+    fraction: float
+    structured: bool
+    depends_on: tuple[str, ...]
+    confined_to: tuple[TimeStretch, ...] = ()
+    period_hz: float | None = None
+    explainable_rms: float = float("nan")
+
+    def with_floors(self, heldout: float, anywhere: float, *, excess: bool) -> "Unexplained":
+        """The same held against another noise floor."""
+        return replace(self, floors=heldout, floors_anywhere=anywhere, excess=excess)

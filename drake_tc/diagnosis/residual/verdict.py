@@ -1,0 +1,88 @@
+"""What the final model leaves, held against the noise floor, and the verdict that follows from it."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from drake_tc.diagnosis.data.noise_colour import correlated_noise
+from drake_tc.diagnosis.options import DiagnosisOptions
+from drake_tc.diagnosis.problem.columns import Columns
+from drake_tc.diagnosis.problem.regression import Fit
+from drake_tc.diagnosis.residual.structure import ResidualOptions, assess_residual, features, is_excess
+from drake_tc.diagnosis.residual.unexplained import DataSplit, Unexplained, Verdict
+from drake_tc.effects.base import Context, TransmissionEffect
+from drake_tc.types import FloatArray
+
+NOTED = 1.2
+"""Noise floor with correlated noise over that without, from which on the report says so."""
+
+
+def _rms(values: FloatArray) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def noise_floor(columns: Columns, chosen: Fit) -> float:
+    """Noise floor [effort] under the final model's coefficients."""
+    inertia, at = 0.0, 1
+    for term in chosen.terms:
+        theta = chosen.beta[at : at + len(term.effect.coefficients)]
+        inertia += term.effect.balance_inertia(theta, columns.samples.signals.rotor_inertia)
+        at += theta.size
+    return chosen.gain * columns.samples.floor.torque(float(chosen.beta[0]), float(chosen.beta[1]), inertia)
+
+
+def compared(columns: Columns, held: Columns, baseline: Fit, chosen: Fit) -> tuple[DataSplit, DataSplit]:
+    """Residuals before and after on both splits, as effort by the final drive gain."""
+    out = []
+    for each in (columns, held):
+        before, after = ((each.target - each.design(f.terms) @ f.beta) * chosen.gain for f in (baseline, chosen))
+        out.append(DataSplit(each.samples, np.asarray(before), np.asarray(after)))
+    return out[0], out[1]
+
+
+def what_is_left(
+    splits: tuple[DataSplit, DataSplit], chosen: Fit, floor: float, context: Context, options: DiagnosisOptions
+) -> tuple[Unexplained, float, tuple[str, ...]]:
+    """What is left, the noise floor [effort] with correlated noise of the torque sensor in it, and notes."""
+    if not options.assess_residual:
+        return Unexplained(0.0, 0.0, False, 0.0, 0.0, False, ()), floor, ()
+    servo = context.drive == "position_servo"
+    x = (features(splits[0].samples, chosen.beta, servo=servo), features(splits[1].samples, chosen.beta, servo=servo))
+    thresholds = _residual_options(options.residual, chosen)
+    left = assess_residual(*splits, x, floor, thresholds, options.seed)
+    if left.structured or context.load != "torque":
+        return left, floor, ()
+    noise = [correlated_noise(s.samples, s.after / chosen.gain) for s in splits]
+    levels = [max(floor, n.rms * chosen.gain) if n is not None and n.is_noise else floor for n in noise]
+    rms = [_rms(s.after) for s in splits]
+    left = left.with_floors(
+        rms[1] / levels[1],
+        max(r / f for r, f in zip(rms, levels, strict=True)),
+        excess=is_excess(splits, levels, thresholds),
+    )
+    if levels[1] <= NOTED * floor or noise[1] is None:
+        return left, levels[1], ()
+    return (
+        left,
+        levels[1],
+        (
+            f"The torque noise is correlated over about {1e3 * noise[1].correlation_time:.0f} ms: it leaves "
+            f"{levels[1] / floor:.1f} times as much as white noise of the size seen at the highest frequencies.",
+        ),
+    )
+
+
+def _residual_options(options: ResidualOptions, chosen: Fit) -> ResidualOptions:
+    """A gear's play or softness is modelled at rest only: three times as much may be left of what it explains."""
+    if any(isinstance(t.effect, TransmissionEffect) for t in chosen.terms):
+        return replace(options, least_of_before=3.0 * options.least_of_before)
+    return options
+
+
+def verdict_of(left: Unexplained, *, found: bool) -> Verdict:
+    """The verdict of one joint, which follows from what is left and from whether effects were found."""
+    if left.structured:
+        return "unexplained_structure"
+    if left.excess:
+        return "unexplained_residual"
+    return "effects_found" if found else "no_missing_effect"

@@ -1,0 +1,1 @@
+"""What `close-loop` found, as data, and as report.json."""

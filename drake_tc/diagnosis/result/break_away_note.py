@@ -1,0 +1,72 @@
+"""A sentence on static friction: the rows of the regression slide, so only the events of breaking away show it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from drake_tc.diagnosis.problem.columns import Columns
+from drake_tc.diagnosis.problem.parameters import physical_parameters
+from drake_tc.diagnosis.problem.regression import Fit
+from drake_tc.identification.break_away import LEAST_EVENTS, BreakAway, break_away
+
+CLEARLY = 1.5
+"""Lower end of the break-away torque's interval over the sliding friction, from which on the sentence is written."""
+NOISES = 4.0
+"""... and how many noise floors it must exceed it by: the torque of an event is the largest of a short window."""
+RESOLVED = 5.0
+"""Standard deviations of the filtered velocity beyond which the joint moves."""
+RESTS = 2.0
+"""Stretch at rest before an event, in supports of the filters."""
+
+
+@dataclass(frozen=True)
+class Sticking:
+    """Static friction of a joint.
+
+    Attributes:
+        level: F_s, median of the break-away torques [N m]. low, high: its 95 % interval.
+        sliding: Coulomb and Stribeck friction of the model [N m]. events: number of events.
+    """
+
+    level: float
+    low: float
+    high: float
+    sliding: float
+    events: int
+
+    def sentence(self) -> str:
+        """What the report says."""
+        return (
+            f"The joint breaks away from rest at {self.level:.3g} N*m (95 % interval {self.low:.3g} to "
+            f"{self.high:.3g}, {self.events} events), and slides at {self.sliding:.3g} N*m. Rows at rest take no part "
+            f"in the fit; a model file can list static_friction with static_excess {self.level - self.sliding:.3g} N*m."
+        )
+
+
+def sticking(columns: Columns, final: Fit) -> Sticking | None:
+    """Static friction from the training runs, where it is clearly larger than the model's sliding friction.
+
+    Args:
+        columns: Training rows.
+        final: The final model.
+    """
+    samples = columns.samples
+    named = physical_parameters(final)
+    least_rest = max(2, round(RESTS * samples.light.margin))
+    torques = []
+    for segment in samples.segments:
+        s = samples.signals.take(segment)
+        needed = s.load_torque + s.rotor_inertia * s.acceleration + named["viscous"]["viscous"] * s.velocity
+        moving = np.abs(s.velocity) > RESOLVED * samples.resolution.velocity_noise
+        found = break_away(s.effort / final.gain, needed, s.velocity, moving, least_rest)
+        torques.append(found.torque)
+    torque = np.concatenate(torques)
+    if torque.size < LEAST_EVENTS:
+        return None
+    events = BreakAway(np.arange(torque.size), np.ones(torque.size), torque)
+    low, high = events.interval
+    sliding = named["coulomb"]["coulomb"] + named.get("stribeck", {}).get("stribeck", 0.0)
+    noise = samples.floor.torque(float(final.beta[0]), float(final.beta[1]))
+    if low < max(CLEARLY * sliding, sliding + NOISES * noise):
+        return None
+    return Sticking(events.level, low, high, sliding, int(torque.size))

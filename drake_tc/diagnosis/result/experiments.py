@@ -1,0 +1,59 @@
+"""The next experiment: what to record so that two effects, or an unknown one, can be told apart."""
+
+from collections.abc import Mapping, Sequence
+
+from drake_tc.diagnosis.residual.unexplained import Unexplained
+
+ISOLATES: Mapping[str, str] = {
+    "rotor_inertia": "drive the joint with fast accelerations at small speed (a chirp of small amplitude)",
+    "stribeck": "creep at constant speeds from 0.001 to 0.5 rad/s in both directions",
+    "quadratic_viscous": "run at constant speeds up to the fastest allowed",
+    "load_dependent_friction": "repeat one slow motion with several hung weights",
+    "asymmetric_friction": "run the same constant speeds in both directions, unloaded",
+    "presliding_hysteresis": "reverse slowly and often with amplitudes from 0.001 to 0.1 rad",
+    "position_dependent_friction": "cross the whole range at one constant slow speed in both directions",
+    "thermal_friction": "repeat one motion cold and warm, without changing it",
+    "torque_ripple": "turn slowly at constant speed over the whole range, unloaded",
+    "cable_spring": "hold postures over the whole range, unloaded, approached from both sides",
+    "payload": "hold postures over the whole range and add fast small motions at each",
+    "backlash": "record the motor's and the link's position while the load torque changes its sign slowly",
+    "elasticity": "lock the link and load the motor slowly, with both encoders recorded",
+    "deadzone": "load the joint slowly through zero effort in both directions, at rest",
+    "saturation": "command efforts well beyond the suspected limit against a stiff stop",
+    "servo_integrator": "hold a constant load for a minute and watch whether the position creeps back",
+    "velocity_sign_switch": "carry the same loads up and down at the same speeds",
+    "delay": "step the command and record at the fastest rate",
+    "current_lag": "step the command with the joint locked and record at the fastest rate",
+    "torque_sensor_bias": "unload and release the joint, drive off, and read the torque sensor",
+    "torque_sensor_gain": "hang known weights on the link and read the torque sensor",
+    "torque_sensor_drift": "leave the joint at rest, unloaded, for several minutes",
+    "encoder_offset": "let the link hang freely, drive off, and read the encoder",
+    "encoder_ripple": "turn at two constant speeds over a whole turn: the error of the encoder keeps its place",
+    "servo_gain": "hang known weights on the link and read the effort that holds them, approached from both sides",
+    "static_friction": "raise the effort slowly from rest until the joint moves, many times in both directions",
+    "supply_sag": "repeat one motion on a stabilised supply at two voltages",
+    "winding_temperature": "repeat one motion under load cold and warm, without changing it",
+    "directional_efficiency": "lower and raise known weights slowly, with the motor's torque recorded in its own unit",
+    "position_dependent_load": "cross the whole range slowly in both directions, with two hung weights",
+    "encoder_eccentricity": "turn at constant speed over a whole turn, or compare with a second encoder",
+}
+
+
+def next_experiment(
+    ties: Sequence[tuple[str, str]], unexplained: Unexplained, obstacles: Sequence[tuple[str, str]]
+) -> str | None:
+    """One or two sentences, or None when nothing is open."""
+    if ties:
+        first, second = ties[0]
+        shows = f"{ISOLATES[first]} (shows {first} alone); {ISOLATES[second]} (shows {second} alone)"
+        return f"To tell {first} from {second}: {shows}."
+    if unexplained.confined_to:
+        s = unexplained.confined_to[0]
+        when = f"between {s.start:.1f} and {s.end:.1f} s"
+        return f"Repeat {s.run}: {when} something acted on the joint that the log does not show."
+    if unexplained.period_hz is not None:
+        return f"Find what repeats at {unexplained.period_hz:.2f} Hz near the rig; record a run with it switched off."
+    if unexplained.structured:
+        names = ", ".join(unexplained.depends_on) or "an unrecorded signal"
+        return f"Vary {names} one at a time, the others held: the remainder depends on it as no known effect does."
+    return None

@@ -1,0 +1,61 @@
+"""Free-run errors: the Drake diagram driven by the recorded command alone, before and after, on held-out runs."""
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
+from dataclasses import replace
+
+import numpy as np
+
+from drake_tc.actuation.model import ActuatorModel
+from drake_tc.diagnosis.result.joint_result import JointResult
+from drake_tc.diagnosis.result.models import model_of
+from drake_tc.logs.record import Run
+from drake_tc.logs.rig import Rig
+from drake_tc.types import FloatArray
+
+FreeRun = Callable[[ActuatorModel, Rig, str, Run], tuple[FloatArray, FloatArray, FloatArray] | None]
+"""(model, rig, joint, run) -> (time, recorded, simulated position), or None where it cannot run."""
+
+
+def with_free_runs(
+    result: JointResult,
+    rig: Rig,
+    held: Sequence[Run],
+    free_run: FreeRun,
+    executor: Executor | None,
+    before: Sequence[Run] | None = None,
+) -> JointResult:
+    """The result with its free runs and their RMS errors [rad]; a run that diverges counts as no figure at all.
+
+    `before`: the same runs with the loads that the model before was fitted to, where they differ.
+    """
+    models = {"before": model_of(result, final=False), "after": model_of(result, final=True)}
+    sides = {"before": held if before is None else before, "after": held}
+    jobs = [(name, sides[name][number]) for number in range(len(held)) for name in models]
+    if executor is None:
+        made = [free_run(models[name], rig, result.joint, run) for name, run in jobs]
+    else:
+        futures = [executor.submit(free_run, models[name], rig, result.joint, run) for name, run in jobs]
+        made = [future.result() for future in futures]
+    traces: dict[str, dict[str, FloatArray]] = {}
+    squares: dict[str, list[FloatArray]] = {"before": [], "after": []}
+    for (name, run), trace in zip(jobs, made, strict=True):
+        if trace is None:
+            continue
+        time, recorded, simulated = trace
+        traces.setdefault(run.name, {"time": time, "recorded": recorded})[name] = simulated
+        squares[name].append((simulated - recorded) ** 2)
+    figures = {name: _rms(parts) for name, parts in squares.items()}
+    return replace(
+        result,
+        before=replace(result.before, free_run_heldout=figures["before"]),
+        after=replace(result.after, free_run_heldout=figures["after"]),
+        free_run=traces,
+    )
+
+
+def _rms(parts: Sequence[FloatArray]) -> float | None:
+    if not parts:
+        return None
+    value = float(np.sqrt(np.mean(np.concatenate(parts))))
+    return value if np.isfinite(value) else None

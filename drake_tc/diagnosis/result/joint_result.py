@@ -1,0 +1,142 @@
+"""What `close-loop` knows of a joint when it is done; plain data, read by the report and written to report.json."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+from drake_tc.diagnosis.problem.estimates import Estimate
+from drake_tc.diagnosis.problem.regression import Fit
+from drake_tc.diagnosis.residual.unexplained import DataSplit, SharedBand, Unexplained, Verdict
+from drake_tc.diagnosis.selection.withdrawal import DidNotHold
+from drake_tc.effects.base import DriveKind
+from drake_tc.types import FloatArray
+
+Rejection = Literal["too_little_gain", "below_floor", "unstable", "imperfect_form", "cannot_be_looked_for", "untested"]
+"""Why an effect was tried and not added, or could not be tried."""
+
+
+@dataclass(frozen=True)
+class Errors:
+    """RMS of the model equation [effort] on rows in motion, and of the free-running diagram's position [rad]."""
+
+    train: float
+    heldout: float
+    free_run_heldout: float | None
+
+
+@dataclass(frozen=True)
+class RunErrors:
+    """Errors of the model equation on one run [effort].
+
+    Attributes:
+        run: Name. heldout: whether it took no part in fitting. rows: number of rows.
+        before, after: RMS. mean_absolute_before, mean_absolute_after: mean absolute error.
+    """
+
+    run: str
+    heldout: bool
+    rows: int
+    before: float
+    after: float
+    mean_absolute_before: float
+    mean_absolute_after: float
+
+
+@dataclass(frozen=True)
+class ParameterByCondition:
+    """One coefficient of the final model, refitted in each part of the rows.
+
+    Attributes:
+        effect, name: Which; the effect is "drive" for the drive gain.
+        by: What parts the rows: "run", "load" or "direction".
+        values: Part to (value, lower, upper end of the 95 % interval).
+        change: Spread of the values as a share of their mean size.
+        probability: Of such differences under one common value.
+        moves: Whether the value changes by more than its intervals.
+    """
+
+    effect: str
+    name: str
+    by: str
+    values: Mapping[str, tuple[float, float, float]]
+    change: float
+    probability: float
+    moves: bool
+
+
+@dataclass(frozen=True)
+class FoundEffect:
+    """An effect that the model lacked.
+
+    Attributes:
+        heldout_gain: 1 - held-out error with it / without it (the other effects refitted).
+        stability: Share of block resamples of the training runs in which it belongs to the best set of this size.
+        contribution: RMS of what it adds, on held-out rows [effort].
+        robot_gain: Of a robot: 1 - held-out error of all joints with it / without it, each joint weighted by its noise,
+            which compares with `SharedEffect.heldout_gain`. None for joints whose loads are measured.
+    """
+
+    key: str
+    id: str
+    title: str
+    parameters: Mapping[str, Estimate]
+    heldout_gain: float
+    stability: float
+    contribution: float
+    robot_gain: float | None = None
+
+
+@dataclass(frozen=True)
+class RejectedEffect:
+    """An effect that was tried on top of the final model and not added, or that could not be tried.
+
+    Attributes:
+        key, id: Of the effect.
+        heldout_gain, train_gain: 1 - error with it / without it, held out and cross-validated; 0 where not tried.
+        reason: As a word. obstacle: why it could not be tried, in words; "" where it was.
+        share: Of the block resamples in which it helped.
+    """
+
+    key: str
+    id: str
+    heldout_gain: float
+    train_gain: float
+    reason: Rejection
+    obstacle: str = ""
+    share: float = 0.0
+
+
+@dataclass(frozen=True)
+class JointResult:
+    """One joint's diagnosis."""
+
+    joint: str
+    drive: DriveKind
+    unit: str
+    baseline: Fit
+    final: Fit
+    baseline_parameters: Mapping[str, Mapping[str, Estimate]]
+    final_parameters: Mapping[str, Mapping[str, Estimate]]
+    noise_floor: float
+    before: Errors
+    after: Errors
+    effects: tuple[FoundEffect, ...]
+    rejected: tuple[RejectedEffect, ...]
+    indistinguishable: tuple[tuple[str, str], ...]
+    next_experiment: str | None
+    unexplained: Unexplained
+    verdict: Verdict
+    train: DataSplit
+    heldout: DataSplit
+    did_not_hold: tuple[DidNotHold, ...] = ()
+    runs: tuple[RunErrors, ...] = ()
+    consistency: tuple[ParameterByCondition, ...] = ()
+    shared_band: SharedBand | None = None
+    free_run: Mapping[str, Mapping[str, FloatArray]] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+    @property
+    def gain_identified(self) -> bool:
+        """Whether the interval of the drive gain is narrower than the gain itself."""
+        gain = self.final_parameters["drive"]["gain"]
+        return gain.ci95[1] - gain.ci95[0] < abs(gain.value)

@@ -1,0 +1,61 @@
+"""The model files before and after: `ActuatorModel`s of a result, loadable by every diagram."""
+
+from pathlib import Path
+
+from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
+from drake_tc.actuation.model_file import save_models
+from drake_tc.diagnosis.result.joint_result import Errors, JointResult
+from drake_tc.diagnosis.result.rig_result import CloseLoopResult, SharedEffect
+
+
+def model_of(joint: JointResult, *, final: bool) -> ActuatorModel:
+    """The joint's model without or with the missing effects; the declared inertia is part of both."""
+    parameters = joint.final_parameters if final else joint.baseline_parameters
+    effects = []
+    inertia = joint.train.samples.signals.rotor_inertia
+    if inertia > 0.0 and "rotor_inertia" not in parameters:
+        effects.append(EffectValue("rotor_inertia", {"rotor_inertia": inertia}))
+    for key, group in parameters.items():
+        if key == "drive":
+            continue
+        effects.append(
+            EffectValue(
+                key,
+                {name: e.value for name, e in group.items()},
+                {name: e.ci95 for name, e in group.items()},
+                tuple(name for name, e in group.items() if e.at_bound),
+            )
+        )
+    return ActuatorModel(joint.joint, Drive(joint.drive, parameters["drive"]["gain"].value), tuple(effects))
+
+
+def models_of(result: CloseLoopResult, out: Path) -> tuple[str, str]:
+    """Write model_before.yaml and model_after.yaml into `out` and return their texts."""
+    texts = []
+    for name, final in (("model_before.yaml", False), ("model_after.yaml", True)):
+        models = {j.joint: model_of(j, final=final) for j in result.joints.values()}
+        provenance = {
+            "identified_by": "drake-tc close-loop",
+            "rig": Path(result.rig_file).name,
+            "logs": [Path(p).name for p in result.train_files],
+            "holdout": [Path(p).name for p in result.heldout_files],
+            "error": {j.joint: _error(j, j.after if final else j.before) for j in result.joints.values()},
+        }
+        shared = [_shared_entry(cause) for cause in result.shared] if final else []
+        save_models(models, out / name, provenance=provenance, shared=shared)
+        texts.append((out / name).read_text(encoding="utf-8"))
+    return texts[0], texts[1]
+
+
+def _shared_entry(cause: SharedEffect) -> dict[str, object]:
+    """A link's or a sensor's error, as the model file has it."""
+    return {
+        "effect": cause.id,
+        "where": cause.where,
+        **{name: float(e.value) for name, e in cause.parameters.items()},
+        "ci95": {name: [float(bound) for bound in e.ci95] for name, e in cause.parameters.items()},
+    }
+
+
+def _error(joint: JointResult, errors: Errors) -> dict[str, object]:
+    return {"unit": joint.unit, "train": float(f"{errors.train:.4g}"), "heldout": float(f"{errors.heldout:.4g}")}

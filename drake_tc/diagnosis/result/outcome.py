@@ -1,0 +1,117 @@
+"""What became of each effect: found, with its parameters and gains, or tried and not added."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from drake_tc.diagnosis.problem.columns import Columns
+from drake_tc.diagnosis.problem.estimates import estimates
+from drake_tc.diagnosis.problem.regression import Fit, fit, predict
+from drake_tc.diagnosis.result.joint_result import FoundEffect, RejectedEffect, Rejection
+from drake_tc.diagnosis.selection.engine import compare
+from drake_tc.diagnosis.selection.joint import JointProblem, Search, best_shape, candidates, share_better
+from drake_tc.diagnosis.selection.thresholds import JOINT, Thresholds
+from drake_tc.effects.base import Context
+from drake_tc.effects.library import LIBRARY
+from drake_tc.types import FloatArray
+
+UNTESTED_EFFORT = 1.1
+"""Largest effort of the held-out runs over that of the training runs, above which a saturation was not tested."""
+
+
+def _rms(values: FloatArray) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def stabilities(found: Search, seed: int) -> dict[str, float]:
+    """For each effect: share of block resamples in which no set without it is better by more than 2 %.
+
+    2 % is the difference below which the search takes the simpler set.
+    """
+    out = {}
+    same = 1.0 + JOINT.same
+    for term in found.chosen.terms:
+        without = [
+            fitted
+            for fitted in (found.baseline, *found.alternatives)
+            if term.effect.id not in {t.effect.id for t in fitted.terms}
+        ]
+        shares = [share_better(replace(f, block_sse=same**2 * f.block_sse), found.chosen, seed) for f in without]
+        out[term.effect.key] = min(shares, default=1.0)
+    return out
+
+
+def found_effects(
+    columns: Columns,
+    held: Columns,
+    chosen: Fit,
+    known: frozenset[str],
+    context: Context,
+    stability: Mapping[str, float],
+) -> tuple[FoundEffect, ...]:
+    """The effects of the final model that the declared one lacks, by held-out gain."""
+    parameters = estimates(columns, chosen, context.drive)
+    after = predict(held, chosen)
+    out = []
+    for term in chosen.terms:
+        if term.effect.key in known:
+            continue
+        residual = predict(held, fit(columns, [t for t in chosen.terms if t is not term]))
+        out.append(
+            FoundEffect(
+                key=term.effect.key,
+                id=term.effect.id,
+                title=term.effect.title,
+                parameters=parameters[term.effect.key],
+                heldout_gain=1.0 - _rms(after) / max(_rms(residual), 1e-300),
+                stability=stability[term.effect.key],
+                contribution=_rms(after - residual),
+            )
+        )
+    return tuple(sorted(out, key=lambda e: -e.heldout_gain))
+
+
+def rejected_effects(
+    columns: Columns,
+    held: Columns,
+    chosen: Fit,
+    context: Context,
+    thresholds: Thresholds,
+    obstacles: Sequence[tuple[str, str]],
+    floor: float,
+) -> tuple[RejectedEffect, ...]:
+    """Every other effect, tried on top of the final model."""
+    taken = {t.effect.id for t in chosen.terms}
+    base = _rms(predict(held, chosen))
+    best: dict[str, RejectedEffect] = {}
+    usable, _ = candidates(LIBRARY, context, sorted(taken | set(context.declared)))
+    problem = JointProblem(columns, usable, context, frozenset(), floor)
+    for member in usable:
+        tried = best_shape(columns, chosen.terms, member, context, chosen.residual)
+        comparison = compare(problem, chosen, tried)
+        train_gain = float(comparison.gain[0])
+        gain = 1.0 - _rms(predict(held, tried)) / base
+        reason: Rejection = "imperfect_form"
+        if train_gain < thresholds.least_gain:
+            reason = "too_little_gain"
+        elif comparison.removed[0] < thresholds.least_removed * floor:
+            reason = "below_floor"
+        elif comparison.share < thresholds.least_share:
+            reason = "unstable"
+        if reason == "too_little_gain" and member.id == "saturation" and _faster(columns, held):
+            reason = "untested"
+        entry = RejectedEffect(member.key, member.id, gain, train_gain, reason, share=comparison.share)
+        if member.id not in best or entry.train_gain > best[member.id].train_gain:
+            best[member.id] = entry
+    for key, obstacle in obstacles:
+        name = key.split(".")[0]
+        if name not in best and name not in taken:
+            best[name] = RejectedEffect(key, name, 0.0, 0.0, "cannot_be_looked_for", obstacle)
+    return tuple(sorted(best.values(), key=lambda r: -r.train_gain))
+
+
+def _faster(columns: Columns, held: Columns) -> bool:
+    """Whether the held-out runs ask for clearly more effort than the training runs ever did."""
+    largest = [float(np.percentile(np.abs(c.samples.signals.effort[c.samples.rows]), 99.9)) for c in (columns, held)]
+    return largest[1] > UNTESTED_EFFORT * largest[0]

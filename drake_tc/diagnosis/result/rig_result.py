@@ -1,0 +1,50 @@
+"""What `close-loop` knows of a rig when it is done; plain data, read by the report and written to report.json."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from drake_tc.control.torque_uncertainty_file import TorqueUncertainty
+from drake_tc.diagnosis.problem.estimates import Estimate
+from drake_tc.diagnosis.residual.unexplained import Verdict
+from drake_tc.diagnosis.result.closed_loop import ClosedLoop
+from drake_tc.diagnosis.result.joint_result import JointResult
+
+
+@dataclass(frozen=True)
+class SharedEffect:
+    """A cause that no single joint owns, found on all joints together.
+
+    Attributes:
+        id, where: What, and on which link or sensor. title: in words.
+        parameters: By name.
+        heldout_gain: 1 - held-out error of all joints with it / without it, each joint weighted by its noise.
+        stability: Share of resamples of the held-out half seconds in which it helps.
+        joints: Joint to the same gain of that joint alone.
+        indistinguishable: (id, where) of causes that fit as well: these logs cannot tell them apart.
+    """
+
+    id: str
+    where: str
+    title: str
+    parameters: Mapping[str, Estimate]
+    heldout_gain: float
+    stability: float
+    joints: Mapping[str, float]
+    indistinguishable: tuple[tuple[str, str], ...] = ()
+
+
+@dataclass(frozen=True)
+class CloseLoopResult:
+    """The whole call: joints by name, verdict, seconds; causes that no single joint owns; what the loop makes of it."""
+
+    joints: Mapping[str, JointResult]
+    verdict: Verdict
+    seconds: float
+    train_files: tuple[str, ...]
+    heldout_files: tuple[str, ...]
+    rig_file: str
+    model_before_yaml: str = ""
+    model_after_yaml: str = ""
+    shared: tuple[SharedEffect, ...] = ()
+    closed_loop: ClosedLoop | None = None
+    uncertainty: TorqueUncertainty | None = None

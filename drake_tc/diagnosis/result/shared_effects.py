@@ -1,0 +1,156 @@
+"""What is told of shared causes: parameters with intervals, held-out gains, and joints before them."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from drake_tc.diagnosis.problem.columns import Term
+from drake_tc.diagnosis.problem.estimates import Estimate, estimates
+from drake_tc.diagnosis.problem.prepared import Prepared
+from drake_tc.diagnosis.problem.regression import fit
+from drake_tc.diagnosis.problem.shared.causes import TITLES, Cause, CauseColumns
+from drake_tc.diagnosis.problem.shared.covariance import covariance, intervals, own_response
+from drake_tc.diagnosis.problem.shared.stacked import JointRows, StackedFit, fit_stacked, stack
+from drake_tc.diagnosis.residual.unexplained import DataSplit
+from drake_tc.diagnosis.result.joint_result import Errors, JointResult
+from drake_tc.diagnosis.result.rig_result import SharedEffect
+from drake_tc.diagnosis.result.run_errors import run_errors
+from drake_tc.diagnosis.result.widening import widened
+from drake_tc.diagnosis.selection.joint import refine
+from drake_tc.diagnosis.selection.shared import active
+from drake_tc.types import FloatArray
+
+RESAMPLES = 400
+
+
+def original_baseline(result: JointResult, prepared: Prepared) -> JointResult:
+    """The joint's result with the declared model, and its errors, of loads without any effect that was found."""
+    declared = refine(prepared.train, fit(prepared.train, prepared.terms))
+    residuals = [
+        (columns.target - columns.design(declared.terms) @ declared.beta) * result.final.gain
+        for columns in (prepared.train, prepared.held)
+    ]
+    train, held = (
+        _with_before(split, residual) for split, residual in zip((result.train, result.heldout), residuals, strict=True)
+    )
+    rms = [float(np.sqrt(np.mean(residual**2))) for residual in residuals]
+    return replace(
+        result,
+        baseline=declared,
+        baseline_parameters=estimates(prepared.train, declared, result.drive),
+        before=Errors(rms[0], rms[1], result.before.free_run_heldout),
+        train=train,
+        heldout=held,
+        runs=tuple(run_errors((train, held))),
+    )
+
+
+def _with_before(split: DataSplit, residual: FloatArray) -> DataSplit:
+    """A soft gear may have changed the rows; its residual before then stays."""
+    return replace(split, before=residual) if residual.size == split.before.size else split
+
+
+def shared_effects(
+    train: Sequence[JointRows],
+    held: Sequence[JointRows],
+    causes: CauseColumns,
+    chosen: Sequence[Cause],
+    alternatives: Sequence[Sequence[Cause]],
+) -> tuple[SharedEffect, ...]:
+    """The causes found, with all effects of the joints beside them.
+
+    Args:
+        train: Training rows, with each joint's final model.
+        held: Held-out rows, the same.
+        causes: Columns.
+        chosen: Causes found.
+        alternatives: By chosen cause, those that do as well in its place.
+    """
+    if not chosen:
+        return ()
+    fitted = fit_stacked(train, *active(causes.causes, chosen))
+    half = intervals(train, fitted)
+    out = []
+    at = 0
+    for number, cause in enumerate(chosen):
+        part = slice(at, at + cause.size)
+        at += cause.size
+        others = [c for c in chosen if c is not cause]
+        without = fit_stacked(train, *active(causes.causes, others))
+        gain, stability, by_joint = _on_held(held, fitted, without)
+        out.append(
+            SharedEffect(
+                id=cause.id,
+                where=cause.where,
+                title=TITLES[cause.id],
+                parameters=_parameters(cause, fitted.delta[part], half[part]),
+                heldout_gain=gain,
+                stability=stability,
+                joints={r.joint: each for r, each in zip(held, by_joint, strict=True)},
+                indistinguishable=tuple((c.id, c.where) for c in alternatives[number]),
+            )
+        )
+    return tuple(sorted(out, key=lambda e: -e.heldout_gain))
+
+
+def both_sides(
+    prepared: Mapping[str, Prepared], terms: Mapping[str, Sequence[Term]], causes: CauseColumns
+) -> tuple[tuple[JointRows, ...], tuple[JointRows, ...]]:
+    """Training and held-out rows of all joints with these models."""
+    train = stack({joint: p.train for joint, p in prepared.items()}, terms, causes)
+    return train, stack({joint: p.held for joint, p in prepared.items()}, terms, causes)
+
+
+def with_shared_uncertainty(
+    joints: Mapping[str, JointResult],
+    before: tuple[Sequence[JointRows], StackedFit],
+    after: tuple[Sequence[JointRows], StackedFit],
+) -> dict[str, JointResult]:
+    """The joints' results with intervals that know what is not known of the shared causes.
+
+    Args:
+        joints: Results on loads at the estimate of the shared causes.
+        before: Training rows with the declared models, and the fit with no cause named.
+        after: The same with the final models.
+    """
+    spread = [covariance(rows, fitted)[0] for rows, fitted in (before, after)]
+    out = {}
+    for number, (name, joint) in enumerate(joints.items()):
+        of_beta = []
+        for (rows, fitted), each in zip((before, after), spread, strict=True):
+            response = own_response(rows[number], fitted)
+            of_beta.append(response @ each @ response.T)
+        final = widened(joint.final_parameters, joint.final, of_beta[1])
+        out[name] = replace(
+            joint,
+            baseline_parameters=widened(joint.baseline_parameters, joint.baseline, of_beta[0]),
+            final_parameters=final,
+            effects=tuple(replace(e, parameters=final[e.key]) for e in joint.effects),
+        )
+    return out
+
+
+def _parameters(cause: Cause, delta: FloatArray, half: FloatArray) -> dict[str, Estimate]:
+    value = cause.physical(delta)
+    ends = np.sort(np.stack([cause.physical(delta - half), cause.physical(delta + half)]), axis=0)
+    return {
+        name: Estimate(float(value[i]), unit, (float(ends[0, i]), float(ends[1, i])), False)
+        for i, (name, unit) in enumerate(zip(cause.parameters, cause.units, strict=True))
+    }
+
+
+def _on_held(held: Sequence[JointRows], fitted: StackedFit, without: StackedFit) -> tuple[float, float, list[float]]:
+    """Gain of all joints together, share of resamples in which it helps, gain by joint."""
+    count = int(max(int(r.block.max()) for r in held)) + 1
+    blocks = np.zeros((2, count))
+    by_joint = []
+    for j, rows in enumerate(held):
+        squares = [f.residual(rows, j) ** 2 for f in (fitted, without)]
+        by_joint.append(1.0 - float(np.sqrt(squares[0].mean() / max(squares[1].mean(), 1e-300))))
+        for side, square in zip(blocks, squares, strict=True):
+            side += np.bincount(rows.block, square, count) / fitted.sigma[j] ** 2
+    total = blocks.sum(axis=1)
+    draws = np.random.default_rng(0).integers(0, count, (RESAMPLES, count))
+    better = (blocks[1] - blocks[0])[draws].sum(axis=1) > 0.0
+    return 1.0 - float(np.sqrt(total[0] / max(total[1], 1e-300))), float(better.mean()), by_joint

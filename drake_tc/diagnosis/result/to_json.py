@@ -1,0 +1,140 @@
+"""report.json, schema 1 (the contract in the README)."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict
+from typing import Any
+
+from drake_tc.diagnosis.problem.estimates import Estimate
+from drake_tc.diagnosis.result.closed_loop_json import loop_entry, loop_summary, uncertainty_entry
+from drake_tc.diagnosis.result.joint_result import Errors, JointResult, ParameterByCondition, RunErrors
+from drake_tc.diagnosis.result.rejection import why_rejected
+from drake_tc.diagnosis.result.rig_result import CloseLoopResult, SharedEffect
+from drake_tc.json_values import json_value
+
+
+def _number(x: float | None) -> float | None:
+    return None if x is None or not math.isfinite(x) else float(x)
+
+
+def _values(parameters: Mapping[str, Mapping[str, Estimate]]) -> dict[str, dict[str, float | None]]:
+    return {key: {name: _number(e.value) for name, e in group.items()} for key, group in parameters.items()}
+
+
+def _errors(errors: Errors) -> dict[str, float | None]:
+    return {
+        "train": _number(errors.train),
+        "heldout": _number(errors.heldout),
+        "free_run_heldout": _number(errors.free_run_heldout),
+    }
+
+
+def _estimate(e: Estimate) -> dict[str, Any]:
+    return {"value": _number(e.value), "unit": e.unit, "ci95": [_number(b) for b in e.ci95], "at_bound": e.at_bound}
+
+
+def _run(errors: RunErrors) -> dict[str, Any]:
+    return {
+        "run": errors.run,
+        "heldout": errors.heldout,
+        "rows": errors.rows,
+        "before": {"rms": _number(errors.before), "mean_absolute": _number(errors.mean_absolute_before)},
+        "after": {"rms": _number(errors.after), "mean_absolute": _number(errors.mean_absolute_after)},
+    }
+
+
+def _by_condition(parameter: ParameterByCondition) -> dict[str, Any]:
+    return {
+        "effect": parameter.effect,
+        "parameter": parameter.name,
+        "by": parameter.by,
+        "values": [
+            {"part": part, "value": _number(value), "ci95": [_number(low), _number(high)]}
+            for part, (value, low, high) in parameter.values.items()
+        ],
+        "change": _number(parameter.change),
+        "moves": parameter.moves,
+    }
+
+
+def joint_json(joint: JointResult) -> dict[str, Any]:
+    """The entry of one joint."""
+    left = joint.unexplained
+    return {
+        "baseline": {
+            "effects": [t.effect.id for t in joint.baseline.terms],
+            "parameters": _values(joint.baseline_parameters),
+        },
+        "noise_floor": _number(joint.noise_floor),
+        "error": {"unit": joint.unit, "before": _errors(joint.before), "after": _errors(joint.after)},
+        "effects": [
+            {
+                "id": e.id,
+                "parameters": {name: _estimate(p) for name, p in e.parameters.items()},
+                "heldout_gain": _number(e.heldout_gain),
+                "stability": _number(e.stability),
+                "robot_heldout_gain": _number(e.robot_gain),
+            }
+            for e in joint.effects
+        ],
+        "rejected": [
+            {"id": r.id, "heldout_gain": _number(r.heldout_gain), "reason": r.reason, "why": why_rejected(r)}
+            for r in joint.rejected
+        ],
+        "indistinguishable": [list(pair) for pair in joint.indistinguishable],
+        "next_experiment": joint.next_experiment,
+        "did_not_hold": [
+            {"id": d.id, "reason": d.reason, "why": d.why, "heldout_gain": _number(d.heldout_gain)}
+            for d in joint.did_not_hold
+        ],
+        "unexplained": {
+            "floors": _number(left.floors),
+            "floors_anywhere": _number(left.floors_anywhere),
+            "share_of_signal": _number(left.share_of_signal),
+            "fraction": _number(left.fraction),
+            "structured": left.structured,
+            "depends_on": list(left.depends_on),
+            "confined_to": [{"run": s.run, "start": s.start, "end": s.end} for s in left.confined_to],
+            "period_hz": _number(left.period_hz),
+            "explainable_rms": _number(left.explainable_rms),
+        },
+        "runs": [_run(errors) for errors in joint.runs],
+        "consistency": [_by_condition(p) for p in joint.consistency],
+        "gain_identified": joint.gain_identified,
+        "shared_band": None if joint.shared_band is None else json_value(asdict(joint.shared_band)),
+        "notes": list(joint.notes),
+    }
+
+
+def shared_json(cause: SharedEffect) -> dict[str, Any]:
+    """The entry of a cause that no single joint owns."""
+    return {
+        "id": cause.id,
+        "where": cause.where,
+        "parameters": {name: _estimate(p) for name, p in cause.parameters.items()},
+        "heldout_gain": _number(cause.heldout_gain),
+        "stability": _number(cause.stability),
+        "joints": {joint: _number(gain) for joint, gain in cause.joints.items()},
+        "indistinguishable": [{"id": name, "where": where} for name, where in cause.indistinguishable],
+    }
+
+
+def result_json(result: CloseLoopResult) -> dict[str, Any]:
+    """The whole report."""
+    return {
+        "schema": 1,
+        "verdict": result.verdict,
+        "joints": {
+            name: joint_json(joint)
+            | {
+                "closed_loop": loop_entry(result.closed_loop, name),
+                "torque_uncertainty": uncertainty_entry(result.uncertainty, name),
+            }
+            for name, joint in result.joints.items()
+        },
+        "shared": [shared_json(cause) for cause in result.shared],
+        "closed_loop": loop_summary(result.closed_loop),
+        "seconds": result.seconds,
+        "logs": list(result.train_files),
+        "holdout": list(result.heldout_files),
+    }

@@ -1,0 +1,83 @@
+"""Each joint's intervals with what is not known of the shared causes, and its effects' gains on the whole robot.
+
+A joint's own coefficients follow the shared ones, beta_j(delta) = beta_j - G_j delta (`covariance.own_response`), so
+that
+
+    Cov(theta_j) = Cov(theta_j | delta) + D G_j Cov(delta) G_j' D',    D = d theta_j/d beta_j
+
+with the first term from the joint's own fit (`drake_tc.diagnosis.problem.estimates`).
+"""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+from scipy.stats import norm
+
+from drake_tc.diagnosis.problem.estimates import Estimate
+from drake_tc.diagnosis.problem.parameters import physical_parameters
+from drake_tc.diagnosis.problem.regression import Fit
+from drake_tc.diagnosis.result.joint_result import JointResult
+from drake_tc.types import FloatArray
+
+Parameters = Mapping[str, Mapping[str, Estimate]]
+
+
+def widened(parameters: Parameters, fitted: Fit, spread: FloatArray) -> Parameters:
+    """The parameters with intervals that hold more.
+
+    Args:
+        parameters: Of the fit, by effect and name.
+        fitted: One joint's fit.
+        spread: (k, k) covariance of its beta that its own intervals do not know of.
+    """
+    shapes = np.array([t.shape[p.name] for t in fitted.terms for p in t.effect.shapes], dtype=np.float64)
+    point = physical_parameters(fitted, fitted.beta, shapes)
+    slopes: dict[tuple[str, str], FloatArray] = {
+        (key, name): np.zeros(fitted.beta.size) for key in point for name in point[key]
+    }
+    for k in range(fitted.beta.size):
+        step = 1e-6 * abs(fitted.beta[k]) + 1e-12
+        moved = fitted.beta.copy()
+        moved[k] += step
+        changed = physical_parameters(fitted, moved, shapes)
+        for (key, name), slope in slopes.items():
+            slope[k] = (changed[key][name] - point[key][name]) / step
+    return {
+        key: {name: _wider(e, slopes.get((key, name), np.zeros(fitted.beta.size)), spread) for name, e in group.items()}
+        for key, group in parameters.items()
+    }
+
+
+def _wider(estimate: Estimate, slope: FloatArray, spread: FloatArray) -> Estimate:
+    more = float(norm.ppf(0.975)) ** 2 * max(float(slope @ spread @ slope), 0.0)
+    low, high = (abs(estimate.value - end) for end in estimate.ci95)
+    ends = (estimate.value - np.hypot(low, np.sqrt(more)), estimate.value + np.hypot(high, np.sqrt(more)))
+    return replace(estimate, ci95=(float(ends[0]), float(ends[1])))
+
+
+def robot_gains(joints: Mapping[str, JointResult], sigma: Mapping[str, float]) -> dict[tuple[str, str], float]:
+    """Held-out gain of the whole robot by joint and effect key, told as that of a shared cause.
+
+    1 - sqrt(S/S_0), S the sum over the joints of their held-out squares over sigma_j^2, S_0 the same without the
+    effect.
+
+    Args:
+        joints: Results.
+        sigma: By joint, RMS residual of the shared fit [N m].
+    """
+    squares = {}
+    for name, joint in joints.items():
+        stiffness = max(float(joint.final.beta[0]), 1e-12)
+        squares[name] = float(np.sum((joint.heldout.after * stiffness) ** 2)) / sigma[name] ** 2
+    total = max(sum(squares.values()), 1e-300)
+    return {
+        (name, effect.key): 1.0 - 1.0 / float(np.sqrt(1.0 + squares[name] * _excess(effect.heldout_gain) / total))
+        for name, joint in joints.items()
+        for effect in joint.effects
+    }
+
+
+def _excess(gain: float) -> float:
+    """By how much the squared error grows, relative, without an effect of this held-out gain; > -1."""
+    return 1.0 / max(1.0 - gain, 1e-6) ** 2 - 1.0

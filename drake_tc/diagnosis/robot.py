@@ -1,0 +1,243 @@
+"""`close-loop` of a rig whose loads come from a robot's model: shared causes first, then each joint's own.
+
+1. All joints together, with the declared models: which causes that no single joint owns are missing (`selection`).
+   Errors of sensors within their tolerances are estimated along (`stacked`).
+2. Each joint by itself, on loads without all of these (`diagnose_joint`).
+3. The alternative: no shared cause, each joint left to explain its own part. It stands when all joints together fit
+   better that way.
+4. The shared causes anew, beside the effects that the joints were found to have: those no longer real go.
+
+The model before is that of step 1 with no cause named: its loads are those without the sensors' errors within
+tolerance.
+"""
+
+from collections.abc import Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from drake_tc.diagnosis.joint import diagnose_joint
+from drake_tc.diagnosis.options import DiagnosisOptions
+from drake_tc.diagnosis.problem.columns import Term
+from drake_tc.diagnosis.problem.prepared import Prepared, prepare_joint
+from drake_tc.diagnosis.problem.shared.causes import CauseColumns, columns_over
+from drake_tc.diagnosis.problem.shared.correction import corrected
+from drake_tc.diagnosis.problem.shared.stacked import StackedFit, fit_stacked, stack
+from drake_tc.diagnosis.result.joint_result import JointResult
+from drake_tc.diagnosis.result.rig_result import SharedEffect
+from drake_tc.diagnosis.result.shared_effects import (
+    both_sides,
+    original_baseline,
+    shared_effects,
+    with_shared_uncertainty,
+)
+from drake_tc.diagnosis.result.widening import robot_gains
+from drake_tc.diagnosis.selection.comparison import effective_samples
+from drake_tc.diagnosis.selection.engine import Progress
+from drake_tc.diagnosis.selection.joint import Search, candidates, search
+from drake_tc.diagnosis.selection.shared import SharedSearch, active, search_shared
+from drake_tc.diagnosis.selection.thresholds import LEAST_REMOVED_OF_ESTIMATED_LOAD, SHARED, Thresholds
+from drake_tc.effects.library import LIBRARY
+from drake_tc.estimation.robot_loads import RobotLogs, with_robot_loads
+from drake_tc.logs.record import Run
+from drake_tc.logs.rig import Rig
+from drake_tc.types import FloatArray
+
+
+@dataclass(frozen=True)
+class RobotResult:
+    """What was found on a robot.
+
+    Attributes:
+        joints: By name; errors and models "before" are those of loads without the sensors' errors within tolerance.
+        shared: Causes that no single joint owns, by held-out gain.
+        held: Held-out runs with the loads of the model before.
+        held_after: The same without the shared causes.
+        robot_gains: (joint, effect key) to the effect's held-out gain of the whole robot, which compares with
+            `SharedEffect.heldout_gain`.
+    """
+
+    joints: Mapping[str, JointResult]
+    shared: tuple[SharedEffect, ...]
+    held: Sequence[Run] = field(default=())
+    held_after: Sequence[Run] = field(default=())
+    robot_gains: Mapping[tuple[str, str], float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class _Case:
+    """A robot's runs, and how to diagnose its joints."""
+
+    train: Sequence[Run]
+    held: Sequence[Run]
+    rig: Rig
+    causes: CauseColumns
+    options: DiagnosisOptions
+    progress: Progress
+    executor: Executor | None
+
+    def without(self, fitted: StackedFit) -> tuple[list[Run], list[Run]]:
+        """Both sides' runs without the fit's causes."""
+        joints = self.rig.joints
+        sides = (corrected(runs, self.causes, joints, fitted.columns, fitted.delta) for runs in (self.train, self.held))
+        train, held = sides
+        return train, held
+
+    def diagnose(self, train: Sequence[Run], held: Sequence[Run], joints: Sequence[str]) -> dict[str, JointResult]:
+        """Each of the joints by itself, beside each other where there are processes."""
+        arguments = [(train, held, self.rig, joint, self.options) for joint in joints]
+        if self.executor is None:
+            made = []
+            for number, each in enumerate(arguments):
+                self.progress(each[3], number / len(arguments))
+                made.append(_one(*each))
+        else:
+            futures = [self.executor.submit(_one, *each) for each in arguments]
+            made = []
+            for number, (joint, future) in enumerate(zip(joints, futures, strict=True)):
+                self.progress(joint, number / len(arguments))
+                made.append(future.result())
+        return dict(zip(joints, made, strict=True))
+
+
+def _one(train: Sequence[Run], held: Sequence[Run], rig: Rig, joint: str, options: DiagnosisOptions) -> JointResult:
+    with threadpool_limits(1):
+        return diagnose_joint(train, held, rig, joint, options)
+
+
+def diagnose_robot(
+    logs: RobotLogs,
+    train_runs: Sequence[Run],
+    held_runs: Sequence[Run],
+    rig: Rig,
+    options: DiagnosisOptions,
+    shared_thresholds: Thresholds = SHARED,
+    progress: Progress = lambda text, share: None,
+    executor: Executor | None = None,
+) -> RobotResult:
+    """Diagnose a robot. The held-out runs are looked at only after every choice is made.
+
+    Args:
+        logs: The robot's model.
+        train_runs: As recorded, to fit.
+        held_runs: As recorded, to judge by.
+        rig: With a `RobotLoad`.
+        options: Of the joints' own diagnosis.
+        shared_thresholds: Of the shared causes.
+        progress: Told how far it is.
+        executor: Diagnoses joints beside each other; None: one after the other, here.
+
+    Raises:
+        LogError: a sensor is missing, or a log too short.
+        IdentificationError: a joint whose runs cannot identify even the declared model.
+    """
+    progress("the robot's torques", 0.0)
+    train = with_robot_loads(logs, train_runs, rig.joints)
+    held = with_robot_loads(logs, held_runs, rig.joints)
+    progress("what all joints share", 0.0)
+    least = max(options.search.least_removed, LEAST_REMOVED_OF_ESTIMATED_LOAD)
+    options = replace(options, search=replace(options.search, least_removed=least))
+    case = _Case(train, held, rig, columns_over(logs, [*train, *held], rig), options, progress, executor)
+    raw = {joint: prepare_joint(train, held, rig, joint) for joint in rig.joints}
+    found = _search(case, raw, shared_thresholds)
+    before = case.without(found.baseline)
+    prepared = {joint: prepare_joint(*before, rig, joint) for joint in rig.joints}
+    if found.chosen and _evidence(case, prepared, found) <= 0.0:
+        found = SharedSearch((), found.baseline, found.baseline, ())
+    return _settled(case, _Before(raw, prepared, found.baseline, before[1]), found, shared_thresholds)
+
+
+@dataclass(frozen=True, eq=False)
+class _Before:
+    """The model before.
+
+    Attributes:
+        raw: Joints with loads as the robot's model gives them.
+        prepared: The same without the sensors' errors within tolerance.
+        fitted: All joints with no cause named. held: Held-out runs of its loads.
+    """
+
+    raw: Mapping[str, Prepared]
+    prepared: Mapping[str, Prepared]
+    fitted: StackedFit
+    held: Sequence[Run]
+
+    @property
+    def floor(self) -> FloatArray:
+        """(n,) noise floors [effort]."""
+        return np.array([p.floor for p in self.raw.values()])
+
+
+def _search(case: _Case, raw: Mapping[str, Prepared], thresholds: Thresholds) -> SharedSearch:
+    rows = stack({joint: p.train for joint, p in raw.items()}, {j: p.terms for j, p in raw.items()}, case.causes)
+    return search_shared(rows, case.causes.causes, np.array([p.floor for p in raw.values()]), thresholds)
+
+
+def _touched(found: SharedSearch, joints: Sequence[str]) -> list[str]:
+    """Joints whose error the shared causes change noticeably."""
+    change = np.abs(np.log(found.fit.cv_rms / found.baseline.cv_rms))
+    return [joint for joint, each in zip(joints, change, strict=True) if each > 0.01]
+
+
+def _evidence(case: _Case, prepared: Mapping[str, Prepared], found: SharedSearch) -> float:
+    """Log evidence for the shared causes against joints that explain their part alone, parameters paid."""
+    evidence, rows, size = 0.0, 0.0, sum(c.size for c in found.chosen)
+    after = case.without(found.fit)
+    for joint in _touched(found, case.rig.joints):
+        case.progress(f"{joint}: alone or shared", 0.0)
+        alone = _own_search(case, prepared[joint])
+        mended = prepare_joint(*after, case.rig, joint)
+        mine = _own_search(case, mended)
+        count = effective_samples(mine.chosen.residual, mended.train.samples)
+        errors = [_own_error(alone, prepared[joint]), _own_error(mine, mended)]
+        evidence += count * float(np.log(errors[0] / errors[1]))
+        rows += count
+        size += mine.chosen.size - alone.chosen.size
+    return evidence - 0.5 * size * float(np.log(max(rows, 2.0)))
+
+
+def _own_error(found: Search, prepared: Prepared) -> float:
+    """Cross-validated RMS [effort], by the drive gain of the fit itself: see `StackedFit.cv_rms`."""
+    return found.chosen.cv_rms / (prepared.train.gain or 1.0) * found.chosen.gain
+
+
+def _own_search(case: _Case, prepared: Prepared) -> Search:
+    """What one joint's own effects make of its loads."""
+    usable, _ = candidates(LIBRARY, prepared.context, prepared.declared)
+    return search(prepared.train, prepared.terms, usable, prepared.context, prepared.floor, case.options.search)
+
+
+def _settled(case: _Case, before: _Before, found: SharedSearch, thresholds: Thresholds) -> RobotResult:
+    """Causes and coefficients beside the joints' own effects; joints that have some are diagnosed anew on such loads.
+
+    A cause that is no longer real beside them was their imperfect form, and goes.
+    """
+    joints = case.rig.joints
+    made = case.diagnose(*case.without(found.fit), joints)
+    own = [joint for joint, result in made.items() if result.effects]
+    if own:
+        rows = stack({j: p.train for j, p in before.raw.items()}, _terms(made), case.causes)
+        kept = search_shared(rows, case.causes.causes, before.floor, thresholds, among=found.chosen)
+        again = own if len(kept.chosen) == len(found.chosen) else joints
+        found = kept
+        made |= case.diagnose(*case.without(found.fit), again)
+    train, held = both_sides(before.raw, _terms(made), case.causes)
+    fitted = fit_stacked(train, *active(case.causes.causes, found.chosen))
+    results = {joint: original_baseline(made[joint], before.prepared[joint]) for joint in joints}
+    declared = stack(
+        {j: p.train for j, p in before.raw.items()}, {j: p.terms for j, p in before.raw.items()}, case.causes
+    )
+    results = with_shared_uncertainty(results, (declared, before.fitted), (train, fitted))
+    return RobotResult(
+        joints=results,
+        shared=shared_effects(train, held, case.causes, found.chosen, found.alternatives),
+        held=before.held,
+        held_after=case.without(found.fit)[1],
+        robot_gains=robot_gains(results, dict(zip(joints, map(float, fitted.sigma), strict=True))),
+    )
+
+
+def _terms(joints: Mapping[str, JointResult]) -> dict[str, Sequence[Term]]:
+    return {joint: result.final.terms for joint, result in joints.items()}

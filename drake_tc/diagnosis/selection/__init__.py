@@ -1,0 +1,1 @@
+"""Which effects are missing: screening, refinement, comparison, and when to stop."""

@@ -1,0 +1,95 @@
+"""How much a difference between two models is worth when neighbouring samples say the same thing."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from drake_tc.diagnosis.data.samples import Samples
+from drake_tc.diagnosis.selection.thresholds import Thresholds
+from drake_tc.identification.autocorrelation import correlation_time
+from drake_tc.types import FloatArray
+
+RESAMPLES = 400
+
+
+def effective_samples(residual: FloatArray, samples: Samples) -> float:
+    """N over the integrated autocorrelation time of a residual (N,), no lag counted across runs; at least 3."""
+    lengths = [int(n) for n in np.bincount(samples.run) if n]
+    return max(residual.size / correlation_time(residual - residual.mean(), lengths), 3.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """What the larger model has over the smaller one, on cross-validated residuals of n joints.
+
+    Attributes:
+        gain: (n,) 1 - e_large/e_small.
+        removed: (n,) RMS of what the larger one explains more [effort]: sqrt(e_small^2 - e_large^2).
+        log_evidence: (n,) n_eff ln(e_small/e_large) less the joint's part of the price of its parameters.
+        share: Share of block resamples in which the larger model is better.
+    """
+
+    gain: FloatArray
+    removed: FloatArray
+    log_evidence: FloatArray
+    share: float
+
+    def is_real(self, floor: FloatArray, explained: FloatArray, thresholds: Thresholds) -> bool:
+        """Whether the larger model is worth its parameters.
+
+        Args:
+            floor: (n,) noise floors [effort].
+            explained: (n,) RMS that the effects before it explain [effort].
+            thresholds: What counts.
+        """
+        matters = (
+            (self.gain >= thresholds.least_gain)
+            & (self.removed >= thresholds.least_removed * floor)
+            & (self.removed >= thresholds.least_of_first * explained)
+        )
+        supports = (self.gain >= thresholds.second_gain) & (self.log_evidence >= thresholds.second_log_evidence)
+        return bool(
+            self.log_evidence.sum() >= thresholds.least_log_evidence
+            and matters.any()
+            and supports.sum() >= thresholds.least_joints
+            and self.share >= thresholds.least_share
+        )
+
+
+def explained_by(small: FloatArray, large: FloatArray) -> FloatArray:
+    """RMS (n,) that a model of errors `large` (n,) explains beyond one of errors `small` (n,)."""
+    return np.asarray(np.sqrt(np.maximum(small**2 - large**2, 0.0)))
+
+
+def compared(small: FloatArray, large: FloatArray, effective: FloatArray, extra: int, share: float) -> Comparison:
+    """Comparison of cross-validated errors.
+
+    Args:
+        small: (n,) RMS by joint of the smaller model [effort].
+        large: (n,) of the larger one.
+        effective: (n,) independent samples in the larger model's residuals.
+        extra: Parameters that the larger one has more: each costs half the logarithm of all effective samples.
+        share: Of resamples in which the larger one is better.
+    """
+    if not np.isfinite(large).all():
+        nil = np.zeros(small.size)
+        return Comparison(nil, nil, nil - np.inf, 0.0)
+    ratio = np.log(small / np.maximum(large, 1e-300))
+    price = 0.5 * max(extra, 0) * float(np.log(max(effective.sum(), 2.0)))
+    log_evidence = effective * ratio - price * effective / effective.sum()
+    return Comparison(1.0 - np.exp(-ratio), explained_by(small, large), log_evidence, share)
+
+
+def better_share(difference: FloatArray, seed: int = 0) -> float:
+    """Share of resamples of pairs of neighbouring blocks in which a sum of differences (B,) is positive.
+
+    Args:
+        difference: By block, squared error of the smaller model less that of the larger one.
+        seed: Of the resampling.
+    """
+    if difference.size % 2:
+        difference = np.append(difference, 0.0)
+    pairs = difference.reshape(-1, 2).sum(axis=1)
+    rng = np.random.default_rng(seed)
+    draws = rng.integers(0, pairs.size, (RESAMPLES, pairs.size))
+    return float(np.mean(pairs[draws].sum(axis=1) > 0.0))

@@ -1,0 +1,151 @@
+"""Does an effect that the search chose hold? It must be possible, help in every run where it acts, and carry over.
+
+An effect of the chosen set is withdrawn when
+  1. its values are physically impossible (`effects.plausibility`),
+  2. it corrects a sensor by less than that sensor resolves,
+  3. some training run speaks against it: fitted on the other runs, it makes the error of that run larger. With fewer
+     than three training runs the folds of the cross-validation take the place of the runs,
+  4. the held-out runs speak against it.
+A run says something about an effect where the effect acts in it: where its contribution has an RMS of a quarter of
+the noise floor or more. A training run speaks against it when its error is larger with the effect in 90 % of block
+resamples, a held-out run when its error is larger at all; the model without the effect is fitted anew. All held-out
+runs together speak against an effect that acts in them at all and makes their error larger.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from drake_tc.diagnosis.data.samples import Samples
+from drake_tc.diagnosis.problem.bounded import solve_bounded
+from drake_tc.diagnosis.problem.columns import Columns, Term
+from drake_tc.diagnosis.problem.regression import Fit, bounds_of, fit, predict
+from drake_tc.diagnosis.selection.plausible_values import objection_to_values
+from drake_tc.diagnosis.selection.withdrawal import DidNotHold, Withdrawal
+from drake_tc.effects.base import Context
+from drake_tc.types import FloatArray, IntArray
+
+ACTS = 0.25
+"""RMS of an effect's contribution to a run, in noise floors, from which on the run says something about it."""
+ACTS_AT_ALL = 0.1
+"""The same for all held-out runs together."""
+CERTAIN = 0.90
+"""Share of block resamples that must agree before a run speaks against an effect."""
+FEW_RUNS = 3
+"""Training runs from which on each is left out in turn."""
+RESAMPLES = 400
+
+
+@dataclass(frozen=True)
+class Confirmed:
+    """Rows that know the final model, the effects that held, fitted anew, and those that did not."""
+
+    train: Columns
+    held: Columns
+    fit: Fit
+    withdrawn: tuple[DidNotHold, ...]
+
+
+Settle = Callable[[Fit], tuple[Columns, Columns, Fit]]
+"""A fit to training rows, held-out rows and the fit itself, once the columns know the fit's coefficients."""
+
+
+def confirm(settle: Settle, chosen: Fit, known: frozenset[str], context: Context, floor: float) -> Confirmed:
+    """Withdraw effects one by one until all that are left hold.
+
+    Args:
+        settle: Makes columns know a fit.
+        chosen: What the search chose.
+        known: Keys of the declared effects, which are not questioned.
+        context: What the logs span.
+        floor: Noise floor [effort].
+    """
+    withdrawn: list[DidNotHold] = []
+    while True:
+        columns, held, chosen = settle(chosen)
+        added = [t for t in chosen.terms if t.effect.key not in known]
+        failed = [f for t in added if (f := _objection(columns, held, chosen, t, context, floor)) is not None]
+        if not failed:
+            return Confirmed(columns, held, chosen, tuple(withdrawn))
+        worst = min(failed, key=lambda f: (f.reason != "implausible", f.heldout_gain or 0.0))
+        withdrawn.append(worst)
+        chosen = fit(columns, [t for t in chosen.terms if t.effect.key != worst.key])
+
+
+def _objection(
+    columns: Columns, held: Columns, chosen: Fit, term: Term, context: Context, floor: float
+) -> DidNotHold | None:
+    without = [t for t in chosen.terms if t is not term]
+    rest = fit(columns, without)
+    with_it, without_it = predict(held, chosen), predict(held, rest)
+    gain = 1.0 - _rms(with_it) / max(_rms(without_it), 1e-300)
+
+    def withdrawn(reason: Withdrawal, why: str) -> DidNotHold:
+        effect = term.effect
+        return DidNotHold(effect.key, effect.id, effect.title, reason, why, gain)
+
+    impossible = objection_to_values(chosen, term, context, columns.samples)
+    if impossible is not None:
+        return withdrawn(*impossible)
+    against = _training_run_against(columns, chosen, without, floor)
+    if against:
+        return withdrawn("training_run_against", f"Fitted on the other runs, it makes the error of {against} larger.")
+    against = speaks_against(held.samples, without_it, with_it, floor, certain=0.0)
+    if against:
+        return withdrawn("heldout_run_against", f"It makes the held-out error of {against} larger.")
+    if gain <= 0.0 and _rms(with_it - without_it) >= ACTS_AT_ALL * floor:
+        return withdrawn("heldout_run_against", f"It changes the held-out error by {-100 * gain:+.1f} %.")
+    return None
+
+
+def _training_run_against(columns: Columns, chosen: Fit, without: Sequence[Term], floor: float) -> str:
+    """The training run that speaks against an effect, or ""."""
+    samples = columns.samples
+    if np.unique(samples.run).size < FEW_RUNS:
+        return ""  # the cross-validated gain in block resamples is a condition of the search
+    gain = columns.gain or chosen.gain
+    without_it, with_it = (left_out(columns, terms) * gain for terms in (without, chosen.terms))
+    return speaks_against(samples, without_it, with_it, floor)
+
+
+def left_out(columns: Columns, terms: Sequence[Term]) -> FloatArray:
+    """Residual (N,) [N m] of every training run, predicted from the other runs; shapes stay as they are."""
+    x, z, run = columns.design(terms), columns.target, columns.samples.run
+    runs = np.unique(run)
+    grams = {r: x[run == r].T @ x[run == r] for r in runs}
+    moments = {r: x[run == r].T @ z[run == r] for r in runs}
+    low, high = bounds_of(terms, columns.declared_gain)
+    total, moment = sum(grams.values()), sum(moments.values())
+    out = np.empty_like(z)
+    for r in runs:
+        beta = solve_bounded(total - grams[r], moment - moments[r], low, high)
+        out[run == r] = z[run == r] - x[run == r] @ beta
+    return out
+
+
+def speaks_against(
+    samples: Samples, without: FloatArray, with_it: FloatArray, floor: float, certain: float = CERTAIN
+) -> str:
+    """Name of the run whose error (N,) is larger with an effect, in at least `certain` of block resamples; or ""."""
+    worst, name = 0.0, ""
+    for r in np.unique(samples.run):
+        rows = samples.run == r
+        if _rms(with_it[rows] - without[rows]) < ACTS * floor:
+            continue
+        loss = _rms(with_it[rows]) / max(_rms(without[rows]), 1e-300) - 1.0
+        if loss > worst and _worse_share(samples.block[rows], without[rows], with_it[rows]) >= certain:
+            worst, name = loss, samples.runs[int(r)]
+    return name
+
+
+def _worse_share(block: IntArray, without: FloatArray, with_it: FloatArray) -> float:
+    """Share of block resamples in which the squared error is larger with the effect."""
+    number = np.unique(block, return_inverse=True)[1]
+    more = np.bincount(number, with_it**2 - without**2)
+    draws = np.random.default_rng(0).integers(0, more.size, (RESAMPLES, more.size))
+    return float(np.mean(more[draws].sum(axis=1) > 0.0))
+
+
+def _rms(values: FloatArray) -> float:
+    return float(np.sqrt(np.mean(values**2))) if values.size else 0.0

@@ -1,0 +1,213 @@
+"""Which effects are missing: a beam search over sets of effects by cross-validated error, on training runs alone.
+
+The engine knows nothing of joints or rigid bodies. A `Problem` proposes one-effect-larger models, refines them and says
+how well they do; `selection.joint`, `selection.shared` and `selection.arm` are the three kinds.
+"""
+
+from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import Generic, Protocol, TypeVar
+
+import numpy as np
+
+from drake_tc.diagnosis.selection.comparison import Comparison, compared, explained_by
+from drake_tc.diagnosis.selection.thresholds import Thresholds
+from drake_tc.diagnosis.selection.withdrawal import DidNotHold
+from drake_tc.types import FloatArray
+
+Progress = Callable[[str, float], None]
+MOST_IMPOSSIBLE = 18
+"""Models with impossible values that are refined at most in one round."""
+F = TypeVar("F")
+"""A fitted model."""
+
+
+@dataclass(frozen=True)
+class Proposal(Generic[F]):
+    """A model with one effect more.
+
+    Attributes:
+        key: Proposals of one key are the same model; the first one counts.
+        error: Its cross-validated error before its shapes are refined, or an estimate that orders proposals alike.
+        refined: Fits it with its shapes refined.
+    """
+
+    key: Hashable
+    error: float
+    refined: Callable[[], F]
+
+
+class Problem(Protocol[F]):
+    """What a regression tells the engine."""
+
+    @property
+    def floor(self) -> FloatArray:
+        """(n,) noise floors of the joints [effort]."""
+
+    def proposals(self, parent: F, known: set[Hashable]) -> Iterable[Proposal[F]]:
+        """Every model with one effect more than the parent, but those whose key is known."""
+
+    def errors(self, fit: F) -> FloatArray:
+        """(n,) cross-validated RMS by joint [effort]."""
+
+    def error(self, fit: F) -> float:
+        """One figure by which models are ordered."""
+
+    def effective(self, fit: F) -> FloatArray:
+        """(n,) independent samples in the residuals."""
+
+    def size(self, fit: F) -> int:
+        """Number of parameters."""
+
+    def order(self, fit: F) -> tuple[int, ...]:
+        """Of models as good as each other the one that comes first is taken."""
+
+    def share(self, small: F, large: F) -> float:
+        """Share of block resamples in which the larger model is better."""
+
+    def is_possible(self, fit: F) -> bool:
+        """Whether the values of all effects of a model can be believed, whatever they explain."""
+
+    def objections(self, fit: F) -> Sequence[DidNotHold]:
+        """What is said of the effects that cannot be believed."""
+
+    def without_each(self, large: F, small: F) -> Iterator[F]:
+        """The larger model without one of the effects that it has beyond the smaller one, each in turn."""
+
+    def adopted(self, fit: F) -> F:
+        """The model as later rounds build on it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Selection(Generic[F]):
+    """What a search found.
+
+    Attributes:
+        baseline, chosen: Models without and with the missing effects.
+        steps: What each addition brought, in order.
+        as_good: By step, the other models that were real and as good as the one taken.
+        alternatives: Other models of the chosen size, best first.
+        passed_over: Effects that would have been added but for values that cannot be believed.
+    """
+
+    baseline: F
+    chosen: F
+    steps: tuple[Comparison, ...] = ()
+    as_good: tuple[tuple[F, ...], ...] = ()
+    alternatives: tuple[F, ...] = ()
+    passed_over: tuple[DidNotHold, ...] = field(default=())
+
+
+def compare(problem: Problem[F], small: F, large: F) -> Comparison:
+    """What the larger model has over the smaller one."""
+    errors = problem.errors(small), problem.errors(large)
+    if not np.isfinite(errors[1]).all():
+        return compared(*errors, np.ones(errors[0].size), 0, 0.0)
+    extra = problem.size(large) - problem.size(small)
+    return compared(*errors, problem.effective(large), extra, problem.share(small, large))
+
+
+def _best_first(problem: Problem[F], fits: Sequence[F], among: Sequence[int], same: float) -> list[int]:
+    """Indices of the models as good as the best one: that which comes first, then the others."""
+    least = min(problem.error(fits[i]) for i in among)
+    good = [i for i in among if problem.error(fits[i]) <= (1.0 + same) * least]
+    return sorted(good, key=lambda i: problem.order(fits[i]))
+
+
+def select(
+    problem: Problem[F], baseline: F, thresholds: Thresholds, progress: Progress = lambda text, share: None
+) -> Selection[F]:
+    """Add effects as long as one more is a real improvement.
+
+    In each round every model of the beam is grown by each effect; the best proposals are refined. The simplest of the
+    best real ones is taken. Where none is real but one is promising, the next round looks for pairs.
+
+    Args:
+        problem: The regression.
+        baseline: Without effects.
+        thresholds: What counts as real, and how far to look.
+        progress: Told how far it is.
+    """
+    beam, chosen = [baseline], baseline
+    steps: list[Comparison] = []
+    as_good: list[tuple[F, ...]] = []
+    alternatives: tuple[F, ...] = ()
+    passed_over: dict[str, DidNotHold] = {}
+    waited = False  # for a second effect, because the first alone was promising and not real
+    for size in range(1, thresholds.most + 1):
+        proposals = _proposed(problem, beam, lambda share, size=size: progress(f"sets of {size}", share))  # type: ignore[misc]
+        if not proposals:
+            break
+        least = proposals[0].error
+        if size > 1 and least > (1.0 - thresholds.worth_refining) * problem.error(chosen):
+            break
+        fits, possible = _refined(problem, proposals, thresholds)
+        explained = explained_by(problem.errors(baseline), problem.errors(chosen))
+        comparisons = [compare(problem, chosen, f) for f in fits]
+        real = [i for i, c in enumerate(comparisons) if c.is_real(problem.floor, explained, thresholds)]
+        possible = [i for i in possible if thresholds.beam > 1 or (i in real and problem.is_possible(fits[i]))]
+        by_error = sorted(possible, key=lambda i: problem.error(fits[i]))
+        best_possible = problem.error(fits[by_error[0]]) if by_error else np.inf
+        for i in real:
+            if i not in possible and problem.error(fits[i]) < best_possible:
+                passed_over |= {each.key: each for each in problem.objections(fits[i])}
+        real = [i for i in real if i in possible]
+        if waited:
+            real = [i for i in real if _each_needed(problem, fits[i], chosen, thresholds)]
+        if not real:
+            if waited or max((comparisons[i].gain.max() for i in possible), default=0.0) < thresholds.promising_gain:
+                break
+            waited, beam = True, [fits[i] for i in by_error[: thresholds.beam]]
+            continue
+        waited = False
+        best, *others = _best_first(problem, fits, real, thresholds.same)
+        steps.append(comparisons[best])
+        as_good.append(tuple(fits[i] for i in others))
+        alternatives = tuple(fits[i] for i in by_error if i != best)
+        chosen = problem.adopted(fits[best])
+        beam = [chosen, *alternatives][: thresholds.beam]
+    return Selection(baseline, chosen, tuple(steps), tuple(as_good), alternatives, tuple(passed_over.values()))
+
+
+def _proposed(problem: Problem[F], beam: Sequence[F], progress: Callable[[float], None]) -> list[Proposal[F]]:
+    """All proposals of a beam, each model once, by error."""
+    known: set[Hashable] = set()
+    out = []
+    for number, parent in enumerate(beam):
+        for proposal in problem.proposals(parent, known):
+            known.add(proposal.key)
+            out.append(proposal)
+        progress((number + 1) / len(beam))
+    return sorted(out, key=lambda p: p.error)
+
+
+def _refined(
+    problem: Problem[F], proposals: Sequence[Proposal[F]], thresholds: Thresholds
+) -> tuple[list[F], list[int]]:
+    """The best proposals, refined, and the indices of those whose values are possible.
+
+    Impossible ones do not count: as many others are refined, near to the best possible one. A search that keeps a
+    single model looks at values only where an improvement is real, and takes all for possible here.
+    """
+    fits: list[F] = []
+    possible: list[int] = []
+    least = np.inf
+    for proposal in proposals:
+        if len(possible) == thresholds.refined or proposal.error > thresholds.near * least:
+            break
+        if len(fits) == MOST_IMPOSSIBLE + thresholds.refined:
+            break
+        fits.append(proposal.refined())
+        if thresholds.beam == 1 or problem.is_possible(fits[-1]):
+            possible.append(len(fits) - 1)
+            least = min(least, proposal.error)
+    return fits, possible
+
+
+def _each_needed(problem: Problem[F], large: F, small: F, thresholds: Thresholds) -> bool:
+    """Whether a model loses a real improvement with any one of the effects that it has beyond the smaller one."""
+    none = np.zeros(problem.floor.size)
+    return all(
+        compare(problem, without, large).is_real(problem.floor, none, thresholds)
+        for without in problem.without_each(large, small)
+    )

@@ -1,0 +1,48 @@
+"""Effects that the data cannot tell apart."""
+
+import numpy as np
+
+from drake_tc.diagnosis.problem.columns import Columns
+from drake_tc.diagnosis.problem.regression import Fit, fit
+from drake_tc.diagnosis.selection.joint import Search, best_shape, refine, share_better
+from drake_tc.effects.base import Context
+from drake_tc.effects.library import LIBRARY
+
+SAME_ERROR = 0.02
+CERTAIN = 0.98
+
+
+def indistinguishable(columns: Columns, found: Search, context: Context) -> tuple[tuple[str, str], ...]:
+    """Pairs (chosen, other): swapping the one for the other costs next to nothing.
+
+    Next to nothing: the cross-validated error rises by less than 2 % and the chosen effect is the better one in
+    fewer than 98 % of the block resamples, or the two predictions are the same up to a hundredth. An effect with more
+    parameters that fits no better is no rival: it contains the chosen one or imitates it.
+    """
+    known = {t.effect.key for t in found.baseline.terms}
+    pairs: list[tuple[str, str]] = []
+    for term in found.chosen.terms:
+        if term.effect.key in known:
+            continue
+        others = [t for t in found.chosen.terms if t is not term]
+        taken = {t.effect.id for t in found.chosen.terms} | set(context.declared)
+        without = fit(columns, others)
+        for member in LIBRARY:
+            if member.id in taken or member.obstacle(context):
+                continue
+            swapped = best_shape(columns, others, member, context, without.residual)
+            if swapped.cv_rms > 1.3 * found.chosen.cv_rms:
+                continue
+            if swapped.size > found.chosen.size:
+                continue
+            swapped = refine(columns, swapped, evaluations=30)
+            if _same(found.chosen, swapped):
+                pairs.append((term.effect.id, member.id))
+    return tuple(dict.fromkeys(pairs))
+
+
+def _same(chosen: Fit, other: Fit) -> bool:
+    if other.cv_rms > (1.0 + SAME_ERROR) * chosen.cv_rms:
+        return False
+    apart = float(np.sqrt(np.mean((chosen.residual - other.residual) ** 2)))
+    return share_better(other, chosen) < CERTAIN or apart < 0.01 * chosen.rms

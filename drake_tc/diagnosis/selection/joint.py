@@ -1,0 +1,185 @@
+"""Which effects one joint lacks: its regression as a problem of the search engine."""
+
+from collections.abc import Hashable, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from drake_tc.diagnosis.problem.columns import Columns, Term
+from drake_tc.diagnosis.problem.regression import Fit, fit, score
+from drake_tc.diagnosis.selection.comparison import better_share, effective_samples
+from drake_tc.diagnosis.selection.engine import Progress, Proposal, Selection, select
+from drake_tc.diagnosis.selection.plausible_values import objection_to_values
+from drake_tc.diagnosis.selection.shapes import refine_values, screened
+from drake_tc.diagnosis.selection.thresholds import Thresholds
+from drake_tc.diagnosis.selection.withdrawal import DidNotHold
+from drake_tc.effects.base import Context, DriveEffect, Effect
+from drake_tc.effects.library import LIBRARY
+from drake_tc.types import FloatArray
+
+Search = Selection[Fit]
+SCREENED = 4
+"""Shapes of a long grid that are tried with the filters."""
+POSITION = {effect.key: number for number, effect in enumerate(LIBRARY)}
+
+
+def candidates(
+    library: Sequence[Effect], context: Context, declared: Sequence[str]
+) -> tuple[list[Effect], list[tuple[str, str]]]:
+    """Effects that can be looked for, and for the others why not."""
+    usable, obstacles = [], []
+    for effect in library:
+        if effect.id in declared:
+            continue
+        obstacle = effect.obstacle(context)
+        if not obstacle and not effect.shape_grid(context):
+            obstacle = "the motion spans too little of its range"
+        if obstacle:
+            obstacles.append((effect.key, obstacle))
+        else:
+            usable.append(effect)
+    return usable, obstacles
+
+
+def best_shape(columns: Columns, terms: Sequence[Term], effect: Effect, context: Context, residual: FloatArray) -> Fit:
+    """The best fit of `terms` plus one effect over its shape grid."""
+    shapes = effect.shape_grid(context)
+    if not isinstance(effect, DriveEffect):
+        shapes = screened(effect, columns.samples.signals.take(columns.samples.rows), residual, shapes, SCREENED)
+    tried = [score(columns, [*terms, Term(effect, shape)]) for shape in shapes]
+    return fit(columns, min(tried, key=lambda s: s.cv_rms).terms)
+
+
+def refine(columns: Columns, start: Fit, evaluations: int = 60) -> Fit:
+    """Refine all shape parameters of a fit together."""
+    free = [(i, p) for i, t in enumerate(start.terms) for p in t.effect.shapes]
+    if not free:
+        return start
+    best, least = start.terms, start.cv_rms
+
+    def cost(values: FloatArray) -> float:
+        nonlocal best, least
+        shapes = [dict(t.shape) for t in start.terms]
+        for (i, p), value in zip(free, values, strict=True):
+            shapes[i][p.name] = float(value)
+        tried = score(columns, [Term(t.effect, s) for t, s in zip(start.terms, shapes, strict=True)])
+        if tried.cv_rms < least:
+            best, least = tried.terms, tried.cv_rms
+        return float(np.log(tried.cv_rms))
+
+    values = np.array([start.terms[i].shape[p.name] for i, p in free])
+    refine_values([p for _, p in free], values, cost, evaluations)
+    return start if best is start.terms else fit(columns, best)
+
+
+def share_better(small: Fit, large: Fit, seed: int = 0) -> float:
+    """Share of block resamples in which `large` has the smaller squared error."""
+    return better_share(small.block_sse - large.block_sse, seed)
+
+
+@dataclass(frozen=True, eq=False)
+class JointProblem:
+    """One joint's training rows, and what can be looked for on them.
+
+    Attributes:
+        columns: Training rows. effects: candidates. context: what the logs offer.
+        known: Keys of the declared effects, whose values are not questioned. noise: noise floor [effort].
+    """
+
+    columns: Columns
+    effects: Sequence[Effect]
+    context: Context
+    known: frozenset[str]
+    noise: float
+
+    @property
+    def floor(self) -> FloatArray:
+        """(1,) noise floor [effort]."""
+        return np.array([self.noise])
+
+    def proposals(self, parent: Fit, known: set[Hashable]) -> Iterator[Proposal[Fit]]:
+        """Each candidate at the best point of its shape grid."""
+        taken = {t.effect.id for t in parent.terms}
+        for effect in self.effects:
+            key = frozenset({t.effect.key for t in parent.terms} | {effect.key})
+            if effect.id not in taken and key not in known:
+                best = best_shape(self.columns, parent.terms, effect, self.context, parent.residual)
+                yield Proposal(key, best.cv_rms, lambda best=best: refine(self.columns, best))  # type: ignore[misc]
+
+    def errors(self, fitted: Fit) -> FloatArray:
+        """(1,) cross-validated RMS [effort]."""
+        return np.array([fitted.cv_rms])
+
+    def error(self, fitted: Fit) -> float:
+        """The same as a number."""
+        return fitted.cv_rms
+
+    def effective(self, fitted: Fit) -> FloatArray:
+        """(1,) independent samples in the residual."""
+        return np.array([effective_samples(fitted.residual, self.columns.samples)])
+
+    def size(self, fitted: Fit) -> int:
+        """Number of parameters, shapes included."""
+        return fitted.size
+
+    def order(self, fitted: Fit) -> tuple[int, ...]:
+        """By size, then as the effects stand in the library."""
+        return fitted.size, sum(POSITION[t.effect.key] for t in fitted.terms)
+
+    def share(self, small: Fit, large: Fit) -> float:
+        """Share of block resamples in which the larger fit is better."""
+        return share_better(small, large)
+
+    def is_possible(self, fitted: Fit) -> bool:
+        """Whether the added effects have values that can be believed."""
+        return not self.objections(fitted)
+
+    def objections(self, fitted: Fit) -> list[DidNotHold]:
+        """What is said of those that cannot."""
+        out = []
+        for term in fitted.terms:
+            effect = term.effect
+            if effect.key not in self.known:
+                found = objection_to_values(fitted, term, self.context, self.columns.samples)
+                if found is not None:
+                    out.append(DidNotHold(effect.key, effect.id, effect.title, found[0], found[1]))
+        return out
+
+    def without_each(self, large: Fit, small: Fit) -> Iterator[Fit]:
+        """The larger fit without one of its new effects, shapes refined anew."""
+        known = {t.effect.key for t in small.terms}
+        for term in large.terms:
+            if term.effect.key not in known:
+                rest = fit(self.columns, [t for t in large.terms if t is not term])
+                yield refine(self.columns, rest, evaluations=20)
+
+    def adopted(self, fitted: Fit) -> Fit:
+        """The fit itself."""
+        return fitted
+
+
+def search(
+    columns: Columns,
+    declared: Sequence[Term],
+    effects: Sequence[Effect],
+    context: Context,
+    floor: float,
+    thresholds: Thresholds,
+    progress: Progress = lambda text, share: None,
+) -> Search:
+    """Look for the effects that a joint's declared model lacks.
+
+    Args:
+        columns: Training rows.
+        declared: What the owner models.
+        effects: Candidates.
+        context: What the logs offer.
+        floor: Noise floor [effort].
+        thresholds: What counts as real.
+        progress: Told how far it is.
+    """
+    known = frozenset(t.effect.key for t in declared)
+    problem = JointProblem(columns, effects, context, known, floor)
+    found = select(problem, refine(columns, fit(columns, declared)), thresholds, progress)
+    taken = {t.effect.id for t in found.chosen.terms}
+    return replace(found, passed_over=tuple(each for each in found.passed_over if each.id not in taken))

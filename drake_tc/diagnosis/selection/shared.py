@@ -1,0 +1,163 @@
+"""Which causes that no single joint owns are missing: all joints' balances as a problem of the search engine.
+
+Errors of sensors that have a tolerance are in every fit, with that prior (`problem.shared.stacked`). A candidate among
+them loses its prior, and counts only if its estimate lies beyond what tolerance and noise together explain.
+"""
+
+from collections.abc import Hashable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from drake_tc.diagnosis.problem.shared.causes import TITLES, Cause
+from drake_tc.diagnosis.problem.shared.covariance import covariance
+from drake_tc.diagnosis.problem.shared.stacked import JointRows, StackedFit, effective_rows, fit_stacked
+from drake_tc.diagnosis.selection.engine import Proposal, Selection, select
+from drake_tc.diagnosis.selection.thresholds import SHARED, Thresholds
+from drake_tc.diagnosis.selection.withdrawal import DidNotHold
+from drake_tc.types import FloatArray, IntArray
+
+BEYOND = 3.0
+"""Standard deviations, of tolerance and estimate together, beyond which a sensor's error is not expected."""
+
+
+@dataclass(frozen=True, eq=False)
+class CauseFit:
+    """All joints with some causes: in the order found, and their fit."""
+
+    causes: tuple[Cause, ...]
+    fit: StackedFit
+
+
+@dataclass(frozen=True, eq=False)
+class SharedSearch:
+    """What was found.
+
+    Attributes:
+        chosen: Causes, in the order found. fit: with all of them. baseline: with none.
+        alternatives: By chosen cause, others that do as well in its place.
+    """
+
+    chosen: tuple[Cause, ...]
+    fit: StackedFit
+    baseline: StackedFit
+    alternatives: tuple[tuple[Cause, ...], ...]
+
+
+def active(causes: Sequence[Cause], chosen: Sequence[Cause]) -> tuple[IntArray, FloatArray]:
+    """Columns (p,) of the chosen causes and of all that have a tolerance, and the prior of each (p,): see `StackedFit`.
+
+    The chosen causes come first and have no prior. A tolerance of 0 leaves its parameter out.
+    """
+    columns = [k for c in chosen for k in range(c.columns.start, c.columns.stop)]
+    tolerance = [np.inf] * len(columns)
+    for cause in causes:
+        for place, size in enumerate(cause.tolerance if cause not in chosen else ()):
+            if size > 0.0:
+                columns.append(cause.columns.start + place)
+                tolerance.append(size)
+    return np.array(columns, dtype=np.int64), np.array(tolerance, dtype=np.float64)
+
+
+@dataclass(frozen=True, eq=False)
+class SharedProblem:
+    """The training rows of all joints, and the causes looked for.
+
+    Attributes:
+        rows: Of all joints. causes: all of them. candidates: those looked for. floor: (n,) noise floors [effort].
+    """
+
+    rows: Sequence[JointRows]
+    causes: Sequence[Cause]
+    candidates: Sequence[Cause]
+    floor: FloatArray
+
+    def with_causes(self, chosen: Sequence[Cause], effective: FloatArray | None = None) -> CauseFit:
+        """Fit these causes; with `effective` (n,) the rows weigh as given."""
+        return CauseFit(tuple(chosen), fit_stacked(self.rows, *active(self.causes, chosen), effective=effective))
+
+    def proposals(self, parent: CauseFit, known: set[Hashable]) -> Iterator[Proposal[CauseFit]]:
+        """One more cause each, the rows weighed as in the parent."""
+        for cause in self.candidates:
+            if cause not in parent.causes:
+                tried = self.with_causes([*parent.causes, cause], parent.fit.effective)
+                yield Proposal(cause.key, self.error(tried), lambda tried=tried: tried)  # type: ignore[misc]
+
+    def errors(self, fitted: CauseFit) -> FloatArray:
+        """(n,) cross-validated RMS by joint [effort]."""
+        return fitted.fit.cv_rms
+
+    def error(self, fitted: CauseFit) -> float:
+        """Geometric mean of the errors, joints weighted by their rows."""
+        weight = np.array([r.target.size for r in self.rows], dtype=np.float64)
+        return float(np.exp(weight @ np.log(fitted.fit.cv_rms) / weight.sum()))
+
+    def effective(self, fitted: CauseFit) -> FloatArray:
+        """(n,) independent rows by joint."""
+        return effective_rows(self.rows, fitted.fit)
+
+    def size(self, fitted: CauseFit) -> int:
+        """Number of parameters of the causes."""
+        return sum(c.size for c in fitted.causes)
+
+    def order(self, fitted: CauseFit) -> tuple[int, ...]:
+        """By size, then as the causes are listed."""
+        return self.size(fitted), *(self.causes.index(c) for c in fitted.causes)
+
+    def share(self, small: CauseFit, large: CauseFit) -> float:
+        """Not counted: enough joints must support a cause instead."""
+        return 1.0
+
+    def is_possible(self, fitted: CauseFit) -> bool:
+        """Whether the last cause's estimate lies where an error within its tolerance does not.
+
+        |delta_i| > 3 sqrt(t_i^2 + s_i^2) for one of its parameters; a cause without a tolerance always does.
+        """
+        cause = fitted.causes[-1]
+        if not cause.tolerance:
+            return True
+        place = np.isin(fitted.fit.columns, np.arange(cause.columns.start, cause.columns.stop))
+        noise = np.diag(covariance(self.rows, fitted.fit)[0])[place]
+        expected = np.sqrt(np.array(cause.tolerance) ** 2 + noise)
+        return bool((np.abs(fitted.fit.delta[place]) > BEYOND * expected).any())
+
+    def objections(self, fitted: CauseFit) -> Sequence[DidNotHold]:
+        """None: errors within their tolerance are not named."""
+        return ()
+
+    def without_each(self, large: CauseFit, small: CauseFit) -> Iterator[CauseFit]:
+        """The larger fit without one of its new causes."""
+        for cause in large.causes:
+            if cause not in small.causes:
+                yield self.with_causes([c for c in large.causes if c is not cause])
+
+    def adopted(self, fitted: CauseFit) -> CauseFit:
+        """Fitted anew, the rows weighed by what is left."""
+        return self.with_causes(fitted.causes)
+
+
+def search_shared(
+    rows: Sequence[JointRows],
+    causes: Sequence[Cause],
+    floor: FloatArray,
+    thresholds: Thresholds = SHARED,
+    among: Sequence[Cause] | None = None,
+) -> SharedSearch:
+    """Look for causes on all joints together.
+
+    Args:
+        rows: Training rows of all joints.
+        causes: All of them; those in `TITLES` are candidates.
+        floor: (n,) noise floors [effort].
+        thresholds: What counts as real.
+        among: Candidates, where not all of them are.
+    """
+    candidates = [c for c in causes if c.id in TITLES] if among is None else among
+    problem = SharedProblem(rows, causes, candidates, floor)
+    found: Selection[CauseFit] = select(problem, problem.with_causes(()), thresholds)
+    return SharedSearch(
+        found.chosen.causes,
+        found.chosen.fit,
+        found.baseline.fit,
+        tuple(tuple(f.causes[-1] for f in fits) for fits in found.as_good),
+    )

@@ -1,0 +1,136 @@
+"""Stacked balances of made-up joints: least squares against a dense solution, selection, what is no evidence."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from drake_tc.diagnosis.problem.columns import FOLDS
+from drake_tc.diagnosis.problem.shared.causes import Cause
+from drake_tc.diagnosis.problem.shared.covariance import intervals
+from drake_tc.diagnosis.problem.shared.stacked import JointRows, fit_stacked
+from drake_tc.diagnosis.selection.shared import search_shared
+
+N, P = 1500, 6
+NOISE = (0.1, 0.3, 0.05)
+TRUE = np.array([0.8, -0.5])
+CAUSES = (
+    Cause("ft_bias", "a", ("one", "two"), ("N", "N"), slice(0, 2)),
+    Cause("link_mass", "b", ("mass",), ("kg",), slice(2, 3)),
+    Cause("ft_gain", "c", ("all",), ("-",), slice(3, 4)),
+    Cause("link_com", "d", ("x", "y"), ("m", "m"), slice(4, 6)),
+)
+
+
+def joint(number, seed, delta, only=None, lonely=False):
+    """Rows of one joint: own columns [effort, -v, -sign v], causes' columns, target with the shared part."""
+    rng = np.random.default_rng([seed, number])
+    t = np.arange(N) * 0.01
+    v = np.sin(2.0 * np.pi * (0.3 + 0.1 * number) * t)
+    load = 4.0 * np.sin(2.0 * np.pi * 0.17 * t + number) + 2.0 * rng.standard_normal()
+    effort = load + 2.0 * v + 1.5 * np.sign(v)
+    shared = np.stack([np.cos(2.0 * np.pi * (0.05 + 0.13 * k) * t + number + k) for k in range(P)], axis=1)
+    if lonely and number:
+        shared[:, 2] = 0.0
+    target = load + NOISE[number] * rng.standard_normal(N)
+    if only is None or number == only:
+        target = target + shared[:, : delta.size] @ delta
+    shared[:, 3] = target  # the cause that could explain everything away by shrinking it
+    own = np.stack([effort, -v, -np.sign(v)], axis=1)
+    block = (np.arange(N) // 50).astype(np.int64)
+    every = np.column_stack([own, shared, target])
+    fold = (block // 2) % FOLDS
+    grams = np.stack([every[fold == f].T @ every[fold == f] for f in range(FOLDS)])
+    samples = SimpleNamespace(run=np.zeros(N, dtype=np.int64))
+    scaling = np.array([False, False, False, True, False, False])
+    return JointRows(f"j{number}", samples, own, shared, target, block, grams, scaling)
+
+
+def joints(seed=0, delta=TRUE, **kind):
+    return [joint(number, seed, delta, **kind) for number in range(3)]
+
+
+def test_elimination_equals_the_dense_solution():
+    rows = joints()
+    columns = np.array([0, 1, 4])
+    fitted = fit_stacked(rows, columns)
+    # the same weighted least squares in one matrix, at the weights of the last round but one
+    before = fit_stacked(rows, columns, sigma=fit_stacked(rows, columns).sigma)
+    weights = np.sqrt(before.effective) / before.sigma
+    blocks = []
+    for number, row in enumerate(rows):
+        own = np.zeros((N, 9))
+        own[:, 3 * number : 3 * number + 3] = row.own
+        blocks.append(np.column_stack([own, row.shared[:, columns], row.target]) * weights[number])
+    dense = np.concatenate(blocks)
+    solution = np.linalg.lstsq(dense[:, :-1], dense[:, -1], rcond=None)[0]
+    assert_allclose(fitted.delta, solution[9:], rtol=1e-5)  # weights settled to 1e-6
+    assert_allclose(np.concatenate(fitted.beta), solution[:9], rtol=1e-5)
+    assert_allclose(fitted.sigma, NOISE, rtol=0.08)  # 1500 rows: 1.8 % a standard deviation
+
+
+def test_intervals_hold_the_truth_as_often_as_they_say():
+    inside = 0
+    for seed in range(40):
+        rows = joints(seed)
+        fitted = fit_stacked(rows, np.array([0, 1]))
+        inside += int(np.sum(np.abs(fitted.delta - TRUE) <= intervals(rows, fitted)))
+    assert 70 <= inside <= 80  # of 80 at 95 %: mean 76, below 70 in one of 500
+
+
+def test_the_cause_of_all_joints_is_found_alone():
+    found = search_shared(joints(), CAUSES, np.full(3, 0.05))
+    assert [c.key for c in found.chosen] == ["ft_bias@a"]
+    assert_allclose(found.fit.delta, TRUE, atol=0.02)
+
+
+def test_nothing_is_found_in_noise():
+    for seed in range(5):
+        found = search_shared(joints(seed, delta=np.zeros(2)), CAUSES, np.full(3, 0.05))
+        assert found.chosen == ()
+
+
+def test_what_one_joint_has_is_no_shared_cause():
+    for only in range(3):
+        found = search_shared(joints(1, only=only), CAUSES[:1], np.full(3, 0.05))
+        assert found.chosen == ()
+
+
+def test_a_cause_that_reaches_one_joint_only_needs_another_joint():
+    rows = joints(2, delta=np.array([0.0, 0.0, 1.0]), lonely=True)
+    assert search_shared(rows, CAUSES[1:2], np.full(3, 0.05)).chosen == ()
+
+
+def test_shrinking_the_torques_explains_nothing():
+    rows = joints(3, delta=np.zeros(2))
+    plain, shrunk = fit_stacked(rows, np.zeros(0, dtype=np.int64)), fit_stacked(rows, np.array([3]))
+    torque = [np.linalg.lstsq(np.column_stack([r.own, r.shared[:, 3]]), r.target, rcond=None)[1] for r in rows]
+    assert np.concatenate([*torque, [0.0]]).max() < 1e-9  # least squares in torque takes it for an explanation
+    assert_allclose(shrunk.cv_rms, plain.cv_rms, rtol=0.01)
+    assert search_shared(rows, CAUSES[2:3], np.full(3, 0.05)).chosen == ()
+
+
+def test_half_shrunk_torques_are_told_at_their_drive_gain():
+    rows = joints(4, delta=np.zeros(2))
+    plain = fit_stacked(rows, np.zeros(0, dtype=np.int64))
+    scaled = [replace(r, target=0.5 * r.target, grams=_scaled(r.grams, 0.5)) for r in rows]
+    half = fit_stacked(scaled, np.zeros(0, dtype=np.int64))
+    assert_allclose(half.sigma, 0.5 * plain.sigma, rtol=1e-9)
+    assert_allclose(half.cv_rms, plain.cv_rms, rtol=1e-9)
+
+
+def _scaled(grams, factor):
+    """Grams of [X, C, factor z]."""
+    scale = np.ones(grams.shape[1])
+    scale[-1] = factor
+    return grams * np.outer(scale, scale)
+
+
+@pytest.mark.parametrize("name", ["link_mass", "link_com", "ft_bias", "ft_gain", "imu_bias"])
+def test_parameters_say_what_the_truth_has_more(name):
+    cause = Cause(name, "x", ("p",), ("-",), slice(0, 1))
+    physical = cause.physical(np.array([0.1]))[0]
+    wanted = {"link_mass": -0.1, "link_com": -0.1, "ft_bias": 0.1, "imu_bias": 0.1, "ft_gain": 1.0 / 0.9 - 1.0}
+    assert_allclose(physical, wanted[name], rtol=1e-12)

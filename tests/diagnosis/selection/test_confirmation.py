@@ -1,0 +1,228 @@
+"""What a chosen effect must withstand: possible values, the sensor's resolution, every training and held-out run."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+
+from drake_tc.diagnosis.data.preparation import build_samples, context_of
+from drake_tc.diagnosis.data.resolution import Resolution
+from drake_tc.diagnosis.data.samples import Samples
+from drake_tc.diagnosis.problem.columns import Columns, Term
+from drake_tc.diagnosis.problem.regression import Fit, bounds_of, fit
+from drake_tc.diagnosis.selection.confirmation import ACTS, FEW_RUNS, Confirmed, confirm, left_out, speaks_against
+from drake_tc.diagnosis.selection.plausible_values import objection_to_values
+from drake_tc.effects.base import Context
+from drake_tc.effects.library import effect
+
+from ..rigs import Joint, Motion, record, rig_of
+
+DECLARED = (Term(effect("viscous")), Term(effect("coulomb")))
+KNOWN = frozenset({"viscous", "coulomb"})
+PLAIN = Joint(duration=12.0, period=4e-3, torque_noise=0.2)
+BIAS, QUADRATIC = Term(effect("torque_sensor_bias")), Term(effect("quadratic_viscous"))
+
+
+def offset(size: float):
+    """Constant torque of this size: what a biased torque sensor looks like."""
+    return lambda m: size * np.ones_like(m.q)
+
+
+def drag(m: Motion) -> np.ndarray:
+    return 1.5 * m.v * np.abs(m.v)
+
+
+def columns_of(joints: Sequence[Joint], names: str, first: int = 0, width: float | None = None) -> Columns:
+    made = [record(j, f"{names}{k}", 0.37 * (first + k), first + k) for k, j in enumerate(joints)]
+    return Columns(build_samples(made, rig_of(joints[0]), "joint", width_s=width))
+
+
+def confirmed(train: Sequence[Joint], held: Sequence[Joint], *added: Term) -> Confirmed:
+    """Confirm the declared model with `added`, fitted to the training runs."""
+    first = columns_of(train, "train")
+    beta = fit(first, DECLARED).beta
+    columns = first.with_model(beta, servo=False)
+    out = columns_of(held, "held", 10, first.samples.light.width_s).with_model(beta, servo=False)
+    context = context_of(columns.samples, rig_of(train[0]), "joint")
+    floor = fit(columns, DECLARED).gain * columns.samples.floor.torque(float(beta[0]), float(beta[1]))
+    return confirm(lambda c: (columns, out, c), fit(columns, [*DECLARED, *added]), KNOWN, context, floor)
+
+
+def reasons(found: Confirmed) -> dict[str, str]:
+    return {d.id: d.reason for d in found.withdrawn}
+
+
+def test_an_effect_of_every_run_is_confirmed():
+    joint = replace(PLAIN, extra=drag)
+    found = confirmed([joint] * 3, [joint], QUADRATIC)
+    assert found.withdrawn == ()
+    assert [t.effect.id for t in found.fit.terms] == ["viscous", "coulomb", "quadratic_viscous"]
+    assert_allclose(found.fit.beta[3], 1.5, rtol=0.1)
+
+
+def test_an_effect_of_one_training_run_in_three_is_withdrawn():
+    biased = replace(PLAIN, extra=offset(1.5))
+    found = confirmed([biased, PLAIN, PLAIN], [biased], BIAS)
+    assert reasons(found) == {"torque_sensor_bias": "training_run_against"}
+    assert "train1" in found.withdrawn[0].why or "train2" in found.withdrawn[0].why
+    assert [t.effect.id for t in found.fit.terms] == ["viscous", "coulomb"]
+    assert_allclose(found.fit.beta, fit(found.train, DECLARED).beta, rtol=1e-9)
+
+
+def test_with_two_training_runs_the_folds_speak_instead():
+    assert FEW_RUNS == 3
+    biased = replace(PLAIN, extra=offset(1.5))
+    assert reasons(confirmed([biased, PLAIN], [biased], BIAS)) == {}
+
+
+@pytest.mark.parametrize("runs", [2, 3])
+def test_an_effect_that_the_held_out_run_lacks_is_withdrawn(runs):
+    biased = replace(PLAIN, extra=offset(1.0))
+    found = confirmed([biased] * runs, [PLAIN], BIAS)
+    assert reasons(found) == {"torque_sensor_bias": "heldout_run_against"}
+    assert found.withdrawn[0].heldout_gain < 0.0
+    assert "held0" in found.withdrawn[0].why
+
+
+def test_one_held_out_run_is_enough_to_speak_against_it():
+    """The other held-out run has twice as much of it: all together are better with the effect."""
+    biased = replace(PLAIN, extra=offset(1.0))
+    found = confirmed([biased] * 3, [replace(PLAIN, extra=offset(2.0), duration=24.0), PLAIN], BIAS)
+    assert reasons(found) == {"torque_sensor_bias": "heldout_run_against"}
+    assert found.withdrawn[0].heldout_gain > 0.0
+    assert "held1" in found.withdrawn[0].why
+
+
+def test_a_run_in_which_the_effect_does_not_act_does_not_speak():
+    """Quadratic friction is nothing at a tenth of the speed: that run neither has nor lacks it."""
+    joint = replace(PLAIN, extra=drag)
+    slow = record(joint, "slow", 5.0)
+    still = replace(slow, columns={n: 1e-3 * x if "position" in n else x for n, x in slow.columns.items()})
+    assert np.ptp(still.columns["joint/position"]) < 0.01
+    samples = columns_of([joint] * 2, "train").samples
+    floor = 1.0
+    without = np.where(samples.run == 1, 0.5, 2.0)
+    with_it = without + np.where(samples.run == 1, 0.99 * ACTS * floor, -1.0)
+    assert speaks_against(samples, without, with_it, floor) == ""
+    with_it = without + np.where(samples.run == 1, 1.01 * ACTS * floor, -1.0)
+    assert speaks_against(samples, without, with_it, floor) == "train1"
+
+
+def test_an_impossible_value_comes_before_all_other_reasons():
+    """A spring that pushes the joint away from its middle."""
+    pushes = replace(PLAIN, extra=lambda m: -6.0 * m.q + 1.5)
+    spring = Term(effect("cable_spring"))
+    found = confirmed([pushes] * 3, [PLAIN], spring)
+    assert reasons(found)["cable_spring"] == "implausible"
+    assert "N*m/rad" in found.withdrawn[0].why
+
+
+def test_effects_are_withdrawn_one_by_one_and_the_rest_fitted_anew():
+    both = replace(PLAIN, extra=lambda m: drag(m) + 1.0)
+    found = confirmed([both] * 3, [replace(PLAIN, extra=drag)], QUADRATIC, BIAS)
+    assert reasons(found) == {"torque_sensor_bias": "heldout_run_against"}
+    assert [t.effect.id for t in found.fit.terms] == ["viscous", "coulomb", "quadratic_viscous"]
+    assert_allclose(found.fit.beta, fit(found.train, [*DECLARED, QUADRATIC]).beta, rtol=1e-9)
+
+
+def test_declared_effects_are_not_questioned():
+    """No Coulomb friction in the held-out run: the owner declared it all the same."""
+    found = confirmed([PLAIN] * 3, [replace(PLAIN, coulomb=0.0)])
+    assert found.withdrawn == ()
+    assert len(found.fit.terms) == 2
+
+
+def test_a_left_out_run_is_predicted_by_the_fit_to_the_others():
+    columns = columns_of([PLAIN, replace(PLAIN, viscous=9.0), replace(PLAIN, gain=0.1)], "train")
+    terms = [*DECLARED, QUADRATIC]
+    x, z, run = columns.design(terms), columns.target, columns.samples.run
+    low, _ = bounds_of(terms)
+    out = left_out(columns, terms)
+    for r in range(3):
+        beta = np.linalg.lstsq(x[run != r], z[run != r], rcond=None)[0]
+        assert np.all(beta >= low)  # so that plain least squares is the solution
+        assert_allclose(out[run == r], (z - x @ beta)[run == r], atol=1e-6)
+
+
+@pytest.fixture(scope="module")
+def samples() -> Samples:
+    return columns_of([PLAIN] * 3, "train").samples
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.floats(1e-6, 1e6), st.sampled_from([-1.0, 1.0]), st.integers(0, 5))
+def test_who_speaks_against_depends_on_neither_unit_nor_sign(samples, scale, sign, seed):
+    rng = np.random.default_rng(seed)
+    without = rng.standard_normal(samples.rows.size)
+    with_it = without + rng.uniform(-0.8, 0.8, 3)[samples.run]
+    factor = sign * scale
+    plain = speaks_against(samples, without, with_it, 1.0)
+    assert speaks_against(samples, factor * without, factor * with_it, scale) == plain
+
+
+def test_a_loss_that_chance_may_have_made_does_not_count(samples):
+    """One loud half second of twenty: in a third of the resamples it is not drawn."""
+    without = np.ones(samples.rows.size)
+    with_it = np.where(samples.run == 0, 0.9, without)
+    first = samples.block == samples.block[samples.run == 0][0]
+    with_it = np.where(first, 3.0, with_it)
+    assert np.mean(with_it[samples.run == 0] ** 2) > 1.0
+    assert speaks_against(samples, without, with_it, 0.01, certain=0.9) == ""
+    assert speaks_against(samples, without, with_it, 0.01, certain=0.0) == "train0"
+
+
+def made_fit(term: Term, theta: Sequence[float]) -> Fit:
+    terms = (*DECLARED, term)
+    return Fit(terms, np.array([12.5, 6.0, 3.0, *theta]), np.zeros(1), 1.0, 1.0, np.zeros(1), np.ones(1))
+
+
+def resolving(samples: Samples, step: float, noise: float) -> Samples:
+    return replace(samples, resolution=Resolution(step, noise, 0.1, 0.01))
+
+
+@pytest.fixture(scope="module")
+def context(samples) -> Context:
+    return context_of(samples, rig_of(PLAIN), "joint")
+
+
+@pytest.mark.parametrize(("step", "noise"), [(1.5e-3, 4e-4), (0.0, 1.5e-3)])
+@pytest.mark.parametrize("size", [0.9, 1.1])
+@pytest.mark.parametrize("name", ["encoder_ripple", "encoder_eccentricity", "encoder_offset"])
+def test_a_correction_of_the_encoder_must_reach_its_resolution(samples, context, name, step, noise, size):
+    """Size of a wave a sin + b cos: sqrt(a^2 + b^2), 3-4-5 here, so that neither part alone reaches it."""
+    member = effect(name)
+    wanted, least = size * max(step, noise), max(step, noise)
+    parts = [wanted] if name == "encoder_offset" else [0.6 * wanted, -0.8 * wanted]
+    term = Term(member, {"cycles_per_turn": 9.0} if member.shapes else {})
+    theta = np.linalg.solve(_physical(term), parts)
+    found = objection_to_values(made_fit(term, theta), term, context, resolving(samples, step, noise))
+    assert (found is None) == (size > 1.0)
+    if found is not None:
+        assert found[0] == "below_resolution"
+        assert f"is {wanted:.2g} rad; the encoder resolves {least:.2g} rad" in found[1]
+
+
+def _physical(term: Term) -> np.ndarray:
+    """(k, k): reported values of the coefficients, which are linear in them at the gain of `made_fit`."""
+    size = len(term.effect.coefficients)
+    values = [term.effect.physical(row, term.shape, 0.08) for row in np.eye(size)]
+    return np.array([[v[p.name] for v in values] for p in term.effect.coefficients])
+
+
+def test_an_eccentricity_of_a_radian_is_impossible_however_fine_the_encoder(samples, context):
+    member = effect("encoder_eccentricity")
+    shape = {p.name: 1.0 for p in member.shapes}
+    term = Term(member, shape)
+    found = objection_to_values(made_fit(term, [0.78, 0.0]), term, context, resolving(samples, 1e-6, 1e-6))
+    assert found is not None
+    assert found[0] == "implausible"
+
+
+@pytest.mark.parametrize(("value", "possible"), [(0.5, True), (-0.1, False)])
+def test_friction_that_drives_is_impossible(samples, context, value, possible):
+    found = objection_to_values(made_fit(QUADRATIC, [value]), QUADRATIC, context, samples)
+    assert (found is None) == possible

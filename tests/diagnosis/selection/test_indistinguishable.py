@@ -1,0 +1,96 @@
+"""What the data cannot tell apart is listed; what merely contains the chosen effect is not."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from drake_tc.diagnosis.problem.columns import Term
+from drake_tc.diagnosis.problem.regression import fit
+from drake_tc.diagnosis.selection import indistinguishable as module
+from drake_tc.diagnosis.selection.joint import Search
+from drake_tc.effects.base import Parameter, Signature, TorqueEffect
+from drake_tc.effects.library import effect
+
+from ..rigs import Joint, Problem, problem
+
+JOINT = Joint(torque_noise=0.25, extra=lambda m: 0.8 * np.ones_like(m.q))
+
+
+class Twin(TorqueEffect):
+    """The bias under another name: the same column."""
+
+    id = "twin"
+    title = "twin"
+    kind = "load"
+    coefficients = (Parameter("twin", "N*m"),)
+    signature = Signature("time", "", "nothing")
+    linear = True
+
+    def columns(self, signals, shape):
+        return -np.ones((len(signals), 1))
+
+
+class Superset(Twin):
+    """The bias and a column that explains nothing."""
+
+    id = "superset"
+    coefficients = (Parameter("level", "N*m"), Parameter("useless", "N*m"))
+
+    def columns(self, signals, shape):
+        wave = np.sin(2 * np.pi * 0.9 * signals.time)
+        return np.stack([-np.ones(len(signals)), wave], axis=-1)
+
+
+class Stranger(Twin):
+    """A column of its own."""
+
+    id = "stranger"
+
+    def columns(self, signals, shape):
+        return signals.position[:, None] ** 3
+
+
+@pytest.fixture(scope="module")
+def biased() -> Problem:
+    return problem(JOINT, runs=2)
+
+
+def ties_with(p: Problem, library, monkeypatch) -> tuple[tuple[str, str], ...]:
+    monkeypatch.setattr(module, "LIBRARY", tuple(library))
+    chosen = fit(p.columns, [*p.declared, Term(effect("torque_sensor_bias"))])
+    return module.indistinguishable(p.columns, Search(p.baseline, chosen), p.context)
+
+
+def test_two_identical_columns_are_a_tie(biased, monkeypatch):
+    assert ties_with(biased, [Twin(), Stranger()], monkeypatch) == (("torque_sensor_bias", "twin"),)
+
+
+def test_a_nested_superset_is_no_tie(biased, monkeypatch):
+    assert ties_with(biased, [Superset(), Stranger()], monkeypatch) == ()
+
+
+def test_of_the_library_only_a_constant_in_motion_is_a_biass_twin(biased, monkeypatch):
+    pairs = ties_with(biased, module.LIBRARY, monkeypatch)
+    assert {p[0] for p in pairs} <= {"torque_sensor_bias"}
+    assert {p[1] for p in pairs} <= {"asymmetric_friction"}  # its Coulomb form is 1 wherever the joint moves
+
+
+def test_nothing_found_leaves_nothing_to_tie(biased):
+    nothing = Search(biased.baseline, biased.baseline)
+    assert module.indistinguishable(biased.columns, nothing, biased.context) == ()
+
+
+def test_a_weak_effect_that_another_imitates_within_the_noise_is_a_tie(monkeypatch):
+    class Neighbour(Twin):
+        """The bias, 20 % more of it at the largest angles."""
+
+        id = "neighbour"
+
+        def columns(self, signals, shape):
+            return -(1.0 + 0.2 * np.tanh(3.0 * signals.position))[:, None]
+
+    weak = problem(replace(JOINT, extra=lambda m: 0.05 * np.ones_like(m.q), torque_noise=1.0), seed=3)
+    strong = problem(replace(JOINT, extra=lambda m: 3.0 * np.ones_like(m.q), torque_noise=0.1))
+    assert ties_with(weak, [Neighbour()], monkeypatch) == (("torque_sensor_bias", "neighbour"),)
+    assert ties_with(strong, [Neighbour()], monkeypatch) == ()
