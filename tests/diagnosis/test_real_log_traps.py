@@ -98,12 +98,7 @@ def random_torque(size: float, highest_hz: float) -> Extra:
     return extra
 
 
-NAMED_LAG = "the verdict is unexplained_residual, but a current lag is named as an effect with a gain of 20 %"
-
-
-@pytest.mark.parametrize(
-    "highest_hz", [4.0, pytest.param(20.0, marks=pytest.mark.xfail(strict=True, reason=NAMED_LAG))]
-)
+@pytest.mark.parametrize("highest_hz", [4.0, 20.0])
 def test_a_random_disturbance_of_45_floors_is_no_green_verdict(
     tmp_path, quiet: dict[str, Any], highest_hz: float
 ) -> None:

@@ -9,6 +9,7 @@ from drake_tc.diagnosis.problem.columns import Columns, Term
 from drake_tc.diagnosis.problem.regression import Fit, fit, score
 from drake_tc.diagnosis.selection.comparison import better_share, effective_samples
 from drake_tc.diagnosis.selection.engine import Progress, Proposal, Selection, select
+from drake_tc.diagnosis.selection.lag_or_noise import NOISE, is_noise
 from drake_tc.diagnosis.selection.plausible_values import objection_to_values
 from drake_tc.diagnosis.selection.shapes import refine_values, screened
 from drake_tc.diagnosis.selection.thresholds import Thresholds
@@ -141,6 +142,8 @@ class JointProblem:
             effect = term.effect
             if effect.key not in self.known:
                 found = objection_to_values(fitted, term, self.context, self.columns.samples)
+                if found is None and is_noise(self.columns, fitted, term):
+                    found = "implausible", NOISE
                 if found is not None:
                     out.append(DidNotHold(effect.key, effect.id, effect.title, found[0], found[1]))
         return out
