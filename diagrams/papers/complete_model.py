@@ -20,7 +20,7 @@ from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.problem.columns import Columns, Term
 from drake_tc.diagnosis.problem.estimates import block_lengths
 from drake_tc.diagnosis.result.joint_result import JointResult
-from drake_tc.diagnosis.selection.thresholds import JOINT
+from drake_tc.diagnosis.thresholds import JOINT
 from drake_tc.identification.autocorrelation import critical_value_95
 from drake_tc.identification.regression import least_squares
 from drake_tc.logs.prepare import load_runs

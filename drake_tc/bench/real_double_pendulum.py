@@ -12,7 +12,7 @@ from drake_tc.bench.real_rows import RealRow
 from drake_tc.diagnosis.arm import ArmHeldOut, declare, declared_friction, hold_out_arm
 from drake_tc.diagnosis.problem.arm.rows import ArmRows, JointLog, arm_rows
 from drake_tc.diagnosis.problem.arm.shafts import joint_axes
-from drake_tc.diagnosis.selection.thresholds import ARM
+from drake_tc.diagnosis.thresholds import ARM
 from drake_tc.errors import LogError
 from drake_tc.identification.rigid_regressor import LinkTree, regressor
 from drake_tc.logs.importers.dfki import DOUBLE_JOINTS, TORQUE_PER_AMPERE, convert

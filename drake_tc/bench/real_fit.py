@@ -10,7 +10,7 @@ from drake_tc.diagnosis.data.samples import Samples
 from drake_tc.diagnosis.problem.columns import Columns, Term
 from drake_tc.diagnosis.problem.regression import Fit, fit
 from drake_tc.diagnosis.selection.joint import candidates, search
-from drake_tc.diagnosis.selection.thresholds import JOINT
+from drake_tc.diagnosis.thresholds import JOINT
 from drake_tc.effects.library import LIBRARY, effect
 from drake_tc.logs.common_rate import at_common_period
 from drake_tc.logs.loads import Pendulum

@@ -9,7 +9,7 @@ from drake_tc.diagnosis.problem.arm.fit import ArmFit, ShaftEffect, design_of, f
 from drake_tc.diagnosis.problem.arm.rows import ArmRows
 from drake_tc.diagnosis.problem.columns import Term
 from drake_tc.diagnosis.selection.arm import search_arm
-from drake_tc.diagnosis.selection.thresholds import ARM, Thresholds
+from drake_tc.diagnosis.thresholds import ARM, SearchThresholds
 from drake_tc.effects.base import Effect
 from drake_tc.effects.library import effect
 from drake_tc.identification.base_parameters import independent_columns
@@ -72,7 +72,7 @@ def hold_out_arm(
     declared: Sequence[ShaftEffect],
     test: BoolArray,
     effects: Sequence[Effect],
-    thresholds: Thresholds = ARM,
+    thresholds: SearchThresholds = ARM,
     progress: Callable[[str, float], None] = lambda text, share: None,
 ) -> ArmHeldOut:
     """Fit and search on the rows outside `test`, none within the filters' reach of it, and predict `test`.

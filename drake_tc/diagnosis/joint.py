@@ -23,6 +23,7 @@ from drake_tc.diagnosis.selection.engine import Progress
 from drake_tc.diagnosis.selection.indistinguishable import indistinguishable
 from drake_tc.diagnosis.selection.joint import Search, candidates, search
 from drake_tc.diagnosis.selection.withdrawal import DidNotHold
+from drake_tc.diagnosis.thresholds import SOFTER_GEAR
 from drake_tc.effects.base import EFFORT_UNIT, Context
 from drake_tc.effects.elasticity import Elasticity
 from drake_tc.effects.library import LIBRARY
@@ -34,7 +35,6 @@ from drake_tc.logs.rig import Rig
 from drake_tc.types import FloatArray
 
 SETTLING_ROUNDS = 4
-SOFTER = 0.97
 SEARCHED_SAMPLES = 200_000
 
 
@@ -109,7 +109,7 @@ def diagnose_joint(
     compliance = _wind_up(stage)
     if compliance > 0.0:
         soft = _looked_for(prepare_joint(train_runs, held_runs, rig, joint, compliance), options, progress)
-        if _has_elasticity(soft.found) and soft.found.chosen.cv_rms < SOFTER * stage.found.chosen.cv_rms:
+        if _has_elasticity(soft.found) and soft.found.chosen.cv_rms < SOFTER_GEAR * stage.found.chosen.cv_rms:
             stage = soft
     prepared, subsample, context = stage.prepared, stage.subsample, stage.prepared.context
     ties = indistinguishable(subsample, stage.found, context)

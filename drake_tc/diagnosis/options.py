@@ -2,19 +2,18 @@
 
 from dataclasses import dataclass, field
 
-from drake_tc.diagnosis.residual.structure import ResidualOptions
-from drake_tc.diagnosis.selection.thresholds import JOINT, Thresholds
+from drake_tc.diagnosis.thresholds import JOINT, ResidualThresholds, SearchThresholds
 
 
 @dataclass(frozen=True)
 class DiagnosisOptions:
-    """Thresholds of the search and of the assessment of what is left; `seed` for resampling.
+    """SearchThresholds of the search and of the assessment of what is left; `seed` for resampling.
 
     `assess_residual`: whether what is left is assessed at all, which costs more than all the rest; False calls nothing
     structured.
     """
 
-    search: Thresholds = JOINT
-    residual: ResidualOptions = field(default_factory=ResidualOptions)
+    search: SearchThresholds = JOINT
+    residual: ResidualThresholds = field(default_factory=ResidualThresholds)
     seed: int = 0
     assess_residual: bool = True

@@ -38,7 +38,7 @@ from drake_tc.diagnosis.selection.comparison import effective_samples
 from drake_tc.diagnosis.selection.engine import Progress
 from drake_tc.diagnosis.selection.joint import Search, candidates, search
 from drake_tc.diagnosis.selection.shared import SharedSearch, active, search_shared
-from drake_tc.diagnosis.selection.thresholds import LEAST_REMOVED_OF_ESTIMATED_LOAD, SHARED, Thresholds
+from drake_tc.diagnosis.thresholds import LEAST_REMOVED_OF_ESTIMATED_LOAD, SHARED, SearchThresholds
 from drake_tc.effects.library import LIBRARY
 from drake_tc.estimation.robot_loads import RobotLogs, with_robot_loads
 from drake_tc.logs.record import Run
@@ -113,7 +113,7 @@ def diagnose_robot(
     held_runs: Sequence[Run],
     rig: Rig,
     options: DiagnosisOptions,
-    shared_thresholds: Thresholds = SHARED,
+    shared_thresholds: SearchThresholds = SHARED,
     progress: Progress = lambda text, share: None,
     executor: Executor | None = None,
 ) -> RobotResult:
@@ -170,7 +170,7 @@ class _Before:
         return np.array([p.floor for p in self.raw.values()])
 
 
-def _search(case: _Case, raw: Mapping[str, Prepared], thresholds: Thresholds) -> SharedSearch:
+def _search(case: _Case, raw: Mapping[str, Prepared], thresholds: SearchThresholds) -> SharedSearch:
     rows = stack({joint: p.train for joint, p in raw.items()}, {j: p.terms for j, p in raw.items()}, case.causes)
     return search_shared(rows, case.causes.causes, np.array([p.floor for p in raw.values()]), thresholds)
 
@@ -209,7 +209,7 @@ def _own_search(case: _Case, prepared: Prepared) -> Search:
     return search(prepared.train, prepared.terms, usable, prepared.context, prepared.floor, case.options.search)
 
 
-def _settled(case: _Case, before: _Before, found: SharedSearch, thresholds: Thresholds) -> RobotResult:
+def _settled(case: _Case, before: _Before, found: SharedSearch, thresholds: SearchThresholds) -> RobotResult:
     """Causes and coefficients beside the joints' own effects; joints that have some are diagnosed anew on such loads.
 
     A cause that is no longer real beside them was their imperfect form, and goes.

@@ -38,7 +38,7 @@ def close_loop(
         rig_path: Rig file.
         logs: Runs to fit.
         holdout: Runs that take no part in fitting or choosing.
-        options: Thresholds and seed.
+        options: SearchThresholds and seed.
         free_run: Simulates the model driven by a recorded command; None leaves the free-run errors out.
         progress: Told how far it is.
         executor: Runs the free runs beside each other; None runs them here.

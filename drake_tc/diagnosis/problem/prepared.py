@@ -7,13 +7,11 @@ from drake_tc.diagnosis.data.preparation import build_samples, context_of
 from drake_tc.diagnosis.problem.columns import Columns, Term
 from drake_tc.diagnosis.problem.declared import declared_terms, fit_declared, known_values, without_known
 from drake_tc.diagnosis.problem.signs import require_consistent_signs
+from drake_tc.diagnosis.thresholds import MAX_CONDITION
 from drake_tc.effects.base import Context
 from drake_tc.identification.regression import least_squares
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
-
-MAX_CONDITION = 300.0
-"""Of the declared model's columns, scaled to unit length: beyond it the motion does not tell them apart."""
 
 
 @dataclass(frozen=True, eq=False)

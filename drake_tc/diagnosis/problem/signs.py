@@ -13,19 +13,10 @@ import numpy as np
 
 from drake_tc.diagnosis.problem.columns import Columns
 from drake_tc.diagnosis.problem.regression import Fit
+from drake_tc.diagnosis.thresholds import CLEARLY_WORSE, LEAST_UNEXPLAINED, NO_STIFFNESS
 from drake_tc.effects.base import EFFORT_UNIT, DriveKind
 from drake_tc.errors import IdentificationError
 from drake_tc.types import FloatArray
-
-NO_STIFFNESS = 1e-9
-"""1/K over the torque per effort of the rows, at or below which the effort does not enter the balance."""
-CLEARLY_WORSE = 2.0
-"""Error of the balance with the load as it is over that with the load turned, from which the sign is wrong.
-
-A missing effect that follows the motion can make the turned load fit better, but hardly twice as well."""
-LEAST_UNEXPLAINED = 0.1
-"""Share of the effort that the balance must leave before a sign is questioned: a missing effect of a few per cent can
-weigh more than the load of a joint that works against its own friction and rotor."""
 
 
 def require_consistent_signs(columns: Columns, declared: Fit, joint: str, drive: DriveKind) -> None:

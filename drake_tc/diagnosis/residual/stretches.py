@@ -3,15 +3,9 @@
 import numpy as np
 
 from drake_tc.diagnosis.residual.unexplained import DataSplit, TimeStretch
+from drake_tc.diagnosis.thresholds import LONGEST_CORRELATION, LOUD_ENERGY, LOUD_SHARE
 from drake_tc.identification.autocorrelation import correlation_time
 from drake_tc.types import FloatArray, IntArray
-
-LONGEST_CORRELATION = 0.5
-"""Longest correlation time [s] of the quiet part of a residual in which a loud stretch is an event."""
-LOUD_SHARE = 0.25
-"""Largest share of the half-second blocks that loud stretches may hold to count as confined."""
-LOUD_ENERGY = 0.4
-"""Smallest share of the residual's energy that they must hold."""
 
 
 def spectral_line(split: DataSplit) -> tuple[float, float]:

@@ -15,6 +15,7 @@ from sklearn.ensemble import HistGradientBoostingRegressor
 from drake_tc.diagnosis.data.samples import Samples
 from drake_tc.diagnosis.residual.stretches import loud_stretches, spectral_line
 from drake_tc.diagnosis.residual.unexplained import DataSplit, Unexplained
+from drake_tc.diagnosis.thresholds import ResidualThresholds
 from drake_tc.filtering.common_kernel import CommonKernel
 from drake_tc.identification.autocorrelation import correlation_time
 from drake_tc.types import BoolArray, FloatArray, IntArray
@@ -24,36 +25,6 @@ GROUP_SECONDS = 1.5
 WIDER = 3.0
 """Width of the features' kernel over the light kernel's."""
 FEATURES = ("velocity", "acceleration", "position", "expected_torque", "command", "direction", "travel", "temperature")
-
-
-@dataclass(frozen=True)
-class ResidualOptions:
-    """When a remainder counts as structure, and when it counts as more than noise.
-
-    Attributes:
-        least_floors: RMS of the residual in noise floors below which nothing is flagged.
-        most_floors: ... above which more is left than the floor explains, if it is also more than `least_of_before`.
-        least_fraction: Smallest share of the residual's variance that a function of the signals must explain.
-        least_rms: Smallest RMS of that share, in noise floors.
-        least_of_before: ... and as a share of the error before.
-        least_log_evidence: Evidence of that share, in effective samples of what is left: noise that wanders has few.
-        most_growth: How many times the training error the held-out one may be: beyond it the model does not carry over.
-        least_growth: ... by at least this share of the held-out error before; so too for all that lies beyond the
-            range of the training runs, for stretches and for lines.
-        least_burst: How many times the typical half-second RMS a confined stretch must reach.
-        least_line: Share of the residual's variance that one spectral line must hold.
-    """
-
-    least_floors: float = 1.5
-    most_floors: float = 3.0
-    least_fraction: float = 0.25
-    least_rms: float = 0.6
-    least_of_before: float = 0.05
-    least_log_evidence: float = 25.0
-    most_growth: float = 2.5
-    least_growth: float = 0.25
-    least_burst: float = 3.0
-    least_line: float = 0.25
 
 
 def features(samples: Samples, beta: FloatArray, *, servo: bool) -> FloatArray:
@@ -176,7 +147,7 @@ def assess_residual(
     held: DataSplit,
     x: tuple[FloatArray, FloatArray],
     floor: float,
-    options: ResidualOptions,
+    options: ResidualThresholds,
     seed: int = 0,
 ) -> Unexplained:
     """What is left of both splits after the final model, and whether it is structure or simply more than noise.
@@ -186,7 +157,7 @@ def assess_residual(
         held: The same of the held-out runs.
         x: Of each split, its `features`.
         floor: Noise floor [effort].
-        options: Thresholds.
+        options: SearchThresholds.
         seed: Of the folds.
     """
     rms, train_rms = (float(np.sqrt(np.mean(s.after**2))) for s in (held, train))
@@ -229,7 +200,7 @@ def assess_residual(
     )
 
 
-def is_excess(splits: Sequence[DataSplit], floors: Sequence[float], options: ResidualOptions) -> bool:
+def is_excess(splits: Sequence[DataSplit], floors: Sequence[float], options: ResidualThresholds) -> bool:
     """Whether some split has more left than noise: more than its noise floor, and more than a remainder of what the
     model explains, which an effect's imperfect form leaves.
     """

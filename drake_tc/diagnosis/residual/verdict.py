@@ -8,13 +8,11 @@ from drake_tc.diagnosis.data.noise_colour import correlated_noise
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.problem.columns import Columns
 from drake_tc.diagnosis.problem.regression import Fit
-from drake_tc.diagnosis.residual.structure import ResidualOptions, assess_residual, features, is_excess
+from drake_tc.diagnosis.residual.structure import assess_residual, features, is_excess
 from drake_tc.diagnosis.residual.unexplained import DataSplit, Unexplained, Verdict
+from drake_tc.diagnosis.thresholds import CORRELATED_NOISE_NOTED, ResidualThresholds
 from drake_tc.effects.base import Context, TransmissionEffect
 from drake_tc.types import FloatArray
-
-NOTED = 1.2
-"""Noise floor with correlated noise over that without, from which on the report says so."""
 
 
 def _rms(values: FloatArray) -> float:
@@ -60,7 +58,7 @@ def what_is_left(
         max(r / f for r, f in zip(rms, levels, strict=True)),
         excess=is_excess(splits, levels, thresholds),
     )
-    if levels[1] <= NOTED * floor or noise[1] is None:
+    if levels[1] <= CORRELATED_NOISE_NOTED * floor or noise[1] is None:
         return left, levels[1], ()
     return (
         left,
@@ -72,7 +70,7 @@ def what_is_left(
     )
 
 
-def _residual_options(options: ResidualOptions, chosen: Fit) -> ResidualOptions:
+def _residual_options(options: ResidualThresholds, chosen: Fit) -> ResidualThresholds:
     """A gear's play or softness is modelled at rest only: three times as much may be left of what it explains."""
     if any(isinstance(t.effect, TransmissionEffect) for t in chosen.terms):
         return replace(options, least_of_before=3.0 * options.least_of_before)

@@ -11,13 +11,10 @@ from drake_tc.diagnosis.problem.regression import Fit, fit, predict
 from drake_tc.diagnosis.result.joint_result import FoundEffect, RejectedEffect, Rejection
 from drake_tc.diagnosis.selection.engine import compare
 from drake_tc.diagnosis.selection.joint import JointProblem, Search, best_shape, candidates, share_better
-from drake_tc.diagnosis.selection.thresholds import JOINT, Thresholds
+from drake_tc.diagnosis.thresholds import JOINT, UNTESTED_EFFORT, SearchThresholds
 from drake_tc.effects.base import Context
 from drake_tc.effects.library import LIBRARY
 from drake_tc.types import FloatArray
-
-UNTESTED_EFFORT = 1.1
-"""Largest effort of the held-out runs over that of the training runs, above which a saturation was not tested."""
 
 
 def _rms(values: FloatArray) -> float:
@@ -77,7 +74,7 @@ def rejected_effects(
     held: Columns,
     chosen: Fit,
     context: Context,
-    thresholds: Thresholds,
+    thresholds: SearchThresholds,
     obstacles: Sequence[tuple[str, str]],
     floor: float,
 ) -> tuple[RejectedEffect, ...]:

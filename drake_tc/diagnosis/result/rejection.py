@@ -1,7 +1,7 @@
 """Why an effect was not added, as a sentence."""
 
 from drake_tc.diagnosis.result.joint_result import RejectedEffect
-from drake_tc.diagnosis.selection.thresholds import JOINT
+from drake_tc.diagnosis.thresholds import JOINT
 
 NO_GAIN = 5e-4
 """Cross-validated gain below which an effect is said not to lower the error at all."""

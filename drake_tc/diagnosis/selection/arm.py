@@ -11,8 +11,8 @@ from drake_tc.diagnosis.problem.columns import Term
 from drake_tc.diagnosis.selection.comparison import better_share
 from drake_tc.diagnosis.selection.engine import Progress, Proposal, Selection, select
 from drake_tc.diagnosis.selection.shapes import PERIOD, refine_values, screened
-from drake_tc.diagnosis.selection.thresholds import ARM, Thresholds
 from drake_tc.diagnosis.selection.withdrawal import DidNotHold
+from drake_tc.diagnosis.thresholds import ARM, SearchThresholds
 from drake_tc.effects.base import Effect
 from drake_tc.identification.autocorrelation import correlation_time
 from drake_tc.types import FloatArray
@@ -111,7 +111,7 @@ class ArmProblem:
 def search_arm(
     baseline: ArmFit,
     effects: Sequence[Effect],
-    thresholds: Thresholds = ARM,
+    thresholds: SearchThresholds = ARM,
     progress: Progress = lambda text, share: None,
 ) -> Selection[ArmFit]:
     """Add the effect that explains most, shaft by shaft and shape by shape, until none is a real improvement.

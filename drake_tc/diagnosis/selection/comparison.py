@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from drake_tc.diagnosis.data.samples import Samples
-from drake_tc.diagnosis.selection.thresholds import Thresholds
+from drake_tc.diagnosis.thresholds import SearchThresholds
 from drake_tc.identification.autocorrelation import correlation_time
 from drake_tc.types import FloatArray
 
@@ -34,7 +34,7 @@ class Comparison:
     log_evidence: FloatArray
     share: float
 
-    def is_real(self, floor: FloatArray, explained: FloatArray, thresholds: Thresholds) -> bool:
+    def is_real(self, floor: FloatArray, explained: FloatArray, thresholds: SearchThresholds) -> bool:
         """Whether the larger model is worth its parameters.
 
         Args:

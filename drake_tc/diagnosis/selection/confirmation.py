@@ -23,17 +23,10 @@ from drake_tc.diagnosis.problem.columns import Columns, Term
 from drake_tc.diagnosis.problem.regression import Fit, bounds_of, fit, predict
 from drake_tc.diagnosis.selection.plausible_values import objection_to_values
 from drake_tc.diagnosis.selection.withdrawal import DidNotHold, Withdrawal
+from drake_tc.diagnosis.thresholds import FEW_RUNS, HELDOUT_ACTS, RUN_ACTS, RUN_CERTAIN
 from drake_tc.effects.base import Context
 from drake_tc.types import FloatArray, IntArray
 
-ACTS = 0.25
-"""RMS of an effect's contribution to a run, in noise floors, from which on the run says something about it."""
-ACTS_AT_ALL = 0.1
-"""The same for all held-out runs together."""
-CERTAIN = 0.90
-"""Share of block resamples that must agree before a run speaks against an effect."""
-FEW_RUNS = 3
-"""Training runs from which on each is left out in turn."""
 RESAMPLES = 400
 
 
@@ -94,7 +87,7 @@ def _objection(
     against = speaks_against(held.samples, without_it, with_it, floor, certain=0.0)
     if against:
         return withdrawn("heldout_run_against", f"It makes the held-out error of {against} larger.")
-    if gain <= 0.0 and _rms(with_it - without_it) >= ACTS_AT_ALL * floor:
+    if gain <= 0.0 and _rms(with_it - without_it) >= HELDOUT_ACTS * floor:
         return withdrawn("heldout_run_against", f"It changes the held-out error by {-100 * gain:+.1f} %.")
     return None
 
@@ -125,13 +118,13 @@ def left_out(columns: Columns, terms: Sequence[Term]) -> FloatArray:
 
 
 def speaks_against(
-    samples: Samples, without: FloatArray, with_it: FloatArray, floor: float, certain: float = CERTAIN
+    samples: Samples, without: FloatArray, with_it: FloatArray, floor: float, certain: float = RUN_CERTAIN
 ) -> str:
     """Name of the run whose error (N,) is larger with an effect, in at least `certain` of block resamples; or ""."""
     worst, name = 0.0, ""
     for r in np.unique(samples.run):
         rows = samples.run == r
-        if _rms(with_it[rows] - without[rows]) < ACTS * floor:
+        if _rms(with_it[rows] - without[rows]) < RUN_ACTS * floor:
             continue
         loss = _rms(with_it[rows]) / max(_rms(without[rows]), 1e-300) - 1.0
         if loss > worst and _worse_share(samples.block[rows], without[rows], with_it[rows]) >= certain:

@@ -11,8 +11,8 @@ from typing import Generic, Protocol, TypeVar
 import numpy as np
 
 from drake_tc.diagnosis.selection.comparison import Comparison, compared, explained_by
-from drake_tc.diagnosis.selection.thresholds import Thresholds
 from drake_tc.diagnosis.selection.withdrawal import DidNotHold
+from drake_tc.diagnosis.thresholds import SearchThresholds
 from drake_tc.types import FloatArray
 
 Progress = Callable[[str, float], None]
@@ -115,7 +115,7 @@ def _best_first(problem: Problem[F], fits: Sequence[F], among: Sequence[int], sa
 
 
 def select(
-    problem: Problem[F], baseline: F, thresholds: Thresholds, progress: Progress = lambda text, share: None
+    problem: Problem[F], baseline: F, thresholds: SearchThresholds, progress: Progress = lambda text, share: None
 ) -> Selection[F]:
     """Add effects as long as one more is a real improvement.
 
@@ -182,7 +182,7 @@ def _proposed(problem: Problem[F], beam: Sequence[F], progress: Callable[[float]
 
 
 def _refined(
-    problem: Problem[F], proposals: Sequence[Proposal[F]], thresholds: Thresholds
+    problem: Problem[F], proposals: Sequence[Proposal[F]], thresholds: SearchThresholds
 ) -> tuple[list[F], list[int]]:
     """The best proposals, refined, and the indices of those whose values are possible.
 
@@ -204,7 +204,7 @@ def _refined(
     return fits, possible
 
 
-def _each_needed(problem: Problem[F], large: F, small: F, thresholds: Thresholds) -> bool:
+def _each_needed(problem: Problem[F], large: F, small: F, thresholds: SearchThresholds) -> bool:
     """Whether a model loses a real improvement with any one of the effects that it has beyond the smaller one."""
     none = np.zeros(problem.floor.size)
     return all(

@@ -5,11 +5,9 @@ import numpy as np
 from drake_tc.diagnosis.problem.columns import Columns
 from drake_tc.diagnosis.problem.regression import Fit, fit
 from drake_tc.diagnosis.selection.joint import Search, best_shape, refine, share_better
+from drake_tc.diagnosis.thresholds import CERTAINLY_BETTER, SAME_ERROR
 from drake_tc.effects.base import Context
 from drake_tc.effects.library import LIBRARY
-
-SAME_ERROR = 0.02
-CERTAIN = 0.98
 
 
 def indistinguishable(columns: Columns, found: Search, context: Context) -> tuple[tuple[str, str], ...]:
@@ -45,4 +43,4 @@ def _same(chosen: Fit, other: Fit) -> bool:
     if other.cv_rms > (1.0 + SAME_ERROR) * chosen.cv_rms:
         return False
     apart = float(np.sqrt(np.mean((chosen.residual - other.residual) ** 2)))
-    return share_better(other, chosen) < CERTAIN or apart < 0.01 * chosen.rms
+    return share_better(other, chosen) < CERTAINLY_BETTER or apart < 0.01 * chosen.rms

@@ -12,8 +12,8 @@ from drake_tc.diagnosis.selection.engine import Progress, Proposal, Selection, s
 from drake_tc.diagnosis.selection.lag_or_noise import NOISE, is_noise
 from drake_tc.diagnosis.selection.plausible_values import objection_to_values
 from drake_tc.diagnosis.selection.shapes import refine_values, screened
-from drake_tc.diagnosis.selection.thresholds import Thresholds
 from drake_tc.diagnosis.selection.withdrawal import DidNotHold
+from drake_tc.diagnosis.thresholds import SearchThresholds
 from drake_tc.effects.base import Context, DriveEffect, Effect
 from drake_tc.effects.library import LIBRARY
 from drake_tc.types import FloatArray
@@ -167,7 +167,7 @@ def search(
     effects: Sequence[Effect],
     context: Context,
     floor: float,
-    thresholds: Thresholds,
+    thresholds: SearchThresholds,
     progress: Progress = lambda text, share: None,
 ) -> Search:
     """Look for the effects that a joint's declared model lacks.

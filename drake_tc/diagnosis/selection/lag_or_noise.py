@@ -5,7 +5,7 @@ it is low-passed. A lag fits better because it comes late. Run backwards in time
 comes early: the noise's benefit stays, the lag's turns into harm. With e_0 the cross-validated error without the lag,
 e that with it and e_b that with it backwards, a lag must remove
 
-    e_0^2 - e^2 > LEAST_RATIO max(e_0^2 - e_b^2, 0)
+    e_0^2 - e^2 > LAG_OVER_NOISE max(e_0^2 - e_b^2, 0)
 """
 
 from collections.abc import Mapping
@@ -14,12 +14,12 @@ import numpy as np
 
 from drake_tc.diagnosis.problem.columns import Columns, Term
 from drake_tc.diagnosis.problem.regression import Fit, score
+from drake_tc.diagnosis.thresholds import LAG_OVER_NOISE
 from drake_tc.effects.base import DriveEffect, Shape, Signals, Signature
 from drake_tc.effects.current_lag import CurrentLag
 from drake_tc.effects.kernel import DriveKernel
 from drake_tc.types import FloatArray
 
-LEAST_RATIO = 4.0
 NOISE = (
     "Played backwards in time, the same filter explains almost as much: the effort is noisy, or answers a torque that "
     "no column records."
@@ -73,4 +73,4 @@ def is_noise(columns: Columns, fitted: Fit, term: Term) -> bool:
     others = [t for t in fitted.terms if t is not term]
     without = score(columns, others).cv_rms ** 2
     backwards = score(columns, [*others, Term(Backwards(effect), term.shape)]).cv_rms ** 2
-    return without - fitted.cv_rms**2 <= LEAST_RATIO * max(without - backwards, 0.0)
+    return without - fitted.cv_rms**2 <= LAG_OVER_NOISE * max(without - backwards, 0.0)

@@ -13,12 +13,9 @@ from drake_tc.diagnosis.problem.shared.causes import TITLES, Cause
 from drake_tc.diagnosis.problem.shared.covariance import covariance
 from drake_tc.diagnosis.problem.shared.stacked import JointRows, StackedFit, effective_rows, fit_stacked
 from drake_tc.diagnosis.selection.engine import Proposal, Selection, select
-from drake_tc.diagnosis.selection.thresholds import SHARED, Thresholds
 from drake_tc.diagnosis.selection.withdrawal import DidNotHold
+from drake_tc.diagnosis.thresholds import BEYOND_TOLERANCE, SHARED, SearchThresholds
 from drake_tc.types import FloatArray, IntArray
-
-BEYOND = 3.0
-"""Standard deviations, of tolerance and estimate together, beyond which a sensor's error is not expected."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,7 +116,7 @@ class SharedProblem:
         place = np.isin(fitted.fit.columns, np.arange(cause.columns.start, cause.columns.stop))
         noise = np.diag(covariance(self.rows, fitted.fit)[0])[place]
         expected = np.sqrt(np.array(cause.tolerance) ** 2 + noise)
-        return bool((np.abs(fitted.fit.delta[place]) > BEYOND * expected).any())
+        return bool((np.abs(fitted.fit.delta[place]) > BEYOND_TOLERANCE * expected).any())
 
     def objections(self, fitted: CauseFit) -> Sequence[DidNotHold]:
         """None: errors within their tolerance are not named."""
@@ -140,7 +137,7 @@ def search_shared(
     rows: Sequence[JointRows],
     causes: Sequence[Cause],
     floor: FloatArray,
-    thresholds: Thresholds = SHARED,
+    thresholds: SearchThresholds = SHARED,
     among: Sequence[Cause] | None = None,
 ) -> SharedSearch:
     """Look for causes on all joints together.

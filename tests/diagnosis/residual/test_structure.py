@@ -12,8 +12,9 @@ from drake_tc.diagnosis.data.samples import Samples
 from drake_tc.diagnosis.problem.columns import Columns, Term
 from drake_tc.diagnosis.problem.regression import fit
 from drake_tc.diagnosis.residual.stretches import spectral_line
-from drake_tc.diagnosis.residual.structure import FEATURES, ResidualOptions, assess_residual, features, share_explained
+from drake_tc.diagnosis.residual.structure import FEATURES, assess_residual, features, share_explained
 from drake_tc.diagnosis.residual.unexplained import DataSplit
+from drake_tc.diagnosis.thresholds import ResidualThresholds
 from drake_tc.effects.library import effect
 
 from ..rigs import Joint, record, rig_of
@@ -21,7 +22,7 @@ from ..rigs import Joint, record, rig_of
 JOINT = Joint(duration=30.0, period=4e-3, torque_noise=0.25)
 NOISE = 0.02
 FLOOR = 0.5 * NOISE
-OPTIONS = ResidualOptions()
+OPTIONS = ResidualThresholds()
 BETA = np.array([1.0 / JOINT.gain, JOINT.viscous, JOINT.coulomb])
 
 

@@ -11,7 +11,7 @@ from drake_tc.diagnosis.problem.columns import Columns, Term
 from drake_tc.diagnosis.problem.regression import fit, predict
 from drake_tc.diagnosis.result.outcome import found_effects, rejected_effects, stabilities
 from drake_tc.diagnosis.selection.joint import Search
-from drake_tc.diagnosis.selection.thresholds import JOINT
+from drake_tc.diagnosis.thresholds import JOINT
 from drake_tc.effects.library import effect
 
 from ..rigs import Joint, floor_of, problem, record, rig_of

@@ -14,7 +14,7 @@ from drake_tc.diagnosis.problem.regression import Fit, fit
 from drake_tc.diagnosis.selection.comparison import compared, effective_samples
 from drake_tc.diagnosis.selection.engine import compare
 from drake_tc.diagnosis.selection.joint import JointProblem, share_better
-from drake_tc.diagnosis.selection.thresholds import ARM, JOINT, SHARED
+from drake_tc.diagnosis.thresholds import ARM, JOINT, SHARED
 from drake_tc.effects.library import effect
 
 from ..rigs import Joint, Problem, floor_of, problem, servo

@@ -14,8 +14,9 @@ from drake_tc.diagnosis.data.resolution import Resolution
 from drake_tc.diagnosis.data.samples import Samples
 from drake_tc.diagnosis.problem.columns import Columns, Term
 from drake_tc.diagnosis.problem.regression import Fit, bounds_of, fit
-from drake_tc.diagnosis.selection.confirmation import ACTS, FEW_RUNS, Confirmed, confirm, left_out, speaks_against
+from drake_tc.diagnosis.selection.confirmation import Confirmed, confirm, left_out, speaks_against
 from drake_tc.diagnosis.selection.plausible_values import objection_to_values
+from drake_tc.diagnosis.thresholds import FEW_RUNS, RUN_ACTS
 from drake_tc.effects.base import Context
 from drake_tc.effects.library import effect
 
@@ -106,9 +107,9 @@ def test_a_run_in_which_the_effect_does_not_act_does_not_speak():
     samples = columns_of([joint] * 2, "train").samples
     floor = 1.0
     without = np.where(samples.run == 1, 0.5, 2.0)
-    with_it = without + np.where(samples.run == 1, 0.99 * ACTS * floor, -1.0)
+    with_it = without + np.where(samples.run == 1, 0.99 * RUN_ACTS * floor, -1.0)
     assert speaks_against(samples, without, with_it, floor) == ""
-    with_it = without + np.where(samples.run == 1, 1.01 * ACTS * floor, -1.0)
+    with_it = without + np.where(samples.run == 1, 1.01 * RUN_ACTS * floor, -1.0)
     assert speaks_against(samples, without, with_it, floor) == "train1"
 
 

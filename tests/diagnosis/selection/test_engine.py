@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from drake_tc.diagnosis.selection.engine import Proposal, select
-from drake_tc.diagnosis.selection.thresholds import JOINT
 from drake_tc.diagnosis.selection.withdrawal import DidNotHold
+from drake_tc.diagnosis.thresholds import JOINT
 
 PLAIN = replace(JOINT, least_log_evidence=-np.inf, least_removed=0.0, least_of_first=0.0)
 

@@ -9,7 +9,7 @@ from drake_tc.diagnosis.problem.columns import Term
 from drake_tc.diagnosis.problem.regression import fit
 from drake_tc.diagnosis.selection.joint import best_shape, candidates, refine, search
 from drake_tc.diagnosis.selection.shapes import screened
-from drake_tc.diagnosis.selection.thresholds import JOINT
+from drake_tc.diagnosis.thresholds import JOINT
 from drake_tc.effects.base import Context
 from drake_tc.effects.library import LIBRARY, effect
 

@@ -1,0 +1,176 @@
+"""Every threshold that decides what a diagnosis says, in the order in which they are asked.
+
+They were set on simulated rigs of calibration seeds, many of which lack nothing, and are judged on rigs of other seeds
+(drake_tc/diagnosis/README.md).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+# Signs of columns, and whether the declared model can be fitted at all
+
+NO_STIFFNESS = 1e-9
+"""1/K over the torque per effort of the rows, at or below which the effort does not enter the balance."""
+CLEARLY_WORSE = 2.0
+"""Error of the balance with the load as it is over that with the load turned, from which the sign is wrong.
+
+A missing effect that follows the motion can make the turned load fit better, but hardly twice as well."""
+LEAST_UNEXPLAINED = 0.1
+"""Share of the effort that the balance must leave before a sign is questioned: a missing effect of a few per cent can
+weigh more than the load of a joint that works against its own friction and rotor."""
+MAX_CONDITION = 300.0
+"""Condition number of the declared model's scaled columns, above which its parameters cannot be told apart."""
+
+# Search: what counts as a real improvement
+
+
+@dataclass(frozen=True)
+class SearchThresholds:
+    """When a larger model is taken, and how far the search looks.
+
+    An improvement is real when the evidence of all joints together is large enough, when at least one joint's error
+    falls by a share, in noise floors, and beside what earlier effects explain, as below; when enough joints support
+    it, and when it holds in the resamples.
+
+    Attributes:
+        beam: Models kept at each size. refined: candidates whose shapes are refined. most: largest number added.
+        near: Error of a candidate over that of the best, up to which it is refined.
+        worth_refining: Relative drop of the error that the best candidate must bring after the first round.
+        same: Relative difference of error below which models are as good as each other: the smaller one is taken.
+        least_gain: Smallest relative drop of a joint's cross-validated RMS that one more effect must bring.
+        least_log_evidence: Evidence of all joints that it must leave after its parameters are paid.
+        least_share: Share of block resamples in which it must help.
+        least_removed: Smallest RMS it must explain, in noise floors: less is nil in practice.
+        least_of_first: ... and as a share of what the effects before it explain: a smaller remainder is more likely an
+            imperfect form of those than a cause of its own.
+        promising_gain: Smallest relative drop from which on a second effect is tried beside one that is not real by
+            itself: each of two effects can hide the evidence of the other.
+        least_joints: Joints that must support it. second_gain, second_log_evidence: drop and evidence of a joint that
+            does.
+    """
+
+    beam: int = 6
+    refined: int = 6
+    most: int = 4
+    near: float = 1.5
+    worth_refining: float = 0.01
+    same: float = 0.02
+    least_gain: float = 0.05
+    least_log_evidence: float = 8.0
+    least_share: float = 0.98
+    least_removed: float = 0.5
+    least_of_first: float = 0.10
+    promising_gain: float = 0.02
+    least_joints: int = 0
+    second_gain: float = 0.0
+    second_log_evidence: float = 0.0
+
+
+JOINT = SearchThresholds()
+"""Of one joint whose load is measured."""
+
+LEAST_REMOVED_OF_ESTIMATED_LOAD = 1.0
+"""Noise floors that an effect must explain on a joint whose load a robot's model gives: the floor knows the sensors'
+noise, but not what the filters do to an estimated load near reversals, which is about as large."""
+
+SHARED = SearchThresholds(
+    beam=1,
+    refined=10**6,
+    most=3,
+    near=np.inf,
+    worth_refining=-np.inf,
+    least_gain=0.10,
+    least_log_evidence=20.0,
+    least_share=0.0,
+    promising_gain=np.inf,
+    least_joints=2,
+    second_gain=0.05,
+    second_log_evidence=5.0,
+)
+"""Of causes that no single joint owns: one that a single joint supports is that joint's own."""
+
+ARM = SearchThresholds(
+    beam=1,
+    most=30,
+    near=np.inf,
+    worth_refining=-np.inf,
+    same=0.0,
+    least_gain=0.02,
+    least_log_evidence=-np.inf,
+    least_share=0.95,
+    least_removed=0.0,
+    least_of_first=0.0,
+    promising_gain=np.inf,
+)
+"""Of an arm whose links' parameters are fitted. Looser: the error of a rigid body's sixty parameters is in every
+cross-validated figure, so one effect of many lowers it by less."""
+
+LAG_OVER_NOISE = 4.0
+"""What a lag must explain, over what the same filter explains backwards in time."""
+BEYOND_TOLERANCE = 3.0
+"""Standard deviations, of tolerance and estimate together, beyond which a sensor's error is not expected."""
+SOFTER_GEAR = 0.97
+"""Error with the rows of a soft gear over that without, below which the gear is taken to be soft."""
+
+# Confirmation: which runs may speak against an effect
+
+RUN_ACTS = 0.25
+"""RMS of an effect's contribution to a run, in noise floors, from which on the run says something about it."""
+HELDOUT_ACTS = 0.1
+"""The same for all held-out runs together."""
+RUN_CERTAIN = 0.90
+"""Share of block resamples that must agree before a run speaks against an effect."""
+FEW_RUNS = 3
+"""Training runs from which on each is left out in turn."""
+
+# Alternatives, and effects that were not tested
+
+SAME_ERROR = 0.02
+"""Rise of the error that an effect in another's place may bring to fit as well."""
+CERTAINLY_BETTER = 0.98
+"""Share of block resamples from which on the chosen effect is the better one all the same."""
+UNTESTED_EFFORT = 1.1
+"""Largest effort of the held-out runs over that of the training runs, above which a saturation was not tested."""
+
+# What is left
+
+
+@dataclass(frozen=True)
+class ResidualThresholds:
+    """When a remainder counts as structure, and when it counts as more than noise.
+
+    Attributes:
+        least_floors: RMS of the residual in noise floors below which nothing is flagged.
+        most_floors: ... above which more is left than the floor explains, if it is also more than `least_of_before`.
+        least_fraction: Smallest share of the residual's variance that a function of the signals must explain.
+        least_rms: Smallest RMS of that share, in noise floors.
+        least_of_before: ... and as a share of the error before.
+        least_log_evidence: Evidence of that share, in effective samples of what is left: noise that wanders has few.
+        most_growth: How many times the training error the held-out one may be: beyond it the model does not carry over.
+        least_growth: ... by at least this share of the held-out error before; so too for all that lies beyond the
+            range of the training runs, for stretches and for lines.
+        least_burst: How many times the typical half-second RMS a confined stretch must reach.
+        least_line: Share of the residual's variance that one spectral line must hold.
+    """
+
+    least_floors: float = 1.5
+    most_floors: float = 3.0
+    least_fraction: float = 0.25
+    least_rms: float = 0.6
+    least_of_before: float = 0.05
+    least_log_evidence: float = 25.0
+    most_growth: float = 2.5
+    least_growth: float = 0.25
+    least_burst: float = 3.0
+    least_line: float = 0.25
+
+
+LONGEST_CORRELATION = 0.5
+"""Longest correlation time [s] of the quiet part of a residual in which a loud stretch is an event."""
+LOUD_SHARE = 0.25
+"""Largest share of the half-second blocks that loud stretches may hold to count as confined."""
+LOUD_ENERGY = 0.4
+"""Smallest share of the residual's energy that they must hold."""
+CORRELATED_NOISE_NOTED = 1.2
+"""Noise floor with correlated noise over that without, from which on the report says so."""
