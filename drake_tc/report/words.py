@@ -5,10 +5,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from drake_tc.diagnosis.problem.shared.causes import TITLES
-from drake_tc.diagnosis.residual.unexplained import Verdict
+from drake_tc.diagnosis.residual.unexplained import Unexplained, Verdict
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult
 from drake_tc.diagnosis.selection.withdrawal import Withdrawal
+from drake_tc.diagnosis.thresholds import ResidualThresholds
 from drake_tc.effects.library import LIBRARY
 from drake_tc.report.numbers import percent, scale_for, significant, times
 from drake_tc.report.rows import LABELS
@@ -69,6 +70,25 @@ def headline(joint: JointResult) -> str:
 def capital(sentence: str) -> str:
     """The sentence with a capital first letter."""
     return sentence[:1].upper() + sentence[1:]
+
+
+def structure_words(left: Unexplained) -> str:
+    """Whether what is left has structure."""
+    if left.structured:
+        return "yes"
+    return "no: what a function of the signals explains is too little to count" if _is_function(left) else "no"
+
+
+def dependence_words(left: Unexplained) -> str:
+    """The signals on which what is left depends."""
+    if not left.depends_on and _is_function(left):
+        return "not determined"
+    return joined([signal_name(n) for n in left.depends_on]) or "nothing recorded"
+
+
+def _is_function(left: Unexplained) -> bool:
+    """Whether a function of the signals explains so large a share that only its small size keeps it from counting."""
+    return left.fraction >= ResidualThresholds().least_fraction
 
 
 def unexplained(joint: JointResult) -> str:

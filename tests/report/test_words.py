@@ -12,7 +12,18 @@ from drake_tc.diagnosis.result.joint_result import Errors, JointResult, Paramete
 from drake_tc.diagnosis.result.rejection import why_rejected
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult, SharedEffect
 from drake_tc.report.consistency_table import consistency_rows
-from drake_tc.report.words import REASONS, VERDICTS, headline, joined, ranked_effects, title_of, unexplained, warnings
+from drake_tc.report.words import (
+    REASONS,
+    VERDICTS,
+    dependence_words,
+    headline,
+    joined,
+    ranked_effects,
+    structure_words,
+    title_of,
+    unexplained,
+    warnings,
+)
 
 QUIET = Unexplained(1.0, 1.2, False, 0.1, 0.0, False, ())
 
@@ -207,3 +218,16 @@ def test_parameters_that_move_come_first_with_all_their_values(joint):
 )
 def test_why_an_effect_was_not_added(rejected, said):
     assert said in why_rejected(rejected)
+
+
+@pytest.mark.parametrize(
+    ("fraction", "structured", "names", "structure", "depends"),
+    [
+        (0.05, False, (), "no", "nothing recorded"),
+        (0.54, False, (), "no: what a function of the signals explains is too little to count", "not determined"),
+        (0.54, True, ("velocity",), "yes", "velocity"),
+    ],
+)
+def test_the_facts_on_what_is_left_do_not_contradict_each_other(fraction, structured, names, structure, depends):
+    left = Unexplained(1.9, 1.9, False, 0.001, fraction, structured, names)
+    assert (structure_words(left), dependence_words(left)) == (structure, depends)
