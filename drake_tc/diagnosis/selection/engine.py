@@ -138,35 +138,65 @@ def select(
         proposals = _proposed(problem, beam, lambda share, size=size: progress(f"sets of {size}", share))  # type: ignore[misc]
         if not proposals:
             break
-        least = proposals[0].error
-        if size > 1 and least > (1.0 - thresholds.worth_refining) * problem.error(chosen):
+        if size > 1 and proposals[0].error > (1.0 - thresholds.worth_refining) * problem.error(chosen):
             break
-        fits, possible = _refined(problem, proposals, thresholds)
-        explained = explained_by(problem.errors(baseline), problem.errors(chosen))
-        comparisons = [compare(problem, chosen, f) for f in fits]
-        real = [i for i, c in enumerate(comparisons) if c.is_real(problem.floor, explained, thresholds)]
-        possible = [i for i in possible if thresholds.beam > 1 or (i in real and problem.is_possible(fits[i]))]
-        by_error = sorted(possible, key=lambda i: problem.error(fits[i]))
-        best_possible = problem.error(fits[by_error[0]]) if by_error else np.inf
-        for i in real:
-            if i not in possible and problem.error(fits[i]) < best_possible:
-                passed_over |= {each.key: each for each in problem.objections(fits[i])}
-        real = [i for i in real if i in possible]
+        found = _judged(problem, _refined(problem, proposals, thresholds), baseline, chosen, thresholds)
+        passed_over |= found.passed_over
+        real = found.real
         if waited:
-            real = [i for i in real if _each_needed(problem, fits[i], chosen, thresholds)]
+            real = [i for i in real if _each_needed(problem, found.fits[i], chosen, thresholds)]
         if not real:
-            if waited or max((comparisons[i].gain.max() for i in possible), default=0.0) < thresholds.promising_gain:
+            if waited or found.largest_gain < thresholds.promising_gain:
                 break
-            waited, beam = True, [fits[i] for i in by_error[: thresholds.beam]]
+            waited, beam = True, [found.fits[i] for i in found.by_error[: thresholds.beam]]
             continue
         waited = False
-        best, *others = _best_first(problem, fits, real, thresholds.same)
-        steps.append(comparisons[best])
-        as_good.append(tuple(fits[i] for i in others))
-        alternatives = tuple(fits[i] for i in by_error if i != best)
-        chosen = problem.adopted(fits[best])
+        best, *others = _best_first(problem, found.fits, real, thresholds.same)
+        steps.append(found.comparisons[best])
+        as_good.append(tuple(found.fits[i] for i in others))
+        alternatives = tuple(found.fits[i] for i in found.by_error if i != best)
+        chosen = problem.adopted(found.fits[best])
         beam = [chosen, *alternatives][: thresholds.beam]
     return Selection(baseline, chosen, tuple(steps), tuple(as_good), alternatives, tuple(passed_over.values()))
+
+
+@dataclass(frozen=True, eq=False)
+class _Round(Generic[F]):
+    """Refined models of one size against the one chosen so far.
+
+    Attributes:
+        fits, comparisons: Each with what it has over the chosen one.
+        by_error: Indices of those that are possible, best first. real: of those that are real improvements too.
+        passed_over: Effects that would have won but for impossible values.
+    """
+
+    fits: Sequence[F]
+    comparisons: Sequence[Comparison]
+    by_error: Sequence[int]
+    real: Sequence[int]
+    passed_over: dict[str, DidNotHold]
+
+    @property
+    def largest_gain(self) -> float:
+        """Of the possible models and all joints; 0 where there is none."""
+        return max((float(self.comparisons[i].gain.max()) for i in self.by_error), default=0.0)
+
+
+def _judged(
+    problem: Problem[F], refined: tuple[list[F], list[int]], baseline: F, chosen: F, thresholds: SearchThresholds
+) -> _Round[F]:
+    """Which of the refined models are possible, and which of these are real improvements."""
+    fits, possible = refined
+    explained = explained_by(problem.errors(baseline), problem.errors(chosen))
+    comparisons = [compare(problem, chosen, f) for f in fits]
+    real = [i for i, c in enumerate(comparisons) if c.is_real(problem.floor, explained, thresholds)]
+    if thresholds.beam == 1:
+        possible = [i for i in real if problem.is_possible(fits[i])]
+    by_error = sorted(possible, key=lambda i: problem.error(fits[i]))
+    least = problem.error(fits[by_error[0]]) if by_error else np.inf
+    better = [f for i, f in enumerate(fits) if i in real and i not in possible and problem.error(f) < least]
+    passed_over = {each.key: each for f in better for each in problem.objections(f)}
+    return _Round(fits, comparisons, by_error, [i for i in real if i in possible], passed_over)
 
 
 def _proposed(problem: Problem[F], beam: Sequence[F], progress: Callable[[float], None]) -> list[Proposal[F]]:
