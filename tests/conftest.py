@@ -5,6 +5,9 @@ No window opens, and a terminal is 80 columns wide unless a test says otherwise.
 
 import os
 
+# Before numpy and scikit-learn are imported: gradient-boosted trees spin when two test processes use all cores.
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+
 import pytest
 from hypothesis import settings
 from slow_parts import PARTS, parts_of
