@@ -17,6 +17,11 @@ BACK_EMF_RANGE = Plausible(
     "the back-EMF opposes the voltage, and at the highest speed it cannot exceed the largest voltage",
     "effort/speed",
 )
+LEAST_LAG = 1e-4
+"""Shortest time constant of a winding that is fitted [s]; `LAG_RANGE` has its source.
+
+For T to 0 the column T F_e qddot keeps its size if F_e grows as 1/T: without this bound the term becomes an inertia.
+"""
 
 
 class WindingLag(CurrentLag):
@@ -34,6 +39,7 @@ class WindingLag(CurrentLag):
 
     title = "lag of the winding's current, its back-EMF included"
     form = "winding"
+    shapes = (Parameter("lag", "s", LEAST_LAG, 0.1, LEAST_LAG, "time constant L/R", LAG_RANGE),)
     coefficients = (Parameter("back_emf_damping", "N*m*s/rad", 0.0, description="F_e"),)
     signature = Signature(
         x="acceleration",
@@ -45,7 +51,7 @@ class WindingLag(CurrentLag):
     def parameters(self) -> tuple[Parameter, ...]:
         """T and k_e."""
         return (
-            Parameter("lag", "s", 0.0, 0.1, description="time constant L/R", plausible=LAG_RANGE),
+            *self.shapes,
             Parameter(
                 "back_emf", "effort*s/rad", 0.0, description="constant k_e of the joint", plausible=BACK_EMF_RANGE
             ),

@@ -2,18 +2,40 @@
 
 import numpy as np
 
-from drake_tc.types import FloatArray
+from drake_tc.types import BoolArray, FloatArray
+
+LEAST_SIZE = 1e-9
+"""Norm of a column over the largest one, below which the column holds rounding errors only."""
+LEAST_OUTSIDE_FOLD = 1e-6
+"""Norm of a column outside a fold over that in all folds, below which the other folds do not identify it."""
 
 
-def solve_bounded(gram: FloatArray, moment: FloatArray, lower: FloatArray, upper: FloatArray) -> FloatArray:
-    """Argmin beta' G beta / 2 - m' beta in a box, by an active set that only grows (few bounds are ever active)."""
-    scale = np.sqrt(np.maximum(np.diag(gram), 1e-300))
+def solve_bounded(
+    gram: FloatArray, moment: FloatArray, lower: FloatArray, upper: FloatArray, held: BoolArray | None = None
+) -> FloatArray:
+    """Argmin beta' G beta / 2 - m' beta in a box, by an active set that only grows (few bounds are ever active).
+
+    A column that is zero up to rounding identifies no coefficient: the quotient of two rounding errors may be 1e100.
+    Its coefficient is held at the value of the box that is closest to 0.
+
+    Args:
+        gram: G (m, m).
+        moment: (m,).
+        lower, upper: (m,) bounds.
+        held: (m,) further coefficients to hold; None for none.
+
+    Returns:
+        beta (m,).
+    """
+    norms = np.sqrt(np.maximum(np.diag(gram), 0.0))
+    dead = norms <= LEAST_SIZE * norms.max()
+    scale = np.where(dead, 1.0, norms)
     g = gram / np.outer(scale, scale)
     g = g + 1e-12 * np.eye(g.shape[0])
     m = moment / scale
     low, high = lower * scale, upper * scale
-    beta = np.zeros(m.size)
-    fixed = np.zeros(m.size, dtype=bool)
+    beta = np.clip(np.zeros(m.size), low, high)
+    fixed = dead if held is None else dead | held
     for _ in range(m.size + 1):
         free = ~fixed
         beta[free] = np.linalg.solve(g[np.ix_(free, free)], m[free] - g[np.ix_(free, fixed)] @ beta[fixed])
@@ -37,16 +59,19 @@ def cross_validated(
         upper: (m,).
 
     Returns:
-        beta (m,), and (F, m) fitted without each fold.
+        beta (m,), and (F, m) fitted without each fold. A coefficient whose column is zero outside a fold is 0 there.
     """
     gram, moment = grams.sum(0), moments.sum(0)
-    without = [solve_bounded(gram - g, moment - m, lower, upper) for g, m in zip(grams, moments, strict=True)]
+    without = []
+    for g, m in zip(grams, moments, strict=True):
+        unseen = np.diag(gram - g) <= LEAST_OUTSIDE_FOLD**2 * np.diag(gram)
+        without.append(solve_bounded(gram - g, moment - m, lower, upper, unseen))
     return solve_bounded(gram, moment, lower, upper), np.array(without)
 
 
 def collinear(gram: FloatArray) -> bool:
     """Whether columns, dead ones aside, cannot be told apart: scaled to unit length their condition exceeds 10^4.5."""
     scale = np.sqrt(np.diag(gram))
-    live = scale > 1e-9 * scale.max()
+    live = scale > LEAST_SIZE * scale.max()
     unit = gram[np.ix_(live, live)] / np.outer(scale[live], scale[live])
     return bool(np.linalg.cond(unit) > 1e9)

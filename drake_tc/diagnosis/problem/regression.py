@@ -13,6 +13,11 @@ from drake_tc.diagnosis.problem.columns import FOLDS, Columns, Term, fold_of
 from drake_tc.effects.servo_gain import ServoGain
 from drake_tc.types import FloatArray
 
+LEAST_STIFFNESS = 1e-12
+"""Lower bound of 1/K [N m/effort]."""
+LEAST_DRIVE = 0.01
+"""1/K over that of the declared model, below which a set of effects leaves the drive without torque."""
+
 
 @dataclass(frozen=True)
 class Fit:
@@ -51,7 +56,9 @@ def bounds_of(terms: Sequence[Term], declared_gain: float | None = None) -> tupl
     """Lower and upper bounds of beta; 1/K is held at a declared gain unless an effect says that it is wrong."""
     free = declared_gain is None or any(isinstance(t.effect, ServoGain) for t in terms)
     lower, upper = (
-        ([1e-12], [np.inf]) if free or declared_gain is None else ([1.0 / declared_gain], [1.0 / declared_gain])
+        ([LEAST_STIFFNESS], [np.inf])
+        if free or declared_gain is None
+        else ([1.0 / declared_gain], [1.0 / declared_gain])
     )
     for term in terms:
         lower += [p.lower for p in term.effect.coefficients]
@@ -79,12 +86,18 @@ class Score:
 
 
 def score(columns: Columns, terms: Sequence[Term]) -> Score:
-    """Least squares with blockwise cross-validation, from normal equations alone."""
+    """Least squares with blockwise cross-validation, from normal equations alone.
+
+    The error is infinite where the columns cannot be told apart, and where the effects explain the load without the
+    drive: 1/K is then zero or nearly so, and every value in units of the effort loses its meaning.
+    """
     normal = columns.normal(terms)
     low, high = bounds_of(terms, columns.declared_gain)
     beta, by_fold = cross_validated(normal.grams, normal.moments, low, high)
     gain = columns.gain or 1.0 / float(beta[0])
-    correction = np.inf if collinear(normal.grams.sum(0)) else columns.noise_ratio(beta, terms)
+    drives = float(beta[0]) > LEAST_STIFFNESS and (columns.gain is None or beta[0] * columns.gain > LEAST_DRIVE)
+    sound = drives and not collinear(normal.grams.sum(0))
+    correction = columns.noise_ratio(beta, terms) if sound else np.inf
     total = 0.0
     for part, gram, moment, square in zip(by_fold, normal.grams, normal.moments, normal.squares, strict=True):
         error = square - 2.0 * part @ moment + part @ gram @ part
