@@ -55,7 +55,8 @@ class JointClaims:
     Attributes:
         joint, unit: Name, and unit of all errors.
         floor: Noise floor.
-        train: All training runs together; heldout: each held-out run.
+        train: All training runs together.
+        heldout: Each held-out run, under the model of the call in which it alone is held out.
         effects: Entries of report.json; did_not_hold: the same, where the report has them.
         unexplained: Entry of report.json.
         not_held: Why a claim does not hold, one sentence each.

@@ -48,8 +48,9 @@ def chosen_sets(names: Sequence[str] = ()) -> list[RealLogSet]:
 def _reports(files: CaseFiles) -> tuple[dict[str, Any], dict[str, dict[str, Any]]]:
     """report.json with all held-out runs, and with each of them alone, by file name.
 
-    Held-out runs take no part in fitting or choosing, so the model is the same in every call; what is left is only
-    judged in the first one.
+    The search sees the training runs only, but confirmation withdraws an effect that some held-out run speaks against.
+    The model of a call with one held-out run can therefore have effects that the model of the first call lacks, and the
+    error of a run is that of its own call. What is left is only judged in the first call.
     """
     whole = result_json(close_loop(files.rig, files.log, files.holdout))
     names = _distinct_names(files.holdout)
