@@ -243,7 +243,7 @@ def require_different_runs(runs: Sequence[Run]) -> None:
     for number, run in enumerate(runs):
         for other in runs[:number]:
             common = set(run.columns) & set(other.columns)
-            if len(run) == len(other) and all(np.array_equal(run.columns[c], other.columns[c]) for c in common):
+            if all(np.array_equal(run.columns[c], other.columns[c]) for c in common):
                 raise LogError(f"{run.source}: it holds the same samples as {other.source}; remove one of them")
 
 
