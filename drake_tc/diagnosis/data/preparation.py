@@ -8,7 +8,7 @@ import numpy as np
 
 from drake_tc.diagnosis.data.resolution import NoiseFloor, Resolution, light_width, sample_noise
 from drake_tc.diagnosis.data.samples import Samples
-from drake_tc.diagnosis.data.sliding import choose_rows, direction_of_motion
+from drake_tc.diagnosis.data.sliding import choose_rows, direction_of_motion, require_rows
 from drake_tc.effects.base import Context, Signals
 from drake_tc.errors import IdentificationError
 from drake_tc.filtering.common_kernel import CommonKernel
@@ -148,7 +148,7 @@ def build_samples(
         compliance: Of a soft gear [rad/(N m)]: the motor slides, and its friction turns over, by q + compliance tau.
 
     Raises:
-        IdentificationError: nothing usable, or the joint never resolvably moves.
+        IdentificationError: nothing usable, or the joint does not move long enough at a stretch.
     """
     channels = channels_of(runs, joint)
     period, segments, load = channels.period, channels.segments, rig.load[joint]
@@ -190,11 +190,7 @@ def build_samples(
         period=period,
     )
     rows, block = choose_rows(moving, segments, final, light, period)
-    if rows.size < 50:
-        raise IdentificationError(
-            f"joint {joint}: it resolvably moves (above {5 * resolution.velocity_noise:.2g} rad/s) in {rows.size} "
-            "samples only; record runs in which the joint moves"
-        )
+    require_rows(rows, moving, resolution, final, f"joint {joint}, {', '.join(r.name for r in runs)}")
     return Samples(
         signals=signals,
         segments=segments,

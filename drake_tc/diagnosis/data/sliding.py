@@ -6,9 +6,14 @@ import numpy as np
 from scipy.ndimage import minimum_filter1d
 
 from drake_tc.diagnosis.data.resolution import Resolution
+from drake_tc.errors import IdentificationError
 from drake_tc.filtering.common_kernel import CommonKernel
 from drake_tc.types import BoolArray, FloatArray, IntArray
 
+SPEED_OF_NOISE = 5.0
+"""Speed over the noise of the filtered velocity, above which the joint resolvably moves."""
+LEAST_ROWS = 50
+"""Fewest rows of a regression."""
 BLOCK_SECONDS = 0.5
 MAX_ROWS = 60_000
 LEAST_TRAVEL = 1e-3
@@ -19,7 +24,7 @@ def direction_of_motion(
     q: FloatArray, v: FloatArray, segments: Sequence[slice], resolution: Resolution
 ) -> tuple[FloatArray, FloatArray, BoolArray]:
     """Direction of the last resolved motion, travel since it turned, and where both are certain."""
-    threshold = 5.0 * resolution.velocity_noise
+    threshold = SPEED_OF_NOISE * resolution.velocity_noise
     least_travel = max(8.0 * resolution.position_noise, LEAST_TRAVEL)
     direction, travel = np.zeros_like(q), np.zeros_like(q)
     for s in segments:
@@ -48,7 +53,7 @@ def choose_rows(
     moving: BoolArray, segments: Sequence[slice], final: CommonKernel, light: CommonKernel, period: float
 ) -> tuple[IntArray, IntArray]:
     """Rows whose neighbourhood in the final kernel moves throughout, thinned to the kernel's resolution."""
-    reach = max(1, int(0.6 * final.margin))
+    reach = _reach(final)
     usable = np.zeros(moving.size, dtype=bool)
     edge = final.margin + light.margin
     for s in segments:
@@ -66,6 +71,35 @@ def choose_rows(
     raw = segment_of * 10**7 + (rows - starts[segment_of]) // length
     block = np.unique(raw, return_inverse=True)[1]
     return rows.astype(np.int64), block.astype(np.int64)
+
+
+def _reach(final: CommonKernel) -> int:
+    """Samples on either side of a row that must move too."""
+    return max(1, int(0.6 * final.margin))
+
+
+def require_rows(rows: IntArray, moving: BoolArray, resolution: Resolution, final: CommonKernel, label: str) -> None:
+    """Refuse runs in which the joint does not move long enough at a stretch.
+
+    Args:
+        rows: (N,) that `choose_rows` found.
+        moving: (T,) of `direction_of_motion`.
+        resolution: Of the position.
+        final: Kernel whose window must lie in motion.
+        label: Joint and runs, which begin the message.
+
+    Raises:
+        IdentificationError: Fewer than 50 rows.
+    """
+    if rows.size >= LEAST_ROWS:
+        return
+    window = (2 * _reach(final) + 1) * final.period
+    raise IdentificationError(
+        f"{label}: too little motion; expected at least {LEAST_ROWS} filter windows of {1e3 * window:.0f} ms throughout "
+        f"which the joint moves faster than {SPEED_OF_NOISE * resolution.velocity_noise:.2g} rad/s, which the encoder "
+        f"resolves; got {rows.size} (such motion lasts {np.count_nonzero(moving) * final.period:.2g} s in all); "
+        "record runs with longer or faster strokes"
+    )
 
 
 def _held(sign: FloatArray) -> FloatArray:

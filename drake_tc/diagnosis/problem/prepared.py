@@ -1,6 +1,7 @@
 """A joint ready for a search: both sides filtered (`preparation`), its declared model fitted and known to columns."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 from drake_tc.diagnosis.data.preparation import build_samples, context_of
@@ -9,6 +10,7 @@ from drake_tc.diagnosis.problem.declared import declared_terms, fit_declared, kn
 from drake_tc.diagnosis.problem.signs import require_consistent_signs
 from drake_tc.diagnosis.thresholds import MAX_CONDITION
 from drake_tc.effects.base import Context
+from drake_tc.errors import IdentificationError
 from drake_tc.identification.regression import least_squares
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
@@ -34,6 +36,15 @@ class Prepared:
     declared: tuple[str, ...]
 
 
+@contextmanager
+def _naming(split: str) -> Iterator[None]:
+    """Say in a refusal which runs it concerns."""
+    try:
+        yield
+    except IdentificationError as error:
+        raise IdentificationError(f"{split}: {error}") from None
+
+
 def prepare_joint(
     train_runs: Sequence[Run], held_runs: Sequence[Run], rig: Rig, joint: str, compliance: float = 0.0
 ) -> Prepared:
@@ -47,10 +58,13 @@ def prepare_joint(
         compliance: As in `build_samples` [rad/(N m)].
 
     Raises:
-        IdentificationError: the training runs cannot identify the declared model.
+        IdentificationError: the joint hardly moves in the training or in the held-out runs, or the training runs cannot
+            identify the declared model.
     """
-    train = build_samples(train_runs, rig, joint, compliance=compliance)
-    held = build_samples(held_runs, rig, joint, train.light.width_s, compliance)
+    with _naming("training runs"):
+        train = build_samples(train_runs, rig, joint, compliance=compliance)
+    with _naming("held-out runs"):
+        held = build_samples(held_runs, rig, joint, train.light.width_s, compliance)
     context = context_of(train, rig, joint)
     known = known_values(rig, joint)
     train, held = without_known(train, known), without_known(held, known)

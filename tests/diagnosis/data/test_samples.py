@@ -8,6 +8,7 @@ from numpy.testing import assert_allclose
 
 from drake_tc.diagnosis.data.preparation import build_samples
 from drake_tc.diagnosis.problem.columns import Columns, Term
+from drake_tc.diagnosis.problem.prepared import prepare_joint
 from drake_tc.diagnosis.problem.regression import fit
 from drake_tc.effects.library import effect
 from drake_tc.errors import IdentificationError
@@ -140,7 +141,33 @@ def test_white_noise_of_both_sensors_is_measured():
 
 def test_a_joint_that_never_moves_is_refused():
     rng = np.random.default_rng(0)
-    with pytest.raises(IdentificationError, match="resolvably moves"):
+    with pytest.raises(
+        IdentificationError, match=r"joint joint, made: too little motion.*got 0 \(such motion lasts 0 s"
+    ):
         build_samples([run_along(1e-4 * rng.standard_normal(4000))], rig_of(JOINT), "joint")
     with pytest.raises(IdentificationError, match="no stretch"):
         build_samples([run_along(np.zeros(30))], rig_of(JOINT), "joint")
+
+
+def test_strokes_that_are_shorter_than_the_filter_window_are_refused_as_such():
+    """The joint moves most of the time, but turns before a window has passed."""
+    time = np.arange(4000) * 2e-3
+    run = run_along(0.05 * np.sin(2 * np.pi * 5.0 * time))
+    with pytest.raises(IdentificationError, match="too little motion") as caught:
+        build_samples([run], rig_of(JOINT), "joint", width_s=0.08)
+    said = str(caught.value)
+    window = 1e-3 * float(said.partition("windows of ")[2].partition(" ms")[0])
+    lasts = float(said.partition("lasts ")[2].partition(" s")[0])
+    assert window > 0.1  # longer than the 0.1 s of a stroke
+    assert lasts > 2.0  # of 8 s
+    assert "at least 50" in said
+    assert "\n" not in said
+
+
+@pytest.mark.parametrize("still", ["training", "held-out"])
+def test_a_refusal_says_which_runs_it_concerns(still):
+    moves = record(replace(JOINT, torque_noise=0.1))
+    rests = run_along(1e-4 * np.random.default_rng(0).standard_normal(8000))
+    train, held = (moves, rests) if still == "held-out" else (rests, moves)
+    with pytest.raises(IdentificationError, match=f"^{still} runs: joint joint, .*too little motion"):
+        prepare_joint([train], [held], rig_of(JOINT), "joint")
