@@ -9,6 +9,12 @@ FROZEN_SECONDS = 0.1
 FROZEN_ROWS = 30
 LEAST_LEVELS = 8
 """Different values of a channel below which they are its levels and not the steps of a converter."""
+ON_GRID, SHARE_ON_GRID = 0.02, 0.9
+"""Distance of a difference from a multiple of the step, in steps, and share of the differences within it."""
+FIRST_MULTIPLES = 8
+"""Multiples of the smallest difference that its error of 2 % lets tell apart, with a margin."""
+SINGLE_PRECISION_STEPS = 4.0
+"""A step of at most so many units in the last place of single precision comes from the number format."""
 
 
 def run_lengths(values: FloatArray) -> tuple[IntArray, IntArray]:
@@ -131,17 +137,46 @@ def zero_stretches(effort: FloatArray, position: FloatArray, period: float) -> B
 def grid_step(values: FloatArray) -> float:
     """The step of recorded values (T,) that lie on a grid, as an encoder's do; 0 where they do not.
 
-    The smallest difference between neighbouring rows is the step when nine differences in ten are multiples of it to
-    within 2 % of a step. A channel of a few levels (a binary or a staircase command) is exact and not rounded to them.
+    The smallest difference between neighbouring rows is a first estimate of the step, and least squares over ever
+    larger differences refines it. It is the step when nine differences in ten are multiples of it to within 2 % of a
+    step. A channel of a few levels (a binary or a staircase command) is exact and not rounded to them, and what single
+    precision rounds is no step of a sensor.
     """
     finite = values[np.isfinite(values)]
     if np.unique(finite).size < LEAST_LEVELS:
         return 0.0
+    largest = float(np.max(np.abs(finite)))
     changes = np.abs(np.diff(finite))
-    changes = changes[changes > 1e-12 * max(float(np.max(np.abs(finite), initial=0.0)), 1e-12)]
+    changes = changes[changes > 1e-12 * max(largest, 1e-12)]
     if changes.size == 0:
         return 0.0
-    step = float(np.min(changes))
+    step = _refined_step(changes)
     multiples = changes / step
-    on_grid = np.abs(multiples - np.round(multiples)) < 0.02 * np.maximum(1.0, 0.02 * multiples)
-    return step if float(np.mean(on_grid)) > 0.9 else 0.0
+    on_grid = float(np.mean(np.abs(multiples - np.round(multiples)) < ON_GRID)) > SHARE_ON_GRID
+    return step if on_grid and not _is_single_precision(finite, step) else 0.0
+
+
+def _refined_step(changes: FloatArray) -> float:
+    """The d for which differences (N,) are closest to multiples n d: sum c n / sum n^2, for c up to 8 d, 64 d, ...
+
+    The error of d times the largest n stays below half a step in each round, so that every n is rounded right.
+    """
+    step, reach = float(np.min(changes)), float(FIRST_MULTIPLES)
+    longest = float(np.max(changes))
+    while True:
+        near = changes[changes < (reach + 0.5) * step]
+        n = np.round(near / step)
+        close = np.abs(near / step - n) < 0.25  # others are off the grid whatever the step's last digits
+        near, n = near[close], n[close]
+        step = float(near @ n / (n @ n))
+        if reach * step > longest:
+            return step
+        reach *= FIRST_MULTIPLES
+
+
+def _is_single_precision(values: FloatArray, step: float) -> bool:
+    """Whether values (T,) are single-precision numbers whose own rounding is as coarse as the step."""
+    largest = np.float32(np.max(np.abs(values)))
+    if step > SINGLE_PRECISION_STEPS * float(np.spacing(largest)):
+        return False
+    return bool(np.array_equal(values, values.astype(np.float32)))

@@ -24,12 +24,33 @@ def test_an_encoder_of_any_resolution_unit_sign_and_zero(bits, unit, sign, zero,
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_noise_without_a_grid_has_no_step_that_matters(seed):
-    """The smallest of thousands of differences may be returned: rounding to it is no part of the noise."""
+@pytest.mark.parametrize("precision", [np.float32, np.float64])
+@pytest.mark.parametrize("unit", [1e-3, 1.0, 300.0])
+def test_noise_and_smooth_signals_have_no_step(seed, precision, unit):
+    """Neither the smallest of thousands of differences nor the rounding of the number format is one."""
     rng = np.random.default_rng(seed)
-    assert grid_step(rng.standard_normal(5000)) < 1e-2
-    assert grid_step(SWING + 1e-3 * rng.standard_normal(SWING.size)) < 1e-5
-    assert grid_step(SWING) < 1e-5
+    noise = rng.standard_normal(5000)
+    for values in (noise, SWING[: noise.size] + 1e-3 * noise, SWING):
+        assert grid_step((unit * values).astype(precision).astype(float)) == 0.0
+
+
+@pytest.mark.parametrize("bits", [12, 16])
+@pytest.mark.parametrize("gain", [1e-3, 1.0, 57.3])
+@pytest.mark.parametrize("precision", [np.float32, np.float64])
+def test_the_step_of_a_converter_is_found_to_four_digits_in_either_precision(bits, gain, precision):
+    step = 2.0 * np.pi / 2**bits
+    slow = np.round(SWING / step) * step
+    fast = np.round(40.0 * SWING / step) * step  # differences of up to a hundred steps
+    for values in (slow, fast):
+        assert_allclose(grid_step((gain * values).astype(precision).astype(float)), gain * step, rtol=1e-4)
+
+
+@pytest.mark.parametrize("step", [1e-6, 2.0 * np.pi / 2**12])
+def test_values_written_with_six_decimals(step):
+    """Decimals are a step like any other where the signal is slow; they do not hide one that is coarser."""
+    written = np.round(np.round(SWING / step) * step, 6)
+    assert_allclose(grid_step(written), step, rtol=1e-3)
+    assert grid_step(np.round(np.random.default_rng(0).standard_normal(5000), 6)) == 0.0
 
 
 @pytest.mark.parametrize("levels", [(-6.0, 6.0), (0.0, 1.0, 2.0, 3.0), (-2.0, 0.0, 2.0)])
