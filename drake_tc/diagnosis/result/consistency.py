@@ -8,10 +8,14 @@ everywhere:
 A parameter that moves by more than its intervals says what the model lacks: a gain that grows with the load, friction
 that differs from run to run. Intervals are those of `identification.regression` (autocorrelation included); the test of
 equal values is the chi-squared of the differences from the first part.
+
+Where one parameter moves, one value for it in all parts puts some of its change on parameters with similar columns. So
+of those that move, the one whose separate values leave the least error is named first, and keeps separate values. The
+others are then fitted by part beside it, and named only if they still move.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.stats import chi2, norm
@@ -24,7 +28,7 @@ from drake_tc.errors import IdentificationError
 from drake_tc.identification.autocorrelation import critical_value_95
 from drake_tc.identification.linear_fit import LinearFit
 from drake_tc.identification.regression import least_squares
-from drake_tc.types import BoolArray, FloatArray, IntArray
+from drake_tc.types import FloatArray, IntArray
 
 FEWEST_ROWS = 200
 SIGNIFICANT = 1e-3
@@ -32,6 +36,8 @@ SIGNIFICANT = 1e-3
 LEAST_CHANGE = 0.10
 """Smallest spread of the values, as a share of their mean size, that is worth saying."""
 MOST_RUNS = 24
+MOST_NAMED = 3
+"""Parameters that one split names at most; each of them costs another fit of all others."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,55 +69,84 @@ def consistency(columns: Columns, final: Fit) -> tuple[ParameterByCondition, ...
         columns: Training rows.
         final: The final model; its shapes stay as they are.
     """
-    design = columns.design(final.terms)
-    names = [("drive", "gain"), *((t.effect.key, p.name) for t in final.terms for p in t.effect.coefficients)]
-    lengths = block_lengths(columns)
-    out = []
+    names = (("drive", "gain"), *((t.effect.key, p.name) for t in final.terms for p in t.effect.coefficients))
+    rows = _Rows(columns.design(final.terms), columns.target, names, block_lengths(columns))
+    out: list[ParameterByCondition] = []
     for split in splits(columns):
-        if np.bincount(split.part, minlength=len(split.names)).min() < FEWEST_ROWS:
-            continue
-        masks = [split.part == g for g in range(len(split.names))]
-        for k, (effect, name) in enumerate(names):
-            found = _by_part(design, columns.target, k, masks, lengths)
-            if found is not None:
-                out.append(_entry(split, effect, name, found, len(masks)))
+        if np.bincount(split.part, minlength=len(split.names)).min() >= FEWEST_ROWS:
+            out += _parameters(rows, split)
     return tuple(out)
 
 
-def _by_part(
-    design: FloatArray, target: FloatArray, k: int, masks: Sequence[BoolArray], lengths: Sequence[int]
-) -> LinearFit | None:
-    """The fit whose first G coefficients are coefficient k in each part; None where the rows do not tell them."""
-    parts = np.stack([np.where(mask, design[:, k], 0.0) for mask in masks], axis=-1)
-    size = np.sqrt(np.mean(parts**2, axis=0))
-    if size.min() <= 1e-3 * size.max():
-        return None
-    others = np.delete(design, k, axis=1)
+@dataclass(frozen=True, eq=False)
+class _Rows:
+    """Design (N, m), target (N,), effect and name of the m coefficients, and lengths of the contiguous stretches."""
+
+    design: FloatArray
+    target: FloatArray
+    names: tuple[tuple[str, str], ...]
+    lengths: Sequence[int]
+
+
+def _parameters(rows: _Rows, split: Split) -> list[ParameterByCondition]:
+    """Every coefficient that the rows identify by part, in the model's order; those that move chosen one by one."""
+    named: list[int] = []
+    entries: dict[int, ParameterByCondition] = {}
+    while True:
+        fits = {k: _by_part(rows, split, (k, *named)) for k in range(len(rows.names)) if k not in named}
+        known = {k: found for k, found in fits.items() if found is not None}
+        entries |= {k: _entry(split, *rows.names[k], found) for k, found in known.items()}
+        moving = [k for k in known if entries[k].moves]
+        if not moving or len(named) == MOST_NAMED:
+            break
+        named.append(min(moving, key=lambda k: known[k].rms))
+    for k in named[:-1]:  # the last one was fitted beside all others
+        if (found := _by_part(rows, split, (k, *(j for j in named if j != k)))) is not None:
+            entries[k] = _entry(split, *rows.names[k], found)
+    return [replace(entries[k], moves=entries[k].moves and k in named) for k in sorted(entries)]
+
+
+def _by_part(rows: _Rows, split: Split, parted: Sequence[int]) -> LinearFit | None:
+    """The fit with the coefficients `parted` by part, those of the first one first; None if the rows do not tell them.
+
+    The columns are the G parts of each parted coefficient, then the other coefficients.
+    """
+    masks = [split.part == g for g in range(len(split.names))]
+    parts = [np.stack([np.where(mask, rows.design[:, k], 0.0) for mask in masks], axis=-1) for k in parted]
+    for each in parts:
+        size = np.sqrt(np.mean(each**2, axis=0))
+        if size.min() <= 1e-3 * size.max():
+            return None
+    others = np.delete(rows.design, parted, axis=1)
     alive = np.sqrt(np.mean(others**2, axis=0)) > 1e-12
     try:
-        return least_squares(np.hstack([parts, others[:, alive]]), target, lengths=lengths, max_condition=1e4)
+        return least_squares(
+            np.hstack([*parts, others[:, alive]]), rows.target, lengths=rows.lengths, max_condition=1e4
+        )
     except IdentificationError:
         return None
 
 
-def _entry(split: Split, effect: str, name: str, found: LinearFit, count: int) -> ParameterByCondition:
+def _entry(split: Split, effect: str, name: str, found: LinearFit) -> ParameterByCondition:
+    count = len(split.names)
     values, interval = found.coefficients[:count], found.ci95[:count]
     wider = critical_value_95(found.bandwidth, found.residual.size) / float(norm.ppf(0.975))
     turn = np.hstack([-np.ones((count - 1, 1)), np.eye(count - 1)])
     spread = turn @ found.hac_covariance[:count, :count] @ turn.T * wider**2
     difference = values[1:] - values[0]
     probability = float(chi2.sf(float(difference @ np.linalg.pinv(spread) @ difference), difference.size))
-    change = float(np.ptp(values) / max(float(np.mean(np.abs(values))), 1e-300))
     ends = np.column_stack([values, interval])
     if effect == "drive":  # the regression has 1/K
         ends = np.array([_inverse(*each) for each in ends])
     intervals = {part: (float(v), float(a), float(b)) for part, (v, a, b) in zip(split.names, ends, strict=True)}
+    change = float(np.ptp(ends[:, 0]) / max(float(np.mean(np.abs(ends[:, 0]))), 1e-300))
     moves = probability < SIGNIFICANT and change > LEAST_CHANGE
     return ParameterByCondition(effect, name, split.by, intervals, change, probability, moves)
 
 
 def _inverse(value: float, low: float, high: float) -> tuple[float, float, float]:
     """1/x and its interval from those of x; without an upper end, or any, where the interval of x reaches 0."""
+    value = value if abs(value) > 1e-300 else 1e-300
     if low > 0.0 or high < 0.0:
         return 1.0 / value, 1.0 / high, 1.0 / low
     return 1.0 / value, 1.0 / high if value > 0.0 else -np.inf, np.inf

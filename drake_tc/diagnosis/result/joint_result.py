@@ -52,7 +52,7 @@ class ParameterByCondition:
         values: Part to (value, lower, upper end of the 95 % interval).
         change: Spread of the values as a share of their mean size.
         probability: Of such differences under one common value.
-        moves: Whether the value changes by more than its intervals.
+        moves: Whether the value changes by more than its intervals, beside those that are named before it.
     """
 
     effect: str

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from numpy.testing import assert_allclose
 
 from drake_tc.diagnosis.data.preparation import build_samples
@@ -53,14 +54,29 @@ def test_a_constant_joint_moves_in_at_most_one_seed_of_twenty():
     assert sum(bool(m) for m in moved) <= 1
 
 
-def test_friction_that_differs_between_runs_moves_most_by_run():
-    found = table([NOISY, replace(NOISY, coulomb=1.5 * NOISY.coulomb)])
-    assert ("coulomb", "coulomb", "run") in moving(found)
-    # the others move too, as each is refitted with one Coulomb friction for both runs
-    changes = {key[0]: p.change for key, p in found.items() if key[2] == "run"}
-    assert max(changes, key=lambda effect: changes[effect]) == "coulomb"
+@pytest.mark.parametrize("seed", range(4))
+def test_coulomb_friction_that_differs_between_runs_is_the_only_parameter_named(seed):
+    """Alone, each of the others would be fitted apart too, as one Coulomb friction for both runs is wrong."""
+    found = table([NOISY, replace(NOISY, coulomb=1.5 * NOISY.coulomb)], seed)
+    assert moving(found) == {("coulomb", "coulomb", "run")}
     values = [v[0] for v in found["coulomb", "coulomb", "run"].values.values()]
     assert_allclose(values, [3.0, 4.5], rtol=0.05)
+    for effect, name, true in (("viscous", "viscous", 6.0), ("drive", "gain", 0.08)):
+        assert_allclose([v[0] for v in found[effect, name, "run"].values.values()], true, rtol=0.05)
+
+
+def test_two_parameters_that_differ_between_runs_are_both_named():
+    found = table([NOISY, replace(NOISY, coulomb=2.0 * NOISY.coulomb, gain=1.3 * NOISY.gain)])
+    assert {key[0] for key in moving(found) if key[2] == "run"} == {"coulomb", "drive"}
+    for effect, name, true in (("coulomb", "coulomb", [3.0, 6.0]), ("drive", "gain", [0.08, 0.104])):
+        assert_allclose([v[0] for v in found[effect, name, "run"].values.values()], true, rtol=0.03)
+
+
+def test_the_change_of_the_drive_gain_is_that_of_the_gain_and_not_of_its_inverse():
+    gains = np.array([0.08, 0.1, 0.16])
+    found = table([replace(NOISY, gain=float(gain)) for gain in gains])["drive", "gain", "run"]
+    assert_allclose([v[0] for v in found.values.values()], gains, rtol=0.03)
+    assert_allclose(found.change, np.ptp(gains) / gains.mean(), atol=0.03)  # of 1/K: 0.65
 
 
 def test_friction_that_differs_between_directions_moves_by_direction():
