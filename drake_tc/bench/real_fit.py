@@ -88,7 +88,7 @@ def hold_out(
     declared = [Term(effect("viscous")), Term(effect("coulomb"))]
     first = Columns(sides[0])
     plain = fit(first, declared)
-    columns, other = (c.with_model(plain.beta, servo=False) for c in (first, Columns(sides[1])))
+    columns, other = (c.with_model(plain.terms, plain.beta, servo=False) for c in (first, Columns(sides[1])))
     known = ["viscous", "coulomb", *(k.partition(".")[0] for k in rig.declared[joint]), *left_out]
     usable, _ = candidates(LIBRARY, context, known)
     result = search(columns, declared, usable, context, floor, JOINT)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from drake_tc.diagnosis.options import DiagnosisOptions
-from drake_tc.diagnosis.problem.columns import Columns, Term
+from drake_tc.diagnosis.problem.columns import Columns, Term, coefficients_by_term
 from drake_tc.diagnosis.problem.estimates import estimates
 from drake_tc.diagnosis.problem.prepared import Prepared, prepare_joint
 from drake_tc.diagnosis.problem.regression import Fit, fit
@@ -178,17 +178,17 @@ def _settled(
     """The fit with columns that know the final model: some effects act through its stiffness and damping."""
     servo, first = context.drive == "position_servo", (columns, held)
     for _ in range(SETTLING_ROUNDS if len(chosen.terms) > len(baseline.terms) else 0):
-        columns, held = (c.with_model(chosen.beta, servo=servo, true_torque=true_torque(c, chosen)) for c in first)
+        columns, held = (
+            c.with_model(chosen.terms, chosen.beta, servo=servo, true_torque=true_torque(c, chosen)) for c in first
+        )
         chosen = fit(columns, chosen.terms)
     return columns, held, chosen
 
 
 def true_torque(columns: Columns, fitted: Fit) -> FloatArray:
     """The measured load (T,) without the additive sensor errors among the fit's terms."""
-    signals, at = columns.samples.signals, 1
-    for term in fitted.terms:
-        theta = fitted.beta[at : at + len(term.effect.coefficients)]
-        at += theta.size
+    signals = columns.samples.signals
+    for term, theta in coefficients_by_term(fitted.terms, fitted.beta):
         if isinstance(term.effect, TorqueSensorBias | TorqueSensorDrift):
             signals = term.effect.restore(signals, term.effect.physical(theta, term.shape, fitted.gain))
     return signals.load_torque

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drake_tc.diagnosis.problem.columns import Columns
+from drake_tc.diagnosis.problem.columns import Columns, coefficients_by_term
 from drake_tc.diagnosis.problem.regression import Fit
 from drake_tc.diagnosis.residual.unexplained import DataSplit
 from drake_tc.diagnosis.result.joint_result import FoundEffect, JointResult
@@ -41,16 +41,13 @@ def contribution(split: DataSplit, fitted: Fit, key: str) -> FloatArray:
     """
     columns = Columns(split.samples)
     share = np.zeros(split.after.shape)
-    at = 1
-    for term in fitted.terms:
-        count = len(term.effect.coefficients)
+    for term, theta in coefficients_by_term(fitted.terms, fitted.beta):
         if term.effect.key == key:
-            if count:
-                share = share - fitted.gain * (columns.of(term) @ fitted.beta[at : at + count])
+            if theta.size:
+                share = share - fitted.gain * (columns.of(term) @ theta)
             if isinstance(term.effect, DriveEffect) and term.effect.shapes:
                 rest = [t for t in fitted.terms if t is not term]
                 share = share + columns.effort(fitted.terms) - columns.effort(rest)
-        at += count
     return np.asarray(share)
 
 

@@ -105,7 +105,7 @@ def problem(joint: Joint, seed: int = 0, runs: int = 1) -> Problem:
     context = context_of(samples, rig, "joint")
     declared = (Term(effect("viscous")), Term(effect("coulomb")))
     first = Columns(samples)
-    columns = first.with_model(fit(first, declared).beta, servo=joint.drive == "position_servo")
+    columns = first.with_model(declared, fit(first, declared).beta, servo=joint.drive == "position_servo")
     return Problem(samples, context, columns, declared, fit(columns, declared))
 
 

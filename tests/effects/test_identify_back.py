@@ -167,11 +167,11 @@ def identify(key: str, case: Case) -> Mapping[str, Mapping[str, Estimate]]:
     servo = case.drive == "position_servo"
     columns = Columns(samples)
     fitted = fit(columns, [Term(effect("viscous")), Term(effect("coulomb"))])
-    columns = columns.with_model(fitted.beta, servo=servo)
+    columns = columns.with_model(fitted.terms, fitted.beta, servo=servo)
     if key not in ("viscous", "coulomb"):
         fitted = refine(columns, best_shape(columns, fitted.terms, member, context, fitted.residual))
         for _ in range(3):  # columns hold the stiffness and the viscous coefficient: let both rest
-            columns = columns.with_model(fitted.beta, servo=servo)
+            columns = columns.with_model(fitted.terms, fitted.beta, servo=servo)
             fitted = refine(columns, fit(columns, fitted.terms), evaluations=20)
     return estimates(columns, fitted, case.drive)
 

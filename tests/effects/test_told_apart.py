@@ -69,7 +69,7 @@ def errors(drive: str, key: str, truth: Mapping[str, float], candidates: list[st
     context = context_of(samples, rig, "joint")
     columns = Columns(samples)
     plain = fit(columns, [Term(effect("viscous")), Term(effect("coulomb"))])
-    columns = columns.with_model(plain.beta, servo=drive == "position_servo")
+    columns = columns.with_model(plain.terms, plain.beta, servo=drive == "position_servo")
     plain = fit(columns, plain.terms)
     out = {"none": (plain.cv_rms, plain.size)}
     for name in candidates:

@@ -21,7 +21,8 @@ def solve_bounded(
     Args:
         gram: G (m, m).
         moment: (m,).
-        lower, upper: (m,) bounds.
+        lower: (m,) bounds.
+        upper: (m,).
         held: (m,) further coefficients to hold; None for none.
 
     Returns:

@@ -5,8 +5,9 @@ Rows of  z = tau + J qddot  against  [y*, -phi_1, ..., -phi_k], all passed throu
     z = (1/K) y* - sum_k theta_k phi_k                                                     (effects.base, balance)
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Self
 
 import numpy as np
 
@@ -40,6 +41,48 @@ class Term:
     def size(self) -> int:
         """Number of parameters it adds."""
         return self.effect.degrees_of_freedom
+
+
+def coefficients_by_term(terms: Sequence[Term], beta: FloatArray) -> Iterator[tuple[Term, FloatArray]]:
+    """Each term with its coefficients theta (k,) of beta (1 + sum k,) = [1/K, theta ...]."""
+    at = 1
+    for term in terms:
+        theta = beta[at : at + len(term.effect.coefficients)]
+        at += theta.size
+        yield term, theta
+
+
+@dataclass(frozen=True)
+class BalanceCoefficients:
+    """The coefficients of a fit through which sensor noise enters the balance.
+
+    Attributes:
+        stiffness: 1/K [N m/effort].
+        viscous: F_v [N m s/rad], 0 where the fit has no viscous friction.
+        coulomb: F_c [N m], 0 where the fit has no Coulomb friction.
+        inertia: What the effects add to the declared rotor inertia [kg m^2].
+    """
+
+    stiffness: float
+    viscous: float
+    coulomb: float
+    inertia: float
+
+    @classmethod
+    def of(cls, terms: Sequence[Term], beta: FloatArray, rotor_inertia: float = 0.0) -> Self:
+        """Find them by effect, in whatever order the terms are.
+
+        Args:
+            terms: Of the fit.
+            beta: (1 + sum k,) [1/K, theta ...].
+            rotor_inertia: Declared J [kg m^2].
+        """
+        found, inertia = {"viscous": 0.0, "coulomb": 0.0}, 0.0
+        for term, theta in coefficients_by_term(terms, beta):
+            if term.effect.key in found:
+                found[term.effect.key] = float(theta[0])
+            inertia += term.effect.balance_inertia(theta, rotor_inertia)
+        return cls(float(beta[0]), found["viscous"], found["coulomb"], inertia)
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,18 +200,22 @@ class Columns:
             self._products[a, b] = np.stack([x[s:e].T @ y[s:e] for s, e in zip(starts, self._ends, strict=True)])
         return self._products[a, b]
 
-    def with_model(self, beta: FloatArray, *, servo: bool, true_torque: FloatArray | None = None) -> "Columns":
-        """The same samples once the declared model's [1/K, F_v, F_c, ...] is known: see `Signals`.
+    def with_model(
+        self, terms: Sequence[Term], beta: FloatArray, *, servo: bool, true_torque: FloatArray | None = None
+    ) -> "Columns":
+        """The same samples once a model's terms and their beta = [1/K, theta ...] are known: see `Signals`.
 
         `true_torque` (T,): what a found sensor error leaves of the measured load, for effects that depend on it.
         """
         s = self.samples.signals
-        expected = beta[0] * s.effort - beta[1] * s.velocity - beta[2] * s.direction - s.rotor_inertia * s.acceleration
-        stiffness = float(beta[0]) if servo else 0.0
+        known = BalanceCoefficients.of(terms, beta)
+        friction = known.viscous * s.velocity + known.coulomb * s.direction
+        expected = known.stiffness * s.effort - friction - s.rotor_inertia * s.acceleration
+        stiffness = known.stiffness if servo else 0.0
         if true_torque is not None:
             s = replace(s, load_torque=true_torque)
-        signals = replace(s, viscous=float(beta[1]), stiffness=stiffness, expected_torque=expected)
-        gain = 1.0 / max(float(beta[0]), 1e-9)
+        signals = replace(s, viscous=known.viscous, stiffness=stiffness, expected_torque=expected)
+        gain = 1.0 / max(known.stiffness, 1e-9)
         samples = replace(self.samples, signals=signals)
         return Columns(samples, gain, self.samples.floor, self.target, self.declared_gain)
 
@@ -178,12 +225,8 @@ class Columns:
         """
         if self.floor is None or self.gain is None:
             return 1.0
-        at, inertia = 1, 0.0
-        for term in terms:
-            theta = beta[at : at + len(term.effect.coefficients)]
-            inertia += term.effect.balance_inertia(theta, self.samples.signals.rotor_inertia)
-            at += theta.size
-        own = self.floor.torque(float(beta[0]), float(beta[1]), inertia)
+        found = BalanceCoefficients.of(terms, beta, self.samples.signals.rotor_inertia)
+        own = self.floor.torque(found.stiffness, found.viscous, found.inertia)
         declared = self.floor.torque(1.0 / self.gain, self.samples.signals.viscous)
         return float(np.clip(declared / max(own, 1e-300), 0.5, 2.0))
 

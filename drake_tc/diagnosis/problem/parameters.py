@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from drake_tc.diagnosis.problem.columns import Term
+from drake_tc.diagnosis.problem.columns import Term, coefficients_by_term
 from drake_tc.diagnosis.problem.regression import Fit
 from drake_tc.types import FloatArray
 
@@ -39,13 +39,11 @@ def physical_parameters(
     terms = with_shapes(fitted.terms, where, shapes)
     gain = 1.0 / beta[0]
     out: dict[str, dict[str, float]] = {"drive": {"gain": float(gain)}}
-    at, scale = 1, 1.0
-    for term in terms:
+    scale = 1.0
+    for term, theta in coefficients_by_term(terms, beta):
         out["drive"]["gain"] = term.effect.drive_gain(out["drive"]["gain"], term.shape)
-        theta = beta[at : at + len(term.effect.coefficients)]
         out[term.effect.key] = term.effect.physical(theta, term.shape, gain)
         scale *= term.effect.torque_scale(theta, gain)
-        at += theta.size
     if scale != 1.0:
         _to_true_torque(out, terms, scale)
     return out

@@ -5,7 +5,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 
 from drake_tc.diagnosis.data.preparation import build_samples, context_of
-from drake_tc.diagnosis.problem.columns import Columns, Term
+from drake_tc.diagnosis.problem.columns import BalanceCoefficients, Columns, Term
 from drake_tc.diagnosis.problem.declared import declared_terms, fit_declared, known_values, without_known
 from drake_tc.diagnosis.problem.signs import require_consistent_signs
 from drake_tc.diagnosis.thresholds import MAX_CONDITION
@@ -75,11 +75,12 @@ def prepare_joint(
     labels = ["drive gain", *(p.name for t in plain.terms for p in t.effect.coefficients)]
     least_squares(first.design(plain.terms), first.target, names=labels, max_condition=MAX_CONDITION)
     require_consistent_signs(first, plain, joint, context.drive)
+    fitted = BalanceCoefficients.of(plain.terms, plain.beta)
     return Prepared(
-        train=first.with_model(plain.beta, servo=servo),
-        held=Columns(held, declared_gain=declared_gain).with_model(plain.beta, servo=servo),
+        train=first.with_model(plain.terms, plain.beta, servo=servo),
+        held=Columns(held, declared_gain=declared_gain).with_model(plain.terms, plain.beta, servo=servo),
         terms=plain.terms,
-        floor=plain.gain * train.floor.torque(float(plain.beta[0]), float(plain.beta[1])),
+        floor=plain.gain * train.floor.torque(fitted.stiffness, fitted.viscous),
         context=context,
         declared=(*(t.effect.id for t in plain.terms), *(key.partition(".")[0] for key in rig.declared[joint])),
     )

@@ -13,6 +13,7 @@ import numpy as np
 from sklearn.ensemble import HistGradientBoostingRegressor
 
 from drake_tc.diagnosis.data.samples import Samples
+from drake_tc.diagnosis.problem.columns import BalanceCoefficients
 from drake_tc.diagnosis.residual.stretches import loud_stretches, spectral_line
 from drake_tc.diagnosis.residual.unexplained import DataSplit, Unexplained
 from drake_tc.diagnosis.thresholds import ResidualThresholds
@@ -27,12 +28,12 @@ WIDER = 3.0
 FEATURES = ("velocity", "acceleration", "position", "expected_torque", "command", "direction", "travel", "temperature")
 
 
-def features(samples: Samples, beta: FloatArray, *, servo: bool) -> FloatArray:
+def features(samples: Samples, known: BalanceCoefficients, *, servo: bool) -> FloatArray:
     """(N, 8) of the `FEATURES` on the rows; an unrecorded signal is constant.
 
     Args:
         samples: Of one split.
-        beta: (1 + k,) [1/K, F_v, F_c, ...] of the final model.
+        known: 1/K, F_v and F_c of the final model.
         servo: Whether the effort is q_d - q.
     """
     s = samples.signals
@@ -41,7 +42,8 @@ def features(samples: Samples, beta: FloatArray, *, servo: bool) -> FloatArray:
         np.nan_to_num(f(s.position, samples.segments)) for f in (wide.smooth, wide.derivative, wide.second_derivative)
     )
     effort = s.command - q if servo else s.command
-    expected = beta[0] * effort - beta[1] * v - beta[2] * s.direction - s.rotor_inertia * a
+    friction = known.viscous * v + known.coulomb * s.direction
+    expected = known.stiffness * effort - friction - s.rotor_inertia * a
     columns = (v, a, q, expected, s.command, s.direction, s.travel, s.temperature)
     return np.asarray(np.nan_to_num(np.stack([c[samples.rows] for c in columns], axis=-1)))
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from drake_tc.diagnosis.data.noise_colour import correlated_noise
 from drake_tc.diagnosis.options import DiagnosisOptions
-from drake_tc.diagnosis.problem.columns import Columns
+from drake_tc.diagnosis.problem.columns import BalanceCoefficients, Columns
 from drake_tc.diagnosis.problem.regression import Fit
 from drake_tc.diagnosis.residual.structure import assess_residual, features, is_excess
 from drake_tc.diagnosis.residual.unexplained import DataSplit, Unexplained, Verdict
@@ -21,12 +21,8 @@ def _rms(values: FloatArray) -> float:
 
 def noise_floor(columns: Columns, chosen: Fit) -> float:
     """Noise floor [effort] under the final model's coefficients."""
-    inertia, at = 0.0, 1
-    for term in chosen.terms:
-        theta = chosen.beta[at : at + len(term.effect.coefficients)]
-        inertia += term.effect.balance_inertia(theta, columns.samples.signals.rotor_inertia)
-        at += theta.size
-    return chosen.gain * columns.samples.floor.torque(float(chosen.beta[0]), float(chosen.beta[1]), inertia)
+    known = BalanceCoefficients.of(chosen.terms, chosen.beta, columns.samples.signals.rotor_inertia)
+    return chosen.gain * columns.samples.floor.torque(known.stiffness, known.viscous, known.inertia)
 
 
 def compared(columns: Columns, held: Columns, baseline: Fit, chosen: Fit) -> tuple[DataSplit, DataSplit]:
@@ -45,7 +41,8 @@ def what_is_left(
     if not options.assess_residual:
         return Unexplained(0.0, 0.0, False, 0.0, 0.0, False, ()), floor, ()
     servo = context.drive == "position_servo"
-    x = (features(splits[0].samples, chosen.beta, servo=servo), features(splits[1].samples, chosen.beta, servo=servo))
+    known = BalanceCoefficients.of(chosen.terms, chosen.beta)
+    x = (features(splits[0].samples, known, servo=servo), features(splits[1].samples, known, servo=servo))
     thresholds = _residual_options(options.residual, chosen)
     left = assess_residual(*splits, x, floor, thresholds, options.seed)
     if left.structured or context.load != "torque":

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drake_tc.diagnosis.problem.columns import Columns
+from drake_tc.diagnosis.problem.columns import BalanceCoefficients, Columns
 from drake_tc.diagnosis.problem.parameters import physical_parameters
 from drake_tc.diagnosis.problem.regression import Fit
 from drake_tc.identification.break_away import LEAST_EVENTS, BreakAway, break_away
@@ -66,7 +66,8 @@ def sticking(columns: Columns, final: Fit) -> Sticking | None:
     events = BreakAway(np.arange(torque.size), np.ones(torque.size), torque)
     low, high = events.interval
     sliding = named["coulomb"]["coulomb"] + named.get("stribeck", {}).get("stribeck", 0.0)
-    noise = samples.floor.torque(float(final.beta[0]), float(final.beta[1]))
+    fitted = BalanceCoefficients.of(final.terms, final.beta)
+    noise = samples.floor.torque(fitted.stiffness, fitted.viscous)
     if low < max(CLEARLY * sliding, sliding + NOISES * noise):
         return None
     return Sticking(events.level, low, high, sliding, int(torque.size))

@@ -9,7 +9,7 @@ from scipy.signal import lfilter
 
 from drake_tc.diagnosis.data.preparation import build_samples
 from drake_tc.diagnosis.data.samples import Samples
-from drake_tc.diagnosis.problem.columns import Columns, Term
+from drake_tc.diagnosis.problem.columns import BalanceCoefficients, Columns, Term
 from drake_tc.diagnosis.problem.regression import fit
 from drake_tc.diagnosis.residual.stretches import spectral_line
 from drake_tc.diagnosis.residual.structure import FEATURES, assess_residual, features, share_explained
@@ -23,7 +23,7 @@ JOINT = Joint(duration=30.0, period=4e-3, torque_noise=0.25)
 NOISE = 0.02
 FLOOR = 0.5 * NOISE
 OPTIONS = ResidualThresholds()
-BETA = np.array([1.0 / JOINT.gain, JOINT.viscous, JOINT.coulomb])
+KNOWN = BalanceCoefficients(1.0 / JOINT.gain, JOINT.viscous, JOINT.coulomb, 0.0)
 
 
 @pytest.fixture(scope="module")
@@ -46,7 +46,7 @@ def sides(samples, left, seed=0, rho=0.0):
 
 
 def assess(made, floor, seed=0):
-    x = tuple(features(s.samples, BETA, servo=False) for s in made)
+    x = tuple(features(s.samples, KNOWN, servo=False) for s in made)
     return assess_residual(*made, x, floor, OPTIONS, seed)
 
 
@@ -125,7 +125,7 @@ def test_share_explained_is_the_coefficient_of_determination():
 
 def test_features_are_the_command_and_smoothed_motion(samples):
     split = sides(samples, nothing)[0]
-    made = features(split.samples, BETA, servo=False)
+    made = features(split.samples, KNOWN, servo=False)
     signals, rows = samples[0].signals, samples[0].rows
     assert made.shape == (rows.size, len(FEATURES))
     assert_allclose(made[:, FEATURES.index("command")], signals.command[rows])
@@ -174,7 +174,7 @@ def test_noise_on_one_channel_is_no_structure(drive, channel, rms, band):
         fitted = fit(columns, [Term(effect("viscous")), Term(effect("coulomb"))]) if fitted is None else fitted
         left = fitted.gain * (columns.target - columns.design(fitted.terms) @ fitted.beta)
         splits.append(DataSplit(made, left, left))
-        x.append(features(made, fitted.beta, servo=drive == "position_servo"))
+        x.append(features(made, BalanceCoefficients.of(fitted.terms, fitted.beta), servo=drive == "position_servo"))
     floor = 0.25 * float(np.sqrt(np.mean(splits[1].after ** 2)))
     found = assess_residual(*splits, tuple(x), floor, OPTIONS)
     assert not found.structured, found

@@ -23,7 +23,7 @@ NOISY = Joint(duration=16.0, period=4e-3, torque_noise=0.3)
 def fitted(joints: Sequence[Joint], seed: int = 0) -> tuple[Columns, Fit]:
     made = [record(j, f"run{k}", 0.37 * k + 0.1 * seed, 100 * seed + k) for k, j in enumerate(joints)]
     first = Columns(build_samples(made, rig_of(joints[0]), "joint"))
-    columns = first.with_model(fit(first, DECLARED).beta, servo=False)
+    columns = first.with_model(DECLARED, fit(first, DECLARED).beta, servo=False)
     return columns, fit(columns, DECLARED)
 
 
@@ -61,15 +61,15 @@ def test_coulomb_friction_that_differs_between_runs_is_the_only_parameter_named(
     assert moving(found) == {("coulomb", "coulomb", "run")}
     values = [v[0] for v in found["coulomb", "coulomb", "run"].values.values()]
     assert_allclose(values, [3.0, 4.5], rtol=0.05)
-    for effect, name, true in (("viscous", "viscous", 6.0), ("drive", "gain", 0.08)):
-        assert_allclose([v[0] for v in found[effect, name, "run"].values.values()], true, rtol=0.05)
+    for key, name, true in (("viscous", "viscous", 6.0), ("drive", "gain", 0.08)):
+        assert_allclose([v[0] for v in found[key, name, "run"].values.values()], true, rtol=0.05)
 
 
 def test_two_parameters_that_differ_between_runs_are_both_named():
     found = table([NOISY, replace(NOISY, coulomb=2.0 * NOISY.coulomb, gain=1.3 * NOISY.gain)])
     assert {key[0] for key in moving(found) if key[2] == "run"} == {"coulomb", "drive"}
-    for effect, name, true in (("coulomb", "coulomb", [3.0, 6.0]), ("drive", "gain", [0.08, 0.104])):
-        assert_allclose([v[0] for v in found[effect, name, "run"].values.values()], true, rtol=0.03)
+    for key, name, true in (("coulomb", "coulomb", [3.0, 6.0]), ("drive", "gain", [0.08, 0.104])):
+        assert_allclose([v[0] for v in found[key, name, "run"].values.values()], true, rtol=0.03)
 
 
 def test_the_change_of_the_drive_gain_is_that_of_the_gain_and_not_of_its_inverse():

@@ -25,7 +25,7 @@ RIG = Joint(duration=12.0, period=4e-3, torque_noise=0.25, extra=lambda m: 1.0 *
 def made():
     p = problem(RIG, runs=2)
     other = build_samples([record(RIG, "held", 2.3, 9)], rig_of(RIG), "joint", p.samples.light.width_s)
-    held = Columns(other).with_model(p.baseline.beta, servo=False)
+    held = Columns(other).with_model(p.baseline.terms, p.baseline.beta, servo=False)
     return p, held
 
 

@@ -46,8 +46,8 @@ def confirmed(train: Sequence[Joint], held: Sequence[Joint], *added: Term) -> Co
     """Confirm the declared model with `added`, fitted to the training runs."""
     first = columns_of(train, "train")
     beta = fit(first, DECLARED).beta
-    columns = first.with_model(beta, servo=False)
-    out = columns_of(held, "held", 10, first.samples.light.width_s).with_model(beta, servo=False)
+    columns = first.with_model(DECLARED, beta, servo=False)
+    out = columns_of(held, "held", 10, first.samples.light.width_s).with_model(DECLARED, beta, servo=False)
     context = context_of(columns.samples, rig_of(train[0]), "joint")
     floor = fit(columns, DECLARED).gain * columns.samples.floor.torque(float(beta[0]), float(beta[1]))
     return confirm(lambda c: (columns, out, c), fit(columns, [*DECLARED, *added]), KNOWN, context, floor)
