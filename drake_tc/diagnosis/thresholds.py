@@ -24,6 +24,9 @@ MAX_CONDITION = 300.0
 
 # Search: what counts as a real improvement
 
+LEAST_DRIVE = 0.01
+"""1/K over that of the declared model, below which a set of effects explains the load without the drive."""
+
 
 @dataclass(frozen=True)
 class SearchThresholds:

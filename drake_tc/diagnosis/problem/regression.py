@@ -10,13 +10,12 @@ import numpy as np
 
 from drake_tc.diagnosis.problem.bounded import collinear, cross_validated
 from drake_tc.diagnosis.problem.columns import FOLDS, Columns, Term, fold_of
+from drake_tc.diagnosis.thresholds import LEAST_DRIVE
 from drake_tc.effects.servo_gain import ServoGain
 from drake_tc.types import FloatArray
 
 LEAST_STIFFNESS = 1e-12
 """Lower bound of 1/K [N m/effort]."""
-LEAST_DRIVE = 0.01
-"""1/K over that of the declared model, below which a set of effects leaves the drive without torque."""
 
 
 @dataclass(frozen=True)
