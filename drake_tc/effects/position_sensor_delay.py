@@ -1,17 +1,13 @@
 """A position channel that comes late."""
 
-from collections.abc import Mapping
-from dataclasses import replace
-
 import numpy as np
 
-from drake_tc.effects.base import Context, Parameter, Plausible, SensorEffect, Shape, Signals, Signature
+from drake_tc.effects.base import Context, Shape, Signals, Signature
+from drake_tc.effects.sensor_delay import SensorDelay
 from drake_tc.types import FloatArray
 
-DELAY_RANGE = Plausible(0.0, 0.05, "encoders, filters and field buses are late by at most some 50 ms, and never early")
 
-
-class PositionSensorDelay(SensorEffect):
+class PositionSensorDelay(SensorDelay):
     """q_meas(t) = q(t - d): the encoder, its filter or its bus is late against command and torque.
 
     To first order the balance misses d times the rate of all that is computed from the position: J qdddot + F_v qddot.
@@ -23,12 +19,9 @@ class PositionSensorDelay(SensorEffect):
     viscous friction d/K, which is always fitted.
     """
 
-    id = "delay"
     title = "delay of the position sensor"
-    kind = "sensor"
     form = "position_sensor"
-    linear = True
-    coefficients = (Parameter("delay", "s", 0.0, 0.2, plausible=DELAY_RANGE),)
+    delayed = ("position", "velocity", "acceleration")
     signature = Signature(
         x="acceleration", split="direction", look_for="loops: the residual follows the rate of the acceleration"
     )
@@ -51,17 +44,3 @@ class PositionSensorDelay(SensorEffect):
             return np.zeros((len(signals), 1))
         jerk = np.gradient(signals.acceleration, signals.period)
         return np.asarray(signals.rotor_inertia * jerk + signals.viscous * signals.acceleration)[:, None]
-
-    def _shifted(self, signals: Signals, by: FloatArray | float) -> Signals:
-        when = signals.time - by
-        names = ("position", "velocity", "acceleration")
-        late = {name: np.interp(when, signals.time, getattr(signals, name)) for name in names}
-        return replace(signals, **late)
-
-    def corrupt(self, signals: Signals, parameters: Mapping[str, FloatArray | float]) -> Signals:
-        """Shift position, velocity and acceleration to later times."""
-        return self._shifted(signals, parameters["delay"])
-
-    def restore(self, signals: Signals, parameters: Mapping[str, FloatArray | float]) -> Signals:
-        """Shift them back; the end holds the last value."""
-        return self._shifted(signals, -parameters["delay"])
