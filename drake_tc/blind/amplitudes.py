@@ -34,6 +34,15 @@ def _phase(rng: np.random.Generator) -> float:
     return float(rng.uniform(0.0, 2 * np.pi))
 
 
+def _touch(start: tuple[float, float], length: tuple[float, float]) -> Draw:
+    """A touch in one of two runs: ranges of its start and its length [s]."""
+    return lambda r, j: {
+        "start": float(r.uniform(*start)),
+        "length": float(r.uniform(*length)),
+        "only_run": float(r.choice([1.0, 2.0])),
+    }
+
+
 def _sign(rng: np.random.Generator) -> float:
     return float(rng.choice([-1.0, 1.0]))
 
@@ -102,11 +111,7 @@ AMPLITUDES: Mapping[str, Amplitude] = {
         8.0,
         0.5,
         60.0,
-        others=lambda r, j: {
-            "start": float(r.uniform(5.0, 22.0)),
-            "length": float(r.uniform(1.5, 2.5)),
-            "only_run": float(r.choice([1.0, 2.0])),
-        },
+        others=_touch((5.0, 22.0), (1.5, 2.5)),
     ),
     "periodic_disturbance": Amplitude(
         "amplitude",
@@ -136,11 +141,7 @@ AMPLITUDES: Mapping[str, Amplitude] = {
         3.0,
         0.3,
         40.0,
-        others=lambda r, j: {
-            "start": float(r.uniform(4.0, 18.0)),
-            "length": float(r.uniform(7.0, 9.0)),
-            "only_run": float(r.choice([1.0, 2.0])),
-        },
+        others=_touch((4.0, 18.0), (7.0, 9.0)),
     ),
     "wandering_sensor": Amplitude("walk", 2.0, 0.2, 40.0, others=lambda r, j: {"noise_seed": _seed(r)}),
     "end_stop": Amplitude(
