@@ -1,12 +1,7 @@
 """`drake-tc bench diagnosis`: simulated rigs whose truth no file tells, diagnosed from the files alone."""
 
 import json
-import os
-import tempfile
-from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import get_context
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 from rich.console import Console
@@ -14,10 +9,7 @@ from rich.console import Console
 from drake_tc.blind.score import BenchmarkScore, score_outcomes
 from drake_tc.blind.score_kinds import kind_table
 from drake_tc.blind.scoreboard import print_score
-from drake_tc.cli.progress import progress_bar
-
-if TYPE_CHECKING:
-    from drake_tc.bench.blind_rigs import BlindOptions
+from drake_tc.cli.bench_seeds import ALL_CORES, AsJson, Jobs, Out, Seeds, by_seed
 
 
 def bench_diagnosis(
@@ -28,19 +20,25 @@ def bench_diagnosis(
     kind: Annotated[
         list[str] | None, typer.Option(help="Kind of rigs, such as stribeck or drifting_noise; may be repeated.")
     ] = None,
-    out: Annotated[Path | None, typer.Option(help="Keep rigs and reports here; rigs found here are reused.")] = None,
-    seed: Annotated[list[int] | None, typer.Option(help="Seed of the rigs, 0 by default; may be repeated.")] = None,
-    jobs: Annotated[int, typer.Option(help="Rigs diagnosed side by side.")] = os.cpu_count() or 1,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the rows as JSON.")] = False,
+    out: Out = None,
+    seed: Seeds = None,
+    jobs: Jobs = ALL_CORES,
+    as_json: AsJson = False,
 ) -> None:
     """Blind benchmark: rigs are simulated by an independent code path; the diagnosis sees only their files."""
-    from drake_tc.bench.blind_rigs import BlindOptions
+    from drake_tc.bench.blind_rigs import BlindOptions, blind_benchmark
 
     if scale not in ("smoke", "full"):
         raise typer.BadParameter(f"expected smoke or full, got {scale!r}", param_hint="--scale")
     options = BlindOptions(scale, tuple(group or ()), tuple(kind or ()))  # type: ignore[arg-type]
-    seeds = list(dict.fromkeys(seed or [0]))
-    scores = _run(options, seeds, out, jobs, quiet=as_json)
+    scores = by_seed(
+        "bench diagnosis",
+        seed,
+        out,
+        jobs,
+        lambda folder, number, pool, report: blind_benchmark(folder, options, number, pool, report),
+        quiet=as_json,
+    )
     if as_json:
         print(json.dumps(scores_json(scores)))
         return
@@ -68,26 +66,3 @@ def scores_json(scores: dict[int, BenchmarkScore]) -> dict[str, object]:
 
 def _together(scores: dict[int, BenchmarkScore]) -> BenchmarkScore:
     return score_outcomes([outcome for score in scores.values() for outcome in score.outcomes])
-
-
-def _run(
-    options: "BlindOptions", seeds: list[int], out: Path | None, jobs: int, *, quiet: bool
-) -> dict[int, BenchmarkScore]:
-    """The score of each seed; several seeds have a folder `seed_N` each."""
-    from drake_tc.bench.blind_rigs import blind_benchmark
-
-    scores = {}
-    with (
-        tempfile.TemporaryDirectory() as scratch,
-        progress_bar("bench diagnosis", quiet=quiet) as progress,
-        ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool,
-    ):
-        root = out or Path(scratch)
-        for done, seed in enumerate(seeds):
-            folder = root if len(seeds) == 1 else root / f"seed_{seed}"
-
-            def report(text: str, share: float, done: int = done, seed: int = seed) -> None:
-                progress(f"seed {seed}: {text}", (done + share) / len(seeds))
-
-            scores[seed] = blind_benchmark(folder, options, seed, pool, report)
-    return scores

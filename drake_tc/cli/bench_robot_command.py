@@ -1,12 +1,7 @@
 """`drake-tc bench robot`: simulated logs of a whole leg, one thing wrong in each, diagnosed from the files alone."""
 
 import json
-import os
 import sys
-import tempfile
-from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import get_context
-from pathlib import Path
 from typing import Annotated, Any
 
 import typer
@@ -14,35 +9,28 @@ from rich.console import Console
 from rich.table import Table
 
 from drake_tc.bench.robot_rigs import RobotScore, robot_benchmark, summary_rows
-from drake_tc.cli.progress import progress_bar
+from drake_tc.cli.bench_seeds import ALL_CORES, AsJson, Jobs, Out, Seeds, by_seed
 
 
 def bench_robot(
     cases: Annotated[int, typer.Option(min=1, help="How many; 13 hold one of each kind and two nulls.")] = 65,
-    out: Annotated[Path | None, typer.Option(help="Keep logs and reports here; those found here are reused.")] = None,
-    seed: Annotated[list[int] | None, typer.Option(help="Seed of the cases, 0 by default; may be repeated.")] = None,
+    out: Out = None,
+    seed: Seeds = None,
     tolerances: Annotated[
         float, typer.Option(min=0.0, help="Factor of the sensors' tolerances (0.1 N, 5 mN m, 0.01 m/s^2), such as 3.")
     ] = 1.0,
-    jobs: Annotated[int, typer.Option(min=1, help="Cases side by side.")] = os.cpu_count() or 1,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the rows as JSON.")] = False,
+    jobs: Jobs = ALL_CORES,
+    as_json: AsJson = False,
 ) -> None:
     """Blind benchmark of a robot's rig: an effect in one joint, a sensor's error, a wrong link, or nothing."""
-    seeds = list(dict.fromkeys(seed or [0]))
-    scores: dict[int, list[RobotScore]] = {}
-    with (
-        tempfile.TemporaryDirectory() as scratch,
-        progress_bar("bench robot", quiet=as_json) as progress,
-        ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool,
-    ):
-        root = out or Path(scratch)
-        for done, number in enumerate(seeds):
-            folder = root if len(seeds) == 1 else root / f"seed_{number}"
-
-            def report(text: str, share: float, done: int = done) -> None:
-                progress(text, (done + share) / len(seeds))
-
-            scores[number] = robot_benchmark(folder, range(cases), number, pool, report, tolerances)
+    scores = by_seed(
+        "bench robot",
+        seed,
+        out,
+        jobs,
+        lambda folder, number, pool, report: robot_benchmark(folder, range(cases), number, pool, report, tolerances),
+        quiet=as_json,
+    )
     everything = [score for group in scores.values() for score in group]
     if as_json:
         document: dict[str, Any] = {"name": "robot", "rows": summary_rows(everything), "missed": _missed(scores)}
