@@ -30,7 +30,7 @@ CASES: dict[str, tuple[dict[str, float], dict[str, float], str]] = {
     "rotor_inertia": ({"rotor_inertia": 0.3}, {"rotor_inertia": 301.0}, "rotor"),
     "stribeck": (
         {"stribeck": 2.0, "stribeck_velocity": 0.1, "stribeck_exponent": 2.0},
-        {"stribeck": 2.0, "stribeck_velocity": 2.1, "stribeck_exponent": 2.0},
+        {"stribeck_velocity": 2.1},
         "0 to 2 rad/s",
     ),
     "quadratic_viscous": ({"quadratic_viscous": 12.5}, {"quadratic_viscous": -0.1}, "dissipate"),
@@ -47,17 +47,9 @@ CASES: dict[str, tuple[dict[str, float], dict[str, float], str]] = {
     "delay.loop": ({"delay": 0.012}, {"delay": 0.06}, "50 ms"),
     "delay.torque_sensor": ({"delay": 0.012}, {"delay": 0.06}, "50 ms"),
     "current_lag": ({"lag": 0.015}, {"lag": 0.09}, "L/R"),
-    "payload": (
-        {"payload_moment": 5.0, "payload_inertia": 0.2},
-        {"payload_moment": 5.0, "payload_inertia": -1.0},
-        "m^2",
-    ),
+    "payload": ({"payload_moment": 5.0, "payload_inertia": 0.2}, {"payload_inertia": -1.0}, "m^2"),
     "payload.pendulum": ({"payload_share": 0.5}, {"payload_share": -0.1}, "mass"),
-    "cable_spring": (
-        {"spring_stiffness": 1.0, "spring_preload": 2.0},
-        {"spring_stiffness": -0.7, "spring_preload": 2.0},
-        "release energy",
-    ),
+    "cable_spring": ({"spring_stiffness": 1.0, "spring_preload": 2.0}, {"spring_stiffness": -0.7}, "release energy"),
     "asymmetric_friction": (
         {"coulomb_asymmetry": 2.0, "viscous_asymmetry": 1.0},
         {"coulomb_asymmetry": 2.5, "viscous_asymmetry": 3.0},
@@ -66,22 +58,18 @@ CASES: dict[str, tuple[dict[str, float], dict[str, float], str]] = {
     "asymmetric_friction.coulomb": ({"coulomb_asymmetry": 2.9}, {"coulomb_asymmetry": 3.1}, "both directions"),
     "thermal_friction": (
         {"coulomb_per_kelvin": -0.2, "viscous_per_kelvin": -0.1, "thermal_rate": 0.02},
-        {"coulomb_per_kelvin": 0.9, "viscous_per_kelvin": -0.1, "thermal_rate": 0.02},
+        {"coulomb_per_kelvin": 0.9},
         "-0.6 to 0.6 N*m/K",
     ),
-    "presliding_hysteresis": (
-        {"presliding": 3.0, "presliding_travel": 0.03},
-        {"presliding": 4.0, "presliding_travel": 0.03},
-        "0 to 3.6 N*m",
-    ),
+    "presliding_hysteresis": ({"presliding": 3.0, "presliding_travel": 0.03}, {"presliding": 4.0}, "0 to 3.6 N*m"),
     "torque_ripple": (
         {"ripple_cosine": 1.0, "ripple_sine": -1.0, "cycles_per_turn": 18.0},
-        {"ripple_cosine": 1.0, "ripple_sine": -1.0, "cycles_per_turn": 2.27},
+        {"cycles_per_turn": 2.27},
         "three times or more",
     ),
     "position_dependent_friction": (
         {"friction_cosine": 2.0, "friction_sine": 2.0, "cycles_per_turn": 3.0},
-        {"friction_cosine": 2.5, "friction_sine": 2.5, "cycles_per_turn": 3.0},
+        {"friction_cosine": 2.5, "friction_sine": 2.5},
         "3.54 N*m exceeds",
     ),
     "backlash": ({"backlash": 0.02}, {"backlash": 0.11}, "play"),
@@ -98,57 +86,50 @@ CASES: dict[str, tuple[dict[str, float], dict[str, float], str]] = {
     ),
     "encoder_ripple": (
         {"ripple_sine": 0.01, "ripple_cosine": 0.0, "cycles_per_turn": 90.0},
-        {"ripple_sine": 0.01, "ripple_cosine": 0.0, "cycles_per_turn": 110.0},
+        {"cycles_per_turn": 110.0},
         "backwards",
     ),
     "delay.position_sensor": ({"delay": 0.012}, {"delay": 0.06}, "50 ms"),
     "directional_efficiency": (
         {"driving_friction": 0.1, "backdriven_friction": 0.3},
-        {"driving_friction": 0.1, "backdriven_friction": -0.05},
+        {"backdriven_friction": -0.05},
         "back-driven",
     ),
     "position_dependent_load": (
         {f"level_{k}": 2.0 for k in range(1, 8)} | {"curve_start": -1.0, "curve_end": 1.0},
-        {f"level_{k}": 80.0 for k in range(1, 8)} | {"curve_start": -1.0, "curve_end": 1.0},
+        {f"level_{k}": 80.0 for k in range(1, 8)},
         "-75 to 75 N*m",
     ),
-    "current_lag.winding": ({"lag": 0.015, "back_emf": 1.9}, {"lag": 0.015, "back_emf": 2.1}, "back-EMF"),
+    "current_lag.winding": ({"lag": 0.015, "back_emf": 1.9}, {"back_emf": 2.1}, "back-EMF"),
     "winding_temperature": (
         {"resistance_per_kelvin": 0.0039, "back_emf": 1.0},
-        {"resistance_per_kelvin": 0.015, "back_emf": 1.0},
+        {"resistance_per_kelvin": 0.015},
         "copper",
     ),
-    "supply_sag": (
-        {"supply_sensitivity": 1.0, "nominal_voltage": 24.0},
-        {"supply_sensitivity": 1.7, "nominal_voltage": 24.0},
-        "duty",
-    ),
+    "supply_sag": ({"supply_sensitivity": 1.0, "nominal_voltage": 24.0}, {"supply_sensitivity": 1.7}, "duty"),
     "saturation.supply": ({"limit_per_volt": 0.2}, {"limit_per_volt": 0.4}, "0 to 0.333 A/V"),
     "servo_gain": ({"gain_error": -0.3}, {"gain_error": 12.0}, "units"),
-    "static_friction": (
-        {"static_excess": 6.0, "break_away_speed": 0.01},
-        {"static_excess": 60.0, "break_away_speed": 0.01},
-        "broken away",
-    ),
+    "static_friction": ({"static_excess": 6.0, "break_away_speed": 0.01}, {"static_excess": 60.0}, "broken away"),
     "load_stribeck": (
         {"load_stribeck": 0.2, "load_stribeck_velocity": 0.4},
-        {"load_stribeck": 0.2, "load_stribeck_velocity": 3.0},
+        {"load_stribeck_velocity": 3.0},
         "load-dependent",
     ),
     "drive_compression": ({"half_effort": 8.0}, {"half_effort": 1.0}, "1.2 A or more"),
-    "winding_heat": ({"warm_effort": 8.0, "warm_time": 5.0}, {"warm_effort": 8.0, "warm_time": 0.1}, "thermal"),
+    "winding_heat": ({"warm_effort": 8.0, "warm_time": 5.0}, {"warm_time": 0.1}, "thermal"),
     "load_tilt": ({"tilt_moment": 3.0}, {"tilt_moment": 4.0}, "degrees"),
     "viscous_power": (
         {"viscous_power": -2.0, "viscous_exponent": 0.5},
-        {"viscous_power": -6.0, "viscous_exponent": 0.5},
+        {"viscous_power": -6.0},
         "would drive the joint",
     ),
     "run_in_friction": (
         {"run_in_coulomb": 1.0, "run_in_viscous": 1.0, "run_in_time": 10.0},
-        {"run_in_coulomb": 60.0, "run_in_viscous": 1.0, "run_in_time": 10.0},
+        {"run_in_coulomb": 60.0},
         "settles",
     ),
 }
+"""Possible values, those of them that are changed to impossible ones, and a phrase of what is said then."""
 
 
 def test_every_effect_has_a_case():
@@ -168,9 +149,9 @@ def test_every_reported_parameter_has_a_range_and_a_source(member):
 
 @pytest.mark.parametrize("key", CASES)
 def test_values_on_both_sides_of_the_range(key):
-    good, bad, phrase = CASES[key]
+    good, change, phrase = CASES[key]
     assert implausible(effect(key), good, RIG) == ""
-    told = implausible(effect(key), bad, RIG)
+    told = implausible(effect(key), good | change, RIG)
     assert phrase in told
     assert told.endswith(".") and "\n" not in told
 
