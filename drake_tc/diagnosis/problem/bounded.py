@@ -8,6 +8,8 @@ LEAST_SIZE = 1e-9
 """Norm of a column over the largest one, below which the column holds rounding errors only."""
 LEAST_OUTSIDE_FOLD = 1e-6
 """Norm of a column outside a fold over that in all folds, below which the other folds do not identify it."""
+SLACK = 1e-12
+"""How far beyond its bound a scaled coefficient may lie."""
 
 
 def solve_bounded(
@@ -28,24 +30,30 @@ def solve_bounded(
     Returns:
         beta (m,).
     """
-    norms = np.sqrt(np.maximum(np.diag(gram), 0.0))
-    dead = norms <= LEAST_SIZE * norms.max()
-    scale = np.where(dead, 1.0, norms)
-    g = gram / np.outer(scale, scale)
-    g = g + 1e-12 * np.eye(g.shape[0])
-    m = moment / scale
+    g, m, scale, dead = _scaled(gram, moment)
     low, high = lower * scale, upper * scale
     beta = np.clip(np.zeros(m.size), low, high)
     fixed = dead if held is None else dead | held
     for _ in range(m.size + 1):
         free = ~fixed
         beta[free] = np.linalg.solve(g[np.ix_(free, free)], m[free] - g[np.ix_(free, fixed)] @ beta[fixed])
-        outside = free & ((beta < low - 1e-12) | (beta > high + 1e-12))
+        outside = free & ((beta < low - SLACK) | (beta > high + SLACK))
         if not outside.any():
             break
         beta[outside] = np.clip(beta[outside], low[outside], high[outside])
         fixed |= outside
     return np.asarray(beta / scale)
+
+
+def _scaled(gram: FloatArray, moment: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, BoolArray]:
+    """Normal equations (..., m, m), (..., m) with columns of unit length and a ridge of 1e-12; the lengths (..., m), 1
+    for a column that is zero up to rounding; and which columns (..., m) are.
+    """
+    norms = np.sqrt(np.maximum(np.diagonal(gram, axis1=-2, axis2=-1), 0.0))
+    dead = np.asarray(norms <= LEAST_SIZE * norms.max(axis=-1, keepdims=True))
+    scale = np.where(dead, 1.0, norms)
+    g = gram / (scale[..., :, None] * scale[..., None, :])
+    return g + 1e-12 * np.eye(g.shape[-1]), moment / scale, scale, dead
 
 
 def cross_validated(
@@ -63,11 +71,26 @@ def cross_validated(
         beta (m,), and (F, m) fitted without each fold. A coefficient whose column is zero outside a fold is 0 there.
     """
     gram, moment = grams.sum(0), moments.sum(0)
-    without = []
-    for g, m in zip(grams, moments, strict=True):
-        unseen = np.diag(gram - g) <= LEAST_OUTSIDE_FOLD**2 * np.diag(gram)
-        without.append(solve_bounded(gram - g, moment - m, lower, upper, unseen))
-    return solve_bounded(gram, moment, lower, upper), np.array(without)
+    sums = np.concatenate([gram[None], gram - grams])
+    unseen = np.diagonal(sums, axis1=1, axis2=2) <= LEAST_OUTSIDE_FOLD**2 * np.diag(gram)
+    unseen[0] = False
+    solved = _solve_each(sums, np.concatenate([moment[None], moment - moments]), lower, upper, unseen)
+    return solved[0], solved[1:]
+
+
+def _solve_each(
+    grams: FloatArray, moments: FloatArray, lower: FloatArray, upper: FloatArray, held: BoolArray
+) -> FloatArray:
+    """`solve_bounded` of problems (B, m, m), (B, m): together, but one by one where a coefficient is held or bounded."""
+    g, m, scale, dead = _scaled(grams, moments)
+    alone = (held | dead).any(axis=1)
+    beta = np.zeros_like(m)
+    beta[~alone] = np.linalg.solve(g[~alone], m[~alone, :, None])[..., 0]
+    outside = (beta < lower * scale - SLACK) | (beta > upper * scale + SLACK)
+    beta = beta / scale
+    for i in np.flatnonzero(alone | outside.any(axis=1)):
+        beta[i] = solve_bounded(grams[i], moments[i], lower, upper, held[i])
+    return beta
 
 
 def collinear(gram: FloatArray) -> bool:
