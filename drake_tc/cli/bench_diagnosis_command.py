@@ -1,15 +1,15 @@
 """`drake-tc bench diagnosis`: simulated rigs whose truth no file tells, diagnosed from the files alone."""
 
 import json
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
 
-from drake_tc.blind.score import BenchmarkScore, score_outcomes
-from drake_tc.blind.score_kinds import kind_table
-from drake_tc.blind.scoreboard import print_score
 from drake_tc.cli.bench_seeds import ALL_CORES, AsJson, Jobs, Out, Seeds, by_seed
+
+if TYPE_CHECKING:
+    from drake_tc.blind.score import BenchmarkScore
 
 
 def bench_diagnosis(
@@ -27,6 +27,7 @@ def bench_diagnosis(
 ) -> None:
     """Blind benchmark: rigs are simulated by an independent code path; the diagnosis sees only their files."""
     from drake_tc.bench.blind_rigs import BlindOptions, blind_benchmark
+    from drake_tc.blind.scoreboard import print_score
 
     if scale not in ("smoke", "full"):
         raise typer.BadParameter(f"expected smoke or full, got {scale!r}", param_hint="--scale")
@@ -51,12 +52,14 @@ def bench_diagnosis(
         print_score(_together(scores))
 
 
-def scores_json(scores: dict[int, BenchmarkScore]) -> dict[str, object]:
+def scores_json(scores: dict[int, "BenchmarkScore"]) -> dict[str, object]:
     """The contract of `bench`: name and rows, of all seeds together.
 
     Beside them `kinds` has the right answers by group, kind and strength, and `by_seed` the rows of each seed where
     there are several.
     """
+    from drake_tc.blind.score_kinds import kind_table
+
     score = _together(scores)
     document = score.to_json() | {"kinds": kind_table(score.outcomes).to_dict("records")}
     if len(scores) > 1:
@@ -64,5 +67,7 @@ def scores_json(scores: dict[int, BenchmarkScore]) -> dict[str, object]:
     return document
 
 
-def _together(scores: dict[int, BenchmarkScore]) -> BenchmarkScore:
+def _together(scores: dict[int, "BenchmarkScore"]) -> "BenchmarkScore":
+    from drake_tc.blind.score import score_outcomes
+
     return score_outcomes([outcome for score in scores.values() for outcome in score.outcomes])

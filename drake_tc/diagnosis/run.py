@@ -12,7 +12,7 @@ from threadpoolctl import threadpool_limits
 from drake_tc.diagnosis.joint import diagnose_joint
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.residual.unexplained import SEVERITY, Verdict
-from drake_tc.diagnosis.result.free_running import FreeRun, with_free_runs
+from drake_tc.diagnosis.result.free_running import FreeRun, load_in_workers, with_free_runs
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult, SharedEffect
 from drake_tc.diagnosis.robot import diagnose_robot
@@ -67,6 +67,8 @@ def _close_loop(
     runs = load_runs([*logs, *holdout], rig)
     require_different_runs(runs)
     train, held = in_order(runs[: len(logs)], rig), in_order(runs[len(logs) :], rig)
+    if free_run is not None and executor is not None:
+        load_in_workers(free_run, executor, 2 * len(held))
     joints: dict[str, JointResult] = {}
     shared: tuple[SharedEffect, ...] = ()
     before: Sequence[Run] | None = None

@@ -169,7 +169,7 @@ def identify(key: str, case: Case) -> Mapping[str, Mapping[str, Estimate]]:
     fitted = fit(columns, [Term(effect("viscous")), Term(effect("coulomb"))])
     columns = columns.with_model(fitted.terms, fitted.beta, servo=servo)
     if key not in ("viscous", "coulomb"):
-        fitted = refine(columns, best_shape(columns, fitted.terms, member, context, fitted.residual))
+        fitted = refine(columns, best_shape(columns, fitted, member, context))
         for _ in range(3):  # columns hold the stiffness and the viscous coefficient: let both rest
             columns = columns.with_model(fitted.terms, fitted.beta, servo=servo)
             fitted = refine(columns, fit(columns, fitted.terms), evaluations=20)

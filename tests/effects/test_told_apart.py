@@ -73,7 +73,7 @@ def errors(drive: str, key: str, truth: Mapping[str, float], candidates: list[st
     plain = fit(columns, plain.terms)
     out = {"none": (plain.cv_rms, plain.size)}
     for name in candidates:
-        best = refine(columns, best_shape(columns, plain.terms, effect(name), context, plain.residual), evaluations=25)
+        best = refine(columns, best_shape(columns, plain, effect(name), context), evaluations=25)
         out[name] = best.cv_rms, best.size
     return out
 

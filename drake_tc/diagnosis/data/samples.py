@@ -61,6 +61,11 @@ class Samples:
         return np.asarray(low_pass.inner(values)[self.rows - low_pass.margin])
 
     @cached_property
+    def _pieces(self) -> tuple[Signals, ...]:
+        """The signals of each stretch."""
+        return tuple(self.signals.take(segment) for segment in self.segments)
+
+    @cached_property
     def _final(self) -> BlockConvolution:
         return BlockConvolution(self.kernel.kernels[0])
 
@@ -103,8 +108,7 @@ class Samples:
     def by_segment(self, effect: Effect, shape: Shape, values: FloatArray | None = None) -> FloatArray:
         """An effect's columns, or with `values` its transform of them, stretch by stretch: memory never spans a gap."""
         parts = []
-        for segment in self.segments:
-            piece = self.signals.take(segment)
+        for segment, piece in zip(self.segments, self._pieces, strict=True):
             if values is None:
                 parts.append(effect.columns(piece, shape))
             else:

@@ -85,7 +85,7 @@ def rejected_effects(
     usable, _ = candidates(LIBRARY, context, sorted(taken | set(context.declared)))
     problem = JointProblem(columns, usable, context, frozenset(), floor)
     for member in usable:
-        tried = best_shape(columns, chosen.terms, member, context, chosen.residual)
+        tried = best_shape(columns, chosen, member, context, problem.screen)
         comparison = compare(problem, chosen, tried)
         train_gain = float(comparison.gain[0])
         gain = 1.0 - _rms(predict(held, tried)) / base

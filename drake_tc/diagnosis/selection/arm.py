@@ -10,10 +10,10 @@ from drake_tc.diagnosis.problem.arm.one_more import OneMore
 from drake_tc.diagnosis.problem.columns import Term
 from drake_tc.diagnosis.selection.comparison import better_share
 from drake_tc.diagnosis.selection.engine import Progress, Proposal, Selection, select
-from drake_tc.diagnosis.selection.shapes import PERIOD, refine_values, screened
+from drake_tc.diagnosis.selection.shapes import PERIOD, ShapeScreen, refine_values
 from drake_tc.diagnosis.selection.withdrawal import DidNotHold
 from drake_tc.diagnosis.thresholds import ARM, SearchThresholds
-from drake_tc.effects.base import Effect
+from drake_tc.effects.base import Effect, Signals
 from drake_tc.identification.autocorrelation import correlation_time
 from drake_tc.types import FloatArray
 
@@ -35,6 +35,7 @@ class ArmProblem:
     baseline: ArmFit
     effects: Sequence[Effect]
     _cache: dict[object, FloatArray] = field(default_factory=dict)
+    _screens: dict[int, ShapeScreen] = field(default_factory=dict)
 
     @property
     def floor(self) -> FloatArray:
@@ -47,16 +48,22 @@ class ArmProblem:
         rows = self.baseline.rows
         for axis in range(len(rows.axes)):
             context, signals = rows.context(axis), rows.signals[axis].take(rows.rows)
+            screen = self._screen(axis, signals)
             for effect in self.effects:
                 if _taken(parent, axis, effect):
                     continue
-                grid = screened(effect, signals, more.residual_on(axis), effect.shape_grid(context), SCREENED)
+                grid = screen.best(effect, more.residual_on(axis), effect.shape_grid(context), SCREENED)
                 tried = [Term(effect, shape) for shape in grid]
                 if tried:
                     errors = [more.error(axis, effect, self._columns(axis, term)) for term in tried]
                     place = ShaftEffect(axis, tried[int(np.argmin(errors))])
                     key = (len(parent.shaft_effects), axis, effect.key)
                     yield Proposal(key, min(errors), lambda place=place: grown(parent, _refined(more, place)))  # type: ignore[misc]
+
+    def _screen(self, axis: int, signals: Signals) -> ShapeScreen:
+        if axis not in self._screens:
+            self._screens[axis] = ShapeScreen(signals)
+        return self._screens[axis]
 
     def _columns(self, axis: int, term: Term) -> FloatArray:
         key = (axis, term.cache_key)

@@ -4,7 +4,7 @@ import numpy as np
 
 from drake_tc.diagnosis.problem.columns import Columns
 from drake_tc.diagnosis.problem.regression import Fit, fit
-from drake_tc.diagnosis.selection.joint import Search, best_shape, refine, share_better
+from drake_tc.diagnosis.selection.joint import Search, best_shape, refine, shape_screen, share_better
 from drake_tc.diagnosis.thresholds import CERTAINLY_BETTER, SAME_ERROR
 from drake_tc.effects.base import Context
 from drake_tc.effects.library import LIBRARY
@@ -18,6 +18,7 @@ def indistinguishable(columns: Columns, found: Search, context: Context) -> tupl
     parameters that fits no better is no rival: it contains the chosen one or imitates it.
     """
     known = {t.effect.key for t in found.baseline.terms}
+    screen = shape_screen(columns)
     pairs: list[tuple[str, str]] = []
     for term in found.chosen.terms:
         if term.effect.key in known:
@@ -28,7 +29,7 @@ def indistinguishable(columns: Columns, found: Search, context: Context) -> tupl
         for member in LIBRARY:
             if member.id in taken or member.obstacle(context):
                 continue
-            swapped = best_shape(columns, others, member, context, without.residual)
+            swapped = best_shape(columns, without, member, context, screen)
             if swapped.cv_rms > 1.3 * found.chosen.cv_rms:
                 continue
             if swapped.size > found.chosen.size:

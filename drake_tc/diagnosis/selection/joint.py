@@ -2,6 +2,7 @@
 
 from collections.abc import Hashable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from drake_tc.diagnosis.selection.comparison import better_share, effective_samp
 from drake_tc.diagnosis.selection.engine import Progress, Proposal, Selection, select
 from drake_tc.diagnosis.selection.lag_or_noise import NOISE, is_noise
 from drake_tc.diagnosis.selection.plausible_values import objection_to_values
-from drake_tc.diagnosis.selection.shapes import refine_values, screened
+from drake_tc.diagnosis.selection.shapes import ShapeScreen, refine_values
 from drake_tc.diagnosis.selection.withdrawal import DidNotHold
 from drake_tc.diagnosis.thresholds import SearchThresholds
 from drake_tc.effects.base import Context, DriveEffect, Effect
@@ -42,12 +43,27 @@ def candidates(
     return usable, obstacles
 
 
-def best_shape(columns: Columns, terms: Sequence[Term], effect: Effect, context: Context, residual: FloatArray) -> Fit:
-    """The best fit of `terms` plus one effect over its shape grid."""
+def shape_screen(columns: Columns) -> ShapeScreen:
+    """A screen of long shape grids over the rows of these columns."""
+    return ShapeScreen(columns.samples.signals.take(columns.samples.rows))
+
+
+def best_shape(
+    columns: Columns, parent: Fit, effect: Effect, context: Context, screen: ShapeScreen | None = None
+) -> Fit:
+    """The best fit of a parent's terms plus one effect over its shape grid.
+
+    Args:
+        columns: Training rows.
+        parent: Fit to them; its residual shortens long grids.
+        effect: Which is added.
+        context: What the logs offer.
+        screen: Over these columns, from `shape_screen`; None makes one.
+    """
     shapes = effect.shape_grid(context)
     if not isinstance(effect, DriveEffect):
-        shapes = screened(effect, columns.samples.signals.take(columns.samples.rows), residual, shapes, SCREENED)
-    tried = [score(columns, [*terms, Term(effect, shape)]) for shape in shapes]
+        shapes = (screen or shape_screen(columns)).best(effect, parent.residual, shapes, SCREENED)
+    tried = [score(columns, [*parent.terms, Term(effect, shape)]) for shape in shapes]
     return fit(columns, min(tried, key=lambda s: s.cv_rms).terms)
 
 
@@ -93,6 +109,11 @@ class JointProblem:
     known: frozenset[str]
     noise: float
 
+    @cached_property
+    def screen(self) -> ShapeScreen:
+        """Shortens long shape grids."""
+        return shape_screen(self.columns)
+
     @property
     def floor(self) -> FloatArray:
         """(1,) noise floor [effort]."""
@@ -104,7 +125,7 @@ class JointProblem:
         for effect in self.effects:
             key = frozenset({t.effect.key for t in parent.terms} | {effect.key})
             if effect.id not in taken and key not in known:
-                best = best_shape(self.columns, parent.terms, effect, self.context, parent.residual)
+                best = best_shape(self.columns, parent, effect, self.context, self.screen)
                 yield Proposal(key, best.cv_rms, lambda best=best: refine(self.columns, best))  # type: ignore[misc]
 
     def errors(self, fitted: Fit) -> FloatArray:

@@ -16,30 +16,40 @@ MOST_SCREENED = 6000
 """Samples on which a long grid is screened."""
 
 
-def screened(
-    effect: Effect, signals: Signals, residual: FloatArray, grid: Sequence[dict[str, float]], keep: int
-) -> list[dict[str, float]]:
-    """The `keep` shapes whose unfiltered columns correlate most with a residual; all when the grid is short.
+class ShapeScreen:
+    """Which shapes of a long grid have the unfiltered columns that correlate most with a residual.
 
-    Args:
-        effect: Which.
-        signals: (N,) at the rows of the residual.
-        residual: (N,).
-        grid: Shapes.
-        keep: How many.
+    score(shape) = m' (X'X)^+ m,   m = X'r,   X: columns of the shape about their means, r: residual
+
+    The columns of a grid are computed once and kept as long as the screen: a search asks for every parent model.
     """
-    if len(grid) <= 3 * keep:
-        return list(grid)
-    step = max(1, residual.size // MOST_SCREENED)
-    at, r = signals.take(np.arange(0, residual.size, step)), residual[::step]
-    scores = np.empty(len(grid))
-    for i, shape in enumerate(grid):
-        x = effect.columns(at, shape)
-        x = x - x.mean(axis=0)
-        moment = x.T @ r
-        projection, *_ = np.linalg.lstsq(x.T @ x + 1e-9 * np.eye(x.shape[1]), moment, rcond=None)
-        scores[i] = float(projection @ moment)
-    return [grid[int(i)] for i in np.argsort(-scores)[:keep]]
+
+    def __init__(self, signals: Signals) -> None:
+        """A screen over the signals (N,) at the rows of the residuals."""
+        self._step = max(1, len(signals) // MOST_SCREENED)
+        self._signals = signals.take(slice(None, None, self._step))
+        self._kept: dict[tuple[object, ...], tuple[FloatArray, FloatArray]] = {}
+
+    def best(
+        self, effect: Effect, residual: FloatArray, grid: Sequence[dict[str, float]], keep: int
+    ) -> list[dict[str, float]]:
+        """The `keep` best shapes for a residual (N,), best first; the whole grid when it is short."""
+        if len(grid) <= 3 * keep:
+            return list(grid)
+        columns, inverse = self._columns(effect, grid)
+        moment = (columns.reshape(-1, columns.shape[-1]) @ residual[:: self._step]).reshape(columns.shape[:2])
+        scores = np.einsum("si,sij,sj->s", moment, inverse, moment)
+        return [grid[int(i)] for i in np.argsort(-scores)[:keep]]
+
+    def _columns(self, effect: Effect, grid: Sequence[dict[str, float]]) -> tuple[FloatArray, FloatArray]:
+        """X' (S, k, n) of every shape and (X'X)^+ (S, k, k)."""
+        key = (effect.key, *(tuple(shape.values()) for shape in grid))
+        if key not in self._kept:
+            columns = np.stack([effect.columns(self._signals, shape).T for shape in grid])
+            columns -= columns.mean(axis=-1, keepdims=True)
+            gram = columns @ columns.transpose(0, 2, 1) + 1e-9 * np.eye(columns.shape[1])
+            self._kept[key] = columns, np.linalg.pinv(gram, rcond=gram.shape[1] * np.finfo(float).eps, hermitian=True)
+        return self._kept[key]
 
 
 def refine_values(

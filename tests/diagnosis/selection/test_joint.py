@@ -8,7 +8,7 @@ import pytest
 from drake_tc.diagnosis.problem.columns import Term
 from drake_tc.diagnosis.problem.regression import fit
 from drake_tc.diagnosis.selection.joint import best_shape, candidates, refine, search
-from drake_tc.diagnosis.selection.shapes import screened
+from drake_tc.diagnosis.selection.shapes import ShapeScreen
 from drake_tc.diagnosis.thresholds import JOINT
 from drake_tc.effects.base import Context
 from drake_tc.effects.library import LIBRARY, effect
@@ -83,10 +83,10 @@ def test_the_grid_holds_the_neighbourhood_of_the_truth():
     p = problem(replace(NOISY, extra=PLANTED["torque_ripple"]))
     member = effect("torque_ripple")
     grid = member.shape_grid(p.context)
-    kept = screened(member, p.samples.signals.take(p.samples.rows), p.baseline.residual, grid, keep=4)
+    kept = ShapeScreen(p.samples.signals.take(p.samples.rows)).best(member, p.baseline.residual, grid, keep=4)
     assert len(kept) == 4 < len(grid)
     assert min(abs(s["cycles_per_turn"] - 9.0) for s in kept) < 1.0
-    best = best_shape(p.columns, p.declared, member, p.context, p.baseline.residual)
+    best = best_shape(p.columns, p.baseline, member, p.context)
     assert abs(best.terms[-1].shape["cycles_per_turn"] - 9.0) < 1.0
 
 

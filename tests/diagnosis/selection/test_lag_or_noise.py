@@ -39,7 +39,7 @@ def with_lag(p: Problem, lag: float) -> Columns:
 
 def verdict(columns: Columns, p: Problem) -> bool:
     start = fit(columns, p.declared)
-    found = refine(columns, best_shape(columns, p.declared, LAG, p.context, start.residual))
+    found = refine(columns, best_shape(columns, start, LAG, p.context))
     assert found.cv_rms < 0.95 * start.cv_rms  # the lag pays either way
     return is_noise(columns, found, found.terms[-1])
 
