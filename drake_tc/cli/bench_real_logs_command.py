@@ -4,17 +4,19 @@ import json
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from drake_tc.bench.real_log_claims import CaseClaims, JointClaims
-from drake_tc.bench.real_logs import SetClaims, real_log_claims, rows_of
 from drake_tc.bench.real_rows import rows_json
 from drake_tc.cli.progress import progress_bar
+
+if TYPE_CHECKING:
+    from drake_tc.bench.real_log_claims import CaseClaims, JointClaims
+    from drake_tc.bench.real_logs import SetClaims
 
 
 def bench_real_logs(
@@ -23,9 +25,11 @@ def bench_real_logs(
     as_json: Annotated[bool, typer.Option("--json", help="Print the rows and all cases as JSON.")] = False,
 ) -> None:
     """Run close-loop on public logs with the committed rig files, and check what it claims on each held-out run."""
+    from drake_tc.bench.real_logs import real_log_claims
+
     console = Console(file=sys.stdout, highlight=False)
 
-    def show(case: CaseClaims) -> None:
+    def show(case: "CaseClaims") -> None:
         if not as_json:
             _print_case(console, case)
 
@@ -40,7 +44,9 @@ def bench_real_logs(
     console.print(_summary(sets))
 
 
-def _document(sets: Sequence[SetClaims]) -> dict[str, Any]:
+def _document(sets: Sequence["SetClaims"]) -> dict[str, Any]:
+    from drake_tc.bench.real_logs import rows_of
+
     return rows_json("real-logs", rows_of(sets)) | {
         "cases": [case.to_json() for entry in sets for case in entry.cases],
         "not_run": {entry.name: entry.not_readable for entry in sets if entry.not_readable},
@@ -51,7 +57,7 @@ def _yes(value: bool) -> str:
     return "yes" if value else "NO"
 
 
-def _print_case(console: Console, case: CaseClaims) -> None:
+def _print_case(console: Console, case: "CaseClaims") -> None:
     console.print(f"[bold]{escape(case.name)}[/bold]: {case.verdict} ({case.seconds:.1f} s)")
     if case.note:
         console.print(f"  note: {escape(case.note)}")
@@ -68,7 +74,7 @@ def _print_case(console: Console, case: CaseClaims) -> None:
             console.print(f"    - {escape(why)}")
 
 
-def _print_joint(console: Console, joint: JointClaims) -> None:
+def _print_joint(console: Console, joint: "JointClaims") -> None:
     table = Table(box=None, padding=(0, 2))
     table.add_column(f"{joint.joint}, floor {joint.floor:.3g} {joint.unit}", overflow="fold")
     for heading in (f"before [{joint.unit}]", f"after [{joint.unit}]", "after / floor"):
@@ -99,7 +105,7 @@ def _parameters(effect: Any) -> str:
     return escape(", ".join(shown))
 
 
-def _summary(sets: Sequence[SetClaims]) -> Table:
+def _summary(sets: Sequence["SetClaims"]) -> Table:
     table = Table(title="close-loop on public logs")
     for heading in ("case", "verdict", "effects", "claims hold", "verdict agrees"):
         table.add_column(heading, overflow="fold")

@@ -2,14 +2,16 @@
 
 import json
 import sys
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.console import Console
 from rich.table import Table
 
-from drake_tc.bench.robot_rigs import RobotScore, robot_benchmark, summary_rows
 from drake_tc.cli.bench_seeds import ALL_CORES, AsJson, Jobs, Out, Seeds, by_seed
+
+if TYPE_CHECKING:
+    from drake_tc.bench.robot_rigs import RobotScore
 
 
 def bench_robot(
@@ -23,6 +25,8 @@ def bench_robot(
     as_json: AsJson = False,
 ) -> None:
     """Blind benchmark of a robot's rig: an effect in one joint, a sensor's error, a wrong link, or nothing."""
+    from drake_tc.bench.robot_rigs import robot_benchmark, summary_rows
+
     scores = by_seed(
         "bench robot",
         seed,
@@ -41,7 +45,9 @@ def bench_robot(
     _print(scores)
 
 
-def _print(scores: dict[int, list[RobotScore]]) -> None:
+def _print(scores: dict[int, list["RobotScore"]]) -> None:
+    from drake_tc.bench.robot_rigs import summary_rows
+
     console = Console(file=sys.stdout, highlight=False)
     if len(scores) > 1:
         for number, group in scores.items():
@@ -54,7 +60,7 @@ def _print(scores: dict[int, list[RobotScore]]) -> None:
         console.print(f"seed {miss['seed']}, {miss['name']}: {reason}", soft_wrap=True)
 
 
-def _missed(scores: dict[int, list[RobotScore]]) -> list[dict[str, Any]]:
+def _missed(scores: dict[int, list["RobotScore"]]) -> list[dict[str, Any]]:
     """The cases whose answer is not exact."""
     return [
         {"seed": number, "name": s.name, "named": list(s.named), "failure": s.failure}

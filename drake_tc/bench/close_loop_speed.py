@@ -1,0 +1,110 @@
+"""`bench close-loop`: time and memory of the whole command `drake-tc close-loop` on simulated logs of one joint."""
+
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from drake_tc.errors import DrakeTcError
+from drake_tc.report.bench_row import BenchRow
+
+RUNS = ("one", "two", "held")
+"""Two runs to fit and one that is held out."""
+RIG = "joint: joint\ndrive: current\ndeclared: {rotor_inertia: 0.3}\n"
+COMMAND = "from drake_tc.cli.entry import main; main()"
+MAXRSS_UNIT = 1.0 if sys.platform == "darwin" else 1024.0
+"""Bytes in the unit of `ru_maxrss`."""
+
+
+@dataclass(frozen=True)
+class SpeedCase:
+    """Logs of one joint: their name in the table, the rig file, the runs to fit and those held out."""
+
+    name: str
+    rig: Path
+    logs: tuple[Path, ...]
+    holdout: tuple[Path, ...]
+
+
+@dataclass(frozen=True)
+class Cost:
+    """What a command costs.
+
+    Attributes:
+        wall: Time from start to end [s].
+        cpu: User and system time of all its processes [s]; hardly depends on what else the machine does.
+        memory: Peak resident memory of its largest process [GiB].
+    """
+
+    wall: float
+    cpu: float
+    memory: float
+
+
+def write_runs(folder: Path, seconds: float, rate: float = 1000.0) -> SpeedCase:
+    """Three Parquet runs and the rig file of a joint that lacks quadratic friction, by inverse dynamics.
+
+    Args:
+        folder: Where to write.
+        seconds: Length of each run [s].
+        rate: Of the samples [Hz].
+    """
+    rng = np.random.default_rng(0)
+    for k, name in enumerate(RUNS):
+        t = np.arange(round(seconds * rate)) / rate
+        q, v, a = np.zeros_like(t), np.zeros_like(t), np.zeros_like(t)
+        for hertz, size in ((0.13, 0.5), (0.41, 0.35), (0.83, 0.15)):
+            w = 2 * np.pi * hertz
+            phase = w * t + k + hertz
+            q, v, a = q + size * np.sin(phase), v + size * w * np.cos(phase), a - size * w**2 * np.sin(phase)
+        tau = 8.0 * np.sin(q) + 0.3 * a + 4.0 * np.sin(1.8 * t + k)
+        current = 0.08 * (tau + 0.3 * a + 6.0 * v + 3.0 * np.sign(v) + 1.2 * v * np.abs(v))
+        torque = tau + 0.25 * rng.standard_normal(t.size)
+        table = {"time": t, "joint/position": q, "joint/current": current, "joint/torque": torque}
+        pd.DataFrame(table).to_parquet(folder / f"{name}.parquet", index=False)
+    rig = folder / "rig.yaml"
+    rig.write_text(RIG, encoding="utf-8")
+    one, two, held = (folder / f"{name}.parquet" for name in RUNS)
+    samples = len(RUNS) * round(seconds * rate)
+    return SpeedCase(f"{samples:,} samples, one effect".replace(",", " "), rig, (one, two), (held,))
+
+
+def command_cost(case: SpeedCase) -> Cost:
+    """Run `drake-tc close-loop` on a case, in a process of its own, report and free runs included.
+
+    Raises:
+        DrakeTcError: the command failed.
+    """
+    with tempfile.TemporaryDirectory() as out:
+        arguments = ["close-loop", "--rig", str(case.rig), "--out", out]
+        for option, files in (("--log", case.logs), ("--holdout", case.holdout)):
+            arguments += [word for file in files for word in (option, str(file))]
+        begin = time.perf_counter()
+        process = subprocess.Popen([sys.executable, "-c", COMMAND, *arguments], stdout=subprocess.DEVNULL)
+        _, status, usage = os.wait4(process.pid, 0)
+        wall = time.perf_counter() - begin
+        process.returncode = os.waitstatus_to_exitcode(status)
+    if process.returncode != 0:
+        raise DrakeTcError(f"{case.name}: `drake-tc close-loop` ended with exit status {process.returncode}")
+    return Cost(wall, usage.ru_utime + usage.ru_stime, usage.ru_maxrss * MAXRSS_UNIT / 2**30)
+
+
+def cost_rows(cases: Sequence[SpeedCase]) -> list[BenchRow]:
+    """Three rows a case: wall time, CPU time, and peak memory."""
+    rows = []
+    for case in cases:
+        cost = command_cost(case)
+        for name, unit, value in (
+            ("wall time", "s", cost.wall),
+            ("CPU time of all processes", "s", cost.cpu),
+            ("peak memory of the largest process", "GiB", cost.memory),
+        ):
+            rows.append(BenchRow(f"{case.name}: {name}", unit, value, value, 1))
+    return rows

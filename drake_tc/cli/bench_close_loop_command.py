@@ -1,0 +1,32 @@
+"""`drake-tc bench close-loop`: what the whole command costs on logs of ordinary and of large size."""
+
+import json
+import tempfile
+from pathlib import Path
+
+from drake_tc.cli.bench_seeds import AsJson
+from drake_tc.cli.progress import progress_bar
+
+
+def bench_close_loop(as_json: AsJson = False) -> None:
+    """Time and memory of `drake-tc close-loop` for one joint: 90 000 samples of two rigs, and 10^6 samples."""
+    from drake_tc.bench.close_loop_speed import SpeedCase, cost_rows, write_runs
+    from drake_tc.cli.demo import record_demo
+
+    with tempfile.TemporaryDirectory() as scratch, progress_bar("bench close-loop", quiet=as_json) as progress:
+        folders = [Path(scratch) / name for name in ("short", "long", "demo")]
+        progress("recording", 0.0)
+        for folder in folders:
+            folder.mkdir()
+        short, long = write_runs(folders[0], 30.0), write_runs(folders[1], 334.0)
+        rig, logs, holdout = record_demo(folders[2], 0)
+        demo = SpeedCase("90 000 samples of the demo's bench, two effects", rig, tuple(logs), tuple(holdout))
+        rows = []
+        for number, case in enumerate((short, demo, long)):
+            progress(case.name, 0.2 + 0.25 * number)
+            rows += cost_rows([case])
+    if as_json:
+        print(json.dumps({"name": "close-loop", "rows": [row.to_json() for row in rows]}))
+        return
+    for row in rows:
+        print(f"{row.name}: {row.median:.3g} {row.unit}")
