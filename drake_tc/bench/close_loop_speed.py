@@ -73,7 +73,7 @@ def write_runs(folder: Path, seconds: float, rate: float = 1000.0) -> SpeedCase:
     rig.write_text(RIG, encoding="utf-8")
     one, two, held = (folder / f"{name}.parquet" for name in RUNS)
     samples = len(RUNS) * round(seconds * rate)
-    return SpeedCase(f"{samples:,} samples, one effect".replace(",", " "), rig, (one, two), (held,))
+    return SpeedCase(f"{samples:_} samples, one effect".replace("_", " "), rig, (one, two), (held,))
 
 
 def command_cost(case: SpeedCase) -> Cost:
@@ -82,17 +82,21 @@ def command_cost(case: SpeedCase) -> Cost:
     Raises:
         DrakeTcError: the command failed.
     """
-    with tempfile.TemporaryDirectory() as out:
+    with tempfile.TemporaryDirectory() as out, tempfile.TemporaryFile("w+", encoding="utf-8") as messages:
         arguments = ["close-loop", "--rig", str(case.rig), "--out", out]
         for option, files in (("--log", case.logs), ("--holdout", case.holdout)):
             arguments += [word for file in files for word in (option, str(file))]
         begin = time.perf_counter()
-        process = subprocess.Popen([sys.executable, "-c", COMMAND, *arguments], stdout=subprocess.DEVNULL)
+        command = [sys.executable, "-c", COMMAND, *arguments]
+        process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=messages)
         _, status, usage = os.wait4(process.pid, 0)
         wall = time.perf_counter() - begin
         process.returncode = os.waitstatus_to_exitcode(status)
+        messages.seek(0)
+        said = messages.read().strip().splitlines()
     if process.returncode != 0:
-        raise DrakeTcError(f"{case.name}: `drake-tc close-loop` ended with exit status {process.returncode}")
+        reason = said[-1] if said else "no message"
+        raise DrakeTcError(f"{case.name}: `drake-tc close-loop` ended with {process.returncode}: {reason}")
     return Cost(wall, usage.ru_utime + usage.ru_stime, usage.ru_maxrss * MAXRSS_UNIT / 2**30)
 
 

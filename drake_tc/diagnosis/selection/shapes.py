@@ -48,7 +48,8 @@ class ShapeScreen:
             columns = np.stack([effect.columns(self._signals, shape).T for shape in grid])
             columns -= columns.mean(axis=-1, keepdims=True)
             gram = columns @ columns.transpose(0, 2, 1) + 1e-9 * np.eye(columns.shape[1])
-            self._kept[key] = columns, np.linalg.pinv(gram, rcond=gram.shape[1] * np.finfo(float).eps, hermitian=True)
+            inverse = np.linalg.pinv(gram, rcond=gram.shape[1] * np.finfo(float).eps, hermitian=True)
+            self._kept[key] = columns, np.asarray(inverse, dtype=np.float64)
         return self._kept[key]
 
 
