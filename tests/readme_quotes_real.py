@@ -66,17 +66,32 @@ def _bam() -> Iterable[Quote]:
 
 
 def _dfki() -> Iterable[Quote]:
-    for run, name in (("ddp", "ddp"), ("direct collocation", "direct_collocation")):
-        for band, label in (("80 ms", "80ms"), ("shared band", "shared_band")):
-            begin, found = f"{run} | {band} |", f"{name}/{label}/residual"
-            yield DIAGNOSIS, begin, 2, each(f"{found}_before")
-            yield DIAGNOSIS, begin, 3, both(each(found), each(f"{found}_share", times=PERCENT))
-            yield DIAGNOSIS, begin, 4, met(found)
-    assert set(real_dfki.WIDTHS) == {"80ms", "shared_band"}
+    shown = dict(zip(real_dfki.GOOD, ("ddp", "direct collocation", "energy shaping", "SAC"), strict=True))
+    cases = [(f"{text}, alone", f"{name}_alone_held_out/{name}") for name, text in shown.items()]
+    for case, first, second in (
+        ("optimal_control_held_out", "ddp", "direct_collocation"),
+        ("energy_shaping_held_out", "energy_shaping", "sac"),
+    ):
+        for one, other in ((first, second), (second, first)):
+            cases.append((f"{shown[one]}, with {shown[other]}", f"{case}/{one}"))
+    for text, name in cases:
+        for cell, what in ((1, "whole"), (2, "band"), (3, "in_band")):
+            yield DIAGNOSIS, f"{text} |", cell, each(f"{name}/{what}")
+        yield DIAGNOSIS, f"{text} |", 4, met(f"{name}/in_band")
+    for name, text in shown.items():
+        begin = f"fits of {text} |"
+        yield DIAGNOSIS, begin, 1, each(f"{name}/own_fit")
+        yield DIAGNOSIS, begin, 2, each(f"{name}/fit_of_others")
+        yield DIAGNOSIS, begin, 3, each(f"{name}/own_share", f"{name}/others_share")
 
 
 def _tmotor() -> Iterable[Quote]:
     for name in SESSIONS["early"]:
+        limits = f"limits of {name} |"
+        yield DIAGNOSIS, limits, 1, each(f"{name}/best_fit_ratio")
+        yield DIAGNOSIS, limits, 2, each(f"{name}/repeats_within", f"{name}/repeats_between")
+        yield DIAGNOSIS, limits, 3, each(f"{name}/offset")
+        yield DIAGNOSIS, limits, 4, each(*(f"{name}/training/{o}" for o in SESSIONS["early"] if o != name))
         found = f"{name}/found_model"
         for cell, what in (
             (1, each(f"{name}/published_model")),

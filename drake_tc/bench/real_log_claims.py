@@ -37,15 +37,26 @@ Report = Mapping[str, Any]
 
 @dataclass(frozen=True)
 class RunFigures:
-    """One run's error of the model equation, before and after [unit of the joint's effort]; NaN where not known."""
+    """One run's error of the model equation [unit of the joint's effort]; NaN where not known.
+
+    Attributes:
+        name: Of the run.
+        before, after: RMS without and with the effects that were found.
+        in_band: RMS after, inside the band that the training runs choose (`diagnosis.residual.band`).
+        band_hz: End of that band [Hz]: infinite where the band is that of the filters, 0 where there is none.
+    """
 
     name: str
     before: float
     after: float
+    in_band: float = float("nan")
+    band_hz: float = float("nan")
 
     def to_json(self) -> dict[str, Any]:
-        """As `bench real-logs --json` prints it."""
-        return {"run": self.name, "before": json_value(self.before), "after": json_value(self.after)}
+        """As `bench real-logs --json` prints it; a band without an end is null."""
+        figures = (self.before, self.after, self.in_band, self.band_hz)
+        names = ("before", "after", "in_band", "band_hz")
+        return {"run": self.name, **{key: json_value(x) for key, x in zip(names, figures, strict=True)}}
 
 
 @dataclass(frozen=True)
@@ -148,7 +159,10 @@ def _figure(value: float | None) -> float:
 
 def _figures(name: str, joint: Report, part: str) -> RunFigures:
     before, after = (_figure(joint["error"][side][part]) for side in ("before", "after"))
-    return RunFigures(name, before, after)
+    band = joint.get("shared_band")
+    if band is None:
+        return RunFigures(name, before, after, after, float("inf"))
+    return RunFigures(name, before, after, _figure(band[part]), _figure(band["limit_hz"]))
 
 
 def _at_bound(effect: Report) -> list[str]:

@@ -1,31 +1,55 @@
-"""`bench real-tmotor`: torque of an AK80-9 predicted from its current on logs that took no part in the fit."""
+"""`bench real-tmotor`: what `close-loop` leaves of an AK80-9's torque on logs that took no part, and what anyone could.
 
+The cases are those of `bench/rigs/tmotor-ak80-9-bench`. Beside the error of `close-loop` stand the published model,
+fitted on the same training logs and rows, and figures that say whether the logs can tell of anything better
+(`flexible_fits`): the best of many flexible fits, how far equal motions repeat, and the offset of the torque sensor.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from drake_tc.bench.real_fit import HeldOut, hold_out
+from drake_tc.bench.flexible_fits import LogRows, judged_errors, log_rows, offset_of, repeatability, smallest
+from drake_tc.bench.real_log_cases import case_files, import_set
+from drake_tc.bench.real_logs import chosen_sets
 from drake_tc.bench.real_rows import RealRow
 from drake_tc.diagnosis.data.samples import Samples
-from drake_tc.logs.importers.tmotor import SESSIONS, convert
-from drake_tc.logs.prepare import load_runs
-from drake_tc.logs.rig import load_rig
+from drake_tc.diagnosis.options import DiagnosisOptions
+from drake_tc.diagnosis.result.joint_result import JointResult
+from drake_tc.diagnosis.run import close_loop
 from drake_tc.types import FloatArray
 
 DATA_SET = "tmotor-ak80-9-bench"
-SESSION = "early"
-WIDTH = 0.076
-"""Kernel width [s]: the torque's ripple (27 to 36 Hz at the speeds of these logs) has a phase that no channel shows."""
-LEFT_OUT = (
-    *("saturation", "deadzone", "cable_spring", "payload", "torque_ripple", "position_dependent_friction"),
-    *("encoder_offset", "encoder_eccentricity", "encoder_ripple"),
-)
-"""The position is an integrated speed, so nothing may depend on the place in the turn; the currents stay below the
-drive's limit. Left in, cable_spring is chosen every time, on a place that is none; errors are then 0.064,
-0.185, 0.108 and 0.333 N m."""
+CASES = {
+    "sysid_test_1": "early/test_1_held_out",
+    "sysid_test_high_speed": "early/high_speed_held_out",
+    "sysid_opposing_motor_2": "early/opposing_motor_held_out",
+    "sysid_torque_rampup": "early/rampup_held_out",
+}
+"""Held-out log to the case that holds it out."""
 LOWER_BY = 0.25
-FLOOR = 0.01
+LEAST_PAIRS = 30
+
+
+@dataclass(frozen=True)
+class HeldOutLog:
+    """What `close-loop` found without a log, and the rows of that log through the same filters."""
+
+    result: JointResult
+    rows: LogRows
+
+    @property
+    def before(self) -> float:
+        """RMS [N m] of the declared model on the log."""
+        return self.result.before.heldout / self.result.final.gain
+
+    @property
+    def after(self) -> float:
+        """RMS [N m] with the effects that were found."""
+        return self.result.after.heldout / self.result.final.gain
 
 
 def published_features(samples: Samples) -> FloatArray:
@@ -37,8 +61,8 @@ def published_features(samples: Samples) -> FloatArray:
     return np.stack([*plain, *(samples.reduce(f, fresh=True) for f in features)], axis=-1)
 
 
-def held_out(data: Path, names: tuple[str, ...] = SESSIONS[SESSION]) -> dict[str, HeldOut]:
-    """Each of the session's logs predicted from the others.
+def held_out(data: Path, names: tuple[str, ...] = tuple(CASES)) -> dict[str, HeldOutLog]:
+    """`close-loop` without each of these logs, by log.
 
     Args:
         data: Folder of public data sets.
@@ -47,30 +71,52 @@ def held_out(data: Path, names: tuple[str, ...] = SESSIONS[SESSION]) -> dict[str
     Raises:
         LogError: the set is not in `data`.
     """
+    (chosen,) = chosen_sets([DATA_SET])
+    cases = {case.name: case for case in chosen.cases}
+    out = {}
     with TemporaryDirectory() as scratch:
-        convert(data / DATA_SET, Path(scratch))
-        folder = Path(scratch) / SESSION
-        rig = load_rig(folder / "rig.yaml")
-        runs = {name: load_runs([folder / f"{name}.parquet"], rig)[0] for name in SESSIONS[SESSION]}
-    return {
-        name: hold_out([run for other, run in runs.items() if other != name], runs[name], rig, WIDTH, LEFT_OUT, FLOOR)
-        for name in names
-    }
+        logs = import_set(chosen, data, Path(scratch))
+        for name in names:
+            files = case_files(chosen, cases[CASES[name]], logs, Path(scratch))
+            options = DiagnosisOptions(assess_residual=False)
+            (result,) = close_loop(files.rig, files.log, files.holdout, options).joints.values()
+            samples = result.heldout.samples
+            out[name] = HeldOutLog(result, log_rows(samples, published_features(samples)))
+    return out
 
 
 def rows(data: Path) -> list[RealRow]:
-    """The table: held-out torque error [N m], wanted 25 % below the published model fitted on the same logs."""
-    out = []
-    for name, result in held_out(data).items():
-        published = result.torque_error_of(published_features)
-        after = result.torque_error(result.chosen)
-        found = ", ".join(result.found) or "nothing"
-        size = result.held.samples.rows.size
+    """The table: held-out torque error [N m], expected 25 % below the published model fitted on the same logs."""
+    results = held_out(data)
+    logs = {name: each.rows for name, each in results.items()}
+    out: list[RealRow] = []
+    for name, each in results.items():
+        errors = judged_errors([log for other, log in logs.items() if other != name], logs[name])
+        published = errors["published"]
+        found = ", ".join(effect.key for effect in each.result.effects) or "nothing"
+        note = f"{each.rows.torque.size} rows; {found}"
         out += [
             RealRow(f"{name}/published_model", published, "N*m", note="fitted on the other logs, same rows and filter"),
-            RealRow(f"{name}/declared_model", result.torque_error(result.baseline), "N*m"),
-            RealRow(
-                f"{name}/found_model", after, "N*m", (1 - LOWER_BY) * published, "max", note=f"{size} rows; {found}"
-            ),
+            RealRow(f"{name}/declared_model", each.before, "N*m"),
+            RealRow(f"{name}/found_model", each.after, "N*m", (1 - LOWER_BY) * published, "max", note=note),
+            *_limits(name, errors, logs),
         ]
     return out
+
+
+def _limits(name: str, errors: Mapping[str, float], logs: Mapping[str, LogRows]) -> Iterator[RealRow]:
+    """What the other logs, and equal motions, can tell of this one."""
+    best, error = smallest(errors)
+    yield RealRow(f"{name}/best_fit", error, "N*m", note=f"chosen in view of the held-out log: {best}")
+    yield RealRow(f"{name}/best_fit_ratio", error / errors["published"], "-", note="over the published model's error")
+    others = {other: log for other, log in logs.items() if other != name}
+    for what, pool in (("within", ()), ("between", tuple(others.values()))):
+        value, pairs = repeatability(logs[name], pool)
+        if pairs >= LEAST_PAIRS:
+            yield RealRow(f"{name}/repeats_{what}", value, "N*m", note=f"{pairs} pairs of rows with equal signals")
+    yield RealRow(f"{name}/offset", offset_of(logs[name]), "N*m", note="constant torque fitted to this log alone")
+    for judged, log in others.items():
+        trained = judged_errors([each for other, each in others.items() if other != judged], log)
+        best, error = smallest(trained)
+        note = f"two training logs predict the third: {best}"
+        yield RealRow(f"{name}/training/{judged}", error / trained["published"], "-", note=note)

@@ -1,6 +1,7 @@
 """`drake-tc bench real-logs`: what close-loop claims of public logs, and whether its own figures support it."""
 
 import json
+import math
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -15,7 +16,7 @@ from drake_tc.bench.real_rows import rows_json
 from drake_tc.cli.progress import progress_bar
 
 if TYPE_CHECKING:
-    from drake_tc.bench.real_log_claims import CaseClaims, JointClaims
+    from drake_tc.bench.real_log_claims import CaseClaims, JointClaims, RunFigures
     from drake_tc.bench.real_logs import SetClaims
 
 
@@ -77,10 +78,12 @@ def _print_case(console: Console, case: "CaseClaims") -> None:
 def _print_joint(console: Console, joint: "JointClaims") -> None:
     table = Table(box=None, padding=(0, 2))
     table.add_column(f"{joint.joint}, floor {joint.floor:.3g} {joint.unit}", overflow="fold")
-    for heading in (f"before [{joint.unit}]", f"after [{joint.unit}]", "after / floor"):
+    unit = joint.unit
+    for heading in (f"before [{unit}]", f"after [{unit}]", "after / floor", f"in band [{unit}]", "band [Hz]"):
         table.add_column(escape(heading), justify="right", no_wrap=True)
     for run in (joint.train, *joint.heldout):
-        table.add_row(escape(run.name), f"{run.before:.3g}", f"{run.after:.3g}", f"{joint.ratio(run):.3g}")
+        figures = (run.before, run.after, joint.ratio(run))
+        table.add_row(escape(run.name), *(f"{x:.3g}" for x in figures), *_band(run))
     console.print(table)
     for effect in joint.effects:
         gain = effect["heldout_gain"]
@@ -95,6 +98,13 @@ def _print_joint(console: Console, joint: "JointClaims") -> None:
     share = left["fraction"]
     shown = "an unknown share" if share is None else f"{100 * share:.0f} %"
     console.print(f"  left: {size}{shown} of it depends on {depends}; structured: {_yes(left['structured']).lower()}")
+
+
+def _band(run: "RunFigures") -> tuple[str, str]:
+    """Error inside the band that the training runs choose, and where that band ends."""
+    if run.band_hz == 0.0:
+        return "-", "none"
+    return f"{run.in_band:.3g}", "all" if math.isinf(run.band_hz) else f"{run.band_hz:.3g}"
 
 
 def _parameters(effect: Any) -> str:

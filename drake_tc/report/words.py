@@ -125,6 +125,8 @@ def band_sentence(joint: JointResult) -> str:
     band = joint.shared_band
     if band is None:
         return "the whole band of the filters"
+    if band.limit_hz == 0.0:
+        return "none: the model explains less than half of the effort's power even below 0.5 Hz"
     left = scale_for(band.heldout, joint.unit).quantity(band.heldout)
     torque = scale_for(band.heldout / joint.final.gain, "N*m").quantity(band.heldout / joint.final.gain)
     return f"up to {significant(band.limit_hz)} Hz, where {left} ({torque}) is left on the held-out runs"

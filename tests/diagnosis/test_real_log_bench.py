@@ -110,6 +110,19 @@ def test_claims_that_hold_on_every_run_pass() -> None:
     assert [run.name for run in claims.joints[0].heldout] == ["a", "b"]
 
 
+def test_the_error_inside_the_band_is_read_for_each_run() -> None:
+    whole, alone, nowhere = (report("effects_found", 1.2) for _ in range(3))
+    alone["joints"]["j"]["shared_band"] = {"limit_hz": 4.0, "train": 0.4, "heldout": 0.3}
+    nowhere["joints"]["j"]["shared_band"] = {"limit_hz": 0.0, "train": None, "heldout": None}
+    (joint,) = checked(whole, a=alone, b=nowhere).joints
+    assert (joint.train.in_band, joint.train.band_hz) == (1.0, np.inf)  # no limit: the whole band of the filters
+    first, second = joint.heldout
+    assert (first.in_band, first.band_hz) == (0.3, 4.0)
+    assert second.band_hz == 0.0
+    assert np.isnan(second.in_band)
+    assert second.to_json()["in_band"] is None
+
+
 @pytest.mark.parametrize(
     ("bad", "said"), [(effect(-0.05), "-5.0 % on b"), (None, "not named when b"), (effect(at_bound=True), "bound")]
 )

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drake_tc.diagnosis.problem.estimates import Estimate
-from drake_tc.diagnosis.residual.unexplained import TimeStretch, Unexplained
+from drake_tc.diagnosis.residual.unexplained import SharedBand, TimeStretch, Unexplained
 from drake_tc.diagnosis.result.joint_result import Errors, JointResult, ParameterByCondition, RejectedEffect
 from drake_tc.diagnosis.result.rejection import why_rejected
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult, SharedEffect
@@ -15,6 +15,7 @@ from drake_tc.report.consistency_table import consistency_rows
 from drake_tc.report.words import (
     REASONS,
     VERDICTS,
+    band_sentence,
     dependence_words,
     headline,
     joined,
@@ -35,6 +36,17 @@ def plain(text: str) -> str:
 
 def with_errors(joint: JointResult, before: float, after: float, floor: float) -> JointResult:
     return replace(joint, before=Errors(1.0, before, None), after=Errors(1.0, after, None), noise_floor=floor)
+
+
+def test_a_model_without_a_band_is_not_said_to_explain_the_whole_band(joint):
+    nan = float("nan")
+    said = [
+        plain(band_sentence(replace(joint, shared_band=band)))
+        for band in (None, SharedBand(0.0, nan, nan), SharedBand(4.0, 0.002, 0.002))
+    ]
+    assert said[0] == "the whole band of the filters"
+    assert said[1].startswith("none: the model explains less than half")
+    assert said[2].startswith("up to 4.00 Hz, where 2.00 mA (")
 
 
 @pytest.mark.parametrize(

@@ -26,7 +26,8 @@ OCTAVES = 1.0 / 3.0
 def shared_band(train: DataSplit, held: DataSplit) -> SharedBand | None:
     """The band that the training runs choose.
 
-    None where the model explains the effort up to the end of the filters' band, or not even below half a hertz.
+    None where the model explains the effort up to the end of the filters' band. Where it does not explain half of the
+    effort's power even below half a hertz, there is no band: the limit is 0 and the errors are NaN.
 
     Args:
         train: Training rows.
@@ -42,7 +43,7 @@ def shared_band(train: DataSplit, held: DataSplit) -> SharedBand | None:
         if inside.any() and left[inside].sum() > (1.0 - LEAST_SHARE) * effort[inside].sum():
             limit = float(low)
             if limit < LEAST_LIMIT_HZ:
-                return None
+                return SharedBand(0.0, float("nan"), float("nan"))
             return SharedBand(limit, _below(train, limit), _below(held, limit))
     return None
 

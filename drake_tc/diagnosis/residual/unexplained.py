@@ -32,8 +32,8 @@ class SharedBand:
     """The band in which the model explains at least half of the effort's power, and what is left in it.
 
     Attributes:
-        limit_hz: End of the band [Hz].
-        train, heldout: RMS of the residual after, below the limit [effort].
+        limit_hz: End of the band [Hz]; 0 where there is no such band.
+        train, heldout: RMS of the residual after, below the limit [effort]; NaN where there is no such band.
     """
 
     limit_hz: float

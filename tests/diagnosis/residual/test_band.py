@@ -55,4 +55,13 @@ def test_what_is_left_in_the_band_is_counted(samples: Samples) -> None:
 
 def test_a_model_that_explains_next_to_nothing_has_no_band(samples: Samples) -> None:
     effort = samples.reduce(samples.signals.effort)
-    assert shared_band(*(DataSplit(samples, effort, effort),) * 2) is None
+    found = shared_band(*(DataSplit(samples, effort, effort),) * 2)
+    assert found is not None
+    assert found.limit_hz == 0.0
+    assert np.isnan(found.train)
+    assert np.isnan(found.heldout)
+
+
+def test_a_model_that_explains_all_frequencies_shares_the_whole_band(samples: Samples) -> None:
+    nothing = np.zeros_like(samples.reduce(samples.signals.effort))
+    assert shared_band(*(DataSplit(samples, nothing, nothing),) * 2) is None
