@@ -19,7 +19,17 @@ from sklearn.ensemble import HistGradientBoostingRegressor
 from drake_tc.diagnosis.data.samples import Samples
 from drake_tc.types import FloatArray
 
-COLUMNS = ("offset", "current", "velocity", "direction", "loaded direction", "acceleration", "slip", "loaded slip", "i|i|")
+COLUMNS = (
+    "offset",
+    "current",
+    "velocity",
+    "direction",
+    "loaded direction",
+    "acceleration",
+    "slip",
+    "loaded slip",
+    "i|i|",
+)
 LINEAR: Mapping[str, tuple[int, ...]] = {
     "friction": (1, 2, 3),
     "load-dependent friction": (1, 2, 3, 4),
@@ -76,7 +86,11 @@ def log_rows(samples: Samples, published: FloatArray) -> LogRows:
     plain = (np.ones_like(current), current, velocity, direction, loaded, acceleration, slip, loaded_slip, squared)
     seen = (current, velocity, acceleration, direction, place[0], *rates, place[1])
     return LogRows(
-        samples.reduce(s.load_torque), published, np.stack(plain, axis=-1), np.stack(seen, axis=-1), s.time[samples.rows]
+        samples.reduce(s.load_torque),
+        published,
+        np.stack(plain, axis=-1),
+        np.stack(seen, axis=-1),
+        s.time[samples.rows],
     )
 
 

@@ -1,4 +1,4 @@
-"""The quasi-direct-drive pendulum: encoder ripple in every run, and what close-loop leaves of runs that were held out."""
+"""The quasi-direct-drive pendulum: encoder ripple in every run, and what close-loop leaves of held-out runs."""
 
 from pathlib import Path
 
