@@ -81,7 +81,7 @@ def cross_validated(
 def _solve_each(
     grams: FloatArray, moments: FloatArray, lower: FloatArray, upper: FloatArray, held: BoolArray
 ) -> FloatArray:
-    """`solve_bounded` of problems (B, m, m), (B, m): together, but one by one where a coefficient is held or bounded."""
+    """`solve_bounded` of B problems: together, but one by one where a coefficient is held or rests on a bound."""
     g, m, scale, dead = _scaled(grams, moments)
     alone = (held | dead).any(axis=1)
     beta = np.zeros_like(m)
