@@ -1,22 +1,6 @@
 """The rig file: which joints a log shows, how their drives and columns read, and what the owner already models.
 
-    joint: knee                        # or  joints: [hip, knee]; not needed where `robot` says it
-    robot: leg.yaml                    # optional; robot file, relative to this one: its model gives the load torques
-    drive: position_servo              # current | voltage; or a mapping by joint
-    columns: {position: q_meas}        # optional; canonical name (or its last part, for one joint): name in the file
-    units: {position: deg, torque: -N*m, current: 0.001}   # optional; '-' flips the sign, a number is a factor
-    load: torque                       # optional; or {pendulum: {mass: 0.5, length: 0.1, inertia:, zero:}}, unknown,
-                                       # {robot: estimate | inverse_dynamics}, or a mapping by joint
-    declared: {rotor_inertia: 0.31, stribeck: null}        # optional; or [stribeck, ...]; or by joint
-    enabled: torque_on                 # optional; column that is 0 while the drive is off (those samples are left out)
-    saturation: 12.0                   # optional; known effort limit of the drive [rad | A | V]
-    drive_gain: 0.08                   # optional; gain of the drive as declared [rad | A | V for 1 N*m]
-    sensors: {torque_noise: 0.25 N*m, correlation_time: 20 ms, encoder_step: 1.5 mrad,
-              ft_foot: {bias: [2 N, 0.05 N*m], gain: 1 %, alignment: 0.5 deg}, imu_trunk: {part: mpu_6050}}  # optional
-
-Viscous and Coulomb friction are always declared. `sensors` says what the sensors do (`drake_tc.logs.rig_sensors`): the
-noise of the joints' channels replaces what is estimated from the log; biases, gains and alignments of F/T sensors and
-IMUs are standard deviations, and errors within them are estimated along with everything else but never reported.
+RIG.md beside this file explains every key; `drake_tc.logs.rig_document` is the model that it is written from.
 """
 
 from collections.abc import Mapping
@@ -27,11 +11,13 @@ from typing import Any
 import yaml
 
 from drake_tc.errors import RigError
-from drake_tc.logs import rig_fields
 from drake_tc.logs.loads import Load, Pendulum, RobotLoad
-from drake_tc.logs.rig_fields import Declared, DriveKind
-from drake_tc.logs.rig_robot import check_robot_load, parse_robot, robot_joints
-from drake_tc.logs.rig_sensors import parse_sensors, sensors_entry
+from drake_tc.logs.rig_document.declared import Declared, declared_of
+from drake_tc.logs.rig_document.document import DriveKind, RigDocument, by_joint
+from drake_tc.logs.rig_document.errors import HINT, read_document
+from drake_tc.logs.rig_document.loads import load_of
+from drake_tc.logs.rig_document.sensors import SensorsKeys, sensors_entry
+from drake_tc.logs.rig_robot import check_robot_load, check_sensors, parse_robot, robot_joints, robot_sensors
 from drake_tc.logs.sensors import (
     FORCE_TORQUE_PARTS,
     IMU_PARTS,
@@ -41,10 +27,6 @@ from drake_tc.logs.sensors import (
     Tolerance,
 )
 
-_KEYS = (
-    *("joint", "joints", "robot", "drive", "columns", "units", "load", "declared", "enabled", "saturation"),
-    *("drive_gain", "sensors"),
-)
 _COMMAND: Mapping[DriveKind, str] = {"position_servo": "position_command", "current": "current", "voltage": "voltage"}
 
 
@@ -71,6 +53,7 @@ class Rig:
         robot: The robot file whose model gives the loads, or None.
         sensors: Declared noise by joint; see `joint_sensors`.
         tolerances: Declared tolerances by the sensor's column name (`ft_foot`, `imu_trunk`).
+        robot_sensors: Column names of the sensors that the robot file lists (`ft_foot`, `imu_trunk`).
     """
 
     joints: tuple[str, ...]
@@ -86,6 +69,7 @@ class Rig:
     robot: Path | None = None
     sensors: Mapping[str, JointSensors] = field(default_factory=_empty)
     tolerances: Mapping[str, Tolerance] = field(default_factory=_empty)
+    robot_sensors: tuple[str, ...] = ()
 
     def joint_sensors(self, joint: str) -> JointSensors:
         """What is declared of the joint's own channels; all None where nothing is."""
@@ -126,39 +110,46 @@ def parse_rig(document: object, source: Path | str = "rig") -> Rig:
     """
     name = str(source)
     if not isinstance(document, Mapping):
-        raise RigError(f"{name}: wanted a mapping with the keys {', '.join(_KEYS)}, got {type(document).__name__}")
-    for key in document:
-        if key not in _KEYS:
-            hint = rig_fields.near(str(key), _KEYS)
-            raise RigError(f"{name}: unknown key {key!r}{hint}; allowed: {', '.join(_KEYS)}")
-    robot = parse_robot(name, document.get("robot"), source)
-    if robot is not None and not {"joint", "joints"} & set(document):
-        document = {**document, "joints": robot_joints(name, robot)}
-    if robot is not None and document.get("load") is None:
-        document = {**document, "load": {"robot": "estimate"}}
-    joints = rig_fields.parse_joints(name, document)
-    if "drive" not in document:
-        raise RigError(f"{name}: drive is missing; possible: position_servo, current, voltage")
-    sensors, tolerances = parse_sensors(name, document.get("sensors"), joints, robot)
-    rig = Rig(
-        joints=joints,
-        drive=rig_fields.parse_drive(name, document["drive"], joints),
-        load=rig_fields.parse_load(name, document.get("load"), joints),
-        declared=rig_fields.parse_declared(name, document.get("declared"), joints),
-        columns=rig_fields.parse_columns(name, document.get("columns"), joints),
-        units=rig_fields.parse_units(name, document.get("units"), joints),
-        enabled=rig_fields.parse_enabled(name, document.get("enabled")),
-        saturation=rig_fields.parse_positive(name, "saturation", document.get("saturation"), joints, "effort limit"),
-        drive_gain=rig_fields.parse_positive(
-            name, "drive_gain", document.get("drive_gain"), joints, "effort for 1 N*m of torque"
-        ),
-        source=source if isinstance(source, Path) else None,
-        robot=robot,
-        sensors=sensors,
-        tolerances=tolerances,
-    )
+        raise RigError(f"{name}: expected a mapping, got {type(document).__name__} ({HINT})")
+    entries = _with_text_keys(document)
+    robot = parse_robot(name, entries.get("robot"), source)
+    if robot is not None and not {"joint", "joints"} & set(entries):
+        entries["joints"] = robot_joints(name, robot)
+    if robot is not None and entries.get("load") is None:
+        entries["load"] = {"robot": "estimate"}
+    read = read_document(name, entries)
+    rig = _rig_of(read, robot, source if isinstance(source, Path) else None)
     check_robot_load(name, rig.load, robot)
+    check_sensors(name, rig.tolerances, rig.robot_sensors, robot)
     return rig
+
+
+def _with_text_keys(value: object) -> Any:
+    """The same document; keys that YAML takes for numbers or truth values become text."""
+    if isinstance(value, Mapping):
+        return {str(key): _with_text_keys(entry) for key, entry in value.items()}
+    return [_with_text_keys(entry) for entry in value] if isinstance(value, list) else value
+
+
+def _rig_of(read: RigDocument, robot: Path | None, source: Path | None) -> Rig:
+    joints = read.joint_names
+    sensors = read.sensors or SensorsKeys()
+    positive = {key: by_joint(getattr(read, key), joints) for key in ("saturation", "drive_gain")}
+    return Rig(
+        joints=joints,
+        drive=by_joint(read.drive, joints),
+        load={joint: load_of(entry) for joint, entry in by_joint(read.load, joints).items()},
+        declared={joint: declared_of(entry) for joint, entry in by_joint(read.declared, joints).items()},
+        columns={name: str(in_log) for name, in_log in (read.columns or {}).items()},
+        units=read.units or {},
+        enabled=read.enabled,
+        source=source,
+        robot=robot,
+        sensors={joint: sensors.noise_of(joint) for joint in joints},
+        tolerances=sensors.tolerances(),
+        robot_sensors=robot_sensors(robot),
+        **{key: {j: v for j, v in values.items() if v is not None} for key, values in positive.items()},
+    )
 
 
 def load_rig(path: Path | str) -> Rig:

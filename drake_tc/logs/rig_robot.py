@@ -1,12 +1,13 @@
 """The rig file's key `robot`: a robot file, named relative to the rig file, whose model gives the load torques."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 import yaml
 
 from drake_tc.errors import RigError
 from drake_tc.logs.loads import Load, RobotLoad
+from drake_tc.logs.near import near
 
 
 def parse_robot(source: str, value: object, rig: Path | str) -> Path | None:
@@ -18,7 +19,7 @@ def parse_robot(source: str, value: object, rig: Path | str) -> Path | None:
     if value is None:
         return None
     if not isinstance(value, str) or not value:
-        raise RigError(f"{source}: robot: wanted the name of a robot file (YAML), got {value!r}")
+        raise RigError(f"{source}: robot: expected the name of a robot file (YAML), got {value!r}")
     path = Path(value) if not isinstance(rig, Path) else rig.parent / value
     if not path.is_file():
         raise RigError(f"{source}: robot: no such robot file: {path}")
@@ -37,7 +38,7 @@ def robot_joints(source: str, robot: Path) -> list[str]:
         raise RigError(f"{source}: robot: {robot}: cannot be read: {' '.join(str(error).split())}") from None
     joints = document.get("joints") if isinstance(document, Mapping) else None
     if not isinstance(joints, list) or not joints:
-        raise RigError(f"{source}: robot: {robot} has no `joints`; wanted a robot file, or `joints` in the rig file")
+        raise RigError(f"{source}: robot: {robot} has no `joints`; expected a robot file, or `joints` in the rig file")
     return [str(joint) for joint in joints]
 
 
@@ -53,3 +54,32 @@ def check_robot_load(source: str, load: Mapping[str, Load], robot: Path | None) 
     if taken and (len(taken) < len(load) or len({load[joint] for joint in taken}) > 1):
         others = [joint for joint in load if joint not in taken] or taken[1:]
         raise RigError(f"{source}: load: {{robot: ...}} wants to be that of all joints; {others[0]!r} has another")
+
+
+def robot_sensors(robot: Path | None) -> tuple[str, ...]:
+    """`imu_<name>` and `ft_<name>` of the robot file's sensors; none where it cannot be read (others say so)."""
+    if robot is None:
+        return ()
+    try:
+        document = yaml.safe_load(robot.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, yaml.YAMLError):
+        return ()
+    found = []
+    for key, prefix in (("imu", "imu_"), ("force_torque", "ft_")):
+        entries = document.get(key) if isinstance(document, Mapping) else None
+        found += [f"{prefix}{name}" for name in entries] if isinstance(entries, Mapping) else []
+    return tuple(found)
+
+
+def check_sensors(source: str, declared: Iterable[str], known: Sequence[str], robot: Path | None) -> None:
+    """Every sensor whose tolerances are declared is one of the robot file.
+
+    Raises:
+        RigError: It is not; with the nearest match.
+    """
+    for column in declared:
+        if column not in known:
+            listed = (
+                "a sensor needs `robot: FILE`" if robot is None else f"sensors of {robot}: {', '.join(known) or 'none'}"
+            )
+            raise RigError(f"{source}: sensors: {column}: the robot has no such sensor{near(column, known)}; {listed}")

@@ -55,7 +55,7 @@ def test_a_rig_file_declares_the_gain_of_a_drive():
     rig = parse_rig(document)
     assert rig.drive_gain == {"knee": 0.08}
     assert parse_rig(rig_document(rig)).drive_gain == {"knee": 0.08}
-    with pytest.raises(RigError, match="drive_gain: wanted a positive number"):
+    with pytest.raises(RigError, match="drive_gain: expected a positive number"):
         parse_rig(document | {"drive_gain": -1.0})
     with pytest.raises(RigError, match="'ankle' is not a joint"):
         parse_rig(document | {"drive_gain": {"ankle": 1.0}})

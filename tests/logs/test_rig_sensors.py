@@ -90,10 +90,10 @@ def test_round_trip(tmp_path, sensors):
 @pytest.mark.parametrize(
     ("sensors", "says"),
     [
-        (3, "sensors: wanted a mapping"),
+        (3, "sensors: expected a mapping"),
         ({"torque_nois": 1.0}, "did you mean 'torque_noise'"),
         ({"knee": {"encoder_steps": 1.0}}, "did you mean 'encoder_step'"),
-        ({"knee": 0.1}, "sensors: knee: wanted a mapping"),
+        ({"knee": 0.1}, "sensors: knee: expected a mapping"),
         ({"torque_noise": "1 rad"}, "units: N*m"),
         ({"torque_noise": "much"}, "such as '0.1 N*m'"),
         ({"torque_noise": True}, "got True"),

@@ -1,0 +1,60 @@
+"""The rig file's keys `columns` and `units`: names in the log and units, by canonical column."""
+
+from collections.abc import Mapping, Sequence
+from typing import Annotated, TypeAlias
+
+from pydantic import Field
+
+from drake_tc.logs.near import near
+from drake_tc.logs.rig_document.keys import saying
+from drake_tc.logs.units import JOINT_SUFFIXES, SENSOR_SUFFIXES, allowed_units, parse_unit
+
+ColumnName: TypeAlias = Annotated[str | int, saying("a column's name in the file")]
+Unit: TypeAlias = Annotated[str | float, saying("a unit or a scale factor")]
+LogColumn: TypeAlias = Annotated[str, Field(min_length=1), saying("the name of a column in the log")]
+
+
+def canonical_name(name: str, joints: Sequence[str]) -> str:
+    """A full canonical name: `time`, `<joint>/<suffix>`, a sensor's, or a bare suffix of the only joint.
+
+    Raises:
+        ValueError: It is none of these; with the nearest match.
+    """
+    if name in ("time", "enabled"):
+        return name
+    if name in JOINT_SUFFIXES and len(joints) == 1:
+        return f"{joints[0]}/{name}"
+    owner, _, suffix = name.rpartition("/")
+    if owner in joints and suffix in (*JOINT_SUFFIXES, "enabled"):
+        return name
+    if owner.startswith(("imu_", "ft_")) and suffix in SENSOR_SUFFIXES:
+        return name
+    known = ["time", *(f"{joint}/{s}" for joint in joints for s in JOINT_SUFFIXES)]
+    raise ValueError(
+        f"{name!r} is not a canonical column{near(name, known)}; possible: time, "
+        f"{'|'.join(joints)}/{{{', '.join(JOINT_SUFFIXES)}}}"
+    )
+
+
+def canonical_columns(columns: Mapping[str, str | int], joints: Sequence[str]) -> dict[str, str]:
+    """Full canonical name to the name in the file.
+
+    Raises:
+        ValueError: A key is not a canonical column.
+    """
+    return {canonical_name(name, joints): str(file_name) for name, file_name in columns.items()}
+
+
+def check_units(units: Mapping[str, str | float], joints: Sequence[str]) -> None:
+    """Every unit is one of its column's quantity.
+
+    Raises:
+        ValueError: A key is not a canonical column or suffix, or the unit is not one of that quantity.
+    """
+    for name, unit in units.items():
+        if not allowed_units(name) or "/" in name:
+            canonical_name(name, joints)
+        try:
+            parse_unit(name, unit)
+        except ValueError as error:
+            raise ValueError(f"{name}: {error}") from None

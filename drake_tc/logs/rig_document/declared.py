@@ -1,0 +1,75 @@
+"""The rig file's key `declared`: the effects that the user already models, with values where they are known."""
+
+from collections.abc import Mapping
+from typing import Annotated, TypeAlias
+
+from pydantic import AfterValidator, Discriminator, Tag, WithJsonSchema
+
+from drake_tc.logs.effect_ids import EFFECT_IDS, ROBOT_CAUSES
+from drake_tc.logs.near import near
+from drake_tc.logs.rig_document.keys import saying
+
+
+def _known_effect(name: str) -> str:
+    if name in ROBOT_CAUSES:
+        raise ValueError(f"{name!r} is a cause of the whole robot and cannot be declared; `sensors` takes tolerances")
+    if name not in EFFECT_IDS:
+        raise ValueError(f"unknown effect {name!r}{near(name, EFFECT_IDS)}; known: {', '.join(EFFECT_IDS)}")
+    return name
+
+
+EffectId = Annotated[
+    str,
+    saying("the id of an effect"),
+    AfterValidator(_known_effect),
+    WithJsonSchema({"type": "string", "enum": list(EFFECT_IDS)}),
+]
+Declared: TypeAlias = Mapping[str, float | None]
+Value: TypeAlias = Annotated[float, saying("a number, or nothing for 'value unknown'")] | None
+
+
+def _value_shape(value: object) -> str:
+    return "@parameters" if isinstance(value, Mapping) else "@value"
+
+
+Values: TypeAlias = Annotated[
+    Annotated[Value, Tag("@value")] | Annotated[dict[str, Value], Tag("@parameters")], Discriminator(_value_shape)
+]
+
+
+def _not_negative(values: dict[str, Values]) -> dict[str, Values]:
+    inertia = values.get("rotor_inertia")
+    if isinstance(inertia, Mapping):
+        inertia = inertia.get("rotor_inertia")
+    if inertia is not None and inertia < 0:
+        raise ValueError(f"rotor_inertia: expected a value >= 0 kg m^2, got {inertia!r}")
+    return values
+
+
+def _shape(value: object) -> str | None:
+    if isinstance(value, Mapping):
+        return "@values"
+    return "@list" if isinstance(value, list) else "@name"
+
+
+DeclaredEntry: TypeAlias = Annotated[
+    Annotated[EffectId, Tag("@name")]
+    | Annotated[list[EffectId], Tag("@list")]
+    | Annotated[dict[EffectId, Values], AfterValidator(_not_negative), Tag("@values")],
+    Discriminator(_shape),
+]
+
+
+def declared_of(entry: str | list[str] | dict[str, Values] | None) -> dict[str, float | None]:
+    """`id` and `id.parameter` to the known value, or None; viscous and Coulomb friction are always in it."""
+    declared: dict[str, float | None] = {"viscous": None, "coulomb": None}
+    if isinstance(entry, str):
+        entry = [entry]
+    if isinstance(entry, list):
+        return declared | dict.fromkeys(entry)
+    for name, value in (entry or {}).items():
+        if isinstance(value, Mapping):
+            declared |= {name: None} | {f"{name}.{parameter}": number for parameter, number in value.items()}
+        else:
+            declared[name] = value
+    return declared

@@ -1,0 +1,173 @@
+"""The rig file's top level."""
+
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal, TypeAlias, get_args
+
+from pydantic import Field, ValidationInfo, field_validator
+
+from drake_tc.logs.near import near
+from drake_tc.logs.rig_document.columns import ColumnName, LogColumn, Unit, canonical_columns, check_units
+from drake_tc.logs.rig_document.declared import DeclaredEntry
+from drake_tc.logs.rig_document.keys import ByJoint, Keys, OneOrByJoint, PositiveNumber, key, one_of, saying
+from drake_tc.logs.rig_document.loads import LoadEntry
+from drake_tc.logs.rig_document.sensors import SensorsKeys, sorted_by_owner
+
+DriveKind: TypeAlias = Literal["position_servo", "current", "voltage"]
+Drive = Annotated[DriveKind, one_of(get_args(DriveKind))]
+JointName = Annotated[str, Field(pattern=r"\S"), saying("a name (text)")]
+FileName = Annotated[str, Field(min_length=1), saying("the name of a robot file (YAML)")]
+
+
+class RigDocument(Keys):
+    """What a rig file may say."""
+
+    joint: JointName | None = key("Name of the joint. A file has `joint` or `joints`, not both.", example="knee")
+    joints: list[JointName] | None = key(
+        "Names of the joints.", example=["hip", "knee"], absent="the driven joints of the robot file"
+    )
+    robot: FileName | None = key(
+        "Robot file, relative to the rig file. The robot's model gives the load torques.",
+        example="leg_robot.yaml",
+        absent="no robot",
+    )
+    drive: OneOrByJoint[Drive] = key(
+        "What the drive is commanded with. This decides which column is the command, and the unit of the effort: "
+        "`position_servo` (`position_command`, rad), `current` (`current`, A) or `voltage` (`voltage`, V).",
+        example="position_servo",
+        default=...,
+        expected=f"one of {', '.join(get_args(DriveKind))}",
+    )
+    columns: dict[str, ColumnName] | None = key(
+        "Canonical column: name of the column in the log.",
+        example={"time": "t", "position": "q_meas"},
+        absent="the canonical names",
+    )
+    units: dict[str, Unit] | None = key(
+        "Canonical column, or its last part for all joints: unit of the column in the log. A leading `-` reverses the "
+        "sign; a number is a scale factor to SI.",
+        example={"time": "ms", "position": "deg", "torque": "-N*m", "current": 0.001},
+        absent="SI",
+    )
+    load: OneOrByJoint[LoadEntry] | None = key(
+        "Where the load torque comes from.",
+        example={"pendulum": {"mass": 1.2, "length": 0.3}},
+        absent="`torque`; with the key `robot`, `{robot: estimate}`",
+    )
+    declared: OneOrByJoint[DeclaredEntry] | None = key(
+        "Effects that you already model: a list of ids, or id: value. A declared effect is part of the model before "
+        "and is not searched for. Viscous and Coulomb friction are always declared.",
+        example={"rotor_inertia": 0.31, "stribeck": None},
+        absent="viscous and Coulomb friction alone",
+    )
+    enabled: LogColumn | None = key(
+        "Name in the log of a column that is 0 (or false) while the drive is off. Those rows are left out.",
+        example="torque_on",
+        absent="a column `enabled` or `<joint>/enabled` of the log, where there is one",
+    )
+    saturation: OneOrByJoint[PositiveNumber] | None = key(
+        "Known limit of the drive's effort.", unit="rad, A or V", example=12.0, absent="not known"
+    )
+    drive_gain: OneOrByJoint[PositiveNumber] | None = key(
+        "Gain of the drive as the maker states it: the effort for 1 N·m. A gain that the logs contradict is reported "
+        "as the effect `servo_gain`.",
+        unit="rad, A or V for 1 N·m",
+        example=0.08,
+        absent="identified from the logs",
+    )
+    sensors: SensorsKeys | None = key(
+        "Noise of the joints' channels, and tolerances of the robot's F/T sensors and IMUs.",
+        example={"torque_noise": "0.25 N*m", "encoder_step": "1.5 mrad"},
+        absent="noise is estimated from the log, tolerances are those of a typical sensor",
+    )
+
+    @classmethod
+    def check_together(cls, value: Mapping[str, object]) -> None:
+        """One of `joint` and `joints` is there."""
+        if ("joint" in value) == ("joints" in value):
+            raise ValueError("expected one of the keys 'joint' (a name) or 'joints' (a list of names)")
+
+    @field_validator("joint", mode="before")
+    @classmethod
+    def _one_name(cls, value: object) -> object:
+        if isinstance(value, list):
+            raise ValueError(f"expected one name, got {value!r}; a list goes under 'joints'")
+        if value is None:
+            raise ValueError("expected a name, got nothing")
+        return value
+
+    @field_validator("joints", mode="before")
+    @classmethod
+    def _names(cls, value: object) -> object:
+        names = value if isinstance(value, list) else [value]
+        if not names or any(not isinstance(name, str) or not name.strip() for name in names):
+            raise ValueError(f"expected names (text), got {value!r}")
+        if len(set(names)) != len(names):
+            raise ValueError(f"a name stands twice in {names!r}")
+        return names
+
+    @field_validator("drive", "saturation", "drive_gain", mode="before")
+    @classmethod
+    def _by_joint(cls, value: object, info: ValidationInfo) -> object:
+        if not isinstance(value, Mapping):
+            return value
+        joints = _joints(info)
+        for joint in joints if info.field_name == "drive" else ():
+            if joint not in value:
+                raise ValueError(f"no entry for joint {joint!r}; entries here: {sorted(value)}{near(joint, value)}")
+        return _marked(value, joints)
+
+    @field_validator("load", "declared", mode="before")
+    @classmethod
+    def _by_joint_or_not(cls, value: object, info: ValidationInfo) -> object:
+        joints = _joints(info)
+        if not isinstance(value, Mapping) or not set(value) & set(joints) or _is_pendulum(value):
+            return value
+        return _marked({joint: entry for joint, entry in value.items() if entry is not None}, joints)
+
+    @field_validator("columns")
+    @classmethod
+    def _canonical(cls, value: dict[str, ColumnName] | None, info: ValidationInfo) -> dict[str, str]:
+        return canonical_columns(value or {}, _joints(info))
+
+    @field_validator("units")
+    @classmethod
+    def _units(cls, value: dict[str, Unit] | None, info: ValidationInfo) -> dict[str, Unit]:
+        check_units(value or {}, _joints(info))
+        return value or {}
+
+    @field_validator("sensors", mode="before")
+    @classmethod
+    def _owners(cls, value: object, info: ValidationInfo) -> object:
+        return sorted_by_owner(value, _joints(info))
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """The joints, in the order of the file."""
+        return (self.joint,) if self.joint is not None else tuple(self.joints or ())
+
+
+def by_joint(value: Any, joints: tuple[str, ...], absent: Any = None) -> dict[str, Any]:
+    """The value of each joint: `absent` for a joint that a mapping by joint leaves out; empty where there is none."""
+    if isinstance(value, ByJoint):
+        return {joint: value.get(joint, absent) for joint in joints}
+    return dict.fromkeys(joints, value)
+
+
+def _joints(info: ValidationInfo) -> tuple[str, ...]:
+    """The joints of the document, as far as they were valid."""
+    joint = info.data.get("joint")
+    return (joint,) if joint is not None else tuple(info.data.get("joints") or ())
+
+
+def _marked(value: Mapping[str, Any], joints: tuple[str, ...]) -> ByJoint:
+    """The mapping as one by joint; every key must be a joint."""
+    for joint in value:
+        if joint not in joints:
+            raise ValueError(f"{joint!r} is not a joint of this rig{near(joint, joints)}; joints: {list(joints)}")
+    return ByJoint(value)
+
+
+def _is_pendulum(value: Mapping[str, Any]) -> bool:
+    """Whether `{pendulum: ...}` is the load itself, and not a joint that is called "pendulum"."""
+    inner = value.get("pendulum")
+    return set(value) == {"pendulum"} and isinstance(inner, Mapping) and "mass" in inner

@@ -1,0 +1,97 @@
+"""The rig file's key `load`: where the load torque comes from. A kind of load is one class here."""
+
+from collections.abc import Mapping
+from typing import Annotated, Literal, TypeAlias, get_args
+
+from pydantic import Discriminator, Tag
+
+from drake_tc.logs.loads import Load, Pendulum, RobotLoad, RobotMethod
+from drake_tc.logs.rig_document.keys import Keys, Number, PositiveNumber, key, one_of
+
+LoadWord: TypeAlias = Literal["torque", "unknown"]
+
+
+class PendulumKeys(Keys):
+    """A rigid pendulum on the joint: tau = inertia qddot + mass g length sin(q - zero) [N m]."""
+
+    mass: PositiveNumber = key(
+        "Mass.", unit="kg", example=1.2, default=..., expected="the mass [kg], a positive number"
+    )
+    length: PositiveNumber = key(
+        "Distance from the axis to the centre of mass.",
+        unit="m",
+        example=0.3,
+        default=...,
+        expected="the length [m], a positive number",
+    )
+    inertia: PositiveNumber | None = key(
+        "Moment of inertia about the axis.", unit="kg m²", example=0.12, absent="mass · length² (a point mass)"
+    )
+    zero: Number = key(
+        "Joint position at which the pendulum hangs straight down.", unit="rad", example=0.05, default=0.0
+    )
+
+    def load(self) -> Load:
+        """The load that the rest of the library uses."""
+        more = {} if self.inertia is None else {"inertia": self.inertia}
+        return Pendulum(self.mass, self.length, zero=self.zero, **more)
+
+
+class PendulumLoad(Keys):
+    """`{pendulum: ...}`: a known pendulum; no torque column is needed."""
+
+    pendulum: PendulumKeys = key(
+        "A rigid pendulum of known mass and length.",
+        example={"mass": 1.2, "length": 0.3},
+        default=...,
+        expected="{mass:, length:}",
+    )
+
+    def load(self) -> Load:
+        """The load that the rest of the library uses."""
+        return self.pendulum.load()
+
+
+class ModelLoad(Keys):
+    """`{robot: ...}`: the model of the robot that the key `robot` names; it is the load of all joints then."""
+
+    robot: Annotated[RobotMethod, one_of(get_args(RobotMethod))] = key(
+        "`estimate` computes the torques from encoders, IMU and F/T sensors. `inverse_dynamics` leaves the F/T sensors "
+        "out: it is for a robot that touches nothing beyond its base.",
+        example="estimate",
+        default=...,
+        expected=" or ".join(get_args(RobotMethod)),
+    )
+
+    def load(self) -> Load:
+        """The load that the rest of the library uses."""
+        return RobotLoad(self.robot)
+
+
+KINDS: Mapping[str, type[PendulumLoad | ModelLoad]] = {"pendulum": PendulumLoad, "robot": ModelLoad}
+"""The key of each kind of load that has parameters, and its class."""
+
+POSSIBLE = (
+    "'torque' (the torque column), 'unknown', {pendulum: {mass:, length:}} or "
+    f"{{robot: {' | '.join(get_args(RobotMethod))}}}"
+)
+
+
+def _kind(value: object) -> str | None:
+    if isinstance(value, Mapping):
+        name = next(iter(value), None)
+        return f"@{name}" if len(value) == 1 and name in KINDS else None
+    return "@word" if value in get_args(LoadWord) else None
+
+
+LoadEntry: TypeAlias = Annotated[
+    Annotated[LoadWord, Tag("@word")] | Annotated[PendulumLoad, Tag("@pendulum")] | Annotated[ModelLoad, Tag("@robot")],
+    Discriminator(_kind, custom_error_type="load", custom_error_message=f"expected {POSSIBLE}"),
+]
+
+
+def load_of(entry: LoadWord | PendulumLoad | ModelLoad | None) -> Load:
+    """The load that an entry means; the torque column where there is none."""
+    if entry is None:
+        return "torque"
+    return entry if isinstance(entry, str) else entry.load()

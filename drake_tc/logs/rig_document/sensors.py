@@ -1,0 +1,212 @@
+"""The rig file's key `sensors`: noise of the joints' channels, tolerances of F/T sensors and IMUs.
+
+Plain numbers are SI. Tolerances are standard deviations; what is not said of a sensor is that of its `part`, or of a
+typical one (`drake_tc.logs.sensors`).
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, replace
+from typing import Annotated, Any
+
+from pydantic import BeforeValidator, Field, WithJsonSchema
+
+from drake_tc.logs.near import near
+from drake_tc.logs.rig_document.keys import Keys, key, magnitude, magnitude_in, magnitude_schema
+from drake_tc.logs.sensors import FORCE_TORQUE_PARTS, IMU_PARTS, ForceTorqueTolerance, ImuTolerance, JointSensors
+from drake_tc.logs.sensors import Tolerance as SensorTolerance
+
+Torque = Annotated[float, *magnitude_in("torque")]
+Time = Annotated[float, *magnitude_in("time")]
+Position = Annotated[float, *magnitude_in("position")]
+Ratio = Annotated[float, *magnitude_in("ratio")]
+
+
+def _pair_of(first: tuple[str, str], second: tuple[str, str]) -> Any:
+    """Annotations of a list of two magnitudes, each given as (name, channel)."""
+
+    def read(value: object) -> tuple[float, float]:
+        if not isinstance(value, list) or len(value) != 2:
+            raise ValueError(f"expected a list of two values, {first[0]} and {second[0]}, got {value!r}")
+        return magnitude(first[1])(value[0]), magnitude(second[1])(value[1])
+
+    schema = {"type": "array", "items": magnitude_schema(), "minItems": 2, "maxItems": 2}
+    return (BeforeValidator(read), WithJsonSchema(schema))
+
+
+def _part_of(parts: Mapping[str, SensorTolerance]) -> Any:
+    def read(name: object) -> str | None:
+        if name is None:
+            return None
+        known = str(name).strip().lower().replace("-", "_").replace(" ", "_")
+        if known not in parts:
+            raise ValueError(f"unknown part {name!r}{near(known, parts)}; known: {', '.join(parts)}")
+        return known
+
+    return (BeforeValidator(read), WithJsonSchema({"type": "string", "examples": list(parts)}))
+
+
+_ATTRIBUTES: Mapping[str, str] = {
+    "torque_noise": "torque_noise",
+    "correlation_time": "torque_correlation_time",
+    "encoder_step": "encoder_step",
+    "position_noise": "position_noise",
+}
+"""Key to the attribute of `JointSensors`."""
+
+
+class JointNoise(Keys):
+    """Noise of a joint's own channels; it replaces what is estimated from the log."""
+
+    torque_noise: Torque | None = key(
+        "Standard deviation of one raw sample of the torque, before any filter.",
+        unit="N·m",
+        example="0.25 N*m",
+        absent="estimated from the log",
+    )
+    correlation_time: Time | None = key(
+        "Time over which the noise of the torque is correlated; 0 for white noise.",
+        unit="s",
+        example="20 ms",
+        absent="0 where `torque_noise` is given, otherwise estimated from the log",
+    )
+    encoder_step: Position | None = key(
+        "Step between two neighbouring positions of the encoder.",
+        unit="rad",
+        example="0.09 deg",
+        absent="read from the log",
+    )
+    position_noise: Position | None = key(
+        "Standard deviation of one raw position, in addition to the rounding to steps.",
+        unit="rad",
+        example="0.1 mrad",
+        absent="estimated from the log",
+    )
+
+    def joint_sensors(self, before: JointSensors) -> JointSensors:
+        """`before` with what is said here in its place."""
+        said = {attribute: getattr(self, name) for name, attribute in _ATTRIBUTES.items()}
+        return replace(before, **{name: value for name, value in said.items() if value is not None})
+
+
+_TYPICAL = "that of `part`"
+
+
+class ForceTorqueKeys(Keys):
+    """Tolerances of one F/T sensor of the robot, as standard deviations, alike on all axes."""
+
+    part: Annotated[str | None, *_part_of(FORCE_TORQUE_PARTS)] = key(
+        f"Kind of sensor whose tolerances hold where nothing else is said: {', '.join(FORCE_TORQUE_PARTS)}.",
+        example="typical",
+        absent="typical",
+    )
+    bias: Annotated[tuple[float, float] | None, *_pair_of(("force bias", "fx"), ("torque bias", "tx"))] = key(
+        "Constant error of the forces and of the torques.", unit="N, N·m", example=["2 N", "0.05 N*m"], absent=_TYPICAL
+    )
+    gain: Ratio | None = key("Relative error of the scale.", unit="–", example="1 %", absent=_TYPICAL)
+    alignment: Position | None = key("Rotation error about each axis.", unit="rad", example="0.5 deg", absent=_TYPICAL)
+
+    def tolerance(self) -> ForceTorqueTolerance:
+        """The sensor's tolerance."""
+        biases = {} if self.bias is None else {"force_bias": self.bias[0], "torque_bias": self.bias[1]}
+        return replace(FORCE_TORQUE_PARTS[self.part or "typical"], **biases, **_shared(self.gain, self.alignment))
+
+
+class ImuKeys(Keys):
+    """Tolerances of one IMU of the robot, as standard deviations, alike on all axes."""
+
+    part: Annotated[str | None, *_part_of(IMU_PARTS)] = key(
+        f"Kind of sensor whose tolerances hold where nothing else is said: {', '.join(IMU_PARTS)}.",
+        example="mpu_6050",
+        absent="typical",
+    )
+    bias: Annotated[tuple[float, float] | None, *_pair_of(("accel bias", "accel_x"), ("gyro bias", "gyro_x"))] = key(
+        "Constant error of the accelerations and of the angular rates.",
+        unit="m/s², rad/s",
+        example=["0.02 m/s^2", "0.002 rad/s"],
+        absent=_TYPICAL,
+    )
+    gain: Ratio | None = key("Relative error of the accelerometer's scale.", unit="–", example="0.5 %", absent=_TYPICAL)
+    alignment: Position | None = key(
+        "Rotation error about each axis, of accelerometer and gyro together.",
+        unit="rad",
+        example="0.5 deg",
+        absent=_TYPICAL,
+    )
+
+    def tolerance(self) -> ImuTolerance:
+        """The sensor's tolerance."""
+        biases = {} if self.bias is None else {"accel_bias": self.bias[0], "gyro_bias": self.bias[1]}
+        return replace(IMU_PARTS[self.part or "typical"], **biases, **_shared(self.gain, self.alignment))
+
+
+def _shared(gain: float | None, alignment: float | None) -> dict[str, float]:
+    return {name: value for name, value in (("gain", gain), ("alignment", alignment)) if value is not None}
+
+
+def _sensor_properties(schema: dict[str, Any]) -> None:
+    """The JSON schema as the file has it: sensors by their prefix, joints by any other name."""
+    properties = schema["properties"]
+    by_name = {alias: properties.pop(alias)["additionalProperties"] for alias in ("@ft", "@imu", "@joint")}
+    schema["patternProperties"] = {"^ft_": by_name["@ft"], "^imu_": by_name["@imu"]}
+    schema["additionalProperties"] = by_name["@joint"]
+
+
+class SensorsKeys(JointNoise, json_schema_extra=_sensor_properties):
+    """Noise of all joints, of single joints, and tolerances of the robot's sensors.
+
+    `sorted_by_owner` puts what the file says of joints, F/T sensors and IMUs under the keys that begin with "@".
+    """
+
+    of_joints: dict[str, JointNoise] = Field(default_factory=dict, alias="@joint")
+    force_torque: dict[str, ForceTorqueKeys] = Field(default_factory=dict, alias="@ft")
+    imu: dict[str, ImuKeys] = Field(default_factory=dict, alias="@imu")
+
+    def noise_of(self, joint: str) -> JointSensors:
+        """What is declared of one joint's channels: its own, otherwise that of all joints."""
+        everywhere = self.joint_sensors(JointSensors())
+        own = self.of_joints.get(joint)
+        return everywhere if own is None else own.joint_sensors(everywhere)
+
+    def tolerances(self) -> dict[str, SensorTolerance]:
+        """By column name (`ft_foot`)."""
+        force_torque = {name: sensor.tolerance() for name, sensor in self.force_torque.items()}
+        return force_torque | {name: sensor.tolerance() for name, sensor in self.imu.items()}
+
+
+def sorted_by_owner(value: object, joints: Sequence[str]) -> object:
+    """The mapping `sensors` with its entries by name sorted into joints, F/T sensors and IMUs.
+
+    Raises:
+        ValueError: A key is neither one of `JointNoise` nor a joint nor begins like a sensor's.
+    """
+    if not isinstance(value, Mapping):
+        return value
+    noise = tuple(JointNoise.model_fields)
+    result: dict[str, Any] = {"@joint": {}, "@ft": {}, "@imu": {}}
+    for name, entry in value.items():
+        owner = "@joint" if name in joints else "@ft" if name.startswith("ft_") else "@imu"
+        if owner == "@imu" and not name.startswith("imu_"):
+            if name not in noise:
+                allowed = (*noise, *joints, "ft_<sensor>", "imu_<sensor>")
+                raise ValueError(f"unknown key {name!r}{near(name, allowed)}; possible: {', '.join(allowed)}")
+            result[name] = entry
+        else:
+            result[owner][name] = {} if entry is None else entry
+    return result
+
+
+def sensors_entry(noise: Mapping[str, JointSensors], tolerances: Mapping[str, SensorTolerance]) -> dict[str, Any]:
+    """The key's value in SI; reading it gives the same back. Empty where nothing is declared."""
+    by_joint = {
+        joint: {key: asdict(each)[attribute] for key, attribute in _ATTRIBUTES.items()} for joint, each in noise.items()
+    }
+    said = {joint: {k: v for k, v in each.items() if v is not None} for joint, each in by_joint.items()}
+    same = all(each == next(iter(said.values())) for each in said.values())
+    out: dict[str, Any] = dict(next(iter(said.values()), {})) if same else {j: e for j, e in said.items() if e}
+    for column, tolerance in tolerances.items():
+        if isinstance(tolerance, ForceTorqueTolerance):
+            biases = [tolerance.force_bias, tolerance.torque_bias]
+        else:
+            biases = [tolerance.accel_bias, tolerance.gyro_bias]
+        out[column] = {"bias": biases, "gain": tolerance.gain, "alignment": tolerance.alignment}
+    return out
