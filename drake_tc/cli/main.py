@@ -16,6 +16,7 @@ from drake_tc.cli.graph_command import graph_command
 from drake_tc.cli.identify_command import identify_command
 from drake_tc.cli.import_logs import import_logs
 from drake_tc.cli.reproduce_command import reproduce_command
+from drake_tc.cli.schema_command import schema_command
 from drake_tc.cli.simulate_command import simulate_command
 from drake_tc.cli.stability_command import stability_command
 from drake_tc.cli.stability_map_command import stability_map_command
@@ -32,6 +33,7 @@ app.command("close-loop")(close_loop_command)
 app.command("estimate-base")(estimate_base_command)
 app.command("identify")(identify_command)
 app.command("import")(import_logs)
+app.command("schema")(schema_command)
 app.command("simulate")(simulate_command)
 app.command("graph")(graph_command)
 app.command("reproduce")(reproduce_command)

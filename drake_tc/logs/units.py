@@ -64,6 +64,25 @@ SENSOR_SUFFIXES: Mapping[str, Mapping[str, float]] = {
 }
 """What may follow `imu_<name>/` and `ft_<name>/`."""
 
+COLUMN_MEANING: Mapping[str, str] = {
+    "time": "Time of the sample.",
+    "position": "Joint position, by the encoder.",
+    "position_command": "Position that the servo is asked for.",
+    "motor_position": "Position of the motor, divided by the gear ratio.",
+    "velocity": "Joint velocity.",
+    "current": "Motor current (the command of a current drive).",
+    "voltage": "Motor voltage (the command of a voltage drive).",
+    "torque": "Torque on the link's side of the gear, measured or estimated.",
+    "temperature": "Temperature of the motor or the gear.",
+    "supply_voltage": "Voltage that feeds the drive.",
+    "enabled": "0 or false while the drive is off.",
+    "gyro_x": "Angular rates of an IMU.",
+    "accel_x": "Proper accelerations of an IMU: gravity upwards at rest.",
+    "fx": "Forces of an F/T sensor.",
+    "tx": "Torques of an F/T sensor.",
+}
+"""What a canonical column holds, by its last part; the axes y and z as x."""
+
 _FAMILY = {"position_command": "position", "motor_position": "position"}
 
 

@@ -6,9 +6,14 @@ from typing import Annotated, Literal, TypeAlias, get_args
 from pydantic import Discriminator, Tag
 
 from drake_tc.logs.loads import Load, Pendulum, RobotLoad, RobotMethod
-from drake_tc.logs.rig_document.keys import Keys, Number, PositiveNumber, key, one_of
+from drake_tc.logs.rig_document.keys import Keys, Number, PositiveNumber, expected, key, one_of
 
 LoadWord: TypeAlias = Literal["torque", "unknown"]
+WORDS: Mapping[LoadWord, str] = {
+    "torque": "The column `<joint>/torque` of the log: the torque on the link's side of the gear.",
+    "unknown": "The load torque is not known, and no column records it.",
+}
+"""Kinds of load that are one word, and what they mean."""
 
 
 class PendulumKeys(Keys):
@@ -60,7 +65,7 @@ class ModelLoad(Keys):
         "out: it is for a robot that touches nothing beyond its base.",
         example="estimate",
         default=...,
-        expected=" or ".join(get_args(RobotMethod)),
+        expected=" | ".join(get_args(RobotMethod)),
     )
 
     def load(self) -> Load:
@@ -69,12 +74,10 @@ class ModelLoad(Keys):
 
 
 KINDS: Mapping[str, type[PendulumLoad | ModelLoad]] = {"pendulum": PendulumLoad, "robot": ModelLoad}
-"""The key of each kind of load that has parameters, and its class."""
+"""The key of each kind of load that has parameters, and its class: it has that one key."""
 
-POSSIBLE = (
-    "'torque' (the torque column), 'unknown', {pendulum: {mass:, length:}} or "
-    f"{{robot: {' | '.join(get_args(RobotMethod))}}}"
-)
+_SHAPES = (f"{{{name}: {expected(kind.model_fields[name].json_schema_extra)}}}" for name, kind in KINDS.items())
+POSSIBLE = f"{', '.join(map(repr, WORDS))} or {' or '.join(_SHAPES)}"
 
 
 def _kind(value: object) -> str | None:

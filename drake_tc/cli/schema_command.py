@@ -1,0 +1,38 @@
+"""`drake-tc schema`: the JSON schema of an input file, or the page that explains it."""
+
+import json
+import sys
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from drake_tc.errors import ParamsError
+
+
+class Document(StrEnum):
+    """Input files that have a schema."""
+
+    rig = "rig"
+
+
+def schema_command(
+    document: Annotated[Document, typer.Argument(help="Which input file.")],
+    page: Annotated[bool, typer.Option("--page", help="Print the page that explains every key (Markdown).")] = False,
+    out: Annotated[Path | None, typer.Option(help="File to write; stdout when left out.")] = None,
+) -> None:
+    """Print the JSON schema of the rig file for editors, or with --page the page that explains every key."""
+    from drake_tc.logs.rig_document.schema import rig_schema
+    from drake_tc.report.rig_page import rig_page
+
+    text = rig_page() if page else json.dumps(rig_schema(), indent=2, ensure_ascii=False) + "\n"
+    if out is None:
+        sys.stdout.write(text)
+        return
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        out.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise ParamsError(f"{out}: cannot be written: {error.strerror or error}") from None
+    print(out)

@@ -1,0 +1,134 @@
+"""RIG.md, the page that explains the rig file: written from the model of the file and from the effect library."""
+
+import json
+from collections.abc import Iterable, Sequence
+from dataclasses import fields
+from importlib.resources import files
+from typing import Any
+
+from pydantic import BaseModel
+
+from drake_tc.effects.base import DriveEffect, Effect, TransmissionEffect
+from drake_tc.effects.library import effect
+from drake_tc.logs.effect_ids import EFFECT_IDS, ROBOT_CAUSES
+from drake_tc.logs.rig_document.document import RigDocument
+from drake_tc.logs.rig_document.keys import HIDDEN
+from drake_tc.logs.rig_document.loads import KINDS, WORDS
+from drake_tc.logs.rig_document.schema import default_text
+from drake_tc.logs.rig_document.sensors import ForceTorqueKeys, ImuKeys, JointNoise
+from drake_tc.logs.sensors import FORCE_TORQUE_PARTS, IMU_PARTS
+from drake_tc.logs.units import COLUMN_MEANING, JOINT_SUFFIXES, SENSOR_SUFFIXES, allowed_units
+from drake_tc.report.rig_page_text import TEXT
+
+EXAMPLES = ("joint_rig.yaml", "leg_rig.yaml", "leg_robot.yaml")
+"""The complete examples in drake_tc/logs/examples."""
+
+
+def rig_page() -> str:
+    """The page as Markdown."""
+    parts = {
+        "top": key_table(RigDocument),
+        "load_words": _table(("`load:`", "meaning"), ((f"`{word}`", meaning) for word, meaning in WORDS.items())),
+        "load_kinds": "\n\n".join(_load_kind(name) for name in KINDS),
+        "columns": _column_table(),
+        "effects": _effect_table(),
+        "robot_causes": ", ".join(f"`{name}`" for name in ROBOT_CAUSES),
+        "noise": key_table(JointNoise),
+        "force_torque": key_table(ForceTorqueKeys),
+        "imu": key_table(ImuKeys),
+        "parts": _part_table(),
+        **{name.split(".")[0]: example(name).rstrip() for name in EXAMPLES},
+    }
+    return TEXT.format(**parts)
+
+
+def example(name: str) -> str:
+    """The text of one of the complete examples."""
+    return (files("drake_tc.logs") / "examples" / name).read_text(encoding="utf-8")
+
+
+def key_table(model: type[BaseModel]) -> str:
+    """One row for each key of a mapping: meaning, unit, default, example."""
+    schema = model.model_json_schema()
+    required = schema.get("required", [])
+    rows = []
+    for name, field in schema["properties"].items():
+        if name.startswith(HIDDEN):
+            continue
+        default = "required" if name in required else default_text(field)
+        rows.append((f"`{name}`", field["description"], field["unit"], default, f"`{name}: {_yaml(field['examples'][0])}`"))
+    return _table(("key", "meaning", "unit", "default", "example"), rows)
+
+
+def _table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    lines = [header, ["---"] * len(header), *rows]
+    return "\n".join("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in lines)
+
+
+def _yaml(value: Any) -> str:
+    """A value in YAML's flow style, on one line."""
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{name}: {_yaml(each)}" for name, each in value.items()) + "}"
+    if isinstance(value, list):
+        return "[" + ", ".join(map(_yaml, value)) + "]"
+    return "null" if value is None else value if isinstance(value, str) else json.dumps(value)
+
+
+def _load_kind(name: str) -> str:
+    """What one kind of load with parameters says."""
+    kind = KINDS[name]
+    field = kind.model_fields[name]
+    inner = field.annotation
+    if isinstance(inner, type) and issubclass(inner, BaseModel):
+        return f"**`load: {{{name}: ...}}`**. {inner.__doc__}\n\n{key_table(inner)}"
+    return f"**`load: {{{name}: ...}}`**. {kind.__doc__}\n\n{key_table(kind)}"
+
+
+def _column_table() -> str:
+    rows = [("`time`", COLUMN_MEANING["time"], *_units("time"))]
+    rows += [(f"`<joint>/{suffix}`", COLUMN_MEANING[suffix], *_units(suffix)) for suffix in JOINT_SUFFIXES]
+    rows += [("`<joint>/enabled`, `enabled`", COLUMN_MEANING["enabled"], "–", "–")]
+    for suffix in (name for name in SENSOR_SUFFIXES if name.endswith("x")):
+        prefix = "imu" if suffix.startswith(("gyro", "accel")) else "ft"
+        axes = ", ".join(f"{suffix[:-1]}{axis}" for axis in "xyz")
+        rows.append((f"`{prefix}_<sensor>/{{{axes}}}`", COLUMN_MEANING[suffix], *_units(suffix)))
+    return _table(("canonical column", "meaning", "SI unit", "units that may be declared"), rows)
+
+
+def _units(suffix: str) -> tuple[str, str]:
+    units = list(allowed_units(suffix))
+    return ("°C" if suffix == "temperature" else units[0], ", ".join(f"`{unit}`" for unit in units))
+
+
+def _effect_table() -> str:
+    return _table(
+        ("id", "effect", "parameters [unit]", "a declared value is"),
+        ((f"`{name}`", effect(name).title, _parameters(effect(name)), _use(effect(name))) for name in EFFECT_IDS),
+    )
+
+
+def _parameters(member: Effect) -> str:
+    listed = []
+    for parameter in member.parameters:
+        meaning = f" {parameter.description}" if parameter.description else ""
+        listed.append(f"`{parameter.name}`{meaning} [{parameter.unit.replace('*', '·')}]")
+    return ", ".join(listed)
+
+
+def _use(member: Effect) -> str:
+    """What a fit does with a declared value (`drake_tc.diagnosis.problem.declared`)."""
+    if member.id == "rotor_inertia":
+        return "held"
+    refitted = member.id in ("viscous", "coulomb") or isinstance(member, DriveEffect | TransmissionEffect)
+    return "fitted anew" if refitted else "held"
+
+
+def _part_table() -> str:
+    parts = [("ft_", name, part) for name, part in FORCE_TORQUE_PARTS.items()]
+    rows = []
+    for prefix, name, part in (*parts, *(("imu_", name, part) for name, part in IMU_PARTS.items())):
+        values = [f"{getattr(part, field.name):.3g}" for field in fields(part)]
+        units = ("N", "N·m") if prefix == "ft_" else ("m/s²", "rad/s")
+        biases = ", ".join(f"{value} {unit}" for value, unit in zip(values[:2], units, strict=True))
+        rows.append((f"`{prefix}`", f"`{name}`", biases, values[2], f"{values[3]} rad"))
+    return _table(("sensor", "part", "bias", "gain", "alignment"), rows)
