@@ -21,6 +21,7 @@ from drake_tc.identification.piecewise import PiecewiseFit
 from drake_tc.json_values import json_value
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
+from drake_tc.logs.told_once import of_joint, told_once
 
 
 class MethodName(StrEnum):
@@ -157,13 +158,7 @@ def _fitting(
 
 def _notes(runs: Sequence[Run], rig: Rig, joint: str) -> list[str]:
     """What was repaired in the runs, but for what concerns other joints alone."""
-    others = [f"{name}/" for name in rig.joints if name != joint]
-    kept = []
-    for run in runs:
-        for note in run.notes:
-            if f"{joint}/" in note or not any(other in note for other in others):
-                kept.append(f"{run.name}: {note}")
-    return kept
+    return list(told_once(of_joint(((run.name, note) for run in runs for note in run.notes), joint, rig.joints)))
 
 
 def _unit(drive: str, name: str) -> str:

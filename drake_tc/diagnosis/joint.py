@@ -32,6 +32,7 @@ from drake_tc.effects.torque_sensor_drift import TorqueSensorDrift
 from drake_tc.effects.torque_sensor_gain import TorqueSensorGain
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
+from drake_tc.logs.told_once import of_joint, told_once
 from drake_tc.types import FloatArray
 
 SETTLING_ROUNDS = 4
@@ -154,7 +155,11 @@ def diagnose_joint(
         runs=tuple(run_errors(splits)),
         consistency=consistency(columns, chosen),
         shared_band=shared_band(*splits),
-        notes=(*columns.samples.notes, *held.samples.notes, *notes, *_sticking(columns, chosen, context)),
+        notes=(
+            *told_once(of_joint((*columns.samples.notes, *held.samples.notes), joint, rig.joints)),
+            *notes,
+            *_sticking(columns, chosen, context),
+        ),
     )
 
 

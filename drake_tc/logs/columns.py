@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 
 from drake_tc.errors import LogError
+from drake_tc.logs.column_hints import column_hints
 from drake_tc.logs.rig import Rig
 from drake_tc.logs.units import JOINT_SUFFIXES, SENSOR_SUFFIXES, scale_of
 from drake_tc.types import BoolArray, FloatArray
@@ -105,8 +106,8 @@ def _candidates(rig: Rig, table: pd.DataFrame) -> dict[str, str]:
     return found
 
 
-def _enabled(table: pd.DataFrame, rig: Rig, path: Path) -> BoolArray:
-    """Where every drive of the rig is on, by the rig's `enabled` column or the canonical ones."""
+def _enabled(table: pd.DataFrame, rig: Rig, path: Path) -> tuple[BoolArray, list[str]]:
+    """Where every drive of the rig is on, by the rig's `enabled` column or the canonical ones, and these columns."""
     wanted = [rig.enabled] if rig.enabled is not None else []
     wanted += [name for key, name in rig.columns.items() if key.rsplit("/", 1)[-1] == "enabled"]
     for name in wanted:
@@ -124,7 +125,7 @@ def _enabled(table: pd.DataFrame, rig: Rig, path: Path) -> BoolArray:
             on &= ~values.astype("string").str.strip().str.lower().isin(
                 ["false", "off", "0", "0.0", "no", ""]
             ).to_numpy(bool)
-    return on
+    return on, wanted
 
 
 def map_columns(table: pd.DataFrame, rig: Rig, path: Path) -> RawLog:
@@ -160,4 +161,6 @@ def map_columns(table: pd.DataFrame, rig: Rig, path: Path) -> RawLog:
         columns[canonical] = values
     time = columns.pop("time")
     rows = np.arange(1, len(table) + 1, dtype=np.float64)
-    return RawLog(path, rows, time, columns, _enabled(table, rig, path), tuple(notes))
+    enabled, switches = _enabled(table, rig, path)
+    hints = column_hints(map(str, table.columns), found, rig, switches)
+    return RawLog(path, rows, time, columns, enabled, (*notes, *hints))

@@ -77,9 +77,10 @@ COLUMN_MEANING: Mapping[str, str] = {
     "supply_voltage": "Voltage that feeds the drive.",
     "enabled": "0 or false while the drive is off.",
     "gyro_x": "Angular rates of an IMU.",
-    "accel_x": "Proper accelerations of an IMU: gravity upwards at rest.",
-    "fx": "Forces of an F/T sensor.",
-    "tx": "Torques of an F/T sensor.",
+    "accel_x": "Proper accelerations of an IMU: at rest, the axis that points upwards reads +9.81 m/s².",
+    "fx": "Forces of an F/T sensor: what the distal part (the foot) exerts on the proximal one. A standing robot reads "
+    "+fz where z points upwards.",
+    "tx": "Torques of an F/T sensor about its origin, of the distal part on the proximal one.",
 }
 """What a canonical column holds, by its last part; the axes y and z as x."""
 

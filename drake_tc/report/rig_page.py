@@ -8,13 +8,13 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from drake_tc.effects.base import DriveEffect, Effect, TransmissionEffect
+from drake_tc.diagnosis.problem.declared import ALWAYS, can_be_held
+from drake_tc.effects.base import Effect
 from drake_tc.effects.library import effect
 from drake_tc.logs.effect_ids import EFFECT_IDS, ROBOT_CAUSES
 from drake_tc.logs.rig_document.document import RigDocument
-from drake_tc.logs.rig_document.keys import HIDDEN
+from drake_tc.logs.rig_document.keys import HIDDEN, default_of, unit_of
 from drake_tc.logs.rig_document.loads import KINDS, WORDS
-from drake_tc.logs.rig_document.schema import default_text
 from drake_tc.logs.rig_document.sensors import ForceTorqueKeys, ImuKeys, JointNoise
 from drake_tc.logs.sensors import FORCE_TORQUE_PARTS, IMU_PARTS
 from drake_tc.logs.units import COLUMN_MEANING, JOINT_SUFFIXES, SENSOR_SUFFIXES, allowed_units
@@ -49,14 +49,11 @@ def example(name: str) -> str:
 
 def key_table(model: type[BaseModel]) -> str:
     """One row for each key of a mapping: meaning, unit, default, example."""
-    schema = model.model_json_schema()
-    required = schema.get("required", [])
     rows = []
-    for name, field in schema["properties"].items():
-        if name.startswith(HIDDEN):
-            continue
-        default = "required" if name in required else default_text(field)
-        rows.append((f"`{name}`", field["description"], field["unit"], default, f"`{name}: {_yaml(field['examples'][0])}`"))
+    for name, field in model.model_fields.items():
+        if not (field.alias or name).startswith(HIDDEN):
+            example = f"`{name}: {_yaml((field.examples or [None])[0])}`"
+            rows.append((f"`{name}`", field.description or "", unit_of(field), default_of(field), example))
     return _table(("key", "meaning", "unit", "default", "example"), rows)
 
 
@@ -119,8 +116,7 @@ def _use(member: Effect) -> str:
     """What a fit does with a declared value (`drake_tc.diagnosis.problem.declared`)."""
     if member.id == "rotor_inertia":
         return "held"
-    refitted = member.id in ("viscous", "coulomb") or isinstance(member, DriveEffect | TransmissionEffect)
-    return "fitted anew" if refitted else "held"
+    return "held" if member.id not in ALWAYS and can_be_held(member.id) else "fitted anew"
 
 
 def _part_table() -> str:

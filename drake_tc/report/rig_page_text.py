@@ -2,7 +2,7 @@
 
 TEXT = """# The rig file
 
-<!-- Written by `drake-tc schema rig --page --out drake_tc/logs/RIG.md`. Change the model in drake_tc/logs/rig_document, not this page. -->
+<!-- Written by `drake-tc schema rig --page --out drake_tc/logs/RIG.md` from drake_tc/logs/rig_document. Do not edit. -->
 
 A rig file (YAML) says what your logs show: the joints, how their drives are commanded, where the load torque comes from, and what
 you already model. This page lists every key. `drake-tc schema rig` prints the JSON schema for editors, `drake-tc schema rig --page` prints this page.
@@ -31,12 +31,14 @@ A leg whose load torques come from the robot's model, an F/T sensor and an IMU (
 {leg_robot}
 ```
 
+[models/README.md](../../models/README.md) explains every key of a robot file.
+
 ## The keys
 
 {top}
 
 `drive`, `load`, `declared`, `saturation` and `drive_gain` take one value for all joints or a mapping by joint: `drive: {{hip: current, knee: voltage}}`.
-A joint that a mapping by joint leaves out has the default; `drive` needs an entry for every joint.
+A joint that a mapping by joint leaves out has the default; `drive` needs an entry for every joint. An optional key without a value counts as absent.
 
 ## `columns` and `units`: the log
 

@@ -212,7 +212,7 @@ def build_samples(
         ),
         row_period=float(np.median(np.diff(rows))) * period,
         run_of_sample=channels.run_of_sample,
-        notes=tuple(note for r in runs for note in r.notes),
+        notes=tuple((r.name, note) for r in runs for note in r.notes),
     )
 
 

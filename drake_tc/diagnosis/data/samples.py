@@ -27,7 +27,7 @@ class Samples:
         rows: (N,) indices into T: where the joint resolvably moves and the filters owe nothing to an end.
         run: (N,) index of the run; `block`: (N,) consecutive half-second blocks, never across a gap.
         moving: (T,) whether the direction of motion is resolved.
-        runs: The runs' names, by index. `notes`: what was done to them.
+        runs: The runs' names, by index. `notes`: (run, what was done to it).
         resolution: See `Resolution`.
         floor: What noise alone leaves in the rows.
         row_period: Mean time between rows inside a block [s].
@@ -46,7 +46,7 @@ class Samples:
     floor: NoiseFloor
     row_period: float
     run_of_sample: IntArray
-    notes: tuple[str, ...] = field(default=())
+    notes: tuple[tuple[str, str], ...] = field(default=())
 
     def reduce(self, values: FloatArray, *, fresh: bool = False) -> FloatArray:
         """Low-pass (T,) or (T, k) values and keep the rows: (N,) or (N, k).

@@ -8,6 +8,8 @@ from drake_tc.diagnosis.problem.columns import Columns, Term
 from drake_tc.diagnosis.problem.regression import Fit, fit
 from drake_tc.effects.base import Context, SensorEffect, TorqueEffect
 from drake_tc.effects.library import effect
+from drake_tc.errors import RigError
+from drake_tc.logs.near import near
 from drake_tc.logs.rig import Rig
 
 ALWAYS = ("viscous", "coulomb")
@@ -16,17 +18,27 @@ ALWAYS = ("viscous", "coulomb")
 def known_values(rig: Rig, joint: str) -> dict[str, dict[str, float]]:
     """Declared effects whose values the owner gives: id to parameters. Not the inertia, which is part of the target,
     and not viscous and Coulomb friction, which every log tells better (they hold the drive's damping too).
+
+    Raises:
+        RigError: A declared parameter is not one of its effect.
     """
     out: dict[str, dict[str, float]] = {}
     for key, value in rig.declared[joint].items():
         name, _, parameter = key.partition(".")
         if value is None or name in (*ALWAYS, "rotor_inertia"):
             continue
-        out.setdefault(name, {})[parameter or effect(name).parameters[0].name] = value
-    return {name: _filled(name, given) for name, given in out.items() if _can_be_held(name)}
+        known = [p.name for p in effect(name).parameters]
+        if parameter and parameter not in known:
+            raise RigError(
+                f"{rig.source or 'rig'}: declared: {name}: no parameter {parameter!r}{near(parameter, known)}; "
+                f"parameters: {', '.join(known)}"
+            )
+        out.setdefault(name, {})[parameter or known[0]] = value
+    return {name: _filled(name, given) for name, given in out.items() if can_be_held(name)}
 
 
-def _can_be_held(name: str) -> bool:
+def can_be_held(name: str) -> bool:
+    """Whether a fit takes a declared value of the effect as it is; the logs tell those of drives and gears anew."""
     return isinstance(effect(name), TorqueEffect | SensorEffect)
 
 

@@ -21,9 +21,15 @@ FileName = Annotated[str, Field(min_length=1), saying("the name of a robot file 
 class RigDocument(Keys):
     """What a rig file may say."""
 
-    joint: JointName | None = key("Name of the joint. A file has `joint` or `joints`, not both.", example="knee")
+    joint: JointName | None = key(
+        "Name of the joint. A file has `joint` or `joints`, not both.",
+        example="knee",
+        absent="required unless `joints` or `robot` is there",
+    )
     joints: list[JointName] | None = key(
-        "Names of the joints.", example=["hip", "knee"], absent="the driven joints of the robot file"
+        "Names of the joints.",
+        example=["hip", "knee"],
+        absent="the driven joints of the robot file, with the key `robot`",
     )
     robot: FileName | None = key(
         "Robot file, relative to the rig file. The robot's model gives the load torques.",

@@ -21,6 +21,7 @@ from pydantic import (
     WrapValidator,
     model_validator,
 )
+from pydantic.fields import FieldInfo
 
 from drake_tc.logs.near import near
 from drake_tc.logs.units import quantity
@@ -47,7 +48,7 @@ class Keys(BaseModel):
         cls.check_together(value)
         for name, field in fields.items():
             if field.is_required() and name not in value:
-                raise ValueError(f"{name} is missing; expected {expected(field.json_schema_extra)}")
+                raise ValueError(f"{name} is missing; expected {expected(field)}")
         return value
 
     @classmethod
@@ -59,9 +60,26 @@ class Keys(BaseModel):
         """
 
 
-def expected(extra: object) -> str:
-    """What a key wants, as `key` was told."""
-    return str(extra.get("expected", "")) if isinstance(extra, Mapping) else ""
+def expected(field: FieldInfo) -> str:
+    """What a required key wants, as `key` was told."""
+    return _told(field, "expected")
+
+
+def unit_of(field: FieldInfo) -> str:
+    """Unit of a plain number; empty where the key has none."""
+    return _told(field, "unit")
+
+
+def default_of(field: FieldInfo) -> str:
+    """What holds when the key is absent."""
+    if field.is_required():
+        return "required"
+    return _told(field, "absent") or f"{field.default:g}"
+
+
+def _told(field: FieldInfo, what: str) -> str:
+    extra = field.json_schema_extra
+    return str(extra.get(what, "")) if isinstance(extra, Mapping) else ""
 
 
 def key(

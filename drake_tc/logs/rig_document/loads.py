@@ -17,7 +17,7 @@ WORDS: Mapping[LoadWord, str] = {
 
 
 class PendulumKeys(Keys):
-    """A rigid pendulum on the joint: tau = inertia qddot + mass g length sin(q - zero) [N m]."""
+    """A rigid pendulum on the joint: τ = inertia · q̈ + mass · g · length · sin(q − zero). No torque column is needed."""
 
     mass: PositiveNumber = key(
         "Mass.", unit="kg", example=1.2, default=..., expected="the mass [kg], a positive number"
@@ -43,7 +43,7 @@ class PendulumKeys(Keys):
 
 
 class PendulumLoad(Keys):
-    """`{pendulum: ...}`: a known pendulum; no torque column is needed."""
+    """A known pendulum; no torque column is needed."""
 
     pendulum: PendulumKeys = key(
         "A rigid pendulum of known mass and length.",
@@ -58,7 +58,7 @@ class PendulumLoad(Keys):
 
 
 class ModelLoad(Keys):
-    """`{robot: ...}`: the model of the robot that the key `robot` names; it is the load of all joints then."""
+    """The model of the robot that the key `robot` names. It must be the load of all joints of the rig."""
 
     robot: Annotated[RobotMethod, one_of(get_args(RobotMethod))] = key(
         "`estimate` computes the torques from encoders, IMU and F/T sensors. `inverse_dynamics` leaves the F/T sensors "
@@ -76,7 +76,7 @@ class ModelLoad(Keys):
 KINDS: Mapping[str, type[PendulumLoad | ModelLoad]] = {"pendulum": PendulumLoad, "robot": ModelLoad}
 """The key of each kind of load that has parameters, and its class: it has that one key."""
 
-_SHAPES = (f"{{{name}: {expected(kind.model_fields[name].json_schema_extra)}}}" for name, kind in KINDS.items())
+_SHAPES = (f"{{{name}: {expected(kind.model_fields[name])}}}" for name, kind in KINDS.items())
 POSSIBLE = f"{', '.join(map(repr, WORDS))} or {' or '.join(_SHAPES)}"
 
 

@@ -16,22 +16,17 @@ def rig_schema() -> dict[str, Any]:
     return {"$schema": DIALECT, "title": "drake_tc rig file", **schema, "anyOf": joints}
 
 
-def default_text(field: Mapping[str, Any]) -> str:
-    """What holds when a key is absent, from its entry in pydantic's schema; empty for a required key."""
-    if field.get("absent"):
-        return str(field["absent"])
-    return "" if field.get("default") is None else f"{field['default']:g}"
-
-
 def _explained(value: Any) -> Any:
     """The schema with unit and default in the descriptions, and without what only this library reads."""
     if isinstance(value, list):
-        return [_explained(each) for each in value if each != {"type": "null"}]
+        return [_explained(each) for each in value]
     if not isinstance(value, Mapping):
         return value
     if "absent" not in value:
-        return {name: _explained(each) for name, each in value.items() if name != "title" or not isinstance(each, str)}
-    unit, default = value["unit"], default_text(value)
-    description = value["description"] + (f" Unit: {unit}." if unit else "") + (f" Default: {default}." if default else "")
+        kept = {name: each for name, each in value.items() if name != "title" or not isinstance(each, str)}
+        return {"anyOf" if name == "oneOf" else name: _explained(each) for name, each in kept.items()}
+    default = value["absent"] or ("" if value.get("default") is None else f"{value['default']:g}")
+    told = (("Unit", value["unit"]), ("Default", default))
+    description = " ".join([value["description"], *(f"{name}: {text}." for name, text in told if text)])
     rest = {name: _explained(each) for name, each in value.items() if name not in _OURS}
     return {**rest, "description": description}

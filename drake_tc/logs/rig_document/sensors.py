@@ -64,10 +64,10 @@ class JointNoise(Keys):
         absent="estimated from the log",
     )
     correlation_time: Time | None = key(
-        "Time over which the noise of the torque is correlated; 0 for white noise.",
+        "Time over which the noise of the torque is correlated. White noise has 0.",
         unit="s",
         example="20 ms",
-        absent="0 where `torque_noise` is given, otherwise estimated from the log",
+        absent="0; noise that is slower than white is estimated from the residual",
     )
     encoder_step: Position | None = key(
         "Step between two neighbouring positions of the encoder.",
@@ -152,11 +152,9 @@ def _sensor_properties(schema: dict[str, Any]) -> None:
 
 
 class SensorsKeys(JointNoise, json_schema_extra=_sensor_properties):
-    """Noise of all joints, of single joints, and tolerances of the robot's sensors.
+    """Noise of all joints, of single joints, and tolerances of the robot's sensors."""
 
-    `sorted_by_owner` puts what the file says of joints, F/T sensors and IMUs under the keys that begin with "@".
-    """
-
+    # `sorted_by_owner` puts what the file says of joints, F/T sensors and IMUs under these.
     of_joints: dict[str, JointNoise] = Field(default_factory=dict, alias="@joint")
     force_torque: dict[str, ForceTorqueKeys] = Field(default_factory=dict, alias="@ft")
     imu: dict[str, ImuKeys] = Field(default_factory=dict, alias="@imu")

@@ -1,0 +1,103 @@
+"""Columns that are misspelt or forgotten are pointed out, each in one sentence; ordinary other columns are not."""
+
+import numpy as np
+import pytest
+import yaml
+
+from drake_tc.logs.column_hints import column_hints, same_but_misspelt
+from drake_tc.logs.prepare import load_run
+from drake_tc.logs.rig import load_rig, parse_rig
+from drake_tc.logs.told_once import of_joint, told_once
+
+from .conftest import bench, servo_rig, write
+
+ROBOT = "{joints: [hip, knee], force_torque: {right: {joint: a}, left: {joint: b}}, imu: {trunk: {link: base}}}"
+
+
+@pytest.fixture
+def leg(tmp_path):
+    (tmp_path / "leg.yaml").write_text(ROBOT, encoding="utf-8")
+    document = {"robot": "leg.yaml", "drive": "current", "columns": {"ft_rigth/fy": "side"}}
+    (tmp_path / "rig.yaml").write_text(yaml.safe_dump(document), encoding="utf-8")
+    return load_rig(tmp_path / "rig.yaml")
+
+
+def hints(rig, names, **found):
+    return column_hints(names, found, rig, [])
+
+
+@pytest.mark.parametrize(
+    ("name", "known", "alike"),
+    [
+        ("ft_rigth/fx", "ft_right/fx", True),
+        ("knee.velocty", "knee/velocity", True),
+        ("Knee/Velocity", "knee/velocity", True),
+        ("kneeVelocity", "knee/velocity", True),
+        ("ft_left/fx", "ft_right/fx", False),
+        ("l_knee/velocity", "r_knee/velocity", False),
+        ("joint1/velocity", "joint2/velocity", False),
+        ("hip_roll/velocity", "hip_yaw/velocity", False),
+        ("knee/velocity/raw", "knee/velocity", False),
+    ],
+)
+def test_a_typo_is_told_from_another_name(name, known, alike):
+    assert same_but_misspelt(name, known) is alike
+
+
+def test_a_misspelt_sensor_of_the_log_and_of_the_rig_file(leg):
+    (note,) = column_hints(["ft_rigth/fx"], {"ft_rigth/fx": "ft_rigth/fx"}, leg, [])
+    assert note == "Column 'ft_rigth/fx' is not used: the robot has no sensor 'ft_rigth'; did you mean 'ft_right'?"
+    (note,) = column_hints(["side"], {"ft_rigth/fy": "side"}, leg, [])
+    assert note.startswith("Column 'side' (ft_rigth/fy) is not used") and "did you mean 'ft_right'?" in note
+    (note,) = column_hints(["ft_right/fxx", "imu_trunck/gyro_x"], {"ft_right/fx": "ft_right/fx"}, leg, [])
+    assert note == "Column 'imu_trunck/gyro_x' is not used; did you mean 'imu_trunk/gyro_x'?"
+
+
+def test_other_sensors_and_joints_are_no_typos(leg):
+    names = ["ft_hand/fx", "imu_head/gyro_x", "ankle/position", "status", "seq"]
+    assert column_hints(names, {name: name for name in names[:2]}, leg, []) == ()
+
+
+@pytest.mark.parametrize(
+    ("name", "says"),
+    [
+        ("temp", "looks like a temperature and is not used; `columns: {joint/temperature: temp}`"),
+        ("input_volts", "looks like a supply voltage and is not used; `columns: {joint/supply_voltage: input_volts}`"),
+        ("torque_enable", "looks like a switch of the drive and is not used; `enabled: torque_enable`"),
+        ("joint/motor_temp", "`columns: {joint/temperature: joint/motor_temp}`"),
+    ],
+)
+def test_what_looks_like_something_useful_is_pointed_out(tmp_path, name, says):
+    table = bench().drop(columns="joint/temperature").assign(**{name: 1.0})
+    run = load_run(write(table, tmp_path / "run.csv"), servo_rig())
+    (note,) = run.notes
+    assert says in note and note.endswith(".")
+
+
+def test_what_is_used_is_not_pointed_out(tmp_path):
+    table = bench().assign(temp=20.0, input_volts=24.0, torque_enable=1)
+    columns = {"supply_voltage": "input_volts"}
+    rig = servo_rig(columns=columns, enabled="torque_enable")  # joint/temperature is in the log
+    assert load_run(write(table, tmp_path / "run.csv"), rig).notes == ()
+
+
+def test_the_switch_of_one_of_several_joints():
+    rig = parse_rig({"joints": ["hip", "knee"], "drive": "current"})
+    (note,) = hints(rig, ["knee_torque_enable"])
+    assert "`columns: {knee/enabled: knee_torque_enable}`" in note
+
+
+def test_notes_are_told_once_for_each_kind_and_name_their_logs():
+    same = [(f"run{n}", "Column 'temp' looks like a temperature.") for n in range(40)]
+    counted = [("a", "3 rows were left out."), ("b", "17 rows were left out.")]
+    assert told_once([*same[:1], *counted[:1], *same[1:], *counted[1:]]) == (
+        "run0, run1, run2 and 37 more logs: Column 'temp' looks like a temperature.",
+        "a: 3 rows were left out. The same, with other numbers, holds for b.",
+    )
+    assert told_once([]) == ()
+
+
+def test_notes_of_other_joints_are_left_out():
+    notes = [("a", "Column knee/torque is frozen."), ("a", "Column left_knee/torque is frozen."), ("a", "A gap.")]
+    assert of_joint(notes, "knee", ["knee", "left_knee"]) == [notes[0], notes[2]]
+    assert np.shape(of_joint(notes, "left_knee", ["knee", "left_knee"])) == (2, 2)
