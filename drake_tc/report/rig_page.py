@@ -2,10 +2,10 @@
 
 import json
 from collections.abc import Iterable, Sequence
-from dataclasses import fields
 from importlib.resources import files
 from typing import Any
 
+from jinja2 import Environment, StrictUndefined
 from pydantic import BaseModel
 
 from drake_tc.diagnosis.problem.declared import ALWAYS, can_be_held
@@ -16,9 +16,8 @@ from drake_tc.logs.rig_document.document import RigDocument
 from drake_tc.logs.rig_document.keys import HIDDEN, default_of, unit_of
 from drake_tc.logs.rig_document.loads import KINDS, WORDS
 from drake_tc.logs.rig_document.sensors import ForceTorqueKeys, ImuKeys, JointNoise
-from drake_tc.logs.sensors import FORCE_TORQUE_PARTS, IMU_PARTS
+from drake_tc.logs.sensors import FORCE_TORQUE_PARTS, IMU_PARTS, Tolerance
 from drake_tc.logs.units import COLUMN_MEANING, JOINT_SUFFIXES, SENSOR_SUFFIXES, allowed_units
-from drake_tc.report.rig_page_text import TEXT
 
 EXAMPLES = ("joint_rig.yaml", "leg_rig.yaml", "leg_robot.yaml")
 """The complete examples in drake_tc/logs/examples."""
@@ -39,7 +38,9 @@ def rig_page() -> str:
         "parts": _part_table(),
         **{name.split(".")[0]: example(name).rstrip() for name in EXAMPLES},
     }
-    return TEXT.format(**parts)
+    text = (files("drake_tc.report") / "rig_page.md.jinja").read_text(encoding="utf-8")
+    environment = Environment(undefined=StrictUndefined, autoescape=False, keep_trailing_newline=True)
+    return environment.from_string(text).render(parts)
 
 
 def example(name: str) -> str:
@@ -120,11 +121,16 @@ def _use(member: Effect) -> str:
 
 
 def _part_table() -> str:
-    parts = [("ft_", name, part) for name, part in FORCE_TORQUE_PARTS.items()]
-    rows = []
-    for prefix, name, part in (*parts, *(("imu_", name, part) for name, part in IMU_PARTS.items())):
-        values = [f"{getattr(part, field.name):.3g}" for field in fields(part)]
-        units = ("N", "N·m") if prefix == "ft_" else ("m/s²", "rad/s")
-        biases = ", ".join(f"{value} {unit}" for value, unit in zip(values[:2], units, strict=True))
-        rows.append((f"`{prefix}`", f"`{name}`", biases, values[2], f"{values[3]} rad"))
+    rows = [
+        ("`ft_`", f"`{name}`", f"{part.force_bias:.3g} N, {part.torque_bias:.3g} N·m", *_errors(part))
+        for name, part in FORCE_TORQUE_PARTS.items()
+    ]
+    rows += [
+        ("`imu_`", f"`{name}`", f"{part.accel_bias:.3g} m/s², {part.gyro_bias:.3g} rad/s", *_errors(part))
+        for name, part in IMU_PARTS.items()
+    ]
     return _table(("sensor", "part", "bias", "gain", "alignment"), rows)
+
+
+def _errors(part: Tolerance) -> tuple[str, str]:
+    return f"{part.gain:.3g}", f"{part.alignment:.3g} rad"

@@ -1,4 +1,4 @@
-"""One model of the rig file: the page is up to date and complete, its examples load, and the schema agrees with the reader."""
+"""One model of the rig file: the page is up to date, its examples load, and the schema agrees with the reader."""
 
 import copy
 import json

@@ -17,7 +17,7 @@ WORDS: Mapping[LoadWord, str] = {
 
 
 class PendulumKeys(Keys):
-    """A rigid pendulum on the joint: τ = inertia · q̈ + mass · g · length · sin(q − zero). No torque column is needed."""
+    """A rigid pendulum: τ = inertia · q̈ + mass · g · length · sin(q − zero). No torque column is needed."""
 
     mass: PositiveNumber = key(
         "Mass.", unit="kg", example=1.2, default=..., expected="the mass [kg], a positive number"
