@@ -11,6 +11,7 @@ from drake_tc.logs.rig import load_rig, parse_rig, save_rig
 from drake_tc.logs.units import parse_unit, scale_of
 
 BASE = {"joint": "knee", "drive": "position_servo"}
+LEG = {"joints": ["hip", "knee"], "drive": "current"}
 
 
 def test_viscous_and_coulomb_are_always_declared():
@@ -66,6 +67,12 @@ def test_round_trip(tmp_path, more):
         assert getattr(again, name) == getattr(rig, name), name
 
 
+def test_a_joint_without_a_value_has_the_default():
+    rig = parse_rig({**LEG, "load": {"hip": None, "knee": "unknown"}, "declared": {"hip": ["stribeck"], "knee": None}})
+    assert rig.load == {"hip": "torque", "knee": "unknown"}
+    assert "stribeck" in rig.declared["hip"] and "stribeck" not in rig.declared["knee"]
+
+
 def test_a_joint_may_be_called_pendulum():
     pendulum = {"pendulum": {"mass": 1.0, "length": 1.0}}
     for load in (pendulum, {"pendulum": pendulum}):
@@ -101,6 +108,15 @@ def test_a_joint_may_be_called_pendulum():
         ({**BASE, "declared": ["stribek"]}, "did you mean 'stribeck'"),
         ({**BASE, "declared": {"rotor_inertia": "big"}}, "rotor_inertia: expected a number"),
         ({**BASE, "declared": {"rotor_inertia": -1}}, ">= 0"),
+        ({**BASE, "declared": {"stribek": 1}}, "declared: unknown effect 'stribek'; did you mean 'stribeck'?"),
+        ({**BASE, "declared": ["link_mass"]}, "a cause of the whole robot and cannot be declared"),
+        ({**LEG, "declared": {"hip": ["stribeck"], "kneee": {}}}, "not a joint of this rig; did you mean 'knee'"),
+        ({**LEG, "load": {"hip": "torque", "kne": "torque"}}, "load: 'kne' is not a joint of this rig; did you"),
+        ({**LEG, "drive": {"hip": "current", "knne": "current"}}, "no entry for joint 'knee'; entries"),
+        ({**LEG, "drive": {"hip": "current", "knee": "volts"}}, "drive: knee: expected one of position_servo"),
+        ({**LEG, "load": {"hip": {"pendulum": {"mass": 1.0}}}}, "load: hip: pendulum: length is missing"),
+        ({**BASE, "load": {"robot": "estimat"}}, "load: robot: expected one of estimate, inverse_dynamics"),
+        ({**BASE, "unit": {}}, "`drake-tc schema rig --page` explains every key"),
         ({**BASE, "enabled": 3}, "name of a column"),
         ({**BASE, "saturation": -1}, "positive number"),
         ({**BASE, "saturation": {"hip": 1}}, "'hip' is not a joint"),
