@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from pydrake.common import RandomDistribution, RandomGenerator
 from pydrake.common.value import Value
+from pydrake.math import RotationMatrix
 from pydrake.multibody.math import SpatialForce
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import RevoluteJoint, SpatialInertia, UnitInertia
@@ -31,10 +32,11 @@ GRAVITY = 9.81
 
 @dataclass(frozen=True)
 class Link:
-    """What the joint carries: inertia about the axis [kg m^2] and gravity moment m g l [N m]; it hangs at q = 0."""
+    """What the joint carries: inertia about the axis [kg m^2] and gravity moment m g l [N m]; it hangs at q = zero."""
 
     inertia: float
     gravity_moment: float = 0.0
+    zero: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -87,8 +89,9 @@ def make_plant(link: Link, step: float) -> MultibodyPlant:
         mass, radius = link.gravity_moment / (GRAVITY * arm), 2.0 * arm**2
     else:
         arm, mass, radius = 0.0, 1.0, link.inertia
-    offset: Any = np.array([0.0, 0.0, -arm])
-    inertia = UnitInertia(radius, radius, radius if arm == 0.0 else 0.5 * radius)
+    turned = RotationMatrix.MakeYRotation(-link.zero)
+    offset: Any = turned.multiply(np.array([0.0, 0.0, -arm]))
+    inertia = UnitInertia(radius, radius, radius if arm == 0.0 else 0.5 * radius).ReExpress(turned)
     body = plant.AddRigidBody("link", SpatialInertia(mass, offset, inertia))
     axis: Any = np.array([0.0, 1.0, 0.0])
     joint = plant.AddJoint(RevoluteJoint(JOINT, plant.world_frame(), body.body_frame(), axis))

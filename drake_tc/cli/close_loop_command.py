@@ -16,6 +16,7 @@ from rich.table import Table
 
 from drake_tc.cli.progress import progress_bar
 from drake_tc.diagnosis.options import DiagnosisOptions
+from drake_tc.diagnosis.problem.estimates import Estimate
 from drake_tc.diagnosis.result.closed_loop import JointClosedLoop
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult
@@ -104,6 +105,11 @@ def print_summary(result: CloseLoopResult, out: Path) -> None:
         console.print(_errors_table(joint))
         if joint.verdict.startswith("unexplained"):
             console.print(f"  {escape(capital(unexplained(joint)))}")
+        if joint.load is not None:
+            title, load = joint.load
+            console.print(f"  {title}: {', '.join(_with_interval(n, p) for n, p in load.items())}")
+        for note in joint.load_notes:
+            console.print(f"  ! {escape(note)}")
         for effect in joint.effects:
             values = ", ".join(f"{n} {p.value:.4g} {p.unit}" for n, p in effect.parameters.items())
             console.print(f"  + [bold]{effect.id}[/bold]  {values}  (held-out gain {100 * effect.heldout_gain:.0f} %)")
@@ -123,6 +129,13 @@ def print_summary(result: CloseLoopResult, out: Path) -> None:
         for note in result.closed_loop.notes:
             console.print(f"closed loop: {escape(note)}")
     console.print(f"{result.seconds:.1f} s; report: {out / 'report.html'}")
+
+
+def _with_interval(name: str, estimate: Estimate) -> str:
+    """A parameter with its 95 % interval; without one where the fit does not move it."""
+    low, high = estimate.ci95
+    interval = escape(f" [{low:.4g}, {high:.4g}]") if high > low else ""
+    return f"{name.replace('_', ' ')} {estimate.value:.4g}{interval} {estimate.unit}"
 
 
 def _tracking(loop: JointClosedLoop) -> str:

@@ -5,11 +5,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from drake_tc.diagnosis.data.load_scale import load_scale
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.problem.columns import Columns, Term, coefficients_by_term
 from drake_tc.diagnosis.problem.estimates import estimates
 from drake_tc.diagnosis.problem.prepared import Prepared, prepare_joint
 from drake_tc.diagnosis.problem.regression import Fit, fit
+from drake_tc.diagnosis.problem.unknown_load import with_fitted_load
 from drake_tc.diagnosis.residual.band import shared_band
 from drake_tc.diagnosis.residual.verdict import compared, noise_floor, verdict_of, what_is_left
 from drake_tc.diagnosis.result.break_away_note import sticking
@@ -131,6 +133,7 @@ def diagnose_joint(
     unexplained, floor, notes = what_is_left(splits, chosen, floor, context, options)
     effects = found_effects(columns, held, chosen, known, context, stability)
     kept = {e.id for e in effects}
+    load_notes = load_scale(rig, joint).notes
     ties = tuple(pair for pair in ties if pair[0] in kept)
     return JointResult(
         joint=joint,
@@ -155,7 +158,9 @@ def diagnose_joint(
         runs=tuple(run_errors(splits)),
         consistency=consistency(columns, chosen),
         shared_band=shared_band(*splits),
+        load_notes=load_notes,
         notes=(
+            *load_notes,
             *told_once(of_joint((*columns.samples.notes, *held.samples.notes), joint, rig.joints)),
             *notes,
             *_sticking(columns, chosen, context),
@@ -164,7 +169,7 @@ def diagnose_joint(
 
 
 def _sticking(columns: Columns, chosen: Fit, context: Context) -> tuple[str, ...]:
-    found = None if context.load == "robot" else sticking(columns, chosen)
+    found = None if context.load in ("robot", "unknown") else sticking(columns, chosen)
     return () if found is None else (found.sentence(),)
 
 
@@ -184,7 +189,10 @@ def _settled(
     servo, first = context.drive == "position_servo", (columns, held)
     for _ in range(SETTLING_ROUNDS if len(chosen.terms) > len(baseline.terms) else 0):
         columns, held = (
-            c.with_model(chosen.terms, chosen.beta, servo=servo, true_torque=true_torque(c, chosen)) for c in first
+            with_fitted_load(
+                c.with_model(chosen.terms, chosen.beta, servo=servo, true_torque=true_torque(c, chosen)), chosen
+            )
+            for c in first
         )
         chosen = fit(columns, chosen.terms)
     return columns, held, chosen

@@ -80,7 +80,7 @@ def _close_loop(
     for joint in rig.joints:
         if logs_of_robot is None:
             joints[joint] = diagnose_joint(train, held, rig, joint, options, progress)
-        if free_run is not None and rig.load[joint] != "unknown":
+        if free_run is not None:
             progress("free run", 0.0)
             joints[joint] = with_free_runs(joints[joint], rig, held, free_run, executor, before)
     verdict = _overall(joints.values())

@@ -47,6 +47,10 @@ class AsymmetricFriction(TorqueEffect):
             f"{COULOMB_ASYMMETRY_RANGE.source}."
         )
 
+    def obstacle(self, context: Context) -> str:
+        """Not beside an unknown load, which has a column of the same form."""
+        return context.taken_up or super().obstacle(context)
+
     def columns(self, signals: Signals, shape: Shape) -> FloatArray:
         """Phi (T, 2): see the class."""
         return np.stack([signals.direction**2, np.abs(signals.velocity)], axis=-1)

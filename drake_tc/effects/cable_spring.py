@@ -42,6 +42,10 @@ class CableSpring(TorqueEffect):
         x="position", split="", look_for="a straight line over the angle, the same in both directions"
     )
 
+    def obstacle(self, context: Context) -> str:
+        """Not beside an unknown load, which has a column of the same form."""
+        return context.taken_up or super().obstacle(context)
+
     def inconsistency(self, parameters: Mapping[str, float], context: Context) -> str:
         """A cable does not wind up over several turns."""
         if context.turns <= MOST_TURNS:

@@ -8,6 +8,7 @@ from typing import Literal
 from drake_tc.effects.parameter import Scale
 
 DriveKind = Literal["position_servo", "current", "voltage"]
+LoadKind = Literal["torque", "pendulum", "robot", "unknown"]
 EFFORT_UNIT: Mapping[str, str] = {"position_servo": "rad", "current": "A", "voltage": "V"}
 
 
@@ -17,7 +18,8 @@ class Context:
 
     Attributes:
         drive: Kind of drive.
-        load: Where the load torque comes from: a torque column, a pendulum's mass and length, or a robot's model.
+        load: Where the load torque comes from: a torque column, a pendulum's mass and length, a robot's model, or
+            "unknown": the declared model fits it.
         recorded: Names of the `Signals` fields that were recorded.
         declared: Parameter values that the user vouches for.
         link_inertia: Of a pendulum load about the axis [kg m^2]; 0 where the load is measured.
@@ -35,7 +37,7 @@ class Context:
     """
 
     drive: DriveKind
-    load: Literal["torque", "pendulum", "robot"]
+    load: LoadKind
     recorded: frozenset[str]
     declared: Mapping[str, float] = field(default_factory=dict)
     link_inertia: float = 0.0
@@ -49,6 +51,11 @@ class Context:
     supply_change: float = 0.0
     temperature_span: tuple[float, float] = (math.nan, math.nan)
     fitted: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def taken_up(self) -> str:
+        """Why an effect that has the form of a load cannot be looked for beside an unknown load; "" where it can."""
+        return "the load is unknown, and what is fitted of it takes this effect up" if self.load == "unknown" else ""
 
     @property
     def effort(self) -> float:

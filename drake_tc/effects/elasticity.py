@@ -45,6 +45,8 @@ class Elasticity(TransmissionEffect):
         """Needs a servo, whose effort shows the wind-up, and a declared inertia to hold it against."""
         if context.drive != "position_servo":
             return "needs a servo that closes on the motor's side"
+        if context.taken_up:
+            return context.taken_up
         if "rotor_inertia" not in context.declared:
             return "no inertia is declared that the wind-up could be held against"
         return super().obstacle(context)

@@ -29,6 +29,8 @@ class EncoderOffset(SensorEffect):
 
     def obstacle(self, context: Context) -> str:
         """Empty when the logs can show the effect."""
+        if context.taken_up:
+            return context.taken_up
         if context.drive != "position_servo" and context.load != "pendulum":
             return "neither the effort nor the load depends on the encoder's zero"
         return super().obstacle(context)

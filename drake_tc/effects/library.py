@@ -38,6 +38,7 @@ from drake_tc.effects.torque_sensor_bias import TorqueSensorBias
 from drake_tc.effects.torque_sensor_delay import TorqueSensorDelay
 from drake_tc.effects.torque_sensor_drift import TorqueSensorDrift
 from drake_tc.effects.torque_sensor_gain import TorqueSensorGain
+from drake_tc.effects.unknown_load import UNKNOWN_LOADS
 from drake_tc.effects.velocity_sign_switch import VelocitySignSwitch
 from drake_tc.effects.viscous import Viscous
 from drake_tc.effects.viscous_power import ViscousPower
@@ -108,7 +109,7 @@ def effect(key: str) -> Effect:
     Raises:
         ParamsError: there is no such effect; the message lists those there are.
     """
-    known = (*LIBRARY, *SPECIAL, *MULTI_JOINT)
+    known = (*LIBRARY, *SPECIAL, *MULTI_JOINT, *UNKNOWN_LOADS)
     for candidate in known:
         if key in (candidate.key, candidate.id):
             return candidate

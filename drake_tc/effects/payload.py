@@ -48,6 +48,8 @@ class Payload(TorqueEffect):
 
         What a link of a robot carries loads other joints too, and is looked for on all of them as its `link_mass`.
         """
+        if context.taken_up:
+            return context.taken_up
         if context.load == "robot":
             return "what a link carries is looked for on all joints together, as its link_mass"
         return "the load is a pendulum, whose scale the drive gain takes up" if context.load == "pendulum" else ""
@@ -102,6 +104,8 @@ class PendulumPayload(Payload):
 
     def obstacle(self, context: Context) -> str:
         """Needs a pendulum and a declared inertia."""
+        if context.taken_up:
+            return context.taken_up
         if context.load != "pendulum":
             return "the load is measured, whatever its mass"
         return (

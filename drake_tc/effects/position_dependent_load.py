@@ -6,6 +6,7 @@ import numpy as np
 
 from drake_tc.effects.base import Context, Parameter, Plausible, Shape, Signals, Signature, TorqueEffect
 from drake_tc.effects.kernel import TorqueKernel, TorqueParts
+from drake_tc.effects.splines import spline_columns, spline_curve
 from drake_tc.types import FloatArray
 
 LEVEL_RANGE = Plausible(
@@ -18,8 +19,6 @@ END_RANGE = Plausible(-np.inf, np.inf, "the ends of the curve are those of the r
 INTERVALS = 4
 SIZE = INTERVALS + 3
 """Cubic B-splines over `INTERVALS` equal intervals."""
-_PIECES = np.array([[1.0, -3.0, 3.0, -1.0], [4.0, 0.0, -6.0, 3.0], [1.0, 3.0, 3.0, -3.0], [0.0, 0.0, 0.0, 1.0]]) / 6.0
-"""The four cubic B-splines of one interval as polynomials in u in [0, 1]: row k holds the powers 0 to 3."""
 
 
 class PositionDependentLoad(TorqueEffect):
@@ -45,6 +44,8 @@ class PositionDependentLoad(TorqueEffect):
 
     def obstacle(self, context: Context) -> str:
         """Needs positions to span."""
+        if context.taken_up:
+            return context.taken_up
         if context.position_span[1] - context.position_span[0] < 1e-3:
             return "the joint does not move far enough to show a curve over the position"
         return super().obstacle(context)
@@ -60,30 +61,14 @@ class PositionDependentLoad(TorqueEffect):
 
     def columns(self, signals: Signals, shape: Shape) -> FloatArray:
         """B (T, 7): see the class."""
-        width = (np.asarray(shape["curve_end"]) - shape["curve_start"]) / INTERVALS
-        place = np.clip((signals.position - shape["curve_start"]) / width, 0.0, INTERVALS)
-        interval = np.minimum(place.astype(np.int64), INTERVALS - 1)
-        u = place - interval
-        u2, u3 = u * u, u * u * u
-        pieces = ((1.0 - u) ** 3, 3.0 * u3 - 6.0 * u2 + 4.0, 3.0 * (u + u2 - u3) + 1.0, u3)
-        out = np.zeros((len(signals), SIZE))
-        rows = np.arange(len(signals))
-        for k, piece in enumerate(pieces):
-            out[rows, interval + k] = piece / 6.0
-        return out
+        return spline_columns(signals.position, shape["curve_start"], shape["curve_end"], INTERVALS)
 
     def kernel(self, parameters: Mapping[str, float]) -> TorqueKernel:
         """The same at one instant: one cubic an interval, by Horner's rule."""
         levels = np.array([parameters[p.name] for p in self.coefficients])
-        cubics = [tuple(map(float, levels[i : i + 4] @ _PIECES)) for i in range(INTERVALS)]
-        start = parameters["curve_start"]
-        per_rad = INTERVALS / (parameters["curve_end"] - start)
+        curve = spline_curve(levels, parameters["curve_start"], parameters["curve_end"])
 
         def parts(q: float, v: float, direction: float, tau: float, celsius: float, hysteresis: float) -> TorqueParts:
-            place = min(max((q - start) * per_rad, 0.0), float(INTERVALS))
-            interval = min(int(place), INTERVALS - 1)
-            a, b, c, d = cubics[interval]
-            u = place - interval
-            return 0.0, 0.0, a + u * (b + u * (c + u * d))
+            return 0.0, 0.0, curve(q)
 
         return parts

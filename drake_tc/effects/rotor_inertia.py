@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 
-from drake_tc.effects.base import Parameter, Plausible, Shape, Signals, Signature, TorqueEffect
+from drake_tc.effects.base import Context, Parameter, Plausible, Shape, Signals, Signature, TorqueEffect
 from drake_tc.effects.kernel import TorqueKernel, TorqueParts
 from drake_tc.types import FloatArray
 
@@ -22,6 +22,10 @@ class RotorInertia(TorqueEffect):
     linear = True
     coefficients = (Parameter("rotor_inertia", "kg*m^2", 0.0, plausible=ROTOR_INERTIA_RANGE),)
     signature = Signature(x="acceleration", split="", look_for="a straight line through zero")
+
+    def obstacle(self, context: Context) -> str:
+        """Not beside an unknown load, which has a column of the same form."""
+        return context.taken_up or super().obstacle(context)
 
     def balance_inertia(self, theta: FloatArray, rotor_inertia: float) -> float:
         """J."""

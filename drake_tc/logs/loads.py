@@ -1,4 +1,4 @@
-"""Where the load torque of a joint comes from when no sensor at it measures it: a pendulum, or a robot's model."""
+"""Where the load torque of a joint comes from when no sensor at it measures it: a pendulum, a model, or unknown."""
 
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
@@ -59,4 +59,28 @@ class RobotLoad:
     method: RobotMethod = "estimate"
 
 
-Load: TypeAlias = Literal["torque", "unknown"] | Pendulum | RobotLoad
+UnknownForm = Literal["pendulum", "smooth"]
+
+
+@dataclass(frozen=True)
+class UnknownLoad:
+    """A load of which nothing is measured and nothing is declared but its form.
+
+    In a rig file: `load: {unknown: smooth}`. The form "pendulum" is written, and kept, as the word "unknown".
+
+    Attributes:
+        form: "pendulum": J qddot + m g l sin(q - zero) + c of unknown J, m l, zero and c; "smooth": J qddot plus a
+            smooth function of the position.
+    """
+
+    form: UnknownForm = "pendulum"
+
+
+Load: TypeAlias = Literal["torque", "unknown"] | Pendulum | RobotLoad | UnknownLoad
+
+
+def unknown_form(load: Load) -> UnknownForm | None:
+    """The form of an unknown load; None where the load is known."""
+    if isinstance(load, UnknownLoad):
+        return load.form
+    return "pendulum" if load == "unknown" else None

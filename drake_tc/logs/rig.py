@@ -11,7 +11,7 @@ from typing import Any
 import yaml
 
 from drake_tc.errors import RigError
-from drake_tc.logs.loads import Load, Pendulum, RobotLoad
+from drake_tc.logs.loads import Load, Pendulum, RobotLoad, UnknownLoad
 from drake_tc.logs.rig_document.declared import Declared, declared_of
 from drake_tc.logs.rig_document.document import DriveKind, RigDocument, by_joint
 from drake_tc.logs.rig_document.errors import HINT, read_document
@@ -41,7 +41,8 @@ class Rig:
     Attributes:
         joints: Names, in the order of the file.
         drive: Kind of drive by joint.
-        load: By joint: "torque" (its column), "unknown", a `Pendulum`, or a `RobotLoad` (of all joints then).
+        load: By joint: "torque" (its column), "unknown", an `UnknownLoad`, a `Pendulum`, or a `RobotLoad` (of
+            all joints then).
         declared: By joint: effect id to its known value, or None for "modelled, value unknown". Always has viscous
             and coulomb. A parameter of an effect is `id.parameter`.
         columns: Canonical column name to the name in the log file, where they differ.
@@ -177,6 +178,8 @@ def load_rig(path: Path | str) -> Rig:
 def _load_entry(load: Load) -> object:
     if isinstance(load, RobotLoad):
         return {"robot": load.method}
+    if isinstance(load, UnknownLoad):
+        return {"unknown": load.form}
     if not isinstance(load, Pendulum):
         return load
     entry = {"mass": load.mass, "length": load.length, "inertia": load.inertia}

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drake_tc.logs.loads import Pendulum, RobotLoad
+from drake_tc.logs.loads import Pendulum, RobotLoad, unknown_form
 from drake_tc.logs.plausible import derivative
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
@@ -57,7 +57,7 @@ def sign_evidence(run: Run, rig: Rig, joint: str) -> SignEvidence | None:
     q, usable = run.columns[f"{joint}/position"], run.segment >= 0
     stride = max(1, int(usable.sum()) // MAX_ROWS)
     pick = np.flatnonzero(usable)[::stride]
-    if load == "unknown" or isinstance(load, RobotLoad) or pick.size < 50:
+    if unknown_form(load) is not None or isinstance(load, RobotLoad) or pick.size < 50:
         return None
     servo = rig.drive[joint] == "position_servo"
     command = run.columns[rig.command_column(joint)]

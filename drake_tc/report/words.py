@@ -11,6 +11,7 @@ from drake_tc.diagnosis.result.rig_result import CloseLoopResult
 from drake_tc.diagnosis.selection.withdrawal import Withdrawal
 from drake_tc.diagnosis.thresholds import ResidualThresholds
 from drake_tc.effects.library import LIBRARY
+from drake_tc.effects.unknown_load import UNKNOWN_LOADS
 from drake_tc.report.numbers import percent, scale_for, significant, times
 from drake_tc.report.rows import LABELS
 
@@ -37,7 +38,9 @@ def title_of(effect_id: str) -> str:
     """An effect's title by its id; the id itself, in words, when the library does not know it."""
     if effect_id in TITLES:
         return TITLES[effect_id]
-    return next((e.title for e in LIBRARY if effect_id in (e.id, e.key)), effect_id.replace("_", " "))
+    return next(
+        (e.title for e in (*LIBRARY, *UNKNOWN_LOADS) if effect_id in (e.id, e.key)), effect_id.replace("_", " ")
+    )
 
 
 def signal_name(name: str) -> str:

@@ -6,15 +6,17 @@ from typing import Any
 
 import numpy as np
 
+from drake_tc.diagnosis.data.load_scale import load_scale
 from drake_tc.diagnosis.data.resolution import NoiseFloor, Resolution, light_width, sample_noise
 from drake_tc.diagnosis.data.samples import Samples
 from drake_tc.diagnosis.data.sliding import choose_rows, direction_of_motion, require_rows
 from drake_tc.effects.base import Context, Signals
+from drake_tc.effects.context import EFFORT_UNIT, LoadKind
 from drake_tc.errors import IdentificationError
 from drake_tc.filtering.common_kernel import CommonKernel
 from drake_tc.logs.channels import grid_step
 from drake_tc.logs.common_rate import at_common_period
-from drake_tc.logs.loads import GRAVITY, Pendulum, RobotLoad
+from drake_tc.logs.loads import GRAVITY, Load, Pendulum, RobotLoad, unknown_form
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
 from drake_tc.types import FloatArray, IntArray
@@ -93,8 +95,10 @@ def channels_of(runs: Sequence[Run], joint: str) -> Channels:
 def _load(
     channels: Channels, rig: Rig, light: CommonKernel, q: FloatArray, a: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """(tau, the same from a slower filter, d tau/dq), (T,) each: measured, or a pendulum's from its motion."""
+    """(tau, the same from a slower filter, d tau/dq), (T,) each: measured, a pendulum's, or 0 where unknown."""
     load = rig.load[channels.joint]
+    if unknown_form(load) is not None:
+        return np.zeros_like(q), np.zeros_like(q), np.zeros_like(q)
     slow = CommonKernel(SLOWER * light.actual_width_s, channels.period)
     if not isinstance(load, Pendulum):
         raw = channels.raw("torque")
@@ -119,11 +123,14 @@ def _encoder(channels: Channels, rig: Rig, position: FloatArray) -> tuple[float,
 
 def _resolution(channels: Channels, rig: Rig, step: float, noise: float, light: CommonKernel) -> Resolution:
     """What the joint's sensors resolve, after the light kernel where velocity is concerned."""
-    declared = rig.joint_sensors(channels.joint)
-    torque_noise = 0.0
-    if declared.torque_noise is not None:
+    declared, load = rig.joint_sensors(channels.joint), rig.load[channels.joint]
+    command = rig.command_column(channels.joint).rpartition("/")[2]
+    torque_noise, effort_noise = 0.0, 0.0
+    if unknown_form(load) is not None:
+        effort_noise = sample_noise(channels.raw(command), channels.step(command), channels.segments)
+    elif declared.torque_noise is not None:
         torque_noise = declared.torque_noise
-    elif not isinstance(rig.load[channels.joint], Pendulum):
+    elif not isinstance(load, Pendulum):
         torque_noise = sample_noise(channels.raw("torque"), channels.step("torque"), channels.segments)
     return Resolution(
         position_step=step,
@@ -131,7 +138,8 @@ def _resolution(channels: Channels, rig: Rig, step: float, noise: float, light: 
         torque_noise=torque_noise,
         velocity_noise=noise * float(np.sqrt(np.sum(light.kernels[1] ** 2))),
         torque_correlation_time=declared.torque_correlation_time or 0.0,
-        effort_step=channels.step(rig.command_column(channels.joint).rpartition("/")[2]),
+        effort_step=channels.step(command),
+        effort_noise=effort_noise,
     )
 
 
@@ -150,7 +158,7 @@ def build_samples(
     Raises:
         IdentificationError: nothing usable, or the joint does not move long enough at a stretch.
     """
-    channels = channels_of(runs, joint)
+    channels, scale = channels_of(runs, joint), load_scale(rig, joint)
     period, segments, load = channels.period, channels.segments, rig.load[joint]
     raw_q = channels.raw("position")
     step, noise = _encoder(channels, rig, raw_q)
@@ -186,7 +194,7 @@ def build_samples(
         supply_voltage=supply,
         known_torque=np.zeros_like(q),
         link_inertia=load.inertia if isinstance(load, Pendulum) else 0.0,
-        rotor_inertia=rig.known(joint, "rotor_inertia"),
+        rotor_inertia=scale.rotor_inertia,
         period=period,
     )
     rows, block = choose_rows(moving, segments, final, light, period)
@@ -213,6 +221,8 @@ def build_samples(
         row_period=float(np.median(np.diff(rows))) * period,
         run_of_sample=channels.run_of_sample,
         notes=tuple((r.name, note) for r in runs for note in r.notes),
+        load_unknown=unknown_form(load) is not None,
+        torque_unit=EFFORT_UNIT[rig.drive[joint]] if scale.as_effort else "N*m",
     )
 
 
@@ -229,19 +239,25 @@ def _slow_channels(signals: Signals, rows: IntArray) -> dict[str, Any]:
     return out
 
 
+def _kind_of(load: Load) -> LoadKind:
+    if unknown_form(load) is not None:
+        return "unknown"
+    return "pendulum" if isinstance(load, Pendulum) else "robot" if isinstance(load, RobotLoad) else "torque"
+
+
 def context_of(samples: Samples, rig: Rig, joint: str) -> Context:
     """What the logs offer to the effects."""
     s = samples.signals
     rows = samples.rows
     recorded = frozenset(n for n in ("temperature", "motor_position", "supply_voltage") if s.has(n))
     declared: Mapping[str, float] = {k: float(v) for k, v in rig.declared[joint].items() if v is not None}
-    if joint in rig.drive_gain:
+    if joint in rig.drive_gain and not samples.load_unknown:
         declared = {**declared, "drive_gain": rig.drive_gain[joint]}
     low, high = np.percentile(s.effort[rows], [0.05, 99.95])
     load = rig.load[joint]
     return Context(
         drive=rig.drive[joint],
-        load="pendulum" if isinstance(load, Pendulum) else "robot" if isinstance(load, RobotLoad) else "torque",
+        load=_kind_of(load),
         link_inertia=load.inertia if isinstance(load, Pendulum) else 0.0,
         recorded=recorded,
         declared=declared,

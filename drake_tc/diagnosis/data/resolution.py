@@ -30,6 +30,7 @@ class Resolution:
         velocity_noise: Of the filtered velocity [rad/s].
         torque_correlation_time: Declared correlation time of the torque noise [s]; 0 for white noise.
         effort_step: Step of the recorded command [rad | A | V]; 0 where it lies on no grid.
+        effort_noise: White noise of one sample of it, for a load that is told by the effort alone; else 0.
     """
 
     position_step: float
@@ -38,6 +39,7 @@ class Resolution:
     velocity_noise: float
     torque_correlation_time: float = 0.0
     effort_step: float = 0.0
+    effort_noise: float = 0.0
 
 
 def light_width(position: FloatArray, noise: float, segments: Sequence[slice], period: float) -> float:
@@ -101,7 +103,7 @@ class NoiseFloor:
         encoder_gram: (3, 3) second moments of the encoder's error after k'', k', k [rad^2/s^4, ..., rad^2].
         inertia: J [kg m^2].
         servo: Whether the effort holds the position.
-        effort_variance: Of the effort's rounding after both kernels [effort]^2.
+        effort_variance: Of the effort's rounding or noise after both kernels [effort]^2.
         load_slope: RMS of d tau/dq of a load that is computed from the position [N m/rad].
     """
 
@@ -148,7 +150,7 @@ class NoiseFloor:
         lags = np.abs(np.subtract.outer(np.arange(k.shape[1]), np.arange(k.shape[1]))) * light.period
         memory = resolution.torque_correlation_time
         correlation = np.exp(-lags / memory) if memory > 0.0 else np.eye(k.shape[1])
-        effort = resolution.effort_step**2 / 12.0 * float(k[2] @ k[2])
+        effort = max(resolution.effort_step**2 / 12.0, resolution.effort_noise**2) * float(k[2] @ k[2])
         slope = float(np.sqrt(np.mean(signals.load_slope[rows] ** 2))) if rows.size else 0.0
         return cls(
             torque_variance=resolution.torque_noise**2 * float(k[2] @ correlation @ k[2]),

@@ -31,6 +31,8 @@ class Samples:
         resolution: See `Resolution`.
         floor: What noise alone leaves in the rows.
         row_period: Mean time between rows inside a block [s].
+        load_unknown: Whether nothing is known of the load torque: the signals' load is 0 until a fit tells it.
+        torque_unit: Unit of all torques: N*m, or the effort's where nothing fixes the scale (`load_scale`).
     """
 
     signals: Signals
@@ -47,6 +49,8 @@ class Samples:
     row_period: float
     run_of_sample: IntArray
     notes: tuple[tuple[str, str], ...] = field(default=())
+    load_unknown: bool = False
+    torque_unit: str = "N*m"
 
     def reduce(self, values: FloatArray, *, fresh: bool = False) -> FloatArray:
         """Low-pass (T,) or (T, k) values and keep the rows: (N,) or (N, k).

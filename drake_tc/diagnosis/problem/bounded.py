@@ -33,7 +33,7 @@ def solve_bounded(
     g, m, scale, dead = _scaled(gram, moment)
     low, high = lower * scale, upper * scale
     beta = np.clip(np.zeros(m.size), low, high)
-    fixed = dead if held is None else dead | held
+    fixed = dead | (low == high) if held is None else dead | (low == high) | held
     for _ in range(m.size + 1):
         free = ~fixed
         beta[free] = np.linalg.solve(g[np.ix_(free, free)], m[free] - g[np.ix_(free, fixed)] @ beta[fixed])

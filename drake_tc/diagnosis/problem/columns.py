@@ -132,6 +132,22 @@ class Columns:
         self._sorted: dict[tuple[object, ...], FloatArray] = {}
         self._products: dict[tuple[object, ...], FloatArray] = {}
 
+    @property
+    def effort_is_target(self) -> bool:
+        """Whether the effort alone tells the torques: an unknown load with a drive gain that is held."""
+        return self.samples.load_unknown and self.declared_gain is not None
+
+    def shrinkage(self, terms: Sequence[Term]) -> float:
+        """How many times smaller the drive effects among the terms make an effort that is the target; at least 1.
+
+        Without a known torque a dead zone or a limit could explain the effort by taking it away. An error is
+        therefore told as a share of the effort that is left.
+        """
+        if not self.effort_is_target or not self._drives(terms):
+            return 1.0
+        left = float(np.std(self.effort(terms)))
+        return max(1.0, float(np.std(self.effort(()))) / max(left, 1e-300))
+
     def effort(self, terms: Sequence[Term]) -> FloatArray:
         """y* (N,) after every drive effect among the terms, in the library's order."""
         drives, key = self._drives(terms), self._effort_key(terms)

@@ -6,9 +6,11 @@ from dataclasses import replace
 from drake_tc.diagnosis.data.samples import Samples
 from drake_tc.diagnosis.problem.columns import Columns, Term
 from drake_tc.diagnosis.problem.regression import Fit, fit
-from drake_tc.effects.base import Context, SensorEffect, TorqueEffect
+from drake_tc.diagnosis.thresholds import JOINT
+from drake_tc.effects.base import Context, Effect, SensorEffect, TorqueEffect
 from drake_tc.effects.library import effect
 from drake_tc.errors import RigError
+from drake_tc.logs.loads import unknown_form
 from drake_tc.logs.near import near
 from drake_tc.logs.rig import Rig
 
@@ -61,17 +63,33 @@ def without_known(samples: Samples, known: Mapping[str, Mapping[str, float]]) ->
     return replace(samples, signals=replace(signals, known_torque=signals.known_torque + extra))
 
 
+def simplest(fits: Sequence[Fit]) -> Fit:
+    """The first of the fits whose cross-validated error is as small as the smallest one, up to 2 %."""
+    least = min(f.cv_rms for f in fits)
+    return next(f for f in fits if f.cv_rms <= (1.0 + JOINT.same) * least)
+
+
 def declared_terms(rig: Rig, joint: str) -> list[str]:
     """Ids fitted with the baseline: viscous, Coulomb, and what is declared without a value that can be held."""
     known = known_values(rig, joint)
     names = [key.partition(".")[0] for key, value in rig.declared[joint].items() if value is None or key not in known]
-    fitted = [n for n in names if n not in known and not (n == "rotor_inertia" and rig.declared[joint][n] is not None)]
+    in_load = unknown_form(rig.load[joint]) is not None  # an unknown load has an inertia of its own
+    fitted = [
+        n
+        for n in names
+        if n not in known and not (n == "rotor_inertia" and (in_load or rig.declared[joint][n] is not None))
+    ]
     return list(dict.fromkeys([*ALWAYS, *fitted]))
 
 
-def fit_declared(columns: Columns, names: Sequence[str], context: Context) -> Fit:
-    """The declared model: each effect at the best point of its shape grid, in the order declared."""
+def fit_declared(columns: Columns, names: Sequence[str], context: Context, loads: Sequence[Effect] = ()) -> Fit:
+    """The declared model: each effect at the best point of its shape grid, in the order declared.
+
+    `loads`: of an unknown load, what it may be, the simplest first; one of them is part of the model.
+    """
     best = fit(columns, [Term(effect(n)) for n in ALWAYS])
+    if loads:
+        best = simplest([fit(columns, [*best.terms, Term(e, s)]) for e in loads for s in e.shape_grid(context)])
     for name in names:
         if name in ALWAYS:
             continue

@@ -65,7 +65,7 @@ def estimates(columns: Columns, fitted: Fit, drive: str) -> Mapping[str, Mapping
     bounds: dict[str, dict[str, tuple[float, float]]] = {"drive": {"gain": (0.0, np.inf)}}
     for term in fitted.terms:
         ps = term.effect.parameters
-        units[term.effect.key] = {p.name: p.unit.replace("effort", EFFORT_UNIT[drive]) for p in ps}
+        units[term.effect.key] = {p.name: _unit(p.unit, drive, columns.samples.torque_unit) for p in ps}
         bounds[term.effect.key] = {p.name: (p.lower, p.upper) for p in ps}
     out: dict[str, dict[str, Estimate]] = {}
     for key, group in named.items():
@@ -86,3 +86,11 @@ def estimates(columns: Columns, fitted: Fit, drive: str) -> Mapping[str, Mapping
                 value, units[key].get(name, "-"), (max(value - half, low), min(value + half, high)), at_bound
             )
     return out
+
+
+def _unit(unit: str, drive: str, torque: str) -> str:
+    """A parameter's unit on this drive, with `torque` in place of N*m where torques are told as effort."""
+    unit = unit.replace("effort", EFFORT_UNIT[drive])
+    if torque == "N*m":
+        return unit
+    return unit.replace("kg*m^2", f"{torque}*s^2/rad").replace("(N*m)", torque).replace("N*m", torque)

@@ -4,10 +4,17 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 
+from drake_tc.diagnosis.data.load_scale import load_scale
 from drake_tc.diagnosis.data.preparation import build_samples, context_of
 from drake_tc.diagnosis.problem.columns import BalanceCoefficients, Columns, Term
 from drake_tc.diagnosis.problem.declared import declared_terms, fit_declared, known_values, without_known
 from drake_tc.diagnosis.problem.signs import require_consistent_signs
+from drake_tc.diagnosis.problem.unknown_load import (
+    possible_loads,
+    require_identified_load,
+    with_fitted_load,
+    with_torque_span,
+)
 from drake_tc.diagnosis.thresholds import MAX_CONDITION
 from drake_tc.effects.base import Context
 from drake_tc.errors import IdentificationError
@@ -69,18 +76,22 @@ def prepare_joint(
     known = known_values(rig, joint)
     train, held = without_known(train, known), without_known(held, known)
     servo = context.drive == "position_servo"
-    declared_gain = context.declared.get("drive_gain")
-    first = Columns(train, declared_gain=declared_gain)
-    plain = fit_declared(first, declared_terms(rig, joint), context)
-    labels = ["drive gain", *(p.name for t in plain.terms for p in t.effect.coefficients)]
-    least_squares(first.design(plain.terms), first.target, names=labels, max_condition=MAX_CONDITION)
+    scale = load_scale(rig, joint)
+    first, other = (Columns(each, declared_gain=scale.gain) for each in (train, held))
+    plain = fit_declared(first, declared_terms(rig, joint), context, possible_loads(rig, joint))
+    if train.load_unknown:
+        require_identified_load(first, plain, joint, context)
+    else:
+        labels = ["drive gain", *(p.name for t in plain.terms for p in t.effect.coefficients)]
+        least_squares(first.design(plain.terms), first.target, names=labels, max_condition=MAX_CONDITION)
     require_consistent_signs(first, plain, joint, context.drive)
+    first, other = (with_fitted_load(c.with_model(plain.terms, plain.beta, servo=servo), plain) for c in (first, other))
     fitted = BalanceCoefficients.of(plain.terms, plain.beta)
     return Prepared(
-        train=first.with_model(plain.terms, plain.beta, servo=servo),
-        held=Columns(held, declared_gain=declared_gain).with_model(plain.terms, plain.beta, servo=servo),
+        train=first,
+        held=other,
         terms=plain.terms,
-        floor=plain.gain * train.floor.torque(fitted.stiffness, fitted.viscous),
-        context=context,
+        floor=plain.gain * first.samples.floor.torque(fitted.stiffness, fitted.viscous),
+        context=with_torque_span(context, first),
         declared=(*(t.effect.id for t in plain.terms), *(key.partition(".")[0] for key in rig.declared[joint])),
     )

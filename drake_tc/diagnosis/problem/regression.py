@@ -95,8 +95,9 @@ def score(columns: Columns, terms: Sequence[Term]) -> Score:
     beta, by_fold = cross_validated(normal.grams, normal.moments, low, high)
     gain = columns.gain or 1.0 / float(beta[0])
     drives = float(beta[0]) > LEAST_STIFFNESS and (columns.gain is None or beta[0] * columns.gain > LEAST_DRIVE)
-    sound = drives and not collinear(normal.grams.sum(0))
-    correction = columns.noise_ratio(beta, terms) if sound else np.inf
+    gram = normal.grams.sum(0)
+    sound = drives and not collinear(gram[1:, 1:] if columns.effort_is_target else gram)
+    correction = columns.noise_ratio(beta, terms) * columns.shrinkage(terms) if sound else np.inf
     total = 0.0
     for part, gram, moment, square in zip(by_fold, normal.grams, normal.moments, normal.squares, strict=True):
         error = square - 2.0 * part @ moment + part @ gram @ part

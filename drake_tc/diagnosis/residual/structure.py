@@ -43,8 +43,11 @@ def features(samples: Samples, known: BalanceCoefficients, *, servo: bool) -> Fl
     )
     effort = s.command - q if servo else s.command
     friction = known.viscous * v + known.coulomb * s.direction
-    expected = known.stiffness * effort - friction - s.rotor_inertia * a
-    columns = (v, a, q, expected, s.command, s.direction, s.travel, s.temperature)
+    expected, command = known.stiffness * effort - friction - s.rotor_inertia * a, s.command
+    if samples.load_unknown:  # the effort is what the model predicts: its noise is in the residual
+        expected = np.nan_to_num(wide.smooth(s.load_torque, samples.segments))
+        command = s.command if servo else np.zeros_like(q)
+    columns = (v, a, q, expected, command, s.direction, s.travel, s.temperature)
     return np.asarray(np.nan_to_num(np.stack([c[samples.rows] for c in columns], axis=-1)))
 
 

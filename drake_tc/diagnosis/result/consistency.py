@@ -70,7 +70,10 @@ def consistency(columns: Columns, final: Fit) -> tuple[ParameterByCondition, ...
         final: The final model; its shapes stay as they are.
     """
     names = (("drive", "gain"), *((t.effect.key, p.name) for t in final.terms for p in t.effect.coefficients))
-    rows = _Rows(columns.design(final.terms), columns.target, names, block_lengths(columns))
+    design, target = columns.design(final.terms), columns.target
+    if columns.effort_is_target:  # the gain is held, as nothing in the rows tells it
+        design, target, names = design[:, 1:], target - final.beta[0] * design[:, 0], names[1:]
+    rows = _Rows(design, target, names, block_lengths(columns))
     out: list[ParameterByCondition] = []
     for split in splits(columns):
         if np.bincount(split.part, minlength=len(split.names)).min() >= FEWEST_ROWS:

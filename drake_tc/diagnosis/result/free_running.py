@@ -51,13 +51,25 @@ def with_free_runs(
         time, recorded, simulated = trace
         traces.setdefault(run.name, {"time": time, "recorded": recorded})[name] = simulated
         squares[name].append((simulated - recorded) ** 2)
+    notes = () if traces else _why_none(result, models["after"])
     figures = {name: _rms(parts) for name, parts in squares.items()}
     return replace(
         result,
         before=replace(result.before, free_run_heldout=figures["before"]),
         after=replace(result.after, free_run_heldout=figures["after"]),
         free_run=traces,
+        load_notes=(*result.load_notes, *notes),
+        notes=(*result.notes, *notes),
     )
+
+
+def _why_none(result: JointResult, model: ActuatorModel) -> tuple[str, ...]:
+    """Why a joint whose load is unknown has no free run, as a sentence; () where its load is known."""
+    if result.load is None:
+        return ()
+    if model.inertia <= 0.0:
+        return ("There is no free run: the fitted inertia is 0, so no torque could accelerate the joint.",)
+    return ("There is no free run: an effect of the model depends on a load that the simulated gear does not pass.",)
 
 
 def _rms(parts: Sequence[FloatArray]) -> float | None:

@@ -9,6 +9,7 @@ from drake_tc.diagnosis.problem.regression import Fit
 from drake_tc.diagnosis.residual.unexplained import DataSplit, SharedBand, Unexplained, Verdict
 from drake_tc.diagnosis.selection.withdrawal import DidNotHold
 from drake_tc.effects.base import DriveKind
+from drake_tc.effects.unknown_load import UnknownLoadEffect
 from drake_tc.types import FloatArray
 
 Rejection = Literal["too_little_gain", "below_floor", "unstable", "imperfect_form", "cannot_be_looked_for", "untested"]
@@ -108,7 +109,10 @@ class RejectedEffect:
 
 @dataclass(frozen=True)
 class JointResult:
-    """One joint's diagnosis."""
+    """One joint's diagnosis.
+
+    `load_notes` say what an unknown load means for this result; they are among the `notes` too.
+    """
 
     joint: str
     drive: DriveKind
@@ -134,6 +138,13 @@ class JointResult:
     shared_band: SharedBand | None = None
     free_run: Mapping[str, Mapping[str, FloatArray]] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    load_notes: tuple[str, ...] = ()
+
+    @property
+    def load(self) -> tuple[str, Mapping[str, Estimate]] | None:
+        """(title, parameters) of an unknown load as the final model has it; None where the load is known."""
+        keys = {t.effect.key: t.effect.title for t in self.final.terms if isinstance(t.effect, UnknownLoadEffect)}
+        return next(((title, self.final_parameters[key]) for key, title in keys.items()), None)
 
     @property
     def gain_identified(self) -> bool:

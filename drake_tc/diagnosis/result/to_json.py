@@ -57,6 +57,14 @@ def _by_condition(parameter: ParameterByCondition) -> dict[str, Any]:
     }
 
 
+def _load(joint: JointResult) -> dict[str, Any] | None:
+    """What was fitted of an unknown load; null where the load is known."""
+    if joint.load is None:
+        return None
+    title, parameters = joint.load
+    return {"title": title, "parameters": {name: _estimate(p) for name, p in parameters.items()}}
+
+
 def joint_json(joint: JointResult) -> dict[str, Any]:
     """The entry of one joint."""
     left = joint.unexplained
@@ -65,6 +73,7 @@ def joint_json(joint: JointResult) -> dict[str, Any]:
             "effects": [t.effect.id for t in joint.baseline.terms],
             "parameters": _values(joint.baseline_parameters),
         },
+        "load": _load(joint),
         "noise_floor": _number(joint.noise_floor),
         "error": {"unit": joint.unit, "before": _errors(joint.before), "after": _errors(joint.after)},
         "effects": [

@@ -146,7 +146,7 @@ class JointProblem:
 
     def order(self, fitted: Fit) -> tuple[int, ...]:
         """By size, then as the effects stand in the library."""
-        return fitted.size, sum(POSITION[t.effect.key] for t in fitted.terms)
+        return fitted.size, sum(POSITION.get(t.effect.key, 0) for t in fitted.terms)  # a declared one may not be in it
 
     def share(self, small: Fit, large: Fit) -> float:
         """Share of block resamples in which the larger fit is better."""

@@ -5,13 +5,14 @@ from typing import Annotated, Literal, TypeAlias, get_args
 
 from pydantic import Discriminator, Tag
 
-from drake_tc.logs.loads import Load, Pendulum, RobotLoad, RobotMethod
+from drake_tc.logs.loads import Load, Pendulum, RobotLoad, RobotMethod, UnknownForm, UnknownLoad
 from drake_tc.logs.rig_document.keys import Keys, Number, PositiveNumber, expected, key, one_of
 
 LoadWord: TypeAlias = Literal["torque", "unknown"]
 WORDS: Mapping[LoadWord, str] = {
     "torque": "The column `<joint>/torque` of the log: the torque on the link's side of the gear.",
-    "unknown": "The load torque is not known, and no column records it.",
+    "unknown": "A pendulum of which nothing is known: its inertia, weight, zero and a constant torque are fitted. "
+    "No torque column is needed.",
 }
 """Kinds of load that are one word, and what they mean."""
 
@@ -73,7 +74,28 @@ class ModelLoad(Keys):
         return RobotLoad(self.robot)
 
 
-KINDS: Mapping[str, type[PendulumLoad | ModelLoad]] = {"pendulum": PendulumLoad, "robot": ModelLoad}
+class FittedLoad(Keys):
+    """A load of which nothing is known but its form; it is fitted together with the joint's model."""
+
+    unknown: Annotated[UnknownForm, one_of(get_args(UnknownForm))] = key(
+        "`pendulum` is the same as the word `unknown`. `smooth` is an inertia and a smooth function of the position. "
+        "Only a declared `drive_gain` (or, for `smooth`, a declared rotor inertia) fixes the scale of the torques; "
+        "without it they are told in the unit of the effort.",
+        example="smooth",
+        default=...,
+        expected=" | ".join(get_args(UnknownForm)),
+    )
+
+    def load(self) -> Load:
+        """The load that the rest of the library uses."""
+        return "unknown" if self.unknown == "pendulum" else UnknownLoad(self.unknown)
+
+
+KINDS: Mapping[str, type[PendulumLoad | ModelLoad | FittedLoad]] = {
+    "pendulum": PendulumLoad,
+    "robot": ModelLoad,
+    "unknown": FittedLoad,
+}
 """The key of each kind of load that has parameters, and its class: it has that one key."""
 
 _SHAPES = (f"{{{name}: {expected(kind.model_fields[name])}}}" for name, kind in KINDS.items())
@@ -88,12 +110,15 @@ def _kind(value: object) -> str | None:
 
 
 LoadEntry: TypeAlias = Annotated[
-    Annotated[LoadWord, Tag("@word")] | Annotated[PendulumLoad, Tag("@pendulum")] | Annotated[ModelLoad, Tag("@robot")],
+    Annotated[LoadWord, Tag("@word")]
+    | Annotated[PendulumLoad, Tag("@pendulum")]
+    | Annotated[ModelLoad, Tag("@robot")]
+    | Annotated[FittedLoad, Tag("@unknown")],
     Discriminator(_kind, custom_error_type="load", custom_error_message=f"expected {POSSIBLE}"),
 ]
 
 
-def load_of(entry: LoadWord | PendulumLoad | ModelLoad | None) -> Load:
+def load_of(entry: LoadWord | PendulumLoad | ModelLoad | FittedLoad | None) -> Load:
     """The load that an entry means; the torque column where there is none."""
     if entry is None:
         return "torque"
