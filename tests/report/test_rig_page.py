@@ -53,10 +53,8 @@ def test_every_key_has_a_row_with_meaning_and_example(model):
         assert re.search(row, rig_page()), name
 
 
-@pytest.mark.parametrize("name", keys_of(RigDocument))
-def test_the_example_of_every_key_is_accepted(name, tmp_path):
-    if name == "robot":
-        pytest.skip("names a file")
+@pytest.mark.parametrize("name", sorted(set(keys_of(RigDocument)) - {"robot"}))  # that one names a file
+def test_the_example_of_every_key_is_accepted(name):
     (value,) = RigDocument.model_fields[name].examples
     base = {"drive": "current"} if name in ("joint", "joints") else BASE
     assert parse_rig({**base, name: value}).joints
