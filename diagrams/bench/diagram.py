@@ -90,7 +90,7 @@ def make_plant(link: Link, step: float) -> MultibodyPlant:
     else:
         arm, mass, radius = 0.0, 1.0, link.inertia
     turned = RotationMatrix.MakeYRotation(-link.zero)
-    offset: Any = turned.multiply(np.array([0.0, 0.0, -arm]))
+    offset: Any = turned.matrix() @ np.array([0.0, 0.0, -arm])
     inertia = UnitInertia(radius, radius, radius if arm == 0.0 else 0.5 * radius).ReExpress(turned)
     body = plant.AddRigidBody("link", SpatialInertia(mass, offset, inertia))
     axis: Any = np.array([0.0, 1.0, 0.0])
