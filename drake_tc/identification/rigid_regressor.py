@@ -5,9 +5,10 @@ from typing import Any
 
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import JointIndex, PrismaticJoint, RevoluteJoint
+from pydrake.multibody.tree import JointIndex
 
 from drake_tc.errors import IdentificationError
+from drake_tc.robot.joint_axis import has_axis, is_revolute, joint_axes
 from drake_tc.types import FloatArray
 
 LINK_PARAMETERS = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz")
@@ -56,20 +57,19 @@ def link_tree(plant: MultibodyPlant) -> LinkTree:
     plant.SetPositions(context, zero)
     joints = [plant.get_joint(JointIndex(int(i))) for i in plant.GetJointIndices()]
     free = sorted((j for j in joints if j.num_velocities() > 0), key=lambda j: int(j.velocity_start()))
-    moving = [j for j in free if isinstance(j, RevoluteJoint | PrismaticJoint)]
-    odd = [j.name() for j in free if not isinstance(j, RevoluteJoint | PrismaticJoint)]
+    moving = [j for j in free if has_axis(j)]
+    odd = [j.name() for j in free if not has_axis(j)]
     if odd:
         raise IdentificationError(f"rigid-body regressor: wanted joints that turn or slide, got also {', '.join(odd)}")
     above = {int(j.child_body().index()): j for j in joints}
     owner = {int(j.child_body().index()): i for i, j in enumerate(moving)}
     rotation, origin, axis, parent = [], [], [], []
-    for joint in moving:
+    for joint, given in zip(moving, joint_axes(plant, moving), strict=True):
         body = joint.parent_body()
         while int(body.index()) not in owner and int(body.index()) in above:
             body = above[int(body.index())].parent_body()
         X_PF = plant.CalcRelativeTransform(context, body.body_frame(), joint.child_body().body_frame())
         turned = joint.frame_on_child().GetFixedPoseInBodyFrame().rotation().matrix()
-        given = np.asarray(joint.revolute_axis() if isinstance(joint, RevoluteJoint) else joint.translation_axis())
         rotation.append(X_PF.rotation().matrix())
         origin.append(X_PF.translation())
         axis.append(turned @ given)
@@ -81,7 +81,7 @@ def link_tree(plant: MultibodyPlant) -> LinkTree:
         R_PF=np.array(rotation),
         p_PF=np.array(origin),
         axis=np.array(axis),
-        revolute=tuple(isinstance(j, RevoluteJoint) for j in moving),
+        revolute=tuple(is_revolute(j) for j in moving),
         gravity=np.array(plant.gravity_field().gravity_vector()),
     )
 

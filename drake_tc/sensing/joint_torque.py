@@ -7,10 +7,11 @@ import numpy as np
 from pydrake.common.value import Value
 from pydrake.multibody.math import SpatialForce
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import Joint, PrismaticJoint, RevoluteJoint
+from pydrake.multibody.tree import Joint
 from pydrake.systems.framework import Context
 
 from drake_tc.errors import ParamsError
+from drake_tc.robot.joint_axis import has_axis, is_revolute, joint_axes
 from drake_tc.robot.robot import Robot
 from drake_tc.sensing.corruption import Corruption
 from drake_tc.sensing.fault import SensorFault
@@ -19,13 +20,16 @@ from drake_tc.sensing.spec import SensorSpec
 from drake_tc.types import FloatArray
 
 
-def _axis(joint: Joint) -> FloatArray:
-    """(6,) s of τ = s · [τ_J; f_J], in Jc."""
-    if isinstance(joint, RevoluteJoint):
-        return np.concatenate([joint.revolute_axis(), np.zeros(3)])
-    if isinstance(joint, PrismaticJoint):
-        return np.concatenate([np.zeros(3), joint.translation_axis()])
-    raise ParamsError(f"joint {joint.name()!r}: wanted a revolute or prismatic joint; got {joint.type_name()}")
+def _axes(plant: MultibodyPlant, joints: Sequence[Joint]) -> FloatArray:
+    """(n, 6) s of τ = s · [τ_J; f_J], in Jc."""
+    for joint in joints:
+        if not has_axis(joint):
+            raise ParamsError(
+                f"joint {joint.name()!r}: expected a revolute or prismatic joint, got {joint.type_name()}"
+            )
+    turns = np.array([is_revolute(joint) for joint in joints])[:, None]
+    axes = joint_axes(plant, joints)
+    return np.concatenate([turns * axes, ~turns * axes], axis=1)
 
 
 class JointTorque(SensorBase):
@@ -70,7 +74,7 @@ class JointTorque(SensorBase):
         model = plant.GetModelInstanceByName(robot.name)
         joints = [plant.GetJointByName(name, model) for name in robot.joints]
         self._joints = [int(joint.index()) for joint in joints]
-        self._axes = np.stack([_axis(joint) for joint in joints])
+        self._axes = _axes(plant, joints)
         reactions = self.DeclareAbstractInputPort("reaction_forces", Value[list[SpatialForce]]())
         self._declare(reactions, Corruption(len(joints), spec, dt, tuple(faults), seed))
 
