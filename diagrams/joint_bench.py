@@ -10,7 +10,6 @@ record. `drake_tc.diagrams.bench.free_run` drives the same diagram with a record
 
 import argparse
 import sys
-from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
@@ -24,10 +23,10 @@ from drake_tc.actuation.model_file import load_models
 from drake_tc.effects.base import plain_signals
 from drake_tc.errors import DrakeTcError, ParamsError
 from drake_tc.logs.record import Run
+from drake_tc.logs.rig import COMMAND_COLUMN
 from drake_tc.types import FloatArray
 
 SCENARIO_FILE = Path(__file__).with_name("joint_bench.scenario.yaml")
-COMMAND_COLUMN: Mapping[str, str] = {"position_servo": "position_command", "current": "current", "voltage": "voltage"}
 
 
 @dataclass(frozen=True)

@@ -11,12 +11,12 @@ import yaml
 
 from drake_tc.actuation.model import ActuatorModel
 from drake_tc.errors import LogError
+from drake_tc.logs.rig import COMMAND_COLUMN
 from drake_tc.robot.robot import Robot
 from drake_tc.types import FloatArray
 
 IMU_AXES = ("gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z")
 WRENCH_AXES = ("fx", "fy", "fz", "tx", "ty", "tz")
-COMMAND_NAME: Mapping[str, str] = {"position_servo": "position_command", "current": "current", "voltage": "voltage"}
 
 
 @dataclass(frozen=True)
@@ -86,7 +86,7 @@ def log_columns(recording: Recording, torque: FloatArray | None = None) -> dict[
     for i, joint in enumerate(recording.robot.joints):
         kind = recording.models[joint].drive.kind
         columns[f"{joint}/position"] = recording["encoder"][:, i]
-        columns[f"{joint}/{COMMAND_NAME[kind]}"] = recording["command"][:, i]
+        columns[f"{joint}/{COMMAND_COLUMN[kind]}"] = recording["command"][:, i]
         if torque is not None:
             columns[f"{joint}/torque"] = torque[:, i]
     imus, wrenches = (

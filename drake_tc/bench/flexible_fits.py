@@ -30,7 +30,9 @@ COLUMNS = (
     "loaded slip",
     "i|i|",
 )
+PUBLISHED = "published"
 LINEAR: Mapping[str, tuple[int, ...]] = {
+    PUBLISHED: (0, 1, 6, 7, 8),
     "friction": (1, 2, 3),
     "load-dependent friction": (1, 2, 3, 4),
     "load-dependent friction, offset": (0, 1, 2, 3, 4),
@@ -38,7 +40,7 @@ LINEAR: Mapping[str, tuple[int, ...]] = {
     "all columns but the offset": (1, 2, 3, 4, 5, 6, 7, 8),
     "all columns": (0, 1, 2, 3, 4, 5, 6, 7, 8),
 }
-"""Names of least-squares fits, and the `COLUMNS` that they have."""
+"""Names of least-squares fits, and the `COLUMNS` that they have; the published model of the AK80-9 bench is one."""
 SIGNALS = ("current", "velocity", "acceleration", "direction", "position", "current rate", "jerk", "travel")
 TREES: Mapping[str, int] = {"current, velocity, acceleration, direction": 4, "all signals": 8}
 """Names of boosted fits, and how many of the `SIGNALS` they see."""
@@ -56,25 +58,22 @@ class LogRows:
 
     Attributes:
         torque: (N,) what is predicted [N m].
-        published: (N, k) features of the published model.
         columns: (N, 9) `COLUMNS`.
         signals: (N, 8) `SIGNALS`.
         time: (N,) [s].
     """
 
     torque: FloatArray
-    published: FloatArray
     columns: FloatArray
     signals: FloatArray
     time: FloatArray
 
 
-def log_rows(samples: Samples, published: FloatArray) -> LogRows:
+def log_rows(samples: Samples) -> LogRows:
     """The rows of a joint with a measured torque.
 
     Args:
         samples: Of one log.
-        published: (N, k) features of the published model on the same rows.
     """
     s = samples.signals
     slip = s.velocity / (0.1 + np.abs(s.velocity))
@@ -87,7 +86,6 @@ def log_rows(samples: Samples, published: FloatArray) -> LogRows:
     seen = (current, velocity, acceleration, direction, place[0], *rates, place[1])
     return LogRows(
         samples.reduce(s.load_torque),
-        published,
         np.stack(plain, axis=-1),
         np.stack(seen, axis=-1),
         s.time[samples.rows],
@@ -95,20 +93,17 @@ def log_rows(samples: Samples, published: FloatArray) -> LogRows:
 
 
 def judged_errors(train: Sequence[LogRows], judged: LogRows) -> dict[str, float]:
-    """RMS [N m] on a log of each kind of fit, by its name; "published" is the published model, fitted anew."""
+    """RMS [N m] on a log of each kind of fit, by its name; `PUBLISHED` is the published model, fitted anew."""
     torque = np.concatenate([log.torque for log in train])
     seen = np.concatenate([log.signals for log in train])
+    columns = np.concatenate([log.columns for log in train])
     out = {}
-    bases = {"published": ([log.published for log in train], judged.published)} | {
-        name: ([log.columns[:, list(kept)] for log in train], judged.columns[:, list(kept)])
-        for name, kept in LINEAR.items()
-    }
-    for name, (parts, there) in bases.items():
-        features = np.concatenate(parts)
+    for name, kept in LINEAR.items():
+        features = columns[:, kept]
         theta = np.linalg.lstsq(features, torque, rcond=None)[0]
-        left = judged.torque - there @ theta
+        left = judged.torque - judged.columns[:, kept] @ theta
         out[name] = _rms(left)
-        for trees, count in TREES.items() if name in ("published", BENEATH) else ():
+        for trees, count in TREES.items() if name in (PUBLISHED, BENEATH) else ():
             model = HistGradientBoostingRegressor(
                 max_iter=150, learning_rate=0.06, max_leaf_nodes=16, min_samples_leaf=40, l2_regularization=1.0
             ).fit(seen[:, :count], torque - features @ theta)
@@ -116,7 +111,7 @@ def judged_errors(train: Sequence[LogRows], judged: LogRows) -> dict[str, float]
     return out
 
 
-def smallest(errors: Mapping[str, float], but: str = "published") -> tuple[str, float]:
+def smallest(errors: Mapping[str, float], but: str = PUBLISHED) -> tuple[str, float]:
     """Name and RMS [N m] of the best fit other than the one that it is compared with."""
     name = min((key for key in errors if key != but), key=lambda key: errors[key])
     return name, errors[name]

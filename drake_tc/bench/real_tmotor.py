@@ -10,17 +10,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-import numpy as np
-
-from drake_tc.bench.flexible_fits import LogRows, judged_errors, log_rows, offset_of, repeatability, smallest
+from drake_tc.bench.flexible_fits import PUBLISHED, LogRows, judged_errors, log_rows, offset_of, repeatability, smallest
 from drake_tc.bench.real_log_cases import case_files, import_set
 from drake_tc.bench.real_logs import chosen_sets
 from drake_tc.bench.real_rows import RealRow
-from drake_tc.diagnosis.data.samples import Samples
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagnosis.run import close_loop
-from drake_tc.types import FloatArray
 
 DATA_SET = "tmotor-ak80-9-bench"
 CASES = {
@@ -52,15 +48,6 @@ class HeldOutLog:
         return self.result.after.heldout / self.result.final.gain
 
 
-def published_features(samples: Samples) -> FloatArray:
-    """The published model (N, 5): 1, i, |i| i, v/(0.1 + |v|), |i| v/(0.1 + |v|), through the same filters."""
-    current, velocity = samples.signals.effort, samples.signals.velocity
-    slip = velocity / (0.1 + np.abs(velocity))
-    features = (np.abs(current) * current, slip, np.abs(current) * slip)
-    plain = [samples.reduce(np.ones_like(current)), samples.reduce(current)]
-    return np.stack([*plain, *(samples.reduce(f, fresh=True) for f in features)], axis=-1)
-
-
 def held_out(data: Path, names: tuple[str, ...] = tuple(CASES)) -> dict[str, HeldOutLog]:
     """`close-loop` without each of these logs, by log.
 
@@ -80,8 +67,7 @@ def held_out(data: Path, names: tuple[str, ...] = tuple(CASES)) -> dict[str, Hel
             files = case_files(chosen, cases[CASES[name]], logs, Path(scratch))
             options = DiagnosisOptions(assess_residual=False)
             (result,) = close_loop(files.rig, files.log, files.holdout, options).joints.values()
-            samples = result.heldout.samples
-            out[name] = HeldOutLog(result, log_rows(samples, published_features(samples)))
+            out[name] = HeldOutLog(result, log_rows(result.heldout.samples))
     return out
 
 
@@ -92,7 +78,7 @@ def rows(data: Path) -> list[RealRow]:
     out: list[RealRow] = []
     for name, each in results.items():
         errors = judged_errors([log for other, log in logs.items() if other != name], logs[name])
-        published = errors["published"]
+        published = errors[PUBLISHED]
         found = ", ".join(effect.key for effect in each.result.effects) or "nothing"
         note = f"{each.rows.torque.size} rows; {found}"
         out += [
@@ -108,7 +94,7 @@ def _limits(name: str, errors: Mapping[str, float], logs: Mapping[str, LogRows])
     """What the other logs, and equal motions, can tell of this one."""
     best, error = smallest(errors)
     yield RealRow(f"{name}/best_fit", error, "N*m", note=f"chosen in view of the held-out log: {best}")
-    yield RealRow(f"{name}/best_fit_ratio", error / errors["published"], "-", note="over the published model's error")
+    yield RealRow(f"{name}/best_fit_ratio", error / errors[PUBLISHED], "-", note="over the published model's error")
     others = {other: log for other, log in logs.items() if other != name}
     for what, pool in (("within", ()), ("between", tuple(others.values()))):
         value, pairs = repeatability(logs[name], pool)
@@ -119,4 +105,4 @@ def _limits(name: str, errors: Mapping[str, float], logs: Mapping[str, LogRows])
         trained = judged_errors([each for other, each in others.items() if other != judged], log)
         best, error = smallest(trained)
         note = f"two training logs predict the third: {best}"
-        yield RealRow(f"{name}/training/{judged}", error / trained["published"], "-", note=note)
+        yield RealRow(f"{name}/training/{judged}", error / trained[PUBLISHED], "-", note=note)

@@ -1,12 +1,12 @@
 """`drake-tc graph`: the block graph of a diagram as SVG, DOT, Mermaid or JSON."""
 
-import sys
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from drake_tc.cli.out_files import print_or_write
 from drake_tc.errors import ParamsError
 
 
@@ -47,15 +47,7 @@ def graph_command(
         text = graph.to_mermaid(everything=everything)
     else:
         text = graph.to_svg(everything=everything)
-    if out is None:
-        sys.stdout.write(text)
-        return
-    try:
-        out.parent.mkdir(parents=True, exist_ok=True)
-        out.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise ParamsError(f"{out}: cannot be written: {error.strerror or error}") from None
-    print(out)
+    print_or_write(text, out)
 
 
 def _stages(chosen: list[str]) -> dict[str, str]:

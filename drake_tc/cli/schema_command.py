@@ -1,14 +1,13 @@
 """`drake-tc schema`: the JSON schema of an input file, or the page that explains it."""
 
 import json
-import sys
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from drake_tc.errors import ParamsError
+from drake_tc.cli.out_files import print_or_write
 
 
 class Document(StrEnum):
@@ -27,12 +26,4 @@ def schema_command(
     from drake_tc.report.rig_page import rig_page
 
     text = rig_page() if page else json.dumps(rig_schema(), indent=2, ensure_ascii=False) + "\n"
-    if out is None:
-        sys.stdout.write(text)
-        return
-    try:
-        out.parent.mkdir(parents=True, exist_ok=True)
-        out.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise ParamsError(f"{out}: cannot be written: {error.strerror or error}") from None
-    print(out)
+    print_or_write(text, out)

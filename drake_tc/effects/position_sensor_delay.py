@@ -34,10 +34,6 @@ class PositionSensorDelay(SensorDelay):
             return "a servo's effort holds the position: a late encoder acts as viscous friction"
         return super().obstacle(context)
 
-    def balance_inertia(self, theta: FloatArray, rotor_inertia: float) -> float:
-        """None: d F_v is far below any rotor inertia."""
-        return 0.0
-
     def columns(self, signals: Signals, shape: Shape) -> FloatArray:
         """J qdddot + F_v qddot (T, 1)."""
         if len(signals) < 2:

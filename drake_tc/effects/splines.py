@@ -27,12 +27,10 @@ def spline_columns(
     place = np.clip((position - start) / width, 0.0, intervals)
     interval = np.minimum(place.astype(np.int64), intervals - 1)
     u = place - interval
-    u2, u3 = u * u, u * u * u
-    pieces = ((1.0 - u) ** 3, 3.0 * u3 - 6.0 * u2 + 4.0, 3.0 * (u + u2 - u3) + 1.0, u3)
     out = np.zeros((position.size, intervals + 3))
     rows = np.arange(position.size)
-    for k, piece in enumerate(pieces):
-        out[rows, interval + k] = piece / 6.0
+    for k, (constant, linear, quadratic, cubic) in enumerate(_PIECES):
+        out[rows, interval + k] = ((cubic * u + quadratic) * u + linear) * u + constant
     return out
 
 

@@ -25,7 +25,7 @@ class TorqueSensorDelay(SensorDelay):
         return "" if context.load == "torque" else "there is no torque sensor"
 
     def columns(self, signals: Signals, shape: Shape) -> FloatArray:
-        """D tau/dt (T, 1), from the slow torque."""
+        """Rate of the slow torque (T, 1)."""
         if len(signals) < 2:
             return np.zeros((len(signals), 1))
         return np.asarray(np.gradient(signals.slow_torque, signals.period))[:, None]

@@ -78,7 +78,7 @@ class UnknownPendulum(UnknownLoadEffect):
         return {"moment": moment, "zero": zero, "constant": constant, "inertia": inertia}
 
     def torque(self, signals: Signals, parameters: Mapping[str, FloatArray | float]) -> FloatArray:
-        """Tau (T,): see the class."""
+        """The load torque (T,): see the class."""
         gravity = parameters["moment"] * np.sin(signals.position - parameters["zero"])
         return np.asarray(gravity + parameters["constant"] + parameters["inertia"] * signals.acceleration)
 

@@ -27,7 +27,12 @@ from drake_tc.logs.sensors import (
     Tolerance,
 )
 
-_COMMAND: Mapping[DriveKind, str] = {"position_servo": "position_command", "current": "current", "voltage": "voltage"}
+COMMAND_COLUMN: Mapping[DriveKind, str] = {
+    "position_servo": "position_command",
+    "current": "current",
+    "voltage": "voltage",
+}
+"""Kind of drive to the last part of the column with its command."""
 
 
 def _empty() -> Mapping[str, Any]:
@@ -88,7 +93,7 @@ class Rig:
 
     def command_column(self, joint: str) -> str:
         """Canonical name of the drive's command: `<joint>/position_command`, `/current` or `/voltage`."""
-        return f"{joint}/{_COMMAND[self.drive[joint]]}"
+        return f"{joint}/{COMMAND_COLUMN[self.drive[joint]]}"
 
     def required_columns(self, joint: str) -> tuple[str, ...]:
         """Canonical columns without which the joint cannot be diagnosed."""

@@ -61,8 +61,8 @@ def headline(joint: JointResult) -> str:
     )
     if joint.verdict == "no_missing_effect":
         return f"The declared model explains the data: its held-out error of {fine.quantity(after)} is {above}."
-    found = f"The model lacked {names}: with it, {change}." if len(joint.effects) == 1 else ""
-    found = f"The model lacked {names}: with them, {change}." if len(joint.effects) > 1 else found
+    with_them = "With it" if len(joint.effects) == 1 else "With them"
+    found = f"Missing in the model: {names}. {with_them}, {change}." if joint.effects else ""
     if joint.verdict == "effects_found":
         return found
     if found:

@@ -27,8 +27,7 @@ def made_up(seed: int, noise: float = NOISE, offset: float = 0.0, bend: float = 
     one = np.ones_like(time)
     columns = (one, current, velocity, direction, size * direction, acceleration, slip, size * slip, size * current)
     signals = (current, velocity, acceleration, direction, nil, nil, nil, nil)
-    published = np.stack([one, current, size * current, slip, size * slip], axis=-1)
-    return LogRows(torque, published, np.stack(columns, axis=-1), np.stack(signals, axis=-1), time)
+    return LogRows(torque, np.stack(columns, axis=-1), np.stack(signals, axis=-1), time)
 
 
 def test_equal_motions_differ_by_the_noise() -> None:

@@ -10,8 +10,9 @@ from drake_tc.effects.base import DriveKind
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig, parse_rig
 
+from .rigs import COMMAND, sines
+
 JOINT = "joint"
-COMMAND = {"position_servo": "position_command", "current": "current", "voltage": "voltage"}
 
 
 @dataclass(frozen=True)
@@ -38,13 +39,9 @@ class Swing:
 def motion(swing: Swing, shift: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """(time, q, v, a), (T,) each: three sines about 0.2 rad."""
     time = np.arange(round(swing.duration / swing.period)) * swing.period
-    q, v, a = np.full_like(time, 0.2), np.zeros_like(time), np.zeros_like(time)
-    for frequency, size, phase in ((0.11, 0.8, 0.0), (0.43, 0.4, 1.1), (0.97, 0.2, 2.3)):
-        w = 2 * np.pi * frequency
-        angle = w * time + phase + 10.0 * shift * frequency
-        size = size * swing.size
-        q, v, a = q + size * np.sin(angle), v + size * w * np.cos(angle), a - size * w**2 * np.sin(angle)
-    return time, q, v, a
+    waves = ((0.11, 0.8, 0.0), (0.43, 0.4, 1.1), (0.97, 0.2, 2.3))
+    q, v, a = sines(time, waves, shift)
+    return time, 0.2 + swing.size * q, swing.size * v, swing.size * a
 
 
 def record(swing: Swing, name: str, seed: int, shift: float = 0.0) -> Run:

@@ -1,6 +1,6 @@
 """Joints by inverse dynamics: the motion is a closed form, and the effort is what the torque balance asks for."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,6 +14,7 @@ from drake_tc.effects.library import effect
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig, parse_rig
 
+COMMAND = {"position_servo": "position_command", "current": "current", "voltage": "voltage"}
 WAVES = ((0.13, 0.5, 0.0), (0.41, 0.35, 1.1), (0.83, 0.15, 2.3))
 """(frequency [Hz], amplitude [rad], phase) of the motion."""
 
@@ -30,6 +31,7 @@ class Motion:
 
 
 Extra = Callable[[Motion], np.ndarray]
+Waves = Sequence[tuple[float, float, float]]
 
 
 @dataclass(frozen=True)
@@ -50,13 +52,19 @@ class Joint:
     sensor: Extra | None = None
 
 
-def motion(joint: Joint, shift: float = 0.0) -> Motion:
-    time = np.arange(round(joint.duration / joint.period)) * joint.period
+def sines(time: np.ndarray, waves: Waves, shift: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(q, v, a), (T,) each: sines of (frequency [Hz], size [rad], phase [rad]), 10 s times `shift` later."""
     q, v, a = np.zeros_like(time), np.zeros_like(time), np.zeros_like(time)
-    for frequency, size, phase in WAVES:
+    for frequency, size, phase in waves:
         w = 2 * np.pi * frequency
         angle = w * time + phase + shift * frequency * 10.0
         q, v, a = q + size * np.sin(angle), v + size * w * np.cos(angle), a - size * w**2 * np.sin(angle)
+    return q, v, a
+
+
+def motion(joint: Joint, shift: float = 0.0) -> Motion:
+    time = np.arange(round(joint.duration / joint.period)) * joint.period
+    q, v, a = sines(time, WAVES, shift)
     hand = 4.0 * np.sin(2 * np.pi * 0.29 * time + 0.7 + shift)  # so that the load is no function of the angle
     return Motion(time, q, v, a, 8.0 * np.sin(q) + 0.3 * a + hand)
 
@@ -72,7 +80,7 @@ def record(joint: Joint, name: str = "run", shift: float = 0.0, seed: int = 0, l
         position = np.round(position / joint.encoder_step) * joint.encoder_step
     torque = m.tau + (joint.sensor(m) if joint.sensor else 0.0)
     torque = torque + joint.torque_noise * rng.standard_normal(m.q.size)
-    command = {"position_servo": "position_command", "current": "current", "voltage": "voltage"}[joint.drive]
+    command = COMMAND[joint.drive]
     columns = {
         f"{label}/position": position,
         f"{label}/torque": torque,

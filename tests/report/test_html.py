@@ -100,7 +100,7 @@ def test_sections_come_in_the_readers_order(page: Page) -> None:
 
 def test_the_numbers_and_words_are_there(page: Page, joint: JointResult) -> None:
     text = " ".join(page.text.split())
-    assert "The model lacked Stribeck friction and torque ripple" in text
+    assert "Missing in the model: Stribeck friction and torque ripple." in text
     assert "look for peaks at zero velocity" in text
     assert "cannot tell Stribeck friction from" in text
     assert "temperature not recorded" in text

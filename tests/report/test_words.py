@@ -61,11 +61,11 @@ def test_what_was_lacking_and_what_it_did(joint):
     titles = [e.title for e in joint.effects]
     said = plain(headline(two))
     assert said == (
-        f"The model lacked {titles[0]} and {titles[1]}: with them, the held-out error goes from 20.0 mA to 4.00 mA "
-        "(5.0 times smaller), 2.00 times the noise floor."
+        f"Missing in the model: {titles[0]} and {titles[1]}. With them, the held-out error goes from 20.0 mA to "
+        "4.00 mA (5.0 times smaller), 2.00 times the noise floor."
     )
     one = plain(headline(replace(two, effects=two.effects[:1])))
-    assert one.startswith(f"The model lacked {titles[0]}: with it, the held-out error")
+    assert one.startswith(f"Missing in the model: {titles[0]}. With it, the held-out error")
 
 
 def test_an_error_that_grew_is_said_to_be_larger(joint):
@@ -94,7 +94,7 @@ def test_more_than_noise_says_how_many_floors_and_which_share(joint, found):
         in said.replace("What", "what")
     )
     assert "12 % of the effort's RMS, and it depends on nothing recorded" in said
-    assert said.startswith("The model lacked" if found else "No effect of the library was added")
+    assert said.startswith("Missing in the model: " if found else "No effect of the library was added")
     assert ("However, what is left" in said) == found
     assert (" What is left" in said) != found
     assert said.endswith("sensor.")

@@ -16,6 +16,7 @@ from drake_tc.diagnosis.problem.regression import Fit
 from drake_tc.diagnosis.thresholds import CLEARLY_WORSE, LEAST_UNEXPLAINED, NO_STIFFNESS
 from drake_tc.effects.base import EFFORT_UNIT, DriveKind
 from drake_tc.errors import IdentificationError
+from drake_tc.logs.rig import COMMAND_COLUMN
 from drake_tc.types import FloatArray
 
 
@@ -35,7 +36,7 @@ def require_consistent_signs(columns: Columns, declared: Fit, joint: str, drive:
     s = samples.signals
     effort = samples.reduce(s.effort)
     typical = float(np.std(columns.target)) / max(float(np.std(effort)), 1e-300)
-    command = {"position_servo": "position_command", "current": "current", "voltage": "voltage"}[drive]
+    command = COMMAND_COLUMN[drive]
     if declared.beta[0] <= NO_STIFFNESS * typical:
         raise IdentificationError(
             f"joint {joint}: the torque does not rise with the effort (drive gain not identifiable, "

@@ -11,7 +11,7 @@ from drake_tc.diagnosis.problem.columns import FOLDS
 from drake_tc.diagnosis.problem.shared.causes import Cause
 from drake_tc.diagnosis.problem.shared.covariance import intervals
 from drake_tc.diagnosis.problem.shared.stacked import JointRows, fit_stacked
-from drake_tc.diagnosis.selection.shared import search_shared
+from drake_tc.diagnosis.selection.shared import SharedProblem, search_shared
 
 N, P = 1500, 6
 NOISE = (0.1, 0.3, 0.05)
@@ -134,3 +134,11 @@ def test_parameters_say_what_the_truth_has_more(name):
     physical = cause.physical(np.array([0.1]))[0]
     wanted = {"link_mass": -0.1, "link_com": -0.1, "ft_bias": 0.1, "imu_bias": 0.1, "ft_gain": 1.0 / 0.9 - 1.0}
     assert_allclose(physical, wanted[name], rtol=1e-12)
+
+
+def test_a_fit_is_offered_without_each_of_its_new_causes():
+    problem = SharedProblem(joints(), CAUSES, CAUSES, np.full(3, 0.05))
+    small, large = problem.with_causes(CAUSES[:1]), problem.with_causes(CAUSES[:3])
+    rest = list(problem.without_each(large, small))
+    assert [[c.id for c in fit.causes] for fit in rest] == [["ft_bias", "ft_gain"], ["ft_bias", "link_mass"]]
+    assert_allclose(rest[0].fit.delta, problem.with_causes([CAUSES[0], CAUSES[2]]).fit.delta)

@@ -12,11 +12,10 @@ from drake_tc.diagnosis.problem.signs import require_consistent_signs
 from drake_tc.effects.library import effect
 from drake_tc.errors import IdentificationError
 
-from ..rigs import Joint, record, rig_of, servo
+from ..rigs import COMMAND, Joint, record, rig_of, servo
 
 TERMS = (Term(effect("viscous")), Term(effect("coulomb")))
 NOISY = Joint(torque_noise=0.3)
-COMMAND = {"current": "current", "voltage": "voltage", "position_servo": "position_command"}
 
 
 def check(joint: Joint, flipped: tuple[str, ...] = (), seed: int = 0) -> None:

@@ -7,8 +7,10 @@ from numpy.testing import assert_allclose
 from drake_tc.bench.real_arm import looked_for
 from drake_tc.bench.real_double_pendulum import planar_tree
 from drake_tc.diagnosis.arm import declare, declared_friction, every_other_block, hold_out_arm
+from drake_tc.diagnosis.problem.arm.fit import fit_arm
 from drake_tc.diagnosis.problem.arm.rows import JointLog, arm_rows
 from drake_tc.diagnosis.problem.arm.shafts import joint_axes, motor_axes
+from drake_tc.diagnosis.selection.arm import ArmProblem
 from drake_tc.errors import IdentificationError
 from drake_tc.identification.rigid_regressor import regressor
 
@@ -112,3 +114,14 @@ def test_too_little_motion_is_refused():
     still = JointLog("still", PERIOD, np.zeros((500, 2)), np.zeros((500, 2)))
     with pytest.raises(IdentificationError, match=r"faster than 0\.05"):
         arm_rows([still], MOTORS, lambda *x: regressor(TREE, *x), (0.03, 0.03), 0.05)
+
+
+def test_a_fit_is_offered_without_each_of_its_new_effects():
+    chosen = held_out(lambda q, v: 0.3 * np.cos(20.0 * q) + 0.8 * np.sign(v) * np.abs(v) ** 0.4).chosen
+    declared = fit_arm(chosen.rows, chosen.shaft_effects[:-2], chosen.sigma)
+    rest = list(ArmProblem(declared, EFFECTS).without_each(chosen, declared))
+    assert [f.shaft_effects for f in rest] == [
+        (*declared.shaft_effects, chosen.shaft_effects[-1]),
+        (*declared.shaft_effects, chosen.shaft_effects[-2]),
+    ]
+    assert all(np.sum(f.residual**2) > np.sum(chosen.residual**2) for f in rest)
