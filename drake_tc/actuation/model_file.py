@@ -103,7 +103,7 @@ def load_model_file(path: Path | str) -> ModelFile:
             message names file, joint and field.
     """
     document = read_yaml(Path(path), "model file")
-    top = _keys(f"{path}", document, {"joints"}, {"provenance", "shared"})
+    top = _keys(f"{path}", document, {"joints"}, {"provenance", "shared", "links"})
     if not isinstance(top["joints"], dict) or not top["joints"]:
         raise ParamsError(f"{path}: joints: wanted a mapping of joint name to model; got {top['joints']!r}")
     models = {}
@@ -159,6 +159,7 @@ def save_models(
     *,
     provenance: Mapping[str, Any] | None = None,
     shared: Sequence[Mapping[str, Any]] = (),
+    links: Mapping[str, Mapping[str, float]] | None = None,
 ) -> None:
     """Write a model file that `load_models` reads back to the same models, one effect a line.
 
@@ -167,6 +168,7 @@ def save_models(
         path: File to write.
         provenance: Where the numbers come from, of plain YAML types.
         shared: What no joint owns, of plain YAML types.
+        links: By link, inertial parameters that were fitted.
     """
     lines = []
     if provenance:
@@ -185,5 +187,12 @@ def save_models(
         lines.extend(
             f"  - {yaml.safe_dump(dict(entry), default_flow_style=True, sort_keys=False, width=10**6).strip()}"
             for entry in shared
+        )
+    if links:
+        lines.append("links:")
+        lines.extend(
+            f"  {yaml.safe_dump(link).splitlines()[0]}: "
+            f"{yaml.safe_dump(dict(values), default_flow_style=True, sort_keys=False, width=10**6).strip()}"
+            for link, values in links.items()
         )
     Path(path).write_text("\n".join(lines) + "\n", encoding="utf-8")

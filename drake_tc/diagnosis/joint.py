@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from drake_tc.diagnosis.data.link_prior import LinkPrior
 from drake_tc.diagnosis.data.load_scale import load_scale
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.problem.columns import Columns, Term, coefficients_by_term
@@ -28,7 +29,7 @@ from drake_tc.diagnosis.selection.withdrawal import DidNotHold
 from drake_tc.diagnosis.thresholds import SOFTER_GEAR
 from drake_tc.effects.base import EFFORT_UNIT, Context
 from drake_tc.effects.elasticity import Elasticity
-from drake_tc.effects.library import LIBRARY
+from drake_tc.effects.library import looked_for
 from drake_tc.effects.torque_sensor_bias import TorqueSensorBias
 from drake_tc.effects.torque_sensor_drift import TorqueSensorDrift
 from drake_tc.effects.torque_sensor_gain import TorqueSensorGain
@@ -61,7 +62,7 @@ class Stage:
 
 
 def _looked_for(prepared: Prepared, options: DiagnosisOptions, progress: Progress) -> Stage:
-    usable, obstacles = candidates(LIBRARY, prepared.context, prepared.declared)
+    usable, obstacles = candidates(looked_for(prepared.context), prepared.context, prepared.declared)
     subsample = columns = prepared.train
     if len(columns.samples.signals) > SEARCHED_SAMPLES:
         subsample = Columns(
@@ -101,17 +102,29 @@ def diagnose_joint(
     joint: str,
     options: DiagnosisOptions,
     progress: Progress = lambda text, share: None,
+    link_prior: LinkPrior | None = None,
 ) -> JointResult:
     """Diagnose one joint. The held-out runs are looked at only after every choice is made.
+
+    Args:
+        train_runs: To fit.
+        held_runs: To judge by.
+        rig: Says drive, load and what is declared.
+        joint: Which.
+        options: Thresholds and seed.
+        progress: Told how far it is.
+        link_prior: Of the links' columns that the runs hold; None where they hold none.
 
     Raises:
         IdentificationError: the training runs cannot identify even the declared model.
     """
     progress("filtering", 0.0)
-    stage = _looked_for(prepare_joint(train_runs, held_runs, rig, joint), options, progress)
+    first = prepare_joint(train_runs, held_runs, rig, joint, link_prior=link_prior)
+    stage = _looked_for(first, options, progress)
     compliance = _wind_up(stage)
     if compliance > 0.0:
-        soft = _looked_for(prepare_joint(train_runs, held_runs, rig, joint, compliance), options, progress)
+        second = prepare_joint(train_runs, held_runs, rig, joint, compliance, link_prior)
+        soft = _looked_for(second, options, progress)
         if _has_elasticity(soft.found) and soft.found.chosen.cv_rms < SOFTER_GEAR * stage.found.chosen.cv_rms:
             stage = soft
     prepared, subsample, context = stage.prepared, stage.subsample, stage.prepared.context
@@ -169,7 +182,7 @@ def diagnose_joint(
 
 
 def _sticking(columns: Columns, chosen: Fit, context: Context) -> tuple[str, ...]:
-    found = None if context.load in ("robot", "unknown") else sticking(columns, chosen)
+    found = None if context.load in ("robot", "links", "unknown") else sticking(columns, chosen)
     return () if found is None else (found.sentence(),)
 
 

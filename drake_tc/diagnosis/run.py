@@ -14,8 +14,9 @@ from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.residual.unexplained import SEVERITY, Verdict
 from drake_tc.diagnosis.result.free_running import FreeRun, load_in_workers, with_free_runs
 from drake_tc.diagnosis.result.joint_result import JointResult
+from drake_tc.diagnosis.result.links import FittedLinks
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult, SharedEffect
-from drake_tc.diagnosis.robot import diagnose_robot
+from drake_tc.diagnosis.robot.diagnose import diagnose_robot
 from drake_tc.diagnosis.selection.engine import Progress
 from drake_tc.estimation.robot_loads import robot_logs
 from drake_tc.logs.prepare import load_runs, require_different_files, require_different_runs, require_two_runs
@@ -72,11 +73,12 @@ def _close_loop(
     joints: dict[str, JointResult] = {}
     shared: tuple[SharedEffect, ...] = ()
     before: Sequence[Run] | None = None
+    links: FittedLinks | None = None
     logs_of_robot = robot_logs(rig, runs)
     if logs_of_robot is not None:
         robot = diagnose_robot(logs_of_robot, train, held, rig, options, progress=progress, executor=executor)
         joints = {name: _ranked(joint, robot.robot_gains) for name, joint in robot.joints.items()}
-        shared, before, held = robot.shared, robot.held, list(robot.held_after)
+        shared, before, held, links = robot.shared, robot.held, list(robot.held_after), robot.links
     for joint in rig.joints:
         if logs_of_robot is None:
             joints[joint] = diagnose_joint(train, held, rig, joint, options, progress)
@@ -92,6 +94,7 @@ def _close_loop(
         heldout_files=tuple(str(p) for p in holdout),
         rig_file=str(rig_path),
         shared=shared,
+        links=links,
     )
 
 

@@ -8,7 +8,7 @@ from typing import Literal
 from drake_tc.effects.parameter import Scale
 
 DriveKind = Literal["position_servo", "current", "voltage"]
-LoadKind = Literal["torque", "pendulum", "robot", "unknown"]
+LoadKind = Literal["torque", "pendulum", "robot", "links", "unknown"]
 EFFORT_UNIT: Mapping[str, str] = {"position_servo": "rad", "current": "A", "voltage": "V"}
 
 
@@ -18,8 +18,8 @@ class Context:
 
     Attributes:
         drive: Kind of drive.
-        load: Where the load torque comes from: a torque column, a pendulum's mass and length, a robot's model, or
-            "unknown": the declared model fits it.
+        load: Where the load torque comes from: a torque column, a pendulum's mass and length, a robot's model, "links":
+            a robot's model whose links' parameters are fitted, or "unknown": the declared model fits it.
         recorded: Names of the `Signals` fields that were recorded.
         declared: Parameter values that the user vouches for.
         link_inertia: Of a pendulum load about the axis [kg m^2]; 0 where the load is measured.

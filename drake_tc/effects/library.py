@@ -2,7 +2,7 @@
 
 from drake_tc.effects.asymmetric_friction import AsymmetricFriction, CoulombAsymmetry
 from drake_tc.effects.backlash import Backlash
-from drake_tc.effects.base import Effect
+from drake_tc.effects.base import Context, Effect
 from drake_tc.effects.cable_spring import CableSpring
 from drake_tc.effects.coulomb import Coulomb
 from drake_tc.effects.current_lag import CurrentLag
@@ -100,7 +100,12 @@ SPECIAL: tuple[Effect, ...] = (
 """Effects that a model may list but that no search looks for unasked: each resembles a commoner one in LIBRARY."""
 
 MULTI_JOINT: tuple[Effect, ...] = (ViscousPower(), RunInFriction())
-"""Effects that only the search over several joints together looks for (drake_tc/diagnosis/selection/arm.py)."""
+"""Effects that are looked for only where the links of a robot are fitted together with its joints."""
+
+
+def looked_for(context: Context) -> tuple[Effect, ...]:
+    """The effects that a search over logs of this kind tries."""
+    return (*LIBRARY, *MULTI_JOINT) if context.load == "links" else LIBRARY
 
 
 def effect(key: str) -> Effect:

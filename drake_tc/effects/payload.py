@@ -50,6 +50,8 @@ class Payload(TorqueEffect):
         """
         if context.taken_up:
             return context.taken_up
+        if context.load == "links":
+            return "what a link carries is part of its fitted parameters"
         if context.load == "robot":
             return "what a link carries is looked for on all joints together, as its link_mass"
         return "the load is a pendulum, whose scale the drive gain takes up" if context.load == "pendulum" else ""

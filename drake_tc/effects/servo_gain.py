@@ -43,6 +43,8 @@ class ServoGain(DriveEffect):
         """Needs a declared gain."""
         if context.load == "unknown":
             return "the load is unknown, and only the declared gain fixes the scale of the torques"
+        if context.load == "links":
+            return "the links' masses are fitted, and only the declared gain fixes the scale of the torques"
         return "" if context.declared.get("drive_gain") else "no drive gain is declared"
 
     def shape_grid(self, context: Context) -> list[dict[str, float]]:

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from drake_tc.errors import LogError
+from drake_tc.estimation.link_parameters import LinkModel, link_model
 from drake_tc.estimation.off_line import OffLineFilter, SensorLog, smoothed
 from drake_tc.estimation.torque_model import TorqueModel
 from drake_tc.logs.loads import RobotLoad
@@ -33,11 +34,13 @@ class RobotLogs:
         robot: Without F/T sensors where the rig asks for inverse dynamics.
         model: Its torque estimation.
         reads_imu: Whether the base's motion comes from the robot's first IMU.
+        links: Of a robot whose links' parameters are fitted; None otherwise.
     """
 
     robot: Robot
     model: TorqueModel
     reads_imu: bool
+    links: LinkModel | None = None
 
     def sensors(self, run: Run, part: slice) -> SensorLog:
         """The readings of one stretch of a run."""
@@ -75,6 +78,9 @@ def robot_logs(rig: Rig, runs: Sequence[Run]) -> RobotLogs | None:
     robot = load_robot(rig.robot)
     if load.method == "inverse_dynamics":
         robot = replace(robot, force_torque=())
+    if load.fitted:
+        robot = replace(robot, force_torque=(), imu=())
+        return RobotLogs(robot, TorqueModel(robot, base="fixed"), reads_imu=False, links=link_model(robot))
     first = f"imu_{robot.imu[0].name}/accel_x" if robot.imu else ""
     reads_imu = bool(robot.imu) and (not robot.fixed_base or all(first in run.columns for run in runs))
     if robot.fixed_base:

@@ -21,3 +21,23 @@ def independent_columns(matrix: FloatArray, tolerance: float = 1e-5) -> IntArray
     r, order = qr(matrix[:, live] / scale[live], mode="r", pivoting=True)
     size = np.abs(np.diag(r))
     return np.asarray(np.sort(live[order[: int(np.sum(size > tolerance * size[0]))]]))
+
+
+def base_combinations(matrix: FloatArray, tolerance: float = 1e-5) -> tuple[IntArray, FloatArray]:
+    """The base parameters of a regressor A (N, p), as combinations of its parameters: A pi = A_b (M pi).
+
+    Args:
+        matrix: A.
+        tolerance: As in `independent_columns`.
+
+    Returns:
+        Indices (b,) of the independent columns A_b, and M (b, p): the identity in those columns, and in each other one
+        the factors with which it is made of them.
+    """
+    chosen = independent_columns(matrix, tolerance)
+    scale = np.linalg.norm(matrix, axis=0)
+    scale = np.where(scale > 0.0, scale, 1.0)
+    unit = matrix / scale
+    mix = np.linalg.lstsq(unit[:, chosen], unit, rcond=None)[0] * (scale / scale[chosen][:, None])
+    mix[np.abs(mix) < 1e-6] = 0.0
+    return chosen, np.asarray(mix)

@@ -44,7 +44,7 @@ class Pendulum:
         return np.asarray(self.inertia * acceleration + gravity)
 
 
-RobotMethod = Literal["estimate", "inverse_dynamics"]
+RobotMethod = Literal["estimate", "inverse_dynamics", "fitted"]
 
 
 @dataclass(frozen=True)
@@ -53,10 +53,21 @@ class RobotLoad:
 
     Attributes:
         method: "estimate": encoders, IMU and F/T sensors (EQUATIONS A2); "inverse_dynamics": encoders and, where there
-            is one, the IMU, for a robot that nothing touches or whose F/T sensors are not in the way.
+            is one, the IMU, for a robot that nothing touches or whose F/T sensors are not in the way; "fitted": the
+            same, but the links' inertial parameters are fitted together with the joints' models.
+        tolerance: Of a fitted robot: standard deviation of a link's mass as a share of the file's; its first moments
+            and inertia follow with the link's size (`estimation.link_parameters`).
+        payload: Of a fitted robot: names of the logs in which the last link carries a load that is not known.
     """
 
     method: RobotMethod = "estimate"
+    tolerance: float = 1.0
+    payload: tuple[str, ...] = ()
+
+    @property
+    def fitted(self) -> bool:
+        """Whether the links' parameters are fitted."""
+        return self.method == "fitted"
 
 
 UnknownForm = Literal["pendulum", "smooth"]

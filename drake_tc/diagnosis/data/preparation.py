@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from drake_tc.diagnosis.data.link_prior import column_name
 from drake_tc.diagnosis.data.load_scale import load_scale
 from drake_tc.diagnosis.data.resolution import NoiseFloor, Resolution, light_width, sample_noise
 from drake_tc.diagnosis.data.samples import Samples
@@ -196,6 +197,7 @@ def build_samples(
         link_inertia=load.inertia if isinstance(load, Pendulum) else 0.0,
         rotor_inertia=scale.rotor_inertia,
         period=period,
+        links=_links(channels, light),
     )
     rows, block = choose_rows(moving, segments, final, light, period)
     require_rows(rows, moving, resolution, final, f"joint {joint}, {', '.join(r.name for r in runs)}")
@@ -226,6 +228,15 @@ def build_samples(
     )
 
 
+def _links(channels: Channels, light: CommonKernel) -> FloatArray | None:
+    """(T, r) columns of the links' parameters; None where the runs have none."""
+    first = channels.pieces[0][1]
+    found: list[FloatArray] = []
+    while f"{channels.joint}/{column_name(len(found))}" in first.columns:
+        found.append(light.smooth(channels.raw(column_name(len(found)))))
+    return np.column_stack(found) if found else None
+
+
 def _slow_channels(signals: Signals, rows: IntArray) -> dict[str, Any]:
     """Fields of `Context` that describe the recorded supply voltage and temperature, where there are such."""
     out: dict[str, Any] = {}
@@ -242,7 +253,9 @@ def _slow_channels(signals: Signals, rows: IntArray) -> dict[str, Any]:
 def _kind_of(load: Load) -> LoadKind:
     if unknown_form(load) is not None:
         return "unknown"
-    return "pendulum" if isinstance(load, Pendulum) else "robot" if isinstance(load, RobotLoad) else "torque"
+    if isinstance(load, RobotLoad):
+        return "links" if load.fitted else "robot"
+    return "pendulum" if isinstance(load, Pendulum) else "torque"
 
 
 def context_of(samples: Samples, rig: Rig, joint: str) -> Context:

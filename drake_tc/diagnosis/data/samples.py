@@ -6,6 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
+from drake_tc.diagnosis.data.link_prior import LinkPrior
 from drake_tc.diagnosis.data.resolution import NoiseFloor, Resolution
 from drake_tc.effects.base import Effect, Shape, Signals
 from drake_tc.filtering.block_convolution import BlockConvolution
@@ -33,6 +34,7 @@ class Samples:
         row_period: Mean time between rows inside a block [s].
         load_unknown: Whether nothing is known of the load torque: the signals' load is 0 until a fit tells it.
         torque_unit: Unit of all torques: N*m, or the effort's where nothing fixes the scale (`load_scale`).
+        link_prior: Of the columns `signals.links`; None where the links' parameters are not fitted.
     """
 
     signals: Signals
@@ -51,6 +53,7 @@ class Samples:
     notes: tuple[tuple[str, str], ...] = field(default=())
     load_unknown: bool = False
     torque_unit: str = "N*m"
+    link_prior: LinkPrior | None = None
 
     def reduce(self, values: FloatArray, *, fresh: bool = False) -> FloatArray:
         """Low-pass (T,) or (T, k) values and keep the rows: (N,) or (N, k).

@@ -1,5 +1,7 @@
 """Least squares in a box from normal equations, and whether their columns can be told apart."""
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from drake_tc.types import BoolArray, FloatArray
@@ -10,6 +12,23 @@ LEAST_OUTSIDE_FOLD = 1e-6
 """Norm of a column outside a fold over that in all folds, below which the other folds do not identify it."""
 SLACK = 1e-12
 """How far beyond its bound a scaled coefficient may lie."""
+
+
+@dataclass(frozen=True, eq=False)
+class Prior:
+    """Independent Gaussian knowledge of coefficients, in units in which a row's squared residual counts 1.
+
+    Attributes:
+        precision: (m,) 0 where nothing is known.
+        mean: (m,).
+    """
+
+    precision: FloatArray
+    mean: FloatArray
+
+    def added(self, gram: FloatArray, moment: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Normal equations (..., m, m), (..., m) with it."""
+        return gram + np.diag(self.precision), moment + self.precision * self.mean
 
 
 def solve_bounded(
@@ -57,7 +76,7 @@ def _scaled(gram: FloatArray, moment: FloatArray) -> tuple[FloatArray, FloatArra
 
 
 def cross_validated(
-    grams: FloatArray, moments: FloatArray, lower: FloatArray, upper: FloatArray
+    grams: FloatArray, moments: FloatArray, lower: FloatArray, upper: FloatArray, prior: Prior | None = None
 ) -> tuple[FloatArray, FloatArray]:
     """Least squares in a box of all folds, and without each of them.
 
@@ -66,6 +85,7 @@ def cross_validated(
         moments: (F, m) X'z by fold.
         lower: (m,) bounds.
         upper: (m,).
+        prior: Counts in full without each of the folds too; None for none.
 
     Returns:
         beta (m,), and (F, m) fitted without each fold. A coefficient whose column is zero outside a fold is 0 there.
@@ -74,7 +94,11 @@ def cross_validated(
     sums = np.concatenate([gram[None], gram - grams])
     unseen = np.diagonal(sums, axis1=1, axis2=2) <= LEAST_OUTSIDE_FOLD**2 * np.diag(gram)
     unseen[0] = False
-    solved = _solve_each(sums, np.concatenate([moment[None], moment - moments]), lower, upper, unseen)
+    rest = np.concatenate([moment[None], moment - moments])
+    if prior is not None:
+        sums, rest = prior.added(sums, rest)
+        unseen &= prior.precision == 0.0
+    solved = _solve_each(sums, rest, lower, upper, unseen)
     return solved[0], solved[1:]
 
 

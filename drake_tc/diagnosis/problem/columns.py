@@ -13,8 +13,10 @@ import numpy as np
 
 from drake_tc.diagnosis.data.resolution import NoiseFloor
 from drake_tc.diagnosis.data.samples import Samples
+from drake_tc.diagnosis.problem.bounded import Prior
 from drake_tc.effects.base import DriveEffect, Effect
-from drake_tc.types import FloatArray, IntArray
+from drake_tc.effects.link_load import LinkLoad
+from drake_tc.types import BoolArray, FloatArray, IntArray
 
 FOLDS = 5
 CACHE_BYTES = 300_000_000
@@ -50,6 +52,12 @@ def coefficients_by_term(terms: Sequence[Term], beta: FloatArray) -> Iterator[tu
         theta = beta[at : at + len(term.effect.coefficients)]
         at += theta.size
         yield term, theta
+
+
+def link_coefficients(terms: Sequence[Term]) -> BoolArray:
+    """(1 + sum k,) which coefficients of beta are those of the links' parameters."""
+    parts = [np.full(len(t.effect.coefficients), isinstance(t.effect, LinkLoad)) for t in terms]
+    return np.concatenate([np.zeros(1, dtype=np.bool_), *parts])
 
 
 @dataclass(frozen=True)
@@ -91,11 +99,13 @@ class Normal:
 
     Attributes:
         grams: (FOLDS, m, m) X'X. moments: (FOLDS, m) X'z. squares: (FOLDS,) z'z.
+        prior: What is known of the coefficients beforehand.
     """
 
     grams: FloatArray
     moments: FloatArray
     squares: FloatArray
+    prior: Prior
 
 
 class Columns:
@@ -134,8 +144,9 @@ class Columns:
 
     @property
     def effort_is_target(self) -> bool:
-        """Whether the effort alone tells the torques: an unknown load with a drive gain that is held."""
-        return self.samples.load_unknown and self.declared_gain is not None
+        """Whether the effort alone tells the torques: an unknown load, or fitted links, with a gain that is held."""
+        fitted = self.samples.load_unknown or self.samples.link_prior is not None
+        return fitted and self.declared_gain is not None
 
     def shrinkage(self, terms: Sequence[Term]) -> float:
         """How many times smaller the drive effects among the terms make an effort that is the target; at least 1.
@@ -200,7 +211,21 @@ class Columns:
                 product = self._product(key, x, keys[j], sorted_[j])
                 grams[:, mine, other] = product
                 grams[:, other, mine] = product.transpose(0, 2, 1)
-        return Normal(grams, moments, self._product(("target",), target, ("target",), target)[:, 0, 0])
+        squares = self._product(("target",), target, ("target",), target)[:, 0, 0]
+        return Normal(grams, moments, squares, self.prior(terms))
+
+    def prior(self, terms: Sequence[Term]) -> Prior:
+        """What is known of the coefficients of these terms beforehand: only of the links' parameters anything is."""
+        known = self.samples.link_prior
+        size = 1 + sum(len(t.effect.coefficients) for t in terms)
+        out = Prior(np.zeros(size), np.zeros(size))
+        at = 1
+        for term in terms:
+            mine = slice(at, at + len(term.effect.coefficients))
+            at = mine.stop
+            if known is not None and isinstance(term.effect, LinkLoad):
+                out.precision[mine], out.mean[mine] = known.precision, known.mean
+        return out
 
     def _by_fold(self, key: tuple[object, ...], values: Callable[[], FloatArray]) -> FloatArray:
         """Columns (N, k) with the rows of each fold together."""

@@ -2,8 +2,9 @@
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+from drake_tc.diagnosis.data.link_prior import LinkPrior
 from drake_tc.diagnosis.data.load_scale import load_scale
 from drake_tc.diagnosis.data.preparation import build_samples, context_of
 from drake_tc.diagnosis.problem.columns import BalanceCoefficients, Columns, Term
@@ -17,6 +18,7 @@ from drake_tc.diagnosis.problem.unknown_load import (
 )
 from drake_tc.diagnosis.thresholds import MAX_CONDITION
 from drake_tc.effects.base import Context
+from drake_tc.effects.link_load import LinkLoad, link_load
 from drake_tc.errors import IdentificationError
 from drake_tc.identification.regression import least_squares
 from drake_tc.logs.record import Run
@@ -53,7 +55,12 @@ def _naming(split: str) -> Iterator[None]:
 
 
 def prepare_joint(
-    train_runs: Sequence[Run], held_runs: Sequence[Run], rig: Rig, joint: str, compliance: float = 0.0
+    train_runs: Sequence[Run],
+    held_runs: Sequence[Run],
+    rig: Rig,
+    joint: str,
+    compliance: float = 0.0,
+    link_prior: LinkPrior | None = None,
 ) -> Prepared:
     """Filter one joint's runs, take off what is known of it and fit its declared model.
 
@@ -63,6 +70,7 @@ def prepare_joint(
         rig: Says drive, load and what is declared.
         joint: Which.
         compliance: As in `build_samples` [rad/(N m)].
+        link_prior: Of the links' columns that the runs hold; None where they hold none.
 
     Raises:
         IdentificationError: the joint hardly moves in the training or in the held-out runs, or the training runs cannot
@@ -74,16 +82,18 @@ def prepare_joint(
         held = build_samples(held_runs, rig, joint, train.light.width_s, compliance)
     context = context_of(train, rig, joint)
     known = known_values(rig, joint)
-    train, held = without_known(train, known), without_known(held, known)
+    train, held = (replace(without_known(each, known), link_prior=link_prior) for each in (train, held))
     servo = context.drive == "position_servo"
     scale = load_scale(rig, joint)
     first, other = (Columns(each, declared_gain=scale.gain) for each in (train, held))
-    plain = fit_declared(first, declared_terms(rig, joint), context, possible_loads(rig, joint))
+    loads = possible_loads(rig, joint) if link_prior is None else (link_load(link_prior.mean.size),)
+    plain = fit_declared(first, declared_terms(rig, joint), context, loads)
     if train.load_unknown:
         require_identified_load(first, plain, joint, context)
     else:
-        labels = ["drive gain", *(p.name for t in plain.terms for p in t.effect.coefficients)]
-        least_squares(first.design(plain.terms), first.target, names=labels, max_condition=MAX_CONDITION)
+        own = [t for t in plain.terms if not isinstance(t.effect, LinkLoad)]
+        labels = ["drive gain", *(p.name for t in own for p in t.effect.coefficients)]
+        least_squares(first.design(own), first.target, names=labels, max_condition=MAX_CONDITION)
     require_consistent_signs(first, plain, joint, context.drive)
     first, other = (with_fitted_load(c.with_model(plain.terms, plain.beta, servo=servo), plain) for c in (first, other))
     fitted = BalanceCoefficients.of(plain.terms, plain.beta)

@@ -92,10 +92,10 @@ def score(columns: Columns, terms: Sequence[Term]) -> Score:
     """
     normal = columns.normal(terms)
     low, high = bounds_of(terms, columns.declared_gain)
-    beta, by_fold = cross_validated(normal.grams, normal.moments, low, high)
+    beta, by_fold = cross_validated(normal.grams, normal.moments, low, high, normal.prior)
     gain = columns.gain or 1.0 / float(beta[0])
     drives = float(beta[0]) > LEAST_STIFFNESS and (columns.gain is None or beta[0] * columns.gain > LEAST_DRIVE)
-    gram = normal.grams.sum(0)
+    gram = normal.prior.added(normal.grams.sum(0), normal.moments.sum(0))[0]
     sound = drives and not collinear(gram[1:, 1:] if columns.effort_is_target else gram)
     correction = columns.noise_ratio(beta, terms) * columns.shrinkage(terms) if sound else np.inf
     total = 0.0

@@ -8,6 +8,8 @@ ISOLATES: Mapping[str, str] = {
     "rotor_inertia": "drive the joint with fast accelerations at small speed (a chirp of small amplitude)",
     "stribeck": "creep at constant speeds from 0.001 to 0.5 rad/s in both directions",
     "quadratic_viscous": "run at constant speeds up to the fastest allowed",
+    "viscous_power": "run at ten or more constant speeds from the slowest to the fastest allowed, in both directions",
+    "run_in_friction": "repeat one motion for minutes after a rest, and again at once",
     "load_dependent_friction": "repeat one slow motion with several hung weights",
     "asymmetric_friction": "run the same constant speeds in both directions, unloaded",
     "presliding_hysteresis": "reverse slowly and often with amplitudes from 0.001 to 0.1 rad",

@@ -5,6 +5,7 @@ from pathlib import Path
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.actuation.model_file import save_models
 from drake_tc.diagnosis.result.joint_result import Errors, JointResult
+from drake_tc.diagnosis.result.links import FittedLinks
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult, SharedEffect
 
 
@@ -42,7 +43,8 @@ def models_of(result: CloseLoopResult, out: Path) -> tuple[str, str]:
             "error": {j.joint: _error(j, j.after if final else j.before) for j in result.joints.values()},
         }
         shared = [_shared_entry(cause) for cause in result.shared] if final else []
-        save_models(models, out / name, provenance=provenance, shared=shared)
+        links = None if result.links is None or not final else _links_entry(result.links)
+        save_models(models, out / name, provenance=provenance, shared=shared, links=links)
         texts.append((out / name).read_text(encoding="utf-8"))
     return texts[0], texts[1]
 
@@ -55,6 +57,14 @@ def _shared_entry(cause: SharedEffect) -> dict[str, object]:
         **{name: float(e.value) for name, e in cause.parameters.items()},
         "ci95": {name: [float(bound) for bound in e.ci95] for name, e in cause.parameters.items()},
     }
+
+
+def _links_entry(links: FittedLinks) -> dict[str, dict[str, float]]:
+    """By link, its inertial parameters about its origin."""
+    out: dict[str, dict[str, float]] = {}
+    for p in links.parameters:
+        out.setdefault(p.link, {})[p.name] = float(f"{p.estimate.value:.6g}")
+    return out
 
 
 def _error(joint: JointResult, errors: Errors) -> dict[str, object]:

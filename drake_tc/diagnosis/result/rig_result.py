@@ -8,6 +8,7 @@ from drake_tc.diagnosis.problem.estimates import Estimate
 from drake_tc.diagnosis.residual.unexplained import Verdict
 from drake_tc.diagnosis.result.closed_loop import ClosedLoop
 from drake_tc.diagnosis.result.joint_result import JointResult
+from drake_tc.diagnosis.result.links import FittedLinks
 
 
 @dataclass(frozen=True)
@@ -35,7 +36,10 @@ class SharedEffect:
 
 @dataclass(frozen=True)
 class CloseLoopResult:
-    """The whole call: joints by name, verdict, seconds; causes that no single joint owns; what the loop makes of it."""
+    """The whole call: joints by name, verdict, seconds; causes that no single joint owns; what the loop makes of it.
+
+    `links` are the links' inertial parameters where the rig asks for them to be fitted.
+    """
 
     joints: Mapping[str, JointResult]
     verdict: Verdict
@@ -48,3 +52,4 @@ class CloseLoopResult:
     shared: tuple[SharedEffect, ...] = ()
     closed_loop: ClosedLoop | None = None
     uncertainty: TorqueUncertainty | None = None
+    links: FittedLinks | None = None

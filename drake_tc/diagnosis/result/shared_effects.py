@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from drake_tc.diagnosis.problem.columns import Term
+from drake_tc.diagnosis.problem.columns import Term, link_coefficients
 from drake_tc.diagnosis.problem.estimates import Estimate, estimates
 from drake_tc.diagnosis.problem.prepared import Prepared
 from drake_tc.diagnosis.problem.regression import fit
@@ -118,9 +118,11 @@ def with_shared_uncertainty(
     out = {}
     for number, (name, joint) in enumerate(joints.items()):
         of_beta = []
-        for (rows, fitted), each in zip((before, after), spread, strict=True):
+        for (rows, fitted), each, model in zip((before, after), spread, (joint.baseline, joint.final), strict=True):
             response = own_response(rows[number], fitted)
-            of_beta.append(response @ each @ response.T)
+            own = ~link_coefficients(model.terms)
+            of_beta.append(np.zeros((own.size, own.size)))
+            of_beta[-1][np.ix_(own, own)] = response @ each @ response.T
         final = widened(joint.final_parameters, joint.final, of_beta[1])
         out[name] = replace(
             joint,

@@ -8,6 +8,7 @@ from typing import Any
 from drake_tc.diagnosis.problem.estimates import Estimate
 from drake_tc.diagnosis.result.closed_loop_json import loop_entry, loop_summary, uncertainty_entry
 from drake_tc.diagnosis.result.joint_result import Errors, JointResult, ParameterByCondition, RunErrors
+from drake_tc.diagnosis.result.links import FittedLinks
 from drake_tc.diagnosis.result.rejection import why_rejected
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult, SharedEffect
 from drake_tc.json_values import json_value
@@ -128,6 +129,21 @@ def shared_json(cause: SharedEffect) -> dict[str, Any]:
     }
 
 
+def links_json(links: FittedLinks) -> dict[str, Any]:
+    """The links' inertial parameters, where they were fitted."""
+    return {
+        "parameters": [
+            {"link": p.link, "parameter": p.name, "declared": _number(p.declared), "narrowed": _number(p.narrowed)}
+            | _estimate(p.estimate)
+            for p in links.parameters
+        ],
+        "base": [{"name": p.name, "declared": _number(p.declared)} | _estimate(p.estimate) for p in links.base],
+        "payloads": {
+            run: {name: _estimate(e) for name, e in parameters.items()} for run, parameters in links.payloads.items()
+        },
+    }
+
+
 def result_json(result: CloseLoopResult) -> dict[str, Any]:
     """The whole report."""
     return {
@@ -142,6 +158,7 @@ def result_json(result: CloseLoopResult) -> dict[str, Any]:
             for name, joint in result.joints.items()
         },
         "shared": [shared_json(cause) for cause in result.shared],
+        "links": None if result.links is None else links_json(result.links),
         "closed_loop": loop_summary(result.closed_loop),
         "seconds": result.seconds,
         "logs": list(result.train_files),

@@ -109,7 +109,7 @@ def left_out(columns: Columns, terms: Sequence[Term]) -> FloatArray:
     grams = {r: x[run == r].T @ x[run == r] for r in runs}
     moments = {r: x[run == r].T @ z[run == r] for r in runs}
     low, high = bounds_of(terms, columns.declared_gain)
-    total, moment = sum(grams.values()), sum(moments.values())
+    total, moment = columns.prior(terms).added(sum(grams.values()), sum(moments.values()))
     out = np.empty_like(z)
     for r in runs:
         beta = solve_bounded(total - grams[r], moment - moments[r], low, high)

@@ -7,7 +7,7 @@ from drake_tc.diagnosis.problem.regression import Fit, fit
 from drake_tc.diagnosis.selection.joint import Search, best_shape, refine, shape_screen, share_better
 from drake_tc.diagnosis.thresholds import CERTAINLY_BETTER, SAME_ERROR
 from drake_tc.effects.base import Context
-from drake_tc.effects.library import LIBRARY
+from drake_tc.effects.library import looked_for
 
 
 def indistinguishable(columns: Columns, found: Search, context: Context) -> tuple[tuple[str, str], ...]:
@@ -26,7 +26,7 @@ def indistinguishable(columns: Columns, found: Search, context: Context) -> tupl
         others = [t for t in found.chosen.terms if t is not term]
         taken = {t.effect.id for t in found.chosen.terms} | set(context.declared)
         without = fit(columns, others)
-        for member in LIBRARY:
+        for member in looked_for(context):
             if member.id in taken or member.obstacle(context):
                 continue
             swapped = best_shape(columns, without, member, context, screen)

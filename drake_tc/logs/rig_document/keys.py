@@ -150,6 +150,10 @@ def magnitude_in(channel: str) -> Any:
     return (BeforeValidator(magnitude(channel)), WithJsonSchema(magnitude_schema()))
 
 
+Ratio = Annotated[float, *magnitude_in("ratio")]
+"""A relative error: a number or a text in percent."""
+
+
 class ByJoint(dict[str, Any]):
     """A mapping that `RigDocument` has recognised as one by joint."""
 

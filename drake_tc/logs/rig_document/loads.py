@@ -6,7 +6,7 @@ from typing import Annotated, Literal, TypeAlias, get_args
 from pydantic import Discriminator, Tag
 
 from drake_tc.logs.loads import Load, Pendulum, RobotLoad, RobotMethod, UnknownForm, UnknownLoad
-from drake_tc.logs.rig_document.keys import Keys, Number, PositiveNumber, expected, key, one_of
+from drake_tc.logs.rig_document.keys import Keys, Number, PositiveNumber, Ratio, expected, key, one_of
 
 LoadWord: TypeAlias = Literal["torque", "unknown"]
 WORDS: Mapping[LoadWord, str] = {
@@ -63,15 +63,31 @@ class ModelLoad(Keys):
 
     robot: Annotated[RobotMethod, one_of(get_args(RobotMethod))] = key(
         "`estimate` computes the torques from encoders, IMU and F/T sensors. `inverse_dynamics` leaves the F/T sensors "
-        "out: it is for a robot that touches nothing beyond its base.",
+        "out: it is for a robot that touches nothing beyond its base. `fitted` does the same for a robot with a fixed "
+        "base, and fits the links' inertial parameters together with the joints' models.",
         example="estimate",
         default=...,
         expected=" | ".join(get_args(RobotMethod)),
     )
+    tolerance: Ratio | None = key(
+        "With `robot: fitted`: how far the robot file's inertial parameters may be off, as the standard deviation of a "
+        "link's mass divided by that mass. Centres of mass and moments of inertia follow with the link's size.",
+        unit="-",
+        example="20 %",
+        absent="1 (100 %)",
+    )
+    unknown_payload: list[str] = key(
+        "With `robot: fitted`: names of the logs, without their endings, in which the last link carries an unknown "
+        "load. Its ten inertial parameters are fitted for each of these logs.",
+        example=["run_with_load"],
+        default=[],
+        absent="no log",
+    )
 
     def load(self) -> Load:
         """The load that the rest of the library uses."""
-        return RobotLoad(self.robot)
+        given = {} if self.tolerance is None else {"tolerance": self.tolerance}
+        return RobotLoad(self.robot, payload=tuple(self.unknown_payload), **given)
 
 
 class FittedLoad(Keys):
@@ -104,8 +120,8 @@ POSSIBLE = f"{', '.join(map(repr, WORDS))} or {' or '.join(_SHAPES)}"
 
 def _kind(value: object) -> str | None:
     if isinstance(value, Mapping):
-        name = next(iter(value), None)
-        return f"@{name}" if len(value) == 1 and name in KINDS else None
+        named = [name for name in value if name in KINDS]
+        return f"@{named[0]}" if len(named) == 1 else None
     return "@word" if value in get_args(LoadWord) else None
 
 

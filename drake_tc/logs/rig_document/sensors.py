@@ -11,14 +11,13 @@ from typing import Annotated, Any
 from pydantic import BeforeValidator, Field, WithJsonSchema
 
 from drake_tc.logs.near import near
-from drake_tc.logs.rig_document.keys import Keys, key, magnitude, magnitude_in, magnitude_schema
+from drake_tc.logs.rig_document.keys import Keys, Ratio, key, magnitude, magnitude_in, magnitude_schema
 from drake_tc.logs.sensors import FORCE_TORQUE_PARTS, IMU_PARTS, ForceTorqueTolerance, ImuTolerance, JointSensors
 from drake_tc.logs.sensors import Tolerance as SensorTolerance
 
 Torque = Annotated[float, *magnitude_in("torque")]
 Time = Annotated[float, *magnitude_in("time")]
 Position = Annotated[float, *magnitude_in("position")]
-Ratio = Annotated[float, *magnitude_in("ratio")]
 
 
 def _pair_of(first: tuple[str, str], second: tuple[str, str]) -> Any:

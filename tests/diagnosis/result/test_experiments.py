@@ -2,12 +2,12 @@
 
 from drake_tc.diagnosis.residual.unexplained import Unexplained
 from drake_tc.diagnosis.result.experiments import ISOLATES, next_experiment
-from drake_tc.effects.library import LIBRARY
+from drake_tc.effects.library import LIBRARY, MULTI_JOINT
 
 
 def test_every_effect_of_the_library_has_an_experiment_that_shows_it_alone():
     declared = {"viscous", "coulomb"}  # always part of the model, so never tied with another effect
-    assert {effect.id for effect in LIBRARY} - declared <= set(ISOLATES)
+    assert {effect.id for effect in (*LIBRARY, *MULTI_JOINT)} - declared <= set(ISOLATES)
 
 
 def test_a_tie_with_any_effect_has_a_sentence():

@@ -10,7 +10,7 @@ from drake_tc.diagnosis.problem.regression import fit
 from drake_tc.diagnosis.selection import indistinguishable as module
 from drake_tc.diagnosis.selection.joint import Search
 from drake_tc.effects.base import Parameter, Signature, TorqueEffect
-from drake_tc.effects.library import effect
+from drake_tc.effects.library import LIBRARY, effect
 
 from ..rigs import Joint, Problem, problem
 
@@ -57,7 +57,7 @@ def biased() -> Problem:
 
 
 def ties_with(p: Problem, library, monkeypatch) -> tuple[tuple[str, str], ...]:
-    monkeypatch.setattr(module, "LIBRARY", tuple(library))
+    monkeypatch.setattr(module, "looked_for", lambda context: tuple(library))
     chosen = fit(p.columns, [*p.declared, Term(effect("torque_sensor_bias"))])
     return module.indistinguishable(p.columns, Search(p.baseline, chosen), p.context)
 
@@ -71,7 +71,7 @@ def test_a_nested_superset_is_no_tie(biased, monkeypatch):
 
 
 def test_of_the_library_only_a_constant_in_motion_is_a_biass_twin(biased, monkeypatch):
-    pairs = ties_with(biased, module.LIBRARY, monkeypatch)
+    pairs = ties_with(biased, LIBRARY, monkeypatch)
     assert {p[0] for p in pairs} <= {"torque_sensor_bias"}
     assert {p[1] for p in pairs} <= {"asymmetric_friction"}  # its Coulomb form is 1 wherever the joint moves
 

@@ -14,8 +14,13 @@ from drake_tc.diagnosis.problem.shared.body_motion import (
     joint_is_prismatic,
     structure_of,
 )
+from drake_tc.errors import RigError
+from drake_tc.estimation.link_parameters import UNITS, LinkModel
 from drake_tc.estimation.off_line import Row, smoothed
 from drake_tc.estimation.robot_loads import RobotLogs, off_line_filter, usable_stretches
+from drake_tc.identification.rigid_regressor import LINK_PARAMETERS
+from drake_tc.logs.loads import RobotLoad
+from drake_tc.logs.near import near
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
 from drake_tc.types import BoolArray, FloatArray
@@ -32,6 +37,11 @@ TITLES: Mapping[str, str] = {
 }
 """Causes that may be reported. Others are estimated along within their tolerances and never reported."""
 AXES = ("x", "y", "z")
+LINK_PARAMETERS_ID = "link_parameters"
+"""All ten of a link whose parameters are fitted; never reported as a cause."""
+LINK_SIZE = len(LINK_PARAMETERS)
+PAYLOAD_ID = "payload_parameters"
+"""All ten of what the last link carries in one run; never reported as a cause."""
 
 
 @dataclass(frozen=True)
@@ -71,7 +81,7 @@ class Cause:
 
     def physical(self, delta: FloatArray) -> FloatArray:
         """Reported parameters from delta (p,): what the sensor adds, or what the model lacks."""
-        if self.id in ("link_mass", "link_com"):
+        if self.id in ("link_mass", "link_com", LINK_PARAMETERS_ID, PAYLOAD_ID):
             return np.asarray(-delta)
         if self.id in ("ft_gain", "imu_gain"):
             return np.asarray(delta / (1.0 - delta))
@@ -80,7 +90,7 @@ class Cause:
 
 @dataclass(frozen=True, eq=False)
 class Piece:
-    """Columns over one stretch of a run: time (G,) [s] and values (G, n, P)."""
+    """Columns over one stretch of a run: time (G,) since the start of the run [s] and values (G, n, P)."""
 
     time: FloatArray
     values: FloatArray
@@ -101,7 +111,7 @@ class CauseColumns:
     pieces: Mapping[str, tuple[Piece, ...]]
 
     def of(self, run: str, joint: str, time: FloatArray) -> FloatArray:
-        """(T, P) at times of a run; 0 outside its usable stretches."""
+        """(T, P) at times since the start of a run [s]; 0 outside its usable stretches."""
         j = self.joints.index(joint)
         width = self.causes[-1].columns.stop
         out = np.zeros((time.size, width))
@@ -121,6 +131,15 @@ def list_causes(logs: RobotLogs, structure: Structure, rig: Rig) -> tuple[Cause,
         names, units = zip(*parts, strict=True)
         found.append(Cause(name, where, names, units, slice(first, first + len(parts)), tuple(tolerance)))
 
+    load = next(iter(rig.load.values()))
+    if logs.links is not None and isinstance(load, RobotLoad):
+        spread = logs.links.deviations(load.tolerance).reshape(-1, len(UNITS))
+        for name, each in zip(logs.links.tree.links, spread, strict=True):
+            add(LINK_PARAMETERS_ID, name, list(zip(LINK_PARAMETERS, UNITS, strict=True)), each.tolist())
+        for run in load.payload:
+            spread_of = logs.links.payload_deviations.tolist()
+            add(PAYLOAD_ID, run, list(zip(LINK_PARAMETERS, UNITS, strict=True)), spread_of)
+        return tuple(found)
     for link in structure.links:
         add("link_mass", link.name, [("mass", "kg")])
     for link in structure.links:
@@ -146,10 +165,45 @@ def columns_over(logs: RobotLogs, runs: Sequence[Run], rig: Rig) -> CauseColumns
     """The causes' columns over runs that have the sensors' columns."""
     structure = structure_of(logs.model)
     slides = joint_is_prismatic(logs.model)
+    if logs.links is not None:
+        carried = _payload_runs(rig, runs)
+        made = {run.name: _link_pieces(logs, logs.links, run, carried) for run in runs}
+        return CauseColumns(list_causes(logs, structure, rig), logs.robot.joints, made)
     pieces = {
         run.name: tuple(_piece(logs, structure, slides, run, part) for part in usable_stretches(run)) for run in runs
     }
     return CauseColumns(list_causes(logs, structure, rig), logs.robot.joints, pieces)
+
+
+def _payload_runs(rig: Rig, runs: Sequence[Run]) -> tuple[str, ...]:
+    """The logs that carry an unknown load.
+
+    Raises:
+        RigError: one of them is not among the runs.
+    """
+    load, known = next(iter(rig.load.values())), [run.name for run in runs]
+    wanted = load.payload if isinstance(load, RobotLoad) else ()
+    for name in wanted:
+        if name not in known:
+            raise RigError(
+                f"{rig.source or 'rig'}: load: unknown_payload: no log {name!r}{near(name, known)}; logs: {', '.join(known)}"
+            )
+    return wanted
+
+
+def _link_pieces(logs: RobotLogs, links: LinkModel, run: Run, carried: Sequence[str]) -> tuple[Piece, ...]:
+    """Columns of all links' parameters, and of the load that the last link carries in some runs."""
+    every = max(1, round(GRID_SECONDS / run.period))
+    pieces = []
+    for part in usable_stretches(run):
+        rows = list(
+            islice(smoothed(logs.model, logs.sensors(run, part), off_line_filter(run.period), None), 0, None, every)
+        )
+        columns = links.columns(*(np.array([row[i] for row in rows]) for i in range(3)))
+        last = columns[:, :, -LINK_SIZE:]
+        loads = [last if run.name == name else np.zeros_like(last) for name in carried]
+        pieces.append(Piece((run.time[part] - run.time[0])[::every], np.concatenate([columns, *loads], axis=2)))
+    return tuple(pieces)
 
 
 def _piece(logs: RobotLogs, structure: Structure, slides: BoolArray, run: Run, part: slice) -> Piece:
@@ -165,7 +219,7 @@ def _piece(logs: RobotLogs, structure: Structure, slides: BoolArray, run: Run, p
         blocks += [reading, cause_columns.gain_columns(reading, own), cause_columns.alignment_columns(reading, own)]
     if logs.reads_imu:
         blocks += _imu(logs, structure, slides, rows, motion)
-    return Piece(run.time[part][::every], np.concatenate(blocks, axis=2))
+    return Piece((run.time[part] - run.time[0])[::every], np.concatenate(blocks, axis=2))
 
 
 def _imu(

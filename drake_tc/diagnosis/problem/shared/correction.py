@@ -29,7 +29,7 @@ def corrected(
         changed = {}
         for joint in joints:
             name = f"{joint}/torque"
-            extra = causes.of(run.name, joint, run.time)[:, columns] @ delta
+            extra = causes.of(run.name, joint, run.time - run.time[0])[:, columns] @ delta
             changed[name] = np.asarray(run.columns[name] - extra)
         out.append(replace(run, columns=dict(run.columns) | changed))
     return out

@@ -47,8 +47,9 @@ def covariance(rows: Sequence[JointRows], fitted: StackedFit) -> tuple[FloatArra
         shared = r.shared[:, fitted.columns]
         response = own_response(r, fitted)
         residual = fitted.residual(r, j)[:, None]
-        change = r.scales(fitted.columns) * response[0] / max(float(fitted.beta[j][0]), 1e-9)
-        rest = shared - r.own @ response - residual * change
+        own = response if r.held is None else response[1:]
+        change = r.scales(fitted.columns) * response[0] / max(r.stiffness(fitted.beta[j]), 1e-9)
+        rest = shared - r.own @ own - residual * change
         weight = fitted.effective[j] / fitted.sigma[j] ** 2
         bread += weight * rest.T @ rest
         each = weight * rest * residual
@@ -82,8 +83,12 @@ def _long_run(scores: FloatArray) -> FloatArray:
 
 
 def own_response(rows: JointRows, fitted: StackedFit) -> FloatArray:
-    """(k, p): by how much the joint's own beta falls as delta grows, d beta_j/d delta = -(X' X)^-1 X' C."""
-    return np.asarray(inverse(rows.own.T @ rows.own) @ (rows.own.T @ rows.shared[:, fitted.columns]))
+    """By how much 1/K and the joint's own coefficients fall as delta grows, (1 + k', p): (X' X)^-1 X' C.
+
+    The first row is 0 where the gain is held.
+    """
+    response = inverse(rows.own.T @ rows.own) @ (rows.own.T @ rows.shared[:, fitted.columns])
+    return response if rows.held is None else np.concatenate([np.zeros((1, response.shape[1])), response])
 
 
 def intervals(rows: Sequence[JointRows], fitted: StackedFit) -> FloatArray:

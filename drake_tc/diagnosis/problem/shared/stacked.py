@@ -35,6 +35,7 @@ from drake_tc.diagnosis.data.sliding import BLOCK_SECONDS
 from drake_tc.diagnosis.problem.columns import FOLDS, Columns, Term
 from drake_tc.diagnosis.problem.shared.causes import CauseColumns
 from drake_tc.diagnosis.selection.comparison import effective_samples
+from drake_tc.effects.servo_gain import ServoGain
 from drake_tc.types import BoolArray, FloatArray, IntArray
 
 ROUNDS = 4
@@ -54,10 +55,12 @@ class JointRows:
     Attributes:
         joint: Name.
         samples: Where the rows come from.
-        own: (N, k) X. shared: (N, P) C of all causes. target: (N,) z.
+        own: (N, k) X, the effort first unless the drive's gain is held. shared: (N, P) C of all causes.
+        target: (N,) z, less y*/K where the gain is held.
         block: (N,) half seconds, numbered alike for all joints.
         grams: (FOLDS, m, m) of [X, C, z] by fold, m = k + P + 1.
         scaling: (P,) columns that scale what z is made of; None: all.
+        held: 1/K where the drive's gain is declared [N m/effort]; None: fitted, the first coefficient.
     """
 
     joint: str
@@ -68,6 +71,15 @@ class JointRows:
     block: IntArray
     grams: FloatArray
     scaling: BoolArray | None = None
+    held: float | None = None
+
+    def stiffness(self, beta: FloatArray) -> float:
+        """1/K, with its own coefficients beta (k,)."""
+        return float(beta[0]) if self.held is None else self.held
+
+    def stiffness_response(self, response: FloatArray) -> FloatArray:
+        """(...,) by how much 1/K moves, of how much the own coefficients (k, ...) do."""
+        return np.asarray(response[0] if self.held is None else np.zeros(response.shape[1:]))
 
     def scales(self, columns: IntArray) -> FloatArray:
         """(p,) 1.0 where these columns scale what z is made of, else 0.0."""
@@ -114,7 +126,10 @@ def _block_keys(samples: Samples) -> IntArray:
 
 
 def stack(
-    columns: Mapping[str, Columns], terms: Mapping[str, Sequence[Term]], causes: CauseColumns
+    columns: Mapping[str, Columns],
+    terms: Mapping[str, Sequence[Term]],
+    causes: CauseColumns,
+    designs: Mapping[str, FloatArray] | None = None,
 ) -> tuple[JointRows, ...]:
     """The rows of all joints.
 
@@ -122,6 +137,8 @@ def stack(
         columns: By joint, the training rows.
         terms: By joint, what its own model holds.
         causes: Columns over the same runs.
+        designs: By joint, the columns (N, 1 + k) of its terms at loads of an earlier estimate, for effects that depend
+            on the load; not used where a soft gear has changed the rows.
     """
     keys = {joint: _block_keys(c.samples) for joint, c in columns.items()}
     known = np.unique(np.concatenate(list(keys.values())))
@@ -129,13 +146,25 @@ def stack(
     stacked = []
     for joint, each in columns.items():
         shared = each.samples.reduce(_over_samples(each.samples, joint, causes), fresh=True)
-        own = each.design(terms[joint])
+        given = None if designs is None else designs[joint]
+        design = given if given is not None and len(given) == each.target.size else each.design(terms[joint])
+        own, target, held = _drive_held(design, each, terms[joint])
         block = np.searchsorted(known, keys[joint])
         fold = (block // 2) % FOLDS
-        every = np.column_stack([own, shared, each.target])
+        every = np.column_stack([own, shared, target])
         grams = np.stack([every[fold == f].T @ every[fold == f] for f in range(FOLDS)])
-        stacked.append(JointRows(joint, each.samples, own, shared, each.target, block, grams, scaling))
+        stacked.append(JointRows(joint, each.samples, own, shared, target, block, grams, scaling, held))
     return tuple(stacked)
+
+
+def _drive_held(
+    own: FloatArray, columns: Columns, terms: Sequence[Term]
+) -> tuple[FloatArray, FloatArray, float | None]:
+    """Own columns, target and held 1/K of one joint: see `JointRows`."""
+    if columns.declared_gain is None or any(isinstance(t.effect, ServoGain) for t in terms):
+        return own, columns.target, None
+    held = 1.0 / columns.declared_gain
+    return own[:, 1:], columns.target - held * own[:, 0], held
 
 
 def _over_samples(samples: Samples, joint: str, causes: CauseColumns) -> FloatArray:
@@ -186,8 +215,8 @@ def fit_stacked(
         share = effective_rows(rows, result) / _counts(rows) if effective is None else effective
         noise = np.maximum(result.sigma, LEAST_NOISE * alone)
         result = _fit(rows, _Problem(columns, prior, noise, share, result.delta))
-    least = LEAST_STIFFNESS * np.array([beta[0] for beta in own])
-    gone = np.array([beta[0] for beta in result.beta]) < least
+    least = LEAST_STIFFNESS * np.array([r.stiffness(beta) for r, beta in zip(rows, own, strict=True)])
+    gone = np.array([r.stiffness(beta) for r, beta in zip(rows, result.beta, strict=True)]) < least
     return replace(result, cv_rms=np.where(gone, np.inf, result.cv_rms))
 
 
@@ -196,20 +225,20 @@ def _counts(rows: Sequence[JointRows]) -> FloatArray:
 
 
 def _fit(rows: Sequence[JointRows], problem: _Problem) -> StackedFit:
-    columns, widths = problem.columns, [r.width for r in rows]
+    columns = problem.columns
     totals = [_kept(r, columns) for r in rows]
-    delta = _solve_delta(totals, widths, problem, rows[0].scales(columns))
+    delta = _solve_delta(rows, totals, problem)
     beta = tuple(_own(r, g, delta) for r, g in zip(rows, totals, strict=True))
     held = np.zeros(len(rows))
     for f in range(FOLDS):
         parts = [_kept(r, columns, f) for r in rows]
         rest = [g - p for g, p in zip(totals, parts, strict=True)]
-        without = _solve_delta(rest, widths, replace(problem, delta=delta), rows[0].scales(columns))
+        without = _solve_delta(rows, rest, replace(problem, delta=delta))
         for j, (r, g, p) in enumerate(zip(rows, rest, parts, strict=True)):
             v = np.concatenate([_own(r, g, without), without, [-1.0]])
             held[j] += max(float(v @ p @ v), 0.0)
     spread = np.array([_rms(r, b, columns, delta) for r, b in zip(rows, beta, strict=True)])
-    stiffness = np.array([max(float(b[0]), 1e-9) for b in beta])
+    stiffness = np.array([max(r.stiffness(b), 1e-9) for r, b in zip(rows, beta, strict=True)])
     error = np.sqrt(held / _counts(rows)) / stiffness
     return StackedFit(columns, problem.tolerance, delta, beta, spread, problem.effective, error)
 
@@ -231,27 +260,45 @@ def inverse(gram: FloatArray) -> FloatArray:
     )
 
 
-def _solve_delta(
-    grams: Sequence[FloatArray], widths: Sequence[int], problem: _Problem, scales: FloatArray
-) -> FloatArray:
+def _solve_delta(rows: Sequence[JointRows], grams: Sequence[FloatArray], problem: _Problem) -> FloatArray:
     """(p,) after one Gauss-Newton step from the problem's delta, over all joints and the prior."""
-    p = problem.columns.size
-    if p == 0:
+    if problem.columns.size == 0:
         return np.zeros(0)
-    left, right = np.diag(1.0 / problem.tolerance**2), np.zeros(p)
+    left, right = np.diag(1.0 / problem.tolerance**2), np.zeros(problem.columns.size)
     weights = problem.effective / problem.sigma**2
-    seen = np.concatenate([-problem.delta, [1.0]])
-    for gram, k, weight in zip(grams, widths, weights, strict=True):
-        response = inverse(gram[:k, :k]) @ gram[:k, k:]
-        rest = gram[k:, k:] - gram[k:, :k] @ response
-        stiffness = max(float(response[0] @ seen), 1e-9)
-        change = np.append(scales * response[0, :p] / stiffness, 0.0)[:, None]
-        error, size = (rest @ seen)[:, None], float(seen @ rest @ seen)
-        effort = rest - error @ change.T - change @ error.T + size * change @ change.T
-        left += weight * effort[:p, :p]
-        step = (error - size * change)[:p, 0]
-        right += weight * (step + effort[:p, :p] @ problem.delta)
+    for r, gram, weight in zip(rows, grams, weights, strict=True):
+        more, towards = _normal(r, gram, problem.columns, problem.delta)
+        left += weight * more
+        right += weight * towards
     return _cut_off(left, right, CUT_OFF * problem.tolerance)
+
+
+def _normal(rows: JointRows, gram: FloatArray, columns: IntArray, delta: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """One joint's share (p, p), (p,) of the normal equations of delta, not weighted: see the module's H."""
+    k, p = rows.width, columns.size
+    seen = np.concatenate([-delta, [1.0]])
+    response = inverse(gram[:k, :k]) @ gram[:k, k:]
+    rest = gram[k:, k:] - gram[k:, :k] @ response
+    moved = rows.stiffness_response(response)
+    stiffness = max(float(moved @ seen) if rows.held is None else rows.held, 1e-9)
+    change = np.append(rows.scales(columns) * moved[:p] / stiffness, 0.0)[:, None]
+    error, size = (rest @ seen)[:, None], float(seen @ rest @ seen)
+    effort = rest - error @ change.T - change @ error.T + size * change @ change.T
+    step = (error - size * change)[:p, 0]
+    return effort[:p, :p], step + effort[:p, :p] @ delta
+
+
+def from_others(rows: Sequence[JointRows], fitted: StackedFit, number: int) -> tuple[FloatArray, FloatArray]:
+    """What all joints but one, and the prior, know of delta: mean (p,) and covariance (p, p)."""
+    left, right = np.diag(1.0 / fitted.tolerance**2), np.zeros(fitted.delta.size)
+    for j, r in enumerate(rows):
+        if j != number:
+            more, towards = _normal(r, _kept(r, fitted.columns), fitted.columns, fitted.delta)
+            weight = fitted.effective[j] / fitted.sigma[j] ** 2
+            left += weight * more
+            right += weight * towards
+    covariance = inverse(left)
+    return covariance @ right, covariance
 
 
 def _cut_off(left: FloatArray, right: FloatArray, most: FloatArray) -> FloatArray:

@@ -1,4 +1,4 @@
-"""`close-loop` of a rig whose loads come from a robot's model: shared causes first, then each joint's own.
+"""A robot whose links' parameters are known: shared causes first, then each joint's own.
 
 1. All joints together, with the declared models: which causes that no single joint owns are missing (`selection`).
    Errors of sensors within their tolerances are estimated along (`stacked`).
@@ -12,21 +12,14 @@ tolerance.
 """
 
 from collections.abc import Mapping, Sequence
-from concurrent.futures import Executor
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
-from drake_tc.diagnosis.joint import diagnose_joint
-from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.problem.columns import Term
 from drake_tc.diagnosis.problem.prepared import Prepared, prepare_joint
-from drake_tc.diagnosis.problem.shared.causes import CauseColumns, columns_over
-from drake_tc.diagnosis.problem.shared.correction import corrected
 from drake_tc.diagnosis.problem.shared.stacked import StackedFit, fit_stacked, stack
 from drake_tc.diagnosis.result.joint_result import JointResult
-from drake_tc.diagnosis.result.rig_result import SharedEffect
 from drake_tc.diagnosis.result.shared_effects import (
     both_sides,
     original_baseline,
@@ -34,113 +27,28 @@ from drake_tc.diagnosis.result.shared_effects import (
     with_shared_uncertainty,
 )
 from drake_tc.diagnosis.result.widening import robot_gains
+from drake_tc.diagnosis.robot.case import RobotCase, own_search
+from drake_tc.diagnosis.robot.result import RobotResult
 from drake_tc.diagnosis.selection.comparison import effective_samples
-from drake_tc.diagnosis.selection.engine import Progress
-from drake_tc.diagnosis.selection.joint import Search, candidates, search
+from drake_tc.diagnosis.selection.joint import Search
 from drake_tc.diagnosis.selection.shared import SharedSearch, active, search_shared
-from drake_tc.diagnosis.thresholds import LEAST_REMOVED_OF_ESTIMATED_LOAD, SHARED, SearchThresholds
-from drake_tc.effects.library import LIBRARY
-from drake_tc.estimation.robot_loads import RobotLogs, with_robot_loads
+from drake_tc.diagnosis.thresholds import SHARED, SearchThresholds
 from drake_tc.logs.record import Run
-from drake_tc.logs.rig import Rig
 from drake_tc.types import FloatArray
 
 
-@dataclass(frozen=True)
-class RobotResult:
-    """What was found on a robot.
-
-    Attributes:
-        joints: By name; errors and models "before" are those of loads without the sensors' errors within tolerance.
-        shared: Causes that no single joint owns, by held-out gain.
-        held: Held-out runs with the loads of the model before.
-        held_after: The same without the shared causes.
-        robot_gains: (joint, effect key) to the effect's held-out gain of the whole robot, which compares with
-            `SharedEffect.heldout_gain`.
-    """
-
-    joints: Mapping[str, JointResult]
-    shared: tuple[SharedEffect, ...]
-    held: Sequence[Run] = field(default=())
-    held_after: Sequence[Run] = field(default=())
-    robot_gains: Mapping[tuple[str, str], float] = field(default_factory=dict)
-
-
-@dataclass(frozen=True, eq=False)
-class _Case:
-    """A robot's runs, and how to diagnose its joints."""
-
-    train: Sequence[Run]
-    held: Sequence[Run]
-    rig: Rig
-    causes: CauseColumns
-    options: DiagnosisOptions
-    progress: Progress
-    executor: Executor | None
-
-    def without(self, fitted: StackedFit) -> tuple[list[Run], list[Run]]:
-        """Both sides' runs without the fit's causes."""
-        joints = self.rig.joints
-        sides = (corrected(runs, self.causes, joints, fitted.columns, fitted.delta) for runs in (self.train, self.held))
-        train, held = sides
-        return train, held
-
-    def diagnose(self, train: Sequence[Run], held: Sequence[Run], joints: Sequence[str]) -> dict[str, JointResult]:
-        """Each of the joints by itself, beside each other where there are processes."""
-        arguments = [(train, held, self.rig, joint, self.options) for joint in joints]
-        if self.executor is None:
-            made = []
-            for number, each in enumerate(arguments):
-                self.progress(each[3], number / len(arguments))
-                made.append(_one(*each))
-        else:
-            futures = [self.executor.submit(_one, *each) for each in arguments]
-            made = []
-            for number, (joint, future) in enumerate(zip(joints, futures, strict=True)):
-                self.progress(joint, number / len(arguments))
-                made.append(future.result())
-        return dict(zip(joints, made, strict=True))
-
-
-def _one(train: Sequence[Run], held: Sequence[Run], rig: Rig, joint: str, options: DiagnosisOptions) -> JointResult:
-    with threadpool_limits(1):
-        return diagnose_joint(train, held, rig, joint, options)
-
-
-def diagnose_robot(
-    logs: RobotLogs,
-    train_runs: Sequence[Run],
-    held_runs: Sequence[Run],
-    rig: Rig,
-    options: DiagnosisOptions,
-    shared_thresholds: SearchThresholds = SHARED,
-    progress: Progress = lambda text, share: None,
-    executor: Executor | None = None,
-) -> RobotResult:
-    """Diagnose a robot. The held-out runs are looked at only after every choice is made.
+def diagnose_shared(case: RobotCase, shared_thresholds: SearchThresholds = SHARED) -> RobotResult:
+    """Diagnose a robot whose links' parameters are known. The held-out runs are looked at only after every choice.
 
     Args:
-        logs: The robot's model.
-        train_runs: As recorded, to fit.
-        held_runs: As recorded, to judge by.
-        rig: With a `RobotLoad`.
-        options: Of the joints' own diagnosis.
+        case: The robot's runs.
         shared_thresholds: Of the shared causes.
-        progress: Told how far it is.
-        executor: Diagnoses joints beside each other; None: one after the other, here.
 
     Raises:
-        LogError: a sensor is missing, or a log too short.
         IdentificationError: a joint whose runs cannot identify even the declared model.
     """
-    progress("the robot's torques", 0.0)
-    train = with_robot_loads(logs, train_runs, rig.joints)
-    held = with_robot_loads(logs, held_runs, rig.joints)
-    progress("what all joints share", 0.0)
-    least = max(options.search.least_removed, LEAST_REMOVED_OF_ESTIMATED_LOAD)
-    options = replace(options, search=replace(options.search, least_removed=least))
-    case = _Case(train, held, rig, columns_over(logs, [*train, *held], rig), options, progress, executor)
-    raw = {joint: prepare_joint(train, held, rig, joint) for joint in rig.joints}
+    rig = case.rig
+    raw = {joint: prepare_joint(case.train, case.held, rig, joint) for joint in rig.joints}
     found = _search(case, raw, shared_thresholds)
     before = case.without(found.baseline)
     prepared = {joint: prepare_joint(*before, rig, joint) for joint in rig.joints}
@@ -170,7 +78,7 @@ class _Before:
         return np.array([p.floor for p in self.raw.values()])
 
 
-def _search(case: _Case, raw: Mapping[str, Prepared], thresholds: SearchThresholds) -> SharedSearch:
+def _search(case: RobotCase, raw: Mapping[str, Prepared], thresholds: SearchThresholds) -> SharedSearch:
     rows = stack({joint: p.train for joint, p in raw.items()}, {j: p.terms for j, p in raw.items()}, case.causes)
     return search_shared(rows, case.causes.causes, np.array([p.floor for p in raw.values()]), thresholds)
 
@@ -181,15 +89,15 @@ def _touched(found: SharedSearch, joints: Sequence[str]) -> list[str]:
     return [joint for joint, each in zip(joints, change, strict=True) if each > 0.01]
 
 
-def _evidence(case: _Case, prepared: Mapping[str, Prepared], found: SharedSearch) -> float:
+def _evidence(case: RobotCase, prepared: Mapping[str, Prepared], found: SharedSearch) -> float:
     """Log evidence for the shared causes against joints that explain their part alone, parameters paid."""
     evidence, rows, size = 0.0, 0.0, sum(c.size for c in found.chosen)
     after = case.without(found.fit)
     for joint in _touched(found, case.rig.joints):
         case.progress(f"{joint}: alone or shared", 0.0)
-        alone = _own_search(case, prepared[joint])
+        alone = own_search(prepared[joint], case.options)
         mended = prepare_joint(*after, case.rig, joint)
-        mine = _own_search(case, mended)
+        mine = own_search(mended, case.options)
         count = effective_samples(mine.chosen.residual, mended.train.samples)
         errors = [_own_error(alone, prepared[joint]), _own_error(mine, mended)]
         evidence += count * float(np.log(errors[0] / errors[1]))
@@ -203,13 +111,7 @@ def _own_error(found: Search, prepared: Prepared) -> float:
     return found.chosen.cv_rms / (prepared.train.gain or 1.0) * found.chosen.gain
 
 
-def _own_search(case: _Case, prepared: Prepared) -> Search:
-    """What one joint's own effects make of its loads."""
-    usable, _ = candidates(LIBRARY, prepared.context, prepared.declared)
-    return search(prepared.train, prepared.terms, usable, prepared.context, prepared.floor, case.options.search)
-
-
-def _settled(case: _Case, before: _Before, found: SharedSearch, thresholds: SearchThresholds) -> RobotResult:
+def _settled(case: RobotCase, before: _Before, found: SharedSearch, thresholds: SearchThresholds) -> RobotResult:
     """Causes and coefficients beside the joints' own effects; joints that have some are diagnosed anew on such loads.
 
     A cause that is no longer real beside them was their imperfect form, and goes.

@@ -1,0 +1,121 @@
+"""The inertial parameters of links that were fitted: of each link, and the combinations that the logs identify."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import t as student
+
+from drake_tc.diagnosis.problem.estimates import Estimate
+from drake_tc.diagnosis.problem.shared.causes import LINK_PARAMETERS_ID, PAYLOAD_ID, Cause, CauseColumns
+from drake_tc.diagnosis.problem.shared.covariance import covariance
+from drake_tc.diagnosis.problem.shared.stacked import JointRows, StackedFit
+from drake_tc.estimation.link_parameters import LinkModel
+from drake_tc.identification.base_parameters import base_combinations
+from drake_tc.types import BoolArray, FloatArray
+
+WORTH_NAMING = 0.01
+"""Share of a combination's declared size below which a member is left out of its name."""
+
+
+@dataclass(frozen=True)
+class LinkEstimate:
+    """One inertial parameter, about the link's origin and in its axes; what is welded to the link is part of it.
+
+    Attributes:
+        link, name: Which. declared: of the robot's file. estimate: fitted, with its 95 % interval.
+        narrowed: Standard deviation after the fit over the declared tolerance: near 1 where the logs tell nothing.
+    """
+
+    link: str
+    name: str
+    declared: float
+    estimate: Estimate
+    narrowed: float
+
+
+@dataclass(frozen=True)
+class BaseParameter:
+    """A combination of inertial parameters that joint torques tell by itself.
+
+    Attributes:
+        name: The combination. declared: its value by the robot's file. estimate: fitted, with its 95 % interval.
+    """
+
+    name: str
+    declared: float
+    estimate: Estimate
+
+
+@dataclass(frozen=True)
+class FittedLinks:
+    """What was fitted of the links: their parameters, the base parameters, and payloads by run and parameter."""
+
+    parameters: tuple[LinkEstimate, ...]
+    base: tuple[BaseParameter, ...]
+    payloads: dict[str, dict[str, Estimate]]
+
+
+def fitted_links(model: LinkModel, causes: CauseColumns, rows: Sequence[JointRows], fitted: StackedFit) -> FittedLinks:
+    """Read the links' parameters off a fit of all joints.
+
+    Args:
+        model: Of the robot's file.
+        causes: Columns over the training runs.
+        rows: Training rows with the final models of the joints.
+        fitted: All joints together.
+    """
+    spread, freedom = covariance(rows, fitted)
+    critical = float(student.ppf(0.975, freedom))
+    units = [unit for cause in causes.causes for unit in cause.units]
+    places = [p for c in causes.causes if c.id == LINK_PARAMETERS_ID for p in range(c.columns.start, c.columns.stop)]
+    links = np.isin(fitted.columns, places)
+    pi, of_links = model.nominal - fitted.delta[links], spread[np.ix_(links, links)]
+    sigma = np.sqrt(np.maximum(np.diag(of_links), 0.0))
+    parameters = []
+    for k, full in enumerate(model.tree.parameters):
+        link, _, name = full.rpartition("/")
+        estimate = _estimate(pi[k], critical * sigma[k], units[k])
+        narrowed = float(sigma[k] / fitted.tolerance[links][k])
+        parameters.append(LinkEstimate(link, name, float(model.nominal[k]), estimate, narrowed))
+    payloads = {c.where: _payload(c, fitted, spread, critical) for c in causes.causes if c.id == PAYLOAD_ID}
+    return FittedLinks(tuple(parameters), _base(model, rows, links, pi, of_links, critical, units), payloads)
+
+
+def _base(
+    model: LinkModel,
+    rows: Sequence[JointRows],
+    links: BoolArray,
+    pi: FloatArray,
+    spread: FloatArray,
+    critical: float,
+    units: Sequence[str],
+) -> tuple[BaseParameter, ...]:
+    columns = np.flatnonzero(links)
+    seen = np.concatenate([r.shared[:: max(1, len(r.shared) // 2000), columns] for r in rows])
+    places, mix = base_combinations(seen)
+    value, declared = mix @ pi, mix @ model.nominal
+    sigma = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", mix, spread, mix), 0.0))
+    names = model.tree.parameters
+    return tuple(
+        BaseParameter(_combination(names, weights, place), float(d), _estimate(v, critical * s, units[place]))
+        for place, weights, v, d, s in zip(places, mix, value, declared, sigma, strict=True)
+    )
+
+
+def _combination(names: Sequence[str], weights: FloatArray, first: int) -> str:
+    """The parameters of a combination with their factors, the one that names it first."""
+    order = [first, *(k for k in np.argsort(-np.abs(weights)) if k != first and abs(weights[k]) > WORTH_NAMING)]
+    parts = [names[first], *(f"{weights[k]:+.3g} {names[k]}" for k in order[1:])]
+    return " ".join(parts)
+
+
+def _payload(cause: Cause, fitted: StackedFit, spread: FloatArray, critical: float) -> dict[str, Estimate]:
+    place = np.flatnonzero(np.isin(fitted.columns, np.arange(cause.columns.start, cause.columns.stop)))
+    half = critical * np.sqrt(np.maximum(np.diag(spread)[place], 0.0))
+    value = cause.physical(fitted.delta[place])
+    return {n: _estimate(v, h, u) for n, v, h, u in zip(cause.parameters, value, half, cause.units, strict=True)}
+
+
+def _estimate(value: float, half: float, unit: str) -> Estimate:
+    return Estimate(float(value), unit, (float(value - half), float(value + half)), False)

@@ -1,0 +1,132 @@
+"""A robot's runs, and what is done with each joint by itself, beside each other where there are processes."""
+
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+from threadpoolctl import threadpool_limits
+
+from drake_tc.diagnosis.data.link_prior import LinkPrior
+from drake_tc.diagnosis.joint import diagnose_joint
+from drake_tc.diagnosis.options import DiagnosisOptions
+from drake_tc.diagnosis.problem.columns import Columns, Term
+from drake_tc.diagnosis.problem.prepared import Prepared, prepare_joint
+from drake_tc.diagnosis.problem.regression import Fit
+from drake_tc.diagnosis.problem.shared.causes import CauseColumns
+from drake_tc.diagnosis.problem.shared.correction import corrected
+from drake_tc.diagnosis.problem.shared.stacked import StackedFit
+from drake_tc.diagnosis.result.joint_result import JointResult
+from drake_tc.diagnosis.selection.engine import Progress
+from drake_tc.diagnosis.selection.joint import Search, candidates, search
+from drake_tc.effects.library import looked_for
+from drake_tc.effects.link_load import LinkLoad
+from drake_tc.logs.record import Run
+from drake_tc.logs.rig import Rig
+from drake_tc.types import FloatArray
+
+Result = TypeVar("Result")
+
+
+@dataclass(frozen=True, eq=False)
+class OwnModel:
+    """One joint's own model: its terms without the links' parameters, and their columns [y*, -phi ...] (N, 1 + k)."""
+
+    terms: tuple[Term, ...]
+    design: FloatArray
+
+    @staticmethod
+    def of(columns: Columns, fitted: Fit) -> "OwnModel":
+        """Of a fit to training rows."""
+        terms = tuple(t for t in fitted.terms if not isinstance(t.effect, LinkLoad))
+        return OwnModel(terms, columns.design(terms))
+
+
+@dataclass(frozen=True, eq=False)
+class RobotCase:
+    """A robot's runs, and how to diagnose its joints.
+
+    Attributes:
+        train, held: Runs with loads from the robot's model.
+        rig: With a `RobotLoad`.
+        causes: Columns over all runs.
+        options: Of the joints' own diagnosis.
+        progress: Told how far it is.
+        executor: Joints beside each other; None: one after the other, here.
+    """
+
+    train: Sequence[Run]
+    held: Sequence[Run]
+    rig: Rig
+    causes: CauseColumns
+    options: DiagnosisOptions
+    progress: Progress
+    executor: Executor | None
+
+    def without(self, fitted: StackedFit) -> tuple[list[Run], list[Run]]:
+        """Both sides' runs without the fit's causes."""
+        joints = self.rig.joints
+        sides = (corrected(runs, self.causes, joints, fitted.columns, fitted.delta) for runs in (self.train, self.held))
+        train, held = sides
+        return train, held
+
+    def diagnose(
+        self,
+        train: Sequence[Run],
+        held: Sequence[Run],
+        joints: Sequence[str],
+        priors: Mapping[str, LinkPrior] | None = None,
+    ) -> dict[str, JointResult]:
+        """Each of the joints by itself."""
+        known = priors or {}
+        return self.each(_diagnosed, {j: (train, held, self.rig, j, self.options, known.get(j)) for j in joints})
+
+    def search(self, train: Sequence[Run], held: Sequence[Run], priors: Mapping[str, LinkPrior]) -> dict[str, OwnModel]:
+        """Of each joint the model that its own search finds, without any later step."""
+        return self.each(_searched, {j: (train, held, self.rig, j, self.options, priors[j]) for j in self.rig.joints})
+
+    def each(self, work: Callable[..., Result], arguments: Mapping[str, tuple[Any, ...]]) -> dict[str, Result]:
+        """`work` of each joint's arguments."""
+        if self.executor is None:
+            made = {}
+            for number, (joint, each) in enumerate(arguments.items()):
+                self.progress(joint, number / len(arguments))
+                made[joint] = work(*each)
+            return made
+        futures = {joint: self.executor.submit(work, *each) for joint, each in arguments.items()}
+        made = {}
+        for number, (joint, future) in enumerate(futures.items()):
+            self.progress(joint, number / len(arguments))
+            made[joint] = future.result()
+        return made
+
+
+def _diagnosed(
+    train: Sequence[Run],
+    held: Sequence[Run],
+    rig: Rig,
+    joint: str,
+    options: DiagnosisOptions,
+    link_prior: LinkPrior | None,
+) -> JointResult:
+    with threadpool_limits(1):
+        return diagnose_joint(train, held, rig, joint, options, link_prior=link_prior)
+
+
+def _searched(
+    train: Sequence[Run],
+    held: Sequence[Run],
+    rig: Rig,
+    joint: str,
+    options: DiagnosisOptions,
+    link_prior: LinkPrior | None,
+) -> OwnModel:
+    with threadpool_limits(1):
+        prepared = prepare_joint(train, held, rig, joint, link_prior=link_prior)
+        return OwnModel.of(prepared.train, own_search(prepared, options).chosen)
+
+
+def own_search(prepared: Prepared, options: DiagnosisOptions) -> Search:
+    """What one joint's own effects make of its loads."""
+    usable, _ = candidates(looked_for(prepared.context), prepared.context, prepared.declared)
+    return search(prepared.train, prepared.terms, usable, prepared.context, prepared.floor, options.search)

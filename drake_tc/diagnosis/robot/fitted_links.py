@@ -1,0 +1,106 @@
+"""`close-loop` of a robot whose links' inertial parameters are fitted together with its joints' models.
+
+1. All joints together, with the declared models: the links' parameters at the tolerance that the rig file declares
+   (`problem.shared.stacked`).
+2. Each joint's own effects, searched on loads at that estimate, beside what the other joints leave open of the links
+   (`problem.shared.open_directions`).
+3. The links anew beside these effects; steps 2 and 3 until the effects no longer change.
+4. Each joint's whole diagnosis on these loads, and the links beside what was confirmed.
+
+The model before is that of step 1.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from drake_tc.diagnosis.data.link_prior import LinkPrior
+from drake_tc.diagnosis.problem.columns import Columns
+from drake_tc.diagnosis.problem.prepared import Prepared, prepare_joint
+from drake_tc.diagnosis.problem.shared.causes import CauseColumns
+from drake_tc.diagnosis.problem.shared.open_directions import open_directions, with_open_directions
+from drake_tc.diagnosis.problem.shared.stacked import JointRows, StackedFit, fit_stacked, stack
+from drake_tc.diagnosis.result.links import fitted_links
+from drake_tc.diagnosis.result.shared_effects import original_baseline, with_shared_uncertainty
+from drake_tc.diagnosis.result.widening import robot_gains
+from drake_tc.diagnosis.robot.case import OwnModel, RobotCase
+from drake_tc.diagnosis.robot.result import RobotResult
+from drake_tc.diagnosis.selection.shared import active
+from drake_tc.estimation.link_parameters import LinkModel
+from drake_tc.logs.record import Run
+
+MOST_ROUNDS = 4
+"""Of searching the joints' effects and fitting the links."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Links:
+    """The links' parameters beside some models of the joints.
+
+    Attributes:
+        rows: Training rows of all joints. fitted: all together.
+    """
+
+    rows: tuple[JointRows, ...]
+    fitted: StackedFit
+
+    def sides(self, case: RobotCase) -> tuple[list[Run], list[Run], dict[str, LinkPrior]]:
+        """Both sides' runs at this estimate, with what the other joints leave open, and each joint's prior of it."""
+        opened = open_directions(self.rows, self.fitted)
+        train, held = (
+            with_open_directions(runs, case.causes, self.fitted, list(opened.values()))
+            for runs in case.without(self.fitted)
+        )
+        return train, held, {joint: each.prior for joint, each in opened.items()}
+
+
+def diagnose_fitted(case: RobotCase, model: LinkModel) -> RobotResult:
+    """Diagnose such a robot. The held-out runs are looked at only after every choice is made.
+
+    Args:
+        case: The robot's runs.
+        model: Its links by the robot file.
+
+    Raises:
+        IdentificationError: a joint whose runs cannot identify even the declared model.
+    """
+    joints = case.rig.joints
+    raw = {joint: prepare_joint(case.train, case.held, case.rig, joint) for joint in joints}
+    first = _fitted(raw, {j: OwnModel(p.terms, p.train.design(p.terms)) for j, p in raw.items()}, case.causes)
+    links = _searched(case, raw, first)
+    train, held, priors = links.sides(case)
+    made = case.diagnose(train, held, joints, priors)
+    own = {joint: OwnModel.of(Columns(result.train.samples), result.final) for joint, result in made.items()}
+    links = _fitted(raw, own, case.causes)
+    before = case.without(first.fitted)
+    prepared = {joint: prepare_joint(*before, case.rig, joint) for joint in joints}
+    results = {joint: original_baseline(made[joint], prepared[joint]) for joint in joints}
+    results = with_shared_uncertainty(results, (first.rows, first.fitted), (links.rows, links.fitted))
+    return RobotResult(
+        joints=results,
+        shared=(),
+        held=before[1],
+        held_after=case.without(links.fitted)[1],
+        robot_gains=robot_gains(results, dict(zip(joints, map(float, links.fitted.sigma), strict=True))),
+        links=fitted_links(model, case.causes, links.rows, links.fitted),
+    )
+
+
+def _searched(case: RobotCase, raw: Mapping[str, Prepared], links: _Links) -> _Links:
+    """The links beside the effects that each joint lacks."""
+    seen: list[dict[str, frozenset[str]]] = []
+    for _ in range(MOST_ROUNDS):
+        own = case.search(*links.sides(case))
+        keys = {joint: frozenset(t.effect.key for t in model.terms) for joint, model in own.items()}
+        links = _fitted(raw, own, case.causes)
+        if keys in seen:
+            break
+        seen.append(keys)
+    return links
+
+
+def _fitted(raw: Mapping[str, Prepared], own: Mapping[str, OwnModel], causes: CauseColumns) -> _Links:
+    """All joints together with these models."""
+    columns = {joint: prepared.train for joint, prepared in raw.items()}
+    terms = {joint: model.terms for joint, model in own.items()}
+    rows = stack(columns, terms, causes, {joint: model.design for joint, model in own.items()})
+    return _Links(rows, fit_stacked(rows, *active(causes.causes, ())))
