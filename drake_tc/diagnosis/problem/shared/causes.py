@@ -186,7 +186,8 @@ def _payload_runs(rig: Rig, runs: Sequence[Run]) -> tuple[str, ...]:
     for name in wanted:
         if name not in known:
             raise RigError(
-                f"{rig.source or 'rig'}: load: unknown_payload: no log {name!r}{near(name, known)}; logs: {', '.join(known)}"
+                f"{rig.source or 'rig'}: load: unknown_payload: no log {name!r}{near(name, known)}; "
+                f"logs: {', '.join(known)}"
             )
     return wanted
 
