@@ -1,4 +1,4 @@
-"""Viscous friction that grows less (or more) than in proportion to the speed."""
+"""Viscous friction that grows less than in proportion to the speed."""
 
 from collections.abc import Mapping
 
@@ -9,21 +9,21 @@ from drake_tc.effects.kernel import TorqueKernel, TorqueParts
 from drake_tc.types import FloatArray
 
 VISCOUS_POWER_RANGE = Plausible(
-    -np.inf,
-    np.inf,
-    "only its sum with viscous and Coulomb friction is physical, and `inconsistency` bounds that",
+    0.0, np.inf, "friction dissipates energy, and `inconsistency` bounds what all of it is at the highest speed"
 )
 VISCOUS_EXPONENT_RANGE = Plausible(
     0.1,
-    2.0,
-    "shear-thinning lubricants have exponents of 0.2 to 1, churning has 2 (Waiboer, Aarts and Jonker, 2005)",
+    0.9,
+    "shear-thinning lubricants have exponents of 0.2 to 0.9 (Waiboer, Aarts and Jonker, 2005); nearer to 1 it is viscous "
+    "friction",
 )
 
 
 class ViscousPower(TorqueEffect):
-    """F_p |qdot|^p sign(qdot) [N m]: a shear-thinning lubricant where p < 1.
+    """F_p |qdot|^p sign(qdot) [N m], p < 1: a shear-thinning lubricant.
 
     Beside viscous friction F_v qdot the two coefficients share the line; what is told is their sum's curvature.
+    Friction that grows faster than the speed is `quadratic_viscous`.
     Source: Ostwald and de Waele's power law of a lubricant's shear stress; Waiboer, Aarts and Jonker, Velocity
     dependence of joint friction in robotic manipulators with gear transmissions (2005), eq. 9.
     """
@@ -31,13 +31,13 @@ class ViscousPower(TorqueEffect):
     id = "viscous_power"
     title = "viscous friction by a power law"
     kind = "friction"
-    coefficients = (Parameter("viscous_power", "N*m*(s/rad)^p", plausible=VISCOUS_POWER_RANGE),)
-    shapes = (Parameter("viscous_exponent", "-", 0.1, 3.0, 0.5, plausible=VISCOUS_EXPONENT_RANGE),)
+    coefficients = (Parameter("viscous_power", "N*m*(s/rad)^p", 0.0, plausible=VISCOUS_POWER_RANGE),)
+    shapes = (Parameter("viscous_exponent", "-", 0.1, 0.9, 0.5, plausible=VISCOUS_EXPONENT_RANGE),)
     signature = Signature(x="velocity", split="", look_for="an S that flattens towards the highest speeds")
 
     def shape_grid(self, context: Context) -> list[dict[str, float]]:
-        """Exponents on both sides of 1."""
-        return [{"viscous_exponent": p} for p in (0.2, 0.35, 0.5, 0.65, 0.8, 1.5)]
+        """Exponents of lubricants."""
+        return [{"viscous_exponent": p} for p in (0.2, 0.35, 0.5, 0.65, 0.8)]
 
     def inconsistency(self, parameters: Mapping[str, float], context: Context) -> str:
         """All friction together must dissipate energy at the highest speed: F_c + F_v v + F_p v^p >= 0."""

@@ -119,9 +119,9 @@ CASES: dict[str, tuple[dict[str, float], dict[str, float], str]] = {
     "winding_heat": ({"warm_effort": 8.0, "warm_time": 5.0}, {"warm_time": 0.1}, "thermal"),
     "load_tilt": ({"tilt_moment": 3.0}, {"tilt_moment": 4.0}, "degrees"),
     "viscous_power": (
-        {"viscous_power": -2.0, "viscous_exponent": 0.5},
-        {"viscous_power": -6.0},
-        "would drive the joint",
+        {"viscous_power": 2.0, "viscous_exponent": 0.5},
+        {"viscous_exponent": 1.05},
+        "shear-thinning",
     ),
     "run_in_friction": (
         {"run_in_coulomb": 1.0, "run_in_viscous": 1.0, "run_in_time": 10.0},

@@ -148,16 +148,16 @@ class Columns:
         fitted = self.samples.load_unknown or self.samples.link_prior is not None
         return fitted and self.declared_gain is not None
 
-    def shrinkage(self, terms: Sequence[Term]) -> float:
-        """How many times smaller the drive effects among the terms make an effort that is the target; at least 1.
+    def effort_left(self, terms: Sequence[Term]) -> float:
+        """Standard deviation of the effort after the drive effects among the terms over that before; 1 where the
+        effort is not the target.
 
         Without a known torque a dead zone or a limit could explain the effort by taking it away. An error is
         therefore told as a share of the effort that is left.
         """
         if not self.effort_is_target or not self._drives(terms):
             return 1.0
-        left = float(np.std(self.effort(terms)))
-        return max(1.0, float(np.std(self.effort(()))) / max(left, 1e-300))
+        return float(np.std(self.effort(terms))) / max(float(np.std(self.effort(()))), 1e-300)
 
     def effort(self, terms: Sequence[Term]) -> FloatArray:
         """y* (N,) after every drive effect among the terms, in the library's order."""

@@ -18,7 +18,7 @@ from drake_tc.diagnosis.problem.unknown_load import (
 )
 from drake_tc.diagnosis.thresholds import MAX_CONDITION
 from drake_tc.effects.base import Context
-from drake_tc.effects.link_load import LinkLoad, link_load
+from drake_tc.effects.link_load import link_load
 from drake_tc.errors import IdentificationError
 from drake_tc.identification.regression import least_squares
 from drake_tc.logs.record import Run
@@ -90,11 +90,10 @@ def prepare_joint(
     plain = fit_declared(first, declared_terms(rig, joint), context, loads)
     if train.load_unknown:
         require_identified_load(first, plain, joint, context)
-    else:
-        own = [t for t in plain.terms if not isinstance(t.effect, LinkLoad)]
-        labels = ["drive gain", *(p.name for t in own for p in t.effect.coefficients)]
-        least_squares(first.design(own), first.target, names=labels, max_condition=MAX_CONDITION)
-    require_consistent_signs(first, plain, joint, context.drive)
+    elif context.load != "links":
+        _require_identified(first, plain.terms)
+    if context.load != "links" or link_prior is not None:  # else the load is not yet fitted
+        require_consistent_signs(first, plain, joint, context.drive)
     first, other = (with_fitted_load(c.with_model(plain.terms, plain.beta, servo=servo), plain) for c in (first, other))
     fitted = BalanceCoefficients.of(plain.terms, plain.beta)
     return Prepared(
@@ -105,3 +104,9 @@ def prepare_joint(
         context=with_torque_span(context, first),
         declared=(*(t.effect.id for t in plain.terms), *(key.partition(".")[0] for key in rig.declared[joint])),
     )
+
+
+def _require_identified(columns: Columns, terms: Sequence[Term]) -> None:
+    """Refuse a motion that cannot separate the parameters of the declared model."""
+    labels = ["drive gain", *(p.name for t in terms for p in t.effect.coefficients)]
+    least_squares(columns.design(terms), columns.target, names=labels, max_condition=MAX_CONDITION)

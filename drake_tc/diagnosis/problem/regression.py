@@ -10,7 +10,7 @@ import numpy as np
 
 from drake_tc.diagnosis.problem.bounded import collinear, cross_validated
 from drake_tc.diagnosis.problem.columns import FOLDS, Columns, Term, fold_of
-from drake_tc.diagnosis.thresholds import LEAST_DRIVE
+from drake_tc.diagnosis.thresholds import LEAST_DRIVE, LEAST_EFFORT
 from drake_tc.effects.servo_gain import ServoGain
 from drake_tc.types import FloatArray
 
@@ -96,8 +96,9 @@ def score(columns: Columns, terms: Sequence[Term]) -> Score:
     gain = columns.gain or 1.0 / float(beta[0])
     drives = float(beta[0]) > LEAST_STIFFNESS and (columns.gain is None or beta[0] * columns.gain > LEAST_DRIVE)
     gram = normal.prior.added(normal.grams.sum(0), normal.moments.sum(0))[0]
-    sound = drives and not collinear(gram[1:, 1:] if columns.effort_is_target else gram)
-    correction = columns.noise_ratio(beta, terms) * columns.shrinkage(terms) if sound else np.inf
+    left = columns.effort_left(terms)
+    sound = drives and left > LEAST_EFFORT and not collinear(gram[1:, 1:] if columns.effort_is_target else gram)
+    correction = columns.noise_ratio(beta, terms) * max(1.0, 1.0 / left) if sound else np.inf
     total = 0.0
     for part, gram, moment, square in zip(by_fold, normal.grams, normal.moments, normal.squares, strict=True):
         error = square - 2.0 * part @ moment + part @ gram @ part
