@@ -119,11 +119,11 @@ def diagnose_joint(
         IdentificationError: the training runs cannot identify even the declared model.
     """
     progress("filtering", 0.0)
-    first = prepare_joint(train_runs, held_runs, rig, joint, link_prior=link_prior)
+    first = prepare_joint(train_runs, held_runs, rig, joint, 0.0, link_prior, options.width_s)
     stage = _looked_for(first, options, progress)
     compliance = _wind_up(stage)
     if compliance > 0.0:
-        second = prepare_joint(train_runs, held_runs, rig, joint, compliance, link_prior)
+        second = prepare_joint(train_runs, held_runs, rig, joint, compliance, link_prior, options.width_s)
         soft = _looked_for(second, options, progress)
         if _has_elasticity(soft.found) and soft.found.chosen.cv_rms < SOFTER_GEAR * stage.found.chosen.cv_rms:
             stage = soft

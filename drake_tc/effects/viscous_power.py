@@ -14,8 +14,8 @@ VISCOUS_POWER_RANGE = Plausible(
 VISCOUS_EXPONENT_RANGE = Plausible(
     0.1,
     0.9,
-    "shear-thinning lubricants have exponents of 0.2 to 0.9 (Waiboer, Aarts and Jonker, 2005); nearer to 1 it is viscous "
-    "friction",
+    "shear-thinning lubricants have exponents of 0.2 to 0.9 (Waiboer, Aarts and Jonker, 2005); nearer to 1 it is "
+    "viscous friction",
 )
 
 

@@ -61,6 +61,7 @@ def prepare_joint(
     joint: str,
     compliance: float = 0.0,
     link_prior: LinkPrior | None = None,
+    width_s: float | None = None,
 ) -> Prepared:
     """Filter one joint's runs, take off what is known of it and fit its declared model.
 
@@ -71,13 +72,14 @@ def prepare_joint(
         joint: Which.
         compliance: As in `build_samples` [rad/(N m)].
         link_prior: Of the links' columns that the runs hold; None where they hold none.
+        width_s: Width of the light kernel [s]; None lets the data choose.
 
     Raises:
         IdentificationError: the joint hardly moves in the training or in the held-out runs, or the training runs cannot
             identify the declared model.
     """
     with _naming("training runs"):
-        train = build_samples(train_runs, rig, joint, compliance=compliance)
+        train = build_samples(train_runs, rig, joint, width_s, compliance)
     with _naming("held-out runs"):
         held = build_samples(held_runs, rig, joint, train.light.width_s, compliance)
     context = context_of(train, rig, joint)

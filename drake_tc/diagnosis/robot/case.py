@@ -70,6 +70,11 @@ class RobotCase:
         train, held = sides
         return train, held
 
+    def prepared(self, train: Sequence[Run], held: Sequence[Run]) -> dict[str, Prepared]:
+        """Each joint with its declared model."""
+        width = self.options.width_s
+        return {j: prepare_joint(train, held, self.rig, j, width_s=width) for j in self.rig.joints}
+
     def diagnose(
         self,
         train: Sequence[Run],
@@ -122,7 +127,7 @@ def _searched(
     link_prior: LinkPrior | None,
 ) -> OwnModel:
     with threadpool_limits(1):
-        prepared = prepare_joint(train, held, rig, joint, link_prior=link_prior)
+        prepared = prepare_joint(train, held, rig, joint, 0.0, link_prior, options.width_s)
         return OwnModel.of(prepared.train, own_search(prepared, options).chosen)
 
 

@@ -1,7 +1,7 @@
 """`close-loop` of a robot whose links' inertial parameters are fitted together with its joints' models.
 
 1. All joints together, with the declared models: the links' parameters at the tolerance that the rig file declares
-   (`problem.shared.stacked`).
+   (`problem.shared.stacked`). Where much of an effort is left, wider filters are tried.
 2. Each joint's own effects, searched on loads at that estimate, beside what the other joints leave open of the links
    (`problem.shared.open_directions`).
 3. The links anew beside these effects; steps 2 and 3 until the effects no longer change.
@@ -11,11 +11,13 @@ The model before is that of step 1.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+
+import numpy as np
 
 from drake_tc.diagnosis.data.link_prior import LinkPrior
 from drake_tc.diagnosis.problem.columns import Columns
-from drake_tc.diagnosis.problem.prepared import Prepared, prepare_joint
+from drake_tc.diagnosis.problem.prepared import Prepared
 from drake_tc.diagnosis.problem.shared.causes import CauseColumns
 from drake_tc.diagnosis.problem.shared.open_directions import open_directions, with_open_directions
 from drake_tc.diagnosis.problem.shared.stacked import JointRows, StackedFit, fit_stacked, stack
@@ -25,9 +27,16 @@ from drake_tc.diagnosis.result.widening import robot_gains
 from drake_tc.diagnosis.robot.case import OwnModel, RobotCase
 from drake_tc.diagnosis.robot.result import RobotResult
 from drake_tc.diagnosis.selection.shared import active
+from drake_tc.errors import IdentificationError
 from drake_tc.estimation.link_parameters import LinkModel
 from drake_tc.logs.record import Run
 
+WIDER = (1.6, 2.5, 4.0, 6.3, 10.0)
+"""Widths of the filters that are tried, over that which the encoders' noise asks for."""
+LITTLE_LEFT = 0.25
+"""Share of an effort's RMS, left by the declared model, below which no wider filters are tried."""
+AS_WELL = 1.25
+"""Share that may be left, over the smallest one, at filters that are taken."""
 MOST_ROUNDS = 4
 """Of searching the joints' effects and fitting the links."""
 
@@ -53,6 +62,21 @@ class _Links:
         return train, held, {joint: each.prior for joint, each in opened.items()}
 
 
+@dataclass(frozen=True, eq=False)
+class _Start:
+    """The declared models at one width of the filters.
+
+    Attributes:
+        case: With this width. prepared: joints with loads by the robot's file. links: all joints together.
+        left: Largest share of a joint's effort that is left, cross-validated.
+    """
+
+    case: RobotCase
+    prepared: Mapping[str, Prepared]
+    links: _Links
+    left: float
+
+
 def diagnose_fitted(case: RobotCase, model: LinkModel) -> RobotResult:
     """Diagnose such a robot. The held-out runs are looked at only after every choice is made.
 
@@ -64,15 +88,15 @@ def diagnose_fitted(case: RobotCase, model: LinkModel) -> RobotResult:
         IdentificationError: a joint whose runs cannot identify even the declared model.
     """
     joints = case.rig.joints
-    raw = {joint: prepare_joint(case.train, case.held, case.rig, joint) for joint in joints}
-    first = _fitted(raw, {j: OwnModel(p.terms, p.train.design(p.terms)) for j, p in raw.items()}, case.causes)
+    start = _in_wide_enough_band(case)
+    case, raw, first = start.case, start.prepared, start.links
     links = _searched(case, raw, first)
     train, held, priors = links.sides(case)
     made = case.diagnose(train, held, joints, priors)
     own = {joint: OwnModel.of(Columns(result.train.samples), result.final) for joint, result in made.items()}
     links = _fitted(raw, own, case.causes)
     before = case.without(first.fitted)
-    prepared = {joint: prepare_joint(*before, case.rig, joint) for joint in joints}
+    prepared = case.prepared(*before)
     results = {joint: original_baseline(made[joint], prepared[joint]) for joint in joints}
     results = with_shared_uncertainty(results, (first.rows, first.fitted), (links.rows, links.fitted))
     return RobotResult(
@@ -83,6 +107,35 @@ def diagnose_fitted(case: RobotCase, model: LinkModel) -> RobotResult:
         robot_gains=robot_gains(results, dict(zip(joints, map(float, links.fitted.sigma), strict=True))),
         links=fitted_links(model, case.causes, links.rows, links.fitted),
     )
+
+
+def _in_wide_enough_band(case: RobotCase) -> _Start:
+    """The declared models at the narrowest filters at which they explain the efforts about as well as they can.
+
+    Play and encoder errors change the motion in a way that the efforts do not show. Least squares answers such errors
+    in its columns by shrinking the parameters. Where the declared model leaves much of an effort, wider filters are
+    tried: slower motion is told more truly.
+    """
+    tried = [_at_width(case)]
+    default = max(p.train.samples.light.width_s for p in tried[0].prepared.values())
+    for factor in WIDER:
+        if tried[-1].left < LITTLE_LEFT:
+            break
+        try:
+            tried.append(_at_width(replace(case, options=replace(case.options, width_s=factor * default))))
+        except IdentificationError:
+            break  # too little motion is left between reversals
+    enough = max(LITTLE_LEFT, AS_WELL * min(each.left for each in tried))
+    return next(each for each in tried if each.left <= enough)
+
+
+def _at_width(case: RobotCase) -> _Start:
+    """The declared models at the width of the filters that the case's options have."""
+    prepared = case.prepared(case.train, case.held)
+    own = {joint: OwnModel(p.terms, p.train.design(p.terms)) for joint, p in prepared.items()}
+    links = _fitted(prepared, own, case.causes)
+    efforts = np.array([float(np.std(p.train.effort(()))) for p in prepared.values()])
+    return _Start(case, prepared, links, float(np.max(links.fitted.cv_rms / efforts)))
 
 
 def _searched(case: RobotCase, raw: Mapping[str, Prepared], links: _Links) -> _Links:
