@@ -24,7 +24,7 @@ MAX_CONDITION = 300.0
 
 # Search: what counts as a real improvement
 
-LEAST_EFFORT = 0.3
+LEAST_EFFORT = 0.7
 """Share of an effort that is the target which drive effects must leave: less of it is no longer explained, but gone."""
 LEAST_DRIVE = 0.01
 """1/K over that of the declared model, below which a set of effects explains the load without the drive."""
