@@ -33,7 +33,7 @@ def close_loop_command(
     out: Annotated[Path, typer.Option(help="Folder for report.html, report.json and both models.")] = Path("out"),
     seed: Annotated[int, typer.Option(help="Seed of the resampling (and of the demo's rig).")] = 0,
     closed_loop: Annotated[
-        bool, typer.Option("--closed-loop/--no-closed-loop", help="Simulate the torque loop before and after.")
+        bool, typer.Option("--closed-loop/--no-closed-loop", help="Simulate the torque loop before and after (an upper bound: the plant is the model after).")
     ] = True,
     as_json: Annotated[bool, typer.Option("--json", help="Print report.json to stdout instead of the tables.")] = False,
 ) -> None:
@@ -124,7 +124,7 @@ def print_summary(result: CloseLoopResult, out: Path) -> None:
             console.print(f"  next: {joint.next_experiment}")
         loop = None if result.closed_loop is None else result.closed_loop.joints.get(joint.joint)
         if loop is not None and loop.changed:
-            console.print(f"  closed loop, simulated: {_tracking(loop)}")
+            console.print(f"  closed loop, upper bound (its plant is the model after): {_tracking(loop)}")
     if result.closed_loop is not None:
         for note in result.closed_loop.notes:
             console.print(f"closed loop: {escape(note)}")

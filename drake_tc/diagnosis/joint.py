@@ -20,6 +20,7 @@ from drake_tc.diagnosis.result.consistency import consistency
 from drake_tc.diagnosis.result.experiments import next_experiment
 from drake_tc.diagnosis.result.joint_result import Errors, JointResult
 from drake_tc.diagnosis.result.outcome import found_effects, rejected_effects, stabilities
+from drake_tc.diagnosis.result.plausible_ranges import plausible_ranges
 from drake_tc.diagnosis.result.run_errors import run_errors
 from drake_tc.diagnosis.selection.confirmation import confirm
 from drake_tc.diagnosis.selection.engine import Progress
@@ -170,6 +171,7 @@ def diagnose_joint(
         did_not_hold=(*stage.passed_over, *confirmed.withdrawn),
         runs=tuple(run_errors(splits)),
         consistency=consistency(columns, chosen),
+        plausible=plausible_ranges(chosen, context),
         shared_band=shared_band(*splits),
         load_notes=load_notes,
         notes=(

@@ -28,6 +28,7 @@ class AsymmetricFriction(TorqueEffect):
 
     id = "asymmetric_friction"
     title = "direction-dependent friction"
+    equation = "tau_add = (coulomb_asymmetry * sign(qdot) + viscous_asymmetry * qdot) * sign(qdot)"
     kind = "friction"
     coefficients: ClassVar[tuple[Parameter, ...]] = (
         Parameter("coulomb_asymmetry", "N*m", plausible=COULOMB_ASYMMETRY_RANGE),
@@ -69,6 +70,7 @@ class CoulombAsymmetry(AsymmetricFriction):
     """A_c [N m]: only the Coulomb level differs. In motion this is a constant, as a torque sensor's bias is."""
 
     form = "coulomb"
+    equation = "tau_add = coulomb_asymmetry"
     coefficients = (Parameter("coulomb_asymmetry", "N*m", plausible=COULOMB_ASYMMETRY_RANGE),)
 
     def columns(self, signals: Signals, shape: Shape) -> FloatArray:

@@ -145,6 +145,9 @@ class Effect(ABC):
     shapes: ClassVar[tuple[Parameter, ...]] = ()
     given_shapes: ClassVar[tuple[Parameter, ...]] = ()
     """Shape parameters that `shape_grid` takes from the range of the log; they are reported, but no fit moves them."""
+    equation: ClassVar[str] = ""
+    """The effect in the names of its `parameters` and of signals (`drake_tc.report.equation`): a report fills it in.
+    Several equations are separated by ";". `tau_add` is the torque that the effect costs between drive and link."""
     signature: ClassVar[Signature]
     needs: ClassVar[frozenset[str]] = frozenset()
     linear: ClassVar[bool] = False

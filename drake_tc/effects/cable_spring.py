@@ -32,6 +32,7 @@ class CableSpring(TorqueEffect):
 
     id = "cable_spring"
     title = "cable spring"
+    equation = "tau_add = spring_stiffness * q + spring_preload"
     kind = "load"
     linear = True
     coefficients = (

@@ -19,6 +19,7 @@ class Coulomb(TorqueEffect):
 
     id = "coulomb"
     title = "Coulomb friction"
+    equation = "tau_add = coulomb * sign(qdot)"
     kind = "friction"
     coefficients = (Parameter("coulomb", "N*m", 0.0, plausible=COULOMB_RANGE),)
     signature = Signature(x="velocity", split="direction", look_for="a step at zero velocity")

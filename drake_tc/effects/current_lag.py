@@ -32,6 +32,7 @@ class CurrentLag(DriveEffect):
 
     id = "current_lag"
     title = "lag of the motor current"
+    equation = "lag * ddt(y_eff) + y_eff = y"
     kind = "drive"
     shapes = (Parameter("lag", "s", 0.0, 0.1, description="time constant T", plausible=LAG_RANGE),)
     signature = Signature(

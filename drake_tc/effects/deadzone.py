@@ -27,6 +27,7 @@ class Deadzone(DriveEffect):
 
     id = "deadzone"
     title = "dead zone of the drive"
+    equation = "y_eff = sign(y) * max(abs(y) - deadzone, 0)"
     kind = "drive"
     shapes = (Parameter("deadzone", "effort", 0.0, description="half width w", plausible=DEADZONE_RANGE),)
     signature = Signature(x="effort", split="", look_for="a step at zero effort, flat beyond it")

@@ -32,6 +32,7 @@ class Delay(DriveEffect):
 
     id = "delay"
     title = "delay"
+    equation = "y_eff(t) = y(t - delay)"
     kind = "drive"
     form = "loop"
     shapes = (Parameter("delay", "s", 0.0, 0.2, plausible=DELAY_RANGE),)
@@ -69,6 +70,7 @@ class CommandDelay(Delay):
     """q_d acts late and q does not: y*(t) = q_d(t - d) - q(t)."""
 
     form = "command"
+    equation = "y_eff(t) = q_d(t - delay) - q(t)"
     acts_on = "command"
 
     def obstacle(self, context: Context) -> str:

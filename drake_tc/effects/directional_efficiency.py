@@ -36,6 +36,7 @@ class DirectionalEfficiency(TorqueEffect):
 
     id = "directional_efficiency"
     title = "gear efficiency that differs when the gear is back-driven"
+    equation = "tau_add = (driving_friction if tau * qdot > 0 else backdriven_friction) * abs(tau) * sign(qdot)"
     kind = "friction"
     coefficients = (
         Parameter("mean_load_friction", "-", 0.0, 1.0),

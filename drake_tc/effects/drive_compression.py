@@ -21,6 +21,7 @@ class DriveCompression(DriveEffect):
 
     id = "drive_compression"
     title = "compression of the drive"
+    equation = "y_eff = y / (1 + abs(y) / half_effort)"
     kind = "drive"
     shapes = (
         Parameter(

@@ -34,6 +34,7 @@ class Elasticity(TransmissionEffect):
 
     id = "elasticity"
     title = "elasticity of the gear"
+    equation = "q_motor = q + compliance * tau"
     kind = "transmission"
     linear = True
     coefficients = (Parameter("rates", "rad/(N*m)", 0.0), Parameter("wind_up", "-", 0.0, 0.98))

@@ -25,6 +25,7 @@ class EncoderEccentricity(SensorEffect):
 
     id = "encoder_eccentricity"
     title = "encoder eccentricity"
+    equation = "q_meas = q + eccentricity_sine * sin(q) + eccentricity_cosine * cos(q)"
     kind = "sensor"
     form = "shared"
     coefficients = (

@@ -20,6 +20,7 @@ class EncoderOffset(SensorEffect):
 
     id = "encoder_offset"
     title = "encoder offset"
+    equation = "q_meas = q + offset"
     kind = "sensor"
     linear = True
     coefficients = (Parameter("offset", "rad", plausible=OFFSET_RANGE),)

@@ -31,6 +31,7 @@ class EncoderRipple(SensorEffect):
 
     id = "encoder_ripple"
     title = "encoder ripple"
+    equation = "q_meas = q + ripple_sine * sin(cycles_per_turn * q) + ripple_cosine * cos(cycles_per_turn * q)"
     kind = "sensor"
     coefficients = (
         Parameter("ripple_sine", "rad", plausible=WAVE_RANGE),

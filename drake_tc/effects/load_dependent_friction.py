@@ -21,6 +21,7 @@ class LoadDependentFriction(TorqueEffect):
 
     id = "load_dependent_friction"
     title = "load-dependent friction"
+    equation = "tau_add = load_friction * abs(tau) * sign(qdot)"
     kind = "friction"
     coefficients = (Parameter("load_friction", "-", 0.0, 1.0, plausible=LOAD_FRICTION_RANGE),)
     signature = Signature(

@@ -31,6 +31,7 @@ class LoadStribeck(TorqueEffect):
 
     id = "load_stribeck"
     title = "Stribeck part of load-dependent friction"
+    equation = "tau_add = load_stribeck * abs(tau) * exp(-abs(qdot) / load_stribeck_velocity) * sign(qdot)"
     kind = "friction"
     coefficients = (Parameter("load_stribeck", "-", 0.0, 1.0, plausible=LOAD_STRIBECK_RANGE),)
     shapes = (Parameter("load_stribeck_velocity", "rad/s", 1e-3, default=0.3, plausible=LOAD_STRIBECK_VELOCITY_RANGE),)

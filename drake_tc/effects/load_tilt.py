@@ -22,6 +22,7 @@ class LoadTilt(TorqueEffect):
 
     id = "load_tilt"
     title = "tilt of the gravity load"
+    equation = "tau_add = tilt_moment * cos(q)"
     kind = "load"
     linear = True
     coefficients = (Parameter("tilt_moment", "N*m", description="A = -m g l sin z", plausible=TILT_MOMENT_RANGE),)

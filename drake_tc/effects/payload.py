@@ -33,6 +33,7 @@ class Payload(TorqueEffect):
 
     id = "payload"
     title = "payload"
+    equation = "tau_add = payload_moment * sin(q) + payload_inertia * qddot"
     kind = "load"
     linear = True
     coefficients: ClassVar[tuple[Parameter, ...]] = (
@@ -86,6 +87,7 @@ class PendulumPayload(Payload):
     """
 
     form = "pendulum"
+    equation = "tau_add = payload_share * tau"
     coefficients = (Parameter("missing_inertia", "-", 0.0, 0.98, description="s/(1 + s)"),)
     signature = Signature(
         x="acceleration", split="", look_for="a line over the acceleration although the inertia is declared"

@@ -27,6 +27,10 @@ class PositionDependentFriction(TorqueEffect):
 
     id = "position_dependent_friction"
     title = "position-dependent friction"
+    equation = (
+        "tau_add = (friction_cosine * cos(cycles_per_turn * q)"
+        " + friction_sine * sin(cycles_per_turn * q)) * sign(qdot)"
+    )
     kind = "friction"
     coefficients = (
         Parameter("friction_cosine", "N*m", plausible=WAVE_RANGE),

@@ -34,6 +34,7 @@ class PositionDependentLoad(TorqueEffect):
 
     id = "position_dependent_load"
     title = "load that depends on the position, of unknown form"
+    equation = "tau_add = spline(q, curve_start, curve_end, levels)"
     kind = "load"
     coefficients = tuple(Parameter(f"level_{k + 1}", "N*m", plausible=LEVEL_RANGE) for k in range(SIZE))
     given_shapes = (

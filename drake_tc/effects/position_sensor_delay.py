@@ -20,6 +20,7 @@ class PositionSensorDelay(SensorDelay):
     """
 
     title = "delay of the position sensor"
+    equation = "q_meas(t) = q(t - delay)"
     form = "position_sensor"
     delayed = ("position", "velocity", "acceleration")
     signature = Signature(

@@ -31,6 +31,7 @@ class PreslidingHysteresis(TorqueEffect):
 
     id = "presliding_hysteresis"
     title = "presliding hysteresis"
+    equation = "tau_add = presliding * (z - sign(qdot)); presliding_travel * ddq(z) = 1 - z * sign(qdot)"
     kind = "friction"
     coefficients = (Parameter("presliding", "N*m", 0.0, plausible=PRESLIDING_RANGE),)
     shapes = (Parameter("presliding_travel", "rad", 1.5e-3, 1.0, 0.01, plausible=PRESLIDING_TRAVEL_RANGE),)

@@ -22,6 +22,7 @@ class QuadraticViscous(TorqueEffect):
 
     id = "quadratic_viscous"
     title = "quadratic viscous friction"
+    equation = "tau_add = quadratic_viscous * qdot * abs(qdot)"
     kind = "friction"
     coefficients = (Parameter("quadratic_viscous", "N*m*s^2/rad^2", plausible=QUADRATIC_VISCOUS_RANGE),)
     signature = Signature(

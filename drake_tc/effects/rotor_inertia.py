@@ -18,6 +18,7 @@ class RotorInertia(TorqueEffect):
 
     id = "rotor_inertia"
     title = "reflected rotor inertia"
+    equation = "tau_add = rotor_inertia * qddot"
     kind = "load"
     linear = True
     coefficients = (Parameter("rotor_inertia", "kg*m^2", 0.0, plausible=ROTOR_INERTIA_RANGE),)

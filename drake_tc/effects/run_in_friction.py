@@ -36,6 +36,7 @@ class RunInFriction(TorqueEffect):
 
     id = "run_in_friction"
     title = "friction that settles during a run"
+    equation = "tau_add = (run_in_coulomb * sign(qdot) + run_in_viscous * qdot) * exp(-t / run_in_time)"
     kind = "friction"
     coefficients = (
         Parameter("run_in_coulomb", "N*m", plausible=RUN_IN_COULOMB_RANGE),

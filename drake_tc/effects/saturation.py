@@ -21,6 +21,7 @@ class Saturation(DriveEffect):
 
     id = "saturation"
     title = "saturation of the drive"
+    equation = "y_eff = min(max(y, -limit), limit)"
     kind = "drive"
     shapes = (Parameter("limit", "effort", 0.0, default=np.inf, description="largest effort L", plausible=LIMIT_RANGE),)
     signature = Signature(x="effort", split="", look_for="a line that bends at the same effort on both sides")

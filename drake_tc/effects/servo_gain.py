@@ -24,6 +24,7 @@ class ServoGain(DriveEffect):
 
     id = "servo_gain"
     title = "drive gain that is not the declared one"
+    equation = "y_eff = (1 + gain_error) * y"
     kind = "drive"
     linear = True
     given_shapes = (Parameter("declared_gain", "effort/(N*m)", 0.0, description="K_0"),)

@@ -24,6 +24,7 @@ class ServoIntegrator(DriveEffect):
 
     id = "servo_integrator"
     title = "integral action of the servo"
+    equation = "y_eff = y + integral_rate * integral(y)"
     kind = "drive"
     linear = True
     coefficients = (Parameter("integral_torque", "N*m/(effort*s)", 0.0),)

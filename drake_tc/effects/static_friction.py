@@ -29,6 +29,7 @@ class StaticFriction(TorqueEffect):
 
     id = "static_friction"
     title = "static friction"
+    equation = "tau_add = static_excess * exp(-(qdot / break_away_speed) ** 2) * sign(qdot)"
     kind = "friction"
     coefficients = (
         Parameter(

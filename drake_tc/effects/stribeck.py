@@ -38,6 +38,7 @@ class Stribeck(TorqueEffect):
 
     id = "stribeck"
     title = "Stribeck friction"
+    equation = "tau_add = stribeck * exp(-(abs(qdot) / stribeck_velocity) ** stribeck_exponent) * sign(qdot)"
     kind = "friction"
     coefficients = (Parameter("stribeck", "N*m", 0.0, description="F_s - F_c", plausible=STRIBECK_RANGE),)
     shapes = (

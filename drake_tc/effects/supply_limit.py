@@ -25,6 +25,7 @@ class SupplyLimit(DriveEffect):
 
     id = "saturation"
     title = "saturation of the drive at its supply voltage"
+    equation = "y_eff = min(max(y, -(limit_per_volt * V)), limit_per_volt * V)"
     kind = "drive"
     form = "supply"
     needs = frozenset({"supply_voltage"})

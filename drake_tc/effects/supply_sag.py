@@ -34,6 +34,7 @@ class SupplySag(DriveEffect):
 
     id = "supply_sag"
     title = "drive torque that follows the supply voltage"
+    equation = "y_eff = y * (1 + supply_sensitivity * (V / nominal_voltage - 1))"
     kind = "drive"
     needs = frozenset({"supply_voltage"})
     coefficients = (Parameter("sag_torque", "N*m/effort", 0.0),)

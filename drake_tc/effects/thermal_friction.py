@@ -42,6 +42,10 @@ class ThermalFriction(TorqueEffect):
 
     id = "thermal_friction"
     title = "temperature-dependent friction"
+    equation = (
+        "tau_add = (coulomb_per_kelvin * sign(qdot) + viscous_per_kelvin * qdot)"
+        " * (1 - exp(-(thermal_rate * (T - T_25)))) / thermal_rate"
+    )
     kind = "friction"
     needs = frozenset({"temperature"})
     coefficients = (

@@ -30,6 +30,7 @@ class TorqueRipple(TorqueEffect):
 
     id = "torque_ripple"
     title = "torque ripple"
+    equation = "tau_add = ripple_cosine * cos(cycles_per_turn * q) + ripple_sine * sin(cycles_per_turn * q)"
     kind = "load"
     coefficients = (
         Parameter("ripple_cosine", "N*m", plausible=WAVE_RANGE),

@@ -22,6 +22,7 @@ class TorqueSensorBias(SensorEffect):
 
     id = "torque_sensor_bias"
     title = "torque sensor bias"
+    equation = "tau_meas = tau + bias"
     kind = "sensor"
     linear = True
     coefficients = (Parameter("bias", "N*m", plausible=BIAS_RANGE),)

@@ -14,6 +14,7 @@ class TorqueSensorDelay(SensorDelay):
     """
 
     title = "delay of the torque sensor"
+    equation = "tau_meas(t) = tau(t - delay)"
     form = "torque_sensor"
     delayed = ("load_torque",)
     signature = Signature(

@@ -20,6 +20,7 @@ class TorqueSensorDrift(SensorEffect):
 
     id = "torque_sensor_drift"
     title = "torque sensor drift"
+    equation = "tau_meas = tau + drift * t"
     kind = "sensor"
     linear = True
     coefficients = (Parameter("drift", "N*m/s", plausible=DRIFT_RANGE),)

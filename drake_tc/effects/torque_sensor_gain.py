@@ -23,6 +23,7 @@ class TorqueSensorGain(SensorEffect):
 
     id = "torque_sensor_gain"
     title = "torque sensor gain"
+    equation = "tau_meas = (1 + gain_error) * tau"
     kind = "sensor"
     linear = True
     coefficients = (Parameter("gain_error", "-", -0.9, 10.0, plausible=GAIN_ERROR_RANGE),)

@@ -49,6 +49,7 @@ class UnknownPendulum(UnknownLoadEffect):
 
     form = "pendulum"
     title = "unknown load: pendulum"
+    equation = "tau = moment * sin(q - zero) + constant + inertia * qddot"
     coefficients = (
         Parameter("sine", "N*m", description="A"),
         Parameter("cosine", "N*m", description="B"),
@@ -92,6 +93,9 @@ class UnknownPendulum(UnknownLoadEffect):
         return parts
 
 
+CURVE_EQUATION = "tau = spline(q, curve_start, curve_end, levels)"
+
+
 class SmoothLoad(UnknownLoadEffect):
     """J qddot + sum_k c_k B_k(q) [N m]: uniform cubic B-splines over the recorded positions (`splines`).
 
@@ -100,6 +104,7 @@ class SmoothLoad(UnknownLoadEffect):
     """
 
     title = "unknown load: smooth function of the position"
+    equation = f"{CURVE_EQUATION} + inertia * qddot"
     intervals: ClassVar[int]
     given_shapes = (
         Parameter("curve_start", "rad", default=-1.0, description="q_a", plausible=END_RANGE),
@@ -140,6 +145,7 @@ def _smooth(intervals: int, *, inertial: bool) -> SmoothLoad:
         "form": f"{'smooth' if inertial else 'curve'}_{intervals}",
         "intervals": intervals,
         "inertial": inertial,
+        "equation": SmoothLoad.equation if inertial else CURVE_EQUATION,
         "coefficients": levels + inertia,
     }
     made: SmoothLoad = type(f"SmoothLoad{intervals}", (SmoothLoad,), members)()

@@ -23,6 +23,7 @@ class VelocitySignSwitch(DriveEffect):
 
     id = "velocity_sign_switch"
     title = "drive gain that switches with the direction"
+    equation = "y_eff = (1 + switch * sign(qdot)) * y"
     kind = "drive"
     coefficients = (Parameter("switch_torque", "N*m/effort"),)
     signature = Signature(

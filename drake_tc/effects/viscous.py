@@ -19,6 +19,7 @@ class Viscous(TorqueEffect):
 
     id = "viscous"
     title = "viscous friction"
+    equation = "tau_add = viscous * qdot"
     kind = "friction"
     linear = True
     coefficients = (Parameter("viscous", "N*m*s/rad", 0.0, plausible=VISCOUS_RANGE),)

@@ -30,6 +30,7 @@ class ViscousPower(TorqueEffect):
 
     id = "viscous_power"
     title = "viscous friction by a power law"
+    equation = "tau_add = viscous_power * abs(qdot) ** viscous_exponent * sign(qdot)"
     kind = "friction"
     coefficients = (Parameter("viscous_power", "N*m*(s/rad)^p", 0.0, plausible=VISCOUS_POWER_RANGE),)
     shapes = (Parameter("viscous_exponent", "-", 0.1, 0.9, 0.5, plausible=VISCOUS_EXPONENT_RANGE),)

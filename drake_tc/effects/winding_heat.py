@@ -33,6 +33,7 @@ class WindingHeat(DriveEffect):
 
     id = "winding_heat"
     title = "heating of the motor's winding"
+    equation = "y_eff = y / (1 + w); warm_time * ddt(w) = (y / warm_effort) ** 2 - w"
     kind = "drive"
     shapes = (
         Parameter(

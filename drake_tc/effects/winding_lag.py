@@ -38,6 +38,7 @@ class WindingLag(CurrentLag):
     """
 
     title = "lag of the winding's current, its back-EMF included"
+    equation = "lag * ddt(y_eff) + y_eff = y + back_emf * lag * qddot"
     form = "winding"
     shapes = (Parameter("lag", "s", LEAST_LAG, 0.1, LEAST_LAG, "time constant L/R", LAG_RANGE),)
     coefficients = (Parameter("back_emf_damping", "N*m*s/rad", 0.0, description="F_e"),)

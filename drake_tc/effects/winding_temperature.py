@@ -36,6 +36,7 @@ class WindingTemperature(DriveEffect):
 
     id = "winding_temperature"
     title = "resistance of the winding that rises with its temperature"
+    equation = "y_eff = y / r + back_emf * (1 - 1 / r) * qdot; r = 1 + resistance_per_kelvin * (T - T_25)"
     kind = "drive"
     needs = frozenset({"temperature"})
     coefficients = (Parameter("back_emf_damping", "N*m*s/rad", 0.0, description="F_e"),)

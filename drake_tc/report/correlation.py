@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from drake_tc.diagnosis.data.samples import Samples
+from drake_tc.report.decimation import extreme_samples
 from drake_tc.types import FloatArray
 
 LEAST_PAIRS = 30
@@ -46,6 +47,11 @@ class Correlation:
     lag: FloatArray
     value: FloatArray
     band: FloatArray
+
+    def thinned(self, most: int) -> "Correlation":
+        """The same at about `most` of the lags; every extreme stays."""
+        kept = extreme_samples([self.value], most)
+        return Correlation(self.lag[kept], self.value[kept], self.band[kept])
 
 
 def _lagged(a: Sequence[FloatArray], b: Sequence[FloatArray], most: int) -> FloatArray:

@@ -13,6 +13,8 @@ from drake_tc.report.svg import AFTER, BEFORE, MUTED, SHADE, new_figure, page_st
 LONGEST_S = 1.0
 SIGNALS = ("velocity", "acceleration", "load_torque")
 SIZE = (4.4, 2.4)
+MOST_LAGS = 240
+"""Drawn of each curve."""
 
 
 def correlation_plots(split: DataSplit, prefix: str) -> Sequence[str]:
@@ -35,6 +37,7 @@ def correlation_plots(split: DataSplit, prefix: str) -> Sequence[str]:
 
 
 def _panel(name: str, title: str, before: Correlation, after: Correlation, reach: float) -> str:
+    before, after = before.thinned(MOST_LAGS), after.thinned(MOST_LAGS)
     with page_style(name):
         figure = new_figure(*SIZE)
         axes: Any = figure.add_subplot()

@@ -1,7 +1,8 @@
-"""The report as one self-contained HTML file: text, tables and plots inline, nothing fetched, no scripts."""
+"""The report as one self-contained HTML file: text, tables, plots and the script of some plots inline, nothing fetched."""
 
+import json
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -12,19 +13,22 @@ from markupsafe import Markup
 from drake_tc import __version__
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult
-from drake_tc.report.bins import MOST_POINTS
 from drake_tc.report.closed_loop_section import closed_loop_section
 from drake_tc.report.consistency_table import consistency_rows
 from drake_tc.report.correlation_plots import correlation_plots
-from drake_tc.report.free_run_plots import free_run_plots
+from drake_tc.report.equation import model_equations
 from drake_tc.report.leftover_plots import leftover_plots
 from drake_tc.report.model_diff import model_diff
 from drake_tc.report.numbers import fold, percent, scale_for, significant
-from drake_tc.report.panels import TRAIN_POINTS, residual_cards
+from drake_tc.report.page_budget import PageBudget
+from drake_tc.report.panels import residual_cards
+from drake_tc.report.plot_library import plot_script, plot_style
 from drake_tc.report.residual_plots import LEGEND
 from drake_tc.report.shared_section import shared_section
 from drake_tc.report.signature_plots import signature_plots
+from drake_tc.report.spectrum import spectrum_plot
 from drake_tc.report.tables import data_facts, data_rows, error_table, parameter_rows, rejected_rows, run_error_rows
+from drake_tc.report.time_plots import TimePlot, effort_plot, position_plot
 from drake_tc.report.words import (
     REASONS,
     VERDICTS,
@@ -55,9 +59,14 @@ def render(result: CloseLoopResult) -> str:
         lstrip_blocks=True,
     )
     environment.filters |= {"svg": Markup, "percent": percent, "significant": significant}
-    joints = [_joint(joint, f"j{i}") for i, joint in enumerate(result.joints.values())]
+    budget = _budget(result)
+    joints = [_joint(joint, f"j{i}", budget) for i, joint in enumerate(result.joints.values())]
+    plots = [plot for j in joints for plot in (j["effort_plot"], j["position_plot"]) if plot is not None]
     return environment.get_template("report.html.jinja").render(
-        style=Markup((files("drake_tc.report") / "report.css").read_text(encoding="utf-8")),
+        style=Markup(_file("report.css")),
+        plot_style=Markup(plot_style() if plots else ""),
+        scripts=[Markup(plot_script()), Markup(_file("time_plots.js"))] if plots else [],
+        plot_data=Markup(_plain_data(plots)),
         version=__version__,
         verdict=result.verdict,
         verdicts=VERDICTS,
@@ -76,6 +85,21 @@ def render(result: CloseLoopResult) -> str:
     )
 
 
+def _budget(result: CloseLoopResult) -> PageBudget:
+    joints = result.joints.values()
+    traces = sum(len(j.train.samples.runs) + len(j.heldout.samples.runs) + len(j.free_run) for j in joints)
+    return PageBudget.of(len(joints), traces)
+
+
+def _plain_data(plots: Sequence[TimePlot]) -> str:
+    """JSON for a script element: no `<` in it can end the element."""
+    return json.dumps({p.id: p.data for p in plots}, separators=(",", ":")).replace("<", "\\u003c")
+
+
+def _file(name: str) -> str:
+    return (files("drake_tc.report") / name).read_text(encoding="utf-8")
+
+
 def _templates() -> Mapping[str, str]:
     folder = files("drake_tc.report")
     return {f.name: f.read_text(encoding="utf-8") for f in folder.iterdir() if f.name.endswith(".jinja")}
@@ -86,7 +110,7 @@ def _short(path: str) -> str:
     return re.split(r"[\\/]", path)[-1]
 
 
-def _joint(joint: JointResult, prefix: str) -> dict[str, Any]:
+def _joint(joint: JointResult, prefix: str, budget: PageBudget) -> dict[str, Any]:
     """What the template shows of one joint."""
     tried, barred = rejected_rows(joint.rejected)
     scale = scale_for(joint.after.heldout, joint.unit)
@@ -113,10 +137,13 @@ def _joint(joint: JointResult, prefix: str) -> dict[str, Any]:
         "errors": error_table(joint),
         "run_errors": run_error_rows(joint),
         "signatures": signature_plots(joint, prefix),
-        "held_cards": residual_cards(joint, joint.heldout, f"{prefix}-held", MOST_POINTS),
-        "train_cards": residual_cards(joint, joint.train, f"{prefix}-train", TRAIN_POINTS),
+        "held_cards": residual_cards(joint, joint.heldout, f"{prefix}-held", budget.cloud_points, budget.pixels_per_inch),
+        "train_cards": residual_cards(joint, joint.train, f"{prefix}-train", budget.train_points, budget.pixels_per_inch),
+        "spectrum": spectrum_plot(joint, prefix),
         "correlations": correlation_plots(joint.heldout, prefix),
-        "free_runs": free_run_plots(joint.free_run, prefix),
+        "effort_plot": effort_plot(joint, prefix, budget.trace_samples),
+        "position_plot": position_plot(joint, prefix, budget.trace_samples),
+        "equations": model_equations(joint),
         "parameters": parameter_rows(joint),
         "did_not_hold": joint.did_not_hold,
         "consistency": consistency_rows(joint),
@@ -135,6 +162,7 @@ def _joint(joint: JointResult, prefix: str) -> dict[str, Any]:
             "floors": significant(left.floors, 2),
             "share": percent(left.share_of_signal),
             "band": band_sentence(joint),
+            "shaded": joint.shared_band is not None and joint.shared_band.limit_hz > 0.0,
         },
         "leftovers": leftover_plots(joint, prefix),
         "notes": joint.notes,

@@ -11,10 +11,10 @@ from drake_tc.report.numbers import Scale, fold, scale_for
 from drake_tc.report.residual_plots import Cloud, cloud_svg
 from drake_tc.report.rows import Quantity, modulo, quantity, rows_of
 from drake_tc.report.signature_plots import cycles_of
+from drake_tc.report.svg import PIXELS_PER_INCH
 from drake_tc.types import FloatArray
 
 SIGNALS = ("velocity", "acceleration", "position", "load_torque", "effort", "temperature", "time")
-TRAIN_POINTS = 1500
 
 
 @dataclass(frozen=True)
@@ -39,8 +39,11 @@ def quantities(joint: JointResult, split: DataSplit) -> Sequence[Quantity]:
     return out
 
 
-def residual_cards(joint: JointResult, split: DataSplit, prefix: str, most: int) -> Sequence[Card]:
+def residual_cards(
+    joint: JointResult, split: DataSplit, prefix: str, most: int, pixels_per_inch: int = PIXELS_PER_INCH
+) -> Sequence[Card]:
     """One card a quantity; each of the two panels has its own scale, the noise floor's band ties them together."""
+    look: dict[str, int] = {"most": most, "pixels_per_inch": pixels_per_inch}
     rows = rows_of(split)
     same = bool(np.array_equal(split.before, split.after))
     coarse, fine = _scale(split.before, joint.unit), _scale(split.after, joint.unit)
@@ -49,8 +52,8 @@ def residual_cards(joint: JointResult, split: DataSplit, prefix: str, most: int)
     for against in quantities(joint, split):
         name = f"{prefix}-{against.key}"
         title = "before and after: nothing was added" if same else "before"
-        before = Cloud(f"{name}-before", title, split.before, coarse, joint.noise_floor, most=most)
-        after = Cloud(f"{name}-after", f"after (axis {smaller} finer)", split.after, fine, joint.noise_floor, most=most)
+        before = Cloud(f"{name}-before", title, split.before, coarse, joint.noise_floor, **look)
+        after = Cloud(f"{name}-after", f"after (axis {smaller} finer)", split.after, fine, joint.noise_floor, **look)
         cards.append(
             Card(against.title, cloud_svg(before, against, rows), "" if same else cloud_svg(after, against, rows))
         )

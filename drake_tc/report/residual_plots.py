@@ -15,6 +15,7 @@ from drake_tc.report.svg import (
     FORWARD_DOT,
     INK,
     MUTED,
+    PIXELS_PER_INCH,
     REVERSAL_DOT,
     SHADE,
     new_figure,
@@ -40,7 +41,7 @@ class Cloud:
         scale: The residual's prefix. label: of the y axis.
         floor: Noise floor, drawn as a band about zero.
         line: (N,) a model's prediction to draw as its own binned median, or None.
-        size: Width and height [inch]. most: Most points to draw.
+        size: Width and height [inch]. most: Most points to draw. pixels_per_inch: Of the points.
     """
 
     name: str
@@ -52,6 +53,7 @@ class Cloud:
     line: FloatArray | None = None
     size: tuple[float, float] = (3.0, 2.15)
     most: int = MOST_POINTS
+    pixels_per_inch: int = PIXELS_PER_INCH
 
 
 def cloud_svg(cloud: Cloud, against: Quantity, rows: Rows) -> str:
@@ -91,7 +93,7 @@ def cloud_svg(cloud: Cloud, against: Quantity, rows: Rows) -> str:
             )
         spread = float(np.sqrt(np.mean(cloud.residual**2))) * cloud.scale.factor if y.size else float("nan")
         said = f"{cloud.label} against {against.title}, {cloud.title}: RMS {significant(spread)} {cloud.scale.unit}"
-        return to_svg(figure, said)
+        return to_svg(figure, said, cloud.pixels_per_inch)
 
 
 def _points(axes: Any, x: FloatArray, y: FloatArray, rows: Rows, most: int) -> None:

@@ -10,6 +10,7 @@ from drake_tc.diagnosis.problem.regression import Fit
 from drake_tc.diagnosis.residual.unexplained import DataSplit
 from drake_tc.diagnosis.result.joint_result import FoundEffect, JointResult
 from drake_tc.effects.base import DriveEffect
+from drake_tc.report.equation import equations
 from drake_tc.report.numbers import percent, scale_for
 from drake_tc.report.residual_plots import Cloud, cloud_svg
 from drake_tc.report.rows import Quantity, modulo, quantity, rows_of
@@ -20,12 +21,13 @@ SIZE = (4.2, 2.7)
 
 @dataclass(frozen=True)
 class SignaturePlot:
-    """An effect's own plot: title, what to look for, the share it removes, and two panels of SVG."""
+    """An effect's own plot: title, what to look for, the share it removes, its equations and two panels of SVG."""
 
     title: str
     id: str
     look_for: str
     gain: str
+    equations: Sequence[str]
     without: str
     with_it: str
 
@@ -84,12 +86,14 @@ def signature_plots(joint: JointResult, prefix: str) -> Sequence[SignaturePlot]:
         name, floor = f"{prefix}-signature-{number}", joint.noise_floor
         bare = Cloud(f"{name}-without", f"without {found.title}", without, scale, floor, line=share, size=SIZE)
         full = Cloud(f"{name}-with", f"with {found.title}", split.after, fine, floor, size=SIZE)
+        own = next(t.effect for t in joint.final.terms if t.effect.key == found.key)
         plots.append(
             SignaturePlot(
                 title=found.title,
                 id=found.id,
-                look_for=next(t.effect.signature.look_for for t in joint.final.terms if t.effect.key == found.key),
+                look_for=own.signature.look_for,
                 gain=percent(found.heldout_gain),
+                equations=equations(own, found.parameters),
                 without=cloud_svg(bare, against, rows),
                 with_it=cloud_svg(full, against, rows),
             )

@@ -31,6 +31,8 @@ FORWARD_DOT, BACKWARD_DOT, REVERSAL_DOT = "#3d8fc7", "#d9803f", "#b0699b"
 
 PIXELS_PER_INCH = 180
 BITMAP_COLOURS = 48
+DECIMALS = 2
+"""Of coordinates, whose unit is 1/72 inch."""
 _STYLE = {
     "svg.fonttype": "none",
     "font.size": 8.0,
@@ -77,15 +79,16 @@ def page_style(name: str) -> AbstractContextManager[None]:
     return mpl.rc_context({**_STYLE, "svg.hashsalt": name})
 
 
-def to_svg(figure: Figure, label: str) -> str:
+def to_svg(figure: Figure, label: str, pixels_per_inch: int = PIXELS_PER_INCH) -> str:
     """The figure as one `<svg>` element without ids that nothing uses, metadata, fixed size or outside references.
 
     Args:
         figure: Made by `new_figure`.
         label: What it shows, for readers who do not see it.
+        pixels_per_inch: Of its bitmaps.
     """
     stream = io.StringIO()
-    figure.savefig(stream, format="svg", dpi=PIXELS_PER_INCH, transparent=True)
+    figure.savefig(stream, format="svg", dpi=pixels_per_inch, transparent=True)
     text = stream.getvalue()
     text = text[text.index("<svg") :]
     text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
@@ -99,10 +102,23 @@ def to_svg(figure: Figure, label: str) -> str:
     )
     for colour, variable in _VARIABLES.items():
         text = text.replace(colour, f"var(--{variable})")
+    text = _shorter(text)
     box = re.search(r'viewBox="[^"]*"', text)
     opening = f'<svg {box.group(0) if box else ""} role="img" aria-label="{_attribute(label)}">'
     text = re.sub(r"<svg[^>]*>", lambda _: opening, text, count=1)
     return re.sub(r"\s*\n\s*", "\n", text).strip()
+
+
+def _shorter(text: str) -> str:
+    """The same picture with rounded coordinates, without groups and turns that change nothing."""
+    text = re.sub(r"(\d+\.\d{%d})\d+" % DECIMALS, r"\1", text)
+    text = re.sub(r' transform="rotate\(-0 [^)]*\)"', "", text)
+    text = re.sub(r"\s*\n(?=[LMQCz] ?)", "", text)
+    text = re.sub(r"(?<=\d)\s*\n\"", '"', text)
+    text = re.sub(r"(?<=[LM]) (?=[-\d])", "", text)
+    while (shorter := re.sub(r"<g>\s*((?:<(?:path|use|text)\b[^>]*?(?:/>|>[^<]*</text>)\s*)*)</g>", r"\1", text)) != text:
+        text = shorter
+    return text
 
 
 def _fewer_colours(encoded: str) -> str:

@@ -8,8 +8,10 @@ import numpy as np
 from drake_tc.diagnosis.problem.estimates import Estimate
 from drake_tc.diagnosis.residual.unexplained import DataSplit
 from drake_tc.diagnosis.result.joint_result import JointResult, RejectedEffect
+from drake_tc.diagnosis.result.plausible_ranges import PlausibleRange
 from drake_tc.diagnosis.result.rejection import why_rejected
 from drake_tc.report.numbers import UNKNOWN, Scale, fold, interval, percent, pretty_unit, scale_for, significant
+from drake_tc.report.run_spread import run_spreads
 from drake_tc.report.words import title_of
 
 
@@ -120,7 +122,11 @@ def run_error_rows(joint: JointResult) -> Sequence[RunErrorRow]:
 
 @dataclass(frozen=True)
 class ParameterRow:
-    """One parameter: value and 95 % interval in the baseline and in the final model, and marks."""
+    """One parameter: value and 95 % interval in the baseline and in the final model, and marks.
+
+    `possible` is the physically possible range as text and `source` says why; `outside` marks a final value beyond it.
+    `runs` is the plot of each run's own estimate, as SVG. They are empty where there is none.
+    """
 
     effect: str
     name: str
@@ -129,16 +135,22 @@ class ParameterRow:
     after: tuple[str, str]
     added: bool
     at_bound: bool
+    possible: str
+    source: str
+    outside: bool
+    runs: str
 
 
 def parameter_rows(joint: JointResult) -> Sequence[ParameterRow]:
     """Parameters of both models, the drive's first, then the declared effects, then those that were added."""
     before, after = joint.baseline_parameters, joint.final_parameters
+    spreads = run_spreads(joint)
     rows = []
     for key in [*before, *(k for k in after if k not in before)]:
         old, new = before.get(key, {}), after.get(key, {})
         for name in [*old, *(n for n in new if n not in old)]:
             known = [e for e in (old.get(name), new.get(name)) if e is not None]
+            limits = joint.plausible.get(key, {}).get(name)
             rows.append(
                 ParameterRow(
                     effect="drive" if key == "drive" else title_of(key),
@@ -148,9 +160,21 @@ def parameter_rows(joint: JointResult) -> Sequence[ParameterRow]:
                     after=_estimate(new.get(name)),
                     added=key not in before,
                     at_bound=any(e.at_bound for e in known),
+                    possible="" if limits is None else _range(limits),
+                    source="" if limits is None else limits.source,
+                    outside=limits is not None and name in new and not limits.holds(new[name].value),
+                    runs=spreads.get((key, name), ""),
                 )
             )
     return rows
+
+
+def _range(limits: PlausibleRange) -> str:
+    """A range as text; an end that nothing limits is left out."""
+    low, high = (significant(x) if np.isfinite(x) else "" for x in (limits.lower, limits.upper))
+    if low and high:
+        return f"{low} to {high}"
+    return f"{low} or more" if low else f"{high} or less" if high else "any"
 
 
 def _estimate(value: Estimate | None) -> tuple[str, str]:

@@ -67,10 +67,11 @@ def test_the_section_says_what_it_is(page_without_joints, closed, spread):
     page = Page(html)
     assert page.open == []
     assert len(page.ids) == len(set(page.ids))
-    assert page.headings.index("Closed loop") < page.headings.index("Torque uncertainty")
+    assert page.headings.index("Closed loop, an upper bound") < page.headings.index("Torque uncertainty")
     assert page.headings.index("Torque uncertainty") < page.headings.index("The models’ difference")
     text = section_of(text_of(html))
-    assert text.startswith("Closed loop simulated")
+    assert text.startswith("Closed loop, an upper bound simulated")
+    assert "This is an upper bound of the improvement: the plant of the simulation is the model after" in text
     assert "Nothing here was measured" in text
     assert "ran away" in text
     assert "the motion of walk, 1.0 to 4.5 s" in text
@@ -96,6 +97,7 @@ def test_nothing_found_is_said_instead_of_two_equal_columns(closed, page_without
     )
     assert "The model was not changed, so neither was the loop" in text
     assert "model before compensated" not in text
+    assert "upper bound of the improvement" not in text
 
 
 def test_a_loop_that_was_not_made_is_one_sentence(page_without_joints):

@@ -12,7 +12,6 @@ from drake_tc.diagnosis.residual.unexplained import TimeStretch
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.effects.library import effect
 from drake_tc.report.bins import binned, evenly, frame
-from drake_tc.report.free_run_plots import rms_error, worst_window
 from drake_tc.report.model_diff import model_diff
 from drake_tc.report.rows import modulo, near_reversal, quantity, rows_of
 from drake_tc.report.signature_plots import contribution, signature_quantity
@@ -118,17 +117,6 @@ def test_a_drive_effects_share_is_what_leaving_its_transform_out_costs(joint: Jo
     share = contribution(side, lagging, "current_lag")
     assert np.std(share) > 0.0
     assert_allclose(side.after + share, without, atol=1e-9)
-
-
-def test_the_worst_stretch_and_its_error() -> None:
-    time = np.arange(0.0, 20.0, 0.01)
-    recorded = np.sin(time)
-    before = recorded + 0.1 * ((time > 8.0) & (time < 11.0))
-    trace = {"time": time, "recorded": recorded, "before": before}
-    begin, end = worst_window(trace)
-    assert_allclose((begin, end), (8.0, 11.0), atol=0.03)
-    assert_allclose(rms_error(trace, "before"), 0.1 * np.sqrt(0.15), rtol=5e-3)
-    assert np.isnan(rms_error({"time": time, "recorded": recorded}, "after"))
 
 
 def test_the_difference_can_be_applied() -> None:

@@ -7,6 +7,7 @@ from typing import Literal
 from drake_tc.diagnosis.problem.estimates import Estimate
 from drake_tc.diagnosis.problem.regression import Fit
 from drake_tc.diagnosis.residual.unexplained import DataSplit, SharedBand, Unexplained, Verdict
+from drake_tc.diagnosis.result.plausible_ranges import PlausibleRange
 from drake_tc.diagnosis.selection.withdrawal import DidNotHold
 from drake_tc.effects.base import DriveKind
 from drake_tc.effects.unknown_load import UnknownLoadEffect
@@ -111,7 +112,8 @@ class RejectedEffect:
 class JointResult:
     """One joint's diagnosis.
 
-    `load_notes` say what an unknown load means for this result; they are among the `notes` too.
+    `plausible` has the possible range of each parameter of the final model, by effect key and name. `load_notes` say
+    what an unknown load means for this result; they are among the `notes` too.
     """
 
     joint: str
@@ -135,6 +137,7 @@ class JointResult:
     did_not_hold: tuple[DidNotHold, ...] = ()
     runs: tuple[RunErrors, ...] = ()
     consistency: tuple[ParameterByCondition, ...] = ()
+    plausible: Mapping[str, Mapping[str, PlausibleRange]] = field(default_factory=dict)
     shared_band: SharedBand | None = None
     free_run: Mapping[str, Mapping[str, FloatArray]] = field(default_factory=dict)
     notes: tuple[str, ...] = ()

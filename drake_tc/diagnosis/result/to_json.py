@@ -66,6 +66,13 @@ def _load(joint: JointResult) -> dict[str, Any] | None:
     return {"title": title, "parameters": {name: _estimate(p) for name, p in parameters.items()}}
 
 
+def _plausible(joint: JointResult) -> dict[str, dict[str, Any]]:
+    return {
+        key: {name: {"range": [_number(r.lower), _number(r.upper)], "source": r.source} for name, r in group.items()}
+        for key, group in joint.plausible.items()
+    }
+
+
 def joint_json(joint: JointResult) -> dict[str, Any]:
     """The entry of one joint."""
     left = joint.unexplained
@@ -110,6 +117,7 @@ def joint_json(joint: JointResult) -> dict[str, Any]:
         },
         "runs": [_run(errors) for errors in joint.runs],
         "consistency": [_by_condition(p) for p in joint.consistency],
+        "plausible": _plausible(joint),
         "gain_identified": joint.gain_identified,
         "shared_band": None if joint.shared_band is None else json_value(asdict(joint.shared_band)),
         "notes": list(joint.notes),

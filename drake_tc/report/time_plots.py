@@ -1,0 +1,143 @@
+"""Effort and position over time: data for the plots that a reader can zoom, and a picture for where no script runs."""
+
+import base64
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from drake_tc.diagnosis.result.joint_result import JointResult
+from drake_tc.report.numbers import Scale, fold, scale_for
+from drake_tc.report.svg import AFTER, BEFORE, INK, new_figure, page_style, to_svg
+from drake_tc.report.traces import Trace, effort_traces, position_traces
+from drake_tc.types import FloatArray
+
+SIZE = (8.6, 3.1)
+PICTURE_SAMPLES = 500
+WORST_S = 3.0
+LEVELS = 65534
+"""Steps of a value between the smallest and the largest of its line; the number -32768 stands for a break."""
+
+
+@dataclass(frozen=True)
+class TimePlot:
+    """One quantity of one joint.
+
+    Attributes:
+        id: Unique in the page.
+        runs: (name, "training" or "held-out", RMS error before, RMS error after, factor) of each run, as text.
+        shown: Index of the run that is shown first: the held-out run with the largest error after.
+        picture: That run as SVG.
+        data: What the script draws, plain data for JSON.
+    """
+
+    id: str
+    runs: Sequence[tuple[str, str, str, str, str]]
+    shown: int
+    picture: str
+    data: Mapping[str, Any]
+
+
+def effort_plot(joint: JointResult, prefix: str, most: int) -> TimePlot | None:
+    """Measured and modelled effort of every run; `most` samples of each."""
+    return _plot(effort_traces(joint), "effort", joint.unit, f"{prefix}-effort", most)
+
+
+def position_plot(joint: JointResult, prefix: str, most: int) -> TimePlot | None:
+    """Recorded position and that of the diagram driven by the recorded command; None without a free run."""
+    traces = position_traces(joint.free_run, joint.heldout.samples.runs)
+    return _plot(traces, "position", "rad", f"{prefix}-position", most)
+
+
+def _plot(traces: Sequence[Trace], quantity: str, unit: str, name: str, most: int) -> TimePlot | None:
+    if not traces:
+        return None
+    errors = [{key: _rms(e) for key, e in t.errors.items()} for t in traces]
+    value = scale_for(max(_largest(t.measured) for t in traces), unit)
+    error = scale_for(max(_largest(e) for t in traces for e in t.errors.values()), unit)
+    last = [e.get("after", np.nan) if t.heldout else -1.0 for t, e in zip(traces, errors, strict=True)]
+    shown = int(np.argmax(np.nan_to_num(last, nan=-1.0)))
+    rows = []
+    for trace, each in zip(traces, errors, strict=True):
+        before, after = each.get("before", np.nan), each.get("after", np.nan)
+        role = "held-out" if trace.heldout else "training"
+        rows.append((trace.run, role, error.quantity(before), error.quantity(after), fold(before, after)))
+    data = {
+        "quantity": quantity,
+        "unit": value.unit,
+        "errorUnit": error.unit,
+        "valuePerError": value.factor / error.factor,
+        "runs": [_packed(t.thinned(most), value, error, worst_window(t)) for t in traces],
+    }
+    return TimePlot(name, rows, shown, _picture(traces[shown], quantity, name, value, error), data)
+
+
+def _rms(values: FloatArray) -> float:
+    known = values[np.isfinite(values)]
+    return float(np.sqrt(np.mean(known**2))) if known.size else float("nan")
+
+
+def _largest(values: FloatArray) -> float:
+    return float(np.nanmax(np.abs(values))) if np.isfinite(values).any() else 0.0
+
+
+def worst_window(trace: Trace, seconds: float = WORST_S) -> tuple[float, float]:
+    """Begin and end [s] of the stretch in which the model after errs most (the model before, if that is all)."""
+    time, error = trace.time, trace.after if trace.after is not None else trace.before
+    full = time + seconds <= time[-1]
+    if error is None or not full.any():
+        return float(time[0]), float(time[-1])
+    total = np.concatenate([[0.0], np.cumsum(np.abs(np.nan_to_num(error)))])
+    last = np.searchsorted(time, time + seconds, side="right")
+    sums = np.where(full, total[last] - total[np.arange(time.size)], -1.0)
+    start = float(time[int(np.argmax(sums))])
+    return start, start + seconds
+
+
+def _packed(trace: Trace, value: Scale, error: Scale, worst: tuple[float, float]) -> dict[str, Any]:
+    lines = {"measured": trace.measured * value.factor}
+    lines |= {name: e * error.factor for name, e in trace.errors.items()}
+    return {
+        "time": _encoded(trace.time.astype("<f4")),
+        "worst": [round(t, 3) for t in worst],
+        **{name: packed_line(line) for name, line in lines.items()},
+    }
+
+
+def packed_line(values: FloatArray) -> tuple[float, float, str]:
+    """(smallest, largest value, base64 of 16-bit steps between them) of a line (T,), NaN where it is broken."""
+    known = values[np.isfinite(values)]
+    low, high = (float(known.min()), float(known.max())) if known.size else (0.0, 0.0)
+    share = (np.where(np.isfinite(values), values, low) - low) / ((high - low) or 1.0)
+    steps = np.where(np.isfinite(values), np.round(share * LEVELS) - LEVELS // 2, -32768)
+    return float(f"{low:.7g}"), float(f"{high:.7g}"), _encoded(steps.astype("<i2"))
+
+
+def _encoded(values: np.ndarray[Any, Any]) -> str:
+    return base64.b64encode(values.tobytes()).decode("ascii")
+
+
+def _picture(trace: Trace, quantity: str, name: str, value: Scale, error: Scale) -> str:
+    """Values above, errors below, without anything to click."""
+    thin = trace.thinned(PICTURE_SAMPLES)
+    looks = {"before": (BEFORE, (0, (4, 2))), "after": (AFTER, "solid")}
+    with page_style(name):
+        figure = new_figure(*SIZE)
+        grid = figure.add_gridspec(2, 1, height_ratios=(1.6, 1.0))
+        top: Any = figure.add_subplot(grid[0])
+        bottom: Any = figure.add_subplot(grid[1], sharex=top)
+        top.plot(thin.time, thin.measured * value.factor, color=INK, linewidth=1.6, label="measured")
+        for key, line in thin.errors.items():
+            colour, dash = looks[key]
+            modelled = (thin.measured + line) * value.factor
+            top.plot(thin.time, modelled, color=colour, linestyle=dash, linewidth=1.1, label=f"model {key}")
+            bottom.plot(thin.time, line * error.factor, color=colour, linestyle=dash, linewidth=1.0)
+        top.tick_params(labelbottom=False)
+        top.set_ylabel(f"{quantity} [{value.unit}]")
+        top.set_title(trace.run)
+        top.margins(x=0.0, y=0.16)
+        top.legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=3, handlelength=1.8, borderaxespad=0.0)
+        bottom.set_ylabel(f"error [{error.unit}]")
+        bottom.set_xlabel("time [s]")
+        return to_svg(figure, f"{quantity} over time, {trace.run}: measured, model before and model after")
