@@ -33,7 +33,11 @@ def close_loop_command(
     out: Annotated[Path, typer.Option(help="Folder for report.html, report.json and both models.")] = Path("out"),
     seed: Annotated[int, typer.Option(help="Seed of the resampling (and of the demo's rig).")] = 0,
     closed_loop: Annotated[
-        bool, typer.Option("--closed-loop/--no-closed-loop", help="Simulate the torque loop before and after (an upper bound: the plant is the model after).")
+        bool,
+        typer.Option(
+            "--closed-loop/--no-closed-loop",
+            help="Simulate the torque loop before and after (an upper bound: the plant is the model after).",
+        ),
     ] = True,
     as_json: Annotated[bool, typer.Option("--json", help="Print report.json to stdout instead of the tables.")] = False,
 ) -> None:

@@ -28,8 +28,7 @@ class PositionDependentFriction(TorqueEffect):
     id = "position_dependent_friction"
     title = "position-dependent friction"
     equation = (
-        "tau_add = (friction_cosine * cos(cycles_per_turn * q)"
-        " + friction_sine * sin(cycles_per_turn * q)) * sign(qdot)"
+        "tau_add = (friction_cosine * cos(cycles_per_turn * q) + friction_sine * sin(cycles_per_turn * q)) * sign(qdot)"
     )
     kind = "friction"
     coefficients = (

@@ -13,7 +13,7 @@ from drake_tc.report.svg import AFTER, BEFORE, MUTED, SHADE, new_figure, page_st
 LONGEST_S = 1.0
 SIGNALS = ("velocity", "acceleration", "load_torque")
 SIZE = (4.4, 2.4)
-MOST_LAGS = 240
+MOST_LAGS = 150
 """Drawn of each curve."""
 
 

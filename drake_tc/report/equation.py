@@ -97,7 +97,7 @@ class _Writer:
     def piece(self, node: ast.expr) -> _Piece:
         """MathML of one expression."""
         if isinstance(node, ast.Constant):
-            return _Piece(f"<mn>{node.value}</mn>")
+            return _Piece(f"<mn>{node.value!r}</mn>")
         if isinstance(node, ast.Name):
             return self._name(node.id)
         if isinstance(node, ast.UnaryOp):

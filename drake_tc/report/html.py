@@ -1,4 +1,4 @@
-"""The report as one self-contained HTML file: text, tables, plots and the script of some plots inline, nothing fetched."""
+"""The report as one self-contained HTML file: text, tables, plots and the script of some plots; nothing is fetched."""
 
 import json
 import re
@@ -136,9 +136,9 @@ def _joint(joint: JointResult, prefix: str, budget: PageBudget) -> dict[str, Any
         "after_by_floor": fold(joint.after.heldout, joint.noise_floor),
         "errors": error_table(joint),
         "run_errors": run_error_rows(joint),
-        "signatures": signature_plots(joint, prefix),
-        "held_cards": residual_cards(joint, joint.heldout, f"{prefix}-held", budget.cloud_points, budget.pixels_per_inch),
-        "train_cards": residual_cards(joint, joint.train, f"{prefix}-train", budget.train_points, budget.pixels_per_inch),
+        "signatures": signature_plots(joint, prefix, budget.held),
+        "held_cards": residual_cards(joint, joint.heldout, f"{prefix}-held", budget.held),
+        "train_cards": residual_cards(joint, joint.train, f"{prefix}-train", budget.train),
         "spectrum": spectrum_plot(joint, prefix),
         "correlations": correlation_plots(joint.heldout, prefix),
         "effort_plot": effort_plot(joint, prefix, budget.trace_samples),
@@ -164,7 +164,7 @@ def _joint(joint: JointResult, prefix: str, budget: PageBudget) -> dict[str, Any
             "band": band_sentence(joint),
             "shaded": joint.shared_band is not None and joint.shared_band.limit_hz > 0.0,
         },
-        "leftovers": leftover_plots(joint, prefix),
+        "leftovers": leftover_plots(joint, prefix, budget.held),
         "notes": joint.notes,
         "runs": [*data_rows(joint.train, "training"), *data_rows(joint.heldout, "held-out")],
         "facts": data_facts(joint),

@@ -4,14 +4,14 @@ from collections.abc import Sequence
 
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.report.numbers import scale_for
-from drake_tc.report.residual_plots import Cloud, cloud_svg
+from drake_tc.report.residual_plots import FULL_LOOK, Cloud, CloudLook, cloud_svg
 from drake_tc.report.rows import quantity, rows_of
 from drake_tc.report.signature_plots import SIZE
 
 MOST_PLOTS = 4
 
 
-def leftover_plots(joint: JointResult, prefix: str) -> Sequence[str]:
+def leftover_plots(joint: JointResult, prefix: str, look: CloudLook = FULL_LOOK) -> Sequence[str]:
     """Panels of SVG, most important signal first; stretches that stand out are shaded. None without structure.
 
     The held-out runs are drawn, unless every stretch that stands out lies in the training runs: then those are.
@@ -28,6 +28,7 @@ def leftover_plots(joint: JointResult, prefix: str) -> Sequence[str]:
     for name in left.depends_on[:MOST_PLOTS]:
         against = quantity(split, name, joint.unit, left.confined_to)
         if against is not None:
-            cloud = Cloud(f"{prefix}-left-{name}", f"after, {where}", split.after, scale, joint.noise_floor, size=SIZE)
+            title, own = f"after, {where}", f"{prefix}-left-{name}"
+            cloud = Cloud(own, title, split.after, scale, joint.noise_floor, size=SIZE, look=look)
             panels.append(cloud_svg(cloud, against, rows))
     return panels

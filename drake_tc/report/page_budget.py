@@ -2,14 +2,18 @@
 
 from dataclasses import dataclass
 
+from drake_tc.report.bins import MOST_POINTS
+from drake_tc.report.residual_plots import CloudLook
+from drake_tc.report.svg import PIXELS_PER_INCH
+
 SAMPLE_BYTES = 16
 """Of one sample of a trace: time, measured value and two errors, as text, and what surrounds them."""
-TRACE_BYTES = 1_000_000
+TRACE_BYTES = 900_000
 """Of all traces of a page."""
 MOST_SAMPLES, LEAST_SAMPLES = 6000, 60
 """Of one trace: two for each pixel of a wide screen and some to zoom into, and what still shows the motion."""
-FULL_JOINTS = 2
-"""Joints up to which clouds are drawn with all that a plot shows."""
+FULL_JOINTS = 1.5
+"""Joints up to which clouds are drawn with all that a plot shows; more joints share as much."""
 
 
 @dataclass(frozen=True)
@@ -18,14 +22,12 @@ class PageBudget:
 
     Attributes:
         trace_samples: Samples of one trace of one run.
-        cloud_points, train_points: Points of one cloud on the held-out and on the training runs.
-        pixels_per_inch: Of the clouds' bitmaps.
+        held, train: Look of the clouds of the held-out and of the training runs.
     """
 
-    trace_samples: int = MOST_SAMPLES
-    cloud_points: int = 3000
-    train_points: int = 1500
-    pixels_per_inch: int = 180
+    trace_samples: int
+    held: CloudLook
+    train: CloudLook
 
     @classmethod
     def of(cls, joints: int, traces: int) -> "PageBudget":
@@ -33,4 +35,6 @@ class PageBudget:
         each = TRACE_BYTES // (SAMPLE_BYTES * max(traces, 1))
         samples = min(MOST_SAMPLES, max(LEAST_SAMPLES, each))
         share = min(1.0, FULL_JOINTS / max(joints, 1))
-        return cls(samples, round(3000 * share), round(1500 * share), round(180 * max(share, 0.25) ** 0.5))
+        sharpness = round(PIXELS_PER_INCH * share**0.5)
+        held, train = (CloudLook(round(n * share), sharpness) for n in (MOST_POINTS, MOST_POINTS // 2))
+        return cls(samples, held, train)

@@ -8,10 +8,9 @@ import numpy as np
 from drake_tc.diagnosis.residual.unexplained import DataSplit
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.report.numbers import Scale, fold, scale_for
-from drake_tc.report.residual_plots import Cloud, cloud_svg
+from drake_tc.report.residual_plots import Cloud, CloudLook, cloud_svg
 from drake_tc.report.rows import Quantity, modulo, quantity, rows_of
 from drake_tc.report.signature_plots import cycles_of
-from drake_tc.report.svg import PIXELS_PER_INCH
 from drake_tc.types import FloatArray
 
 SIGNALS = ("velocity", "acceleration", "position", "load_torque", "effort", "temperature", "time")
@@ -39,11 +38,8 @@ def quantities(joint: JointResult, split: DataSplit) -> Sequence[Quantity]:
     return out
 
 
-def residual_cards(
-    joint: JointResult, split: DataSplit, prefix: str, most: int, pixels_per_inch: int = PIXELS_PER_INCH
-) -> Sequence[Card]:
+def residual_cards(joint: JointResult, split: DataSplit, prefix: str, look: CloudLook) -> Sequence[Card]:
     """One card a quantity; each of the two panels has its own scale, the noise floor's band ties them together."""
-    look: dict[str, int] = {"most": most, "pixels_per_inch": pixels_per_inch}
     rows = rows_of(split)
     same = bool(np.array_equal(split.before, split.after))
     coarse, fine = _scale(split.before, joint.unit), _scale(split.after, joint.unit)
@@ -52,8 +48,8 @@ def residual_cards(
     for against in quantities(joint, split):
         name = f"{prefix}-{against.key}"
         title = "before and after: nothing was added" if same else "before"
-        before = Cloud(f"{name}-before", title, split.before, coarse, joint.noise_floor, **look)
-        after = Cloud(f"{name}-after", f"after (axis {smaller} finer)", split.after, fine, joint.noise_floor, **look)
+        before = Cloud(f"{name}-before", title, split.before, coarse, joint.noise_floor, look=look)
+        after = Cloud(f"{name}-after", f"after (axis {smaller} finer)", split.after, fine, joint.noise_floor, look=look)
         cards.append(
             Card(against.title, cloud_svg(before, against, rows), "" if same else cloud_svg(after, against, rows))
         )

@@ -32,6 +32,17 @@ LEGEND = (
 
 
 @dataclass(frozen=True)
+class CloudLook:
+    """Most points that a cloud draws, and pixels per inch of their bitmap."""
+
+    most: int = MOST_POINTS
+    pixels_per_inch: int = PIXELS_PER_INCH
+
+
+FULL_LOOK = CloudLook()
+
+
+@dataclass(frozen=True)
 class Cloud:
     """One panel.
 
@@ -41,7 +52,7 @@ class Cloud:
         scale: The residual's prefix. label: of the y axis.
         floor: Noise floor, drawn as a band about zero.
         line: (N,) a model's prediction to draw as its own binned median, or None.
-        size: Width and height [inch]. most: Most points to draw. pixels_per_inch: Of the points.
+        size: Width and height [inch]. look: How many points, and how sharp.
     """
 
     name: str
@@ -52,8 +63,7 @@ class Cloud:
     label: str = "residual"
     line: FloatArray | None = None
     size: tuple[float, float] = (3.0, 2.15)
-    most: int = MOST_POINTS
-    pixels_per_inch: int = PIXELS_PER_INCH
+    look: CloudLook = FULL_LOOK
 
 
 def cloud_svg(cloud: Cloud, against: Quantity, rows: Rows) -> str:
@@ -70,7 +80,7 @@ def cloud_svg(cloud: Cloud, against: Quantity, rows: Rows) -> str:
             axes.axvline(mark, color=MUTED, linewidth=0.7, linestyle=(0, (4, 3)))
         if np.isfinite(floor):
             axes.axhspan(-floor, floor, color=SHADE, linewidth=0)
-        _points(axes, x, y, rows, cloud.most)
+        _points(axes, x, y, rows, cloud.look.most)
         _medians(axes, x, y, rows, split=against.key != "time")
         if cloud.line is not None:
             _prediction(axes, x, cloud.line * cloud.scale.factor, rows)
@@ -93,7 +103,7 @@ def cloud_svg(cloud: Cloud, against: Quantity, rows: Rows) -> str:
             )
         spread = float(np.sqrt(np.mean(cloud.residual**2))) * cloud.scale.factor if y.size else float("nan")
         said = f"{cloud.label} against {against.title}, {cloud.title}: RMS {significant(spread)} {cloud.scale.unit}"
-        return to_svg(figure, said, cloud.pixels_per_inch)
+        return to_svg(figure, said, cloud.look.pixels_per_inch)
 
 
 def _points(axes: Any, x: FloatArray, y: FloatArray, rows: Rows, most: int) -> None:

@@ -32,7 +32,9 @@ def _factors(joint: JointResult) -> dict[tuple[str, str], float]:
     fitted = {("drive", "gain"): joint.final.gain}
     for term, theta in coefficients_by_term(joint.final.terms, joint.final.beta):
         fitted |= {
-            (term.effect.key, p.name): float(x) for p, x in zip(term.effect.coefficients, theta, strict=True) if x != 0.0
+            (term.effect.key, p.name): float(x)
+            for p, x in zip(term.effect.coefficients, theta, strict=True)
+            if x != 0.0
         }
     known = joint.final_parameters
     return {(key, name): known[key][name].value / x for (key, name), x in fitted.items() if name in known.get(key, {})}

@@ -12,7 +12,7 @@ from drake_tc.diagnosis.result.joint_result import FoundEffect, JointResult
 from drake_tc.effects.base import DriveEffect
 from drake_tc.report.equation import equations
 from drake_tc.report.numbers import percent, scale_for
-from drake_tc.report.residual_plots import Cloud, cloud_svg
+from drake_tc.report.residual_plots import Cloud, CloudLook, cloud_svg
 from drake_tc.report.rows import Quantity, modulo, quantity, rows_of
 from drake_tc.types import FloatArray
 
@@ -70,7 +70,7 @@ def signature_quantity(split: DataSplit, joint: JointResult, found: FoundEffect)
     return quantity(split, x, joint.unit)
 
 
-def signature_plots(joint: JointResult, prefix: str) -> Sequence[SignaturePlot]:
+def signature_plots(joint: JointResult, prefix: str, look: CloudLook) -> Sequence[SignaturePlot]:
     """One pair of panels for each effect that was found, on the held-out runs."""
     split = joint.heldout
     rows = rows_of(split)
@@ -84,8 +84,10 @@ def signature_plots(joint: JointResult, prefix: str) -> Sequence[SignaturePlot]:
         scale = scale_for(float(np.max(np.abs(without))), joint.unit)
         fine = scale_for(float(np.max(np.abs(split.after))), joint.unit)
         name, floor = f"{prefix}-signature-{number}", joint.noise_floor
-        bare = Cloud(f"{name}-without", f"without {found.title}", without, scale, floor, line=share, size=SIZE)
-        full = Cloud(f"{name}-with", f"with {found.title}", split.after, fine, floor, size=SIZE)
+        bare = Cloud(
+            f"{name}-without", f"without {found.title}", without, scale, floor, line=share, size=SIZE, look=look
+        )
+        full = Cloud(f"{name}-with", f"with {found.title}", split.after, fine, floor, size=SIZE, look=look)
         own = next(t.effect for t in joint.final.terms if t.effect.key == found.key)
         plots.append(
             SignaturePlot(

@@ -14,11 +14,11 @@ from drake_tc.diagnosis.residual.stretches import spectral_line
 from drake_tc.diagnosis.residual.unexplained import DataSplit
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagnosis.thresholds import ResidualThresholds
-from drake_tc.report.numbers import pretty_unit, scale_for, significant
+from drake_tc.report.numbers import percent, pretty_unit, scale_for, significant
 from drake_tc.report.svg import AFTER, BEFORE, INK, MUTED, SHADE, new_figure, page_style, to_svg
 from drake_tc.types import FloatArray
 
-SIZE = (8.6, 2.9)
+SIZE = (6.4, 2.6)
 BANDS_PER_OCTAVE = 12
 LEAST_GAIN = 0.05
 """Amplitude that the filters pass at the upper end of the frequencies shown."""
@@ -109,8 +109,8 @@ def _lines(joint: JointResult, split: DataSplit) -> list[tuple[float, str]]:
         residual = split.before if name == "before" else split.after
         hertz, share = spectral_line(DataSplit(split.samples, split.before, residual))
         if share >= ResidualThresholds().least_line:
-            text = f"The residual {name} has a line at {significant(hertz)} Hz, which holds {100.0 * share:.0f} % of its variance."
-            out.append((hertz, text))
+            where = f"The residual {name} has a line at {significant(hertz)} Hz"
+            out.append((hertz, f"{where}, which holds {percent(share)} of its variance."))
     left = joint.unexplained.period_hz
     if left is not None and all(abs(left - hertz) > 0.02 * left for hertz, _ in out):
         out.append((left, f"What is left repeats at {significant(left)} Hz."))
@@ -133,7 +133,9 @@ def _drawn(
         axes: Any = figure.add_subplot()
         for hertz in lines:
             axes.axvline(hertz, color=INK, linewidth=0.8, linestyle=(0, (4, 3)))
-            axes.text(hertz, 1.0, f" {significant(hertz)} Hz", transform=axes.get_xaxis_transform(), fontsize=7, va="top")
+            axes.text(
+                hertz, 1.0, f" {significant(hertz)} Hz", transform=axes.get_xaxis_transform(), fontsize=7, va="top"
+            )
         band = joint.shared_band
         if band is not None and limits[0] < band.limit_hz < limits[1]:
             axes.axvspan(band.limit_hz, limits[1], color=SHADE, linewidth=0)

@@ -30,7 +30,7 @@ FORWARD_DOT, BACKWARD_DOT, REVERSAL_DOT = "#3d8fc7", "#d9803f", "#b0699b"
 """Bitmap colours read on light and dark paper; Okabe and Ito's blue, vermilion and purple, evened out."""
 
 PIXELS_PER_INCH = 180
-BITMAP_COLOURS = 48
+BITMAP_COLOURS = 32
 DECIMALS = 2
 """Of coordinates, whose unit is 1/72 inch."""
 _STYLE = {
@@ -111,12 +111,15 @@ def to_svg(figure: Figure, label: str, pixels_per_inch: int = PIXELS_PER_INCH) -
 
 def _shorter(text: str) -> str:
     """The same picture with rounded coordinates, without groups and turns that change nothing."""
-    text = re.sub(r"(\d+\.\d{%d})\d+" % DECIMALS, r"\1", text)
+    longer = re.compile(rf"(\d+\.\d{{{DECIMALS}}})\d+")
+    text = re.sub(r"<[^>]*>", lambda tag: longer.sub(r"\1", tag.group(0)), text)  # in tags: labels keep their digits
     text = re.sub(r' transform="rotate\(-0 [^)]*\)"', "", text)
     text = re.sub(r"\s*\n(?=[LMQCz] ?)", "", text)
     text = re.sub(r"(?<=\d)\s*\n\"", '"', text)
     text = re.sub(r"(?<=[LM]) (?=[-\d])", "", text)
-    while (shorter := re.sub(r"<g>\s*((?:<(?:path|use|text)\b[^>]*?(?:/>|>[^<]*</text>)\s*)*)</g>", r"\1", text)) != text:
+    while (
+        shorter := re.sub(r"<g>\s*((?:<(?:path|use|text)\b[^>]*?(?:/>|>[^<]*</text>)\s*)*)</g>", r"\1", text)
+    ) != text:
         text = shorter
     return text
 
@@ -126,7 +129,7 @@ def _fewer_colours(encoded: str) -> str:
     with Image.open(io.BytesIO(base64.b64decode(encoded))) as image:
         stream = io.BytesIO()
         small = image.convert("RGBA").quantize(BITMAP_COLOURS, method=Image.Quantize.FASTOCTREE)
-        small.save(stream, format="png", compress_level=7)
+        small.save(stream, format="png", optimize=True)
     return base64.b64encode(stream.getvalue()).decode("ascii")
 
 

@@ -26,8 +26,9 @@
     }
     return run.lines;
   }
+  const tidy = (v) => v.toString().replace("-", "−");
   function shown(unit) {
-    return (u, v) => (v === null || v === undefined ? "–" : Number(v.toPrecision(4)).toString().replace("-", "−") + " " + unit);
+    return (u, v) => (v === null || v === undefined ? "–" : tidy(Number(v.toPrecision(4))) + " " + unit);
   }
 
   function options(names, label, unit, width, height, key, last, follow) {
@@ -41,7 +42,8 @@
       legend: { live: true },
       axes: [
         Object.assign({}, axis, last ? { label: "time [s]", labelSize: 18, size: 30 } : { size: 30 }),
-        Object.assign({}, axis, { label: label + " [" + unit + "]", labelSize: 20, size: 58, space: 26 }),
+        Object.assign({}, axis, { label: label + " [" + unit + "]", labelSize: 20, size: 58, space: 26,
+          values: (u, splits) => splits.map((v) => tidy(Number(v.toPrecision(8)))) }),
       ],
       series: [
         { label: "time", value: shown("s") },

@@ -78,8 +78,12 @@ def test_nothing_is_fetched(html: str, page: Page) -> None:
     for reference in page.references:
         assert reference.startswith(("#", "data:image/png;base64,")), reference[:60]
         assert not reference.startswith("#") or reference[1:] in page.ids
-    assert re.findall(r"(?:https?:|file:|wss?:|\B//[a-z]+\.)[^\s\"'<>)]*", html) == ["https://github.com/leeoniya/uPlot"]
-    assert not re.search(r"@import|javascript:|\bfetch\(|XMLHttpRequest|WebSocket|sendBeacon|importScripts|\bimport\(", html)
+    assert re.findall(r"(?:https?:|file:|wss?:|\B//[a-z]+\.)[^\s\"'<>)]*", html) == [
+        "https://github.com/leeoniya/uPlot"
+    ]
+    assert not re.search(
+        r"@import|javascript:|\bfetch\(|XMLHttpRequest|WebSocket|sendBeacon|importScripts|\bimport\(", html
+    )
     assert not {"link", "iframe", "object", "embed"} & set(page.tags)
     assert "default-src 'none'" in html
     for target in re.findall(r"url\(([^)]*)\)", html):

@@ -1,4 +1,4 @@
-"""Where each parameter of the final model is physically possible on this rig, and why: what the report shows beside it."""
+"""Where each parameter of the final model is physically possible on this rig, and why."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
