@@ -138,7 +138,9 @@ def _joint(joint: JointResult, prefix: str, budget: PageBudget) -> dict[str, Any
         "run_errors": run_error_rows(joint),
         "signatures": signature_plots(joint, prefix, budget.held),
         "held_cards": residual_cards(joint, joint.heldout, f"{prefix}-held", budget.held),
-        "train_cards": residual_cards(joint, joint.train, f"{prefix}-train", budget.train),
+        "train_cards": []
+        if budget.train is None
+        else residual_cards(joint, joint.train, f"{prefix}-train", budget.train),
         "spectrum": spectrum_plot(joint, prefix),
         "correlations": correlation_plots(joint.heldout, prefix),
         "effort_plot": effort_plot(joint, prefix, budget.trace_samples),

@@ -8,12 +8,15 @@ from drake_tc.report.svg import PIXELS_PER_INCH
 
 SAMPLE_BYTES = 16
 """Of one sample of a trace: time, measured value and two errors, as text, and what surrounds them."""
-TRACE_BYTES = 900_000
+TRACE_BYTES = 1_900_000
 """Of all traces of a page."""
 MOST_SAMPLES, LEAST_SAMPLES = 6000, 60
 """Of one trace: two for each pixel of a wide screen and some to zoom into, and what still shows the motion."""
 FULL_JOINTS = 1.5
 """Joints up to which clouds are drawn with all that a plot shows; more joints share as much."""
+
+TRAIN_JOINTS = 4
+"""Joints up to which the residual of the training runs is drawn against every signal too."""
 
 
 @dataclass(frozen=True)
@@ -22,12 +25,12 @@ class PageBudget:
 
     Attributes:
         trace_samples: Samples of one trace of one run.
-        held, train: Look of the clouds of the held-out and of the training runs.
+        held, train: Look of the clouds of the held-out and of the training runs; None where these are left out.
     """
 
     trace_samples: int
     held: CloudLook
-    train: CloudLook
+    train: CloudLook | None
 
     @classmethod
     def of(cls, joints: int, traces: int) -> "PageBudget":
@@ -37,4 +40,4 @@ class PageBudget:
         share = min(1.0, FULL_JOINTS / max(joints, 1))
         sharpness = round(PIXELS_PER_INCH * share**0.5)
         held, train = (CloudLook(round(n * share), sharpness) for n in (MOST_POINTS, MOST_POINTS // 2))
-        return cls(samples, held, train)
+        return cls(samples, held, train if joints <= TRAIN_JOINTS else None)

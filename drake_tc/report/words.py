@@ -155,7 +155,7 @@ def warnings(joint: JointResult) -> Sequence[str]:
     ]
     for key, group in joint.final_parameters.items():
         out += [
-            f"The {name.replace('_', ' ')} of {title_of(key)} rests on a bound of what it may be."
+            f"The {name.replace('_', ' ')} of {title_of(key)} lies at a bound of its range: its interval does not hold."
             for name, estimate in group.items()
             if estimate.at_bound
         ]

@@ -87,6 +87,7 @@ JOINT = fields(
         "rejected": each(fields({"id": text, "heldout_gain": number_or_null, "why": text})),
         "indistinguishable": each(each(text)),
         "next_experiment": text_or_null,
+        "plausible": named(named(fields({"range": interval, "source": text}))),
         "unexplained": fields({"fraction": number_or_null, "structured": flag, "depends_on": each(text)}),
     }
 )

@@ -1,0 +1,83 @@
+"""Beside each parameter: where it is possible, and what each run alone says of it."""
+
+import re
+import xml.etree.ElementTree as ElementTree
+from dataclasses import replace
+
+import pytest
+from numpy.testing import assert_allclose
+
+from drake_tc.diagnosis.result.joint_result import JointResult, ParameterByCondition
+from drake_tc.diagnosis.result.plausible_ranges import PlausibleRange, plausible_ranges
+from drake_tc.effects.base import Context
+from drake_tc.report.run_spread import run_spreads, spread_svg
+from drake_tc.report.tables import parameter_rows
+
+RIG = Context("current", "torque", frozenset(), max_speed=2.0, effort_span=(-3.0, 4.0), torque_span=(-10.0, 8.0))
+
+
+def test_ranges_are_those_of_the_effects_on_this_rig(joint: JointResult) -> None:
+    ranges = plausible_ranges(joint.final, RIG)
+    most = 4.0 / joint.final.gain + 10.0  # what drive and load put in [N m]
+    assert_allclose((ranges["coulomb"]["coulomb"].lower, ranges["coulomb"]["coulomb"].upper), (0.0, most))
+    assert_allclose(ranges["viscous"]["viscous"].upper, most / 2.0)
+    assert "dissipates" in ranges["coulomb"]["coulomb"].source
+    assert "drive" not in ranges
+    assert {"stribeck", "stribeck_velocity", "stribeck_exponent"} == set(ranges["stribeck"])
+
+
+@pytest.mark.parametrize(
+    ("value", "inside"), [(0.0, True), (2.0, True), (2.0 + 1e-10, True), (2.1, False), (-1.0, False)]
+)
+def test_a_value_at_a_limit_is_inside(value: float, inside: bool) -> None:
+    assert PlausibleRange(0.0, 2.0, "a law").holds(value) is inside
+
+
+def test_the_table_marks_what_lies_outside(joint: JointResult) -> None:
+    narrow = {
+        "stribeck": {
+            "stribeck": PlausibleRange(0.0, 1.0, "a law"),
+            "stribeck_exponent": PlausibleRange(0.5, float("inf"), "x"),
+        }
+    }
+    rows = {(r.effect, r.name): r for r in parameter_rows(replace(joint, plausible=narrow))}
+    row = rows["Stribeck friction", "stribeck"]
+    assert (row.possible, row.source, row.outside) == ("0 to 1.00", "a law", True)
+    assert rows["Stribeck friction", "stribeck exponent"].possible == "0.500 or more"
+    assert rows["viscous friction", "viscous"].possible == ""
+    assert not rows["viscous friction", "viscous"].outside
+
+
+def by_run(effect: str, name: str, values: dict[str, tuple[float, float, float]]) -> ParameterByCondition:
+    return ParameterByCondition(effect, name, "run", values, 0.1, 0.5, False)
+
+
+def test_runs_are_drawn_in_the_parameters_unit(joint: JointResult) -> None:
+    scale = {key: dict(group) for key, group in joint.final_parameters.items()}
+    coulomb = scale["coulomb"]["coulomb"]
+    scale["coulomb"]["coulomb"] = replace(coulomb, value=2.0 * coulomb.value)  # an effect that scales the balance
+    entries = (
+        by_run("coulomb", "coulomb", {"slow": (1.0, 0.9, 1.1), "wide": (1.2, 1.1, 1.3)}),
+        by_run("drive", "gain", {"slow": (0.1, 0.09, 0.11), "wide": (0.1, 0.09, 0.11)}),
+        replace(by_run("viscous", "viscous", {"a": (1.0, 0.9, 1.1)}), by="load"),
+        by_run("no_such", "thing", {"a": (1.0, 0.9, 1.1)}),
+    )
+    found = run_spreads(replace(joint, final_parameters=scale, consistency=entries))
+    assert set(found) == {("coulomb", "coulomb"), ("drive", "gain")}
+    said = ElementTree.fromstring(found["coulomb", "coulomb"]).get("aria-label")
+    assert said == "slow: 2.00 [1.80, 2.20]; wide: 2.40 [2.20, 2.60]"
+
+
+def test_a_larger_value_is_drawn_higher_and_all_inside_the_frame() -> None:
+    runs = {"a": (1.0, 0.5, 1.5), "b": (2.0, -50.0, 60.0), "c": (1.5, 1.4, 1.6)}
+    svg = spread_svg(runs, (1.5, 1.4, 1.6), moves=True)
+    heights = [float(y) for y in re.findall(r'cy="([\d.]+)"', svg)]
+    assert heights[1] < heights[2] < heights[0]
+    ends = [float(y) for pair in re.findall(r'd="M[\d.]+ ([\d.]+)V([\d.]+)"', svg) for y in pair]
+    assert all(0.0 <= y <= 26.0 for y in (*heights, *ends))
+    assert "var(--alarm)" in svg
+
+
+def test_equal_values_and_names_with_brackets_are_drawn() -> None:
+    svg = spread_svg({"<a> & b": (0.0, 0.0, 0.0)}, (0.0, 0.0, 0.0), moves=False)
+    assert ElementTree.fromstring(svg).find("title").text.startswith("<a> & b: 0")
