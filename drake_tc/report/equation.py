@@ -66,9 +66,8 @@ def model_equations(joint: JointResult) -> list[tuple[str, bool, list[str]]]:
     inertia = joint.train.samples.signals.rotor_inertia
     rows = [("torque balance", False, [balance(values["drive"]["gain"], inertia)])]
     for effect in (t.effect for t in joint.final.terms):
-        lines = equations(effect, values[effect.key])
-        if lines:
-            rows.append((effect.title, effect.key not in known, lines))
+        if effect.equation:
+            rows.append((effect.title, effect.key not in known, equations(effect, values[effect.key])))
     return rows
 
 

@@ -17,10 +17,12 @@ from drake_tc.diagnosis.problem.regression import predict
 from drake_tc.diagnosis.residual.unexplained import DataSplit
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult
+from drake_tc.errors import DrakeTcError
 from drake_tc.logs.rig import parse_rig
 from drake_tc.report.decimation import extreme_samples
 from drake_tc.report.html import render
 from drake_tc.report.page_budget import PageBudget
+from drake_tc.report.plot_library import plot_script
 from drake_tc.report.time_plots import LEVELS, effort_plot, packed_line, position_plot, worst_window
 from drake_tc.report.traces import Trace, effort_traces, position_traces
 
@@ -121,6 +123,12 @@ def test_the_worst_stretch_is_where_the_model_after_errs() -> None:
     assert_allclose(worst_window(trace), (8.0, 11.0), atol=0.03)
     assert_allclose(worst_window(replace(trace, after=None, before=error)), (8.0, 11.0), atol=0.03)
     assert worst_window(replace(trace, before=None, after=None)) == (time[0], time[-1])
+
+
+def test_a_missing_library_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("drake_tc.report.plot_library.PACKAGE", "no-such-package-at-all")
+    with pytest.raises(DrakeTcError, match="the report needs the package no-such-package-at-all: pip install"):
+        plot_script()
 
 
 def test_more_joints_and_runs_leave_less_for_each() -> None:

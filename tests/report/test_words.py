@@ -200,7 +200,9 @@ def test_what_must_not_be_overlooked(joint):
     assert either == [f"These logs cannot tell {title_of('stribeck')} from {title_of('delay')}; either would do."]
     bound = {"stribeck": {"stribeck_exponent": Estimate(4.0, "-", (3.0, 4.0), True)}}
     at_bound = warnings(replace(sound, final_parameters={**sound.final_parameters, **bound}))
-    assert at_bound == [f"The stribeck exponent of {title_of('stribeck')} lies at a bound of its range: its interval does not hold."]
+    assert at_bound == [
+        f"The stribeck exponent of {title_of('stribeck')} lies at a bound of its range: its interval does not hold."
+    ]
 
 
 def test_parameters_that_move_come_first_with_all_their_values(joint):

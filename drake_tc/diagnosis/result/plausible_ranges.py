@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from drake_tc.diagnosis.problem.parameters import physical_parameters
 from drake_tc.diagnosis.problem.regression import Fit
 from drake_tc.effects.base import Context
+from drake_tc.effects.link_load import LinkLoad
 from drake_tc.effects.plausibility import ROUNDING, plausible_range
 
 
@@ -27,7 +28,7 @@ class PlausibleRange:
 
 
 def plausible_ranges(fitted: Fit, context: Context) -> Mapping[str, Mapping[str, PlausibleRange]]:
-    """Ranges by effect key and name of parameter; parameters without one are left out.
+    """Ranges by effect key and name of parameter; parameters without one, and those of links, are left out.
 
     Args:
         fitted: The final model: some ranges are multiples of its drive gain, viscous or Coulomb friction.
@@ -39,7 +40,7 @@ def plausible_ranges(fitted: Fit, context: Context) -> Mapping[str, Mapping[str,
     known = replace(context, fitted=own)
     out: dict[str, dict[str, PlausibleRange]] = {}
     for term in fitted.terms:
-        for p in term.effect.parameters:
+        for p in () if isinstance(term.effect, LinkLoad) else term.effect.parameters:
             if p.plausible is not None:
                 low, high = plausible_range(p, known)
                 out.setdefault(term.effect.key, {})[p.name] = PlausibleRange(low, high, p.plausible.source)
