@@ -124,8 +124,8 @@ RUN_ACTS = 0.25
 """RMS of an effect's contribution to a run, in noise floors, from which on the run says something about it."""
 HELDOUT_ACTS = 0.1
 """The same for all held-out runs together."""
-RUN_CERTAIN = 0.90
-"""Share of block resamples that must agree before a run speaks against an effect."""
+RUN_CERTAIN = 0.98
+"""Share of block resamples that must agree before a training run speaks against an effect, as in the search."""
 FEW_RUNS = 3
 """Training runs from which on each is left out in turn."""
 

@@ -7,9 +7,11 @@ An effect of the chosen set is withdrawn when
      than three training runs the folds of the cross-validation take the place of the runs,
   4. the held-out runs speak against it.
 A run says something about an effect where the effect acts in it: where its contribution has an RMS of a quarter of
-the noise floor or more. A training run speaks against it when its error is larger with the effect in 90 % of block
-resamples, a held-out run when its error is larger at all; the model without the effect is fitted anew. All held-out
-runs together speak against an effect that acts in them at all and makes their error larger.
+the noise floor or more. A training run speaks against it when its error is larger with the effect in 98 % of block
+resamples, which is the certainty that the search asks of an improvement. The model of a short run, or of one in which
+other things are missing too, differs from run to run by chance, so a smaller certainty would withdraw true effects. A
+held-out run speaks against it when its error is larger at all; the model without the effect is fitted anew. All
+held-out runs together speak against an effect that acts in them at all and makes their error larger.
 """
 
 from collections.abc import Callable, Sequence
@@ -25,9 +27,12 @@ from drake_tc.diagnosis.selection.plausible_values import objection_to_values
 from drake_tc.diagnosis.selection.withdrawal import DidNotHold, Withdrawal
 from drake_tc.diagnosis.thresholds import FEW_RUNS, HELDOUT_ACTS, RUN_ACTS, RUN_CERTAIN
 from drake_tc.effects.base import Context
+from drake_tc.identification.autocorrelation import correlation_time
 from drake_tc.types import FloatArray, IntArray
 
 RESAMPLES = 400
+FEWEST_STRETCHES = 4
+"""Stretches of blocks that a run is cut into at least when it is resampled."""
 
 
 @dataclass(frozen=True)
@@ -133,11 +138,19 @@ def speaks_against(
 
 
 def _worse_share(block: IntArray, without: FloatArray, with_it: FloatArray) -> float:
-    """Share of block resamples in which the squared error is larger with the effect."""
+    """Share of resamples of a run's half-second blocks in which the squared error is larger with the effect.
+
+    Neighbouring blocks are drawn together, 2 tau - 1 of them where their differences have the correlation time tau: a
+    model that is wrong in one way for seconds errs once, not once in each block (circular block bootstrap: Politis and
+    Romano, 1992; stretches of tau alone would show half of an AR(1) process's variance).
+    """
     number = np.unique(block, return_inverse=True)[1]
     more = np.bincount(number, with_it**2 - without**2)
-    draws = np.random.default_rng(0).integers(0, more.size, (RESAMPLES, more.size))
-    return float(np.mean(more[draws].sum(axis=1) > 0.0))
+    correlated = round(2.0 * correlation_time(more - more.mean())) - 1
+    together = min(correlated, max(more.size // FEWEST_STRETCHES, 1))
+    starts = np.random.default_rng(0).integers(0, more.size, (RESAMPLES, -(-more.size // together)))
+    draws = (starts[..., None] + np.arange(together)) % more.size
+    return float(np.mean(more[draws].sum(axis=(1, 2)) > 0.0))
 
 
 def _rms(values: FloatArray) -> float:

@@ -2,12 +2,15 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
+from scipy.signal import lfilter
 
 from drake_tc.diagnosis.data.preparation import build_samples, context_of
 from drake_tc.diagnosis.data.resolution import Resolution
@@ -174,6 +177,28 @@ def test_a_loss_that_chance_may_have_made_does_not_count(samples):
     assert np.mean(with_it[samples.run == 0] ** 2) > 1.0
     assert speaks_against(samples, without, with_it, 0.01, certain=0.9) == ""
     assert speaks_against(samples, without, with_it, 0.01, certain=0.0) == "train0"
+
+
+def chance_vetoes(memory: float, blocks: int = 240, trials: int = 200) -> float:
+    """Share of trials in which a run speaks against an effect that changes its error by chance alone.
+
+    The squared error changes by an AR(1) series of coefficient `memory` over the half-second blocks, of mean 0.
+    """
+    rng = np.random.default_rng(5)
+    run = cast(Samples, SimpleNamespace(run=np.zeros(blocks, int), block=np.arange(blocks), runs=("run",)))
+    against = 0
+    for _ in range(trials):
+        noise = rng.standard_normal(blocks + 200)
+        change = lfilter([1.0], [1.0, -memory], noise)[200:]
+        without = np.full(blocks, 10.0)
+        against += bool(speaks_against(run, without, np.sqrt(without**2 + change), 1e-6))
+    return against / trials
+
+
+@pytest.mark.parametrize("memory", [0.0, 0.6, 0.8])
+def test_chance_seldom_speaks_against_an_effect_however_long_its_memory(memory):
+    """2 % are asked for, and few stretches make it a little more. Blocks drawn one by one make it 20 % at 0.8."""
+    assert chance_vetoes(memory) <= 0.08
 
 
 def made_fit(term: Term, theta: Sequence[float]) -> Fit:
