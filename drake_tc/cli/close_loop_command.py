@@ -132,6 +132,8 @@ def print_summary(result: CloseLoopResult, out: Path) -> None:
     if result.closed_loop is not None:
         for note in result.closed_loop.notes:
             console.print(f"closed loop: {escape(note)}")
+    if result.hints:
+        console.print(f"rig file: {escape(' '.join(result.hints))}")
     console.print(f"{result.seconds:.1f} s; report: {out / 'report.html'}")
 
 

@@ -22,6 +22,7 @@ from drake_tc.estimation.robot_loads import robot_logs
 from drake_tc.logs.prepare import load_runs, require_different_files, require_different_runs, require_two_runs
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig, load_rig
+from drake_tc.logs.told_once import told_once
 
 
 def close_loop(
@@ -95,6 +96,7 @@ def _close_loop(
         rig_file=str(rig_path),
         shared=shared,
         links=links,
+        hints=told_once((run.name, hint) for run in runs for hint in run.hints),
     )
 
 

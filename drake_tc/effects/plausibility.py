@@ -5,8 +5,10 @@ from collections.abc import Mapping
 
 from drake_tc.effects.base import Effect
 from drake_tc.effects.context import EFFORT_UNIT, Context
-from drake_tc.effects.parameter import Parameter
+from drake_tc.effects.parameter import Parameter, Plausible, Scale
 
+FRICTION: Mapping[Scale, str] = {"coulomb": "Coulomb", "viscous": "viscous"}
+"""Quantities that limit a parameter and that a fit may make 0."""
 ROUNDING = 1e-9
 """A value may pass a limit by this share of it: a fit that rests on a bound meets it up to rounding."""
 
@@ -16,7 +18,8 @@ def plausible_range(parameter: Parameter, context: Context) -> tuple[float, floa
     if parameter.plausible is None:
         return -math.inf, math.inf
     scale = context.scale(parameter.plausible.scale)
-    low, high = (0.0 if x == 0.0 else x * scale for x in (parameter.plausible.lower, parameter.plausible.upper))
+    lower, upper = parameter.plausible.lower, parameter.plausible.upper
+    low, high = (0.0 if 0.0 in (x, scale) else x * scale for x in (lower, upper))  # 0 times infinity, and no -0
     return low, high
 
 
@@ -45,9 +48,16 @@ def implausible(effect: Effect, parameters: Mapping[str, float], context: Contex
             return f"{parameter.name} of {effect.title} is {value}, which is not a finite number."
         low, high = plausible_range(parameter, context)
         if not low - ROUNDING * abs(low) <= value <= high + ROUNDING * abs(high):
-            allowed = f"{low:.3g} to {high:.3g}{unit}" if math.isfinite(high) else f"{low:.3g}{unit} or more"
-            return (
-                f"{parameter.name} is {value:.3g}{unit}, outside the plausible range of {allowed}: "
-                f"{parameter.plausible.source}."
-            )
+            return f"{parameter.name} is {value:.3g}{unit}; {_allowed(parameter.plausible, low, high, unit)}."
     return effect.inconsistency(parameters, context)
+
+
+def _allowed(plausible: Plausible, low: float, high: float, unit: str) -> str:
+    """What is possible, and why; a range that a quantity of the rig has shrunk to nothing names that quantity."""
+    if low == high == 0.0 and plausible.scale in FRICTION:
+        limit = f"the fitted {FRICTION[plausible.scale]} friction, which limits it, is 0"
+    elif math.isfinite(high):
+        limit = f"its plausible range is {low:.3g} to {high:.3g}{unit}"
+    else:
+        limit = f"its plausible range is {low:.3g}{unit} or more"
+    return f"{limit}: {plausible.source}"

@@ -25,7 +25,7 @@ class RawLog:
         time: (T,) [s], as recorded; NaN where the file has none.
         columns: Canonical name to (T,) SI values, NaN where the file has none.
         enabled: (T,) False where the drive was off.
-        notes: What was done so far.
+        notes: What was done so far. hints: Those of them that point out a column which seems to be meant and is not used.
     """
 
     path: Path
@@ -34,6 +34,7 @@ class RawLog:
     columns: Mapping[str, FloatArray]
     enabled: BoolArray
     notes: tuple[str, ...] = ()
+    hints: tuple[str, ...] = ()
 
 
 def file_row(path: Path, index: int) -> str:
@@ -163,4 +164,4 @@ def map_columns(table: pd.DataFrame, rig: Rig, path: Path) -> RawLog:
     rows = np.arange(1, len(table) + 1, dtype=np.float64)
     enabled, switches = _enabled(table, rig, path)
     hints = column_hints(map(str, table.columns), found, rig, switches)
-    return RawLog(path, rows, time, columns, enabled, (*notes, *hints))
+    return RawLog(path, rows, time, columns, enabled, (*notes, *hints), hints)

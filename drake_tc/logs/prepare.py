@@ -169,7 +169,7 @@ def _prepare(path: Path, rig: Rig) -> Run:
     notes += lag_notes(resampled, usable, rig, clock.period)
     steps = {name: channels.grid_step(raw.columns[name]) for name in resampled}
     found = {name: step for name, step in steps.items() if step > 0.0}
-    return Run(run_name(path), path, clock.time, clock.period, resampled, segment, notes, rows, found)
+    return Run(run_name(path), path, clock.time, clock.period, resampled, segment, notes, rows, found, raw.hints)
 
 
 def _unique_names(runs: list[Run]) -> list[Run]:

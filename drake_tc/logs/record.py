@@ -24,6 +24,7 @@ class Run:
         segment: (T,) integers: samples that share a number >= 0 are contiguous and uniform; -1 marks samples
             that must not be used (torque off, a gap's filler, missing values).
         notes: One sentence for every repair and every exclusion, for the report.
+        hints: Those notes that point out a column which seems to be meant and is not used.
         steps: Column name to the step of its recorded values, for the columns whose values lie on a grid. It is read
             before the resampling, which hides it.
     """
@@ -37,6 +38,7 @@ class Run:
     notes: tuple[str, ...] = ()
     raw_rows: int = field(default=0)
     steps: Mapping[str, float] = field(default_factory=dict)
+    hints: tuple[str, ...] = ()
 
     def __len__(self) -> int:
         return int(self.time.size)

@@ -4,11 +4,14 @@ import json
 import os
 import subprocess
 import sys
+from dataclasses import replace
 
 import pytest
 
 from drake_tc.actuation.model_file import load_models
+from drake_tc.cli.close_loop_command import print_summary
 from drake_tc.cli.demo import JOINT, ROTOR_INERTIA, DemoLength, record_demo
+from drake_tc.diagnosis.result.rig_result import CloseLoopResult
 
 from .conftest import Bench
 from .report_schema import check_report
@@ -69,6 +72,16 @@ def test_a_narrow_terminal_keeps_the_columns(closed):
     for word in ("before", "after", "held-out", "deadzone"):
         assert word in done.stdout
     assert "reading" in done.stderr and "reading" not in done.stdout
+
+
+def test_columns_that_seem_to_be_forgotten_are_told_in_one_line(capsys, tmp_path):
+    hints = ("run: Column 'temp' looks like a temperature [C].", "run: Column 'knee/torq' is not used.")
+    result = CloseLoopResult({}, "no_missing_effect", 1.0, (), (), "rig.yaml", hints=hints)
+    print_summary(result, tmp_path)
+    lines = " ".join(capsys.readouterr().out.split())
+    assert lines.startswith(f"rig file: {hints[0]} {hints[1]}")
+    print_summary(replace(result, hints=()), tmp_path)
+    assert "rig file" not in capsys.readouterr().out
 
 
 def test_json_alone_on_stdout(tmp_path):

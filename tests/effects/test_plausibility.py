@@ -177,3 +177,14 @@ def test_a_wave_that_was_not_seen_to_repeat_is_a_curve():
 def test_units_are_those_of_the_drive():
     servo = replace(RIG, drive="position_servo")
     assert "3.7 rad" in implausible(effect("deadzone"), {"deadzone": 3.7}, servo)
+
+
+def test_friction_that_varies_about_nothing_names_the_friction_that_is_missing():
+    member = effect("position_dependent_friction")
+    values = {"friction_cosine": 0.02, "friction_sine": 0.0, "cycles_per_turn": 6.0}
+    why = implausible(member, values, replace(RIG, fitted={**RIG.fitted, "coulomb": 0.0}))
+    assert why == (
+        "friction_cosine is 0.02 N*m; the fitted Coulomb friction, which limits it, is 0: "
+        "friction dissipates energy at every position."
+    )
+    assert "its plausible range is -3 to 3 N*m" in implausible(member, {**values, "friction_cosine": 4.0}, RIG)

@@ -72,6 +72,7 @@ def test_what_looks_like_something_useful_is_pointed_out(tmp_path, name, says):
     run = load_run(write(table, tmp_path / "run.csv"), servo_rig())
     (note,) = run.notes
     assert says in note and note.endswith(".")
+    assert run.hints == run.notes
 
 
 def test_what_is_used_is_not_pointed_out(tmp_path):

@@ -39,6 +39,8 @@ class CloseLoopResult:
     """The whole call: joints by name, verdict, seconds; causes that no single joint owns; what the loop makes of it.
 
     `links` are the links' inertial parameters where the rig asks for them to be fitted.
+    `hints` point out columns of the logs that seem to be meant and that the rig file does not use; they are among the
+    joints' notes too.
     """
 
     joints: Mapping[str, JointResult]
@@ -53,3 +55,4 @@ class CloseLoopResult:
     closed_loop: ClosedLoop | None = None
     uncertainty: TorqueUncertainty | None = None
     links: FittedLinks | None = None
+    hints: tuple[str, ...] = ()
