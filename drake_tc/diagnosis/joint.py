@@ -129,7 +129,7 @@ def diagnose_joint(
         if _has_elasticity(soft.found) and soft.found.chosen.cv_rms < SOFTER_GEAR * stage.found.chosen.cv_rms:
             stage = soft
     prepared, subsample, context = stage.prepared, stage.subsample, stage.prepared.context
-    ties = indistinguishable(subsample, stage.found, context)
+    ties = indistinguishable(subsample, stage.found, context, prepared.floor)
     stability = stabilities(stage.found, options.seed)
     found = _refitted(stage)
     known = frozenset(t.effect.key for t in found.baseline.terms)

@@ -5,17 +5,27 @@ import numpy as np
 from drake_tc.diagnosis.problem.columns import Columns
 from drake_tc.diagnosis.problem.regression import Fit, fit
 from drake_tc.diagnosis.selection.joint import Search, best_shape, refine, shape_screen, share_better
-from drake_tc.diagnosis.thresholds import CERTAINLY_BETTER, SAME_ERROR
+from drake_tc.diagnosis.thresholds import CERTAINLY_BETTER, JOINT, SAME_ERROR
 from drake_tc.effects.base import Context
 from drake_tc.effects.library import looked_for
 
+LATE = frozenset({"delay", "current_lag"})
+"""Effects that differ only in the second order of frequency times delay: 1/(1 + T s) = exp(-T s) + (T s)^2/2 + ..."""
 
-def indistinguishable(columns: Columns, found: Search, context: Context) -> tuple[tuple[str, str], ...]:
+
+def indistinguishable(columns: Columns, found: Search, context: Context, floor: float) -> tuple[tuple[str, str], ...]:
     """Pairs (chosen, other): swapping the one for the other costs next to nothing.
 
     Next to nothing: the cross-validated error rises by less than 2 % and the chosen effect is the better one in
     fewer than 98 % of the block resamples, or the two predictions are the same up to a hundredth. An effect with more
-    parameters that fits no better is no rival: it contains the chosen one or imitates it.
+    parameters that fits no better is no rival: it contains the chosen one or imitates it. A delay and a lag are also
+    listed when the better one explains less than half a noise floor more, which would not count as an effect.
+
+    Args:
+        columns: Training rows.
+        found: What the search chose.
+        context: What the logs offer.
+        floor: Noise floor [effort].
     """
     known = {t.effect.key for t in found.baseline.terms}
     screen = shape_screen(columns)
@@ -35,7 +45,8 @@ def indistinguishable(columns: Columns, found: Search, context: Context) -> tupl
             if swapped.size > found.chosen.size:
                 continue
             swapped = refine(columns, swapped, evaluations=30)
-            if _same(found.chosen, swapped):
+            late = LATE.issuperset((term.effect.id, member.id))
+            if _same(found.chosen, swapped) or (late and _within_resolution(found.chosen, swapped, floor)):
                 pairs.append((term.effect.id, member.id))
     return tuple(dict.fromkeys(pairs))
 
@@ -45,3 +56,8 @@ def _same(chosen: Fit, other: Fit) -> bool:
         return False
     apart = float(np.sqrt(np.mean((chosen.residual - other.residual) ** 2)))
     return share_better(other, chosen) < CERTAINLY_BETTER or apart < 0.01 * chosen.rms
+
+
+def _within_resolution(chosen: Fit, other: Fit, floor: float) -> bool:
+    """Whether the chosen fit explains too little more than the other to count as an improvement."""
+    return other.cv_rms**2 - chosen.cv_rms**2 < (JOINT.least_removed * floor) ** 2

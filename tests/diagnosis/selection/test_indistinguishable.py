@@ -8,11 +8,12 @@ import pytest
 from drake_tc.diagnosis.problem.columns import Term
 from drake_tc.diagnosis.problem.regression import fit
 from drake_tc.diagnosis.selection import indistinguishable as module
-from drake_tc.diagnosis.selection.joint import Search
+from drake_tc.diagnosis.selection.joint import Search, share_better
+from drake_tc.diagnosis.thresholds import CERTAINLY_BETTER
 from drake_tc.effects.base import Parameter, Signature, TorqueEffect
 from drake_tc.effects.library import LIBRARY, effect
 
-from ..rigs import Joint, Problem, problem
+from ..rigs import Joint, Problem, floor_of, problem
 
 JOINT = Joint(torque_noise=0.25, extra=lambda m: 0.8 * np.ones_like(m.q))
 
@@ -59,7 +60,7 @@ def biased() -> Problem:
 def ties_with(p: Problem, library, monkeypatch) -> tuple[tuple[str, str], ...]:
     monkeypatch.setattr(module, "looked_for", lambda context: tuple(library))
     chosen = fit(p.columns, [*p.declared, Term(effect("torque_sensor_bias"))])
-    return module.indistinguishable(p.columns, Search(p.baseline, chosen), p.context)
+    return module.indistinguishable(p.columns, Search(p.baseline, chosen), p.context, floor_of(p))
 
 
 def test_two_identical_columns_are_a_tie(biased, monkeypatch):
@@ -78,7 +79,7 @@ def test_of_the_library_only_a_constant_in_motion_is_a_biass_twin(biased, monkey
 
 def test_nothing_found_leaves_nothing_to_tie(biased):
     nothing = Search(biased.baseline, biased.baseline)
-    assert module.indistinguishable(biased.columns, nothing, biased.context) == ()
+    assert module.indistinguishable(biased.columns, nothing, biased.context, floor_of(biased)) == ()
 
 
 def test_a_weak_effect_that_another_imitates_within_the_noise_is_a_tie(monkeypatch):
@@ -94,3 +95,28 @@ def test_a_weak_effect_that_another_imitates_within_the_noise_is_a_tie(monkeypat
     strong = problem(replace(JOINT, extra=lambda m: 3.0 * np.ones_like(m.q), torque_noise=0.1))
     assert ties_with(weak, [Neighbour()], monkeypatch) == (("torque_sensor_bias", "neighbour"),)
     assert ties_with(strong, [Neighbour()], monkeypatch) == ()
+
+
+class Odd(Twin):
+    """A constant that differs from the bias by a third of a noise floor's worth at the largest angles."""
+
+    id = "odd"
+
+    def columns(self, signals, shape):
+        return -(1.0 + 0.05 * np.tanh(3.0 * signals.position))[:, None]
+
+
+@pytest.mark.parametrize(
+    ("chosen", "other", "listed"),
+    [("current_lag", "delay", True), ("delay", "current_lag", True), ("delay", "odd", False), ("one", "odd", False)],
+)
+def test_a_delay_and_a_lag_are_told_apart_by_half_a_noise_floor(chosen, other, listed, monkeypatch):
+    """The better one is certainly better in the resamples: for any other two effects that decides."""
+    p = problem(Joint(torque_noise=0.3, duration=120.0, extra=lambda m: 0.8 * np.ones_like(m.q)))
+    terms = {name: Term(type(name, (base,), {"id": name})()) for name, base in ((chosen, Twin), (other, Odd))}
+    monkeypatch.setattr(module, "LIBRARY", (terms[other].effect,))
+    small, large = (fit(p.columns, [*p.declared, terms[name]]) for name in (other, chosen))
+    assert share_better(small, large) >= CERTAINLY_BETTER
+    assert 0.1 * floor_of(p) < np.sqrt(small.cv_rms**2 - large.cv_rms**2) < 0.5 * floor_of(p)
+    pairs = module.indistinguishable(p.columns, Search(p.baseline, large), p.context, floor_of(p))
+    assert pairs == (((chosen, other),) if listed else ())
