@@ -48,7 +48,9 @@ class SearchThresholds:
         least_share: Share of block resamples in which it must help.
         least_removed: Smallest RMS it must explain, in noise floors: less is nil in practice.
         least_of_first: ... and as a share of what the effects before it explain: a smaller remainder is more likely an
-            imperfect form of those than a cause of its own.
+            imperfect form of those than a cause of its own. That does not hold for an effect that lowers the error by
+            `own_gain` and leaves no more than `own_floors` noise floors: what corrects the form of another effect
+            leaves some of the wrong form.
         promising_gain: Smallest relative drop from which on a second effect is tried beside one that is not real by
             itself: each of two effects can hide the evidence of the other.
         least_joints: Joints that must support it. second_gain, second_log_evidence: drop and evidence of a joint that
@@ -66,6 +68,8 @@ class SearchThresholds:
     least_share: float = 0.98
     least_removed: float = 0.5
     least_of_first: float = 0.10
+    own_gain: float = 0.5
+    own_floors: float = 2.0
     promising_gain: float = 0.02
     least_joints: int = 0
     second_gain: float = 0.0
@@ -88,6 +92,7 @@ SHARED = SearchThresholds(
     least_gain=0.10,
     least_log_evidence=20.0,
     least_share=0.0,
+    own_gain=np.inf,
     promising_gain=np.inf,
     least_joints=2,
     second_gain=0.05,
@@ -120,6 +125,9 @@ SOFTER_GEAR = 0.97
 
 # Confirmation: which runs may speak against an effect
 
+RESOLVED = 4.0
+"""Standard deviations that a wave of the encoder's error must reach if it is smaller than one step. Chance reaches four
+with probability exp(-8) (Rayleigh's distribution), with a hundred periods tried in 3 % of the searches."""
 RUN_ACTS = 0.25
 """RMS of an effect's contribution to a run, in noise floors, from which on the run says something about it."""
 HELDOUT_ACTS = 0.1

@@ -27,12 +27,14 @@ class Comparison:
         removed: (n,) RMS of what the larger one explains more [effort]: sqrt(e_small^2 - e_large^2).
         log_evidence: (n,) n_eff ln(e_small/e_large) less the joint's part of the price of its parameters.
         share: Share of block resamples in which the larger model is better.
+        left: (n,) e_large [effort].
     """
 
     gain: FloatArray
     removed: FloatArray
     log_evidence: FloatArray
     share: float
+    left: FloatArray
 
     def is_real(self, floor: FloatArray, explained: FloatArray, thresholds: SearchThresholds) -> bool:
         """Whether the larger model is worth its parameters.
@@ -42,10 +44,11 @@ class Comparison:
             explained: (n,) RMS that the effects before it explain [effort].
             thresholds: What counts.
         """
+        own = (self.gain >= thresholds.own_gain) & (self.left <= thresholds.own_floors * floor)
         matters = (
             (self.gain >= thresholds.least_gain)
             & (self.removed >= thresholds.least_removed * floor)
-            & (self.removed >= thresholds.least_of_first * explained)
+            & (own | (self.removed >= thresholds.least_of_first * explained))
         )
         supports = (self.gain >= thresholds.second_gain) & (self.log_evidence >= thresholds.second_log_evidence)
         return bool(
@@ -73,11 +76,11 @@ def compared(small: FloatArray, large: FloatArray, effective: FloatArray, extra:
     """
     if not np.isfinite(large).all():
         nil = np.zeros(small.size)
-        return Comparison(nil, nil, nil - np.inf, 0.0)
+        return Comparison(nil, nil, nil - np.inf, 0.0, large)
     ratio = np.log(small / np.maximum(large, 1e-300))
     price = 0.5 * max(extra, 0) * float(np.log(max(effective.sum(), 2.0)))
     log_evidence = effective * ratio - price * effective / effective.sum()
-    return Comparison(1.0 - np.exp(-ratio), explained_by(small, large), log_evidence, share)
+    return Comparison(1.0 - np.exp(-ratio), explained_by(small, large), log_evidence, share, large)
 
 
 def better_share(difference: FloatArray, seed: int = 0) -> float:

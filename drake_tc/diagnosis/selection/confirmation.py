@@ -2,7 +2,7 @@
 
 An effect of the chosen set is withdrawn when
   1. its values are physically impossible (`effects.plausibility`),
-  2. it corrects a sensor by less than that sensor resolves,
+  2. it corrects the encoder by less than the logs resolve,
   3. some training run speaks against it: fitted on the other runs, it makes the error of that run larger. With fewer
      than three training runs the folds of the cross-validation take the place of the runs,
   4. the held-out runs speak against it.
@@ -83,7 +83,7 @@ def _objection(
         effect = term.effect
         return DidNotHold(effect.key, effect.id, effect.title, reason, why, gain)
 
-    impossible = objection_to_values(chosen, term, context, columns.samples)
+    impossible = objection_to_values(chosen, term, context, columns)
     if impossible is not None:
         return withdrawn(*impossible)
     against = _training_run_against(columns, chosen, without, floor)

@@ -162,7 +162,7 @@ class JointProblem:
         for term in fitted.terms:
             effect = term.effect
             if effect.key not in self.known:
-                found = objection_to_values(fitted, term, self.context, self.columns.samples)
+                found = objection_to_values(fitted, term, self.context, self.columns)
                 if found is None and is_noise(self.columns, fitted, term):
                     found = "implausible", NOISE
                 if found is not None:

@@ -4,24 +4,38 @@ import math
 from collections.abc import Mapping
 from dataclasses import replace
 
+import numpy as np
+
 from drake_tc.diagnosis.data.samples import Samples
-from drake_tc.diagnosis.problem.columns import Term
+from drake_tc.diagnosis.problem.columns import Columns, Term
+from drake_tc.diagnosis.problem.estimates import estimates
 from drake_tc.diagnosis.problem.parameters import physical_parameters
 from drake_tc.diagnosis.problem.regression import Fit
+from drake_tc.diagnosis.selection.shapes import PERIOD
 from drake_tc.diagnosis.selection.withdrawal import Withdrawal
-from drake_tc.effects.base import Context, Effect
+from drake_tc.diagnosis.thresholds import RESOLVED
+from drake_tc.effects.base import Context
 from drake_tc.effects.plausibility import implausible
 
-RESOLVED: Mapping[str, tuple[str, ...]] = {
+NORMAL_95 = 1.96
+"""Standard deviations in half a 95 % interval."""
+CORRECTIONS: Mapping[str, tuple[str, ...]] = {
     "encoder_offset": ("offset",),
     "encoder_eccentricity": ("eccentricity_sine", "eccentricity_cosine"),
     "encoder_ripple": ("ripple_sine", "ripple_cosine"),
 }
-"""Effects that correct the encoder, and the parameters [rad] whose root sum of squares its resolution must reach."""
+"""Effects that correct the encoder, and the parameters [rad] whose root sum of squares the logs must resolve."""
 
 
-def objection_to_values(fitted: Fit, term: Term, context: Context, samples: Samples) -> tuple[Withdrawal, str] | None:
-    """Why the values of one effect of a fit cannot be believed, whatever they explain."""
+def objection_to_values(fitted: Fit, term: Term, context: Context, columns: Columns) -> tuple[Withdrawal, str] | None:
+    """Why the values of one effect of a fit cannot be believed, whatever they explain.
+
+    Args:
+        fitted: To the rows of `columns`.
+        term: One of its effects.
+        context: What the logs offer.
+        columns: Training rows.
+    """
     named = physical_parameters(fitted)
     values = named[term.effect.key]
     own = {
@@ -32,16 +46,52 @@ def objection_to_values(fitted: Fit, term: Term, context: Context, samples: Samp
     why = implausible(term.effect, values, replace(context, fitted=own))
     if why:
         return "implausible", why
-    return _below_resolution(term.effect, values, samples)
-
-
-def _below_resolution(effect: Effect, values: Mapping[str, float], samples: Samples) -> tuple[Withdrawal, str] | None:
-    names = RESOLVED.get(effect.id)
-    if names is None:
+    names = CORRECTIONS.get(term.effect.id)
+    if names is None or not math.isfinite(fitted.cv_rms):
         return None
-    size = math.hypot(*(values[name] for name in names))
-    least = max(samples.resolution.position_step, samples.resolution.position_noise)
+    size, resolution = math.hypot(*(values[name] for name in names)), columns.samples.resolution
+    step = max(resolution.position_step, resolution.position_noise)
+    if size >= step:
+        return None
+    if not _is_whole_wave(term, context):
+        what = names[0] if len(names) == 1 else "amplitude"
+        return "below_resolution", f"{what} is {size:.2g} rad; the encoder resolves {step:.2g} rad."
+    least = least_amplitude(fitted, term, context, columns)
     if size >= least:
         return None
-    what = names[0] if len(names) == 1 else "amplitude"
-    return "below_resolution", f"{what} is {size:.2g} rad; the encoder resolves {least:.2g} rad."
+    return "below_resolution", f"amplitude is {size:.2g} rad; these logs resolve {least:.2g} rad."
+
+
+def _is_whole_wave(term: Term, context: Context) -> bool:
+    """Whether the correction is a wave over the angle of which the motion covers at least one period.
+
+    A constant, or a part of a wave that looks like one, is no error of the encoder below one step: an encoder that cuts
+    off instead of rounding reads half a step less.
+    """
+    if term.effect.id == "encoder_offset":
+        return False
+    turns = (context.position_span[1] - context.position_span[0]) / (2.0 * math.pi)
+    return term.shape.get(PERIOD, 1.0) * turns >= 1.0
+
+
+def least_amplitude(fitted: Fit, term: Term, context: Context, columns: Columns) -> float:
+    """Smallest amplitude [rad] that the logs resolve of a wave of the encoder's error: 4 sigma.
+
+    sigma^2 = (s_sine^2 + s_cosine^2)/2 + (step^2/12) (2/n)
+
+    with s the estimates' standard deviations and n the steps that the training rows cross. Rounding errs anew with
+    every step, and (step^2/12)(2/n) is the variance that it leaves of a wave fitted to n readings, so that the average
+    over many steps resolves far less than one.
+    """
+    found = estimates(columns, fitted, context.drive)[term.effect.key]
+    widths = [found[name].ci95[1] - found[name].ci95[0] for name in CORRECTIONS[term.effect.id]]
+    spread = math.hypot(*widths) / math.sqrt(2.0) / (2.0 * NORMAL_95)
+    rounding = columns.samples.resolution.position_step * math.sqrt(2.0 / (12.0 * crossed_steps(columns.samples)))
+    return RESOLVED * math.hypot(spread, rounding)
+
+
+def crossed_steps(samples: Samples) -> float:
+    """Steps of the encoder that the rows cross, at least 1 and at most as many as there are rows."""
+    step = samples.resolution.position_step
+    travel = float(np.abs(samples.signals.velocity[samples.rows]).sum()) * samples.row_period
+    return max(min(travel / step, float(samples.rows.size)), 1.0) if step > 0.0 else float(samples.rows.size)

@@ -105,6 +105,11 @@ def test_evidence_is_told_joint_by_joint_and_its_price_is_shared():
     assert_allclose(both.removed, [np.sqrt(3.0), 0.0])
     assert_allclose(both.log_evidence.sum(), 100.0 * np.log(2.0) - np.log(400.0))  # 2 parameters, half a log each
     assert both.is_real(np.ones(2), np.zeros(2), JOINT)
+    assert both.is_real(np.ones(2), np.full(2, 30.0), JOINT)  # little beside the first effects, but noise is left
+    assert not both.is_real(np.full(2, 0.45), np.full(2, 30.0), JOINT)  # 2.2 floors are left: a form corrected in part
+    less = compared(np.array([1.2, 1.0]), large, effective, 2, 1.0)
+    assert less.is_real(np.ones(2), np.full(2, 6.0), JOINT)
+    assert not less.is_real(np.ones(2), np.full(2, 7.0), JOINT)  # sqrt(1.2^2 - 1) is less than a tenth of 7
     assert not both.is_real(np.full(2, 4.0), np.zeros(2), JOINT)  # removes less than half a noise floor
     assert not both.is_real(np.ones(2), np.zeros(2), SHARED)  # one joint's own
     assert not compared(small, np.full(2, np.inf), effective, 2, 1.0).is_real(np.zeros(2), np.zeros(2), ARM)
