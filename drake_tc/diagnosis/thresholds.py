@@ -134,6 +134,8 @@ HELDOUT_ACTS = 0.1
 """The same for all held-out runs together."""
 RUN_CERTAIN = 0.98
 """Share of block resamples that must agree before a training run speaks against an effect, as in the search."""
+HELDOUT_CERTAIN = 0.90
+"""Share of block resamples of all held-out runs in which an effect that acts in them must lower their error."""
 FEW_RUNS = 3
 """Training runs from which on each is left out in turn."""
 

@@ -11,7 +11,8 @@ the noise floor or more. A training run speaks against it when its error is larg
 resamples, which is the certainty that the search asks of an improvement. The model of a short run, or of one in which
 other things are missing too, differs from run to run by chance, so a smaller certainty would withdraw true effects. A
 held-out run speaks against it when its error is larger at all; the model without the effect is fitted anew. All
-held-out runs together speak against an effect that acts in them at all and makes their error larger.
+held-out runs together speak against an effect that acts in them at all and makes their error larger, and against one
+that acts as above and whose gain on them may be chance: less than 90 % of the block resamples have it.
 """
 
 from collections.abc import Callable, Sequence
@@ -25,7 +26,7 @@ from drake_tc.diagnosis.problem.columns import Columns, Term
 from drake_tc.diagnosis.problem.regression import Fit, bounds_of, fit, predict
 from drake_tc.diagnosis.selection.plausible_values import objection_to_values
 from drake_tc.diagnosis.selection.withdrawal import DidNotHold, Withdrawal
-from drake_tc.diagnosis.thresholds import FEW_RUNS, HELDOUT_ACTS, RUN_ACTS, RUN_CERTAIN
+from drake_tc.diagnosis.thresholds import FEW_RUNS, HELDOUT_ACTS, HELDOUT_CERTAIN, RUN_ACTS, RUN_CERTAIN
 from drake_tc.effects.base import Context
 from drake_tc.identification.autocorrelation import correlation_time
 from drake_tc.types import FloatArray, IntArray
@@ -89,12 +90,28 @@ def _objection(
     against = _training_run_against(columns, chosen, without, floor)
     if against:
         return withdrawn("training_run_against", f"Fitted on the other runs, it makes the error of {against} larger.")
-    against = speaks_against(held.samples, without_it, with_it, floor, certain=0.0)
-    if against:
-        return withdrawn("heldout_run_against", f"It makes the held-out error of {against} larger.")
-    if gain <= 0.0 and _rms(with_it - without_it) >= HELDOUT_ACTS * floor:
-        return withdrawn("heldout_run_against", f"It changes the held-out error by {-100 * gain:+.1f} %.")
-    return None
+    against = heldout_against(held.samples, without_it, with_it, floor)
+    return withdrawn("heldout_run_against", against) if against else None
+
+
+def heldout_against(samples: Samples, without: FloatArray, with_it: FloatArray, floor: float) -> str:
+    """What the held-out runs say against an effect, or "".
+
+    Args:
+        samples: Held-out rows.
+        without, with_it: (N,) residuals [effort].
+        floor: Noise floor [effort].
+    """
+    run = speaks_against(samples, without, with_it, floor, certain=0.0)
+    if run:
+        return f"It makes the held-out error of {run} larger."
+    gain, acts = 1.0 - _rms(with_it) / max(_rms(without), 1e-300), _rms(with_it - without)
+    if gain <= 0.0 and acts >= HELDOUT_ACTS * floor:
+        return f"It changes the held-out error by {-100 * gain:+.1f} %."
+    better = _worse_share(samples.block, with_it, without) if acts >= RUN_ACTS * floor else 1.0
+    if better < HELDOUT_CERTAIN:
+        return f"It lowers the held-out error by {100 * gain:.1f} %, in {100 * better:.0f} % of the block resamples."
+    return ""
 
 
 def _training_run_against(columns: Columns, chosen: Fit, without: Sequence[Term], floor: float) -> str:

@@ -17,7 +17,7 @@ from drake_tc.diagnosis.data.resolution import Resolution
 from drake_tc.diagnosis.data.samples import Samples
 from drake_tc.diagnosis.problem.columns import Columns, Term
 from drake_tc.diagnosis.problem.regression import Fit, bounds_of, fit
-from drake_tc.diagnosis.selection.confirmation import Confirmed, confirm, left_out, speaks_against
+from drake_tc.diagnosis.selection.confirmation import Confirmed, confirm, heldout_against, left_out, speaks_against
 from drake_tc.diagnosis.selection.plausible_values import crossed_steps, objection_to_values
 from drake_tc.diagnosis.thresholds import FEW_RUNS, RUN_ACTS
 from drake_tc.effects.base import Context
@@ -177,6 +177,18 @@ def test_a_loss_that_chance_may_have_made_does_not_count(samples):
     assert np.mean(with_it[samples.run == 0] ** 2) > 1.0
     assert speaks_against(samples, without, with_it, 0.01, certain=0.9) == ""
     assert speaks_against(samples, without, with_it, 0.01, certain=0.0) == "train0"
+
+
+def test_a_held_out_gain_that_chance_may_have_made_does_not_confirm(samples):
+    """The effect helps in one loud half second alone, which a third of the resamples lack, or a little everywhere."""
+    without = np.ones(samples.rows.size)
+    without[samples.block == samples.block[0]] = 3.0
+    once = np.where(samples.run == 0, 1.003, 1.0)
+    once[samples.block == samples.block[0]] = 2.0
+    assert np.mean(once**2) < np.mean(without**2)
+    assert heldout_against(samples, without, once, 1e-3).endswith("% of the block resamples.")
+    assert heldout_against(samples, without, once, 1e3) == ""  # it does not act
+    assert heldout_against(samples, without, 0.97 * without, 1e-3) == ""
 
 
 def chance_vetoes(memory: float, blocks: int = 240, trials: int = 200) -> float:
