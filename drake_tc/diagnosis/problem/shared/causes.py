@@ -1,7 +1,7 @@
 """The causes that no single joint owns: their names, parameters, tolerances and columns over a rig's runs."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import islice
 
 import numpy as np
@@ -16,8 +16,9 @@ from drake_tc.diagnosis.problem.shared.body_motion import (
 )
 from drake_tc.errors import RigError
 from drake_tc.estimation.link_parameters import UNITS, LinkModel
-from drake_tc.estimation.off_line import Row, smoothed
+from drake_tc.estimation.off_line import OffLineFilter, Row, smoothed
 from drake_tc.estimation.robot_loads import RobotLogs, off_line_filter, usable_stretches
+from drake_tc.filtering.savitzky_golay import smooth
 from drake_tc.identification.rigid_regressor import LINK_PARAMETERS
 from drake_tc.logs.loads import RobotLoad
 from drake_tc.logs.near import near
@@ -26,7 +27,9 @@ from drake_tc.logs.rig import Rig
 from drake_tc.types import BoolArray, FloatArray
 
 GRID_SECONDS = 0.01
-"""Columns are computed this often and interpolated: they have passed filters of three times that width."""
+"""Columns are computed this often and interpolated: they have passed filters of nine times that width."""
+COLUMN_WINDOWS = 3
+"""Windows of the columns' motion over those of the torques."""
 
 TITLES: Mapping[str, str] = {
     "link_mass": "mass of a link",
@@ -71,7 +74,15 @@ class Cause:
 
     @property
     def scales(self) -> bool:
-        """Whether it scales readings or the model; a bias adds to them."""
+        """Whether its columns hold the noise of the torque estimate: they are made of the sensors' readings.
+
+        A bias adds to the readings. The columns of a link come from motion that is smoothed more than the torques.
+        """
+        return self.id not in ("ft_bias", "imu_bias", "link_mass", "link_com")
+
+    @property
+    def may_scale(self) -> bool:
+        """Whether it scales readings or the model, so that the drive gains follow it; a bias adds to them."""
         return self.id not in ("ft_bias", "imu_bias")
 
     @property
@@ -207,14 +218,26 @@ def _link_pieces(logs: RobotLogs, links: LinkModel, run: Run, carried: Sequence[
     return tuple(pieces)
 
 
+def column_filter(period: float, samples: int) -> OffLineFilter:
+    """The filter of the columns' motion: windows three times as long as those of the torques, where the log allows.
+
+    A cause's column times its small parameter does not need the torques' bandwidth. Noise that the column shares with
+    the torque, though, would act as an error in variables: gyro and accelerometer noise drew a link's mass by 1 to 5 %.
+    """
+    narrow = off_line_filter(period)
+    return replace(narrow, window=min(COLUMN_WINDOWS * (narrow.window - 1) + 1, samples - 1 + samples % 2))
+
+
 def _piece(logs: RobotLogs, structure: Structure, slides: BoolArray, run: Run, part: slice) -> Piece:
     sensors = logs.sensors(run, part)
     every = max(1, round(GRID_SECONDS / run.period))
-    rows = list(islice(smoothed(logs.model, sensors, off_line_filter(run.period), None), 0, None, every))
+    filters = column_filter(run.period, len(sensors.position))
+    rows = list(islice(smoothed(logs.model, sensors, filters, None), 0, None, every))
     motion = body_motion(logs.model, structure, rows)
     blocks = [cause_columns.mass_column(motion, link, i, slides) for i, link in enumerate(structure.links)]
     blocks += [cause_columns.com_columns(motion, link, i, slides) for i, link in enumerate(structure.links)]
-    wrench = np.array([row[5] for row in rows])
+    narrow = off_line_filter(run.period)
+    wrench = smooth(sensors.wrench, narrow.window, narrow.inertial_order, sensors.dt).value[::every]
     for k in range(len(logs.robot.force_torque)):
         reading, own = cause_columns.reading_columns(motion, structure, k, slides), wrench[:, 6 * k : 6 * k + 6]
         blocks += [reading, cause_columns.gain_columns(reading, own), cause_columns.alignment_columns(reading, own)]

@@ -12,10 +12,10 @@ and West 1987). Parameters with a prior deviate from the estimate because of noi
 towards 0: that is the second term. Where the weights w_j are right, M is H less the prior, and the covariance is the
 posterior's, H^-1. From some tens of half seconds M scatters, and comes out too small where noise is correlated over
 more than one of them: no standard deviation is taken to be smaller than the posterior's. The last term is what the
-filters and the noise in the columns themselves do: the fit takes the columns that scale to hold all of z's error
-(sensors' noise, and what filters change near reversals), least squares in torque takes them to hold none. The share
-lies between; d is the difference between the two fits, and the variance that of a share about which nothing else is
-known. Quantiles are those of Student's t with the degrees of freedom of Bartlett's kernel, 1.5 B/(L + 1), or B - f if
+filters and the noise in the columns themselves do: the fit takes the columns that scale readings to hold all of z's
+error (sensors' noise, and what filters change near reversals), and those of links to hold none. d is the difference
+from the fit under the opposite assumptions. The share lies between, and the variance is that of a share about which
+nothing else is known. Quantiles are those of Student's t with the degrees of freedom of Bartlett's kernel, 1.5 B/(L + 1), or B - f if
 smaller.
 """
 
@@ -62,15 +62,16 @@ def covariance(rows: Sequence[JointRows], fitted: StackedFit) -> tuple[FloatArra
     spread = inner @ (meat + prior) @ inner
     own = np.maximum(np.diag(spread), 1e-300)
     scale = np.sqrt(np.maximum(np.diag(inner) / own, 1.0))
-    apart = _in_torque(rows, fitted) - fitted.delta
+    apart = _opposite(rows, fitted) - fitted.delta
     spread = spread * np.outer(scale, scale) + np.outer(apart, apart) / 12.0
     return np.asarray(spread), max(min(left, 1.5 * used / (LAGS + 1)), 1.0)
 
 
-def _in_torque(rows: Sequence[JointRows], fitted: StackedFit) -> FloatArray:
-    """(p,) delta by least squares in torque, at the same weights."""
-    none = [replace(r, scaling=np.zeros(r.shared.shape[1], dtype=np.bool_)) for r in rows]
-    return fit_stacked(none, fitted.columns, fitted.tolerance, fitted.sigma, fitted.effective).delta
+def _opposite(rows: Sequence[JointRows], fitted: StackedFit) -> FloatArray:
+    """(p,) delta at the same weights, if the other columns were those that hold the noise of z."""
+    none = np.zeros(rows[0].shared.shape[1], dtype=np.bool_)
+    turned = [replace(r, scaling=none if r.opposite is None else r.opposite) for r in rows]
+    return fit_stacked(turned, fitted.columns, fitted.tolerance, fitted.sigma, fitted.effective).delta
 
 
 def _long_run(scores: FloatArray) -> FloatArray:

@@ -9,11 +9,12 @@ off at three of them; the others have none. The estimate is the posterior's mode
     min  sum_j n_j log(|e_j|^2/K_j^-2) + sum_i delta_i^2/t_i^2   with |delta_i| <= 3 t_i
 
 e_j(delta) is what the joint's own least squares leave. K_j^-1(delta) is its first coefficient as a function of those
-delta that scale readings or the model (gains, alignments, masses), so that these residuals count in effort, by the
-drive gain of the fit itself. In torque, such delta could shrink all torques together, and the drive gains' inverses
-with them: the residual would shrink too, which explains nothing. (These columns hold the noise of z itself. Biases'
-columns hold none and stay as they are. The others' own noise is neglected: an error of g_j sigma_j^2/|C~_j|^2, some
-1e-3 of a delta.) It is solved by Gauss-Newton steps: with C~_j what X_j leaves of C_j and g_j = -d log(1/K_j)/d
+delta that scale readings (gains, alignments), so that these residuals count in effort, by the drive gain of the fit
+itself. In torque, such delta could shrink all torques together, and the drive gains' inverses with them: the residual
+would shrink too, which explains nothing. (These columns hold the noise of z itself.) The columns of biases hold none.
+Those of a link's mass and centre hold next to none, as their motion is smoothed over windows three times as long as
+that of z (`causes.column_filter`), and their residuals count in torque too: in effort, the noise of z would draw such
+a delta by g_j sigma_j^2/|C~_j|^2, which is a hundredth of a mass. It is solved by Gauss-Newton steps: with C~_j what X_j leaves of C_j and g_j = -d log(1/K_j)/d
 delta,
 
     H = sum_j w_j (C~_j - e_j g_j')' (C~_j - e_j g_j') + diag(1/t_i^2),   w_j = (n_j/N_j)/sigma_j^2
@@ -59,8 +60,9 @@ class JointRows:
         target: (N,) z, less y*/K where the gain is held.
         block: (N,) half seconds, numbered alike for all joints.
         grams: (FOLDS, m, m) of [X, C, z] by fold, m = k + P + 1.
-        scaling: (P,) columns that scale what z is made of; None: all.
+        scaling: (P,) columns that hold the noise of z; None: all.
         held: 1/K where the drive's gain is declared [N m/effort]; None: fitted, the first coefficient.
+        opposite: (P,) `scaling` under the opposite assumption, where it is not certain; None: none.
     """
 
     joint: str
@@ -72,6 +74,7 @@ class JointRows:
     grams: FloatArray
     scaling: BoolArray | None = None
     held: float | None = None
+    opposite: BoolArray | None = None
 
     def stiffness(self, beta: FloatArray) -> float:
         """1/K, with its own coefficients beta (k,)."""
@@ -82,7 +85,7 @@ class JointRows:
         return np.asarray(response[0] if self.held is None else np.zeros(response.shape[1:]))
 
     def scales(self, columns: IntArray) -> FloatArray:
-        """(p,) 1.0 where these columns scale what z is made of, else 0.0."""
+        """(p,) 1.0 where these columns hold the noise of z, else 0.0."""
         return np.ones(columns.size) if self.scaling is None else self.scaling[columns].astype(np.float64)
 
     @property
@@ -143,6 +146,7 @@ def stack(
     keys = {joint: _block_keys(c.samples) for joint, c in columns.items()}
     known = np.unique(np.concatenate(list(keys.values())))
     scaling = np.concatenate([np.full(c.size, c.scales) for c in causes.causes])
+    opposite = np.concatenate([np.full(c.size, c.may_scale and not c.scales) for c in causes.causes])
     stacked = []
     for joint, each in columns.items():
         shared = each.samples.reduce(_over_samples(each.samples, joint, causes), fresh=True)
@@ -153,7 +157,7 @@ def stack(
         fold = (block // 2) % FOLDS
         every = np.column_stack([own, shared, target])
         grams = np.stack([every[fold == f].T @ every[fold == f] for f in range(FOLDS)])
-        stacked.append(JointRows(joint, each.samples, own, shared, target, block, grams, scaling, held))
+        stacked.append(JointRows(joint, each.samples, own, shared, target, block, grams, scaling, held, opposite))
     return tuple(stacked)
 
 
