@@ -25,7 +25,8 @@ class RawLog:
         time: (T,) [s], as recorded; NaN where the file has none.
         columns: Canonical name to (T,) SI values, NaN where the file has none.
         enabled: (T,) False where the drive was off.
-        notes: What was done so far. hints: Those of them that point out a column which seems to be meant and is not used.
+        notes: What was done so far.
+        hints: Those of them that point out a column which seems to be meant and is not used.
     """
 
     path: Path

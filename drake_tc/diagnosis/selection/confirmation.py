@@ -99,7 +99,8 @@ def heldout_against(samples: Samples, without: FloatArray, with_it: FloatArray, 
 
     Args:
         samples: Held-out rows.
-        without, with_it: (N,) residuals [effort].
+        without: (N,) residual without the effect [effort].
+        with_it: (N,) with it.
         floor: Noise floor [effort].
     """
     run = speaks_against(samples, without, with_it, floor, certain=0.0)

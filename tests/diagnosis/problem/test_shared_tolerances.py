@@ -10,10 +10,11 @@ from scipy.optimize import minimize
 from scipy.signal import lfilter
 
 from drake_tc.diagnosis.problem.columns import FOLDS
-from drake_tc.diagnosis.problem.shared.causes import Cause
+from drake_tc.diagnosis.problem.shared.causes import Cause, column_filter
 from drake_tc.diagnosis.problem.shared.covariance import covariance, intervals
 from drake_tc.diagnosis.problem.shared.stacked import CUT_OFF, JointRows, fit_stacked
 from drake_tc.diagnosis.selection.shared import active, search_shared
+from drake_tc.estimation.robot_loads import off_line_filter
 
 N = 2400
 BIAS = (0.3, 0.3)
@@ -189,3 +190,34 @@ def test_what_is_known_exactly_stays_out():
     exact = [replace(c, tolerance=tuple(0.0 for _ in c.tolerance)) for c in CAUSES]
     columns_used, _ = active(exact, [])
     assert columns_used.size == 0
+
+
+def mass_errors(scaling, noise, trials=60):
+    """(trials,) errors of a mass whose column resembles the load and holds no noise; z has white noise."""
+    time = np.arange(600) * 0.05
+    load, other = 40.0 * np.sin(1.1 * time), np.sin(2.3 * time + 1.0)
+    own = np.stack([load, -other], axis=1)
+    shared = np.column_stack([0.1 * load + 0.3 * np.sin(3.1 * time), np.zeros((600, 5))])
+    out = []
+    for seed in range(trials):
+        target = load + shared[:, 0] * 0.5 + noise * np.random.default_rng(seed).standard_normal(600)
+        row = replace(rows_of(0, own, shared, target), scaling=np.full(6, scaling))
+        out.append(fit_stacked([row], np.array([0]), effective=np.ones(1)).delta[0] - 0.5)
+    return np.array(out)
+
+
+def test_a_column_without_noise_counts_in_torque():
+    """In effort, noise of z that the column does not hold draws the mass by g sigma^2 over the mean of C~^2.
+
+    1/K grows with the mass by a tenth, g = 0.1 at K = 1, and the own columns leave of C the wave of 0.3.
+    """
+    torque, effort = mass_errors(False, 1.0), mass_errors(True, 1.0)
+    assert abs(torque.mean()) < 3.0 * torque.std(ddof=1) / np.sqrt(torque.size)
+    assert_allclose(np.mean(effort - torque), -0.1 / (0.5 * 0.3**2), rtol=0.05)  # 1 % of scatter, 2 % of second order
+
+
+def test_the_columns_motion_is_smoothed_three_times_as_wide():
+    narrow = off_line_filter(1e-3).window
+    assert column_filter(1e-3, 6000).window == 3 * (narrow - 1) + 1
+    for samples, widest in ((40, 39), (41, 41)):  # of a short stretch, odd
+        assert column_filter(1e-3, samples).window == widest

@@ -15,8 +15,8 @@ more than one of them: no standard deviation is taken to be smaller than the pos
 filters and the noise in the columns themselves do: the fit takes the columns that scale readings to hold all of z's
 error (sensors' noise, and what filters change near reversals), and those of links to hold none. d is the difference
 from the fit under the opposite assumptions. The share lies between, and the variance is that of a share about which
-nothing else is known. Quantiles are those of Student's t with the degrees of freedom of Bartlett's kernel, 1.5 B/(L + 1), or B - f if
-smaller.
+nothing else is known. Quantiles are those of Student's t with the degrees of freedom of Bartlett's kernel,
+1.5 B/(L + 1), or B - f if smaller.
 """
 
 from collections.abc import Sequence
