@@ -40,12 +40,12 @@ def indistinguishable(columns: Columns, found: Search, context: Context, floor: 
             if member.id in taken or member.obstacle(context):
                 continue
             swapped = best_shape(columns, without, member, context, screen)
-            if swapped.cv_rms > 1.3 * found.chosen.cv_rms:
-                continue
+            late = LATE.issuperset((term.effect.id, member.id))
+            if swapped.cv_rms > 1.3 * found.chosen.cv_rms and not late:
+                continue  # of a delay or a lag, the grid is too coarse beside another effect to say so
             if swapped.size > found.chosen.size:
                 continue
             swapped = refine(columns, swapped, evaluations=30)
-            late = LATE.issuperset((term.effect.id, member.id))
             if _same(found.chosen, swapped) or (late and _within_resolution(found.chosen, swapped, floor)):
                 pairs.append((term.effect.id, member.id))
     return tuple(dict.fromkeys(pairs))

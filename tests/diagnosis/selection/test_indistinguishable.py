@@ -114,7 +114,7 @@ def test_a_delay_and_a_lag_are_told_apart_by_half_a_noise_floor(chosen, other, l
     """The better one is certainly better in the resamples: for any other two effects that decides."""
     p = problem(Joint(torque_noise=0.3, duration=120.0, extra=lambda m: 0.8 * np.ones_like(m.q)))
     terms = {name: Term(type(name, (base,), {"id": name})()) for name, base in ((chosen, Twin), (other, Odd))}
-    monkeypatch.setattr(module, "LIBRARY", (terms[other].effect,))
+    monkeypatch.setattr(module, "looked_for", lambda context: (terms[other].effect,))
     small, large = (fit(p.columns, [*p.declared, terms[name]]) for name in (other, chosen))
     assert share_better(small, large) >= CERTAINLY_BETTER
     assert 0.1 * floor_of(p) < np.sqrt(small.cv_rms**2 - large.cv_rms**2) < 0.5 * floor_of(p)
