@@ -14,9 +14,9 @@ from drake_tc.diagnosis.problem.arm.rows import ArmRows, JointLog, arm_rows
 from drake_tc.diagnosis.problem.arm.shafts import joint_axes
 from drake_tc.diagnosis.thresholds import ARM
 from drake_tc.errors import LogError
-from drake_tc.identification.rigid_regressor import LinkTree, regressor
 from drake_tc.logs.importers.dfki import DOUBLE_JOINTS, TORQUE_PER_AMPERE, convert
 from drake_tc.logs.readers import read_table
+from drake_tc.robot.rigid_regressor import LinkTree, regressor
 from drake_tc.types import BoolArray, FloatArray
 
 DATA_SET = "dfki-double-pendulum"

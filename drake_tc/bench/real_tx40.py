@@ -12,11 +12,11 @@ from drake_tc.bench.real_rows import RealRow
 from drake_tc.diagnosis.arm import ArmHeldOut, declare, declared_friction, every_other_block, hold_out_arm
 from drake_tc.diagnosis.problem.arm.rows import ArmRows, JointLog, arm_rows
 from drake_tc.diagnosis.problem.arm.shafts import Axis, motor_axes
-from drake_tc.identification.rigid_regressor import LinkTree, link_tree, regressor
 from drake_tc.logs.importers.files import find
 from drake_tc.logs.importers.staubli import JOINTS, PERIOD, convert
 from drake_tc.logs.readers import read_table
 from drake_tc.robot.plant import make_plant
+from drake_tc.robot.rigid_regressor import LinkTree, link_tree, regressor
 from drake_tc.robot.robot import load_robot
 from drake_tc.types import FloatArray
 

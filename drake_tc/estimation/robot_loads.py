@@ -10,12 +10,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from drake_tc.errors import LogError
-from drake_tc.estimation.link_parameters import LinkModel, link_model
 from drake_tc.estimation.off_line import OffLineFilter, SensorLog, smoothed
 from drake_tc.estimation.torque_model import TorqueModel
 from drake_tc.logs.loads import RobotLoad
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
+from drake_tc.robot.link_parameters import LinkModel, link_model
 from drake_tc.robot.robot import Robot, load_robot
 from drake_tc.types import FloatArray
 

@@ -10,8 +10,8 @@ from drake_tc.diagnosis.problem.estimates import Estimate
 from drake_tc.diagnosis.problem.shared.causes import LINK_PARAMETERS_ID, PAYLOAD_ID, Cause, CauseColumns
 from drake_tc.diagnosis.problem.shared.covariance import covariance
 from drake_tc.diagnosis.problem.shared.stacked import JointRows, StackedFit
-from drake_tc.estimation.link_parameters import LinkModel
 from drake_tc.identification.base_parameters import base_combinations
+from drake_tc.robot.link_parameters import LinkModel
 from drake_tc.types import BoolArray, FloatArray
 
 WORTH_NAMING = 0.01

@@ -28,8 +28,8 @@ from drake_tc.diagnosis.robot.case import OwnModel, RobotCase
 from drake_tc.diagnosis.robot.result import RobotResult
 from drake_tc.diagnosis.selection.shared import active
 from drake_tc.errors import IdentificationError
-from drake_tc.estimation.link_parameters import LinkModel
 from drake_tc.logs.record import Run
+from drake_tc.robot.link_parameters import LinkModel
 
 WIDER = (1.6, 2.5, 4.0, 6.3, 10.0)
 """Widths of the filters that are tried, over that which the encoders' noise asks for."""

@@ -12,7 +12,7 @@ from drake_tc.diagnosis.problem.arm.rows import JointLog, arm_rows
 from drake_tc.diagnosis.problem.arm.shafts import joint_axes, motor_axes
 from drake_tc.diagnosis.selection.arm import ArmProblem
 from drake_tc.errors import IdentificationError
-from drake_tc.identification.rigid_regressor import regressor
+from drake_tc.robot.rigid_regressor import regressor
 
 TREE = planar_tree(0.3)
 PERIOD = 0.002

@@ -15,15 +15,15 @@ from drake_tc.diagnosis.problem.shared.body_motion import (
     structure_of,
 )
 from drake_tc.errors import RigError
-from drake_tc.estimation.link_parameters import UNITS, LinkModel
 from drake_tc.estimation.off_line import OffLineFilter, Row, smoothed
 from drake_tc.estimation.robot_loads import RobotLogs, off_line_filter, usable_stretches
 from drake_tc.filtering.savitzky_golay import smooth
-from drake_tc.identification.rigid_regressor import LINK_PARAMETERS
 from drake_tc.logs.loads import RobotLoad
 from drake_tc.logs.near import near
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
+from drake_tc.robot.link_parameters import UNITS, LinkModel
+from drake_tc.robot.rigid_regressor import LINK_PARAMETERS
 from drake_tc.types import BoolArray, FloatArray
 
 GRID_SECONDS = 0.01

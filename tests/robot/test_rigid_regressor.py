@@ -17,7 +17,7 @@ from pydrake.multibody.tree import (
 from drake_tc.bench.real_double_pendulum import planar_tree, separate_joints
 from drake_tc.errors import IdentificationError
 from drake_tc.identification.base_parameters import independent_columns
-from drake_tc.identification.rigid_regressor import link_tree, regressor
+from drake_tc.robot.rigid_regressor import link_tree, regressor
 
 
 def inertia(rng):

@@ -1,6 +1,6 @@
 """The inertial parameters of a robot's moving links: what its file says, how far that may be off, and what they weigh.
 
-Joint torques are linear in them, tau = Y(q, v, vdot) pi (`identification.rigid_regressor`).
+Joint torques are linear in them, tau = Y(q, v, vdot) pi (`robot.rigid_regressor`).
 """
 
 from dataclasses import dataclass
@@ -9,8 +9,8 @@ import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
 
 from drake_tc.errors import ParamsError
-from drake_tc.identification.rigid_regressor import LINK_PARAMETERS, LinkTree, link_tree, regressor
 from drake_tc.robot.plant import make_plant
+from drake_tc.robot.rigid_regressor import LINK_PARAMETERS, LinkTree, link_tree, regressor
 from drake_tc.robot.robot import Robot
 from drake_tc.types import FloatArray, IntArray
 
