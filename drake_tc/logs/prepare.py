@@ -195,7 +195,7 @@ def load_runs(paths: Sequence[Path | str], rig: Rig) -> list[Run]:
     from all runs together where one alone is not clear). Rows count from 1, the first data row.
 
     Args:
-        paths: Log files (.csv, .csv.gz, .parquet, .npz, .mat).
+        paths: Log files; `READERS` lists their formats.
         rig: Names, units and drives.
 
     Raises:

@@ -10,6 +10,7 @@ import pandas as pd
 import scipy.io
 
 from drake_tc.errors import LogError
+from drake_tc.logs.json_log import read_json, read_json_lines
 
 Reader = Callable[[Path], pd.DataFrame]
 
@@ -104,6 +105,9 @@ READERS: Mapping[str, Reader] = MappingProxyType(
         ".parquet": _read_parquet,
         ".npz": _read_npz,
         ".mat": _read_mat,
+        ".json": read_json,
+        ".json.gz": read_json,
+        ".jsonl": read_json_lines,
     }
 )
 
@@ -124,9 +128,9 @@ def read_table(path: Path | str, readers: Mapping[str, Reader] = READERS) -> pd.
     """Read a log file as it is: names, units and gaps untouched; one row a sample.
 
     Args:
-        path: A .csv, .csv.gz, .parquet, .npz or .mat file. In NPZ and MAT every vector is a column, a matrix (T, n)
-            gives `name_0 ...`; MATLAB cannot write a slash, so `knee__position` and the struct field
-            `knee.position` both mean `knee/position`.
+        path: A .csv, .csv.gz, .parquet, .npz, .mat, .json, .json.gz or .jsonl file. In NPZ and MAT every vector is a
+            column, a matrix (T, n) gives `name_0 ...`; MATLAB cannot write a slash, so `knee__position` and the struct
+            field `knee.position` both mean `knee/position`. `json_log` has the forms of a JSON log.
         readers: Readers by file suffix; pass `{**READERS, ".log": mine}` to add a format.
 
     Raises:

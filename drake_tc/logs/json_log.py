@@ -1,0 +1,145 @@
+"""JSON logs: columns, records, or one record a line.
+
+    {"time": [0.0, 0.01], "knee": {"position": [0.1, 0.2]}}                      columns
+    [{"time": 0.0, "knee/position": 0.1}, {"time": 0.01, "knee/position": 0.2}]  records
+    {"mass": 0.5, "entries": [{"time": 0.0}, {"time": 0.01}]}                    records under one key
+
+Fields of a nested mapping become `outer/inner`; a vector in each sample becomes `name_0, name_1, ...`; single values
+beside the samples are no columns. A value that a record lacks, and `null`, is missing.
+"""
+
+import gzip
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from drake_tc.errors import LogError
+
+FORMS = "a mapping of columns {name: [values]}, or a list of records [{name: value}, ...]"
+
+
+def read_json(path: Path) -> pd.DataFrame:
+    """A table of a .json or .json.gz file; see this module for the forms.
+
+    Raises:
+        LogError: Not JSON, none of the forms, a name twice in one mapping, or columns of different lengths.
+    """
+    document = _parsed(_text(path), path)
+    records = document if isinstance(document, list) else _records_inside(document)
+    if records is not None:
+        return _of_records(records, path)
+    if not isinstance(document, dict):
+        raise LogError(f"{path}: expected {FORMS}; got {_kind(document)}")
+    return _of_columns(document, path)
+
+
+def read_json_lines(path: Path) -> pd.DataFrame:
+    """A table of a .jsonl file: one record a line; empty lines are skipped.
+
+    Raises:
+        LogError: A line that is not a JSON mapping: names the line.
+    """
+    lines = enumerate(_text(path).splitlines(), start=1)
+    return _of_records([_parsed(line, path, number) for number, line in lines if line.strip()], path)
+
+
+def _text(path: Path) -> str:
+    content = path.read_bytes()
+    content = gzip.decompress(content) if path.name.lower().endswith(".gz") else content
+    return content.decode("utf-8-sig")
+
+
+def _parsed(text: str, path: Path, line: int | None = None) -> Any:
+    def mapping(pairs: Sequence[tuple[str, Any]]) -> dict[str, Any]:
+        found = dict(pairs)
+        if len(found) < len(pairs):
+            names = [name for name, _ in pairs]
+            twice = next(name for name in names if names.count(name) > 1)
+            raise LogError(
+                f"{path}: {twice!r} stands more than once in one mapping; give each column a name of its own"
+            )
+        return found
+
+    try:
+        return json.loads(text, object_pairs_hook=mapping) if text.strip() else []
+    except json.JSONDecodeError as error:
+        where = f"line {line or error.lineno}, column {error.colno}"
+        raise LogError(f"{path}: not valid JSON at {where}: {error.msg}; write the file anew") from None
+    except RecursionError:
+        raise LogError(f"{path}: expected {FORMS}; got mappings or lists inside each other without end") from None
+
+
+def _records_inside(document: object) -> list[Any] | None:
+    """The only list of records in a mapping; None where there is none or there are several."""
+    if not isinstance(document, dict):
+        return None
+    lists = [value for value in document.values() if isinstance(value, list)]
+    return lists[0] if len(lists) == 1 and lists[0] and isinstance(lists[0][0], dict) else None
+
+
+def _of_records(records: Sequence[Any], path: Path) -> pd.DataFrame:
+    rows = []
+    for number, record in enumerate(records, start=1):
+        if not isinstance(record, dict):
+            raise LogError(f"{path}: row {number} is {_kind(record)}; expected a mapping {{name: value}} a sample")
+        rows.append(dict(_values("", record)))
+    return pd.DataFrame.from_records(rows)
+
+
+def _values(prefix: str, value: Any) -> Iterator[tuple[str, Any]]:
+    """(name, value) of the plain values in one sample."""
+    if isinstance(value, dict):
+        for name, inner in value.items():
+            yield from _values(f"{prefix}/{name}" if prefix else name, inner)
+    elif isinstance(value, list):
+        for number, inner in enumerate(value):
+            yield from _values(f"{prefix}_{number}", inner)
+    else:
+        yield prefix, value
+
+
+def _of_columns(document: Mapping[str, Any], path: Path) -> pd.DataFrame:
+    columns: dict[str, list[Any]] = {}
+    for name, values in _lists("", document):
+        if not any(isinstance(value, list | dict) for value in values):
+            columns[name] = values
+            continue
+        width = len(values[0]) if isinstance(values[0], list) else 0
+        for row, value in enumerate(values, start=1):
+            if isinstance(value, dict) or (len(value) if isinstance(value, list) else 0) != width:
+                wanted = f"{width} values as in row 1" if width else "one value, or a list of values in every row"
+                raise LogError(f"{path}: column {name!r}: row {row} holds {_kind(value)}; expected {wanted}")
+        columns |= {f"{name}_{number}": [value[number] for value in values] for number in range(width)}
+    if not columns and document:
+        raise LogError(f"{path}: expected {FORMS}; got a mapping without a list: {', '.join(list(document)[:5])}")
+    return pd.DataFrame(_one_length(columns, path))
+
+
+def _lists(prefix: str, value: Any) -> Iterator[tuple[str, list[Any]]]:
+    """(name, samples) of the lists in nested mappings; single values are left out."""
+    if isinstance(value, dict):
+        for name, inner in value.items():
+            yield from _lists(f"{prefix}/{name}" if prefix else name, inner)
+    elif isinstance(value, list):
+        yield prefix, value
+
+
+def _one_length(columns: dict[str, list[Any]], path: Path) -> dict[str, list[Any]]:
+    lengths = {name: len(values) for name, values in columns.items()}
+    rows = lengths.get("time", max(lengths.values(), default=0))
+    for name, count in lengths.items():
+        if count != rows:
+            raise LogError(
+                f"{path}: column {name!r} has {count} rows where the others have {rows}; save one row a sample"
+            )
+    return columns
+
+
+def _kind(value: object) -> str:
+    """A value as messages name it."""
+    if isinstance(value, list):
+        return f"a list of {len(value)} values"
+    return "a mapping" if isinstance(value, dict) else f"the value {json.dumps(value)[:40]}"

@@ -1,0 +1,116 @@
+"""JSON logs in each form give the same table as CSV; what cannot be read is refused with the place."""
+
+import gzip
+import json
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from drake_tc.errors import LogError
+from drake_tc.logs.prepare import load_run
+from drake_tc.logs.readers import read_table, run_name
+
+from .conftest import bench, servo_rig, write
+
+TIME = [0.0, 0.01, 0.02]
+POSITION = [0.1, 0.25, 0.3]
+
+
+def _write(path, document):
+    path.write_text(document if isinstance(document, str) else json.dumps(document))
+    return path
+
+
+FORMS = {
+    "columns": {"time": TIME, "knee/position": POSITION, "rate": 100.0, "name": "run"},
+    "nested columns": {"time": TIME, "knee": {"position": POSITION}},
+    "records": [{"time": t, "knee/position": q} for t, q in zip(TIME, POSITION, strict=True)],
+    "nested records": [{"time": t, "knee": {"position": q}} for t, q in zip(TIME, POSITION, strict=True)],
+    "records under a key": {
+        "mass": 0.5,
+        "entries": [{"time": t, "knee/position": q} for t, q in zip(TIME, POSITION, strict=True)],
+    },
+}
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_every_form_gives_the_same_columns(tmp_path, form):
+    table = read_table(_write(tmp_path / "run.json", FORMS[form]))
+    assert list(table.columns) == ["time", "knee/position"]
+    assert_allclose(table["time"], TIME, rtol=0)
+    assert_allclose(table["knee/position"], POSITION, rtol=0)
+
+
+def test_one_record_a_line_and_compressed(tmp_path):
+    lines = "\n".join(json.dumps(record) for record in FORMS["records"])
+    _write(tmp_path / "run.jsonl", lines + "\n\n")
+    (tmp_path / "run.json.gz").write_bytes(gzip.compress(json.dumps(FORMS["columns"]).encode()))
+    for name in ("run.jsonl", "run.json.gz"):
+        assert_allclose(read_table(tmp_path / name)["knee/position"], POSITION, rtol=0)
+        assert run_name(tmp_path / name) == "run"
+
+
+def test_vectors_become_numbered_columns_in_both_forms(tmp_path):
+    columns = read_table(_write(tmp_path / "a.json", {"time": [0, 1], "q": [[1, 2], [3, 4]]}))
+    records = read_table(_write(tmp_path / "b.json", [{"time": 0, "q": [1, 2]}, {"time": 1, "q": [3, 4]}]))
+    for table in (columns, records):
+        assert_allclose(table[["q_0", "q_1"]].to_numpy(float), [[1, 2], [3, 4]], rtol=0)
+
+
+def test_null_and_absent_values_are_missing(tmp_path):
+    table = read_table(_write(tmp_path / "run.json", [{"time": 0, "q": 1.5}, {"time": 1}, {"time": 2, "q": None}]))
+    assert_allclose(table["q"], [1.5, np.nan, np.nan])
+
+
+def test_a_run_from_json_is_the_run_from_csv(tmp_path):
+    table = bench(2.0)
+    records = table.to_dict(orient="records")
+    csv = load_run(write(table, tmp_path / "run.csv"), servo_rig())
+    json_run = load_run(_write(tmp_path / "run.json", records), servo_rig())
+    assert set(csv.columns) == set(json_run.columns)
+    for name, values in csv.columns.items():  # both print the shortest decimal that is the same double
+        assert_allclose(json_run.columns[name], values, rtol=1e-15, atol=1e-15)
+
+
+def _refusal(path) -> str:
+    with pytest.raises(LogError) as caught:
+        read_table(path)
+    message = str(caught.value)
+    assert message.startswith(str(path)) and "\n" not in message
+    return message
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "said"),
+    [
+        ("cut.json", '{"time": [0, 1],\n "q": [1, ', "not valid JSON at line 2, column 11"),
+        ("cut.jsonl", '{"time": 0}\n{"time": 1', "not valid JSON at line 2"),
+        ("text.json", '"hello"', "expected a mapping of columns {name: [values]}, or a list of records"),
+        ("scalars.json", '{"mass": 1, "length": 2}', "got a mapping without a list: mass, length"),
+        ("numbers.json", "[1, 2, 3]", "row 1 is the value 1; expected a mapping"),
+        ("odd.json", '[{"time": 0}, [1, 2]]', "row 2 is a list of 2 values"),
+        ("short.json", '{"time": [0, 1, 2], "q": [1, 2]}', "column 'q' has 2 rows where the others have 3"),
+        ("ragged.json", '{"time": [0, 1], "q": [[1, 2], [3]]}', "column 'q': row 2 holds a list of 1 values"),
+        ("mixed.json", '{"time": [0, 1], "q": [1, {"a": 2}]}', "column 'q': row 2 holds a mapping; expected one value"),
+        ("twice.json", '{"time": [0, 1], "q": [1, 2], "q": [3, 4]}', "'q' stands more than once in one mapping"),
+        ("empty.json", "", "no rows"),
+        ("none.json", "[]", "no rows"),
+        ("bytes.json.gz", "not gzip", "cannot be read as .json.gz"),
+    ],
+)
+def test_refusals_name_the_place(tmp_path, name, text, said):
+    assert said in _refusal(_write(tmp_path / name, text))
+
+
+def test_a_text_in_a_column_names_its_row(tmp_path):
+    records = bench(1.0).to_dict(orient="records")
+    records[6]["joint/torque"] = "overload"
+    with pytest.raises(LogError, match=r"'joint/torque'.*row 7 holds 'overload'"):
+        load_run(_write(tmp_path / "run.json", records), servo_rig())
+
+
+def test_a_missing_column_lists_near_matches(tmp_path):
+    table = bench(1.0).rename(columns={"joint/torque": "joint/torqe"})
+    with pytest.raises(LogError, match="near matches: 'joint/torqe'"):
+        load_run(_write(tmp_path / "run.json", table.to_dict(orient="list")), servo_rig())
