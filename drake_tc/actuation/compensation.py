@@ -61,7 +61,7 @@ def _signals(tau_d: FloatArray, motion: Motion) -> Signals:
 
 
 def feedforward_effort(model: ActuatorModel, tau_d: FloatArray, motion: Motion) -> FloatArray:
-    """Effort (T,) [rad | A | V] for the link torque `tau_d` (T,) [N m]; a servo's command is q plus this.
+    """Effort (T,) [rad | A | V | N m] for the link torque `tau_d` (T,) [N m]; a servo's command is q plus this.
 
     Args:
         model: The joint's actuator.

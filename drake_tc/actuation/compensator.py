@@ -120,8 +120,8 @@ class Compensator:
         Args:
             models: One a joint, in the order of every array.
             direction_speed: v_s [rad/s]; where no direction is given it is tanh(v/v_s), for 0 the sign of v.
-            smoothing: delta, one for all joints or (n,) [rad | A | V], in each drive's own effort. The inverse of a
-                dead zone of half width w jumps by 2 w at zero effort, and so does the lead over a backlash; within
+            smoothing: delta, one for all joints or (n,) [rad | A | V | N m], in each drive's own effort. The inverse of
+                a dead zone of half width w jumps by 2 w at zero effort, and so does the lead over a backlash; within
                 +/- delta the jump becomes a straight line, y + w clip(y/delta, -1, 1). A feedback loop around zero
                 effort then sees the gain 1 + w/delta rather than an infinite one, and does not chatter. The wanted
                 torque is missed by at most w/K, within delta only. 0: the exact inverse.
@@ -172,7 +172,7 @@ class Compensator:
         acceleration: FloatArray | None = None,
         temperature: FloatArray | None = None,
     ) -> FloatArray:
-        """Effort (n,) [rad | A | V] for the link torques `tau`; a servo's command is q plus this.
+        """Effort (n,) [rad | A | V | N m] for the link torques `tau`; a servo's command is q plus this.
 
         Args:
             tau: Wanted torques on the link side (n,) [N m].

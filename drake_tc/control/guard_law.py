@@ -9,7 +9,7 @@ from drake_tc.errors import ParamsError
 from drake_tc.types import BoolArray, FloatArray
 
 LARGEST = 1e6
-"""Commands and positions that sum to more than this [rad | A | V] count as not finite."""
+"""Commands and positions that sum to more than this [rad | A | V | N m] count as not finite."""
 UNTRUSTED = 1.5
 """From here on `fault` says that the positions are wrong, finite as they may be."""
 
@@ -28,7 +28,8 @@ class GuardSpec:
     """Limits and times of the guard.
 
     Attributes:
-        offset_limit: |q_d - q| of a position servo, |y| of other drives; one number or one a joint, > 0 [rad | A | V].
+        offset_limit: |q_d - q| of a position servo, |y| of other drives; one number or one a joint, > 0
+            [rad | A | V | N m].
         rate_limit: Of the command, likewise, > 0 [1/s]. At least what the joint itself can do, or the command cannot
             follow a joint that is pushed.
         start_time: From the position at the first tick to the incoming command [s].

@@ -116,7 +116,7 @@ class TorqueControl(LeafSystem):
         reference (3n): [q_d; qdot_d; qddot_d]; only where the compensation takes its motion from there.
         disturbance (n): d, torque that the drives lose beyond their models [N m]; only with `disturbance=True`.
     Outputs, with direct feedthrough of every input:
-        command (n) [rad | A | V].
+        command (n) [rad | A | V | N m].
         components (6n): rows of n, named in COMPONENTS, in effort. With K the drive gains and tau_ff the first row of
             `torque_terms`:  K tau_ff;  y - K (tau* - d);  K6 e;  K7 edot;  the rest of the torque feedback, K8 eddot
             when estimate and inverse dynamics share one model;  K9 e_f.

@@ -17,6 +17,7 @@ from drake_tc.diagnosis.residual.band import shared_band
 from drake_tc.diagnosis.residual.verdict import compared, noise_floor, verdict_of, what_is_left
 from drake_tc.diagnosis.result.break_away_note import sticking
 from drake_tc.diagnosis.result.consistency import consistency
+from drake_tc.diagnosis.result.drive_notes import drive_notes
 from drake_tc.diagnosis.result.experiments import next_experiment
 from drake_tc.diagnosis.result.joint_result import Errors, JointResult
 from drake_tc.diagnosis.result.outcome import found_effects, rejected_effects, stabilities
@@ -147,7 +148,8 @@ def diagnose_joint(
     unexplained, floor, notes = what_is_left(splits, chosen, floor, context, options)
     effects = found_effects(columns, held, chosen, known, context, stability)
     kept = {e.id for e in effects}
-    load_notes = load_scale(rig, joint).notes
+    final_parameters = estimates(columns, chosen, context.drive)
+    load_notes = (*load_scale(rig, joint).notes, *drive_notes(rig, joint, final_parameters, chosen.gain))
     ties = tuple(pair for pair in ties if pair[0] in kept)
     return JointResult(
         joint=joint,
@@ -156,7 +158,7 @@ def diagnose_joint(
         baseline=found.baseline,
         final=chosen,
         baseline_parameters=estimates(columns, found.baseline, context.drive),
-        final_parameters=estimates(columns, chosen, context.drive),
+        final_parameters=final_parameters,
         noise_floor=floor,
         before=Errors(_rms(splits[0].before), _rms(splits[1].before), None),
         after=Errors(_rms(splits[0].after), _rms(splits[1].after), None),

@@ -7,9 +7,9 @@ from typing import Literal
 
 from drake_tc.effects.parameter import Scale
 
-DriveKind = Literal["position_servo", "current", "voltage"]
+DriveKind = Literal["position_servo", "current", "voltage", "torque"]
 LoadKind = Literal["torque", "pendulum", "robot", "links", "unknown"]
-EFFORT_UNIT: Mapping[str, str] = {"position_servo": "rad", "current": "A", "voltage": "V"}
+EFFORT_UNIT: Mapping[str, str] = {"position_servo": "rad", "current": "A", "voltage": "V", "torque": "N*m"}
 
 
 @dataclass(frozen=True)
@@ -51,6 +51,11 @@ class Context:
     supply_change: float = 0.0
     temperature_span: tuple[float, float] = (math.nan, math.nan)
     fitted: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def imposes_current(self) -> bool:
+        """Whether the drive controls its current, so that neither the supply nor the winding changes the torque."""
+        return self.drive in ("current", "torque")
 
     @property
     def taken_up(self) -> str:

@@ -45,7 +45,7 @@ class SupplyLimit(DriveEffect):
 
     def obstacle(self, context: Context) -> str:
         """Needs a recorded supply."""
-        if context.drive == "current":
+        if context.imposes_current:
             return "the limit of a current drive is its current, which `saturation` names"
         return super().obstacle(context)
 

@@ -53,7 +53,7 @@ class SupplySag(DriveEffect):
 
     def obstacle(self, context: Context) -> str:
         """Needs a supply voltage that changes, and a drive that does not impose its current."""
-        if context.drive == "current":
+        if context.imposes_current:
             return "a current drive does not feel the supply until it saturates"
         missing = super().obstacle(context)
         if missing:

@@ -50,7 +50,7 @@ class WindingHeat(DriveEffect):
 
     def obstacle(self, context: Context) -> str:
         """A current drive imposes its current whatever the resistance."""
-        return "a current drive does not feel the resistance" if context.drive == "current" else ""
+        return "a current drive does not feel the resistance" if context.imposes_current else ""
 
     def shape_grid(self, context: Context) -> list[dict[str, float]]:
         """Efforts around the largest, time constants of seconds."""

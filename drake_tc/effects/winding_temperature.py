@@ -57,7 +57,7 @@ class WindingTemperature(DriveEffect):
 
     def obstacle(self, context: Context) -> str:
         """Needs a drive that imposes a voltage, and a temperature that changes."""
-        if context.drive == "current":
+        if context.imposes_current:
             return "a current drive does not feel the resistance"
         low, high = context.temperature_span
         if high - low < LEAST_RISE:

@@ -99,8 +99,8 @@ class DisturbanceObserver(LeafSystem):
     Inputs:
         position (n): q as the encoders read it now [rad].
         commanded_torque (n): u of `TorqueControl` [N m], J_m qddot_d of the rotor inertia in the drives' models apart.
-        command (n), sent_command (n): what TorqueControl asked for, what left the guard [rad | A | V]; the difference
-            over K goes to u.
+        command (n), sent_command (n): what TorqueControl asked for, what left the guard [rad | A | V | N m]; the
+            difference over K goes to u.
         feedforward_torque (n): tau_ff of InverseDynamics [N m].
         reference (3n): [q_d; qdot_d; qddot_d].
         delayed_reference (2n): F [tau_ff; qddot_d].

@@ -14,6 +14,7 @@ from drake_tc.errors import RigError
 from drake_tc.logs.loads import Load, Pendulum, RobotLoad, UnknownLoad
 from drake_tc.logs.rig_document.declared import Declared, declared_of
 from drake_tc.logs.rig_document.document import DriveKind, RigDocument, by_joint
+from drake_tc.logs.rig_document.drive_scale import declared_gains
 from drake_tc.logs.rig_document.errors import HINT, read_document
 from drake_tc.logs.rig_document.loads import load_of
 from drake_tc.logs.rig_document.sensors import SensorsKeys, sensors_entry
@@ -31,6 +32,7 @@ COMMAND_COLUMN: Mapping[DriveKind, str] = {
     "position_servo": "position_command",
     "current": "current",
     "voltage": "voltage",
+    "torque": "torque_command",
 }
 """Kind of drive to the last part of the column with its command."""
 
@@ -53,8 +55,9 @@ class Rig:
         columns: Canonical column name to the name in the log file, where they differ.
         units: Canonical name or suffix to a unit or scale factor, where not SI.
         enabled: Name in the log of the column that is 0 while the drive is off, or None.
-        saturation: Known effort limit by joint [rad | A | V], where known.
+        saturation: Known effort limit by joint [rad | A | V | N m], where known.
         drive_gain: Declared gain K_0 by joint [effort/(N m)], where it is declared.
+        derivative_gain: Declared damping of a position servo by joint [N m s/rad], where it is declared.
         source: The file it came from, or None.
         robot: The robot file whose model gives the loads, or None.
         sensors: Declared noise by joint; see `joint_sensors`.
@@ -71,6 +74,7 @@ class Rig:
     enabled: str | None = None
     saturation: Mapping[str, float] = field(default_factory=_empty)
     drive_gain: Mapping[str, float] = field(default_factory=_empty)
+    derivative_gain: Mapping[str, float] = field(default_factory=_empty)
     source: Path | None = None
     robot: Path | None = None
     sensors: Mapping[str, JointSensors] = field(default_factory=_empty)
@@ -92,7 +96,7 @@ class Rig:
         return found if isinstance(found, ImuTolerance) else IMU_PARTS["typical"]
 
     def command_column(self, joint: str) -> str:
-        """Canonical name of the drive's command: `<joint>/position_command`, `/current` or `/voltage`."""
+        """Canonical name of the drive's command, e.g. `<joint>/position_command`; see `COMMAND_COLUMN`."""
         return f"{joint}/{COMMAND_COLUMN[self.drive[joint]]}"
 
     def required_columns(self, joint: str) -> tuple[str, ...]:
@@ -124,7 +128,10 @@ def parse_rig(document: object, source: Path | str = "rig") -> Rig:
     if robot is not None and entries.get("load") is None:
         entries["load"] = {"robot": "estimate"}
     read = read_document(name, entries)
-    rig = _rig_of(read, robot, source if isinstance(source, Path) else None)
+    try:
+        rig = _rig_of(read, robot, source if isinstance(source, Path) else None)
+    except ValueError as error:
+        raise RigError(f"{name}: {error}") from None
     check_robot_load(name, rig.load, robot)
     check_sensors(name, rig.tolerances, rig.robot_sensors, robot)
     return rig
@@ -140,7 +147,7 @@ def _with_text_keys(value: object) -> Any:
 def _rig_of(read: RigDocument, robot: Path | None, source: Path | None) -> Rig:
     joints = read.joint_names
     sensors = read.sensors or SensorsKeys()
-    positive = {key: by_joint(getattr(read, key), joints) for key in ("saturation", "drive_gain")}
+    gains, derivative_gains = declared_gains(read)
     return Rig(
         joints=joints,
         drive=by_joint(read.drive, joints),
@@ -154,7 +161,9 @@ def _rig_of(read: RigDocument, robot: Path | None, source: Path | None) -> Rig:
         sensors={joint: sensors.noise_of(joint) for joint in joints},
         tolerances=sensors.tolerances(),
         robot_sensors=robot_sensors(robot),
-        **{key: {j: v for j, v in values.items() if v is not None} for key, values in positive.items()},
+        saturation={joint: limit for joint, limit in by_joint(read.saturation, joints).items() if limit is not None},
+        drive_gain=gains,
+        derivative_gain=derivative_gains,
     )
 
 
@@ -218,7 +227,9 @@ def rig_document(rig: Rig) -> dict[str, Any]:
     if any(declared.values()):
         document["declared"] = _one_or_each(declared)
     document |= {
-        key: dict(getattr(rig, key)) for key in ("columns", "units", "saturation", "drive_gain") if getattr(rig, key)
+        key: dict(getattr(rig, key))
+        for key in ("columns", "units", "saturation", "drive_gain", "derivative_gain")
+        if getattr(rig, key)
     }
     if rig.enabled is not None:
         document["enabled"] = rig.enabled

@@ -51,6 +51,7 @@ JOINT_SUFFIXES: Mapping[str, Mapping[str, float]] = {
     "current": _CURRENT,
     "voltage": _VOLTAGE,
     "torque": _TORQUE,
+    "torque_command": _TORQUE,
     "temperature": _TEMPERATURE,
     "supply_voltage": _VOLTAGE,
 }
@@ -72,6 +73,7 @@ COLUMN_MEANING: Mapping[str, str] = {
     "velocity": "Joint velocity.",
     "current": "Motor current (the command of a current drive).",
     "voltage": "Motor voltage (the command of a voltage drive).",
+    "torque_command": "Torque that a torque drive is asked for (its command), on the link's side of the gear.",
     "torque": "Torque on the link's side of the gear, measured or estimated.",
     "temperature": "Temperature of the motor or the gear.",
     "supply_voltage": "Voltage that feeds the drive.",

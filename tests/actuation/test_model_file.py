@@ -50,7 +50,7 @@ def test_round_trip_of_every_effect(tmp_path):
         ("viscous: 31.0,", "viscous: .nan,", ["knee", "wanted a finite number", "N*m*s/rad"]),
         ("viscous: 31.0,", "viscous: much,", ["knee", "wanted a number", "much"]),
         ("viscous: 31.0, ", "", ["knee", "missing parameter 'viscous'"]),
-        ("position_servo", "hydraulic", ["knee", "position_servo, current, voltage", "hydraulic"]),
+        ("position_servo", "hydraulic", ["knee", "position_servo, current, voltage, torque", "hydraulic"]),
         ("gain: 1.6e-4", "gain: 0", ["knee", "drive.gain", "positive"]),
         ("gain: 1.6e-4", "gian: 1", ["knee", "unknown key 'gian'", "gain, kind"]),
         ("    drive:", "    drvie:", ["knee", "unknown key 'drvie'", "drive"]),

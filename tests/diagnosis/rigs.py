@@ -14,7 +14,7 @@ from drake_tc.effects.library import effect
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig, parse_rig
 
-COMMAND = {"position_servo": "position_command", "current": "current", "voltage": "voltage"}
+COMMAND = {"position_servo": "position_command", "current": "current", "voltage": "voltage", "torque": "torque_command"}
 WAVES = ((0.13, 0.5, 0.0), (0.41, 0.35, 1.1), (0.83, 0.15, 2.3))
 """(frequency [Hz], amplitude [rad], phase) of the motion."""
 

@@ -84,7 +84,7 @@ def test_simulate_then_identify_back_by_plain_least_squares(name):
     assert_allclose(theta, truth, rtol=0.02, atol=0.01)
 
 
-@pytest.mark.parametrize("kind", ["position_servo", "current", "voltage"])
+@pytest.mark.parametrize("kind", ["position_servo", "current", "voltage", "torque"])
 @pytest.mark.parametrize("load", ["torque", "pendulum"])
 def test_free_run_with_the_true_model_repeats_the_record(kind, load):
     model = ActuatorModel("joint", Drive(kind, 0.01 if kind == "position_servo" else GAIN), BASE)

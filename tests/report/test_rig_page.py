@@ -53,11 +53,20 @@ def test_every_key_has_a_row_with_meaning_and_example(model):
         assert re.search(row, rig_page()), name
 
 
+TOGETHER = {
+    "torque_constant": {"gear_ratio": 50.0},
+    "gear_ratio": {"torque_constant": 0.1},
+    "proportional_gain": {"drive": "position_servo"},
+    "derivative_gain": {"drive": "position_servo", "proportional_gain": 20.0},
+}
+"""Keys without which another one says nothing."""
+
+
 @pytest.mark.parametrize("name", sorted(set(keys_of(RigDocument)) - {"robot"}))  # that one names a file
 def test_the_example_of_every_key_is_accepted(name):
     (value,) = RigDocument.model_fields[name].examples
     base = {"drive": "current"} if name in ("joint", "joints") else BASE
-    assert parse_rig({**base, name: value}).joints
+    assert parse_rig({**base, **TOGETHER.get(name, {}), name: value}).joints
 
 
 @pytest.mark.parametrize(("model", "owner"), [(JointNoise, None), (ForceTorqueKeys, "ft_foot"), (ImuKeys, "imu_trunk")])
@@ -131,9 +140,9 @@ BAD = (
 
 def test_the_schema_is_one():
     Draft202012Validator.check_schema(rig_schema())
-    text = json.dumps(rig_schema())
+    text = json.dumps(rig_schema(), ensure_ascii=False)
     assert "@" not in text and '"absent"' not in text and '"expected"' not in text
-    assert "Unit: rad, A or V. Default: not known." in text
+    assert "Unit: rad, A, V or N·m. Default: not known." in text
 
 
 @pytest.mark.parametrize("document", GOOD)

@@ -1,7 +1,8 @@
 """What fixes the scale of the torques of a joint whose load is unknown.
 
 Without a load torque the balance  y*/K = J qddot + G(q) + friction  holds for every drive gain K: all torques scale
-with 1/K. A declared drive gain fixes the scale. A declared rotor inertia fixes it for a load that has no inertia of
+with 1/K. A declared drive gain fixes the scale, and so does
+a drive that is commanded in N m. A declared rotor inertia fixes it for a load that has no inertia of
 its own, which is a smooth function of the position: J qddot is then a known torque. An unknown pendulum's inertia adds
 to J, so J fixes nothing. Where nothing fixes the scale, K is set to 1 effort/(N m) and torques are told as effort.
 """
@@ -40,6 +41,9 @@ def load_scale(rig: Rig, joint: str) -> LoadScale:
         return LoadScale(declared, inertia)
     if declared is not None:
         return LoadScale(declared, inertia, fitted_inertia=True)
+    if rig.drive[joint] == "torque":
+        note = "The load is unknown, so the drive is taken to give the torque that it is asked for (drive_gain: 1)."
+        return LoadScale(1.0, inertia, fitted_inertia=True, notes=(note,))
     if form == "smooth" and inertia > 0.0:
         note = (
             f"The load is unknown; the declared rotor inertia of {inertia:.4g} kg m^2 fixes the scale of the torques, "

@@ -29,7 +29,7 @@ class Resolution:
         torque_noise: The same of the torque [N m].
         velocity_noise: Of the filtered velocity [rad/s].
         torque_correlation_time: Declared correlation time of the torque noise [s]; 0 for white noise.
-        effort_step: Step of the recorded command [rad | A | V]; 0 where it lies on no grid.
+        effort_step: Step of the recorded command [rad | A | V | N m]; 0 where it lies on no grid.
         effort_noise: White noise of one sample of it, for a load that is told by the effort alone; else 0.
     """
 

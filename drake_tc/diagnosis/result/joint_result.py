@@ -113,7 +113,8 @@ class JointResult:
     """One joint's diagnosis.
 
     `plausible` has the possible range of each parameter of the final model, by effect key and name. `load_notes` say
-    what an unknown load means for this result; they are among the `notes` too.
+    what an unknown load, and the drive's declared scale and damping, mean for this result; they are among the `notes`
+    too.
     """
 
     joint: str

@@ -12,7 +12,7 @@ from drake_tc.logs.rig_document.keys import ByJoint, Keys, OneOrByJoint, Positiv
 from drake_tc.logs.rig_document.loads import LoadEntry
 from drake_tc.logs.rig_document.sensors import SensorsKeys, sorted_by_owner
 
-DriveKind: TypeAlias = Literal["position_servo", "current", "voltage"]
+DriveKind: TypeAlias = Literal["position_servo", "current", "voltage", "torque"]
 Drive = Annotated[DriveKind, one_of(get_args(DriveKind))]
 JointName = Annotated[str, Field(pattern=r"\S"), saying("a name (text)")]
 FileName = Annotated[str, Field(min_length=1), saying("the name of a robot file (YAML)")]
@@ -38,7 +38,8 @@ class RigDocument(Keys):
     )
     drive: OneOrByJoint[Drive] = key(
         "What the drive is commanded with. This decides which column is the command, and the unit of the effort: "
-        "`position_servo` (`position_command`, rad), `current` (`current`, A) or `voltage` (`voltage`, V).",
+        "`position_servo` (`position_command`, rad), `current` (`current`, A), `voltage` (`voltage`, V) or `torque` "
+        "(`torque_command`, N·m).",
         example="position_servo",
         default=...,
         expected=f"one of {', '.join(get_args(DriveKind))}",
@@ -71,14 +72,42 @@ class RigDocument(Keys):
         absent="a column `enabled` or `<joint>/enabled` of the log, where there is one",
     )
     saturation: OneOrByJoint[PositiveNumber] | None = key(
-        "Known limit of the drive's effort.", unit="rad, A or V", example=12.0, absent="not known"
+        "Known limit of the drive's effort.", unit="rad, A, V or N·m", example=12.0, absent="not known"
     )
     drive_gain: OneOrByJoint[PositiveNumber] | None = key(
         "Gain of the drive as the maker states it: the effort for 1 N·m. A gain that the logs contradict is reported "
         "as the effect `servo_gain`.",
-        unit="rad, A or V for 1 N·m",
+        unit="rad, A, V or N·m for 1 N·m",
         example=0.08,
+        absent="identified from the logs; 1 is expected of a torque drive",
+    )
+    torque_constant: OneOrByJoint[PositiveNumber] | None = key(
+        "Torque constant of the motor of a current drive, before the gear; with `gear_ratio` an alternative to "
+        "`drive_gain`, which is then 1/(torque_constant · gear_ratio). Losses of the gear are not part of it.",
+        unit="N·m/A",
+        example=0.07,
         absent="identified from the logs",
+    )
+    gear_ratio: OneOrByJoint[PositiveNumber] | None = key(
+        "Turns of the motor for one turn of the joint; only with `torque_constant`.",
+        unit="–",
+        example=100.0,
+        absent="required with `torque_constant`",
+    )
+    proportional_gain: OneOrByJoint[PositiveNumber] | None = key(
+        "Gain of a position servo from its position error to the joint's torque; an alternative to `drive_gain`, which "
+        "is then 1/proportional_gain.",
+        unit="N·m/rad",
+        example=20.0,
+        absent="identified from the logs",
+    )
+    derivative_gain: OneOrByJoint[PositiveNumber] | None = key(
+        "Damping of a position servo whose torque is proportional_gain · (command − position) − derivative_gain · "
+        "velocity. Its damping is a part of the viscous friction that is identified; the report tells the joint's own "
+        "part.",
+        unit="N·m·s/rad",
+        example=1.5,
+        absent="not known; the viscous friction holds it",
     )
     sensors: SensorsKeys | None = key(
         "Noise of the joints' channels, and tolerances of the robot's F/T sensors and IMUs.",
@@ -111,7 +140,10 @@ class RigDocument(Keys):
             raise ValueError(f"a name stands twice in {names!r}")
         return names
 
-    @field_validator("drive", "saturation", "drive_gain", mode="before")
+    @field_validator(
+        *("drive", "saturation", "drive_gain", "torque_constant", "gear_ratio", "proportional_gain", "derivative_gain"),
+        mode="before",
+    )
     @classmethod
     def _by_joint(cls, value: object, info: ValidationInfo) -> object:
         if not isinstance(value, Mapping):

@@ -1,0 +1,52 @@
+"""Sentences on the drive that the rig file describes: a servo's own damping, and a torque drive's scale."""
+
+from collections.abc import Mapping
+
+from drake_tc.diagnosis.problem.estimates import Estimate
+from drake_tc.logs.rig import Rig
+
+NEAR_ONE = 0.02
+"""Departure of a torque drive's gain from 1 that is not worth a sentence."""
+
+Parameters = Mapping[str, Mapping[str, Estimate]]
+
+
+def drive_notes(rig: Rig, joint: str, found: Parameters, fitted_gain: float) -> tuple[str, ...]:
+    """What the fitted drive gain and viscous friction say of the drive.
+
+    Args:
+        rig: Says the drive's kind and its declared gains.
+        joint: Which joint.
+        found: Parameters of the final model, by effect.
+        fitted_gain: K of the final fit [effort/(N m)], an error of the declared gain included.
+    """
+    if rig.drive[joint] == "torque" and joint not in rig.drive_gain:
+        return _torque_scale(found["drive"]["gain"])
+    damping = rig.derivative_gain.get(joint)
+    if damping is None:
+        return ()
+    return (_own_friction(found["viscous"]["viscous"], rig.drive_gain[joint] * damping / fitted_gain),)
+
+
+def _torque_scale(gain: Estimate) -> tuple[str, ...]:
+    low, high = gain.ci95
+    if low <= 1.0 <= high or abs(gain.value - 1.0) < NEAR_ONE:
+        return ()
+    return (
+        f"The drive is asked for {gain.value:.3g} N*m for 1 N*m that arrives (95 % interval {low:.3g} to {high:.3g}); "
+        "1 is expected of a drive that is commanded in N*m. Declare drive_gain: 1 to have it tested as an effect.",
+    )
+
+
+def _own_friction(total: Estimate, servo: float) -> str:
+    """The viscous friction without the servo's damping [N m s/rad],  K_0 derivative_gain/K.
+
+    The servo multiplies q_d - q - K_0 derivative_gain qdot by one gain 1/K, so a drive that is stronger than declared
+    damps more too.
+    """
+    begin = (
+        f"The identified viscous friction of {total.value:.3g} N*m*s/rad contains the servo's damping of {servo:.3g}"
+    )
+    if total.ci95[1] < servo:
+        return f"{begin}, which is larger: the derivative gain or the velocity that the servo uses is another one."
+    return f"{begin}; {total.value - servo:.3g} N*m*s/rad are the joint's own."
