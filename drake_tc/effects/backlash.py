@@ -30,6 +30,7 @@ class Backlash(TransmissionEffect):
     title = "backlash of the gear"
     equation = "q_motor = q + backlash / 2 * sign(tau)"
     kind = "transmission"
+    depends_on_position = True
     coefficients = (Parameter("backlash", "rad", 0.0, 0.5, description="whole gap b", plausible=BACKLASH_RANGE),)
     signature = Signature(x="load_torque", split="", look_for="a step where the load torque changes its sign")
 

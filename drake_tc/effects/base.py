@@ -58,8 +58,8 @@ class Signals:
         expected_torque: tau as the model so far expects it from effort and motion [N m]; free of sensor noise.
         slow_torque: tau low-passed three times as hard [N m], for effects that differentiate it: the sensor's noise,
             differentiated, would explain itself. The same as `load_torque` where nothing was filtered.
-        effort: y, what the drive was asked for [rad | A | V].
-        command: The recorded command itself: q_d [rad], i [A] or V [V].
+        effort: y, what the drive was asked for [rad | A | V | N m].
+        command: The recorded command itself: q_d [rad], i [A], V [V] or tau_d [N m].
         direction: sign of the last resolved motion, in [-1, 1]; between them while it turns over.
         travel: distance moved since the last reversal [rad], >= 0.
         load_slope: d tau / d q of a load that is computed from the position (m g l cos q) [N m/rad], or 0.
@@ -151,6 +151,8 @@ class Effect(ABC):
     Several equations are separated by ";". `tau_add` is the torque that the effect costs between drive and link."""
     signature: ClassVar[Signature]
     needs: ClassVar[frozenset[str]] = frozenset()
+    depends_on_position: ClassVar[bool] = False
+    """Whether the effect depends on where the joint is, and not on how it moves alone."""
     linear: ClassVar[bool] = False
     """Columns are linear (or nearly so) in the signals: what low-passed the signals has low-passed the columns."""
 
@@ -168,6 +170,12 @@ class Effect(ABC):
         """Why this effect cannot be looked for in these logs, in a few words; empty when it can."""
         missing = sorted(self.needs - context.recorded)
         return f"{', '.join(missing)} not recorded" if missing else ""
+
+    def unavailable(self, context: Context) -> str:
+        """`obstacle`, or that the logs have no position although the effect depends on it; empty when neither holds."""
+        if self.depends_on_position and not context.position_recorded:
+            return "the position was not recorded, and its integral from the velocity has no zero"
+        return self.obstacle(context)
 
     def shape_grid(self, context: Context) -> list[dict[str, float]]:
         """Starting points for the shape parameters, coarse but covering; the search refines the best ones."""

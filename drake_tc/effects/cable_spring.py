@@ -34,6 +34,7 @@ class CableSpring(TorqueEffect):
     title = "cable spring"
     equation = "tau_add = spring_stiffness * q + spring_preload"
     kind = "load"
+    depends_on_position = True
     linear = True
     coefficients = (
         Parameter("spring_stiffness", "N*m/rad", plausible=SPRING_STIFFNESS_RANGE),

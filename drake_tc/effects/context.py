@@ -31,6 +31,7 @@ class Context:
         duration: Length of the longest run [s]; infinite where it is not known.
         supply_voltage: Median of the recorded supply voltage [V]; NaN where it was not recorded.
         supply_change: Largest departure of it from its median [V]; 0 where it was not recorded.
+        position_recorded: Whether the position was measured; else it is the integral of the velocity, without a zero.
         temperature_span: (lowest, highest) recorded temperature [deg C]; NaN where it was not recorded.
         fitted: Values of the fitted model that other effects are compared with: `gain` (K [effort/(N m)]),
             `viscous` [N m s/rad] and `coulomb` [N m], those that are known.
@@ -51,6 +52,7 @@ class Context:
     supply_change: float = 0.0
     temperature_span: tuple[float, float] = (math.nan, math.nan)
     fitted: Mapping[str, float] = field(default_factory=dict)
+    position_recorded: bool = True
 
     @property
     def imposes_current(self) -> bool:

@@ -27,6 +27,7 @@ class EncoderEccentricity(SensorEffect):
     title = "encoder eccentricity"
     equation = "q_meas = q + eccentricity_sine * sin(q) + eccentricity_cosine * cos(q)"
     kind = "sensor"
+    depends_on_position = True
     form = "shared"
     coefficients = (
         Parameter("eccentricity_sine", "rad", plausible=DISC_ERROR_RANGE),

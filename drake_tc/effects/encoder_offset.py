@@ -22,6 +22,7 @@ class EncoderOffset(SensorEffect):
     title = "encoder offset"
     equation = "q_meas = q + offset"
     kind = "sensor"
+    depends_on_position = True
     linear = True
     coefficients = (Parameter("offset", "rad", plausible=OFFSET_RANGE),)
     signature = Signature(

@@ -33,6 +33,7 @@ class EncoderRipple(SensorEffect):
     title = "encoder ripple"
     equation = "q_meas = q + ripple_sine * sin(cycles_per_turn * q) + ripple_cosine * cos(cycles_per_turn * q)"
     kind = "sensor"
+    depends_on_position = True
     coefficients = (
         Parameter("ripple_sine", "rad", plausible=WAVE_RANGE),
         Parameter("ripple_cosine", "rad", plausible=WAVE_RANGE),

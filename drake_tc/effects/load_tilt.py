@@ -24,6 +24,7 @@ class LoadTilt(TorqueEffect):
     title = "tilt of the gravity load"
     equation = "tau_add = tilt_moment * cos(q)"
     kind = "load"
+    depends_on_position = True
     linear = True
     coefficients = (Parameter("tilt_moment", "N*m", description="A = -m g l sin z", plausible=TILT_MOMENT_RANGE),)
     signature = Signature(x="position", split="", look_for="a cosine of the angle")

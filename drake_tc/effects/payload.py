@@ -35,6 +35,7 @@ class Payload(TorqueEffect):
     title = "payload"
     equation = "tau_add = payload_moment * sin(q) + payload_inertia * qddot"
     kind = "load"
+    depends_on_position = True
     linear = True
     coefficients: ClassVar[tuple[Parameter, ...]] = (
         Parameter("payload_moment", "N*m", 0.0, description="m g l", plausible=PAYLOAD_MOMENT_RANGE),

@@ -31,6 +31,7 @@ class PositionDependentFriction(TorqueEffect):
         "tau_add = (friction_cosine * cos(cycles_per_turn * q) + friction_sine * sin(cycles_per_turn * q)) * sign(qdot)"
     )
     kind = "friction"
+    depends_on_position = True
     coefficients = (
         Parameter("friction_cosine", "N*m", plausible=WAVE_RANGE),
         Parameter("friction_sine", "N*m", plausible=WAVE_RANGE),

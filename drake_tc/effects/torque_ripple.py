@@ -32,6 +32,7 @@ class TorqueRipple(TorqueEffect):
     title = "torque ripple"
     equation = "tau_add = ripple_cosine * cos(cycles_per_turn * q) + ripple_sine * sin(cycles_per_turn * q)"
     kind = "load"
+    depends_on_position = True
     coefficients = (
         Parameter("ripple_cosine", "N*m", plausible=WAVE_RANGE),
         Parameter("ripple_sine", "N*m", plausible=WAVE_RANGE),

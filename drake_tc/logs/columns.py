@@ -27,6 +27,7 @@ class RawLog:
         enabled: (T,) False where the drive was off.
         notes: What was done so far.
         hints: Those of them that point out a column which seems to be meant and is not used.
+        speed_only: Joints of which the file has the velocity and no position.
     """
 
     path: Path
@@ -36,6 +37,7 @@ class RawLog:
     enabled: BoolArray
     notes: tuple[str, ...] = ()
     hints: tuple[str, ...] = ()
+    speed_only: tuple[str, ...] = ()
 
 
 def file_row(path: Path, index: int) -> str:
@@ -108,6 +110,12 @@ def _candidates(rig: Rig, table: pd.DataFrame) -> dict[str, str]:
     return found
 
 
+def _is_speed_only(joint: str, found: Mapping[str, str], rig: Rig) -> bool:
+    """Whether the velocity stands for the position, which neither the drive nor the load torque may depend on."""
+    free = rig.drive[joint] != "position_servo" and rig.load[joint] == "torque"
+    return free and f"{joint}/position" not in found and f"{joint}/velocity" in found
+
+
 def _enabled(table: pd.DataFrame, rig: Rig, path: Path) -> tuple[BoolArray, list[str]]:
     """Where every drive of the rig is on, by the rig's `enabled` column or the canonical ones, and these columns."""
     wanted = [rig.enabled] if rig.enabled is not None else []
@@ -134,13 +142,17 @@ def map_columns(table: pd.DataFrame, rig: Rig, path: Path) -> RawLog:
     """Canonical columns in SI units from a table in the file's own names and units.
 
     Required: `time` and the rig's `required_columns` of each joint. Optional canonical columns are taken where they
-    are; an optional column without a single number is left out with a note.
+    are; an optional column without a single number is left out with a note. Where drive and load do not depend on the
+    position, a velocity is enough in its place.
 
     Raises:
         LogError: A column that is missing, not numeric, or empty although it is needed.
     """
     found = _candidates(rig, table)
-    required = ["time", *(name for joint in rig.joints for name in rig.required_columns(joint))]
+    speed_only = tuple(joint for joint in rig.joints if _is_speed_only(joint, found, rig))
+    in_place = {f"{joint}/position": f"{joint}/velocity" for joint in speed_only}
+    needed = (name for joint in rig.joints for name in rig.required_columns(joint))
+    required = ["time", *(in_place.get(name, name) for name in needed)]
     for canonical in required:
         found.setdefault(canonical, canonical)
     for canonical, name in found.items():
@@ -165,4 +177,4 @@ def map_columns(table: pd.DataFrame, rig: Rig, path: Path) -> RawLog:
     rows = np.arange(1, len(table) + 1, dtype=np.float64)
     enabled, switches = _enabled(table, rig, path)
     hints = column_hints(map(str, table.columns), found, rig, switches)
-    return RawLog(path, rows, time, columns, enabled, (*notes, *hints), hints)
+    return RawLog(path, rows, time, columns, enabled, (*notes, *hints), hints, speed_only)

@@ -13,6 +13,8 @@ from drake_tc.types import BoolArray, FloatArray
 
 DEGREES = 180.0 / np.pi
 SMOOTHING_SECONDS = 0.04
+FASTEST_UNSTATED = 50.0
+"""Speed [rad/s] above which a velocity is believed only with a stated unit."""
 TWO_TURNS = 4.0 * np.pi
 
 
@@ -69,6 +71,20 @@ def check_angles(columns: Mapping[str, FloatArray], usable: BoolArray, rig: Rig,
                 )
         if servo:
             _check_command_scale(columns, usable, rig, joint, path)
+
+
+def check_speed(velocity: FloatArray, rig: Rig, joint: str, path: Path) -> None:
+    """Refuse a velocity (T,) [rad/s] without a position to compare it with whose unit was forgotten.
+
+    Raises:
+        LogError: It is faster than geared joints are, and the rig file states no unit.
+    """
+    name, fastest = f"{joint}/velocity", float(np.percentile(np.abs(velocity), 99.9))
+    if fastest > FASTEST_UNSTATED and not scale_of(name, rig.units).stated:
+        raise LogError(
+            f"{path}: column {rig.columns.get(name, name)!r} reaches {fastest:.4g} rad/s, no geared joint does: it "
+            "looks like rpm or deg/s; set units: {velocity: rpm} in the rig file (or velocity: rad/s if it is right)"
+        )
 
 
 def _check_command_scale(

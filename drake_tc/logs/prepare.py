@@ -14,11 +14,12 @@ from drake_tc.errors import LogError
 from drake_tc.logs import channels
 from drake_tc.logs.clock import MIN_ROWS, rows_in_order, uniform_clock
 from drake_tc.logs.columns import RawLog, map_columns
-from drake_tc.logs.plausible import check_angles, check_velocity, lag_notes
+from drake_tc.logs.plausible import check_angles, check_speed, check_velocity, lag_notes
 from drake_tc.logs.readers import read_table, run_name
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
 from drake_tc.logs.signs import wrong_signs
+from drake_tc.logs.speed_only import require_alike, with_positions
 from drake_tc.types import BoolArray, FloatArray, IntArray
 
 SHORTEST_SEGMENT = 10
@@ -154,7 +155,7 @@ def _prepare(path: Path, rig: Rig) -> Run:
     raw = map_columns(table, rig, path)
     rows = len(table)
     del table
-    raw = _in_order(raw)
+    raw = with_positions(_in_order(raw))
     notes = raw.notes + _check_commands(raw, rig)
     columns, excluded, more = _repair_channels(raw, rig)
     clock = uniform_clock(raw.time, raw.enabled, path)
@@ -164,12 +165,29 @@ def _prepare(path: Path, rig: Rig) -> Run:
     if int(usable.sum()) < MIN_ROWS:
         why = " ".join(notes + more + clock.notes) or "all stretches are too short"
         raise LogError(f"{path}: no usable samples are left of {rows} rows ({why}); record again")
-    check_angles(resampled, usable, rig, clock.period, path)
-    notes += more + clock.notes + check_velocity(resampled, usable, rig, clock.period, path)
-    notes += lag_notes(resampled, usable, rig, clock.period)
+    notes += more + clock.notes
+    measured = {name: v for name, v in resampled.items() if name.rpartition("/")[0] not in raw.speed_only}
+    check_angles(measured, usable, rig, clock.period, path)
+    notes += check_velocity(measured, usable, rig, clock.period, path)
+    notes += lag_notes(measured, usable, rig, clock.period)
+    resampled |= measured
+    for joint in raw.speed_only:
+        check_speed(resampled[f"{joint}/velocity"][usable], rig, joint, path)
     steps = {name: channels.grid_step(raw.columns[name]) for name in resampled}
     found = {name: step for name, step in steps.items() if step > 0.0}
-    return Run(run_name(path), path, clock.time, clock.period, resampled, segment, notes, rows, found, raw.hints)
+    return Run(
+        name=run_name(path),
+        source=path,
+        time=clock.time,
+        period=clock.period,
+        columns=resampled,
+        segment=segment,
+        notes=notes,
+        raw_rows=rows,
+        steps=found,
+        hints=raw.hints,
+        speed_only=raw.speed_only,
+    )
 
 
 def _unique_names(runs: list[Run]) -> list[Run]:
@@ -202,6 +220,7 @@ def load_runs(paths: Sequence[Path | str], rig: Rig) -> list[Run]:
         LogError: A file that cannot be used, in one line: file, row and column, and what to do.
     """
     runs = _unique_names([_prepare(Path(path), rig) for path in paths])
+    require_alike(runs)
     result = []
     for run, flips in zip(runs, wrong_signs(runs, rig), strict=True):
         if flips:

@@ -27,6 +27,7 @@ class Run:
         hints: Those notes that point out a column which seems to be meant and is not used.
         steps: Column name to the step of its recorded values, for the columns whose values lie on a grid. It is read
             before the resampling, which hides it.
+        speed_only: Joints whose position is the integral of the recorded velocity (`speed_only`).
     """
 
     name: str
@@ -39,6 +40,7 @@ class Run:
     raw_rows: int = field(default=0)
     steps: Mapping[str, float] = field(default_factory=dict)
     hints: tuple[str, ...] = ()
+    speed_only: tuple[str, ...] = ()
 
     def __len__(self) -> int:
         return int(self.time.size)

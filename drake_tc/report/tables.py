@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from drake_tc.diagnosis.data.resolution import Resolution
 from drake_tc.diagnosis.problem.estimates import Estimate
 from drake_tc.diagnosis.residual.unexplained import DataSplit
 from drake_tc.diagnosis.result.joint_result import JointResult, RejectedEffect
@@ -238,17 +239,26 @@ def data_rows(split: DataSplit, role: str) -> Sequence[DataRow]:
     return out
 
 
+def _motion_facts(resolution: Resolution) -> Sequence[tuple[str, str]]:
+    """Step and noise of the encoder, or of the velocity where that was recorded alone."""
+    sensor, name, unit = "encoder", "position", "rad"
+    step, noise = resolution.position_step, resolution.position_noise
+    if resolution.raw_velocity_noise > 0.0:
+        sensor, name, unit = "velocity", "velocity", "rad/s"
+        step, noise = resolution.velocity_step, resolution.raw_velocity_noise
+    shown = scale_for(step, unit).quantity(step) if step > 0.0 else "finer than its noise"
+    return ((f"{sensor} step", shown), (f"{name} noise", scale_for(noise, unit).quantity(noise)))
+
+
 def data_facts(joint: JointResult) -> Sequence[tuple[str, str]]:
     """Filters and resolution: (what, how much)."""
     samples = joint.train.samples
     resolution = samples.resolution
-    step = resolution.position_step
     facts = [
         ("sampling period", scale_for(samples.signals.period, "s").quantity(samples.signals.period)),
         ("filter width", scale_for(samples.light.actual_width_s, "s").quantity(samples.light.actual_width_s)),
         ("spacing of the rows", scale_for(samples.row_period, "s").quantity(samples.row_period)),
-        ("encoder step", scale_for(step, "rad").quantity(step) if step > 0.0 else "finer than its noise"),
-        ("position noise", scale_for(resolution.position_noise, "rad").quantity(resolution.position_noise)),
+        *_motion_facts(resolution),
         (
             "velocity noise after filtering",
             scale_for(resolution.velocity_noise, "rad/s").quantity(resolution.velocity_noise),

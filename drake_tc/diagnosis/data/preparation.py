@@ -1,11 +1,11 @@
 """From recorded runs to `Samples`: every channel of a joint through common filters."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from drake_tc.diagnosis.data.channels import Channels, channels_of
 from drake_tc.diagnosis.data.link_prior import column_name
 from drake_tc.diagnosis.data.load_scale import load_scale
 from drake_tc.diagnosis.data.resolution import NoiseFloor, Resolution, light_width, sample_noise
@@ -13,10 +13,7 @@ from drake_tc.diagnosis.data.samples import Samples
 from drake_tc.diagnosis.data.sliding import choose_rows, direction_of_motion, require_rows
 from drake_tc.effects.base import Context, Signals
 from drake_tc.effects.context import EFFORT_UNIT, LoadKind
-from drake_tc.errors import IdentificationError
 from drake_tc.filtering.common_kernel import CommonKernel
-from drake_tc.logs.channels import grid_step
-from drake_tc.logs.common_rate import at_common_period
 from drake_tc.logs.loads import GRAVITY, Load, Pendulum, RobotLoad, unknown_form
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
@@ -25,72 +22,6 @@ from drake_tc.types import FloatArray, IntArray
 SLOWER = 3.0
 LEAST_NOISE = 1e-12
 """Of a position [rad], so that noise-free logs have a resolution too."""
-SHORTEST = 40
-"""A usable stretch has more samples than this."""
-
-
-@dataclass(frozen=True)
-class Channels:
-    """The usable stretches of all runs, end to end.
-
-    One filter pass goes over all of them: what leaks across a joint stays inside the margins that no row uses.
-    """
-
-    joint: str
-    pieces: tuple[tuple[int, Run, slice], ...]
-    period: float
-
-    @property
-    def segments(self) -> tuple[slice, ...]:
-        """Where each stretch lies in the joined arrays."""
-        lengths = [s.stop - s.start for _, _, s in self.pieces]
-        return tuple(slice(int(e - n), int(e)) for e, n in zip(np.cumsum(lengths), lengths, strict=True))
-
-    @property
-    def run_of_sample(self) -> IntArray:
-        """(T,) index of the run."""
-        return np.repeat([i for i, _, _ in self.pieces], [s.stop - s.start for _, _, s in self.pieces])
-
-    @property
-    def time(self) -> FloatArray:
-        """(T,) since the start of each run [s]."""
-        return np.concatenate([run.time[s] - run.time[0] for _, run, s in self.pieces])
-
-    def step(self, name: str) -> float:
-        """Step of the recorded values of `<joint>/name`, the median of the runs'; 0 where they lie on no grid."""
-        column = f"{self.joint}/{name}"
-        runs = {id(run): run for _, run, _ in self.pieces if column in run.columns}
-        found = [
-            grid_step(run.columns[column]) if run.source is None else run.steps.get(column, 0.0)
-            for run in runs.values()
-        ]
-        return float(np.median(found)) if found else 0.0
-
-    def raw(self, name: str) -> FloatArray:
-        """(T,) of `<joint>/name`, NaN in runs that did not record it."""
-        column = f"{self.joint}/{name}"
-        return np.concatenate(
-            [
-                np.asarray(run.columns[column][s], float)
-                if column in run.columns
-                else np.full(s.stop - s.start, np.nan)
-                for _, run, s in self.pieces
-            ]
-        )
-
-
-def channels_of(runs: Sequence[Run], joint: str) -> Channels:
-    """The runs' usable stretches at one period.
-
-    Raises:
-        IdentificationError: there is none.
-    """
-    even = at_common_period(runs)
-    pieces = tuple((i, run, s) for i, run in enumerate(even) for s in run.segments() if s.stop - s.start > SHORTEST)
-    if not pieces:
-        names = ", ".join(r.name for r in runs)
-        raise IdentificationError(f"joint {joint}: no stretch of more than {SHORTEST} usable samples in {names}")
-    return Channels(joint, pieces, float(np.median([r.period for r in even])))
 
 
 def _load(
@@ -114,7 +45,13 @@ def _load(
 
 
 def _encoder(channels: Channels, rig: Rig, position: FloatArray) -> tuple[float, float]:
-    """(step, standard deviation of one sample with its steps) of the position [rad]: declared, or from the log."""
+    """(step, standard deviation of one sample with its steps) of the position [rad]: declared, or from the log.
+
+    Of a speed-only log the same of the velocity [rad/s].
+    """
+    if channels.speed_only:
+        step = channels.step("velocity")
+        return step, max(sample_noise(channels.raw("velocity"), step, channels.segments), LEAST_NOISE)
     declared = rig.joint_sensors(channels.joint)
     step = channels.step("position") if declared.encoder_step is None else declared.encoder_step
     if declared.position_noise is not None:
@@ -133,15 +70,36 @@ def _resolution(channels: Channels, rig: Rig, step: float, noise: float, light: 
         torque_noise = declared.torque_noise
     elif not isinstance(load, Pendulum):
         torque_noise = sample_noise(channels.raw("torque"), channels.step("torque"), channels.segments)
+    motion = {"velocity_step": step, "raw_velocity_noise": noise} if channels.speed_only else {}
+    kernel = light.kernels[0 if channels.speed_only else 1]
     return Resolution(
-        position_step=step,
-        position_noise=noise,
+        position_step=0.0 if motion else step,
+        position_noise=LEAST_NOISE if motion else noise,
         torque_noise=torque_noise,
-        velocity_noise=noise * float(np.sqrt(np.sum(light.kernels[1] ** 2))),
+        velocity_noise=noise * float(np.sqrt(np.sum(kernel**2))),
         torque_correlation_time=declared.torque_correlation_time or 0.0,
         effort_step=channels.step(command),
         effort_noise=effort_noise,
+        **motion,
     )
+
+
+def _width(channels: Channels, position: FloatArray, noise: float) -> float:
+    """Width [s] of the light kernel, for the encoder or the sensor of the velocity."""
+    segments, period = channels.segments, channels.period
+    if channels.speed_only:
+        return light_width(channels.raw("velocity"), noise, segments, period, order=1)
+    return light_width(position, noise, segments, period)
+
+
+def _filtered_motion(
+    channels: Channels, light: CommonKernel, position: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """(q, qdot, qddot), (T,) each; of a speed-only log the rates come from the recorded velocity."""
+    if channels.speed_only:
+        raw = channels.raw("velocity")
+        return light.smooth(position), light.smooth(raw), light.derivative(raw)
+    return light.smooth(position), light.derivative(position), light.second_derivative(position)
 
 
 def build_samples(
@@ -163,10 +121,9 @@ def build_samples(
     period, segments, load = channels.period, channels.segments, rig.load[joint]
     raw_q = channels.raw("position")
     step, noise = _encoder(channels, rig, raw_q)
-    width = light_width(raw_q, noise, segments, period) if width_s is None else width_s
-    light = CommonKernel(width, period)
+    light = CommonKernel(_width(channels, raw_q, noise) if width_s is None else width_s, period)
     final = CommonKernel(light.actual_width_s, period)
-    q, v, a = light.smooth(raw_q), light.derivative(raw_q), light.second_derivative(raw_q)
+    q, v, a = _filtered_motion(channels, light, raw_q)
     command = light.smooth(channels.raw(rig.command_column(joint).rpartition("/")[2]))
     torque, slow_torque, slope = _load(channels, rig, light, q, a)
     resolution = _resolution(channels, rig, step, noise, light)
@@ -280,5 +237,6 @@ def context_of(samples: Samples, rig: Rig, joint: str) -> Context:
         period=s.period,
         torque_span=(float(s.load_torque[rows].min()), float(s.load_torque[rows].max())),
         duration=float(s.time.max()),
+        position_recorded=samples.resolution.raw_velocity_noise == 0.0,
         **_slow_channels(s, rows),
     )

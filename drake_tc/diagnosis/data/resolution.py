@@ -18,6 +18,12 @@ ACCELERATION_NOISE = 0.04
 REPLAY_WIDER = 3.0
 """Width of the kernel that frees the position of its steps before they are replayed, over the light kernel's."""
 
+SPEED_PHASES = (0.0, 0.25, 0.5, 0.75)
+"""Offsets of the grid, in steps, over which the replayed rounding of a velocity is averaged.
+
+A nearly constant speed stays on one step for longer than any filter, which leaves it close to the grid.
+"""
+
 
 @dataclass(frozen=True)
 class Resolution:
@@ -31,6 +37,9 @@ class Resolution:
         torque_correlation_time: Declared correlation time of the torque noise [s]; 0 for white noise.
         effort_step: Step of the recorded command [rad | A | V | N m]; 0 where it lies on no grid.
         effort_noise: White noise of one sample of it, for a load that is told by the effort alone; else 0.
+        velocity_step: Step of the recorded velocity of a speed-only log [rad/s]; 0 where there is none.
+        raw_velocity_noise: Standard deviation of one raw velocity sample of a speed-only log [rad/s]; 0 where the
+            position was recorded.
     """
 
     position_step: float
@@ -40,9 +49,11 @@ class Resolution:
     torque_correlation_time: float = 0.0
     effort_step: float = 0.0
     effort_noise: float = 0.0
+    velocity_step: float = 0.0
+    raw_velocity_noise: float = 0.0
 
 
-def light_width(position: FloatArray, noise: float, segments: Sequence[slice], period: float) -> float:
+def light_width(values: FloatArray, noise: float, segments: Sequence[slice], period: float, *, order: int = 2) -> float:
     """Width of the light kernel [s].
 
     The narrowest width whose acceleration noise is below 4 % of the acceleration's own spread over all stretches,
@@ -50,18 +61,19 @@ def light_width(position: FloatArray, noise: float, segments: Sequence[slice], p
     reversals sharp.
 
     Args:
-        position: (T,) [rad].
-        noise: Standard deviation of one sample [rad].
+        values: (T,) position [rad], or velocity [rad/s].
+        noise: Standard deviation of one sample, in the same unit.
         segments: Uniform stretches.
         period: [s].
+        order: Derivative of the values that is the acceleration: 2 of a position, 1 of a velocity.
     """
     width = max(4.0 * period, 0.012)
     while width < WIDEST_LIGHT:
         kernel = CommonKernel(width, period)
         inner = [slice(s.start + kernel.margin, s.stop - kernel.margin) for s in segments]
-        acceleration = kernel.second_derivative(position)
+        acceleration = kernel.second_derivative(values) if order == 2 else kernel.derivative(values)
         kept = np.concatenate([acceleration[s] for s in inner if s.stop > s.start] or [acceleration])
-        gain = float(np.sqrt(np.sum(kernel.kernels[2] ** 2)))
+        gain = float(np.sqrt(np.sum(kernel.kernels[order] ** 2)))
         if noise * gain < ACCELERATION_NOISE * float(np.std(kept)):
             break
         width *= 1.25
@@ -83,11 +95,42 @@ def sample_noise(values: FloatArray, step: float, segments: Sequence[slice]) -> 
 
 
 def quantisation_error(position: FloatArray, step: float) -> FloatArray:
-    """What rounding to multiples of `step` [rad] adds to a smooth position (T,) [rad].
+    """What rounding to multiples of `step` [rad] adds to a smooth position (T,) [rad], or to a velocity [rad/s].
 
     At low speed it is a slow sawtooth that no low-pass removes, which white noise of the same size does not show.
     """
     return np.asarray(np.round(position / step) * step - position)
+
+
+def _motion_gram(
+    resolution: Resolution, light: CommonKernel, final: CommonKernel, signals: Signals, rows: IntArray
+) -> FloatArray:
+    """(3, 3) second moments of the errors of acceleration, velocity and position after both kernels.
+
+    An error of the encoder passes k'', k' and k. One of a recorded velocity passes k' and k; the position that is
+    integrated from it takes part in nothing that a noise floor is told of.
+    """
+    speed_only = resolution.raw_velocity_noise > 0.0
+    step, white = resolution.position_step, resolution.position_noise
+    recorded = signals.position
+    if speed_only:
+        step, white, recorded = resolution.velocity_step, resolution.raw_velocity_noise, signals.velocity
+    orders = (1, 0) if speed_only else (2, 1, 0)
+    k = np.stack([np.convolve(light.kernels[d], final.kernels[0]) for d in orders])
+    gram = white**2 * (k @ k.T)
+    if step > 0.0 and rows.size:
+        # the light kernel alone leaves the recorded steps in the channel, and rounding finds less to round
+        wide = CommonKernel(REPLAY_WIDER * light.actual_width_s, light.period)
+        smooth, passed = wide.smooth(recorded), (light.smooth, light.derivative, light.second_derivative)
+        gram = max(white**2 - step**2 / 12.0, 0.0) * (k @ k.T)
+        phases = SPEED_PHASES if speed_only else (0.0,)
+        for phase in phases:
+            error = quantisation_error(smooth + phase * step, step)
+            replay = np.stack([final.smooth(passed[d](error))[rows] for d in orders])
+            gram = gram + replay @ replay.T / (rows.size * len(phases))
+    padded = np.zeros((3, 3))
+    padded[: len(orders), : len(orders)] = gram
+    return padded
 
 
 @dataclass(frozen=True)
@@ -136,17 +179,7 @@ class NoiseFloor:
             servo: Whether the effort is q_d - q.
         """
         k = np.stack([np.convolve(light.kernels[d], final.kernels[0]) for d in (2, 1, 0)])
-        step, white = resolution.position_step, resolution.position_noise
-        if step > 0.0 and rows.size:
-            # the light kernel alone leaves the recorded steps in the position, and rounding finds less to round
-            wide = CommonKernel(REPLAY_WIDER * light.actual_width_s, light.period)
-            error = quantisation_error(wide.smooth(signals.position), step)
-            passed = (light.second_derivative(error), light.derivative(error), light.smooth(error))
-            replay = np.stack([final.smooth(each)[rows] for each in passed])
-            rest = max(white**2 - step**2 / 12.0, 0.0)
-            gram = replay @ replay.T / rows.size + rest * (k @ k.T)
-        else:
-            gram = white**2 * (k @ k.T)
+        gram = _motion_gram(resolution, light, final, signals, rows)
         lags = np.abs(np.subtract.outer(np.arange(k.shape[1]), np.arange(k.shape[1]))) * light.period
         memory = resolution.torque_correlation_time
         correlation = np.exp(-lags / memory) if memory > 0.0 else np.eye(k.shape[1])

@@ -9,7 +9,7 @@ from drake_tc.diagnosis.problem.regression import Fit, fit
 from drake_tc.diagnosis.thresholds import JOINT
 from drake_tc.effects.base import Context, Effect, SensorEffect, TorqueEffect
 from drake_tc.effects.library import effect
-from drake_tc.errors import RigError
+from drake_tc.errors import IdentificationError, RigError
 from drake_tc.logs.loads import unknown_form
 from drake_tc.logs.near import near
 from drake_tc.logs.rig import Rig
@@ -67,6 +67,21 @@ def simplest(fits: Sequence[Fit]) -> Fit:
     """The first of the fits whose cross-validated error is as small as the smallest one, up to 2 %."""
     least = min(f.cv_rms for f in fits)
     return next(f for f in fits if f.cv_rms <= (1.0 + JOINT.same) * least)
+
+
+def require_positions(rig: Rig, joint: str, context: Context) -> None:
+    """Refuse a declared effect that depends on the position where the logs have none.
+
+    Raises:
+        IdentificationError: Names the effect.
+    """
+    names = {key.partition(".")[0] for key in rig.declared[joint]}
+    for name in sorted(names):
+        if effect(name).depends_on_position and not context.position_recorded:
+            raise IdentificationError(
+                f"joint {joint}: the declared effect {name} depends on the position, and the logs have the velocity "
+                f"alone; record {joint}/position, or do not declare it"
+            )
 
 
 def declared_terms(rig: Rig, joint: str) -> list[str]:

@@ -8,7 +8,13 @@ from drake_tc.diagnosis.data.link_prior import LinkPrior
 from drake_tc.diagnosis.data.load_scale import load_scale
 from drake_tc.diagnosis.data.preparation import build_samples, context_of
 from drake_tc.diagnosis.problem.columns import BalanceCoefficients, Columns, Term
-from drake_tc.diagnosis.problem.declared import declared_terms, fit_declared, known_values, without_known
+from drake_tc.diagnosis.problem.declared import (
+    declared_terms,
+    fit_declared,
+    known_values,
+    require_positions,
+    without_known,
+)
 from drake_tc.diagnosis.problem.signs import require_consistent_signs
 from drake_tc.diagnosis.problem.unknown_load import (
     possible_loads,
@@ -83,6 +89,7 @@ def prepare_joint(
     with _naming("held-out runs"):
         held = build_samples(held_runs, rig, joint, train.light.width_s, compliance)
     context = context_of(train, rig, joint)
+    require_positions(rig, joint, context)
     known = known_values(rig, joint)
     train, held = (replace(without_known(each, known), link_prior=link_prior) for each in (train, held))
     servo = context.drive == "position_servo"

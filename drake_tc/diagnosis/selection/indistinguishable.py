@@ -37,7 +37,7 @@ def indistinguishable(columns: Columns, found: Search, context: Context, floor: 
         taken = {t.effect.id for t in found.chosen.terms} | set(context.declared)
         without = fit(columns, others)
         for member in looked_for(context):
-            if member.id in taken or member.obstacle(context):
+            if member.id in taken or member.unavailable(context):
                 continue
             swapped = best_shape(columns, without, member, context, screen)
             late = LATE.issuperset((term.effect.id, member.id))

@@ -33,7 +33,7 @@ def candidates(
     for effect in library:
         if effect.id in declared:
             continue
-        obstacle = effect.obstacle(context)
+        obstacle = effect.unavailable(context)
         if not obstacle and not effect.shape_grid(context):
             obstacle = "the motion spans too little of its range"
         if obstacle:
