@@ -78,7 +78,9 @@ def loop_case(result: CloseLoopResult, folder: Path, seed: int = 0) -> LoopCase:
         path = write_pendulum_robot({name: _swing(rig, joint) for name, joint in result.joints.items()}, folder)
         given = all(isinstance(load, Pendulum) for load in rig.load.values())
         plant = "a pendulum on each joint, " + (
-            "as the rig file gives it" if given else "of the inertia and the weight that the logged load torque shows"
+            "as the rig file gives it (of runs with different masses, the first)"
+            if given
+            else "of the inertia and the weight that the logged load torque shows"
         )
     largest = max(float(np.abs(side.signals.effort).max()) for side in sides.values())
     masses, notes = _shared(result.shared)

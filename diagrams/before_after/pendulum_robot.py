@@ -34,7 +34,7 @@ class Swing:
 
 def swing_of(pendulum: Pendulum) -> Swing:
     """The pendulum that a rig file gives."""
-    return Swing(pendulum.inertia, pendulum.mass * GRAVITY * pendulum.length, pendulum.zero)
+    return Swing(pendulum.inertia, pendulum.weight, pendulum.zero)
 
 
 def fitted_swing(

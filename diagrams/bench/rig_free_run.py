@@ -11,7 +11,7 @@ from drake_tc.actuation.model import ActuatorModel
 from drake_tc.effects.unknown_load import PENDULUM, UnknownLoadEffect
 from drake_tc.errors import ParamsError
 from drake_tc.filtering.common_kernel import CommonKernel
-from drake_tc.logs.loads import GRAVITY, Pendulum, unknown_form
+from drake_tc.logs.loads import Pendulum, unknown_form
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
 from drake_tc.types import FloatArray
@@ -41,11 +41,13 @@ def rig_free_run(
         return None
     kernel = CommonKernel(max(0.02, 5.0 * run.period), run.period)
     load = rig.load[joint]
+    if isinstance(load, Pendulum):
+        load = load.in_run(run)
     zero = load.zero if isinstance(load, Pendulum) else 0.0
     command = run.columns[rig.command_column(joint)][stretch]
     warm, supply = (run.columns.get(f"{joint}/{channel}") for channel in ("temperature", "supply_voltage"))
     torque = run.columns.get(f"{joint}/torque")
-    known = Link(load.inertia, load.mass * GRAVITY * load.length) if isinstance(load, Pendulum) else None
+    known = Link(load.inertia, load.weight) if isinstance(load, Pendulum) else None
     measured = None if known is not None or torque is None else kernel.smooth(torque[stretch])
     if unknown_form(load) is not None:
         placed = load_in_bench(model)

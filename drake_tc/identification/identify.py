@@ -130,8 +130,9 @@ def _stretch(run: Run, rig: Rig, joint: str, kernel: CommonKernel, part: slice) 
     velocity, acceleration = kernel.derivative(position), kernel.second_derivative(position)
     load = rig.load[joint]
     if isinstance(load, Pendulum):
-        gravity = load.torque(position, np.zeros_like(position))
-        torque = kernel.smooth(gravity) + load.inertia * acceleration
+        pendulum = load.in_run(run)
+        gravity = pendulum.torque(position, np.zeros_like(position))
+        torque = kernel.smooth(gravity) + pendulum.inertia * acceleration
     elif load == "torque":
         torque = kernel.smooth(run.columns[f"{joint}/torque"][part])
     else:

@@ -1,10 +1,14 @@
 """Where the load torque of a joint comes from when no sensor at it measures it: a pendulum, a model, or unknown."""
 
 from dataclasses import dataclass
+from fnmatch import fnmatchcase
 from typing import Literal, TypeAlias
 
 import numpy as np
 
+from drake_tc.errors import LogError
+from drake_tc.logs.near import near
+from drake_tc.logs.record import Run
 from drake_tc.types import FloatArray
 
 GRAVITY = 9.81
@@ -21,12 +25,15 @@ class Pendulum:
         length: From the axis to the centre of mass [m], > 0.
         inertia: About the axis [kg m^2]; a point mass's m l^2 when not given.
         zero: Joint position at which it hangs [rad].
+        by_run: (pattern of file names, pendulum) of runs with different masses; the first pattern that fits counts.
+            This pendulum is then the first of them. Empty where all runs have this one.
     """
 
     mass: float
     length: float
     inertia: float = float("nan")
     zero: float = 0.0
+    by_run: tuple[tuple[str, "Pendulum"], ...] = ()
 
     def __post_init__(self) -> None:
         if np.isnan(self.inertia):
@@ -38,9 +45,32 @@ class Pendulum:
         if not np.isfinite(self.zero):
             raise ValueError(f"zero must be a finite angle [rad], got {self.zero!r}")
 
+    def in_run(self, run: Run) -> "Pendulum":
+        """The pendulum of one run.
+
+        Raises:
+            LogError: No pattern fits the name of its file.
+        """
+        if not self.by_run:
+            return self
+        name = run.file_name
+        for pattern, pendulum in self.by_run:
+            if fnmatchcase(name, pattern) or fnmatchcase(run.name, pattern):
+                return pendulum
+        patterns = [pattern for pattern, _ in self.by_run]
+        raise LogError(
+            f"{run.source or run.name}: no mass: the name fits none of the patterns of load.pendulum.mass "
+            f"({', '.join(patterns)}){near(run.name, patterns)}; add the file, or the pattern '*', to the rig file"
+        )
+
+    @property
+    def weight(self) -> float:
+        """Largest torque of gravity m g l [N m]."""
+        return self.mass * GRAVITY * self.length
+
     def torque(self, position: FloatArray, acceleration: FloatArray) -> FloatArray:
         """Link-side torque (T,) [N m] at q (T,) [rad] and qddot (T,) [rad/s^2]."""
-        gravity = self.mass * GRAVITY * self.length * np.sin(position - self.zero)
+        gravity = self.weight * np.sin(position - self.zero)
         return np.asarray(self.inertia * acceleration + gravity)
 
 

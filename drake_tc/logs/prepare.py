@@ -14,6 +14,7 @@ from drake_tc.errors import LogError
 from drake_tc.logs import channels
 from drake_tc.logs.clock import MIN_ROWS, rows_in_order, uniform_clock
 from drake_tc.logs.columns import RawLog, map_columns
+from drake_tc.logs.loads import Pendulum
 from drake_tc.logs.plausible import check_angles, check_speed, check_velocity, lag_notes
 from drake_tc.logs.readers import read_table, run_name
 from drake_tc.logs.record import Run
@@ -205,6 +206,14 @@ def _unique_names(runs: list[Run]) -> list[Run]:
     return result
 
 
+def _require_masses(runs: Sequence[Run], rig: Rig) -> None:
+    """Refuse a run of which a rig with different masses gives none."""
+    for load in rig.load.values():
+        for run in runs:
+            if isinstance(load, Pendulum):
+                load.in_run(run)
+
+
 def load_runs(paths: Sequence[Path | str], rig: Rig) -> list[Run]:
     """Read, check, repair and resample the runs of one rig.
 
@@ -221,6 +230,7 @@ def load_runs(paths: Sequence[Path | str], rig: Rig) -> list[Run]:
     """
     runs = _unique_names([_prepare(Path(path), rig) for path in paths])
     require_alike(runs)
+    _require_masses(runs, rig)
     result = []
     for run, flips in zip(runs, wrong_signs(runs, rig), strict=True):
         if flips:

@@ -45,6 +45,11 @@ class Run:
     def __len__(self) -> int:
         return int(self.time.size)
 
+    @property
+    def file_name(self) -> str:
+        """Name of the log file without its folder; the run's name where it was made in memory."""
+        return self.name if self.source is None else self.source.name
+
     def segments(self) -> Iterator[slice]:
         """Yield the contiguous usable stretches, in time order."""
         edges = np.flatnonzero(np.diff(self.segment)) + 1

@@ -196,7 +196,10 @@ def _load_entry(load: Load) -> object:
         return {"unknown": load.form}
     if not isinstance(load, Pendulum):
         return load
-    entry = {"mass": load.mass, "length": load.length, "inertia": load.inertia}
+    names = ("mass", "length", "inertia")
+    entry: dict[str, object] = {name: getattr(load, name) for name in names}
+    if load.by_run:
+        entry = {name: {pattern: getattr(each, name) for pattern, each in load.by_run} for name in names}
     return {"pendulum": entry | ({"zero": load.zero} if load.zero else {})}
 
 

@@ -63,7 +63,7 @@ def sign_evidence(run: Run, rig: Rig, joint: str) -> SignEvidence | None:
     command = run.columns[rig.command_column(joint)]
     qd, qdd = derivative(q, run.period)[pick], derivative(q, run.period, 2)[pick]
     if isinstance(load, Pendulum):
-        tau = load.torque(q[pick], np.zeros(pick.size))
+        tau = load.in_run(run).torque(q[pick], np.zeros(pick.size))
     else:
         tau = run.columns[f"{joint}/torque"][pick]
     y = (command - q if servo else command)[pick]

@@ -57,6 +57,10 @@ class Channels:
         ]
         return float(np.median(found)) if found else 0.0
 
+    def by_piece(self, values: Sequence[float]) -> FloatArray:
+        """(T,) of one value for each stretch."""
+        return np.repeat(np.asarray(values, float), [s.stop - s.start for _, _, s in self.pieces])
+
     def raw(self, name: str) -> FloatArray:
         """(T,) of `<joint>/name`, NaN in runs that did not record it."""
         column = f"{self.joint}/{name}"

@@ -14,7 +14,7 @@ from drake_tc.diagnosis.data.sliding import choose_rows, direction_of_motion, re
 from drake_tc.effects.base import Context, Signals
 from drake_tc.effects.context import EFFORT_UNIT, LoadKind
 from drake_tc.filtering.common_kernel import CommonKernel
-from drake_tc.logs.loads import GRAVITY, Load, Pendulum, RobotLoad, unknown_form
+from drake_tc.logs.loads import Load, Pendulum, RobotLoad, unknown_form
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
 from drake_tc.types import FloatArray, IntArray
@@ -35,13 +35,20 @@ def _load(
     if not isinstance(load, Pendulum):
         raw = channels.raw("torque")
         return light.smooth(raw), slow.smooth(raw), np.zeros_like(q)
-    moment, raw_q = load.mass * GRAVITY * load.length, channels.raw("position")
+    pendulums = [load.in_run(run) for _, run, _ in channels.pieces]
+    moment, inertia = (channels.by_piece(v) for v in zip(*((p.weight, p.inertia) for p in pendulums), strict=True))
+    raw_q = channels.raw("position")
     gravity = moment * np.sin(raw_q - load.zero)
     return (
-        light.smooth(gravity) + load.inertia * a,
-        slow.smooth(gravity) + load.inertia * slow.second_derivative(raw_q),
+        light.smooth(gravity) + inertia * a,
+        slow.smooth(gravity) + inertia * slow.second_derivative(raw_q),
         moment * np.cos(q - load.zero),
     )
+
+
+def _link_inertia(load: Load, runs: Sequence[Run]) -> float:
+    """Inertia of a pendulum load about the axis, the mean over the runs [kg m^2]; 0 of other loads."""
+    return float(np.mean([load.in_run(run).inertia for run in runs])) if isinstance(load, Pendulum) else 0.0
 
 
 def _encoder(channels: Channels, rig: Rig, position: FloatArray) -> tuple[float, float]:
@@ -151,7 +158,7 @@ def build_samples(
         motor_position=motor_position,
         supply_voltage=supply,
         known_torque=np.zeros_like(q),
-        link_inertia=load.inertia if isinstance(load, Pendulum) else 0.0,
+        link_inertia=_link_inertia(load, runs),
         rotor_inertia=scale.rotor_inertia,
         period=period,
         links=_links(channels, light),
@@ -228,7 +235,7 @@ def context_of(samples: Samples, rig: Rig, joint: str) -> Context:
     return Context(
         drive=rig.drive[joint],
         load=_kind_of(load),
-        link_inertia=load.inertia if isinstance(load, Pendulum) else 0.0,
+        link_inertia=s.link_inertia,
         recorded=recorded,
         declared=declared,
         max_speed=float(np.percentile(np.abs(s.velocity[rows]), 99.5)),

@@ -1,9 +1,10 @@
 """The rig file's key `load`: where the load torque comes from. A kind of load is one class here."""
 
 from collections.abc import Mapping
-from typing import Annotated, Literal, TypeAlias, get_args
+from dataclasses import replace
+from typing import Annotated, Any, Literal, TypeAlias, get_args
 
-from pydantic import Discriminator, Tag
+from pydantic import AfterValidator, Discriminator, Tag
 
 from drake_tc.logs.loads import Load, Pendulum, RobotLoad, RobotMethod, UnknownForm, UnknownLoad
 from drake_tc.logs.rig_document.keys import Keys, Number, PositiveNumber, Ratio, expected, key, one_of
@@ -17,20 +18,36 @@ WORDS: Mapping[LoadWord, str] = {
 """Kinds of load that are one word, and what they mean."""
 
 
+def _by_run(value: object) -> str:
+    return "@by_run" if isinstance(value, Mapping) else "@one"
+
+
+def _not_empty(value: dict[str, float]) -> dict[str, float]:
+    if not value:
+        raise ValueError("expected {pattern of file names: value}, got {}")
+    return value
+
+
+OneOrByRun: TypeAlias = Annotated[
+    Annotated[PositiveNumber, Tag("@one")]
+    | Annotated[dict[str, PositiveNumber], AfterValidator(_not_empty), Tag("@by_run")],
+    Discriminator(_by_run),
+]
+"""One value for all runs, or a mapping from patterns of file names to values."""
+
+
 class PendulumKeys(Keys):
     """A rigid pendulum: τ = inertia · q̈ + mass · g · length · sin(q − zero). No torque column is needed."""
 
-    mass: PositiveNumber = key(
-        "Mass.", unit="kg", example=1.2, default=..., expected="the mass [kg], a positive number"
-    )
-    length: PositiveNumber = key(
+    mass: OneOrByRun = key("Mass.", unit="kg", example=1.2, default=..., expected="the mass [kg], a positive number")
+    length: OneOrByRun = key(
         "Distance from the axis to the centre of mass.",
         unit="m",
         example=0.3,
         default=...,
         expected="the length [m], a positive number",
     )
-    inertia: PositiveNumber | None = key(
+    inertia: OneOrByRun | None = key(
         "Moment of inertia about the axis.", unit="kg m²", example=0.12, absent="mass · length² (a point mass)"
     )
     zero: Number = key(
@@ -39,8 +56,25 @@ class PendulumKeys(Keys):
 
     def load(self) -> Load:
         """The load that the rest of the library uses."""
-        more = {} if self.inertia is None else {"inertia": self.inertia}
-        return Pendulum(self.mass, self.length, zero=self.zero, **more)
+        given = {"mass": self.mass, "length": self.length, "inertia": self.inertia}
+        by_file = {name: value for name, value in given.items() if isinstance(value, Mapping)}
+        if not by_file:
+            return self._of(given)
+        first, patterns = next(iter(by_file)), list(next(iter(by_file.values())))
+        for name, value in by_file.items():
+            if set(value) != set(patterns):
+                raise ValueError(
+                    f"load: pendulum: {name}: expected the same file names as in {first} ({', '.join(patterns)}), got "
+                    f"{', '.join(value)}"
+                )
+        runs = [
+            (pattern, self._of({n: by_file[n][pattern] if n in by_file else v for n, v in given.items()}))
+            for pattern in patterns
+        ]
+        return replace(runs[0][1], by_run=tuple(runs))
+
+    def _of(self, values: Mapping[str, Any]) -> Pendulum:
+        return Pendulum(zero=self.zero, **{name: value for name, value in values.items() if value is not None})
 
 
 class PendulumLoad(Keys):
