@@ -4,23 +4,23 @@ The motion's part passes the off-line filters; the F/T sensors' part is linear i
 are, so that whoever filters the torque afterwards filters them like every other channel (EQUATIONS A2, A4).
 """
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from drake_tc.errors import LogError
-from drake_tc.estimation.off_line import OffLineFilter, SensorLog, smoothed
+from drake_tc.estimation.off_line import OffLineFilter, SensorLog, smoothed, wrench_bias
 from drake_tc.estimation.torque_model import TorqueModel
 from drake_tc.logs.loads import RobotLoad
+from drake_tc.logs.near import near
 from drake_tc.logs.record import Run
-from drake_tc.logs.rig import Rig
+from drake_tc.logs.rig import WRENCH_AXES, Rig
 from drake_tc.robot.link_parameters import LinkModel, link_model
 from drake_tc.robot.robot import Robot, load_robot
 from drake_tc.types import FloatArray
 
 IMU_AXES = ("gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z")
-WRENCH_AXES = ("fx", "fy", "fz", "tx", "ty", "tz")
 WINDOW_SECONDS = 0.031
 """Of the off-line filters: several times shorter than any motion that a joint's log shows."""
 LEAST_WINDOW = 5
@@ -35,12 +35,15 @@ class RobotLogs:
         model: Its torque estimation.
         reads_imu: Whether the base's motion comes from the robot's first IMU.
         links: Of a robot whose links' parameters are fitted; None otherwise.
+        tares: Of the rig: begin and end of the stretch of every run in which an F/T sensor is zeroed [s], by its column
+            name.
     """
 
     robot: Robot
     model: TorqueModel
     reads_imu: bool
     links: LinkModel | None = None
+    tares: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     def sensors(self, run: Run, part: slice) -> SensorLog:
         """The readings of one stretch of a run."""
@@ -57,9 +60,10 @@ def _stacked(run: Run, names: Sequence[str], part: slice) -> FloatArray:
         return np.zeros((size, 0))
     for name in names:
         if name not in run.columns:
+            hint = near(name, run.columns)
             raise LogError(
-                f"{run.source or run.name}: no column {name!r}, which the robot's model wants; map it in the rig file: "
-                f"columns: {{{name}: NAME_IN_FILE}}"
+                f"{run.source or run.name}: no column {name!r}, which the robot's model needs{hint}; map it in the rig "
+                f"file: columns: {{{name}: NAME_IN_FILE}}"
             )
     return np.stack([np.asarray(run.columns[name][part], dtype=np.float64) for name in names], axis=1)
 
@@ -87,7 +91,7 @@ def robot_logs(rig: Rig, runs: Sequence[Run]) -> RobotLogs | None:
         model = TorqueModel(robot, base="imu" if reads_imu else "fixed", angular_acceleration="zero")
     else:
         model = TorqueModel(robot)
-    return RobotLogs(robot, model, reads_imu)
+    return RobotLogs(robot, model, reads_imu, tares=rig.tares)
 
 
 def off_line_filter(period: float) -> OffLineFilter:
@@ -100,6 +104,38 @@ def usable_stretches(run: Run) -> Iterator[slice]:
     """Stretches that are longer than the filters' windows."""
     window = off_line_filter(run.period).window
     return (part for part in run.segments() if part.stop - part.start > window)
+
+
+def tared(logs: RobotLogs, run: Run) -> Run:
+    """The run without what its F/T sensors show while nothing touches the robot; see `wrench_bias`.
+
+    Raises:
+        LogError: The run has no usable stretch longer than the filters' windows in the time that the rig file states.
+    """
+    columns, notes = dict(run.columns), []
+    for index, mount in enumerate(logs.robot.force_torque):
+        name = f"ft_{mount.name}"
+        if name not in logs.tares:
+            continue
+        begin, end = logs.tares[name]
+        since = run.time - run.time[0]
+        parts = [
+            slice(p.start + int(np.searchsorted(since[p], begin)), p.start + int(np.searchsorted(since[p], end)))
+            for p in run.segments()
+        ]
+        part = max(parts, key=lambda p: p.stop - p.start)
+        if part.stop - part.start <= off_line_filter(run.period).window:
+            raise LogError(
+                f"{run.source or run.name}: sensors: {name}: tare: no usable stretch of more than "
+                f"{off_line_filter(run.period).window} samples between {begin:g} and {end:g} s"
+            )
+        bias = wrench_bias(logs.model, logs.sensors(run, part), slice(None), off_line_filter(run.period))
+        mine = bias[6 * index : 6 * index + 6]
+        for axis, value in zip(WRENCH_AXES, mine, strict=True):
+            columns[f"{name}/{axis}"] = columns[f"{name}/{axis}"] - value
+        shown = ", ".join(f"{value:.3g}" for value in mine)
+        notes.append(f"Sensor {name} was zeroed between {begin:g} and {end:g} s: [{shown}] (N, N*m) were taken off.")
+    return replace(run, columns=columns, notes=(*run.notes, *notes)) if notes else run
 
 
 def with_robot_loads(logs: RobotLogs, runs: Sequence[Run], joints: Sequence[str]) -> list[Run]:
@@ -117,8 +153,9 @@ def with_robot_loads(logs: RobotLogs, runs: Sequence[Run], joints: Sequence[str]
     """
     unknown = [joint for joint in joints if joint not in logs.robot.joints]
     if unknown:
-        raise LogError(f"joint {unknown[0]!r}: {logs.robot.source} drives {', '.join(logs.robot.joints)}")
-    return [_with_loads(logs, run, joints) for run in runs]
+        hint = near(unknown[0], logs.robot.joints)
+        raise LogError(f"joint {unknown[0]!r}: {logs.robot.source} drives {', '.join(logs.robot.joints)}{hint}")
+    return [_with_loads(logs, tared(logs, run), joints) for run in runs]
 
 
 def _with_loads(logs: RobotLogs, run: Run, joints: Sequence[str]) -> Run:

@@ -12,6 +12,9 @@ ALIKE = 0.75
 SHORTEST_WORD = 4
 """Letters of a word from which a misspelling can be told from another name: `r_knee` is no typo of `l_knee`."""
 
+SHOWN = 6
+"""Names in one sentence; further ones are counted."""
+
 SPELLINGS: Mapping[str, tuple[str, ...]] = {
     "temperature": (
         *("temperature", "temp", "motor temp", "motor temperature", "present temperature", "winding temperature"),
@@ -31,7 +34,7 @@ _MEANS = {"temperature": "a temperature", "supply_voltage": "a supply voltage", 
 
 
 def column_hints(
-    names: Iterable[str], found: Mapping[str, str], rig: Rig, switches: Collection[str]
+    names: Sequence[str], found: Mapping[str, str], rig: Rig, switches: Collection[str]
 ) -> tuple[str, ...]:
     """One sentence for each column that seems to be meant and is not used, and for each misspelt sensor.
 
@@ -46,7 +49,28 @@ def column_hints(
     for name in names:
         if name not in used:
             notes.append(_typo(name, found, rig) or _spelling(name, found, rig, switches))
-    return tuple(note for note in notes if note)
+    told = tuple(note for note in notes if note)
+    return (*told, *_strangers([name for name in names if not any(repr(name) in note for note in told)], rig))
+
+
+def _strangers(names: Iterable[str], rig: Rig) -> tuple[str, ...]:
+    """One sentence on the canonical columns of joints and sensors that the rig does not have."""
+    owners: dict[str, None] = {}
+    for name in names:
+        owner, _, suffix = name.rpartition("/")
+        of_sensor = owner.startswith(("ft_", "imu_")) and suffix in SENSOR_SUFFIXES
+        if owner and (of_sensor or suffix in JOINT_SUFFIXES) and owner not in (*rig.joints, *rig.robot_sensors):
+            owners[owner] = None
+    if not owners:
+        return ()
+    known = (*rig.joints, *rig.robot_sensors)
+    unknown, there = (_listed(list(each)) for each in (owners, known))
+    return (f"Columns of {unknown} are not used: the rig has {there}.",)
+
+
+def _listed(names: Sequence[str]) -> str:
+    more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
+    return ", ".join(names[:SHOWN]) + more
 
 
 def same_but_misspelt(name: str, known: str) -> bool:
@@ -74,11 +98,10 @@ def _sensor_hint(canonical: str, name: str, rig: Rig) -> str:
     owner = canonical.rpartition("/")[0]
     if not owner.startswith(("ft_", "imu_")) or owner in rig.robot_sensors:
         return ""
-    near = next((sensor for sensor in rig.robot_sensors if same_but_misspelt(owner, sensor)), "")
-    if not near:
+    meant = next((sensor for sensor in rig.robot_sensors if same_but_misspelt(owner, sensor)), "")
+    if not meant:
         return ""
-    column = f"Column {name!r}" if name == canonical else f"Column {name!r} ({canonical})"
-    return f"{column} is not used: the robot has no sensor {owner!r}; did you mean {near!r}?"
+    return f"Column {name!r} is not used: the robot has no sensor {owner!r}; did you mean {meant!r}?"
 
 
 def _typo(name: str, found: Mapping[str, str], rig: Rig) -> str:

@@ -152,7 +152,7 @@ def map_columns(table: pd.DataFrame, rig: Rig, path: Path) -> RawLog:
     speed_only = tuple(joint for joint in rig.joints if _is_speed_only(joint, found, rig))
     in_place = {f"{joint}/position": f"{joint}/velocity" for joint in speed_only}
     needed = (name for joint in rig.joints for name in rig.required_columns(joint))
-    required = ["time", *(in_place.get(name, name) for name in needed)]
+    required = ["time", *(in_place.get(name, name) for name in needed), *rig.required_sensor_columns()]
     for canonical in required:
         found.setdefault(canonical, canonical)
     for canonical, name in found.items():
@@ -176,5 +176,5 @@ def map_columns(table: pd.DataFrame, rig: Rig, path: Path) -> RawLog:
     time = columns.pop("time")
     rows = np.arange(1, len(table) + 1, dtype=np.float64)
     enabled, switches = _enabled(table, rig, path)
-    hints = column_hints(map(str, table.columns), found, rig, switches)
+    hints = column_hints(list(map(str, table.columns)), found, rig, switches)
     return RawLog(path, rows, time, columns, enabled, (*notes, *hints), hints, speed_only)

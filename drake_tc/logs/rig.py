@@ -35,6 +35,8 @@ COMMAND_COLUMN: Mapping[DriveKind, str] = {
     "torque": "torque_command",
 }
 """Kind of drive to the last part of the column with its command."""
+WRENCH_AXES = ("fx", "fy", "fz", "tx", "ty", "tz")
+"""Last parts of an F/T sensor's columns."""
 
 
 def _empty() -> Mapping[str, Any]:
@@ -62,6 +64,7 @@ class Rig:
         robot: The robot file whose model gives the loads, or None.
         sensors: Declared noise by joint; see `joint_sensors`.
         tolerances: Declared tolerances by the sensor's column name (`ft_foot`, `imu_trunk`).
+        tares: Begin and end of the stretch of every run in which an F/T sensor is zeroed [s], by its column name.
         robot_sensors: Column names of the sensors that the robot file lists (`ft_foot`, `imu_trunk`).
     """
 
@@ -79,6 +82,7 @@ class Rig:
     robot: Path | None = None
     sensors: Mapping[str, JointSensors] = field(default_factory=_empty)
     tolerances: Mapping[str, Tolerance] = field(default_factory=_empty)
+    tares: Mapping[str, tuple[float, float]] = field(default_factory=_empty)
     robot_sensors: tuple[str, ...] = ()
 
     def joint_sensors(self, joint: str) -> JointSensors:
@@ -105,6 +109,13 @@ class Rig:
         if self.load[joint] == "torque":
             needed.append(f"{joint}/torque")
         return tuple(needed)
+
+    def required_sensor_columns(self) -> tuple[str, ...]:
+        """Canonical columns of the robot's F/T sensors, without which its load torques cannot be estimated."""
+        if RobotLoad("estimate") not in self.load.values():
+            return ()
+        sensors = [name for name in self.robot_sensors if name.startswith("ft_")]
+        return tuple(f"{name}/{axis}" for name in sensors for axis in WRENCH_AXES)
 
     def known(self, joint: str, effect: str, default: float = 0.0) -> float:
         """The declared value of an effect, or `default` where it is not declared or its value is unknown."""
@@ -134,6 +145,10 @@ def parse_rig(document: object, source: Path | str = "rig") -> Rig:
         raise RigError(f"{name}: {error}") from None
     check_robot_load(name, rig.load, robot)
     check_sensors(name, rig.tolerances, rig.robot_sensors, robot)
+    if robot is not None:
+        mapped = (column.rpartition("/")[0] for column in rig.columns)
+        named = [owner for owner in mapped if owner.startswith(("ft_", "imu_"))]
+        check_sensors(name, named, rig.robot_sensors, robot, key="columns")
     return rig
 
 
@@ -160,6 +175,7 @@ def _rig_of(read: RigDocument, robot: Path | None, source: Path | None) -> Rig:
         robot=robot,
         sensors={joint: sensors.noise_of(joint) for joint in joints},
         tolerances=sensors.tolerances(),
+        tares=sensors.tares(),
         robot_sensors=robot_sensors(robot),
         saturation={joint: limit for joint, limit in by_joint(read.saturation, joints).items() if limit is not None},
         drive_gain=gains,
@@ -236,7 +252,7 @@ def rig_document(rig: Rig) -> dict[str, Any]:
     }
     if rig.enabled is not None:
         document["enabled"] = rig.enabled
-    sensors = sensors_entry(rig.sensors, rig.tolerances)
+    sensors = sensors_entry(rig.sensors, rig.tolerances, rig.tares)
     if sensors:
         document["sensors"] = sensors
     return document

@@ -71,8 +71,10 @@ def robot_sensors(robot: Path | None) -> tuple[str, ...]:
     return tuple(found)
 
 
-def check_sensors(source: str, declared: Iterable[str], known: Sequence[str], robot: Path | None) -> None:
-    """Every sensor whose tolerances are declared is one of the robot file.
+def check_sensors(
+    source: str, declared: Iterable[str], known: Sequence[str], robot: Path | None, key: str = "sensors"
+) -> None:
+    """Every sensor that the rig file names under `key` is one of the robot file.
 
     Raises:
         RigError: It is not; with the nearest match.
@@ -82,4 +84,4 @@ def check_sensors(source: str, declared: Iterable[str], known: Sequence[str], ro
             listed = (
                 "a sensor needs `robot: FILE`" if robot is None else f"sensors of {robot}: {', '.join(known) or 'none'}"
             )
-            raise RigError(f"{source}: sensors: {column}: the robot has no such sensor{near(column, known)}; {listed}")
+            raise RigError(f"{source}: {key}: {column}: the robot has no such sensor{near(column, known)}; {listed}")

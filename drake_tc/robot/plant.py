@@ -36,7 +36,7 @@ def joint_limits(robot: Robot) -> Limits:
     Raises:
         ParamsError: the URDF cannot be read.
     """
-    tree = read_urdf(robot.urdf)
+    tree = read_urdf(robot.urdf, robot.splits)
     rows = []
     for name in robot.joints:
         tag, given = tree.joints[name], robot.limits.get(name, {})

@@ -9,9 +9,12 @@ from typing import Any
 import numpy as np
 
 from drake_tc.errors import ParamsError
+from drake_tc.logs.near import near
 from drake_tc.robot import fields
 from drake_tc.robot.mounts import ForceTorqueMount, Mount, Pose
 from drake_tc.robot.packages import resolve
+from drake_tc.robot.sensor_mounts import check_link, force_torque_mounts, imu_mounts, link_splits
+from drake_tc.robot.split_link import LinkSplit
 from drake_tc.robot.urdf_tree import UrdfTree, read_urdf
 from drake_tc.types import FloatArray
 from drake_tc.yaml_file import read_yaml
@@ -51,6 +54,7 @@ class Robot:
         limits: By joint, the limits that replace the URDF's: `effort`, `velocity`, `lower`, `upper`.
         posture: (n,) where the joints start [rad].
         source: The robot file.
+        splits: Links that an F/T sensor inside them divides in two.
     """
 
     name: str
@@ -67,18 +71,14 @@ class Robot:
     actuators: Path | None = None
     rotor_inertia: Mapping[str, float] = field(default_factory=dict)
     limits: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
-
-
-def _check_link(where: str, link: str, tree: UrdfTree) -> str:
-    if link not in tree.links:
-        raise ParamsError(f"{where}: no link {link!r} in the URDF; links: {', '.join(tree.links)}")
-    return link
+    splits: tuple[LinkSplit, ...] = ()
 
 
 def _check_joints(where: str, joints: tuple[str, ...], tree: UrdfTree) -> None:
     for name in joints:
         if name not in tree.joints:
-            raise ParamsError(f"{where}: no joint {name!r} in the URDF; movable joints: {', '.join(tree.movable)}")
+            listed = f"movable joints: {', '.join(tree.movable)}"
+            raise ParamsError(f"{where}: no joint {name!r} in the URDF{near(name, tree.movable)}; {listed}")
         if not tree.joints[name].movable:
             raise ParamsError(
                 f"{where}: joint {name!r} is {tree.joints[name].kind}, not movable;"
@@ -151,44 +151,6 @@ def _locked(where: str, entry: object, joints: tuple[str, ...], tree: UrdfTree) 
     return {name: position(name) for name in free}
 
 
-def _imu(where: str, entry: object, tree: UrdfTree) -> tuple[Mount, ...]:
-    mounts = []
-    for name, value in fields.mapping(where, entry, optional=None).items():
-        at = f"{where}.{name}"
-        given = fields.mapping(at, value, ("link",), ("xyz", "rpy"))
-        mounts.append(
-            Mount(name, _check_link(at, fields.text(f"{at}.link", given["link"]), tree), fields.pose(at, given))
-        )
-    return tuple(mounts)
-
-
-def _force_torque(
-    where: str, entry: object, joints: tuple[str, ...], base: str, tree: UrdfTree
-) -> tuple[ForceTorqueMount, ...]:
-    mounts = []
-    for name, value in fields.mapping(where, entry, optional=None).items():
-        at = f"{where}.{name}"
-        given = fields.mapping(at, value, ("joint",), ("xyz", "rpy", "contact"))
-        joint = fields.text(f"{at}.joint", given["joint"])
-        if joint not in tree.joints or joint in joints:
-            rigid = [other for other in tree.joints if other not in joints]
-            raise ParamsError(
-                f"{at}.joint: wanted a joint that does not move; got {joint!r}; possible: {', '.join(rigid)}"
-            )
-        beyond = tree.beyond(tree.joints[joint].child)
-        if base in beyond:
-            raise ParamsError(f"{at}.joint: the base {base!r} hangs from {joint!r}; wanted a joint on the way to a tip")
-        place = fields.mapping(f"{at}.contact", given.get("contact"), (), ("link", "xyz", "rpy"))
-        link = fields.text(f"{at}.contact.link", place.get("link", tree.joints[joint].child))
-        if link not in beyond:
-            raise ParamsError(
-                f"{at}.contact.link: wanted a link beyond {joint!r} ({', '.join(sorted(beyond))}); got {link!r}"
-            )
-        contact = Mount(name, link, fields.pose(f"{at}.contact", place))
-        mounts.append(ForceTorqueMount(name, joint, fields.pose(at, given), contact))
-    return tuple(mounts)
-
-
 def _rotor_inertia(where: str, top: Mapping[str, Any], joints: tuple[str, ...]) -> dict[str, float]:
     given = fields.mapping(where, top.get("rotor_inertia"), optional=joints)
     if given and top.get("actuators") is not None:
@@ -205,8 +167,9 @@ def _robot(source: Path, document: object) -> Robot:
     if not isinstance(top["fixed_base"], bool):
         raise ParamsError(f"fixed_base: wanted true or false; got {top['fixed_base']!r}")
     urdf = resolve(fields.text("urdf", top["urdf"]), source.parent)
-    tree = read_urdf(urdf)
-    base = _check_link("base", fields.text("base", top["base"]), tree)
+    splits = link_splits("force_torque", top.get("force_torque"), read_urdf(urdf))
+    tree = read_urdf(urdf, splits)
+    base = check_link("base", fields.text("base", top["base"]), tree)
     joints = fields.names("joints", top["joints"])
     _check_joints("joints", joints, tree)
     if not top["fixed_base"]:
@@ -221,13 +184,14 @@ def _robot(source: Path, document: object) -> Robot:
         base_pose=fields.pose("base_pose", fields.mapping("base_pose", top.get("base_pose"), (), ("xyz", "rpy"))),
         joints=joints,
         locked=_locked("locked", top.get("locked"), joints, tree),
-        imu=_imu("imu", top.get("imu"), tree),
-        force_torque=_force_torque("force_torque", top.get("force_torque"), joints, base, tree),
+        imu=imu_mounts("imu", top.get("imu"), tree),
+        force_torque=force_torque_mounts("force_torque", top.get("force_torque"), joints, base, tree, splits),
         actuators=None if actuators is None else resolve(fields.text("actuators", actuators), source.parent),
         rotor_inertia=_rotor_inertia("rotor_inertia", top, joints),
         limits=limits,
         posture=_posture("posture", top.get("posture"), joints, tree, limits),
         source=source,
+        splits=splits,
     )
 
 

@@ -100,7 +100,7 @@ def reduced_urdf(robot: Robot, *, visuals: bool = False, collisions: bool = Fals
     Raises:
         ParamsError: the URDF cannot be read.
     """
-    tree = read_urdf(robot.urdf)
+    tree = read_urdf(robot.urdf, robot.splits)
     root = ET.Element("robot", {"name": robot.name})
     if visuals:
         root.extend(copy.deepcopy(material) for material in tree.root.findall("material"))

@@ -3,12 +3,13 @@
 import math
 import re
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from drake_tc.errors import ParamsError
 from drake_tc.robot.mounts import Pose, Triple
+from drake_tc.robot.split_link import LinkSplit
 
 MOVABLE = ("revolute", "continuous", "prismatic")
 """Types of one degree of freedom: those that can be driven, or locked at a position."""
@@ -175,8 +176,12 @@ def _elements(root: ET.Element, tag: str) -> Iterator[ET.Element]:
     yield from (element for element in root.findall(tag) if element.get("name"))
 
 
-def read_urdf(path: Path) -> UrdfTree:
+def read_urdf(path: Path, splits: Iterable[LinkSplit] = ()) -> UrdfTree:
     """Read a URDF.
+
+    Args:
+        path: The file.
+        splits: Links that a sensor inside them divides.
 
     Raises:
         ParamsError: the file cannot be read or is no URDF; the message names file and joint.
@@ -187,6 +192,8 @@ def read_urdf(path: Path) -> UrdfTree:
         raise ParamsError(f"{path}: wanted a URDF; {error}") from error
     if root.tag != "robot":
         raise ParamsError(f"{path}: wanted a URDF (<robot>); got <{root.tag}>")
+    for split in splits:
+        split.apply(root)
     links = tuple(str(link.get("name")) for link in _elements(root, "link") if link.get("name") != _WORLD)
     joints = {joint.name: joint for joint in (_joint(path, element) for element in _elements(root, "joint"))}
     kept = {name: joint for name, joint in joints.items() if joint.parent != _WORLD}

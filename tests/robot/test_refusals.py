@@ -33,7 +33,10 @@ REFUSED = {
     "rotor and file": ({"rotor_inertia": {"wrist": 1}, "actuators": "arm.urdf"}, "only without `actuators`"),
     "imu link": ({"imu": {"head": {"link": "head"}}}, "imu.head: no link 'head'"),
     "imu pose": ({"imu": {"head": {"link": "hand", "xyz": [0, 1]}}}, "imu.head.xyz: wanted three numbers"),
-    "imu without link": ({"imu": {"head": {"xyz": [0, 1, 0]}}}, "imu.head: missing key 'link'"),
+    "imu without link": (
+        {"imu": {"head": {"xyz": [0, 1, 0]}}},
+        "imu.head: wanted one of the keys 'joint' and 'link'; got neither",
+    ),
     "ft joint moves": ({"force_torque": {"tip": {"joint": "wrist"}}}, "wanted a joint that does not move; got 'wrist'"),
     "ft no joint": ({"force_torque": {"tip": {"joint": "ankle"}}}, "got 'ankle'; possible: slide, spin, mark_joint"),
     "ft above base": ({"base": "hand", "force_torque": FT}, "the base 'hand' hangs from 'mark_joint'"),

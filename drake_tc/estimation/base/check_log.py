@@ -80,7 +80,7 @@ def _check_accel(path: Path, accel: FloatArray) -> None:
 
 
 def _check_positions(path: Path, rig: BaseRig, q: FloatArray) -> None:
-    tree = read_urdf(rig.robot.urdf)
+    tree = read_urdf(rig.robot.urdf, rig.robot.splits)
     for i, name in enumerate(rig.robot.joints):
         lower, upper = position_range(name, tree, rig.robot.limits)
         least = lower - BEYOND if np.isfinite(lower) else -TWO_TURNS

@@ -182,7 +182,7 @@ def _load(plant: MultibodyPlant, robot: Robot, contact: ContactSpec, frame: Any)
         there = ", ".join(sensors) or "none"
         raise ParamsError(f"contact {contact.mount.name!r}: no F/T sensor {contact.sensor!r}; sensors: {there}")
     sensor = sensors[contact.sensor]
-    child = plant.GetBodyByName(read_urdf(robot.urdf).joints[sensor.joint].child)
+    child = plant.GetBodyByName(read_urdf(robot.urdf, robot.splits).joints[sensor.joint].child)
     rigid = {body.index() for body in plant.GetBodiesWeldedTo(frame.body())}
     if child.index() not in rigid or _moves_beyond(plant, robot, sensor):
         if contact.polygon is not None:
@@ -198,7 +198,7 @@ def _load(plant: MultibodyPlant, robot: Robot, contact: ContactSpec, frame: Any)
     transform = np.zeros((6, 6))
     transform[:3, :3] = transform[3:, 3:] = R
     transform[3:, :3] = np.column_stack([np.cross(p, R[:, i]) for i in range(3)])
-    names = read_urdf(robot.urdf).beyond(child.name())
+    names = read_urdf(robot.urdf, robot.splits).beyond(child.name())
     bodies = [plant.get_body(i) for i in sorted(rigid, key=int) if plant.get_body(i).name() in names]
     mass, moment = 0.0, np.zeros(3)
     for body in bodies:
@@ -216,6 +216,6 @@ def _centre(body: Any, context: Any) -> Any:
 
 def _moves_beyond(plant: MultibodyPlant, robot: Robot, sensor: ForceTorqueMount) -> bool:
     """Whether a driven joint lies beyond the sensor."""
-    tree = read_urdf(robot.urdf)
+    tree = read_urdf(robot.urdf, robot.splits)
     beyond = tree.beyond(tree.joints[sensor.joint].child)
     return any(tree.joints[name].parent in beyond for name in robot.joints)

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from typing import Annotated, Any
 
-from pydantic import BeforeValidator, Field, WithJsonSchema
+from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema
 
 from drake_tc.logs.near import near
 from drake_tc.logs.rig_document.keys import Keys, Ratio, key, magnitude, magnitude_in, magnitude_schema
@@ -90,6 +90,15 @@ class JointNoise(Keys):
 _TYPICAL = "that of `part`"
 
 
+def _span(value: tuple[float, float]) -> tuple[float, float]:
+    if not value[0] < value[1]:
+        raise ValueError(f"expected begin < end [s], got {list(value)!r}")
+    return value
+
+
+Stretch = Annotated[tuple[float, float], *_pair_of(("begin", "time"), ("end", "time")), AfterValidator(_span)]
+
+
 class ForceTorqueKeys(Keys):
     """Tolerances of one F/T sensor of the robot, as standard deviations, alike on all axes."""
 
@@ -103,6 +112,14 @@ class ForceTorqueKeys(Keys):
     )
     gain: Ratio | None = key("Relative error of the scale.", unit="–", example="1 %", absent=_TYPICAL)
     alignment: Position | None = key("Rotation error about each axis.", unit="rad", example="0.5 deg", absent=_TYPICAL)
+    tare: Stretch | None = key(
+        "Begin and end of the stretch of every run, counted from its first row, in which nothing touches the robot "
+        "beyond the sensor. What the sensor shows there beyond the weight and the motion of the part beyond it is "
+        "taken off the whole run. `bias` is then the tolerance of what is left.",
+        unit="s",
+        example=[0.0, "2 s"],
+        absent="the readings are taken as they are",
+    )
 
     def tolerance(self) -> ForceTorqueTolerance:
         """The sensor's tolerance."""
@@ -164,6 +181,10 @@ class SensorsKeys(JointNoise, json_schema_extra=_sensor_properties):
         own = self.of_joints.get(joint)
         return everywhere if own is None else own.joint_sensors(everywhere)
 
+    def tares(self) -> dict[str, tuple[float, float]]:
+        """Stretch of every run in which a sensor is zeroed [s], by column name (`ft_foot`)."""
+        return {name: sensor.tare for name, sensor in self.force_torque.items() if sensor.tare is not None}
+
     def tolerances(self) -> dict[str, SensorTolerance]:
         """By column name (`ft_foot`)."""
         force_torque = {name: sensor.tolerance() for name, sensor in self.force_torque.items()}
@@ -192,7 +213,11 @@ def sorted_by_owner(value: object, joints: Sequence[str]) -> object:
     return result
 
 
-def sensors_entry(noise: Mapping[str, JointSensors], tolerances: Mapping[str, SensorTolerance]) -> dict[str, Any]:
+def sensors_entry(
+    noise: Mapping[str, JointSensors],
+    tolerances: Mapping[str, SensorTolerance],
+    tares: Mapping[str, tuple[float, float]],
+) -> dict[str, Any]:
     """The key's value in SI; reading it gives the same back. Empty where nothing is declared."""
     by_joint = {
         joint: {key: asdict(each)[attribute] for key, attribute in _ATTRIBUTES.items()} for joint, each in noise.items()
@@ -206,4 +231,6 @@ def sensors_entry(noise: Mapping[str, JointSensors], tolerances: Mapping[str, Se
         else:
             biases = [tolerance.accel_bias, tolerance.gyro_bias]
         out[column] = {"bias": biases, "gain": tolerance.gain, "alignment": tolerance.alignment}
+        if column in tares:
+            out[column]["tare"] = list(tares[column])
     return out
