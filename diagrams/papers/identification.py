@@ -33,7 +33,7 @@ from drake_tc.logs.rig import Rig, parse_rig
 from drake_tc.types import FloatArray
 
 Penalty = Literal["symmetric", "asymmetric"]
-FILTER = OffLineFilter(window=41)
+FILTER = OffLineFilter.of(41)
 """Of the torque estimate [samples]; longer windows smear the reversals, shorter ones let noise through."""
 UNTOUCHED = slice(100, 400)
 """Samples before any push and any large motion: the F/T sensors' bias is read there."""

@@ -66,7 +66,7 @@ def estimated(recording: Recording, window: int = 41) -> TorqueLog:
     period = float(recording.time[1] - recording.time[0])
     wrench = recording["force_torque"] if robot.force_torque else np.zeros((samples, 0))
     log = SensorLog(recording["encoder"], recording["imu"][:, :6] if robot.imu else None, wrench, period)
-    filters = OffLineFilter(window=window)
+    filters = OffLineFilter.of(window)
     still = slice(round(ZEROED[0] / period), min(round(ZEROED[1] / period), samples // 10))
     zero = robot.force_torque and still.stop > still.start
     return estimate_log(model, log, filters, wrench_bias(model, log, still, filters) if zero else None)

@@ -12,6 +12,7 @@ from drake_tc.cli.bench_command import bench_app
 from drake_tc.cli.bode_command import bode_command
 from drake_tc.cli.close_loop_command import close_loop_command
 from drake_tc.cli.estimate_base_command import estimate_base_command
+from drake_tc.cli.estimate_torque_command import estimate_torque_command
 from drake_tc.cli.graph_command import graph_command
 from drake_tc.cli.identify_command import identify_command
 from drake_tc.cli.import_logs import import_logs
@@ -31,6 +32,7 @@ app = typer.Typer(
 )
 app.command("close-loop")(close_loop_command)
 app.command("estimate-base")(estimate_base_command)
+app.command("estimate-torque")(estimate_torque_command)
 app.command("identify")(identify_command)
 app.command("import")(import_logs)
 app.command("schema")(schema_command)

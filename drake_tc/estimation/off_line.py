@@ -2,28 +2,38 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 
 from drake_tc.errors import LogError
 from drake_tc.estimation.torque_model import TorqueModel
 from drake_tc.filtering.savitzky_golay import smooth
+from drake_tc.filtering.window_choice import Window, choose_window
 from drake_tc.types import FloatArray
 
 
 @dataclass(frozen=True)
 class OffLineFilter:
-    """Savitzky–Golay windows around each sample.
+    """Savitzky–Golay windows around each sample; odd, so that each sample lies in the middle of its own.
 
     Attributes:
-        window: [samples]; odd, so that each sample lies in the middle of its own.
-        encoder_order: Of the polynomials through the encoders' readings.
-        inertial_order: Of those through the IMU's and the F/T sensors'.
+        encoder, inertial, wrench: Of the encoders', the IMU's and the F/T sensors' readings.
     """
 
-    window: int = 81
-    encoder_order: int = 2
-    inertial_order: int = 1
+    encoder: Window
+    inertial: Window
+    wrench: Window
+
+    @classmethod
+    def of(cls, window: int = 81) -> Self:
+        """All windows of `window` samples, with the orders of EQUATIONS A4: 2 for encoders, 1 for the others."""
+        return cls(Window(window, 2), Window(window, 1), Window(window, 1))
+
+    @property
+    def longest(self) -> int:
+        """Samples of the longest window."""
+        return max(self.encoder.samples, self.inertial.samples, self.wrench.samples)
 
 
 @dataclass(frozen=True)
@@ -56,6 +66,27 @@ class SensorLog:
     imu: FloatArray | None
     wrench: FloatArray
     dt: float
+
+
+def chosen_filter(log: SensorLog) -> OffLineFilter:
+    """The windows with the least expected error, one for the joints' accelerations, one for the IMU's readings and the
+    derivative of its gyro, one for the wrenches.
+
+    Every joint counts alike, whatever its accelerations; the axes of a force, a torque, a rate or an acceleration count
+    by their errors.
+
+    Args:
+        log: Readings of at least 20 samples, finite.
+    """
+    encoder = choose_window([(joint[:, None], 2) for joint in log.position.T], log.dt)
+    inertial = wrench = encoder
+    if log.imu is not None:
+        gyro, accel = log.imu[:, :3], log.imu[:, 3:]
+        inertial = choose_window([(gyro, 0), (gyro, 1), (accel, 0)], log.dt)
+    if log.wrench.size:
+        forces = np.arange(log.wrench.shape[1]) % 6 < 3
+        wrench = choose_window([(log.wrench[:, forces], 0), (log.wrench[:, ~forces], 0)], log.dt)
+    return OffLineFilter(encoder, inertial, wrench)
 
 
 Row = tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]
@@ -111,10 +142,10 @@ def smoothed(
     model: TorqueModel, log: SensorLog, filters: OffLineFilter | None, bias: FloatArray | None
 ) -> Iterator[Row]:
     """The arguments of `TorqueModel.estimate`, sample by sample; arguments and errors as `estimate_log`."""
-    spec = OffLineFilter() if filters is None else filters
+    spec = OffLineFilter.of() if filters is None else filters
     samples = log.position.shape[0]
-    if samples < spec.window:
-        raise LogError(f"wanted at least {spec.window} samples, one window; the log has {samples}")
+    if samples < spec.longest:
+        raise LogError(f"wanted at least {spec.longest} samples, one window; the log has {samples}")
     if log.imu is None and _reads_imu(model):
         raise LogError(f"imu: wanted readings, as the model of {model.robot.name} takes the base's motion from them")
     inertial = np.zeros((samples, 6)) if log.imu is None else log.imu
@@ -128,9 +159,9 @@ def smoothed(
         if not np.isfinite(values).all():
             row = int(np.argmin(np.isfinite(values).all(axis=1)))
             raise LogError(f"{name}: wanted finite readings; sample {row} is not")
-    joint = smooth(log.position, spec.window, spec.encoder_order, log.dt)
-    base = smooth(inertial, spec.window, spec.inertial_order, log.dt)
-    felt = smooth(log.wrench, spec.window, spec.inertial_order, log.dt).value
+    joint = smooth(log.position, spec.encoder.samples, spec.encoder.order, log.dt)
+    base = smooth(inertial, spec.inertial.samples, spec.inertial.order, log.dt)
+    felt = smooth(log.wrench, spec.wrench.samples, spec.wrench.order, log.dt).value
     if bias is not None:
         if bias.shape != felt.shape[1:]:
             raise LogError(f"bias: wanted shape {felt.shape[1:]} for {model.robot.name}; got {bias.shape}")

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from drake_tc.errors import LogError
-from drake_tc.estimation.off_line import OffLineFilter, SensorLog, smoothed, wrench_bias
+from drake_tc.estimation.off_line import OffLineFilter, SensorLog, chosen_filter, smoothed, wrench_bias
 from drake_tc.estimation.torque_model import TorqueModel
 from drake_tc.logs.loads import RobotLoad
 from drake_tc.logs.near import near
@@ -21,9 +21,10 @@ from drake_tc.robot.robot import Robot, load_robot
 from drake_tc.types import FloatArray
 
 IMU_AXES = ("gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z")
-WINDOW_SECONDS = 0.031
-"""Of the off-line filters: several times shorter than any motion that a joint's log shows."""
-LEAST_WINDOW = 5
+LEAST_STRETCH = 40
+"""Samples from which the filters can be chosen."""
+MOST_LOOKED_AT = 60_000
+"""Samples of a stretch from which they are chosen."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,16 +95,24 @@ def robot_logs(rig: Rig, runs: Sequence[Run]) -> RobotLogs | None:
     return RobotLogs(robot, model, reads_imu, tares=rig.tares)
 
 
-def off_line_filter(period: float) -> OffLineFilter:
-    """Windows of 31 ms, at least five samples, of order 2 for all sensors: flat to the fourth order in frequency."""
-    window = max(LEAST_WINDOW, 2 * round(0.5 * WINDOW_SECONDS / period) + 1)
-    return OffLineFilter(window=window, encoder_order=2, inertial_order=2)
+def filters_of(logs: RobotLogs, run: Run) -> OffLineFilter:
+    """The off-line filters of a run, chosen from its longest stretch (`chosen_filter`).
+
+    Raises:
+        LogError: No stretch of `LEAST_STRETCH` samples, or a sensor that is missing.
+    """
+    longest = max(run.segments(), key=lambda part: part.stop - part.start, default=slice(0, 0))
+    if longest.stop - longest.start < LEAST_STRETCH:
+        raise LogError(
+            f"{run.source or run.name}: expected a stretch of at least {LEAST_STRETCH} samples for the robot's torque "
+            f"estimate; the longest has {longest.stop - longest.start}"
+        )
+    return chosen_filter(logs.sensors(run, slice(longest.start, min(longest.stop, longest.start + MOST_LOOKED_AT))))
 
 
-def usable_stretches(run: Run) -> Iterator[slice]:
+def usable_stretches(run: Run, filters: OffLineFilter) -> Iterator[slice]:
     """Stretches that are longer than the filters' windows."""
-    window = off_line_filter(run.period).window
-    return (part for part in run.segments() if part.stop - part.start > window)
+    return (part for part in run.segments() if part.stop - part.start > filters.longest)
 
 
 def tared(logs: RobotLogs, run: Run) -> Run:
@@ -112,24 +121,25 @@ def tared(logs: RobotLogs, run: Run) -> Run:
     Raises:
         LogError: The run has no usable stretch longer than the filters' windows in the time that the rig file states.
     """
-    columns, notes = dict(run.columns), []
+    columns, notes, filters = dict(run.columns), [], None
     for index, mount in enumerate(logs.robot.force_torque):
         name = f"ft_{mount.name}"
         if name not in logs.tares:
             continue
         begin, end = logs.tares[name]
+        filters = filters or filters_of(logs, run)
         since = run.time - run.time[0]
         parts = [
             slice(p.start + int(np.searchsorted(since[p], begin)), p.start + int(np.searchsorted(since[p], end)))
             for p in run.segments()
         ]
         part = max(parts, key=lambda p: p.stop - p.start)
-        if part.stop - part.start <= off_line_filter(run.period).window:
+        if part.stop - part.start <= filters.longest:
             raise LogError(
                 f"{run.source or run.name}: sensors: {name}: tare: no usable stretch of more than "
-                f"{off_line_filter(run.period).window} samples between {begin:g} and {end:g} s"
+                f"{filters.longest} samples between {begin:g} and {end:g} s"
             )
-        bias = wrench_bias(logs.model, logs.sensors(run, part), slice(None), off_line_filter(run.period))
+        bias = wrench_bias(logs.model, logs.sensors(run, part), slice(None), filters)
         mine = bias[6 * index : 6 * index + 6]
         for axis, value in zip(WRENCH_AXES, mine, strict=True):
             columns[f"{name}/{axis}"] = columns[f"{name}/{axis}"] - value
@@ -138,7 +148,9 @@ def tared(logs: RobotLogs, run: Run) -> Run:
     return replace(run, columns=columns, notes=(*run.notes, *notes)) if notes else run
 
 
-def with_robot_loads(logs: RobotLogs, runs: Sequence[Run], joints: Sequence[str]) -> list[Run]:
+def with_robot_loads(
+    logs: RobotLogs, runs: Sequence[Run], joints: Sequence[str], *, filter_wrenches: bool = False
+) -> list[Run]:
     """The runs with `<joint>/torque` columns [N m] from the robot's model, in place of any that were recorded.
 
     Stretches that are shorter than the filters' windows are marked as not to be used.
@@ -147,6 +159,7 @@ def with_robot_loads(logs: RobotLogs, runs: Sequence[Run], joints: Sequence[str]
         logs: The robot.
         runs: Runs on uniform clocks, with encoders, IMU and F/T sensors.
         joints: Of the rig; each one of the robot's.
+        filter_wrenches: Filter the F/T sensors' readings too; for torques that nobody filters afterwards.
 
     Raises:
         LogError: a sensor that is missing, a joint that the robot does not have, or a log too short for the filters.
@@ -155,20 +168,16 @@ def with_robot_loads(logs: RobotLogs, runs: Sequence[Run], joints: Sequence[str]
     if unknown:
         hint = near(unknown[0], logs.robot.joints)
         raise LogError(f"joint {unknown[0]!r}: {logs.robot.source} drives {', '.join(logs.robot.joints)}{hint}")
-    return [_with_loads(logs, tared(logs, run), joints) for run in runs]
+    return [_with_loads(logs, tared(logs, run), joints, filter_wrenches=filter_wrenches) for run in runs]
 
 
-def _with_loads(logs: RobotLogs, run: Run, joints: Sequence[str]) -> Run:
+def _with_loads(logs: RobotLogs, run: Run, joints: Sequence[str], *, filter_wrenches: bool) -> Run:
+    filters = filters_of(logs, run)
     torque = np.full((len(run), len(logs.robot.joints)), np.nan)
     segment = np.full(len(run), -1, dtype=np.int64)
-    for part in usable_stretches(run):
-        torque[part] = _torque(logs, logs.sensors(run, part))
+    for part in usable_stretches(run, filters):
+        torque[part] = _torque(logs, logs.sensors(run, part), filters, filter_wrenches=filter_wrenches)
         segment[part] = run.segment[part]
-    if not (segment >= 0).any():
-        raise LogError(
-            f"{run.source or run.name}: wanted a stretch of more than {off_line_filter(run.period).window} samples for "
-            "the robot's torque estimate; all are shorter"
-        )
     order = [logs.robot.joints.index(joint) for joint in joints]
     columns = dict(run.columns) | {f"{j}/torque": torque[:, i] for j, i in zip(joints, order, strict=True)}
     dropped = int(((run.segment >= 0) & (segment < 0)).sum())
@@ -178,11 +187,11 @@ def _with_loads(logs: RobotLogs, run: Run, joints: Sequence[str]) -> Run:
     return replace(run, columns=columns, segment=segment, notes=notes)
 
 
-def _torque(logs: RobotLogs, sensors: SensorLog) -> FloatArray:
-    """(T, n): the estimate with filtered motion and raw wrenches."""
+def _torque(logs: RobotLogs, sensors: SensorLog, filters: OffLineFilter, *, filter_wrenches: bool) -> FloatArray:
+    """(T, n): the estimate with filtered motion and, unless they are to be filtered, raw wrenches."""
     model, context = logs.model, logs.model.create_context()
-    rows = smoothed(model, sensors, off_line_filter(sensors.dt), None)
     torque = np.empty((sensors.position.shape[0], model.size))
-    for index, (q, v, vdot, imu, rate, _) in enumerate(rows):
-        torque[index] = model.estimate(context, q, v, vdot, imu, rate, sensors.wrench[index]).torque
+    for index, (q, v, vdot, imu, rate, felt) in enumerate(smoothed(model, sensors, filters, None)):
+        wrench = felt if filter_wrenches else sensors.wrench[index]
+        torque[index] = model.estimate(context, q, v, vdot, imu, rate, wrench).torque
     return torque

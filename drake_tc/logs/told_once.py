@@ -3,6 +3,8 @@
 import re
 from collections.abc import Iterable, Sequence
 
+_NUMBER = re.compile(r"(?<![\w.])[-+]?\d+(\.\d+)?(e[-+]?\d+)?(?!\w)")
+"""A number that is not a part of a name such as `joint_2`."""
 NAMED = 3
 """Logs that are named in a sentence; further ones are counted."""
 
@@ -17,7 +19,7 @@ def told_once(notes: Iterable[tuple[str, str]]) -> tuple[str, ...]:
     """
     kinds: dict[str, list[tuple[str, str]]] = {}
     for log, note in notes:
-        kinds.setdefault(re.sub(r"\d+(\.\d+)?(e[-+]?\d+)?", "#", note), []).append((log, note))
+        kinds.setdefault(_NUMBER.sub("#", note), []).append((log, note))
     return tuple(_sentence(group) for group in kinds.values())
 
 

@@ -14,7 +14,7 @@ from drake_tc.estimation.torque_model import TorqueModel
 from .machines import Truth, random_robot
 
 DT = 1e-3
-FILTER = OffLineFilter(window=21)
+FILTER = OffLineFilter.of(21)
 
 
 @pytest.fixture(scope="module")
@@ -146,4 +146,4 @@ def test_logs_that_cannot_be_used_are_refused(tree):
     with pytest.raises(LogError, match="wrench bias: wanted samples within 0 to 61"):
         wrench_bias(model, log, slice(61, 80), FILTER)
     with pytest.raises(ParamsError, match="window of at least order"):
-        estimate_log(model, log, OffLineFilter(window=2))
+        estimate_log(model, log, OffLineFilter.of(2))

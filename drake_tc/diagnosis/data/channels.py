@@ -57,6 +57,11 @@ class Channels:
         ]
         return float(np.median(found)) if found else 0.0
 
+    def notes(self, runs: Sequence[Run]) -> tuple[tuple[str, str], ...]:
+        """(run, what was done to it) of the runs as they came and at the common period."""
+        both = ((run.name, note) for run in (*runs, *(run for _, run, _ in self.pieces)) for note in run.notes)
+        return tuple(dict.fromkeys(both))
+
     def by_piece(self, values: Sequence[float]) -> FloatArray:
         """(T,) of one value for each stretch."""
         return np.repeat(np.asarray(values, float), [s.stop - s.start for _, _, s in self.pieces])

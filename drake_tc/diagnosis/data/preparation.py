@@ -186,7 +186,7 @@ def build_samples(
         ),
         row_period=float(np.median(np.diff(rows))) * period,
         run_of_sample=channels.run_of_sample,
-        notes=tuple((r.name, note) for r in runs for note in r.notes),
+        notes=channels.notes(runs),
         load_unknown=unknown_form(load) is not None,
         torque_unit=EFFORT_UNIT[rig.drive[joint]] if scale.as_effort else "N*m",
     )

@@ -14,7 +14,7 @@ from drake_tc.diagnosis.problem.shared.causes import Cause, column_filter
 from drake_tc.diagnosis.problem.shared.covariance import covariance, intervals
 from drake_tc.diagnosis.problem.shared.stacked import CUT_OFF, JointRows, fit_stacked
 from drake_tc.diagnosis.selection.shared import active, search_shared
-from drake_tc.estimation.robot_loads import off_line_filter
+from drake_tc.estimation.off_line import OffLineFilter
 
 N = 2400
 BIAS = (0.3, 0.3)
@@ -217,7 +217,7 @@ def test_a_column_without_noise_counts_in_torque():
 
 
 def test_the_columns_motion_is_smoothed_three_times_as_wide():
-    narrow = off_line_filter(1e-3).window
-    assert column_filter(1e-3, 6000).window == 3 * (narrow - 1) + 1
+    narrow = OffLineFilter.of(31)
+    assert column_filter(narrow, 6000) == OffLineFilter.of(91)
     for samples, widest in ((40, 39), (41, 41)):  # of a short stretch, odd
-        assert column_filter(1e-3, samples).window == widest
+        assert column_filter(narrow, samples) == OffLineFilter.of(widest)

@@ -16,8 +16,9 @@ from drake_tc.diagnosis.problem.shared.body_motion import (
 )
 from drake_tc.errors import RigError
 from drake_tc.estimation.off_line import OffLineFilter, Row, smoothed
-from drake_tc.estimation.robot_loads import RobotLogs, off_line_filter, usable_stretches
+from drake_tc.estimation.robot_loads import RobotLogs, filters_of, usable_stretches
 from drake_tc.filtering.savitzky_golay import smooth
+from drake_tc.filtering.window_choice import Window
 from drake_tc.logs.loads import RobotLoad
 from drake_tc.logs.near import near
 from drake_tc.logs.record import Run
@@ -180,9 +181,11 @@ def columns_over(logs: RobotLogs, runs: Sequence[Run], rig: Rig) -> CauseColumns
         carried = _payload_runs(rig, runs)
         made = {run.name: _link_pieces(logs, logs.links, run, carried) for run in runs}
         return CauseColumns(list_causes(logs, structure, rig), logs.robot.joints, made)
-    pieces = {
-        run.name: tuple(_piece(logs, structure, slides, run, part) for part in usable_stretches(run)) for run in runs
-    }
+    pieces = {}
+    for run in runs:
+        filters = filters_of(logs, run)
+        parts = usable_stretches(run, filters)
+        pieces[run.name] = tuple(_piece(logs, structure, slides, run, part, filters) for part in parts)
     return CauseColumns(list_causes(logs, structure, rig), logs.robot.joints, pieces)
 
 
@@ -206,11 +209,9 @@ def _payload_runs(rig: Rig, runs: Sequence[Run]) -> tuple[str, ...]:
 def _link_pieces(logs: RobotLogs, links: LinkModel, run: Run, carried: Sequence[str]) -> tuple[Piece, ...]:
     """Columns of all links' parameters, and of the load that the last link carries in some runs."""
     every = max(1, round(GRID_SECONDS / run.period))
-    pieces = []
-    for part in usable_stretches(run):
-        rows = list(
-            islice(smoothed(logs.model, logs.sensors(run, part), off_line_filter(run.period), None), 0, None, every)
-        )
+    pieces, filters = [], filters_of(logs, run)
+    for part in usable_stretches(run, filters):
+        rows = list(islice(smoothed(logs.model, logs.sensors(run, part), filters, None), 0, None, every))
         columns = links.columns(*(np.array([row[i] for row in rows]) for i in range(3)))
         last = columns[:, :, -LINK_SIZE:]
         loads = [last if run.name == name else np.zeros_like(last) for name in carried]
@@ -218,26 +219,31 @@ def _link_pieces(logs: RobotLogs, links: LinkModel, run: Run, carried: Sequence[
     return tuple(pieces)
 
 
-def column_filter(period: float, samples: int) -> OffLineFilter:
+def column_filter(filters: OffLineFilter, samples: int) -> OffLineFilter:
     """The filter of the columns' motion: windows three times as long as those of the torques, where the log allows.
 
     A cause's column times its small parameter does not need the torques' bandwidth. Noise that the column shares with
     the torque, though, would act as an error in variables: gyro and accelerometer noise drew a link's mass by 1 to 5 %.
     """
-    narrow = off_line_filter(period)
-    return replace(narrow, window=min(COLUMN_WINDOWS * (narrow.window - 1) + 1, samples - 1 + samples % 2))
+
+    def wider(narrow: Window) -> Window:
+        widest = samples - 1 + samples % 2
+        return Window(min(COLUMN_WINDOWS * (narrow.samples - 1) + 1, widest), narrow.order)
+
+    return OffLineFilter(wider(filters.encoder), wider(filters.inertial), wider(filters.wrench))
 
 
-def _piece(logs: RobotLogs, structure: Structure, slides: BoolArray, run: Run, part: slice) -> Piece:
+def _piece(
+    logs: RobotLogs, structure: Structure, slides: BoolArray, run: Run, part: slice, filters: OffLineFilter
+) -> Piece:
     sensors = logs.sensors(run, part)
     every = max(1, round(GRID_SECONDS / run.period))
-    filters = column_filter(run.period, len(sensors.position))
-    rows = list(islice(smoothed(logs.model, sensors, filters, None), 0, None, every))
+    wide = column_filter(filters, len(sensors.position))
+    rows = list(islice(smoothed(logs.model, sensors, wide, None), 0, None, every))
     motion = body_motion(logs.model, structure, rows)
     blocks = [cause_columns.mass_column(motion, link, i, slides) for i, link in enumerate(structure.links)]
     blocks += [cause_columns.com_columns(motion, link, i, slides) for i, link in enumerate(structure.links)]
-    narrow = off_line_filter(run.period)
-    wrench = smooth(sensors.wrench, narrow.window, narrow.inertial_order, sensors.dt).value[::every]
+    wrench = smooth(sensors.wrench, filters.wrench.samples, filters.wrench.order, sensors.dt).value[::every]
     for k in range(len(logs.robot.force_torque)):
         reading, own = cause_columns.reading_columns(motion, structure, k, slides), wrench[:, 6 * k : 6 * k + 6]
         blocks += [reading, cause_columns.gain_columns(reading, own), cause_columns.alignment_columns(reading, own)]

@@ -1,0 +1,76 @@
+"""`drake-tc estimate-torque`: the joint torques that `close-loop` takes for the loads of a robot's joints."""
+
+import json
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import pandas as pd
+import typer
+
+from drake_tc.cli.out_files import ready_folder
+from drake_tc.cli.progress import progress_bar
+from drake_tc.errors import LogError, RigError
+from drake_tc.estimation.off_line import OffLineFilter
+from drake_tc.estimation.robot_loads import filters_of, robot_logs, with_robot_loads
+from drake_tc.filtering.window_choice import Window
+from drake_tc.json_values import json_value
+from drake_tc.logs.prepare import load_runs
+from drake_tc.logs.record import Run
+from drake_tc.logs.rig import Rig, load_rig
+from drake_tc.logs.told_once import told_once
+
+
+def estimate_torque_command(
+    rig: Annotated[Path, typer.Option(help="Rig file with `robot:` and `load: {robot: ...}`.")],
+    log: Annotated[list[Path], typer.Option(help="A log; repeat for more.")],
+    out: Annotated[Path, typer.Option(help="Folder for <log>_torque.csv: time and <joint>/torque [N m].")],
+    as_json: Annotated[bool, typer.Option("--json", help="Print files, filters and torque ranges as JSON.")] = False,
+) -> None:
+    """Joint torques on the link's side of the gears, from encoders, IMU and F/T sensors and the robot's model.
+
+    The same estimate as in close-loop, with windows chosen from each log's noise and bandwidth; here the F/T sensors'
+    readings are filtered too (close-loop filters them later, with all other channels). Rows are those of the log's
+    uniform clock; rows that cannot be used have no torque.
+    """
+    what = load_rig(rig)
+    ready_folder(out, "--out", LogError)
+    with progress_bar("estimate-torque", quiet=as_json) as progress:
+        progress("reading", 0.0)
+        runs = load_runs(log, what)
+        logs = robot_logs(what, runs)
+        if logs is None:
+            raise RigError(
+                f"{rig}: load: expected {{robot: estimate}} or {{robot: inverse_dynamics}} with `robot: FILE`: the "
+                "torques are estimated with a robot's model"
+            )
+        entries = []
+        for number, run in enumerate(runs):
+            progress(run.name, number / len(runs))
+            (loaded,) = with_robot_loads(logs, [run], what.joints, filter_wrenches=True)
+            entries.append(_written(loaded, what, filters_of(logs, run), out))
+    for note in told_once((run.name, note) for run in runs for note in run.notes):
+        print(f"estimate-torque: {note}", file=sys.stderr)
+    if as_json:
+        print(json.dumps(json_value({"name": "estimate-torque", "rig": str(rig), "logs": entries})))
+    else:
+        print("\n".join(str(entry["file"]) for entry in entries))
+
+
+def _written(run: Run, rig: Rig, filters: OffLineFilter, out: Path) -> dict[str, object]:
+    """Write one run's torques; what the JSON says of it."""
+    names = [f"{joint}/torque" for joint in rig.joints]
+    table = pd.DataFrame({"time": run.time, **{name: run.columns[name] for name in names}})
+    table.loc[run.segment < 0, names] = float("nan")
+    path = out / f"{run.name.replace('/', '_')}_torque.csv"
+    try:
+        table.to_csv(path, index=False, float_format="%.9g")
+    except OSError as error:
+        raise LogError(f"--out {out}: cannot be written: {error}") from None
+    ranges = {j: [float(table[f"{j}/torque"].min()), float(table[f"{j}/torque"].max())] for j in rig.joints}
+    windows = {name: _told(getattr(filters, name)) for name in ("encoder", "inertial", "wrench")}
+    return {"file": str(path), "period": run.period, "filters": windows, "range": ranges}
+
+
+def _told(window: Window) -> dict[str, int]:
+    return {"samples": window.samples, "order": window.order}
