@@ -39,7 +39,7 @@ def estimate_torque_command(
         progress("reading", 0.0)
         runs = load_runs(log, what)
         logs = robot_logs(what, runs)
-        if logs is None:
+        if logs is None or logs.links is not None:  # fitted links are known after close-loop alone
             raise RigError(
                 f"{rig}: load: expected {{robot: estimate}} or {{robot: inverse_dynamics}} with `robot: FILE`: the "
                 "torques are estimated with a robot's model"
