@@ -1,7 +1,7 @@
 """The causes that no single joint owns: their names, parameters, tolerances and columns over a rig's runs."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import islice
 
 import numpy as np
