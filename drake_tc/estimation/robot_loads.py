@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from drake_tc.errors import LogError
+from drake_tc.estimation.coupled_gears import motor_loads, motor_turns
 from drake_tc.estimation.off_line import OffLineFilter, SensorLog, chosen_filter, smoothed, wrench_bias
 from drake_tc.estimation.torque_model import TorqueModel
 from drake_tc.logs.loads import RobotLoad
@@ -36,6 +37,7 @@ class RobotLogs:
         model: Its torque estimation.
         reads_imu: Whether the base's motion comes from the robot's first IMU.
         links: Of a robot whose links' parameters are fitted; None otherwise.
+        turns: (n, n) of the motors, in the order of the robot's joints (`coupled_gears`); None: each with its joint.
         tares: Of the rig: begin and end of the stretch of every run in which an F/T sensor is zeroed [s], by its column
             name.
     """
@@ -45,6 +47,11 @@ class RobotLogs:
     reads_imu: bool
     links: LinkModel | None = None
     tares: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    turns: FloatArray | None = None
+
+    def at_motors(self, torque: FloatArray) -> FloatArray:
+        """Loads (T, n, ...) of the motors from torques or columns (T, n, ...) of the joints."""
+        return torque if self.turns is None else motor_loads(self.turns, torque)
 
     def sensors(self, run: Run, part: slice) -> SensorLog:
         """The readings of one stretch of a run."""
@@ -81,18 +88,19 @@ def robot_logs(rig: Rig, runs: Sequence[Run]) -> RobotLogs | None:
     if not isinstance(load, RobotLoad) or rig.robot is None:
         return None
     robot = load_robot(rig.robot)
+    turns = motor_turns(rig.coupled, robot.joints) if rig.coupled else None
     if load.method == "inverse_dynamics":
         robot = replace(robot, force_torque=())
     if load.fitted:
         robot = replace(robot, force_torque=(), imu=())
-        return RobotLogs(robot, TorqueModel(robot, base="fixed"), reads_imu=False, links=link_model(robot))
+        return RobotLogs(robot, TorqueModel(robot, base="fixed"), reads_imu=False, links=link_model(robot), turns=turns)
     first = f"imu_{robot.imu[0].name}/accel_x" if robot.imu else ""
     reads_imu = bool(robot.imu) and (not robot.fixed_base or all(first in run.columns for run in runs))
     if robot.fixed_base:
         model = TorqueModel(robot, base="imu" if reads_imu else "fixed", angular_acceleration="zero")
     else:
         model = TorqueModel(robot)
-    return RobotLogs(robot, model, reads_imu, tares=rig.tares)
+    return RobotLogs(robot, model, reads_imu, tares=rig.tares, turns=turns)
 
 
 def filters_of(logs: RobotLogs, run: Run) -> OffLineFilter:
@@ -194,4 +202,4 @@ def _torque(logs: RobotLogs, sensors: SensorLog, filters: OffLineFilter, *, filt
     for index, (q, v, vdot, imu, rate, felt) in enumerate(smoothed(model, sensors, filters, None)):
         wrench = felt if filter_wrenches else sensors.wrench[index]
         torque[index] = model.estimate(context, q, v, vdot, imu, rate, wrench).torque
-    return torque
+    return logs.at_motors(torque)

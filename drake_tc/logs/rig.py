@@ -64,6 +64,7 @@ class Rig:
         robot: The robot file whose model gives the loads, or None.
         sensors: Declared noise by joint; see `joint_sensors`.
         tolerances: Declared tolerances by the sensor's column name (`ft_foot`, `imu_trunk`).
+        coupled: By joint, turns of its motor for one turn of another joint (`estimation.coupled_gears`).
         tares: Begin and end of the stretch of every run in which an F/T sensor is zeroed [s], by its column name.
         robot_sensors: Column names of the sensors that the robot file lists (`ft_foot`, `imu_trunk`).
     """
@@ -83,6 +84,7 @@ class Rig:
     sensors: Mapping[str, JointSensors] = field(default_factory=_empty)
     tolerances: Mapping[str, Tolerance] = field(default_factory=_empty)
     tares: Mapping[str, tuple[float, float]] = field(default_factory=_empty)
+    coupled: Mapping[str, Mapping[str, float]] = field(default_factory=_empty)
     robot_sensors: tuple[str, ...] = ()
 
     def joint_sensors(self, joint: str) -> JointSensors:
@@ -143,7 +145,7 @@ def parse_rig(document: object, source: Path | str = "rig") -> Rig:
         rig = _rig_of(read, robot, source if isinstance(source, Path) else None)
     except ValueError as error:
         raise RigError(f"{name}: {error}") from None
-    check_robot_load(name, rig.load, robot)
+    check_robot_load(name, rig.load, robot, coupled=bool(rig.coupled))
     check_sensors(name, rig.tolerances, rig.robot_sensors, robot)
     if robot is not None:
         mapped = (column.rpartition("/")[0] for column in rig.columns)
@@ -176,6 +178,7 @@ def _rig_of(read: RigDocument, robot: Path | None, source: Path | None) -> Rig:
         sensors={joint: sensors.noise_of(joint) for joint in joints},
         tolerances=sensors.tolerances(),
         tares=sensors.tares(),
+        coupled=read.coupled or {},
         robot_sensors=robot_sensors(robot),
         saturation={joint: limit for joint, limit in by_joint(read.saturation, joints).items() if limit is not None},
         drive_gain=gains,
@@ -207,7 +210,9 @@ def load_rig(path: Path | str) -> Rig:
 
 def _load_entry(load: Load) -> object:
     if isinstance(load, RobotLoad):
-        return {"robot": load.method}
+        entry: dict[str, object] = {"robot": load.method}
+        entry |= {"tolerance": load.tolerance} if load.tolerance != RobotLoad().tolerance else {}
+        return entry | ({"unknown_payload": list(load.payload)} if load.payload else {})
     if isinstance(load, UnknownLoad):
         return {"unknown": load.form}
     if not isinstance(load, Pendulum):
@@ -247,7 +252,7 @@ def rig_document(rig: Rig) -> dict[str, Any]:
         document["declared"] = _one_or_each(declared)
     document |= {
         key: dict(getattr(rig, key))
-        for key in ("columns", "units", "saturation", "drive_gain", "derivative_gain")
+        for key in ("columns", "units", "saturation", "drive_gain", "derivative_gain", "coupled")
         if getattr(rig, key)
     }
     if rig.enabled is not None:

@@ -42,8 +42,8 @@ def robot_joints(source: str, robot: Path) -> list[str]:
     return [str(joint) for joint in joints]
 
 
-def check_robot_load(source: str, load: Mapping[str, Load], robot: Path | None) -> None:
-    """A robot's model gives the loads of all joints of the rig, or of none.
+def check_robot_load(source: str, load: Mapping[str, Load], robot: Path | None, *, coupled: bool) -> None:
+    """A robot's model gives the loads of all joints of the rig, or of none; with coupled gears, of all.
 
     Raises:
         RigError: Only some joints take it, or no robot file is named.
@@ -51,6 +51,8 @@ def check_robot_load(source: str, load: Mapping[str, Load], robot: Path | None) 
     taken = [joint for joint, entry in load.items() if isinstance(entry, RobotLoad)]
     if taken and robot is None:
         raise RigError(f"{source}: load: {{robot: ...}} wants the key `robot: FILE`")
+    if coupled and not taken:
+        raise RigError(f"{source}: coupled: wants load: {{robot: ...}}, which tells the torques of all joints")
     if taken and (len(taken) < len(load) or len({load[joint] for joint in taken}) > 1):
         others = [joint for joint in load if joint not in taken] or taken[1:]
         raise RigError(f"{source}: load: {{robot: ...}} wants to be that of all joints; {others[0]!r} has another")

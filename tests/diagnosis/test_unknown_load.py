@@ -110,7 +110,7 @@ def test_taking_the_effort_away_explains_nothing() -> None:
     wide = Term(effect("deadzone"), {"deadzone": width})
     assert score(p.train, [*p.terms, wide]).cv_rms > score(p.train, p.terms).cv_rms
     known = Columns(build_samples(runs_of(SWING)[0], rig_of(SWING), JOINT), declared_gain=None)
-    assert not known.effort_is_target and known.shrinkage([wide]) == 1.0
+    assert not known.effort_is_target and known.effort_left([wide]) == 1.0
 
 
 @pytest.mark.parametrize("seed", range(5))

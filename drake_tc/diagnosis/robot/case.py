@@ -21,6 +21,7 @@ from drake_tc.diagnosis.selection.engine import Progress
 from drake_tc.diagnosis.selection.joint import Search, candidates, search
 from drake_tc.effects.library import looked_for
 from drake_tc.effects.link_load import LinkLoad
+from drake_tc.estimation.coupled_gears import at_motors
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
 from drake_tc.types import FloatArray
@@ -53,6 +54,7 @@ class RobotCase:
         options: Of the joints' own diagnosis.
         progress: Told how far it is.
         executor: Joints beside each other; None: one after the other, here.
+        turns: (n, n) of the motors where gears couple joints (`estimation.coupled_gears`), by the rig's joints.
     """
 
     train: Sequence[Run]
@@ -62,6 +64,11 @@ class RobotCase:
     options: DiagnosisOptions
     progress: Progress
     executor: Executor | None
+    turns: FloatArray | None = None
+
+    def at_motors(self, runs: Sequence[Run]) -> list[Run]:
+        """The runs as the joints' own diagnosis sees them: positions are those of the motors."""
+        return list(runs) if self.turns is None else at_motors(self.turns, self.rig.joints, runs)
 
     def without(self, fitted: StackedFit) -> tuple[list[Run], list[Run]]:
         """Both sides' runs without the fit's causes."""
@@ -72,7 +79,7 @@ class RobotCase:
 
     def prepared(self, train: Sequence[Run], held: Sequence[Run]) -> dict[str, Prepared]:
         """Each joint with its declared model."""
-        width = self.options.width_s
+        width, train, held = self.options.width_s, self.at_motors(train), self.at_motors(held)
         return {j: prepare_joint(train, held, self.rig, j, width_s=width) for j in self.rig.joints}
 
     def diagnose(
@@ -83,11 +90,12 @@ class RobotCase:
         priors: Mapping[str, LinkPrior] | None = None,
     ) -> dict[str, JointResult]:
         """Each of the joints by itself."""
-        known = priors or {}
+        known, train, held = priors or {}, self.at_motors(train), self.at_motors(held)
         return self.each(_diagnosed, {j: (train, held, self.rig, j, self.options, known.get(j)) for j in joints})
 
     def search(self, train: Sequence[Run], held: Sequence[Run], priors: Mapping[str, LinkPrior]) -> dict[str, OwnModel]:
         """Of each joint the model that its own search finds, without any later step."""
+        train, held = self.at_motors(train), self.at_motors(held)
         return self.each(_searched, {j: (train, held, self.rig, j, self.options, priors[j]) for j in self.rig.joints})
 
     def each(self, work: Callable[..., Result], arguments: Mapping[str, tuple[Any, ...]]) -> dict[str, Result]:

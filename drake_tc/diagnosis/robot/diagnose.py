@@ -12,6 +12,7 @@ from drake_tc.diagnosis.robot.result import RobotResult
 from drake_tc.diagnosis.robot.shared_causes import diagnose_shared
 from drake_tc.diagnosis.selection.engine import Progress
 from drake_tc.diagnosis.thresholds import LEAST_REMOVED_OF_ESTIMATED_LOAD
+from drake_tc.estimation.coupled_gears import motor_turns
 from drake_tc.estimation.robot_loads import RobotLogs, with_robot_loads
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
@@ -47,5 +48,6 @@ def diagnose_robot(
     progress("what all joints share", 0.0)
     least = max(options.search.least_removed, LEAST_REMOVED_OF_ESTIMATED_LOAD)
     options = replace(options, search=replace(options.search, least_removed=least))
-    case = RobotCase(train, held, rig, columns_over(logs, [*train, *held], rig), options, progress, executor)
+    turns = None if logs.turns is None else motor_turns(rig.coupled, rig.joints)
+    case = RobotCase(train, held, rig, columns_over(logs, [*train, *held], rig), options, progress, executor, turns)
     return diagnose_shared(case) if logs.links is None else diagnose_fitted(case, logs.links)

@@ -102,8 +102,8 @@ def diagnose_fitted(case: RobotCase, model: LinkModel) -> RobotResult:
     return RobotResult(
         joints=results,
         shared=(),
-        held=before[1],
-        held_after=case.without(links.fitted)[1],
+        held=case.at_motors(before[1]),
+        held_after=case.at_motors(case.without(links.fitted)[1]),
         robot_gains=robot_gains(results, dict(zip(joints, map(float, links.fitted.sigma), strict=True))),
         links=fitted_links(model, case.causes, links.rows, links.fitted),
     )

@@ -48,10 +48,10 @@ def diagnose_shared(case: RobotCase, shared_thresholds: SearchThresholds = SHARE
         IdentificationError: a joint whose runs cannot identify even the declared model.
     """
     rig = case.rig
-    raw = {joint: prepare_joint(case.train, case.held, rig, joint) for joint in rig.joints}
+    raw = case.prepared(case.train, case.held)
     found = _search(case, raw, shared_thresholds)
     before = case.without(found.baseline)
-    prepared = {joint: prepare_joint(*before, rig, joint) for joint in rig.joints}
+    prepared = case.prepared(*before)
     if found.chosen and _evidence(case, prepared, found) <= 0.0:
         found = SharedSearch((), found.baseline, found.baseline, ())
     return _settled(case, _Before(raw, prepared, found.baseline, before[1]), found, shared_thresholds)
@@ -96,7 +96,7 @@ def _evidence(case: RobotCase, prepared: Mapping[str, Prepared], found: SharedSe
     for joint in _touched(found, case.rig.joints):
         case.progress(f"{joint}: alone or shared", 0.0)
         alone = own_search(prepared[joint], case.options)
-        mended = prepare_joint(*after, case.rig, joint)
+        mended = prepare_joint(*map(case.at_motors, after), case.rig, joint)
         mine = own_search(mended, case.options)
         count = effective_samples(mine.chosen.residual, mended.train.samples)
         errors = [_own_error(alone, prepared[joint]), _own_error(mine, mended)]
@@ -135,8 +135,8 @@ def _settled(case: RobotCase, before: _Before, found: SharedSearch, thresholds: 
     return RobotResult(
         joints=results,
         shared=shared_effects(train, held, case.causes, found.chosen, found.alternatives),
-        held=before.held,
-        held_after=case.without(found.fit)[1],
+        held=case.at_motors(before.held),
+        held_after=case.at_motors(case.without(found.fit)[1]),
         robot_gains=robot_gains(results, dict(zip(joints, map(float, fitted.sigma), strict=True))),
     )
 

@@ -8,7 +8,7 @@ from pydantic import Field, ValidationInfo, field_validator
 from drake_tc.logs.near import near
 from drake_tc.logs.rig_document.columns import ColumnName, LogColumn, Unit, canonical_columns, check_units
 from drake_tc.logs.rig_document.declared import DeclaredEntry
-from drake_tc.logs.rig_document.keys import ByJoint, Keys, OneOrByJoint, PositiveNumber, key, one_of, saying
+from drake_tc.logs.rig_document.keys import ByJoint, Keys, Number, OneOrByJoint, PositiveNumber, key, one_of, saying
 from drake_tc.logs.rig_document.loads import LoadEntry
 from drake_tc.logs.rig_document.sensors import SensorsKeys, sorted_by_owner
 
@@ -109,6 +109,13 @@ class RigDocument(Keys):
         example=1.5,
         absent="not known; the viscous friction holds it",
     )
+    coupled: dict[str, dict[str, Number]] | None = key(
+        "Gears that couple joints, with `load: {robot: ...}`. By joint: another joint, and the turns of the first "
+        "joint's motor for one turn of the other joint, gear ratio taken out. Positions and position commands are those "
+        "of the joints; currents, voltages and commanded torques are those of the motors.",
+        example={"wrist_3": {"wrist_2": 1.0}},
+        absent="every motor turns with its own joint alone",
+    )
     sensors: SensorsKeys | None = key(
         "Noise of the joints' channels, and tolerances of the robot's F/T sensors and IMUs.",
         example={"torque_noise": "0.25 N*m", "encoder_step": "1.5 mrad"},
@@ -177,6 +184,18 @@ class RigDocument(Keys):
     @classmethod
     def _owners(cls, value: object, info: ValidationInfo) -> object:
         return sorted_by_owner(value, _joints(info))
+
+    @field_validator("coupled", mode="before")
+    @classmethod
+    def _coupled(cls, value: object, info: ValidationInfo) -> object:
+        joints = _joints(info)
+        for joint, others in value.items() if isinstance(value, Mapping) else ():
+            for name in (joint, *(others if isinstance(others, Mapping) else ())):
+                if name not in joints:
+                    raise ValueError(
+                        f"{name!r} is not a joint of this rig{near(str(name), joints)}; joints: {list(joints)}"
+                    )
+        return value
 
     @property
     def joint_names(self) -> tuple[str, ...]:

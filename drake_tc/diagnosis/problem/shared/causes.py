@@ -215,7 +215,8 @@ def _link_pieces(logs: RobotLogs, links: LinkModel, run: Run, carried: Sequence[
         columns = links.columns(*(np.array([row[i] for row in rows]) for i in range(3)))
         last = columns[:, :, -LINK_SIZE:]
         loads = [last if run.name == name else np.zeros_like(last) for name in carried]
-        pieces.append(Piece((run.time[part] - run.time[0])[::every], np.concatenate([columns, *loads], axis=2)))
+        values = logs.at_motors(np.concatenate([columns, *loads], axis=2))
+        pieces.append(Piece((run.time[part] - run.time[0])[::every], values))
     return tuple(pieces)
 
 
@@ -249,7 +250,7 @@ def _piece(
         blocks += [reading, cause_columns.gain_columns(reading, own), cause_columns.alignment_columns(reading, own)]
     if logs.reads_imu:
         blocks += _imu(logs, structure, slides, rows, motion)
-    return Piece((run.time[part] - run.time[0])[::every], np.concatenate(blocks, axis=2))
+    return Piece((run.time[part] - run.time[0])[::every], logs.at_motors(np.concatenate(blocks, axis=2)))
 
 
 def _imu(
