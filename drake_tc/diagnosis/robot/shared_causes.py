@@ -47,7 +47,6 @@ def diagnose_shared(case: RobotCase, shared_thresholds: SearchThresholds = SHARE
     Raises:
         IdentificationError: a joint whose runs cannot identify even the declared model.
     """
-    rig = case.rig
     raw = case.prepared(case.train, case.held)
     found = _search(case, raw, shared_thresholds)
     before = case.without(found.baseline)
@@ -92,11 +91,11 @@ def _touched(found: SharedSearch, joints: Sequence[str]) -> list[str]:
 def _evidence(case: RobotCase, prepared: Mapping[str, Prepared], found: SharedSearch) -> float:
     """Log evidence for the shared causes against joints that explain their part alone, parameters paid."""
     evidence, rows, size = 0.0, 0.0, sum(c.size for c in found.chosen)
-    after = case.without(found.fit)
+    train, held = (case.at_motors(runs) for runs in case.without(found.fit))
     for joint in _touched(found, case.rig.joints):
         case.progress(f"{joint}: alone or shared", 0.0)
         alone = own_search(prepared[joint], case.options)
-        mended = prepare_joint(*map(case.at_motors, after), case.rig, joint)
+        mended = prepare_joint(train, held, case.rig, joint)
         mine = own_search(mended, case.options)
         count = effective_samples(mine.chosen.residual, mended.train.samples)
         errors = [_own_error(alone, prepared[joint]), _own_error(mine, mended)]
