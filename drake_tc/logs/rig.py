@@ -210,9 +210,9 @@ def load_rig(path: Path | str) -> Rig:
 
 def _load_entry(load: Load) -> object:
     if isinstance(load, RobotLoad):
-        entry: dict[str, object] = {"robot": load.method}
-        entry |= {"tolerance": load.tolerance} if load.tolerance != RobotLoad().tolerance else {}
-        return entry | ({"unknown_payload": list(load.payload)} if load.payload else {})
+        robot: dict[str, object] = {"robot": load.method}
+        robot |= {"tolerance": load.tolerance} if load.tolerance != RobotLoad().tolerance else {}
+        return robot | ({"unknown_payload": list(load.payload)} if load.payload else {})
     if isinstance(load, UnknownLoad):
         return {"unknown": load.form}
     if not isinstance(load, Pendulum):

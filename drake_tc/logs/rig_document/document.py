@@ -111,8 +111,8 @@ class RigDocument(Keys):
     )
     coupled: dict[str, dict[str, Number]] | None = key(
         "Gears that couple joints, with `load: {robot: ...}`. By joint: another joint, and the turns of the first "
-        "joint's motor for one turn of the other joint, gear ratio taken out. Positions and position commands are those "
-        "of the joints; currents, voltages and commanded torques are those of the motors.",
+        "joint's motor for one turn of the other joint, gear ratio taken out. Positions and position commands are "
+        "those of the joints; currents, voltages and commanded torques are those of the motors.",
         example={"wrist_3": {"wrist_2": 1.0}},
         absent="every motor turns with its own joint alone",
     )
