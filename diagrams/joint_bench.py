@@ -16,10 +16,11 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import yaml
-from drake_tc.diagrams.bench.diagram import Link, Rates, Table, build_bench, start_bench
+from drake_tc.diagrams.bench.diagram import Rates, Table, build_bench, start_bench
 
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.actuation.model_file import load_models
+from drake_tc.actuation.recorded_run import Link
 from drake_tc.effects.base import plain_signals
 from drake_tc.errors import DrakeTcError, ParamsError
 from drake_tc.logs.record import Run

@@ -22,21 +22,13 @@ from pydrake.trajectories import PiecewisePolynomial
 
 from drake_tc.actuation.model import ActuatorModel
 from drake_tc.actuation.plant import ActuatorPlant
+from drake_tc.actuation.recorded_run import Link
 from drake_tc.actuation.wiring import add_actuators
 from drake_tc.types import FloatArray
 
 JOINT = "joint"
 GRAVITY = 9.81
 """[m/s^2]; the moment m g l and the inertia are what counts, not m and l apart."""
-
-
-@dataclass(frozen=True)
-class Link:
-    """What the joint carries: inertia about the axis [kg m^2] and gravity moment m g l [N m]; it hangs at q = zero."""
-
-    inertia: float
-    gravity_moment: float = 0.0
-    zero: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -4,14 +4,11 @@ The load is the recorded torque (rig with a torque column: the plant is the roto
 inertia (the plant carries them). No recorded motion enters after the first sample.
 """
 
-from dataclasses import dataclass, replace
-from typing import Any
-
 import numpy as np
-from drake_tc.diagrams.bench.diagram import Bench, Link, Rates, Table, build_bench, start_bench
+from drake_tc.diagrams.bench.diagram import Bench, Rates, Table, build_bench, start_bench
 
-from drake_tc.actuation.model import ActuatorModel, EffectValue
-from drake_tc.effects.base import TransmissionEffect, plain_signals
+from drake_tc.actuation.model import ActuatorModel
+from drake_tc.actuation.recorded_run import Link, PlantSide, Recording, plant_side, with_declared_inertia
 from drake_tc.errors import ParamsError
 from drake_tc.types import FloatArray
 
@@ -23,40 +20,6 @@ RESOLUTION = 0.3
 """Largest product of the step and a servo's angular frequency."""
 RUNAWAY = 10.0
 """A run that leaves the recorded span by this factor has diverged."""
-
-
-@dataclass(frozen=True)
-class Recording:
-    """What a free run is given; (T,) arrays on one uniform clock.
-
-    Attributes:
-        time: [s].
-        command: q_d [rad], i [A] or V [V].
-        initial_position, initial_velocity: As recorded at the first sample [rad, rad/s].
-        position_span: (lowest, highest) recorded position [rad]; beyond 10 times it the run has diverged.
-        load_torque: Recorded link-side torque [N m]; None when the load is `pendulum`. With a pendulum: torque on the
-            link from outside is -load_torque.
-        pendulum: Inertia and gravity moment of the link; None when the load is recorded.
-        temperature: [deg C]; None: 25.
-        supply_voltage: Of the drive [V]; None: its nominal one.
-    """
-
-    time: FloatArray
-    command: FloatArray
-    initial_position: float
-    initial_velocity: float
-    position_span: tuple[float, float]
-    load_torque: FloatArray | None = None
-    pendulum: Link | None = None
-    temperature: FloatArray | None = None
-    supply_voltage: FloatArray | None = None
-
-
-def _with_inertia(model: ActuatorModel, rotor_inertia: float | None) -> ActuatorModel:
-    if rotor_inertia is None or any(value.effect.id == "rotor_inertia" for value in model.effects):
-        return model
-    declared = EffectValue("rotor_inertia", {"rotor_inertia": rotor_inertia})
-    return replace(model, effects=(declared, *model.effects))
 
 
 def free_run(
@@ -72,43 +35,25 @@ def free_run(
             of the servo, and simulates only every k-th sample of a log faster than `FINEST` (linear between them).
 
     Raises:
-        ParamsError: nothing that has inertia, neither or both loads, or arrays that do not fit.
+        ParamsError: nothing that has inertia, no load, or arrays that do not fit.
     """
-    model = _with_inertia(model, rotor_inertia)
-    size = recording.time.size
-    _check(model, recording, substeps)
-    period = float(recording.time[-1] - recording.time[0]) / (size - 1)
+    if substeps is not None and substeps < 1:
+        raise ParamsError(f"free run: wanted at least 1 substep; got {substeps}")
+    model = with_declared_inertia(model, rotor_inertia)
+    side = plant_side(model, recording)
+    period = recording.period
     if substeps is None:
         stride = max(1, int(FINEST / period + 1e-9))
-        if stride > 1 and size > stride:
-            thin = _thinned(recording, stride)
+        if stride > 1 and recording.time.size > stride:
+            thin = recording.thinned(stride)
             rough = free_run(model, thin)
             return np.asarray(np.interp(recording.time, thin.time, rough))
         substeps = _substeps(model, recording, period)
-    time = np.asarray(np.arange(size) * period, dtype=np.float64)
-    load = np.zeros(size) if recording.load_torque is None else recording.load_torque
-    known = {"time": time, "position": np.full(size, recording.initial_position), "load_torque": load}
-    true = replace(plain_signals(size, known), period=period)
-    for effect, parameters in reversed(model.sensor_effects):
-        true = effect.restore(true, parameters)
-    bench, lead = _bench(model, recording, time, true.load_torque, period / substeps)
-    start = float(true.position[0] + lead[0])
+    bench = _bench(side, recording, period / substeps)
     low, high = recording.position_span
     limit = RUNAWAY * max(high - low, 1e-3)
-    position = _run(bench, (start, recording.initial_velocity), (0.5 * (low + high), limit), time) - lead
-    shown = replace(true, position=position)
-    for effect, parameters in model.sensor_effects:
-        shown = effect.corrupt(shown, parameters)
-    return np.asarray(shown.position)
-
-
-def _thinned(recording: Recording, stride: int) -> Recording:
-    """Every `stride`-th sample."""
-    arrays: dict[str, Any] = {
-        name: None if (values := getattr(recording, name)) is None else values[::stride]
-        for name in ("time", "command", "load_torque", "temperature", "supply_voltage")
-    }
-    return replace(recording, **arrays)
+    start = (side.start, recording.initial_velocity)
+    return side.shown(_run(bench, start, (0.5 * (low + high), limit), side.signals.time))
 
 
 def _substeps(model: ActuatorModel, recording: Recording, period: float) -> int:
@@ -120,42 +65,17 @@ def _substeps(model: ActuatorModel, recording: Recording, period: float) -> int:
     return int(np.clip(np.ceil(wanted - 1e-6), 1, 60))
 
 
-def _check(model: ActuatorModel, recording: Recording, substeps: int | None) -> None:
-    size = recording.time.size
-    if size < 2 or (substeps is not None and substeps < 1):
-        raise ParamsError(f"free run: wanted at least 2 samples and 1 substep; got {size} and {substeps}")
-    for name in ("command", "load_torque", "temperature", "supply_voltage"):
-        values = getattr(recording, name)
-        if values is not None and values.shape != (size,):
-            raise ParamsError(f"free run: wanted {name} of shape ({size},); got {values.shape}")
-    if recording.load_torque is None and recording.pendulum is None:
-        raise ParamsError("free run: wanted a load: load_torque or pendulum; got neither")
-    if recording.pendulum is None and model.inertia <= 0.0:
-        raise ParamsError(f"free run: joint {model.joint!r} has no inertia; wanted rotor_inertia > 0 or a pendulum")
-
-
-def _bench(
-    model: ActuatorModel, recording: Recording, time: FloatArray, load: FloatArray, step: float
-) -> tuple[Bench, FloatArray]:
-    """The diagram, and the lead (T,) [rad] of its joint over the position that was recorded.
-
-    Where the load is recorded, it is what the gear passes: the plant is then the motor's side, and the link follows
-    it by the gear's twist under that load.
-    """
-    rates = Rates(step, float(time[1] - time[0]))
-    command = recording.command
+def _bench(side: PlantSide, recording: Recording, step: float) -> Bench:
+    """The diagram; where the load is recorded, it is what the gear passes, and the plant is the motor's side."""
+    time = side.signals.time
+    rates = Rates(step, recording.period)
     around = {"temperature": recording.temperature, "supply_voltage": recording.supply_voltage}
     if recording.pendulum is not None:
-        applied = None if recording.load_torque is None else -load
-        table = Table(time, command, applied=applied, **around)
-        return build_bench(model, recording.pendulum, table, rates, None), np.zeros_like(time)
-    lead = np.zeros_like(time)
-    for effect, parameters in model.transmission_effects:
-        lead += effect.twist(load, parameters)
-    stiff = tuple(value for value in model.effects if not isinstance(value.effect, TransmissionEffect))
-    table = Table(time, command, applied=-load, load_torque=load, **around)
-    rotor = Link(inertia=1e-6 * model.inertia)
-    return build_bench(replace(model, effects=stiff), rotor, table, rates, None), lead
+        applied = None if recording.load_torque is None else -side.load
+        table = Table(time, recording.command, applied=applied, **around)
+        return build_bench(side.model, recording.pendulum, table, rates, None)
+    table = Table(time, recording.command, applied=-side.load, load_torque=side.load, **around)
+    return build_bench(side.model, Link(inertia=1e-6 * side.model.inertia), table, rates, None)
 
 
 def _run(bench: Bench, start: tuple[float, float], bounds: tuple[float, float], time: FloatArray) -> FloatArray:

@@ -6,13 +6,13 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
-from drake_tc.diagrams.bench.diagram import Link
 from drake_tc.diagrams.scenarios.checks import check_run
 from drake_tc.diagrams.scenarios.files import read_scenario
 from drake_tc.diagrams.scenarios.strict_yaml import from_mapping
 
 from drake_tc.actuation.model import ActuatorModel, EffectValue
 from drake_tc.actuation.model_file import models_of_joints
+from drake_tc.actuation.recorded_run import Link
 from drake_tc.control.series_elastic.spec import SeriesElasticSpec
 from drake_tc.errors import ParamsError
 from drake_tc.sensing.spec import SensorSpec

@@ -3,11 +3,11 @@
 from typing import Any
 
 import numpy as np
-from drake_tc.diagrams.bench.diagram import Link
 from drake_tc.diagrams.sea.scenario import HandSpec, WantedSpec
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 from pydrake.trajectories import PiecewisePolynomial
 
+from drake_tc.actuation.recorded_run import Link
 from drake_tc.types import FloatArray
 
 

@@ -12,6 +12,7 @@ from threadpoolctl import threadpool_limits
 from drake_tc.diagnosis.joint import diagnose_joint
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.residual.unexplained import SEVERITY, Verdict
+from drake_tc.diagnosis.refinement.stage import refine_joint
 from drake_tc.diagnosis.result.free_running import FreeRun, load_in_workers, with_free_runs
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagnosis.result.links import FittedLinks
@@ -79,13 +80,16 @@ def _close_loop(
     if logs_of_robot is not None:
         robot = diagnose_robot(logs_of_robot, train, held, rig, options, progress=progress, executor=executor)
         joints = {name: _ranked(joint, robot.robot_gains) for name, joint in robot.joints.items()}
-        shared, before, held, links = robot.shared, robot.held, list(robot.held_after), robot.links
+        shared, before, links = robot.shared, robot.held, robot.links
+        held, train = list(robot.held_after), list(robot.train_after)
     for joint in rig.joints:
         if logs_of_robot is None:
             joints[joint] = diagnose_joint(train, held, rig, joint, options, progress)
         if free_run is not None:
+            refinement = refine_joint(joints[joint], rig, train, executor, progress)
             progress("free run", 0.0)
-            joints[joint] = with_free_runs(joints[joint], rig, held, free_run, executor, before)
+            refined = replace(joints[joint], refinement=refinement)
+            joints[joint] = with_free_runs(refined, rig, held, free_run, executor, before)
     verdict = _overall(joints.values())
     return CloseLoopResult(
         joints=joints,

@@ -189,3 +189,10 @@ LOUD_ENERGY = 0.4
 """Smallest share of the residual's energy that they must hold."""
 CORRELATED_NOISE_NOTED = 1.2
 """Noise floor with correlated noise over that without, from which on the report says so."""
+
+# Refinement on free runs
+
+LEAST_FREE_RUN_GAIN = 0.05
+"""Share by which the mean absolute error of the free runs must fall."""
+RESOLVED_FREE_RUN = 1.0
+"""Mean absolute error of the free runs, in what the encoder resolves, up to which there is nothing to refine."""

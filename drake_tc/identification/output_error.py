@@ -1,70 +1,52 @@
-"""Output-error identification: the parameters with which the free-running model follows the recorded position.
+"""Output error: the parameters with which the free-running model follows the recorded position.
 
-    min_x sum_k rho(q_sim(t_k; x) - q_meas(t_k)),    q_sim driven by the recorded command alone
+    min_x  (1/(rho s^2)) sum_k h(q_sim(t_k; x) - q_meas(t_k))  +  sum_i ((x_i - x0_i)/d_i)^2,      h(e) = 2 s^2 (sqrt(1 + (e/s)^2) - 1)
 
-A regression on the torque balance (equation error) weighs every sample alike and needs the joint to move; a joint that
-sticks and slips spends most of its time at rest, where only the free run tells how much friction holds it. The
-simulation is the actuator's own `JointProgram`, the code that runs in the Drake diagram, on a pendulum or a rotor:
-
-    v[n+1] = v[n] + h (tau_actuator - m g l sin q[n] - tau_load)/J,    q[n+1] = q[n] + h v[n+1]
-
-Positive parameters are sought by their logarithm. rho is the smooth L1 loss: at a stick-slip the error is a step.
-Where the runs leave parameters undetermined, several sets follow them equally well; a prior model, if given, decides
-between those by sum_i (pull (x_i - prior_i)/spread_i)^2, spread 1 for logarithms: maximum a posteriori.
+q_sim is driven by the recorded command alone. A regression on the torque balance (equation error) needs the joint to
+move and takes noisy derivatives for regressors; a joint that sticks and slips spends most of its time at rest, where
+only the free run tells how much friction holds it. The equation error's estimate x0 with deviations d is the prior:
+where the runs leave parameters undetermined, it decides (maximum a posteriori). s is the root of the mean squared error
+and rho the number of samples in its correlation time, both of the model at hand: rows of one swing are no independent
+evidence. h is the smooth L1 loss, because the error of a late slip is a step.
 
 Source: Ljung, System Identification (1999), section 3.2 (output error); the simulation-error criterion of Duclusaud et
 al. (2025) for servo friction, theirs minimised by CMA-ES.
 """
 
-import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.optimize import least_squares
 
-from drake_tc.actuation.joint_program import JointInput, JointProgram
-from drake_tc.actuation.model import ActuatorModel, Drive
-from drake_tc.actuation.position_loop import PositionLoop, through_loop
-from drake_tc.errors import IdentificationError
+from drake_tc.actuation.free_run import simulate
+from drake_tc.actuation.model import ActuatorModel
+from drake_tc.actuation.recorded_run import Recording, with_load_placed
+from drake_tc.errors import IdentificationError, ParamsError
+from drake_tc.identification.autocorrelation import correlation_time
+from drake_tc.identification.free_parameters import FreeParameters
 from drake_tc.types import FloatArray
 
-FARTHEST = 2.0
-"""An error counts up to this much [rad]: a run that diverges is bad, not infinitely so."""
-FINE_STEP = 1e-3
-"""Step of the simulations whose errors are reported [s]."""
-PARTS = 100
-SMALLEST = 2e-3
-"""A positive parameter that starts at 0 starts here instead, so that its logarithm can move."""
+ROUNDS = 2
+"""Searches, each with the scale of the errors that the one before it left."""
 
 
 @dataclass(frozen=True)
 class Trial:
-    """One recorded run on a uniform clock, and what the joint carries in it.
+    """One recorded stretch and its position.
 
     Attributes:
         name: For reports.
-        period: [s].
-        command: (T,) q_d [rad], or the effort of a drive without loop [A | V].
+        run: Number of the run that it is of.
+        recording: What the free run is given.
         position: (T,) recorded [rad].
-        velocity: At the first sample [rad/s].
-        inertia, gravity_moment: Of the link about the axis [kg m^2], and m g l [N m]; it hangs at q = 0.
-        load: (T,) torque against the joint besides gravity [N m], or None.
-        temperature: (T,) [deg C], or None.
-        loop: The known position loop through which `command` acts; None where the drive takes it itself.
     """
 
     name: str
-    period: float
-    command: FloatArray
+    run: int
+    recording: Recording
     position: FloatArray
-    velocity: float
-    inertia: float
-    gravity_moment: float = 0.0
-    load: FloatArray | None = None
-    temperature: FloatArray | None = None
-    loop: PositionLoop | None = None
 
 
 @dataclass(frozen=True)
@@ -72,216 +54,129 @@ class OutputErrorOptions:
     """How the search goes.
 
     Attributes:
-        fixed: Parameters that keep their value, `drive.gain` or `<effect key>.<parameter>`.
         step: Largest step of the simulation [s].
-        knee: Error [rad] beyond which the loss grows linearly.
-        evaluations: Most Gauss-Newton steps.
-        prior: What a joint of this kind is like, with the same effects; None: nothing is known.
-        pull: Weight of the prior [rad]: about sqrt(samples/independent samples) times the expected error.
+        evaluations: Most Gauss-Newton steps in each of the rounds.
     """
 
-    fixed: frozenset[str] = field(default_factory=frozenset)
-    step: float = 3e-3
-    knee: float = 0.05
-    evaluations: int = 25
-    prior: ActuatorModel | None = None
-    pull: float = 0.2
+    step: float = 2e-3
+    evaluations: int = 8
+
+
+def trial_error(model: ActuatorModel, trial: Trial, step: float) -> FloatArray:
+    """Simulated minus recorded position (T,) [rad], never NaN: a run that has diverged errs by the recorded span."""
+    placed = with_load_placed(model, trial.recording)
+    far = max(float(np.ptp(trial.position)), 1e-3)
+    if placed is None:
+        return np.full(trial.position.size, far)
+    try:
+        error = simulate(*placed, step) - trial.position
+    except ParamsError:  # no inertia left
+        return np.full(trial.position.size, far)
+    return np.asarray(np.clip(np.nan_to_num(error, nan=far, posinf=far, neginf=-far), -far, far))
+
+
+def _job(job: tuple[ActuatorModel, Trial, float]) -> FloatArray:
+    return trial_error(*job)
+
+
+@dataclass(eq=False)
+class FreeRunErrors:
+    """Errors of trials at points of the search, each simulated once: searches without one run share most of them."""
+
+    free: FreeParameters
+    trials: Sequence[Trial]
+    step: float
+    executor: Executor | None = None
+    known: dict[tuple[int, bytes], FloatArray] = field(default_factory=dict)
+
+    def at(self, points: Sequence[FloatArray], chosen: Sequence[int]) -> list[FloatArray]:
+        """(sum of T,) over the chosen trials, for each point x (k,)."""
+        wanted = [(i, x) for x in points for i in chosen if (i, x.tobytes()) not in self.known]
+        jobs = [(self.free.write(x), self.trials[i], self.step) for i, x in wanted]
+        made = map(_job, jobs) if self.executor is None else self.executor.map(_job, jobs, chunksize=4)
+        for (i, x), error in zip(wanted, made, strict=True):
+            self.known[i, x.tobytes()] = error
+        return [np.concatenate([self.known[i, x.tobytes()] for i in chosen]) for x in points]
 
 
 @dataclass(frozen=True)
 class OutputErrorFit:
-    """The refined model and its error on the runs it was fitted to.
+    """A refined point: x (k,), its model, and whether the search moved at all."""
 
-    Attributes:
-        model: With the refined numbers, without confidence intervals: errors of a stick-slip are no white noise.
-        before, after: Mean absolute position error (trials,) [rad] with the starting model and with the refined one.
-        evaluations: Steps taken.
-    """
-
+    x: FloatArray
     model: ActuatorModel
-    before: FloatArray
-    after: FloatArray
-    evaluations: int
-
-
-def simulate(model: ActuatorModel, trial: Trial, step: float = FINE_STEP) -> FloatArray:
-    """Position (T,) [rad] of the free-running joint; NaN from where it leaves 100 rad.
-
-    Args:
-        model: The actuator; effects of sensors and transmissions are left out.
-        trial: Command, load and start.
-        step: Largest step [s].
-
-    Raises:
-        IdentificationError: nothing that has inertia.
-    """
-    if trial.loop is not None:
-        model = through_loop(model, trial.loop)
-    sub = max(1, math.ceil(trial.period / step - 1e-9))
-    h = trial.period / sub
-    total = trial.inertia + model.inertia
-    if not total > 0.0:
-        raise IdentificationError(f"{trial.name}: wanted a link or rotor with inertia > 0 to simulate; got {total:g}")
-    program = JointProgram(model, h, total)
-    memory = program.initial(trial.velocity)
-    commands = trial.command.tolist()
-    size = len(commands)
-    warmth = [25.0] * size if trial.temperature is None else trial.temperature.tolist()
-    loads = [0.0] * size if trial.load is None else trial.load.tolist()
-    q, v, moment = float(trial.position[0]), trial.velocity, trial.gravity_moment
-    out = np.full(size, np.nan)
-    for k in range(size):
-        out[k] = q
-        for _ in range(sub):
-            torque = program.step(memory, JointInput(commands[k], q, v, None, warmth[k]), at_tick=True).actuation
-            v += h * (torque - moment * math.sin(q) - loads[k]) / total
-            q += h * v
-        if not abs(q) < 100.0:
-            break
-    return out
-
-
-@dataclass(frozen=True)
-class _Free:
-    """The free parameters: (index of the effect or -1 for the drive, name, lower, upper, searched by logarithm)."""
-
-    entries: tuple[tuple[int, str, float, float, bool], ...]
-
-    def read(self, model: ActuatorModel) -> FloatArray:
-        values = [model.drive.gain if i < 0 else model.effects[i].parameters[n] for i, n, *_ in self.entries]
-        return np.array([math.log(max(x, SMALLEST)) if e[4] else x for x, e in zip(values, self.entries, strict=True)])
-
-    def write(self, model: ActuatorModel, x: FloatArray) -> ActuatorModel:
-        effects = list(model.effects)
-        drive = model.drive
-        for value, (i, name, low, high, logarithmic) in zip(x.tolist(), self.entries, strict=True):
-            number = min(max(math.exp(min(value, 50.0)) if logarithmic else value, low), high)
-            if i < 0:
-                drive = Drive(drive.kind, number)
-            else:
-                effects[i] = replace(effects[i], parameters={**effects[i].parameters, name: number}, ci95={})
-        return replace(model, drive=drive, effects=tuple(effects))
-
-    @property
-    def spread(self) -> FloatArray:
-        """How far each may lie from a prior."""
-        return np.array([1.0 if e[4] else 0.1 for e in self.entries])
-
-    @property
-    def scale(self) -> FloatArray:
-        """What counts as a moderate change of each."""
-        return np.array([0.3 if e[4] else 0.03 for e in self.entries])
-
-
-def free_parameters(model: ActuatorModel, fixed: frozenset[str]) -> tuple[str, ...]:
-    """Names of the parameters that a refinement changes, in its order."""
-    return tuple(("drive" if i < 0 else model.effects[i].key) + f".{n}" for i, n, *_ in _free(model, fixed).entries)
-
-
-def _free(model: ActuatorModel, fixed: frozenset[str]) -> _Free:
-    entries = [] if "drive.gain" in fixed else [(-1, "gain", 1e-12, math.inf, True)]
-    for i, value in enumerate(model.effects):
-        for p in value.effect.parameters:
-            if f"{value.key}.{p.name}" in fixed or math.isinf(value.parameters[p.name]):
-                continue
-            entries.append((i, p.name, p.lower, p.upper, p.lower >= 0.0))
-    return _Free(tuple(entries))
-
-
-def _errors(job: tuple[ActuatorModel, Sequence[Trial], float]) -> FloatArray:
-    model, trials, step = job
-    parts = [simulate(model, trial, step) - trial.position for trial in trials]
-    return np.clip(np.nan_to_num(np.concatenate(parts), nan=FARTHEST), -FARTHEST, FARTHEST)
 
 
 def refine_on_free_runs(
-    model: ActuatorModel,
-    trials: Sequence[Trial],
-    options: OutputErrorOptions | None = None,
-    executor: Executor | None = None,
+    errors: FreeRunErrors,
+    chosen: Sequence[int],
+    options: OutputErrorOptions,
+    progress: Callable[[], None] = lambda: None,
 ) -> OutputErrorFit:
     """Refine a model's numbers until its free runs follow the recorded ones.
 
     Args:
-        model: Where the search starts, from equation error; its effects stay the same.
-        trials: Runs to follow; held-out runs do not belong here.
+        errors: The free parameters and trials.
+        chosen: Numbers of the trials to follow.
         options: How.
-        executor: Runs the simulations beside each other; None runs them here.
+        progress: Called once a Gauss-Newton step.
 
     Raises:
-        IdentificationError: no trial, nothing to change, or a prior with other effects.
+        IdentificationError: no trial, or nothing to change.
     """
-    options = options or OutputErrorOptions()
-    free = _free(model, options.fixed)
-    if not trials or not free.entries:
+    free = errors.free
+    if not chosen or not free.entries:
         raise IdentificationError(
-            f"output error: wanted a trial and a free parameter; got {len(trials)} and {len(free.entries)}"
+            f"output error: expected a trial and a free parameter; got {len(chosen)} and {len(free.entries)}"
         )
-    if options.prior is not None and [v.key for v in options.prior.effects] != [v.key for v in model.effects]:
-        raise IdentificationError(
-            f"output error: wanted a prior with the effects {[v.key for v in model.effects]}; "
-            f"got {[v.key for v in options.prior.effects]}"
-        )
-    evaluate = map if executor is None else executor.map
+    x = free.start
+    for _ in range(ROUNDS):
+        x = _search(errors, chosen, x, options.evaluations, progress)
+    return OutputErrorFit(x, free.write(x))
 
-    centre = None if options.prior is None else free.read(options.prior)
 
-    def errors_at(points: Sequence[FloatArray]) -> list[FloatArray]:
-        made = list(evaluate(_errors, [(free.write(model, x), trials, options.step) for x in points]))
-        if centre is None:
-            return made
-        # split into small parts, for which the loss is still quadratic
-        pulls = [np.repeat(options.pull * (x - centre) / free.spread, PARTS) / math.sqrt(PARTS) for x in points]
-        return [np.concatenate(pair) for pair in zip(made, pulls, strict=True)]
+def _search(
+    errors: FreeRunErrors, chosen: Sequence[int], start: FloatArray, evaluations: int, progress: Callable[[], None]
+) -> FloatArray:
+    """One round from `start` (k,), with the scale of the errors there."""
+    free = errors.free
+    first = errors.at([start], chosen)[0]
+    lengths = [errors.trials[i].position.size for i in chosen]
+    scale = max(float(np.sqrt(np.mean(first**2))), 1e-9)
+    weight = 1.0 / (scale * np.sqrt(correlation_time(first, lengths)))
+
+    def rows(points: Sequence[FloatArray]) -> list[FloatArray]:
+        made = errors.at(points, chosen)
+        return [np.concatenate([weight * _soft(e, scale), _pull(free, x)]) for e, x in zip(made, points, strict=True)]
+
+    low, high = free.bounds
 
     def jacobian(x: FloatArray) -> FloatArray:
-        steps = 0.1 * free.scale
-        points = [x + sign * steps * unit for unit in np.eye(x.size) for sign in (1.0, -1.0)]
-        made = errors_at(points)
-        return np.stack([(made[2 * i] - made[2 * i + 1]) / (2.0 * steps[i]) for i in range(x.size)], axis=1)
+        progress()
+        above, below = (np.clip(x + s * np.diag(free.steps), low, high) for s in (1.0, -1.0))
+        made = rows([*above, *below])
+        width = np.maximum(np.diag(above - below), 1e-300)
+        return np.stack([(made[i] - made[x.size + i]) / width[i] for i in range(x.size)], axis=1)
 
+    inside = 1e-9 * np.maximum(1.0, np.abs(start))
     found = least_squares(
-        lambda x: errors_at([x])[0],
-        free.read(model),
+        lambda x: rows([x])[0],
+        np.clip(start, low + inside, high - inside),
         jac=jacobian,
-        x_scale=free.scale,
-        loss="soft_l1",
-        f_scale=options.knee,
-        max_nfev=options.evaluations,
+        bounds=(low, high),
+        x_scale=free.deviation,
+        max_nfev=evaluations,
         xtol=1e-4,
         ftol=1e-4,
     )
-    refined = free.write(model, found.x)
-    return OutputErrorFit(refined, _mean_errors(model, trials), _mean_errors(refined, trials), int(found.nfev))
+    return np.asarray(found.x)
 
 
-def _mean_errors(model: ActuatorModel, trials: Sequence[Trial]) -> FloatArray:
-    return np.array([float(np.mean(np.abs(_errors((model, [trial], FINE_STEP))))) for trial in trials])
+def _soft(error: FloatArray, scale: float) -> FloatArray:
+    """The root of h, with the sign of the error."""
+    size = (error / scale) ** 2
+    return np.asarray(np.sign(error) * scale * np.sqrt(2.0 * size / (np.sqrt(1.0 + size) + 1.0)))
 
 
-def refine_from_starts(
-    starts: Sequence[ActuatorModel],
-    trials: Sequence[Trial],
-    options: OutputErrorOptions | None = None,
-    executor: Executor | None = None,
-    first_evaluations: int = 10,
-) -> OutputErrorFit:
-    """`refine_on_free_runs` from several starts, for the error is not convex: a few steps from each, on from the best.
-
-    Args:
-        starts: Where to start.
-        trials: Runs to follow.
-        options: How.
-        executor: Runs the simulations beside each other.
-        first_evaluations: Steps from each start.
-
-    Raises:
-        IdentificationError: no start, no trial, or nothing to change.
-    """
-    options = options or OutputErrorOptions()
-    if not starts:
-        raise IdentificationError("output error: wanted a model to start from; got none")
-    short = replace(options, evaluations=min(first_evaluations, options.evaluations))
-    tried = [refine_on_free_runs(start, trials, short, executor) for start in starts]
-    best = min(tried, key=lambda fitted: float(np.mean(fitted.after)))
-    return refine_on_free_runs(best.model, trials, options, executor)
+def _pull(free: FreeParameters, x: FloatArray) -> FloatArray:
+    return np.asarray((x - free.start) / free.deviation)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from drake_tc.diagrams.bench.diagram import Link, make_plant
+from drake_tc.diagrams.bench.diagram import make_plant
 from numpy.testing import assert_allclose
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
@@ -14,6 +14,7 @@ from pydrake.systems.primitives import ConstantVectorSource
 from drake_tc.actuation.friction import PRESLIDING_DISPLACEMENT
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.actuation.plant import ActuatorPlant
+from drake_tc.actuation.recorded_run import Link
 from drake_tc.actuation.wiring import actuated_joints, add_actuators, apply_rotor_inertia, joint_inertias
 from drake_tc.errors import ParamsError
 

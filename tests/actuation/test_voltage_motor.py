@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from drake_tc.diagrams.bench.diagram import Link, make_plant
+from drake_tc.diagrams.bench.diagram import make_plant
 from numpy.testing import assert_allclose
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
@@ -11,6 +11,7 @@ from pydrake.systems.primitives import ConstantVectorSource
 from drake_tc.actuation.gear import CONTACT_DAMPING, gear_of
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.actuation.plant import ActuatorPlant
+from drake_tc.actuation.recorded_run import Link
 from drake_tc.actuation.voltage_motor import VoltageMotor
 from drake_tc.actuation.wiring import add_actuators
 from drake_tc.errors import ParamsError

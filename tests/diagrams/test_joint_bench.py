@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 import yaml
-from drake_tc.diagrams.bench.diagram import Link, Table
-from drake_tc.diagrams.bench.free_run import Recording, free_run
+from drake_tc.diagrams.bench.diagram import Table
+from drake_tc.diagrams.bench.free_run import free_run
 from drake_tc.diagrams.joint_bench import (
     SCENARIO_FILE,
     BenchScenario,
@@ -16,6 +16,7 @@ from drake_tc.diagrams.joint_bench import (
 from numpy.testing import assert_allclose
 
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
+from drake_tc.actuation.recorded_run import Link, Recording
 from drake_tc.effects.base import plain_signals
 from drake_tc.effects.library import effect
 from drake_tc.errors import ParamsError

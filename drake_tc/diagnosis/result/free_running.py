@@ -1,4 +1,4 @@
-"""Free-run errors: the Drake diagram driven by the recorded command alone, before and after, on held-out runs."""
+"""Free-run errors on held-out runs: the Drake diagram of each model, driven by the recorded command alone."""
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
@@ -9,6 +9,7 @@ import numpy as np
 from drake_tc.actuation.model import ActuatorModel
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagnosis.result.models import model_of
+from drake_tc.diagnosis.result.refinement import Refinement
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
 from drake_tc.types import FloatArray
@@ -36,15 +37,17 @@ def with_free_runs(
     `before`: the same runs with the loads that the model before was fitted to, where they differ.
     """
     models = {"before": model_of(result, final=False), "after": model_of(result, final=True)}
-    sides = {"before": held if before is None else before, "after": held}
-    jobs = [(name, sides[name][number]) for number in range(len(held)) for name in models]
+    if result.refinement is not None and result.refinement.model is not None:
+        models["refined"] = result.refinement.model
+    sides = {"before": held if before is None else before}
+    jobs = [(name, sides.get(name, held)[number]) for number in range(len(held)) for name in models]
     if executor is None:
         made = [free_run(models[name], rig, result.joint, run) for name, run in jobs]
     else:
         futures = [executor.submit(free_run, models[name], rig, result.joint, run) for name, run in jobs]
         made = [future.result() for future in futures]
     traces: dict[str, dict[str, FloatArray]] = {}
-    squares: dict[str, list[FloatArray]] = {"before": [], "after": []}
+    squares: dict[str, list[FloatArray]] = {name: [] for name in models}
     for (name, run), trace in zip(jobs, made, strict=True):
         if trace is None:
             continue
@@ -57,10 +60,15 @@ def with_free_runs(
         result,
         before=replace(result.before, free_run_heldout=figures["before"]),
         after=replace(result.after, free_run_heldout=figures["after"]),
+        refinement=_with_figure(result.refinement, figures.get("refined")),
         free_run=traces,
         load_notes=(*result.load_notes, *notes),
         notes=(*result.notes, *notes),
     )
+
+
+def _with_figure(refinement: Refinement | None, error: float | None) -> Refinement | None:
+    return None if refinement is None else replace(refinement, free_run_heldout=error)
 
 
 def _why_none(result: JointResult, model: ActuatorModel) -> tuple[str, ...]:

@@ -8,6 +8,7 @@ from drake_tc.diagnosis.problem.estimates import Estimate
 from drake_tc.diagnosis.problem.regression import Fit
 from drake_tc.diagnosis.residual.unexplained import DataSplit, SharedBand, Unexplained, Verdict
 from drake_tc.diagnosis.result.plausible_ranges import PlausibleRange
+from drake_tc.diagnosis.result.refinement import Refinement
 from drake_tc.diagnosis.selection.withdrawal import DidNotHold
 from drake_tc.effects.base import DriveKind
 from drake_tc.effects.unknown_load import UnknownLoadEffect
@@ -114,7 +115,8 @@ class JointResult:
 
     `plausible` has the possible range of each parameter of the final model, by effect key and name. `load_notes` say
     what an unknown load, and the drive's declared scale and damping, mean for this result; they are among the `notes`
-    too.
+    too. `free_run` holds, by held-out run, time, recorded position and the free runs "before", "after" and, where the
+    refinement was accepted, "refined".
     """
 
     joint: str
@@ -143,6 +145,7 @@ class JointResult:
     free_run: Mapping[str, Mapping[str, FloatArray]] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     load_notes: tuple[str, ...] = ()
+    refinement: Refinement | None = None
 
     @property
     def load(self) -> tuple[str, Mapping[str, Estimate]] | None:

@@ -99,11 +99,13 @@ def diagnose_fitted(case: RobotCase, model: LinkModel) -> RobotResult:
     prepared = case.prepared(*before)
     results = {joint: original_baseline(made[joint], prepared[joint]) for joint in joints}
     results = with_shared_uncertainty(results, (first.rows, first.fitted), (links.rows, links.fitted))
+    train_after, held_after = case.without(links.fitted)
     return RobotResult(
         joints=results,
         shared=(),
         held=case.at_motors(before[1]),
-        held_after=case.at_motors(case.without(links.fitted)[1]),
+        held_after=case.at_motors(held_after),
+        train_after=case.at_motors(train_after),
         robot_gains=robot_gains(results, dict(zip(joints, map(float, links.fitted.sigma), strict=True))),
         links=fitted_links(model, case.causes, links.rows, links.fitted),
     )

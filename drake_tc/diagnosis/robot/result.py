@@ -17,7 +17,7 @@ class RobotResult:
         joints: By name; errors and models "before" are those of loads without the sensors' errors within tolerance.
         shared: Causes that no single joint owns, by held-out gain.
         held: Held-out runs with the loads of the model before.
-        held_after: The same without the shared causes.
+        held_after: The same without the shared causes. train_after: training runs without them.
         robot_gains: (joint, effect key) to the effect's held-out gain of the whole robot, which compares with
             `SharedEffect.heldout_gain`.
         links: The links' parameters where they were fitted.
@@ -27,5 +27,6 @@ class RobotResult:
     shared: tuple[SharedEffect, ...]
     held: Sequence[Run] = field(default=())
     held_after: Sequence[Run] = field(default=())
+    train_after: Sequence[Run] = field(default=())
     robot_gains: Mapping[tuple[str, str], float] = field(default_factory=dict)
     links: FittedLinks | None = None

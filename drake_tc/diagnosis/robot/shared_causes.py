@@ -131,11 +131,13 @@ def _settled(case: RobotCase, before: _Before, found: SharedSearch, thresholds: 
         {j: p.train for j, p in before.raw.items()}, {j: p.terms for j, p in before.raw.items()}, case.causes
     )
     results = with_shared_uncertainty(results, (declared, before.fitted), (train, fitted))
+    train_after, held_after = case.without(found.fit)
     return RobotResult(
         joints=results,
         shared=shared_effects(train, held, case.causes, found.chosen, found.alternatives),
         held=case.at_motors(before.held),
-        held_after=case.at_motors(case.without(found.fit)[1]),
+        held_after=case.at_motors(held_after),
+        train_after=case.at_motors(train_after),
         robot_gains=robot_gains(results, dict(zip(joints, map(float, fitted.sigma), strict=True))),
     )
 

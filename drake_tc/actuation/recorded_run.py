@@ -1,0 +1,162 @@
+"""What a free run is given of a recorded run, and the two sides of the model that never enter the plant.
+
+A free run drives a model by the recorded command alone. Its plant is a pendulum or, where the load torque was recorded,
+the motor's side of the gear. The Drake diagram of the bench and `drake_tc.actuation.free_run` share this module.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from drake_tc.actuation.model import ActuatorModel, EffectValue
+from drake_tc.effects.base import Signals, TransmissionEffect, plain_signals
+from drake_tc.effects.unknown_load import PENDULUM, UnknownLoadEffect
+from drake_tc.errors import ParamsError
+from drake_tc.types import FloatArray
+
+NEEDS_LOAD = ("load_dependent_friction", "load_stribeck", "directional_efficiency", "backlash", "elasticity")
+"""Effects that depend on the torque that the gear passes."""
+LEAST_LINK = 1e-3
+"""Least inertia of the plant's link over that of the rotor: a fitted inertia of the load may be 0."""
+
+
+@dataclass(frozen=True)
+class Link:
+    """What the joint carries: inertia about the axis [kg m^2] and gravity moment m g l [N m]; it hangs at q = zero."""
+
+    inertia: float
+    gravity_moment: float = 0.0
+    zero: float = 0.0
+
+
+@dataclass(frozen=True)
+class Recording:
+    """What a free run is given; (T,) arrays on one uniform clock.
+
+    Attributes:
+        time: [s].
+        command: q_d [rad], i [A] or V [V].
+        initial_position, initial_velocity: As recorded at the first sample [rad, rad/s].
+        position_span: (lowest, highest) recorded position [rad]; beyond 10 times it the run has diverged.
+        load_torque: Recorded link-side torque [N m]; None when the load is `pendulum`. With a pendulum: torque on the
+            link from outside is -load_torque.
+        pendulum: Inertia and gravity moment of the link; None when the load is recorded.
+        temperature: [deg C]; None: 25.
+        supply_voltage: Of the drive [V]; None: its nominal one.
+    """
+
+    time: FloatArray
+    command: FloatArray
+    initial_position: float
+    initial_velocity: float
+    position_span: tuple[float, float]
+    load_torque: FloatArray | None = None
+    pendulum: Link | None = None
+    temperature: FloatArray | None = None
+    supply_voltage: FloatArray | None = None
+
+    @property
+    def period(self) -> float:
+        """Of the clock [s]."""
+        return float(self.time[-1] - self.time[0]) / (self.time.size - 1)
+
+    def thinned(self, stride: int) -> "Recording":
+        """Every `stride`-th sample."""
+        names = ("time", "command", "load_torque", "temperature", "supply_voltage")
+        arrays = {name: getattr(self, name) for name in names}
+        return replace(self, **{name: None if v is None else v[::stride] for name, v in arrays.items()})
+
+
+@dataclass(frozen=True)
+class PlantSide:
+    """A model and a recording as the plant has them.
+
+    Attributes:
+        model: The actuator. Where the load is recorded its gear is stiff: the plant is the motor's side.
+        load: (T,) true torque on the joint besides the pendulum [N m].
+        lead: (T,) of the plant's joint over the link [rad], by the twist of the gear under a recorded load.
+        start: Position of the plant's joint at the first sample [rad].
+        signals: True signals at the start's position, for the sensors.
+    """
+
+    model: ActuatorModel
+    load: FloatArray
+    lead: FloatArray
+    start: float
+    signals: Signals
+
+    def shown(self, position: FloatArray) -> FloatArray:
+        """What the rig's encoder would have shown (T,) [rad] of the plant's joint at `position` (T,) [rad]."""
+        seen = replace(self.signals, position=position - self.lead)
+        for effect, parameters in self.model.sensor_effects:
+            seen = effect.corrupt(seen, parameters)
+        return np.asarray(seen.position)
+
+
+def with_declared_inertia(model: ActuatorModel, rotor_inertia: float | None) -> ActuatorModel:
+    """The model with a declared rotor inertia [kg m^2] that it does not list."""
+    if rotor_inertia is None or any(value.effect.id == "rotor_inertia" for value in model.effects):
+        return model
+    declared = EffectValue("rotor_inertia", {"rotor_inertia": rotor_inertia})
+    return replace(model, effects=(declared, *model.effects))
+
+
+def plant_side(model: ActuatorModel, recording: Recording) -> PlantSide:
+    """Sensor effects taken off the recorded load and start, and the gear's twist under a recorded load.
+
+    Raises:
+        ParamsError: nothing that has inertia, no load, or arrays that do not fit.
+    """
+    _check(model, recording)
+    size = recording.time.size
+    time = np.asarray(np.arange(size) * recording.period, dtype=np.float64)
+    load = np.zeros(size) if recording.load_torque is None else recording.load_torque
+    known = {"time": time, "position": np.full(size, recording.initial_position), "load_torque": load}
+    true = replace(plain_signals(size, known), period=recording.period)
+    for effect, parameters in reversed(model.sensor_effects):
+        true = effect.restore(true, parameters)
+    lead = np.zeros(size)
+    if recording.pendulum is None:
+        for gear, parameters in model.transmission_effects:
+            lead += gear.twist(true.load_torque, parameters)
+        stiff = tuple(value for value in model.effects if not isinstance(value.effect, TransmissionEffect))
+        model = replace(model, effects=stiff)
+    return PlantSide(model, true.load_torque, lead, float(true.position[0] + lead[0]), true)
+
+
+def _check(model: ActuatorModel, recording: Recording) -> None:
+    size = recording.time.size
+    if size < 2:
+        raise ParamsError(f"free run: wanted at least 2 samples; got {size}")
+    for name in ("command", "load_torque", "temperature", "supply_voltage"):
+        values = getattr(recording, name)
+        if values is not None and values.shape != (size,):
+            raise ParamsError(f"free run: wanted {name} of shape ({size},); got {values.shape}")
+    if recording.load_torque is None and recording.pendulum is None:
+        raise ParamsError("free run: wanted a load: load_torque or pendulum; got neither")
+    if recording.pendulum is None and model.inertia <= 0.0:
+        raise ParamsError(f"free run: joint {model.joint!r} has no inertia; wanted rotor_inertia > 0 or a pendulum")
+
+
+def with_load_placed(model: ActuatorModel, recording: Recording) -> tuple[ActuatorModel, Recording] | None:
+    """(actuator, recording) of a model that lists an unknown load: the load as the plant has it.
+
+    A pendulum leaves the actuator and becomes the plant's link, so that the gear passes its torque. A smooth load stays
+    with the actuator, and the plant is the motor's side without a link; None where another effect depends on the torque
+    that the gear passes, which would then lack the load, and where nothing has inertia. A model of a known load comes
+    back as it is.
+    """
+    value = next((v for v in model.effects if isinstance(v.effect, UnknownLoadEffect)), None)
+    if value is None:
+        return model, recording
+    size = recording.time.size
+    others = tuple(v for v in model.effects if v is not value)
+    if value.effect is not PENDULUM:
+        needs = any(v.effect.id in NEEDS_LOAD for v in others)
+        return None if needs else (model, replace(recording, load_torque=np.zeros(size)))
+    actuator = replace(model, effects=others)
+    given = value.parameters
+    inertia = max(given["inertia"], LEAST_LINK * actuator.inertia)
+    link = Link(inertia, given["moment"], given["zero"])
+    constant = np.full(size, given["constant"])
+    return (actuator, replace(recording, load_torque=constant, pendulum=link)) if inertia > 0.0 else None

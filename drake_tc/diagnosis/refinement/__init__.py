@@ -1,0 +1,1 @@
+"""Output error: the model that was found, refined on the free runs of the training runs."""

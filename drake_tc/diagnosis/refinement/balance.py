@@ -1,0 +1,56 @@
+"""The equation error of a model whose numbers did not come from a fit of the equation."""
+
+from collections.abc import Mapping
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from drake_tc.diagnosis.problem.columns import Columns
+from drake_tc.diagnosis.problem.parameters import physical_parameters, shape_places, with_shapes
+from drake_tc.diagnosis.problem.regression import Fit
+from drake_tc.diagnosis.residual.unexplained import DataSplit
+
+EXACT = 1e-6
+"""Largest relative difference of the numbers that the coefficients give back."""
+
+
+def equation_errors(
+    fitted: Fit, named: Mapping[str, Mapping[str, float]], splits: tuple[DataSplit, ...]
+) -> tuple[float, ...] | None:
+    """RMS of K (z - z_hat) [effort] of each split under other numbers, with the fit's own K, so that both compare.
+
+    The coefficients and shapes b that have these numbers solve  physical(b) = named;  None where no b has them.
+
+    Args:
+        fitted: The fit whose effects the model has.
+        named: Numbers by effect key, "drive" with the gain among them.
+        splits: Rows of the training and of the held-out runs.
+    """
+    where, shapes = shape_places(fitted.terms)
+    size = fitted.beta.size
+    start = np.concatenate([fitted.beta, shapes])
+    scale = np.where(start != 0.0, np.abs(start), 1e-3)
+
+    def numbers(x: np.ndarray) -> np.ndarray:
+        found = physical_parameters(fitted, x[:size], x[size:])
+        return np.array([found[key][name] for key, group in named.items() for name in group])
+
+    wanted = np.array([value for group in named.values() for value in group.values()])
+    finite = np.isfinite(wanted)
+    size_of = np.maximum(np.abs(wanted), 1e-9)[finite]
+
+    def miss(step: np.ndarray) -> np.ndarray:
+        difference = (numbers(start + scale * step)[finite] - wanted[finite]) / size_of
+        return np.nan_to_num(difference, nan=1e3, posinf=1e3, neginf=-1e3)
+
+    found = least_squares(miss, np.zeros(start.size), xtol=1e-12, ftol=1e-15, gtol=1e-15, max_nfev=50)
+    if np.abs(found.fun).max() > EXACT:
+        return None
+    b = start + scale * found.x
+    terms = with_shapes(fitted.terms, where, b[size:])
+    made = []
+    for split in splits:
+        columns = Columns(split.samples)
+        residual = (columns.target - columns.design(terms) @ b[:size]) * fitted.gain
+        made.append(float(np.sqrt(np.mean(residual**2))))
+    return tuple(made)

@@ -1,0 +1,146 @@
+"""Which numbers of a model a refinement may change, on which scale, and how far each may lie from where it starts."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from drake_tc.actuation.model import ActuatorModel, Drive
+from drake_tc.types import FloatArray
+
+LEAST_SPREAD, MOST_SPREAD = 0.3, 1.0
+"""Standard deviation of the prior of a positive number, as the logarithm of a factor: an interval of the equation error
+does not hold its bias, and a number that it leaves open is still known to a factor of some three."""
+SMALLEST = 0.1
+"""A positive number whose estimate is 0 starts at this share of its standard deviation, so that it can move."""
+STEP = 0.03
+"""Step of the finite differences, as a share of a positive number, and of the prior's deviation of another one."""
+Ranges = Mapping[tuple[str, str], tuple[float, float]]
+DRIVE = "drive"
+
+
+@dataclass(frozen=True)
+class FreeParameter:
+    """One number: a positive one is sought by its logarithm.
+
+    Attributes:
+        key: Key of the effect, or "drive". name: of the parameter.
+        lower, upper: Bounds of the search, in the parameter's unit.
+        start: Estimate of the equation error, in the parameter's unit.
+        deviation: Its standard deviation in the coordinate of the search.
+        logarithmic: Whether that coordinate is the logarithm.
+    """
+
+    key: str
+    name: str
+    lower: float
+    upper: float
+    start: float
+    deviation: float
+    logarithmic: bool
+
+    def coordinate(self, value: float) -> float:
+        """Of a value within the bounds."""
+        return math.log(value) if self.logarithmic else value
+
+    @property
+    def bounds(self) -> tuple[float, float]:
+        """In the coordinate of the search."""
+        if not self.logarithmic:
+            return self.lower, self.upper
+        low = math.log(self.lower) if self.lower > 0.0 else -math.inf
+        return low, math.log(self.upper)
+
+    @property
+    def step(self) -> float:
+        """Of finite differences, in the coordinate of the search."""
+        return STEP if self.logarithmic else STEP * max(self.deviation, 1e-12)
+
+
+@dataclass(frozen=True)
+class FreeParameters:
+    """All free numbers of one model, as a vector x (k,)."""
+
+    model: ActuatorModel
+    entries: tuple[FreeParameter, ...]
+
+    @property
+    def start(self) -> FloatArray:
+        """x of the model itself."""
+        return np.array([e.coordinate(e.start) for e in self.entries])
+
+    @property
+    def deviation(self) -> FloatArray:
+        """Of the prior, (k,)."""
+        return np.array([e.deviation for e in self.entries])
+
+    @property
+    def steps(self) -> FloatArray:
+        """Of finite differences, (k,)."""
+        return np.array([e.step for e in self.entries])
+
+    @property
+    def bounds(self) -> tuple[FloatArray, FloatArray]:
+        """(lower, upper), (k,) each."""
+        low, high = zip(*(e.bounds for e in self.entries), strict=True)
+        return np.array(low), np.array(high)
+
+    def write(self, x: FloatArray) -> ActuatorModel:
+        """The model with the numbers x (k,), without intervals: those were of the equation error."""
+        drive, effects = self.model.drive, {v.key: dict(v.parameters) for v in self.model.effects}
+        for entry, value in zip(self.entries, x.tolist(), strict=True):
+            number = math.exp(value) if entry.logarithmic else value
+            number = min(max(number, entry.lower), entry.upper)
+            if entry.key == DRIVE:
+                drive = Drive(drive.kind, number)
+            else:
+                effects[entry.key][entry.name] = number
+        values = tuple(
+            replace(v, parameters=effects[v.key], ci95={}, at_bound=_resting(self.entries, v.key, effects[v.key]))
+            for v in self.model.effects
+        )
+        return replace(self.model, drive=drive, effects=values)
+
+
+def _resting(entries: Sequence[FreeParameter], key: str, values: Mapping[str, float]) -> tuple[str, ...]:
+    """Names of the effect's numbers that rest on a bound."""
+    mine = [e for e in entries if e.key == key]
+    near = [e.name for e in mine if any(abs(values[e.name] - b) <= 1e-6 * abs(b) for b in (e.lower, e.upper))]
+    return tuple(near)
+
+
+def free_parameters(model: ActuatorModel, ranges: Ranges | None = None) -> FreeParameters:
+    """What the logs have identified of a model: its numbers with an interval of more than one value.
+
+    Args:
+        model: With 95 % intervals, as the equation error gives it; the gain of the drive has (ranges, "drive").
+        ranges: (effect key, parameter) to the range in which it is physically possible, and ("drive", "gain") to its
+            95 % interval. A range is widened to hold the estimate.
+    """
+    ranges = ranges or {}
+    gain = model.drive.gain
+    entries = [_entry(DRIVE, "gain", gain, ranges.get((DRIVE, "gain"), (gain, gain)), (0.0, math.inf))]
+    for value in model.effects:
+        bounds = {p.name: (p.lower, p.upper) for p in (*value.effect.coefficients, *value.effect.parameters)}
+        for name, number in value.parameters.items():
+            low, high = bounds[name]
+            least, most = ranges.get((value.key, name), (-math.inf, math.inf))
+            limits = (min(max(low, least), number), max(min(high, most), number))
+            entries.append(_entry(value.key, name, number, value.ci95.get(name, (number, number)), limits))
+    return FreeParameters(model, tuple(e for e in entries if e is not None))
+
+
+def _entry(
+    key: str, name: str, value: float, interval: tuple[float, float], limits: tuple[float, float]
+) -> FreeParameter | None:
+    """None for a number that the equation error holds: its interval is a point."""
+    half = max(interval[1] - value, value - interval[0])
+    if not (math.isfinite(value) and math.isfinite(half) and half > 0.0):
+        return None
+    deviation, (low, high) = half / 1.96, limits
+    if low < 0.0:
+        return FreeParameter(key, name, low, high, value, max(deviation, LEAST_SPREAD * abs(value)), logarithmic=False)
+    start = max(value, SMALLEST * deviation)
+    spread = min(max(deviation / start, LEAST_SPREAD), MOST_SPREAD)
+    return FreeParameter(key, name, low, max(high, start), start, spread, logarithmic=True)
