@@ -6,7 +6,7 @@ import numpy as np
 from drake_tc.diagrams.bench.free_run import free_run
 
 from drake_tc.actuation.model import ActuatorModel
-from drake_tc.actuation.recorded_run import with_load_placed
+from drake_tc.actuation.recorded_run import in_plant
 from drake_tc.diagnosis.data.recordings import LONGEST, longest_stretch, recording_of
 from drake_tc.errors import ParamsError
 from drake_tc.logs.record import Run
@@ -23,12 +23,12 @@ def rig_free_run(
     """(time, recorded, simulated position), (T,) each, over the longest usable stretch of `run` up to `longest` [s].
 
     None where the model has no inertia that a free run could move, or where a load that is a curve over the position
-    meets an effect that depends on the load (`with_load_placed`). A diverged run is NaN from there on.
+    meets an effect that depends on the load (`in_plant`). A diverged run is NaN from there on.
     """
     stretch = longest_stretch(run, longest)
     if stretch is None:
         return None
-    placed = with_load_placed(model, recording_of(rig, joint, run, stretch))
+    placed = in_plant(model, recording_of(rig, joint, run, stretch))
     if placed is None:
         return None
     try:

@@ -25,7 +25,7 @@ def simulate(model: ActuatorModel, recording: Recording, step: float) -> FloatAr
     """Position (T,) [rad] as the rig's encoder would have shown it; NaN from where the run has diverged.
 
     Args:
-        model: The actuator, without an unknown load (`recorded_run.with_load_placed`).
+        model: The actuator, as the plant has it (`recorded_run.in_plant`).
         recording: The run.
         step: Largest step of the simulation [s]; a stiff servo gets a smaller one.
 

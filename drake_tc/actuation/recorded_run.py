@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from drake_tc.actuation.model import ActuatorModel, EffectValue
+from drake_tc.actuation.position_loop import PositionLoop, through_loop
 from drake_tc.effects.base import Signals, TransmissionEffect, plain_signals
 from drake_tc.effects.unknown_load import PENDULUM, UnknownLoadEffect
 from drake_tc.errors import ParamsError
@@ -35,7 +36,7 @@ class Recording:
 
     Attributes:
         time: [s].
-        command: q_d [rad], i [A] or V [V].
+        command: q_d [rad], i [A] or V [V]; q_d with a `loop`.
         initial_position, initial_velocity: As recorded at the first sample [rad, rad/s].
         position_span: (lowest, highest) recorded position [rad]; beyond 10 times it the run has diverged.
         load_torque: Recorded link-side torque [N m]; None when the load is `pendulum`. With a pendulum: torque on the
@@ -43,6 +44,7 @@ class Recording:
         pendulum: Inertia and gravity moment of the link; None when the load is recorded.
         temperature: [deg C]; None: 25.
         supply_voltage: Of the drive [V]; None: its nominal one.
+        loop: Known position loop through which the command reaches a current or voltage drive; None: there is none.
     """
 
     time: FloatArray
@@ -54,6 +56,7 @@ class Recording:
     pendulum: Link | None = None
     temperature: FloatArray | None = None
     supply_voltage: FloatArray | None = None
+    loop: PositionLoop | None = None
 
     @property
     def period(self) -> float:
@@ -138,14 +141,15 @@ def _check(model: ActuatorModel, recording: Recording) -> None:
         raise ParamsError(f"free run: joint {model.joint!r} has no inertia; wanted rotor_inertia > 0 or a pendulum")
 
 
-def with_load_placed(model: ActuatorModel, recording: Recording) -> tuple[ActuatorModel, Recording] | None:
-    """(actuator, recording) of a model that lists an unknown load: the load as the plant has it.
+def in_plant(model: ActuatorModel, recording: Recording) -> tuple[ActuatorModel, Recording] | None:
+    """(actuator, recording) as the plant has them: the drive in its position loop, an unknown load in its place.
 
-    A pendulum leaves the actuator and becomes the plant's link, so that the gear passes its torque. A smooth load stays
+    Of an unknown load, a pendulum leaves the actuator and becomes the plant's link, so that the gear passes its torque. A smooth load stays
     with the actuator, and the plant is the motor's side without a link; None where another effect depends on the torque
-    that the gear passes, which would then lack the load, and where nothing has inertia. A model of a known load comes
-    back as it is.
+    that the gear passes, which would then lack the load, and where nothing has inertia.
     """
+    if recording.loop is not None:
+        model, recording = through_loop(model, recording.loop), replace(recording, loop=None)
     value = next((v for v in model.effects if isinstance(v.effect, UnknownLoadEffect)), None)
     if value is None:
         return model, recording

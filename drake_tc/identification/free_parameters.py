@@ -12,8 +12,6 @@ from drake_tc.types import FloatArray
 LEAST_SPREAD, MOST_SPREAD = 0.3, 1.0
 """Standard deviation of the prior of a positive number, as the logarithm of a factor: an interval of the equation error
 does not hold its bias, and a number that it leaves open is still known to a factor of some three."""
-SMALLEST = 0.1
-"""A positive number whose estimate is 0 starts at this share of its standard deviation, so that it can move."""
 STEP = 0.03
 """Step of the finite differences, as a share of a positive number, and of the prior's deviation of another one."""
 Ranges = Mapping[tuple[str, str], tuple[float, float]]
@@ -22,7 +20,7 @@ DRIVE = "drive"
 
 @dataclass(frozen=True)
 class FreeParameter:
-    """One number: a positive one is sought by its logarithm.
+    """One number: a positive one is sought by its logarithm, one that starts at 0 or may be negative by itself.
 
     Attributes:
         key: Key of the effect, or "drive". name: of the parameter.
@@ -111,36 +109,42 @@ def _resting(entries: Sequence[FreeParameter], key: str, values: Mapping[str, fl
 
 
 def free_parameters(model: ActuatorModel, ranges: Ranges | None = None) -> FreeParameters:
-    """What the logs have identified of a model: its numbers with an interval of more than one value.
+    """What the logs may say of a model: its numbers that were estimated, and the gain of the drive unless it is held.
 
     Args:
-        model: With 95 % intervals, as the equation error gives it; the gain of the drive has (ranges, "drive").
+        model: With 95 % intervals, as the equation error gives it; a number without an interval was not estimated. An
+            interval that is a point belongs to a number that rests on its bound, or whose effect does: the equation
+            error has left that effect out, which is no reason for the free runs to do the same.
         ranges: (effect key, parameter) to the range in which it is physically possible, and ("drive", "gain") to its
-            95 % interval. A range is widened to hold the estimate.
+            95 % interval; a point where the gain is held. A range is widened to hold the estimate.
     """
     ranges = ranges or {}
     gain = model.drive.gain
-    entries = [_entry(DRIVE, "gain", gain, ranges.get((DRIVE, "gain"), (gain, gain)), (0.0, math.inf))]
+    low, high = ranges.get((DRIVE, "gain"), (gain, gain))
+    entries = [_entry(DRIVE, "gain", gain, max(high - gain, gain - low), (0.0, math.inf))] if high > low else []
     for value in model.effects:
+        given = {p.name for p in value.effect.given_shapes}
         bounds = {p.name: (p.lower, p.upper) for p in (*value.effect.coefficients, *value.effect.parameters)}
-        for name, number in value.parameters.items():
-            low, high = bounds[name]
+        for name, (low, high) in value.ci95.items():
+            number = value.parameters[name]
+            if name in given or not math.isfinite(number):
+                continue
             least, most = ranges.get((value.key, name), (-math.inf, math.inf))
-            limits = (min(max(low, least), number), max(min(high, most), number))
-            entries.append(_entry(value.key, name, number, value.ci95.get(name, (number, number)), limits))
+            limits = (min(max(bounds[name][0], least), number), max(min(bounds[name][1], most), number))
+            entries.append(_entry(value.key, name, number, max(high - number, number - low), limits))
     return FreeParameters(model, tuple(e for e in entries if e is not None))
 
 
-def _entry(
-    key: str, name: str, value: float, interval: tuple[float, float], limits: tuple[float, float]
-) -> FreeParameter | None:
-    """None for a number that the equation error holds: its interval is a point."""
-    half = max(interval[1] - value, value - interval[0])
-    if not (math.isfinite(value) and math.isfinite(half) and half > 0.0):
-        return None
+def _entry(key: str, name: str, value: float, half: float, limits: tuple[float, float]) -> FreeParameter | None:
+    """None for a number of which nothing says how large it could be."""
     deviation, (low, high) = half / 1.96, limits
-    if low < 0.0:
-        return FreeParameter(key, name, low, high, value, max(deviation, LEAST_SPREAD * abs(value)), logarithmic=False)
-    start = max(value, SMALLEST * deviation)
-    spread = min(max(deviation / start, LEAST_SPREAD), MOST_SPREAD)
-    return FreeParameter(key, name, low, max(high, start), start, spread, logarithmic=True)
+    if low >= 0.0 and value > 0.0:
+        relative = min(max(deviation / value, LEAST_SPREAD), MOST_SPREAD) if deviation > 0.0 else MOST_SPREAD
+        return FreeParameter(key, name, low, high, value, relative, logarithmic=True)
+    possible = min(high, -low) if low < 0.0 else high
+    if deviation <= 0.0 and math.isfinite(possible):
+        deviation = LEAST_SPREAD * possible
+    deviation = max(deviation, LEAST_SPREAD * abs(value))
+    if not (math.isfinite(deviation) and deviation > 0.0):
+        return None
+    return FreeParameter(key, name, low, high, value, deviation, logarithmic=False)

@@ -22,15 +22,11 @@ from scipy.optimize import least_squares
 
 from drake_tc.actuation.free_run import simulate
 from drake_tc.actuation.model import ActuatorModel
-from drake_tc.actuation.recorded_run import Recording, with_load_placed
+from drake_tc.actuation.recorded_run import Recording, in_plant
 from drake_tc.errors import IdentificationError, ParamsError
 from drake_tc.identification.autocorrelation import correlation_time
 from drake_tc.identification.free_parameters import FreeParameters
 from drake_tc.types import FloatArray
-
-ROUNDS = 2
-"""Searches, each with the scale of the errors that the one before it left."""
-
 
 @dataclass(frozen=True)
 class Trial:
@@ -56,15 +52,17 @@ class OutputErrorOptions:
     Attributes:
         step: Largest step of the simulation [s].
         evaluations: Most Gauss-Newton steps in each of the rounds.
+        rounds: Searches, each with the scale of the errors that the one before it left.
     """
 
     step: float = 2e-3
-    evaluations: int = 8
+    evaluations: int = 6
+    rounds: int = 2
 
 
 def trial_error(model: ActuatorModel, trial: Trial, step: float) -> FloatArray:
     """Simulated minus recorded position (T,) [rad], never NaN: a run that has diverged errs by the recorded span."""
-    placed = with_load_placed(model, trial.recording)
+    placed = in_plant(model, trial.recording)
     far = max(float(np.ptp(trial.position)), 1e-3)
     if placed is None:
         return np.full(trial.position.size, far)
@@ -130,7 +128,7 @@ def refine_on_free_runs(
             f"output error: expected a trial and a free parameter; got {len(chosen)} and {len(free.entries)}"
         )
     x = free.start
-    for _ in range(ROUNDS):
+    for _ in range(options.rounds):
         x = _search(errors, chosen, x, options.evaluations, progress)
     return OutputErrorFit(x, free.write(x))
 
@@ -153,10 +151,9 @@ def _search(
 
     def jacobian(x: FloatArray) -> FloatArray:
         progress()
-        above, below = (np.clip(x + s * np.diag(free.steps), low, high) for s in (1.0, -1.0))
-        made = rows([*above, *below])
-        width = np.maximum(np.diag(above - below), 1e-300)
-        return np.stack([(made[i] - made[x.size + i]) / width[i] for i in range(x.size)], axis=1)
+        steps = np.where(x + free.steps <= high, free.steps, -free.steps)
+        here, *moved = rows([x, *(x + np.diag(steps))])
+        return np.stack([(there - here) / step for there, step in zip(moved, steps, strict=True)], axis=1)
 
     inside = 1e-9 * np.maximum(1.0, np.abs(start))
     found = least_squares(

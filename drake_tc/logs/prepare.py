@@ -25,6 +25,7 @@ from drake_tc.types import BoolArray, FloatArray, IntArray
 
 SHORTEST_SEGMENT = 10
 MOST_MISSING = 0.2
+_SLOW = ("temperature", "supply_voltage", "position_gain")
 _HELD_BY_NATURE = ("position_command", "voltage")
 _MAY_FREEZE = ("torque", "position", "motor_position")
 
@@ -84,7 +85,7 @@ def _repair_channels(raw: RawLog, rig: Rig) -> tuple[dict[str, FloatArray], Bool
         if name not in required and holes.mean() > MOST_MISSING:
             notes += (f"Column {name} is missing in {100 * holes.mean():.0f} % of the rows and was left out.",)
             continue
-        slow = name.endswith(("/temperature", "/supply_voltage"))
+        slow = name.rsplit("/", 1)[-1] in _SLOW
         if note:
             note = note.replace("of long holes were left out", "of long holes were filled too") if slow else note
             filled_notes.setdefault(note, []).append(name)
@@ -97,7 +98,7 @@ def _repair_channels(raw: RawLog, rig: Rig) -> tuple[dict[str, FloatArray], Bool
     period = float(np.median(np.diff(raw.time)))
     for name in list(columns):
         suffix = name.rsplit("/", 1)[-1]
-        k = channels.hold_factor(columns[name]) if suffix not in ("temperature", "supply_voltage") else 1
+        k = channels.hold_factor(columns[name]) if suffix not in _SLOW else 1
         if k > 1 and suffix in _HELD_BY_NATURE:
             notes += (f"Column {name} changes every {k} rows only: a command that is held, left as it is.",)
         elif k > 1:

@@ -39,6 +39,7 @@ _FORCE = {"N": 1.0, "mN": 1e-3, "kN": 1e3, "kgf": 9.80665}
 _TIME = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0}
 _CURRENT = {"A": 1.0, "mA": 1e-3}
 _VOLTAGE = {"V": 1.0, "mV": 1e-3}
+_LOOP_GAIN = {"V/rad": 1.0, "A/rad": 1.0}
 _TEMPERATURE = {"degC": 1.0, "K": 1.0, "degF": 5.0 / 9.0}
 _OFFSET = {"K": -273.15, "degF": -160.0 / 9.0}
 _ACCELERATION = {"m/s^2": 1.0, "g": 9.80665}
@@ -54,6 +55,7 @@ JOINT_SUFFIXES: Mapping[str, Mapping[str, float]] = {
     "torque_command": _TORQUE,
     "temperature": _TEMPERATURE,
     "supply_voltage": _VOLTAGE,
+    "position_gain": _LOOP_GAIN,
 }
 """What may follow `<joint>/`, with the units that each may be in."""
 
@@ -77,6 +79,8 @@ COLUMN_MEANING: Mapping[str, str] = {
     "torque": "Torque on the link's side of the gear, measured or estimated.",
     "temperature": "Temperature of the motor or the gear.",
     "supply_voltage": "Voltage that feeds the drive.",
+    "position_gain": "Gain of a proportional position loop around a voltage or current drive: effort = gain · "
+    "(position_command − position), limited to the rig's `saturation`. With it a free run is driven by the position command.",
     "enabled": "0 or false while the drive is off.",
     "gyro_x": "Angular rates of an IMU.",
     "accel_x": "Proper accelerations of an IMU: at rest, the axis that points upwards reads +9.81 m/s².",

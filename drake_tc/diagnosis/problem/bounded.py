@@ -61,7 +61,7 @@ def solve_bounded(
             break
         beta[outside] = np.clip(beta[outside], low[outside], high[outside])
         fixed |= outside
-    return np.asarray(beta / scale)
+    return np.clip(beta / scale, lower, upper)
 
 
 def _scaled(gram: FloatArray, moment: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, BoolArray]:
@@ -114,7 +114,7 @@ def _solve_each(
     beta = beta / scale
     for i in np.flatnonzero(alone | outside.any(axis=1)):
         beta[i] = solve_bounded(grams[i], moments[i], lower, upper, held[i])
-    return beta
+    return np.clip(beta, lower, upper)
 
 
 def collinear(gram: FloatArray) -> bool:

@@ -1,14 +1,15 @@
 """The equation error of a model whose numbers did not come from a fit of the equation."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from scipy.optimize import least_squares
 
-from drake_tc.diagnosis.problem.columns import Columns
+from drake_tc.diagnosis.problem.columns import Columns, coefficients_by_term
 from drake_tc.diagnosis.problem.parameters import physical_parameters, shape_places, with_shapes
 from drake_tc.diagnosis.problem.regression import Fit
 from drake_tc.diagnosis.residual.unexplained import DataSplit
+from drake_tc.types import FloatArray
 
 EXACT = 1e-6
 """Largest relative difference of the numbers that the coefficients give back."""
@@ -26,9 +27,9 @@ def equation_errors(
         named: Numbers by effect key, "drive" with the gain among them.
         splits: Rows of the training and of the held-out runs.
     """
-    where, shapes = shape_places(fitted.terms)
+    where, _ = shape_places(fitted.terms)
     size = fitted.beta.size
-    start = np.concatenate([fitted.beta, shapes])
+    start = _guess(fitted, named, where)
     scale = np.where(start != 0.0, np.abs(start), 1e-3)
 
     def numbers(x: np.ndarray) -> np.ndarray:
@@ -54,3 +55,13 @@ def equation_errors(
         residual = (columns.target - columns.design(terms) @ b[:size]) * fitted.gain
         made.append(float(np.sqrt(np.mean(residual**2))))
     return tuple(made)
+
+
+def _guess(fitted: Fit, named: Mapping[str, Mapping[str, float]], where: Sequence[tuple[int, str]]) -> FloatArray:
+    """Coefficients and shapes by their own names where they are reported as such; most effects report nothing else."""
+    beta = [1.0 / named["drive"]["gain"]]
+    for term, theta in coefficients_by_term(fitted.terms, fitted.beta):
+        own = named.get(term.effect.key, {})
+        beta += [own.get(p.name, float(t)) for p, t in zip(term.effect.coefficients, theta, strict=True)]
+    shapes = [named[fitted.terms[i].effect.key].get(name, fitted.terms[i].shape[name]) for i, name in where]
+    return np.array([*beta, *shapes])

@@ -10,15 +10,16 @@ Every choice is made on the training runs alone. The refined model is accepted w
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from drake_tc.actuation.model import ActuatorModel
-from drake_tc.actuation.recorded_run import with_load_placed
+from drake_tc.actuation.recorded_run import in_plant
 from drake_tc.diagnosis.data.preparation import context_of
 from drake_tc.diagnosis.refinement.balance import equation_errors
 from drake_tc.diagnosis.refinement.trials import trials_of, whole_runs
+from drake_tc.diagnosis.refinement.start import start_of
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagnosis.result.models import model_of
 from drake_tc.diagnosis.result.refinement import RefinedParameter, Refinement, named_values
@@ -38,7 +39,7 @@ from drake_tc.logs.rig import Rig
 
 Progress = Callable[[str, float], None]
 MOST_FOLDS = 4
-OPTIONS = OutputErrorOptions()
+OPTIONS, WITHOUT_A_RUN = OutputErrorOptions(), OutputErrorOptions(rounds=1)
 
 
 def refine_joint(
@@ -63,60 +64,76 @@ def refine_joint(
     trials = trials_of(train, rig, result.joint, OPTIONS.step)
     if not _can_run(model, trials):
         return Refinement("nothing_to_simulate")
-    free = free_parameters(model, _ranges(result, model, context))
+    start = start_of(model, context)
+    free = free_parameters(start, _ranges(result, start, context))
     if not free.entries:
         return Refinement("nothing_to_refine")
     whole = whole_runs(train, rig, result.joint, OPTIONS.step)
+    case = _Case(result, model, context, FreeRunErrors(free, trials, OPTIONS.step, executor), whole, progress)
     before = mean_absolute(model, whole)
     resolution = result.train.samples.resolution
     if before <= RESOLVED_FREE_RUN * max(resolution.position_step, resolution.position_noise):
         return Refinement("resolved", train=(before, before))
-    return _refined(result, free, (trials, whole), before, context, _Search(executor, progress))
+    return case.refined(before)
 
 
-class _Search:
-    """How the searches of one joint run, and how far they are."""
+@dataclass(eq=False)
+class _Case:
+    """One joint's refinement.
 
-    def __init__(self, executor: Executor | None, progress: Progress) -> None:
-        self.executor, self._progress = executor, progress
-        self._done, self.expected = 0, 1
+    Attributes:
+        result: Its diagnosis. model: The model after. context: What the training rows span.
+        errors: Free parameters and the stretches that the search follows. whole: The training runs.
+        progress: Told how far it is. steps: Gauss-Newton steps so far.
+    """
 
-    def step(self) -> None:
-        """One Gauss-Newton step is done."""
-        self._done += 1
-        self._progress("output error", min(self._done / self.expected, 0.95))
+    result: JointResult
+    model: ActuatorModel
+    context: Context
+    errors: FreeRunErrors
+    whole: Sequence[Trial]
+    progress: Progress
+    steps: int = 0
 
+    def refined(self, before: float) -> Refinement:
+        """What comes of it; `before`: mean absolute error of the model after on the training runs [rad]."""
+        folds = folds_of(self.errors.trials)
+        validated = self._cross_validated(folds)
+        if validated is not None and not _better(validated):
+            return Refinement("no_gain", train=(before, before), cross_validated=validated)
+        everything = range(len(self.errors.trials))
+        refined = refine_on_free_runs(self.errors, everything, OPTIONS, lambda: self._step(len(folds))).model
+        after = mean_absolute(refined, self.whole)
+        changes = _changes(self.result, self.model, self.errors.free, refined)
+        made = Refinement("no_gain", parameters=changes, train=(before, after), cross_validated=validated)
+        if not _better((before, after)):
+            return made
+        objection = _objection(self.model, refined, self.context)
+        if objection:
+            return replace(made, status="implausible", why=objection)
+        made = replace(made, status="accepted", model=refined)
+        splits = (self.result.train, self.result.heldout)
+        balance = equation_errors(self.result.final, _fitted_values(self.result, refined), splits)
+        return made if balance is None else replace(made, error_train=balance[0], error_heldout=balance[1])
 
-def _refined(
-    result: JointResult,
-    free: FreeParameters,
-    runs: tuple[Sequence[Trial], Sequence[Trial]],
-    before: float,
-    context: Context,
-    search: _Search,
-) -> Refinement:
-    trials, whole = runs
-    errors = FreeRunErrors(free, trials, OPTIONS.step, search.executor)
-    folds = folds_of(trials)
-    search.expected = 2 * OPTIONS.evaluations * (len(folds) + 1)
-    validated = _cross_validated(errors, folds, search)
-    if validated is not None and not _better(validated):
-        return Refinement("no_gain", train=(before, before), cross_validated=validated)
-    refined = refine_on_free_runs(errors, range(len(trials)), OPTIONS, search.step).model
-    made = Refinement(
-        "no_gain",
-        parameters=_changes(result, free, refined),
-        train=(before, mean_absolute(refined, whole)),
-        cross_validated=validated,
-    )
-    if made.train is None or not _better(made.train):
-        return made
-    objection = _objection(free.model, refined, context)
-    if objection:
-        return replace(made, status="implausible", why=objection)
-    balance = equation_errors(result.final, _fitted_values(result, refined), (result.train, result.heldout))
-    made = replace(made, status="accepted", model=refined)
-    return made if balance is None else replace(made, error_train=balance[0], error_heldout=balance[1])
+    def _cross_validated(self, folds: Sequence[Sequence[int]]) -> tuple[float, float] | None:
+        """(model after, refined on the other runs) mean absolute error [rad] on the runs left out; None for one run."""
+        if not folds:
+            return None
+        trials = self.errors.trials
+        before, after = [], []
+        for fold in folds:
+            others = [i for i in range(len(trials)) if i not in fold]
+            x = refine_on_free_runs(self.errors, others, WITHOUT_A_RUN, lambda: self._step(len(folds))).x
+            before += [trial_error(self.model, trials[i], OPTIONS.step) for i in fold]
+            after.append(self.errors.at([x], fold)[0])
+        made = [float(np.mean(np.abs(np.concatenate(parts)))) for parts in (before, after)]
+        return made[0], made[1]
+
+    def _step(self, folds: int) -> None:
+        self.steps += 1
+        expected = OPTIONS.evaluations * (folds * WITHOUT_A_RUN.rounds + OPTIONS.rounds)
+        self.progress("output error", min(self.steps / expected, 0.95))
 
 
 def folds_of(trials: Sequence[Trial]) -> list[list[int]]:
@@ -127,23 +144,6 @@ def folds_of(trials: Sequence[Trial]) -> list[list[int]]:
     count = min(len(runs), MOST_FOLDS)
     fold = {run: k % count for k, run in enumerate(runs)}
     return [[i for i, t in enumerate(trials) if fold[t.run] == k] for k in range(count)]
-
-
-def _cross_validated(
-    errors: FreeRunErrors, folds: Sequence[Sequence[int]], search: _Search
-) -> tuple[float, float] | None:
-    """(equation error's model, refined) mean absolute error [rad] on trials of the runs left out; None for one run."""
-    if not folds:
-        return None
-    start = errors.free.start
-    before, after = [], []
-    for fold in folds:
-        others = [i for i in range(len(errors.trials)) if i not in fold]
-        x = refine_on_free_runs(errors, others, OPTIONS, search.step).x
-        before.append(errors.at([start], fold)[0])
-        after.append(errors.at([x], fold)[0])
-    made = [float(np.mean(np.abs(np.concatenate(parts)))) for parts in (before, after)]
-    return made[0], made[1]
 
 
 def mean_absolute(model: ActuatorModel, trials: Sequence[Trial]) -> float:
@@ -158,7 +158,7 @@ def _better(errors: tuple[float, float]) -> bool:
 def _can_run(model: ActuatorModel, trials: Sequence[Trial]) -> bool:
     if not trials:
         return False
-    placed = with_load_placed(model, trials[0].recording)
+    placed = in_plant(model, trials[0].recording)
     if placed is None:
         return False
     actuator, recording = placed
@@ -203,8 +203,10 @@ def _fitted_values(result: JointResult, model: ActuatorModel) -> dict[str, dict[
     return {key: {name: named[key][name] for name in group} for key, group in result.final_parameters.items()}
 
 
-def _changes(result: JointResult, free: FreeParameters, refined: ActuatorModel) -> tuple[RefinedParameter, ...]:
-    old, new = named_values(free.model), named_values(refined)
+def _changes(
+    result: JointResult, model: ActuatorModel, free: FreeParameters, refined: ActuatorModel
+) -> tuple[RefinedParameter, ...]:
+    old, new = named_values(model), named_values(refined)
     resting = {v.key: v.at_bound for v in refined.effects}
     return tuple(
         RefinedParameter(

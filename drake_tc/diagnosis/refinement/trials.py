@@ -4,12 +4,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from drake_tc.diagnosis.data.recordings import SHORTEST, longest_stretch, recording_of
+from drake_tc.diagnosis.data.recordings import SHORTEST, longest_stretch, loop_of, recording_of
 from drake_tc.identification.output_error import Trial
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
 
-BUDGET = 24.0
+BUDGET = 48.0
 """Motion that is simulated at each point of the search [s], over all runs."""
 LONGEST = {"position_servo": 12.0, "current": 2.0, "torque": 2.0, "voltage": 6.0}
 """Longest stretch [s] by drive: without a position loop errors add up, most of all those of a current drive."""
@@ -38,13 +38,25 @@ def windows(run: Run, longest: float, share: float) -> list[slice]:
     return [pieces[k] for k in np.linspace(0, len(pieces) - 1, count).round().astype(int)]
 
 
+def fair_share(lengths: Sequence[float]) -> float:
+    """The longest motion [s] of each run with which runs of these lengths [s] stay within the budget."""
+    left, count = BUDGET, len(lengths)
+    for length in sorted(lengths):
+        if length * count >= left:
+            break
+        left, count = left - length, count - 1
+    return max(left / count, LEAST) if count else max(max(lengths), LEAST)
+
+
 def trials_of(runs: Sequence[Run], rig: Rig, joint: str, step: float) -> list[Trial]:
     """What a refinement follows; a log faster than `step` [s] is thinned to it.
 
     A single run is dealt to two halves, which then count as runs of their own.
     """
-    share = max(BUDGET / len(runs), LEAST)
-    longest = LONGEST[rig.drive[joint]]
+    lengths = [sum((s.stop - s.start) * run.period for s in run.segments()) for run in runs]
+    share = fair_share(lengths)
+    closed = all(loop_of(rig, joint, run) is not None for run in runs)
+    longest = LONGEST["position_servo" if closed else rig.drive[joint]]
     if len(runs) == 1:
         usable = longest_stretch(runs[0])
         length = 0.0 if usable is None else (usable.stop - usable.start) * runs[0].period

@@ -19,6 +19,8 @@ from drake_tc.logs.rig import parse_rig, save_rig
 
 JOINT = "servo"
 FULL_DUTY = 885.0
+POSITION_LOOPS = {"xl330": 4096.0 / (2.0 * np.pi) / (256.0 * FULL_DUTY)}
+"""Duty for one unit of the firmware's P gain and one rad of position error, by motor (README of the data set)."""
 
 
 def _load(path: Path) -> dict[str, Any]:
@@ -62,6 +64,9 @@ def _columns(path: Path, run: dict[str, Any]) -> dict[str, np.ndarray]:
     columns = {column: series[key] for key, column in (NEEDED | OPTIONAL).items() if key in series}
     if np.any(series.get("load", 0.0)) and "input_volts" in series:
         columns[f"{JOINT}/voltage"] = applied_duty(series["load"]) * float(np.median(series["input_volts"]))
+        if run["motor"] in POSITION_LOOPS:
+            gain = float(run["kp"]) * POSITION_LOOPS[run["motor"]] * float(np.median(series["input_volts"]))
+            columns[f"{JOINT}/position_gain"] = np.full(len(entries), gain)
     return columns
 
 
