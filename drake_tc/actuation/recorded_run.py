@@ -5,6 +5,7 @@ the motor's side of the gear. The Drake diagram of the bench and `drake_tc.actua
 """
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -66,7 +67,7 @@ class Recording:
     def thinned(self, stride: int) -> "Recording":
         """Every `stride`-th sample."""
         names = ("time", "command", "load_torque", "temperature", "supply_voltage")
-        arrays = {name: getattr(self, name) for name in names}
+        arrays: dict[str, Any] = {name: getattr(self, name) for name in names}
         return replace(self, **{name: None if v is None else v[::stride] for name, v in arrays.items()})
 
 
@@ -144,9 +145,9 @@ def _check(model: ActuatorModel, recording: Recording) -> None:
 def in_plant(model: ActuatorModel, recording: Recording) -> tuple[ActuatorModel, Recording] | None:
     """(actuator, recording) as the plant has them: the drive in its position loop, an unknown load in its place.
 
-    Of an unknown load, a pendulum leaves the actuator and becomes the plant's link, so that the gear passes its torque. A smooth load stays
-    with the actuator, and the plant is the motor's side without a link; None where another effect depends on the torque
-    that the gear passes, which would then lack the load, and where nothing has inertia.
+    Of an unknown load, a pendulum leaves the actuator and becomes the plant's link, so that the gear passes its torque.
+    A smooth load stays with the actuator, and the plant is the motor's side without a link. None where another effect
+    depends on the torque that the gear passes, which would then lack the load, and where nothing has inertia.
     """
     if recording.loop is not None:
         model, recording = through_loop(model, recording.loop), replace(recording, loop=None)

@@ -1,13 +1,18 @@
-"""`bench real-bam`: free runs of an XL330 on a pendulum, each trajectory held out in turn at every firmware gain.
+"""`bench real-bam`: free runs of servos on a pendulum by `close-loop` alone, each trajectory held out in turn.
 
-One motor, three firmware gains, four trajectories. For each trajectory the motor is identified from the other three at
-all gains, as a voltage drive: first on the torque balance (equation error), then on the free runs of the training runs
-(output error). The firmware's known law then makes it the position servo of each gain, and the Drake diagram of that
-servo on the pendulum is driven by the held-out goal positions alone, over the stretch with torque on.
+The cases are the committed ones of `bench/rigs/bam-xl330-pendulum` (`motor/...`) and `bench/rigs/bam-sts3250-pendulum`
+(`..._held_out`). The error is the mean absolute position error of the free-running Drake diagram on held-out runs, driven
+by the goal position alone over the stretch with torque on: of the model before, the model after (equation error) and
+the refined model (output error), beside the model that the data set's authors published.
+
+The published models in the terms of `drake_tc.effects`; back-EMF goes into the viscous friction:
+
+    XL330, M1: kt 0.323 V s/rad, R 4.764 ohm, armature 0.00164, friction_base 0.00697, friction_viscous 0.01049
+    STS3250, M6: stiffness 67.3 N m/rad, damping 2.345, inertia 0.0010, friction_base 0.199, viscous 0.035,
+        Stribeck 0.044, load_external 0.196, load_external_stribeck 0.418, dq_s 0.0587, alpha 1.59
 """
 
-import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,154 +21,93 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
-from drake_tc.actuation.position_loop import PositionLoop, through_loop
+from drake_tc.bench.real_log_cases import RealLogCase, RealLogSet, case_files, import_set
+from drake_tc.bench.real_logs import chosen_sets
 from drake_tc.bench.real_rows import RealRow
-from drake_tc.diagnosis.data.preparation import build_samples
-from drake_tc.diagnosis.problem.columns import Columns, Term
-from drake_tc.diagnosis.problem.regression import fit
-from drake_tc.effects.library import effect
-from drake_tc.errors import LogError, RigError
-from drake_tc.identification.output_error import OutputErrorOptions, Trial, refine_from_starts
-from drake_tc.logs.importers.bam import JOINT, convert
-from drake_tc.logs.loads import GRAVITY, Pendulum
+from drake_tc.diagnosis.options import DiagnosisOptions
+from drake_tc.diagnosis.result.free_running import FreeRun
+from drake_tc.diagnosis.result.refinement_json import position_errors
+from drake_tc.diagnosis.run import close_loop
+from drake_tc.logs.importers.bam import JOINT
 from drake_tc.logs.prepare import load_runs
-from drake_tc.logs.record import Run
-from drake_tc.logs.rig import Rig, load_rig
-from drake_tc.types import FloatArray
+from drake_tc.logs.rig import load_rig
 
-DATA_SET = "bam-xl330-pendulum"
+XL330, STS3250 = "bam-xl330-pendulum", "bam-sts3250-pendulum"
 GAINS = (100, 200, 800)
 TRAJECTORIES = ("sin_sin", "lift_and_drop", "up_and_down", "sin_time_square")
 TO_REACH = 0.045
-"""Mean absolute position error [rad] at every gain."""
-SUPPLY = 7.3
-"""[V], the measured supply's median with torque on."""
+"""Mean absolute position error [rad] of the XL330 at every gain."""
+SUFFIX = "_held_out"
 
-FreeRun = Callable[[ActuatorModel, Rig, str, Run], tuple[FloatArray, FloatArray, FloatArray] | None]
 Progress = Callable[[str, float], None]
 
 
-def firmware_loop(kp: float) -> PositionLoop:
-    """Duty = kp 4096/(2 pi)/(256 885) (q_d - q), clipped to +-1, times the supply."""
-    return PositionLoop(SUPPLY * kp * 4096.0 / (2.0 * math.pi) / (256.0 * 885.0), SUPPLY)
+def _model(drive: Drive, effects: Mapping[str, Mapping[str, float]]) -> ActuatorModel:
+    return ActuatorModel(JOINT, drive, tuple(EffectValue(key, values) for key, values in effects.items()))
+
+
+PUBLISHED = {
+    XL330: _model(
+        Drive("voltage", 4.764 / 0.323),
+        {
+            "rotor_inertia": {"rotor_inertia": 0.00164},
+            "viscous": {"viscous": 0.01049 + 0.323**2 / 4.764},
+            "coulomb": {"coulomb": 0.00697},
+        },
+    ),
+    STS3250: _model(
+        Drive("position_servo", 1.0 / 67.3),
+        {
+            "rotor_inertia": {"rotor_inertia": 0.0010},
+            "viscous": {"viscous": 0.035 + 2.345},
+            "coulomb": {"coulomb": 0.199},
+            "stribeck": {"stribeck": 0.044, "stribeck_velocity": 0.0587, "stribeck_exponent": 1.59},
+            "load_dependent_friction": {"load_friction": 0.196},
+            "load_stribeck": {"load_stribeck": 0.418, "load_stribeck_velocity": 0.0587},
+        },
+    ),
+}
+"""The authors' fits to all of these runs, held-out ones included."""
+MODELS = {"published": "published model", "before": "model before", "after": "model after", "refined": "refined model"}
 
 
 @dataclass(frozen=True)
-class Recorded:
-    """The runs of one firmware gain, by trajectory: as a position servo's and as a voltage drive's."""
+class HeldOutRun:
+    """Mean absolute position error [rad] of a held-out run's free runs, by model; NaN where one has diverged.
 
-    servo_rig: Rig
-    voltage_rig: Rig
-    servo: Mapping[str, Run]
-    voltage: Mapping[str, Run]
-
-
-def read_runs(data: Path) -> dict[int, Recorded]:
-    """All runs of the data set, by firmware gain.
-
-    Raises:
-        LogError: there is no such data set under `data`.
+    Attributes:
+        data_set, folder, trajectory: Which run; the folder names motor and gain.
+        errors: By key of `MODELS`. `refined` is the model after where the refinement was not accepted.
+        status: What the refinement came to.
     """
-    folder = data if data.name == DATA_SET else data / DATA_SET
-    if not folder.is_dir():
-        raise LogError(f"{folder}: no such folder; wanted the data set {DATA_SET}")
-    out = {}
-    with TemporaryDirectory() as place:
-        convert(folder, Path(place))
-        for kp in GAINS:
-            home = Path(place) / f"xl330_kp{kp}"
-            paths = [home / f"{name}.parquet" for name in TRAJECTORIES]
-            servo, voltage = load_rig(home / "rig_servo.yaml"), load_rig(home / "rig.yaml")
-            runs = (dict(zip(TRAJECTORIES, load_runs(paths, rig), strict=True)) for rig in (servo, voltage))
-            out[kp] = Recorded(servo, voltage, *runs)
-    return out
+
+    data_set: str
+    folder: str
+    trajectory: str
+    errors: Mapping[str, float]
+    status: str
 
 
-def trial_of(run: Run, rig: Rig, kp: int) -> Trial:
-    """The longest stretch with torque on, driven by the goal position through the firmware's law, from rest."""
-    load = rig.load[JOINT]
-    if not isinstance(load, Pendulum):
-        raise RigError(f"{run.name}: wanted a pendulum as load; got {load!r}")
-    stretch = max(run.segments(), key=lambda s: s.stop - s.start)
-    return Trial(
-        name=f"kp{kp}/{run.name}",
-        period=run.period,
-        command=run.columns[f"{JOINT}/position_command"][stretch],
-        position=run.columns[f"{JOINT}/position"][stretch],
-        velocity=0.0,
-        inertia=load.inertia,
-        gravity_moment=load.mass * GRAVITY * load.length,
-        loop=firmware_loop(kp),
-    )
-
-
-def first_model(runs: Sequence[Run], rig: Rig) -> ActuatorModel:
-    """Equation error on the voltage runs: gain, inertia and friction that grows with the load."""
-    names = ("viscous", "coulomb", "rotor_inertia", "load_dependent_friction")
-    fitted = fit(Columns(build_samples(runs, rig, JOINT)), [Term(effect(name)) for name in names])
-    values = [
-        EffectValue(name, {effect(name).coefficients[0].name: float(theta)})
-        for name, theta in zip(names, fitted.beta[1:], strict=True)
-    ]
-    return ActuatorModel(JOINT, Drive("voltage", fitted.gain), tuple(values))
-
-
-RICHER = (
-    EffectValue("drive_compression", {"half_effort": 10.0 * SUPPLY}),
-    EffectValue("winding_heat", {"warm_effort": 1.5 * SUPPLY, "warm_time": 2.0}),
-    EffectValue("load_stribeck", {"load_stribeck": 0.1, "load_stribeck_velocity": 0.3}),
-    EffectValue("load_tilt", {"tilt_moment": 0.0}),
-)
-"""What the balance cannot start from: effects of rest and of slow warming, at values where they do little."""
-
-TYPICAL = ActuatorModel(
-    JOINT,
-    Drive("voltage", 10.0),
-    (
-        EffectValue("viscous", {"viscous": 0.03}),
-        EffectValue("coulomb", {"coulomb": 0.01}),
-        EffectValue("rotor_inertia", {"rotor_inertia": 0.002}),
-        EffectValue("load_dependent_friction", {"load_friction": 0.4}),
-    ),
-)
-"""A second start and the prior, of a small geared servo's size: slow runs leave inertia and load friction open."""
-
-
-def published(kt: float, resistance: float, inertia: float, base: float, viscous: float) -> ActuatorModel:
-    """A published Coulomb-viscous model (M1) in our terms; back-EMF goes into the viscous friction."""
-    effects = (
-        EffectValue("rotor_inertia", {"rotor_inertia": inertia}),
-        EffectValue("viscous", {"viscous": viscous + kt**2 / resistance}),
-        EffectValue("coulomb", {"coulomb": base}),
-    )
-    return ActuatorModel(JOINT, Drive("voltage", resistance / kt), effects)
-
-
-M1 = published(0.323, 4.764, 0.00164, 0.00697, 0.01049)
-
-
-def free_run_error(model: ActuatorModel, recorded: Recorded, name: str, kp: int, free_run: FreeRun) -> float:
-    """Mean absolute position error [rad] of the Drake diagram; infinite where it diverges."""
-    servo = through_loop(model, firmware_loop(kp))
-    trace = free_run(servo, recorded.servo_rig, JOINT, recorded.servo[name])
-    if trace is None:
-        return math.inf
-    _, measured, simulated = trace
-    error = float(np.mean(np.abs(simulated - measured)))
-    return error if math.isfinite(error) else math.inf
-
-
-def identify_without(
-    data: Mapping[int, Recorded], held: str, executor: Executor | None, options: OutputErrorOptions | None = None
-) -> tuple[ActuatorModel, ActuatorModel]:
-    """(equation error, output error): the motor from all runs of all gains but those of trajectory `held`."""
-    names = [name for name in TRAJECTORIES if name != held]
-    runs = [recorded.voltage[name] for recorded in data.values() for name in names]
-    first = first_model(runs, next(iter(data.values())).voltage_rig)
-    trials = [trial_of(rec.servo[name], rec.servo_rig, kp) for kp, rec in data.items() for name in names]
-    starts = [ActuatorModel(JOINT, model.drive, (*model.effects, *RICHER)) for model in (first, TYPICAL)]
-    options = options or OutputErrorOptions(prior=starts[1], evaluations=18)
-    return first, refine_from_starts(starts, trials, options, executor).model
+def held_out_runs(
+    chosen: RealLogSet, case: RealLogCase, logs: Path, scratch: Path, free_run: FreeRun, executor: Executor | None
+) -> Iterator[HeldOutRun]:
+    """`close-loop` on one case, and the published model beside it."""
+    files = case_files(chosen, case, logs, scratch)
+    options = DiagnosisOptions(assess_residual=False)
+    result = close_loop(files.rig, files.log, files.holdout, options, free_run, executor=executor)
+    joint = result.joints[JOINT]
+    rig = load_rig(files.rig)
+    published = {run.source: free_run(PUBLISHED[chosen.name], rig, JOINT, run) for run in load_runs(files.holdout, rig)}
+    status = "none" if joint.refinement is None else joint.refinement.status
+    names = {run.source: run.name for run in load_runs(files.holdout, rig)}
+    for path, made in published.items():
+        trace = joint.free_run[names[path]]
+        found = {name: position_errors(trace, name) for name in ("before", "after", "refined")}
+        errors = {name: np.nan if pair is None else pair[1] for name, pair in found.items()}
+        if found["refined"] is None:
+            errors["refined"] = errors["after"]
+        errors["published"] = np.nan if made is None else float(np.mean(np.abs(made[2] - made[1])))
+        yield HeldOutRun(chosen.name, Path(str(path)).parent.name, Path(str(path)).stem, errors, status)
 
 
 def real_bam_rows(
@@ -171,32 +115,47 @@ def real_bam_rows(
     free_run: FreeRun,
     progress: Progress = lambda text, share: None,
     executor: Executor | None = None,
-    held_out: Sequence[str] = TRAJECTORIES,
+    trajectories: Sequence[str] = TRAJECTORIES,
+    sets: Sequence[str] = (XL330, STS3250),
 ) -> list[RealRow]:
-    """The table: each trajectory held out in turn, at every gain.
+    """The tables: each trajectory held out in turn.
 
     Args:
-        data: The folder of public data sets, or the data set's own.
+        data: The folder of public data sets, or the one set's own.
         free_run: Simulates the Drake diagram (`drake_tc.diagrams.bench.rig_free_run.rig_free_run`).
         progress: Told how far it is.
         executor: Runs simulations beside each other.
-        held_out: Which trajectories to hold out.
+        trajectories: Which to hold out.
+        sets: Which data sets.
 
     Raises:
-        LogError: the data set is not there.
+        LogError: a data set is not there.
     """
-    recorded = read_runs(data)
-    errors: dict[tuple[str, int, str], float] = {}
-    for index, held in enumerate(held_out):
-        progress(f"without {held}", index / len(held_out))
-        first, refined = identify_without(recorded, held, executor)
-        for kp in GAINS:
-            for name, model in (("published_M1", M1), ("equation_error", first), ("output_error", refined)):
-                errors[name, kp, held] = free_run_error(model, recorded[kp], held, kp, free_run)
-    rows = []
-    for kp in GAINS:
-        mean = float(np.mean([errors["output_error", kp, held] for held in held_out]))
-        note = f"mean over held-out {', '.join(held_out)}"
-        rows.append(RealRow(f"free_run_mae/kp{kp}", mean, "rad", TO_REACH, "max", note=note))
-    rows += [RealRow(f"{n}/kp{kp}/{held}", value, "rad") for (n, kp, held), value in errors.items()]
-    return rows
+    found: list[HeldOutRun] = []
+    for chosen in chosen_sets(sets):
+        with TemporaryDirectory() as place:
+            logs = import_set(chosen, data, Path(place))
+            cases = [c for c in chosen.cases if c.name.removeprefix("motor/").removesuffix(SUFFIX) in trajectories]
+            for number, case in enumerate(cases):
+                progress(f"{chosen.name}/{case.name}", number / len(cases))
+                found += held_out_runs(chosen, case, logs, Path(place), free_run, executor)
+    return [*_means(found), *_single(found)]
+
+
+def _means(found: Sequence[HeldOutRun]) -> Iterator[RealRow]:
+    """One row a motor, gain and model: the refined model has to reach the target."""
+    for folder in dict.fromkeys(run.folder for run in found):
+        mine = [run for run in found if run.folder == folder]
+        note = f"mean over held-out {', '.join(run.trajectory for run in mine)}"
+        published = float(np.mean([run.errors["published"] for run in mine]))
+        expected = TO_REACH if mine[0].data_set == XL330 else published
+        for name in MODELS:
+            mean = float(np.mean([run.errors[name] for run in mine]))
+            wanted = (expected, "max") if name == "refined" else (None, "info")
+            yield RealRow(f"{folder}/{name}", mean, "rad", wanted[0], wanted[1], note=note)  # type: ignore[arg-type]
+
+
+def _single(found: Sequence[HeldOutRun]) -> Iterator[RealRow]:
+    for run in found:
+        for name in MODELS:
+            yield RealRow(f"{run.folder}/{name}/{run.trajectory}", run.errors[name], "rad", note=run.status)

@@ -23,6 +23,7 @@ from drake_tc.diagnosis.result.rig_result import CloseLoopResult
 from drake_tc.diagnosis.result.to_json import result_json
 from drake_tc.diagnosis.run import close_loop
 from drake_tc.errors import LogError
+from drake_tc.report.refinement_section import refinement_sentence
 from drake_tc.report.words import REASONS, VERDICTS, capital, ranked_effects, unexplained, warnings
 
 
@@ -75,7 +76,10 @@ def close_loop_command(
 
 
 def write_results(result: CloseLoopResult, out: Path) -> CloseLoopResult:
-    """report.html, report.json, model_before.yaml, model_after.yaml and torque_uncertainty.yaml in `out`."""
+    """report.html, report.json, model_before.yaml, model_after.yaml and torque_uncertainty.yaml in `out`.
+
+    And model_refined.yaml, where the refinement on free runs was accepted.
+    """
     from drake_tc.control.torque_uncertainty_file import save_torque_uncertainty
     from drake_tc.diagnosis.result.models import models_of
     from drake_tc.diagnosis.result.torque_uncertainty import torque_uncertainty
@@ -114,6 +118,8 @@ def print_summary(result: CloseLoopResult, out: Path) -> None:
             console.print(f"  {title}: {', '.join(_with_interval(n, p) for n, p in load.items())}")
         for note in joint.load_notes:
             console.print(f"  ! {escape(note)}")
+        if joint.refinement is not None:
+            console.print(f"  {escape(refinement_sentence(joint.refinement))}")
         for effect in joint.effects:
             values = ", ".join(f"{n} {p.value:.4g} {p.unit}" for n, p in effect.parameters.items())
             console.print(f"  + [bold]{effect.id}[/bold]  {values}  (held-out gain {100 * effect.heldout_gain:.0f} %)")
@@ -159,5 +165,11 @@ def _errors_table(joint: JointResult) -> Table:
     for name, errors in (("before", joint.before), ("after", joint.after)):
         free = "-" if errors.free_run_heldout is None else f"{errors.free_run_heldout:.3g}"
         table.add_row(name, f"{errors.train:.3g} {joint.unit}", f"{errors.heldout:.3g} {joint.unit}", free)
+    refined = joint.refinement
+    if refined is not None and refined.accepted:
+        figures = [(refined.error_train, joint.unit), (refined.error_heldout, joint.unit)]
+        cells = ["-" if value is None else f"{value:.3g} {unit}" for value, unit in figures]
+        free = "-" if refined.free_run_heldout is None else f"{refined.free_run_heldout:.3g}"
+        table.add_row("refined", *cells, free)
     table.add_row("noise floor", "", f"{joint.noise_floor:.3g} {joint.unit}", "")
     return table

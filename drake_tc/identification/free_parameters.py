@@ -65,7 +65,7 @@ class FreeParameters:
 
     @property
     def start(self) -> FloatArray:
-        """x of the model itself."""
+        """X of the model itself."""
         return np.array([e.coordinate(e.start) for e in self.entries])
 
     @property
@@ -104,7 +104,7 @@ class FreeParameters:
 def _resting(entries: Sequence[FreeParameter], key: str, values: Mapping[str, float]) -> tuple[str, ...]:
     """Names of the effect's numbers that rest on a bound."""
     mine = [e for e in entries if e.key == key]
-    near = [e.name for e in mine if any(abs(values[e.name] - b) <= 1e-6 * abs(b) for b in (e.lower, e.upper))]
+    near = [e.name for e in mine if any(math.isclose(values[e.name], b, rel_tol=1e-6) for b in (e.lower, e.upper))]
     return tuple(near)
 
 

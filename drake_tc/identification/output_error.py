@@ -1,6 +1,7 @@
 """Output error: the parameters with which the free-running model follows the recorded position.
 
-    min_x  (1/(rho s^2)) sum_k h(q_sim(t_k; x) - q_meas(t_k))  +  sum_i ((x_i - x0_i)/d_i)^2,      h(e) = 2 s^2 (sqrt(1 + (e/s)^2) - 1)
+    min_x  (1/(rho s^2)) sum_k h(q_sim(t_k; x) - q_meas(t_k))  +  sum_i ((x_i - x0_i)/d_i)^2,
+    h(e) = 2 s^2 (sqrt(1 + (e/s)^2) - 1)
 
 q_sim is driven by the recorded command alone. A regression on the torque balance (equation error) needs the joint to
 move and takes noisy derivatives for regressors; a joint that sticks and slips spends most of its time at rest, where
@@ -27,6 +28,7 @@ from drake_tc.errors import IdentificationError, ParamsError
 from drake_tc.identification.autocorrelation import correlation_time
 from drake_tc.identification.free_parameters import FreeParameters
 from drake_tc.types import FloatArray
+
 
 @dataclass(frozen=True)
 class Trial:

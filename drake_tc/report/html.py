@@ -23,6 +23,7 @@ from drake_tc.report.numbers import fold, percent, scale_for, significant
 from drake_tc.report.page_budget import PageBudget
 from drake_tc.report.panels import residual_cards
 from drake_tc.report.plot_library import plot_script, plot_style
+from drake_tc.report.refinement_section import refinement_section
 from drake_tc.report.residual_plots import LEGEND
 from drake_tc.report.shared_section import shared_section
 from drake_tc.report.signature_plots import signature_plots
@@ -146,6 +147,7 @@ def _joint(joint: JointResult, prefix: str, budget: PageBudget) -> dict[str, Any
         "effort_plot": effort_plot(joint, prefix, budget.trace_samples),
         "position_plot": position_plot(joint, prefix, budget.trace_samples),
         "equations": model_equations(joint),
+        "refinement": refinement_section(joint),
         "parameters": parameter_rows(joint),
         "did_not_hold": joint.did_not_hold,
         "consistency": consistency_rows(joint),

@@ -42,7 +42,7 @@ def equation_errors(
 
     def miss(step: np.ndarray) -> np.ndarray:
         difference = (numbers(start + scale * step)[finite] - wanted[finite]) / size_of
-        return np.nan_to_num(difference, nan=1e3, posinf=1e3, neginf=-1e3)
+        return np.asarray(np.nan_to_num(difference, nan=1e3, posinf=1e3, neginf=-1e3))
 
     found = least_squares(miss, np.zeros(start.size), xtol=1e-12, ftol=1e-15, gtol=1e-15, max_nfev=50)
     if np.abs(found.fun).max() > EXACT:

@@ -18,8 +18,8 @@ from drake_tc.actuation.model import ActuatorModel
 from drake_tc.actuation.recorded_run import in_plant
 from drake_tc.diagnosis.data.preparation import context_of
 from drake_tc.diagnosis.refinement.balance import equation_errors
-from drake_tc.diagnosis.refinement.trials import trials_of, whole_runs
 from drake_tc.diagnosis.refinement.start import start_of
+from drake_tc.diagnosis.refinement.trials import trials_of, whole_runs
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagnosis.result.models import model_of
 from drake_tc.diagnosis.result.refinement import RefinedParameter, Refinement, named_values
@@ -177,9 +177,7 @@ def _context(result: JointResult, rig: Rig, model: ActuatorModel) -> Context:
     return replace(context, fitted=own)
 
 
-def _ranges(
-    result: JointResult, model: ActuatorModel, context: Context
-) -> dict[tuple[str, str], tuple[float, float]]:
+def _ranges(result: JointResult, model: ActuatorModel, context: Context) -> dict[tuple[str, str], tuple[float, float]]:
     """The physically possible range of each number, and the interval of the drive's gain."""
     out = {(DRIVE, "gain"): result.final_parameters[DRIVE]["gain"].ci95}
     for value in model.effects:

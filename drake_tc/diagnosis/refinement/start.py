@@ -28,7 +28,7 @@ def start_of(model: ActuatorModel, context: Context) -> ActuatorModel:
 
 
 def is_open(value: EffectValue) -> bool:
-    """Whether the equation error leaves a shape parameter of the effect undetermined: at a bound, or not to a factor 2."""
+    """Whether the equation error leaves a shape of the effect undetermined: at a bound, or not to a factor of 2."""
     for parameter in value.effect.shapes:
         if parameter.name not in value.ci95:
             continue

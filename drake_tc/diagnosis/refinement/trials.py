@@ -1,6 +1,7 @@
 """Which stretches of the training runs a refinement follows: some of each run, within a budget of simulated time."""
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 
@@ -31,7 +32,7 @@ def windows(run: Run, longest: float, share: float) -> list[slice]:
     for whole in lasting or usable:
         count = max(1, -(-(whole.stop - whole.start) // size))
         edges = np.linspace(whole.start, whole.stop, count + 1).astype(int)
-        pieces += [slice(int(a), int(b)) for a, b in zip(edges[:-1], edges[1:], strict=True) if b - a >= SHORTEST]
+        pieces += [slice(int(a), int(b)) for a, b in pairwise(edges) if b - a >= SHORTEST]
     count = max(1, int(share / max((np.median([p.stop - p.start for p in pieces] or [1]) * run.period), 1e-9) + 0.5))
     if count >= len(pieces):
         return pieces

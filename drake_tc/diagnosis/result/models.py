@@ -6,6 +6,7 @@ from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.actuation.model_file import save_models
 from drake_tc.diagnosis.result.joint_result import Errors, JointResult
 from drake_tc.diagnosis.result.links import FittedLinks
+from drake_tc.diagnosis.result.refinement_json import MODEL_FILE
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult, SharedEffect
 
 
@@ -31,22 +32,51 @@ def model_of(joint: JointResult, *, final: bool) -> ActuatorModel:
 
 
 def models_of(result: CloseLoopResult, out: Path) -> tuple[str, str]:
-    """Write model_before.yaml and model_after.yaml into `out` and return their texts."""
+    """Write model_before.yaml and model_after.yaml into `out` and return their texts.
+
+    Where the refinement on free runs of a joint was accepted, model_refined.yaml is written too: the model after, with
+    the refined numbers of those joints and without their intervals.
+    """
     texts = []
     for name, final in (("model_before.yaml", False), ("model_after.yaml", True)):
         models = {j.joint: model_of(j, final=final) for j in result.joints.values()}
-        provenance = {
-            "identified_by": "drake-tc close-loop",
-            "rig": Path(result.rig_file).name,
-            "logs": [Path(p).name for p in result.train_files],
-            "holdout": [Path(p).name for p in result.heldout_files],
-            "error": {j.joint: _error(j, j.after if final else j.before) for j in result.joints.values()},
+        provenance = _provenance(result) | {
+            "error": {j.joint: _error(j, j.after if final else j.before) for j in result.joints.values()}
         }
         shared = [_shared_entry(cause) for cause in result.shared] if final else []
         links = None if result.links is None or not final else _links_entry(result.links)
         save_models(models, out / name, provenance=provenance, shared=shared, links=links)
         texts.append((out / name).read_text(encoding="utf-8"))
+    _save_refined(result, out / MODEL_FILE)
     return texts[0], texts[1]
+
+
+def _save_refined(result: CloseLoopResult, path: Path) -> None:
+    """Write the refined models, or remove those of an earlier call."""
+    found = {name: j.refinement for name, j in result.joints.items() if j.refinement and j.refinement.model}
+    if not found:
+        path.unlink(missing_ok=True)
+        return
+    models = {name: model_of(joint, final=True) for name, joint in result.joints.items()}
+    models |= {name: each.model for name, each in found.items() if each.model is not None}
+    free = {name: each.train for name, each in found.items() if each.train is not None}
+    errors = {
+        name: {"unit": "rad", "after": float(f"{pair[0]:.4g}"), "refined": float(f"{pair[1]:.4g}")}
+        for name, pair in free.items()
+    }
+    provenance = _provenance(result) | {"refined": sorted(found), "mean_absolute_error_of_training_free_runs": errors}
+    shared = [_shared_entry(cause) for cause in result.shared]
+    links = None if result.links is None else _links_entry(result.links)
+    save_models(models, path, provenance=provenance, shared=shared, links=links)
+
+
+def _provenance(result: CloseLoopResult) -> dict[str, object]:
+    return {
+        "identified_by": "drake-tc close-loop",
+        "rig": Path(result.rig_file).name,
+        "logs": [Path(p).name for p in result.train_files],
+        "holdout": [Path(p).name for p in result.heldout_files],
+    }
 
 
 def _shared_entry(cause: SharedEffect) -> dict[str, object]:

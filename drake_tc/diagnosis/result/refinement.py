@@ -6,9 +6,7 @@ from typing import Literal
 
 from drake_tc.actuation.model import ActuatorModel
 
-RefinementStatus = Literal[
-    "accepted", "no_gain", "implausible", "resolved", "diverges", "nothing_to_simulate", "nothing_to_refine"
-]
+RefinementStatus = Literal["accepted", "no_gain", "implausible", "resolved", "nothing_to_simulate", "nothing_to_refine"]
 """Why the refined model stands or does not, as a word."""
 
 
@@ -33,7 +31,7 @@ class Refinement:
         why: For "implausible", the objection; "" otherwise.
         model: The refined model; None unless accepted.
         parameters: Numbers that the search was free to change; empty where there was no search.
-        train: (equation error's model, refined) mean absolute position error of the free runs of the training runs [rad].
+        train: (model after, refined) mean absolute position error of the free runs of the training runs [rad].
         cross_validated: The same on stretches of runs that were left out in turn.
         error_train, error_heldout: RMS of the model equation under the refined numbers [effort], with the drive gain of
             the model after; None where it cannot be computed.

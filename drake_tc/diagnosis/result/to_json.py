@@ -9,6 +9,7 @@ from drake_tc.diagnosis.problem.estimates import Estimate
 from drake_tc.diagnosis.result.closed_loop_json import loop_entry, loop_summary, uncertainty_entry
 from drake_tc.diagnosis.result.joint_result import Errors, JointResult, ParameterByCondition, RunErrors
 from drake_tc.diagnosis.result.links import FittedLinks
+from drake_tc.diagnosis.result.refinement_json import free_runs_json, refinement_json
 from drake_tc.diagnosis.result.rejection import why_rejected
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult, SharedEffect
 from drake_tc.json_values import json_value
@@ -116,6 +117,8 @@ def joint_json(joint: JointResult) -> dict[str, Any]:
             "explainable_rms": _number(left.explainable_rms),
         },
         "runs": [_run(errors) for errors in joint.runs],
+        "free_runs": free_runs_json(joint),
+        "refinement": refinement_json(joint.refinement),
         "consistency": [_by_condition(p) for p in joint.consistency],
         "plausible": _plausible(joint),
         "gain_identified": joint.gain_identified,

@@ -1,0 +1,67 @@
+"""The refinement and the free runs in report.json."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from drake_tc.diagnosis.result.joint_result import JointResult
+from drake_tc.diagnosis.result.refinement import Refinement
+from drake_tc.json_values import json_value
+from drake_tc.types import FloatArray
+
+MODEL_FILE = "model_refined.yaml"
+MODELS = ("before", "after", "refined")
+
+
+def position_errors(trace: Mapping[str, FloatArray], name: str) -> tuple[float, float] | None:
+    """(RMS, mean absolute) position error [rad] of the free run `name`; None without it, NaN where it has diverged."""
+    if name not in trace:
+        return None
+    error = trace[name] - trace["recorded"]
+    return float(np.sqrt(np.mean(error**2))), float(np.mean(np.abs(error)))
+
+
+def free_runs_json(joint: JointResult) -> list[dict[str, Any]]:
+    """Errors of each held-out run's free runs [rad], by model; null for one that there is not."""
+    rows = []
+    for run, trace in joint.free_run.items():
+        found = {name: position_errors(trace, name) for name in MODELS}
+        entry = {
+            name: None if errors is None else {"rms": errors[0], "mean_absolute": errors[1]}
+            for name, errors in found.items()
+        }
+        rows.append(json_value({"run": run, **entry}))
+    return rows
+
+
+def refinement_json(refinement: Refinement | None) -> dict[str, Any] | None:
+    """What the output error did; null where no free run was asked for."""
+    if refinement is None:
+        return None
+    pairs = {"train": refinement.train, "cross_validated": refinement.cross_validated}
+    document = {
+        "status": refinement.status,
+        "why": refinement.why,
+        "model": MODEL_FILE if refinement.accepted else None,
+        "free_run_mean_absolute": {
+            name: None if pair is None else {"after": pair[0], "refined": pair[1]} for name, pair in pairs.items()
+        },
+        "error": {
+            "train": refinement.error_train,
+            "heldout": refinement.error_heldout,
+            "free_run_heldout": refinement.free_run_heldout,
+        },
+        "parameters": [
+            {
+                "effect": p.key,
+                "parameter": p.name,
+                "unit": p.unit,
+                "equation_error": p.equation_error,
+                "output_error": p.output_error,
+                "at_bound": p.at_bound,
+            }
+            for p in refinement.parameters
+        ],
+    }
+    return dict(json_value(document))
