@@ -67,8 +67,9 @@ class Recording:
     def thinned(self, stride: int) -> "Recording":
         """Every `stride`-th sample."""
         names = ("time", "command", "load_torque", "temperature", "supply_voltage")
-        arrays: dict[str, Any] = {name: getattr(self, name) for name in names}
-        return replace(self, **{name: None if v is None else v[::stride] for name, v in arrays.items()})
+        arrays = {name: getattr(self, name) for name in names}
+        taken: dict[str, Any] = {name: None if v is None else v[::stride] for name, v in arrays.items()}
+        return replace(self, **taken)
 
 
 @dataclass(frozen=True)

@@ -1,8 +1,8 @@
 """`bench real-bam`: free runs of servos on a pendulum by `close-loop` alone, each trajectory held out in turn.
 
 The cases are the committed ones of `bench/rigs/bam-xl330-pendulum` (`motor/...`) and `bench/rigs/bam-sts3250-pendulum`
-(`..._held_out`). The error is the mean absolute position error of the free-running Drake diagram on held-out runs, driven
-by the goal position alone over the stretch with torque on: of the model before, the model after (equation error) and
+(the same). The error is the mean absolute position error of the free-running Drake diagram on held-out runs, driven by
+the goal position alone over the stretch with torque on: of the model before, the model after (equation error) and
 the refined model (output error), beside the model that the data set's authors published.
 
 The published models in the terms of `drake_tc.effects`; back-EMF goes into the viscous friction:

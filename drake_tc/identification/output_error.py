@@ -29,6 +29,9 @@ from drake_tc.identification.autocorrelation import correlation_time
 from drake_tc.identification.free_parameters import FreeParameters
 from drake_tc.types import FloatArray
 
+CONVERGED = 1e-3
+"""Relative change of the criterion, and of the point, at which a search ends."""
+
 
 @dataclass(frozen=True)
 class Trial:
@@ -165,8 +168,8 @@ def _search(
         bounds=(low, high),
         x_scale=free.deviation,
         max_nfev=evaluations,
-        xtol=1e-4,
-        ftol=1e-4,
+        xtol=CONVERGED,
+        ftol=CONVERGED,
     )
     return np.asarray(found.x)
 

@@ -80,7 +80,7 @@ COLUMN_MEANING: Mapping[str, str] = {
     "temperature": "Temperature of the motor or the gear.",
     "supply_voltage": "Voltage that feeds the drive.",
     "position_gain": "Gain of a proportional position loop around a voltage or current drive: effort = gain · "
-    "(position_command − position), limited to the rig's `saturation`. With it, free runs are driven by position_command.",
+    "(position_command − position), up to the rig's `saturation`. With it, position_command drives the free runs.",
     "enabled": "0 or false while the drive is off.",
     "gyro_x": "Angular rates of an IMU.",
     "accel_x": "Proper accelerations of an IMU: at rest, the axis that points upwards reads +9.81 m/s².",

@@ -11,7 +11,9 @@ from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
 
 BUDGET = 48.0
-"""Motion that is simulated at each point of the search [s], over all runs."""
+"""Motion that is simulated at each point of the search [s], over all runs of all joints of a rig."""
+LEAST_BUDGET = 12.0
+"""The same of one joint at least [s]."""
 LONGEST = {"position_servo": 12.0, "current": 2.0, "torque": 2.0, "voltage": 6.0}
 """Longest stretch [s] by drive: without a position loop errors add up, most of all those of a current drive."""
 LEAST = 1.0
@@ -39,9 +41,9 @@ def windows(run: Run, longest: float, share: float) -> list[slice]:
     return [pieces[k] for k in np.linspace(0, len(pieces) - 1, count).round().astype(int)]
 
 
-def fair_share(lengths: Sequence[float]) -> float:
-    """The longest motion [s] of each run with which runs of these lengths [s] stay within the budget."""
-    left, count = BUDGET, len(lengths)
+def fair_share(lengths: Sequence[float], budget: float) -> float:
+    """The longest motion [s] of each run with which runs of these lengths [s] stay within the budget [s]."""
+    left, count = budget, len(lengths)
     for length in sorted(lengths):
         if length * count >= left:
             break
@@ -55,7 +57,7 @@ def trials_of(runs: Sequence[Run], rig: Rig, joint: str, step: float) -> list[Tr
     A single run is dealt to two halves, which then count as runs of their own.
     """
     lengths = [sum((s.stop - s.start) * run.period for s in run.segments()) for run in runs]
-    share = fair_share(lengths)
+    share = fair_share(lengths, max(BUDGET / len(rig.joints), LEAST_BUDGET))
     closed = all(loop_of(rig, joint, run) is not None for run in runs)
     longest = LONGEST["position_servo" if closed else rig.drive[joint]]
     if len(runs) == 1:
