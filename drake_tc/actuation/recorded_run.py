@@ -78,7 +78,7 @@ class PlantSide:
 
     Attributes:
         model: The actuator. Where the load is recorded its gear is stiff: the plant is the motor's side.
-        load: (T,) true torque on the joint besides the pendulum [N m].
+        load: (T,) true torque on the joint besides the pendulum [N m]; 0 where none was recorded.
         lead: (T,) of the plant's joint over the link [rad], by the twist of the gear under a recorded load.
         start: Position of the plant's joint at the first sample [rad].
         signals: True signals at the start's position, for the sensors.
@@ -126,7 +126,8 @@ def plant_side(model: ActuatorModel, recording: Recording) -> PlantSide:
             lead += gear.twist(true.load_torque, parameters)
         stiff = tuple(value for value in model.effects if not isinstance(value.effect, TransmissionEffect))
         model = replace(model, effects=stiff)
-    return PlantSide(model, true.load_torque, lead, float(true.position[0] + lead[0]), true)
+    load = true.load_torque if recording.load_torque is not None else np.zeros(size)
+    return PlantSide(model, load, lead, float(true.position[0] + lead[0]), true)
 
 
 def _check(model: ActuatorModel, recording: Recording) -> None:

@@ -1,0 +1,79 @@
+"""A soft position servo that sticks on its friction, by an integrator of its own: Coulomb friction with rest as a state."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from drake_tc.logs.record import Run
+from drake_tc.logs.rig import Rig, parse_rig
+
+JOINT = "servo"
+GRAVITY = 9.81
+FINE = 2e-4
+"""Step of the integrator [s]."""
+
+
+@dataclass(frozen=True)
+class Servo:
+    """True numbers; the pendulum's are declared, the encoder has 12 bits."""
+
+    stiffness: float = 3.0
+    inertia: float = 0.003
+    viscous: float = 0.06
+    coulomb: float = 0.16
+    mass: float = 0.5
+    length: float = 0.1
+    step: float = 2 * np.pi / 4096
+    noise: float = 0.0
+    period: float = 5e-3
+    duration: float = 8.0
+
+
+def simulated(servo: Servo, command: np.ndarray) -> np.ndarray:
+    """Position (T,) [rad], from rest at 0, of the command (T,) [rad], which is held from sample to sample."""
+    moment, total = servo.mass * GRAVITY * servo.length, servo.inertia + servo.mass * servo.length**2
+    steps = round(servo.period / FINE)
+    q, v, out = 0.0, 0.0, np.empty(command.size)
+    for k, wanted in enumerate(command.tolist()):
+        out[k] = q
+        for _ in range(steps):
+            drive = servo.stiffness * (wanted - q) - moment * np.sin(q) - servo.viscous * v
+            if v == 0.0 and abs(drive) <= servo.coulomb:
+                continue
+            direction = np.sign(v) if v != 0.0 else np.sign(drive)
+            faster = v + FINE * (drive - servo.coulomb * direction) / total
+            v = 0.0 if faster * direction < 0.0 else faster
+            q += FINE * v
+    return out
+
+
+def commands(servo: Servo) -> list[np.ndarray]:
+    """Slow sines and ramps, (T,) each [rad]: most of the time the joint sticks."""
+    t = np.arange(round(servo.duration / servo.period)) * servo.period
+    return [
+        1.2 * np.sin(1.1 * t) * np.sin(0.4 * t),
+        0.9 * np.sin(2.3 * t) + 0.2 * np.sin(7.0 * t),
+        1.1 * np.clip(np.sin(0.9 * t), -0.7, 0.7),
+        0.8 * np.sin(0.7 * t) + 0.3 * np.sin(3.1 * t),
+    ]
+
+
+def runs_of(servo: Servo, seed: int = 0) -> tuple[list[Run], list[Run]]:
+    """(three training runs, a held-out run)."""
+    rng = np.random.default_rng(seed)
+    made = []
+    for number, command in enumerate(commands(servo)):
+        position = simulated(servo, command) + servo.noise * rng.standard_normal(command.size)
+        if servo.step:
+            position = servo.step * np.round(position / servo.step)
+        time = np.arange(command.size) * servo.period
+        columns = {f"{JOINT}/position": position, f"{JOINT}/position_command": command}
+        zeros = np.zeros(command.size, np.int64)
+        made.append(Run(f"run{number}", None, time, servo.period, columns, zeros, (), command.size))
+    return made[:3], made[3:]
+
+
+def rig_of(servo: Servo) -> Rig:
+    """The pendulum is known, the rotor's inertia is fitted."""
+    load = {"pendulum": {"mass": servo.mass, "length": servo.length}}
+    return parse_rig({"joint": JOINT, "drive": "position_servo", "load": load, "declared": ["rotor_inertia"]})
