@@ -37,11 +37,6 @@ def met(*names: str) -> Callable[[Rows], list[float | bool]]:
     return lambda rows: [all(bool(rows[name].met) for name in names)]
 
 
-def mean(*names: str) -> Callable[[Rows], list[float | bool]]:
-    """Mean of these rows."""
-    return lambda rows: [sum(rows[name].value for name in names) / len(names)]
-
-
 def told_of(name: str) -> Callable[[Rows], list[float | bool]]:
     """The size that the row's note tells, as in `of 0.315 N*m`."""
     return lambda rows: [float(rows[name].note.split()[1])]
@@ -58,11 +53,11 @@ def both(*parts: Callable[[Rows], list[float | bool]]) -> Callable[[Rows], list[
 
 
 def _bam() -> Iterable[Quote]:
-    for kp in real_bam.GAINS:
-        yield DIAGNOSIS, f"{kp} |", 1, each(f"free_run_mae/kp{kp}")
-        for cell, model in ((2, "equation_error"), (3, "published_M1")):
-            yield DIAGNOSIS, f"{kp} |", cell, mean(*(f"{model}/kp{kp}/{name}" for name in real_bam.TRAJECTORIES))
-        yield DIAGNOSIS, f"{kp} |", 4, expected(f"free_run_mae/kp{kp}")
+    folders = {f"XL330, {kp}": f"xl330_kp{kp}" for kp in real_bam.GAINS} | {"STS3250, 32": "sts3250_kp32"}
+    for shown, folder in folders.items():
+        for cell, model in enumerate(("refined", "after", "before", "published"), start=1):
+            yield DIAGNOSIS, f"{shown} |", cell, each(f"{folder}/{model}")
+        yield DIAGNOSIS, f"{shown} |", 5, expected(f"{folder}/refined")
 
 
 def _dfki() -> Iterable[Quote]:

@@ -60,6 +60,14 @@ def fields(wanted: Mapping[str, Check]) -> Check:
     return walk
 
 
+def or_null(check: Check) -> Check:
+    def walk(where: str, value: Any) -> None:
+        if value is not None:
+            check(where, value)
+
+    return walk
+
+
 def one_of(*possible: str) -> Check:
     def walk(where: str, value: Any) -> None:
         assert value in possible, f"{where}: wanted one of {possible}, got {value!r}"
@@ -76,6 +84,16 @@ def interval(where: str, value: Any) -> None:
 
 PARAMETER = fields({"value": number_or_null, "unit": text, "ci95": interval, "at_bound": flag})
 ERRORS = fields({"train": number_or_null, "heldout": number_or_null, "free_run_heldout": number_or_null})
+POSITION_ERRORS = fields({"rms": number_or_null, "mean_absolute": number_or_null})
+REFINED = fields(
+    {
+        "status": one_of("accepted", "no_gain", "implausible", "resolved", "nothing_to_simulate", "nothing_to_refine"),
+        "why": text_or_null,
+        "model": text_or_null,
+        "error": ERRORS,
+        "parameters": each(fields({"effect": text, "parameter": text, "unit": text, "at_bound": flag})),
+    }
+)
 JOINT = fields(
     {
         "baseline": fields({"effects": each(text), "parameters": named(named(number_or_null))}),
@@ -88,6 +106,10 @@ JOINT = fields(
         "indistinguishable": each(each(text)),
         "next_experiment": text_or_null,
         "plausible": named(named(fields({"range": interval, "source": text}))),
+        "refinement": or_null(REFINED),
+        "free_runs": each(
+            fields({name: or_null(POSITION_ERRORS) for name in ("before", "after", "refined")} | {"run": text})
+        ),
         "unexplained": fields({"fraction": number_or_null, "structured": flag, "depends_on": each(text)}),
     }
 )

@@ -1,4 +1,4 @@
-"""A soft position servo that sticks on its friction, by an integrator of its own: Coulomb friction with rest as a state."""
+"""A soft position servo that sticks, by an integrator of its own: Coulomb friction with rest as a state."""
 
 from dataclasses import dataclass
 

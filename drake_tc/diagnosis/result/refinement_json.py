@@ -42,7 +42,7 @@ def refinement_json(refinement: Refinement | None) -> dict[str, Any] | None:
     pairs = {"train": refinement.train, "cross_validated": refinement.cross_validated}
     document = {
         "status": refinement.status,
-        "why": refinement.why,
+        "why": refinement.why or None,
         "model": MODEL_FILE if refinement.accepted else None,
         "free_run_mean_absolute": {
             name: None if pair is None else {"after": pair[0], "refined": pair[1]} for name, pair in pairs.items()
