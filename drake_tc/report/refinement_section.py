@@ -9,9 +9,9 @@ from drake_tc.report.numbers import pretty_unit, scale_for, significant
 
 KEPT: dict[RefinementStatus, str] = {
     "accepted": "",
-    "no_gain": "the free runs of the training runs did not become better by 5 %",
+    "no_gain": "the free runs do not improve by 5 %",
     "implausible": "the refined values are not physically possible",
-    "resolved": "its free runs of the training runs are already as good as the encoder resolves",
+    "resolved": "the free runs already follow as well as the encoder resolves",
     "nothing_to_simulate": "the joint cannot be simulated from these logs",
     "nothing_to_refine": "no number of the model was estimated",
 }
@@ -36,20 +36,19 @@ class RefinementSection:
 
 def refinement_sentence(refinement: Refinement) -> str:
     """What came of the output error, in one or two sentences."""
-    if not refinement.accepted:
-        why = f" ({refinement.why.rstrip('.')})" if refinement.why else ""
-        figures = _fall(refinement.cross_validated, "runs left out in turn") if refinement.status == "no_gain" else ""
-        return f"Output error: the model after stays, because {KEPT[refinement.status]}{why}.{figures}"
-    figures = _fall(refinement.train, "training runs")
-    left_out = _fall(refinement.cross_validated, "runs left out in turn")
-    return f"Output error: {MODEL_FILE} follows the free runs better.{figures}{left_out}"
+    train, left_out = (_fall(pair) for pair in (refinement.train, refinement.cross_validated))
+    runs = f" on the training runs, {left_out} on the runs left out in turn" if left_out else " on the training runs"
+    if refinement.accepted:
+        return f"Output error: {MODEL_FILE} has free runs that follow better, {train} mean absolute{runs}."
+    why = f" ({refinement.why.rstrip('.')})" if refinement.why else ""
+    if refinement.status == "no_gain":
+        why = f" ({left_out} mean absolute on the runs left out in turn)" if left_out else f" ({train} mean absolute)"
+    return f"Output error: the model after stays, as {KEPT[refinement.status]}{why}."
 
 
-def _fall(pair: tuple[float, float] | None, where: str) -> str:
-    if pair is None:
-        return ""
-    before, after = (scale_for(value, "rad").quantity(value) for value in pair)
-    return f" Mean absolute position error on the {where}: {before} with the model after, {after} refined."
+def _fall(pair: tuple[float, float] | None) -> str:
+    """`20 mrad → 5 mrad`: with the model after, and refined."""
+    return "" if pair is None else " → ".join(scale_for(value, "rad").quantity(value) for value in pair)
 
 
 def refinement_section(joint: JointResult) -> RefinementSection | None:

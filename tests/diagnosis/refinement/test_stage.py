@@ -84,7 +84,7 @@ def test_the_held_out_free_run_follows_and_every_output_has_it(
     section = refinement_section(whole)
     assert section is not None
     assert len(section.runs) == 1
-    assert "model_refined.yaml follows the free runs better" in section.sentence
+    assert "model_refined.yaml has free runs that follow better" in section.sentence
     assert whole.verdict == result.verdict  # the verdict is that of the equation error
 
 

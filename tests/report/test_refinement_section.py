@@ -1,0 +1,63 @@
+"""The output error in the report: what came of it, the errors of each run, the numbers that changed."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from drake_tc.actuation.model import ActuatorModel, Drive
+from drake_tc.diagnosis.result.joint_result import JointResult
+from drake_tc.diagnosis.result.refinement import RefinedParameter, Refinement
+from drake_tc.diagnosis.result.refinement_json import free_runs_json, refinement_json
+from drake_tc.diagnosis.result.rig_result import CloseLoopResult
+from drake_tc.report.html import render
+from drake_tc.report.refinement_section import KEPT, refinement_section, refinement_sentence
+
+ACCEPTED = Refinement(
+    "accepted",
+    model=ActuatorModel("knee", Drive("current", 0.1)),
+    parameters=(RefinedParameter("coulomb", "coulomb", "N*m", 1.5, 1.7512, at_bound=True),),
+    train=(0.02, 0.005),
+    cross_validated=(0.021, 0.008),
+    error_train=0.1,
+    error_heldout=0.12,
+    free_run_heldout=0.006,
+)
+
+
+def refined(joint: JointResult) -> JointResult:
+    trace = joint.free_run["fast"]
+    off = trace["recorded"] + np.where(np.arange(trace["recorded"].size) % 2, 0.003, -0.001)
+    return replace(joint, refinement=ACCEPTED, free_run={"fast": {**trace, "refined": off}})
+
+
+def test_errors_of_a_run_are_those_of_its_trace(joint: JointResult) -> None:
+    (row,) = free_runs_json(refined(joint))
+    assert row["refined"] == {"rms": pytest.approx(np.sqrt(5e-6)), "mean_absolute": pytest.approx(2e-3)}
+
+
+def test_a_joint_without_a_refinement_has_none(joint: JointResult) -> None:
+    assert refinement_json(joint.refinement) is None
+    assert refinement_section(joint) is None
+    (row,) = free_runs_json(joint)
+    assert row["refined"] is None
+
+
+def test_the_page_shows_errors_numbers_and_what_the_verdict_rests_on(
+    result: CloseLoopResult, joint: JointResult
+) -> None:
+    page = render(replace(result, joints={"knee": refined(joint)}))
+    assert "<h2>Output error</h2>" in page
+    assert "model_refined.yaml has free runs that follow better" in page
+    assert (
+        "20.0 mrad → 5.00 mrad mean absolute on the training runs, 21.0 mrad → 8.00 mrad on the runs left out" in page
+    )
+    assert "1.751" in page and "at bound" in page
+    assert "The verdict, the effects and their intervals are those of the equation error" in page
+
+
+@pytest.mark.parametrize("status", [s for s in KEPT if s != "accepted"])
+def test_a_model_that_stays_says_why(status: str) -> None:
+    said = refinement_sentence(Refinement(status, why="It is 3 N*m." if status == "implausible" else ""))  # type: ignore[arg-type]
+    assert said.startswith("Output error: the model after stays, as ")
+    assert ("(It is 3 N*m)" in said) == (status == "implausible")
