@@ -39,7 +39,7 @@ from drake_tc.logs.rig import Rig
 
 Progress = Callable[[str, float], None]
 MOST_FOLDS = 4
-OPTIONS, WITHOUT_A_RUN = OutputErrorOptions(), OutputErrorOptions(rounds=1)
+OPTIONS, ONE_ROUND = OutputErrorOptions(), OutputErrorOptions(rounds=1)
 
 
 def refine_joint(
@@ -98,10 +98,15 @@ class _Case:
     def refined(self, before: float) -> Refinement:
         """What comes of it; `before`: mean absolute error of the model after on the training runs [rad]."""
         folds = folds_of(self.errors.trials)
+        everything = range(len(self.errors.trials))
+        first = refine_on_free_runs(self.errors, everything, ONE_ROUND, lambda: self._step(len(folds)))
+        own = float(np.mean(np.abs(self.errors.at([first.x], everything)[0])))
+        kept = Refinement("no_gain", train=(before, mean_absolute(first.model, self.whole)))
+        if not _better((mean_absolute(self.model, self.errors.trials), own)):  # no run left out would do better
+            return kept
         validated = self._cross_validated(folds)
         if validated is not None and not _better(validated):
-            return Refinement("no_gain", train=(before, before), cross_validated=validated)
-        everything = range(len(self.errors.trials))
+            return replace(kept, cross_validated=validated)
         refined = refine_on_free_runs(self.errors, everything, OPTIONS, lambda: self._step(len(folds))).model
         after = mean_absolute(refined, self.whole)
         changes = _changes(self.result, self.model, self.errors.free, refined)
@@ -124,7 +129,7 @@ class _Case:
         before, after = [], []
         for fold in folds:
             others = [i for i in range(len(trials)) if i not in fold]
-            x = refine_on_free_runs(self.errors, others, WITHOUT_A_RUN, lambda: self._step(len(folds))).x
+            x = refine_on_free_runs(self.errors, others, ONE_ROUND, lambda: self._step(len(folds))).x
             before += [trial_error(self.model, trials[i], OPTIONS.step) for i in fold]
             after.append(self.errors.at([x], fold)[0])
         made = [float(np.mean(np.abs(np.concatenate(parts)))) for parts in (before, after)]
@@ -132,7 +137,7 @@ class _Case:
 
     def _step(self, folds: int) -> None:
         self.steps += 1
-        expected = OPTIONS.evaluations * (folds * WITHOUT_A_RUN.rounds + OPTIONS.rounds)
+        expected = OPTIONS.evaluations * (folds + OPTIONS.rounds + ONE_ROUND.rounds)
         self.progress("output error", min(self.steps / expected, 0.95))
 
 
