@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
 from threadpoolctl import threadpool_limits
@@ -27,6 +27,8 @@ from drake_tc.logs.rig import Rig
 from drake_tc.types import FloatArray
 
 Result = TypeVar("Result")
+FAST: Mapping[str, int] = {"beam": 1, "refined": 3}
+"""Of a search whose result only tells the links what else acts in a joint: the whole diagnosis searches anew."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,9 +96,10 @@ class RobotCase:
         return self.each(_diagnosed, {j: (train, held, self.rig, j, self.options, known.get(j)) for j in joints})
 
     def search(self, train: Sequence[Run], held: Sequence[Run], priors: Mapping[str, LinkPrior]) -> dict[str, OwnModel]:
-        """Of each joint the model that its own search finds, without any later step."""
+        """Of each joint the model that a fast search of its own finds, without any later step."""
         train, held = self.at_motors(train), self.at_motors(held)
-        return self.each(_searched, {j: (train, held, self.rig, j, self.options, priors[j]) for j in self.rig.joints})
+        options = replace(self.options, search=replace(self.options.search, **FAST))
+        return self.each(_searched, {j: (train, held, self.rig, j, options, priors[j]) for j in self.rig.joints})
 
     def each(self, work: Callable[..., Result], arguments: Mapping[str, tuple[Any, ...]]) -> dict[str, Result]:
         """`work` of each joint's arguments."""

@@ -37,7 +37,7 @@ LITTLE_LEFT = 0.25
 """Share of an effort's RMS, left by the declared model, below which no wider filters are tried."""
 AS_WELL = 1.25
 """Share that may be left, over the smallest one, at filters that are taken."""
-MOST_ROUNDS = 4
+MOST_ROUNDS = 3
 """Of searching the joints' effects and fitting the links."""
 
 
