@@ -3,6 +3,7 @@
 RIG.md beside this file explains every key; `drake_tc.logs.rig_document` is the model that it is written from.
 """
 
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -264,10 +265,16 @@ def rig_document(rig: Rig) -> dict[str, Any]:
 
 
 def save_rig(rig: Rig, path: Path | str, comment: str = "") -> Path:
-    """Write a rig file that `load_rig` reads back; `comment` goes on top, one '#' a line."""
+    """Write a rig file that `load_rig` reads back; `comment` goes on top, one '#' a line.
+
+    The robot file is named relative to the rig file, as `load_rig` reads it.
+    """
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     head = "".join(f"# {line}\n" for line in comment.splitlines())
-    body = yaml.safe_dump(rig_document(rig), sort_keys=False, allow_unicode=True)
+    document = rig_document(rig)
+    if rig.robot is not None:
+        document["robot"] = os.path.relpath(rig.robot, path.parent)
+    body = yaml.safe_dump(document, sort_keys=False, allow_unicode=True)
     path.write_text(head + body, encoding="utf-8")
     return path

@@ -27,6 +27,9 @@ SETS = {
     "staubli": "staubli-tx40",
     "tiago": "tiago-arm",
     "uart-backlash": "uart-servo-backlash",
+    "ur10e": "ur10e-calibration",
+    "so101": "so101-sage",
+    "go2": "go2-leg-pd",
 }
 
 

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import MappingProxyType
 
-from drake_tc.logs.importers import bam, dfki, staubli, tiago, tmotor, uart_backlash
+from drake_tc.logs.importers import bam, dfki, go2, so101, staubli, tiago, tmotor, uart_backlash, ur10e
 
 Importer = Callable[[Path, Path], tuple[Path, ...]]
 
@@ -20,5 +20,8 @@ IMPORTERS: Mapping[str, Importer] = MappingProxyType(
         "staubli": staubli.convert,
         "tiago": tiago.convert,
         "uart-backlash": uart_backlash.convert,
+        "ur10e": ur10e.convert,
+        "so101": so101.convert,
+        "go2": go2.convert,
     }
 )

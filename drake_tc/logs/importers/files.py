@@ -1,16 +1,20 @@
-"""What every importer does with files: find the set's, read a table, write a canonical log."""
+"""What every importer does with files: find the set's, read a table, write a canonical log or a robot's rig files."""
 
-from collections.abc import Mapping
+import gzip
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
+import yaml
 
 from drake_tc.errors import LogError
 from drake_tc.logs.readers import read_table, run_name
+from drake_tc.logs.rig import parse_rig, save_rig
 from drake_tc.types import FloatArray
 
-__all__ = ["find", "floats", "read_table", "run_name", "write_log"]
+__all__ = ["find", "floats", "read_table", "read_text", "run_name", "write_log", "write_rig", "write_robot"]
 
 
 def find(src: Path, *patterns: str) -> list[Path]:
@@ -47,3 +51,43 @@ def write_log(columns: Mapping[str, np.ndarray], path: Path) -> Path:
     path.parent.mkdir(parents=True, exist_ok=True)
     pd.DataFrame(dict(columns)).to_parquet(path, index=False)
     return path
+
+
+def read_text(path: Path) -> str:
+    """The text of a file, unpacked where its name ends in `.gz`.
+
+    Raises:
+        LogError: It cannot be read as text.
+    """
+    try:
+        packed = path.read_bytes()
+        return (gzip.decompress(packed) if path.suffix == ".gz" else packed).decode("utf-8")
+    except (OSError, EOFError, UnicodeDecodeError) as error:
+        raise LogError(f"{path}: cannot be read: {error}") from None
+
+
+def write_robot(urdf: str, name: str, base: str, joints: Sequence[str], out: Path, **more: object) -> Path:
+    """Write `NAME.urdf` and `robot.yaml` of a robot with a fixed base into the folder `out`.
+
+    Args:
+        urdf: Text of the URDF.
+        name: Of the robot.
+        base: Link that is welded to the world.
+        joints: Driven joints.
+        out: Made if need be.
+        **more: Further keys of the robot file (models/README.md).
+
+    Returns:
+        The robot file.
+    """
+    out.mkdir(parents=True, exist_ok=True)
+    (out / f"{name}.urdf").write_text(urdf, encoding="utf-8")
+    document = {"name": name, "urdf": f"{name}.urdf", "base": base, "fixed_base": True, "joints": list(joints), **more}
+    path = out / "robot.yaml"
+    path.write_text(yaml.safe_dump(document, sort_keys=False), encoding="utf-8")
+    return path
+
+
+def write_rig(document: Mapping[str, Any], path: Path, comment: str) -> Path:
+    """Write a rig file; the robot file that `document` may name lies beside it."""
+    return save_rig(parse_rig(dict(document), path), path, comment)

@@ -149,7 +149,7 @@ def stack(
     opposite = np.concatenate([np.full(c.size, c.may_scale and not c.scales) for c in causes.causes])
     stacked = []
     for joint, each in columns.items():
-        shared = each.samples.reduce(_over_samples(each.samples, joint, causes), fresh=True)
+        shared = each.samples.reduce(over_samples(each.samples, joint, causes), fresh=True)
         given = None if designs is None else designs[joint]
         design = given if given is not None and len(given) == each.target.size else each.design(terms[joint])
         own, target, held = _drive_held(design, each, terms[joint])
@@ -171,7 +171,7 @@ def _drive_held(
     return own[:, 1:], columns.target - held * own[:, 0], held
 
 
-def _over_samples(samples: Samples, joint: str, causes: CauseColumns) -> FloatArray:
+def over_samples(samples: Samples, joint: str, causes: CauseColumns) -> FloatArray:
     """(T, P) of one joint on the samples' own clock."""
     time, run = samples.signals.time, samples.run_of_sample
     out = np.zeros((time.size, causes.causes[-1].columns.stop))

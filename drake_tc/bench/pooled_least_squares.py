@@ -1,0 +1,107 @@
+"""Plain least squares of a whole robot on the rows and in the filters of a `close-loop` call: what it has to beat.
+
+    y_j / K_j = Y_j(q, v, vdot) pi + F_v,j v_j + F_c,j sign(v_j) + J_j vdot_j + c_j        joints j = 1 ... n
+
+with the drive gains K_j of the rig file [effort/(N m)], one pi for all joints and no prior. The numerically independent
+columns are taken (Gautier, 1991). Each joint's rows are weighted by its residual in a first, unweighted fit.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from drake_tc.diagnosis.data.samples import Samples
+from drake_tc.diagnosis.problem.columns import Columns, Term
+from drake_tc.diagnosis.problem.shared.causes import CauseColumns, columns_over
+from drake_tc.diagnosis.problem.shared.stacked import over_samples
+from drake_tc.diagnosis.result.rig_result import CloseLoopResult
+from drake_tc.effects.library import effect
+from drake_tc.errors import IdentificationError
+from drake_tc.estimation.robot_loads import robot_logs
+from drake_tc.identification.base_parameters import independent_columns
+from drake_tc.logs.record import Run
+from drake_tc.logs.rig import Rig
+from drake_tc.types import FloatArray
+
+DECLARED = ("viscous", "coulomb", "rotor_inertia")
+
+
+@dataclass(frozen=True, eq=False)
+class PlainRows:
+    """One joint's rows of one side.
+
+    Attributes:
+        target: (N,) y/K [N m]. links: (N, P) Y. own: (N, 4) friction, rotor inertia and the constant.
+    """
+
+    target: FloatArray
+    links: FloatArray
+    own: FloatArray
+
+
+def least_squares_residuals(result: CloseLoopResult, rig: Rig, runs: Sequence[Run]) -> dict[str, FloatArray]:
+    """Held-out residual (N,) of each joint [effort], on the held-out rows of the call.
+
+    Args:
+        result: Of `close_loop` with this rig.
+        rig: With a fitted robot as load and declared drive gains.
+        runs: All runs of the call.
+
+    Raises:
+        IdentificationError: The rig has no fitted robot, or a joint without a declared drive gain.
+    """
+    logs = robot_logs(rig, runs)
+    if logs is None or logs.links is None or set(rig.drive_gain) != set(rig.joints):
+        raise IdentificationError(
+            "pooled least squares: expected `load: {robot: fitted}` and a drive_gain of each joint"
+        )
+    causes = columns_over(logs, runs, rig)
+    sides = [
+        {joint: plain_rows(split.samples, joint, causes, rig.drive_gain[joint]) for joint, split in each.items()}
+        for each in (
+            {joint: r.train for joint, r in result.joints.items()},
+            {joint: r.heldout for joint, r in result.joints.items()},
+        )
+    ]
+    residuals = fit_and_predict(*sides)
+    return {joint: rig.drive_gain[joint] * values for joint, values in residuals.items()}
+
+
+def plain_rows(samples: Samples, joint: str, causes: CauseColumns, gain: float) -> PlainRows:
+    """One joint's rows from its filtered signals."""
+    design = Columns(samples).design([Term(effect(name)) for name in DECLARED])
+    links = samples.reduce(over_samples(samples, joint, causes), fresh=True)
+    own = np.column_stack([design[:, 1:], np.ones(len(design))])
+    return PlainRows(design[:, 0] / gain, links, own)
+
+
+def fit_and_predict(train: Mapping[str, PlainRows], held: Mapping[str, PlainRows]) -> dict[str, FloatArray]:
+    """Residual (N,) of each joint's held-out rows [N m]."""
+    matrix, target = _stacked(train), np.concatenate([rows.target for rows in train.values()])
+    kept = independent_columns(matrix)
+    matrix = matrix[:, kept]
+    weights = np.ones(target.size)
+    ends = np.cumsum([0, *(rows.target.size for rows in train.values())])
+    for _ in range(2):
+        estimate = np.linalg.lstsq(weights[:, None] * matrix, weights * target, rcond=None)[0]
+        residual = target - matrix @ estimate
+        weights = np.concatenate([np.full(b - a, 1.0 / np.std(residual[a:b])) for a, b in pairwise(ends.tolist())])
+    predicted = _stacked(held)[:, kept] @ estimate
+    ends = np.cumsum([0, *(rows.target.size for rows in held.values())])
+    return {
+        joint: rows.target - predicted[a:b]
+        for (joint, rows), (a, b) in zip(held.items(), pairwise(ends.tolist()), strict=True)
+    }
+
+
+def _stacked(sides: Mapping[str, PlainRows]) -> FloatArray:
+    """[Y, own columns of each joint] of all joints' rows."""
+    width = next(iter(sides.values())).own.shape[1]
+    parts = []
+    for number, rows in enumerate(sides.values()):
+        own = np.zeros((rows.target.size, width * len(sides)))
+        own[:, width * number : width * (number + 1)] = rows.own
+        parts.append(np.column_stack([rows.links, own]))
+    return np.concatenate(parts)
