@@ -13,6 +13,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from drake_tc.errors import LogError
 from drake_tc.logs.importers import IMPORTERS
 from drake_tc.logs.importers.mjcf import urdf_of_mjcf
+from drake_tc.logs.importers.so101 import tip_height
 from drake_tc.logs.loads import RobotLoad
 from drake_tc.logs.prepare import load_runs
 from drake_tc.logs.rig import load_rig
@@ -49,13 +50,22 @@ JOINTS = "".join(
     f'<link name="l{i}"><inertial><mass value="1"/><inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/>'
     "</inertial></link>"
     f'<joint name="{{}}" type="revolute"><parent link="{parent}"/><child link="l{i}"/><axis xyz="0 1 0"/>'
+    f'<origin xyz="0.0{i} 0.02 -0.1" rpy="0.{i} 0.2 -0.{i}"/>'
     '<limit lower="-2" upper="2" effort="1" velocity="1"/></joint>'
     for i, parent in enumerate(["base_link", "l0", "l1", "l2", "l3", "l4"])
 )
 
 
+TIP = """<link name="gripper_frame_link"/><joint name="tip" type="fixed"><parent link="l4"/>
+<child link="gripper_frame_link"/><origin xyz="0.1 0.02 0.3" rpy="0.1 -0.2 0.3"/></joint>"""
+
+
+def urdf_of(joints: list[str]) -> str:
+    return f'<robot name="r"><link name="base_link"/>{JOINTS.format(*joints)}{TIP}</robot>'
+
+
 def write_urdf(path: Path, joints: list[str]) -> None:
-    text = f'<robot name="r"><link name="base_link"/>{JOINTS.format(*joints)}</robot>'
+    text = urdf_of(joints)
     path.write_bytes(gzip.compress(text.encode()) if path.suffix == ".gz" else text.encode())
 
 
@@ -138,6 +148,24 @@ def test_ur10e_reads_currents_and_names_the_loaded_run(tmp_path: Path) -> None:
     assert len(load_runs(sorted(out.glob("*.parquet")), loaded)) == 2
 
 
+def test_the_height_of_the_tip_is_that_of_drakes_kinematics() -> None:
+    rng = np.random.default_rng(5)
+    angles = {name: rng.uniform(-1.0, 1.0, 4) for name in "abcde"}
+    heights = tip_height(urdf_of([*"abcdef"]), angles, "small.urdf")
+    plant = MultibodyPlant(0.0)
+    Parser(plant).AddModelsFromString(urdf_of([*"abcdef"]), "urdf")
+    plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("base_link"))
+    plant.Finalize()
+    context = plant.CreateDefaultContext()
+    for k, height in enumerate(heights):
+        for name, values in angles.items():
+            plant.GetJointByName(name).set_angle(context, values[k])
+        pose = plant.GetFrameByName("gripper_frame_link").CalcPoseInWorld(context)
+        assert_allclose(height, pose.translation()[2], rtol=0, atol=1e-12)
+    with pytest.raises(LogError, match="no link 'gripper_frame_link'"):
+        tip_height('<robot name="r"><link name="base_link"/></robot>', angles, "small.urdf")
+
+
 def test_so101_reads_commands_and_locks_the_jaw(tmp_path: Path) -> None:
     source, out = tmp_path / "set", tmp_path / "out"
     source.mkdir()
@@ -145,7 +173,7 @@ def test_so101_reads_commands_and_locks_the_jaw(tmp_path: Path) -> None:
     write_urdf(source / "so101_new_calib.urdf", names)
     columns = [f"{key}_{i}" for key in ("cmd", "pos", "vel", "cur") for i in range(1, 7)]
     table = write_run(source / "sweep.csv", columns, np.random.default_rng(3))
-    (rig_file,) = IMPORTERS["so101"](source, out)
+    rig_file, free = IMPORTERS["so101"](source, out)
     rig = load_rig(rig_file)
     assert rig.joints == tuple(names[:5]) and set(rig.drive.values()) == {"position_servo"}
     assert load_robot(out / "robot.yaml").locked == {"gripper": 0.0}
@@ -153,6 +181,9 @@ def test_so101_reads_commands_and_locks_the_jaw(tmp_path: Path) -> None:
     assert_allclose(1.0 / rig.drive_gain["elbow_flex"], 7.7, rtol=0.01)
     log = pd.read_parquet(out / "sweep.parquet")
     assert_allclose(log["wrist_roll/position_command"], table["cmd_5"], rtol=0)
+    height = tip_height(urdf_of(names), {joint: log[f"{joint}/position"].to_numpy() for joint in names[:5]}, "")
+    assert load_rig(free).enabled == "free"
+    assert_allclose(log["free"], height > -0.02)
 
 
 def test_go2_makes_its_robot_from_the_mjcf(tmp_path: Path) -> None:
