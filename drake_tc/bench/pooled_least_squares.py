@@ -3,7 +3,7 @@
     y_j / K_j = Y_j(q, v, vdot) pi + F_v,j v_j + F_c,j sign(v_j) + J_j vdot_j + c_j        joints j = 1 ... n
 
 with the drive gains K_j of the rig file [effort/(N m)], one pi for all joints and no prior. The numerically independent
-columns are taken (Gautier, 1991). Each joint's rows are weighted by its residual in a first, unweighted fit.
+columns are taken (Gautier, 1991). Each joint's rows are weighted by its own residual, to which the fit is repeated.
 """
 
 from collections.abc import Mapping, Sequence
@@ -26,6 +26,10 @@ from drake_tc.logs.rig import Rig
 from drake_tc.types import FloatArray
 
 DECLARED = ("viscous", "coulomb", "rotor_inertia")
+ROUNDS = 10
+"""Of weighing each joint by what the fit before leaves of it."""
+LEAST_SPREAD = 1e-9
+"""Of the largest one: a joint whose residual vanishes does not weigh infinitely."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,20 +83,22 @@ def plain_rows(samples: Samples, joint: str, causes: CauseColumns, gain: float) 
 
 def fit_and_predict(train: Mapping[str, PlainRows], held: Mapping[str, PlainRows]) -> dict[str, FloatArray]:
     """Residual (N,) of each joint's held-out rows [N m]."""
-    matrix, target = _stacked(train), np.concatenate([rows.target for rows in train.values()])
+    matrix = _stacked(train)
     kept = independent_columns(matrix)
-    matrix = matrix[:, kept]
-    weights = np.ones(target.size)
-    ends = np.cumsum([0, *(rows.target.size for rows in train.values())])
-    for _ in range(2):
-        estimate = np.linalg.lstsq(weights[:, None] * matrix, weights * target, rcond=None)[0]
-        residual = target - matrix @ estimate
-        weights = np.concatenate([np.full(b - a, 1.0 / np.std(residual[a:b])) for a, b in pairwise(ends.tolist())])
+    ends = np.cumsum([0, *(rows.target.size for rows in train.values())]).tolist()
+    whole = np.column_stack([matrix[:, kept], np.concatenate([rows.target for rows in train.values()])])
+    parts = [np.linalg.qr(whole[a:b], mode="r") / np.sqrt(b - a) for a, b in pairwise(ends)]
+    sizes = np.sqrt(np.diff(ends))
+    spread = np.ones(len(parts))
+    for _ in range(ROUNDS):
+        weighted = np.concatenate([r * size / each for r, size, each in zip(parts, sizes, spread, strict=True)])
+        estimate = np.linalg.lstsq(weighted[:, :-1], weighted[:, -1], rcond=None)[0]
+        spread = np.array([float(np.linalg.norm(r @ np.append(estimate, -1.0))) for r in parts])
+        spread = np.maximum(spread, LEAST_SPREAD * spread.max())
     predicted = _stacked(held)[:, kept] @ estimate
-    ends = np.cumsum([0, *(rows.target.size for rows in held.values())])
+    ends = np.cumsum([0, *(rows.target.size for rows in held.values())]).tolist()
     return {
-        joint: rows.target - predicted[a:b]
-        for (joint, rows), (a, b) in zip(held.items(), pairwise(ends.tolist()), strict=True)
+        joint: rows.target - predicted[a:b] for (joint, rows), (a, b) in zip(held.items(), pairwise(ends), strict=True)
     }
 
 

@@ -123,6 +123,20 @@ def bench_real_tx40(data: Data, as_json: AsJson = False) -> None:
     _real("real-tx40", table, as_json)
 
 
+@bench_app.command("real-robots")
+def bench_real_robots(
+    data: Data,
+    name: Annotated[list[str] | None, typer.Option("--set", help="A data set; repeat for more. Default: all.")] = None,
+    as_json: AsJson = False,
+) -> None:
+    """close-loop with fitted links against plain least squares: held-out error joint by joint, and a known payload."""
+    from drake_tc.bench.real_robots import rows
+
+    with progress_bar("bench real-robots", quiet=as_json) as progress:
+        table = rows(data, name or (), progress)
+    _real("real-robots", table, as_json)
+
+
 @bench_app.command("real-tiago")
 def bench_real_tiago(data: Data, as_json: AsJson = False) -> None:
     """Service robot's arm: what dominates the wrist's currents, and the share it explains."""
