@@ -2,8 +2,8 @@
 
 The cases are those of `bench/rigs`. Each joint's held-out error [N m by the declared drive gain] is given three times:
 of plain least squares on the same rows in the same filters (`pooled_least_squares`), of the declared model of
-`close-loop`, and of its model after. Least squares has a constant of each joint and no prior. The figures that the sets'
-READMEs give for their own least squares are told beside them: other filters and other rows, so they only orientate.
+`close-loop`, and of its model after. Least squares has a constant of each joint and no prior. Figures that the sets'
+READMEs give for their own least squares are told beside them; they rest on other filters and other rows.
 """
 
 from collections.abc import Callable, Mapping, Sequence
