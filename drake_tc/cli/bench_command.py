@@ -13,6 +13,7 @@ from rich.console import Console
 from rich.table import Table
 
 from drake_tc.bench.real_rows import RealRow, rows_json
+from drake_tc.cli.bench_arms_command import bench_arms
 from drake_tc.cli.bench_close_loop_command import bench_close_loop
 from drake_tc.cli.bench_diagnosis_command import bench_diagnosis
 from drake_tc.cli.bench_floor_command import bench_floor
@@ -27,6 +28,7 @@ bench_app = typer.Typer(help="Benchmarks: rows of figures, with --json for progr
 bench_app.command("diagnosis")(bench_diagnosis)
 bench_app.command("close-loop")(bench_close_loop)
 bench_app.command("robot")(bench_robot)
+bench_app.command("arms")(bench_arms)
 bench_app.command("qp")(bench_qp)
 bench_app.command("floor")(bench_floor)
 bench_app.command("tick")(bench_tick)

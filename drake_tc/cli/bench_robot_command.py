@@ -2,7 +2,8 @@
 
 import json
 import sys
-from typing import TYPE_CHECKING, Annotated, Any
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import typer
 from rich.console import Console
@@ -12,6 +13,8 @@ from drake_tc.cli.bench_seeds import ALL_CORES, AsJson, Jobs, Out, Seeds, by_see
 
 if TYPE_CHECKING:
     from drake_tc.bench.robot_rigs import RobotScore
+
+Score = TypeVar("Score")
 
 
 def bench_robot(
@@ -35,32 +38,47 @@ def bench_robot(
         lambda folder, number, pool, report: robot_benchmark(folder, range(cases), number, pool, report, tolerances),
         quiet=as_json,
     )
+    print_by_seed("robot", scores, summary_rows, lambda score: score, as_json=as_json)
+
+
+def print_by_seed(
+    name: str,
+    scores: Mapping[int, Sequence[Score]],
+    rows_of: Callable[[Sequence[Score]], list[dict[str, Any]]],
+    robot_of: Callable[[Score], "RobotScore"],
+    *,
+    as_json: bool,
+) -> None:
+    """Print the figures of all seeds together and of each, and the cases whose answer is not exact.
+
+    Args:
+        name: Of the benchmark.
+        scores: By seed.
+        rows_of: Figures of some scores.
+        robot_of: Place and effect of a score.
+        as_json: For programs.
+    """
     everything = [score for group in scores.values() for score in group]
+    missed = _missed({number: [robot_of(score) for score in group] for number, group in scores.items()})
     if as_json:
-        document: dict[str, Any] = {"name": "robot", "rows": summary_rows(everything), "missed": _missed(scores)}
+        document: dict[str, Any] = {"name": name, "rows": rows_of(everything), "missed": missed}
         if len(scores) > 1:
-            document["by_seed"] = {str(number): summary_rows(group) for number, group in scores.items()}
+            document["by_seed"] = {str(number): rows_of(group) for number, group in scores.items()}
         print(json.dumps(document))
         return
-    _print(scores)
-
-
-def _print(scores: dict[int, list["RobotScore"]]) -> None:
-    from drake_tc.bench.robot_rigs import summary_rows
-
     console = Console(file=sys.stdout, highlight=False)
     if len(scores) > 1:
         for number, group in scores.items():
             console.print(f"Seed {number}")
-            console.print(_table(summary_rows(group)))
+            console.print(_table(rows_of(group)))
         console.print(f"Seeds {', '.join(map(str, scores))} together")
-    console.print(_table(summary_rows([score for group in scores.values() for score in group])))
-    for miss in _missed(scores):
+    console.print(_table(rows_of(everything)))
+    for miss in missed:
         reason = miss["failure"] or f"named {', '.join(miss['named']) or 'nothing'}"
         console.print(f"seed {miss['seed']}, {miss['name']}: {reason}", soft_wrap=True)
 
 
-def _missed(scores: dict[int, list["RobotScore"]]) -> list[dict[str, Any]]:
+def _missed(scores: Mapping[int, Sequence["RobotScore"]]) -> list[dict[str, Any]]:
     """The cases whose answer is not exact."""
     return [
         {"seed": number, "name": s.name, "named": list(s.named), "failure": s.failure}

@@ -1,6 +1,6 @@
 """The inertial parameters of links that were fitted: of each link, and the combinations that the logs identify."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -39,12 +39,15 @@ class BaseParameter:
     """A combination of inertial parameters that joint torques tell by itself.
 
     Attributes:
-        name: The combination. declared: its value by the robot's file. estimate: fitted, with its 95 % interval.
+        name: The combination, small members left out. declared: its value by the robot's file.
+        estimate: fitted, with its 95 % interval.
+        weights: Factor of each of its members, `<link>/<parameter>`.
     """
 
     name: str
     declared: float
     estimate: Estimate
+    weights: Mapping[str, float]
 
 
 @dataclass(frozen=True)
@@ -98,7 +101,12 @@ def _base(
     sigma = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", mix, spread, mix), 0.0))
     names = model.tree.parameters
     return tuple(
-        BaseParameter(_combination(names, weights, place), float(d), _estimate(v, critical * s, units[place]))
+        BaseParameter(
+            _combination(names, weights, place),
+            float(d),
+            _estimate(v, critical * s, units[place]),
+            {names[k]: float(weights[k]) for k in np.flatnonzero(weights)},
+        )
         for place, weights, v, d, s in zip(places, mix, value, declared, sigma, strict=True)
     )
 

@@ -148,7 +148,10 @@ def links_json(links: FittedLinks) -> dict[str, Any]:
             | _estimate(p.estimate)
             for p in links.parameters
         ],
-        "base": [{"name": p.name, "declared": _number(p.declared)} | _estimate(p.estimate) for p in links.base],
+        "base": [
+            {"name": p.name, "weights": dict(p.weights), "declared": _number(p.declared)} | _estimate(p.estimate)
+            for p in links.base
+        ],
         "payloads": {
             run: {name: _estimate(e) for name, e in parameters.items()} for run, parameters in links.payloads.items()
         },
