@@ -105,7 +105,17 @@ def cross_validated(
 def _solve_each(
     grams: FloatArray, moments: FloatArray, lower: FloatArray, upper: FloatArray, held: BoolArray
 ) -> FloatArray:
-    """`solve_bounded` of B problems: together, but one by one where a coefficient is held or rests on a bound."""
+    """`solve_bounded` of B problems: together, but one by one where a coefficient is held or rests on a bound.
+
+    Coefficients whose bounds are equal are known: the others are solved for on what these leave.
+    """
+    known = lower == upper
+    if known.any():
+        free = ~known
+        rest = moments[:, free] - grams[:, free][:, :, known] @ lower[known]
+        found = np.broadcast_to(lower, moments.shape).copy()
+        found[:, free] = _solve_each(grams[:, free][:, :, free], rest, lower[free], upper[free], held[:, free])
+        return found
     g, m, scale, dead = _scaled(grams, moments)
     alone = (held | dead).any(axis=1)
     beta = np.zeros_like(m)
