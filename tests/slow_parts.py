@@ -92,6 +92,7 @@ PARTS = {
         "small blind benchmarks, of single joints and of a leg",
         (
             "blind/*",
+            "bench/test_arm_rigs.py::*",
             "diagnosis/test_blind_mini.py::*",
             "diagnosis/test_shared_leg.py::*",
             "diagnosis/test_shared_leg_tolerances.py::*",

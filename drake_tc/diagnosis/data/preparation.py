@@ -71,11 +71,12 @@ def _resolution(channels: Channels, rig: Rig, step: float, noise: float, light: 
     declared, load = rig.joint_sensors(channels.joint), rig.load[channels.joint]
     command = rig.command_column(channels.joint).rpartition("/")[2]
     torque_noise, effort_noise = 0.0, 0.0
-    if unknown_form(load) is not None:
+    unknown = unknown_form(load) is not None
+    if unknown or (isinstance(load, RobotLoad) and load.fitted):
         effort_noise = sample_noise(channels.raw(command), channels.step(command), channels.segments)
-    elif declared.torque_noise is not None:
-        torque_noise = declared.torque_noise
-    elif not isinstance(load, Pendulum):
+    if declared.torque_noise is not None:
+        torque_noise = 0.0 if unknown else declared.torque_noise
+    elif not (unknown or isinstance(load, Pendulum)):
         torque_noise = sample_noise(channels.raw("torque"), channels.step("torque"), channels.segments)
     motion = {"velocity_step": step, "raw_velocity_noise": noise} if channels.speed_only else {}
     kernel = light.kernels[0 if channels.speed_only else 1]

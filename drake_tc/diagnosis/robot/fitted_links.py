@@ -142,7 +142,8 @@ def _at_width(case: RobotCase) -> _Start:
 
 def _searched(case: RobotCase, raw: Mapping[str, Prepared], links: _Links) -> _Links:
     """The links beside the effects that each joint lacks."""
-    seen: list[dict[str, frozenset[str]]] = []
+    # Where no joint lacks anything, the links are those of the declared models, and another round finds the same.
+    seen = [{joint: frozenset(t.effect.key for t in prepared.terms) for joint, prepared in raw.items()}]
     for _ in range(MOST_ROUNDS):
         own = case.search(*links.sides(case))
         keys = {joint: frozenset(t.effect.key for t in model.terms) for joint, model in own.items()}
