@@ -30,6 +30,7 @@ from drake_tc.diagnosis.selection.shared import active
 from drake_tc.errors import IdentificationError
 from drake_tc.logs.record import Run
 from drake_tc.robot.link_parameters import LinkModel
+from drake_tc.types import FloatArray
 
 WIDER = (1.6, 2.5, 4.0, 6.3, 10.0)
 """Widths of the filters that are tried, over that which the encoders' noise asks for."""
@@ -47,14 +48,16 @@ class _Links:
 
     Attributes:
         rows: Training rows of all joints. fitted: all together.
+        declared: (p,) the robot file's values of the parameters that are fitted; 0 of payloads.
     """
 
     rows: tuple[JointRows, ...]
     fitted: StackedFit
+    declared: FloatArray
 
     def sides(self, case: RobotCase) -> tuple[list[Run], list[Run], dict[str, LinkPrior]]:
         """Both sides' runs at this estimate, with what the other joints leave open, and each joint's prior of it."""
-        opened = open_directions(self.rows, self.fitted)
+        opened = open_directions(self.rows, self.fitted, self.declared - self.fitted.delta)
         train, held = (
             with_open_directions(runs, case.causes, self.fitted, list(opened.values()))
             for runs in case.without(self.fitted)
@@ -159,4 +162,5 @@ def _fitted(raw: Mapping[str, Prepared], own: Mapping[str, OwnModel], causes: Ca
     columns = {joint: prepared.train for joint, prepared in raw.items()}
     terms = {joint: model.terms for joint, model in own.items()}
     rows = stack(columns, terms, causes, {joint: model.design for joint, model in own.items()})
-    return _Links(rows, fit_stacked(rows, *active(causes.causes, ())))
+    fitted = fit_stacked(rows, *active(causes.causes, ()))
+    return _Links(rows, fitted, causes.declared()[fitted.columns])
