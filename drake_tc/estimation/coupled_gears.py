@@ -13,7 +13,9 @@ from drake_tc.errors import RigError
 from drake_tc.logs.record import Run
 from drake_tc.types import FloatArray
 
-TURNING = ("position", "position_command", "velocity")
+ACCELERATION = "smoothed_acceleration"
+"""Last part of the column of a joint's acceleration from the filters of the links' columns, where these are fitted."""
+TURNING = ("position", "position_command", "velocity", ACCELERATION)
 """Channels of a joint that turn with its motor."""
 
 

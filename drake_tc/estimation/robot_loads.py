@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from drake_tc.errors import LogError
-from drake_tc.estimation.coupled_gears import motor_loads, motor_turns
+from drake_tc.estimation.coupled_gears import ACCELERATION, motor_loads, motor_turns
 from drake_tc.estimation.off_line import OffLineFilter, SensorLog, chosen_filter, smoothed, wrench_bias
 from drake_tc.estimation.torque_model import TorqueModel
 from drake_tc.logs.loads import RobotLoad
@@ -161,7 +161,9 @@ def with_robot_loads(
 ) -> list[Run]:
     """The runs with `<joint>/torque` columns [N m] from the robot's model, in place of any that were recorded.
 
-    Stretches that are shorter than the filters' windows are marked as not to be used.
+    Stretches that are shorter than the filters' windows are marked as not to be used. Where the links are fitted, the
+    runs also have the joints' accelerations from the same filters, as `<joint>/smoothed_acceleration` [rad/s^2]:
+    a rotor's inertia and a link's about the same axis would be told apart by their filters otherwise.
 
     Args:
         logs: The robot.
@@ -182,12 +184,15 @@ def with_robot_loads(
 def _with_loads(logs: RobotLogs, run: Run, joints: Sequence[str], *, filter_wrenches: bool) -> Run:
     filters = filters_of(logs, run)
     torque = np.full((len(run), len(logs.robot.joints)), np.nan)
+    acceleration = torque.copy()
     segment = np.full(len(run), -1, dtype=np.int64)
     for part in usable_stretches(run, filters):
-        torque[part] = _torque(logs, logs.sensors(run, part), filters, filter_wrenches=filter_wrenches)
+        torque[part], acceleration[part] = _torque(logs, logs.sensors(run, part), filters, filter_wrenches=filter_wrenches)
         segment[part] = run.segment[part]
     order = [logs.robot.joints.index(joint) for joint in joints]
     columns = dict(run.columns) | {f"{j}/torque": torque[:, i] for j, i in zip(joints, order, strict=True)}
+    if logs.links is not None:
+        columns |= {f"{j}/{ACCELERATION}": acceleration[:, i] for j, i in zip(joints, order, strict=True)}
     dropped = int(((run.segment >= 0) & (segment < 0)).sum())
     notes = run.notes
     if dropped:
@@ -195,11 +200,15 @@ def _with_loads(logs: RobotLogs, run: Run, joints: Sequence[str], *, filter_wren
     return replace(run, columns=columns, segment=segment, notes=notes)
 
 
-def _torque(logs: RobotLogs, sensors: SensorLog, filters: OffLineFilter, *, filter_wrenches: bool) -> FloatArray:
-    """(T, n): the estimate with filtered motion and, unless they are to be filtered, raw wrenches."""
+def _torque(logs: RobotLogs, sensors: SensorLog, filters: OffLineFilter, *, filter_wrenches: bool) -> tuple[FloatArray, FloatArray]:
+    """The estimate with filtered motion and, unless they are to be filtered, raw wrenches; and the filtered
+    accelerations; (T, n) each.
+    """
     model, context = logs.model, logs.model.create_context()
     torque = np.empty((sensors.position.shape[0], model.size))
+    acceleration = np.empty_like(torque)
     for index, (q, v, vdot, imu, rate, felt) in enumerate(smoothed(model, sensors, filters, None)):
         wrench = felt if filter_wrenches else sensors.wrench[index]
         torque[index] = model.estimate(context, q, v, vdot, imu, rate, wrench).torque
-    return logs.at_motors(torque)
+        acceleration[index] = vdot
+    return logs.at_motors(torque), acceleration

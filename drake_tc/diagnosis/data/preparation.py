@@ -13,6 +13,7 @@ from drake_tc.diagnosis.data.samples import Samples
 from drake_tc.diagnosis.data.sliding import choose_rows, direction_of_motion, require_rows
 from drake_tc.effects.base import Context, Signals
 from drake_tc.effects.context import EFFORT_UNIT, LoadKind
+from drake_tc.estimation.coupled_gears import ACCELERATION
 from drake_tc.filtering.common_kernel import CommonKernel
 from drake_tc.logs.loads import Load, Pendulum, RobotLoad, unknown_form
 from drake_tc.logs.record import Run
@@ -103,11 +104,16 @@ def _width(channels: Channels, position: FloatArray, noise: float) -> float:
 def _filtered_motion(
     channels: Channels, light: CommonKernel, position: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """(q, qdot, qddot), (T,) each; of a speed-only log the rates come from the recorded velocity."""
+    """(q, qdot, qddot), (T,) each; of a speed-only log the rates come from the recorded velocity. Where the links are
+    fitted, the acceleration comes from the filters of their columns: another filter would tell a rotor from a link.
+    """
     if channels.speed_only:
         raw = channels.raw("velocity")
         return light.smooth(position), light.smooth(raw), light.derivative(raw)
-    return light.smooth(position), light.derivative(position), light.second_derivative(position)
+    smoothed = channels.raw(ACCELERATION)
+    same = np.isfinite(smoothed).all()
+    acceleration = light.smooth(smoothed) if same else light.second_derivative(position)
+    return light.smooth(position), light.derivative(position), acceleration
 
 
 def build_samples(
