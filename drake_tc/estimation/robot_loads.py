@@ -93,7 +93,8 @@ def robot_logs(rig: Rig, runs: Sequence[Run]) -> RobotLogs | None:
         robot = replace(robot, force_torque=())
     if load.fitted:
         robot = replace(robot, force_torque=(), imu=())
-        return RobotLogs(robot, TorqueModel(robot, base="fixed"), reads_imu=False, links=link_model(robot), turns=turns)
+        links = link_model(robot)  # first, as it says what is wrong with a robot that floats
+        return RobotLogs(robot, TorqueModel(robot, base="fixed"), reads_imu=False, links=links, turns=turns)
     first = f"imu_{robot.imu[0].name}/accel_x" if robot.imu else ""
     reads_imu = bool(robot.imu) and (not robot.fixed_base or all(first in run.columns for run in runs))
     if robot.fixed_base:

@@ -1,0 +1,174 @@
+"""`load: {robot: fitted}` on a simulated arm of three joints: payload, rotor and link inertia, noise floor, refusals."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import yaml
+from numpy.testing import assert_allclose
+from pydrake.multibody.tree import MultibodyForces, SpatialInertia, UnitInertia
+
+from drake_tc.diagnosis.data.preparation import build_samples
+from drake_tc.diagnosis.options import DiagnosisOptions
+from drake_tc.diagnosis.run import close_loop
+from drake_tc.errors import DrakeTcError, ParamsError, RigError
+from drake_tc.estimation.robot_loads import robot_logs, with_robot_loads
+from drake_tc.logs.loads import RobotLoad
+from drake_tc.logs.prepare import load_runs
+from drake_tc.logs.rig import load_rig
+from drake_tc.robot.plant import make_plant
+from drake_tc.robot.robot import load_robot
+
+URDF = """<robot name="arm"><link name="base"/>
+  <link name="column"><inertial><origin xyz="0 0 0.1"/><mass value="4"/>
+    <inertia ixx="0.05" iyy="0.05" izz="0.03" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <link name="boom"><inertial><origin xyz="0.2 0 0"/><mass value="2"/>
+    <inertia ixx="0.005" iyy="0.03" izz="0.03" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <joint name="turn" type="revolute"><parent link="base"/><child link="column"/><axis xyz="0 0 1"/>
+    <limit lower="-3" upper="3" effort="50" velocity="5"/></joint>
+  <joint name="lift" type="revolute"><parent link="column"/><child link="boom"/><origin xyz="0.3 0 0.2"/>
+    <axis xyz="0 1 0"/><limit lower="-3" upper="3" effort="50" velocity="5"/></joint>
+  <link name="fore"><inertial><origin xyz="0.15 0.01 0"/><mass value="1.2"/>
+    <inertia ixx="0.002" iyy="0.012" izz="0.012" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <joint name="fold" type="revolute"><parent link="boom"/><child link="fore"/><origin xyz="0.4 0 0"/>
+    <axis xyz="0 1 0"/><limit lower="-3" upper="3" effort="50" velocity="5"/></joint></robot>"""
+JOINTS = ("turn", "lift", "fold")
+GAIN, ROTOR = np.array([0.1, 0.2, 0.15]), np.array([0.4, 0.3, 0.1])
+VISCOUS, COULOMB = np.array([1.5, 1.0, 0.6]), np.array([1.0, 0.8, 0.5])
+NOISE, STEP, PERIOD, SECONDS = 0.02, 1e-5, 0.01, 15.0
+PAYLOAD, PLACE = 1.2, np.array([0.35, 0.05, 0.0])
+"""Mass [kg] and place in the last link [m] of a point mass."""
+RIG = {
+    "robot": "arm.yaml",
+    "drive": "current",
+    "load": {"robot": "fitted", "tolerance": 0.3},
+    "declared": ["rotor_inertia"],
+    "drive_gain": dict(zip(JOINTS, GAIN.tolist(), strict=True)),
+}
+
+
+def torques(robot, q, v, vdot, payload):
+    """(T, 3) by Drake."""
+    plant = make_plant(robot, 0.0)
+    context = plant.CreateDefaultContext()
+    if payload:
+        fore = plant.GetBodyByName("fore")
+        total = fore.CalcSpatialInertiaInBodyFrame(context)
+        total += SpatialInertia(payload, PLACE, UnitInertia.PointMass(PLACE))
+        fore.SetSpatialInertiaInBodyFrame(context, total)
+    out = np.empty_like(q)
+    for row, (a, b, c) in enumerate(zip(q, v, vdot, strict=True)):
+        plant.SetPositions(context, a)
+        plant.SetVelocities(context, b)
+        forces = MultibodyForces(plant)
+        plant.CalcForceElementsContribution(context, forces)
+        out[row] = plant.CalcInverseDynamics(context, c, forces)
+    return out
+
+
+def record(folder, robot, name, seed, payload=0.0):
+    rng = np.random.default_rng(seed)
+    time = np.arange(0.0, SECONDS, PERIOD)
+    omega = 2.0 * np.pi * np.array([0.15, 0.35, 0.8])
+    angle = time[:, None, None] * omega + rng.uniform(0.0, 2.0 * np.pi, (3, 3))
+    size = np.array([0.5, 0.3, 0.08])
+    q, v, a = np.sin(angle) @ size, np.cos(angle) @ (size * omega), -np.sin(angle) @ (size * omega**2)
+    drive = torques(robot, q, v, a, payload) + ROTOR * a + VISCOUS * v + COULOMB * np.tanh(v / 1e-3)
+    columns = {"time": time}
+    for i, joint in enumerate(JOINTS):
+        columns[f"{joint}/position"] = np.round(q[:, i] / STEP) * STEP
+        columns[f"{joint}/current"] = GAIN[i] * (drive[:, i] + NOISE * rng.standard_normal(time.size))
+    np.savez(folder / f"{name}.npz", **columns)
+    return folder / f"{name}.npz"
+
+
+@pytest.fixture(scope="module")
+def arm(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("arm")
+    (folder / "arm.urdf").write_text(URDF, encoding="utf-8")
+    robot = {"name": "arm", "urdf": "arm.urdf", "base": "base", "fixed_base": True, "joints": list(JOINTS)}
+    (folder / "arm.yaml").write_text(yaml.safe_dump(robot), encoding="utf-8")
+    loaded = load_robot(folder / "arm.yaml")
+    logs = [record(folder, loaded, f"run_{k}", k) for k in range(2)]
+    return folder, [*logs, record(folder, loaded, "carrying", 2, PAYLOAD)], record(folder, loaded, "held", 3)
+
+
+def rig_file(folder, **changes):
+    path = folder / "rig.yaml"
+    path.write_text(yaml.safe_dump(RIG | changes), encoding="utf-8")
+    return path
+
+
+@pytest.fixture(scope="module")
+def result(arm):
+    folder, logs, held = arm
+    rig = rig_file(folder, load=RIG["load"] | {"unknown_payload": ["carrying"]})
+    return close_loop(rig, logs, [held], DiagnosisOptions(assess_residual=False))
+
+
+def test_an_unknown_payload_comes_out_and_nothing_else_is_named(result):
+    found = result.links.payloads["carrying"]
+    expected = {"m": PAYLOAD} | {f"m{axis}": PAYLOAD * PLACE[k] for k, axis in enumerate("xyz")}
+    assert_allclose(found["m"].value, PAYLOAD, rtol=0.05)
+    for name, value in expected.items():
+        low, high = found[name].ci95
+        assert low <= value <= high, name
+    assert [effect.id for joint in result.joints.values() for effect in joint.effects] == []
+
+
+def test_base_parameters_come_out_and_name_their_members(result):
+    true = {f"{p.link}/{p.name}": p.declared for p in result.links.parameters}  # here the file is right
+    for base in result.links.base:
+        low, high = base.estimate.ci95
+        value = sum(factor * true[name] for name, factor in base.weights.items())
+        assert_allclose(value, base.declared, rtol=1e-9, atol=1e-12)
+        assert low <= value <= high, base.name
+
+
+def test_a_rotor_and_a_link_about_the_same_axis_are_not_told_apart_by_their_filters(result):
+    """Nothing tells them apart at the first joint; only their sum is identified."""
+    rotor = result.joints["turn"].final_parameters["rotor_inertia"]["rotor_inertia"].value
+    links = {(p.link, p.name): p for p in result.links.parameters}
+    column = links["column", "Izz"]
+    assert_allclose(rotor, ROTOR[0], atol=0.05)
+    assert column.narrowed > 0.8
+    assert_allclose(column.estimate.value, column.declared, atol=0.05)
+
+
+def test_friction_comes_out(result):
+    for joint, viscous, coulomb in zip(JOINTS, VISCOUS, COULOMB, strict=True):
+        found = result.joints[joint].final_parameters
+        assert_allclose(found["viscous"]["viscous"].value, viscous, rtol=0.01)
+        assert_allclose(found["coulomb"]["coulomb"].value, coulomb, rtol=0.01)
+
+
+def test_noise_of_the_current_counts_in_the_floor_where_the_links_are_fitted(arm):
+    folder, logs, _ = arm
+    rig = load_rig(rig_file(folder))
+    runs = load_runs(logs, rig)
+    made = with_robot_loads(robot_logs(rig, runs), runs, rig.joints)
+    fitted = build_samples(made, rig, "lift")
+    assert_allclose(fitted.resolution.effort_noise, NOISE * GAIN[1], rtol=0.1)
+    known = build_samples(made, replace(rig, load=dict.fromkeys(JOINTS, RobotLoad("inverse_dynamics"))), "lift")
+    assert known.resolution.effort_noise == 0.0
+
+
+@pytest.mark.parametrize(
+    ("changes", "error", "message"),
+    [
+        ({"load": {"robot": "fitted", "unknown_payload": ["carying"]}}, RigError, "no log 'carying'.*carrying"),
+        ({"load": {"robot": "fitted", "tolerance": -0.1}}, DrakeTcError, "tolerance"),
+    ],
+)
+def test_refusals(arm, changes, error, message):
+    folder, logs, held = arm
+    with pytest.raises(error, match=message):
+        close_loop(rig_file(folder, **changes), logs, [held], DiagnosisOptions(assess_residual=False))
+
+
+def test_a_floating_base_is_refused(arm):
+    folder, logs, held = arm
+    robot = yaml.safe_load((folder / "arm.yaml").read_text(encoding="utf-8")) | {"fixed_base": False}
+    (folder / "floating.yaml").write_text(yaml.safe_dump(robot), encoding="utf-8")
+    with pytest.raises(ParamsError, match="got a floating one"):
+        close_loop(rig_file(folder, robot="floating.yaml"), logs, [held], DiagnosisOptions(assess_residual=False))
