@@ -48,6 +48,8 @@ SENSORS = {"current_offset": "asymmetric_friction", "late_encoder": "delay"}
 """A sensor's error, and the effect by which the library knows it."""
 ROUND = (*JOINT_EFFECTS, *SENSORS, "", "")
 """One round of cases; "" lacks nothing. Case k is entry k of these rounds without end."""
+OF_LOADED = ("load_dependent_friction", "current_lag", "delay", "late_encoder")
+"""Kinds that only joints with a changing load show: elsewhere the drive's torque is friction, which hardly changes."""
 RUNS = ("run_1", "run_2", "run_3", "run_held")
 """The last one is held out."""
 SECONDS = 30.0
@@ -99,7 +101,7 @@ def arm_case(number: int, seed: int) -> ArmCase:
     joints = {j: _joint(e, drive, rng) for j, e in zip(arm.joints, arm.effort, strict=True)}
     where, late = "", dict.fromkeys(arm.joints, 0.0)
     if kind:
-        among = arm.loaded if kind == "load_dependent_friction" else arm.joints
+        among = arm.loaded if kind in OF_LOADED else arm.joints
         where = among[int(rng.integers(len(among)))]
         if kind == "late_encoder":
             late[where] = float(rng.uniform(0.01, 0.03))

@@ -142,3 +142,22 @@ def test_a_joint_with_a_free_gain_cannot_scale_all_torques():
         beta, delta = beside(rows[number], each, fitted)
         assert_allclose(beta, [1.0, 1.0], atol=0.05)
         assert_allclose(delta, 0.0, atol=0.1)
+
+
+def test_nor_can_it_where_it_does_not_see_every_link():
+    """Parameters that act at other joints only must not take up the factor."""
+    rng = np.random.default_rng(6)
+    pi, rows = rng.normal(size=P), []
+    for number in range(JOINTS):
+        shared, friction = rng.normal(size=(N, P)), rng.normal(size=(N, 1))
+        shared[:, : 2 * number] = 0.0
+        effort = shared @ pi + friction[:, 0] + NOISE[number] * rng.normal(size=N)
+        block = (np.arange(N) // 20).astype(np.int64)
+        rows.append(made(f"j{number}", np.column_stack([effort, -friction]), -shared, shared @ pi, block, None))
+    fitted = fit_stacked(rows, np.arange(P), TOLERANCE, effective=np.ones(JOINTS))
+    for number, each in enumerate(open_directions(rows, fitted, pi - fitted.delta).values()):
+        beta, delta = beside(rows[number], each, fitted)
+        load = rows[number].shared @ (pi - delta)
+        scale = np.linalg.norm(load) / np.linalg.norm(rows[number].shared @ pi)
+        assert_allclose(beta, scale, rtol=0.1)
+        assert_allclose(scale, 1.0, atol=0.1)

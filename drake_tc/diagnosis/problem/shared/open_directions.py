@@ -6,9 +6,10 @@ delta_0 has the columns C_j A and coefficients u ~ N(A^-1 (m_j - delta_0), I): l
 joint the errors and evidence that all joints together would give it, their own effects as they are. Directions along
 which C_j A is far below the joint's noise are left out.
 
-Where the drive's gain is fitted, a joint by itself could shrink all parameters pi of the links, its friction and 1/K by
-one factor, and its residual in torque with them. All joints together are protected against this (`stacked`); here the
-scale stays that of the common estimate: the direction A^-1 pi is left out.
+Where the drive's gain is fitted, a joint by itself could shrink the links' parameters pi, its friction and 1/K by one
+factor, and its residual in torque with them. All joints together are protected against this (`stacked`). Here the load
+C_j pi keeps the scale of the common estimate: only changes of the load at right angles to it are open, pi' C_j' C_j A u
+= 0. Nothing is lost by that, as every solution times a factor is one.
 """
 
 from collections.abc import Mapping, Sequence
@@ -62,10 +63,11 @@ def _of_joint(rows: Sequence[JointRows], fitted: StackedFit, weights: FloatArray
     root = np.sqrt(np.maximum(size, 1e-12))
     mix = scale[:, None] * turn * root
     towards = ((mean - fitted.delta) / scale) @ turn / root
+    seen = mine.shared[:, fitted.columns]
     if mine.held is None:
-        rest = _complement((weights / scale) @ turn / root)
+        rest = _complement((seen @ weights) @ (seen @ mix))
         mix, towards = mix @ rest, towards @ rest
-    columns = mine.shared[:, fitted.columns] @ mix
+    columns = seen @ mix
     strength, directions = np.linalg.eigh(columns.T @ columns / len(columns))
     noise = float(fitted.sigma[number])
     kept = strength > (NEGLIGIBLE * noise) ** 2
