@@ -8,7 +8,7 @@ import yaml
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import SpatialInertia, UnitInertia
 
-from drake_tc.identification.rigid_regressor import LINK_PARAMETERS
+from drake_tc.robot.rigid_regressor import LINK_PARAMETERS
 from drake_tc.robot.robot import Robot
 from drake_tc.types import FloatArray
 

@@ -188,7 +188,9 @@ def _with_loads(logs: RobotLogs, run: Run, joints: Sequence[str], *, filter_wren
     acceleration = torque.copy()
     segment = np.full(len(run), -1, dtype=np.int64)
     for part in usable_stretches(run, filters):
-        torque[part], acceleration[part] = _torque(logs, logs.sensors(run, part), filters, filter_wrenches=filter_wrenches)
+        torque[part], acceleration[part] = _torque(
+            logs, logs.sensors(run, part), filters, filter_wrenches=filter_wrenches
+        )
         segment[part] = run.segment[part]
     order = [logs.robot.joints.index(joint) for joint in joints]
     columns = dict(run.columns) | {f"{j}/torque": torque[:, i] for j, i in zip(joints, order, strict=True)}
@@ -201,7 +203,9 @@ def _with_loads(logs: RobotLogs, run: Run, joints: Sequence[str], *, filter_wren
     return replace(run, columns=columns, segment=segment, notes=notes)
 
 
-def _torque(logs: RobotLogs, sensors: SensorLog, filters: OffLineFilter, *, filter_wrenches: bool) -> tuple[FloatArray, FloatArray]:
+def _torque(
+    logs: RobotLogs, sensors: SensorLog, filters: OffLineFilter, *, filter_wrenches: bool
+) -> tuple[FloatArray, FloatArray]:
     """The estimate with filtered motion and, unless they are to be filtered, raw wrenches; and the filtered
     accelerations; (T, n) each.
     """

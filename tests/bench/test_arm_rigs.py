@@ -14,10 +14,10 @@ from optional import skip_without_robots
 from pydrake.multibody.tree import MultibodyForces
 
 from drake_tc.bench.arm_rigs import BASE_INTERVALS, arm_benchmark, arm_rows, base_intervals
-from drake_tc.identification.rigid_regressor import link_tree, regressor
 from drake_tc.logs.readers import read_table
 from drake_tc.logs.rig import load_rig
 from drake_tc.robot.plant import make_plant
+from drake_tc.robot.rigid_regressor import link_tree, regressor
 from drake_tc.robot.robot import load_robot
 
 PLAIN = JointTruth(viscous=2.0, coulomb=3.0, rotor_inertia=0.5, gain=0.1)

@@ -36,7 +36,7 @@ class Resolution:
         velocity_noise: Of the filtered velocity [rad/s].
         torque_correlation_time: Declared correlation time of the torque noise [s]; 0 for white noise.
         effort_step: Step of the recorded command [rad | A | V | N m]; 0 where it lies on no grid.
-        effort_noise: White noise of one sample of it, where the effort tells the load (unknown, or fitted links); else 0.
+        effort_noise: White noise of one sample of it where the effort tells the load (unknown, fitted links); else 0.
         velocity_step: Step of the recorded velocity of a speed-only log [rad/s]; 0 where there is none.
         raw_velocity_noise: Standard deviation of one raw velocity sample of a speed-only log [rad/s]; 0 where the
             position was recorded.

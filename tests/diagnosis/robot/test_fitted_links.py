@@ -1,4 +1,4 @@
-"""`load: {robot: fitted}` on a simulated arm of three joints: payload, rotor and link inertia, noise floor, refusals."""
+"""`load: {robot: fitted}` on a simulated arm of three joints: payload, rotor and link, noise floor, refusals."""
 
 from dataclasses import replace
 

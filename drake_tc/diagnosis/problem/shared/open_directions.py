@@ -42,9 +42,7 @@ class OpenDirections:
     prior: LinkPrior
 
 
-def open_directions(
-    rows: Sequence[JointRows], fitted: StackedFit, weights: FloatArray
-) -> Mapping[str, OpenDirections]:
+def open_directions(rows: Sequence[JointRows], fitted: StackedFit, weights: FloatArray) -> Mapping[str, OpenDirections]:
     """By joint, what the others leave open.
 
     Args:

@@ -7,10 +7,10 @@ from numpy.testing import assert_allclose
 from pydrake.multibody.tree import MultibodyForces
 
 from drake_tc.errors import ParamsError
-from drake_tc.estimation.link_parameters import LIGHTEST, PAYLOAD_SIZE, UNITS, link_model, parameter_names
 from drake_tc.identification.base_parameters import base_combinations
-from drake_tc.identification.rigid_regressor import LINK_PARAMETERS
+from drake_tc.robot.link_parameters import LIGHTEST, PAYLOAD_SIZE, UNITS, link_model, parameter_names
 from drake_tc.robot.plant import make_plant
+from drake_tc.robot.rigid_regressor import LINK_PARAMETERS
 from drake_tc.robot.robot import load_robot
 
 TOOL_ANGLE, TOOL_MASS, TOOL_COM = 0.7, 0.4, 0.05
