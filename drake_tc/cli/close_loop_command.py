@@ -23,6 +23,7 @@ from drake_tc.diagnosis.result.rig_result import CloseLoopResult
 from drake_tc.diagnosis.result.to_json import result_json
 from drake_tc.diagnosis.run import close_loop
 from drake_tc.errors import LogError
+from drake_tc.report.links_section import links_sentence, payload_sentences
 from drake_tc.report.refinement_section import refinement_sentence
 from drake_tc.report.words import REASONS, VERDICTS, capital, ranked_effects, unexplained, warnings
 
@@ -108,6 +109,10 @@ def print_summary(result: CloseLoopResult, out: Path) -> None:
         console.print(f"[bold]all joints[/bold]: + [bold]{cause.id}[/bold] of {cause.where}  {values}  ({gain})")
         for other, where in cause.indistinguishable:
             console.print(f"  ? {other} of {where} cannot be told apart from it by these logs")
+    if result.links is not None:
+        console.print(escape(links_sentence(result.links)))
+        for sentence in payload_sentences(result.links):
+            console.print(escape(sentence))
     for joint in result.joints.values():
         console.print(f"[bold]{joint.joint}[/bold]: {VERDICTS[joint.verdict]}")
         console.print(_errors_table(joint))

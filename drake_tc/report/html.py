@@ -18,6 +18,7 @@ from drake_tc.report.consistency_table import consistency_rows
 from drake_tc.report.correlation_plots import correlation_plots
 from drake_tc.report.equation import model_equations
 from drake_tc.report.leftover_plots import leftover_plots
+from drake_tc.report.links_section import links_section
 from drake_tc.report.model_diff import model_diff
 from drake_tc.report.numbers import fold, percent, scale_for, significant
 from drake_tc.report.page_budget import PageBudget
@@ -81,6 +82,7 @@ def render(result: CloseLoopResult) -> str:
         has_models=bool(result.model_before_yaml or result.model_after_yaml),
         legend=LEGEND,
         shared=shared_section(result),
+        links=links_section(result.links),
         ranking=[(title_of(name), where, percent(gain)) for name, where, gain in ranked_effects(result)],
         closed=closed_loop_section(result),
     )

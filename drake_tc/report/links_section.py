@@ -1,0 +1,70 @@
+"""The report's section on links whose inertial parameters were fitted."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+from drake_tc.diagnosis.problem.estimates import Estimate
+from drake_tc.diagnosis.result.links import FittedLinks
+from drake_tc.report.numbers import interval, percent, pretty_unit, significant
+
+
+@dataclass(frozen=True)
+class LinkRow:
+    """One parameter as the template shows it: texts only.
+
+    Attributes:
+        name, declared, value, interval, unit: Of the parameter.
+        left: Share of the declared tolerance that is left; empty where there is none.
+    """
+
+    name: str
+    declared: str
+    value: str
+    interval: str
+    unit: str
+    left: str = ""
+
+
+@dataclass(frozen=True)
+class LinksSection:
+    """Rows by link, of the base parameters and of payloads by run; `summary` is the sentence before them."""
+
+    summary: str
+    links: Sequence[tuple[str, Sequence[LinkRow]]]
+    base: Sequence[LinkRow]
+    payloads: Sequence[tuple[str, Sequence[LinkRow]]]
+
+
+def links_section(links: FittedLinks | None) -> LinksSection | None:
+    """The section; None where the links were not fitted."""
+    if links is None:
+        return None
+    by_link: dict[str, list[LinkRow]] = {}
+    for p in links.parameters:
+        row = _row(p.name, significant(p.declared), p.estimate, percent(p.narrowed))
+        by_link.setdefault(p.link, []).append(row)
+    base = [_row(p.name, significant(p.declared), p.estimate) for p in links.base]
+    payloads = [(run, [_row(n, "", e) for n, e in parameters.items()]) for run, parameters in links.payloads.items()]
+    return LinksSection(links_sentence(links), list(by_link.items()), base, payloads)
+
+
+def links_sentence(links: FittedLinks) -> str:
+    """What was fitted, in one sentence."""
+    apart = sum(not p.estimate.ci95[0] <= p.declared <= p.estimate.ci95[1] for p in links.base)
+    return (
+        f"The inertial parameters of {len({p.link for p in links.parameters})} links were fitted: "
+        f"{len(links.base)} base parameters, {apart} of which have a 95 % interval without the robot file's value."
+    )
+
+
+def payload_sentences(links: FittedLinks) -> Iterable[str]:
+    """For each log with an unknown payload, its mass."""
+    for run, parameters in links.payloads.items():
+        mass = parameters["m"]
+        low, high = (f"{end:.3g}" for end in mass.ci95)
+        yield f"Payload in {run}: {mass.value:.4g} kg (95 % interval {low} to {high} kg)."
+
+
+def _row(name: str, declared: str, estimate: Estimate, left: str = "") -> LinkRow:
+    value, spread = interval(estimate.value, *estimate.ci95)
+    return LinkRow(name.replace("/", " "), declared, value, spread, pretty_unit(estimate.unit), left)

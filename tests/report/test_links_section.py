@@ -1,0 +1,48 @@
+"""What the report says of links that were fitted."""
+
+import pytest
+
+from drake_tc.diagnosis.problem.estimates import Estimate
+from drake_tc.diagnosis.result.links import BaseParameter, FittedLinks, LinkEstimate
+from drake_tc.report.links_section import links_section, links_sentence, payload_sentences
+
+
+def estimate(value: float, half: float, unit: str = "kg") -> Estimate:
+    return Estimate(value, unit, (value - half, value + half), False)
+
+
+LINKS = FittedLinks(
+    parameters=(
+        LinkEstimate("upper", "m", 2.0, estimate(2.5, 0.1), 0.05),
+        LinkEstimate("lower", "mx", 0.1, estimate(0.1, 0.2, "kg*m"), 0.98),
+    ),
+    base=(
+        BaseParameter("upper/m +0.5 lower/m", 2.0, estimate(2.5, 0.1), {"upper/m": 1.0, "lower/m": 0.5}),
+        BaseParameter("lower/mx", 0.1, estimate(0.1, 0.2, "kg*m"), {"lower/mx": 1.0}),
+    ),
+    payloads={"loaded": {"m": estimate(2.81, 0.06)}},
+)
+
+
+def test_no_section_where_no_links_were_fitted():
+    assert links_section(None) is None
+
+
+def test_the_sentence_counts_what_differs_from_the_robot_file():
+    assert "2 links" in links_sentence(LINKS) and "2 base parameters, 1 of which" in links_sentence(LINKS)
+
+
+def test_rows_have_value_interval_unit_and_what_is_left_of_the_tolerance():
+    section = links_section(LINKS)
+    assert section is not None
+    (upper, rows), (lower, others) = section.links
+    assert (upper, lower) == ("upper", "lower")
+    assert (rows[0].declared, rows[0].value, rows[0].unit) == ("2.00", "2.50", "kg")
+    assert others[0].unit == "kg·m" and others[0].left.startswith("98")
+    assert section.base[0].name == "upper m +0.5 lower m"
+
+
+@pytest.mark.parametrize("part", ["loaded", "2.81 kg", "2.75 to 2.87 kg"])
+def test_a_payload_is_told_with_its_interval(part):
+    (sentence,) = payload_sentences(LINKS)
+    assert part in sentence
