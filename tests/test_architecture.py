@@ -221,8 +221,8 @@ def _names_and_texts(tree: ast.Module) -> Iterator[str]:
             yield node.value
 
 
-DATA_SETS = ("icub-walking-base", "real-icub")
-"""A public data set and the benchmark on it, which carry a robot's name."""
+DATA_SETS = ("icub-walking-base", "real-icub", "ur10e-calibration", "ur10e")
+"""Public data sets and what reads them, which carry a robot's name."""
 
 
 def test_the_library_names_no_robot():
