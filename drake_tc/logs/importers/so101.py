@@ -4,7 +4,7 @@ The firmware's loop is proportional (P 16, I 0), so the position error tells the
 rad, measured by others on this servo, times a stall torque of 2.9 N m gives 7.7 N m/rad. The current register has no
 sign and its velocity register no resolution: neither is read. The jaw is a fraction of an unknown range: locked.
 
-In 14 of the 25 runs the gripper comes down on the table: where the URDF puts its tip more than 25 mm below the plane of
+In about half of the runs the gripper comes down on the table: where the URDF puts its tip more than 25 mm below the plane of
 the base, the efforts of joints 2 to 4 change by up to 0.15 rad, whatever the direction; above -20 mm they depend on the
 direction alone. The column `free` is 0 below `TABLE`, and `rig_free.yaml` leaves those rows out.
 """
@@ -83,21 +83,26 @@ def tip_height(urdf: str, positions: Mapping[str, FloatArray], source: str) -> F
     Raises:
         LogError: The URDF has no such link.
     """
-    above = {joint.find("child").get("link"): joint for joint in ET.fromstring(urdf).findall("joint")}
+    above = {_link(joint, "child"): joint for joint in ET.fromstring(urdf).findall("joint")}
     if TIP not in above:
         raise LogError(f"{source}: no link {TIP!r}; expected the URDF of the SO-101")
-    size = len(next(iter(positions.values())))
-    point = np.zeros((size, 3))
+    point = np.zeros((len(next(iter(positions.values()))), 3))
     link = TIP
     while link in above:
         joint = above[link]
-        if joint.get("name") in positions:
+        name = joint.get("name", "")
+        if name in positions:
             axis = _numbers(joint.find("axis"), "xyz")
-            point = Rotation.from_rotvec(np.outer(positions[joint.get("name")], axis)).apply(point)
+            point = Rotation.from_rotvec(np.outer(positions[name], axis)).apply(point)
         origin = joint.find("origin")
         point = Rotation.from_euler("xyz", _numbers(origin, "rpy")).apply(point) + _numbers(origin, "xyz")
-        link = joint.find("parent").get("link")
+        link = _link(joint, "parent")
     return np.asarray(point[:, 2])
+
+
+def _link(joint: ET.Element, end: str) -> str:
+    found = joint.find(end)
+    return "" if found is None else found.get("link", "")
 
 
 def _numbers(element: ET.Element | None, name: str) -> FloatArray:

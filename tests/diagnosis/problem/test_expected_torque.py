@@ -1,0 +1,50 @@
+"""The torque that a model expects must not hold the residual of the regression that it is a column of."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.signal import savgol_filter
+
+from drake_tc.diagnosis.data.link_prior import LinkPrior
+from drake_tc.diagnosis.data.preparation import build_samples
+from drake_tc.diagnosis.problem.columns import Columns, Term
+from drake_tc.diagnosis.problem.regression import fit, predict
+from drake_tc.effects.library import effect
+from drake_tc.logs.prepare import load_run
+from drake_tc.logs.rig import parse_rig
+
+GAIN = 0.05
+DECLARED = [Term(effect("viscous")), Term(effect("coulomb"))]
+
+
+@pytest.fixture
+def columns(tmp_path: Path) -> Columns:
+    """A joint without any load whose effort holds a disturbance of 1 to 5 Hz that nothing explains."""
+    t = np.arange(6000) * 0.005
+    q, v = np.sin(1.7 * t) + 0.3 * np.sin(4.1 * t), 1.7 * np.cos(1.7 * t) + 1.23 * np.cos(4.1 * t)
+    white = np.random.default_rng(3).normal(size=t.size)
+    disturbance = savgol_filter(white, 31, 2) * 2.0
+    effort = GAIN * (1.5 * v + 0.8 * np.tanh(50.0 * v) + disturbance)
+    table = pd.DataFrame({"time": t, "j/position": q, "j/position_command": q + effort, "j/torque": np.zeros(t.size)})
+    path = tmp_path / "run.csv"
+    table.to_csv(path, index=False)
+    rig = parse_rig({"joint": "j", "drive": "position_servo", "drive_gain": GAIN})
+    return Columns(build_samples([load_run(path, rig)], rig, "j"), declared_gain=GAIN)
+
+
+def explained_by_backlash(columns: Columns) -> float:
+    plain = fit(columns, DECLARED)
+    known = columns.with_model(plain.terms, plain.beta, servo=True)
+    both = fit(known, [*DECLARED, Term(effect("backlash"))])
+    return 1.0 - float(np.std(predict(known, both)) / np.std(predict(columns, plain)))
+
+
+def test_the_sign_of_the_residual_is_no_column_where_the_effort_is_the_target(columns: Columns) -> None:
+    """The sign of a Gaussian residual explains 1 - sqrt(1 - 2/pi) = 40 % of it, whatever the joint is."""
+    prior = LinkPrior(np.zeros(0), 1.0)
+    fitted = Columns(replace(columns.samples, link_prior=prior), declared_gain=GAIN)
+    assert fitted.effort_is_target
+    assert abs(explained_by_backlash(fitted)) < 0.02
