@@ -48,7 +48,11 @@ SENSORS = {"current_offset": "asymmetric_friction", "late_encoder": "delay"}
 """A sensor's error, and the effect by which the library knows it."""
 ROUND = (*JOINT_EFFECTS, *SENSORS, "", "")
 """One round of cases; "" lacks nothing. Case k is entry k of these rounds without end."""
-OF_LOADED = ("load_dependent_friction", "current_lag", "delay", "late_encoder")
+LATE = ("current_lag", "delay", "late_encoder")
+"""Kinds that need a torque that changes fast: of arms that move fast enough only."""
+FAST = 1.0
+"""Largest speed of such an arm, at least [rad/s]."""
+OF_LOADED = ("load_dependent_friction", *LATE)
 """Kinds that only joints with a changing load show: elsewhere the drive's torque is friction, which hardly changes."""
 RUNS = ("run_1", "run_2", "run_3", "run_held")
 """The last one is held out."""
@@ -94,7 +98,8 @@ def arm_case(number: int, seed: int) -> ArmCase:
     """
     rng = np.random.default_rng([seed, number, 7])
     turn, kind = number // len(ROUND), ROUND[number % len(ROUND)]
-    arm = ARMS[(number + turn) % len(ARMS)]
+    arms = [arm for arm in ARMS if kind not in LATE or max(arm.speed) >= FAST]
+    arm = arms[(number + turn) % len(arms)]
     drive: Literal["current", "position_servo"] = "current"
     if (number + turn) % SERVOS == SERVOS - 1 and kind != "late_encoder":
         drive = "position_servo"
