@@ -52,8 +52,10 @@ LATE = ("current_lag", "delay", "late_encoder")
 """Kinds that need a torque that changes fast: of arms that move fast enough only."""
 FAST = 1.0
 """Largest speed of such an arm, at least [rad/s]."""
-OF_LOADED = ("load_dependent_friction", *LATE)
-"""Kinds that only joints with a changing load show: elsewhere the drive's torque is friction, which hardly changes."""
+OF_LOADED = ("load_dependent_friction", "deadzone", *LATE)
+"""Kinds that only joints with a changing load show. Elsewhere the drive's torque is friction: it hardly changes, and its
+sign is that of the speed, so that a dead zone is Coulomb friction.
+"""
 RUNS = ("run_1", "run_2", "run_3", "run_held")
 """The last one is held out."""
 SECONDS = 30.0
