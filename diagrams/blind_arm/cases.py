@@ -53,8 +53,8 @@ LATE = ("current_lag", "delay", "late_encoder")
 FAST = 1.0
 """Largest speed of such an arm, at least [rad/s]."""
 OF_LOADED = ("load_dependent_friction", "deadzone", *LATE)
-"""Kinds that only joints with a changing load show. Elsewhere the drive's torque is friction: it hardly changes, and its
-sign is that of the speed, so that a dead zone is Coulomb friction.
+"""Kinds that only joints with a changing load show. Elsewhere the torque of the drive is friction: it hardly changes, and
+its sign is that of the speed, so that a dead zone is Coulomb friction.
 """
 RUNS = ("run_1", "run_2", "run_3", "run_held")
 """The last one is held out."""
