@@ -53,8 +53,8 @@ LATE = ("current_lag", "delay", "late_encoder")
 FAST = 1.0
 """Largest speed of such an arm, at least [rad/s]."""
 OF_LOADED = ("load_dependent_friction", "deadzone", *LATE)
-"""Kinds that only joints with a changing load show. Elsewhere the torque of the drive is friction: it hardly changes, and
-its sign is that of the speed, so that a dead zone is Coulomb friction.
+"""Kinds that only joints with a changing load show, LATE that with the largest. Elsewhere the torque of the drive is
+friction: it hardly changes, and its sign is that of the speed, so that a dead zone is Coulomb friction.
 """
 RUNS = ("run_1", "run_2", "run_3", "run_held")
 """The last one is held out."""
@@ -109,9 +109,10 @@ def arm_case(number: int, seed: int) -> ArmCase:
     where, late = "", dict.fromkeys(arm.joints, 0.0)
     if kind:
         among = arm.loaded if kind in OF_LOADED else arm.joints
+        among = arm.loaded[:1] if kind in LATE else among
         where = among[int(rng.integers(len(among)))]
         if kind == "late_encoder":
-            late[where] = float(rng.uniform(0.01, 0.03))
+            late[where] = float(rng.uniform(0.02, 0.04))
         else:
             speed = arm.speed[arm.joints.index(where)]
             joints[where] = _with_effect(kind, joints[where], speed, rng)
@@ -155,7 +156,7 @@ def _with_effect(kind: str, joint: JointTruth, speed: float, rng: np.random.Gene
             "cycles_per_turn": float(rng.integers(20, 60)),
         },
         "current_lag": {"lag": rng.uniform(0.015, 0.04)},
-        "delay": {"delay": rng.uniform(0.01, 0.03)},
+        "delay": {"delay": rng.uniform(0.015, 0.035)},
         "deadzone": {"deadzone": size * joint.gain},
         "asymmetric_friction": {"coulomb_asymmetry": 0.5 * sign * size},
         "current_offset": {"offset": 0.5 * sign * size},
