@@ -67,4 +67,5 @@ def payload_sentences(links: FittedLinks) -> Iterable[str]:
 
 def _row(name: str, declared: str, estimate: Estimate, left: str = "") -> LinkRow:
     value, spread = interval(estimate.value, *estimate.ci95)
-    return LinkRow(name.replace("/", " ").replace(" -", " −"), declared, value, spread, pretty_unit(estimate.unit), left)
+    shown = name.replace("/", " ").replace(" -", " −")
+    return LinkRow(shown, declared, value, spread, pretty_unit(estimate.unit), left)

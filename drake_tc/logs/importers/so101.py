@@ -4,9 +4,9 @@ The firmware's loop is proportional (P 16, I 0), so the position error tells the
 rad, measured by others on this servo, times a stall torque of 2.9 N m gives 7.7 N m/rad. The current register has no
 sign and its velocity register no resolution: neither is read. The jaw is a fraction of an unknown range: locked.
 
-In about half of the runs the gripper comes down on the table: where the URDF puts its tip more than 25 mm below the plane of
-the base, the efforts of joints 2 to 4 change by up to 0.15 rad, whatever the direction; above -20 mm they depend on the
-direction alone. The column `free` is 0 below `TABLE`, and `rig_free.yaml` leaves those rows out.
+In about half of the runs the gripper comes down on the table: where the URDF puts its tip more than 25 mm below the
+plane of the base, the efforts of joints 2 to 4 change by up to 0.15 rad, whatever the direction; above -20 mm they
+depend on the direction alone. The column `free` is 0 below `TABLE`, and `rig_free.yaml` leaves those rows out.
 """
 
 import xml.etree.ElementTree as ET

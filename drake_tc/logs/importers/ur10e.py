@@ -58,7 +58,7 @@ def convert(src: Path, out: Path) -> tuple[Path, ...]:
         "declared": ["rotor_inertia"],
         "drive_gain": {joint: round(1.0 / constant, 6) for joint, constant in TORQUE_PER_AMPERE.items()},
     }
-    head = "UR10e, motor currents\ndrive_gain [A/(N m)]: the controller's own torque over current at standstill"
+    head = "Six-joint arm, motor currents\ndrive_gain [A/(N m)]: the controller's own torque over current at standstill"
     rigs = [write_rig(document, out / "rig.yaml", head)]
     if LOADED_RUN in names:
         loaded = document | {"load": {"robot": "fitted", "unknown_payload": [LOADED_RUN]}}
