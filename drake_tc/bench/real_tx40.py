@@ -13,7 +13,7 @@ from drake_tc.diagnosis.arm import ArmHeldOut, declare, declared_friction, every
 from drake_tc.diagnosis.problem.arm.rows import ArmRows, JointLog, arm_rows
 from drake_tc.diagnosis.problem.arm.shafts import Axis, motor_axes
 from drake_tc.logs.importers.files import find
-from drake_tc.logs.importers.staubli import JOINTS, PERIOD, convert
+from drake_tc.logs.importers.staubli import AVERAGED, JOINTS, PERIOD, convert
 from drake_tc.logs.readers import read_table
 from drake_tc.robot.plant import make_plant
 from drake_tc.robot.rigid_regressor import LinkTree, link_tree, regressor
@@ -24,8 +24,6 @@ DATA_SET = "staubli-tx40"
 PUBLISHED = (0.060, 0.088, 0.100, 0.108, 0.127, 0.156)
 """In-sample shares of each joint's torque that the declared model leaves, in the README of the data set."""
 WANTED = 0.6
-AVERAGED = 5
-"""Samples of 0.2 ms averaged to one, of all channels alike."""
 WIDTH = 0.028
 """Width of the kernel that everything passes twice [s]: together as narrow as the published 40 ms filter."""
 SLOWEST = 0.05
@@ -77,11 +75,9 @@ def rows_of(data: Path) -> tuple[ArmRows, FloatArray]:
         table = read_table(Path(scratch) / "trajectory.parquet")
     position, torque = (
         np.column_stack([table[f"{joint}/{name}"].to_numpy(float) for joint in JOINTS])
-        for name in ("position", "current")
+        for name in ("position", "torque_command")
     )
-    size = len(position) // AVERAGED * AVERAGED
-    position, torque = (x[:size].reshape(-1, AVERAGED, len(JOINTS)).mean(axis=1) for x in (position, torque))
-    log = JointLog("trajectory", PERIOD * AVERAGED, position, torque)
+    log = JointLog("trajectory", PERIOD * AVERAGED, position, torque @ MOTOR_TURNS)
     return arm_rows([log], shafts(), lambda q, v, a: regressor(tree, q, v, a), (WIDTH, WIDTH), SLOWEST)
 
 

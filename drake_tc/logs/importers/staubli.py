@@ -1,8 +1,8 @@
 """Staubli TX40: one exciting trajectory of six joints at 5 kHz, motor angles and motor torques.
 
-q = R^-1 q_motor and tau = T tau_motor, with the gear ratios on both diagonals, R[6,5] = T[5,6] = 32 for the
-coupling of the wrist, and the offsets of joints 2 and 3. The motor torque is the drive's effort (current times its
-constant): `<joint>/current` holds the ideal joint torque T tau_motor, in N m at the joint instead of A.
+q = R^-1 q_motor, with the gear ratios on the diagonal, R[6,5] = 32 for the coupling of the wrist, and the offsets of
+joints 2 and 3. The motor torque is the drive's effort (current times its constant): `<joint>/torque_command` holds it
+times the motor's gear ratio, in N m at the output. Five samples are averaged to one, which leaves 1 kHz.
 """
 
 from pathlib import Path
@@ -10,10 +10,11 @@ from pathlib import Path
 import numpy as np
 
 from drake_tc.errors import LogError
-from drake_tc.logs.importers.files import find, floats, read_table, write_log
-from drake_tc.logs.rig import parse_rig, save_rig
+from drake_tc.logs.importers.files import find, floats, read_table, read_text, write_log, write_rig, write_robot
+from drake_tc.types import FloatArray
 
 PERIOD = 2e-4
+AVERAGED = 5
 RATIOS = np.diag([32.0, 32.0, 45.0, -48.0, 45.0, 32.0])
 COUPLING = 32.0
 OFFSETS = np.array([0.0, -np.pi / 2, np.pi / 2, 0.0, 0.0, 0.0])
@@ -21,11 +22,12 @@ JOINTS = tuple(f"joint_{i}" for i in range(1, 7))
 
 
 def convert(src: Path, out: Path) -> tuple[Path, ...]:
-    """Write `trajectory.parquet` and `rig.yaml`.
+    """Write `trajectory.parquet`, the robot and `rig.yaml`.
 
     Raises:
-        LogError: The two files are not in `src`, have other columns, or differ in length.
+        LogError: The two files or the URDF are not in `src`, have other columns, or differ in length.
     """
+    urdf = read_text(find(src, "*.urdf*")[0])
     motor = []
     for name in ("pos_read_data", "curr_data"):
         path = find(src, f"{name}.csv*")[0]
@@ -34,15 +36,29 @@ def convert(src: Path, out: Path) -> tuple[Path, ...]:
     angles, torques = motor
     if angles.shape != torques.shape:
         raise LogError(f"{src}: {len(angles)} rows of positions and {len(torques)} of torques; wanted as many of each")
-    to_motor, to_joint = RATIOS.copy(), RATIOS.copy()
+    to_motor = RATIOS.copy()
     to_motor[5, 4] = COUPLING
-    to_joint[4, 5] = COUPLING
-    position = np.linalg.solve(to_motor, angles.T).T + OFFSETS
-    effort = torques @ to_joint.T
-    columns = {"time": np.arange(len(position)) * PERIOD}
+    position = _averaged(np.linalg.solve(to_motor, angles.T).T + OFFSETS)
+    effort = _averaged(torques @ RATIOS)
+    columns = {"time": np.arange(len(position)) * AVERAGED * PERIOD}
     for i, joint in enumerate(JOINTS):
-        columns |= {f"{joint}/position": position[:, i], f"{joint}/current": effort[:, i]}
+        columns |= {f"{joint}/position": position[:, i], f"{joint}/torque_command": effort[:, i]}
     write_log(columns, out / "trajectory.parquet")
-    document = {"joints": list(JOINTS), "drive": "current", "load": "unknown", "units": {"position": "rad"}}
-    comment = "Staubli TX40\ncurrent is the motor torque times the gear ratio: N m at the joint, not A"
-    return (save_rig(parse_rig(document), out / "rig.yaml", comment),)
+    write_robot(urdf, "arm", "base_link", JOINTS, out)
+    document = {
+        "robot": "robot.yaml",
+        "drive": "torque",
+        "drive_gain": 1.0,
+        "load": {"robot": "fitted"},
+        "coupled": {JOINTS[5]: {JOINTS[4]: COUPLING / RATIOS[5, 5]}},
+        "declared": ["rotor_inertia"],
+        "units": {"position": "rad"},
+    }
+    comment = "Staubli TX40\ntorque_command is the motor torque times the gear ratio"
+    return (write_rig(document, out / "rig.yaml", comment),)
+
+
+def _averaged(samples: FloatArray) -> FloatArray:
+    """(T // 5, n) means of five neighbours each."""
+    size = len(samples) // AVERAGED * AVERAGED
+    return np.asarray(samples[:size].reshape(-1, AVERAGED, samples.shape[1]).mean(axis=1))
