@@ -30,7 +30,6 @@ from drake_tc.diagnosis.selection.shared import active
 from drake_tc.errors import IdentificationError
 from drake_tc.logs.record import Run
 from drake_tc.robot.link_parameters import LinkModel
-from drake_tc.types import FloatArray
 
 WIDER = (1.6, 2.5, 4.0, 6.3, 10.0)
 """Widths of the filters that are tried, over that which the encoders' noise asks for."""
@@ -48,21 +47,30 @@ class _Links:
 
     Attributes:
         rows: Training rows of all joints. fitted: all together.
-        declared: (p,) the robot file's values of the parameters that are fitted; 0 of payloads.
     """
 
     rows: tuple[JointRows, ...]
     fitted: StackedFit
-    declared: FloatArray
 
     def sides(self, case: RobotCase) -> tuple[list[Run], list[Run], dict[str, LinkPrior]]:
         """Both sides' runs at this estimate, with what the other joints leave open, and each joint's prior of it."""
-        opened = open_directions(self.rows, self.fitted, self.declared - self.fitted.delta)
+        opened = open_directions(self.rows, self.fitted)
         train, held = (
             with_open_directions(runs, case.causes, self.fitted, list(opened.values()))
             for runs in case.without(self.fitted)
         )
         return train, held, {joint: each.prior for joint, each in opened.items()}
+
+    def held_at(self, case: RobotCase) -> RobotCase:
+        """The case with the drive gains of this estimate where none is declared, for joints by themselves.
+
+        A joint by itself could shrink the links, its friction and 1/K by one factor, or take its load away by an effect
+        of the opposite sign, and its residual in torque with them. All joints together are protected (`stacked`).
+        """
+        gains = {
+            r.joint: 1.0 / max(r.stiffness(beta), 1e-12) for r, beta in zip(self.rows, self.fitted.beta, strict=True)
+        }
+        return replace(case, rig=replace(case.rig, drive_gain=gains | dict(case.rig.drive_gain)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +103,7 @@ def diagnose_fitted(case: RobotCase, model: LinkModel) -> RobotResult:
     case, raw, first = start.case, start.prepared, start.links
     links = _searched(case, raw, first)
     train, held, priors = links.sides(case)
-    made = case.diagnose(train, held, joints, priors)
+    made = links.held_at(case).diagnose(train, held, joints, priors)
     own = {joint: OwnModel.of(Columns(result.train.samples), result.final) for joint, result in made.items()}
     links = _fitted(raw, own, case.causes)
     before = case.without(first.fitted)
@@ -148,7 +156,7 @@ def _searched(case: RobotCase, raw: Mapping[str, Prepared], links: _Links) -> _L
     # Where no joint lacks anything, the links are those of the declared models, and another round finds the same.
     seen = [{joint: frozenset(t.effect.key for t in prepared.terms) for joint, prepared in raw.items()}]
     for _ in range(MOST_ROUNDS):
-        own = case.search(*links.sides(case))
+        own = links.held_at(case).search(*links.sides(case))
         keys = {joint: frozenset(t.effect.key for t in model.terms) for joint, model in own.items()}
         links = _fitted(raw, own, case.causes)
         if keys in seen:
@@ -162,5 +170,4 @@ def _fitted(raw: Mapping[str, Prepared], own: Mapping[str, OwnModel], causes: Ca
     columns = {joint: prepared.train for joint, prepared in raw.items()}
     terms = {joint: model.terms for joint, model in own.items()}
     rows = stack(columns, terms, causes, {joint: model.design for joint, model in own.items()})
-    fitted = fit_stacked(rows, *active(causes.causes, ()))
-    return _Links(rows, fitted, causes.declared()[fitted.columns])
+    return _Links(rows, fit_stacked(rows, *active(causes.causes, ())))

@@ -59,7 +59,6 @@ class Cause:
         columns: Its places among all columns.
         tolerance: (p,) standard deviations that its sensor's data sheet or owner gives the parameters; empty where
             nothing is known of them (a link's mass).
-        declared: (p,) the robot file's values where the parameters are a link's own; empty where they are deviations.
     """
 
     id: str
@@ -68,7 +67,6 @@ class Cause:
     units: tuple[str, ...]
     columns: slice
     tolerance: tuple[float, ...] = ()
-    declared: tuple[float, ...] = ()
 
     @property
     def key(self) -> str:
@@ -124,10 +122,6 @@ class CauseColumns:
     joints: tuple[str, ...]
     pieces: Mapping[str, tuple[Piece, ...]]
 
-    def declared(self) -> FloatArray:
-        """(P,) of all columns: the robot file's values of links' parameters, 0 of all others."""
-        return np.concatenate([c.declared or np.zeros(c.size) for c in self.causes])
-
     def of(self, run: str, joint: str, time: FloatArray) -> FloatArray:
         """(T, P) at times since the start of a run [s]; 0 outside its usable stretches."""
         j = self.joints.index(joint)
@@ -144,25 +138,16 @@ def list_causes(logs: RobotLogs, structure: Structure, rig: Rig) -> tuple[Cause,
     """Every cause that this robot's torques can have, with the rig's tolerances."""
     found: list[Cause] = []
 
-    def add(
-        name: str,
-        where: str,
-        parts: Sequence[tuple[str, str]],
-        tolerance: Sequence[float] = (),
-        declared: Sequence[float] = (),
-    ) -> None:
+    def add(name: str, where: str, parts: Sequence[tuple[str, str]], tolerance: Sequence[float] = ()) -> None:
         first = found[-1].columns.stop if found else 0
         names, units = zip(*parts, strict=True)
-        place = slice(first, first + len(parts))
-        found.append(Cause(name, where, names, units, place, tuple(tolerance), tuple(declared)))
+        found.append(Cause(name, where, names, units, slice(first, first + len(parts)), tuple(tolerance)))
 
     load = next(iter(rig.load.values()))
     if logs.links is not None and isinstance(load, RobotLoad):
         spread = logs.links.deviations(load.tolerance).reshape(-1, len(UNITS))
-        own = logs.links.nominal.reshape(spread.shape)
-        for name, each, value in zip(logs.links.tree.links, spread, own, strict=True):
-            parts = list(zip(LINK_PARAMETERS, UNITS, strict=True))
-            add(LINK_PARAMETERS_ID, name, parts, each.tolist(), value.tolist())
+        for name, each in zip(logs.links.tree.links, spread, strict=True):
+            add(LINK_PARAMETERS_ID, name, list(zip(LINK_PARAMETERS, UNITS, strict=True)), each.tolist())
         for run in load.payload:
             spread_of = logs.links.payload_deviations.tolist()
             add(PAYLOAD_ID, run, list(zip(LINK_PARAMETERS, UNITS, strict=True)), spread_of)

@@ -5,11 +5,6 @@ file know N(m_j, S_j) of them (`stacked.from_others`). With S_j = A A', the join
 delta_0 has the columns C_j A and coefficients u ~ N(A^-1 (m_j - delta_0), I): least squares with this prior gives the
 joint the errors and evidence that all joints together would give it, their own effects as they are. Directions along
 which C_j A is far below the joint's noise are left out.
-
-Where the drive's gain is fitted, a joint by itself could shrink the links' parameters pi, its friction and 1/K by one
-factor, and its residual in torque with them. All joints together are protected against this (`stacked`). Here the load
-C_j pi keeps the scale of the common estimate: only changes of the load at right angles to it are open, pi' C_j' C_j A u
-= 0. Nothing is lost by that, as every solution times a factor is one.
 """
 
 from collections.abc import Mapping, Sequence
@@ -42,18 +37,17 @@ class OpenDirections:
     prior: LinkPrior
 
 
-def open_directions(rows: Sequence[JointRows], fitted: StackedFit, weights: FloatArray) -> Mapping[str, OpenDirections]:
+def open_directions(rows: Sequence[JointRows], fitted: StackedFit) -> Mapping[str, OpenDirections]:
     """By joint, what the others leave open.
 
     Args:
         rows: Training rows of all joints, with their models so far.
         fitted: All joints together.
-        weights: (p,) pi of the common estimate: C_j pi is the load of joint j.
     """
-    return {r.joint: _of_joint(rows, fitted, weights, j) for j, r in enumerate(rows)}
+    return {r.joint: _of_joint(rows, fitted, j) for j, r in enumerate(rows)}
 
 
-def _of_joint(rows: Sequence[JointRows], fitted: StackedFit, weights: FloatArray, number: int) -> OpenDirections:
+def _of_joint(rows: Sequence[JointRows], fitted: StackedFit, number: int) -> OpenDirections:
     mine = rows[number]
     mean, covariance = from_others(rows, fitted, number)
     scale = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
@@ -61,23 +55,13 @@ def _of_joint(rows: Sequence[JointRows], fitted: StackedFit, weights: FloatArray
     root = np.sqrt(np.maximum(size, 1e-12))
     mix = scale[:, None] * turn * root
     towards = ((mean - fitted.delta) / scale) @ turn / root
-    seen = mine.shared[:, fitted.columns]
-    if mine.held is None:
-        rest = _complement((seen @ weights) @ (seen @ mix))
-        mix, towards = mix @ rest, towards @ rest
-    columns = seen @ mix
+    columns = mine.shared[:, fitted.columns] @ mix
     strength, directions = np.linalg.eigh(columns.T @ columns / len(columns))
     noise = float(fitted.sigma[number])
     kept = strength > (NEGLIGIBLE * noise) ** 2
     share = max(float(fitted.effective[number]), 1e-6)
     prior = LinkPrior(mean=-(towards @ directions[:, kept]), precision=noise**2 / share)
     return OpenDirections(mine.joint, mix @ directions[:, kept], prior)
-
-
-def _complement(direction: FloatArray) -> FloatArray:
-    """(p, p - 1) orthonormal directions at right angles to one (p,)."""
-    turned, _ = np.linalg.qr(np.column_stack([direction, np.eye(direction.size)]))
-    return np.asarray(turned[:, 1:])
 
 
 def with_open_directions(
