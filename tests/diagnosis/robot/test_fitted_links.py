@@ -172,3 +172,26 @@ def test_a_floating_base_is_refused(arm):
     (folder / "floating.yaml").write_text(yaml.safe_dump(robot), encoding="utf-8")
     with pytest.raises(ParamsError, match="got a floating one"):
         close_loop(rig_file(folder, robot="floating.yaml"), logs, [held], DiagnosisOptions(assess_residual=False))
+
+
+def test_drives_of_unknown_gain_keep_one_scale(arm, tmp_path):
+    """Nothing but the links' tolerance tells the scale, so all friction is off by one factor near 1."""
+    folder, logs, held = arm
+    for log in (*logs[:2], held):
+        columns = dict(np.load(log))
+        for joint in JOINTS:
+            columns[f"{joint}/position_command"] = columns[f"{joint}/position"] + 0.01 * columns.pop(f"{joint}/current")
+        np.savez(tmp_path / log.name, **columns)
+    for name in ("arm.urdf", "arm.yaml"):
+        (tmp_path / name).write_text((folder / name).read_text(encoding="utf-8"), encoding="utf-8")
+    rig = {key: value for key, value in RIG.items() if key != "drive_gain"} | {"drive": "position_servo"}
+    (tmp_path / "rig.yaml").write_text(yaml.safe_dump(rig), encoding="utf-8")
+    runs = [tmp_path / log.name for log in logs[:2]]
+    result = close_loop(tmp_path / "rig.yaml", runs, [tmp_path / held.name], DiagnosisOptions(assess_residual=False))
+    assert [effect.id for joint in result.joints.values() for effect in joint.effects] == []
+    for name, true in (("viscous", VISCOUS), ("coulomb", COULOMB)):
+        found = [result.joints[joint].final_parameters[name][name] for joint in JOINTS]
+        ratio = np.array([e.value for e in found]) / true
+        assert_allclose(ratio[1:], ratio[1], rtol=0.03)  # the first joint's scale rests on inertia alone
+        assert_allclose(ratio, 1.0, atol=0.3)
+        assert all(e.ci95[0] <= value <= e.ci95[1] for e, value in zip(found, true, strict=True))
