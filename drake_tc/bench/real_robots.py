@@ -167,7 +167,7 @@ def table_rows(case: RobotCase, joints: Sequence[HeldOut]) -> list[RealRow]:
 def _payload_rows(case: RobotCase, result: CloseLoopResult) -> list[RealRow]:
     if not case.payload or result.links is None:
         return []
-    mass = result.links.payloads[case.payload]["mass"]
+    mass = result.links.payloads[case.payload]["m"]
     note = f"95 % interval {mass.ci95[0]:.3g} to {mass.ci95[1]:.3g} kg"
     within = PAYLOAD_TOLERANCE * PAYLOAD
     return [RealRow(f"{case.data_set}/{case.case}/payload", mass.value, "kg", PAYLOAD, "within", within, note)]
