@@ -134,7 +134,7 @@ def rows(
             scratch = Path(folder)
             logs = import_set(chosen, data, scratch)
             result, joints = held_out(case_files(chosen, entry, logs, scratch))
-        out += table_rows(case, joints) + _payload_rows(case, result)
+        out += table_rows(case, joints) + payload_rows(case, result)
     progress("done", 1.0)
     return out
 
@@ -164,7 +164,8 @@ def table_rows(case: RobotCase, joints: Sequence[HeldOut]) -> list[RealRow]:
     ]
 
 
-def _payload_rows(case: RobotCase, result: CloseLoopResult) -> list[RealRow]:
+def payload_rows(case: RobotCase, result: CloseLoopResult) -> list[RealRow]:
+    """The mass of the known load, where the case has one."""
     if not case.payload or result.links is None:
         return []
     mass = result.links.payloads[case.payload]["m"]

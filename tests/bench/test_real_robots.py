@@ -1,11 +1,17 @@
 """`bench real-robots`: the plain least squares it compares with, and what its table says is met."""
 
+from types import SimpleNamespace
+from typing import cast
+
 import numpy as np
 from numpy.testing import assert_allclose
 
 from drake_tc.bench.pooled_least_squares import PlainRows, fit_and_predict
 from drake_tc.bench.real_logs import chosen_sets
-from drake_tc.bench.real_robots import CASES, HeldOut, RobotCase, table_rows
+from drake_tc.bench.real_robots import CASES, HeldOut, RobotCase, payload_rows, table_rows
+from drake_tc.diagnosis.problem.estimates import Estimate
+from drake_tc.diagnosis.result.links import FittedLinks
+from drake_tc.diagnosis.result.rig_result import CloseLoopResult
 
 
 def made_up(rng: np.random.Generator, size: int, noise: tuple[float, float]) -> dict[str, PlainRows]:
@@ -51,6 +57,14 @@ def test_the_table_pools_torque_and_flags_a_joint_above_least_squares() -> None:
     assert rows["set/case/all_joints/ratio"].met is True
     assert_allclose(rows["set/case/all_joints/mean_ratio"].value, np.sqrt(0.75 * 2.0))
     assert "README, in its own filter: 9" in rows["set/case/a/least_squares"].note
+
+
+def test_the_payload_is_met_within_three_percent() -> None:
+    mass = Estimate(2.75, "kg", (2.7, 2.8), False)
+    result = cast(CloseLoopResult, SimpleNamespace(links=FittedLinks((), (), {"run": {"m": mass}})))
+    (row,) = payload_rows(RobotCase("set", "case", payload="run"), result)
+    assert row.met is True and row.value == 2.75
+    assert payload_rows(RobotCase("set", "case"), result) == []
 
 
 def test_every_case_is_one_of_the_committed_ones() -> None:
