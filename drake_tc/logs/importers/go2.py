@@ -48,7 +48,7 @@ def convert(src: Path, out: Path) -> tuple[Path, ...]:
         "drive": "position_servo",
         "load": {"robot": "fitted"},
         "units": {"position": "rad"},
-        "declared": ["rotor_inertia"],
+        "declared": ["rotor_inertia", "asymmetric_friction"],
         "drive_gain": 1.0 / STIFFNESS,
     }
     comment = "Go2 hanging by its trunk, taken as level\ndrive_gain [rad/(N m)]: 1/Kp; Kd shows as viscous friction"

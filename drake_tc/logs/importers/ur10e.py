@@ -55,7 +55,7 @@ def convert(src: Path, out: Path) -> tuple[Path, ...]:
         "drive": "current",
         "load": {"robot": "fitted"},
         "units": {"position": "rad"},
-        "declared": ["rotor_inertia"],
+        "declared": ["rotor_inertia", "asymmetric_friction"],
         "drive_gain": {joint: round(1.0 / constant, 6) for joint, constant in TORQUE_PER_AMPERE.items()},
     }
     head = "Six-joint arm, motor currents\ndrive_gain [A/(N m)]: the controller's own torque over current at standstill"
