@@ -26,6 +26,12 @@ class Saturation(DriveEffect):
     shapes = (Parameter("limit", "effort", 0.0, default=np.inf, description="largest effort L", plausible=LIMIT_RANGE),)
     signature = Signature(x="effort", split="", look_for="a line that bends at the same effort on both sides")
 
+    def obstacle(self, context: Context) -> str:
+        """Not where links are fitted: in a joint with little load, friction explains an effort cut down to its sign."""
+        if context.load == "links":
+            return "the links are fitted to the efforts, and a limit would explain an effort by cutting it off"
+        return super().obstacle(context)
+
     def shape_grid(self, context: Context) -> list[dict[str, float]]:
         """Limits from a fifth of the largest effort up to it."""
         largest = max(abs(context.effort_span[0]), abs(context.effort_span[1]))
