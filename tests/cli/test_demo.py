@@ -99,6 +99,6 @@ def test_the_readme_shows_what_the_demo_prints(tmp_path):
         text=True,
     )
     printed = " ".join(ran.stdout.split())
-    assert len(shown) == 8
+    assert len(shown) == 9
     for line in shown:
         assert " ".join(line.split()) in printed
