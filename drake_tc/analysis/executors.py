@@ -1,10 +1,11 @@
 """Where a sweep runs: processes of this machine that come back when one dies, or a Dask cluster."""
 
+import signal
 from collections.abc import Callable, Iterator
 from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
-from multiprocessing import get_context
+from multiprocessing import active_children, get_context
 from typing import Any, TypeVar
 
 from threadpoolctl import threadpool_limits
@@ -34,14 +35,16 @@ class RestartingProcesses(Executor):
         self._pool = self._fresh()
 
     def _fresh(self) -> ProcessPoolExecutor:
-        one_thread = {"initializer": threadpool_limits, "initargs": (1,)}
-        return ProcessPoolExecutor(self.workers, mp_context=get_context("spawn"), **one_thread)
+        return ProcessPoolExecutor(
+            self.workers, mp_context=get_context("spawn"), initializer=threadpool_limits, initargs=(1,)
+        )
 
     def submit(self, fn: Callable[..., T], /, *args: Any, **kwargs: Any) -> Future[T]:
         """As `Executor.submit`; a pool that has broken, or breaks meanwhile, gives a future that says so."""
         broken: Future[T] = Future()
         try:
-            return self._pool.submit(fn, *args, **kwargs)
+            with _deaf_to_interrupts():
+                return self._pool.submit(fn, *args, **kwargs)
         except BrokenExecutor as error:
             broken.set_exception(error)
         except OSError as error:  # a process died while the next one was being started: its pipes are closed
@@ -60,18 +63,36 @@ class RestartingProcesses(Executor):
 
 @contextmanager
 def processes(workers: int) -> Iterator[RestartingProcesses]:
-    """Worker processes for `sweep`, ended on the way out, also after an interrupt.
+    """Worker processes, ended on the way out; after an exception or an interrupt at once, whatever they compute.
 
     Spawned, not forked: a script that uses them guards its own start by `if __name__ == "__main__":`.
 
     Raises:
         ParamsError: less than one worker.
     """
+    before = set(active_children())
     pool = RestartingProcesses(workers)
     try:
         yield pool
+    except BaseException:
+        for worker in set(active_children()) - before:
+            worker.terminate()
+        raise
     finally:
         pool.shutdown(cancel_futures=True)
+
+
+@contextmanager
+def _deaf_to_interrupts() -> Iterator[None]:
+    """Processes that are started within the block never see SIGINT: it is the caller's to handle, who ends them.
+
+    The caller gets an interrupt of the meantime when the block ends.
+    """
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 @contextmanager

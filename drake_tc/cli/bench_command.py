@@ -3,8 +3,6 @@
 import json
 import os
 import sys
-from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Annotated
 
@@ -12,6 +10,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from drake_tc.analysis.executors import processes
 from drake_tc.bench.real_rows import RealRow, rows_json
 from drake_tc.cli.bench_arms_command import bench_arms
 from drake_tc.cli.bench_close_loop_command import bench_close_loop
@@ -85,7 +84,7 @@ def bench_real_bam(data: Data, as_json: AsJson = False) -> None:
 
     with (
         progress_bar("bench real-bam", quiet=as_json) as progress,
-        ProcessPoolExecutor(os.cpu_count() or 1, mp_context=get_context("spawn")) as pool,
+        processes(os.cpu_count() or 1) as pool,
     ):
         rows = real_bam_rows(data, rig_free_run, progress, pool)
     _real("real-bam", rows, as_json)

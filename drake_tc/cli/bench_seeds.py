@@ -3,13 +3,13 @@
 import os
 import tempfile
 from collections.abc import Callable, Sequence
-from concurrent.futures import Executor, ProcessPoolExecutor
-from multiprocessing import get_context
+from concurrent.futures import Executor
 from pathlib import Path
 from typing import Annotated, TypeVar
 
 import typer
 
+from drake_tc.analysis.executors import processes
 from drake_tc.cli.progress import progress_bar
 
 Report = Callable[[str, float], None]
@@ -46,7 +46,7 @@ def by_seed(
     with (
         tempfile.TemporaryDirectory() as scratch,
         progress_bar(title, quiet=quiet) as progress,
-        ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool,
+        processes(jobs) as pool,
     ):
         root = out or Path(scratch)
         for done, seed in enumerate(chosen):

@@ -2,13 +2,14 @@
 
 import json
 import sys
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 import typer
 
-from drake_tc.cli.out_files import ready_file
+from drake_tc.cli.out_files import Force, result_file
 from drake_tc.cli.progress import progress_bar
 from drake_tc.cli.wide_table import print_wide
 from drake_tc.errors import ParamsError
@@ -37,6 +38,7 @@ def bode_command(
     scenario_text: Annotated[str | None, typer.Option(help="YAML of fields to change.")] = None,
     seed: Annotated[int | None, typer.Option(min=0, help="Seed instead of the scenario's.")] = None,
     plot: Annotated[Path | None, typer.Option(help="File for the Bode plot (PNG, SVG or PDF).")] = None,
+    force: Force = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the figures as JSON.")] = False,
 ) -> None:
     """Swept-sine Bode table between two ports of a diagram, beside the prediction of its linearisation.
@@ -51,26 +53,25 @@ def bode_command(
 
     if not 0.0 < lowest <= highest < np.inf:
         raise ParamsError(f"bode: wanted 0 < --from <= --to [Hz]; got {lowest:g} and {highest:g}")
-    if plot is not None:
-        if plot.suffix.lower() not in (".png", ".svg", ".pdf"):
-            raise ParamsError(f"bode: wanted --plot FILE.png, .svg or .pdf; got {plot}")
-        ready_file(plot, "--plot")
+    if plot is not None and plot.suffix.lower() not in (".png", ".svg", ".pdf"):
+        raise ParamsError(f"bode: wanted --plot FILE.png, .svg or .pdf; got {plot}")
     entry = runnable(diagram)
     scenario = entry.scenario(scenario_name, scenario_file, scenario_text).changed(seed=seed)
     sweep = Sweep(tuple(np.geomspace(lowest, highest, points).tolist()), amplitude, settle, measure)
     wanted = BodeWanted(entry, scenario, (channel(input), channel(output)), at, sweep, prediction)
-    with progress_bar(f"bode {diagram}", quiet=as_json) as progress:
+    place = nullcontext() if plot is None else result_file(plot, "--plot", inputs=[scenario_file], force=force)
+    with place as drawn, progress_bar(f"bode {diagram}", quiet=as_json) as progress:
         found = find(wanted, progress)
+        if drawn is not None:
+            _plot(found, f"{diagram}: {output} over {input}", drawn)
     if as_json:
         print(json.dumps({"diagram": diagram, "input": input, "output": output, "at": at, **found.to_json()}))
     else:
         _print(found)
     for note in found.notes:
         print(f"bode: {note}", file=sys.stderr)
-    if plot is not None:
-        _plot(found, f"{diagram}: {output} over {input}", plot)
-        if not as_json:
-            print(plot)
+    if plot is not None and not as_json:
+        print(plot)
 
 
 def _print(found: "BodeFound") -> None:
@@ -95,11 +96,7 @@ def _cells(row: dict[str, Any]) -> tuple[str, ...]:
 
 
 def _plot(found: "BodeFound", title: str, path: Path) -> None:
-    """Magnitude and phase, measured as dots, predicted as lines.
-
-    Raises:
-        ParamsError: a file that cannot be written.
-    """
+    """Magnitude and phase, measured as dots, predicted as lines."""
     from matplotlib.figure import Figure
 
     from drake_tc.report.bode_plot import draw_bode
@@ -107,7 +104,4 @@ def _plot(found: "BodeFound", title: str, path: Path) -> None:
     figure = Figure(figsize=(8.0, 6.0), layout="constrained")
     curves = {"measured": found.measured} | ({} if found.predicted is None else {"linear": found.predicted})
     draw_bode(figure, curves, title)
-    try:
-        figure.savefig(path, dpi=120)
-    except OSError as error:
-        raise ParamsError(f"{path}: cannot be written: {error.strerror or error}") from None
+    figure.savefig(path, dpi=120)

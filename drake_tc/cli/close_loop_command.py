@@ -3,9 +3,8 @@
 import json
 import math
 import sys
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Callable
 from dataclasses import replace
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Annotated
 
@@ -14,6 +13,8 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from drake_tc.analysis.executors import processes
+from drake_tc.cli.out_files import Force, result_folder
 from drake_tc.cli.progress import progress_bar
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.problem.estimates import Estimate
@@ -26,6 +27,16 @@ from drake_tc.errors import LogError
 from drake_tc.report.links_section import links_sentence, payload_sentences
 from drake_tc.report.refinement_section import refinement_sentence
 from drake_tc.report.words import REASONS, VERDICTS, capital, ranked_effects, unexplained, warnings
+
+FILES = (
+    "report.html",
+    "report.json",
+    "model_before.yaml",
+    "model_after.yaml",
+    "model_refined.yaml",
+    "torque_uncertainty.yaml",
+)
+"""What the command writes; the refined model only where refining made free runs better."""
 
 
 def close_loop_command(
@@ -41,39 +52,54 @@ def close_loop_command(
             help="Simulate the torque loop before and after (an upper bound: the plant is the model after).",
         ),
     ] = True,
+    force: Force = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print report.json to stdout instead of the tables.")] = False,
 ) -> None:
     """Find what a joint's model lacks, add it, and report the error before and after.
 
     Without --rig, a demo: a simulated bench whose model lacks something is recorded first.
     """
-    with progress_bar("close-loop", quiet=as_json) as progress:
+    if rig is None and (log or holdout):
+        raise LogError("--log and --holdout need --rig RIG.yaml, which says what the logs show")
+    if rig is not None and not (log and holdout):
+        raise LogError(
+            "expected at least one --log RUN to fit and one --holdout RUN to judge by; got "
+            f"{len(log or [])} and {len(holdout or [])}"
+        )
+    from drake_tc.diagrams.before_after.comparison import compare_loops
+    from drake_tc.diagrams.bench.rig_free_run import rig_free_run
+
+    read = [rig, *(log or []), *(holdout or [])]
+    with (
+        result_folder(out, "--out", names=FILES, inputs=read, force=force, error=LogError) as folder,
+        progress_bar("close-loop", quiet=as_json) as progress,
+        processes(2) as pool,
+    ):
         if rig is None:
-            if log or holdout:
-                raise LogError("--log and --holdout need --rig RIG.yaml, which says what the logs show")
-            from drake_tc.cli.demo import record_demo
-
-            progress("recording a demo bench", 0.0)
-            rig, log, holdout = record_demo(out / "demo_logs", seed)
-        if not log or not holdout:
-            raise LogError(
-                "wanted at least one --log RUN to fit and one --holdout RUN to judge by; got "
-                f"{len(log or [])} and {len(holdout or [])}"
-            )
-        from drake_tc.diagrams.before_after.comparison import compare_loops
-        from drake_tc.diagrams.bench.rig_free_run import rig_free_run
-
-        with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
-            result = close_loop(rig, log, holdout, replace(DiagnosisOptions(), seed=seed), rig_free_run, progress, pool)
-            if closed_loop:
-                found = compare_loops(result, seed, progress, pool)
-                result = replace(result, closed_loop=found, seconds=result.seconds + found.seconds)
+            rig, log, holdout = _demo(out / "demo_logs", seed, force, progress)
+        options = replace(DiagnosisOptions(), seed=seed)
+        result = close_loop(rig, log or [], holdout or [], options, rig_free_run, progress, pool)
+        if closed_loop:
+            found = compare_loops(result, seed, progress, pool)
+            result = replace(result, closed_loop=found, seconds=result.seconds + found.seconds)
         progress("writing the report", 0.95)
-        result = write_results(result, out)
+        result = write_results(result, folder)
     if as_json:
         print(json.dumps(result_json(result), indent=1))
     else:
         print_summary(result, out)
+
+
+def _demo(
+    folder: Path, seed: int, force: bool, progress: Callable[[str, float], None]
+) -> tuple[Path, list[Path], list[Path]]:
+    """Rig file, runs to fit and runs to judge by of a simulated bench, recorded into `folder`."""
+    from drake_tc.cli.demo import record_demo
+
+    progress("recording a demo bench", 0.0)
+    with result_folder(folder, "--out", force=force, error=LogError) as place:
+        rig, log, holdout = record_demo(place, seed)
+    return folder / rig.name, [folder / path.name for path in log], [folder / path.name for path in holdout]
 
 
 def write_results(result: CloseLoopResult, out: Path) -> CloseLoopResult:

@@ -8,15 +8,14 @@ and has to be found. The seed picks the missing effects and the sensors' noise.
 """
 
 from collections.abc import Mapping
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
-from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
+from drake_tc.analysis.executors import processes
 from drake_tc.identification.excitation import (
     Motion,
     MotionLimits,
@@ -122,7 +121,7 @@ def record_demo(
         for name, path in zip(names, paths, strict=True):
             _record_one(name, path, seed, length)
     else:
-        with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
+        with processes(jobs) as pool:
             for done in [pool.submit(_record_one, n, p, seed, length) for n, p in zip(names, paths, strict=True)]:
                 done.result()
     rig = parse_rig({"joint": JOINT, "drive": "position_servo", "declared": {"rotor_inertia": ROTOR_INERTIA}})

@@ -2,13 +2,14 @@
 
 import json
 import sys
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Annotated
 
 import numpy as np
 import typer
 
-from drake_tc.cli.out_files import ready_folder
+from drake_tc.cli.out_files import Force, result_folder
 from drake_tc.cli.progress import progress_bar
 from drake_tc.cli.wide_table import print_wide
 from drake_tc.errors import LogError
@@ -17,36 +18,37 @@ from drake_tc.estimation.base.rig import load_base_rig
 from drake_tc.json_values import json_value
 
 _ROWS = ("x, m", "y, m", "z, m", "roll, deg", "pitch, deg", "yaw, deg", "vx, m/s", "vy, m/s", "vz, m/s")
+FILES = ("estimate.csv", "estimate.json")
 
 
 def estimate_base_command(
     rig: Annotated[Path, typer.Option(help="Rig file: robot, contacts, columns (drake_tc/estimation/base/rig.py).")],
     log: Annotated[Path, typer.Option(help="Log file: CSV, Parquet, NPZ or MAT.")],
     out: Annotated[Path | None, typer.Option(help="Folder for estimate.csv and estimate.json.")] = None,
+    force: Force = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the figures as JSON.")] = False,
 ) -> None:
     """Base position, yaw and velocity from encoders, IMU and loads; RMSE where the log holds the truth."""
     what = load_base_rig(rig)
-    if out is not None:
-        ready_folder(out, "--out", LogError)
-    with progress_bar("estimate-base", quiet=as_json) as progress:
+    place = (
+        nullcontext()
+        if out is None
+        else result_folder(out, "--out", names=FILES, inputs=[rig, log], force=force, error=LogError)
+    )
+    with place as folder, progress_bar("estimate-base", quiet=as_json) as progress:
         result = evaluate_log(what, log, progress)
-    document = json_value({"name": "estimate-base", "rig": str(rig), "log": str(log), **result.to_json()})
+        document = json_value({"name": "estimate-base", "rig": str(rig), "log": str(log), **result.to_json()})
+        if folder is not None:
+            result.table().to_csv(folder / FILES[0], index=False)
+            (folder / FILES[1]).write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
     if as_json:
         print(json.dumps(document))
     else:
         _print(result)
     for note in result.notes:
         print(f"estimate-base: {log}: {note}", file=sys.stderr)
-    if out is None:
-        return
-    try:
-        result.table().to_csv(out / "estimate.csv", index=False)
-        (out / "estimate.json").write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
-    except OSError as error:
-        raise LogError(f"--out {out}: cannot be written: {error}") from None
-    if not as_json:
-        print(out / "estimate.csv")
+    if out is not None and not as_json:
+        print(out / FILES[0])
 
 
 def _print(result: BaseResult) -> None:

@@ -8,13 +8,14 @@ from typing import Annotated
 import pandas as pd
 import typer
 
-from drake_tc.cli.out_files import ready_folder
+from drake_tc.cli.out_files import Force, result_folder
 from drake_tc.cli.progress import progress_bar
 from drake_tc.errors import LogError, RigError
 from drake_tc.estimation.off_line import OffLineFilter
 from drake_tc.estimation.robot_loads import filters_of, robot_logs, with_robot_loads
 from drake_tc.filtering.window_choice import Window
 from drake_tc.json_values import json_value
+from drake_tc.logs.file_names import file_name
 from drake_tc.logs.prepare import load_runs
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig, load_rig
@@ -25,6 +26,7 @@ def estimate_torque_command(
     rig: Annotated[Path, typer.Option(help="Rig file with `robot:` and `load: {robot: ...}`.")],
     log: Annotated[list[Path], typer.Option(help="A log; repeat for more.")],
     out: Annotated[Path, typer.Option(help="Folder for <log>_torque.csv: time and <joint>/torque [N m].")],
+    force: Force = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print files, filters and torque ranges as JSON.")] = False,
 ) -> None:
     """Joint torques on the link's side of the gears, from encoders, IMU and F/T sensors and the robot's model.
@@ -34,8 +36,8 @@ def estimate_torque_command(
     uniform clock; rows that cannot be used have no torque.
     """
     what = load_rig(rig)
-    ready_folder(out, "--out", LogError)
-    with progress_bar("estimate-torque", quiet=as_json) as progress:
+    place = result_folder(out, "--out", inputs=[rig, *log], force=force, error=LogError)
+    with place as folder, progress_bar("estimate-torque", quiet=as_json) as progress:
         progress("reading", 0.0)
         runs = load_runs(log, what)
         logs = robot_logs(what, runs)
@@ -48,7 +50,9 @@ def estimate_torque_command(
         for number, run in enumerate(runs):
             progress(run.name, number / len(runs))
             (loaded,) = with_robot_loads(logs, [run], what.joints, filter_wrenches=True)
-            entries.append(_written(loaded, what, filters_of(logs, run), out))
+            entries.append(_written(loaded, what, filters_of(logs, run), folder))
+    for entry in entries:
+        entry["file"] = str(out / str(entry["file"]))
     for note in told_once((run.name, note) for run in runs for note in run.notes):
         print(f"estimate-torque: {note}", file=sys.stderr)
     if as_json:
@@ -58,18 +62,15 @@ def estimate_torque_command(
 
 
 def _written(run: Run, rig: Rig, filters: OffLineFilter, out: Path) -> dict[str, object]:
-    """Write one run's torques; what the JSON says of it."""
+    """Write one run's torques into the folder `out`; what the JSON says of it."""
     names = [f"{joint}/torque" for joint in rig.joints]
     table = pd.DataFrame({"time": run.time, **{name: run.columns[name] for name in names}})
     table.loc[run.segment < 0, names] = float("nan")
-    path = out / f"{run.name.replace('/', '_')}_torque.csv"
-    try:
-        table.to_csv(path, index=False, float_format="%.9g")
-    except OSError as error:
-        raise LogError(f"--out {out}: cannot be written: {error}") from None
+    name = f"{file_name(run.name)}_torque.csv"
+    table.to_csv(out / name, index=False, float_format="%.9g")
     ranges = {j: [float(table[f"{j}/torque"].min()), float(table[f"{j}/torque"].max())] for j in rig.joints}
     windows = {name: _told(getattr(filters, name)) for name in ("encoder", "inertial", "wrench")}
-    return {"file": str(path), "period": run.period, "filters": windows, "range": ranges}
+    return {"file": name, "period": run.period, "filters": windows, "range": ranges}
 
 
 def _told(window: Window) -> dict[str, int]:

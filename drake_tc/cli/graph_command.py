@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from drake_tc.cli.out_files import print_or_write
+from drake_tc.cli.out_files import Force, print_or_write
 from drake_tc.errors import ParamsError
 
 
@@ -28,6 +28,7 @@ def graph_command(
     depth: Annotated[int, typer.Option(min=0, help="Levels of nested diagrams to open; 0 opens all.")] = 1,
     everything: Annotated[bool, typer.Option("--all", help="Show logs and unconnected ports too.")] = False,
     stage: Annotated[list[str] | None, typer.Option(help="BLOCK=STAGE puts a block elsewhere; repeat.")] = None,
+    force: Force = False,
 ) -> None:
     """Draw a diagram: blocks grouped by stage, ports named, signals with their width, discrete periods, feedthrough.
 
@@ -39,15 +40,13 @@ def graph_command(
     entry = runnable(diagram)
     loop = entry.build(entry.scenario(scenario, scenario_file))
     graph = block_graph(loop.diagram, _stages(stage or []), depth or None)
-    if format is GraphFormat.json:
-        text = graph.to_json()
-    elif format is GraphFormat.dot:
-        text = graph.to_dot(everything=everything)
-    elif format is GraphFormat.mermaid:
-        text = graph.to_mermaid(everything=everything)
-    else:
-        text = graph.to_svg(everything=everything)
-    print_or_write(text, out)
+    texts = {
+        GraphFormat.json: graph.to_json,
+        GraphFormat.dot: lambda: graph.to_dot(everything=everything),
+        GraphFormat.mermaid: lambda: graph.to_mermaid(everything=everything),
+        GraphFormat.svg: lambda: graph.to_svg(everything=everything),
+    }
+    print_or_write(texts[format], out, [scenario_file], force=force)
 
 
 def _stages(chosen: list[str]) -> dict[str, str]:

@@ -11,7 +11,7 @@ import typer
 
 from drake_tc.actuation.model import ActuatorModel
 from drake_tc.cli.identify_motors import motor_row, print_motors
-from drake_tc.cli.out_files import ready_file
+from drake_tc.cli.out_files import Force, result_file
 from drake_tc.cli.progress import progress_bar
 from drake_tc.cli.wide_table import print_wide
 from drake_tc.effects.base import EFFORT_UNIT
@@ -43,6 +43,7 @@ def identify_command(
     ] = None,
     joint: Annotated[str | None, typer.Option(help="Only this joint of the rig; all of them when left out.")] = None,
     out: Annotated[Path, typer.Option(help="Model file (YAML) to write.")] = Path("model.yaml"),
+    force: Force = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON instead of a table.")] = False,
 ) -> None:
     """Fit the drive gain and friction of geared joints, with intervals, and write a model that diagrams load.
@@ -70,8 +71,8 @@ def identify_command(
         raise IdentificationError(f"no joint {joint!r} in {rig}; joints there: {', '.join(read_rig.joints)}")
     names = read_rig.joints if joint is None else (joint,)
     fit = _fitting(read_rig, method, sheet, names)
-    ready_file(out, "--out", LogError)
-    with progress_bar("identify", quiet=as_json) as progress:
+    place = result_file(out, "--out", inputs=[rig, sheet, *log], force=force, error=LogError)
+    with place as model, progress_bar("identify", quiet=as_json) as progress:
         progress("reading", 0.0)
         runs = load_runs(log, read_rig)
         fits = _Fits({}, [], {})
@@ -82,23 +83,11 @@ def identify_command(
                 fits.rows.append(row)
             except IdentificationError as error:
                 fits.failed[name] = str(error) if name in str(error) else f"{name}: {error}"
-    if not fits.rows:
-        raise IdentificationError("; ".join(fits.failed.values()))
+        if not fits.rows:
+            raise IdentificationError("; ".join(fits.failed.values()))
+        save_models(fits.models, model, provenance=_provenance(rig, log, sheet, fits))
     for note in dict.fromkeys(note for row in fits.rows for note in row["notes"]):
         print(f"identify: {note}", file=sys.stderr)
-    provenance = {
-        "identified_by": "drake-tc identify",
-        "rig": rig.name,
-        "logs": [p.name for p in log],
-        "fits": fits.rows,
-    }
-    if sheet is not None:
-        provenance["data_sheet"] = sheet.name
-    try:
-        save_models(fits.models, out, provenance=provenance)
-        lost = ""
-    except OSError as error:
-        lost = f"{out}: cannot be written: {error.strerror or error}"
     if as_json:
         joints = {row["joint"]: row for row in fits.rows}
         print(json.dumps(json_value({"model": str(out), "joints": joints, "failed": fits.failed}), indent=1))
@@ -106,8 +95,6 @@ def identify_command(
         print_motors(fits.rows)
     else:
         _print(fits.rows)
-    if lost:
-        raise LogError(lost)
     if not as_json:
         print(f"model: {out}")
     if fits.failed:
@@ -120,6 +107,17 @@ class _Fits(NamedTuple):
     models: dict[str, ActuatorModel]
     rows: list[dict[str, Any]]
     failed: dict[str, str]
+
+
+def _provenance(rig: Path, logs: Sequence[Path], sheet: Path | None, fits: _Fits) -> dict[str, Any]:
+    """What the model file says of its origin."""
+    provenance: dict[str, Any] = {
+        "identified_by": "drake-tc identify",
+        "rig": rig.name,
+        "logs": [path.name for path in logs],
+        "fits": fits.rows,
+    }
+    return provenance if sheet is None else provenance | {"data_sheet": sheet.name}
 
 
 def _fitting(

@@ -1,7 +1,9 @@
 """`drake-tc`: the command line. Results go to stdout, everything else to stderr; bad input ends with 2 and one line."""
 
+import os
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -22,7 +24,11 @@ from drake_tc.cli.simulate_command import simulate_command
 from drake_tc.cli.stability_command import stability_command
 from drake_tc.cli.stability_map_command import stability_map_command
 from drake_tc.cli.tune_command import tune_command
+from drake_tc.cli.unforeseen import UNFORESEEN, Terminated, told_once, write_details
 from drake_tc.errors import DrakeTcError
+
+INTERRUPTED = 130
+"""Exit code of a command that was interrupted (128 + SIGINT)."""
 
 app = typer.Typer(
     name="drake-tc",
@@ -57,16 +63,28 @@ def _options(
     version: Annotated[
         bool, typer.Option("--version", help="Print the version and stop.", callback=_print_version, is_eager=True)
     ] = False,
+    debug: Annotated[bool, typer.Option("--debug", help="Show tracebacks and the warnings of libraries.")] = False,
 ) -> None:
     """Torque control of position-controlled robots in Drake, with a model held against measured data."""
 
 
 def run(arguments: Sequence[str]) -> int:
-    """Run one command and return its exit code: 0 it ran, 2 input that cannot be used, 130 interrupted.
+    """Run one command and return its exit code.
+
+    0: it ran. 2: input that cannot be used, in one line. 70: an error that nobody foresaw, in one line, with the
+    details in a file. 130 and 143: interrupted and terminated; worker processes end too, and no result is half written.
 
     Args:
-        arguments: What stands behind `drake-tc`; nothing at all asks for the help.
+        arguments: What stands behind `drake-tc`; nothing at all asks for the help. `--debug` anywhere shows tracebacks
+            and warnings of libraries.
     """
+    debug = "--debug" in arguments
+    given = [argument for argument in arguments if argument != "--debug"]
+    with told_once(quiet="--json" in given, debug=debug):
+        return _run(given, debug=debug)
+
+
+def _run(arguments: Sequence[str], *, debug: bool) -> int:
     try:
         code = app(list(arguments) or ["--help"], prog_name="drake-tc", standalone_mode=False)
     except DrakeTcError as error:
@@ -76,8 +94,20 @@ def run(arguments: Sequence[str]) -> int:
         print(f"drake-tc: {_one_line(error.format_message())} (drake-tc --help lists what there is)", file=sys.stderr)
         return 2
     except (KeyboardInterrupt, typer.Abort):
+        code = INTERRUPTED
+    except Terminated:
+        print("drake-tc: terminated", file=sys.stderr)
+        return 143
+    except BrokenPipeError:  # whoever read the output has closed it, as `head` does
+        sys.stdout = Path(os.devnull).open("w", encoding="utf-8")  # for the interpreter's last flush
+        return 141
+    except Exception as error:
+        if debug:
+            raise
+        print(f"drake-tc: {_one_line(write_details(error, arguments))}", file=sys.stderr)
+        return UNFORESEEN
+    if code == INTERRUPTED:  # Typer makes this code of a KeyboardInterrupt
         print("drake-tc: interrupted", file=sys.stderr)
-        return 130
     return code if isinstance(code, int) else 0
 
 

@@ -2,6 +2,7 @@
 
 import json
 import sys
+from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -10,8 +11,8 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from drake_tc.cli.out_files import Force, result_folder
 from drake_tc.cli.progress import progress_bar
-from drake_tc.errors import ParamsError
 
 if TYPE_CHECKING:
     from drake_tc.diagrams.papers.reproduction import Reproduction, TextTable
@@ -21,20 +22,21 @@ def reproduce_command(
     name: Annotated[str, typer.Argument(help="A.table1, A.table2, ... or all; a wrong one lists those there are.")],
     seed: Annotated[int, typer.Option(min=0, help="Of all random numbers.")] = 0,
     figures: Annotated[Path | None, typer.Option(help="Folder for the figures (PNG).")] = None,
+    force: Force = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the rows as JSON.")] = False,
 ) -> None:
     """Compute a table or figure of the papers and say which expected values are met; simulated throughout."""
     from drake_tc.diagrams.papers.catalogue import REPRODUCTIONS, chosen
 
     ids = chosen(name)
-    if figures:
-        _make(figures)
     results, drawn = [], []
     for id_ in ids:
-        with progress_bar(f"reproduce {id_}", quiet=as_json) as progress:
+        with ExitStack() as stack:
+            folder = stack.enter_context(result_folder(figures, "--figures", force=force)) if figures else None
+            progress = stack.enter_context(progress_bar(f"reproduce {id_}", quiet=as_json))
             result = REPRODUCTIONS[id_](seed, progress)
+            files = [figures / name for name in _draw(result, folder)] if figures and folder else []
         results.append(result)
-        files = _draw(result, figures) if figures else []
         drawn += files
         if not as_json:
             _print(result)
@@ -47,36 +49,16 @@ def reproduce_command(
         print(json.dumps(found[0] if name != "all" else found))
 
 
-def _make(folder: Path) -> None:
-    """Make the folder before anything is computed, which may take long.
-
-    Raises:
-        ParamsError: a folder that cannot be made.
-    """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ParamsError(f"{folder}: wanted a folder for the figures; {error.strerror or error}") from None
-
-
-def _draw(result: "Reproduction", folder: Path) -> list[Path]:
-    """Draw all figures; returns their files.
-
-    Raises:
-        ParamsError: a file that cannot be written.
-    """
+def _draw(result: "Reproduction", folder: Path) -> list[str]:
+    """Draw all figures into a folder; returns their files' names."""
     from matplotlib.figure import Figure
 
     files = []
     for name, draw in (result.figures or {}).items():
         figure = Figure(figsize=(9.0, 5.5), layout="constrained")
         draw(figure)
-        path = folder / f"{name}.png"
-        try:
-            figure.savefig(path, dpi=120)
-        except OSError as error:
-            raise ParamsError(f"{path}: cannot be written: {error.strerror or error}") from None
-        files.append(path)
+        figure.savefig(folder / f"{name}.png", dpi=120)
+        files.append(f"{name}.png")
     return files
 
 

@@ -2,6 +2,7 @@
 
 import json
 import sys
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -10,6 +11,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from drake_tc.cli.out_files import Force, result_folder
 from drake_tc.cli.progress import progress_bar
 from drake_tc.errors import LogError
 
@@ -26,6 +28,7 @@ def simulate_command(
     ] = None,
     log_format: Annotated[str, typer.Option(help="csv, parquet or npz.")] = "csv",
     meshcat: Annotated[bool, typer.Option(help="Show the robot in a browser while it runs.")] = False,
+    force: Force = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the summary as JSON.")] = False,
 ) -> None:
     """Simulate a diagram: robot, actuators, sensors, estimator and controller, as its scenario says."""
@@ -35,15 +38,19 @@ def simulate_command(
         raise typer.BadParameter(f"wanted csv, parquet or npz, got {log_format!r}", param_hint="--log-format")
     entry = runnable(diagram)
     scenario = entry.scenario(scenario_name, scenario_file, scenario_text).changed(duration=duration, seed=seed)
-    if out:
-        _make(out)
+    names = (f"log.{log_format}", "rig.yaml")
+    place = (
+        nullcontext()
+        if out is None
+        else result_folder(out, "--out", names=names, inputs=[scenario_file], force=force, error=LogError)
+    )
     notes: list[str] = []
-    with progress_bar(f"simulate {diagram}", quiet=as_json) as progress:
+    with place as folder, progress_bar(f"simulate {diagram}", quiet=as_json) as progress:
         simulated = entry.simulate(scenario, progress, meshcat)
-        files = simulated.write(out, log_format, notes.append) if out else []
+        written = simulated.write(folder, log_format, notes.append) if folder is not None else []
+        files = [str(Path(out or ".") / path.name) for path in written]
     if as_json:
-        written = [str(file) for file in files]
-        told = {"diagram": diagram, "seed": scenario.seed, **simulated.summary, "files": written, "notes": notes}
+        told = {"diagram": diagram, "seed": scenario.seed, **simulated.summary, "files": files, "notes": notes}
         print(json.dumps(told))
         return
     for note in notes:
@@ -51,18 +58,6 @@ def simulate_command(
     _print(simulated)
     for file in files:
         print(file)
-
-
-def _make(folder: Path) -> None:
-    """Make the folder before the simulation, which may take long.
-
-    Raises:
-        LogError: a folder that cannot be made.
-    """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise LogError(f"{folder}: wanted a folder for the log; {error.strerror or error}") from None
 
 
 def _print(simulated: Any) -> None:

@@ -2,12 +2,14 @@
 
 import json
 import os
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from drake_tc.cli.out_files import Force, result_file
 from drake_tc.cli.progress import progress_bar
 from drake_tc.cli.workers import worker_executor
 from drake_tc.errors import ParamsError
@@ -29,6 +31,7 @@ def stability_map_command(
     workers: Annotated[int, typer.Option(min=1, help="Processes on this machine.")] = os.cpu_count() or 1,
     scheduler: Annotated[str | None, typer.Option(help="Address of a Dask scheduler to use instead.")] = None,
     out: Annotated[Path | None, typer.Option(help="File for the plot, .svg or .png.")] = None,
+    force: Force = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the map as JSON.")] = False,
 ) -> None:
     """Map one joint's stability over two parameters; all else is the scenario's. K6 and K7 stay when Kp changes."""
@@ -42,18 +45,21 @@ def stability_map_command(
     if joint not in loops:
         raise ParamsError(f"no joint {joint!r}; joints: {', '.join(loops)}")
     loop = replace(loops[joint], kf=loops[joint].kf if kf is None else kf, environment_stiffness=environment_stiffness)
-    with progress_bar("stability-map", quiet=as_json) as progress, worker_executor(workers, scheduler) as executor:
+    if out is not None and out.suffix.lower() not in (".svg", ".png", ".pdf"):
+        raise ParamsError(f"stability-map: expected --out FILE.svg, .png or .pdf; got {out}")
+    place = nullcontext() if out is None else result_file(out, "--out", inputs=[scenario_file], force=force)
+    with (
+        place as file,
+        progress_bar("stability-map", quiet=as_json) as progress,
+        worker_executor(workers, scheduler) as executor,
+    ):
         found = stability_map(loop, across, up, figure, executor=executor, progress=progress)  # type: ignore[arg-type]
-    if out:
-        from matplotlib.figure import Figure
+        if file is not None:
+            from matplotlib.figure import Figure
 
-        drawn = Figure(figsize=(8.0, 5.5), layout="constrained")
-        draw_map(drawn, found)
-        try:
-            out.parent.mkdir(parents=True, exist_ok=True)
-            drawn.savefig(out, dpi=120)
-        except (OSError, ValueError) as error:
-            raise ParamsError(f"{out}: cannot be written: {error}") from None
+            drawn = Figure(figsize=(8.0, 5.5), layout="constrained")
+            draw_map(drawn, found)
+            drawn.savefig(file, dpi=120)
     if as_json:
         print(json.dumps({"diagram": diagram, "joint": joint, **found.to_json(), "files": [str(out)] if out else []}))
         return

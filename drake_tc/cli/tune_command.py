@@ -3,6 +3,7 @@
 import json
 import os
 import sys
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -12,14 +13,16 @@ import yaml
 from rich.console import Console
 from rich.table import Table
 
+from drake_tc.cli.out_files import Force, result_folder
 from drake_tc.cli.progress import progress_bar
 from drake_tc.cli.workers import tasks_of, worker_executor
-from drake_tc.errors import ParamsError
 from drake_tc.json_values import json_value
 
 if TYPE_CHECKING:
     from drake_tc.analysis.tuning import Tuning
     from drake_tc.diagrams.analysed.tuned import Confirmed
+
+FILES = ("tuned.yaml", "pareto.svg", "pareto.png")
 
 
 def tune_command(
@@ -47,6 +50,7 @@ def tune_command(
     scheduler: Annotated[str | None, typer.Option(help="Address of a Dask scheduler to use instead.")] = None,
     seed: Annotated[int, typer.Option(min=0, help="Of the sensors' noise and the perturbed plants.")] = 0,
     out: Annotated[Path | None, typer.Option(help="Folder for tuned.yaml and the Pareto fronts (SVG, PNG).")] = None,
+    force: Force = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
 ) -> None:
     """Choose window and gains, joint by joint: least tracking error of the scenario's motion under a stated margin.
@@ -69,16 +73,19 @@ def tune_command(
     space = SearchSpace()
     if window or joint:
         space = replace(space, windows=tuple(window or [scenario.filters.window]))
-    if out:
-        _make(out)
     confirmed = None
-    with worker_executor(workers, scheduler) as executor:
+    place = (
+        nullcontext() if out is None else result_folder(out, "--out", names=FILES, inputs=[scenario_file], force=force)
+    )
+    with place as folder, worker_executor(workers, scheduler) as executor:
         with progress_bar("tune", quiet=as_json) as progress:
             found = tune(tasks, goals, space, executor=executor, progress=progress)
         if simulate:
             with progress_bar("tune: simulating", quiet=as_json) as progress:
                 confirmed = confirm([(scenario, first)], found, plants, executor=executor, progress=progress, seed=seed)
-    files = _write(found, out) if out else []
+        if folder is not None:
+            _write(found, folder)
+    files = [] if out is None else [out / name for name in FILES]
     if as_json:
         print(
             json.dumps({"diagram": diagram, "seed": seed, **_plain(found, confirmed), "files": list(map(str, files))})
@@ -89,35 +96,21 @@ def tune_command(
         print(file)
 
 
-def _make(folder: Path) -> None:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ParamsError(f"{folder}: wanted a folder for the result; {error.strerror or error}") from None
-
-
-def _write(found: "Tuning", folder: Path) -> list[Path]:
-    """The fields for a scenario, and the fronts.
-
-    Raises:
-        ParamsError: a file that cannot be written.
-    """
+def _write(found: "Tuning", folder: Path) -> None:
+    """The fields for a scenario, and the fronts."""
     from matplotlib.figure import Figure
 
     from drake_tc.analysis.pareto_plot import draw_fronts
     from drake_tc.diagrams.analysed.tuned import tuned_fields
 
-    files = [folder / name for name in ("tuned.yaml", "pareto.svg", "pareto.png")]
-    try:
-        text = yaml.safe_dump(tuned_fields(found), sort_keys=False, default_flow_style=None)
-        files[0].write_text(f"# Fields of a scenario, as `--scenario-text` takes them.\n{text}", encoding="utf-8")
-        for file in files[1:]:
-            figure = Figure(figsize=(11.0, 6.5), layout="constrained")
-            draw_fronts(figure, found)
-            figure.savefig(file, dpi=120)
-    except OSError as error:
-        raise ParamsError(f"{folder}: cannot be written: {error.strerror or error}") from None
-    return files
+    text = yaml.safe_dump(tuned_fields(found), sort_keys=False, default_flow_style=None)
+    (folder / FILES[0]).write_text(
+        f"# Fields of a scenario, as `--scenario-text` takes them.\n{text}", encoding="utf-8"
+    )
+    for name in FILES[1:]:
+        figure = Figure(figsize=(11.0, 6.5), layout="constrained")
+        draw_fronts(figure, found)
+        figure.savefig(folder / name, dpi=120)
 
 
 def _plain(found: "Tuning", confirmed: "Confirmed | None") -> dict[str, Any]:

@@ -110,7 +110,7 @@ def test_figures_are_files(invoke, asked, tmp_path):
     folder = tmp_path / "new" / "figures"
     outcome = invoke("reproduce", "all", "--figures", folder)
     files = [folder / "X.one_figure.png", folder / "X.two_figure.png"]
-    assert sorted(folder.iterdir()) == files
+    assert sorted(folder.glob("[!.]*")) == files
     assert all(path.read_bytes().startswith(b"\x89PNG\r\n") for path in files)
     assert all(str(path) in outcome.out.replace("\n", "") for path in files)
     as_json = invoke("reproduce", "X.one", "--figures", folder, "--json")

@@ -79,7 +79,7 @@ def test_for_people_a_table_on_stdout_and_progress_on_stderr(invoke):
         (("--margin", "1.0"), "wanted a sensitivity peak above 1"),
         (("--margin", "1.001", *KNEE), "no window and gains keep the goal on r_knee"),
         (("--window", "2"), "--window"),
-        (("--out", "/dev/null/x", *KNEE), "/dev/null/x: wanted a folder"),
+        (("--out", "/dev/null/x", *KNEE), "--out /dev/null/x: cannot be written: Not a directory"),
     ],
 )
 def test_refusals(invoke, arguments, why):

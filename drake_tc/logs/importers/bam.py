@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from drake_tc.errors import LogError
+from drake_tc.logs.file_names import file_name
 from drake_tc.logs.importers.files import find, write_log
 from drake_tc.logs.rig import parse_rig, save_rig
 
@@ -79,15 +80,18 @@ def convert(src: Path, out: Path) -> tuple[Path, ...]:
     groups: dict[str, list[tuple[Path, dict[str, Any]]]] = {}
     for path in find(src, "*.json.gz", "*.json"):
         run = _load(path)
-        groups.setdefault(f"{run['motor']}_kp{run['kp']}", []).append((path, run))
+        groups.setdefault(file_name(f"{run['motor']}_kp{run['kp']}"), []).append((path, run))
     rigs: list[Path] = []
     for name, members in sorted(groups.items()):
         folder, voltage, enabled = out / name, True, True
-        for path, run in members:
+        runs = [file_name(run.get("trajectory", path.name.split(".")[0])) for path, run in members]
+        if len(set(runs)) < len(runs):
+            runs = [file_name(path.name.split(".")[0]) for path, _ in members]
+        for (path, run), run_name in zip(members, runs, strict=True):
             columns = _columns(path, run)
             voltage &= f"{JOINT}/voltage" in columns
             enabled &= "enabled" in columns
-            write_log(columns, folder / f"{run.get('trajectory', path.name.split('.')[0])}.parquet")
+            write_log(columns, folder / f"{run_name}.parquet")
         first = members[0][1]
         base = {
             "joint": JOINT,
