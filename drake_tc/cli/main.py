@@ -99,7 +99,7 @@ def _run(arguments: Sequence[str], *, debug: bool) -> int:
         print("drake-tc: terminated", file=sys.stderr)
         return 143
     except BrokenPipeError:  # whoever read the output has closed it, as `head` does
-        sys.stdout = Path(os.devnull).open("w", encoding="utf-8")  # for the interpreter's last flush
+        sys.stdout = Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115 - for the last flush
         return 141
     except Exception as error:
         if debug:

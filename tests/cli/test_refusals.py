@@ -100,3 +100,35 @@ def test_a_slip_of_the_keyboard_is_one_line(invoke, arguments):
     assert outcome.code == 2
     assert outcome.out == ""
     assert len(outcome.err.strip().splitlines()) == 1 and outcome.err.startswith("drake-tc")
+
+
+def test_an_output_that_is_an_input_is_refused_and_nothing_is_lost(invoke, bench, tmp_path):
+    run = tmp_path / f"run{bench.logs[0].suffix}"
+    run.write_bytes(bench.logs[0].read_bytes())
+    rig = tmp_path / "rig.yaml"
+    rig.write_bytes(bench.rig.read_bytes())
+    for out in (run, rig):
+        before = out.read_bytes()
+        line = invoke("identify", "--rig", rig, "--log", run, "--out", out, "--force").refusal()
+        assert out.name in line and "is an input" in line and out.read_bytes() == before
+
+
+def test_a_scenario_file_is_not_overwritten_by_its_graph(invoke, tmp_path):
+    scenario = tmp_path / "s.yaml"
+    scenario.write_text("swing: {duration: 1.0}\n")
+    call = ["graph", "hrp2_leg", "--scenario-file", scenario, "--out", scenario]
+    assert invoke(*call).code == 2 and scenario.read_text() == "swing: {duration: 1.0}\n"
+
+
+def test_a_rig_file_of_the_users_stays_beside_a_simulated_log(invoke, tmp_path):
+    (tmp_path / "rig.yaml").write_text("joint: mine\n")
+    line = invoke("simulate", "hrp2_leg", "--duration", 0.1, "--out", tmp_path).refusal()
+    assert "rig.yaml" in line and "--force" in line
+    assert [path.name for path in tmp_path.iterdir()] == ["rig.yaml"]
+
+
+def test_a_file_in_the_place_of_the_folder_is_told_before_the_work(invoke, bench, tmp_path):
+    place = tmp_path / "report"
+    place.write_text("mine")
+    call = ["close-loop", *bench.arguments(), "--holdout", bench.holdout, "--out", place]
+    assert "--out" in invoke(*call).refusal() and place.read_text() == "mine"
