@@ -53,6 +53,8 @@ def _numeric(table: pd.DataFrame, name: str, canonical: str, path: Path) -> Floa
         LogError: An entry that is not a number: names its row and line.
     """
     series = table[name]
+    if pd.api.types.is_complex_dtype(series):
+        raise LogError(f"{path}: column {name!r} ({canonical}) holds complex numbers; expected real ones")
     if pd.api.types.is_bool_dtype(series) or pd.api.types.is_numeric_dtype(series):
         values = series.to_numpy(dtype=np.float64, na_value=np.nan)
     elif pd.api.types.is_datetime64_any_dtype(series):

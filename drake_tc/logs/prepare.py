@@ -3,7 +3,6 @@
 Every repair and exclusion leaves one sentence in `Run.notes`; every refusal is a `LogError` of one line.
 """
 
-import hashlib
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -14,6 +13,8 @@ from drake_tc.errors import LogError
 from drake_tc.logs import channels
 from drake_tc.logs.clock import MIN_ROWS, rows_in_order, uniform_clock
 from drake_tc.logs.columns import RawLog, map_columns
+from drake_tc.logs.exchanged import refuse_exchanged
+from drake_tc.logs.live import require_live
 from drake_tc.logs.loads import Pendulum
 from drake_tc.logs.plausible import check_angles, check_speed, check_velocity, lag_notes
 from drake_tc.logs.readers import read_table, run_name
@@ -21,6 +22,7 @@ from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
 from drake_tc.logs.signs import wrong_signs
 from drake_tc.logs.speed_only import require_alike, with_positions
+from drake_tc.logs.wild_samples import mended
 from drake_tc.types import BoolArray, FloatArray, IntArray
 
 SHORTEST_SEGMENT = 10
@@ -157,8 +159,8 @@ def _prepare(path: Path, rig: Rig) -> Run:
     raw = map_columns(table, rig, path)
     rows = len(table)
     del table
-    raw = with_positions(_in_order(raw))
-    notes = raw.notes + _check_commands(raw, rig)
+    raw = mended(with_positions(_in_order(raw)), rig.joints)
+    notes = raw.notes + _check_commands(raw, rig) + require_live(raw, rig)
     columns, excluded, more = _repair_channels(raw, rig)
     clock = uniform_clock(raw.time, raw.enabled, path)
     resampled = {name: clock.resample(values) for name, values in columns.items()}
@@ -232,6 +234,7 @@ def load_runs(paths: Sequence[Path | str], rig: Rig) -> list[Run]:
     runs = _unique_names([_prepare(Path(path), rig) for path in paths])
     require_alike(runs)
     _require_masses(runs, rig)
+    refuse_exchanged(runs, rig)
     result = []
     for run, flips in zip(runs, wrong_signs(runs, rig), strict=True):
         if flips:
@@ -249,50 +252,3 @@ def load_run(path: Path | str, rig: Rig) -> Run:
         LogError: The file cannot be used; one line says where and what to do.
     """
     return load_runs([path], rig)[0]
-
-
-def require_two_runs(runs: Sequence[Run | Path | str], what: str = "runs") -> None:
-    """Refuse fewer than two runs: one to fit, one held out.
-
-    Raises:
-        LogError: Fewer than two.
-    """
-    if len(runs) < 2:
-        came = ", ".join(str(run.source or run.name) if isinstance(run, Run) else str(run) for run in runs) or "none"
-        raise LogError(
-            f"wanted at least two {what}, one to fit and one held out, got {len(runs)} ({came}); record another run"
-        )
-
-
-def require_different_runs(runs: Sequence[Run]) -> None:
-    """Refuse a run whose samples another file holds too, in whatever format.
-
-    Raises:
-        LogError: Two runs have the same samples in all columns that both have.
-    """
-    for number, run in enumerate(runs):
-        for other in runs[:number]:
-            common = set(run.columns) & set(other.columns)
-            if all(np.array_equal(run.columns[c], other.columns[c]) for c in common):
-                raise LogError(f"{run.source}: it holds the same samples as {other.source}; remove one of them")
-
-
-def require_different_files(logs: Sequence[Path], holdout: Sequence[Path]) -> None:
-    """Refuse a run that is given twice: a held-out run that was fitted says nothing, and one fitted twice counts twice.
-
-    Files are the same if their contents are, whatever their names.
-
-    Raises:
-        LogError: Two of them are the same.
-    """
-    seen: dict[str, tuple[str, Path]] = {}
-    for option, paths in (("--log", logs), ("--holdout", holdout)):
-        for path in paths:
-            if not path.is_file():
-                continue  # the reader says what is wrong with it
-            content = hashlib.sha256(path.read_bytes()).hexdigest()
-            if content in seen:
-                first, other = seen[content]
-                same = "the same file" if other == path else f"the same content as {other}"
-                raise LogError(f"{path}: given as {option}, but {same} is already given as {first}; remove one of them")
-            seen[content] = (option, path)

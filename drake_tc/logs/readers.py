@@ -1,9 +1,13 @@
 """Files to tables: one reader a suffix, in a registry that a user may extend."""
 
+import csv
+import gzip
 import zipfile
+from collections import Counter
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import MappingProxyType
+from typing import IO
 
 import numpy as np
 import pandas as pd
@@ -22,13 +26,61 @@ def _separator(path: Path) -> str:
     return next((mark for mark in (",", ";", "\t") if mark in text), ",")
 
 
+def _check_names(path: Path, separator: str) -> None:
+    """Refuse a header with a name that stands twice; pandas would rename the second in silence.
+
+    Raises:
+        LogError: names the column.
+    """
+    with _opened(path) as file:
+        names = [name.strip() for name in next(csv.reader(file, delimiter=separator), [])]
+    twice = next((name for name in names if name and names.count(name) > 1), None)
+    if twice is not None:
+        raise LogError(f"{path}: column {twice!r} stands more than once; give each column a name of its own")
+
+
+def _check_cells(path: Path, separator: str, width: int) -> None:
+    """Refuse single rows with more cells than the others and than the header has names; empty cells do not count.
+
+    Where every row has a cell more than the header, the last column has no name, and is not read.
+
+    Raises:
+        LogError: names the line.
+    """
+    lengths: Counter[int] = Counter()
+    first: dict[int, int] = {}
+    with _opened(path) as file:
+        for row in (rows := csv.reader(file, delimiter=separator)):
+            filled = max((i + 1 for i, cell in enumerate(row) if cell.strip()), default=0)
+            lengths[filled] += 1
+            first.setdefault(filled, rows.line_num)
+    expected = max(width, lengths.most_common(1)[0][0])
+    longer = [first[length] for length in lengths if length > expected]
+    if longer:
+        line = min(longer)
+        cells = next(length for length, at in first.items() if at == line)
+        raise LogError(
+            f"{path}: line {line} has {cells} cells, and the header {width} names; expected one cell a column"
+            " (a decimal comma, or a separator inside a text, makes two of one)"
+        )
+
+
+def _opened(path: Path) -> IO[str]:
+    """The text of a file, packed or not."""
+    if path.name.lower().endswith(".gz"):
+        return gzip.open(path, "rt", encoding="utf-8", errors="replace", newline="")
+    return path.open(encoding="utf-8", errors="replace", newline="")
+
+
 def _read_csv(path: Path) -> pd.DataFrame:
     separator = _separator(path)
+    _check_names(path, separator)
     try:
         return pd.read_csv(path, sep=separator, engine="pyarrow")
     except (pd.errors.ParserError, ValueError):
         # rows of uneven length: the C parser drops what lies beyond the header
         width = range(pd.read_csv(path, sep=separator, nrows=0, index_col=False).shape[1])
+        _check_cells(path, separator, len(width))
         return pd.read_csv(
             path, sep=separator, skipinitialspace=True, index_col=False, usecols=list(width), low_memory=False
         )
@@ -149,7 +201,16 @@ def read_table(path: Path | str, readers: Mapping[str, Reader] = READERS) -> pd.
         raise
     except pd.errors.EmptyDataError:
         raise LogError(f"{path}: no rows; record at least a few seconds of motion") from None
-    except (OSError, ValueError, EOFError, KeyError, TypeError, zipfile.BadZipFile, ArithmeticError) as error:
+    except (
+        OSError,
+        ValueError,
+        EOFError,
+        KeyError,
+        TypeError,
+        zipfile.BadZipFile,
+        ArithmeticError,
+        csv.Error,
+    ) as error:
         reason = (str(error).splitlines() or [type(error).__name__])[0]
         raise LogError(f"{path}: cannot be read as {suffix}: {reason}") from error
     if len(table) == 0:

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from drake_tc.errors import LogError
-from drake_tc.logs.prepare import load_run, load_runs, require_different_files, require_two_runs
+from drake_tc.logs.prepare import load_run, load_runs
+from drake_tc.logs.run_sets import require_different_files, require_two_runs
 
 from .conftest import bench, servo_rig, write
 

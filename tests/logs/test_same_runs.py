@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from drake_tc.errors import LogError
-from drake_tc.logs.prepare import require_different_runs
+from drake_tc.logs.run_sets import require_different_runs
 from drake_tc.logs.record import Run
 
 
