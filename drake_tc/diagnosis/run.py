@@ -21,9 +21,9 @@ from drake_tc.diagnosis.robot.diagnose import diagnose_robot
 from drake_tc.diagnosis.selection.engine import Progress
 from drake_tc.estimation.robot_loads import robot_logs
 from drake_tc.logs.prepare import load_runs
-from drake_tc.logs.run_sets import require_different_files, require_different_runs, require_two_runs
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig, load_rig
+from drake_tc.logs.run_sets import require_different_files, require_different_runs, require_two_runs
 from drake_tc.logs.told_once import told_once
 
 

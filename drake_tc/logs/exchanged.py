@@ -104,4 +104,4 @@ def _noise(values: FloatArray) -> float:
     """Robust level of what changes from row to row: median of fourth differences, as of white noise."""
     if values.size < 10:
         return 0.0
-    return float(np.median(np.abs(np.diff(values, 4)))) / np.sqrt(70.0)
+    return float(np.median(np.abs(np.diff(values, 4))) / np.sqrt(70.0))

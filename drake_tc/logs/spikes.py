@@ -1,7 +1,7 @@
 """Samples that no joint can have moved to: whole turns that an encoder gained or lost, and single wild values.
 
-A turn: a step between neighbouring rows within a little of 2 pi n, in a channel whose other steps are much smaller. It is
-undone exactly, whether the channel stays there (an encoder that wraps round) or comes back (one sample a turn off).
+A turn: a step between neighbouring rows within a little of 2 pi n, in a channel whose other steps are much smaller. It
+is undone exactly, whether the channel stays there (an encoder that wraps round) or comes back (one sample a turn off).
 A spike: one to three rows far from the median of their neighbourhood, by many times what the channel does elsewhere.
 """
 
