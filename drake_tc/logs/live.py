@@ -20,15 +20,16 @@ def require_live(raw: RawLog, rig: Rig) -> tuple[str, ...]:
         name = f"{resting[0]}/position"
         raise LogError(
             f"{raw.path}: column {rig.columns.get(name, name)!r} is constant"
-            f" ({_value(positions[resting[0]]):.6g}) in all rows: nothing moves, or the encoder was not read; record a motion"
+            f" ({_value(positions[resting[0]]):.6g}) in all rows: nothing moves, or the encoder was not read;"
+            " record a motion"
         )
     for joint in rig.joints:
         name = f"{joint}/torque"
         if rig.load[joint] == "torque" and joint not in resting and _constant(raw.columns[name]):
             raise LogError(
                 f"{raw.path}: column {rig.columns.get(name, name)!r} is {_value(raw.columns[name]):.6g} in all rows"
-                f" while {joint} moves: the torque was not measured; map the right column, or say with `load:` what the joint"
-                " carries (`load: unknown` fits it)"
+                f" while {joint} moves: the torque was not measured; map the right column, or say with `load:` what"
+                " the joint carries (`load: unknown` fits it)"
             )
     return tuple(f"Column {joint}/position is constant: this joint did not move." for joint in resting)
 
