@@ -14,6 +14,7 @@ import pandas as pd
 import scipy.io
 
 from drake_tc.errors import LogError
+from drake_tc.logs.bags.reader import SUFFIXES, is_bag, read_bag
 from drake_tc.logs.json_log import read_json, read_json_lines
 
 Reader = Callable[[Path], pd.DataFrame]
@@ -160,6 +161,7 @@ READERS: Mapping[str, Reader] = MappingProxyType(
         ".json": read_json,
         ".json.gz": read_json,
         ".jsonl": read_json_lines,
+        **dict.fromkeys(SUFFIXES, read_bag),
     }
 )
 
@@ -180,7 +182,7 @@ def read_table(path: Path | str, readers: Mapping[str, Reader] = READERS) -> pd.
     """Read a log file as it is: names, units and gaps untouched; one row a sample.
 
     Args:
-        path: A .csv, .csv.gz, .parquet, .npz, .mat, .json, .json.gz or .jsonl file. In NPZ and MAT every vector is a
+        path: A .csv, .csv.gz, .parquet, .npz, .mat, .json, .json.gz or .jsonl file, or a ROS bag (`bags`). In NPZ and MAT every vector is a
             column, a matrix (T, n) gives `name_0 ...`; MATLAB cannot write a slash, so `knee__position` and the struct
             field `knee.position` both mean `knee/position`. `json_log` has the forms of a JSON log.
         readers: Readers by file suffix; pass `{**READERS, ".log": mine}` to add a format.
@@ -189,6 +191,8 @@ def read_table(path: Path | str, readers: Mapping[str, Reader] = READERS) -> pd.
         LogError: Not a file, an unknown suffix, unreadable content, or no rows.
     """
     path = Path(path)
+    if path.is_dir() and is_bag(path):
+        return read_bag(path)
     if not path.is_file():
         raise LogError(f"{path}: no such log file")
     suffix = _suffix(path, readers)

@@ -1,0 +1,181 @@
+"""The streams of a bag on one clock: that of the joint states."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from drake_tc.errors import LogError
+from drake_tc.logs.bags.streams import Kind, Stream
+from drake_tc.types import FloatArray, IntArray
+
+CLOCKS_AGREE = 0.05
+"""Differences between the delays of two topics above which their senders' clocks differ [s]."""
+CLEARLY_BEST = 0.7
+"""An array's order is sure where the best assignment errs less than this share of the second best."""
+
+
+class _Timed(NamedTuple):
+    """A stream with its time [ns], sorted, without repeats."""
+
+    stream: Stream
+    time: IntArray
+    table: FloatArray
+    notes: tuple[str, ...]
+
+
+def joined(streams: Sequence[Stream], path: Path) -> pd.DataFrame:
+    """One row for each joint state of the stream with most rows; the others are brought to its clock.
+
+    Time is the sender's stamp where there is one, else the recorder's. Measurements are interpolated linearly, commands are
+    held, trajectories interpolated between their points; before the first and after the last row of a
+    measurement there is nothing (NaN). Senders whose clocks differ by more than 50 ms are put on the main one.
+
+    Args:
+        streams: Of the bag.
+        path: For messages.
+
+    Returns:
+        `time` [s] from the first row, and canonical columns; `attrs["notes"]` says what was joined how.
+
+    Raises:
+        LogError: no joint states, or a column from two topics.
+    """
+    states = [s for s in streams if s.kind is Kind.measured and any(name.endswith("/position") for name in s.names)]
+    if not states:
+        known = ", ".join(sorted({f"{s.topic} ({s.kind})" for s in streams})) or "none"
+        raise LogError(
+            f"{path}: no joint states in this bag; expected a topic of sensor_msgs/JointState with positions; topics of"
+            f" known types here: {known}"
+        )
+    main = _timed(max(states, key=len))
+    rate = (len(main.time) - 1) / max(1e-9, 1e-9 * float(main.time[-1] - main.time[0]))
+    notes = [f"Rows are the {len(main.time)} messages of {main.stream.topic} ({rate:.4g} Hz).", *main.notes]
+    columns: dict[str, FloatArray] = {"time": 1e-9 * (main.time - main.time[0]).astype(np.float64)}
+    columns |= dict(zip(main.stream.names, main.table.T, strict=True))
+    delay = _delay(main.stream)
+    for stream in streams:
+        if stream is main.stream or len(stream) == 0:
+            continue
+        timed, more = _on_clock(_timed(stream), delay, main.stream.topic)
+        notes += [*timed.notes, *more]
+        values = _resampled(timed, main.time)
+        for name, column in zip(stream.names, values.T, strict=True):
+            if name in columns and np.isfinite(columns[name]).any():
+                if name.endswith("/position"):  # a controller's feedback repeats the joint state
+                    continue
+                raise LogError(
+                    f"{path}: {name} comes from two topics, one of them {stream.topic}; expected one; remove the other"
+                )
+            columns[name] = column
+        notes.append(_how(timed))
+    columns, assigned = _assigned(columns)
+    table = pd.DataFrame(columns)
+    table.attrs["notes"] = [*notes, *assigned]
+    return table
+
+
+def _timed(stream: Stream) -> _Timed:
+    """Sorted by time, the last of rows of one time."""
+    stamps = np.frombuffer(stream.stamps, dtype=np.int64)
+    stamped = bool((stamps != 0).all())
+    time = stamps if stamped else np.frombuffer(stream.received, dtype=np.int64)
+    order = np.argsort(time, kind="stable")
+    keep = order[np.append(np.diff(time[order]) > 0, True)]
+    notes = () if stamped else (f"{stream.topic} has no stamps: its rows have the time at which they were recorded.",)
+    if len(keep) < len(time):
+        notes += (f"{len(time) - len(keep)} rows of {stream.topic} repeat a stamp and were dropped.",)
+    return _Timed(stream, time[keep], stream.table()[keep], notes)
+
+
+def _delay(stream: Stream) -> float | None:
+    """Median time from sending to recording [s]; None without stamps."""
+    stamps = np.frombuffer(stream.stamps, dtype=np.int64)
+    known = stamps != 0
+    if not known.any():
+        return None
+    return 1e-9 * float(np.median((np.frombuffer(stream.received, dtype=np.int64) - stamps)[known]))
+
+
+def _on_clock(timed: _Timed, delay: float | None, topic: str) -> tuple[_Timed, tuple[str, ...]]:
+    """On the clock of the main topic, where the senders' clocks differ, or one of the two has no stamps."""
+    own = _delay(timed.stream)
+    if (delay or 0.0) == (own or 0.0) or abs((own or 0.0) - (delay or 0.0)) < CLOCKS_AGREE:
+        return timed, ()
+    shift = (own or 0.0) - (delay or 0.0)
+    note = f"The clock of {timed.stream.topic} differs from that of {topic} by {shift:.4g} s; its rows were moved."
+    return timed._replace(time=timed.time + round(1e9 * shift)), (note,)
+
+
+def _resampled(timed: _Timed, time: IntArray) -> FloatArray:
+    """(T, n) the stream at `time` [ns]; NaN where it has nothing."""
+    base = int(time[0])
+    own, at = 1e-9 * (timed.time - base), 1e-9 * (time - base)
+    if timed.stream.kind is Kind.commanded:
+        row = np.searchsorted(own, at + 1e-12, side="right") - 1
+        return np.where((row >= 0)[:, None], timed.table[np.maximum(row, 0)], np.nan)
+    last = timed.table[-1] if timed.stream.kind is Kind.planned else np.nan * timed.table[-1]
+    ends = zip(timed.table.T, last.tolist(), strict=True)
+    return np.column_stack([np.interp(at, own, column, left=np.nan, right=end) for column, end in ends])
+
+
+def _how(timed: _Timed) -> str:
+    span = 1e-9 * float(timed.time[-1] - timed.time[0])
+    rate = f"{(len(timed.time) - 1) / span:.4g} Hz" if span > 0.0 else "one message"
+    how = {Kind.measured: "interpolated", Kind.commanded: "held", Kind.planned: "interpolated between points, then held"}
+    return f"{timed.stream.topic} ({rate}) was {how[timed.stream.kind]} at these rows."
+
+
+def _assigned(columns: dict[str, FloatArray]) -> tuple[dict[str, FloatArray], list[str]]:
+    """Columns `TOPIC[i]` of arrays renamed to joints: a position command goes to the joint whose position is nearest."""
+    arrays = dict.fromkeys(name.rpartition("[")[0] for name in columns if name.endswith("]"))
+    notes = []
+    for topic in arrays:
+        names = [name for name in columns if name.rpartition("[")[0] == topic]
+        joints = [name.removesuffix("/position") for name in columns if name.endswith("/position")]
+        suffix = _commanded(topic)
+        if suffix == "position_command":
+            joints, sure = _nearest([columns[name] for name in names], {j: columns[f"{j}/position"] for j in joints})
+            why = "each to the joint whose position is nearest" + ("" if sure else ", which is not certain")
+        else:
+            why = "in the order of the joint states, which is a guess"
+        if len(joints) < len(names):
+            notes.append(f"{topic} has {len(names)} values for {len(joints)} joints and was left out.")
+            columns = {name: values for name, values in columns.items() if name not in names}
+            continue
+        told = [f"{joint}/{suffix}" for joint in joints[: len(names)]]
+        columns = {dict(zip(names, told, strict=True)).get(name, name): values for name, values in columns.items()}
+        notes.append(f"The values of {topic} were taken for {', '.join(told)}: {why}.")
+    return columns, notes
+
+
+def _commanded(topic: str) -> str:
+    words = topic.lower()
+    if "effort" in words or "torque" in words:
+        return "torque_command"
+    return "velocity_command" if "velocity" in words else "position_command"
+
+
+def _nearest(commands: Sequence[FloatArray], positions: dict[str, FloatArray]) -> tuple[list[str], bool]:
+    """The joint of each command by least squares of their differences, and whether no other order comes near."""
+    from scipy.optimize import linear_sum_assignment
+
+    names = list(positions)
+    if len(names) < len(commands):
+        return names, False
+    cost = np.array([[_distance(command, positions[name]) for name in names] for command in commands])
+    rows, best = linear_sum_assignment(cost)
+    total = float(cost[rows, best].sum())
+    others = []
+    for row, column in zip(rows, best, strict=True):
+        barred = cost.copy()
+        barred[row, column] = 1e6 * (1.0 + cost.max())
+        again = linear_sum_assignment(barred)
+        others.append(float(barred[again].sum()))
+    return [names[i] for i in best], total < CLEARLY_BEST * min(others)
+
+
+def _distance(command: FloatArray, position: FloatArray) -> float:
+    return float(np.nan_to_num(np.sqrt(np.nanmean((command - position) ** 2)), nan=1e9))

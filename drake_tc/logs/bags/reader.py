@@ -1,0 +1,89 @@
+"""ROS 1 and ROS 2 bags and MCAP files to tables, without ROS installed."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from drake_tc.errors import LogError
+from drake_tc.logs.bags.joined import joined
+from drake_tc.logs.bags.messages import EXTRACT, Row
+from drake_tc.logs.bags.streams import Kind, Stream
+
+SUFFIXES = (".mcap", ".db3", ".bag")
+"""Files that hold bags; a folder with `metadata.yaml` is one, too."""
+METADATA = "metadata.yaml"
+
+
+def is_bag(path: Path) -> bool:
+    """Whether a path is a bag: a folder with its metadata, or a file by its ending."""
+    return (path / METADATA).is_file() if path.is_dir() else path.name.lower().endswith(SUFFIXES)
+
+
+def read_bag(path: Path) -> pd.DataFrame:
+    """The joints' states and commands, IMUs and wrenches of a bag, on the clock of the joint states.
+
+    Columns have canonical names; an effort is `<joint>/effort`, as drivers mean different things by it. What was joined
+    how is in `attrs["notes"]`. Messages stream through: only numbers of the types that are known stay in memory.
+
+    Args:
+        path: A ROS 2 bag (its folder, or one .mcap or .db3 file) or a ROS 1 bag (.bag).
+
+    Raises:
+        LogError: no bag, damaged, without joint states; or the package that reads bags is missing.
+    """
+    return joined(list(read_streams(path).values()), path)
+
+
+def read_streams(path: Path) -> dict[tuple[str, tuple[str, ...]], Stream]:
+    """By topic and columns, the rows of every message type that is known.
+
+    Raises:
+        LogError: as `read_bag`.
+    """
+    found: dict[tuple[str, tuple[str, ...]], Stream] = {}
+    with _opened(path) as reader:
+        wanted = [connection for connection in reader.connections if connection.msgtype in EXTRACT]
+        if wanted:
+            for connection, received, raw in reader.messages(connections=wanted):
+                message = reader.deserialize(raw, connection.msgtype)
+                for row in EXTRACT[connection.msgtype](connection.topic, message):
+                    _add(found, connection.topic, int(received), row)
+    return found
+
+
+def topics(path: Path) -> dict[str, tuple[str, int]]:
+    """By name, the type and the number of messages of each topic of a bag.
+
+    Raises:
+        LogError: as `read_bag`.
+    """
+    with _opened(path) as reader:
+        return {name: (str(info.msgtype), int(info.msgcount)) for name, info in reader.topics.items()}
+
+
+def _add(found: dict[tuple[str, tuple[str, ...]], Stream], topic: str, received: int, row: Row) -> None:
+    stream = found.setdefault((topic, row.names), Stream(topic, row.kind, row.names))
+    if row.first and row.kind is Kind.planned:
+        stream.replan(row.stamp, received)
+    stream.add(row.stamp + row.after if row.stamp else 0, received + row.after, row.values)
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[Any]:
+    """The bag's reader; whatever goes wrong with the bag is one line."""
+    try:
+        from rosbags.highlevel import AnyReader
+        from rosbags.typesys import Stores, get_typestore
+    except ModuleNotFoundError:
+        raise LogError(f"{path}: reading a ROS bag needs the package rosbags: pip install 'drake-tc[bags]'") from None
+    try:
+        with AnyReader([path], default_typestore=get_typestore(Stores.LATEST)) as reader:
+            yield reader
+    except LogError:
+        raise
+    except Exception as error:  # the reader's own errors, those of its decompressors and of the system
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise LogError(f"{path}: cannot be read as a ROS bag: {reason[:200]}") from error
