@@ -18,6 +18,7 @@ from drake_tc.cli.estimate_torque_command import estimate_torque_command
 from drake_tc.cli.graph_command import graph_command
 from drake_tc.cli.identify_command import identify_command
 from drake_tc.cli.import_logs import import_logs
+from drake_tc.cli.inspect_command import inspect_command
 from drake_tc.cli.reproduce_command import reproduce_command
 from drake_tc.cli.schema_command import schema_command
 from drake_tc.cli.simulate_command import simulate_command
@@ -41,6 +42,7 @@ app.command("estimate-base")(estimate_base_command)
 app.command("estimate-torque")(estimate_torque_command)
 app.command("identify")(identify_command)
 app.command("import")(import_logs)
+app.command("inspect")(inspect_command)
 app.command("schema")(schema_command)
 app.command("simulate")(simulate_command)
 app.command("graph")(graph_command)

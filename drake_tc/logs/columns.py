@@ -179,4 +179,6 @@ def map_columns(table: pd.DataFrame, rig: Rig, path: Path) -> RawLog:
     rows = np.arange(1, len(table) + 1, dtype=np.float64)
     enabled, switches = _enabled(table, rig, path)
     hints = column_hints(list(map(str, table.columns)), found, rig, switches)
-    return RawLog(path, rows, time, columns, enabled, (*table.attrs.get("notes", ()), *notes, *hints), hints, speed_only)
+    return RawLog(
+        path, rows, time, columns, enabled, (*table.attrs.get("notes", ()), *notes, *hints), hints, speed_only
+    )

@@ -182,9 +182,10 @@ def read_table(path: Path | str, readers: Mapping[str, Reader] = READERS) -> pd.
     """Read a log file as it is: names, units and gaps untouched; one row a sample.
 
     Args:
-        path: A .csv, .csv.gz, .parquet, .npz, .mat, .json, .json.gz or .jsonl file, or a ROS bag (`bags`). In NPZ and MAT every vector is a
-            column, a matrix (T, n) gives `name_0 ...`; MATLAB cannot write a slash, so `knee__position` and the struct
-            field `knee.position` both mean `knee/position`. `json_log` has the forms of a JSON log.
+        path: A .csv, .csv.gz, .parquet, .npz, .mat, .json, .json.gz or .jsonl file, or a ROS bag (`bags`). In NPZ and
+            MAT every vector is a column, a matrix (T, n) gives `name_0 ...`; MATLAB cannot write a slash, so
+            `knee__position` and the struct field `knee.position` both mean `knee/position`. `json_log` has the
+            forms of a JSON log.
         readers: Readers by file suffix; pass `{**READERS, ".log": mine}` to add a format.
 
     Raises:

@@ -29,8 +29,8 @@ class _Timed(NamedTuple):
 def joined(streams: Sequence[Stream], path: Path) -> pd.DataFrame:
     """One row for each joint state of the stream with most rows; the others are brought to its clock.
 
-    Time is the sender's stamp where there is one, else the recorder's. Measurements are interpolated linearly, commands are
-    held, trajectories interpolated between their points; before the first and after the last row of a
+    Time is the sender's stamp where there is one, else the recorder's. Measurements are interpolated linearly, commands
+    are held, trajectories interpolated between their points; before the first and after the last row of a
     measurement there is nothing (NaN). Senders whose clocks differ by more than 50 ms are put on the main one.
 
     Args:
@@ -84,7 +84,9 @@ def _timed(stream: Stream) -> _Timed:
     time = stamps if stamped else np.frombuffer(stream.received, dtype=np.int64)
     order = np.argsort(time, kind="stable")
     keep = order[np.append(np.diff(time[order]) > 0, True)]
-    notes = () if stamped else (f"{stream.topic} has no stamps: its rows have the time at which they were recorded.",)
+    notes: tuple[str, ...] = (
+        () if stamped else (f"{stream.topic} has no stamps: its rows have the time at which they were recorded.",)
+    )
     if len(keep) < len(time):
         notes += (f"{len(time) - len(keep)} rows of {stream.topic} repeat a stamp and were dropped.",)
     return _Timed(stream, time[keep], stream.table()[keep], notes)
@@ -124,12 +126,16 @@ def _resampled(timed: _Timed, time: IntArray) -> FloatArray:
 def _how(timed: _Timed) -> str:
     span = 1e-9 * float(timed.time[-1] - timed.time[0])
     rate = f"{(len(timed.time) - 1) / span:.4g} Hz" if span > 0.0 else "one message"
-    how = {Kind.measured: "interpolated", Kind.commanded: "held", Kind.planned: "interpolated between points, then held"}
+    how = {
+        Kind.measured: "interpolated",
+        Kind.commanded: "held",
+        Kind.planned: "interpolated between points, then held",
+    }
     return f"{timed.stream.topic} ({rate}) was {how[timed.stream.kind]} at these rows."
 
 
 def _assigned(columns: dict[str, FloatArray]) -> tuple[dict[str, FloatArray], list[str]]:
-    """Columns `TOPIC[i]` of arrays renamed to joints: a position command goes to the joint whose position is nearest."""
+    """Columns `TOPIC[i]` of arrays named after joints: a position command after the joint whose position is nearest."""
     arrays = dict.fromkeys(name.rpartition("[")[0] for name in columns if name.endswith("]"))
     notes = []
     for topic in arrays:

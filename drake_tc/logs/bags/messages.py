@@ -1,7 +1,8 @@
 """The ROS messages that logs of joints are made of, one function a type: message -> rows of streams.
 
 Types: `sensor_msgs/JointState`, `sensor_msgs/Imu`, `geometry_msgs/WrenchStamped`, `trajectory_msgs/JointTrajectory`,
-`std_msgs/Float64MultiArray`, `control_msgs/JointTrajectoryControllerState`. Units are those of REP 103: rad, rad/s, N, N m, m/s^2.
+`std_msgs/Float64MultiArray`, `control_msgs/JointTrajectoryControllerState`. Units are those of REP 103: rad, rad/s, N, N m,
+m/s^2.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -11,7 +12,20 @@ from typing import Any, NamedTuple
 from drake_tc.logs.bags.streams import Kind, is_command, place
 
 SECOND = 1_000_000_000
-GENERIC = ("imu", "data", "raw", "sensor", "wrench", "ft", "force", "torque", "broadcaster", "filtered", "link", "frame")
+GENERIC = (
+    "imu",
+    "data",
+    "raw",
+    "sensor",
+    "wrench",
+    "ft",
+    "force",
+    "torque",
+    "broadcaster",
+    "filtered",
+    "link",
+    "frame",
+)
 """Words of topics and frames that name no sensor."""
 
 

@@ -34,7 +34,9 @@ def joint_states(
     for i, t in enumerate(time):
         parts = [[values[k][i] for values in states.values() if len(values) > k] for k in range(3)]
         message = T["sensor_msgs/msg/JointState"](
-            header(nanoseconds(t) if stamped else None), list(states), *(np.array(part, dtype=np.float64) for part in parts)
+            header(nanoseconds(t) if stamped else None),
+            list(states),
+            *(np.array(part, dtype=np.float64) for part in parts),
         )
         yield topic, "sensor_msgs/msg/JointState", nanoseconds(t + late), message
 
@@ -45,7 +47,9 @@ def arrays(topic: str, time: np.ndarray, values: np.ndarray) -> Iterable[Message
         yield topic, "std_msgs/msg/Float64MultiArray", nanoseconds(t), T["std_msgs/msg/Float64MultiArray"](layout, row)
 
 
-def imus(topic: str, frame: str, time: np.ndarray, gyro: np.ndarray, accel: np.ndarray, clock: float = 0.0) -> Iterable[Message]:
+def imus(
+    topic: str, frame: str, time: np.ndarray, gyro: np.ndarray, accel: np.ndarray, clock: float = 0.0
+) -> Iterable[Message]:
     """Angular velocity and specific force (T, 3); the sender's clock is ahead by `clock` [s]."""
     vector, nothing = T["geometry_msgs/msg/Vector3"], np.zeros(9)
     turn = T["geometry_msgs/msg/Quaternion"](0.0, 0.0, 0.0, 1.0)
@@ -71,7 +75,8 @@ def trajectory(
     duration, point = T["builtin_interfaces/msg/Duration"], T["trajectory_msgs/msg/JointTrajectoryPoint"]
     none = np.zeros(0)
     rows = [
-        point(np.array(q, dtype=np.float64), none, none, none, duration(*divmod(round(1e9 * t), 10**9))) for t, q in points
+        point(np.array(q, dtype=np.float64), none, none, none, duration(*divmod(round(1e9 * t), 10**9)))
+        for t, q in points
     ]
     message = T["trajectory_msgs/msg/JointTrajectory"](header(None), list(joints), rows)
     yield topic, "trajectory_msgs/msg/JointTrajectory", nanoseconds(start), message

@@ -1,0 +1,93 @@
+"""`drake-tc inspect`: what a log holds, and a rig file to start from."""
+
+import json
+import math
+import sys
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+import yaml
+
+from drake_tc.cli.out_files import Force, result_file
+from drake_tc.cli.wide_table import print_wide
+from drake_tc.errors import LogError
+from drake_tc.json_values import json_value
+from drake_tc.logs.inspection.inspect import Inspection, inspect_log, trial
+
+
+def inspect_command(
+    log: Annotated[Path, typer.Argument(help="A log: CSV, Parquet, NPZ, MAT, JSON, MCAP or a ROS bag.")],
+    rig: Annotated[Path | None, typer.Option(help="Write a rig file to start from here.")] = None,
+    force: Force = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print everything as JSON.")] = False,
+) -> None:
+    """List a log's topics, columns, rates and gaps, guess what they are and in which units, and say why.
+
+    With --rig it writes a rig file with these guesses, which `close-loop` reads; look through it before you believe it.
+    """
+    found = inspect_log(log)
+    problem = trial(found)
+    if rig is not None and found.rig:
+        with result_file(rig, "--rig", inputs=[log], force=force, error=LogError) as path:
+            path.write_text(_rig_text(found), encoding="utf-8")
+    if as_json:
+        print(json.dumps(json_value(_document(found, problem, rig if found.rig else None)), indent=1))
+    else:
+        _print(found)
+        for note in found.notes:
+            print(note)
+        if problem:
+            print(f"close-loop would refuse it: {problem}", file=sys.stderr)
+    if rig is not None and not found.rig:
+        raise LogError(f"{log}: no rig file was written: {found.notes[-1]}")
+    if rig is not None and not as_json:
+        print(rig)
+
+
+def _print(found: Inspection) -> None:
+    print(
+        f"{found.path}: {found.rows} rows, {found.duration:.4g} s at {found.rate:.4g} Hz"
+        f"{f', {found.gaps} gaps' if found.gaps else ''}"
+    )
+    headings = ("column", "taken for", "unit", "from", "to", "step", "missing", "why")
+    rows = [
+        (
+            column.name,
+            column.canonical or "-",
+            column.unit or "-",
+            _number(column.low),
+            _number(column.high),
+            _number(column.step) if column.step else "-",
+            f"{100.0 * column.missing:.0f} %" if column.missing else "-",
+            column.why,
+        )
+        for column in found.columns
+    ]
+    print_wide(headings, rows, left=("column", "taken for", "unit", "why"))
+
+
+def _number(value: float) -> str:
+    return "-" if math.isnan(value) else f"{value:.4g}"
+
+
+def _rig_text(found: Inspection) -> str:
+    head = f"# Suggested by drake-tc inspect from {found.path.name}: guesses from names and ranges; check them.\n"
+    return head + yaml.safe_dump(dict(found.rig), sort_keys=False, allow_unicode=True)
+
+
+def _document(found: Inspection, problem: str, rig: Path | None) -> dict[str, Any]:
+    keys = ("name", "canonical", "unit", "why", "low", "high", "step", "missing")
+    return {
+        "name": "inspect",
+        "log": str(found.path),
+        "rows": found.rows,
+        "rate": found.rate,
+        "duration": found.duration,
+        "gaps": found.gaps,
+        "columns": [{key: getattr(column, key) for key in keys} for column in found.columns],
+        "rig": dict(found.rig),
+        "rig_file": None if rig is None else str(rig),
+        "notes": list(found.notes),
+        "problem": problem or None,
+    }

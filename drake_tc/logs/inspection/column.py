@@ -1,0 +1,107 @@
+"""What one column of a log seems to be, in which unit, and why."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from drake_tc.logs.channels import grid_step
+from drake_tc.logs.inspection.names import Meaning
+from drake_tc.types import FloatArray
+
+MOST_TURNS = 4.0 * np.pi
+"""An angle that spans more is not in rad."""
+MOST_DEGREES = 3600.0
+"""An angle that lies further out is not in degrees."""
+MOST_AMPERES = 100.0
+MOST_VOLTS = 200.0
+FASTEST = 50.0
+"""A velocity above is not in rad/s."""
+NAMELESS = "joint"
+"""Name of a joint whose columns name none."""
+SI = {
+    "velocity": "rad/s",
+    "velocity_command": "rad/s",
+    "current": "A",
+    "current_command": "A",
+    "voltage": "V",
+    "supply_voltage": "V",
+    "torque": "N*m",
+    "torque_command": "N*m",
+    "temperature": "degC",
+}
+"""The canonical units of what is no angle and no time."""
+
+
+@dataclass(frozen=True)
+class Column:
+    """One column of a log.
+
+    Attributes:
+        name: In the file.
+        canonical: What it is taken for; empty where nothing tells.
+        unit: That it seems to be in.
+        why: What told name and unit.
+        low, high: Smallest and largest value, as in the file.
+        step: Of the values, where they lie on a grid; else 0.
+        missing: Share of the rows without a number.
+    """
+
+    name: str
+    canonical: str
+    unit: str
+    why: str
+    low: float
+    high: float
+    step: float
+    missing: float
+
+
+def numbers(series: pd.Series) -> FloatArray | None:
+    """(T,) as numbers, dates in seconds from the first; None where it holds none."""
+    if pd.api.types.is_complex_dtype(series):
+        return None
+    if pd.api.types.is_datetime64_any_dtype(series):
+        stamps = series.to_numpy(dtype="datetime64[ns]")
+        return np.asarray((stamps - stamps[0]) / np.timedelta64(1, "s"))
+    values = np.asarray(pd.to_numeric(series, errors="coerce").to_numpy(dtype=np.float64, na_value=np.nan))
+    return values if np.isfinite(values).any() else None
+
+
+def describe(name: str, values: FloatArray | None, told: Meaning | None, time_unit: str) -> Column:
+    """A column by its name and values (T,), which are None where it holds no numbers."""
+    if values is None:
+        return Column(name, "", "", "holds no numbers", np.nan, np.nan, 0.0, 1.0)
+    finite = values[np.isfinite(values)]
+    low, high = float(finite.min()), float(finite.max())
+    step, missing = grid_step(values), 1.0 - finite.size / values.size
+    if told is None:
+        return Column(name, "", "", "the name tells nothing", low, high, step, missing)
+    whole = bool((finite == np.round(finite)).all())
+    unit, why = time_unit, "" if time_unit == "s" else f"only in {time_unit} the rate is that of a joint's log"
+    if told.quantity != "time":
+        unit, why = _unit(told.quantity, low, high, whole=whole)
+    canonical = "time" if told.quantity == "time" else f"{told.joint or NAMELESS}/{told.quantity}"
+    by = "canonical name" if name == canonical else f"called {told.by}"
+    return Column(name, canonical, unit, f"{by}; {why}" if why else by, low, high, step, missing)
+
+
+def _unit(quantity: str, low: float, high: float, *, whole: bool) -> tuple[str, str]:
+    """The unit that values seem to be in ("" where nobody can tell), and why it is not SI."""
+    span, largest = high - low, max(abs(low), abs(high))
+    if quantity in ("position", "position_command", "motor_position"):
+        if span <= MOST_TURNS and not (whole and largest > MOST_TURNS):
+            return "rad", ""
+        if whole and span > 0.0:
+            counts = 2 ** max(10, int(np.ceil(np.log2(largest + 1.0))))
+            return f"{2.0 * np.pi / counts:.10g}", f"whole numbers: encoder counts, perhaps {counts} a turn"
+        if largest < MOST_DEGREES:
+            return "deg", f"spans {span:.4g}, more than two turns in rad"
+        return "", f"spans {span:.4g}: neither rad nor deg"
+    if quantity == "velocity" and largest > FASTEST:
+        return "", f"reaches {largest:.4g}: no joint does in rad/s"
+    if quantity == "current" and largest > MOST_AMPERES:
+        return "mA", f"reaches {largest:.4g}, more than joints draw in A"
+    if quantity in ("voltage", "supply_voltage") and largest > MOST_VOLTS:
+        return "mV", f"reaches {largest:.4g}, more than joints are fed in V"
+    return SI.get(quantity, ""), ""

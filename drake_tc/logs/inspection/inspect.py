@@ -1,0 +1,110 @@
+"""What a log holds, column by column, and the rig file that it suggests."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from drake_tc.errors import DrakeTcError, LogError
+from drake_tc.logs.inspection.column import Column, describe
+from drake_tc.logs.inspection.column import numbers as in_numbers
+from drake_tc.logs.inspection.names import Meaning, meaning
+from drake_tc.logs.inspection.suggestion import suggested_rig
+from drake_tc.logs.prepare import load_run
+from drake_tc.logs.readers import read_table
+from drake_tc.logs.rig import parse_rig
+from drake_tc.types import FloatArray
+
+SECONDS = (("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9))
+RATES = (5.0, 20_000.0)
+"""Rates that logs of joints have [Hz]."""
+
+
+@dataclass(frozen=True)
+class Inspection:
+    """What a log holds.
+
+    Attributes:
+        path: The file.
+        rows: Number of rows.
+        rate: Median rate [Hz]; NaN without a time.
+        gaps: Steps of the clock longer than five periods.
+        duration: [s].
+        columns: All of them.
+        rig: The document of a rig file; empty where no joint was found.
+        notes: How a bag's topics were joined, and what is doubtful.
+    """
+
+    path: Path
+    rows: int
+    rate: float
+    gaps: int
+    duration: float
+    columns: tuple[Column, ...]
+    rig: Mapping[str, Any]
+    notes: tuple[str, ...]
+
+
+def inspect_log(path: Path) -> Inspection:
+    """Read a log and say what its columns seem to be.
+
+    Args:
+        path: Any log that `read_table` reads, a ROS bag included.
+
+    Raises:
+        LogError: a file that cannot be read.
+    """
+    table = read_table(path)
+    notes = [str(note) for note in table.attrs.get("notes", ())]
+    numbers = {str(name): in_numbers(table[name]) for name in table.columns}
+    meanings = _distinct({name: meaning(name) for name, values in numbers.items() if values is not None}, notes)
+    time_name = next((name for name, m in meanings.items() if m.quantity == "time"), None)
+    unit, period, gaps, duration = _clock(None if time_name is None else numbers[time_name])
+    columns = tuple(describe(name, values, meanings.get(name), unit) for name, values in numbers.items())
+    if time_name is None:
+        notes.append("No column is called like a time; name it under `columns: {time: ...}`.")
+    rig = suggested_rig(columns, meanings, notes)
+    return Inspection(
+        path, len(table), 1.0 / period if period > 0 else float("nan"), gaps, duration, columns, rig, tuple(notes)
+    )
+
+
+def _distinct(found: Mapping[str, Meaning | None], notes: list[str]) -> dict[str, Meaning]:
+    """The first column of each meaning; canonical names go first. Others are told."""
+    taken: dict[tuple[str, str], str] = {}
+    for name, told in sorted(found.items(), key=lambda item: "/" not in item[0]):
+        if told is None:
+            continue
+        other = taken.setdefault((told.joint, told.quantity), name)
+        if other != name:
+            notes.append(f"Columns {other!r} and {name!r} seem to be the same; {other!r} is taken.")
+    return {name: told for (_, _), name in taken.items() if (told := found[name]) is not None}
+
+
+def _clock(time: FloatArray | None) -> tuple[str, float, int, float]:
+    """Unit, period [s], gaps and duration [s] of a time (T,) in its own unit."""
+    if time is None:
+        return "s", float("nan"), 0, float("nan")
+    finite = time[np.isfinite(time)]
+    steps = np.diff(finite)
+    steps = steps[steps > 0.0]
+    if steps.size == 0:
+        return "s", float("nan"), 0, 0.0
+    median = float(np.median(steps))
+    unit, scale = next(((u, s) for u, s in SECONDS if RATES[0] <= 1.0 / (median * s) <= RATES[1]), SECONDS[0])
+    return unit, median * scale, int((steps > 5.0 * median).sum()), float(finite[-1] - finite[0]) * scale
+
+
+def trial(inspection: Inspection) -> str:
+    """What `close-loop` would say against the log with the suggested rig file; empty where it would take it."""
+    if not inspection.rig:
+        return "no joint was found"
+    try:
+        load_run(inspection.path, parse_rig(dict(inspection.rig), "rig.yaml"))
+    except LogError as error:
+        return str(error)
+    except DrakeTcError as error:
+        return f"the suggested rig file does not fit: {error}"
+    return ""

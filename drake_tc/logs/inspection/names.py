@@ -1,0 +1,116 @@
+"""From the name of a column to the quantity and the joint that it seems to be of."""
+
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+from drake_tc.logs.units import JOINT_SUFFIXES, SENSOR_SUFFIXES
+
+QUANTITIES: Mapping[str, tuple[str, ...]] = MappingProxyType(
+    {
+        "position": (
+            *("position", "pos", "q", "qpos", "angle", "ang", "theta", "actual_q", "present_position", "encoder"),
+            *("joint_position", "joint_pos", "q_actual", "q_meas", "measured_position", "state_position", "phi"),
+        ),
+        "position_command": (
+            *("position_command", "position_cmd", "pos_cmd", "cmd_pos", "command", "cmd", "target", "setpoint", "goal"),
+            *("q_ref", "q_d", "q_des", "q_cmd", "q_target", "target_q", "desired_position", "position_desired"),
+            *("goal_position", "position_reference", "reference", "ref", "desired", "target_position", "position_ref"),
+            *("position_target", "theta_ref", "theta_des", "action", "pos_ref", "pos_des", "pos_target", "target_pos"),
+        ),
+        "velocity": (
+            *("velocity", "vel", "dq", "qd", "speed", "omega", "actual_qd", "present_velocity", "q_dot", "qvel"),
+            *("joint_velocity", "rpm", "dtheta", "theta_dot", "qdot"),
+        ),
+        "current": (
+            *("current", "cur", "amps", "amp", "i", "iq", "motor_current", "present_current", "actual_current"),
+            *("i_q", "i_meas", "current_a", "actual_i"),
+        ),
+        "voltage": ("voltage", "volts", "volt", "u", "motor_voltage", "v_motor", "applied_voltage", "u_motor"),
+        "torque": (
+            *("torque", "tau", "trq", "tq", "joint_torque", "measured_torque", "torque_sensor", "tau_meas", "moment"),
+            *("load_torque", "tau_ext", "torque_meas", "torque_nm"),
+        ),
+        "torque_command": (
+            *("torque_command", "torque_cmd", "tau_cmd", "tau_des", "tau_d", "desired_torque", "target_torque"),
+            *("effort_command", "effort", "eff", "commanded_torque", "tau_ref", "torque_des", "torque_ref"),
+        ),
+        "current_command": ("current_des", "current_cmd", "current_command", "current_ref", "i_des", "i_ref", "i_cmd"),
+        "velocity_command": ("velocity_command", "vel_cmd", "cmd_vel", "dq_ref", "dq_des", "velocity_ref", "qd_des"),
+        "motor_position": ("motor_position", "motor_pos", "motor_angle", "q_motor", "theta_m", "rotor_position"),
+        "temperature": ("temperature", "temp", "motor_temp", "motor_temperature", "present_temperature"),
+        "supply_voltage": ("supply_voltage", "vbus", "bus_voltage", "battery_voltage", "input_voltage", "input_volts"),
+        "time": ("time", "t", "timestamp", "stamp", "time_s", "secs", "seconds", "time_ms", "t_s", "time_stamp", "ts"),
+    }
+)
+"""Quantity to the words, joined by '_' in small letters, that columns of it are called."""
+_BY_WORDS = {words: quantity for quantity, names in QUANTITIES.items() for words in names}
+_NOISE = ("joint", "joints", "state", "states", "actual", "meas", "measured", "data", "observation", "value", "link")
+"""Words that name neither a joint nor a quantity, where others do."""
+
+
+@dataclass(frozen=True)
+class Meaning:
+    """What a column seems to be.
+
+    Attributes:
+        joint: Its name; empty for the time, and where the column names none.
+        quantity: A key of `QUANTITIES`.
+        by: The words that told.
+    """
+
+    joint: str
+    quantity: str
+    by: str
+
+
+def words(name: str) -> list[str]:
+    """The words of a name: split at separators, at changes of case, and before numbers in brackets.
+
+    `q_ref[2]` -> q, ref, 2; `JointPos.hip` -> Joint, Pos, hip; `joint_1/pos` -> joint, 1, pos.
+    """
+    spaced = re.sub(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", " ", name)
+    return [word for word in re.split(r"[^0-9A-Za-z]+", spaced) if word]
+
+
+def meaning(name: str) -> Meaning | None:
+    """What a column seems to be; None where nothing tells.
+
+    A canonical name means itself, and so does the owner before a slash. Otherwise the longest run of words that is
+    called like a quantity tells it, at the end of the name before the beginning; what is left names the joint.
+    """
+    owner, _, suffix = name.rpartition("/")
+    if owner and (suffix in JOINT_SUFFIXES or (suffix in SENSOR_SUFFIXES and owner.startswith(("imu_", "ft_")))):
+        return Meaning(owner, suffix, suffix)
+    if owner and (quantity := _BY_WORDS.get("_".join(words(suffix)).lower())) is not None:
+        return Meaning(owner, quantity, suffix)
+    parts = _split_numbers(words(name))
+    best: tuple[int, int, int] | None = None
+    for first in range(len(parts)):
+        for end in range(first + 1, len(parts) + 1):
+            if "_".join(parts[first:end]).lower() in _BY_WORDS and (best is None or (end - first, end) > best[:2]):
+                best = (end - first, end, first)
+    if best is None:
+        return None
+    _, end, first = best
+    told = "_".join(parts[first:end]).lower()
+    rest = parts[:first] + parts[end:]
+    named = [word for word in rest if word.lower() not in _NOISE] or rest
+    return Meaning("" if _BY_WORDS[told] == "time" else _joint(named, rest), _BY_WORDS[told], told)
+
+
+def _split_numbers(parts: Iterable[str]) -> list[str]:
+    """`q1` -> q, 1 where `q` is called like a quantity; `joint1` stays."""
+    result: list[str] = []
+    for part in parts:
+        found = re.fullmatch(r"([A-Za-z]+)(\d+)", part)
+        result += [found[1], found[2]] if found and found[1].lower() in _BY_WORDS else [part]
+    return result
+
+
+def _joint(named: list[str], rest: list[str]) -> str:
+    """`1` of `joint 1` is `joint_1`; words are joined by '_'."""
+    if named and all(word.isdigit() for word in named):
+        return "joint_" + "_".join(named)
+    return "_".join(named if named != rest or not rest else rest)

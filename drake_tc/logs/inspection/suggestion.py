@@ -1,0 +1,73 @@
+"""From the columns of a log to a rig file to start from."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from drake_tc.logs.inspection.column import SI, Column
+from drake_tc.logs.inspection.names import Meaning
+
+DRIVES = (
+    ("position_servo", "position_command"),
+    ("current", "current"),
+    ("voltage", "voltage"),
+    ("torque", "torque_command"),
+)
+"""What a drive is commanded with, in the order in which it is looked for."""
+PLAIN = ("s", "rad", *SI.values())
+"""Units that need not be said."""
+OPTIONAL = ("motor_position", "temperature", "supply_voltage")
+"""Channels that are used where they are."""
+
+
+def suggested_rig(columns: Sequence[Column], meanings: Mapping[str, Meaning], notes: list[str]) -> dict[str, Any]:
+    """A rig document to start from; empty where no joint has a position and a command."""
+    by_joint: dict[str, dict[str, Column]] = {}
+    for column in columns:
+        told = meanings.get(column.name)
+        if told is not None and column.canonical and not told.joint.startswith(("imu_", "ft_")):
+            by_joint.setdefault(column.canonical.rpartition("/")[0], {})[told.quantity] = column
+    time = by_joint.pop("", {}).get("time")
+    drives: dict[str, str] = {}
+    for joint, has in by_joint.items():
+        drive = next((kind for kind, command in DRIVES if command in has), None)
+        if drive is None or "position" not in has:
+            lacks = "a position" if "position" not in has else "a command (position, current, voltage or torque)"
+            notes.append(f"Joint {joint} lacks {lacks} and is left out of the rig file.")
+        else:
+            drives[joint] = drive
+    if not drives:
+        notes.append("No joint has a position and a command: say under `columns:` which columns they are.")
+        return {}
+    commands = dict(DRIVES)
+    used = [time] if time else []
+    for joint, drive in drives.items():
+        wanted = ("position", commands[drive], "torque", *OPTIONAL)
+        used += [by_joint[joint][name] for name in wanted if name in by_joint[joint]]
+    doubtful = [column.name for column in used if not column.unit]
+    if doubtful:
+        notes.append(f"The unit of {', '.join(map(repr, doubtful))} is not clear: say it under `units:`.")
+    document: dict[str, Any] = {"joint": next(iter(drives))} if len(drives) == 1 else {"joints": list(drives)}
+    document["drive"] = _same(drives)
+    loads = {joint: "torque" if "torque" in by_joint[joint] else "unknown" for joint in drives}
+    document["load"] = _same(loads)
+    if "unknown" in loads.values():
+        notes.append(
+            "No torque was measured: `load: unknown` fits a pendulum to each such joint. With a URDF, `robot: FILE` and"
+            " `load: {robot: fitted}` fit the links of the whole robot instead."
+        )
+    renamed = {column.canonical: column.name for column in used if column.canonical != column.name}
+    units = {column.canonical: _factor(column.unit) for column in used if column.unit not in ("", *PLAIN)}
+    return document | ({"columns": renamed} if renamed else {}) | ({"units": units} if units else {})
+
+
+def _factor(unit: str) -> str | float:
+    """A unit as a rig file has it: a name, or a number."""
+    try:
+        return float(unit)
+    except ValueError:
+        return unit
+
+
+def _same(by_joint: Mapping[str, str]) -> Any:
+    """One value for all joints where they agree."""
+    return next(iter(by_joint.values())) if len(set(by_joint.values())) == 1 else dict(by_joint)

@@ -1,0 +1,130 @@
+"""Names and ranges of unknown logs are read as an engineer would; what cannot be told is not guessed."""
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+import yaml
+
+from drake_tc.logs.inspection.inspect import inspect_log, trial
+from drake_tc.logs.inspection.names import meaning
+from drake_tc.logs.prepare import load_run
+from drake_tc.logs.rig import load_rig
+
+from .conftest import bench, write
+
+
+@pytest.mark.parametrize(
+    ("name", "joint", "quantity"),
+    [
+        ("knee/position", "knee", "position"),
+        ("shoulder_pan_joint/effort", "shoulder_pan_joint", "torque_command"),
+        ("q_FL_hip", "FL_hip", "position"),
+        ("q_cmd_FL_hip", "FL_hip", "position_command"),
+        ("pos (3)", "joint_3", "position"),
+        ("target pos (3)", "joint_3", "position_command"),
+        ("q1", "joint_1", "position"),
+        ("joint1_vel", "joint1", "velocity"),
+        ("observation.state.elbow.pos", "observation_state_elbow", "position"),
+        ("elbowJointTorque", "elbow", "torque"),
+        ("actual_q_2", "joint_2", "position"),
+        ("target_q_2", "joint_2", "position_command"),
+        ("current_des_4", "joint_4", "current_command"),
+        ("i_q", "", "current"),
+        ("Timestamp", "", "time"),
+        ("ft_foot/fx", "ft_foot", "fx"),
+    ],
+)
+def test_names(name, joint, quantity):
+    told = meaning(name)
+    assert told is not None and (told.joint.removeprefix("observation_state_"), told.quantity) == (
+        joint.removeprefix("observation_state_"),
+        quantity,
+    )
+
+
+@pytest.mark.parametrize("name", ["foo", "status", "pi", "mass_kg", "error"])
+def test_names_that_tell_nothing(name):
+    assert meaning(name) is None
+
+
+def renamed(**units) -> pd.DataFrame:
+    """The bench's log as somebody else would have written it."""
+    table = bench().drop(columns=["joint/voltage", "joint/temperature", "joint/velocity"])
+    table.columns = pd.Index(["timestamp", "q_meas", "q_ref", "tau_meas"])
+    for name, factor in units.items():
+        table[name] = table[name] * factor
+    return table
+
+
+def test_a_rig_file_that_reads_the_log(tmp_path):
+    turn = 180.0 / np.pi
+    path = write(renamed(timestamp=1e3, q_meas=20.0 * turn, q_ref=20.0 * turn), tmp_path / "run.csv")
+    found = inspect_log(path)
+    assert found.rate == pytest.approx(1000.0) and found.gaps == 0 and found.rows == 6000
+    assert dict(found.rig) == {
+        "joint": "joint",
+        "drive": "position_servo",
+        "load": "torque",
+        "columns": {
+            "time": "timestamp",
+            "joint/position": "q_meas",
+            "joint/position_command": "q_ref",
+            "joint/torque": "tau_meas",
+        },
+        "units": {"time": "ms", "joint/position": "deg", "joint/position_command": "deg"},
+    }
+    small = write(renamed(timestamp=1e3), tmp_path / "small.csv")
+    assert trial(inspect_log(small)) == ""
+
+
+def test_counts_of_an_encoder(tmp_path):
+    table = renamed()
+    for name in ("q_meas", "q_ref"):
+        table[name] = np.round(2048 + table[name] * 4096 / (2 * np.pi))
+    found = inspect_log(write(table, tmp_path / "run.csv"))
+    assert found.rig["units"]["joint/position"] == pytest.approx(2 * np.pi / 4096, rel=1e-9)
+    (position,) = [column for column in found.columns if column.name == "q_meas"]
+    assert "encoder counts, perhaps 4096 a turn" in position.why and position.step == pytest.approx(1.0)
+
+
+def test_the_same_quantity_twice_and_joints_without_commands(tmp_path):
+    table = renamed().assign(angle=0.1, pos_elbow=np.linspace(0, 1, 6000))
+    found = inspect_log(write(table, tmp_path / "run.csv"))
+    told = " ".join(found.notes)
+    assert "'q_meas' and 'angle' seem to be the same; 'q_meas' is taken" in told
+    assert "Joint elbow lacks a command" in told and found.rig["joint"] == "joint"
+
+
+def test_the_command_writes_the_rig_and_says_what_it_took(invoke_inspect, tmp_path):
+    path = write(renamed(), tmp_path / "run.csv")
+    rig = tmp_path / "rig.yaml"
+    outcome = invoke_inspect(path, "--rig", rig)
+    assert outcome.code == 0 and outcome.out.endswith(f"{rig}\n") and "called q_ref" in outcome.out
+    assert load_run(path, load_rig(rig)).notes == ()
+    document = json.loads(invoke_inspect(path, "--json").out)
+    assert document["rig"] == yaml.safe_load(rig.read_text()) and document["problem"] is None
+    refused = invoke_inspect(path, "--rig", path)
+    assert refused.code == 2 and "is an input" in refused.err and path.read_text().startswith("timestamp")
+
+
+def test_a_log_without_joints_lists_its_columns_and_writes_no_rig(invoke_inspect, tmp_path):
+    path = write(pd.DataFrame({"t": np.arange(100) * 0.01, "foo": 1.0}), tmp_path / "run.csv")
+    outcome = invoke_inspect(path, "--rig", tmp_path / "rig.yaml")
+    assert outcome.code == 2 and "foo" in outcome.out and not (tmp_path / "rig.yaml").exists()
+    assert "no rig file was written: No joint has a position and a command" in outcome.err
+
+
+@pytest.fixture
+def invoke_inspect(capsys):
+    from types import SimpleNamespace
+
+    from drake_tc.cli.main import run
+
+    def call(*arguments):
+        code = run(["inspect", *map(str, arguments)])
+        captured = capsys.readouterr()
+        return SimpleNamespace(code=code, out=captured.out, err=captured.err)
+
+    return call
