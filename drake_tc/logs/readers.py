@@ -16,6 +16,7 @@ import scipy.io
 from drake_tc.errors import LogError
 from drake_tc.logs.bags.reader import SUFFIXES, is_bag, read_bag
 from drake_tc.logs.json_log import read_json, read_json_lines
+from drake_tc.logs.lerobot import without_lists
 
 Reader = Callable[[Path], pd.DataFrame]
 
@@ -88,7 +89,7 @@ def _read_csv(path: Path) -> pd.DataFrame:
 
 
 def _read_parquet(path: Path) -> pd.DataFrame:
-    return pd.read_parquet(path)
+    return without_lists(pd.read_parquet(path), path)
 
 
 def _columns_of(name: str, value: np.ndarray) -> dict[str, np.ndarray]:

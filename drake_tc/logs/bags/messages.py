@@ -1,8 +1,8 @@
 """The ROS messages that logs of joints are made of, one function a type: message -> rows of streams.
 
-Types: `sensor_msgs/JointState`, `sensor_msgs/Imu`, `geometry_msgs/WrenchStamped`, `trajectory_msgs/JointTrajectory`,
-`std_msgs/Float64MultiArray`, `control_msgs/JointTrajectoryControllerState`. Units are those of REP 103: rad, rad/s, N, N m,
-m/s^2.
+Types: `sensor_msgs/JointState`, `sensor_msgs/Imu`, `geometry_msgs/WrenchStamped`, `std_msgs/Float64MultiArray`,
+`trajectory_msgs/JointTrajectory`, `control_msgs/JointTrajectoryControllerState`. Units are those of REP 103: rad,
+rad/s, N, N m, m/s^2.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
