@@ -40,7 +40,8 @@ def without_lists(table: pd.DataFrame, path: Path) -> pd.DataFrame:
         lengths = table[name].map(len)
         if lengths.nunique() > 1:
             raise LogError(
-                f"{path}: column {name!r} holds lists of {lengths.min()} to {lengths.max()} numbers; expected one length"
+                f"{path}: column {name!r} holds lists of {lengths.min()} to {lengths.max()} numbers; expected one"
+                " length"
             )
         members = _members(features.get(str(name), {}).get("names"), int(lengths.iloc[0]))
         values = np.stack([np.asarray(row, dtype=np.float64) for row in table[name]])
