@@ -15,6 +15,7 @@ from drake_tc.cli.bode_command import bode_command
 from drake_tc.cli.close_loop_command import close_loop_command
 from drake_tc.cli.estimate_base_command import estimate_base_command
 from drake_tc.cli.estimate_torque_command import estimate_torque_command
+from drake_tc.cli.export_command import export_command
 from drake_tc.cli.graph_command import graph_command
 from drake_tc.cli.identify_command import identify_command
 from drake_tc.cli.import_logs import import_logs
@@ -42,6 +43,7 @@ app.command("estimate-base")(estimate_base_command)
 app.command("estimate-torque")(estimate_torque_command)
 app.command("identify")(identify_command)
 app.command("import")(import_logs)
+app.command("export")(export_command)
 app.command("inspect")(inspect_command)
 app.command("schema")(schema_command)
 app.command("simulate")(simulate_command)

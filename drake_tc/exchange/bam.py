@@ -1,0 +1,69 @@
+"""BAM: the parameters of its model "m1" (dry and viscous friction) of a servo on a voltage.
+
+BAM's motor has a torque constant kt and a resistance R apart; logs of voltage and motion know kt/R alone, and a
+back-EMF (kt^2/R) qdot inside the viscous friction. One of kt and R has to be given.
+"""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+from drake_tc.errors import ParamsError
+from drake_tc.exchange.projection import Projection
+
+
+def to_bam(projections: Sequence[Projection], into: Path | None = None, torque_constant: float | None = None) -> str:
+    """The text of a BAM parameter file.
+
+    Args:
+        projections: Exactly one: a file is of one servo.
+        into: A BAM file whose other entries stay.
+        torque_constant: kt [N m/A], of the data sheet.
+
+    Raises:
+        ParamsError: more than one joint, another drive than a voltage, no torque constant, or an unreadable file.
+    """
+    if len(projections) != 1:
+        names = ", ".join(projection.joint for projection in projections)
+        raise ParamsError(f"export --to bam: expected one joint, choose it with --joint; got {names}")
+    terms = projections[0].terms
+    if terms.drive != "voltage":
+        raise ParamsError(
+            f"export --to bam: BAM's servo is driven by a voltage; {projections[0].joint} has drive {terms.drive}"
+        )
+    if torque_constant is None:
+        raise ParamsError(
+            "export --to bam: logs tell kt/R alone; give the torque constant of the data sheet: --torque-constant KT"
+        )
+    resistance = torque_constant / terms.kp
+    back_emf = torque_constant**2 / resistance
+    if back_emf > terms.damping:
+        raise ParamsError(
+            f"export --to bam: a torque constant of {torque_constant:g} N m/A makes a back-EMF of"
+            f" {back_emf:.4g} N m s/rad, more than all viscous friction that was found"
+            f" ({terms.damping:.4g}); give a smaller one"
+        )
+    found = {
+        "model": "m1",
+        "kt": torque_constant,
+        "R": resistance,
+        "armature": terms.armature,
+        "friction_base": terms.frictionloss,
+        "friction_viscous": terms.damping - back_emf,
+        "q_offset": 0.0,
+    }
+    return json.dumps(_existing(into) | found, indent=2) + "\n"
+
+
+def _existing(into: Path | None) -> dict[str, object]:
+    if into is None:
+        return {}
+    try:
+        document = json.loads(into.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ParamsError(f"{into}: cannot be read: {error.strerror or error}") from None
+    except ValueError as error:
+        raise ParamsError(f"{into}: not JSON: {error}") from None
+    if not isinstance(document, dict):
+        raise ParamsError(f"{into}: expected a BAM parameter file, a mapping; got {type(document).__name__}")
+    return document

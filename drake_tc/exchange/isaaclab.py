@@ -1,0 +1,69 @@
+"""Isaac Lab: a Python file with one actuator configuration a joint.
+
+`ImplicitActuatorCfg` and `DelayedPDActuatorCfg` take stiffness [N m/rad], damping [N m s/rad], armature [kg m^2],
+friction and dynamic_friction [N m], viscous_friction [N m s/rad] and effort_limit_sim [N m];
+delays are whole physics steps.
+"""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from drake_tc.errors import ParamsError
+from drake_tc.exchange.projection import Projection, Terms
+from drake_tc.exchange.xml_text import number
+
+PHYSICS_STEP = 0.005
+"""Of Isaac Lab's examples [s]; a delay is rounded to whole steps."""
+
+
+def to_isaaclab(projections: Sequence[Projection], into: Path | None = None) -> str:
+    """The text of a Python module whose ACTUATORS goes into an ArticulationCfg.
+
+    Args:
+        projections: One a joint.
+        into: Not possible: a configuration is a program.
+
+    Raises:
+        ParamsError: `into` is given.
+    """
+    if into is not None:
+        raise ParamsError("--into: an Isaac Lab configuration is a program; write a file and import ACTUATORS from it")
+    delayed = any(projection.terms.delay for projection in projections)
+    names = ["ImplicitActuatorCfg", *(["DelayedPDActuatorCfg"] if delayed else [])]
+    lines = [
+        '"""Actuators identified by drake-tc: actuators=ACTUATORS in an ArticulationCfg."""',
+        "",
+        f"from isaaclab.actuators import {', '.join(sorted(names))}",
+        "",
+        f"PHYSICS_STEP = {PHYSICS_STEP}  # [s], in which delays are counted",
+        "",
+        "ACTUATORS = {",
+        *(line for projection in projections for line in _entry(projection.joint, projection.terms)),
+        "}",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _entry(joint: str, terms: Terms) -> list[str]:
+    servo = terms.drive == "position_servo"
+    fields = {
+        "joint_names_expr": f"[{joint!r}]",
+        "stiffness": number(terms.kp if servo else 0.0),
+        "damping": "0.0",
+        "armature": number(terms.armature),
+        "friction": number(terms.frictionloss),
+        "dynamic_friction": number(terms.frictionloss),
+        "viscous_friction": number(terms.damping),
+    }
+    if terms.torque_limit is not None:
+        fields["effort_limit_sim"] = number(terms.torque_limit)
+    if terms.delay:
+        steps = round(terms.delay / PHYSICS_STEP)
+        fields |= {"min_delay": str(steps), "max_delay": str(steps)}
+    kind = "DelayedPDActuatorCfg" if terms.delay else "ImplicitActuatorCfg"
+    note = (
+        []
+        if servo
+        else [f"    # efforts are torques: command {number(terms.kp)} N m for one unit of the drive's command"]
+    )
+    return [*note, f"    {joint!r}: {kind}(", *(f"        {k}={v}," for k, v in fields.items()), "    ),"]

@@ -1,0 +1,56 @@
+"""SDFormat joints: `<axis><dynamics>` with damping and friction, and `<limit><effort>`."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from xml.dom import minidom
+
+from drake_tc.errors import ParamsError
+from drake_tc.exchange.projection import Projection
+from drake_tc.exchange.xml_text import append, child, number, parsed, put, read_xml, to_text
+
+BENCH = '<sdf version="1.9">\n  <model name="drake_tc_bench">\n    <link name="base"/>\n  </model>\n</sdf>\n'
+
+
+def to_sdf(projections: Sequence[Projection], into: Path | None = None) -> str:
+    """The text of an SDFormat file.
+
+    Args:
+        projections: One a joint.
+        into: A user's file; None writes a model with one revolute joint each.
+
+    Raises:
+        ParamsError: a file that cannot be used, or that lacks a joint.
+    """
+    document = parsed(BENCH) if into is None else read_xml(into, "sdf")
+    if into is None:
+        model = document.getElementsByTagName("model")[0]
+        for projection in projections:
+            _bench_joint(model, projection.joint)
+    joints = {each.getAttribute("name"): each for each in document.getElementsByTagName("joint")}
+    for projection in projections:
+        if projection.joint not in joints:
+            raise ParamsError(f"{into}: no <joint name={projection.joint!r}>; joints: {', '.join(joints) or 'none'}")
+        axis, terms = child(joints[projection.joint], "axis"), projection.terms
+        dynamics = child(axis, "dynamics")
+        _set(child(dynamics, "damping"), terms.damping)
+        _set(child(dynamics, "friction"), terms.frictionloss)
+        if terms.torque_limit is not None:
+            _set(child(child(axis, "limit"), "effort"), terms.torque_limit)
+    return to_text(document)
+
+
+def _bench_joint(model: minidom.Element, name: str) -> None:
+    put(append(model, "link"), name=f"{name}_link")
+    joint = append(model, "joint")
+    put(joint, name=name, type="revolute")
+    for tag, text in (("parent", "base"), ("child", f"{name}_link")):
+        _set(append(joint, tag), text)
+    _set(append(append(joint, "axis"), "xyz"), "0 1 0")
+
+
+def _set(element: minidom.Element, value: float | str) -> None:
+    """Make a number or a text the element's content."""
+    while element.firstChild is not None:
+        element.removeChild(element.firstChild)
+    assert element.ownerDocument is not None
+    element.appendChild(element.ownerDocument.createTextNode(value if isinstance(value, str) else number(value)))

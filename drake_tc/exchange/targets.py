@@ -1,0 +1,61 @@
+"""What each target can express, and what to do about the rest."""
+
+from collections.abc import Mapping
+from types import MappingProxyType
+
+from drake_tc.exchange.projection import Vocabulary
+
+_NO_DELAY = "delay the commands in your controller's loop instead"
+_NO_BACKLASH = "the gear has no play there"
+
+TARGETS: Mapping[str, Vocabulary] = MappingProxyType(
+    {
+        "mjcf": Vocabulary(
+            "MuJoCo (MJCF)",
+            frozenset({"armature", "frictionloss", "quadratic", "torque_limit", "delay", "backlash"}),
+            {},
+        ),
+        "urdf": Vocabulary(
+            "URDF",
+            frozenset({"frictionloss", "torque_limit"}),
+            {
+                "armature": "URDF has no rotor inertia; export to drake-urdf or mjcf",
+                "delay": _NO_DELAY,
+                "backlash": _NO_BACKLASH,
+            },
+        ),
+        "drake-urdf": Vocabulary(
+            "Drake (URDF)",
+            frozenset({"armature", "torque_limit"}),
+            {
+                "frictionloss": "Drake's joints have none that is dry; put an ActuatorPlant in front of the plant",
+                "delay": "put drake_tc's ActuatorPlant in front of the plant",
+                "backlash": "put drake_tc's ActuatorPlant in front of the plant",
+            },
+        ),
+        "sdf": Vocabulary(
+            "SDFormat",
+            frozenset({"frictionloss", "torque_limit"}),
+            {
+                "armature": "SDFormat has no rotor inertia; add it to the link's inertia about the axis by hand",
+                "delay": _NO_DELAY,
+                "backlash": _NO_BACKLASH,
+            },
+        ),
+        "isaaclab": Vocabulary(
+            "Isaac Lab",
+            frozenset({"armature", "frictionloss", "torque_limit", "delay"}),
+            {"backlash": _NO_BACKLASH},
+        ),
+        "bam": Vocabulary(
+            "BAM",
+            frozenset({"armature", "frictionloss"}),
+            {
+                "delay": _NO_DELAY,
+                "backlash": _NO_BACKLASH,
+                "torque_limit": "BAM limits the voltage by the supply",
+            },
+        ),
+    }
+)
+"""Name on the command line to vocabulary."""

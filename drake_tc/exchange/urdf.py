@@ -1,0 +1,103 @@
+"""URDF joints: `<dynamics>`, `<limit effort>`, and Drake's tags of the actuator.
+
+<dynamics damping="f_v" friction="f_c"/>                      [N m s/rad], [N m]
+<drake:rotor_inertia value="J"/> <drake:gear_ratio value="1"/>    J is reflected: J gear_ratio^2 [kg m^2]
+<drake:controller_gains p="kp" d="0"/>                         [N m/rad], [N m s/rad]
+"""
+
+from collections.abc import Sequence
+from pathlib import Path
+from xml.dom import minidom
+
+from drake_tc.errors import ParamsError
+from drake_tc.exchange.projection import Projection
+from drake_tc.exchange.xml_text import append, child, parsed, put, read_xml, to_text
+
+DRAKE = "http://drake.mit.edu"
+BENCH = '<robot name="drake_tc_bench">\n  <link name="base"/>\n</robot>\n'
+GEAR_RATIO = 1.0
+"""The rotor inertia is exported as it is reflected to the joint."""
+
+
+def to_urdf(projections: Sequence[Projection], into: Path | None = None, *, drake: bool = False) -> str:
+    """The text of a URDF file.
+
+    Args:
+        projections: One a joint.
+        into: A user's file; None writes a robot with one revolute joint each.
+        drake: Add Drake's tags.
+
+    Raises:
+        ParamsError: a file that cannot be used, or that lacks a joint.
+    """
+    document = parsed(BENCH) if into is None else read_xml(into, "robot")
+    root = document.documentElement
+    assert root is not None
+    if into is None:
+        for projection in projections:
+            _bench_joint(root, projection.joint)
+    joints = {
+        node.getAttribute("name"): node
+        for node in root.childNodes
+        if isinstance(node, minidom.Element) and node.tagName == "joint"
+    }
+    for projection in projections:
+        if projection.joint not in joints:
+            raise ParamsError(f"{into}: no <joint name={projection.joint!r}>; joints: {', '.join(joints) or 'none'}")
+        _joint(joints[projection.joint], projection, friction=not drake)
+        if drake:
+            put(root, **{"xmlns:drake": DRAKE})
+            _drake(root, projection)
+    return to_text(document)
+
+
+def _bench_joint(root: minidom.Element, name: str) -> None:
+    link = append(root, "link")
+    put(link, name=f"{name}_link")
+    inertial = append(link, "inertial")
+    put(append(inertial, "mass"), value=1e-3)
+    put(append(inertial, "inertia"), ixx=1e-6, iyy=1e-6, izz=1e-6, ixy=0.0, ixz=0.0, iyz=0.0)
+    joint = append(root, "joint")
+    put(joint, name=name, type="revolute")
+    put(append(joint, "parent"), link="base")
+    put(append(joint, "child"), link=f"{name}_link")
+    put(append(joint, "axis"), xyz="0 1 0")
+    put(append(joint, "limit"), lower=-3.14159, upper=3.14159, velocity=100.0, effort=1000.0)
+
+
+def _joint(element: minidom.Element, projection: Projection, *, friction: bool) -> None:
+    terms = projection.terms
+    put(child(element, "dynamics"), damping=terms.damping, friction=terms.frictionloss if friction else None)
+    if terms.torque_limit is not None:
+        put(child(element, "limit"), effort=terms.torque_limit)
+
+
+def _drake(root: minidom.Element, projection: Projection) -> None:
+    """The tags of the joint's transmission, which is appended where there is none."""
+    terms = projection.terms
+    transmission = _transmission(root, projection.joint)
+    actuator = child(transmission, "actuator")
+    if not actuator.hasAttribute("name"):
+        put(actuator, name=projection.joint)
+    put(child(actuator, "drake:rotor_inertia"), value=terms.armature)
+    put(child(actuator, "drake:gear_ratio"), value=GEAR_RATIO)
+    if terms.drive == "position_servo":
+        put(child(actuator, "drake:controller_gains"), p=terms.kp, d=0.0)
+
+
+def _transmission(root: minidom.Element, joint: str) -> minidom.Element:
+    for transmission in root.getElementsByTagName("transmission"):
+        if any(each.getAttribute("name") == joint for each in transmission.getElementsByTagName("joint")):
+            return transmission
+    made = append(root, "transmission")
+    put(made, name=f"{joint}_transmission")
+    append(made, "type").appendChild(_text(made, "transmission_interface/SimpleTransmission"))
+    inner = append(made, "joint")
+    put(inner, name=joint)
+    append(inner, "hardwareInterface").appendChild(_text(made, "EffortJointInterface"))
+    return made
+
+
+def _text(element: minidom.Element, text: str) -> minidom.Text:
+    assert element.ownerDocument is not None
+    return element.ownerDocument.createTextNode(text)

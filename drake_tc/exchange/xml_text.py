@@ -1,0 +1,88 @@
+"""XML files edited in place: comments, order and what is not touched stay."""
+
+from pathlib import Path
+from xml.dom import minidom
+from xml.parsers.expat import ExpatError
+
+from drake_tc.errors import ParamsError
+
+
+def read_xml(path: Path, root: str) -> minidom.Document:
+    """The document of a file.
+
+    Raises:
+        ParamsError: unreadable, no XML, or another root than `root`.
+    """
+    try:
+        document = minidom.parseString(path.read_bytes())
+    except OSError as error:
+        raise ParamsError(f"{path}: cannot be read: {error.strerror or error}") from None
+    except (ExpatError, ValueError) as error:
+        raise ParamsError(f"{path}: not XML: {error}") from None
+    found = document.documentElement
+    if found is None or found.tagName != root:
+        raise ParamsError(
+            f"{path}: expected <{root}> at the top; got <{'nothing' if found is None else found.tagName}>"
+        )
+    return document
+
+
+def parsed(text: str) -> minidom.Document:
+    """A document of one's own text."""
+    return minidom.parseString(text)
+
+
+def to_text(document: minidom.Document) -> str:
+    """The file's text, with an XML declaration on a line of its own."""
+    body = "".join(node.toxml() + "\n" for node in document.childNodes)
+    return f'<?xml version="1.0"?>\n{body}'
+
+
+def child(parent: minidom.Element, tag: str) -> minidom.Element:
+    """The first child of a name, appended where there is none, indented as its neighbours are."""
+    for node in parent.childNodes:
+        if isinstance(node, minidom.Element) and node.tagName == tag:
+            return node
+    return append(parent, tag)
+
+
+def append(parent: minidom.Element, tag: str) -> minidom.Element:
+    """A new last child on a line of its own."""
+    document = parent.ownerDocument
+    assert document is not None
+    made = document.createElement(tag)
+    indent = _indent(parent)
+    last = parent.lastChild
+    if last is not None and isinstance(last, minidom.Text) and not last.data.strip():
+        parent.removeChild(last)
+    parent.appendChild(document.createTextNode(f"\n{indent}  "))
+    parent.appendChild(made)
+    parent.appendChild(document.createTextNode(f"\n{indent}"))
+    return made
+
+
+def put(element: minidom.Element, **attributes: float | str | None) -> None:
+    """Set attributes; numbers with ten digits; None removes one."""
+    for name, value in attributes.items():
+        if value is None:
+            if element.hasAttribute(name):
+                element.removeAttribute(name)
+        else:
+            element.setAttribute(name, number(value) if isinstance(value, float | int) else value)
+
+
+def number(value: float) -> str:
+    """A number as text that reads back within 1e-10."""
+    return f"{value:.10g}"
+
+
+def named(document: minidom.Document, tag: str, path: Path | None) -> dict[str, minidom.Element]:
+    """Elements of a tag by their attribute `name`."""
+    return {e.getAttribute("name"): e for e in document.getElementsByTagName(tag) if e.hasAttribute("name")}
+
+
+def _indent(element: minidom.Element) -> str:
+    before = element.previousSibling
+    if isinstance(before, minidom.Text) and "\n" in before.data:
+        return before.data.rsplit("\n", 1)[1]
+    return ""

@@ -1,0 +1,175 @@
+"""Terms come back from the files; what a user wrote around them stays; what cannot be said is told."""
+
+import json
+
+import numpy as np
+import pytest
+import yaml
+from pydrake.multibody.parsing import Parser
+from pydrake.multibody.plant import MultibodyPlant
+
+from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
+from drake_tc.actuation.model_file import save_models
+from drake_tc.errors import ParamsError
+from drake_tc.exchange.bam import to_bam
+from drake_tc.exchange.isaaclab import to_isaaclab
+from drake_tc.exchange.mjcf import joints_of, to_mjcf
+from drake_tc.exchange.projection import project
+from drake_tc.exchange.sdf import to_sdf
+from drake_tc.exchange.targets import TARGETS
+from drake_tc.exchange.urdf import to_urdf
+
+MODEL = ActuatorModel(
+    "knee",
+    Drive("position_servo", 2e-4),
+    (
+        EffectValue("rotor_inertia", {"rotor_inertia": 0.31}),
+        EffectValue("viscous", {"viscous": 32.5}),
+        EffectValue("coulomb", {"coulomb": 6.25}),
+        EffectValue("quadratic_viscous", {"quadratic_viscous": 1.5}),
+        EffectValue("saturation", {"limit": 0.01}),
+        EffectValue("delay.command", {"delay": 0.004}),
+        EffectValue("deadzone", {"deadzone": 1e-3}),
+    ),
+)
+
+
+def exported(target: str):
+    return [project(MODEL, TARGETS[target])]
+
+
+def test_mjcf_gives_the_terms_back(tmp_path):
+    path = tmp_path / "bench.xml"
+    path.write_text(to_mjcf(exported("mjcf")))
+    found = joints_of(path)["knee"]
+    assert found.armature == 0.31 and found.damping == 32.5 and found.quadratic == 1.5 and found.frictionloss == 6.25
+    assert found.kp == pytest.approx(5000.0) and found.torque_limit == pytest.approx(50.0)
+    assert found.delay == pytest.approx(0.004, rel=1e-6)
+    assert [loss.effect for loss in exported("mjcf")[0].losses] == ["deadzone"]
+
+
+MINE = """<mujoco model="robot">
+  <!-- my robot -->
+  <compiler angle="degree"/>
+  <worldbody>
+    <body name="thigh">
+      <geom size="0.1" mass="2"/>
+      <joint name="hip" axis="0 1 0" range="-90 90"/> <!-- keep -->
+      <body name="shank">
+        <joint name="knee" axis="0 1 0" range="0 120" damping="1"/>
+        <geom size="0.1" mass="2"/>
+      </body>
+    </body>
+  </worldbody>
+  <actuator>
+    <motor name="m_hip" joint="hip"/>
+    <motor name="m_knee" joint="knee" ctrlrange="-1 1" gear="80"/>
+  </actuator>
+</mujoco>
+"""
+
+
+def test_an_mjcf_file_of_the_users_keeps_the_rest(tmp_path):
+    mine = tmp_path / "robot.xml"
+    mine.write_text(MINE)
+    text = to_mjcf(exported("mjcf"), mine)
+    lines, before = text.splitlines()[1:], MINE.splitlines()
+    changed = [i for i, (new, old) in enumerate(zip(lines, before, strict=True)) if new.rstrip() != old]
+    assert [before[i].split()[0] for i in changed] == ["<joint", "<motor"]
+    assert '<position name="m_knee" joint="knee" kp="5000"' in text and "<!-- keep -->" in text
+    assert 'range="0 120"' in text
+
+
+def test_backlash_becomes_a_free_hinge(tmp_path):
+    mine = tmp_path / "robot.xml"
+    mine.write_text(MINE)
+    model = ActuatorModel("knee", Drive("torque", 1.0), (EffectValue("backlash", {"backlash": 0.02}),))
+    text = to_mjcf([project(model, TARGETS["mjcf"])], mine)
+    half = np.rad2deg(0.01)
+    assert f'name="knee_backlash" type="hinge" range="{-half:.10g} {half:.10g}" limited="true"' in text
+    mujoco = pytest.importorskip("mujoco")
+    assert mujoco.MjModel.from_xml_string(text).nv == 3
+
+
+def test_drake_reads_what_its_urdf_says():
+    plant = MultibodyPlant(1e-3)
+    Parser(plant).AddModelsFromString(to_urdf(exported("drake-urdf"), drake=True), "urdf")
+    plant.Finalize()
+    actuator = plant.get_joint_actuator(plant.GetJointActuatorIndices()[0])
+    reflected = actuator.default_rotor_inertia() * actuator.default_gear_ratio() ** 2
+    assert reflected == pytest.approx(0.31) and actuator.get_controller_gains().p == pytest.approx(5000.0)
+    assert plant.GetJointByName("knee").default_damping_vector()[0] == pytest.approx(
+        exported("drake-urdf")[0].terms.damping, rel=1e-9
+    )
+    assert 32.5 < exported("drake-urdf")[0].terms.damping < 32.5 + 2.0 * 1.5  # the quadratic part, up to 2 rad/s
+    assert actuator.effort_limit() == pytest.approx(50.0)
+    losses = {loss.effect for loss in exported("drake-urdf")[0].losses}
+    assert {"coulomb", "delay.command", "deadzone"} <= losses
+
+
+def test_drake_reads_the_sdf():
+    plant = MultibodyPlant(1e-3)
+    Parser(plant).AddModelsFromString(to_sdf(exported("sdf")), "sdf")
+    plant.Finalize()
+    assert plant.GetJointByName("knee").default_damping_vector()[0] > 30.0
+    assert "rotor_inertia" in {loss.effect for loss in exported("sdf")[0].losses}
+
+
+def test_a_urdf_of_the_users(tmp_path):
+    mine = tmp_path / "robot.urdf"
+    mine.write_text(
+        '<?xml version="1.0"?>\n<!-- mine -->\n<robot name="r">\n  <joint name="knee" type="revolute">\n'
+        '    <limit effort="1" velocity="2" lower="0" upper="1"/>\n  </joint>\n</robot>\n'
+    )
+    text = to_urdf(exported("urdf"), mine)
+    assert "<!-- mine -->" in text and 'velocity="2"' in text and 'effort="50"' in text
+    assert '<dynamics damping="' in text
+    with pytest.raises(ParamsError, match=r"robot\.urdf: expected <sdf> at the top; got <robot>"):
+        to_sdf(exported("sdf"), mine)
+
+
+def test_isaac_lab_is_a_module():
+    text = to_isaaclab(exported("isaaclab"))
+    classes = type("Cfg", (dict,), {})
+    scope: dict = {}
+    exec(
+        compile(text.replace("from isaaclab.actuators import", "# import"), "cfg", "exec"),
+        {"ImplicitActuatorCfg": classes, "DelayedPDActuatorCfg": classes},
+        scope,
+    )
+    knee = scope["ACTUATORS"]["knee"]
+    assert knee["stiffness"] == 5000.0 and knee["armature"] == 0.31 and knee["effort_limit_sim"] == 50.0
+    assert knee["min_delay"] == 1
+
+
+def test_bam_needs_a_voltage_and_a_torque_constant():
+    with pytest.raises(ParamsError, match="BAM's servo is driven by a voltage; knee has drive position_servo"):
+        to_bam(exported("bam"), None, 0.5)
+    model = ActuatorModel("m", Drive("voltage", 2.0), (EffectValue("viscous", {"viscous": 0.8}),))
+    projections = [project(model, TARGETS["bam"])]
+    with pytest.raises(ParamsError, match="--torque-constant"):
+        to_bam(projections)
+    found = json.loads(to_bam(projections, None, 1.2))
+    # the torque for one volt, and all that grows with the speed, are the model's
+    assert found["kt"] / found["R"] == pytest.approx(0.5)
+    assert found["friction_viscous"] + found["kt"] ** 2 / found["R"] == pytest.approx(0.8)
+    with pytest.raises(ParamsError, match="give a smaller one"):
+        to_bam(projections, None, 2.0)
+
+
+def test_the_command(tmp_path, capsys):
+    from drake_tc.cli.main import run
+
+    path, out = tmp_path / "model.yaml", tmp_path / "out.xml"
+    save_models({"knee": MODEL}, path)
+    assert run(["export", str(path), "--to", "mjcf", "--out", str(out), "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document["joints"]["knee"]["terms"]["damping"] == 32.5 and document["file"] == str(out)
+    assert [loss["effect"] for loss in document["joints"]["knee"]["losses"]] == ["deadzone"]
+    assert run(["export", str(path), "--to", "urdf"]) == 0
+    printed = capsys.readouterr()
+    assert printed.out.startswith("<?xml") and "URDF has no deadzone: the servo answers small errors" in printed.err
+    assert run(["export", str(path), "--to", "urdf", "--joint", "hip"]) == 2
+    assert "no joint 'hip'; joints: knee" in capsys.readouterr().err
+    assert run(["export", str(path), "--to", "urdf", "--out", str(path), "--force"]) == 2
+    assert yaml.safe_load(path.read_text())["joints"]["knee"]

@@ -1,0 +1,110 @@
+"""What the exported terms mean is settled in MuJoCo itself, against closed forms and Drake's free run."""
+
+import numpy as np
+import pytest
+from drake_tc.diagrams.bench.rig_free_run import rig_free_run
+
+from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
+from drake_tc.actuation.recorded_run import Link
+from drake_tc.exchange.mujoco_run import mujoco_free_run, simulate
+from drake_tc.exchange.projection import Terms, project
+from drake_tc.exchange.targets import TARGETS
+from drake_tc.logs.rig import parse_rig
+
+pytest.importorskip("mujoco")
+
+H = 1e-3
+T = np.arange(3000) * H
+NONE = np.zeros(T.size)
+
+
+def released(**terms) -> np.ndarray:
+    """Positions of a rotor of 0.3 kg m^2 that turns at 1 rad/s and is left alone."""
+    return simulate(Terms("torque", 1.0, armature=0.3, **terms), None, NONE, NONE, (0.0, 1.0), H)
+
+
+def test_armature_and_damping_are_at_the_joint():
+    assert released(damping=2.0)[-1] == pytest.approx(0.15 * (1.0 - np.exp(-2.0 * T[-1] / 0.3)), rel=1e-4)
+
+
+def test_the_second_number_of_damping_is_quadratic_friction():
+    assert released(quadratic=2.0)[-1] == pytest.approx(0.15 * np.log(1.0 + T[-1] / 0.15), rel=2e-3)
+
+
+def test_frictionloss_is_dry_friction():
+    stopped = released(frictionloss=0.2)
+    assert stopped[-1] == pytest.approx(0.3 / (2 * 0.2), rel=2e-3)
+
+
+@pytest.mark.parametrize("kind", ["torque", "position_servo"])
+def test_the_drive_gives_kp_for_one_unit(kind):
+    """A constant command against a constant load: at rest where kp u = load, else accelerating."""
+    load = np.full(T.size, 3.0)
+    terms = Terms(kind, 6.0, armature=0.3, damping=3.0)
+    found = simulate(terms, None, np.full(T.size, 0.5), load, (0.0, 0.0), H)
+    assert np.abs(found[-1]) < 1e-6  # torque: 6 * 0.5 - 3; servo: rests where 6 (0.5 - q) = 3, at 0
+
+
+def test_a_torque_limit():
+    terms = Terms("position_servo", 1e4, armature=0.3, torque_limit=0.6)
+    found = simulate(terms, None, np.full(T.size, 100.0), NONE, (0.0, 0.0), H)
+    assert found[1000] == pytest.approx(0.5 * 0.6 / 0.3 * 1.0, rel=2e-3)
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.004, 0.010, 0.025])
+def test_a_delay_is_that_of_the_command(delay):
+    command = np.where(T > 0.9995, 0.5, 0.0)
+    servo = Terms("position_servo", 5000.0, armature=0.3, damping=60.0)
+    at_once, late = (
+        simulate(terms, None, command, NONE, (0.0, 0.0), H)
+        for terms in (servo, Terms("position_servo", 5000.0, armature=0.3, damping=60.0, delay=delay))
+    )
+    shift = round(delay / H)
+    np.testing.assert_allclose(late[shift:], at_once[: T.size - shift], rtol=0, atol=1e-9)
+
+
+def test_a_pendulum_swings_with_its_frequency_about_its_zero():
+    found = simulate(Terms("torque", 1.0, armature=0.1), Link(0.4, 9.0, 0.3), NONE, NONE, (0.31, 0.0), H)
+    expected = 0.3 + 0.01 * np.cos(np.sqrt(9.0 / 0.5) * T)
+    assert np.abs(found - expected).max() < 2e-4
+
+
+def model(*more: EffectValue) -> ActuatorModel:
+    effects = (
+        EffectValue("rotor_inertia", {"rotor_inertia": 0.3}),
+        EffectValue("viscous", {"viscous": 20.0}),
+        EffectValue("coulomb", {"coulomb": 1.5}),
+    )
+    return ActuatorModel("joint", Drive("position_servo", 2e-3), (*effects, *more))
+
+
+@pytest.fixture(scope="module")
+def recorded():
+    """A rig and a run of the simulated bench with that model."""
+    from drake_tc.diagrams.bench.diagram import Table
+    from drake_tc.diagrams.joint_bench import BenchScenario, record_bench
+
+    time = np.arange(4000) * 1e-3
+    command = 0.6 * np.sin(2.0 * time) + 0.1 * np.sin(5.0 * time)
+    run = record_bench(model(), Table(time, command), BenchScenario(duration=4.0, link_inertia=0.5))
+    return parse_rig({"joint": "joint", "drive": "position_servo"}, "rig.yaml"), run
+
+
+def rms(a, b) -> float:
+    return float(np.sqrt(np.mean((a - b) ** 2)))
+
+
+def test_where_mujoco_has_all_effects_it_is_as_good_as_drake(recorded):
+    rig, run = recorded
+    _, measured, drake = rig_free_run(model(), rig, "joint", run)
+    measured, exported = mujoco_free_run(model(), project(model(), TARGETS["mjcf"]).terms, rig, run)
+    assert rms(measured, exported) < 1e-3 * np.std(measured)
+    assert rms(drake, exported) < 1e-3 * np.std(measured)
+
+
+def test_a_refit_of_stribeck_friction_is_better_than_leaving_it_out():
+    stribeck = EffectValue("stribeck", {"stribeck": 1.0, "stribeck_velocity": 0.2, "stribeck_exponent": 1.0})
+    found = project(model(stribeck), TARGETS["mjcf"])
+    assert found.refit is not None and found.refit.effects == ("stribeck",)
+    assert found.refit.refitted < 0.7 * found.refit.dropped
+    assert found.terms.frictionloss > 1.5 and found.losses == ()
