@@ -147,7 +147,7 @@ def record_bench(
         if values is not None:
             columns[f"{model.joint}/{channel}"] = values[row]
     usable = np.zeros(time.size, dtype=np.int64)
-    return Run(name, None, time, scenario.log_period, columns, usable, (), int(time.size))
+    return Run(name, None, time, scenario.log_period, columns, usable)
 
 
 def growing_sinusoid(scenario: BenchScenario, start: float, growth: float, frequency_hz: float) -> Table:

@@ -112,7 +112,7 @@ def _record(scenario: SeaScenario, how: Excitation, name: str, time: FloatArray,
         f"{scenario.joint}/torque": torque,
     }
     usable = np.zeros(time.size, dtype=np.int64)
-    return Run(name, None, time, scenario.dt, columns, usable, (), int(time.size))
+    return Run(name, None, time, scenario.dt, columns, usable)
 
 
 def _line(time: FloatArray, values: FloatArray) -> PiecewisePolynomial:

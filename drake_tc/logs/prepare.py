@@ -187,7 +187,6 @@ def _prepare(path: Path, rig: Rig) -> Run:
         columns=resampled,
         segment=segment,
         notes=notes,
-        raw_rows=rows,
         steps=found,
         hints=raw.hints,
         speed_only=raw.speed_only,

@@ -37,7 +37,6 @@ class Run:
     columns: Mapping[str, FloatArray]
     segment: IntArray
     notes: tuple[str, ...] = ()
-    raw_rows: int = field(default=0)
     steps: Mapping[str, float] = field(default_factory=dict)
     hints: tuple[str, ...] = ()
     speed_only: tuple[str, ...] = ()

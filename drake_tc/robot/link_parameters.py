@@ -10,7 +10,7 @@ from pydrake.multibody.plant import MultibodyPlant
 
 from drake_tc.errors import ParamsError
 from drake_tc.robot.plant import make_plant
-from drake_tc.robot.rigid_regressor import LINK_PARAMETERS, LinkTree, link_tree, regressor
+from drake_tc.robot.rigid_regressor import LinkTree, link_tree, regressor
 from drake_tc.robot.robot import Robot
 from drake_tc.types import FloatArray, IntArray
 
@@ -102,8 +102,3 @@ def _sizes(tree: LinkTree, nominal: FloatArray) -> FloatArray:
         if parent >= 0:
             size[parent] = max(size[parent], 0.5 * float(np.linalg.norm(tree.p_PF[child])))
     return np.asarray(size)
-
-
-def parameter_names(link: str) -> tuple[str, ...]:
-    """`<link>/<name>` of one link's ten parameters."""
-    return tuple(f"{link}/{name}" for name in LINK_PARAMETERS)

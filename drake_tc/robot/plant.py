@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import RigidBody
 
 from drake_tc.robot.robot import Robot, position_range
 from drake_tc.robot.urdf import reduced_urdf
@@ -93,8 +92,3 @@ def make_plant(robot: Robot, dt: float) -> MultibodyPlant:
     add_robot(plant, robot)
     plant.Finalize()
     return plant
-
-
-def floating_base_body(plant: MultibodyPlant, robot: Robot) -> RigidBody | None:
-    """The robot's floating base, or None where it is welded."""
-    return None if robot.fixed_base else plant.GetBodyByName(robot.base)

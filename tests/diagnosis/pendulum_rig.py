@@ -58,7 +58,7 @@ def record(swing: Swing, name: str, seed: int, shift: float = 0.0) -> Run:
         f"{JOINT}/position": q + swing.encoder_noise * rng.standard_normal(q.size),
         f"{JOINT}/{COMMAND[swing.drive]}": effort,
     }
-    return Run(name, None, time, swing.period, columns, np.zeros(q.size, np.int64), (), q.size)
+    return Run(name, None, time, swing.period, columns, np.zeros(q.size, np.int64))
 
 
 def runs_of(swing: Swing, seed: int = 0) -> tuple[list[Run], list[Run]]:

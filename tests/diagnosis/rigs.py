@@ -87,7 +87,7 @@ def record(joint: Joint, name: str = "run", shift: float = 0.0, seed: int = 0, l
         f"{label}/{command}": effort + (m.q if joint.drive == "position_servo" else 0.0),
     }
     usable = np.zeros(m.time.size, dtype=np.int64)
-    return Run(name, None, m.time, joint.period, columns, usable, (), m.time.size)
+    return Run(name, None, m.time, joint.period, columns, usable)
 
 
 def rig_of(joint: Joint, label: str = "joint") -> Rig:

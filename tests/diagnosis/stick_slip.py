@@ -69,7 +69,7 @@ def runs_of(servo: Servo, seed: int = 0) -> tuple[list[Run], list[Run]]:
         time = np.arange(command.size) * servo.period
         columns = {f"{JOINT}/position": position, f"{JOINT}/position_command": command}
         zeros = np.zeros(command.size, np.int64)
-        made.append(Run(f"run{number}", None, time, servo.period, columns, zeros, (), command.size))
+        made.append(Run(f"run{number}", None, time, servo.period, columns, zeros))
     return made[:3], made[3:]
 
 

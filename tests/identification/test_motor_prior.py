@@ -90,7 +90,7 @@ def recorded(motor, ripple, seconds=6.0, dt=1e-3):
         lost = motor.damping * v + motor.coulomb * np.sign(v) + motor.inertia * a + ripple * np.sin(60.0 * q)
         columns = {"j/position": np.round(q / 1.5e-5) * 1.5e-5, "j/voltage": motor.volts_per_torque * (pull + lost)}
         columns["j/torque"] = pull + 0.02 * rng.standard_normal(t.size)
-        runs.append(Run(f"run{i}", None, t, dt, columns, np.zeros(t.size, dtype=np.int64), (), t.size))
+        runs.append(Run(f"run{i}", None, t, dt, columns, np.zeros(t.size, dtype=np.int64)))
     return runs
 
 

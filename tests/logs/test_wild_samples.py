@@ -171,4 +171,4 @@ def test_cells_beyond_the_header(tmp_path, table):
         load_run(tmp_path / "run.csv", servo_rig())
     lines[100] = lines[100].removesuffix("7")
     (tmp_path / "run.csv").write_text("\n".join(lines))
-    assert load_run(tmp_path / "run.csv", servo_rig()).raw_rows == len(table)
+    assert len(load_run(tmp_path / "run.csv", servo_rig())) == len(table)

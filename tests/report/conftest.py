@@ -40,7 +40,7 @@ def record(name: str, seed: int, seconds: float = 12.0, *, temperature: bool = F
     }
     if temperature:
         columns["knee/temperature"] = 25.0 + 0.5 * time
-    return Run(name, None, time, PERIOD, columns, np.zeros(time.size, dtype=np.int64), ())
+    return Run(name, None, time, PERIOD, columns, np.zeros(time.size, dtype=np.int64))
 
 
 def estimates(fitted: Fit) -> dict[str, dict[str, Estimate]]:

@@ -8,7 +8,7 @@ from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.multibody.tree import JointActuatorIndex
 from pydrake.systems.framework import DiagramBuilder
 
-from drake_tc.robot.plant import add_robot, floating_base_body, joint_limits, make_plant
+from drake_tc.robot.plant import add_robot, joint_limits, make_plant
 from drake_tc.robot.robot import Pose, load_robot
 
 from .robots import robot_file
@@ -27,8 +27,6 @@ def test_the_base_is_welded_or_floats_at_its_pose(tmp_path, fixed, base):
     pose = body.EvalPoseInWorld(plant.CreateDefaultContext())
     wanted = RigidTransform(RollPitchYaw(BASE_POSE["rpy"]), BASE_POSE["xyz"])
     assert_allclose(pose.GetAsMatrix4(), wanted.GetAsMatrix4(), atol=1e-14)
-    floating = floating_base_body(plant, robot)
-    assert floating is None if fixed else floating.index() == body.index()
     if not fixed:
         assert body.floating_velocities_start_in_v() == 0
         assert_allclose(plant.GetFreeBodyPose(plant.CreateDefaultContext(), body).translation(), BASE_POSE["xyz"])

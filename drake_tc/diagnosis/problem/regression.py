@@ -29,7 +29,6 @@ class Fit:
         rms: Of the residual.
         cv_rms: The same, every fold predicted from the others, noise let through weighed (`Columns.noise_ratio`).
         block_sse: (B,) cross-validated squared residual by block [effort^2].
-        block_rows: (B,) rows by block.
     """
 
     terms: tuple[Term, ...]
@@ -38,7 +37,6 @@ class Fit:
     rms: float
     cv_rms: float
     block_sse: FloatArray
-    block_rows: FloatArray
 
     @property
     def gain(self) -> float:
@@ -131,7 +129,6 @@ def fit(columns: Columns, terms: Sequence[Term]) -> Fit:
         rms=float(np.sqrt(np.mean(residual**2))),
         cv_rms=float(np.sqrt(np.mean(held**2))),
         block_sse=np.bincount(block, held**2, count).astype(float),
-        block_rows=np.bincount(block, minlength=count).astype(float),
     )
 
 

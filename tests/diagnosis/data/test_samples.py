@@ -24,7 +24,7 @@ def run_along(q: np.ndarray, period: float = 2e-3, segment: np.ndarray | None = 
     time = np.arange(q.size) * period
     columns = {"joint/position": q, "joint/current": np.sin(time), "joint/torque": np.cos(time)}
     used = np.zeros(q.size, np.int64) if segment is None else segment
-    return Run("made", None, time, period, columns, used, (), q.size)
+    return Run("made", None, time, period, columns, used)
 
 
 @pytest.mark.parametrize("width", [0.012, 0.04, 0.08])

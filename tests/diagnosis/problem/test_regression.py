@@ -45,7 +45,6 @@ def test_cross_validation_is_leaving_each_fold_out(columns):
     assert_allclose(found.cv_rms, np.sqrt(np.mean(held**2)), rtol=1e-7)
     assert found.cv_rms > found.rms
     assert_allclose(found.block_sse, [np.sum(held[block == b] ** 2) for b in range(block.max() + 1)], rtol=1e-6)
-    assert_allclose(found.block_rows, [np.sum(block == b) for b in range(block.max() + 1)])
 
 
 def test_neighbouring_blocks_share_a_fold_in_pairs():

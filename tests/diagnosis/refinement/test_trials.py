@@ -18,7 +18,7 @@ def run_of(seconds: float, period: float = 0.01, gap: tuple[int, int] | None = N
         segment[gap[0] : gap[1]] = -1
         segment[gap[1] :] = 1
     columns = {"j/position": np.sin(time), "j/position_command": np.sin(time)}
-    return Run(f"run{seconds:g}", None, time, period, columns, segment, (), size)
+    return Run(f"run{seconds:g}", None, time, period, columns, segment)
 
 
 def test_short_runs_are_followed_whole():

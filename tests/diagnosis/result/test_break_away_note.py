@@ -38,7 +38,7 @@ def stop_and_go(static: float, seed: int = 0) -> Run:
         "joint/current": np.concatenate(effort),
     }
     count = columns["joint/position"].size
-    return Run("run", None, np.arange(count) * period, period, columns, np.zeros(count, np.int64), (), count)
+    return Run("run", None, np.arange(count) * period, period, columns, np.zeros(count, np.int64))
 
 
 def told(static: float) -> Sticking | None:
