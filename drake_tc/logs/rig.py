@@ -13,8 +13,9 @@ import yaml
 
 from drake_tc.errors import RigError
 from drake_tc.logs.loads import Load, Pendulum, RobotLoad, UnknownLoad
+from drake_tc.logs.rig_document.by_joint import values_by_joint
 from drake_tc.logs.rig_document.declared import Declared, declared_of
-from drake_tc.logs.rig_document.document import DriveKind, RigDocument, by_joint
+from drake_tc.logs.rig_document.document import DriveKind, RigDocument
 from drake_tc.logs.rig_document.drive_scale import declared_gains
 from drake_tc.logs.rig_document.errors import HINT, read_document
 from drake_tc.logs.rig_document.loads import load_of
@@ -168,9 +169,9 @@ def _rig_of(read: RigDocument, robot: Path | None, source: Path | None) -> Rig:
     gains, derivative_gains = declared_gains(read)
     return Rig(
         joints=joints,
-        drive=by_joint(read.drive, joints),
-        load={joint: load_of(entry) for joint, entry in by_joint(read.load, joints).items()},
-        declared={joint: declared_of(entry) for joint, entry in by_joint(read.declared, joints).items()},
+        drive=values_by_joint(read.drive, joints),
+        load={joint: load_of(entry) for joint, entry in values_by_joint(read.load, joints).items()},
+        declared={joint: declared_of(entry) for joint, entry in values_by_joint(read.declared, joints).items()},
         columns={name: str(in_log) for name, in_log in (read.columns or {}).items()},
         units=read.units or {},
         enabled=read.enabled,
@@ -181,7 +182,9 @@ def _rig_of(read: RigDocument, robot: Path | None, source: Path | None) -> Rig:
         tares=sensors.tares(),
         coupled=read.coupled or {},
         robot_sensors=robot_sensors(robot),
-        saturation={joint: limit for joint, limit in by_joint(read.saturation, joints).items() if limit is not None},
+        saturation={
+            joint: limit for joint, limit in values_by_joint(read.saturation, joints).items() if limit is not None
+        },
         drive_gain=gains,
         derivative_gain=derivative_gains,
     )

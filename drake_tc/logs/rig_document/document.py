@@ -1,19 +1,21 @@
 """The rig file's top level."""
 
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal, TypeAlias, get_args
+from typing import Annotated, Literal, TypeAlias, get_args
 
 from pydantic import Field, ValidationInfo, field_validator
 
 from drake_tc.logs.near import near
+from drake_tc.logs.rig_document.by_joint import EntryOrByJoint, PlainOrByJoint, joints_of
 from drake_tc.logs.rig_document.columns import ColumnName, LogColumn, Unit, canonical_columns, check_units
 from drake_tc.logs.rig_document.declared import DeclaredEntry
-from drake_tc.logs.rig_document.keys import ByJoint, Keys, Number, OneOrByJoint, PositiveNumber, key, one_of, saying
+from drake_tc.logs.rig_document.keys import Keys, Number, PositiveNumber, key, one_of, saying
 from drake_tc.logs.rig_document.loads import LoadEntry
 from drake_tc.logs.rig_document.sensors import SensorsKeys, sorted_by_owner
 
 DriveKind: TypeAlias = Literal["position_servo", "current", "voltage", "torque"]
 Drive = Annotated[DriveKind, one_of(get_args(DriveKind))]
+NumberOrByJoint: TypeAlias = PlainOrByJoint[PositiveNumber]
 JointName = Annotated[str, Field(pattern=r"\S"), saying("a name (text)")]
 FileName = Annotated[str, Field(min_length=1), saying("the name of a robot file (YAML)")]
 
@@ -36,7 +38,7 @@ class RigDocument(Keys):
         example="leg_robot.yaml",
         absent="no robot",
     )
-    drive: OneOrByJoint[Drive] = key(
+    drive: PlainOrByJoint[Drive] = key(
         "What the drive is commanded with. This decides which column is the command, and the unit of the effort: "
         "`position_servo` (`position_command`, rad), `current` (`current`, A), `voltage` (`voltage`, V) or `torque` "
         "(`torque_command`, N·m).",
@@ -55,12 +57,12 @@ class RigDocument(Keys):
         example={"time": "ms", "position": "deg", "torque": "-N*m", "current": 0.001},
         absent="SI",
     )
-    load: OneOrByJoint[LoadEntry] | None = key(
+    load: EntryOrByJoint[LoadEntry] | None = key(
         "Where the load torque comes from.",
         example={"pendulum": {"mass": 1.2, "length": 0.3}},
         absent="`torque`; with the key `robot`, `{robot: estimate}`",
     )
-    declared: OneOrByJoint[DeclaredEntry] | None = key(
+    declared: EntryOrByJoint[DeclaredEntry] | None = key(
         "Effects that you already model: a list of ids, or id: value. A declared effect is part of the model before "
         "and is not searched for. Viscous and Coulomb friction are always declared.",
         example={"rotor_inertia": 0.31, "stribeck": None},
@@ -71,37 +73,37 @@ class RigDocument(Keys):
         example="torque_on",
         absent="a column `enabled` or `<joint>/enabled` of the log, where there is one",
     )
-    saturation: OneOrByJoint[PositiveNumber] | None = key(
+    saturation: NumberOrByJoint | None = key(
         "Known limit of the drive's effort.", unit="rad, A, V or N·m", example=12.0, absent="not known"
     )
-    drive_gain: OneOrByJoint[PositiveNumber] | None = key(
+    drive_gain: NumberOrByJoint | None = key(
         "Gain of the drive as the maker states it: the effort for 1 N·m. A gain that the logs contradict is reported "
         "as the effect `servo_gain`.",
         unit="rad, A, V or N·m for 1 N·m",
         example=0.08,
         absent="identified from the logs; 1 is expected of a torque drive",
     )
-    torque_constant: OneOrByJoint[PositiveNumber] | None = key(
+    torque_constant: NumberOrByJoint | None = key(
         "Torque constant of the motor of a current drive, before the gear; with `gear_ratio` an alternative to "
         "`drive_gain`, which is then 1/(torque_constant · gear_ratio). Losses of the gear are not part of it.",
         unit="N·m/A",
         example=0.07,
         absent="identified from the logs",
     )
-    gear_ratio: OneOrByJoint[PositiveNumber] | None = key(
+    gear_ratio: NumberOrByJoint | None = key(
         "Turns of the motor for one turn of the joint; only with `torque_constant`.",
         unit="–",
         example=100.0,
         absent="required with `torque_constant`",
     )
-    proportional_gain: OneOrByJoint[PositiveNumber] | None = key(
+    proportional_gain: NumberOrByJoint | None = key(
         "Gain of a position servo from its position error to the joint's torque; an alternative to `drive_gain`, which "
         "is then 1/proportional_gain.",
         unit="N·m/rad",
         example=20.0,
         absent="identified from the logs",
     )
-    derivative_gain: OneOrByJoint[PositiveNumber] | None = key(
+    derivative_gain: NumberOrByJoint | None = key(
         "Damping of a position servo whose torque is proportional_gain · (command − position) − derivative_gain · "
         "velocity. Its damping is a part of the viscous friction that is identified; the report tells the joint's own "
         "part.",
@@ -147,48 +149,36 @@ class RigDocument(Keys):
             raise ValueError(f"a name stands twice in {names!r}")
         return names
 
-    @field_validator(
-        *("drive", "saturation", "drive_gain", "torque_constant", "gear_ratio", "proportional_gain", "derivative_gain"),
-        mode="before",
-    )
+    @field_validator("drive", mode="before")
     @classmethod
-    def _by_joint(cls, value: object, info: ValidationInfo) -> object:
+    def _every_joint(cls, value: object, info: ValidationInfo) -> object:
         if not isinstance(value, Mapping):
             return value
-        joints = _joints(info)
-        for joint in joints if info.field_name == "drive" else ():
+        for joint in joints_of(info):
             if joint not in value:
                 raise ValueError(f"no entry for joint {joint!r}; entries here: {sorted(value)}{near(joint, value)}")
-        return _marked(value, joints)
-
-    @field_validator("load", "declared", mode="before")
-    @classmethod
-    def _by_joint_or_not(cls, value: object, info: ValidationInfo) -> object:
-        joints = _joints(info)
-        if not isinstance(value, Mapping) or not set(value) & set(joints) or _is_pendulum(value):
-            return value
-        return _marked({joint: entry for joint, entry in value.items() if entry is not None}, joints)
+        return value
 
     @field_validator("columns")
     @classmethod
     def _canonical(cls, value: dict[str, ColumnName] | None, info: ValidationInfo) -> dict[str, str]:
-        return canonical_columns(value or {}, _joints(info))
+        return canonical_columns(value or {}, joints_of(info))
 
     @field_validator("units")
     @classmethod
     def _units(cls, value: dict[str, Unit] | None, info: ValidationInfo) -> dict[str, Unit]:
-        check_units(value or {}, _joints(info))
+        check_units(value or {}, joints_of(info))
         return value or {}
 
     @field_validator("sensors", mode="before")
     @classmethod
     def _owners(cls, value: object, info: ValidationInfo) -> object:
-        return sorted_by_owner(value, _joints(info))
+        return sorted_by_owner(value, joints_of(info))
 
     @field_validator("coupled", mode="before")
     @classmethod
     def _coupled(cls, value: object, info: ValidationInfo) -> object:
-        joints = _joints(info)
+        joints = joints_of(info)
         for joint, others in value.items() if isinstance(value, Mapping) else ():
             for name in (joint, *(others if isinstance(others, Mapping) else ())):
                 if name not in joints:
@@ -201,30 +191,3 @@ class RigDocument(Keys):
     def joint_names(self) -> tuple[str, ...]:
         """The joints, in the order of the file."""
         return (self.joint,) if self.joint is not None else tuple(self.joints or ())
-
-
-def by_joint(value: Any, joints: tuple[str, ...], absent: Any = None) -> dict[str, Any]:
-    """The value of each joint: `absent` for a joint that a mapping by joint leaves out; empty where there is none."""
-    if isinstance(value, ByJoint):
-        return {joint: value.get(joint, absent) for joint in joints}
-    return dict.fromkeys(joints, value)
-
-
-def _joints(info: ValidationInfo) -> tuple[str, ...]:
-    """The joints of the document, as far as they were valid."""
-    joint = info.data.get("joint")
-    return (joint,) if joint is not None else tuple(info.data.get("joints") or ())
-
-
-def _marked(value: Mapping[str, Any], joints: tuple[str, ...]) -> ByJoint:
-    """The mapping as one by joint; every key must be a joint."""
-    for joint in value:
-        if joint not in joints:
-            raise ValueError(f"{joint!r} is not a joint of this rig{near(joint, joints)}; joints: {list(joints)}")
-    return ByJoint(value)
-
-
-def _is_pendulum(value: Mapping[str, Any]) -> bool:
-    """Whether `{pendulum: ...}` is the load itself, and not a joint that is called "pendulum"."""
-    inner = value.get("pendulum")
-    return set(value) == {"pendulum"} and isinstance(inner, Mapping) and "mass" in inner

@@ -8,7 +8,8 @@ of a servo whose law is  tau = proportional_gain (q_d - q) - derivative_gain qdo
 
 from collections.abc import Mapping
 
-from drake_tc.logs.rig_document.document import DriveKind, RigDocument, by_joint
+from drake_tc.logs.rig_document.by_joint import values_by_joint
+from drake_tc.logs.rig_document.document import DriveKind, RigDocument
 
 STATED = ("drive_gain", "torque_constant", "gear_ratio", "proportional_gain", "derivative_gain")
 """Keys of numbers > 0, one for all joints or by joint, that say how strong a drive is."""
@@ -38,8 +39,8 @@ def declared_gains(read: RigDocument) -> tuple[dict[str, float], dict[str, float
         ValueError: Keys that do not go together; begins with the key.
     """
     joints = read.joint_names
-    stated = {key: by_joint(getattr(read, key), joints) for key in STATED}
-    drives = by_joint(read.drive, joints)
+    stated = {key: values_by_joint(getattr(read, key), joints) for key in STATED}
+    drives = values_by_joint(read.drive, joints)
     gains: dict[str, float] = {}
     derivative: dict[str, float] = {}
     for joint in joints:

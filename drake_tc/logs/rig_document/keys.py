@@ -5,17 +5,14 @@ before it.
 """
 
 from collections.abc import Callable, Mapping
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any
 
 from pydantic import (
-    AfterValidator,
     BaseModel,
     BeforeValidator,
     ConfigDict,
-    Discriminator,
     Field,
     JsonValue,
-    Tag,
     ValidationError,
     WithJsonSchema,
     WrapValidator,
@@ -152,21 +149,3 @@ def magnitude_in(channel: str) -> Any:
 
 Ratio = Annotated[float, *magnitude_in("ratio")]
 """A relative error: a number or a text in percent."""
-
-
-class ByJoint(dict[str, Any]):
-    """A mapping that `RigDocument` has recognised as one by joint."""
-
-
-T = TypeVar("T")
-
-
-def _shape(value: object) -> str:
-    return "@by_joint" if isinstance(value, ByJoint) else "@one"
-
-
-OneOrByJoint = Annotated[
-    Annotated[T, Tag("@one")] | Annotated[dict[str, T], AfterValidator(ByJoint), Tag("@by_joint")],
-    Discriminator(_shape),
-]
-"""One value for all joints, or a mapping by joint."""
