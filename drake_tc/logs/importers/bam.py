@@ -15,8 +15,7 @@ import numpy as np
 
 from drake_tc.errors import LogError
 from drake_tc.logs.file_names import file_name
-from drake_tc.logs.importers.files import find, write_log
-from drake_tc.logs.rig import parse_rig, save_rig
+from drake_tc.logs.importers.files import find, write_log, write_rig
 
 JOINT = "servo"
 FULL_DUTY = 885.0
@@ -103,8 +102,8 @@ def convert(src: Path, out: Path) -> tuple[Path, ...]:
         head = f"{first['motor']} servo on a pendulum, firmware P gain {first['kp']}"
         servo_name = "rig_servo.yaml" if voltage else "rig.yaml"
         if voltage:
-            rig = parse_rig({**base, "drive": "voltage"})
-            rigs.append(save_rig(rig, folder / "rig.yaml", f"{head}; voltage = applied duty times supply"))
-        rig = parse_rig({**base, "drive": "position_servo"})
-        rigs.append(save_rig(rig, folder / servo_name, f"{head}; its position loop taken as the drive"))
+            comment = f"{head}; voltage = applied duty times supply"
+            rigs.append(write_rig({**base, "drive": "voltage"}, folder / "rig.yaml", comment))
+        comment = f"{head}; its position loop taken as the drive"
+        rigs.append(write_rig({**base, "drive": "position_servo"}, folder / servo_name, comment))
     return tuple(rigs)

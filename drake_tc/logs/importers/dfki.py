@@ -9,8 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from drake_tc.logs.importers.files import find, floats, read_table, run_name, write_log
-from drake_tc.logs.rig import parse_rig, save_rig
+from drake_tc.logs.importers.files import find, floats, read_table, run_name, write_log, write_rig
 
 TORQUE_PER_AMPERE = 0.091 * 6.0
 SIMPLE_JOINT = "pendulum"
@@ -47,7 +46,7 @@ def _simple(paths: list[Path], out: Path) -> list[Path]:
                 if one_kg
                 else "some runs hold pushes by hand (energy shaping, SAC: after 7 s; gravity compensation: all of it)"
             )
-            rigs.append(save_rig(parse_rig(document), out / folder / "rig.yaml", comment))
+            rigs.append(write_rig(document, out / folder / "rig.yaml", comment))
     return rigs
 
 
@@ -79,7 +78,7 @@ def _double(paths: list[Path], out: Path) -> list[Path]:
             if old
             else "torque as reported"
         )
-        rigs.append(save_rig(parse_rig(document), out / folder / "rig.yaml", comment))
+        rigs.append(write_rig(document, out / folder / "rig.yaml", comment))
     return rigs
 
 

@@ -1,7 +1,7 @@
 """What every importer does with files: find the set's, read a table, write a canonical log or a robot's rig files."""
 
 import gzip
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +14,25 @@ from drake_tc.logs.readers import read_table, run_name
 from drake_tc.logs.rig import parse_rig, save_rig
 from drake_tc.types import FloatArray
 
-__all__ = ["find", "floats", "read_table", "read_text", "run_name", "write_log", "write_rig", "write_robot"]
+__all__ = [
+    "FITTED_ROBOT",
+    "find",
+    "floats",
+    "read_logs",
+    "read_table",
+    "read_text",
+    "run_name",
+    "write_log",
+    "write_rig",
+    "write_robot",
+]
+
+FITTED_ROBOT: Mapping[str, Any] = {
+    "robot": "robot.yaml",
+    "load": {"robot": "fitted"},
+    "units": {"position": "rad"},
+}
+"""Keys of the rig file of a robot that `write_robot` wrote and whose links are fitted."""
 
 
 def find(src: Path, *patterns: str) -> list[Path]:
@@ -44,6 +62,22 @@ def floats(table: pd.DataFrame, name: str, path: Path) -> FloatArray:
         return table[name].to_numpy(dtype=np.float64, na_value=np.nan)
     except (TypeError, ValueError):
         raise LogError(f"{path}: column {name!r} is not numeric") from None
+
+
+def read_logs(src: Path, pattern: str, names: Mapping[str, str]) -> Iterator[tuple[str, dict[str, FloatArray]]]:
+    """Yield each run of a set whose files have the same columns: its name, and the canonical columns (T,) by name.
+
+    Args:
+        src: Folder of the set.
+        pattern: Of the runs' files in it.
+        names: Canonical column to the column of the files, `time` left out: it has this name in both.
+
+    Raises:
+        LogError: No such files in `src`, or one with other columns.
+    """
+    for path in find(src, pattern):
+        table = read_table(path)
+        yield run_name(path), {name: floats(table, own, path) for name, own in {"time": "time", **names}.items()}
 
 
 def write_log(columns: Mapping[str, np.ndarray], path: Path) -> Path:

@@ -6,22 +6,12 @@ gain of 1/Kp whose damping shows up as viscous friction. The set has an MJCF; it
 
 from pathlib import Path
 
-import numpy as np
-
-from drake_tc.logs.importers.files import (
-    find,
-    floats,
-    read_table,
-    read_text,
-    run_name,
-    write_log,
-    write_rig,
-    write_robot,
-)
+from drake_tc.logs.importers.files import FITTED_ROBOT, find, read_logs, read_text, write_log, write_rig, write_robot
 from drake_tc.logs.importers.mjcf import urdf_of_mjcf
 
 STIFFNESS = 20.0
 """Kp [N m/rad]."""
+CHANNELS = {"q": "position", "q_cmd": "position_command"}
 
 
 def convert(src: Path, out: Path) -> tuple[Path, ...]:
@@ -35,19 +25,13 @@ def convert(src: Path, out: Path) -> tuple[Path, ...]:
     joints = [hinge.removesuffix("_joint") for hinge in hinges]
     for hinge, joint in zip(hinges, joints, strict=True):
         urdf = urdf.replace(f'<joint name="{hinge}"', f'<joint name="{joint}"')
-    for path in find(src, "traj_*.csv*"):
-        table = read_table(path)
-        columns: dict[str, np.ndarray] = {"time": floats(table, "time", path)}
-        for joint in joints:
-            columns[f"{joint}/position"] = floats(table, f"q_{joint}", path)
-            columns[f"{joint}/position_command"] = floats(table, f"q_cmd_{joint}", path)
-        write_log(columns, out / f"{run_name(path)}.parquet")
+    names = {f"{joint}/{name}": f"{key}_{joint}" for joint in joints for key, name in CHANNELS.items()}
+    for run, columns in read_logs(src, "traj_*.csv*", names):
+        write_log(columns, out / f"{run}.parquet")
     write_robot(urdf, "go2", base, joints, out)
     document = {
-        "robot": "robot.yaml",
+        **FITTED_ROBOT,
         "drive": "position_servo",
-        "load": {"robot": "fitted"},
-        "units": {"position": "rad"},
         "declared": ["rotor_inertia", "asymmetric_friction"],
         "drive_gain": 1.0 / STIFFNESS,
     }

@@ -17,16 +17,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from drake_tc.errors import LogError
-from drake_tc.logs.importers.files import (
-    find,
-    floats,
-    read_table,
-    read_text,
-    run_name,
-    write_log,
-    write_rig,
-    write_robot,
-)
+from drake_tc.logs.importers.files import FITTED_ROBOT, find, read_logs, read_text, write_log, write_rig, write_robot
 from drake_tc.types import FloatArray
 
 JOINTS = ("shoulder_pan", "shoulder_lift", "elbow_flex", "wrist_flex", "wrist_roll")
@@ -48,22 +39,17 @@ def convert(src: Path, out: Path) -> tuple[Path, ...]:
     """
     model = find(src, "so101*.urdf*")[0]
     urdf = read_text(model)
-    for path in find(src, "*.csv*"):
-        table = read_table(path)
-        columns: dict[str, np.ndarray] = {"time": floats(table, "time", path)}
-        for number, joint in enumerate(JOINTS, start=1):
-            columns |= {f"{joint}/{name}": floats(table, f"{key}_{number}", path) for key, name in CHANNELS.items()}
+    names = {
+        f"{joint}/{name}": f"{key}_{number}"
+        for number, joint in enumerate(JOINTS, start=1)
+        for key, name in CHANNELS.items()
+    }
+    for run, columns in read_logs(src, "*.csv*", names):
         height = tip_height(urdf, {joint: columns[f"{joint}/position"] for joint in JOINTS}, str(model))
         columns["free"] = (height > TABLE).astype(np.float64)
-        write_log(columns, out / f"{run_name(path)}.parquet")
+        write_log(columns, out / f"{run}.parquet")
     write_robot(urdf, "so101", "base_link", JOINTS, out, locked={JAW: 0.0})
-    document = {
-        "robot": "robot.yaml",
-        "drive": "position_servo",
-        "load": {"robot": "fitted"},
-        "units": {"position": "rad"},
-        "drive_gain": DRIVE_GAIN,
-    }
+    document = {**FITTED_ROBOT, "drive": "position_servo", "drive_gain": DRIVE_GAIN}
     comment = "SO-101 follower arm, the jaw locked\ndrive_gain [rad/(N m)]: proportional law of the STS3215 at P 16"
     free = f"{comment}\nrows in which the gripper may touch the table are left out"
     return (

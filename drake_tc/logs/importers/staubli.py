@@ -10,7 +10,16 @@ from pathlib import Path
 import numpy as np
 
 from drake_tc.errors import LogError
-from drake_tc.logs.importers.files import find, floats, read_table, read_text, write_log, write_rig, write_robot
+from drake_tc.logs.importers.files import (
+    FITTED_ROBOT,
+    find,
+    floats,
+    read_table,
+    read_text,
+    write_log,
+    write_rig,
+    write_robot,
+)
 from drake_tc.types import FloatArray
 
 PERIOD = 2e-4
@@ -46,13 +55,11 @@ def convert(src: Path, out: Path) -> tuple[Path, ...]:
     write_log(columns, out / "trajectory.parquet")
     write_robot(urdf, "arm", "base_link", JOINTS, out)
     document = {
-        "robot": "robot.yaml",
+        **FITTED_ROBOT,
         "drive": "torque",
         "drive_gain": 1.0,
-        "load": {"robot": "fitted"},
         "coupled": {JOINTS[5]: {JOINTS[4]: COUPLING / RATIOS[5, 5]}},
         "declared": ["rotor_inertia"],
-        "units": {"position": "rad"},
     }
     comment = "Staubli TX40\ntorque_command is the motor torque times the gear ratio"
     return (write_rig(document, out / "rig.yaml", comment),)

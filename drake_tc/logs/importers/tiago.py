@@ -9,8 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from drake_tc.errors import LogError
-from drake_tc.logs.importers.files import find, floats, read_table, write_log
-from drake_tc.logs.rig import parse_rig, save_rig
+from drake_tc.logs.importers.files import find, floats, read_table, write_log, write_rig
 
 CHANNELS = {"position": "position", "velocity": "velocity", "effort": "current"}
 
@@ -40,4 +39,4 @@ def convert(src: Path, out: Path) -> tuple[Path, ...]:
     write_log(columns, out / "identification.parquet")
     document = {"joints": joints, "drive": "current", "load": "unknown", "units": {"position": "rad"}}
     comment = "TIAGo torso and arm\ncurrent [A] as reported; the torso's position is in m and its effort force-like"
-    return (save_rig(parse_rig(document), out / "rig.yaml", comment),)
+    return (write_rig(document, out / "rig.yaml", comment),)

@@ -11,8 +11,7 @@ from pathlib import Path
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
 
-from drake_tc.logs.importers.files import find, floats, read_table, run_name, write_log
-from drake_tc.logs.rig import parse_rig, save_rig
+from drake_tc.logs.importers.files import find, floats, read_table, run_name, write_log, write_rig
 from drake_tc.types import FloatArray
 
 JOINT = "actuator"
@@ -84,5 +83,5 @@ def convert(src: Path, out: Path) -> tuple[Path, ...]:
             where = _ENCODER if session == "ripple" else _INTEGRATED if sensor else "no torque sensor in these runs"
             late = LATE if sensor else ""
             comment = f"AK80-9 on a torque bench, session {session}; current as reported in that session\n{where}{late}"
-            rigs.append(save_rig(parse_rig(document), out / session / "rig.yaml", comment))
+            rigs.append(write_rig(document, out / session / "rig.yaml", comment))
     return tuple(rigs)

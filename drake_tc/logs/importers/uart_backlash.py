@@ -11,8 +11,7 @@ import numpy as np
 import pandas as pd
 
 from drake_tc.errors import LogError
-from drake_tc.logs.importers.files import find, floats, read_table, run_name, write_log
-from drake_tc.logs.rig import parse_rig, save_rig
+from drake_tc.logs.importers.files import find, floats, read_table, run_name, write_log, write_rig
 from drake_tc.types import FloatArray
 
 COUNT = 2.0 * np.pi / 4096.0
@@ -68,5 +67,5 @@ def convert(src: Path, out: Path) -> tuple[Path, ...]:
         write_log(columns, folder / "run.parquet")
         document = {"joints": joints, "drive": "position_servo", "load": "unknown", "units": {"position": "rad"}}
         comment = "UART servos on a backlash stand\nvoltage = duty * 12 V; 0 rad is count 2047, the lever's rest"
-        rigs.append(save_rig(parse_rig(document), folder / "rig.yaml", comment))
+        rigs.append(write_rig(document, folder / "rig.yaml", comment))
     return tuple(rigs)

@@ -6,20 +6,8 @@ load: `rig_load.yaml` reads the same logs and names that run as one with an unkn
 """
 
 from pathlib import Path
-from typing import Any
 
-import numpy as np
-
-from drake_tc.logs.importers.files import (
-    find,
-    floats,
-    read_table,
-    read_text,
-    run_name,
-    write_log,
-    write_rig,
-    write_robot,
-)
+from drake_tc.logs.importers.files import FITTED_ROBOT, find, read_logs, read_text, write_log, write_rig, write_robot
 
 TORQUE_PER_AMPERE = {
     "shoulder_pan_joint": 11.976,
@@ -41,26 +29,25 @@ def convert(src: Path, out: Path) -> tuple[Path, ...]:
         LogError: No runs or no URDF in `src`, or a file with other columns.
     """
     urdf = read_text(find(src, "ur10e.urdf*")[0])
-    names = []
-    for path in find(src, "*.csv*"):
-        table = read_table(path)
-        columns: dict[str, np.ndarray] = {"time": floats(table, "time", path)}
-        for number, joint in enumerate(TORQUE_PER_AMPERE, start=1):
-            columns |= {f"{joint}/{name}": floats(table, f"{key}_{number}", path) for key, name in CHANNELS.items()}
-        names.append(run_name(path))
-        write_log(columns, out / f"{names[-1]}.parquet")
+    names = {
+        f"{joint}/{name}": f"{key}_{number}"
+        for number, joint in enumerate(TORQUE_PER_AMPERE, start=1)
+        for key, name in CHANNELS.items()
+    }
+    runs = []
+    for run, columns in read_logs(src, "*.csv*", names):
+        runs.append(run)
+        write_log(columns, out / f"{run}.parquet")
     write_robot(urdf, "ur10e", "base_link", tuple(TORQUE_PER_AMPERE), out)
-    document: dict[str, Any] = {
-        "robot": "robot.yaml",
+    document = {
+        **FITTED_ROBOT,
         "drive": "current",
-        "load": {"robot": "fitted"},
-        "units": {"position": "rad"},
         "declared": ["rotor_inertia", "asymmetric_friction"],
         "drive_gain": {joint: round(1.0 / constant, 6) for joint, constant in TORQUE_PER_AMPERE.items()},
     }
     head = "Six-joint arm, motor currents\ndrive_gain [A/(N m)]: the controller's own torque over current at standstill"
     rigs = [write_rig(document, out / "rig.yaml", head)]
-    if LOADED_RUN in names:
+    if LOADED_RUN in runs:
         loaded = document | {"load": {"robot": "fitted", "unknown_payload": [LOADED_RUN]}}
         rigs.append(write_rig(loaded, out / "rig_load.yaml", f"{head}\n{LOADED_RUN} carries a load at the flange"))
     return tuple(rigs)
