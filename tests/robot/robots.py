@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-import yaml
+from robot_files import write_robot
 
 ARM = """<?xml version="1.0"?>
 <robot name="arm">
@@ -62,16 +62,4 @@ MIMIC = ARM.replace(
 
 def robot_file(folder: Path, text: str = ARM, **changes: Any) -> Path:
     """A robot file for the URDF `text` in `folder`; a change to None takes the key away."""
-    (folder / "arm.urdf").write_text(text, encoding="utf-8")
-    document: dict[str, Any] = {
-        "name": "arm",
-        "urdf": "arm.urdf",
-        "base": "base",
-        "fixed_base": True,
-        "joints": ["wrist", "shoulder"],
-        **changes,
-    }
-    path = folder / "arm.yaml"
-    written = yaml.safe_dump({key: value for key, value in document.items() if value is not None}, sort_keys=False)
-    path.write_text(written, encoding="utf-8")
-    return path
+    return write_robot(folder, text, **{"joints": ["wrist", "shoulder"], **changes})

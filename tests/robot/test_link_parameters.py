@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-import yaml
 from numpy.testing import assert_allclose
 from pydrake.multibody.tree import MultibodyForces
+from robot_files import joint_tag, link_tag, urdf, write_robot
 
 from drake_tc.errors import ParamsError
 from drake_tc.identification.base_parameters import base_combinations
@@ -15,28 +15,18 @@ from drake_tc.robot.robot import load_robot
 
 TOOL_ANGLE, TOOL_MASS, TOOL_COM = 0.7, 0.4, 0.05
 TOOL_INERTIA = np.diag([0.002, 0.003, 0.001])
-URDF = f"""<robot name="arm">
-  <link name="base"/>
-  <link name="upper"><inertial><origin xyz="0.02 0.01 -0.2"/><mass value="3"/>
-    <inertia ixx="0.05" iyy="0.06" izz="0.02" ixy="0.001" ixz="-0.002" iyz="0.003"/></inertial></link>
-  <link name="lower"><inertial><origin xyz="0 0 -0.15"/><mass value="1.5"/>
-    <inertia ixx="0.02" iyy="0.02" izz="0.005" ixy="0" ixz="0" iyz="0"/></inertial></link>
-  <link name="tool"><inertial><origin xyz="{TOOL_COM} 0 0"/><mass value="{TOOL_MASS}"/>
-    <inertia ixx="0.002" iyy="0.003" izz="0.001" ixy="0" ixz="0" iyz="0"/></inertial></link>
-  <joint name="shoulder" type="revolute"><parent link="base"/><child link="upper"/><axis xyz="0 1 0"/>
-    <limit lower="-3" upper="3" effort="50" velocity="5"/></joint>
-  <joint name="elbow" type="revolute"><parent link="upper"/><child link="lower"/><origin xyz="0 0.1 -0.4"/>
-    <axis xyz="1 0 0"/><limit lower="-3" upper="3" effort="50" velocity="5"/></joint>
-  <joint name="mount" type="fixed"><parent link="lower"/><child link="tool"/>
-    <origin xyz="0 0 -0.3" rpy="0 {TOOL_ANGLE} 0"/></joint>
-</robot>"""
+URDF = urdf(
+    link_tag("upper", (0.02, 0.01, -0.2), 3, (0.05, 0.06, 0.02, 0.001, -0.002, 0.003)),
+    link_tag("lower", (0, 0, -0.15), 1.5, (0.02, 0.02, 0.005)),
+    link_tag("tool", (TOOL_COM, 0, 0), TOOL_MASS, np.diag(TOOL_INERTIA)),
+    joint_tag("shoulder", "base", "upper", axis=(0, 1, 0)),
+    joint_tag("elbow", "upper", "lower", xyz=(0, 0.1, -0.4), axis=(1, 0, 0)),
+    joint_tag("mount", "lower", "tool", xyz=(0, 0, -0.3), rpy=(0, TOOL_ANGLE, 0), axis=(1, 0, 0), kind="fixed"),
+)
 
 
 def robot(folder, joints=("shoulder", "elbow"), **more):
-    (folder / "arm.urdf").write_text(URDF, encoding="utf-8")
-    document = {"name": "arm", "urdf": "arm.urdf", "base": "base", "fixed_base": True, "joints": list(joints), **more}
-    (folder / "arm.yaml").write_text(yaml.safe_dump(document), encoding="utf-8")
-    return load_robot(folder / "arm.yaml")
+    return load_robot(write_robot(folder, URDF, joints, **more))
 
 
 def test_what_is_welded_to_a_link_is_part_of_it(tmp_path):

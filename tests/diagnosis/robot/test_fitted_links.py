@@ -7,6 +7,7 @@ import pytest
 import yaml
 from numpy.testing import assert_allclose
 from pydrake.multibody.tree import MultibodyForces, SpatialInertia, UnitInertia
+from robot_files import joint_tag, link_tag, urdf, write_robot
 
 from drake_tc.diagnosis.data.preparation import build_samples
 from drake_tc.diagnosis.options import DiagnosisOptions
@@ -19,19 +20,14 @@ from drake_tc.logs.rig import load_rig
 from drake_tc.robot.plant import make_plant
 from drake_tc.robot.robot import load_robot
 
-URDF = """<robot name="arm"><link name="base"/>
-  <link name="column"><inertial><origin xyz="0 0 0.1"/><mass value="4"/>
-    <inertia ixx="0.05" iyy="0.05" izz="0.03" ixy="0" ixz="0" iyz="0"/></inertial></link>
-  <link name="boom"><inertial><origin xyz="0.2 0 0"/><mass value="2"/>
-    <inertia ixx="0.005" iyy="0.03" izz="0.03" ixy="0" ixz="0" iyz="0"/></inertial></link>
-  <joint name="turn" type="revolute"><parent link="base"/><child link="column"/><axis xyz="0 0 1"/>
-    <limit lower="-3" upper="3" effort="50" velocity="5"/></joint>
-  <joint name="lift" type="revolute"><parent link="column"/><child link="boom"/><origin xyz="0.3 0 0.2"/>
-    <axis xyz="0 1 0"/><limit lower="-3" upper="3" effort="50" velocity="5"/></joint>
-  <link name="fore"><inertial><origin xyz="0.15 0.01 0"/><mass value="1.2"/>
-    <inertia ixx="0.002" iyy="0.012" izz="0.012" ixy="0" ixz="0" iyz="0"/></inertial></link>
-  <joint name="fold" type="revolute"><parent link="boom"/><child link="fore"/><origin xyz="0.4 0 0"/>
-    <axis xyz="0 1 0"/><limit lower="-3" upper="3" effort="50" velocity="5"/></joint></robot>"""
+URDF = urdf(
+    link_tag("column", (0, 0, 0.1), 4, (0.05, 0.05, 0.03)),
+    link_tag("boom", (0.2, 0, 0), 2, (0.005, 0.03, 0.03)),
+    link_tag("fore", (0.15, 0.01, 0), 1.2, (0.002, 0.012, 0.012)),
+    joint_tag("turn", "base", "column", axis=(0, 0, 1)),
+    joint_tag("lift", "column", "boom", xyz=(0.3, 0, 0.2), axis=(0, 1, 0)),
+    joint_tag("fold", "boom", "fore", xyz=(0.4, 0, 0), axis=(0, 1, 0)),
+)
 JOINTS = ("turn", "lift", "fold")
 GAIN, ROTOR = np.array([0.1, 0.2, 0.15]), np.array([0.4, 0.3, 0.1])
 VISCOUS, COULOMB = np.array([1.5, 1.0, 0.6]), np.array([1.0, 0.8, 0.5])
@@ -85,10 +81,7 @@ def record(folder, robot, name, seed, payload=0.0):
 @pytest.fixture(scope="module")
 def arm(tmp_path_factory):
     folder = tmp_path_factory.mktemp("arm")
-    (folder / "arm.urdf").write_text(URDF, encoding="utf-8")
-    robot = {"name": "arm", "urdf": "arm.urdf", "base": "base", "fixed_base": True, "joints": list(JOINTS)}
-    (folder / "arm.yaml").write_text(yaml.safe_dump(robot), encoding="utf-8")
-    loaded = load_robot(folder / "arm.yaml")
+    loaded = load_robot(write_robot(folder, URDF, JOINTS))
     logs = [record(folder, loaded, f"run_{k}", k) for k in range(2)]
     return folder, [*logs, record(folder, loaded, "carrying", 2, PAYLOAD)], record(folder, loaded, "held", 3)
 
