@@ -35,7 +35,31 @@ Waves = Sequence[tuple[float, float, float]]
 
 
 @dataclass(frozen=True)
-class Joint:
+class Logged:
+    """How a joint is logged."""
+
+    period: float = 2e-3
+    duration: float = 16.0
+    encoder_noise: float = 0.0
+    encoder_step: float = 0.0
+
+    def times(self) -> np.ndarray:
+        """(T,) [s]."""
+        return np.arange(round(self.duration / self.period)) * self.period
+
+    def encoder(self, q: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+        """The position (T,) [rad] with the encoder's noise and in its steps."""
+        noisy = q + self.encoder_noise * rng.standard_normal(q.size)
+        return np.asarray(np.round(noisy / self.encoder_step) * self.encoder_step if self.encoder_step else noisy)
+
+    def run(self, name: str, columns: dict[str, np.ndarray]) -> Run:
+        """A run in which every sample is usable."""
+        time = self.times()
+        return Run(name, None, time, self.period, columns, np.zeros(time.size, dtype=np.int64))
+
+
+@dataclass(frozen=True)
+class Joint(Logged):
     """True numbers of a joint, and how it is logged; `extra` is torque that the declared model does not have."""
 
     drive: DriveKind = "current"
@@ -43,11 +67,7 @@ class Joint:
     inertia: float = 0.3
     viscous: float = 6.0
     coulomb: float = 3.0
-    duration: float = 16.0
-    period: float = 2e-3
     torque_noise: float = 0.0
-    encoder_noise: float = 0.0
-    encoder_step: float = 0.0
     extra: Extra | None = None
     sensor: Extra | None = None
 
@@ -63,7 +83,7 @@ def sines(time: np.ndarray, waves: Waves, shift: float) -> tuple[np.ndarray, np.
 
 
 def motion(joint: Joint, shift: float = 0.0) -> Motion:
-    time = np.arange(round(joint.duration / joint.period)) * joint.period
+    time = joint.times()
     q, v, a = sines(time, WAVES, shift)
     hand = 4.0 * np.sin(2 * np.pi * 0.29 * time + 0.7 + shift)  # so that the load is no function of the angle
     return Motion(time, q, v, a, 8.0 * np.sin(q) + 0.3 * a + hand)
@@ -75,9 +95,7 @@ def record(joint: Joint, name: str = "run", shift: float = 0.0, seed: int = 0, l
     m = motion(joint, shift)
     need = m.tau + joint.inertia * m.a + joint.viscous * m.v + joint.coulomb * np.sign(m.v)
     effort = joint.gain * (need + (joint.extra(m) if joint.extra else 0.0))
-    position = m.q + joint.encoder_noise * rng.standard_normal(m.q.size)
-    if joint.encoder_step:
-        position = np.round(position / joint.encoder_step) * joint.encoder_step
+    position = joint.encoder(m.q, rng)
     torque = m.tau + (joint.sensor(m) if joint.sensor else 0.0)
     torque = torque + joint.torque_noise * rng.standard_normal(m.q.size)
     command = COMMAND[joint.drive]
@@ -86,8 +104,7 @@ def record(joint: Joint, name: str = "run", shift: float = 0.0, seed: int = 0, l
         f"{label}/torque": torque,
         f"{label}/{command}": effort + (m.q if joint.drive == "position_servo" else 0.0),
     }
-    usable = np.zeros(m.time.size, dtype=np.int64)
-    return Run(name, None, m.time, joint.period, columns, usable)
+    return joint.run(name, columns)
 
 
 def rig_of(joint: Joint, label: str = "joint") -> Rig:

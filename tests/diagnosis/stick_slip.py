@@ -7,6 +7,8 @@ import numpy as np
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig, parse_rig
 
+from .rigs import Logged
+
 JOINT = "servo"
 GRAVITY = 9.81
 FINE = 2e-4
@@ -14,19 +16,18 @@ FINE = 2e-4
 
 
 @dataclass(frozen=True)
-class Servo:
+class Servo(Logged):
     """True numbers; the pendulum's are declared, the encoder has 12 bits."""
 
+    period: float = 5e-3
+    duration: float = 8.0
+    encoder_step: float = 2 * np.pi / 4096
     stiffness: float = 3.0
     inertia: float = 0.003
     viscous: float = 0.06
     coulomb: float = 0.16
     mass: float = 0.5
     length: float = 0.1
-    step: float = 2 * np.pi / 4096
-    noise: float = 0.0
-    period: float = 5e-3
-    duration: float = 8.0
 
 
 def simulated(servo: Servo, command: np.ndarray) -> np.ndarray:
@@ -49,7 +50,7 @@ def simulated(servo: Servo, command: np.ndarray) -> np.ndarray:
 
 def commands(servo: Servo) -> list[np.ndarray]:
     """Slow sines and ramps, (T,) each [rad]: most of the time the joint sticks."""
-    t = np.arange(round(servo.duration / servo.period)) * servo.period
+    t = servo.times()
     return [
         1.2 * np.sin(1.1 * t) * np.sin(0.4 * t),
         0.9 * np.sin(2.3 * t) + 0.2 * np.sin(7.0 * t),
@@ -63,13 +64,8 @@ def runs_of(servo: Servo, seed: int = 0) -> tuple[list[Run], list[Run]]:
     rng = np.random.default_rng(seed)
     made = []
     for number, command in enumerate(commands(servo)):
-        position = simulated(servo, command) + servo.noise * rng.standard_normal(command.size)
-        if servo.step:
-            position = servo.step * np.round(position / servo.step)
-        time = np.arange(command.size) * servo.period
-        columns = {f"{JOINT}/position": position, f"{JOINT}/position_command": command}
-        zeros = np.zeros(command.size, np.int64)
-        made.append(Run(f"run{number}", None, time, servo.period, columns, zeros))
+        position = servo.encoder(simulated(servo, command), rng)
+        made.append(servo.run(f"run{number}", {f"{JOINT}/position": position, f"{JOINT}/position_command": command}))
     return made[:3], made[3:]
 
 

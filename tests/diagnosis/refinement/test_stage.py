@@ -35,7 +35,7 @@ from ..stick_slip import JOINT, Servo, rig_of, runs_of
 
 DECLARED_ONLY = DiagnosisOptions(search=replace(THRESHOLDS, most=0), assess_residual=False)
 """No search: the true joint has no effect beyond the declared ones."""
-NOISY = Servo(noise=4e-3)
+NOISY = Servo(encoder_noise=4e-3)
 """An encoder of 12 bits with noise of 4 mrad: the acceleration of the equation error is mostly noise."""
 
 
