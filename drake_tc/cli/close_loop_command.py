@@ -1,32 +1,22 @@
 """`drake-tc close-loop`: residual, missing effect, better model, error before and after."""
 
 import json
-import math
-import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
-from rich.markup import escape
-from rich.table import Table
 
 from drake_tc.analysis.executors import processes
+from drake_tc.cli.close_loop_summary import print_summary
 from drake_tc.cli.out_files import Force, result_folder
 from drake_tc.cli.progress import progress_bar
 from drake_tc.diagnosis.options import DiagnosisOptions
-from drake_tc.diagnosis.problem.estimates import Estimate
-from drake_tc.diagnosis.result.closed_loop import JointClosedLoop
-from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult
 from drake_tc.diagnosis.result.to_json import result_json
 from drake_tc.diagnosis.run import close_loop
 from drake_tc.errors import LogError
-from drake_tc.report.links_section import links_sentence, payload_sentences
-from drake_tc.report.refinement_section import refinement_sentence
-from drake_tc.report.words import REASONS, VERDICTS, capital, ranked_effects, unexplained, warnings
 
 FILES = (
     "report.html",
@@ -120,87 +110,3 @@ def write_results(result: CloseLoopResult, out: Path) -> CloseLoopResult:
     (out / "report.json").write_text(json.dumps(result_json(result), indent=1) + "\n", encoding="utf-8")
     write_report(result, out / "report.html")
     return result
-
-
-def print_summary(result: CloseLoopResult, out: Path) -> None:
-    """Verdict and one table a joint on stdout."""
-    console = Console(file=sys.stdout, highlight=False)
-    ranking = ranked_effects(result)
-    if len(ranking) > 1 and result.shared:
-        listed = "; ".join(f"{name} of {where} ({100 * gain:.0f} %)" for name, where, gain in ranking)
-        console.print(f"Found, by the held-out gain of all joints: {listed}")
-    for cause in result.shared:
-        values = ", ".join(f"{n} {p.value:.4g} {p.unit}" for n, p in cause.parameters.items())
-        gain = f"held-out gain of all joints {100 * cause.heldout_gain:.0f} %"
-        console.print(f"[bold]all joints[/bold]: + [bold]{cause.id}[/bold] of {cause.where}  {values}  ({gain})")
-        for other, where in cause.indistinguishable:
-            console.print(f"  ? {other} of {where} cannot be told apart from it by these logs")
-    if result.links is not None:
-        console.print(escape(links_sentence(result.links)))
-        for sentence in payload_sentences(result.links):
-            console.print(escape(sentence))
-    for joint in result.joints.values():
-        console.print(f"[bold]{joint.joint}[/bold]: {VERDICTS[joint.verdict]}")
-        console.print(_errors_table(joint))
-        if joint.verdict.startswith("unexplained"):
-            console.print(f"  {escape(capital(unexplained(joint)))}")
-        if joint.load is not None:
-            title, load = joint.load
-            console.print(f"  {title}: {', '.join(_with_interval(n, p) for n, p in load.items())}")
-        for note in joint.load_notes:
-            console.print(f"  ! {escape(note)}")
-        if joint.refinement is not None:
-            console.print(f"  {escape(refinement_sentence(joint.refinement))}")
-        for effect in joint.effects:
-            values = ", ".join(f"{n} {p.value:.4g} {p.unit}" for n, p in effect.parameters.items())
-            console.print(f"  + [bold]{effect.id}[/bold]  {values}  (held-out gain {100 * effect.heldout_gain:.0f} %)")
-        for withdrawn in joint.did_not_hold:
-            console.print(f"  - {withdrawn.id} did not hold ({REASONS[withdrawn.reason]}): {escape(withdrawn.why)}")
-        for moving in (p for p in joint.consistency if p.moves):
-            where = "drive" if moving.effect == "drive" else moving.effect
-            console.print(f"  * {where} {moving.name} differs by {moving.by}: {100 * moving.change:.0f} %")
-        for warning in warnings(joint):
-            console.print(f"  ! {escape(warning)}")
-        if joint.next_experiment:
-            console.print(f"  next: {joint.next_experiment}")
-        loop = None if result.closed_loop is None else result.closed_loop.joints.get(joint.joint)
-        if loop is not None and loop.changed:
-            console.print(f"  closed loop, upper bound (its plant is the model after): {_tracking(loop)}")
-    if result.closed_loop is not None:
-        for note in result.closed_loop.notes:
-            console.print(f"closed loop: {escape(note)}")
-    if result.hints:
-        console.print(f"rig file: {escape(' '.join(result.hints))}")
-    console.print(f"{result.seconds:.1f} s; report: {out / 'report.html'}")
-
-
-def _with_interval(name: str, estimate: Estimate) -> str:
-    """A parameter with its 95 % interval; without one where the fit does not move it."""
-    low, high = estimate.ci95
-    interval = escape(f" [{low:.4g}, {high:.4g}]") if high > low else ""
-    return f"{name.replace('_', ' ')} {estimate.value:.4g}{interval} {estimate.unit}"
-
-
-def _tracking(loop: JointClosedLoop) -> str:
-    """Tracking errors before and after, or that there are none."""
-    figures = [1e3 * each.rms_error for each in (loop.before, loop.after)]
-    if not all(math.isfinite(value) for value in figures):
-        return "no tracking error; the report has the margins of the linear loop"
-    return f"tracking error {figures[0]:.3g} mrad before, {figures[1]:.3g} mrad after"
-
-
-def _errors_table(joint: JointResult) -> Table:
-    table = Table(box=None, padding=(0, 2))
-    for header in ("", "train", "held-out", escape("free run [rad]")):
-        table.add_column(header, justify="left" if not header else "right")
-    for name, errors in (("before", joint.before), ("after", joint.after)):
-        free = "-" if errors.free_run_heldout is None else f"{errors.free_run_heldout:.3g}"
-        table.add_row(name, f"{errors.train:.3g} {joint.unit}", f"{errors.heldout:.3g} {joint.unit}", free)
-    refined = joint.refinement
-    if refined is not None and refined.accepted:
-        figures = [(refined.error_train, joint.unit), (refined.error_heldout, joint.unit)]
-        cells = ["-" if value is None else f"{value:.3g} {unit}" for value, unit in figures]
-        free = "-" if refined.free_run_heldout is None else f"{refined.free_run_heldout:.3g}"
-        table.add_row("refined", *cells, free)
-    table.add_row("noise floor", "", f"{joint.noise_floor:.3g} {joint.unit}", "")
-    return table

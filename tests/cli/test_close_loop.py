@@ -9,7 +9,7 @@ from dataclasses import replace
 import pytest
 
 from drake_tc.actuation.model_file import load_models
-from drake_tc.cli.close_loop_command import print_summary
+from drake_tc.cli.close_loop_summary import print_summary
 from drake_tc.cli.demo import JOINT, ROTOR_INERTIA, DemoLength, record_demo
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult
 

@@ -1,0 +1,131 @@
+"""What `drake-tc close-loop` prints: verdict, errors, effects and warnings of each joint."""
+
+import math
+import sys
+from pathlib import Path
+
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+from rich.text import Text
+
+from drake_tc.diagnosis.problem.estimates import Estimate
+from drake_tc.diagnosis.result.closed_loop import JointClosedLoop
+from drake_tc.diagnosis.result.joint_result import JointResult
+from drake_tc.diagnosis.result.rig_result import CloseLoopResult
+from drake_tc.report.links_section import links_sentence, payload_sentences
+from drake_tc.report.numbers import pretty_unit
+from drake_tc.report.refinement_section import refinement_sentence
+from drake_tc.report.words import REASONS, VERDICTS, capital, ranked_effects, unexplained, warnings
+
+HANGING = 4
+"""Columns by which the lines of a broken text are indented beyond its first."""
+
+
+def print_summary(result: CloseLoopResult, out: Path) -> None:
+    """Verdict and one table a joint on stdout."""
+    console = Console(file=sys.stdout, highlight=False)
+    _print_robot(console, result)
+    for joint in result.joints.values():
+        _print_joint(console, joint)
+        loop = None if result.closed_loop is None else result.closed_loop.joints.get(joint.joint)
+        if loop is not None and loop.changed:
+            _say(console, f"  closed loop, upper bound (its plant is the model after): {_tracking(loop)}")
+    if result.closed_loop is not None:
+        for note in result.closed_loop.notes:
+            _say(console, f"closed loop: {escape(note)}")
+    if result.hints:
+        _say(console, f"rig file: {escape(' '.join(result.hints))}")
+    console.print(f"{result.seconds:.1f} s; report: {out / 'report.html'}")
+
+
+def _say(console: Console, markup: str) -> None:
+    """Print one text; where it is broken, its further lines are indented."""
+    text = Text.from_markup(markup)
+    indent = len(text.plain) - len(text.plain.lstrip())
+    body = text[indent:]
+    lines = body.wrap(console, max(console.width - indent - HANGING, 20))
+    for number, line in enumerate(lines):
+        line.rstrip()
+        console.print(Text(" " * (indent + HANGING * (number > 0))) + line)
+
+
+def _print_robot(console: Console, result: CloseLoopResult) -> None:
+    """What no single joint owns."""
+    ranking = ranked_effects(result)
+    if len(ranking) > 1 and result.shared:
+        listed = "; ".join(f"{name} of {where} ({100 * gain:.0f} %)" for name, where, gain in ranking)
+        _say(console, f"Found, by the held-out gain of all joints: {listed}")
+    for cause in result.shared:
+        values = ", ".join(_value(n, p) for n, p in cause.parameters.items())
+        gain = f"held-out gain of all joints {100 * cause.heldout_gain:.0f} %"
+        _say(console, f"[bold]all joints[/bold]: + [bold]{cause.id}[/bold] of {cause.where}  {values}  ({gain})")
+        for other, where in cause.indistinguishable:
+            _say(console, f"  ? {other} of {where} cannot be told apart from it by these logs")
+    if result.links is not None:
+        _say(console, escape(links_sentence(result.links)))
+        for sentence in payload_sentences(result.links):
+            _say(console, escape(sentence))
+
+
+def _print_joint(console: Console, joint: JointResult) -> None:
+    console.print(f"[bold]{joint.joint}[/bold]: {VERDICTS[joint.verdict]}")
+    console.print(_errors_table(joint))
+    if joint.verdict.startswith("unexplained"):
+        _say(console, f"  {escape(capital(unexplained(joint)))}")
+    if joint.load is not None:
+        title, load = joint.load
+        _say(console, f"  {title}: {', '.join(_with_interval(n, p) for n, p in load.items())}")
+    for note in joint.load_notes:
+        _say(console, f"  ! {escape(note)}")
+    if joint.refinement is not None:
+        _say(console, f"  {escape(refinement_sentence(joint.refinement))}")
+    for effect in joint.effects:
+        values = ", ".join(_value(n, p) for n, p in effect.parameters.items())
+        gain = f"held-out gain {100 * effect.heldout_gain:.0f} %"
+        _say(console, f"  + [bold]{effect.id}[/bold]  {values}  ({gain})")
+    for withdrawn in joint.did_not_hold:
+        _say(console, f"  - {withdrawn.id} did not hold ({REASONS[withdrawn.reason]}): {escape(withdrawn.why)}")
+    for moving in (p for p in joint.consistency if p.moves):
+        where = "drive" if moving.effect == "drive" else moving.effect
+        _say(console, f"  * {where} {moving.name} differs by {moving.by}: {100 * moving.change:.0f} %")
+    for warning in warnings(joint):
+        _say(console, f"  ! {escape(warning)}")
+    if joint.next_experiment:
+        _say(console, f"  next: {joint.next_experiment}")
+
+
+def _value(name: str, estimate: Estimate) -> str:
+    return f"{name} {estimate.value:.4g} {pretty_unit(estimate.unit)}".rstrip()
+
+
+def _with_interval(name: str, estimate: Estimate) -> str:
+    """A parameter with its 95 % interval; without one where the fit does not move it."""
+    low, high = estimate.ci95
+    interval = escape(f" [{low:.4g}, {high:.4g}]") if high > low else ""
+    return f"{name.replace('_', ' ')} {estimate.value:.4g}{interval} {pretty_unit(estimate.unit)}".rstrip()
+
+
+def _tracking(loop: JointClosedLoop) -> str:
+    """Tracking errors before and after, or that there are none."""
+    figures = [1e3 * each.rms_error for each in (loop.before, loop.after)]
+    if not all(math.isfinite(value) for value in figures):
+        return "no tracking error; the report has the margins of the linear loop"
+    return f"tracking error {figures[0]:.3g} mrad before, {figures[1]:.3g} mrad after"
+
+
+def _errors_table(joint: JointResult) -> Table:
+    table = Table(box=None, padding=(0, 2))
+    for header in ("", "train", "held-out", escape("free run [rad]")):
+        table.add_column(header, justify="left" if not header else "right")
+    for name, errors in (("before", joint.before), ("after", joint.after)):
+        free = "-" if errors.free_run_heldout is None else f"{errors.free_run_heldout:.3g}"
+        table.add_row(name, f"{errors.train:.3g} {joint.unit}", f"{errors.heldout:.3g} {joint.unit}", free)
+    refined = joint.refinement
+    if refined is not None and refined.accepted:
+        figures = [(refined.error_train, joint.unit), (refined.error_heldout, joint.unit)]
+        cells = ["-" if value is None else f"{value:.3g} {unit}" for value, unit in figures]
+        free = "-" if refined.free_run_heldout is None else f"{refined.free_run_heldout:.3g}"
+        table.add_row("refined", *cells, free)
+    table.add_row("noise floor", "", f"{joint.noise_floor:.3g} {joint.unit}", "")
+    return table
