@@ -84,7 +84,9 @@ def _math(text: str, values: Mapping[str, Estimate]) -> str:
 
 
 def _parentheses(text: str) -> str:
-    return f"<mrow><mo>(</mo>{text}<mo>)</mo></mrow>"
+    """Larger parentheses around a fraction, by size and not by stretching, which needs a font for mathematics."""
+    size = ' stretchy="false" class="tall"' if "<mfrac>" in text else ""
+    return f"<mrow><mo{size}>(</mo>{text}<mo{size}>)</mo></mrow>"
 
 
 class _Writer:

@@ -17,6 +17,7 @@ from drake_tc.report.closed_loop_section import closed_loop_section
 from drake_tc.report.consistency_table import consistency_rows
 from drake_tc.report.correlation_plots import correlation_plots
 from drake_tc.report.equation import model_equations
+from drake_tc.report.free_run_table import free_run_table
 from drake_tc.report.leftover_plots import leftover_plots
 from drake_tc.report.links_section import links_section
 from drake_tc.report.model_diff import model_diff
@@ -149,6 +150,7 @@ def _joint(joint: JointResult, prefix: str, budget: PageBudget) -> dict[str, Any
         "effort_plot": effort_plot(joint, prefix, budget.trace_samples),
         "position_plot": position_plot(joint, prefix, budget.trace_samples),
         "equations": model_equations(joint),
+        "free_runs": free_run_table(joint),
         "refinement": refinement_section(joint),
         "parameters": parameter_rows(joint),
         "did_not_hold": joint.did_not_hold,

@@ -53,7 +53,7 @@ def links_sentence(links: FittedLinks) -> str:
     apart = sum(not p.estimate.ci95[0] <= p.declared <= p.estimate.ci95[1] for p in links.base)
     return (
         f"The inertial parameters of {len({p.link for p in links.parameters})} links were fitted: "
-        f"{len(links.base)} base parameters, {apart} of which have a 95 % interval without the robot file's value."
+        f"{len(links.base)} base parameters. The robot file's value lies outside the 95 % interval of {apart} of them."
     )
 
 

@@ -13,7 +13,7 @@ from PIL import Image
 
 INK, MUTED, GRID, SHADE = "#101112", "#515253", "#d1d2d3", "#e4e5e6"
 FORWARD, BACKWARD = "#0170b1", "#c15201"
-BEFORE, AFTER = "#8a7d6c", "#0171b2"
+BEFORE, AFTER, REFINED = "#8a7d6c", "#0171b2", "#7d3f98"
 _VARIABLES: Mapping[str, str] = {
     INK: "ink",
     MUTED: "muted",
@@ -23,6 +23,7 @@ _VARIABLES: Mapping[str, str] = {
     BACKWARD: "backward",
     BEFORE: "before",
     AFTER: "after",
+    REFINED: "refined",
 }
 """Vector colours are CSS variables of the page, so that a plot follows the light or dark scheme."""
 

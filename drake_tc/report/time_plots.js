@@ -2,7 +2,8 @@
 (function () {
   "use strict";
   const LEVELS = 65534, BREAK = -32768, HEIGHTS = [260, 170], STEP = 0.2;
-  const COLOURS = { measured: "--ink", before: "--before", after: "--after" };
+  const COLOURS = { measured: "--ink", before: "--before", after: "--after", refined: "--refined" };
+  const DASHES = { before: [6, 4], refined: [2, 2] };
   const store = document.getElementById("trace-data");
   if (!store || typeof uPlot === "undefined") return;
   const plots = JSON.parse(store.textContent);
@@ -19,7 +20,7 @@
     if (!run.lines) {
       const time = Array.from(new Float32Array(bytes(run.time)));
       const measured = line(run.measured);
-      const errors = ["before", "after"].filter((name) => name in run).map((name) => ({ name, values: line(run[name]) }));
+      const errors = ["before", "after", "refined"].filter((name) => name in run).map((name) => ({ name, values: line(run[name]) }));
       const modelled = errors.map((e) => e.values.map((v, i) =>
         v === null || measured[i] === null ? null : measured[i] + v * plot.valuePerError));
       run.lines = { errors, values: [time, measured, ...modelled], misses: [time, ...errors.map((e) => e.values)] };
@@ -50,7 +51,7 @@
         ...names.map((name) => ({
           label: name === "measured" ? "measured" : "model " + name,
           stroke: () => colour(COLOURS[name]), width: name === "measured" ? 1.8 : 1.3,
-          dash: name === "before" ? [6, 4] : undefined, value: shown(unit), points: { show: false },
+          dash: DASHES[name], value: shown(unit), points: { show: false },
         })),
       ],
       hooks: { setScale: [follow], ready: [reachable] },

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from drake_tc.diagnosis.result.joint_result import JointResult
-from drake_tc.report.numbers import Scale, fold, scale_for
-from drake_tc.report.svg import AFTER, BEFORE, INK, new_figure, page_style, to_svg
+from drake_tc.report.numbers import Scale, scale_for
+from drake_tc.report.svg import AFTER, BEFORE, INK, REFINED, new_figure, page_style, to_svg
 from drake_tc.report.traces import Trace, effort_traces, position_traces
 from drake_tc.types import FloatArray
 
@@ -26,14 +26,14 @@ class TimePlot:
 
     Attributes:
         id: Unique in the page.
-        runs: (name, "training" or "held-out", RMS error before, RMS error after, factor) of each run, as text.
+        runs: (name, "training" or "held-out") of each run.
         shown: Index of the run that is shown first: the held-out run with the largest error after.
         picture: That run as SVG.
         data: What the script draws, plain data for JSON.
     """
 
     id: str
-    runs: Sequence[tuple[str, str, str, str, str]]
+    runs: Sequence[tuple[str, str]]
     shown: int
     picture: str
     data: Mapping[str, Any]
@@ -45,7 +45,7 @@ def effort_plot(joint: JointResult, prefix: str, most: int) -> TimePlot | None:
 
 
 def position_plot(joint: JointResult, prefix: str, most: int) -> TimePlot | None:
-    """Recorded position and that of the diagram driven by the recorded command; None without a free run."""
+    """Recorded position and those of the models driven by the recorded command; None without a free run."""
     traces = position_traces(joint.free_run, joint.heldout.samples.runs)
     return _plot(traces, "position", "rad", f"{prefix}-position", most)
 
@@ -53,16 +53,11 @@ def position_plot(joint: JointResult, prefix: str, most: int) -> TimePlot | None
 def _plot(traces: Sequence[Trace], quantity: str, unit: str, name: str, most: int) -> TimePlot | None:
     if not traces:
         return None
-    errors = [{key: _rms(e) for key, e in t.errors.items()} for t in traces]
     value = scale_for(max(_largest(t.measured) for t in traces), unit)
     error = scale_for(max(_largest(e) for t in traces for e in t.errors.values()), unit)
-    last = [e.get("after", np.nan) if t.heldout else -1.0 for t, e in zip(traces, errors, strict=True)]
+    last = [_rms(t.errors["after"]) if t.heldout and "after" in t.errors else -1.0 for t in traces]
     shown = int(np.argmax(np.nan_to_num(last, nan=-1.0)))
-    rows = []
-    for trace, each in zip(traces, errors, strict=True):
-        before, after = each.get("before", np.nan), each.get("after", np.nan)
-        role = "held-out" if trace.heldout else "training"
-        rows.append((trace.run, role, error.quantity(before), error.quantity(after), fold(before, after)))
+    runs = [(t.run, "held-out" if t.heldout else "training") for t in traces]
     data = {
         "quantity": quantity,
         "unit": value.unit,
@@ -70,7 +65,7 @@ def _plot(traces: Sequence[Trace], quantity: str, unit: str, name: str, most: in
         "valuePerError": value.factor / error.factor,
         "runs": [_packed(t.thinned(most), value, error, worst_window(t)) for t in traces],
     }
-    return TimePlot(name, rows, shown, _picture(traces[shown], quantity, name, value, error), data)
+    return TimePlot(name, runs, shown, _picture(traces[shown], quantity, name, value, error), data)
 
 
 def _rms(values: FloatArray) -> float:
@@ -84,7 +79,7 @@ def _largest(values: FloatArray) -> float:
 
 def worst_window(trace: Trace, seconds: float = WORST_S) -> tuple[float, float]:
     """Begin and end [s] of the stretch in which the model after errs most (the model before, if that is all)."""
-    time, error = trace.time, trace.after if trace.after is not None else trace.before
+    time, error = trace.time, trace.errors.get("after", trace.errors.get("before"))
     full = time + seconds <= time[-1]
     if error is None or not full.any():
         return float(time[0]), float(time[-1])
@@ -121,7 +116,7 @@ def _encoded(values: np.ndarray[Any, Any]) -> str:
 def _picture(trace: Trace, quantity: str, name: str, value: Scale, error: Scale) -> str:
     """Values above, errors below, without anything to click."""
     thin = trace.thinned(PICTURE_SAMPLES)
-    looks = {"before": (BEFORE, (0, (4, 2))), "after": (AFTER, "solid")}
+    looks = {"before": (BEFORE, (0, (4, 2))), "after": (AFTER, "solid"), "refined": (REFINED, (0, (1, 1)))}
     with page_style(name):
         figure = new_figure(*SIZE)
         grid = figure.add_gridspec(2, 1, height_ratios=(1.6, 1.0))
@@ -137,7 +132,7 @@ def _picture(trace: Trace, quantity: str, name: str, value: Scale, error: Scale)
         top.set_ylabel(f"{quantity} [{value.unit}]")
         top.set_title(trace.run)
         top.margins(x=0.0, y=0.16)
-        top.legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=3, handlelength=1.8, borderaxespad=0.0)
+        top.legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=4, handlelength=1.8, borderaxespad=0.0)
         bottom.set_ylabel(f"error [{error.unit}]")
         bottom.set_xlabel("time [s]")
-        return to_svg(figure, f"{quantity} over time, {trace.run}: measured, model before and model after")
+        return to_svg(figure, f"{quantity} over time, {trace.run}: measured and modelled")

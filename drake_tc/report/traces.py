@@ -7,6 +7,7 @@ import numpy as np
 
 from drake_tc.diagnosis.residual.unexplained import DataSplit
 from drake_tc.diagnosis.result.joint_result import JointResult
+from drake_tc.diagnosis.result.refinement_json import MODELS
 from drake_tc.report.decimation import extreme_samples
 from drake_tc.types import FloatArray, IntArray
 
@@ -24,27 +25,21 @@ class Trace:
         run: Name. heldout: whether the run took no part in fitting.
         time: (T,) since the start of the run [s].
         measured: (T,) NaN where the line is broken.
-        before, after: (T,) modelled minus measured, of the model before and the model after; None where not computed.
+        errors: (T,) modelled minus measured, by model: "before", "after" or "refined", those that were computed.
     """
 
     run: str
     heldout: bool
     time: FloatArray
     measured: FloatArray
-    before: FloatArray | None
-    after: FloatArray | None
-
-    @property
-    def errors(self) -> dict[str, FloatArray]:
-        """Error by model."""
-        return {name: e for name, e in (("before", self.before), ("after", self.after)) if e is not None}
+    errors: Mapping[str, FloatArray]
 
     def thinned(self, most: int) -> "Trace":
         """The same with at most about `most` samples; extremes of all lines and the widest breaks stay."""
         lines = [self.measured, *self.errors.values(), *(self.measured + e for e in self.errors.values())]
         kept = np.unique(np.concatenate([extreme_samples(lines, most), self._breaks(most // 4)]))
-        before, after = (None if e is None else e[kept] for e in (self.before, self.after))
-        return Trace(self.run, self.heldout, self.time[kept], self.measured[kept], before, after)
+        errors = {name: e[kept] for name, e in self.errors.items()}
+        return Trace(self.run, self.heldout, self.time[kept], self.measured[kept], errors)
 
     def _breaks(self, most: int) -> IntArray:
         """Indices of at most `most` breaks, the widest ones."""
@@ -71,7 +66,8 @@ def _effort(split: DataSplit, *, heldout: bool) -> Sequence[Trace]:
         mine = samples.run == k
         if mine.any():
             lines = (time[mine], measured[mine], split.before[mine], split.after[mine])
-            out.append(Trace(run, heldout, *_with_breaks(*lines)))
+            clock, effort, before, after = _with_breaks(*lines)
+            out.append(Trace(run, heldout, clock, effort, {"before": before, "after": after}))
     return out
 
 
@@ -90,8 +86,6 @@ def position_traces(free_run: Mapping[str, Mapping[str, FloatArray]], heldout: S
     for run, trace in free_run.items():
         recorded = trace["recorded"]
         far = FARTHEST * max(float(np.ptp(recorded)), 1e-9)
-        before, after = (
-            np.clip(trace[name] - recorded, -far, far) if name in trace else None for name in ("before", "after")
-        )
-        out.append(Trace(run, run in heldout, trace["time"], recorded, before, after))
+        errors = {name: np.clip(trace[name] - recorded, -far, far) for name in MODELS if name in trace}
+        out.append(Trace(run, run in heldout, trace["time"], recorded, errors))
     return out

@@ -12,7 +12,7 @@ from drake_tc.diagnosis.selection.withdrawal import Withdrawal
 from drake_tc.diagnosis.thresholds import ResidualThresholds
 from drake_tc.effects.library import LIBRARY, MULTI_JOINT, SPECIAL
 from drake_tc.effects.unknown_load import UNKNOWN_LOADS
-from drake_tc.report.numbers import percent, scale_for, significant, times
+from drake_tc.report.numbers import percent, pretty_unit, scale_for, significant, times
 from drake_tc.report.rows import LABELS
 
 VERDICTS: dict[Verdict, str] = {
@@ -163,7 +163,7 @@ def warnings(joint: JointResult) -> Sequence[str]:
         gain = joint.final_parameters["drive"]["gain"]
         out.append(
             f"These logs do not identify the drive gain: its 95 % interval reaches from {significant(gain.ci95[0])} "
-            f"to {significant(gain.ci95[1])} {gain.unit}."
+            f"to {significant(gain.ci95[1])} {pretty_unit(gain.unit)}."
         )
     if joint.effects and joint.after.heldout > joint.before.heldout:
         out.append("The held-out error did not fall: do not use the model after without looking at the plots.")

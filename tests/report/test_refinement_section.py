@@ -10,8 +10,10 @@ from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagnosis.result.refinement import RefinedParameter, Refinement
 from drake_tc.diagnosis.result.refinement_json import free_runs_json, refinement_json
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult
+from drake_tc.report.free_run_table import free_run_table
 from drake_tc.report.html import render
-from drake_tc.report.refinement_section import KEPT, refinement_section, refinement_sentence
+from drake_tc.report.refinement_section import WHY_NOT, refinement_section, refinement_sentence
+from drake_tc.report.time_plots import position_plot
 
 ACCEPTED = Refinement(
     "accepted",
@@ -54,10 +56,25 @@ def test_the_page_shows_errors_numbers_and_what_the_verdict_rests_on(
         assert said in sentence
     assert "1.751" in page and "at bound" in page
     assert "The verdict, the effects and their intervals are those of the equation error" in page
+    assert "RMS refined" in page and "2.00\u00a0mrad" in page
 
 
-@pytest.mark.parametrize("status", [s for s in KEPT if s != "accepted"])
+def test_the_plot_over_time_has_a_line_for_the_refined_model(joint: JointResult) -> None:
+    plots = [position_plot(each, "j0", 10_000) for each in (joint, refined(joint))]
+    without, found = (set() if plot is None else set(plot.data["runs"][0]) for plot in plots)
+    assert found - without == {"refined"}
+    assert plots[1] is not None and "model refined" in plots[1].picture
+
+
+def test_models_that_were_not_simulated_have_no_column(joint: JointResult) -> None:
+    table = free_run_table(joint)
+    assert "refined" not in table.models
+    ((run, role, rms, absolute),) = free_run_table(refined(joint)).rows
+    assert (run, role, rms[-1], absolute[-1]) == ("fast", "held-out", "2.24\u00a0mrad", "2.00\u00a0mrad")
+
+
+@pytest.mark.parametrize("status", [s for s in WHY_NOT if s != "accepted"])
 def test_a_model_that_stays_says_why(status: str) -> None:
     said = refinement_sentence(Refinement(status, why="It is 3 N*m." if status == "implausible" else ""))  # type: ignore[arg-type]
-    assert said.startswith("Output error: the model after stays, as ")
+    assert said.startswith("Output error: there is no refined model, because ")
     assert ("(It is 3 N*m)" in said) == (status == "implausible")

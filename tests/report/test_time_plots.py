@@ -55,12 +55,12 @@ def test_a_thinned_trace_keeps_its_breaks_and_the_extremes_of_the_modelled_lines
     measured = np.sin(0.01 * time)
     measured[[1000, 3000]] = np.nan
     before, after = 0.1 * np.cos(0.03 * time), np.where(time == 777.0, 0.5, 0.0)
-    thin = Trace("a", True, time, measured, before, after).thinned(400)
+    thin = Trace("a", True, time, measured, {"before": before, "after": after}).thinned(400)
     assert thin.time.size < 410
     assert {1000.0, 3000.0} == set(thin.time[np.isnan(thin.measured)])
     assert 777.0 in thin.time
-    assert_allclose(np.nanmax(thin.measured + thin.before), np.nanmax(measured + before), rtol=1e-12)
-    assert_array_equal(thin.before, before[np.isin(time, thin.time)])
+    assert_allclose(np.nanmax(thin.measured + thin.errors["before"]), np.nanmax(measured + before), rtol=1e-12)
+    assert_array_equal(thin.errors["before"], before[np.isin(time, thin.time)])
 
 
 def test_modelled_effort_is_measured_effort_plus_the_residual(joint: JointResult) -> None:
@@ -69,10 +69,10 @@ def test_modelled_effort_is_measured_effort_plus_the_residual(joint: JointResult
     held, samples = traces[-1], joint.heldout.samples
     rows = ~np.isnan(held.measured)
     assert_allclose(held.measured[rows], samples.reduce(samples.signals.effort), rtol=1e-12)
-    assert_allclose(held.after[rows], joint.heldout.after, rtol=1e-12)
+    assert_allclose(held.errors["after"][rows], joint.heldout.after, rtol=1e-12)
     gaps = np.flatnonzero(np.isnan(held.measured))
     assert gaps.size > 0  # the joint reverses
-    assert np.all(np.isnan(held.before[gaps]))
+    assert np.all(np.isnan(held.errors["before"][gaps]))
     assert np.all(np.diff(held.time) > 0.0)
 
 
@@ -81,8 +81,8 @@ def test_positions_that_run_away_do_not_set_the_axis(joint: JointResult) -> None
     runaway = {**trace, "after": np.where(trace["time"] > 4.0, 1e9, trace["after"])}
     (found,) = position_traces({"fast": runaway}, ["fast"])
     assert found.heldout
-    assert np.nanmax(np.abs(found.after)) <= 10.0 * np.ptp(trace["recorded"]) + 1e-9
-    assert_allclose(found.before, 0.04, rtol=1e-9)
+    assert np.nanmax(np.abs(found.errors["after"])) <= 10.0 * np.ptp(trace["recorded"]) + 1e-9
+    assert_allclose(found.errors["before"], 0.04, rtol=1e-9)
 
 
 def unpacked(packed: tuple[float, float, str]) -> np.ndarray:
@@ -106,9 +106,10 @@ def test_the_script_gets_what_the_traces_hold(joint: JointResult) -> None:
     error, value = factor[plot.data["errorUnit"]], factor[plot.data["unit"]]
     assert plot.data["valuePerError"] == value / error
     assert_allclose(np.frombuffer(base64.b64decode(run["time"]), "<f4"), trace.time, rtol=1e-6)
-    assert_allclose(unpacked(run["after"]), error * trace.after, atol=1e-4 * error * np.nanmax(np.abs(trace.after)))
+    after = trace.errors["after"]
+    assert_allclose(unpacked(run["after"]), error * after, atol=1e-4 * error * np.nanmax(np.abs(after)))
     modelled = unpacked(run["measured"]) + unpacked(run["after"]) * plot.data["valuePerError"]
-    assert_allclose(modelled, value * (trace.measured + trace.after), atol=1e-3 * value * np.nanmax(trace.measured))
+    assert_allclose(modelled, value * (trace.measured + after), atol=1e-3 * value * np.nanmax(trace.measured))
     assert plot.shown == 2  # the held-out run
 
 
@@ -119,10 +120,10 @@ def test_no_free_run_has_no_position_plot(unexplained_joint: JointResult) -> Non
 def test_the_worst_stretch_is_where_the_model_after_errs() -> None:
     time = np.arange(0.0, 20.0, 0.01)
     error = 0.1 * ((time > 8.0) & (time < 11.0))
-    trace = Trace("a", True, time, np.sin(time), 5.0 * np.cos(time), error)
+    trace = Trace("a", True, time, np.sin(time), {"before": 5.0 * np.cos(time), "after": error})
     assert_allclose(worst_window(trace), (8.0, 11.0), atol=0.03)
-    assert_allclose(worst_window(replace(trace, after=None, before=error)), (8.0, 11.0), atol=0.03)
-    assert worst_window(replace(trace, before=None, after=None)) == (time[0], time[-1])
+    assert_allclose(worst_window(replace(trace, errors={"before": error})), (8.0, 11.0), atol=0.03)
+    assert worst_window(replace(trace, errors={})) == (time[0], time[-1])
 
 
 def test_a_missing_library_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
