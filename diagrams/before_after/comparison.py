@@ -124,7 +124,9 @@ def run_case(
     drives = sorted({model.drive.kind for model in case.after.values()} - {"position_servo"})
     traces: dict[str, Trace] = {}
     if drives:
-        notes.append(f"Tracking was not simulated: the loop commands position servos; here is a {drives[0]} drive.")
+        notes.append(
+            f"Tracking was not simulated: the loop commands position servos, and this rig has a {drives[0]} drive."
+        )
     else:
         fine = scenarios["after"].dt / _substeps(loops["after"], scenarios["after"].dt)
         traces = simulated({side: scenarios[side].changed(plant_step=fine) for side in sides}, progress, executor)

@@ -49,9 +49,11 @@ class Correlation:
     band: FloatArray
 
     def thinned(self, most: int) -> "Correlation":
-        """The same at about `most` of the lags; every extreme stays."""
-        kept = extreme_samples([self.value], most)
-        return Correlation(self.lag[kept], self.value[kept], self.band[kept])
+        """The same at about `most` of the lags; every extreme stays, and one NaN of each stretch without a value."""
+        unknown = np.isnan(self.value)
+        breaks = np.flatnonzero(unknown & ~np.concatenate([[False], unknown[:-1]]))
+        kept = np.union1d(extreme_samples([self.value], most), breaks)
+        return Correlation(self.lag[kept], self.value[kept], np.where(unknown, np.nan, self.band)[kept])
 
 
 def _lagged(a: Sequence[FloatArray], b: Sequence[FloatArray], most: int) -> FloatArray:

@@ -53,7 +53,8 @@ def links_sentence(links: FittedLinks) -> str:
     apart = sum(not p.estimate.ci95[0] <= p.declared <= p.estimate.ci95[1] for p in links.base)
     return (
         f"The inertial parameters of {len({p.link for p in links.parameters})} links were fitted: "
-        f"{len(links.base)} base parameters. The robot file's value lies outside the 95 % interval of {apart} of them."
+        f"{len(links.base)} base parameters. "
+        f"The robot file's value lies outside the 95 % interval of {apart or 'none'} of them."
     )
 
 
@@ -61,8 +62,8 @@ def payload_sentences(links: FittedLinks) -> Iterable[str]:
     """For each log with an unknown payload, its mass."""
     for run, parameters in links.payloads.items():
         mass = parameters["m"]
-        low, high = (f"{end:.3g}" for end in mass.ci95)
-        yield f"Payload in {run}: {mass.value:.4g} kg (95 % interval {low} to {high} kg)."
+        value, spread = interval(mass.value, *mass.ci95)
+        yield f"Payload in {run}: {value} kg, 95 % interval {spread} kg."
 
 
 def _row(name: str, declared: str, estimate: Estimate, left: str = "") -> LinkRow:

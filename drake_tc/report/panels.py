@@ -14,6 +14,8 @@ from drake_tc.report.signature_plots import cycles_of
 from drake_tc.types import FloatArray
 
 SIGNALS = ("velocity", "acceleration", "position", "load_torque", "effort", "temperature", "time")
+NOTED = 1.05
+"""Ratio of the two axes' ranges above which the title of the plot after states it."""
 
 
 @dataclass(frozen=True)
@@ -43,13 +45,14 @@ def residual_cards(joint: JointResult, split: DataSplit, prefix: str, look: Clou
     rows = rows_of(split)
     same = bool(np.array_equal(split.before, split.after))
     coarse, fine = _scale(split.before, joint.unit), _scale(split.after, joint.unit)
-    smaller = fold(_reach(split.before), _reach(split.after))
+    reach = _reach(split.before), _reach(split.after)
+    finer = f"after (axis {fold(*reach)} finer)" if reach[0] > NOTED * reach[1] else "after"
     cards = []
     for against in quantities(joint, split):
         name = f"{prefix}-{against.key}"
         title = "before and after: nothing was added" if same else "before"
         before = Cloud(f"{name}-before", title, split.before, coarse, joint.noise_floor, look=look)
-        after = Cloud(f"{name}-after", f"after (axis {smaller} finer)", split.after, fine, joint.noise_floor, look=look)
+        after = Cloud(f"{name}-after", finer, split.after, fine, joint.noise_floor, look=look)
         cards.append(
             Card(against.title, cloud_svg(before, against, rows), "" if same else cloud_svg(after, against, rows))
         )

@@ -6,10 +6,11 @@ from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagnosis.result.refinement import Refinement, RefinementStatus
 from drake_tc.diagnosis.result.refinement_json import MODEL_FILE
 from drake_tc.report.numbers import pretty_unit, scale_for, significant
+from drake_tc.report.words import title_of
 
 WHY_NOT: dict[RefinementStatus, str] = {
     "accepted": "",
-    "no_gain": "the free runs improve by less than 5 %",
+    "no_gain": "the free runs do not improve by at least 5 %",
     "implausible": "the refined values are not physically possible",
     "resolved": "the free runs already follow the position as closely as the encoder resolves it",
     "nothing_to_simulate": "the joint cannot be simulated from these logs",
@@ -57,7 +58,7 @@ def refinement_section(joint: JointResult) -> RefinementSection | None:
         return None
     parameters = tuple(
         (
-            p.key,
+            title_of(p.key),
             p.name.replace("_", " "),
             significant(p.equation_error, 4),
             significant(p.output_error, 4),

@@ -151,11 +151,13 @@ def ranked_effects(result: CloseLoopResult) -> Sequence[tuple[str, str, float]]:
 def warnings(joint: JointResult) -> Sequence[str]:
     """What the reader must not overlook, one sentence each."""
     out = [
-        f"These logs cannot tell {title_of(a)} from {title_of(b)}; either would do." for a, b in joint.indistinguishable
+        f"These logs cannot tell {title_of(a)} from {title_of(b)}; both fit equally well."
+        for a, b in joint.indistinguishable
     ]
     for key, group in joint.final_parameters.items():
         out += [
-            f"The {name.replace('_', ' ')} of {title_of(key)} lies at a bound of its range: its interval does not hold."
+            f"{capital(title_of(key))}: the parameter {name.replace('_', ' ')} lies at a bound of its range, so its "
+            "95 % interval is not valid."
             for name, estimate in group.items()
             if estimate.at_bound
         ]

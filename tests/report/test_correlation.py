@@ -4,7 +4,7 @@ import numpy as np
 from numpy.testing import assert_allclose
 
 from drake_tc.diagnosis.result.joint_result import JointResult
-from drake_tc.report.correlation import Gridded, autocorrelation, cross_correlation, on_grid
+from drake_tc.report.correlation import Correlation, Gridded, autocorrelation, cross_correlation, on_grid
 
 
 def ar1(rng: np.random.Generator, size: int, memory: float) -> np.ndarray:
@@ -73,3 +73,13 @@ def test_rows_land_on_their_grid(joint: JointResult) -> None:
     assert sum(int(m.sum()) for m in grid.present) == side.after.size
     power = sum(float(np.sum(v**2)) for v in grid.values)
     assert_allclose(power, float(np.sum((side.after - side.after.mean()) ** 2)), rtol=1e-9)
+
+
+def test_a_thinned_correlation_is_broken_where_pairs_are_too_few() -> None:
+    lag = 0.01 * np.arange(2000.0)
+    value = np.where((lag > 5.0) & (lag < 9.0), np.nan, np.cos(lag))
+    thin = Correlation(lag, value, np.full(lag.size, 0.1)).thinned(100)
+    assert thin.lag.size < 110
+    broken = np.isnan(thin.value)
+    assert_allclose(thin.lag[broken], [5.01])
+    assert np.all(np.isnan(thin.band) == broken)

@@ -42,7 +42,7 @@ def test_rows_have_value_interval_unit_and_what_is_left_of_the_tolerance():
     assert section.base[0].name == "upper m +0.5 lower m"
 
 
-@pytest.mark.parametrize("part", ["loaded", "2.81 kg", "2.75 to 2.87 kg"])
+@pytest.mark.parametrize("part", ["loaded", "2.810 kg", "[2.750, 2.870] kg"])
 def test_a_payload_is_told_with_its_interval(part):
     (sentence,) = payload_sentences(LINKS)
     assert part in sentence

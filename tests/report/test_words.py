@@ -197,11 +197,12 @@ def test_what_must_not_be_overlooked(joint):
         made = replace(free, after=replace(free.after, free_run_heldout=after))
         assert any("free run did not improve" in w for w in warnings(made)) == said
     either = warnings(replace(sound, indistinguishable=(("stribeck", "delay"),)))
-    assert either == [f"These logs cannot tell {title_of('stribeck')} from {title_of('delay')}; either would do."]
+    assert either == [f"These logs cannot tell {title_of('stribeck')} from {title_of('delay')}; both fit equally well."]
     bound = {"stribeck": {"stribeck_exponent": Estimate(4.0, "-", (3.0, 4.0), True)}}
     at_bound = warnings(replace(sound, final_parameters={**sound.final_parameters, **bound}))
     assert at_bound == [
-        f"The stribeck exponent of {title_of('stribeck')} lies at a bound of its range: its interval does not hold."
+        f"{title_of('stribeck')}: the parameter stribeck exponent lies at a bound of its range, so its 95 % "
+        "interval is not valid."
     ]
 
 
