@@ -67,8 +67,8 @@ def _refusal(path) -> str:
 
 def test_refusals_name_the_file_and_what_is_possible(tmp_path):
     assert "no such log file" in _refusal(tmp_path / "absent.csv")
-    (tmp_path / "run.bag").write_text("x")
-    assert ".parquet" in _refusal(tmp_path / "run.bag")
+    (tmp_path / "run.docx").write_text("x")
+    assert ".parquet" in _refusal(tmp_path / "run.docx")
     for name, content in {"run.parquet": b"not parquet", "run.npz": b"zip?", "run.mat": b"MATLAB?" * 30}.items():
         (tmp_path / name).write_bytes(content)
         assert "cannot be read" in _refusal(tmp_path / name)
