@@ -12,6 +12,7 @@ from drake_tc.diagnosis.problem.columns import Columns, Term, coefficients_by_te
 from drake_tc.diagnosis.problem.estimates import estimates
 from drake_tc.diagnosis.problem.prepared import Prepared, prepare_joint
 from drake_tc.diagnosis.problem.regression import Fit, fit
+from drake_tc.diagnosis.problem.sensor_errors import errors_in, spread_of_errors, weighed
 from drake_tc.diagnosis.problem.unknown_load import with_fitted_load
 from drake_tc.diagnosis.residual.band import shared_band
 from drake_tc.diagnosis.residual.verdict import compared, noise_floor, verdict_of, what_is_left
@@ -23,6 +24,7 @@ from drake_tc.diagnosis.result.joint_result import Errors, JointResult
 from drake_tc.diagnosis.result.outcome import found_effects, rejected_effects, stabilities
 from drake_tc.diagnosis.result.plausible_ranges import plausible_ranges
 from drake_tc.diagnosis.result.run_errors import run_errors
+from drake_tc.diagnosis.result.widening import Parameters, widened
 from drake_tc.diagnosis.selection.confirmation import confirm
 from drake_tc.diagnosis.selection.engine import Progress
 from drake_tc.diagnosis.selection.indistinguishable import indistinguishable
@@ -35,6 +37,7 @@ from drake_tc.effects.library import looked_for
 from drake_tc.effects.torque_sensor_bias import TorqueSensorBias
 from drake_tc.effects.torque_sensor_drift import TorqueSensorDrift
 from drake_tc.effects.torque_sensor_gain import TorqueSensorGain
+from drake_tc.effects.within_tolerance import WithinTolerance
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
 from drake_tc.logs.told_once import of_joint, told_once
@@ -146,9 +149,9 @@ def diagnose_joint(
     floor = noise_floor(columns, chosen)
     splits = compared(columns, held, found.baseline, chosen)
     unexplained, floor, notes = what_is_left(splits, chosen, floor, context, options)
-    effects = found_effects(columns, held, chosen, known, context, stability)
+    final_parameters = _parameters(columns, chosen, context)
+    effects = found_effects(columns, held, chosen, known, final_parameters, stability)
     kept = {e.id for e in effects}
-    final_parameters = estimates(columns, chosen, context.drive)
     load_notes = (*load_scale(rig, joint).notes, *drive_notes(rig, joint, final_parameters, chosen.gain))
     ties = tuple(pair for pair in ties if pair[0] in kept)
     return JointResult(
@@ -157,7 +160,7 @@ def diagnose_joint(
         unit=EFFORT_UNIT[context.drive],
         baseline=found.baseline,
         final=chosen,
-        baseline_parameters=estimates(columns, found.baseline, context.drive),
+        baseline_parameters=_parameters(columns, found.baseline, context),
         final_parameters=final_parameters,
         noise_floor=floor,
         before=Errors(_rms(splits[0].before), _rms(splits[1].before), None),
@@ -183,6 +186,12 @@ def diagnose_joint(
             *_sticking(columns, chosen, context),
         ),
     )
+
+
+def _parameters(columns: Columns, fitted: Fit, context: Context) -> Parameters:
+    """Parameters with intervals that hold what is not known of the sensors' errors within tolerance."""
+    found = estimates(columns, fitted, context.drive)
+    return widened(found, fitted, spread_of_errors(columns, fitted)) if errors_in(fitted.terms) else found
 
 
 def _sticking(columns: Columns, chosen: Fit, context: Context) -> tuple[str, ...]:
@@ -212,6 +221,9 @@ def _settled(
             for c in first
         )
         chosen = fit(columns, chosen.terms)
+    if errors_in(chosen.terms):
+        columns, held = (weighed(each, columns, chosen) for each in (columns, held))
+        chosen = fit(columns, chosen.terms)
     return columns, held, chosen
 
 
@@ -219,6 +231,8 @@ def true_torque(columns: Columns, fitted: Fit) -> FloatArray:
     """The measured load (T,) without the additive sensor errors among the fit's terms."""
     signals = columns.samples.signals
     for term, theta in coefficients_by_term(fitted.terms, fitted.beta):
-        if isinstance(term.effect, TorqueSensorBias | TorqueSensorDrift):
-            signals = term.effect.restore(signals, term.effect.physical(theta, term.shape, fitted.gain))
+        members = term.effect.members if isinstance(term.effect, WithinTolerance) else (term.effect,)
+        for sensor in members:
+            if isinstance(sensor, TorqueSensorBias | TorqueSensorDrift):
+                signals = sensor.restore(signals, term.effect.physical(theta, term.shape, fitted.gain))
     return signals.load_torque

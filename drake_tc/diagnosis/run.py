@@ -11,6 +11,7 @@ from threadpoolctl import threadpool_limits
 
 from drake_tc.diagnosis.joint import diagnose_joint
 from drake_tc.diagnosis.options import DiagnosisOptions
+from drake_tc.diagnosis.problem.sensor_errors import without_errors
 from drake_tc.diagnosis.refinement.stage import refine_joint
 from drake_tc.diagnosis.residual.unexplained import SEVERITY, Verdict
 from drake_tc.diagnosis.result.free_running import FreeRun, load_in_workers, with_free_runs
@@ -87,10 +88,12 @@ def _close_loop(
         if logs_of_robot is None:
             joints[joint] = diagnose_joint(train, held, rig, joint, options, progress)
         if free_run is not None:
-            refinement = refine_joint(joints[joint], rig, train, executor, progress)
+            result = joints[joint]
+            own = [without_errors(runs, joint, result.final) for runs in (train, held)]
+            refined = replace(result, refinement=refine_joint(result, rig, own[0], executor, progress))
             progress("free run", 0.0)
-            refined = replace(joints[joint], refinement=refinement)
-            joints[joint] = with_free_runs(refined, rig, held, free_run, executor, before)
+            of_before = without_errors(held if before is None else before, joint, result.baseline)
+            joints[joint] = with_free_runs(refined, rig, own[1], free_run, executor, of_before)
     verdict = _overall(joints.values())
     return CloseLoopResult(
         joints=joints,

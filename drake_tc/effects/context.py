@@ -35,6 +35,7 @@ class Context:
         temperature_span: (lowest, highest) recorded temperature [deg C]; NaN where it was not recorded.
         fitted: Values of the fitted model that other effects are compared with: `gain` (K [effort/(N m)]),
             `viscous` [N m s/rad] and `coulomb` [N m], those that are known.
+        tolerances: Declared standard deviations of the joint's sensor errors, by the id of the effect.
     """
 
     drive: DriveKind
@@ -53,6 +54,7 @@ class Context:
     temperature_span: tuple[float, float] = (math.nan, math.nan)
     fitted: Mapping[str, float] = field(default_factory=dict)
     position_recorded: bool = True
+    tolerances: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def imposes_current(self) -> bool:

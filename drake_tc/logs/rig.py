@@ -20,7 +20,14 @@ from drake_tc.logs.rig_document.drive_scale import declared_gains
 from drake_tc.logs.rig_document.errors import HINT, read_document
 from drake_tc.logs.rig_document.loads import load_of
 from drake_tc.logs.rig_document.sensors import SensorsKeys, sensors_entry
-from drake_tc.logs.rig_robot import check_robot_load, check_sensors, parse_robot, robot_joints, robot_sensors
+from drake_tc.logs.rig_robot import (
+    check_joint_tolerances,
+    check_robot_load,
+    check_sensors,
+    parse_robot,
+    robot_joints,
+    robot_sensors,
+)
 from drake_tc.logs.sensors import (
     FORCE_TORQUE_PARTS,
     IMU_PARTS,
@@ -64,7 +71,7 @@ class Rig:
         derivative_gain: Declared damping of a position servo by joint [N m s/rad], where it is declared.
         source: The file it came from, or None.
         robot: The robot file whose model gives the loads, or None.
-        sensors: Declared noise by joint; see `joint_sensors`.
+        sensors: Declared noise and tolerances by joint; see `joint_sensors`.
         tolerances: Declared tolerances by the sensor's column name (`ft_foot`, `imu_trunk`).
         coupled: By joint, turns of its motor for one turn of another joint (`estimation.coupled_gears`).
         tares: Begin and end of the stretch of every run in which an F/T sensor is zeroed [s], by its column name.
@@ -149,6 +156,7 @@ def parse_rig(document: object, source: Path | str = "rig") -> Rig:
         raise RigError(f"{name}: {error}") from None
     check_robot_load(name, rig.load, robot, coupled=bool(rig.coupled))
     check_sensors(name, rig.tolerances, rig.robot_sensors, robot)
+    check_joint_tolerances(name, (read.sensors or SensorsKeys()).of_joints, rig.load)
     if robot is not None:
         mapped = (column.rpartition("/")[0] for column in rig.columns)
         named = [owner for owner in mapped if owner.startswith(("ft_", "imu_"))]
@@ -177,7 +185,7 @@ def _rig_of(read: RigDocument, robot: Path | None, source: Path | None) -> Rig:
         enabled=read.enabled,
         source=source,
         robot=robot,
-        sensors={joint: sensors.noise_of(joint) for joint in joints},
+        sensors={joint: sensors.of_joint(joint) for joint in joints},
         tolerances=sensors.tolerances(),
         tares=sensors.tares(),
         coupled=read.coupled or {},

@@ -8,6 +8,7 @@ import yaml
 from drake_tc.errors import RigError
 from drake_tc.logs.loads import Load, RobotLoad
 from drake_tc.logs.near import near
+from drake_tc.logs.rig_document.sensors import JointSensorKeys
 
 
 def parse_robot(source: str, value: object, rig: Path | str) -> Path | None:
@@ -56,6 +57,20 @@ def check_robot_load(source: str, load: Mapping[str, Load], robot: Path | None, 
     if taken and (len(taken) < len(load) or len({load[joint] for joint in taken}) > 1):
         others = [joint for joint in load if joint not in taken] or taken[1:]
         raise RigError(f"{source}: load: {{robot: ...}} wants to be that of all joints; {others[0]!r} has another")
+
+
+def check_joint_tolerances(source: str, sensors: Mapping[str, JointSensorKeys], load: Mapping[str, Load]) -> None:
+    """A torque sensor that the rig file describes for one joint by its name is there.
+
+    Raises:
+        RigError: Its load does not come from a torque sensor.
+    """
+    for joint, entry in sensors.items():
+        if entry.torque is not None and load[joint] != "torque":
+            raise RigError(
+                f"{source}: sensors: {joint}: torque: the joint has no torque sensor; tolerances of one go with "
+                f"load: torque"
+            )
 
 
 def robot_sensors(robot: Path | None) -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""What a rig's owner knows of its sensors: noise of the joints' own channels, tolerances of F/T sensors and IMUs.
+"""What a rig's owner knows of its sensors: noise and tolerances of the joints' own, tolerances of F/T sensors and IMUs.
 
 Noise replaces what is estimated from the log. A tolerance is the standard deviation of an error that stays the same
 over all runs; errors within a few of them are expected of any sensor of its kind and are estimated along, not reported.
@@ -11,19 +11,37 @@ from typing import TypeAlias
 
 @dataclass(frozen=True)
 class JointSensors:
-    """Declared noise of one joint's channels; None where it is to be estimated from the log.
+    """Declared noise and tolerances of one joint's own sensors; None where nothing is declared.
+
+    Noise that is not declared is estimated from the log. A sensor without a tolerance has no error in the model before.
 
     Attributes:
         torque_noise: Standard deviation of one raw sample of the torque, before any filter [N m] (N of a slider).
         torque_correlation_time: Time over which that noise is correlated, 0 for white noise [s].
         encoder_step: Step between different positions [rad] (m).
         position_noise: Standard deviation of one raw position besides the steps [rad] (m).
+        torque_bias: Tolerance of the torque sensor's constant error [N m] (N).
+        torque_gain: Tolerance of its relative error of scale [-].
+        encoder_offset: Tolerance of the encoder's zero [rad] (m).
     """
 
     torque_noise: float | None = None
     torque_correlation_time: float | None = None
     encoder_step: float | None = None
     position_noise: float | None = None
+    torque_bias: float | None = None
+    torque_gain: float | None = None
+    encoder_offset: float | None = None
+
+    @property
+    def tolerances(self) -> dict[str, float]:
+        """The tolerances above 0, by the id of the effect that a larger error is."""
+        known = {
+            "torque_sensor_bias": self.torque_bias,
+            "torque_sensor_gain": self.torque_gain,
+            "encoder_offset": self.encoder_offset,
+        }
+        return {name: size for name, size in known.items() if size}
 
 
 @dataclass(frozen=True)

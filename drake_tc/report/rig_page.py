@@ -15,7 +15,7 @@ from drake_tc.logs.effect_ids import EFFECT_IDS, ROBOT_CAUSES
 from drake_tc.logs.rig_document.document import RigDocument
 from drake_tc.logs.rig_document.keys import HIDDEN, default_of, unit_of
 from drake_tc.logs.rig_document.loads import KINDS, WORDS
-from drake_tc.logs.rig_document.sensors import ForceTorqueKeys, ImuKeys, JointNoise
+from drake_tc.logs.rig_document.sensors import EncoderKeys, ForceTorqueKeys, ImuKeys, JointSensorKeys, TorqueSensorKeys
 from drake_tc.logs.sensors import FORCE_TORQUE_PARTS, IMU_PARTS, Tolerance
 from drake_tc.logs.units import COLUMN_MEANING, JOINT_SUFFIXES, SENSOR_SUFFIXES, allowed_units
 
@@ -32,7 +32,9 @@ def rig_page() -> str:
         "columns": _column_table(),
         "effects": _effect_table(),
         "robot_causes": ", ".join(f"`{name}`" for name in ROBOT_CAUSES),
-        "noise": key_table(JointNoise),
+        "joint_sensors": key_table(JointSensorKeys),
+        "torque_sensor": key_table(TorqueSensorKeys),
+        "encoder": key_table(EncoderKeys),
         "force_torque": key_table(ForceTorqueKeys),
         "imu": key_table(ImuKeys),
         "parts": _part_table(),

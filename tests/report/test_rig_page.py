@@ -19,14 +19,17 @@ from drake_tc.logs.rig import load_rig, parse_rig, rig_document
 from drake_tc.logs.rig_document.document import RigDocument
 from drake_tc.logs.rig_document.loads import KINDS, WORDS, ModelLoad, PendulumKeys
 from drake_tc.logs.rig_document.schema import rig_schema
-from drake_tc.logs.rig_document.sensors import ForceTorqueKeys, ImuKeys, JointNoise
+from drake_tc.logs.rig_document.sensors import EncoderKeys, ForceTorqueKeys, ImuKeys, JointSensorKeys, TorqueSensorKeys
 from drake_tc.logs.units import COLUMN_MEANING, JOINT_SUFFIXES, SENSOR_SUFFIXES
 from drake_tc.report.rig_page import EXAMPLES, example, rig_page
 from drake_tc.robot.robot import load_robot
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "drake_tc" / "logs" / "RIG.md"
-MODELS = (RigDocument, PendulumKeys, ModelLoad, JointNoise, ForceTorqueKeys, ImuKeys)
+MODELS = (
+    *(RigDocument, PendulumKeys, ModelLoad, JointSensorKeys, TorqueSensorKeys, EncoderKeys),
+    *(ForceTorqueKeys, ImuKeys),
+)
 BASE = {"joint": "knee", "drive": "current"}
 
 
@@ -69,7 +72,9 @@ def test_the_example_of_every_key_is_accepted(name):
     assert parse_rig({**base, **TOGETHER.get(name, {}), name: value}).joints
 
 
-@pytest.mark.parametrize(("model", "owner"), [(JointNoise, None), (ForceTorqueKeys, "ft_foot"), (ImuKeys, "imu_trunk")])
+@pytest.mark.parametrize(
+    ("model", "owner"), [(JointSensorKeys, None), (ForceTorqueKeys, "ft_foot"), (ImuKeys, "imu_trunk")]
+)
 def test_the_examples_of_the_sensors_are_accepted(model, owner, tmp_path):
     entries = {name: model.model_fields[name].examples[0] for name in keys_of(model)}
     robot = "{joints: [knee], imu: {trunk: {}}, force_torque: {foot: {}}}"

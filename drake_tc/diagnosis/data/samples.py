@@ -8,6 +8,7 @@ import numpy as np
 
 from drake_tc.diagnosis.data.link_prior import LinkPrior
 from drake_tc.diagnosis.data.resolution import NoiseFloor, Resolution
+from drake_tc.diagnosis.data.sensor_prior import SensorPrior
 from drake_tc.effects.base import Effect, Shape, Signals
 from drake_tc.filtering.block_convolution import BlockConvolution
 from drake_tc.filtering.common_kernel import CommonKernel
@@ -35,6 +36,7 @@ class Samples:
         load_unknown: Whether nothing is known of the load torque: the signals' load is 0 until a fit tells it.
         torque_unit: Unit of all torques: N*m, or the effort's where nothing fixes the scale (`load_scale`).
         link_prior: Of the columns `signals.links`; None where the links' parameters are not fitted.
+        sensor_prior: Of the joint's own sensor errors; None where no tolerance is declared.
     """
 
     signals: Signals
@@ -54,6 +56,7 @@ class Samples:
     load_unknown: bool = False
     torque_unit: str = "N*m"
     link_prior: LinkPrior | None = None
+    sensor_prior: SensorPrior | None = None
 
     def reduce(self, values: FloatArray, *, fresh: bool = False) -> FloatArray:
         """Low-pass (T,) or (T, k) values and keep the rows: (N,) or (N, k).

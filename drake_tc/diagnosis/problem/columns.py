@@ -16,6 +16,7 @@ from drake_tc.diagnosis.data.samples import Samples
 from drake_tc.diagnosis.problem.bounded import Prior
 from drake_tc.effects.base import DriveEffect, Effect
 from drake_tc.effects.link_load import LinkLoad
+from drake_tc.effects.within_tolerance import WithinTolerance
 from drake_tc.types import BoolArray, FloatArray, IntArray
 
 FOLDS = 5
@@ -54,9 +55,12 @@ def coefficients_by_term(terms: Sequence[Term], beta: FloatArray) -> Iterator[tu
         yield term, theta
 
 
-def link_coefficients(terms: Sequence[Term]) -> BoolArray:
-    """(1 + sum k,) which coefficients of beta are those of the links' parameters."""
-    parts = [np.full(len(t.effect.coefficients), isinstance(t.effect, LinkLoad)) for t in terms]
+def prior_coefficients(terms: Sequence[Term]) -> BoolArray:
+    """(1 + sum k,) which coefficients of beta have a prior: the links' parameters and sensor errors within tolerance.
+
+    They are estimated along and not reported.
+    """
+    parts = [np.full(len(t.effect.coefficients), isinstance(t.effect, LinkLoad | WithinTolerance)) for t in terms]
     return np.concatenate([np.zeros(1, dtype=np.bool_), *parts])
 
 
@@ -214,9 +218,12 @@ class Columns:
         squares = self._product(("target",), target, ("target",), target)[:, 0, 0]
         return Normal(grams, moments, squares, self.prior(terms))
 
-    def prior(self, terms: Sequence[Term]) -> Prior:
-        """What is known of the coefficients of these terms beforehand: only of the links' parameters anything is."""
-        known = self.samples.link_prior
+    def prior(self, terms: Sequence[Term], variance: float | None = None) -> Prior:
+        """What is known beforehand of the coefficients of these terms: of the links' parameters and sensor errors.
+
+        `variance`: of the residual [N^2 m^2]; None takes that of the declared model.
+        """
+        known, sensors = self.samples.link_prior, self.samples.sensor_prior
         size = 1 + sum(len(t.effect.coefficients) for t in terms)
         out = Prior(np.zeros(size), np.zeros(size))
         at = 1
@@ -225,6 +232,9 @@ class Columns:
             at = mine.stop
             if known is not None and isinstance(term.effect, LinkLoad):
                 out.precision[mine], out.mean[mine] = known.precision, known.mean
+            if sensors is not None and isinstance(term.effect, WithinTolerance):
+                weight = (sensors.variance if variance is None else variance) / sensors.share
+                out.precision[mine] = weight / np.array(term.effect.tolerances) ** 2
         return out
 
     def _by_fold(self, key: tuple[object, ...], values: Callable[[], FloatArray]) -> FloatArray:

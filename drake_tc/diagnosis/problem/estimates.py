@@ -5,11 +5,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drake_tc.diagnosis.problem.columns import Columns, link_coefficients
+from drake_tc.diagnosis.problem.columns import Columns, prior_coefficients
 from drake_tc.diagnosis.problem.parameters import physical_parameters, shape_places, with_shapes
 from drake_tc.diagnosis.problem.regression import Fit
 from drake_tc.effects.base import EFFORT_UNIT
 from drake_tc.effects.link_load import LinkLoad
+from drake_tc.effects.within_tolerance import WithinTolerance
 from drake_tc.identification.autocorrelation import critical_value_95
 from drake_tc.identification.regression import least_squares
 
@@ -55,7 +56,7 @@ def estimates(columns: Columns, fitted: Fit, drive: str) -> Mapping[str, Mapping
     dead = np.sqrt(np.mean(jacobian**2, axis=0)) * np.maximum(np.abs(point), 1e-12) < 1e-12
     if columns.declared_gain is not None and "servo_gain" not in {t.effect.id for t in fitted.terms}:
         dead[0] = True  # the drive is held at its declared gain
-    dead[: fitted.beta.size] |= link_coefficients(fitted.terms)  # `widening` adds what is not known of them
+    dead[: fitted.beta.size] |= prior_coefficients(fitted.terms)  # `widening` adds what is not known of them
     linear = least_squares(
         jacobian[:, ~dead], columns.target - prediction, lengths=block_lengths(columns), max_condition=1e15
     )
@@ -71,7 +72,7 @@ def estimates(columns: Columns, fitted: Fit, drive: str) -> Mapping[str, Mapping
         bounds[term.effect.key] = {p.name: (p.lower, p.upper) for p in ps}
     out: dict[str, dict[str, Estimate]] = {}
     for key, group in named.items():
-        if key == LinkLoad.id:
+        if key in (LinkLoad.id, WithinTolerance.id):
             continue
         out[key] = {}
         for name, value in group.items():

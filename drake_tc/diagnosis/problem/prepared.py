@@ -15,6 +15,8 @@ from drake_tc.diagnosis.problem.declared import (
     require_positions,
     without_known,
 )
+from drake_tc.diagnosis.problem.regression import Fit, fit
+from drake_tc.diagnosis.problem.sensor_errors import errors_of, weighed
 from drake_tc.diagnosis.problem.signs import require_consistent_signs
 from drake_tc.diagnosis.problem.unknown_load import (
     possible_loads,
@@ -103,6 +105,7 @@ def prepare_joint(
         _require_identified(first, plain.terms)
     if context.load != "links" or link_prior is not None:  # else the load is not yet fitted
         require_consistent_signs(first, plain, joint, context.drive)
+    first, other, plain = _with_sensor_errors(first, other, plain, context)
     first, other = (with_fitted_load(c.with_model(plain.terms, plain.beta, servo=servo), plain) for c in (first, other))
     fitted = BalanceCoefficients.of(plain.terms, plain.beta)
     return Prepared(
@@ -113,6 +116,15 @@ def prepare_joint(
         context=with_torque_span(context, first),
         declared=(*(t.effect.id for t in plain.terms), *(key.partition(".")[0] for key in rig.declared[joint])),
     )
+
+
+def _with_sensor_errors(train: Columns, held: Columns, declared: Fit, context: Context) -> tuple[Columns, Columns, Fit]:
+    """Both sides and the declared model with the errors that the joint's sensors may have within tolerance."""
+    errors = errors_of(context)
+    if errors is None:
+        return train, held, declared
+    train, held = (weighed(each, train, declared) for each in (train, held))
+    return train, held, fit(train, [*declared.terms, Term(errors)])
 
 
 def _require_identified(columns: Columns, terms: Sequence[Term]) -> None:

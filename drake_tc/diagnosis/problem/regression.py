@@ -9,9 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from drake_tc.diagnosis.problem.bounded import collinear, cross_validated
-from drake_tc.diagnosis.problem.columns import FOLDS, Columns, Term, fold_of
+from drake_tc.diagnosis.problem.columns import FOLDS, Columns, Normal, Term, fold_of, prior_coefficients
 from drake_tc.diagnosis.thresholds import LEAST_DRIVE, LEAST_EFFORT
 from drake_tc.effects.servo_gain import ServoGain
+from drake_tc.effects.within_tolerance import WithinTolerance
 from drake_tc.types import FloatArray
 
 LEAST_STIFFNESS = 1e-12
@@ -50,7 +51,12 @@ class Fit:
 
 
 def bounds_of(terms: Sequence[Term], declared_gain: float | None = None) -> tuple[FloatArray, FloatArray]:
-    """Lower and upper bounds of beta; 1/K is held at a declared gain unless an effect says that it is wrong."""
+    """Lower and upper bounds of beta.
+
+    1/K is held at a declared gain unless an effect says that it is wrong. A sensor's error within tolerance is held at
+    0 where the effect itself is among the terms.
+    """
+    named = {t.effect.id for t in terms}
     free = declared_gain is None or any(isinstance(t.effect, ServoGain) for t in terms)
     lower, upper = (
         ([LEAST_STIFFNESS], [np.inf])
@@ -58,8 +64,11 @@ def bounds_of(terms: Sequence[Term], declared_gain: float | None = None) -> tupl
         else ([1.0 / declared_gain], [1.0 / declared_gain])
     )
     for term in terms:
-        lower += [p.lower for p in term.effect.coefficients]
-        upper += [p.upper for p in term.effect.coefficients]
+        limits = np.array([(p.lower, p.upper) for p in term.effect.coefficients]).reshape(-1, 2)
+        if isinstance(term.effect, WithinTolerance):
+            limits[[member.id in named for member in term.effect.members]] = 0.0
+        lower += limits[:, 0].tolist()
+        upper += limits[:, 1].tolist()
     return np.array(lower), np.array(upper)
 
 
@@ -90,19 +99,29 @@ def score(columns: Columns, terms: Sequence[Term]) -> Score:
     """
     normal = columns.normal(terms)
     low, high = bounds_of(terms, columns.declared_gain)
-    beta, by_fold = cross_validated(normal.grams, normal.moments, low, high, normal.prior)
+    prior = normal.prior
+    beta, by_fold = cross_validated(normal.grams, normal.moments, low, high, prior)
+    if columns.samples.sensor_prior is not None:  # their prior counts against the noise that this fit leaves
+        left = float(np.sum(_squared_errors(normal, np.broadcast_to(beta, by_fold.shape))))
+        prior = columns.prior(terms, left / columns.target.size)
+        beta, by_fold = cross_validated(normal.grams, normal.moments, low, high, prior)
     gain = columns.gain or 1.0 / float(beta[0])
     drives = float(beta[0]) > LEAST_STIFFNESS and (columns.gain is None or beta[0] * columns.gain > LEAST_DRIVE)
-    gram = normal.prior.added(normal.grams.sum(0), normal.moments.sum(0))[0]
+    gram = prior.added(normal.grams.sum(0), normal.moments.sum(0))[0]
+    told = ~(prior_coefficients(terms) & (low == high))
+    told[0] = not columns.effort_is_target
     left = columns.effort_left(terms)
-    sound = drives and left > LEAST_EFFORT and not collinear(gram[1:, 1:] if columns.effort_is_target else gram)
+    sound = drives and left > LEAST_EFFORT and not collinear(gram[np.ix_(told, told)])
     correction = columns.noise_ratio(beta, terms) * max(1.0, 1.0 / left) if sound else np.inf
-    total = 0.0
-    for part, gram, moment, square in zip(by_fold, normal.grams, normal.moments, normal.squares, strict=True):
-        error = square - 2.0 * part @ moment + part @ gram @ part
-        total += max(float(error), 0.0)
-    cv_rms = gain * correction * float(np.sqrt(total / columns.target.size))
+    cv_rms = gain * correction * float(np.sqrt(_squared_errors(normal, by_fold).sum() / columns.target.size))
     return Score(tuple(terms), beta, by_fold, cv_rms, gain, correction)
+
+
+def _squared_errors(normal: Normal, by_fold: FloatArray) -> FloatArray:
+    """(FOLDS,) squared error [N^2 m^2] of the rows of each fold under its beta (FOLDS, m)."""
+    explained = np.einsum("fi,fij,fj->f", by_fold, normal.grams, by_fold)
+    crossed = np.einsum("fi,fi->f", by_fold, normal.moments)
+    return np.asarray(np.maximum(normal.squares - 2.0 * crossed + explained, 0.0))
 
 
 def fit(columns: Columns, terms: Sequence[Term]) -> Fit:

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from scipy.optimize import least_squares
 
-from drake_tc.diagnosis.problem.columns import Columns, coefficients_by_term
+from drake_tc.diagnosis.problem.columns import Columns, coefficients_by_term, prior_coefficients
 from drake_tc.diagnosis.problem.parameters import physical_parameters, shape_places, with_shapes
 from drake_tc.diagnosis.problem.regression import Fit
 from drake_tc.diagnosis.residual.unexplained import DataSplit
@@ -40,19 +40,23 @@ def equation_errors(
     finite = np.isfinite(wanted)
     size_of = np.maximum(np.abs(wanted), 1e-9)[finite]
 
+    # What has a prior is not among the numbers and stays as it is.
+    step_of = np.diag(scale)[:, ~np.append(prior_coefficients(fitted.terms), np.zeros(start.size - size, np.bool_))]
+
     def miss(step: np.ndarray) -> np.ndarray:
-        difference = (numbers(start + scale * step)[finite] - wanted[finite]) / size_of
+        difference = (numbers(start + step_of @ step)[finite] - wanted[finite]) / size_of
         return np.asarray(np.nan_to_num(difference, nan=1e3, posinf=1e3, neginf=-1e3))
 
-    found = least_squares(miss, np.zeros(start.size), xtol=1e-12, ftol=1e-15, gtol=1e-15, max_nfev=50)
+    found = least_squares(miss, np.zeros(step_of.shape[1]), xtol=1e-12, ftol=1e-15, gtol=1e-15, max_nfev=50)
     if np.abs(found.fun).max() > EXACT:
         return None
-    b = start + scale * found.x
+    b = start + step_of @ found.x
     terms = with_shapes(fitted.terms, where, b[size:])
     made = []
     for split in splits:
         columns = Columns(split.samples)
-        residual = (columns.target - columns.design(terms) @ b[:size]) * fitted.gain
+        less = columns.design(fitted.terms) @ fitted.beta - columns.design(terms) @ b[:size]
+        residual = split.after + less * fitted.gain
         made.append(float(np.sqrt(np.mean(residual**2))))
     return tuple(made)
 

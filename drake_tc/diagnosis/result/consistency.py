@@ -20,7 +20,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.stats import chi2, norm
 
-from drake_tc.diagnosis.problem.columns import Columns, link_coefficients
+from drake_tc.diagnosis.problem.columns import Columns, prior_coefficients
 from drake_tc.diagnosis.problem.estimates import block_lengths
 from drake_tc.diagnosis.problem.regression import Fit
 from drake_tc.diagnosis.result.joint_result import ParameterByCondition
@@ -71,7 +71,7 @@ def consistency(columns: Columns, final: Fit) -> tuple[ParameterByCondition, ...
     """
     names = (("drive", "gain"), *((t.effect.key, p.name) for t in final.terms for p in t.effect.coefficients))
     design, target = columns.design(final.terms), columns.target
-    held = link_coefficients(final.terms)
+    held = prior_coefficients(final.terms)
     held[0] = columns.effort_is_target  # nothing in the rows tells the gain then
     target = target - design[:, held] @ final.beta[held]
     design, names = design[:, ~held], tuple(n for n, fixed in zip(names, held, strict=True) if not fixed)

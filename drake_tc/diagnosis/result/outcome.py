@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from drake_tc.diagnosis.problem.columns import Columns
-from drake_tc.diagnosis.problem.estimates import estimates
+from drake_tc.diagnosis.problem.estimates import Estimate
 from drake_tc.diagnosis.problem.regression import Fit, fit, predict
 from drake_tc.diagnosis.result.joint_result import FoundEffect, RejectedEffect, Rejection
 from drake_tc.diagnosis.selection.engine import compare
@@ -44,11 +44,10 @@ def found_effects(
     held: Columns,
     chosen: Fit,
     known: frozenset[str],
-    context: Context,
+    parameters: Mapping[str, Mapping[str, Estimate]],
     stability: Mapping[str, float],
 ) -> tuple[FoundEffect, ...]:
     """The effects of the final model that the declared one lacks, by held-out gain."""
-    parameters = estimates(columns, chosen, context.drive)
     after = predict(held, chosen)
     out = []
     for term in chosen.terms:

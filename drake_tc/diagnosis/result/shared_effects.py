@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from drake_tc.diagnosis.problem.columns import Term, link_coefficients
+from drake_tc.diagnosis.problem.columns import Term, prior_coefficients
 from drake_tc.diagnosis.problem.estimates import Estimate, estimates
 from drake_tc.diagnosis.problem.prepared import Prepared
 from drake_tc.diagnosis.problem.regression import fit
@@ -120,7 +120,7 @@ def with_shared_uncertainty(
         of_beta = []
         for (rows, fitted), each, model in zip((before, after), spread, (joint.baseline, joint.final), strict=True):
             response = own_response(rows[number], fitted)
-            own = ~link_coefficients(model.terms)
+            own = ~prior_coefficients(model.terms)
             of_beta.append(np.zeros((own.size, own.size)))
             of_beta[-1][np.ix_(own, own)] = response @ each @ response.T
         final = widened(joint.final_parameters, joint.final, of_beta[1])

@@ -79,7 +79,7 @@ def joint_json(joint: JointResult) -> dict[str, Any]:
     left = joint.unexplained
     return {
         "baseline": {
-            "effects": [t.effect.id for t in joint.baseline.terms],
+            "effects": [t.effect.id for t in joint.baseline.terms if t.effect.key in joint.baseline_parameters],
             "parameters": _values(joint.baseline_parameters),
         },
         "load": _load(joint),

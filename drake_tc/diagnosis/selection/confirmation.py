@@ -24,6 +24,7 @@ from drake_tc.diagnosis.data.samples import Samples
 from drake_tc.diagnosis.problem.bounded import solve_bounded
 from drake_tc.diagnosis.problem.columns import Columns, Term
 from drake_tc.diagnosis.problem.regression import Fit, bounds_of, fit, predict
+from drake_tc.diagnosis.problem.sensor_errors import expected_errors
 from drake_tc.diagnosis.selection.plausible_values import objection_to_values
 from drake_tc.diagnosis.selection.withdrawal import DidNotHold, Withdrawal
 from drake_tc.diagnosis.thresholds import FEW_RUNS, HELDOUT_ACTS, HELDOUT_CERTAIN, RUN_ACTS, RUN_CERTAIN
@@ -63,6 +64,10 @@ def confirm(settle: Settle, chosen: Fit, known: frozenset[str], context: Context
     withdrawn: list[DidNotHold] = []
     while True:
         columns, held, chosen = settle(chosen)
+        expected = expected_errors(columns, chosen, known, context)
+        if expected:  # not worth a word: the model has them anyway
+            chosen = fit(columns, [t for t in chosen.terms if t not in expected])
+            continue
         added = [t for t in chosen.terms if t.effect.key not in known]
         failed = [f for t in added if (f := _objection(columns, held, chosen, t, context, floor)) is not None]
         if not failed:

@@ -8,6 +8,7 @@ import numpy as np
 
 from drake_tc.diagnosis.problem.columns import Columns, Term
 from drake_tc.diagnosis.problem.regression import Fit, fit, score
+from drake_tc.diagnosis.problem.sensor_errors import expected_errors
 from drake_tc.diagnosis.selection.comparison import better_share, effective_samples
 from drake_tc.diagnosis.selection.engine import Progress, Proposal, Selection, select
 from drake_tc.diagnosis.selection.lag_or_noise import NOISE, is_noise
@@ -153,8 +154,8 @@ class JointProblem:
         return share_better(small, large)
 
     def is_possible(self, fitted: Fit) -> bool:
-        """Whether the added effects have values that can be believed."""
-        return not self.objections(fitted)
+        """Whether the added effects have values that can be believed, and that no sensor's tolerance explains."""
+        return not self.objections(fitted) and not expected_errors(self.columns, fitted, self.known, self.context)
 
     def objections(self, fitted: Fit) -> list[DidNotHold]:
         """What is said of those that cannot."""

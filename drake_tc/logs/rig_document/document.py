@@ -119,9 +119,10 @@ class RigDocument(Keys):
         absent="every motor turns with its own joint alone",
     )
     sensors: SensorsKeys | None = key(
-        "Noise of the joints' channels, and tolerances of the robot's F/T sensors and IMUs.",
+        "Noise of the joints' channels, and tolerances of the joints' sensors and of the robot's F/T sensors and IMUs.",
         example={"torque_noise": "0.25 N*m", "encoder_step": "1.5 mrad"},
-        absent="noise is estimated from the log, tolerances are those of a typical sensor",
+        absent="noise is estimated from the log; an F/T sensor or IMU has the tolerances of a typical one, a joint's "
+        "own sensor has none",
     )
 
     @classmethod

@@ -1,11 +1,11 @@
-"""The rig file's key `sensors`: noise of the joints' channels, tolerances of F/T sensors and IMUs.
+"""The rig file's key `sensors`: noise and tolerances of the joints' sensors, tolerances of F/T sensors and IMUs.
 
-Plain numbers are SI. Tolerances are standard deviations; what is not said of a sensor is that of its `part`, or of a
-typical one (`drake_tc.logs.sensors`).
+Plain numbers are SI. Tolerances are standard deviations. What is not said of an F/T sensor or an IMU is that of its
+`part`, or of a typical one (`drake_tc.logs.sensors`); a joint's own sensor has no tolerance unless one is declared.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, replace
+from dataclasses import replace
 from typing import Annotated, Any
 
 from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema
@@ -44,17 +44,39 @@ def _part_of(parts: Mapping[str, SensorTolerance]) -> Any:
     return (BeforeValidator(read), WithJsonSchema({"type": "string", "examples": list(parts)}))
 
 
-_ATTRIBUTES: Mapping[str, str] = {
-    "torque_noise": "torque_noise",
-    "correlation_time": "torque_correlation_time",
-    "encoder_step": "encoder_step",
-    "position_noise": "position_noise",
+_ATTRIBUTES: Mapping[tuple[str, ...], str] = {
+    ("torque_noise",): "torque_noise",
+    ("correlation_time",): "torque_correlation_time",
+    ("encoder_step",): "encoder_step",
+    ("position_noise",): "position_noise",
+    ("torque", "bias"): "torque_bias",
+    ("torque", "gain"): "torque_gain",
+    ("encoder", "offset"): "encoder_offset",
 }
-"""Key to the attribute of `JointSensors`."""
+"""Keys, the outer one first, to the attribute of `JointSensors`."""
 
 
-class JointNoise(Keys):
-    """Noise of a joint's own channels; it replaces what is estimated from the log."""
+class TorqueSensorKeys(Keys):
+    """Tolerances of a joint's torque sensor, as standard deviations."""
+
+    bias: Torque | None = key(
+        "Constant error of the torque.", unit="N·m", example="0.2 N*m", absent="a constant error is an effect"
+    )
+    gain: Ratio | None = key(
+        "Relative error of the scale.", unit="–", example="1 %", absent="an error of the scale is an effect"
+    )
+
+
+class EncoderKeys(Keys):
+    """Tolerance of a joint's encoder, as a standard deviation."""
+
+    offset: Position | None = key(
+        "Error of the zero.", unit="rad", example="0.2 deg", absent="an error of the zero is an effect"
+    )
+
+
+class JointSensorKeys(Keys):
+    """Noise of a joint's own channels, which replaces what is estimated from the log, and tolerances of its sensors."""
 
     torque_noise: Torque | None = key(
         "Standard deviation of one raw sample of the torque, before any filter.",
@@ -80,11 +102,24 @@ class JointNoise(Keys):
         example="0.1 mrad",
         absent="estimated from the log",
     )
+    torque: TorqueSensorKeys | None = key(
+        "Tolerances of the torque sensor; see below.",
+        example={"bias": "0.2 N*m", "gain": "1 %"},
+        absent="its errors are effects",
+    )
+    encoder: EncoderKeys | None = key(
+        "Tolerance of the encoder; see below.", example={"offset": "0.2 deg"}, absent="its errors are effects"
+    )
 
     def joint_sensors(self, before: JointSensors) -> JointSensors:
         """`before` with what is said here in its place."""
-        said = {attribute: getattr(self, name) for name, attribute in _ATTRIBUTES.items()}
-        return replace(before, **{name: value for name, value in said.items() if value is not None})
+        said: dict[str, float] = {}
+        for names, attribute in _ATTRIBUTES.items():
+            value: Any = self
+            for name in names:
+                value = getattr(value, name, None)
+            said |= {} if value is None else {attribute: value}
+        return replace(before, **said)
 
 
 _TYPICAL = "that of `part`"
@@ -167,16 +202,16 @@ def _sensor_properties(schema: dict[str, Any]) -> None:
     schema["additionalProperties"] = by_name["@joint"]
 
 
-class SensorsKeys(JointNoise, json_schema_extra=_sensor_properties):
-    """Noise of all joints, of single joints, and tolerances of the robot's sensors."""
+class SensorsKeys(JointSensorKeys, json_schema_extra=_sensor_properties):
+    """What is said of all joints, of single joints, and of the robot's sensors."""
 
     # `sorted_by_owner` puts what the file says of joints, F/T sensors and IMUs under these.
-    of_joints: dict[str, JointNoise] = Field(default_factory=dict, alias="@joint")
+    of_joints: dict[str, JointSensorKeys] = Field(default_factory=dict, alias="@joint")
     force_torque: dict[str, ForceTorqueKeys] = Field(default_factory=dict, alias="@ft")
     imu: dict[str, ImuKeys] = Field(default_factory=dict, alias="@imu")
 
-    def noise_of(self, joint: str) -> JointSensors:
-        """What is declared of one joint's channels: its own, otherwise that of all joints."""
+    def of_joint(self, joint: str) -> JointSensors:
+        """What is declared of one joint's sensors: its own, otherwise that of all joints."""
         everywhere = self.joint_sensors(JointSensors())
         own = self.of_joints.get(joint)
         return everywhere if own is None else own.joint_sensors(everywhere)
@@ -195,17 +230,17 @@ def sorted_by_owner(value: object, joints: Sequence[str]) -> object:
     """The mapping `sensors` with its entries by name sorted into joints, F/T sensors and IMUs.
 
     Raises:
-        ValueError: A key is neither one of `JointNoise` nor a joint nor begins like a sensor's.
+        ValueError: A key is neither one of `JointSensorKeys` nor a joint nor begins like a sensor's.
     """
     if not isinstance(value, Mapping):
         return value
-    noise = tuple(JointNoise.model_fields)
+    own = tuple(JointSensorKeys.model_fields)
     result: dict[str, Any] = {"@joint": {}, "@ft": {}, "@imu": {}}
     for name, entry in value.items():
         owner = "@joint" if name in joints else "@ft" if name.startswith("ft_") else "@imu"
         if owner == "@imu" and not name.startswith("imu_"):
-            if name not in noise:
-                allowed = (*noise, *joints, "ft_<sensor>", "imu_<sensor>")
+            if name not in own:
+                allowed = (*own, *joints, "ft_<sensor>", "imu_<sensor>")
                 raise ValueError(f"unknown key {name!r}{near(name, allowed)}; possible: {', '.join(allowed)}")
             result[name] = entry
         else:
@@ -214,15 +249,12 @@ def sorted_by_owner(value: object, joints: Sequence[str]) -> object:
 
 
 def sensors_entry(
-    noise: Mapping[str, JointSensors],
+    joints: Mapping[str, JointSensors],
     tolerances: Mapping[str, SensorTolerance],
     tares: Mapping[str, tuple[float, float]],
 ) -> dict[str, Any]:
     """The key's value in SI; reading it gives the same back. Empty where nothing is declared."""
-    by_joint = {
-        joint: {key: asdict(each)[attribute] for key, attribute in _ATTRIBUTES.items()} for joint, each in noise.items()
-    }
-    said = {joint: {k: v for k, v in each.items() if v is not None} for joint, each in by_joint.items()}
+    said = {joint: _joint_entry(each) for joint, each in joints.items()}
     same = all(each == next(iter(said.values())) for each in said.values())
     out: dict[str, Any] = dict(next(iter(said.values()), {})) if same else {j: e for j, e in said.items() if e}
     for column, tolerance in tolerances.items():
@@ -233,4 +265,14 @@ def sensors_entry(
         out[column] = {"bias": biases, "gain": tolerance.gain, "alignment": tolerance.alignment}
         if column in tares:
             out[column]["tare"] = list(tares[column])
+    return out
+
+
+def _joint_entry(sensors: JointSensors) -> dict[str, Any]:
+    out: dict[str, Any] = {}
+    for names, attribute in _ATTRIBUTES.items():
+        value = getattr(sensors, attribute)
+        if value is not None:
+            owner = out if len(names) == 1 else out.setdefault(names[0], {})
+            owner[names[-1]] = value
     return out
