@@ -9,10 +9,9 @@ from drake_tc.diagnosis.data.link_prior import LinkPrior
 from drake_tc.diagnosis.data.load_scale import load_scale
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.problem.columns import Columns, Term, coefficients_by_term
-from drake_tc.diagnosis.problem.estimates import estimates
 from drake_tc.diagnosis.problem.prepared import Prepared, prepare_joint
 from drake_tc.diagnosis.problem.regression import Fit, fit
-from drake_tc.diagnosis.problem.sensor_errors import errors_in, spread_of_errors, weighed
+from drake_tc.diagnosis.problem.sensor_errors import errors_in, weighed
 from drake_tc.diagnosis.problem.unknown_load import with_fitted_load
 from drake_tc.diagnosis.residual.band import shared_band
 from drake_tc.diagnosis.residual.verdict import compared, noise_floor, verdict_of, what_is_left
@@ -24,7 +23,7 @@ from drake_tc.diagnosis.result.joint_result import Errors, JointResult
 from drake_tc.diagnosis.result.outcome import found_effects, rejected_effects, stabilities
 from drake_tc.diagnosis.result.plausible_ranges import plausible_ranges
 from drake_tc.diagnosis.result.run_errors import run_errors
-from drake_tc.diagnosis.result.widening import Parameters, widened
+from drake_tc.diagnosis.result.widening import parameters_of
 from drake_tc.diagnosis.selection.confirmation import confirm
 from drake_tc.diagnosis.selection.engine import Progress
 from drake_tc.diagnosis.selection.indistinguishable import indistinguishable
@@ -149,7 +148,7 @@ def diagnose_joint(
     floor = noise_floor(columns, chosen)
     splits = compared(columns, held, found.baseline, chosen)
     unexplained, floor, notes = what_is_left(splits, chosen, floor, context, options)
-    final_parameters = _parameters(columns, chosen, context)
+    final_parameters = parameters_of(columns, chosen, context.drive)
     effects = found_effects(columns, held, chosen, known, final_parameters, stability)
     kept = {e.id for e in effects}
     load_notes = (*load_scale(rig, joint).notes, *drive_notes(rig, joint, final_parameters, chosen.gain))
@@ -160,7 +159,7 @@ def diagnose_joint(
         unit=EFFORT_UNIT[context.drive],
         baseline=found.baseline,
         final=chosen,
-        baseline_parameters=_parameters(columns, found.baseline, context),
+        baseline_parameters=parameters_of(columns, found.baseline, context.drive),
         final_parameters=final_parameters,
         noise_floor=floor,
         before=Errors(_rms(splits[0].before), _rms(splits[1].before), None),
@@ -186,12 +185,6 @@ def diagnose_joint(
             *_sticking(columns, chosen, context),
         ),
     )
-
-
-def _parameters(columns: Columns, fitted: Fit, context: Context) -> Parameters:
-    """Parameters with intervals that hold what is not known of the sensors' errors within tolerance."""
-    found = estimates(columns, fitted, context.drive)
-    return widened(found, fitted, spread_of_errors(columns, fitted)) if errors_in(fitted.terms) else found
 
 
 def _sticking(columns: Columns, chosen: Fit, context: Context) -> tuple[str, ...]:

@@ -175,17 +175,18 @@ def _rig_of(read: RigDocument, robot: Path | None, source: Path | None) -> Rig:
     joints = read.joint_names
     sensors = read.sensors or SensorsKeys()
     gains, derivative_gains = declared_gains(read)
+    load = {joint: load_of(entry) for joint, entry in values_by_joint(read.load, joints).items()}
     return Rig(
         joints=joints,
         drive=values_by_joint(read.drive, joints),
-        load={joint: load_of(entry) for joint, entry in values_by_joint(read.load, joints).items()},
+        load=load,
         declared={joint: declared_of(entry) for joint, entry in values_by_joint(read.declared, joints).items()},
         columns={name: str(in_log) for name, in_log in (read.columns or {}).items()},
         units=read.units or {},
         enabled=read.enabled,
         source=source,
         robot=robot,
-        sensors={joint: sensors.of_joint(joint) for joint in joints},
+        sensors={joint: sensors.of_joint(joint, torque_sensor=load[joint] == "torque") for joint in joints},
         tolerances=sensors.tolerances(),
         tares=sensors.tares(),
         coupled=read.coupled or {},

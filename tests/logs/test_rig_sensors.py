@@ -8,7 +8,7 @@ import yaml
 from numpy.testing import assert_allclose
 
 from drake_tc.errors import RigError
-from drake_tc.logs.rig import load_rig, parse_rig, save_rig
+from drake_tc.logs.rig import load_rig, parse_rig, rig_document, save_rig
 from drake_tc.logs.sensors import (
     FORCE_TORQUE_PARTS,
     IMU_PARTS,
@@ -56,6 +56,18 @@ def test_a_joint_of_its_own_keeps_what_all_joints_have():
     assert rig.joint_sensors("knee") == JointSensors(torque_noise=0.2, encoder_step=0.002)
 
 
+def test_tolerances_of_joints_are_those_of_all_joints_unless_a_joint_has_its_own():
+    sensors = {
+        "torque": {"bias": "200 mN*m", "gain": "1 %"},
+        "hip": {"torque": {"bias": 0.5}, "encoder": {"offset": 0.001}},
+    }
+    rig = parse_rig({"joints": ["hip", "knee"], "drive": "current", "sensors": sensors})
+    assert rig.joint_sensors("hip") == JointSensors(torque_bias=0.5, torque_gain=0.01, encoder_offset=0.001)
+    assert rig.joint_sensors("knee").tolerances == {"torque_sensor_bias": 0.2, "torque_sensor_gain": 0.01}
+    assert parse_rig({**BASE, "sensors": {"torque": {"bias": 0.0}}}).joint_sensors("knee").tolerances == {}
+    assert parse_rig(rig_document(rig)) == rig
+
+
 def test_tolerances_fill_up_from_the_part_or_a_typical_one(tmp_path):
     sensors = {"ft_foot": {"bias": ["2 N", "50 mN*m"], "gain": "1 %"}, "imu_trunk": {"part": "MPU-6050", "gain": 0.0}}
     rig = robot_rig(tmp_path, sensors)
@@ -76,6 +88,7 @@ def test_every_part_is_a_plausible_sensor():
     [
         {"torque_noise": 0.2, "correlation_time": 0.0},
         {"hip": {"encoder_step": 0.001}, "ft_foot": {"part": "typical"}},
+        {"hip": {"encoder": {"offset": 0.001}}, "torque": {"gain": 0.01}},
         {"position_noise": 1e-4, "knee": {"torque_noise": 1.0}, "imu_trunk": {"bias": [0.02, 0.002]}},
         {},
     ],
@@ -104,6 +117,11 @@ def test_round_trip(tmp_path, sensors):
         ({"ft_foot": {"bias": ["1 N"]}}, "two values, force bias and torque bias"),
         ({"ft_foot": {"bias": ["1 N*m", "1 N*m"]}}, "units: N, mN"),
         ({"ft_foot": {"gain": "1 N"}}, "units: %"),
+        ({"torque": 0.2}, "sensors: torque: expected a mapping"),
+        ({"torque": {"bais": 0.2}}, "did you mean 'bias'"),
+        ({"torque": {"bias": "0.2 rad"}}, "units: N*m"),
+        ({"knee": {"encoder": {"offset": -0.1}}}, "offset: expected a value >= 0"),
+        ({"knee": {"torque": {"bias": 0.2}}}, "sensors: knee: torque: the joint has no torque sensor"),
         ({"ft_foot": {"part": "mini54"}}, "unknown part 'mini54'"),
         ({"imu_trunk": {"part": "MPU-6000"}}, "did you mean 'mpu_6050'"),
     ],

@@ -1,11 +1,12 @@
-"""Each joint's intervals with what is not known of the shared causes, and its effects' gains on the whole robot.
+"""Each joint's intervals with what is not known of sensors and shared causes, and its effects' gains on the robot.
 
 A joint's own coefficients follow the shared ones, beta_j(delta) = beta_j - G_j delta (`covariance.own_response`), so
 that
 
     Cov(theta_j) = Cov(theta_j | delta) + D G_j Cov(delta) G_j' D',    D = d theta_j/d beta_j
 
-with the first term from the joint's own fit (`drake_tc.diagnosis.problem.estimates`).
+with the first term from the joint's own fit (`drake_tc.diagnosis.problem.estimates`). The errors of a joint's own
+sensors within tolerance are treated alike (`drake_tc.diagnosis.problem.sensor_errors`).
 """
 
 from collections.abc import Mapping
@@ -14,13 +15,27 @@ from dataclasses import replace
 import numpy as np
 from scipy.stats import norm
 
-from drake_tc.diagnosis.problem.estimates import Estimate
+from drake_tc.diagnosis.problem.columns import Columns
+from drake_tc.diagnosis.problem.estimates import Estimate, estimates
 from drake_tc.diagnosis.problem.parameters import physical_parameters
 from drake_tc.diagnosis.problem.regression import Fit
+from drake_tc.diagnosis.problem.sensor_errors import errors_in, spread_of_errors
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.types import FloatArray
 
 Parameters = Mapping[str, Mapping[str, Estimate]]
+
+
+def parameters_of(columns: Columns, fitted: Fit, drive: str) -> Parameters:
+    """Every parameter of a joint's fit, with intervals that hold what is not known of its sensors' errors.
+
+    Args:
+        columns: Training rows.
+        fitted: To these rows.
+        drive: Kind of drive, for the units.
+    """
+    found = estimates(columns, fitted, drive)
+    return widened(found, fitted, spread_of_errors(columns, fitted)) if errors_in(fitted.terms) else found
 
 
 def widened(parameters: Parameters, fitted: Fit, spread: FloatArray) -> Parameters:

@@ -210,11 +210,15 @@ class SensorsKeys(JointSensorKeys, json_schema_extra=_sensor_properties):
     force_torque: dict[str, ForceTorqueKeys] = Field(default_factory=dict, alias="@ft")
     imu: dict[str, ImuKeys] = Field(default_factory=dict, alias="@imu")
 
-    def of_joint(self, joint: str) -> JointSensors:
-        """What is declared of one joint's sensors: its own, otherwise that of all joints."""
+    def of_joint(self, joint: str, *, torque_sensor: bool = True) -> JointSensors:
+        """What is declared of one joint's sensors: its own, otherwise that of all joints.
+
+        Without a torque sensor the joint has none of its tolerances.
+        """
         everywhere = self.joint_sensors(JointSensors())
         own = self.of_joints.get(joint)
-        return everywhere if own is None else own.joint_sensors(everywhere)
+        found = everywhere if own is None else own.joint_sensors(everywhere)
+        return found if torque_sensor else replace(found, torque_bias=None, torque_gain=None)
 
     def tares(self) -> dict[str, tuple[float, float]]:
         """Stretch of every run in which a sensor is zeroed [s], by column name (`ft_foot`)."""
