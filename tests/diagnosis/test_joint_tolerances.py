@@ -20,11 +20,14 @@ from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagnosis.result.models import model_of
 from drake_tc.diagnosis.result.to_json import joint_json
 from drake_tc.diagnosis.result.widening import parameters_of
+from drake_tc.diagnosis.run import close_loop
+from drake_tc.diagrams.bench.rig_free_run import rig_free_run
 from drake_tc.effects.library import effect
 from drake_tc.logs.rig import Rig, parse_rig
 
 from . import pendulum_rig
-from .rigs import Joint, Motion, record
+from .log_files import write_logs
+from .rigs import Joint, Motion, record, servo
 
 TOLERANCE = {"torque": {"bias": "0.2 N*m", "gain": "1 %"}}
 JOINT = Joint(torque_noise=0.1, encoder_step=1e-5, duration=12.0, period=4e-3)
@@ -156,6 +159,16 @@ def test_joints_have_tolerances_of_their_own(monkeypatch):
         own = [record(joint, name, 0.9 * k, k, label) for k, name in enumerate(("one", "two", "held"))]
         found[label] = [e.id for e in diagnose_joint(own[:2], own[2:], rig, label, QUICK).effects]
     assert found == {"hip": [], "knee": ["torque_sensor_bias"]}
+
+
+def test_free_runs_are_given_the_torque_without_the_error(monkeypatch, tmp_path):
+    """4 N m of bias at 500 N m/rad is 8 mrad of position, which the free runs of both models must not show."""
+    only(monkeypatch, "torque_sensor_bias", "stribeck")
+    joint = servo(torque_noise=0.1, encoder_step=1e-5, duration=12.0, sensor=sensor(4.0))
+    logs = write_logs(tmp_path, joint, rig={"sensors": {"torque": {"bias": "3 N*m"}}})
+    result = close_loop(logs.rig, logs.train, logs.held, QUICK, rig_free_run).joints["joint"]
+    assert result.effects == ()
+    assert max(result.before.free_run_heldout, result.after.free_run_heldout) < 1e-3
 
 
 RIGS = 40
