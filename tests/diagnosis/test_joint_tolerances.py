@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from drake_tc.diagrams.bench.rig_free_run import rig_free_run
 from numpy.testing import assert_allclose
 
 from drake_tc.bench.interval_coverage import friction_intervals
@@ -21,7 +22,6 @@ from drake_tc.diagnosis.result.models import model_of
 from drake_tc.diagnosis.result.to_json import joint_json
 from drake_tc.diagnosis.result.widening import parameters_of
 from drake_tc.diagnosis.run import close_loop
-from drake_tc.diagrams.bench.rig_free_run import rig_free_run
 from drake_tc.effects.library import effect
 from drake_tc.logs.rig import Rig, parse_rig
 
