@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from scipy.spatial.transform import Rotation
 
 from drake_tc.diagnosis.problem.shared import cause_columns as cc
 from drake_tc.diagnosis.problem.shared.body_motion import body_motion, joint_is_prismatic, structure_of
+from drake_tc.estimation.plant import skew
 from drake_tc.estimation.torque_model import TorqueModel
 from drake_tc.robot.robot import load_robot
 
@@ -127,3 +129,21 @@ def test_sensor_columns_are_the_estimate_of_wrong_readings(arm, rows, parts):
         ahead, behind = (torque(arm, [(*r[:3], r[3] + s * shift, *r[4:]) for r in rows]) for s in (1, -1))
         # the columns are forward differences over 1e-4 rad/s of a quadratic: off by its curvature times that
         assert_allclose(gyro[:, :, axis], (ahead - behind) / 0.02, rtol=0, atol=1e-3)
+
+
+def test_a_turned_imu_against_finite_rotations(arm, rows, parts):
+    """Gyro, accelerometer and the gyro's derivative turned by +-0.01 rad, not to first order as the columns are."""
+    model, structure, _, slides = parts
+
+    def turned_by(turn):
+        return [(*r[:3], np.concatenate([turn @ r[3][:3], turn @ r[3][3:]]), turn @ r[4], r[5]) for r in rows]
+
+    def at(angle):
+        return body_motion(model, structure, turned_by(np.eye(3) + skew(angle)))
+
+    columns = cc.gyro_columns(at, structure, slides)
+    for axis in range(3):
+        turns = (Rotation.from_rotvec(sign * 0.01 * np.eye(3)[axis]).as_matrix() for sign in (1, -1))
+        ahead, behind = (torque(arm, turned_by(turn)) for turn in turns)
+        # forward differences over 1e-4 rad, and the third order of 0.01 rad: some 1e-4 of columns of up to 1e2 N m
+        assert_allclose(columns[:, :, axis], (ahead - behind) / 0.02, rtol=0, atol=1e-4 * np.abs(columns).max())

@@ -8,6 +8,7 @@ from numpy.testing import assert_allclose
 
 from drake_tc.diagnosis.data.preparation import build_samples
 from drake_tc.diagnosis.problem.columns import Columns, Term
+from drake_tc.diagnosis.problem.estimates import estimates
 from drake_tc.diagnosis.problem.regression import fit, predict
 from drake_tc.diagnosis.result.outcome import found_effects, rejected_effects, stabilities
 from drake_tc.diagnosis.selection.joint import Search
@@ -34,7 +35,7 @@ def test_gains_are_those_against_the_model_refitted_without_the_effect(made):
     terms = [*p.declared, BIAS, QUADRATIC]
     chosen = fit(p.columns, terms)
     keys = {"torque_sensor_bias": 0.9, "quadratic_viscous": 1.0}
-    found = found_effects(p.columns, held, chosen, KNOWN, p.context, keys)
+    found = found_effects(p.columns, held, chosen, KNOWN, estimates(p.columns, chosen, p.context.drive), keys)
     assert {e.id for e in found} == set(keys)
     assert [e.heldout_gain for e in found] == sorted((e.heldout_gain for e in found), reverse=True)
     after = predict(held, chosen)
