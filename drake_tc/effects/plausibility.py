@@ -26,7 +26,8 @@ def plausible_range(parameter: Parameter, context: Context) -> tuple[float, floa
 def implausible(effect: Effect, parameters: Mapping[str, float], context: Context) -> str:
     """Why an effect with these values cannot be the cause, or "" when it can.
 
-    Each parameter is held against its `Parameter.plausible`, scaled by what the logs span, and then all of them
+    An effect whose sizes are all 0 explains something else, as by the noise of a channel that it differentiates. Each
+    parameter is held against its `Parameter.plausible`, scaled by what the logs span, and then all of them
     against what the effect says of them together (`Effect.inconsistency`). A range that depends on something that
     `context` does not know (`torque_span`, `duration`, `fitted`) is infinite.
 
@@ -38,6 +39,9 @@ def implausible(effect: Effect, parameters: Mapping[str, float], context: Contex
     Returns:
         One sentence with the value, the range and its source; empty when the values are possible.
     """
+    sizes = [p.name for p in effect.parameters if p not in (*effect.shapes, *effect.given_shapes)]
+    if sizes and all(parameters[name] == 0.0 for name in sizes):
+        return f"{' and '.join(sizes)} of {effect.title} is 0 in the fit that chose it: it explains something else."
     for parameter in effect.parameters:
         if parameter.plausible is None:
             continue

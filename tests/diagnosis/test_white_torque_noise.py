@@ -1,0 +1,44 @@
+"""White noise of the torque sensor alone, at 250 Hz: no effect that differentiates the torque may explain it."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from drake_tc.diagnosis.options import DiagnosisOptions
+from drake_tc.diagnosis.run import close_loop
+from drake_tc.logs.rig import parse_rig, save_rig
+
+PERIOD, GAIN = 4e-3, 2e-3
+
+
+def log(seed: int) -> pd.DataFrame:
+    """A servo's joint that lacks nothing: J 0.3 kg m^2, viscous 2 N m s/rad, Coulomb 1.5 N m; torque noise 0.1 N m."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(5000) * PERIOD
+    phase = rng.uniform(0.0, 2.0 * np.pi, 4)
+    w = np.array([1.3, 2.1, 3.7, 5.3]) * (1.0 + 0.05 * rng.standard_normal(4))
+    a = np.array([0.5, 0.3, 0.1, 0.05])
+    angle = np.outer(t, w) + phase
+    q, v, acceleration = np.sin(angle) @ a, np.cos(angle) @ (a * w), -np.sin(angle) @ (a * w**2)
+    tau = 8.0 * np.sin(3.1 * t + phase[0]) + 4.0 * np.sin(1.7 * t + phase[1])
+    motor = tau + 0.3 * acceleration + 2.0 * v + 1.5 * np.tanh(50.0 * v)
+    return pd.DataFrame(
+        {
+            "time": t,
+            "joint/position": q,
+            "joint/position_command": q + GAIN * motor,
+            "joint/torque": tau + 0.1 * rng.standard_normal(t.size),
+        }
+    )
+
+
+@pytest.mark.parametrize("seed", [0, 10])
+def test_nothing_is_named(tmp_path, seed):
+    paths = [tmp_path / f"run_{i}.csv" for i in range(3)]
+    for i, path in enumerate(paths):
+        log(seed + i).to_csv(path, index=False)
+    document = {"joint": "joint", "drive": "position_servo", "declared": {"rotor_inertia": 0.3}}
+    rig = save_rig(parse_rig(document), tmp_path / "rig.yaml")
+    result = close_loop(rig, paths[:2], paths[2:], DiagnosisOptions())
+    assert result.joints["joint"].effects == ()
+    assert result.joints["joint"].verdict == "no_missing_effect"
