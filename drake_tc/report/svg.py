@@ -130,7 +130,7 @@ def _fewer_colours(encoded: str) -> str:
     with Image.open(io.BytesIO(base64.b64decode(encoded))) as image:
         stream = io.BytesIO()
         small = image.convert("RGBA").quantize(BITMAP_COLOURS, method=Image.Quantize.FASTOCTREE)
-        small.save(stream, format="png", optimize=True)
+        small.save(stream, format="png")  # `optimize` takes three times as long for 5 % fewer bytes
     return base64.b64encode(stream.getvalue()).decode("ascii")
 
 
