@@ -22,13 +22,13 @@ DECLARED = [Term(effect("viscous")), Term(effect("coulomb"))]
 
 @pytest.fixture
 def columns(tmp_path: Path) -> Columns:
-    """A joint without any load whose effort holds a disturbance of 1 to 5 Hz that nothing explains."""
+    """A joint with next to no load whose effort holds a disturbance of 1 to 5 Hz that nothing explains."""
     t = np.arange(6000) * 0.005
     q, v = np.sin(1.7 * t) + 0.3 * np.sin(4.1 * t), 1.7 * np.cos(1.7 * t) + 1.23 * np.cos(4.1 * t)
     white = np.random.default_rng(3).normal(size=t.size)
     disturbance = savgol_filter(white, 31, 2) * 2.0
     effort = GAIN * (1.5 * v + 0.8 * np.tanh(50.0 * v) + disturbance)
-    table = pd.DataFrame({"time": t, "j/position": q, "j/position_command": q + effort, "j/torque": np.zeros(t.size)})
+    table = pd.DataFrame({"time": t, "j/position": q, "j/position_command": q + effort, "j/torque": 1e-9 * q})
     path = tmp_path / "run.csv"
     table.to_csv(path, index=False)
     rig = parse_rig({"joint": "j", "drive": "position_servo", "drive_gain": GAIN})

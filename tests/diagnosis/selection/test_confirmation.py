@@ -215,7 +215,7 @@ def test_chance_seldom_speaks_against_an_effect_however_long_its_memory(memory):
 
 def made_fit(term: Term, theta: Sequence[float]) -> Fit:
     terms = (*DECLARED, term)
-    return Fit(terms, np.array([12.5, 6.0, 3.0, *theta]), np.zeros(1), 1.0, 1.0, np.zeros(1), np.ones(1))
+    return Fit(terms, np.array([12.5, 6.0, 3.0, *theta]), np.zeros(1), 1.0, 1.0, np.zeros(1))
 
 
 def resolving(columns: Columns, step: float, noise: float) -> Columns:
