@@ -5,7 +5,7 @@
     applied (table) ------------ torque on the link -------->|
 
 `record_bench` runs it as a rig that is being measured; `python -m drake_tc.diagrams.joint_bench` writes such a
-record. `drake_tc.diagrams.bench.free_run` drives the same diagram with a record.
+record. `drake_tc.loops.joint_bench.free_run` drives the same diagram with a record.
 """
 
 import argparse
@@ -16,7 +16,6 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import yaml
-from drake_tc.diagrams.bench.diagram import Rates, Table, build_bench, start_bench
 
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.actuation.model_file import load_models
@@ -25,6 +24,7 @@ from drake_tc.effects.base import plain_signals
 from drake_tc.errors import DrakeTcError, ParamsError
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import COMMAND_COLUMN
+from drake_tc.loops.joint_bench.diagram import Rates, Table, build_bench, start_bench
 from drake_tc.types import FloatArray
 
 SCENARIO_FILE = Path(__file__).with_name("joint_bench.scenario.yaml")

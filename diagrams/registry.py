@@ -6,24 +6,24 @@ from pathlib import Path
 from typing import Any, Generic, Protocol, TypeVar
 
 from drake_tc.diagrams.analysed.operating_point import sliding
-from drake_tc.diagrams.humanoid_tsid import TsidLoop, build_tsid
-from drake_tc.diagrams.runs.advancing import Progress
-from drake_tc.diagrams.runs.simulated import (
+from pydrake.systems.framework import Diagram
+
+from drake_tc.errors import ParamsError
+from drake_tc.loops.advancing import Progress
+from drake_tc.loops.scenarios.files import scenario_names
+from drake_tc.loops.series_elastic.linear import sliding_sea
+from drake_tc.loops.series_elastic.loop import SeaLoop, build_sea
+from drake_tc.loops.series_elastic.scenario import SeaScenario, load_sea_scenario
+from drake_tc.loops.simulated import (
     Simulated,
     simulate_sea_loop,
     simulate_torque_loop,
     simulate_tsid_loop,
 )
-from drake_tc.diagrams.scenarios.files import scenario_names
-from drake_tc.diagrams.scenarios.scenario import Scenario, load_scenario
-from drake_tc.diagrams.sea.linear import sliding_sea
-from drake_tc.diagrams.sea.scenario import SeaScenario, load_sea_scenario
-from drake_tc.diagrams.sea_joint import SeaLoop, build_sea
-from drake_tc.diagrams.torque_loop import Loop, build_loop
-from drake_tc.diagrams.tsid.scenario import TsidScenario, load_tsid_scenario
-from pydrake.systems.framework import Diagram
-
-from drake_tc.errors import ParamsError
+from drake_tc.loops.torque.loop import Loop, build_loop
+from drake_tc.loops.torque.scenario import Scenario, load_scenario
+from drake_tc.loops.whole_body.loop import TsidLoop, build_tsid
+from drake_tc.loops.whole_body.scenario import TsidScenario, load_tsid_scenario
 
 HERE = Path(__file__).parent
 

@@ -27,8 +27,6 @@ from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
-from drake_tc.diagrams.bench.diagram import Table
-from drake_tc.diagrams.bench.rig_free_run import rig_free_run
 from drake_tc.diagrams.joint_bench import BenchScenario, record_bench
 
 from drake_tc import close_loop, feedforward_effort, load_models, load_rig, load_runs
@@ -36,6 +34,8 @@ from drake_tc.actuation.compensation import Motion
 from drake_tc.cli.close_loop_command import write_results
 from drake_tc.cli.demo import GRAVITY_MOMENT, JOINT, LIMITS, LINK_INERTIA, DemoLength, demo_model, record_demo
 from drake_tc.identification import growing_sinusoid
+from drake_tc.loops.joint_bench.diagram import Table
+from drake_tc.loops.joint_bench.rig_free_run import rig_free_run
 
 folder = Path(tempfile.mkdtemp())
 

@@ -39,8 +39,6 @@ from drake_tc.diagrams.papers.stability import BEGIN, LASTS, WATCHED, Released, 
 from drake_tc.diagrams.papers.tuning import BEGIN as SWING_BEGINS
 from drake_tc.diagrams.papers.tuning import IDENTIFIED
 from drake_tc.diagrams.registry import diagram_entry
-from drake_tc.diagrams.runs.running import simulate_scenario
-from drake_tc.diagrams.scenarios.parts import PushSpec
 from matplotlib.colors import LogNorm
 
 from drake_tc.analysis.loop_parameters import with_values
@@ -50,6 +48,8 @@ from drake_tc.analysis.settings import assess, default_goals, with_setting
 from drake_tc.analysis.stability_map import Axis, stability_map
 from drake_tc.analysis.tracking_error import filtered_task, predicted_error
 from drake_tc.analysis.tuning import SearchSpace, tune
+from drake_tc.loops.scenarios.parts import PushSpec
+from drake_tc.loops.torque.running import simulate_scenario
 
 folder = Path(tempfile.mkdtemp())
 leg = diagram_entry("hrp2_leg")

@@ -44,15 +44,15 @@ from drake_tc.diagrams.papers.sea_held import friction_at, hand_torque
 from drake_tc.diagrams.papers.sea_laws import MOMENTUM, OBSERVER, PI, PREDICTED, margins_of, with_law
 from drake_tc.diagrams.papers.sea_motor import data_sheet, true_motor
 from drake_tc.diagrams.registry import sea_entry
-from drake_tc.diagrams.sea.excitation import Excitation, record_excitation
-from drake_tc.diagrams.sea.running import simulate_sea
-from drake_tc.diagrams.tsid.running import simulate_tsid
-from drake_tc.diagrams.tsid.scenario import load_tsid_scenario
 from scipy.signal import welch
 
 from drake_tc.diagnosis.joint import diagnose_joint
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.identification.motor_prior import UNKNOWNS, identify_motor
+from drake_tc.loops.series_elastic.excitation import Excitation, record_excitation
+from drake_tc.loops.series_elastic.running import simulate_sea
+from drake_tc.loops.whole_body.running import simulate_tsid
+from drake_tc.loops.whole_body.scenario import load_tsid_scenario
 
 joint = sea_entry()
 

@@ -4,14 +4,14 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from drake_tc.diagrams.loop.parts import actuator_models, loop_robot, torque_gains
-from drake_tc.diagrams.scenarios.references import posture
-from drake_tc.diagrams.scenarios.scenario import Scenario
 from pydrake.multibody.plant import MultibodyPlant
 
 from drake_tc.actuation.model import ActuatorModel
 from drake_tc.analysis.joint_loop import JointLoop
 from drake_tc.errors import ParamsError
+from drake_tc.loops.torque.parts import actuator_models, loop_robot, torque_gains
+from drake_tc.loops.torque.references import posture
+from drake_tc.loops.torque.scenario import Scenario
 from drake_tc.robot.plant import make_plant
 from drake_tc.robot.robot import Robot
 

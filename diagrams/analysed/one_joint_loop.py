@@ -7,11 +7,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from drake_tc.diagrams.loop.parts import Parts, actuator_models, loop_robot, sensor_suite
-from drake_tc.diagrams.loop.stages import torque_command
-from drake_tc.diagrams.scenarios.parts import PushSpec
-from drake_tc.diagrams.scenarios.references import posture, references
-from drake_tc.diagrams.scenarios.scenario import Scenario
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import FixedOffsetFrame, LinearBushingRollPitchYaw
@@ -23,6 +18,11 @@ from drake_tc.actuation.model import ActuatorModel
 from drake_tc.actuation.wiring import add_actuators
 from drake_tc.control.guard import GuardMode
 from drake_tc.errors import ParamsError
+from drake_tc.loops.scenarios.parts import PushSpec
+from drake_tc.loops.torque.parts import Parts, actuator_models, loop_robot, sensor_suite
+from drake_tc.loops.torque.references import posture, references
+from drake_tc.loops.torque.scenario import Scenario
+from drake_tc.loops.torque.stages import torque_command
 from drake_tc.robot.plant import add_robot
 from drake_tc.robot.robot import Robot
 from drake_tc.sensing.suite import add_sensors

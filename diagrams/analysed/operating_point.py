@@ -4,16 +4,16 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from drake_tc.diagrams.loop.parts import actuator_models, loop_robot
-from drake_tc.diagrams.runs.running import joint_order
-from drake_tc.diagrams.scenarios.parts import ModelFactors
-from drake_tc.diagrams.scenarios.scenario import Scenario
-from drake_tc.diagrams.torque_loop import Loop, build_loop
 from pydrake.systems.analysis import Simulator
 
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.actuation.model_file import save_models
 from drake_tc.errors import SimulationError
+from drake_tc.loops.scenarios.parts import ModelFactors
+from drake_tc.loops.torque.loop import Loop, build_loop
+from drake_tc.loops.torque.parts import actuator_models, loop_robot
+from drake_tc.loops.torque.running import joint_order
+from drake_tc.loops.torque.scenario import Scenario
 
 SLIDING = ("viscous", "rotor_inertia", "velocity_sign_switch")
 """Effects that are linear in sliding; dry friction and dead zone are constants there."""

@@ -6,12 +6,12 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
-from drake_tc.diagrams.loop.parts import actuator_models, loop_robot
-from drake_tc.diagrams.runs.running import simulate_scenario
-from drake_tc.diagrams.scenarios.scenario import Scenario
 
 from drake_tc.actuation.model import ActuatorModel, EffectValue
 from drake_tc.actuation.model_file import save_models
+from drake_tc.loops.torque.parts import actuator_models, loop_robot
+from drake_tc.loops.torque.running import simulate_scenario
+from drake_tc.loops.torque.scenario import Scenario
 from drake_tc.robot.plant import make_plant
 from drake_tc.types import FloatArray
 

@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 from drake_tc.diagrams.analysed.perturbed_plants import Compared, Spread, compare_on_plant
-from drake_tc.diagrams.loop.parts import loop_robot
-from drake_tc.diagrams.runs.advancing import Progress
-from drake_tc.diagrams.scenarios.scenario import Scenario
 
 from drake_tc.analysis.sweep import sweep
 from drake_tc.analysis.tuning import Tuning
+from drake_tc.loops.advancing import Progress
+from drake_tc.loops.torque.parts import loop_robot
+from drake_tc.loops.torque.scenario import Scenario
 from drake_tc.types import FloatArray
 
 EXACT = Spread(0.0, 0.0, 0.0, 0.0)

@@ -9,10 +9,6 @@ from typing import Any
 
 import numpy as np
 from drake_tc.diagrams.analysed.joint_loops import joint_loops
-from drake_tc.diagrams.loop.parts import actuator_models, loop_robot, sensor_suite
-from drake_tc.diagrams.runs.summary import SETTLED
-from drake_tc.diagrams.scenarios.references import references
-from drake_tc.diagrams.scenarios.scenario import Scenario
 
 from drake_tc.actuation.compensator import Compensator
 from drake_tc.actuation.model import ActuatorModel
@@ -20,6 +16,10 @@ from drake_tc.analysis.joint_loop import JointLoop
 from drake_tc.analysis.tracking_error import JointTask
 from drake_tc.control.dynamics_terms import DynamicsTerms
 from drake_tc.errors import ParamsError
+from drake_tc.loops.torque.parts import actuator_models, loop_robot, sensor_suite
+from drake_tc.loops.torque.references import references
+from drake_tc.loops.torque.scenario import Scenario
+from drake_tc.loops.torque.summary import SETTLED
 from drake_tc.robot.robot import Robot
 from drake_tc.sensing.spec import SensorSpec
 from drake_tc.types import FloatArray

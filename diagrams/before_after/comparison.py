@@ -21,9 +21,6 @@ from drake_tc.diagrams.analysed.joint_loops import joint_loops
 from drake_tc.diagrams.before_after.case import LoopCase, loop_case
 from drake_tc.diagrams.before_after.changed_robot import mass_factors, write_robot_of_masses, write_welded_robot
 from drake_tc.diagrams.before_after.track import Trace, remarks, simulated
-from drake_tc.diagrams.runs.advancing import Progress
-from drake_tc.diagrams.scenarios.parts import GainSpec
-from drake_tc.diagrams.scenarios.scenario import Scenario
 
 from drake_tc.actuation.model import ActuatorModel
 from drake_tc.actuation.model_file import load_models, save_models
@@ -35,8 +32,11 @@ from drake_tc.control.guard import GuardSpec
 from drake_tc.diagnosis.result.closed_loop import ClosedLoop, JointClosedLoop, LoopFigures
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult
 from drake_tc.errors import DrakeTcError, ParamsError
-from drake_tc.estimation.monitor_spec import MonitorSpec
+from drake_tc.loops.advancing import Progress
+from drake_tc.loops.scenarios.parts import GainSpec
+from drake_tc.loops.torque.scenario import Scenario
 from drake_tc.robot.robot import Robot, load_robot
+from drake_tc.sensor_validation.monitor_spec import MonitorSpec
 from drake_tc.types import FloatArray
 
 TAIL = 0.1

@@ -4,9 +4,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from drake_tc.diagrams.scenarios.parts import MotionSpec
 
 from drake_tc.diagnosis.data.samples import Samples
+from drake_tc.loops.scenarios.parts import MotionSpec
 from drake_tc.types import FloatArray
 
 KNOT = 0.05

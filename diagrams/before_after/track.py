@@ -5,11 +5,11 @@ from concurrent.futures import Executor
 from dataclasses import dataclass
 
 import numpy as np
-from drake_tc.diagrams.runs.advancing import Progress
-from drake_tc.diagrams.runs.running import simulate_scenario
-from drake_tc.diagrams.scenarios.scenario import Scenario
 
 from drake_tc.control.guard import GuardMode
+from drake_tc.loops.advancing import Progress
+from drake_tc.loops.torque.running import simulate_scenario
+from drake_tc.loops.torque.scenario import Scenario
 from drake_tc.types import FloatArray
 
 

@@ -11,8 +11,6 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
-from drake_tc.diagrams.runs.recording import Recording
-from drake_tc.diagrams.scenarios.references import table_source
 from pydrake.geometry import AddContactMaterial, Box, ProximityProperties
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, CoulombFriction, MultibodyPlant
@@ -24,6 +22,8 @@ from pydrake.systems.primitives import LogVectorOutput
 from drake_tc.actuation.model import ActuatorModel
 from drake_tc.actuation.wiring import add_actuators
 from drake_tc.errors import ParamsError
+from drake_tc.loops.torque.recording import Recording
+from drake_tc.loops.torque.references import table_source
 from drake_tc.robot.plant import add_robot, joint_limits, make_plant
 from drake_tc.robot.robot import Robot
 from drake_tc.sensing.suite import SensorSuiteSpec, add_sensors

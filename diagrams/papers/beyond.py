@@ -7,13 +7,13 @@ import numpy as np
 from drake_tc.diagrams.papers.motion_tables import COMPLETE
 from drake_tc.diagrams.papers.reproduction import Progress, Reproduction, TextTable, expectations, judged, text_rows
 from drake_tc.diagrams.registry import diagram_entry
-from drake_tc.diagrams.runs.recording import Recording
-from drake_tc.diagrams.runs.running import simulate_scenario
-from drake_tc.diagrams.scenarios.parts import ModelFactors
-from drake_tc.diagrams.scenarios.scenario import Scenario
 
 from drake_tc.control.guard import GuardMode
 from drake_tc.estimation.disturbance_observer import ObserverSpec
+from drake_tc.loops.scenarios.parts import ModelFactors
+from drake_tc.loops.torque.recording import Recording
+from drake_tc.loops.torque.running import simulate_scenario
+from drake_tc.loops.torque.scenario import Scenario
 from drake_tc.types import BoolArray, FloatArray
 
 SOFT, STIFF = 0.1, 1.0

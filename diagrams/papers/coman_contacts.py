@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 from drake_tc.diagrams.papers.coman_motions import BaseErrors, base_errors
 from drake_tc.diagrams.papers.reproduction import Progress, Reproduction, TextTable, expectations, judged
-from drake_tc.diagrams.scenarios.parts import PushSpec
-from drake_tc.diagrams.tsid.running import TsidRecording, simulate_tsid
-from drake_tc.diagrams.tsid.scenario import TsidScenario, load_tsid_scenario
-from drake_tc.diagrams.tsid.summary import task_errors
-from drake_tc.diagrams.tsid.violations import contact_wrenches
 
 from drake_tc.analysis.sweep import processes, sweep
 from drake_tc.estimation.base.state import CONTACT_FLAGS
+from drake_tc.loops.scenarios.parts import PushSpec
+from drake_tc.loops.whole_body.running import TsidRecording, simulate_tsid
+from drake_tc.loops.whole_body.scenario import TsidScenario, load_tsid_scenario
+from drake_tc.loops.whole_body.summary import task_errors
+from drake_tc.loops.whole_body.violations import contact_wrenches
 from drake_tc.robot.plant import joint_limits
 from drake_tc.tsid.law import Status
 from drake_tc.types import FloatArray

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 from drake_tc.diagrams.papers.reproduction import Progress, Reproduction, TextTable, expectations, judged
-from drake_tc.diagrams.tsid.running import TsidRecording, simulate_tsid
-from drake_tc.diagrams.tsid.scenario import TsidScenario, load_tsid_scenario
 
 from drake_tc.analysis.sweep import processes, sweep
+from drake_tc.loops.whole_body.running import TsidRecording, simulate_tsid
+from drake_tc.loops.whole_body.scenario import TsidScenario, load_tsid_scenario
 from drake_tc.robot.plant import joint_limits
 from drake_tc.sensing.fault import SensorFault
 from drake_tc.tsid.law import Status

@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 from drake_tc.diagrams.papers.reproduction import Progress, Reproduction, TextTable, expectations, judged
-from drake_tc.diagrams.tsid.references import task_source
-from drake_tc.diagrams.tsid.running import TsidRecording, simulate_tsid
-from drake_tc.diagrams.tsid.scenario import load_tsid_scenario
 from scipy.signal import butter, sosfiltfilt, welch
 
 from drake_tc.control.rotation import rotation_matrix, rotation_vector
+from drake_tc.loops.whole_body.references import task_source
+from drake_tc.loops.whole_body.running import TsidRecording, simulate_tsid
+from drake_tc.loops.whole_body.scenario import load_tsid_scenario
 from drake_tc.types import FloatArray
 
 SCENARIOS = Path(__file__).parents[1] / "coman.scenario.yaml"

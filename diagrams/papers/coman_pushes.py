@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 from drake_tc.diagrams.papers.reproduction import Progress, Reproduction, TextTable, expectations, judged
-from drake_tc.diagrams.scenarios.parts import PushSpec
-from drake_tc.diagrams.tsid.running import TsidRecording, simulate_tsid
-from drake_tc.diagrams.tsid.scenario import TsidScenario, load_tsid_scenario
 
 from drake_tc.analysis.sweep import processes, sweep
 from drake_tc.errors import SimulationError
+from drake_tc.loops.scenarios.parts import PushSpec
+from drake_tc.loops.whole_body.running import TsidRecording, simulate_tsid
+from drake_tc.loops.whole_body.scenario import TsidScenario, load_tsid_scenario
 from drake_tc.types import FloatArray
 
 SCENARIOS = Path(__file__).parents[1] / "coman.scenario.yaml"

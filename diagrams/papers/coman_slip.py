@@ -5,9 +5,9 @@ from typing import Any
 import numpy as np
 from drake_tc.diagrams.papers.coman_motions import BASELINE, OURS, SCENARIOS, SINCE, base_errors, rmse_values
 from drake_tc.diagrams.papers.reproduction import Progress, Reproduction, TextTable, expectations, judged, text_rows
-from drake_tc.diagrams.tsid.running import TsidRecording, simulate_tsid
-from drake_tc.diagrams.tsid.scenario import load_tsid_scenario
 
+from drake_tc.loops.whole_body.running import TsidRecording, simulate_tsid
+from drake_tc.loops.whole_body.scenario import load_tsid_scenario
 from drake_tc.types import FloatArray
 
 NOTES = (

@@ -4,8 +4,9 @@ from typing import Any
 
 from drake_tc.diagrams.papers.coman_motions import SCENARIOS, BaseErrors, base_errors, rmse_values
 from drake_tc.diagrams.papers.reproduction import Progress, Reproduction, TextTable, expectations, judged, text_rows
-from drake_tc.diagrams.tsid.running import simulate_tsid
-from drake_tc.diagrams.tsid.scenario import load_tsid_scenario
+
+from drake_tc.loops.whole_body.running import simulate_tsid
+from drake_tc.loops.whole_body.scenario import load_tsid_scenario
 
 KNOWN = {
     "as it is": "{beside: foot_centre}",

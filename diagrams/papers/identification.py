@@ -12,13 +12,8 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
-from drake_tc.diagrams.loop.parts import sensor_suite
 from drake_tc.diagrams.papers.reproduction import Progress
 from drake_tc.diagrams.registry import diagram_entry
-from drake_tc.diagrams.runs.recording import Recording, log_columns, write_log, write_rig
-from drake_tc.diagrams.runs.running import simulate_scenario
-from drake_tc.diagrams.scenarios.parts import PushSpec, SinusoidSpec
-from drake_tc.diagrams.scenarios.scenario import Scenario
 
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.estimation.off_line import OffLineFilter, SensorLog, estimate_log, wrench_bias
@@ -30,6 +25,11 @@ from drake_tc.identification.regression import least_squares
 from drake_tc.logs.prepare import load_runs
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig, parse_rig
+from drake_tc.loops.scenarios.parts import PushSpec, SinusoidSpec
+from drake_tc.loops.torque.parts import sensor_suite
+from drake_tc.loops.torque.recording import Recording, log_columns, write_log, write_rig
+from drake_tc.loops.torque.running import simulate_scenario
+from drake_tc.loops.torque.scenario import Scenario
 from drake_tc.types import FloatArray
 
 Penalty = Literal["symmetric", "asymmetric"]

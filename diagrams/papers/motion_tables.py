@@ -5,9 +5,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from drake_tc.diagrams.papers.reproduction import Progress, Reproduction, TextTable, expectations, judged, text_rows
 from drake_tc.diagrams.registry import diagram_entry
-from drake_tc.diagrams.runs.recording import Recording
-from drake_tc.diagrams.runs.running import simulate_scenario
 
+from drake_tc.loops.torque.recording import Recording
+from drake_tc.loops.torque.running import simulate_scenario
 from drake_tc.types import FloatArray
 
 STIFFNESSES = (1.0, 0.5, 0.25, 0.1)

@@ -12,12 +12,8 @@ from typing import Any
 import numpy as np
 from drake_tc.diagrams.analysed.joint_loops import joint_loops
 from drake_tc.diagrams.analysed.one_joint_loop import alone
-from drake_tc.diagrams.loop.parts import actuator_models, loop_robot, sensor_suite
 from drake_tc.diagrams.papers.identification import experiment_scenarios, off_line_torque
 from drake_tc.diagrams.registry import diagram_entry
-from drake_tc.diagrams.runs.recording import log_columns, write_log
-from drake_tc.diagrams.runs.running import simulate_scenario
-from drake_tc.diagrams.scenarios.scenario import Scenario
 from pydrake.common.value import Value
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.analysis import Simulator
@@ -31,6 +27,10 @@ from drake_tc.identification.identify import prepare
 from drake_tc.identification.piecewise import PiecewiseFit, ThreePieces, fit_three_pieces
 from drake_tc.logs.prepare import load_runs
 from drake_tc.logs.rig import parse_rig
+from drake_tc.loops.torque.parts import actuator_models, loop_robot, sensor_suite
+from drake_tc.loops.torque.recording import log_columns, write_log
+from drake_tc.loops.torque.running import simulate_scenario
+from drake_tc.loops.torque.scenario import Scenario
 from drake_tc.robot.plant import add_robot
 from drake_tc.robot.robot import Robot
 from drake_tc.sensing.encoder import add_encoder

@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import Any, Literal, TypeVar, get_args
 
 import numpy as np
-from drake_tc.diagrams.scenarios.strict_yaml import from_mapping, read_mapping
 
 from drake_tc.errors import ParamsError
+from drake_tc.loops.scenarios.strict_yaml import from_mapping, read_mapping
 
 How = Literal["min", "max", "within"]
 Progress = Callable[[str, float], None]

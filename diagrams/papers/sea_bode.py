@@ -18,11 +18,11 @@ from drake_tc.diagrams.papers.sea_laws import (
 )
 from drake_tc.diagrams.registry import sea_entry
 from drake_tc.diagrams.runs.settled import settled_at
-from drake_tc.diagrams.sea.linear import sliding_sea
-from drake_tc.diagrams.sea.scenario import SeaScenario
 
 from drake_tc.analysis.frequency_response import FrequencyResponse, Sweep, bandwidth, swept_sine
 from drake_tc.analysis.sampled import linearise
+from drake_tc.loops.series_elastic.linear import sliding_sea
+from drake_tc.loops.series_elastic.scenario import SeaScenario
 from drake_tc.report.bode_plot import draw_bode
 from drake_tc.types import FloatArray
 

@@ -8,8 +8,9 @@ from drake_tc.diagrams.papers.reproduction import Progress, Reproduction, TextTa
 from drake_tc.diagrams.papers.sea_laws import BESIDE, LAWS, MOMENTUM, OBSERVER, PREDICTED, WHOLE, with_law
 from drake_tc.diagrams.papers.sea_motor import true_motor
 from drake_tc.diagrams.registry import sea_entry
-from drake_tc.diagrams.sea.running import SeaRecording, simulate_sea
-from drake_tc.diagrams.sea.scenario import SeaScenario
+
+from drake_tc.loops.series_elastic.running import SeaRecording, simulate_sea
+from drake_tc.loops.series_elastic.scenario import SeaScenario
 
 MOVED = ((1.0, 2.2), (3.0, 4.2))
 """When the hand moves the joint at a constant speed, there and back [s]."""

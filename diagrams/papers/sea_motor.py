@@ -3,11 +3,11 @@
 import numpy as np
 from drake_tc.diagrams.papers.reproduction import Progress, Reproduction, TextTable, expectations, judged, text_rows
 from drake_tc.diagrams.registry import sea_entry
-from drake_tc.diagrams.sea.excitation import Excitation, record_excitation
-from drake_tc.diagrams.sea.scenario import SeaScenario
 
 from drake_tc.actuation.voltage_motor import VoltageMotor
 from drake_tc.identification.motor_prior import UNKNOWNS, MotorFit, identify_motor
+from drake_tc.loops.series_elastic.excitation import Excitation, record_excitation
+from drake_tc.loops.series_elastic.scenario import SeaScenario
 
 JOINTS = ("r_knee", "r_shoulder_roll", "r_elbow")
 TRUE = {"torque_constant": 0.04, "back_emf": 0.04, "resistance": 0.6, "rotor_inertia": 1.2e-5, "gear_ratio": 100.0}

@@ -11,9 +11,10 @@ the joint runs away from any speed above v_c ("as soon as a certain velocity is 
 from dataclasses import dataclass, replace
 
 from drake_tc.diagrams.analysed.joint_loops import joint_loops
-from drake_tc.diagrams.loop.parts import actuator_models, loop_robot
 from drake_tc.diagrams.registry import diagram_entry
-from drake_tc.diagrams.scenarios.scenario import Scenario
+
+from drake_tc.loops.torque.parts import actuator_models, loop_robot
+from drake_tc.loops.torque.scenario import Scenario
 
 
 @dataclass(frozen=True)

@@ -5,16 +5,16 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from drake_tc.diagrams.loop.parts import loop_robot
 from drake_tc.diagrams.papers.contact_stability import ContactBorder, contact_border
 from drake_tc.diagrams.papers.piecewise_loop import Reversal, reversals
 from drake_tc.diagrams.papers.reproduction import Progress, Reproduction, TextTable, expectations, judged
 from drake_tc.diagrams.papers.sliding_prediction import floating, predicted
-from drake_tc.diagrams.runs.running import simulate_scenario
-from drake_tc.diagrams.scenarios.parts import PushSpec
-from drake_tc.diagrams.scenarios.references import posture
-from drake_tc.diagrams.scenarios.scenario import Scenario
 
+from drake_tc.loops.scenarios.parts import PushSpec
+from drake_tc.loops.torque.parts import loop_robot
+from drake_tc.loops.torque.references import posture
+from drake_tc.loops.torque.running import simulate_scenario
+from drake_tc.loops.torque.scenario import Scenario
 from drake_tc.robot.plant import make_plant
 from drake_tc.types import FloatArray
 

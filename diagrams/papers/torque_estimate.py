@@ -3,13 +3,13 @@
 import numpy as np
 from drake_tc.diagrams.papers.reproduction import Progress, Reproduction, TextTable, expectations, judged, text_rows
 from drake_tc.diagrams.registry import diagram_entry
-from drake_tc.diagrams.runs.recording import Recording
-from drake_tc.diagrams.runs.running import simulate_scenario
-from drake_tc.diagrams.runs.summary import estimated
-from drake_tc.diagrams.scenarios.scenario import Scenario
 
 from drake_tc.estimation.error_budget import Run, error_budget
 from drake_tc.estimation.torque_model import TorqueModel
+from drake_tc.loops.torque.recording import Recording
+from drake_tc.loops.torque.running import simulate_scenario
+from drake_tc.loops.torque.scenario import Scenario
+from drake_tc.loops.torque.summary import estimated
 from drake_tc.sensing.suite import SensorSuiteSpec
 from drake_tc.types import FloatArray
 

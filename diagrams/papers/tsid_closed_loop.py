@@ -16,12 +16,12 @@ import numpy as np
 from drake_tc.diagrams.papers.reproduction import Progress, Reproduction, TextTable, expectations, judged
 from drake_tc.diagrams.papers.tsid_judge import wilson
 from drake_tc.diagrams.papers.tsid_setup import robot
-from drake_tc.diagrams.tsid.running import TsidRecording, simulate_tsid
-from drake_tc.diagrams.tsid.scenario import KnotSpec, TsidScenario, load_tsid_scenario
-from drake_tc.diagrams.tsid.violations import contact_misses, joint_misses
 from scipy.stats import binomtest
 
 from drake_tc.analysis.sweep import processes, sweep
+from drake_tc.loops.whole_body.running import TsidRecording, simulate_tsid
+from drake_tc.loops.whole_body.scenario import KnotSpec, TsidScenario, load_tsid_scenario
+from drake_tc.loops.whole_body.violations import contact_misses, joint_misses
 from drake_tc.robot.urdf_tree import read_urdf
 from drake_tc.tsid.law import Status
 

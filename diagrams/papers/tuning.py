@@ -10,12 +10,12 @@ from drake_tc.diagrams.analysed.tuned import Confirmed, confirm
 from drake_tc.diagrams.analysed.tuning_task import joint_tasks
 from drake_tc.diagrams.papers.reproduction import Progress, Reproduction, TextTable, expectations, judged
 from drake_tc.diagrams.registry import diagram_entry
-from drake_tc.diagrams.scenarios.scenario import Scenario
 
 from drake_tc.analysis.pareto_plot import draw_fronts
 from drake_tc.analysis.settings import default_goals
 from drake_tc.analysis.sweep import processes
 from drake_tc.analysis.tuning import Tuning, tune
+from drake_tc.loops.torque.scenario import Scenario
 
 BEGIN = 0.28
 """Errors of the brisk swing are taken from just before it begins [s]."""

@@ -37,7 +37,7 @@ bench_app.command("real-logs")(bench_real_logs)
 @bench_app.command("leg")
 def bench_leg(as_json: Annotated[bool, typer.Option("--json", help="Print the rows as JSON.")] = False) -> None:
     """What a tick costs: the leg's loops with all stages on, and the torque estimate of a leg and of a humanoid."""
-    from drake_tc.diagrams.runs.timing import leg_timings
+    from drake_tc.bench.leg_timing import leg_timings
 
     with progress_bar("bench leg", quiet=as_json) as progress:
         rows = leg_timings(progress)
@@ -80,7 +80,7 @@ AsJson = Annotated[bool, typer.Option("--json", help="Print the rows as JSON.")]
 def bench_real_bam(data: Data, as_json: AsJson = False) -> None:
     """XL330 pendulum: free-run position error on trajectories that took no part in fitting, at every gain."""
     from drake_tc.bench.real_bam import real_bam_rows
-    from drake_tc.diagrams.bench.rig_free_run import rig_free_run
+    from drake_tc.loops.joint_bench.rig_free_run import rig_free_run
 
     with (
         progress_bar("bench real-bam", quiet=as_json) as progress,

@@ -57,7 +57,7 @@ def close_loop_command(
             f"{len(log or [])} and {len(holdout or [])}"
         )
     from drake_tc.diagrams.before_after.comparison import compare_loops
-    from drake_tc.diagrams.bench.rig_free_run import rig_free_run
+    from drake_tc.loops.joint_bench.rig_free_run import rig_free_run
 
     read = [rig, *(log or []), *(holdout or [])]
     with (

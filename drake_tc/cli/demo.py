@@ -131,8 +131,8 @@ def record_demo(
 
 def _record_one(name: str, path: Path, seed: int, length: DemoLength) -> None:
     """Simulate one run and write its log."""
-    from drake_tc.diagrams.bench.diagram import Table
     from drake_tc.diagrams.joint_bench import BenchScenario, record_bench
+    from drake_tc.loops.joint_bench.diagram import Table
 
     excitation = demo_excitation(seed, length)
     motion, push = excitation[name]

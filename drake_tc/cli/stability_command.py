@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from drake_tc.analysis.margins import Margins
     from drake_tc.analysis.release import Release
     from drake_tc.analysis.sampled import SampledSystem
-    from drake_tc.diagrams.scenarios.scenario import Scenario
+    from drake_tc.loops.torque.scenario import Scenario
 
 SHOWN = 8
 """Eigenvalues that are printed."""

@@ -62,7 +62,7 @@ def tune_command(
     from drake_tc.diagrams.analysed.tuned import confirm
     from drake_tc.diagrams.analysed.tuning_task import joint_tasks
     from drake_tc.diagrams.registry import diagram_entry
-    from drake_tc.diagrams.runs.summary import SETTLED
+    from drake_tc.loops.torque.summary import SETTLED
 
     if margin is not None and not margin > 1.0:
         raise typer.BadParameter(f"wanted a sensitivity peak above 1, got {margin:g}", param_hint="--margin")

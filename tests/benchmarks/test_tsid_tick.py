@@ -2,7 +2,8 @@
 
 import pytest
 from drake_tc.diagrams.registry import tsid_entry
-from drake_tc.diagrams.tsid.timing import tick_timings
+
+from drake_tc.bench.tsid_timing import tick_timings
 
 from .machine import slowness
 

@@ -13,7 +13,6 @@ from drake_tc.diagrams.before_after.held_out_motion import KNOT, RAMP, HeldOutMo
 from drake_tc.diagrams.before_after.pendulum_robot import Swing, fitted_swing, write_pendulum_robot
 from drake_tc.diagrams.before_after.track import Trace
 from drake_tc.diagrams.registry import diagram_entry
-from drake_tc.diagrams.scenarios.parts import MotionSpec
 from numpy.testing import assert_allclose
 
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
@@ -22,6 +21,7 @@ from drake_tc.analysis.joint_loop import JointLoop
 from drake_tc.analysis.margins import margins
 from drake_tc.control.trajectories import knot_trajectory
 from drake_tc.errors import ParamsError
+from drake_tc.loops.scenarios.parts import MotionSpec
 from drake_tc.robot.plant import make_plant
 from drake_tc.robot.robot import load_robot
 

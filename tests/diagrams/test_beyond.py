@@ -4,18 +4,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from drake_tc.diagrams.loop.parts import actuator_models, loop_robot
 from drake_tc.diagrams.papers import beyond
 from drake_tc.diagrams.papers.beyond import Run
 from drake_tc.diagrams.papers.catalogue import REPRODUCTIONS
 from drake_tc.diagrams.papers.reproduction import expectations, judged
 from drake_tc.diagrams.registry import diagram_entry
-from drake_tc.diagrams.runs.running import simulate_scenario
-from drake_tc.diagrams.scenarios.parts import ModelFactors
-from drake_tc.diagrams.torque_loop import build_loop
 from numpy.testing import assert_allclose
 
 from drake_tc.errors import ParamsError
+from drake_tc.loops.scenarios.parts import ModelFactors
+from drake_tc.loops.torque.loop import build_loop
+from drake_tc.loops.torque.parts import actuator_models, loop_robot
+from drake_tc.loops.torque.running import simulate_scenario
 
 ENTRY = diagram_entry("hrp2_leg")
 QUICK = (

@@ -5,15 +5,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from drake_tc.diagrams.humanoid_tsid import build_tsid
 from drake_tc.diagrams.papers import coman_contacts
 from drake_tc.diagrams.papers.coman_contacts import ONE_FOOT, THREE_CONTACTS, Outcome, harder, reproduction, trial
 from drake_tc.diagrams.papers.coman_motions import BaseErrors
-from drake_tc.diagrams.scenarios.parts import ObjectSpec
-from drake_tc.diagrams.tsid.ground import add_ground
-from drake_tc.diagrams.tsid.running import simulate_tsid
-from drake_tc.diagrams.tsid.scenario import GroundSpec, SoleSpec, load_tsid_scenario
-from drake_tc.diagrams.tsid.violations import contact_wrenches
 from numpy.testing import assert_allclose
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
@@ -22,6 +16,12 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
 from drake_tc.errors import ParamsError
+from drake_tc.loops.scenarios.parts import ObjectSpec
+from drake_tc.loops.whole_body.ground import add_ground
+from drake_tc.loops.whole_body.loop import build_tsid
+from drake_tc.loops.whole_body.running import simulate_tsid
+from drake_tc.loops.whole_body.scenario import GroundSpec, SoleSpec, load_tsid_scenario
+from drake_tc.loops.whole_body.violations import contact_wrenches
 from drake_tc.robot.mounts import Mount
 from drake_tc.tsid.contacts import Contact
 

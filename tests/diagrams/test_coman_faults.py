@@ -7,18 +7,18 @@ import numpy as np
 import pytest
 from drake_tc.diagrams.papers import coman_faults
 from drake_tc.diagrams.papers.coman_faults import STARTS, FaultOutcome, cases, outcome, reproduction, scenario_of
-from drake_tc.diagrams.runs.raised_flags import raised_flags
-from drake_tc.diagrams.tsid.running import simulate_tsid
-from drake_tc.diagrams.tsid.scenario import FALLIBLE, load_tsid_scenario
-from drake_tc.diagrams.tsid.trust.blind_stop import BLIND, BlindStop
-from drake_tc.diagrams.tsid.trust.standing_feet import LOST
-from drake_tc.diagrams.tsid.trust.stopping_reference import STOP_TIME, StoppingReference
 from numpy.testing import assert_allclose, assert_array_equal
 from pydrake.polynomial import Polynomial
 from pydrake.systems.primitives import TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
+from drake_tc.control.blind_stop import BLIND, BlindStop
+from drake_tc.control.stopping_reference import STOP_TIME, StoppingReference
+from drake_tc.loops.raised_flags import raised_flags
+from drake_tc.loops.whole_body.running import simulate_tsid
+from drake_tc.loops.whole_body.scenario import FALLIBLE, load_tsid_scenario
 from drake_tc.sensing.fault import SensorFault
+from drake_tc.sensor_validation.standing_feet import LOST
 
 FILE = Path(__file__).resolve().parents[2] / "diagrams" / "coman.scenario.yaml"
 DT = 1e-3

@@ -5,20 +5,20 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from drake_tc.diagrams.humanoid_tsid import build_tsid
-from drake_tc.diagrams.scenarios.files import scenario_names
-from drake_tc.diagrams.tsid.base_estimation import estimator_spec
-from drake_tc.diagrams.tsid.chain_specs import BaseEstimationSpec, SpringDrivesSpec
-from drake_tc.diagrams.tsid.ground import touching_points
-from drake_tc.diagrams.tsid.link_position import LinkPosition, spring_times
-from drake_tc.diagrams.tsid.running import simulate_tsid
-from drake_tc.diagrams.tsid.scenario import SpanSpec, TsidScenario, load_tsid_scenario
-from drake_tc.diagrams.tsid.senses import Wiring
 from numpy.testing import assert_allclose
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
 from drake_tc.errors import ParamsError
+from drake_tc.estimation.link_position import LinkPosition, spring_times
+from drake_tc.loops.scenarios.files import scenario_names
+from drake_tc.loops.whole_body.base_estimation import estimator_spec
+from drake_tc.loops.whole_body.chain_specs import BaseEstimationSpec, SpringDrivesSpec
+from drake_tc.loops.whole_body.ground import touching_points
+from drake_tc.loops.whole_body.loop import build_tsid
+from drake_tc.loops.whole_body.running import simulate_tsid
+from drake_tc.loops.whole_body.scenario import SpanSpec, TsidScenario, load_tsid_scenario
+from drake_tc.loops.whole_body.sensors import Wiring
 from drake_tc.tsid.law import Status
 
 FILE = Path(__file__).resolve().parents[2] / "diagrams" / "coman.scenario.yaml"

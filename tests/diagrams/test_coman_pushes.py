@@ -6,20 +6,20 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from drake_tc.diagrams.humanoid_tsid import build_tsid
-from drake_tc.diagrams.loop.surroundings import Pushes
 from drake_tc.diagrams.papers import coman_pushes as pushes
 from drake_tc.diagrams.papers.coman_motions import vibration
 from drake_tc.diagrams.papers.reproduction import expectations
-from drake_tc.diagrams.tsid.chain_specs import BaseEstimationSpec, SpringDrivesSpec
-from drake_tc.diagrams.tsid.running import simulate_tsid
-from drake_tc.diagrams.tsid.scenario import load_tsid_scenario
 from numpy.testing import assert_allclose
 
 from drake_tc.actuation.model_file import models_of_joints
 from drake_tc.analysis.margins import margins
 from drake_tc.control.series_elastic.position import MotorPositionControl
 from drake_tc.errors import ParamsError
+from drake_tc.loops.surroundings import Pushes
+from drake_tc.loops.whole_body.chain_specs import BaseEstimationSpec, SpringDrivesSpec
+from drake_tc.loops.whole_body.loop import build_tsid
+from drake_tc.loops.whole_body.running import simulate_tsid
+from drake_tc.loops.whole_body.scenario import load_tsid_scenario
 from drake_tc.robot.plant import make_plant
 from drake_tc.robot.robot import load_robot
 

@@ -4,14 +4,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from drake_tc.diagrams.tsid.scenario import TsidScenario, load_tsid_scenario
-from drake_tc.diagrams.tsid.trust.body_senses import SETTLED, TrustedImu, TrustedWrench
-from drake_tc.diagrams.tsid.trust.standing_feet import TILT_TIME, StandingFeet
 from numpy.testing import assert_allclose, assert_array_equal
 
 from drake_tc.errors import ParamsError
+from drake_tc.loops.whole_body.scenario import TsidScenario, load_tsid_scenario
 from drake_tc.robot.plant import make_plant
 from drake_tc.sensing.fault import SensorFault
+from drake_tc.sensor_validation.body_sensors import SETTLED, TrustedImu, TrustedWrench
+from drake_tc.sensor_validation.standing_feet import TILT_TIME, StandingFeet
 from drake_tc.tsid.configuration import load_law
 
 FILE = Path(__file__).resolve().parents[2] / "diagrams" / "coman.scenario.yaml"

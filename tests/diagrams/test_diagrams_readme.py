@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 from drake_tc.diagrams.registry import DIAGRAMS
-from drake_tc.diagrams.scenarios import scenario as data
 
 from drake_tc.control.torque_control import CompensationSpec
 from drake_tc.estimation.delay_predictor import PredictorSpec
 from drake_tc.estimation.disturbance_observer import ObserverSpec
+from drake_tc.loops.torque import scenario as data
 from drake_tc.sensing.fault import SensorFault
 from drake_tc.sensing.spec import SensorSpec
 from drake_tc.sensing.suite import SensorSuiteSpec

@@ -4,8 +4,10 @@ import dataclasses
 
 import numpy as np
 import pytest
-from drake_tc.diagrams.tsid import floor_bench
-from drake_tc.diagrams.tsid.floor_bench import (
+from numpy.testing import assert_allclose
+
+from drake_tc.bench import floor_contact as floor_bench
+from drake_tc.bench.floor_contact import (
     FRICTION,
     GRAVITY,
     GYRATION,
@@ -20,9 +22,8 @@ from drake_tc.diagrams.tsid.floor_bench import (
     rocking_error,
     stopping_distance,
 )
-from drake_tc.diagrams.tsid.ground import touching_points
-from drake_tc.diagrams.tsid.ground_spec import GroundSpec, SoleSpec
-from numpy.testing import assert_allclose
+from drake_tc.loops.whole_body.ground import touching_points
+from drake_tc.loops.whole_body.ground_spec import GroundSpec, SoleSpec
 
 HARD = GroundSpec(friction=FRICTION)
 SOFT_SOLE = GroundSpec(friction=FRICTION, sole=SOFT)

@@ -6,11 +6,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from drake_tc.diagrams.humanoid_tsid import build_tsid
 from drake_tc.diagrams.registry import DIAGRAMS, runnable, tsid_entry
-from drake_tc.diagrams.tsid.floor_bench import cone_miss
-from drake_tc.diagrams.tsid.running import run_tsid, simulate_tsid
-from drake_tc.diagrams.tsid.scenario import (
+from numpy.testing import assert_allclose, assert_array_equal
+from optional import skip_without_robots
+
+from drake_tc.bench.floor_contact import cone_miss
+from drake_tc.bench.tsid_timing import FORMS
+from drake_tc.cli.main import run
+from drake_tc.errors import ParamsError
+from drake_tc.logs.readers import read_table
+from drake_tc.loops.whole_body.loop import build_tsid
+from drake_tc.loops.whole_body.running import run_tsid, simulate_tsid
+from drake_tc.loops.whole_body.scenario import (
     DrivesSpec,
     GroundSpec,
     KnotSpec,
@@ -19,16 +26,9 @@ from drake_tc.diagrams.tsid.scenario import (
     TsidScenario,
     load_tsid_scenario,
 )
-from drake_tc.diagrams.tsid.summary import summarise_tsid, task_errors, write_tsid
-from drake_tc.diagrams.tsid.timing import FORMS
-from drake_tc.diagrams.tsid.torque_noise import TorqueNoise
-from drake_tc.diagrams.tsid.violations import contact_wrenches, worst_misses
-from numpy.testing import assert_allclose, assert_array_equal
-from optional import skip_without_robots
-
-from drake_tc.cli.main import run
-from drake_tc.errors import ParamsError
-from drake_tc.logs.readers import read_table
+from drake_tc.loops.whole_body.summary import summarise_tsid, task_errors, write_tsid
+from drake_tc.loops.whole_body.torque_noise import TorqueNoise
+from drake_tc.loops.whole_body.violations import contact_wrenches, worst_misses
 from drake_tc.robot.plant import joint_limits, make_plant
 from drake_tc.tsid.law import Status
 from drake_tc.tsid.model import file_rotors

@@ -3,8 +3,6 @@
 import numpy as np
 import pytest
 import yaml
-from drake_tc.diagrams.bench.diagram import Table
-from drake_tc.diagrams.bench.free_run import free_run
 from drake_tc.diagrams.joint_bench import (
     SCENARIO_FILE,
     BenchScenario,
@@ -20,6 +18,8 @@ from drake_tc.actuation.recorded_run import Link, Recording
 from drake_tc.effects.base import plain_signals
 from drake_tc.effects.library import effect
 from drake_tc.errors import ParamsError
+from drake_tc.loops.joint_bench.diagram import Table
+from drake_tc.loops.joint_bench.free_run import free_run
 
 GAIN = 0.5
 BASE = (

@@ -4,15 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from drake_tc.diagrams.tsid.link_position import LinkPosition
-from drake_tc.diagrams.tsid.trust.joint_senses import FLAGS, JointSenses
-from drake_tc.diagrams.tsid.trust.joint_voting import ROWS, TAU, THETA, JointVoting, Q
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
+from drake_tc.estimation.link_position import LinkPosition
 from drake_tc.sensing.fault import SensorFault
 from drake_tc.sensing.sensor import SensorSpec, corrupt
+from drake_tc.sensor_validation.joint_sensors import FLAGS, JointSenses
+from drake_tc.sensor_validation.joint_voting import ROWS, TAU, THETA, JointVoting, Q
 
 DT = 1e-3
 C, TIME = np.array([0.005, 1.0 / 120.0]), np.array([1.2e-3, 0.7e-3])

@@ -5,10 +5,11 @@ from pathlib import Path
 import drake_tc.diagrams
 import numpy as np
 import pytest
-from drake_tc.diagrams.scenarios.scenario import load_scenario
-from drake_tc.diagrams.torque_loop import build_loop
 from numpy.testing import assert_allclose, assert_array_equal
 from pydrake.systems.analysis import Simulator
+
+from drake_tc.loops.torque.loop import build_loop
+from drake_tc.loops.torque.scenario import load_scenario
 
 SCENARIOS = Path(next(iter(drake_tc.diagrams.__path__))) / "hrp2_leg.scenario.yaml"
 SAME = [

@@ -5,9 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from drake_tc.diagrams.runs.running import simulate_scenario
-from drake_tc.diagrams.scenarios.scenario import load_scenario
 from optional import skip_without_robots
+
+from drake_tc.loops.torque.running import simulate_scenario
+from drake_tc.loops.torque.scenario import load_scenario
 
 ROOT = Path(__file__).resolve().parents[2]
 OTHERS = ROOT / "diagrams" / "other_robots.scenario.yaml"

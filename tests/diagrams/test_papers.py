@@ -13,12 +13,12 @@ from drake_tc.diagrams.papers.piecewise_loop import Reversal
 from drake_tc.diagrams.papers.reproduction import EXPECTED, Expectation, Row, expectations, judged, on_record
 from drake_tc.diagrams.papers.sliding_prediction import predicted
 from drake_tc.diagrams.registry import diagram_entry
-from drake_tc.diagrams.runs.running import simulate_scenario
 from numpy.testing import assert_allclose
 from pydrake.multibody.tree import JacobianWrtVariable
 
 from drake_tc.control.torque_control import COMPONENTS
 from drake_tc.errors import ParamsError
+from drake_tc.loops.torque.running import simulate_scenario
 from drake_tc.robot.plant import make_plant
 
 JOINTS = ("r_hip_yaw", "r_hip_roll", "r_hip_pitch", "r_knee", "r_ankle_pitch", "r_ankle_roll")

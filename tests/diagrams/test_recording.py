@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 import yaml
 from drake_tc.diagrams.registry import diagram_entry
-from drake_tc.diagrams.runs.recording import log_columns, write_log, write_rig
-from drake_tc.diagrams.runs.running import simulate_scenario
-from drake_tc.diagrams.runs.summary import summarise, write_results
 from numpy.testing import assert_allclose
 
 from drake_tc.errors import LogError
 from drake_tc.logs.prepare import load_runs
 from drake_tc.logs.readers import read_table
 from drake_tc.logs.rig import load_rig
+from drake_tc.loops.torque.recording import log_columns, write_log, write_rig
+from drake_tc.loops.torque.running import simulate_scenario
+from drake_tc.loops.torque.summary import summarise, write_results
 
 
 @pytest.fixture(scope="module")

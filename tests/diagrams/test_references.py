@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 from drake_tc.diagrams.registry import diagram_entry
-from drake_tc.diagrams.scenarios.references import posture, references, table_source
 from numpy.testing import assert_allclose
 
+from drake_tc.loops.torque.references import posture, references, table_source
 from drake_tc.robot.robot import load_robot
 
 

@@ -6,13 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from drake_tc.diagrams.registry import DIAGRAMS, diagram_entry
-from drake_tc.diagrams.runs.running import simulate_scenario
-from drake_tc.diagrams.scenarios.scenario import Scenario, load_scenario, scenario_names
-from drake_tc.diagrams.scenarios.strict_yaml import from_mapping, read_mapping
-from drake_tc.diagrams.torque_loop import build_loop
 from numpy.testing import assert_array_equal
 
 from drake_tc.errors import ParamsError
+from drake_tc.loops.scenarios.strict_yaml import from_mapping, read_mapping
+from drake_tc.loops.torque.loop import build_loop
+from drake_tc.loops.torque.running import simulate_scenario
+from drake_tc.loops.torque.scenario import Scenario, load_scenario, scenario_names
 from drake_tc.robot.plant import joint_limits
 
 COMMITTED = [(entry.name, name) for entry in DIAGRAMS.values() for name in entry.scenarios()]
@@ -32,8 +32,7 @@ def test_every_committed_scenario_runs_and_stays_finite(diagram, name):
 
 @pytest.mark.parametrize(("diagram", "name"), COMMITTED, ids=["-".join(pair) for pair in COMMITTED])
 def test_no_committed_motion_leaves_the_limits(diagram, name):
-    from drake_tc.diagrams.scenarios.references import references
-
+    from drake_tc.loops.torque.references import references
     from drake_tc.robot.robot import load_robot
 
     scenario = diagram_entry(diagram).scenario(name)
@@ -57,7 +56,7 @@ def test_same_seed_same_numbers_and_another_seed_other_noise():
 
 
 def test_one_loop_gives_the_same_run_twice():
-    from drake_tc.diagrams.runs.running import run_loop
+    from drake_tc.loops.torque.running import run_loop
 
     loop = build_loop(diagram_entry("hrp2_leg").scenario("hanging", text=SHORT))
     first, second = run_loop(loop), run_loop(loop)

@@ -14,10 +14,6 @@ from drake_tc.diagrams.papers.sea_laws import (
 )
 from drake_tc.diagrams.papers.sea_motor import simulated_value
 from drake_tc.diagrams.registry import runnable, sea_entry
-from drake_tc.diagrams.sea.excitation import Excitation, record_excitation
-from drake_tc.diagrams.sea.running import simulate_sea, summarise_sea, write_sea
-from drake_tc.diagrams.sea.scenario import load_sea_scenario
-from drake_tc.diagrams.sea_joint import build_sea
 from numpy.testing import assert_allclose, assert_array_equal
 
 from drake_tc.actuation.voltage_motor import VoltageMotor
@@ -28,6 +24,10 @@ from drake_tc.errors import IdentificationError, ParamsError
 from drake_tc.identification.motor_prior import PriorWidths, identify_motor
 from drake_tc.logs.prepare import load_runs
 from drake_tc.logs.rig import load_rig, parse_rig
+from drake_tc.loops.series_elastic.excitation import Excitation, record_excitation
+from drake_tc.loops.series_elastic.loop import build_sea
+from drake_tc.loops.series_elastic.running import simulate_sea, summarise_sea, write_sea
+from drake_tc.loops.series_elastic.scenario import load_sea_scenario
 
 ENTRY = sea_entry()
 SHORT = "{duration: 0.3}"

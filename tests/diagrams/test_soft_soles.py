@@ -4,9 +4,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from drake_tc.diagrams.tsid.ground import add_ground, touching_points
-from drake_tc.diagrams.tsid.running import simulate_tsid
-from drake_tc.diagrams.tsid.scenario import GroundSpec, SoleSpec, TsidScenario
 from numpy.testing import assert_allclose
 from pydrake.math import RollPitchYaw
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
@@ -16,6 +13,9 @@ from pydrake.systems.framework import DiagramBuilder
 from scipy.optimize import root
 
 from drake_tc.errors import ParamsError
+from drake_tc.loops.whole_body.ground import add_ground, touching_points
+from drake_tc.loops.whole_body.running import simulate_tsid
+from drake_tc.loops.whole_body.scenario import GroundSpec, SoleSpec, TsidScenario
 from drake_tc.robot.mounts import Mount
 from drake_tc.tsid.contacts import Contact
 from drake_tc.tsid.law import Status

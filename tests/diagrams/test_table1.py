@@ -21,14 +21,14 @@ from drake_tc.diagrams.papers.identification import (
 )
 from drake_tc.diagrams.papers.leg_models import STEM, leg_models, write_leg_models
 from drake_tc.diagrams.papers.table1 import family_factor, identify_table1
-from drake_tc.diagrams.runs.recording import write_log
-from drake_tc.diagrams.runs.running import simulate_scenario
 from numpy.testing import assert_allclose
 from scipy.stats import norm
 
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.actuation.model_file import load_model_file, load_models
 from drake_tc.diagnosis.result.joint_result import JointResult
+from drake_tc.loops.torque.recording import write_log
+from drake_tc.loops.torque.running import simulate_scenario
 
 MODELS = Path(__file__).resolve().parents[2] / "models" / "hrp2_like"
 TRUTH = load_models(MODELS / f"{STEM}_actuators.yaml")

@@ -2,16 +2,16 @@
 
 import numpy as np
 import pytest
-from drake_tc.diagrams.humanoid_tsid import build_tsid
 from drake_tc.diagrams.registry import tsid_entry
-from drake_tc.diagrams.tsid.references import contact_source
-from drake_tc.diagrams.tsid.running import simulate_tsid
-from drake_tc.diagrams.tsid.scenario import SpanSpec
-from drake_tc.diagrams.tsid.torque_noise import TorqueNoise
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from drake_tc.errors import ParamsError
+from drake_tc.loops.whole_body.loop import build_tsid
+from drake_tc.loops.whole_body.references import contact_source
+from drake_tc.loops.whole_body.running import simulate_tsid
+from drake_tc.loops.whole_body.scenario import SpanSpec
+from drake_tc.loops.whole_body.torque_noise import TorqueNoise
 from drake_tc.robot.mounts import Mount
 from drake_tc.tsid.contacts import Contact
 from drake_tc.tsid.robust.torque_error import TorqueError

@@ -3,9 +3,10 @@
 import time
 from types import SimpleNamespace
 
-from drake_tc.diagrams.tsid import timing
-from drake_tc.diagrams.tsid.scenario import TsidScenario
 from pydrake.systems.framework import EventStatus, LeafSystem
+
+from drake_tc.bench import tsid_timing as timing
+from drake_tc.loops.whole_body.scenario import TsidScenario
 
 PERIOD, SLOW = 2e-3, 4e-3
 

@@ -8,15 +8,15 @@ from drake_tc.diagrams.analysed import perturbed_plants
 from drake_tc.diagrams.analysed.perturbed_plants import Compared, Spread, compare_on_plant
 from drake_tc.diagrams.analysed.tuned import tuned_scenario
 from drake_tc.diagrams.analysed.tuning_task import joint_tasks
-from drake_tc.diagrams.loop.parts import actuator_models, loop_robot, torque_gains
 from drake_tc.diagrams.registry import diagram_entry
-from drake_tc.diagrams.runs.recording import Recording
 from numpy.testing import assert_allclose, assert_array_equal
 
 from drake_tc.actuation.model_file import load_models, save_models
 from drake_tc.analysis.settings import Goal, default_goals, setting_of
 from drake_tc.analysis.tuning import SearchSpace, tune
 from drake_tc.errors import ParamsError
+from drake_tc.loops.torque.parts import actuator_models, loop_robot, torque_gains
+from drake_tc.loops.torque.recording import Recording
 
 LEG = diagram_entry("hrp2_leg")
 

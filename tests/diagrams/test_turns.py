@@ -4,13 +4,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from drake_tc.diagrams.tsid.references import task_source
-from drake_tc.diagrams.tsid.running import simulate_tsid
-from drake_tc.diagrams.tsid.scenario import KnotSpec, TsidScenario, TurnSpec
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
 from drake_tc.errors import ParamsError
+from drake_tc.loops.whole_body.references import task_source
+from drake_tc.loops.whole_body.running import simulate_tsid
+from drake_tc.loops.whole_body.scenario import KnotSpec, TsidScenario, TurnSpec
 from drake_tc.tsid.configuration import load_law
 from drake_tc.tsid.law import Status
 

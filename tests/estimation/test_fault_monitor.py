@@ -11,11 +11,11 @@ from hypothesis import strategies as st
 from numpy.testing import assert_array_equal
 
 from drake_tc.errors import ParamsError
-from drake_tc.estimation.fault_monitor import FaultMonitor
-from drake_tc.estimation.monitor_spec import MonitorSpec
 from drake_tc.robot.robot import ForceTorqueMount, Mount, Pose, Robot
 from drake_tc.sensing.spec import SensorSpec
 from drake_tc.sensing.suite import SensorSuiteSpec
+from drake_tc.sensor_validation.fault_monitor import FaultMonitor
+from drake_tc.sensor_validation.monitor_spec import MonitorSpec
 
 from .machines import joint_xml, link_xml
 

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 from drake_tc.diagrams.registry import diagram_entry
-from drake_tc.diagrams.runs.recording import Recording
-from drake_tc.diagrams.runs.running import simulate_scenario
 from numpy.testing import assert_allclose
 
 from drake_tc.errors import LogError, ParamsError
 from drake_tc.estimation.off_line import OffLineFilter, SensorLog, estimate_log, wrench_bias
 from drake_tc.estimation.torque_model import TorqueModel
+from drake_tc.loops.torque.recording import Recording
+from drake_tc.loops.torque.running import simulate_scenario
 
 from .machines import Truth, random_robot
 
