@@ -5,9 +5,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Generic, Protocol, TypeVar
 
-from drake_tc.diagrams.analysed.operating_point import sliding
 from pydrake.systems.framework import Diagram
 
+from drake_tc.analysis.torque_loop.operating_point import sliding
 from drake_tc.errors import ParamsError
 from drake_tc.loops.advancing import Progress
 from drake_tc.loops.scenarios.files import scenario_names

@@ -11,11 +11,11 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
-from drake_tc.diagrams.analysed.operating_point import settled, sliding
 from drake_tc.diagrams.registry import diagram_entry
 
 from drake_tc.analysis.release import release
 from drake_tc.analysis.sampled import open_loop
+from drake_tc.analysis.torque_loop.operating_point import settled, sliding
 from drake_tc.errors import SimulationError
 from drake_tc.loops.torque.loop import Loop
 from drake_tc.loops.torque.parts import torque_gains

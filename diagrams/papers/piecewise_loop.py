@@ -10,8 +10,6 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
-from drake_tc.diagrams.analysed.joint_loops import joint_loops
-from drake_tc.diagrams.analysed.one_joint_loop import alone
 from drake_tc.diagrams.papers.identification import experiment_scenarios, off_line_torque
 from drake_tc.diagrams.registry import diagram_entry
 from pydrake.common.value import Value
@@ -21,6 +19,8 @@ from pydrake.systems.framework import BasicVector, Context, DiagramBuilder, Leaf
 from pydrake.systems.primitives import LogVectorOutput
 
 from drake_tc.actuation.wiring import add_actuators
+from drake_tc.analysis.torque_loop.joint_loops import joint_loops
+from drake_tc.analysis.torque_loop.one_joint_loop import alone
 from drake_tc.control.dynamics_terms import DynamicsTerms
 from drake_tc.filtering.savitzky_golay import SavitzkyGolayFilter
 from drake_tc.identification.identify import prepare

@@ -14,11 +14,11 @@ from typing import Any
 
 import yaml
 from drake_tc.diagrams.registry import sea_entry
-from drake_tc.diagrams.runs.settled import settled_at
 
 from drake_tc.analysis.frequency_response import Channel
 from drake_tc.analysis.margins import Margins, frequency_grid, margins
 from drake_tc.analysis.sampled import open_loop
+from drake_tc.analysis.settled import settled_at
 from drake_tc.errors import SimulationError
 from drake_tc.loops.series_elastic.linear import sliding_sea
 from drake_tc.loops.series_elastic.scenario import SeaScenario

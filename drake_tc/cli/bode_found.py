@@ -11,7 +11,7 @@ import numpy as np
 from drake_tc.analysis.frequency_response import Channel, FrequencyResponse, Sweep, bandwidth, swept_sine
 from drake_tc.analysis.phase_branch import continuous_phase
 from drake_tc.analysis.sampled import linearise
-from drake_tc.diagrams.runs.settled import period_of, settled_at
+from drake_tc.analysis.settled import period_of, settled_at
 from drake_tc.errors import DrakeTcError
 from drake_tc.json_values import json_value
 from drake_tc.types import FloatArray

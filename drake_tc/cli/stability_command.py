@@ -63,7 +63,7 @@ def stability_command(
     as_json: Annotated[bool, typer.Option("--json", help="Print the figures as JSON.")] = False,
 ) -> None:
     """Eigenvalues, margins and verdict of a diagram's loop, at one moment of a scenario, with perfect sensors."""
-    from drake_tc.diagrams.analysed.operating_point import sliding
+    from drake_tc.analysis.torque_loop.operating_point import sliding
     from drake_tc.diagrams.registry import diagram_entry
 
     if friction not in ("sliding", "modelled"):
@@ -88,7 +88,7 @@ def _analyse(
     from drake_tc.analysis.margins import frequency_grid, margins
     from drake_tc.analysis.release import release
     from drake_tc.analysis.sampled import open_loop
-    from drake_tc.diagrams.analysed.operating_point import settled, speed_states
+    from drake_tc.analysis.torque_loop.operating_point import settled, speed_states
 
     progress("to the operating point", 0.0)
     loop, context = settled(scenario, at)

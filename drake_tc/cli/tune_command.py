@@ -19,8 +19,8 @@ from drake_tc.cli.workers import tasks_of, worker_executor
 from drake_tc.json_values import json_value
 
 if TYPE_CHECKING:
+    from drake_tc.analysis.torque_loop.tuned import Confirmed
     from drake_tc.analysis.tuning import Tuning
-    from drake_tc.diagrams.analysed.tuned import Confirmed
 
 FILES = ("tuned.yaml", "pareto.svg", "pareto.png")
 
@@ -58,9 +58,9 @@ def tune_command(
     The stiffness K6 stays. Without --margin and --delay-margin, each joint keeps its present margins or better.
     """
     from drake_tc.analysis.settings import default_goals
+    from drake_tc.analysis.torque_loop.tuned import confirm
+    from drake_tc.analysis.torque_loop.tuning_task import joint_tasks
     from drake_tc.analysis.tuning import SearchSpace, tune
-    from drake_tc.diagrams.analysed.tuned import confirm
-    from drake_tc.diagrams.analysed.tuning_task import joint_tasks
     from drake_tc.diagrams.registry import diagram_entry
     from drake_tc.loops.torque.summary import SETTLED
 
@@ -101,7 +101,7 @@ def _write(found: "Tuning", folder: Path) -> None:
     from matplotlib.figure import Figure
 
     from drake_tc.analysis.pareto_plot import draw_fronts
-    from drake_tc.diagrams.analysed.tuned import tuned_fields
+    from drake_tc.analysis.torque_loop.tuned import tuned_fields
 
     text = yaml.safe_dump(tuned_fields(found), sort_keys=False, default_flow_style=None)
     (folder / FILES[0]).write_text(
@@ -116,7 +116,7 @@ def _write(found: "Tuning", folder: Path) -> None:
 def _plain(found: "Tuning", confirmed: "Confirmed | None") -> dict[str, Any]:
     from dataclasses import asdict
 
-    from drake_tc.diagrams.analysed.tuned import tuned_fields
+    from drake_tc.analysis.torque_loop.tuned import tuned_fields
 
     joints = [
         {

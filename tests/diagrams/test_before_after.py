@@ -5,18 +5,18 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from drake_tc.diagrams.before_after import case, comparison
-from drake_tc.diagrams.before_after.case import LoopCase
-from drake_tc.diagrams.before_after.changed_robot import mass_factors, write_robot_of_masses, write_welded_robot
-from drake_tc.diagrams.before_after.comparison import K7, SOUND, chosen_gains, compare_loops, run_case
-from drake_tc.diagrams.before_after.held_out_motion import KNOT, RAMP, HeldOutMotion, eased, held_out_motion
-from drake_tc.diagrams.before_after.pendulum_robot import Swing, fitted_swing, write_pendulum_robot
-from drake_tc.diagrams.before_after.track import Trace
 from drake_tc.diagrams.registry import diagram_entry
 from numpy.testing import assert_allclose
 
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.actuation.model_file import load_models
+from drake_tc.analysis.before_after import case, comparison
+from drake_tc.analysis.before_after.case import LoopCase
+from drake_tc.analysis.before_after.changed_robot import mass_factors, write_robot_of_masses, write_welded_robot
+from drake_tc.analysis.before_after.comparison import K7, SOUND, chosen_gains, compare_loops, run_case
+from drake_tc.analysis.before_after.held_out_motion import KNOT, RAMP, HeldOutMotion, eased, held_out_motion
+from drake_tc.analysis.before_after.pendulum_robot import Swing, fitted_swing, write_pendulum_robot
+from drake_tc.analysis.before_after.track import Trace
 from drake_tc.analysis.joint_loop import JointLoop
 from drake_tc.analysis.margins import margins
 from drake_tc.control.trajectories import knot_trajectory

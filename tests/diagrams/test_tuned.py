@@ -4,15 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from drake_tc.diagrams.analysed import perturbed_plants
-from drake_tc.diagrams.analysed.perturbed_plants import Compared, Spread, compare_on_plant
-from drake_tc.diagrams.analysed.tuned import tuned_scenario
-from drake_tc.diagrams.analysed.tuning_task import joint_tasks
 from drake_tc.diagrams.registry import diagram_entry
 from numpy.testing import assert_allclose, assert_array_equal
 
 from drake_tc.actuation.model_file import load_models, save_models
 from drake_tc.analysis.settings import Goal, default_goals, setting_of
+from drake_tc.analysis.torque_loop import perturbed_plants
+from drake_tc.analysis.torque_loop.perturbed_plants import Compared, Spread, compare_on_plant
+from drake_tc.analysis.torque_loop.tuned import tuned_scenario
+from drake_tc.analysis.torque_loop.tuning_task import joint_tasks
 from drake_tc.analysis.tuning import SearchSpace, tune
 from drake_tc.errors import ParamsError
 from drake_tc.loops.torque.parts import actuator_models, loop_robot, torque_gains

@@ -5,10 +5,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from drake_tc.diagrams.before_after.held_out_motion import HeldOutMotion, held_out_motion
-from drake_tc.diagrams.before_after.pendulum_robot import Swing, fitted_swing, swing_of, write_pendulum_robot
 
 from drake_tc.actuation.model import ActuatorModel
+from drake_tc.analysis.before_after.held_out_motion import HeldOutMotion, held_out_motion
+from drake_tc.analysis.before_after.pendulum_robot import Swing, fitted_swing, swing_of, write_pendulum_robot
 from drake_tc.diagnosis.data.samples import one_clock
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagnosis.result.models import model_of

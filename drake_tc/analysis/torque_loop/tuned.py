@@ -5,9 +5,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from drake_tc.diagrams.analysed.perturbed_plants import Compared, Spread, compare_on_plant
 
 from drake_tc.analysis.sweep import sweep
+from drake_tc.analysis.torque_loop.perturbed_plants import Compared, Spread, compare_on_plant
 from drake_tc.analysis.tuning import Tuning
 from drake_tc.loops.advancing import Progress
 from drake_tc.loops.torque.parts import loop_robot

@@ -17,17 +17,17 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
-from drake_tc.diagrams.analysed.joint_loops import joint_loops
-from drake_tc.diagrams.before_after.case import LoopCase, loop_case
-from drake_tc.diagrams.before_after.changed_robot import mass_factors, write_robot_of_masses, write_welded_robot
-from drake_tc.diagrams.before_after.track import Trace, remarks, simulated
 
 from drake_tc.actuation.model import ActuatorModel
 from drake_tc.actuation.model_file import load_models, save_models
+from drake_tc.analysis.before_after.case import LoopCase, loop_case
+from drake_tc.analysis.before_after.changed_robot import mass_factors, write_robot_of_masses, write_welded_robot
+from drake_tc.analysis.before_after.track import Trace, remarks, simulated
 from drake_tc.analysis.joint_loop import JointLoop
 from drake_tc.analysis.loop_parameters import with_values
 from drake_tc.analysis.margins import Margins
 from drake_tc.analysis.quick_margins import quick_margins
+from drake_tc.analysis.torque_loop.joint_loops import joint_loops
 from drake_tc.control.guard import GuardSpec
 from drake_tc.diagnosis.result.closed_loop import ClosedLoop, JointClosedLoop, LoopFigures
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult
