@@ -28,7 +28,7 @@ from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
-from drake_tc.diagrams.papers.stability import BEGIN, LASTS, pushed
+from drake_tc.diagrams.papers.delprete2016.stability import BEGIN, LASTS, pushed
 from drake_tc.diagrams.registry import diagram_entry
 
 from drake_tc import block_graph, close_loop, load_models

@@ -29,10 +29,10 @@ from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
-from drake_tc.diagrams.papers.sliding_prediction import floating, predicted
-from drake_tc.diagrams.papers.stability import BEGIN, LASTS, WATCHED, Released, pushed
-from drake_tc.diagrams.papers.tuning import BEGIN as SWING_BEGINS
-from drake_tc.diagrams.papers.tuning import IDENTIFIED
+from drake_tc.diagrams.papers.delprete2016.sliding_prediction import floating, predicted
+from drake_tc.diagrams.papers.delprete2016.stability import BEGIN, LASTS, WATCHED, Released, pushed
+from drake_tc.diagrams.papers.delprete2016.tuning import BEGIN as SWING_BEGINS
+from drake_tc.diagrams.papers.delprete2016.tuning import IDENTIFIED
 from drake_tc.diagrams.registry import diagram_entry
 from matplotlib.colors import LogNorm
 

@@ -29,10 +29,10 @@ from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
-from drake_tc.diagrams.papers.tsid_com_move import Sway, approximations
-from drake_tc.diagrams.papers.tsid_judge import judge
-from drake_tc.diagrams.papers.tsid_setup import PLAIN, ROBUST, SIGMA, W_COM, torque_error
-from drake_tc.diagrams.papers.tsid_simulation import solve_again
+from drake_tc.diagrams.papers.delprete2015.com_move import Sway, approximations
+from drake_tc.diagrams.papers.delprete2015.judge import judge
+from drake_tc.diagrams.papers.delprete2015.setup import PLAIN, ROBUST, SIGMA, W_COM, torque_error
+from drake_tc.diagrams.papers.delprete2015.simulation import solve_again
 from drake_tc.diagrams.registry import tsid_entry
 
 from drake_tc.bench.tsid_timing import tick_timings

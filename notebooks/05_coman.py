@@ -30,7 +30,7 @@ from dataclasses import replace
 
 import matplotlib.pyplot as plt
 import numpy as np
-from drake_tc.diagrams.papers.coman_motions import (
+from drake_tc.diagrams.papers.faraji2015.motions import (
     ABOVE_HZ,
     SCENARIOS,
     base_errors,
@@ -38,11 +38,11 @@ from drake_tc.diagrams.papers.coman_motions import (
     trunk_errors,
     vibration,
 )
-from drake_tc.diagrams.papers.coman_pushes import LOOPS, OURS, STIFF, pushed, stands
-from drake_tc.diagrams.papers.sea_bode import lag_deg, measured
-from drake_tc.diagrams.papers.sea_held import friction_at, hand_torque
-from drake_tc.diagrams.papers.sea_laws import MOMENTUM, OBSERVER, PI, PREDICTED, margins_of, with_law
-from drake_tc.diagrams.papers.sea_motor import data_sheet, true_motor
+from drake_tc.diagrams.papers.faraji2015.pushes import LOOPS, OURS, STIFF, pushed, stands
+from drake_tc.diagrams.papers.faraji2015.sea_bode import lag_deg, measured
+from drake_tc.diagrams.papers.faraji2015.sea_held import friction_at, hand_torque
+from drake_tc.diagrams.papers.faraji2015.sea_laws import MOMENTUM, OBSERVER, PI, PREDICTED, margins_of, with_law
+from drake_tc.diagrams.papers.faraji2015.sea_motor import data_sheet, true_motor
 from drake_tc.diagrams.registry import sea_entry
 from scipy.signal import welch
 

@@ -2,30 +2,30 @@
 
 from collections.abc import Callable, Mapping
 
-from drake_tc.diagrams.papers.beyond import beyond
-from drake_tc.diagrams.papers.coman_contacts import one_foot, three_contacts
-from drake_tc.diagrams.papers.coman_faults import faults
-from drake_tc.diagrams.papers.coman_motions import genuflection, turn_1hz, turn_half_hz
-from drake_tc.diagrams.papers.coman_pushes import pushes
-from drake_tc.diagrams.papers.coman_slip import slip
-from drake_tc.diagrams.papers.coman_soles import soles
-from drake_tc.diagrams.papers.force_figures import fig5, fig6
-from drake_tc.diagrams.papers.motion_tables import table2, table3
-from drake_tc.diagrams.papers.reproduction import Progress, Reproduction
-from drake_tc.diagrams.papers.sea_bode import bode
-from drake_tc.diagrams.papers.sea_held import held
-from drake_tc.diagrams.papers.sea_motor import motor
-from drake_tc.diagrams.papers.stability import stability
-from drake_tc.diagrams.papers.stability_grid import stability_grid
-from drake_tc.diagrams.papers.table1 import table1
-from drake_tc.diagrams.papers.torque_estimate import torque_estimate
-from drake_tc.diagrams.papers.tsid_closed_loop import closed_loop
-from drake_tc.diagrams.papers.tsid_com_move import approximations_of_p, five_ways
-from drake_tc.diagrams.papers.tsid_masses import wrong_masses
-from drake_tc.diagrams.papers.tsid_reach import far_reach, wrong_sigma
-from drake_tc.diagrams.papers.tuning import tuning
+from drake_tc.diagrams.papers.delprete2015.closed_loop import closed_loop
+from drake_tc.diagrams.papers.delprete2015.com_move import approximations_of_p, five_ways
+from drake_tc.diagrams.papers.delprete2015.masses import wrong_masses
+from drake_tc.diagrams.papers.delprete2015.reach import far_reach, wrong_sigma
+from drake_tc.diagrams.papers.delprete2016.beyond import beyond
+from drake_tc.diagrams.papers.delprete2016.force_figures import fig5, fig6
+from drake_tc.diagrams.papers.delprete2016.motion_tables import table2, table3
+from drake_tc.diagrams.papers.delprete2016.stability import stability
+from drake_tc.diagrams.papers.delprete2016.stability_grid import stability_grid
+from drake_tc.diagrams.papers.delprete2016.table1 import table1
+from drake_tc.diagrams.papers.delprete2016.torque_estimate import torque_estimate
+from drake_tc.diagrams.papers.delprete2016.tuning import tuning
+from drake_tc.diagrams.papers.faraji2015.contacts import one_foot, three_contacts
+from drake_tc.diagrams.papers.faraji2015.faults import faults
+from drake_tc.diagrams.papers.faraji2015.motions import genuflection, turn_1hz, turn_half_hz
+from drake_tc.diagrams.papers.faraji2015.pushes import pushes
+from drake_tc.diagrams.papers.faraji2015.sea_bode import bode
+from drake_tc.diagrams.papers.faraji2015.sea_held import held
+from drake_tc.diagrams.papers.faraji2015.sea_motor import motor
+from drake_tc.diagrams.papers.faraji2015.slip import slip
+from drake_tc.diagrams.papers.faraji2015.soles import soles
 
 from drake_tc.errors import ParamsError
+from drake_tc.report.reproduction import Progress, Reproduction
 
 REPRODUCTIONS: Mapping[str, Callable[[int, Progress | None], Reproduction]] = {
     "A.table1": table1,

@@ -15,7 +15,7 @@ from drake_tc.cli.out_files import Force, result_folder
 from drake_tc.cli.progress import progress_bar
 
 if TYPE_CHECKING:
-    from drake_tc.diagrams.papers.reproduction import Reproduction, TextTable
+    from drake_tc.report.reproduction import Reproduction, TextTable
 
 
 def reproduce_command(

@@ -7,7 +7,8 @@ import json
 
 import pytest
 from drake_tc.diagrams.papers import catalogue
-from drake_tc.diagrams.papers.reproduction import Expectation, Reproduction, Row, TextTable
+
+from drake_tc.report.reproduction import Expectation, Reproduction, Row, TextTable
 
 ROWS = (
     Row("met [1]", 2.5, Expectation("met [1]", 2.0, "min", unit="N", source="Table 9")),

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from drake_tc.diagrams.papers import coman_contacts
-from drake_tc.diagrams.papers.coman_contacts import ONE_FOOT, THREE_CONTACTS, Outcome, harder, reproduction, trial
-from drake_tc.diagrams.papers.coman_motions import BaseErrors
+from drake_tc.diagrams.papers.faraji2015 import contacts as coman_contacts
+from drake_tc.diagrams.papers.faraji2015.contacts import ONE_FOOT, THREE_CONTACTS, Outcome, harder, reproduction, trial
+from drake_tc.diagrams.papers.faraji2015.motions import BaseErrors
 from numpy.testing import assert_allclose
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph

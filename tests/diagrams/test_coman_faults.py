@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from drake_tc.diagrams.papers import coman_faults
-from drake_tc.diagrams.papers.coman_faults import STARTS, FaultOutcome, cases, outcome, reproduction, scenario_of
+from drake_tc.diagrams.papers.faraji2015 import faults as coman_faults
+from drake_tc.diagrams.papers.faraji2015.faults import STARTS, FaultOutcome, cases, outcome, reproduction, scenario_of
 from numpy.testing import assert_allclose, assert_array_equal
 from pydrake.polynomial import Polynomial
 from pydrake.systems.primitives import TrajectorySource

@@ -6,9 +6,9 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from drake_tc.diagrams.papers import coman_pushes as pushes
-from drake_tc.diagrams.papers.coman_motions import vibration
-from drake_tc.diagrams.papers.reproduction import expectations
+from drake_tc.diagrams.papers.expected_values import expectations
+from drake_tc.diagrams.papers.faraji2015 import pushes
+from drake_tc.diagrams.papers.faraji2015.motions import vibration
 from numpy.testing import assert_allclose
 
 from drake_tc.actuation.model_file import models_of_joints

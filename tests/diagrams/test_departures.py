@@ -4,13 +4,14 @@ import json
 
 import numpy as np
 import pytest
-from drake_tc.diagrams.papers import record_reached, reproduction
+from drake_tc.diagrams.papers import expected_values, record_reached
 from drake_tc.diagrams.papers.catalogue import REPRODUCTIONS
-from drake_tc.diagrams.papers.departures import departures, expected_file
+from drake_tc.diagrams.papers.departures import departures
+from drake_tc.diagrams.papers.expected_values import expectations, expected_file, expected_paths, on_record
 from drake_tc.diagrams.papers.record_reached import recorded_text
-from drake_tc.diagrams.papers.reproduction import EXPECTED, Expectation, OnRecord, Row, expectations, on_record
 
 from drake_tc.errors import ParamsError
+from drake_tc.report.reproduction import Expectation, OnRecord, Row
 
 REACHED = OnRecord("x", 1.5, 0.1)
 KNOWN_MISS = Expectation("x", 1.0, "max", reason="too warm", reached=1.5, reached_tolerance=0.1)
@@ -94,12 +95,12 @@ def test_every_judged_row_is_on_record_and_the_record_agrees_with_itself(id_):
 
 
 def test_every_expected_file_belongs_to_a_reproduction():
-    assert {path.stem for path in EXPECTED.glob("*.yaml")} == {expected_file(id_) for id_ in REPRODUCTIONS}
+    assert {path.stem for path in expected_paths()} == {expected_file(id_) for id_ in REPRODUCTIONS}
 
 
 def test_a_name_is_judged_or_quoted_and_not_both(tmp_path, monkeypatch):
     text = "rows: [{name: a, expected: 1.0, how: min}]\nquoted: [{name: %s, reached: 2.0}]"
-    monkeypatch.setattr(reproduction, "EXPECTED", tmp_path)
+    monkeypatch.setattr(expected_values, "expected_path", lambda file: tmp_path / f"{file}.yaml")
     (tmp_path / "own.yaml").write_text(text % "b")
     assert on_record("own") == {"b": OnRecord("b", 2.0)}
     (tmp_path / "own.yaml").write_text(text % "a")
@@ -142,16 +143,16 @@ def test_a_row_without_a_finite_value_cannot_be_recorded():
 
 
 def test_a_row_of_several_lines_is_refused(tmp_path, monkeypatch):
-    for module in (reproduction, record_reached):
-        monkeypatch.setattr(module, "EXPECTED", tmp_path)
+    for module in (expected_values, record_reached):
+        monkeypatch.setattr(module, "expected_path", lambda file: tmp_path / f"{file}.yaml")
     (tmp_path / "x_one.yaml").write_text("rows:\n  - name: b\n    expected: 4\n    how: min\n")
     with pytest.raises(ParamsError, match="expected one row a line, with its name in double quotes: b"):
         record_reached.record({"id": "X.one", "rows": [{"name": "b", "value": 5.0}], "others": []})
 
 
 def test_a_result_file_is_recorded_and_what_it_contradicts_is_printed(tmp_path, monkeypatch, capsys):
-    for module in (reproduction, record_reached):
-        monkeypatch.setattr(module, "EXPECTED", tmp_path)
+    for module in (expected_values, record_reached):
+        monkeypatch.setattr(module, "expected_path", lambda file: tmp_path / f"{file}.yaml")
     (tmp_path / "x_one.yaml").write_text(FILE)
     rows = [{"name": name, "value": VALUES[name]} for name in ("a [N m], K6 = 1", "b", "c")]
     result = {"id": "X.one", "rows": rows, "others": [{"name": "d", "value": 1e-7}, {"name": "e", "value": None}]}

@@ -5,13 +5,14 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from drake_tc.diagrams.papers import force_figures, motion_tables, reproduction, stability, torque_estimate
+from drake_tc.diagrams.papers import expected_values
 from drake_tc.diagrams.papers.catalogue import REPRODUCTIONS, chosen
-from drake_tc.diagrams.papers.contact_stability import ContactBorder
-from drake_tc.diagrams.papers.departures import departures, expected_file
-from drake_tc.diagrams.papers.piecewise_loop import Reversal
-from drake_tc.diagrams.papers.reproduction import EXPECTED, Expectation, Row, expectations, judged, on_record
-from drake_tc.diagrams.papers.sliding_prediction import predicted
+from drake_tc.diagrams.papers.delprete2016 import force_figures, motion_tables, stability, torque_estimate
+from drake_tc.diagrams.papers.delprete2016.contact_stability import ContactBorder
+from drake_tc.diagrams.papers.delprete2016.piecewise_loop import Reversal
+from drake_tc.diagrams.papers.delprete2016.sliding_prediction import predicted
+from drake_tc.diagrams.papers.departures import departures
+from drake_tc.diagrams.papers.expected_values import expectations, expected_file, expected_paths, on_record
 from drake_tc.diagrams.registry import diagram_entry
 from numpy.testing import assert_allclose
 from pydrake.multibody.tree import JacobianWrtVariable
@@ -19,6 +20,7 @@ from pydrake.multibody.tree import JacobianWrtVariable
 from drake_tc.control.torque_control import COMPONENTS
 from drake_tc.errors import ParamsError
 from drake_tc.loops.torque.running import simulate_scenario
+from drake_tc.report.reproduction import Expectation, Row, judged
 from drake_tc.robot.plant import make_plant
 
 JOINTS = ("r_hip_yaw", "r_hip_roll", "r_hip_pitch", "r_knee", "r_ankle_pitch", "r_ankle_roll")
@@ -77,7 +79,7 @@ def test_an_expectation_without_a_value_is_refused():
         judged({"a": 2.0}, wanted)
 
 
-@pytest.mark.parametrize("path", sorted(EXPECTED.glob("*.yaml")), ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", expected_paths(), ids=lambda path: path.stem)
 def test_expected_files_are_read_and_name_their_sources(path):
     for row in expectations(path.stem).values():
         assert row.source, row.name
@@ -100,7 +102,7 @@ def test_expected_files_are_read_and_name_their_sources(path):
 )
 def test_expected_files_are_read_strictly(text, message, tmp_path, monkeypatch):
     (tmp_path / "own.yaml").write_text(text)
-    monkeypatch.setattr(reproduction, "EXPECTED", tmp_path)
+    monkeypatch.setattr(expected_values, "expected_path", lambda file: tmp_path / f"{file}.yaml")
     with pytest.raises(ParamsError, match=message):
         expectations("own")
 

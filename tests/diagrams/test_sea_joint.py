@@ -4,15 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from drake_tc.diagrams.papers import sea_bode, sea_held
-from drake_tc.diagrams.papers.sea_laws import (
+from drake_tc.diagrams.papers.faraji2015 import sea_bode, sea_held
+from drake_tc.diagrams.papers.faraji2015.sea_laws import (
     MOMENTUM,
     OBSERVER,
     PI,
     PREDICTED,
     with_law,
 )
-from drake_tc.diagrams.papers.sea_motor import simulated_value
+from drake_tc.diagrams.papers.faraji2015.sea_motor import simulated_value
 from drake_tc.diagrams.registry import runnable, sea_entry
 from numpy.testing import assert_allclose, assert_array_equal
 

@@ -3,9 +3,9 @@
 from pathlib import Path
 
 import pytest
-from drake_tc.diagrams.papers import sea_bode, sea_held
-from drake_tc.diagrams.papers.reproduction import on_record
-from drake_tc.diagrams.papers.sea_laws import (
+from drake_tc.diagrams.papers.expected_values import on_record
+from drake_tc.diagrams.papers.faraji2015 import sea_bode, sea_held
+from drake_tc.diagrams.papers.faraji2015.sea_laws import (
     BESIDE,
     LARGEST_PEAK,
     LAWS,

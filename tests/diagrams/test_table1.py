@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from drake_tc.diagrams.papers.complete_model import (
+from drake_tc.diagrams.papers.delprete2016.complete_model import (
     COMPLETE,
     DriveEstimate,
     Logs,
@@ -14,13 +14,13 @@ from drake_tc.diagrams.papers.complete_model import (
     drive_estimates,
     read_logs,
 )
-from drake_tc.diagrams.papers.identification import (
+from drake_tc.diagrams.papers.delprete2016.identification import (
     Experiment,
     experiment_scenarios,
     off_line_torque,
 )
-from drake_tc.diagrams.papers.leg_models import STEM, leg_models, write_leg_models
-from drake_tc.diagrams.papers.table1 import family_factor, identify_table1
+from drake_tc.diagrams.papers.delprete2016.leg_models import STEM, leg_models, write_leg_models
+from drake_tc.diagrams.papers.delprete2016.table1 import family_factor, identify_table1
 from numpy.testing import assert_allclose
 from scipy.stats import norm
 

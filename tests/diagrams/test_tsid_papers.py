@@ -5,12 +5,14 @@ import math
 
 import numpy as np
 import pytest
-from drake_tc.diagrams.papers import tsid_closed_loop, tsid_com_move, tsid_masses, tsid_reach
-from drake_tc.diagrams.papers.reproduction import Row, expectations
-from drake_tc.diagrams.papers.tsid_choice import candidates, coverage, coverage_of_goal, goals
-from drake_tc.diagrams.papers.tsid_com_move import Sway
-from drake_tc.diagrams.papers.tsid_judge import judge, miss, wilson
-from drake_tc.diagrams.papers.tsid_setup import (
+from drake_tc.diagrams.papers.delprete2015 import closed_loop as tsid_closed_loop
+from drake_tc.diagrams.papers.delprete2015 import com_move as tsid_com_move
+from drake_tc.diagrams.papers.delprete2015 import masses as tsid_masses
+from drake_tc.diagrams.papers.delprete2015 import reach as tsid_reach
+from drake_tc.diagrams.papers.delprete2015.choice import candidates, coverage, coverage_of_goal, goals
+from drake_tc.diagrams.papers.delprete2015.com_move import Sway
+from drake_tc.diagrams.papers.delprete2015.judge import judge, miss, wilson
+from drake_tc.diagrams.papers.delprete2015.setup import (
     BOX,
     CLASSIC,
     INDIVIDUAL,
@@ -24,12 +26,14 @@ from drake_tc.diagrams.papers.tsid_setup import (
     standing_limits,
     torque_error,
 )
-from drake_tc.diagrams.papers.tsid_simulation import DT, solve_again
+from drake_tc.diagrams.papers.delprete2015.simulation import DT, solve_again
+from drake_tc.diagrams.papers.expected_values import expectations
 from numpy.testing import assert_allclose
 from scipy.stats import binom
 
 from drake_tc.actuation.model_file import load_models
 from drake_tc.analysis.sweep import point_seed, sweep
+from drake_tc.report.reproduction import Row
 from drake_tc.robot.plant import make_plant
 from drake_tc.tsid.reduction import reduce
 
