@@ -43,7 +43,6 @@ from drake_tc.diagrams.papers.faraji2015.sea_bode import lag_deg, measured
 from drake_tc.diagrams.papers.faraji2015.sea_held import friction_at, hand_torque
 from drake_tc.diagrams.papers.faraji2015.sea_laws import MOMENTUM, OBSERVER, PI, PREDICTED, margins_of, with_law
 from drake_tc.diagrams.papers.faraji2015.sea_motor import data_sheet, true_motor
-from drake_tc.diagrams.registry import sea_entry
 from scipy.signal import welch
 
 from drake_tc.diagnosis.joint import diagnose_joint
@@ -53,6 +52,7 @@ from drake_tc.loops.series_elastic.excitation import Excitation, record_excitati
 from drake_tc.loops.series_elastic.running import simulate_sea
 from drake_tc.loops.whole_body.running import simulate_tsid
 from drake_tc.loops.whole_body.scenario import load_tsid_scenario
+from drake_tc.registry import sea_entry
 
 joint = sea_entry()
 

@@ -1,10 +1,10 @@
 """Puts computed values on record: `python -m drake_tc.diagrams.papers.record_reached RESULT.json ...`.
 
-RESULT.json is what `drake-tc reproduce ID --json` printed, of one id or of all. In `PAPER/expected/*.yaml` every judged
-row, and every row under `quoted`, gets the value that was computed as `reached`, to four digits. A `reached_tolerance` that
-a row has stays. A row without one gets 2 % of the value (`--share 0.05`: 5 %), 0.1 % of the expected value at least; a
-whole number, which may be a count, gets 0.1 % of it and never as much as one. Comments, order and everything else of
-the file stay. What the record then contradicts is printed.
+RESULT.json is what `drake-tc reproduce ID --json` printed, of one id or of all. In `PAPER/expected/*.yaml` every
+judged row, and every row under `quoted`, gets the value that was computed as `reached`, to four digits. A
+`reached_tolerance` that a row has stays. A row without one gets 2 % of the value (`--share 0.05`: 5 %), 0.1 % of the
+expected value at least; a whole number, which may be a count, gets 0.1 % of it and never as much as one. Comments,
+order and everything else of the file stay. What the record then contradicts is printed.
 """
 
 import argparse

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 from pydrake.systems.analysis import Simulator
 
-from drake_tc.diagrams.registry import diagram_entry
 from drake_tc.estimation.joint_torque import JointTorqueEstimator
 from drake_tc.estimation.torque_model import TorqueModel
 from drake_tc.loops.torque.loop import build_loop
+from drake_tc.registry import diagram_entry
 from drake_tc.report.bench_row import BenchRow, timing_row
 from drake_tc.robot.robot import load_robot
 

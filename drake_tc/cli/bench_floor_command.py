@@ -17,7 +17,7 @@ def bench_floor(
 ) -> None:
     """Compare the contact approximations: a foot that stands, slides and rocks, a leaning robot, the time of a tick."""
     from drake_tc.bench.floor_contact import floor_rows
-    from drake_tc.diagrams.registry import tsid_entry
+    from drake_tc.registry import tsid_entry
 
     moved = tsid_entry().scenario("com_move").changed(duration=duration)
     reaching = tsid_entry().scenario("far_reach")

@@ -49,7 +49,7 @@ def bode_command(
     """
     from drake_tc.analysis.frequency_response import Sweep, channel
     from drake_tc.cli.bode_found import BodeWanted, find
-    from drake_tc.diagrams.registry import runnable
+    from drake_tc.registry import runnable
 
     if not 0.0 < lowest <= highest < np.inf:
         raise ParamsError(f"bode: wanted 0 < --from <= --to [Hz]; got {lowest:g} and {highest:g}")

@@ -34,7 +34,7 @@ def graph_command(
 
     Logs, signals that only logs read and unconnected ports are left out of pictures without --all; JSON has them all.
     """
-    from drake_tc.diagrams.registry import runnable
+    from drake_tc.registry import runnable
     from drake_tc.report.block_graph.graph import block_graph
 
     entry = runnable(diagram)

@@ -32,7 +32,7 @@ def simulate_command(
     as_json: Annotated[bool, typer.Option("--json", help="Print the summary as JSON.")] = False,
 ) -> None:
     """Simulate a diagram: robot, actuators, sensors, estimator and controller, as its scenario says."""
-    from drake_tc.diagrams.registry import runnable
+    from drake_tc.registry import runnable
 
     if log_format not in ("csv", "parquet", "npz"):
         raise typer.BadParameter(f"wanted csv, parquet or npz, got {log_format!r}", param_hint="--log-format")

@@ -63,8 +63,8 @@ def stability_command(
     as_json: Annotated[bool, typer.Option("--json", help="Print the figures as JSON.")] = False,
 ) -> None:
     """Eigenvalues, margins and verdict of a diagram's loop, at one moment of a scenario, with perfect sensors."""
-    from drake_tc.analysis.torque_loop.operating_point import sliding
-    from drake_tc.diagrams.registry import diagram_entry
+    from drake_tc.loops.torque.sliding import sliding
+    from drake_tc.registry import diagram_entry
 
     if friction not in ("sliding", "modelled"):
         raise typer.BadParameter(f"wanted sliding or modelled, got {friction!r}", param_hint="--friction")

@@ -37,7 +37,7 @@ def stability_map_command(
     """Map one joint's stability over two parameters; all else is the scenario's. K6 and K7 stay when Kp changes."""
     from drake_tc.analysis.stability_map import Axis, draw_map, stability_map
     from drake_tc.analysis.torque_loop.joint_loops import joint_loops
-    from drake_tc.diagrams.registry import diagram_entry
+    from drake_tc.registry import diagram_entry
 
     across, up = Axis.parse(x), Axis.parse(y)
     scenario = diagram_entry(diagram).scenario(scenario_name, scenario_file, scenario_text)

@@ -61,8 +61,8 @@ def tune_command(
     from drake_tc.analysis.torque_loop.tuned import confirm
     from drake_tc.analysis.torque_loop.tuning_task import joint_tasks
     from drake_tc.analysis.tuning import SearchSpace, tune
-    from drake_tc.diagrams.registry import diagram_entry
     from drake_tc.loops.torque.summary import SETTLED
+    from drake_tc.registry import diagram_entry
 
     if margin is not None and not margin > 1.0:
         raise typer.BadParameter(f"wanted a sensitivity peak above 1, got {margin:g}", param_hint="--margin")

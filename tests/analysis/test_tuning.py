@@ -2,7 +2,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from drake_tc.diagrams.registry import diagram_entry
 from matplotlib.figure import Figure
 
 from drake_tc.analysis.joint_loop import JointLoop
@@ -24,6 +23,7 @@ from drake_tc.analysis.tracking_error import JointTask, filtered_task, predicted
 from drake_tc.analysis.tuning import SearchSpace, tune
 from drake_tc.errors import ParamsError
 from drake_tc.loops.torque.running import simulate_scenario
+from drake_tc.registry import diagram_entry
 
 from .one_joint import DT, simulate, smooth_step
 

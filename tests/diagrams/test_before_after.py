@@ -5,7 +5,6 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from drake_tc.diagrams.registry import diagram_entry
 from numpy.testing import assert_allclose
 
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
@@ -22,6 +21,7 @@ from drake_tc.analysis.margins import margins
 from drake_tc.control.trajectories import knot_trajectory
 from drake_tc.errors import ParamsError
 from drake_tc.loops.scenarios.parts import MotionSpec
+from drake_tc.registry import diagram_entry
 from drake_tc.robot.plant import make_plant
 from drake_tc.robot.robot import load_robot
 

@@ -8,7 +8,6 @@ from drake_tc.diagrams.papers.catalogue import REPRODUCTIONS
 from drake_tc.diagrams.papers.delprete2016 import beyond
 from drake_tc.diagrams.papers.delprete2016.beyond import Run
 from drake_tc.diagrams.papers.expected_values import expectations
-from drake_tc.diagrams.registry import diagram_entry
 from numpy.testing import assert_allclose
 
 from drake_tc.errors import ParamsError
@@ -16,6 +15,7 @@ from drake_tc.loops.scenarios.parts import ModelFactors
 from drake_tc.loops.torque.loop import build_loop
 from drake_tc.loops.torque.parts import actuator_models, loop_robot
 from drake_tc.loops.torque.running import simulate_scenario
+from drake_tc.registry import diagram_entry
 from drake_tc.report.reproduction import judged
 
 ENTRY = diagram_entry("hrp2_leg")

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from drake_tc.diagrams.registry import DIAGRAMS, runnable, tsid_entry
 from numpy.testing import assert_allclose, assert_array_equal
 from optional import skip_without_robots
 
@@ -29,6 +28,7 @@ from drake_tc.loops.whole_body.scenario import (
 from drake_tc.loops.whole_body.summary import summarise_tsid, task_errors, write_tsid
 from drake_tc.loops.whole_body.torque_noise import TorqueNoise
 from drake_tc.loops.whole_body.violations import contact_wrenches, worst_misses
+from drake_tc.registry import diagrams, runnable, tsid_entry
 from drake_tc.robot.plant import joint_limits, make_plant
 from drake_tc.tsid.law import Status
 from drake_tc.tsid.model import file_rotors
@@ -294,7 +294,7 @@ def test_what_cannot_be_simulated_is_refused(text, message):
 
 def test_registry_knows_which_diagram_is_which():
     assert runnable("humanoid_tsid") is tsid_entry("humanoid_tsid")
-    assert runnable("hrp2_leg") is DIAGRAMS["hrp2_leg"]
+    assert runnable("hrp2_leg") is diagrams()["hrp2_leg"]
     with pytest.raises(ParamsError, match="no diagram 'dog'; diagrams: hrp2_leg, hrp2_leg_contact, humanoid_tsid"):
         runnable("dog")
 

@@ -6,20 +6,20 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from drake_tc.diagrams.papers import expected_values
-from drake_tc.diagrams.papers.catalogue import REPRODUCTIONS, chosen
+from drake_tc.diagrams.papers.catalogue import REPRODUCTIONS
 from drake_tc.diagrams.papers.delprete2016 import force_figures, motion_tables, stability, torque_estimate
 from drake_tc.diagrams.papers.delprete2016.contact_stability import ContactBorder
 from drake_tc.diagrams.papers.delprete2016.piecewise_loop import Reversal
 from drake_tc.diagrams.papers.delprete2016.sliding_prediction import predicted
 from drake_tc.diagrams.papers.departures import departures
 from drake_tc.diagrams.papers.expected_values import expectations, expected_file, expected_paths, on_record
-from drake_tc.diagrams.registry import diagram_entry
 from numpy.testing import assert_allclose
 from pydrake.multibody.tree import JacobianWrtVariable
 
 from drake_tc.control.torque_control import COMPONENTS
 from drake_tc.errors import ParamsError
 from drake_tc.loops.torque.running import simulate_scenario
+from drake_tc.registry import diagram_entry, reproductions
 from drake_tc.report.reproduction import Expectation, Row, judged
 from drake_tc.robot.plant import make_plant
 
@@ -108,10 +108,10 @@ def test_expected_files_are_read_strictly(text, message, tmp_path, monkeypatch):
 
 
 def test_ids_are_those_of_the_commands():
-    assert chosen("all") == list(REPRODUCTIONS)
-    assert chosen("A.fig5") == ["A.fig5"]
+    assert list(reproductions("all")) == list(REPRODUCTIONS)
+    assert list(reproductions("A.fig5")) == ["A.fig5"]
     with pytest.raises(ParamsError, match=r"no reproduction 'fig5'; possible: A\.table"):
-        chosen("fig5")
+        reproductions("fig5")
 
 
 # --- from known signals: tables 2 and 3
@@ -313,7 +313,7 @@ def test_a_reproduction_is_as_recorded(id_, tmp_path):
     """No miss without a reason, no reason without a miss, and every value that texts quote where it was."""
     from matplotlib.figure import Figure
 
-    result = REPRODUCTIONS[id_](0, lambda text, share: None)
+    result = reproductions(id_)[id_](0, lambda text, share: None)
     assert result.id == id_ and result.notes
     assert departures(result.rows, on_record(expected_file(id_))) == []
     for draw in (result.figures or {}).values():

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 import yaml
-from drake_tc.diagrams.registry import diagram_entry
 from numpy.testing import assert_allclose
 
 from drake_tc.errors import LogError
@@ -13,6 +12,7 @@ from drake_tc.logs.rig import load_rig
 from drake_tc.loops.torque.recording import log_columns, write_log, write_rig
 from drake_tc.loops.torque.running import simulate_scenario
 from drake_tc.loops.torque.summary import summarise, write_results
+from drake_tc.registry import diagram_entry
 
 
 @pytest.fixture(scope="module")

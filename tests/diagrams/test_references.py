@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from drake_tc.diagrams.registry import diagram_entry
 from numpy.testing import assert_allclose
 
 from drake_tc.loops.torque.references import posture, references, table_source
+from drake_tc.registry import diagram_entry
 from drake_tc.robot.robot import load_robot
 
 

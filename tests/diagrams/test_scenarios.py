@@ -5,7 +5,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from drake_tc.diagrams.registry import DIAGRAMS, diagram_entry
 from numpy.testing import assert_array_equal
 
 from drake_tc.errors import ParamsError
@@ -13,9 +12,10 @@ from drake_tc.loops.scenarios.strict_yaml import from_mapping, read_mapping
 from drake_tc.loops.torque.loop import build_loop
 from drake_tc.loops.torque.running import simulate_scenario
 from drake_tc.loops.torque.scenario import Scenario, load_scenario, scenario_names
+from drake_tc.registry import diagram_entry, diagrams
 from drake_tc.robot.plant import joint_limits
 
-COMMITTED = [(entry.name, name) for entry in DIAGRAMS.values() for name in entry.scenarios()]
+COMMITTED = [(entry.name, name) for entry in diagrams("torque").values() for name in entry.scenarios()]
 SHORT = "{duration: 0.15, tare: 0.02, guard: {start_time: 0.05}}"
 
 

@@ -13,7 +13,6 @@ from drake_tc.diagrams.papers.faraji2015.sea_laws import (
     with_law,
 )
 from drake_tc.diagrams.papers.faraji2015.sea_motor import simulated_value
-from drake_tc.diagrams.registry import runnable, sea_entry
 from numpy.testing import assert_allclose, assert_array_equal
 
 from drake_tc.actuation.voltage_motor import VoltageMotor
@@ -28,6 +27,7 @@ from drake_tc.loops.series_elastic.excitation import Excitation, record_excitati
 from drake_tc.loops.series_elastic.loop import build_sea
 from drake_tc.loops.series_elastic.running import simulate_sea, summarise_sea, write_sea
 from drake_tc.loops.series_elastic.scenario import load_sea_scenario
+from drake_tc.registry import runnable, sea_entry
 
 ENTRY = sea_entry()
 SHORT = "{duration: 0.3}"

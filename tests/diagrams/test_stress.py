@@ -5,11 +5,11 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from drake_tc.diagrams.registry import diagram_entry
 
 from drake_tc.cli.main import run as run_command
 from drake_tc.errors import SimulationError
 from drake_tc.loops.torque.running import RUNAWAY_SPEED, simulate_scenario
+from drake_tc.registry import diagram_entry
 from drake_tc.robot.plant import joint_limits
 
 SWING, CONTACT = ("hrp2_leg", "brisk_swing"), ("hrp2_leg_contact", "brisk_force_sine")

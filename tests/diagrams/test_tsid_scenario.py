@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from drake_tc.diagrams.registry import tsid_entry
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
@@ -12,6 +11,7 @@ from drake_tc.loops.whole_body.references import contact_source
 from drake_tc.loops.whole_body.running import simulate_tsid
 from drake_tc.loops.whole_body.scenario import SpanSpec
 from drake_tc.loops.whole_body.torque_noise import TorqueNoise
+from drake_tc.registry import tsid_entry
 from drake_tc.robot.mounts import Mount
 from drake_tc.tsid.contacts import Contact
 from drake_tc.tsid.robust.torque_error import TorqueError

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from drake_tc.diagrams.registry import diagram_entry
 from numpy.testing import assert_allclose, assert_array_equal
 
 from drake_tc.actuation.model_file import load_models, save_models
@@ -17,6 +16,7 @@ from drake_tc.analysis.tuning import SearchSpace, tune
 from drake_tc.errors import ParamsError
 from drake_tc.loops.torque.parts import actuator_models, loop_robot, torque_gains
 from drake_tc.loops.torque.recording import Recording
+from drake_tc.registry import diagram_entry
 
 LEG = diagram_entry("hrp2_leg")
 

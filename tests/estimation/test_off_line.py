@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from drake_tc.diagrams.registry import diagram_entry
 from numpy.testing import assert_allclose
 
 from drake_tc.errors import LogError, ParamsError
@@ -10,6 +9,7 @@ from drake_tc.estimation.off_line import OffLineFilter, SensorLog, estimate_log,
 from drake_tc.estimation.torque_model import TorqueModel
 from drake_tc.loops.torque.recording import Recording
 from drake_tc.loops.torque.running import simulate_scenario
+from drake_tc.registry import diagram_entry
 
 from .machines import Truth, random_robot
 

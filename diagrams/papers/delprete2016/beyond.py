@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from drake_tc.diagrams.papers.delprete2016.motion_tables import COMPLETE
 from drake_tc.diagrams.papers.expected_values import expectations
-from drake_tc.diagrams.registry import diagram_entry
 
 from drake_tc.control.guard import GuardMode
 from drake_tc.estimation.disturbance_observer import ObserverSpec
@@ -14,6 +13,7 @@ from drake_tc.loops.scenarios.parts import ModelFactors
 from drake_tc.loops.torque.recording import Recording
 from drake_tc.loops.torque.running import simulate_scenario
 from drake_tc.loops.torque.scenario import Scenario
+from drake_tc.registry import diagram_entry
 from drake_tc.report.reproduction import Progress, Reproduction, TextTable, judged, text_rows
 from drake_tc.types import BoolArray, FloatArray
 

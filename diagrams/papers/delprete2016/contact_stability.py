@@ -11,15 +11,16 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
-from drake_tc.diagrams.registry import diagram_entry
 
 from drake_tc.analysis.release import release
 from drake_tc.analysis.sampled import open_loop
-from drake_tc.analysis.torque_loop.operating_point import settled, sliding
+from drake_tc.analysis.torque_loop.operating_point import settled
 from drake_tc.errors import SimulationError
 from drake_tc.loops.torque.loop import Loop
 from drake_tc.loops.torque.parts import torque_gains
 from drake_tc.loops.torque.scenario import Scenario
+from drake_tc.loops.torque.sliding import sliding
+from drake_tc.registry import diagram_entry
 from drake_tc.types import FloatArray
 
 PORT = "inverse_dynamics:contact_wrench"

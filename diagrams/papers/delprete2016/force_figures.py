@@ -4,12 +4,12 @@ from typing import Any
 
 import numpy as np
 from drake_tc.diagrams.papers.expected_values import expectations
-from drake_tc.diagrams.registry import diagram_entry
 
 from drake_tc.control.torque_control import COMPONENTS
 from drake_tc.loops.torque.recording import Recording
 from drake_tc.loops.torque.running import simulate_scenario
 from drake_tc.loops.torque.summary import estimated
+from drake_tc.registry import diagram_entry
 from drake_tc.report.reproduction import Progress, Reproduction, TextTable, judged, text_rows
 from drake_tc.types import BoolArray, FloatArray
 

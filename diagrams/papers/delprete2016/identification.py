@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
-from drake_tc.diagrams.registry import diagram_entry
 
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.estimation.off_line import OffLineFilter, SensorLog, estimate_log, wrench_bias
@@ -29,6 +28,7 @@ from drake_tc.loops.torque.parts import sensor_suite
 from drake_tc.loops.torque.recording import Recording, log_columns, write_log, write_rig
 from drake_tc.loops.torque.running import simulate_scenario
 from drake_tc.loops.torque.scenario import Scenario
+from drake_tc.registry import diagram_entry
 from drake_tc.report.reproduction import Progress
 from drake_tc.types import FloatArray
 

@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 from drake_tc.diagrams.papers.delprete2016.identification import experiment_scenarios, off_line_torque
-from drake_tc.diagrams.registry import diagram_entry
 from pydrake.common.value import Value
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.analysis import Simulator
@@ -31,6 +30,7 @@ from drake_tc.loops.torque.parts import actuator_models, loop_robot, sensor_suit
 from drake_tc.loops.torque.recording import log_columns, write_log
 from drake_tc.loops.torque.running import simulate_scenario
 from drake_tc.loops.torque.scenario import Scenario
+from drake_tc.registry import diagram_entry
 from drake_tc.robot.plant import add_robot
 from drake_tc.robot.robot import Robot
 from drake_tc.sensing.encoder import add_encoder

@@ -2,7 +2,6 @@
 
 import numpy as np
 from drake_tc.diagrams.papers.expected_values import expectations
-from drake_tc.diagrams.registry import diagram_entry
 
 from drake_tc.estimation.error_budget import Run, error_budget
 from drake_tc.estimation.torque_model import TorqueModel
@@ -10,6 +9,7 @@ from drake_tc.loops.torque.recording import Recording
 from drake_tc.loops.torque.running import simulate_scenario
 from drake_tc.loops.torque.scenario import Scenario
 from drake_tc.loops.torque.summary import estimated
+from drake_tc.registry import diagram_entry
 from drake_tc.report.reproduction import Progress, Reproduction, TextTable, judged, text_rows
 from drake_tc.sensing.suite import SensorSuiteSpec
 from drake_tc.types import FloatArray

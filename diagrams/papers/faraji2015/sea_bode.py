@@ -16,13 +16,13 @@ from drake_tc.diagrams.papers.faraji2015.sea_laws import (
     margins_of,
     with_law,
 )
-from drake_tc.diagrams.registry import sea_entry
 
 from drake_tc.analysis.frequency_response import FrequencyResponse, Sweep, bandwidth, swept_sine
 from drake_tc.analysis.sampled import linearise
 from drake_tc.analysis.settled import settled_at
-from drake_tc.loops.series_elastic.linear import sliding_sea
 from drake_tc.loops.series_elastic.scenario import SeaScenario
+from drake_tc.loops.series_elastic.sliding import sliding_sea
+from drake_tc.registry import sea_entry
 from drake_tc.report.bode_plot import draw_bode
 from drake_tc.report.reproduction import Progress, Reproduction, TextTable, judged, text_rows
 from drake_tc.types import FloatArray
