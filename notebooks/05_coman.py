@@ -22,7 +22,7 @@
 # **Everything here is simulated.** The robot is `models/coman_like`: 0.95 m, 31 kg, 23 joints; joints' places and
 # masses are published, motors, springs and friction are chosen or assumed. The paper is Faraji, Colasanto and Ijspeert,
 # *Practical considerations in using inverse dynamics on a humanoid robot: torque tracking, sensor fusion and Cartesian
-# control laws*, IROS 2015. The maths: [diagrams/sea/README.md](../diagrams/sea/README.md) for joints,
+# control laws*, IROS 2015. The maths: [diagrams/sea_joint.md](../diagrams/sea_joint.md) for joints,
 # [drake_tc/estimation/base/README.md](../drake_tc/estimation/base/README.md) for the base.
 
 # %%
@@ -216,7 +216,7 @@ plt.show()
 # soles are; with soles taken for rigid its position is two and a half times as far off. The chain is told nothing and
 # uses no IMU: with roll, pitch and rates of one it comes to three times our error, and one yaw is as good as the
 # other where no foot turns on the floor. `drake-tc reproduce C.soles` and `C.slip` have the figures. The gains were
-# chosen by hand on these motions; what was tried is in [diagrams/tsid/PAPER_C.md](../diagrams/tsid/PAPER_C.md).
+# chosen by hand on these motions; what was tried is in [diagrams/papers/faraji2015](../diagrams/papers/faraji2015/README.md).
 #
 # ## 4. A push
 #

@@ -6,8 +6,8 @@ from functools import cache
 from drake_tc.diagrams.papers.delprete2015.judge import wilson
 from drake_tc.diagrams.papers.expected_values import expected_file, on_record
 
-MAIN, TSID, SEA = "README.md", "drake_tc/tsid/README.md", "diagrams/sea/README.md"
-ANALYSIS, PAPER_C = "drake_tc/analysis/README.md", "diagrams/tsid/PAPER_C.md"
+MAIN, TSID, SEA = "README.md", "drake_tc/tsid/README.md", "diagrams/sea_joint.md"
+ANALYSIS, PAPER_C = "drake_tc/analysis/README.md", "diagrams/papers/faraji2015/README.md"
 ROBOTS = 20
 PERCENT, MILLI = 100.0, 1e3
 

@@ -1,4 +1,4 @@
-"""`TrustedImu`, `TrustedWrench`: readings that the base estimator may believe; what stands in for those it may not."""
+"""`ValidatedImu`, `ValidatedWrench`: readings that the base estimator may believe; what stands in for those it may not."""
 
 from typing import Any
 
@@ -38,7 +38,7 @@ class _Solved:
     jumps: bool
 
 
-class TrustedImu(LeafSystem):
+class ValidatedImu(LeafSystem):
     """An IMU that may be left out: NaN then, on which the base estimator goes by the contacts alone.
 
     Inputs: imu (6) raw [gyro; accel]; flagged (m): any that is up leaves it out; jolt (j): any that is up says that the
@@ -131,7 +131,7 @@ class _Good:
     sensors: BoolArray | None
 
 
-class TrustedWrench(LeafSystem):
+class ValidatedWrench(LeafSystem):
     """k F/T sensors, each of which may be left out: its last good reading stands in, and its contact is kept.
 
     Inputs:

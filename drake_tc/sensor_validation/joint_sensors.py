@@ -1,4 +1,4 @@
-"""`JointSenses`: encoders on both sides of series springs and the gauges in them, each checked against the others."""
+"""`JointSensors`: encoders on both sides of series springs and the gauges in them, each checked against the others."""
 
 from typing import Any
 
@@ -30,7 +30,7 @@ class _Solved:
     vote: Vote
 
 
-class JointSenses(LeafSystem):
+class JointSensors(LeafSystem):
     """Readings of n joints that can be believed: see `joint_voting` for the equations.
 
     Inputs (n each), raw: motor_angle [rad], torque [N m], link_angle [rad].

@@ -1,6 +1,6 @@
 """`drake-tc reproduce`: the contract of its JSON, its tables and figures, misses that stay visible, refusals.
 
-Reproductions here are stubs: what they compute is tested in `tests/diagrams/test_papers.py`.
+Reproductions here are stubs: what they compute is tested in `tests/diagrams/papers/test_papers.py`.
 """
 
 import json

@@ -128,7 +128,7 @@ def test_the_estimators_soles_are_those_that_touch():
         assert_allclose([corners.min(axis=0), corners.max(axis=0)], [points.min(axis=0), points.max(axis=0)])
         assert mine.mount.link == contact.frame.link
     assert [contact.sensor for contact in spec.contacts] == ["right_ankle", "left_ankle"]
-    assert spec.imu_age == loop.law.period  # a tick late, as `add_senses` has it
+    assert spec.imu_age == loop.law.period  # a tick late, as `add_whole_body_sensors` has it
 
 
 def test_the_estimator_is_told_what_the_maker_knows():

@@ -4,7 +4,7 @@ Fifteen cases: encoder, imu and force_torque, each frozen, dropped for 20 ms, dr
 channel.
 
 Smallest biases that are flagged within 50 ms of their start, with the leg's realistic sensors and the default monitor
-(tests/diagrams/test_faults.py):
+(tests/loops/torque/test_fault_cases.py):
 
     encoder      0.0116 rad in mid swing, 0.0108 rad at rest (knee; twice its velocity limit in a tick, and 1 mrad)
     imu          0.52 m/s^2, 0.051 rad/s

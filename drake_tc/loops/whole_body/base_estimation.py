@@ -81,7 +81,7 @@ def base_state(
 
     Args:
         wiring: Of the diagram.
-        sensors: From `add_senses`.
+        sensors: From `add_whole_body_sensors`.
         position: Of the joints, as they are sensed (n,) [rad].
         contacts: Which the controller stands on; None: the estimator goes by the loads. One that the controller does
             without is held off, whatever its load; the others go by their loads.

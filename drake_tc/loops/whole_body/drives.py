@@ -44,7 +44,7 @@ def add_drives(wiring: Wiring, sensors: SensorSuite, torque: OutputPort, state: 
 
     Args:
         wiring: Of the diagram.
-        sensors: From `add_senses`.
+        sensors: From `add_whole_body_sensors`.
         torque: What is wanted of the joints.
         state: What the controller knows of the robot.
     """

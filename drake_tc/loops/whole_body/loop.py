@@ -23,8 +23,8 @@ from drake_tc.loops.whole_body.drives import add_drives
 from drake_tc.loops.whole_body.ground import add_ground
 from drake_tc.loops.whole_body.references import contact_source, task_source
 from drake_tc.loops.whole_body.scenario import TsidScenario
-from drake_tc.loops.whole_body.sensor_validation import Trusted, add_flags, add_trust, stopped
-from drake_tc.loops.whole_body.sensors import Wiring, add_senses, estimated_state
+from drake_tc.loops.whole_body.sensor_validation import ValidatedSensors, add_flags, add_sensor_validation, stopped
+from drake_tc.loops.whole_body.sensors import Wiring, add_whole_body_sensors, estimated_state
 from drake_tc.loops.whole_body.series_elastic_drives import (
     SpringDrives,
     Start,
@@ -100,20 +100,20 @@ def build_tsid(scenario: TsidScenario, *, meshcat: bool = False) -> TsidLoop:
     touched = plant.get_generalized_contact_forces_output_port(plant.GetModelInstanceByName(law.model.robot.name))
     wiring = Wiring(builder, scenario, law, plant, {"state": plant.get_state_output_port(), "contact": touched})
     senses = scenario.state != "plant" or scenario.torque == "drives"
-    sensors = add_senses(wiring) if senses else None
+    sensors = add_whole_body_sensors(wiring) if senses else None
     springs = add_spring_drives(wiring) if scenario.torque == "series_elastic" else None
     builder.AddNamedSystem("tsid", controller)
     contacts = _connect_references(builder, scenario, controller)
-    trusted = _trusted(wiring, sensors, springs, contacts)
+    validated = _validated(wiring, sensors, springs, contacts)
     position = None
-    if trusted is not None:
-        sensors, springs, contacts = trusted.sensors, trusted.springs, trusted.contacts
-        position = trusted.position
+    if validated is not None:
+        sensors, springs, contacts = validated.sensors, validated.springs, validated.contacts
+        position = validated.position
     elif springs is not None and sensors is not None:
         position = link_position(wiring, springs, sensors.encoder.GetOutputPort("reading"))
     state, starts = _known_state(wiring, sensors, position, contacts)
-    if trusted is not None:
-        state, springs = stopped(wiring, trusted, state)
+    if validated is not None:
+        state, springs = stopped(wiring, validated, state)
     builder.Connect(state, controller.GetInputPort("estimated_state"))
     torque = _with_error(builder, scenario, law, controller.GetOutputPort("torque"))
     if springs is not None:
@@ -125,7 +125,7 @@ def build_tsid(scenario: TsidScenario, *, meshcat: bool = False) -> TsidLoop:
         builder.Connect(torque, plant.get_actuation_input_port())
     outputs = ("torque", "acceleration", "contact_force", "status")
     wiring.signals |= {name: controller.GetOutputPort(name) for name in outputs}
-    flag_names = () if trusted is None else add_flags(wiring, trusted)
+    flag_names = () if validated is None else add_flags(wiring, validated)
     log = add_log(builder, wiring.signals, law.period)
     diagram = builder.Build()
     diagram.set_name(f"{law.model.robot.name}_tsid")
@@ -137,13 +137,13 @@ def _checked(scenario: TsidScenario) -> bool:
     return bool(scenario.state == "base_estimator" and scenario.torque == "series_elastic")
 
 
-def _trusted(
+def _validated(
     wiring: Wiring, sensors: SensorSuite | None, springs: SpringDrives | None, contacts: OutputPort | None
-) -> Trusted | None:
+) -> ValidatedSensors | None:
     """What checks the senses, in paper C's loop."""
     if sensors is None or springs is None or not _checked(wiring.scenario):
         return None
-    return add_trust(wiring, sensors, springs, contacts)
+    return add_sensor_validation(wiring, sensors, springs, contacts)
 
 
 def _known_state(

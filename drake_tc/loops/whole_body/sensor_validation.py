@@ -1,8 +1,8 @@
 """Sensors that fail in paper C's loop: their faults put in, what stands in for them, and all flags in one signal.
 
-    encoders, gauges --> (faults) --> joint_senses --> link position, torque control
-    imu, F/T         --> (faults) --> trusted_imu, trusted_wrench --> base estimator
-    all of them raw  --> fault_monitor, joint_senses, base estimator --> flags
+    encoders, gauges --> (faults) --> joint_sensors --> link position, torque control
+    imu, F/T         --> (faults) --> validated_imu, validated_wrench --> base estimator
+    all of them raw  --> fault_monitor, joint_sensors, base estimator --> flags
 
 What stands in for
     one of motor encoder, gauge, link encoder    the other two of its joint (`joint_voting`)
@@ -31,9 +31,9 @@ from drake_tc.loops.whole_body.series_elastic_drives import SpringDrives, believ
 from drake_tc.sensing.sensor import Sensor
 from drake_tc.sensing.spec import SensorSpec
 from drake_tc.sensing.suite import SensorSuite, sensor_seed
-from drake_tc.sensor_validation.body_sensors import SETTLED, TrustedImu, TrustedWrench
+from drake_tc.sensor_validation.body_sensors import SETTLED, ValidatedImu, ValidatedWrench
 from drake_tc.sensor_validation.fault_monitor import FaultMonitor
-from drake_tc.sensor_validation.joint_sensors import FLAGS, JointSenses
+from drake_tc.sensor_validation.joint_sensors import FLAGS, JointSensors
 from drake_tc.sensor_validation.monitor_spec import MonitorSpec
 from drake_tc.sensor_validation.standing_feet import StandingFeet
 from drake_tc.tsid.controller import reference_port
@@ -50,11 +50,11 @@ _OF_CONTACT = ("slip", "force_offset")
 
 
 @dataclass(frozen=True, eq=False)
-class Trusted:
+class ValidatedSensors:
     """Senses that can be believed, behind the same ports.
 
     Attributes:
-        sensors, springs: With the trusted readings.
+        sensors, springs: With the validated readings.
         position: Of the links (n,) [rad].
         contacts: For the base estimator: 0 held off, 1 by its load, 2 held on.
         flags: Names and ports, (width,) each.
@@ -78,12 +78,14 @@ def failing(wiring: Wiring, name: str, port: OutputPort) -> OutputPort:
     return reading
 
 
-def add_trust(wiring: Wiring, sensors: SensorSuite, springs: SpringDrives, contacts: OutputPort | None) -> Trusted:
+def add_sensor_validation(
+    wiring: Wiring, sensors: SensorSuite, springs: SpringDrives, contacts: OutputPort | None
+) -> ValidatedSensors:
     """Put what checks the senses between them and their users.
 
     Args:
         wiring: Of the diagram.
-        sensors: From `add_senses`.
+        sensors: From `add_whole_body_sensors`.
         springs: From `add_spring_drives`.
         contacts: Which the controller stands on; None: all of them.
 
@@ -100,7 +102,7 @@ def add_trust(wiring: Wiring, sensors: SensorSuite, springs: SpringDrives, conta
     monitor = FaultMonitor(robot, MONITOR.without_noise(suite), period)
     wiring.add("fault_monitor", monitor, encoder=encoder, imu=imu, wrench=wrench)
     raised, names = monitor.GetOutputPort("flags"), monitor.flag_names
-    joints = _joint_senses(wiring, springs, encoder)
+    joints = _joint_sensors(wiring, springs, encoder)
 
     def of(sensor: str) -> list[int]:
         return [names.index(f"{sensor}/{kind}") for kind in _BELIEVED_NOT]
@@ -109,23 +111,30 @@ def add_trust(wiring: Wiring, sensors: SensorSuite, springs: SpringDrives, conta
     wanted["jolt"] = [names.index(f"{mount.name}/jump") for mount in robot.force_torque]
     doubts = picked(builder, "doubts", raised, wanted)
     limit = np.repeat([MONITOR.gyro_jump, MONITOR.accel_jump], 3)
-    trusted_imu = TrustedImu(limit, 1, len(robot.force_torque), period)
-    wiring.add("trusted_imu", trusted_imu, imu=imu, flagged=doubts["imu"], jolt=doubts["jolt"])
+    validated_imu = ValidatedImu(limit, 1, len(robot.force_torque), period)
+    wiring.add("validated_imu", validated_imu, imu=imu, flagged=doubts["imu"], jolt=doubts["jolt"])
     contacts_of = tuple(sensor_of(robot, contact) for contact in law.model.contacts)
-    trusted_wrench = TrustedWrench(len(robot.force_torque), len(_BELIEVED_NOT), contacts_of, period)
+    validated_wrench = ValidatedWrench(len(robot.force_torque), len(_BELIEVED_NOT), contacts_of, period)
     told = {} if contacts is None else {"contacts": failing(wiring, "contacts", contacts)}
-    wiring.add("trusted_wrench", trusted_wrench, wrench=wrench, flagged=doubts["wrench"], **told)
+    wiring.add("validated_wrench", validated_wrench, wrench=wrench, flagged=doubts["wrench"], **told)
     feet = StandingFeet(robot, law.model.contacts, contacts_of, sole_compliance(wiring), period)
-    known = {"wrench": trusted_wrench.GetOutputPort("reading"), "contacts": trusted_wrench.GetOutputPort("contacts")}
-    known |= {"imu": trusted_imu.GetOutputPort("reading"), "link_angle": joints.GetOutputPort("link_angle")}
+    known = {
+        "wrench": validated_wrench.GetOutputPort("reading"),
+        "contacts": validated_wrench.GetOutputPort("contacts"),
+    }
+    known |= {"imu": validated_imu.GetOutputPort("reading"), "link_angle": joints.GetOutputPort("link_angle")}
     wiring.add("standing_feet", feet, **known)
-    believed: Any = {"encoder": _As(joints, "link_angle"), "imu": feet, "force_torque": trusted_wrench}
-    return Trusted(
+    believed: Any = {"encoder": _As(joints, "link_angle"), "imu": feet, "force_torque": validated_wrench}
+    return ValidatedSensors(
         replace(sensors, **believed),
         replace(springs, motor_angle=joints.GetOutputPort("motor_angle"), torque=joints.GetOutputPort("torque")),
         joints.GetOutputPort("position" if wiring.scenario.series_elastic.link_from == "motor" else "link_angle"),
-        trusted_wrench.GetOutputPort("contacts"),
-        {names: raised, FLAGS: joints.GetOutputPort("flags"), ("imu/left_out",): trusted_imu.GetOutputPort("left_out")},
+        validated_wrench.GetOutputPort("contacts"),
+        {
+            names: raised,
+            FLAGS: joints.GetOutputPort("flags"),
+            ("imu/left_out",): validated_imu.GetOutputPort("left_out"),
+        },
     )
 
 
@@ -142,17 +151,17 @@ class _As:
         return found
 
 
-def _joint_senses(wiring: Wiring, springs: SpringDrives, encoder: OutputPort) -> JointSenses:
+def _joint_sensors(wiring: Wiring, springs: SpringDrives, encoder: OutputPort) -> JointSensors:
     spec, suite = wiring.scenario.series_elastic, sensor_specs(wiring.scenario, wiring.law.period)
     compliance, times = believed_springs(wiring, springs)
     noisy = bool(np.all(np.asarray(spec.gauge.noise) > 0.0)), bool(np.all(np.asarray(suite.encoder.noise) > 0.0))
-    senses = JointSenses(compliance, times, wiring.law.period, noisy)
+    senses = JointSensors(compliance, times, wiring.law.period, noisy)
     raw = {
         "motor_angle": failing(wiring, "motor_encoder", springs.motor_angle),
         "torque": failing(wiring, "gauge", springs.torque),
         "link_angle": encoder,
     }
-    wiring.add("joint_senses", senses, **raw)
+    wiring.add("joint_sensors", senses, **raw)
     return senses
 
 
@@ -173,17 +182,17 @@ def sole_compliance(wiring: Wiring) -> FloatArray:
     return found
 
 
-def stopped(wiring: Wiring, trusted: Trusted, state: OutputPort) -> tuple[OutputPort, SpringDrives]:
+def stopped(wiring: Wiring, validated: ValidatedSensors, state: OutputPort) -> tuple[OutputPort, SpringDrives]:
     """State and gauges for the controllers: see `blind_stop`."""
-    builder, flags = wiring.builder, wiring.builder.GetSubsystemByName("joint_senses").GetOutputPort("flags")
+    builder, flags = wiring.builder, wiring.builder.GetSubsystemByName("joint_sensors").GetOutputPort("flags")
     lost = picked(builder, "joint_lost", flags, {"lost": [FLAGS.index("joint/lost")]})["lost"]
     law = wiring.law
     system = BlindStop(state.size(), law.model.n, law.fade, law.period)
-    wiring.add("blind_stop", system, state=state, torque=trusted.springs.torque, lost=lost)
-    return system.GetOutputPort("state"), replace(trusted.springs, torque=system.GetOutputPort("torque"))
+    wiring.add("blind_stop", system, state=state, torque=validated.springs.torque, lost=lost)
+    return system.GetOutputPort("state"), replace(validated.springs, torque=system.GetOutputPort("torque"))
 
 
-def add_flags(wiring: Wiring, trusted: Trusted) -> tuple[str, ...]:
+def add_flags(wiring: Wiring, validated: ValidatedSensors) -> tuple[str, ...]:
     """Let the feet stand in for the IMU, and its loss stop all motion; record all flags in one signal, `flags`.
 
     Their names, SENSOR/WHAT, are returned.
@@ -205,7 +214,7 @@ def add_flags(wiring: Wiring, trusted: Trusted) -> tuple[str, ...]:
     places = [known.index(name) for name in named]
     own = picked(builder, "estimator_flags", estimator.GetOutputPort("status"), {"own": places})
     told = {
-        **trusted.flags,
+        **validated.flags,
         ("imu/turning",): feet.GetOutputPort("flag"),
         ("imu/lost",): feet.GetOutputPort("lost"),
         tuple(named.values()): own["own"],

@@ -46,7 +46,7 @@ class Wiring:
         return system
 
 
-def add_senses(wiring: Wiring) -> SensorSuite:
+def add_whole_body_sensors(wiring: Wiring) -> SensorSuite:
     """Encoders, IMU and F/T sensors, as the scenario has them; the IMU is a tick late at least.
 
     What it measures is what this tick's torques cause, so a reading without delay would need itself.
@@ -76,7 +76,7 @@ def estimated_state(wiring: Wiring, sensors: SensorSuite, contacts: OutputPort |
 
     Args:
         wiring: Of the diagram.
-        sensors: From `add_senses`.
+        sensors: From `add_whole_body_sensors`.
         contacts: Which carry; None: all of them.
     """
     law, n = wiring.law, wiring.law.model.n

@@ -14,7 +14,7 @@ from drake_tc.loops.whole_body.scenario import KnotSpec, TsidScenario, TurnSpec
 from drake_tc.tsid.configuration import load_law
 from drake_tc.tsid.law import Status
 
-TSID = Path(__file__).resolve().parents[2] / "models" / "coman_like" / "coman_like_tsid.yaml"
+TSID = Path(__file__).resolve().parents[3] / "models" / "coman_like" / "coman_like_tsid.yaml"
 SWING = KnotSpec(turn=TurnSpec((0.0, 0.0, 2.0), amplitude=0.4, frequency_hz=1.5, rise=0.4))
 NOD = KnotSpec(turn=TurnSpec((0.0, 1.0, 0.0), times=(0.2, 0.6, 0.9), angles=(0.0, 0.5, 0.2)))
 

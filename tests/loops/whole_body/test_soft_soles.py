@@ -20,7 +20,7 @@ from drake_tc.robot.mounts import Mount
 from drake_tc.tsid.contacts import Contact
 from drake_tc.tsid.law import Status
 
-TSID = Path(__file__).resolve().parents[2] / "models" / "coman_like" / "coman_like_tsid.yaml"
+TSID = Path(__file__).resolve().parents[3] / "models" / "coman_like" / "coman_like_tsid.yaml"
 MASS, STIFFNESS, A, B = 20.0, 2.0e5, 0.1, 0.05
 WEIGHT = MASS * 9.81
 SOLE = Contact("sole", Mount("sole", "foot"), half_length=A - 0.005, half_width=B - 0.005)

@@ -12,7 +12,7 @@ from drake_tc.loops.whole_body.violations import contact_misses, contact_wrenche
 from drake_tc.robot.plant import joint_limits
 from drake_tc.tsid.configuration import load_law
 
-FILE = Path(__file__).resolve().parents[2] / "models" / "hrp2_like" / "hrp2_like_tsid.yaml"
+FILE = Path(__file__).resolve().parents[3] / "models" / "hrp2_like" / "hrp2_like_tsid.yaml"
 TILT, FRICTION, LEAST = 0.7, 0.5, 20.0
 M = FRICTION * np.sqrt(0.5)
 TURN = np.array([[np.cos(TILT), 0.0, np.sin(TILT)], [0.0, 1.0, 0.0], [-np.sin(TILT), 0.0, np.cos(TILT)]])

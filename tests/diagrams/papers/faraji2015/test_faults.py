@@ -20,7 +20,7 @@ from drake_tc.loops.whole_body.scenario import FALLIBLE, load_tsid_scenario
 from drake_tc.sensing.fault import SensorFault
 from drake_tc.sensor_validation.standing_feet import LOST
 
-FILE = Path(__file__).resolve().parents[2] / "diagrams" / "coman.scenario.yaml"
+FILE = Path(__file__).resolve().parents[4] / "diagrams" / "coman.scenario.yaml"
 DT = 1e-3
 GOOD = FaultOutcome(None, 0.01, "imu/frozen", (), 0.001, 0.02, 0.4, 0.5, 0, True)
 

@@ -30,7 +30,7 @@ from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.loops.torque.recording import write_log
 from drake_tc.loops.torque.running import simulate_scenario
 
-MODELS = Path(__file__).resolve().parents[2] / "models" / "hrp2_like"
+MODELS = Path(__file__).resolve().parents[4] / "models" / "hrp2_like"
 TRUTH = load_models(MODELS / f"{STEM}_actuators.yaml")
 GAIN, VISCOUS, COULOMB, INERTIA, ZONE = 2e-4, 40.0, 2.0, 0.3, 3e-4
 NOISE = 1e-5

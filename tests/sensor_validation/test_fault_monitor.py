@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from estimation.machines import joint_xml, link_xml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_array_equal
@@ -16,8 +17,6 @@ from drake_tc.sensing.spec import SensorSpec
 from drake_tc.sensing.suite import SensorSuiteSpec
 from drake_tc.sensor_validation.fault_monitor import FaultMonitor
 from drake_tc.sensor_validation.monitor_spec import MonitorSpec
-
-from .machines import joint_xml, link_xml
 
 DT = 1e-3
 N = 3

@@ -23,7 +23,7 @@ from drake_tc.loops.whole_body.scenario import load_tsid_scenario
 from drake_tc.robot.plant import make_plant
 from drake_tc.robot.robot import load_robot
 
-FILE = Path(__file__).resolve().parents[2] / "diagrams" / "coman.scenario.yaml"
+FILE = Path(__file__).resolve().parents[4] / "diagrams" / "coman.scenario.yaml"
 MODELS = FILE.parents[1] / "models" / "coman_like" / "coman_like_actuators.yaml"
 
 
@@ -97,7 +97,7 @@ def position_loop(kp):
 
 
 def test_the_position_gain_is_what_the_rule_gives():
-    """As much as leaves a delay margin of 5 ms and a sensitivity peak of 2, to 100 N m/rad: diagrams/sea/README.md."""
+    """As much as leaves a delay margin of 5 ms and a sensitivity peak of 2, to 100 N m/rad: diagrams/sea_joint.md."""
     gain = scenario("pushed_held").series_elastic.position_gain
     chosen, more = position_loop(gain), position_loop(gain + 200.0)
     assert chosen.delay_margin >= 5e-3

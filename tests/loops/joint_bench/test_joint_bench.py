@@ -13,7 +13,7 @@ from drake_tc.effects.library import effect
 from drake_tc.errors import ParamsError
 from drake_tc.loops.joint_bench.diagram import Table
 from drake_tc.loops.joint_bench.free_run import free_run
-from drake_tc.loops.joint_bench.recording import BenchScenario, quantise, record_bench
+from drake_tc.loops.joint_bench.recording import BenchScenario, load_bench_scenario, quantise, record_bench
 
 GAIN = 0.5
 BASE = (

@@ -1,4 +1,4 @@
-"""What diagrams/sea/README.md says: its tables of laws against the record, its rule of tuning against margins."""
+"""What diagrams/sea_joint.md says: its tables of laws against the record, its rule of tuning against margins."""
 
 from pathlib import Path
 
@@ -16,7 +16,7 @@ from drake_tc.diagrams.papers.faraji2015.sea_laws import (
 from numpy.testing import assert_allclose
 from readme_tables import assert_quoted
 
-README = (Path(sea_bode.__file__).parents[1] / "sea" / "README.md").read_text(encoding="utf-8")
+README = (Path(sea_bode.__file__).parents[2] / "sea_joint.md").read_text(encoding="utf-8")
 
 
 @pytest.mark.slow

@@ -10,7 +10,7 @@ from drake_tc.errors import ParamsError
 from drake_tc.loops.whole_body.scenario import TsidScenario, load_tsid_scenario
 from drake_tc.robot.plant import make_plant
 from drake_tc.sensing.fault import SensorFault
-from drake_tc.sensor_validation.body_sensors import SETTLED, TrustedImu, TrustedWrench
+from drake_tc.sensor_validation.body_sensors import SETTLED, ValidatedImu, ValidatedWrench
 from drake_tc.sensor_validation.standing_feet import TILT_TIME, StandingFeet
 from drake_tc.tsid.configuration import load_law
 
@@ -27,7 +27,7 @@ def step(system, context):
 
 def imu_run(samples, flagged=None, jolts=None):
     """(T, 6) what is given, (T,) whether left out, of samples that begin `SETTLED` after the start."""
-    system = TrustedImu(np.repeat([0.3, 1.5], 3), 1, 2, DT)
+    system = ValidatedImu(np.repeat([0.3, 1.5], 3), 1, 2, DT)
     context, found, out = system.CreateDefaultContext(), [], []
     context.SetTime(SETTLED)
     for k, sample in enumerate(samples):
@@ -81,7 +81,7 @@ def test_a_jump_that_is_soon_over_costs_its_own_samples(long, left_out):
 
 
 def test_a_contact_of_which_nothing_is_told_goes_by_its_load():
-    system = TrustedWrench(2, 1, (0, 1), DT)
+    system = ValidatedWrench(2, 1, (0, 1), DT)
     context = system.CreateDefaultContext()
     for name, value in (("wrench", np.ones(12)), ("flagged", [0.0, 1.0]), ("contacts", [np.nan, 1.0])):
         system.GetInputPort(name).FixValue(context, value)
@@ -101,7 +101,7 @@ def test_an_imu_that_stays_off_stays_out_and_flags_and_nan_leave_it_out_at_once(
 
 
 def test_an_f_t_sensor_that_is_lost_repeats_its_last_good_reading_and_its_contact_is_kept():
-    system = TrustedWrench(2, 2, (1, 0, 1), DT)  # the first contact's load is the second sensor's
+    system = ValidatedWrench(2, 2, (1, 0, 1), DT)  # the first contact's load is the second sensor's
     context = system.CreateDefaultContext()
     good = np.arange(12.0)
     ports = {name: system.GetInputPort(name) for name in ("wrench", "flagged", "contacts")}

@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from drake_tc.estimation.link_position import LinkPosition
 from drake_tc.sensing.fault import SensorFault
 from drake_tc.sensing.sensor import SensorSpec, corrupt
-from drake_tc.sensor_validation.joint_sensors import FLAGS, JointSenses
+from drake_tc.sensor_validation.joint_sensors import FLAGS, JointSensors
 from drake_tc.sensor_validation.joint_voting import ROWS, TAU, THETA, JointVoting, Q
 
 DT = 1e-3
@@ -160,7 +160,7 @@ def step(system, context):
 def test_the_system_is_the_vote_and_its_flags_say_which():
     y = readings(joints(), gauge=[SensorFault("frozen", START, 0.1)], encoder=[SensorFault("nan", 0.6, channels=(1,))])
     votes, given_ = voted(y)
-    system = JointSenses(C, TIME, DT)
+    system = JointSensors(C, TIME, DT)
     context, names, up = system.CreateDefaultContext(), ("motor_angle", "torque", "link_angle"), []
     link = LinkPosition(C, TIME, DT)
     beside = link.CreateDefaultContext()

@@ -25,7 +25,7 @@ from drake_tc.loops.whole_body.violations import contact_wrenches
 from drake_tc.robot.mounts import Mount
 from drake_tc.tsid.contacts import Contact
 
-FILE = Path(__file__).resolve().parents[2] / "diagrams" / "coman.scenario.yaml"
+FILE = Path(__file__).resolve().parents[4] / "diagrams" / "coman.scenario.yaml"
 MASS, STIFFNESS, SLOPE, GRAVITY = 20.0, 2.0e5, 0.35, 9.81
 SOLE = Contact("sole", Mount("sole", "foot"), half_length=0.1, half_width=0.05)
 
