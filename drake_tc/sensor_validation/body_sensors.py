@@ -1,4 +1,4 @@
-"""`ValidatedImu`, `ValidatedWrench`: readings that the base estimator may believe; what stands in for those it may not."""
+"""`ValidatedImu`, `ValidatedWrench`: checked readings for the base estimator, and substitutes for failed ones."""
 
 from typing import Any
 

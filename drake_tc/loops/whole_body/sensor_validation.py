@@ -114,22 +114,22 @@ def add_sensor_validation(
     validated_imu = ValidatedImu(limit, 1, len(robot.force_torque), period)
     wiring.add("validated_imu", validated_imu, imu=imu, flagged=doubts["imu"], jolt=doubts["jolt"])
     contacts_of = tuple(sensor_of(robot, contact) for contact in law.model.contacts)
-    validated_wrench = ValidatedWrench(len(robot.force_torque), len(_BELIEVED_NOT), contacts_of, period)
+    contact_wrench = ValidatedWrench(len(robot.force_torque), len(_BELIEVED_NOT), contacts_of, period)
     told = {} if contacts is None else {"contacts": failing(wiring, "contacts", contacts)}
-    wiring.add("validated_wrench", validated_wrench, wrench=wrench, flagged=doubts["wrench"], **told)
+    wiring.add("validated_wrench", contact_wrench, wrench=wrench, flagged=doubts["wrench"], **told)
     feet = StandingFeet(robot, law.model.contacts, contacts_of, sole_compliance(wiring), period)
     known = {
-        "wrench": validated_wrench.GetOutputPort("reading"),
-        "contacts": validated_wrench.GetOutputPort("contacts"),
+        "wrench": contact_wrench.GetOutputPort("reading"),
+        "contacts": contact_wrench.GetOutputPort("contacts"),
     }
     known |= {"imu": validated_imu.GetOutputPort("reading"), "link_angle": joints.GetOutputPort("link_angle")}
     wiring.add("standing_feet", feet, **known)
-    believed: Any = {"encoder": _As(joints, "link_angle"), "imu": feet, "force_torque": validated_wrench}
+    believed: Any = {"encoder": _As(joints, "link_angle"), "imu": feet, "force_torque": contact_wrench}
     return ValidatedSensors(
         replace(sensors, **believed),
         replace(springs, motor_angle=joints.GetOutputPort("motor_angle"), torque=joints.GetOutputPort("torque")),
         joints.GetOutputPort("position" if wiring.scenario.series_elastic.link_from == "motor" else "link_angle"),
-        validated_wrench.GetOutputPort("contacts"),
+        contact_wrench.GetOutputPort("contacts"),
         {
             names: raised,
             FLAGS: joints.GetOutputPort("flags"),
