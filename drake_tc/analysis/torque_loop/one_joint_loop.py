@@ -19,7 +19,7 @@ from drake_tc.actuation.wiring import add_actuators
 from drake_tc.control.guard import GuardMode
 from drake_tc.errors import ParamsError
 from drake_tc.loops.scenarios.parts import PushSpec
-from drake_tc.loops.torque.parts import Parts, actuator_models, loop_robot, sensor_suite
+from drake_tc.loops.torque.parts import TorqueLoopBuilder, actuator_models, loop_robot, sensor_suite
 from drake_tc.loops.torque.references import posture, references
 from drake_tc.loops.torque.scenario import Scenario
 from drake_tc.loops.torque.stages import torque_command
@@ -108,7 +108,7 @@ def one_joint_loop(
     plant.SetUseSampledOutputPorts(False)
     plant.Finalize()
     sensors = add_sensors(builder, plant, robot, sensor_suite(scenario), scenario.dt, scenario.seed)
-    parts = Parts(builder, scenario, robot, plant, sensors)
+    parts = TorqueLoopBuilder(builder, scenario, robot, plant, sensors)
     command = torque_command(parts, references(scenario, robot))
     model = actuator_models(scenario, whole)[joint] if drive is None else drive
     actuators = add_actuators(builder, plant, {joint: model}, scenario.plant_step)

@@ -22,9 +22,9 @@ from pydrake.systems.framework import Context, Diagram, DiagramBuilder, OutputPo
 
 from drake_tc.actuation.model import ActuatorModel
 from drake_tc.actuation.wiring import add_actuators
-from drake_tc.loops.signal_log import SignalLog, add_log
+from drake_tc.loops.signal_log import SignalLog
 from drake_tc.loops.surroundings import add_objects, add_pushes, add_suspension, check_masses, set_masses
-from drake_tc.loops.torque.parts import Parts, actuator_models, loop_robot, sensor_suite
+from drake_tc.loops.torque.parts import TorqueLoopBuilder, actuator_models, loop_robot, sensor_suite
 from drake_tc.loops.torque.references import posture, references
 from drake_tc.loops.torque.scenario import Scenario
 from drake_tc.loops.torque.stages import servo_command, torque_command
@@ -80,12 +80,10 @@ def build_loop(scenario: Scenario, *, meshcat: bool = False) -> Loop:
     plant = _add_plant(builder, scenario, robot, meshcat=meshcat)
     suite = sensor_suite(scenario)
     sensors = add_sensors(builder, plant, robot, suite, scenario.dt, scenario.seed, scenario.faults)
-    parts = Parts(builder, scenario, robot, plant, sensors)
+    parts = TorqueLoopBuilder(builder, scenario, plant, scenario.dt, robot=robot, sensors=sensors)
     command = torque_command(parts, wanted) if scenario.controller == "torque" else servo_command(parts, wanted)
     _add_drives(parts, models, command)
-    log = add_log(builder, parts.signals, parts.scenario.dt)
-    diagram = builder.Build()
-    diagram.set_name(f"{robot.name}_{scenario.controller}_loop")
+    diagram, log = parts.build(f"{robot.name}_{scenario.controller}_loop")
     return Loop(scenario, robot, models, diagram, plant, log, parts.flag_names)
 
 
@@ -112,7 +110,7 @@ def _add_plant(builder: DiagramBuilder, scenario: Scenario, robot: Robot, *, mes
     return built
 
 
-def _add_drives(parts: Parts, models: Mapping[str, ActuatorModel], command: OutputPort) -> None:
+def _add_drives(parts: TorqueLoopBuilder, models: Mapping[str, ActuatorModel], command: OutputPort) -> None:
     """The actuators between command and plant, and the signals that every run records."""
     plant, sensors = parts.plant, parts.sensors
     actuators = add_actuators(parts.builder, plant, models, parts.scenario.plant_step)

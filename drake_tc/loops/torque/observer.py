@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from pydrake.systems.framework import OutputPort
-from pydrake.systems.primitives import Demultiplexer, Multiplexer
+from pydrake.systems.primitives import Demultiplexer
 
 from drake_tc.actuation.model import ActuatorModel
 from drake_tc.control.torque_control import TorqueControl
@@ -12,12 +12,12 @@ from drake_tc.estimation.delay_predictor import DelayPredictor
 from drake_tc.estimation.disturbance_observer import DisturbanceObserver, ObserverSpec
 from drake_tc.estimation.joint_torque import JointTorqueEstimator
 from drake_tc.filtering.savitzky_golay import SavitzkyGolayFilter
-from drake_tc.loops.ports import base_now, zeroed
-from drake_tc.loops.torque.parts import Parts, believed_robot
+from drake_tc.loops.torque.parts import TorqueLoopBuilder, believed_robot
+from drake_tc.loops.torque.ports import base_now, zeroed
 
 
 def prediction(
-    parts: Parts, models: list[ActuatorModel], delayed: Mapping[str, OutputPort]
+    parts: TorqueLoopBuilder, models: list[ActuatorModel], delayed: Mapping[str, OutputPort]
 ) -> tuple[dict[str, OutputPort], DisturbanceObserver | None]:
     """What is known of the joints now, for inverse dynamics and torque control.
 
@@ -55,7 +55,7 @@ def prediction(
     return known, observer
 
 
-def live_torque(parts: Parts, observer: DisturbanceObserver) -> JointTorqueEstimator:
+def live_torque(parts: TorqueLoopBuilder, observer: DisturbanceObserver) -> JointTorqueEstimator:
     """A torque estimate of this tick, from raw readings (the F/T sensors zeroed) and the observer's motion."""
     builder, scenario = parts.builder, parts.scenario
     delayed: Any = builder.GetSubsystemByName("torque_estimator")
@@ -70,7 +70,7 @@ def live_torque(parts: Parts, observer: DisturbanceObserver) -> JointTorqueEstim
 
 
 def connect_observer(
-    parts: Parts,
+    parts: TorqueLoopBuilder,
     observer: DisturbanceObserver,
     delayed: Mapping[str, OutputPort],
     known: Mapping[str, OutputPort],
@@ -99,10 +99,7 @@ def connect_observer(
     wires |= {"feedforward_torque": feedforward, "reference": reference, "sent_command": sent}
     split = builder.AddNamedSystem("wanted_acceleration", Demultiplexer([2 * n, n]))
     builder.Connect(reference, split.get_input_port())
-    joined = builder.AddNamedSystem("model_signals", Multiplexer([n, n]))
-    builder.Connect(feedforward, joined.get_input_port(0))
-    builder.Connect(split.get_output_port(1), joined.get_input_port(1))
-    wires["delayed_reference"] = joined.get_output_port()
+    wires["delayed_reference"] = parts.join("model_signals", [feedforward, split.get_output_port(1)])
     estimator: Any = builder.GetSubsystemByName("torque_estimator")
     if spec.torque == "live":
         wires["joint_estimate"] = observer.GetOutputPort("motion")

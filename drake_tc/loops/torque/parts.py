@@ -1,16 +1,14 @@
 """What a scenario comes to before anything is wired: robot, actuators, sensors, gains; and what the stages share."""
 
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
-from pydrake.multibody.plant import MultibodyPlant
-from pydrake.systems.framework import DiagramBuilder, OutputPort
 
 from drake_tc.actuation.model import ActuatorModel, EffectValue
 from drake_tc.actuation.model_file import models_of_joints
 from drake_tc.control.gains import TorqueGains
 from drake_tc.errors import ParamsError
+from drake_tc.loops.loop_builder import LoopBuilder
 from drake_tc.loops.scenarios.parts import ModelFactors
 from drake_tc.loops.torque.scenario import Scenario
 from drake_tc.robot.robot import Robot, load_robot
@@ -18,29 +16,15 @@ from drake_tc.sensing.suite import SensorSuite, SensorSuiteSpec, load_suite
 
 
 @dataclass
-class Parts:
-    """What the stages need of each other while the loop is being wired.
+class TorqueLoopBuilder(LoopBuilder[Scenario]):
+    """The torque loop under construction.
 
     Attributes:
-        builder, scenario, robot, plant, sensors: Of the loop.
-        signals: Name to port, of what is recorded.
-        flag_names: Of the fault monitor's flags.
+        robot, sensors: Of the loop.
     """
 
-    builder: DiagramBuilder
-    scenario: Scenario
-    robot: Robot
-    plant: MultibodyPlant
-    sensors: SensorSuite
-    signals: dict[str, OutputPort] = field(default_factory=dict)
-    flag_names: tuple[str, ...] = ()
-
-    def add(self, name: str, system: Any, **inputs: OutputPort) -> Any:
-        """Add a system and connect its named inputs."""
-        self.builder.AddNamedSystem(name, system)
-        for port, source in inputs.items():
-            self.builder.Connect(source, system.GetInputPort(port))
-        return system
+    robot: Robot = field(kw_only=True)
+    sensors: SensorSuite = field(kw_only=True)
 
 
 def loop_robot(scenario: Scenario) -> Robot:
@@ -63,7 +47,7 @@ def loop_robot(scenario: Scenario) -> Robot:
     return robot
 
 
-def believed_robot(parts: "Parts") -> Robot:
+def believed_robot(parts: TorqueLoopBuilder) -> Robot:
     """The robot as estimator and controller take it: with `base_from: fixed` a floating base too counts as fixed."""
     return replace(parts.robot, fixed_base=True) if parts.scenario.base_from == "fixed" else parts.robot
 

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 from pydrake.systems.framework import OutputPort
-from pydrake.systems.primitives import ConstantVectorSource, Demultiplexer, Multiplexer
+from pydrake.systems.primitives import ConstantVectorSource, Demultiplexer
 
 from drake_tc.actuation.model import ActuatorModel
 from drake_tc.control.guard import CommandGuard
@@ -14,17 +14,17 @@ from drake_tc.control.torque_control import TorqueControl
 from drake_tc.estimation.joint_torque import JointTorqueEstimator
 from drake_tc.estimation.torque_model import TorqueModel
 from drake_tc.estimation.wrench_tare import WrenchTare
-from drake_tc.filtering.savitzky_golay import SavitzkyGolayFilter
-from drake_tc.loops.ports import base_now, first_imu, picked, zeroed
+from drake_tc.loops.ports import first_imu, picked
 from drake_tc.loops.torque.observer import connect_observer, prediction
-from drake_tc.loops.torque.parts import Parts, actuator_models, believed_robot, sensor_suite, torque_gains
+from drake_tc.loops.torque.parts import TorqueLoopBuilder, actuator_models, believed_robot, sensor_suite, torque_gains
+from drake_tc.loops.torque.ports import base_now, zeroed
 from drake_tc.loops.torque.references import References, table_source
 from drake_tc.loops.torque.rigid_torque import rigid_torque
 from drake_tc.robot.plant import joint_limits
 from drake_tc.sensor_validation.fault_monitor import FaultMonitor
 
 
-def servo_command(parts: Parts, wanted: References) -> OutputPort:
+def servo_command(parts: TorqueLoopBuilder, wanted: References) -> OutputPort:
     """The reference itself; the vendor's servo does the rest."""
     n = len(parts.robot.joints)
     source = parts.builder.AddNamedSystem("reference", table_source(wanted.time, wanted.motion))
@@ -36,7 +36,7 @@ def servo_command(parts: Parts, wanted: References) -> OutputPort:
     return _guarded(parts, split.get_output_port(0), sound.get_output_port())
 
 
-def torque_command(parts: Parts, wanted: References) -> OutputPort:
+def torque_command(parts: TorqueLoopBuilder, wanted: References) -> OutputPort:
     """Reference to command through filters, estimator, inverse dynamics and torque control."""
     builder, scenario = parts.builder, parts.scenario
     reference = builder.AddNamedSystem("reference", table_source(wanted.time, wanted.motion)).get_output_port()
@@ -74,7 +74,7 @@ def torque_command(parts: Parts, wanted: References) -> OutputPort:
 
 
 def _torque_control(
-    parts: Parts,
+    parts: TorqueLoopBuilder,
     models: list[ActuatorModel],
     known: Mapping[str, OutputPort],
     dynamics: InverseDynamics,
@@ -92,7 +92,7 @@ def _torque_control(
 
 
 def _inverse_dynamics(
-    parts: Parts, wanted: References, estimates: Mapping[str, OutputPort], inputs: dict[str, OutputPort]
+    parts: TorqueLoopBuilder, wanted: References, estimates: Mapping[str, OutputPort], inputs: dict[str, OutputPort]
 ) -> InverseDynamics:
     """The inverse dynamics, with a force task where the scenario has one or wants to see its share of the command.
 
@@ -121,35 +121,12 @@ def _inverse_dynamics(
     return parts.add("inverse_dynamics", dynamics, **inputs)  # type: ignore[no-any-return]
 
 
-def _filters(parts: Parts) -> dict[str, OutputPort]:
-    """One Savitzky–Golay filter behind all sensors; the ports that the estimator reads."""
-    spec, robot, sensors, builder = parts.scenario.filters, parts.robot, parts.sensors, parts.builder
-    readings = {"joint_estimate": sensors.encoder.GetOutputPort("reading")}
-    derivatives = {"joint_estimate": 3, "imu_estimate": 2, "wrench_estimate": 1}
-    if sensors.imu is not None and parts.scenario.base_from == "imu":
-        readings["imu_estimate"] = first_imu(parts.builder, sensors.imu.GetOutputPort("reading"))
-    if sensors.force_torque is not None:
-        readings["wrench_estimate"] = sensors.force_torque.GetOutputPort("reading")
-    sizes = [port.size() for port in readings.values()]
-    joined = builder.AddNamedSystem("readings", Multiplexer(sizes))
-    for index, port in enumerate(readings.values()):
-        builder.Connect(port, joined.get_input_port(index))
-    n, total = len(robot.joints), sum(sizes)
-    orders = [spec.encoder_order] * n + [spec.inertial_order] * (total - n)
-    smooth = SavitzkyGolayFilter(total, spec.window, orders, parts.scenario.dt)
-    parts.add("filter", smooth, signal=joined.get_output_port())
-    first = dict(zip(readings, np.cumsum([0, *sizes[:-1]]).tolist(), strict=True))
-    wanted = {
-        name: [d * total + first[name] + i for d in range(derivatives[name]) for i in range(size)]
-        for name, size in zip(readings, sizes, strict=True)
-    }
-    ports: dict[str, OutputPort] = picked(builder, "estimates", smooth.GetOutputPort("estimate"), wanted)
-    return ports
-
-
-def _estimation(parts: Parts) -> tuple[dict[str, OutputPort], dict[str, OutputPort]]:
+def _estimation(parts: TorqueLoopBuilder) -> tuple[dict[str, OutputPort], dict[str, OutputPort]]:
     """Filters, tare and torque estimator: the estimator's ports and the filters'."""
-    scenario, ports = parts.scenario, _filters(parts)
+    scenario = parts.scenario
+    spec = scenario.filters
+    orders = (spec.encoder_order, spec.inertial_order)
+    ports = parts.filtered_readings(parts.sensors, spec.window, orders, imu=scenario.base_from == "imu")
     robot = believed_robot(parts)
     model = TorqueModel(robot, base=scenario.base_from, angular_acceleration=scenario.angular_acceleration)
     if scenario.tare and parts.robot.force_torque:
@@ -164,7 +141,7 @@ def _estimation(parts: Parts) -> tuple[dict[str, OutputPort], dict[str, OutputPo
     return picked(parts.builder, "torque_estimates", estimator.GetOutputPort("estimate"), places), ports
 
 
-def _monitor(parts: Parts, estimates: Mapping[str, OutputPort], reference: OutputPort) -> FaultMonitor:
+def _monitor(parts: TorqueLoopBuilder, estimates: Mapping[str, OutputPort], reference: OutputPort) -> FaultMonitor:
     """The fault monitor; where nothing is to be touched, a contact wrench is a fault."""
     robot, scenario, sensors = parts.robot, parts.scenario, parts.sensors
     touched = scenario.objects or scenario.pushes
@@ -185,7 +162,7 @@ def _monitor(parts: Parts, estimates: Mapping[str, OutputPort], reference: Outpu
     return monitor
 
 
-def _guarded(parts: Parts, command: OutputPort, fault: OutputPort) -> OutputPort:
+def _guarded(parts: TorqueLoopBuilder, command: OutputPort, fault: OutputPort) -> OutputPort:
     """The command behind the guard."""
     encoder = parts.sensors.encoder.GetOutputPort("reading")
     n = len(parts.robot.joints)

@@ -13,7 +13,7 @@ from drake_tc.estimation.base.system import BaseEstimator
 from drake_tc.filtering.savitzky_golay import SavitzkyGolayFilter
 from drake_tc.loops.ports import first_imu, picked
 from drake_tc.loops.whole_body.scenario import TsidScenario
-from drake_tc.loops.whole_body.sensors import Wiring, sensor_specs
+from drake_tc.loops.whole_body.sensors import WholeBodyBuilder, sensor_specs
 from drake_tc.loops.whole_body.series_elastic_drives import Start
 from drake_tc.robot.robot import Robot
 from drake_tc.sensing.suite import SensorSuite
@@ -22,7 +22,7 @@ from drake_tc.tsid.contacts import Contact
 GRAVITY = 9.81
 
 
-def estimator_spec(wiring: Wiring) -> BaseEstimatorSpec:
+def estimator_spec(wiring: WholeBodyBuilder) -> BaseEstimatorSpec:
     """The estimator's contacts: those of the controller, with the robot's own soles and F/T sensors.
 
     Raises:
@@ -75,7 +75,7 @@ def sensor_of(robot: Robot, contact: Contact) -> int:
 
 
 def base_state(
-    wiring: Wiring, sensors: SensorSuite, position: OutputPort, contacts: OutputPort | None
+    wiring: WholeBodyBuilder, sensors: SensorSuite, position: OutputPort, contacts: OutputPort | None
 ) -> tuple[OutputPort, Start]:
     """[q; v] by the base estimator, a tick late.
 
@@ -130,7 +130,7 @@ def base_state(
     return port, start
 
 
-def _held_off(wiring: Wiring, contacts: OutputPort) -> OutputPort:
+def _held_off(wiring: WholeBodyBuilder, contacts: OutputPort) -> OutputPort:
     """0 where a contact carries (1), -1 where it does not (0)."""
     k, builder = contacts.size(), wiring.builder
     less: Any = -np.ones(k)

@@ -20,12 +20,12 @@ from drake_tc.control.guard_law import GuardSpec
 from drake_tc.control.torque_control import TorqueControl
 from drake_tc.errors import ParamsError
 from drake_tc.loops.whole_body.desired_motion import WantedMotion
-from drake_tc.loops.whole_body.sensors import Wiring, estimated_torque
+from drake_tc.loops.whole_body.sensors import WholeBodyBuilder, estimated_torque
 from drake_tc.robot.plant import joint_limits
 from drake_tc.sensing.suite import SensorSuite
 
 
-def drive_models(wiring: Wiring, *, controller: bool = False) -> dict[str, ActuatorModel]:
+def drive_models(wiring: WholeBodyBuilder, *, controller: bool = False) -> dict[str, ActuatorModel]:
     """The simulated drives, or those that the torque control compensates, joint by joint.
 
     Raises:
@@ -39,7 +39,7 @@ def drive_models(wiring: Wiring, *, controller: bool = False) -> dict[str, Actua
     return models_of_joints(path, robot.joints)
 
 
-def add_drives(wiring: Wiring, sensors: SensorSuite, torque: OutputPort, state: OutputPort) -> None:
+def add_drives(wiring: WholeBodyBuilder, sensors: SensorSuite, torque: OutputPort, state: OutputPort) -> None:
     """Torque control and drives between the controller's torque and the plant.
 
     Args:

@@ -16,7 +16,7 @@ from pydrake.systems.primitives import Adder
 
 from drake_tc.control.stopping_reference import StoppingReference
 from drake_tc.errors import ParamsError
-from drake_tc.loops.signal_log import SignalLog, add_log
+from drake_tc.loops.signal_log import SignalLog
 from drake_tc.loops.surroundings import add_pushes, check_masses, set_masses
 from drake_tc.loops.whole_body.base_estimation import base_state
 from drake_tc.loops.whole_body.drives import add_drives
@@ -24,7 +24,7 @@ from drake_tc.loops.whole_body.ground import add_ground
 from drake_tc.loops.whole_body.references import contact_source, task_source
 from drake_tc.loops.whole_body.scenario import TsidScenario
 from drake_tc.loops.whole_body.sensor_validation import ValidatedSensors, add_flags, add_sensor_validation, stopped
-from drake_tc.loops.whole_body.sensors import Wiring, add_whole_body_sensors, estimated_state
+from drake_tc.loops.whole_body.sensors import WholeBodyBuilder, add_whole_body_sensors, estimated_state
 from drake_tc.loops.whole_body.series_elastic_drives import (
     SpringDrives,
     Start,
@@ -98,7 +98,8 @@ def build_tsid(scenario: TsidScenario, *, meshcat: bool = False) -> TsidLoop:
     plant = _add_plant(builder, scenario, law, meshcat=meshcat)
     controller = RobustTsid(law)
     touched = plant.get_generalized_contact_forces_output_port(plant.GetModelInstanceByName(law.model.robot.name))
-    wiring = Wiring(builder, scenario, law, plant, {"state": plant.get_state_output_port(), "contact": touched})
+    signals = {"state": plant.get_state_output_port(), "contact": touched}
+    wiring = WholeBodyBuilder(builder, scenario, plant, law.period, signals, law=law)
     senses = scenario.state != "plant" or scenario.torque == "drives"
     sensors = add_whole_body_sensors(wiring) if senses else None
     springs = add_spring_drives(wiring) if scenario.torque == "series_elastic" else None
@@ -126,9 +127,7 @@ def build_tsid(scenario: TsidScenario, *, meshcat: bool = False) -> TsidLoop:
     outputs = ("torque", "acceleration", "contact_force", "status")
     wiring.signals |= {name: controller.GetOutputPort(name) for name in outputs}
     flag_names = () if validated is None else add_flags(wiring, validated)
-    log = add_log(builder, wiring.signals, law.period)
-    diagram = builder.Build()
-    diagram.set_name(f"{law.model.robot.name}_tsid")
+    diagram, log = wiring.build(f"{law.model.robot.name}_tsid")
     return TsidLoop(scenario, law, diagram, plant, controller, log, tuple(starts), flag_names)
 
 
@@ -138,7 +137,7 @@ def _checked(scenario: TsidScenario) -> bool:
 
 
 def _validated(
-    wiring: Wiring, sensors: SensorSuite | None, springs: SpringDrives | None, contacts: OutputPort | None
+    wiring: WholeBodyBuilder, sensors: SensorSuite | None, springs: SpringDrives | None, contacts: OutputPort | None
 ) -> ValidatedSensors | None:
     """What checks the senses, in paper C's loop."""
     if sensors is None or springs is None or not _checked(wiring.scenario):
@@ -147,7 +146,7 @@ def _validated(
 
 
 def _known_state(
-    wiring: Wiring, sensors: SensorSuite | None, position: OutputPort | None, contacts: OutputPort | None
+    wiring: WholeBodyBuilder, sensors: SensorSuite | None, position: OutputPort | None, contacts: OutputPort | None
 ) -> tuple[OutputPort, list[Start]]:
     """[q; v] as the controller gets it, and what has to be started for it; joints' encoders where no `position` is."""
     if sensors is None or wiring.scenario.state == "plant":

@@ -20,13 +20,12 @@ from typing import Any
 
 import numpy as np
 from pydrake.systems.framework import Context, LeafSystem, OutputPort
-from pydrake.systems.primitives import Multiplexer
 
 from drake_tc.control.blind_stop import BlindStop
 from drake_tc.errors import ParamsError
 from drake_tc.loops.ports import first_imu, picked
 from drake_tc.loops.whole_body.base_estimation import sensor_of
-from drake_tc.loops.whole_body.sensors import Wiring, sensor_specs
+from drake_tc.loops.whole_body.sensors import WholeBodyBuilder, sensor_specs
 from drake_tc.loops.whole_body.series_elastic_drives import SpringDrives, believed_springs
 from drake_tc.sensing.sensor import Sensor
 from drake_tc.sensing.spec import SensorSpec
@@ -67,7 +66,7 @@ class ValidatedSensors:
     flags: dict[tuple[str, ...], OutputPort]
 
 
-def failing(wiring: Wiring, name: str, port: OutputPort) -> OutputPort:
+def failing(wiring: WholeBodyBuilder, name: str, port: OutputPort) -> OutputPort:
     """The port with the scenario's faults of that name: through a sensor that does nothing else."""
     faults = wiring.scenario.faults.get(name, ())
     if not faults:
@@ -79,7 +78,7 @@ def failing(wiring: Wiring, name: str, port: OutputPort) -> OutputPort:
 
 
 def add_sensor_validation(
-    wiring: Wiring, sensors: SensorSuite, springs: SpringDrives, contacts: OutputPort | None
+    wiring: WholeBodyBuilder, sensors: SensorSuite, springs: SpringDrives, contacts: OutputPort | None
 ) -> ValidatedSensors:
     """Put what checks the senses between them and their users.
 
@@ -151,7 +150,7 @@ class _As:
         return found
 
 
-def _joint_sensors(wiring: Wiring, springs: SpringDrives, encoder: OutputPort) -> JointSensors:
+def _joint_sensors(wiring: WholeBodyBuilder, springs: SpringDrives, encoder: OutputPort) -> JointSensors:
     spec, suite = wiring.scenario.series_elastic, sensor_specs(wiring.scenario, wiring.law.period)
     compliance, times = believed_springs(wiring, springs)
     noisy = bool(np.all(np.asarray(spec.gauge.noise) > 0.0)), bool(np.all(np.asarray(suite.encoder.noise) > 0.0))
@@ -165,7 +164,7 @@ def _joint_sensors(wiring: Wiring, springs: SpringDrives, encoder: OutputPort) -
     return senses
 
 
-def sole_compliance(wiring: Wiring) -> FloatArray:
+def sole_compliance(wiring: WholeBodyBuilder) -> FloatArray:
     """(c, 2) how far each contact tilts along its x and y per N m [rad/(N m)], as `SoleSpec` has it; 0 where hard.
 
     Of soles as stiff as the base estimator is told.
@@ -182,7 +181,9 @@ def sole_compliance(wiring: Wiring) -> FloatArray:
     return found
 
 
-def stopped(wiring: Wiring, validated: ValidatedSensors, state: OutputPort) -> tuple[OutputPort, SpringDrives]:
+def stopped(
+    wiring: WholeBodyBuilder, validated: ValidatedSensors, state: OutputPort
+) -> tuple[OutputPort, SpringDrives]:
     """State and gauges for the controllers: see `blind_stop`."""
     builder, flags = wiring.builder, wiring.builder.GetSubsystemByName("joint_sensors").GetOutputPort("flags")
     lost = picked(builder, "joint_lost", flags, {"lost": [FLAGS.index("joint/lost")]})["lost"]
@@ -192,7 +193,7 @@ def stopped(wiring: Wiring, validated: ValidatedSensors, state: OutputPort) -> t
     return system.GetOutputPort("state"), replace(validated.springs, torque=system.GetOutputPort("torque"))
 
 
-def add_flags(wiring: Wiring, validated: ValidatedSensors) -> tuple[str, ...]:
+def add_flags(wiring: WholeBodyBuilder, validated: ValidatedSensors) -> tuple[str, ...]:
     """Let the feet stand in for the IMU, and its loss stop all motion; record all flags in one signal, `flags`.
 
     Their names, SENSOR/WHAT, are returned.
@@ -220,10 +221,8 @@ def add_flags(wiring: Wiring, validated: ValidatedSensors) -> tuple[str, ...]:
         tuple(named.values()): own["own"],
     }
     groups = list(told.items())
-    joined: Any = builder.AddNamedSystem("all_flags", Multiplexer([len(names) for names, _ in groups]))
-    for number, (_, port) in enumerate(groups):
-        builder.Connect(port, joined.get_input_port(number))
-    flags = wiring.add("flags", Settled(joined.get_output_port().size()), signal=joined.get_output_port())
+    joined = wiring.join("all_flags", [port for _, port in groups])
+    flags = wiring.add("flags", Settled(joined.size()), signal=joined)
     wiring.signals["flags"] = flags.get_output_port()
     return tuple(name for names, _ in groups for name in names)
 

@@ -1,16 +1,14 @@
 """What the controller knows of the robot: the plant's own state, or an estimate from its sensors."""
 
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import dataclass, field, replace
 
-from pydrake.multibody.plant import MultibodyPlant
-from pydrake.systems.framework import DiagramBuilder, OutputPort
-from pydrake.systems.primitives import Multiplexer
+from pydrake.systems.framework import OutputPort
 
 from drake_tc.estimation.joint_torque import JointTorqueEstimator
 from drake_tc.estimation.torque_model import TorqueModel
 from drake_tc.filtering.savitzky_golay import SavitzkyGolayFilter
-from drake_tc.loops.ports import first_imu, picked
+from drake_tc.loops.loop_builder import LoopBuilder
+from drake_tc.loops.ports import first_imu
 from drake_tc.loops.whole_body.scenario import TsidScenario
 from drake_tc.sensing.suite import SENSORS, SensorSuite, SensorSuiteSpec, add_sensors, load_suite
 from drake_tc.tsid.law import Law
@@ -24,29 +22,17 @@ SLOW, ORDERS = 80, (2, 1)
 
 
 @dataclass
-class Wiring:
-    """What the parts of the diagram need of each other while it is being wired.
+class WholeBodyBuilder(LoopBuilder[TsidScenario]):
+    """The whole-body loop under construction.
 
     Attributes:
-        builder, scenario, law, plant: Of the diagram.
-        signals: Name to port, of what is recorded.
+        law: Of the controller.
     """
 
-    builder: DiagramBuilder
-    scenario: TsidScenario
-    law: Law
-    plant: MultibodyPlant
-    signals: dict[str, OutputPort]
-
-    def add(self, name: str, system: Any, **inputs: OutputPort) -> Any:
-        """Add a system and connect its named inputs."""
-        self.builder.AddNamedSystem(name, system)
-        for port, source in inputs.items():
-            self.builder.Connect(source, system.GetInputPort(port))
-        return system
+    law: Law = field(kw_only=True)
 
 
-def add_whole_body_sensors(wiring: Wiring) -> SensorSuite:
+def add_whole_body_sensors(wiring: WholeBodyBuilder) -> SensorSuite:
     """Encoders, IMU and F/T sensors, as the scenario has them; the IMU is a tick late at least.
 
     What it measures is what this tick's torques cause, so a reading without delay would need itself.
@@ -71,7 +57,7 @@ def sensor_specs(scenario: TsidScenario, period: float) -> SensorSuiteSpec:
     return replace(suite, **late)
 
 
-def estimated_state(wiring: Wiring, sensors: SensorSuite, contacts: OutputPort | None) -> OutputPort:
+def estimated_state(wiring: WholeBodyBuilder, sensors: SensorSuite, contacts: OutputPort | None) -> OutputPort:
     """[q; v] from the encoders and the contacts that carry.
 
     Args:
@@ -93,36 +79,14 @@ def estimated_state(wiring: Wiring, sensors: SensorSuite, contacts: OutputPort |
     return port
 
 
-def estimated_torque(wiring: Wiring, sensors: SensorSuite) -> dict[str, OutputPort]:
+def estimated_torque(wiring: WholeBodyBuilder, sensors: SensorSuite) -> dict[str, OutputPort]:
     """`joint_estimate` (3n), `estimated_torque` (n) and `fault` by paper A's Algorithm 1, half a window late.
 
     Raises:
         ParamsError: a robot without IMU.
     """
-    law, n = wiring.law, wiring.law.model.n
-    model = TorqueModel(law.model.robot)
-    readings = [sensors.encoder.GetOutputPort("reading")]
-    sizes = [n]
-    if sensors.imu is not None:
-        readings.append(first_imu(wiring.builder, sensors.imu.GetOutputPort("reading")))
-        sizes.append(6)
-    if sensors.force_torque is not None:
-        readings.append(sensors.force_torque.GetOutputPort("reading"))
-        sizes.append(readings[-1].size())
-    joined: Any = wiring.builder.AddNamedSystem("readings", Multiplexer(sizes))
-    for index, port in enumerate(readings):
-        wiring.builder.Connect(port, joined.get_input_port(index))
-    orders = [ORDERS[0]] * n + [ORDERS[1]] * (sum(sizes) - n)
-    smooth = SavitzkyGolayFilter(sum(sizes), SLOW, orders, law.period)
-    wiring.add("filter", smooth, signal=joined.get_output_port())
-    pieces = {"joint_estimate": (0, n, 3), "imu_estimate": (n, 6, 2), "wrench_estimate": (n + 6, sum(sizes) - n - 6, 1)}
-    total = sum(sizes)
-    wanted = {
-        name: [order * total + first + i for order in range(orders_wanted) for i in range(size)]
-        for name, (first, size, orders_wanted) in pieces.items()
-        if size
-    }
-    ports = picked(wiring.builder, "estimates", smooth.GetOutputPort("estimate"), wanted)
+    model = TorqueModel(wiring.law.model.robot)
+    ports = wiring.filtered_readings(sensors, SLOW, ORDERS)
     estimator = wiring.add("torque_estimator", JointTorqueEstimator(model), **ports)
     found = {"joint_estimate": ports["joint_estimate"]}
     return found | {name: estimator.GetOutputPort(name) for name in ("estimated_torque", "fault")}

@@ -23,7 +23,7 @@ from drake_tc.control.series_elastic.position import MotorPositionControl
 from drake_tc.errors import ParamsError
 from drake_tc.estimation.link_position import LinkPosition, spring_times
 from drake_tc.loops.ports import picked
-from drake_tc.loops.whole_body.sensors import Wiring
+from drake_tc.loops.whole_body.sensors import WholeBodyBuilder
 from drake_tc.sensing.sensor import Sensor
 from drake_tc.sensing.suite import sensor_seed
 from drake_tc.types import FloatArray
@@ -49,7 +49,7 @@ class SpringDrives:
     torque: OutputPort
 
 
-def spring_models(wiring: Wiring) -> dict[str, ActuatorModel]:
+def spring_models(wiring: WholeBodyBuilder) -> dict[str, ActuatorModel]:
     """The simulated drives, joint by joint.
 
     Raises:
@@ -92,7 +92,7 @@ def believed_models(models: Mapping[str, ActuatorModel], factors: Mapping[str, f
     return found
 
 
-def add_spring_drives(wiring: Wiring) -> SpringDrives:
+def add_spring_drives(wiring: WholeBodyBuilder) -> SpringDrives:
     """Motors, gears and springs in front of the plant, with the sensors on both sides of the springs.
 
     Raises:
@@ -115,7 +115,7 @@ def add_spring_drives(wiring: Wiring) -> SpringDrives:
     return SpringDrives(actuators, models, *readings)
 
 
-def believed_springs(wiring: Wiring, drives: SpringDrives) -> tuple[FloatArray, FloatArray]:
+def believed_springs(wiring: WholeBodyBuilder, drives: SpringDrives) -> tuple[FloatArray, FloatArray]:
     """(n,) compliances [rad/(N m)] and (n,) damping over stiffness [s] of the springs, as the controller takes them."""
     believed = believed_models(drives.models, wiring.scenario.series_elastic.believed)
     compliance = np.array(
@@ -125,7 +125,7 @@ def believed_springs(wiring: Wiring, drives: SpringDrives) -> tuple[FloatArray, 
     return compliance, spring_times(compliance, motors, joint_inertias(wiring.plant))
 
 
-def link_position(wiring: Wiring, drives: SpringDrives, encoder: OutputPort) -> OutputPort:
+def link_position(wiring: WholeBodyBuilder, drives: SpringDrives, encoder: OutputPort) -> OutputPort:
     """(n,) position of the links [rad]: the fine encoders less the springs, or that of the coarse ones.
 
     Args:
@@ -142,7 +142,7 @@ def link_position(wiring: Wiring, drives: SpringDrives, encoder: OutputPort) -> 
     return port
 
 
-def control_springs(wiring: Wiring, drives: SpringDrives, torque: OutputPort) -> Start:
+def control_springs(wiring: WholeBodyBuilder, drives: SpringDrives, torque: OutputPort) -> Start:
     """Torque control between the controller's torque and the drives' voltages.
 
     Args:
@@ -194,7 +194,7 @@ def control_springs(wiring: Wiring, drives: SpringDrives, torque: OutputPort) ->
     return start
 
 
-def _track_torque(wiring: Wiring, drives: SpringDrives, torque: OutputPort) -> Any:
+def _track_torque(wiring: WholeBodyBuilder, drives: SpringDrives, torque: OutputPort) -> Any:
     """The torque law, connected."""
     spec = wiring.scenario.series_elastic
     inputs = {"motor_angle": drives.motor_angle, "torque": drives.torque, "reference_torque": torque}
@@ -204,7 +204,7 @@ def _track_torque(wiring: Wiring, drives: SpringDrives, torque: OutputPort) -> A
     return wiring.add("torque_control", law, **inputs)
 
 
-def _hold_motors(wiring: Wiring, drives: SpringDrives) -> tuple[Any, Any]:
+def _hold_motors(wiring: WholeBodyBuilder, drives: SpringDrives) -> tuple[Any, Any]:
     """Position loops around the motors, and the constant angles at which they are held, not yet known."""
     spec, n = wiring.scenario.series_elastic, wiring.law.model.n
     nothing: Any = np.zeros(n)
@@ -214,7 +214,7 @@ def _hold_motors(wiring: Wiring, drives: SpringDrives) -> tuple[Any, Any]:
     return wiring.add("position_control", loops, **inputs), held
 
 
-def _damped(wiring: Wiring, torque: OutputPort) -> OutputPort:
+def _damped(wiring: WholeBodyBuilder, torque: OutputPort) -> OutputPort:
     """(n,) torque less damping times the joints' velocities [N m], as far as the controller knows these."""
     model, builder, spec = wiring.law.model, wiring.builder, wiring.scenario.series_elastic
     joints = model.robot.joints
@@ -234,7 +234,7 @@ def _damped(wiring: Wiring, torque: OutputPort) -> OutputPort:
     return port
 
 
-def _wanted_acceleration(wiring: Wiring, bandwidth: float) -> OutputPort:
+def _wanted_acceleration(wiring: WholeBodyBuilder, bandwidth: float) -> OutputPort:
     """(n,) of the links, as the controller expects them [rad/s^2], through a low pass of `bandwidth` [rad/s]."""
     law, builder = wiring.law, wiring.builder
     acceleration: Any = builder.GetSubsystemByName("tsid").GetOutputPort("acceleration")
