@@ -20,7 +20,7 @@ from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.actuation.model_file import load_models
 from drake_tc.errors import DrakeTcError
 from drake_tc.loops.joint_bench.diagram import Table
-from drake_tc.loops.joint_bench.recording import BenchScenario, load_bench_scenario, record_bench
+from drake_tc.loops.joint_bench.recording import BenchScenario, record_bench
 
 SCENARIO_FILE = Path(__file__).with_name("joint_bench.scenario.yaml")
 
@@ -55,7 +55,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--out", type=Path, default=Path("joint_bench.csv"))
     options = parser.parse_args(arguments)
     try:
-        scenario = load_bench_scenario(options.scenario_file, options.scenario)
+        scenario = BenchScenario.load(options.scenario_file, options.scenario)
         model = next(iter(load_models(options.model).values())) if options.model else DEMO_MODEL
         table = growing_sinusoid(scenario, 0.0, options.amplitude_growth, options.frequency)
         run = record_bench(model, table, scenario)

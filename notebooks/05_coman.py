@@ -51,7 +51,7 @@ from drake_tc.identification.motor_prior import UNKNOWNS, identify_motor
 from drake_tc.loops.series_elastic.excitation import Excitation, record_excitation
 from drake_tc.loops.series_elastic.running import simulate_sea
 from drake_tc.loops.whole_body.running import simulate_tsid
-from drake_tc.loops.whole_body.scenario import load_tsid_scenario
+from drake_tc.loops.whole_body.scenario import TsidScenario
 from drake_tc.registry import sea_entry
 
 joint = sea_entry()
@@ -181,8 +181,8 @@ print(f"less than half is left: {after < 0.5 * before}")
 # springs, robot, sensors. Once with our estimate in the loop, once with the chain's:
 
 # %%
-ours = simulate_tsid(load_tsid_scenario(SCENARIOS, "turn_1hz", "{estimator: {beside: foot_centre}}"))
-chain = simulate_tsid(load_tsid_scenario(SCENARIOS, "turn_1hz_foot_centre"))
+ours = simulate_tsid(TsidScenario.load(SCENARIOS, "turn_1hz", "{estimator: {beside: foot_centre}}"))
+chain = simulate_tsid(TsidScenario.load(SCENARIOS, "turn_1hz_foot_centre"))
 by_name = {"CoP estimator": ours, "foot centre": chain}
 for name, run in by_name.items():
     ends = "stands" if run.fell is None else f"falls by {run.fell:.2f} s"
@@ -226,7 +226,7 @@ plt.show()
 
 # %%
 pushes = {
-    name: simulate_tsid(pushed(load_tsid_scenario(SCENARIOS, LOOPS[name]), "forward", 8.0)) for name in (OURS, STIFF)
+    name: simulate_tsid(pushed(TsidScenario.load(SCENARIOS, LOOPS[name]), "forward", 8.0)) for name in (OURS, STIFF)
 }
 fig, axis = plt.subplots(figsize=(7, 3.2), layout="constrained")
 for (name, run), colour in zip(pushes.items(), ("tab:blue", "tab:red"), strict=True):
@@ -249,7 +249,7 @@ print(f"torque control survives what stiff positions do not: {stands(pushes[OURS
 # other, the gyro against feet that stand. Here the IMU repeats its last sample from 1 s on, in the middle of the turn:
 
 # %%
-frozen = simulate_tsid(load_tsid_scenario(SCENARIOS, "turn_1hz", "{faults: {imu: [{kind: frozen, start: 1.0}]}}"))
+frozen = simulate_tsid(TsidScenario.load(SCENARIOS, "turn_1hz", "{faults: {imu: [{kind: frozen, start: 1.0}]}}"))
 first = {}
 for name, column in zip(frozen.flag_names, frozen["flags"].T, strict=True):
     if column.any():

@@ -13,7 +13,8 @@ from drake_tc.diagrams.blind_leg.recorder import Place, Wrong, random_motion, re
 
 from drake_tc.actuation.model import ActuatorModel, EffectValue
 from drake_tc.actuation.model_file import load_models
-from drake_tc.loops.torque.recording import log_columns, write_log
+from drake_tc.loops.recording import write_log
+from drake_tc.loops.torque.recording import log_columns
 from drake_tc.robot.robot import Robot, load_robot
 from drake_tc.sensing.suite import SensorSuiteSpec
 

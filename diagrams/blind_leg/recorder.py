@@ -22,7 +22,7 @@ from pydrake.systems.primitives import LogVectorOutput
 from drake_tc.actuation.model import ActuatorModel
 from drake_tc.actuation.wiring import add_actuators
 from drake_tc.errors import ParamsError
-from drake_tc.loops.torque.recording import Recording
+from drake_tc.loops.torque.recording import TorqueRecording
 from drake_tc.loops.torque.references import table_source
 from drake_tc.robot.plant import add_robot, joint_limits, make_plant
 from drake_tc.robot.robot import Robot
@@ -107,7 +107,7 @@ def record_leg(
     duration: float,
     wrong: Wrong | None = None,
     seed: int = 0,
-) -> Recording:
+) -> TorqueRecording:
     """Simulate one run.
 
     Args:
@@ -146,7 +146,8 @@ def record_leg(
     simulator.AdvanceTo(duration)
     found = {name: log.FindLog(context) for name, log in logs.items()}
     signals = {name: np.asarray(log.data()).T.copy() for name, log in found.items()}
-    return Recording(robot, models, np.asarray(found["encoder"].sample_times()), signals, 0.0)
+    time = np.asarray(found["encoder"].sample_times())
+    return TorqueRecording(robot=robot, models=models, time=time, signals=signals, seconds=0.0)
 
 
 def _plant(builder: DiagramBuilder, robot: Robot, place: Place) -> MultibodyPlant:

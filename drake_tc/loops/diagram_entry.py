@@ -80,7 +80,7 @@ class DiagramEntry(Generic[ScenarioT, LoopT]):
         """A scenario, from the committed file unless another is given; the first of the file when no name is.
 
         Raises:
-            ParamsError: a file without scenarios; otherwise see `load_scenario`.
+            ParamsError: a file without scenarios; otherwise see `Scenario.load`.
         """
         path = self.scenario_file if file is None else file
         if name is None:

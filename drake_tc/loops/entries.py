@@ -5,14 +5,14 @@ from pathlib import Path
 
 from drake_tc.loops.diagram_entry import DiagramEntry
 from drake_tc.loops.series_elastic.loop import SeaLoop, build_sea
-from drake_tc.loops.series_elastic.scenario import SeaScenario, load_sea_scenario
+from drake_tc.loops.series_elastic.scenario import SeaScenario
 from drake_tc.loops.series_elastic.sliding import sliding_sea
 from drake_tc.loops.simulated import simulate_sea_loop, simulate_torque_loop, simulate_tsid_loop
 from drake_tc.loops.torque.loop import Loop, build_loop
-from drake_tc.loops.torque.scenario import Scenario, load_scenario
+from drake_tc.loops.torque.scenario import Scenario
 from drake_tc.loops.torque.sliding import sliding
 from drake_tc.loops.whole_body.loop import TsidLoop, build_tsid
-from drake_tc.loops.whole_body.scenario import TsidScenario, load_tsid_scenario
+from drake_tc.loops.whole_body.scenario import TsidScenario
 
 TorqueLoopEntry = DiagramEntry[Scenario, Loop]
 TsidEntry = DiagramEntry[TsidScenario, TsidLoop]
@@ -28,7 +28,7 @@ def torque_loop(name: str, title: str, scenario_file: Path) -> TorqueLoopEntry:
         scenario_file: Its scenarios; the first is the default.
     """
     return DiagramEntry(
-        name, title, "torque", scenario_file, load_scenario, build_loop, simulate_torque_loop, _sliding_loop
+        name, title, "torque", scenario_file, Scenario.load, build_loop, simulate_torque_loop, _sliding_loop
     )
 
 
@@ -38,7 +38,7 @@ def _sliding_loop(scenario: Scenario, folder: Path) -> Scenario:
 
 def whole_body_loop(name: str, title: str, scenario_file: Path) -> TsidEntry:
     """A diagram of a legged robot on a floor under robust TSID; see `torque_loop` for the arguments."""
-    return DiagramEntry(name, title, "whole_body", scenario_file, load_tsid_scenario, build_tsid, simulate_tsid_loop)
+    return DiagramEntry(name, title, "whole_body", scenario_file, TsidScenario.load, build_tsid, simulate_tsid_loop)
 
 
 def series_elastic_loop(name: str, title: str, scenario_file: Path) -> SeaEntry:
@@ -48,7 +48,7 @@ def series_elastic_loop(name: str, title: str, scenario_file: Path) -> SeaEntry:
         title,
         "series_elastic",
         scenario_file,
-        load_sea_scenario,
+        SeaScenario.load,
         build_sea,
         simulate_sea_loop,
         lambda scenario, _: sliding_sea(scenario),

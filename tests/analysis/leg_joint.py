@@ -12,7 +12,7 @@ from drake_tc.analysis.torque_loop.joint_loops import joint_loops
 from drake_tc.analysis.torque_loop.one_joint_loop import one_joint_loop
 from drake_tc.loops.torque.loop import build_loop
 from drake_tc.loops.torque.parts import torque_gains
-from drake_tc.loops.torque.scenario import load_scenario
+from drake_tc.loops.torque.scenario import Scenario
 from drake_tc.loops.torque.sliding import sliding
 from drake_tc.registry import diagram_entry
 from drake_tc.robot.plant import make_plant
@@ -54,7 +54,7 @@ def write_scenario(folder, joint, true, model, scenario):
         ("scenario", {"one": scenario}),
     ):
         (folder / f"{name}.yaml").write_text(yaml.safe_dump(document))
-    return load_scenario(folder / "scenario.yaml", "one")
+    return Scenario.load(folder / "scenario.yaml", "one")
 
 
 def started(scenario, until=0.4):

@@ -15,7 +15,7 @@ from drake_tc.analysis.torque_loop.tuning_task import joint_tasks
 from drake_tc.analysis.tuning import SearchSpace, tune
 from drake_tc.errors import ParamsError
 from drake_tc.loops.torque.parts import actuator_models, loop_robot, torque_gains
-from drake_tc.loops.torque.recording import Recording
+from drake_tc.loops.torque.recording import TorqueRecording
 from drake_tc.registry import diagram_entry
 
 LEG = diagram_entry("hrp2_leg")
@@ -31,7 +31,9 @@ def seen(monkeypatch):
         kept.append((scenario, actuator_models(scenario, robot), actuator_models(scenario, robot, controller=True)))
         time = np.arange(0.0, scenario.duration, scenario.dt)
         state, reference = np.zeros((time.size, 12)), np.full((time.size, 18), 2e-3)
-        return Recording(robot, {}, time, {"joint_state": state, "reference": reference}, 0.0)
+        return TorqueRecording(
+            robot=robot, models={}, time=time, signals={"joint_state": state, "reference": reference}, seconds=0.0
+        )
 
     monkeypatch.setattr(perturbed_plants, "simulate_scenario", simulate)
     return kept
@@ -75,7 +77,7 @@ def test_a_runaway_counts_as_an_infinite_error(monkeypatch):
     def stopped(changed, allow_runaway):
         time = np.arange(0.0, 0.9, changed.dt)
         signals = {"joint_state": np.zeros((time.size, 12)), "reference": np.zeros((time.size, 18))}
-        return Recording(loop_robot(changed), {}, time, signals, 0.0)
+        return TorqueRecording(robot=loop_robot(changed), models={}, time=time, signals=signals, seconds=0.0)
 
     monkeypatch.setattr(perturbed_plants, "simulate_scenario", stopped)
     errors = compare_on_plant(Compared((scenario,), Spread(), 0.3), 0)

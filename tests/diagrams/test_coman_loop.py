@@ -17,7 +17,7 @@ from drake_tc.loops.whole_body.chain_specs import BaseEstimationSpec, SpringDriv
 from drake_tc.loops.whole_body.ground import touching_points
 from drake_tc.loops.whole_body.loop import build_tsid
 from drake_tc.loops.whole_body.running import simulate_tsid
-from drake_tc.loops.whole_body.scenario import SpanSpec, TsidScenario, load_tsid_scenario
+from drake_tc.loops.whole_body.scenario import SpanSpec, TsidScenario
 from drake_tc.loops.whole_body.sensors import WholeBodyBuilder
 from drake_tc.tsid.law import Status
 
@@ -26,7 +26,7 @@ BASE = slice(4, 7)
 
 
 def scenario(name, text=None):
-    return load_tsid_scenario(FILE, name, text)
+    return TsidScenario.load(FILE, name, text)
 
 
 def base_errors(recording, since=0.3):

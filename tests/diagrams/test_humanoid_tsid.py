@@ -16,15 +16,7 @@ from drake_tc.errors import ParamsError
 from drake_tc.logs.readers import read_table
 from drake_tc.loops.whole_body.loop import build_tsid
 from drake_tc.loops.whole_body.running import run_tsid, simulate_tsid
-from drake_tc.loops.whole_body.scenario import (
-    DrivesSpec,
-    GroundSpec,
-    KnotSpec,
-    SpanSpec,
-    TorqueErrorSpec,
-    TsidScenario,
-    load_tsid_scenario,
-)
+from drake_tc.loops.whole_body.scenario import DrivesSpec, GroundSpec, KnotSpec, SpanSpec, TorqueErrorSpec, TsidScenario
 from drake_tc.loops.whole_body.summary import summarise_tsid, task_errors, write_tsid
 from drake_tc.loops.whole_body.torque_noise import TorqueNoise
 from drake_tc.loops.whole_body.violations import contact_wrenches, worst_misses
@@ -60,7 +52,7 @@ def truth(moved):
 
 def of_other_robot(name, text):
     skip_without_robots()
-    return simulate_tsid(load_tsid_scenario(OTHERS, name, text))
+    return simulate_tsid(TsidScenario.load(OTHERS, name, text))
 
 
 @pytest.mark.parametrize("name", tsid_entry().scenarios())

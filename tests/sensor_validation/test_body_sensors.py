@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from drake_tc.errors import ParamsError
-from drake_tc.loops.whole_body.scenario import TsidScenario, load_tsid_scenario
+from drake_tc.loops.whole_body.scenario import TsidScenario
 from drake_tc.robot.plant import make_plant
 from drake_tc.sensing.fault import SensorFault
 from drake_tc.sensor_validation.body_sensors import SETTLED, ValidatedImu, ValidatedWrench
@@ -124,7 +124,7 @@ def test_an_f_t_sensor_that_is_lost_repeats_its_last_good_reading_and_its_contac
 
 @pytest.fixture(scope="module")
 def law():
-    scenario = load_tsid_scenario(FILE, "stand")
+    scenario = TsidScenario.load(FILE, "stand")
     return load_law(scenario.path(scenario.controller), scenario.changes)
 
 

@@ -20,7 +20,7 @@ from scipy.stats import binomtest
 
 from drake_tc.analysis.sweep import processes, sweep
 from drake_tc.loops.whole_body.running import TsidRecording, simulate_tsid
-from drake_tc.loops.whole_body.scenario import KnotSpec, TsidScenario, load_tsid_scenario
+from drake_tc.loops.whole_body.scenario import KnotSpec, TsidScenario
 from drake_tc.loops.whole_body.violations import contact_misses, joint_misses
 from drake_tc.report.reproduction import Progress, Reproduction, TextTable, judged
 from drake_tc.robot.urdf_tree import read_urdf
@@ -82,7 +82,7 @@ def sway(
     amplitude: float,
 ) -> TsidScenario:
     """The scenario of one run: state estimated, torques through the drives."""
-    base = load_tsid_scenario(SCENARIO, "whole_chain")
+    base = TsidScenario.load(SCENARIO, "whole_chain")
     ends = ((0.0, 0.0, 0.0), (0.0, amplitude, -0.02), (0.0, -amplitude, -0.02))
     changes: dict[str, Any] = {"formulation": {"measure": form}}
     if sigma is not None:

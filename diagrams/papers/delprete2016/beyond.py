@@ -10,7 +10,7 @@ from drake_tc.diagrams.papers.expected_values import expectations
 from drake_tc.control.guard import GuardMode
 from drake_tc.estimation.disturbance_observer import ObserverSpec
 from drake_tc.loops.scenarios.parts import ModelFactors
-from drake_tc.loops.torque.recording import Recording
+from drake_tc.loops.torque.recording import TorqueRecording
 from drake_tc.loops.torque.running import simulate_scenario
 from drake_tc.loops.torque.scenario import Scenario
 from drake_tc.registry import diagram_entry
@@ -84,7 +84,7 @@ def run(scenario: Scenario, motion: str, begin: float = 0.0) -> Run:
     return Run(recording.robot.joints, error, *_torque_error(recording, scenario, late), alarms)
 
 
-def _torque_error(recording: Recording, scenario: Scenario, late: BoolArray) -> tuple[FloatArray, FloatArray]:
+def _torque_error(recording: TorqueRecording, scenario: Scenario, late: BoolArray) -> tuple[FloatArray, FloatArray]:
     """(RMS error of the estimated torque, range of the true one) [N m]."""
     if "estimated_torque" not in recording.signals or "joint_torque" not in recording.signals:
         return np.zeros(recording.size), np.zeros(recording.size)

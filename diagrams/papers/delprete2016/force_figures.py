@@ -6,7 +6,7 @@ import numpy as np
 from drake_tc.diagrams.papers.expected_values import expectations
 
 from drake_tc.control.torque_control import COMPONENTS
-from drake_tc.loops.torque.recording import Recording
+from drake_tc.loops.torque.recording import TorqueRecording
 from drake_tc.loops.torque.running import simulate_scenario
 from drake_tc.loops.torque.summary import estimated
 from drake_tc.registry import diagram_entry
@@ -91,18 +91,18 @@ def fig6(seed: int = 0, progress: Progress | None = None) -> Reproduction:
     return Reproduction("A.fig6", judged(values, expectations("a_fig6")), tables, FIG6_NOTES, figures)
 
 
-def _run(diagram: str, name: str, seed: int, progress: Progress | None, share: float = 0.0) -> Recording:
+def _run(diagram: str, name: str, seed: int, progress: Progress | None, share: float = 0.0) -> TorqueRecording:
     if progress:
         progress(name, share)
     return simulate_scenario(diagram_entry(diagram).scenario(name).changed(seed=seed, log_components=True))
 
 
-def _components(recording: Recording) -> FloatArray:
+def _components(recording: TorqueRecording) -> FloatArray:
     """(T, 6, n) in effort [rad]."""
     return np.asarray(recording["components"].reshape(-1, len(COMPONENTS), recording.size))
 
 
-def _shares(recording: Recording, inside: BoolArray) -> FloatArray:
+def _shares(recording: TorqueRecording, inside: BoolArray) -> FloatArray:
     """(6, n) RMS of each component [rad]."""
     return np.asarray(np.sqrt(np.mean(_components(recording)[inside] ** 2, axis=0)))
 
@@ -112,7 +112,7 @@ def _lead(shares: FloatArray, which: int) -> float:
     return float(shares[which] / np.delete(shares, which).max())
 
 
-def _drawing(recording: Recording, joint: int) -> Any:
+def _drawing(recording: TorqueRecording, joint: int) -> Any:
     def draw(figure: Any) -> None:
         axis = figure.subplots()
         for i, name in enumerate(COMPONENTS):

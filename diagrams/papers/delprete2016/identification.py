@@ -23,9 +23,10 @@ from drake_tc.identification.regression import least_squares
 from drake_tc.logs.prepare import load_runs
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig, parse_rig
+from drake_tc.loops.recording import write_log, write_rig
 from drake_tc.loops.scenarios.parts import PushSpec, SinusoidSpec
 from drake_tc.loops.torque.parts import sensor_suite
-from drake_tc.loops.torque.recording import Recording, log_columns, write_log, write_rig
+from drake_tc.loops.torque.recording import TorqueRecording, log_columns, rig_of
 from drake_tc.loops.torque.running import simulate_scenario
 from drake_tc.loops.torque.scenario import Scenario
 from drake_tc.registry import diagram_entry
@@ -139,7 +140,7 @@ def record_experiment(folder: Path, progress: Progress | None = None, seed: int 
             unscaled = off_line_torque(recording, scenario.dt, scale)
             control = f"{name}_unscaled"
             files[control] = write_log(log_columns(recording, unscaled), folder / f"{control}.npz")
-    rig = write_rig(recording, folder / "rig.yaml")
+    rig = write_rig(rig_of(recording), folder / "rig.yaml")
     span = np.max(peaks, axis=0)[1] - np.min(peaks, axis=0)[0]
     share = np.sqrt(np.mean(squares, axis=0)) / span
     return Experiment(
@@ -155,7 +156,7 @@ def record_experiment(folder: Path, progress: Progress | None = None, seed: int 
     )
 
 
-def off_line_torque(recording: Recording, dt: float, scale: float | FloatArray = 1.0) -> FloatArray:
+def off_line_torque(recording: TorqueRecording, dt: float, scale: float | FloatArray = 1.0) -> FloatArray:
     """(T, n) joint torques [N m] from what the robot's own sensors saw, at their own time, F/T bias taken off.
 
     Args:

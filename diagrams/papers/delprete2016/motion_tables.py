@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from drake_tc.diagrams.papers.expected_values import expectations
 
-from drake_tc.loops.torque.recording import Recording
+from drake_tc.loops.torque.recording import TorqueRecording
 from drake_tc.loops.torque.running import simulate_scenario
 from drake_tc.registry import diagram_entry
 from drake_tc.report.reproduction import Progress, Reproduction, TextTable, judged, text_rows
@@ -79,7 +79,7 @@ def swings(seed: int = 0, progress: Progress | None = None) -> Swings:
     return Swings(joints, errors["servo"], torque, errors["complete model"])
 
 
-def _judged(recording: Recording) -> FloatArray:
+def _judged(recording: TorqueRecording) -> FloatArray:
     """The tracking error over the swing."""
     inside = (recording.time >= FROM) & (recording.time <= UNTIL)
     return np.asarray(recording.tracking_error[inside])

@@ -5,7 +5,7 @@ from drake_tc.diagrams.papers.expected_values import expectations
 
 from drake_tc.estimation.error_budget import Run, error_budget
 from drake_tc.estimation.torque_model import TorqueModel
-from drake_tc.loops.torque.recording import Recording
+from drake_tc.loops.torque.recording import TorqueRecording
 from drake_tc.loops.torque.running import simulate_scenario
 from drake_tc.loops.torque.scenario import Scenario
 from drake_tc.loops.torque.summary import estimated
@@ -58,7 +58,7 @@ def _rms(error: FloatArray) -> FloatArray:
     return np.asarray(np.sqrt(np.mean(error**2, axis=0)))
 
 
-def _in_the_loop(recording: Recording, scenario: Scenario) -> FloatArray:
+def _in_the_loop(recording: TorqueRecording, scenario: Scenario) -> FloatArray:
     """The loop's estimate moved back by the filters' delay and the one tick that a state costs (T, n) [N m]."""
     late = round(0.5 * (scenario.filters.window - 1)) + 1
     moved = np.roll(recording["estimated_torque"], -late, axis=0)

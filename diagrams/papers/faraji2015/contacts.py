@@ -14,7 +14,7 @@ from drake_tc.analysis.sweep import processes, sweep
 from drake_tc.estimation.base.state import CONTACT_FLAGS
 from drake_tc.loops.scenarios.parts import PushSpec
 from drake_tc.loops.whole_body.running import TsidRecording, simulate_tsid
-from drake_tc.loops.whole_body.scenario import TsidScenario, load_tsid_scenario
+from drake_tc.loops.whole_body.scenario import TsidScenario
 from drake_tc.loops.whole_body.summary import task_errors
 from drake_tc.loops.whole_body.violations import contact_wrenches
 from drake_tc.report.reproduction import Progress, Reproduction, TextTable, judged
@@ -152,7 +152,7 @@ def trial(point: tuple[Case, float, int], seed: int) -> Outcome:
     """A case under pushes times a factor, with the noise of one seed for all; for `sweep`."""
     case, factor, noise = point
     beside = "{estimator: {beside: foot_centre}}" if factor == FACTORS[0] else None
-    scenario = load_tsid_scenario(SCENARIOS, case.scenario, beside).changed(seed=noise)
+    scenario = TsidScenario.load(SCENARIOS, case.scenario, beside).changed(seed=noise)
     return outcome(case, simulate_tsid(harder(scenario, factor)))
 
 
@@ -213,7 +213,7 @@ def _survived(found: Mapping[float, Outcome]) -> float:
 
 def _table(case: Case, found: Mapping[float, Outcome]) -> TextTable:
     """One row a factor."""
-    pushes = load_tsid_scenario(SCENARIOS, case.scenario).pushes
+    pushes = TsidScenario.load(SCENARIOS, case.scenario).pushes
     lines = []
     for factor, run in found.items():
         last = [push for push in pushes if run.fell is not None and push.begin < run.fell]

@@ -11,7 +11,7 @@ from drake_tc.diagrams.papers.expected_values import expectations
 
 from drake_tc.analysis.sweep import processes, sweep
 from drake_tc.loops.whole_body.running import TsidRecording, simulate_tsid
-from drake_tc.loops.whole_body.scenario import TsidScenario, load_tsid_scenario
+from drake_tc.loops.whole_body.scenario import TsidScenario
 from drake_tc.report.reproduction import Progress, Reproduction, TextTable, judged
 from drake_tc.robot.plant import joint_limits
 from drake_tc.sensing.fault import SensorFault
@@ -153,7 +153,7 @@ def cases() -> tuple[FaultCase, ...]:
 
 def scenario_of(name: str, seed: int) -> TsidScenario:
     """A scenario, for as long as a fault in it is watched."""
-    return load_tsid_scenario(SCENARIOS, name).changed(seed=seed, duration=STARTS[name] + AFTER)
+    return TsidScenario.load(SCENARIOS, name).changed(seed=seed, duration=STARTS[name] + AFTER)
 
 
 def run(trial: tuple[FaultCase | str, int], _: int) -> TsidRecording:

@@ -13,7 +13,7 @@ from scipy.signal import butter, sosfiltfilt, welch
 from drake_tc.control.rotation import rotation_matrix, rotation_vector
 from drake_tc.loops.whole_body.references import task_source
 from drake_tc.loops.whole_body.running import TsidRecording, simulate_tsid
-from drake_tc.loops.whole_body.scenario import load_tsid_scenario
+from drake_tc.loops.whole_body.scenario import TsidScenario
 from drake_tc.report.reproduction import Progress, Reproduction, TextTable, judged
 from drake_tc.types import FloatArray
 
@@ -159,8 +159,8 @@ def motion(scenario: str, id_: str, seed: int, progress: Progress | None, *, dam
     for number, (name, (which, text)) in enumerate(names.items()):
         if progress:
             progress(name, number / len(names))
-        runs[name] = simulate_tsid(load_tsid_scenario(SCENARIOS, which, text).changed(seed=seed))
-    others = [load_tsid_scenario(SCENARIOS, *names[OURS]).changed(seed=seed + more) for more in range(1, SEEDS)]
+        runs[name] = simulate_tsid(TsidScenario.load(SCENARIOS, which, text).changed(seed=seed))
+    others = [TsidScenario.load(SCENARIOS, *names[OURS]).changed(seed=seed + more) for more in range(1, SEEDS)]
     compared = [_both(run) for run in (runs[OURS], *(simulate_tsid(scenario) for scenario in others))]
     ours, chain = compared[0]
     shaking = {name: vibration(run) for name, run in runs.items()}

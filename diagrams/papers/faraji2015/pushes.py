@@ -15,7 +15,7 @@ from drake_tc.analysis.sweep import processes, sweep
 from drake_tc.errors import SimulationError
 from drake_tc.loops.scenarios.parts import PushSpec
 from drake_tc.loops.whole_body.running import TsidRecording, simulate_tsid
-from drake_tc.loops.whole_body.scenario import TsidScenario, load_tsid_scenario
+from drake_tc.loops.whole_body.scenario import TsidScenario
 from drake_tc.report.reproduction import Progress, Reproduction, TextTable, judged
 from drake_tc.types import FloatArray
 
@@ -124,7 +124,7 @@ def border(point: tuple[str, str, int], seed: int) -> Border:
     A fall that the plant's solver does not follow to the ground is one.
     """
     loop, direction, noise = point
-    scenario = load_tsid_scenario(SCENARIOS, LOOPS[loop]).changed(seed=noise)
+    scenario = TsidScenario.load(SCENARIOS, LOOPS[loop]).changed(seed=noise)
     kept: dict[float, Survived] = {}
 
     def survives(impulse: float) -> bool:

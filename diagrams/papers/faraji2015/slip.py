@@ -7,7 +7,7 @@ from drake_tc.diagrams.papers.expected_values import expectations
 from drake_tc.diagrams.papers.faraji2015.motions import BASELINE, OURS, SCENARIOS, SINCE, base_errors, rmse_values
 
 from drake_tc.loops.whole_body.running import TsidRecording, simulate_tsid
-from drake_tc.loops.whole_body.scenario import load_tsid_scenario
+from drake_tc.loops.whole_body.scenario import TsidScenario
 from drake_tc.report.reproduction import Progress, Reproduction, TextTable, judged, text_rows
 from drake_tc.types import FloatArray
 
@@ -33,7 +33,7 @@ def slip(seed: int = 0, progress: Progress | None = None) -> Reproduction:
     """C.slip: base errors of both estimators while feet turn on a smooth floor."""
     if progress:
         progress("turn on a smooth floor", 0.0)
-    scenario = load_tsid_scenario(SCENARIOS, "turn_half_hz_smooth", "{estimator: {beside: foot_centre}}")
+    scenario = TsidScenario.load(SCENARIOS, "turn_half_hz_smooth", "{estimator: {beside: foot_centre}}")
     run = simulate_tsid(scenario.changed(seed=seed))
     ours, theirs = (base_errors(run, signal) for signal in ("estimated_state", "beside_state"))
     turned = np.abs(feet_yaw(run)).max(axis=0)

@@ -6,7 +6,7 @@ from drake_tc.diagrams.papers.expected_values import expectations
 from drake_tc.diagrams.papers.faraji2015.motions import SCENARIOS, BaseErrors, base_errors, rmse_values
 
 from drake_tc.loops.whole_body.running import simulate_tsid
-from drake_tc.loops.whole_body.scenario import load_tsid_scenario
+from drake_tc.loops.whole_body.scenario import TsidScenario
 from drake_tc.report.reproduction import Progress, Reproduction, TextTable, judged, text_rows
 
 KNOWN = {
@@ -34,7 +34,7 @@ def soles(seed: int = 0, progress: Progress | None = None) -> Reproduction:
     for number, (name, text) in enumerate(KNOWN.items()):
         if progress:
             progress(name, number / (len(KNOWN) + 1))
-        scenario = load_tsid_scenario(SCENARIOS, "turn_half_hz", f"{{estimator: {text}}}")
+        scenario = TsidScenario.load(SCENARIOS, "turn_half_hz", f"{{estimator: {text}}}")
         run = simulate_tsid(scenario.changed(seed=seed))
         ours[name], chain[name] = (base_errors(run, signal) for signal in ("estimated_state", "beside_state"))
         values[f"{name}: fell"] = float(run.fell is not None)
@@ -44,7 +44,7 @@ def soles(seed: int = 0, progress: Progress | None = None) -> Reproduction:
             )
     if progress:
         progress(IMU_CHAIN, 1.0 - 1.0 / (len(KNOWN) + 1))
-    scenario = load_tsid_scenario(SCENARIOS, "turn_half_hz", f"{{estimator: {WITH_IMU}}}").changed(seed=seed)
+    scenario = TsidScenario.load(SCENARIOS, "turn_half_hz", f"{{estimator: {WITH_IMU}}}").changed(seed=seed)
     run = simulate_tsid(scenario)
     best, chain[IMU_CHAIN] = (base_errors(run, signal) for signal in ("estimated_state", "beside_state"))
     for what in ("position", "velocity", "yaw"):

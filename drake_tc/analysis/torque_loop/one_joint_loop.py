@@ -108,7 +108,7 @@ def one_joint_loop(
     plant.SetUseSampledOutputPorts(False)
     plant.Finalize()
     sensors = add_sensors(builder, plant, robot, sensor_suite(scenario), scenario.dt, scenario.seed)
-    parts = TorqueLoopBuilder(builder, scenario, robot, plant, sensors)
+    parts = TorqueLoopBuilder(builder, scenario, plant, scenario.dt, robot=robot, sensors=sensors)
     command = torque_command(parts, references(scenario, robot))
     model = actuator_models(scenario, whole)[joint] if drive is None else drive
     actuators = add_actuators(builder, plant, {joint: model}, scenario.plant_step)

@@ -1,7 +1,6 @@
 """A joint bench as a rig that is being measured: what it is, and one recorded run of it."""
 
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 
@@ -12,13 +11,12 @@ from drake_tc.errors import ParamsError
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import COMMAND_COLUMN
 from drake_tc.loops.joint_bench.diagram import Rates, Table, build_bench, start_bench
-from drake_tc.loops.scenarios.files import read_scenario
-from drake_tc.loops.scenarios.strict_yaml import from_mapping
+from drake_tc.loops.scenarios.base import ScenarioBase
 from drake_tc.types import FloatArray
 
 
 @dataclass(frozen=True)
-class BenchScenario:
+class BenchScenario(ScenarioBase):
     """A rig and how it is recorded.
 
     Attributes:
@@ -56,16 +54,6 @@ class BenchScenario:
             raise ParamsError(
                 f"scenario.step: wanted log_period {self.log_period} over a whole number; got {self.step}"
             )
-
-
-def load_bench_scenario(path: Path, name: str, text: str | None = None) -> BenchScenario:
-    """The scenario `name` of a file, with the fields in `text` (YAML) changed.
-
-    Raises:
-        ParamsError: no such file or scenario, an unknown field, or a value that is not possible.
-    """
-    scenario: BenchScenario = from_mapping(BenchScenario, read_scenario(path, name, text), f"{path}: {name}")
-    return scenario
 
 
 def quantise(values: FloatArray, step: float) -> FloatArray:

@@ -12,39 +12,29 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from pydrake.multibody.plant import MultibodyPlant
-from pydrake.systems.framework import Context, Diagram, DiagramBuilder, OutputPort
+from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.primitives import Demultiplexer, DiscreteTimeDelay, MatrixGain, TrajectorySource
 
 from drake_tc.actuation.wiring import add_actuators
 from drake_tc.control.series_elastic.control import SeriesElasticControl
+from drake_tc.loops.built_loop import BuiltLoop
 from drake_tc.loops.joint_bench.diagram import JOINT, make_plant
 from drake_tc.loops.loop_builder import LoopBuilder
 from drake_tc.loops.series_elastic.scenario import HandSpec, SeaScenario, spring_compliance
 from drake_tc.loops.series_elastic.surroundings import Hand, LinkState, PositionLoop, hand_path, wanted_path
-from drake_tc.loops.signal_log import SignalLog
 from drake_tc.sensing.sensor import Sensor
 from drake_tc.sensing.suite import sensor_seed
 
 
-@dataclass(frozen=True, eq=False)
-class SeaLoop:
-    """A built diagram.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SeaLoop(BuiltLoop[SeaScenario]):
+    """A built loop of one joint, which starts at rest, its link hanging, where the hand is.
 
     Attributes:
-        scenario: What it was built from.
-        diagram, plant, control: The systems.
-        log: Of all recorded signals.
+        control: The torque control.
     """
 
-    scenario: SeaScenario
-    diagram: Diagram
-    plant: MultibodyPlant
     control: SeriesElasticControl
-    log: SignalLog
-
-    def start(self, context: Context) -> None:
-        """The joint starts at rest, its link hanging, where the hand is."""
 
 
 def build_sea(scenario: SeaScenario, *, meshcat: bool = False) -> SeaLoop:
@@ -78,7 +68,7 @@ def build_sea(scenario: SeaScenario, *, meshcat: bool = False) -> SeaLoop:
     loop.signals |= {name: control.GetOutputPort(name) for name in ("voltage", "friction", "shaped_reference", "fault")}
     loop.signals |= {"measured_torque": torque, "friction_torque": actuators.GetOutputPort("friction_torque")}
     diagram, log = loop.build("sea_joint")
-    return SeaLoop(scenario, diagram, plant, control, log)
+    return SeaLoop(scenario=scenario, diagram=diagram, plant=plant, control=control, log=log)
 
 
 def _add_sensors(loop: LoopBuilder[SeaScenario]) -> tuple[OutputPort, OutputPort]:

@@ -1,47 +1,37 @@
 """Run the series-elastic joint, and what the run leaves behind."""
 
 import math
-import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
-from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import Context
 
-from drake_tc.errors import LogError, SimulationError
-from drake_tc.loops.advancing import Progress, advance
+from drake_tc.errors import SimulationError
+from drake_tc.loops.advancing import Progress
 from drake_tc.loops.joint_bench.diagram import JOINT
+from drake_tc.loops.recording import Recording, write_log, write_rig
 from drake_tc.loops.series_elastic.loop import SeaLoop, build_sea
 from drake_tc.loops.series_elastic.scenario import SeaScenario
-from drake_tc.loops.torque.recording import write_log
 from drake_tc.types import FloatArray
 
-CHUNK = 0.05
-"""The state is looked at this often [s]."""
 RUNAWAY_SPEED = 100.0
 """A motor that is faster [rad/s], over the gear, has run away."""
 SETTLED = 1.0
 """Torques are judged from here on [s], or over the second half of a run shorter than twice that."""
 
 
-@dataclass(frozen=True, eq=False)
-class SeaRecording:
-    """Signals of one simulation, sampled every tick.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SeaRecording(Recording):
+    """A run of the series-elastic joint; signals: see `build_sea`.
 
     Attributes:
         scenario: What was simulated.
-        time: (T,) [s].
-        signals: (T, width) each; see `build_sea`.
-        seconds: Wall time that the simulation took [s].
     """
 
     scenario: SeaScenario
-    time: FloatArray
-    signals: Mapping[str, FloatArray]
-    seconds: float
 
     def __getitem__(self, name: str) -> FloatArray:
         """(T,) of a signal, (T, width) of one that has several elements.
@@ -49,9 +39,7 @@ class SeaRecording:
         Raises:
             LogError: no such signal in this recording.
         """
-        if name not in self.signals:
-            raise LogError(f"no signal {name!r} recorded; recorded: {', '.join(sorted(self.signals))}")
-        values = self.signals[name]
+        values = super().__getitem__(name)
         return values[:, 0] if values.shape[1] == 1 else values
 
     @property
@@ -95,22 +83,21 @@ def simulate_sea(scenario: SeaScenario, progress: Progress | None = None, *, mes
 
 def run_sea(loop: SeaLoop, progress: Progress | None = None) -> SeaRecording:
     """As `simulate_sea`, for a diagram that is built."""
-    simulator = Simulator(loop.diagram)
-    context = simulator.get_mutable_context()
-    loop.start(context)
     actuators = loop.diagram.GetSubsystemByName("actuators")
     motor: Any = actuators.GetOutputPort("motor_state")
 
-    def goes_on(now: float) -> bool:
-        speed = float(motor.Eval(actuators.GetMyContextFromRoot(context))[1])
-        if not (math.isfinite(speed) and abs(speed) < RUNAWAY_SPEED):
-            raise SimulationError(f"joint {JOINT!r} ran away by t = {now:.3f} s: its motor turns at {speed:.3g} rad/s")
-        return True
+    def watch(context: Context) -> Callable[[float], bool]:
+        def goes_on(now: float) -> bool:
+            speed = float(motor.Eval(actuators.GetMyContextFromRoot(context))[1])
+            if not (math.isfinite(speed) and abs(speed) < RUNAWAY_SPEED):
+                raise SimulationError(
+                    f"joint {JOINT!r} ran away by t = {now:.3f} s: its motor turns at {speed:.3g} rad/s"
+                )
+            return True
 
-    scenario, begin = loop.scenario, time.perf_counter()
-    advance(simulator, scenario.duration, CHUNK, goes_on, plant_step=scenario.dt, progress=progress)
-    times, signals = loop.log.recorded(context)
-    return SeaRecording(scenario, times, signals, time.perf_counter() - begin)
+        return goes_on
+
+    return SeaRecording(**vars(loop.run(watch, progress)), scenario=loop.scenario)
 
 
 def summarise_sea(recording: SeaRecording) -> dict[str, Any]:
@@ -156,13 +143,7 @@ def write_sea(
     }
     inertia = recording.scenario.believed_actuator().inertia
     rig = {"joints": [joint], "drive": "voltage", "load": "torque", "declared": {joint: {"rotor_inertia": inertia}}}
-    log = write_log(columns, folder / f"log.{ending}")
-    path = folder / "rig.yaml"
-    try:
-        path.write_text(yaml.safe_dump(rig, sort_keys=False), encoding="utf-8")
-    except OSError as error:
-        raise LogError(f"{path}: cannot be written: {error.strerror or error}") from None
-    return [log, path]
+    return [write_log(columns, folder / f"log.{ending}"), write_rig(rig, folder / "rig.yaml")]
 
 
 def felt_voltage(recording: SeaRecording) -> FloatArray:

@@ -4,16 +4,15 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 from drake_tc.actuation.model import ActuatorModel, EffectValue
 from drake_tc.actuation.model_file import models_of_joints
 from drake_tc.actuation.recorded_run import Link
 from drake_tc.control.series_elastic.spec import SeriesElasticSpec
 from drake_tc.errors import ParamsError
+from drake_tc.loops.scenarios.base import ScenarioBase
 from drake_tc.loops.scenarios.checks import check_run
-from drake_tc.loops.scenarios.files import read_scenario
-from drake_tc.loops.scenarios.strict_yaml import from_mapping
 from drake_tc.sensing.spec import SensorSpec
 
 
@@ -88,7 +87,7 @@ class SeaSensors:
 
 
 @dataclass(frozen=True)
-class SeaScenario:
+class SeaScenario(ScenarioBase):
     """One experiment.
 
     Attributes:
@@ -133,6 +132,11 @@ class SeaScenario:
         if self.delay < 0.0 or abs(ratio - round(ratio)) > 1e-6:
             raise ParamsError(f"delay: wanted a multiple of dt = {self.dt:g} s; got {self.delay:g} s")
 
+    @property
+    def plant_step(self) -> float:
+        """Step of the link [s]: that of the control."""
+        return self.dt
+
     def actuator(self) -> ActuatorModel:
         """The simulated motor, gear and spring.
 
@@ -162,10 +166,6 @@ class SeaScenario:
             raise ParamsError(f"believed: no {next(iter(factors))!r} in the model of {self.joint!r}; there: {known}")
         return replace(model, drive=drive, effects=tuple(effects))
 
-    def changed(self, **fields: Any) -> "SeaScenario":
-        """The same with other values; those that are None stay."""
-        return replace(self, **{name: value for name, value in fields.items() if value is not None})
-
 
 def spring_compliance(model: ActuatorModel) -> float:
     """1/Ks [rad/(N m)].
@@ -177,14 +177,3 @@ def spring_compliance(model: ActuatorModel) -> float:
         if value.key == "elasticity":
             return value.parameters["compliance"]
     raise ParamsError(f"joint {model.joint!r}: wanted an elasticity in its model, the series spring; got none")
-
-
-def load_sea_scenario(path: Path, name: str, text: str | None = None) -> SeaScenario:
-    """The scenario `name` of a file, with the fields in `text` (YAML) changed.
-
-    Raises:
-        ParamsError: no such file or scenario, an unknown field, or a value that is not possible.
-    """
-    document = {"source": str(path.parent), **read_scenario(path, name, text)}
-    scenario: SeaScenario = from_mapping(SeaScenario, document, f"{path}: {name}")
-    return scenario

@@ -19,7 +19,7 @@ import numpy as np
 
 from drake_tc.errors import ParamsError
 from drake_tc.loops.torque.loop import build_loop
-from drake_tc.loops.torque.recording import Recording
+from drake_tc.loops.torque.recording import TorqueRecording
 from drake_tc.loops.torque.running import run_loop
 from drake_tc.loops.torque.scenario import SENSORS, Scenario
 from drake_tc.robot.plant import joint_limits
@@ -97,7 +97,7 @@ class FaultOutcome:
 
     case: FaultCase
     start: float
-    recording: Recording
+    recording: TorqueRecording
     own: BoolArray
 
     @property

@@ -18,11 +18,11 @@ from typing import Any
 
 from pydrake.geometry import Meshcat, MeshcatVisualizer
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
-from pydrake.systems.framework import Context, Diagram, DiagramBuilder, OutputPort
+from pydrake.systems.framework import Context, DiagramBuilder, OutputPort
 
 from drake_tc.actuation.model import ActuatorModel
 from drake_tc.actuation.wiring import add_actuators
-from drake_tc.loops.signal_log import SignalLog
+from drake_tc.loops.built_loop import BuiltLoop
 from drake_tc.loops.surroundings import add_objects, add_pushes, add_suspension, check_masses, set_masses
 from drake_tc.loops.torque.parts import TorqueLoopBuilder, actuator_models, loop_robot, sensor_suite
 from drake_tc.loops.torque.references import posture, references
@@ -33,25 +33,17 @@ from drake_tc.robot.robot import Robot
 from drake_tc.sensing.suite import add_sensors
 
 
-@dataclass(frozen=True, eq=False)
-class Loop:
-    """A built loop.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Loop(BuiltLoop[Scenario]):
+    """A built torque loop.
 
     Attributes:
-        scenario, robot: What it was built from.
+        robot: What it was built around.
         models: Joint to the simulated actuator.
-        diagram, plant: The systems.
-        log: Of all recorded signals.
-        flag_names: Of the fault monitor's flags, in order; empty without one.
     """
 
-    scenario: Scenario
     robot: Robot
     models: Mapping[str, ActuatorModel]
-    diagram: Diagram
-    plant: MultibodyPlant
-    log: SignalLog
-    flag_names: tuple[str, ...] = ()
 
     def start(self, context: Context) -> None:
         """Put the robot at rest in the scenario's posture, with the masses that the scenario gives its links."""
@@ -84,7 +76,15 @@ def build_loop(scenario: Scenario, *, meshcat: bool = False) -> Loop:
     command = torque_command(parts, wanted) if scenario.controller == "torque" else servo_command(parts, wanted)
     _add_drives(parts, models, command)
     diagram, log = parts.build(f"{robot.name}_{scenario.controller}_loop")
-    return Loop(scenario, robot, models, diagram, plant, log, parts.flag_names)
+    return Loop(
+        scenario=scenario,
+        robot=robot,
+        models=models,
+        diagram=diagram,
+        plant=plant,
+        log=log,
+        flag_names=parts.flag_names,
+    )
 
 
 def _add_plant(builder: DiagramBuilder, scenario: Scenario, robot: Robot, *, meshcat: bool) -> MultibodyPlant:

@@ -1,17 +1,14 @@
-"""What a simulated loop leaves behind: arrays to study, and a log with its rig file that `close-loop` reads."""
+"""A recorded run of the torque loop, and its log and rig file as `close-loop` reads them."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
-import yaml
 
 from drake_tc.actuation.model import ActuatorModel
-from drake_tc.errors import LogError
 from drake_tc.logs.rig import COMMAND_COLUMN
+from drake_tc.loops.recording import Recording
 from drake_tc.robot.robot import Robot
 from drake_tc.types import FloatArray
 
@@ -19,35 +16,17 @@ IMU_AXES = ("gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z")
 WRENCH_AXES = ("fx", "fy", "fz", "tx", "ty", "tz")
 
 
-@dataclass(frozen=True)
-class Recording:
-    """Signals of one simulation, sampled every tick.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class TorqueRecording(Recording):
+    """A run of the torque loop.
 
     Attributes:
         robot: Whose.
         models: Joint to the simulated actuator.
-        time: (T,) [s].
-        signals: Name of a port to its values (T, width).
-        seconds: Wall time that the simulation took [s].
-        flag_names: Of the fault monitor's flags, in order; empty without one.
     """
 
     robot: Robot
     models: Mapping[str, ActuatorModel]
-    time: FloatArray
-    signals: Mapping[str, FloatArray]
-    seconds: float
-    flag_names: tuple[str, ...] = ()
-
-    def __getitem__(self, name: str) -> FloatArray:
-        """(T, width) of one signal.
-
-        Raises:
-            LogError: no such signal in this recording.
-        """
-        if name not in self.signals:
-            raise LogError(f"no signal {name!r} recorded; recorded: {', '.join(sorted(self.signals))}")
-        return self.signals[name]
 
     @property
     def size(self) -> int:
@@ -69,13 +48,8 @@ class Recording:
         """q_d - q (T, n) [rad], of the true positions."""
         return np.asarray(self["reference"][:, : self.size] - self.position)
 
-    @property
-    def real_time_factor(self) -> float:
-        """Simulated seconds a second of wall time."""
-        return float((self.time[-1] - self.time[0]) / self.seconds)
 
-
-def log_columns(recording: Recording, torque: FloatArray | None = None) -> dict[str, FloatArray]:
+def log_columns(recording: TorqueRecording, torque: FloatArray | None = None) -> dict[str, FloatArray]:
     """Canonical columns of what the robot's own sensors saw, and the commands.
 
     Args:
@@ -100,7 +74,7 @@ def log_columns(recording: Recording, torque: FloatArray | None = None) -> dict[
     return columns
 
 
-def rig_of(recording: Recording, *, torque: bool = True) -> dict[str, Any]:
+def rig_of(recording: TorqueRecording, *, torque: bool = True) -> dict[str, Any]:
     """The rig file of such a log: joints, drives, known rotor inertias.
 
     Args:
@@ -117,44 +91,3 @@ def rig_of(recording: Recording, *, torque: bool = True) -> dict[str, Any]:
         "load": "torque" if torque else "unknown",
         "declared": inertia,
     }
-
-
-def write_log(columns: Mapping[str, FloatArray], path: Path) -> Path:
-    """Write columns as CSV, Parquet or NPZ, by the ending of `path`.
-
-    Raises:
-        LogError: another ending, or a file that cannot be written.
-    """
-    table = pd.DataFrame(dict(columns))
-    writers = {
-        ".csv": lambda: table.to_csv(path, index=False, float_format="%.9g"),
-        ".parquet": lambda: table.to_parquet(path),
-        ".npz": lambda: np.savez_compressed(path, **dict(columns)),  # type: ignore[arg-type]
-    }
-    if path.suffix not in writers:
-        raise LogError(f"{path}: wanted a log that ends in {', '.join(writers)}; got {path.suffix or 'no ending'}")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        writers[path.suffix]()
-    except OSError as error:
-        raise LogError(f"{path}: cannot be written: {error.strerror or error}") from None
-    return path
-
-
-def write_rig(recording: Recording, path: Path, *, torque: bool = True) -> Path:
-    """Write the rig file beside a log; its folder is made where it is not there.
-
-    Args:
-        recording: The simulation.
-        path: Of the file.
-        torque: Whether the log has torque columns.
-
-    Raises:
-        LogError: a file that cannot be written.
-    """
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(yaml.safe_dump(rig_of(recording, torque=torque), sort_keys=False), encoding="utf-8")
-    except OSError as error:
-        raise LogError(f"{path}: cannot be written: {error.strerror or error}") from None
-    return path

@@ -1,27 +1,24 @@
-"""Run a loop: in chunks, with progress; a solver that fails or a state that leaves all bounds says which and when."""
+"""Run a torque loop; a solver that fails or a state that leaves all bounds says which and when."""
 
-import time
+from collections.abc import Callable
 
 import numpy as np
-from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context
 
 from drake_tc.errors import SimulationError
-from drake_tc.loops.advancing import Progress, advance
+from drake_tc.loops.advancing import Progress
 from drake_tc.loops.torque.loop import Loop, build_loop
-from drake_tc.loops.torque.recording import Recording
+from drake_tc.loops.torque.recording import TorqueRecording
 from drake_tc.loops.torque.scenario import Scenario
 from drake_tc.types import FloatArray, IntArray
 
-CHUNK = 0.02
-"""The state is looked at this often [s]."""
 RUNAWAY_SPEED = 100.0
 """A joint that is faster [rad/s] has run away: no geared joint gets there."""
 
 
 def simulate_scenario(
     scenario: Scenario, progress: Progress | None = None, *, meshcat: bool = False, allow_runaway: bool = False
-) -> Recording:
+) -> TorqueRecording:
     """Build a scenario's loop, run it, and return what was logged.
 
     Args:
@@ -39,24 +36,21 @@ def simulate_scenario(
     return run_loop(build_loop(scenario, meshcat=meshcat), progress, allow_runaway=allow_runaway)
 
 
-def run_loop(loop: Loop, progress: Progress | None = None, *, allow_runaway: bool = False) -> Recording:
+def run_loop(loop: Loop, progress: Progress | None = None, *, allow_runaway: bool = False) -> TorqueRecording:
     """As `simulate_scenario`, for a loop that is built."""
-    scenario = loop.scenario
-    simulator = Simulator(loop.diagram)
-    context = simulator.get_mutable_context()
-    loop.start(context)
 
-    def goes_on(now: float) -> bool:
-        if _bounded(loop, context):
-            return True
-        if allow_runaway:
-            return False
-        raise _runaway(loop, context)
+    def watch(context: Context) -> Callable[[float], bool]:
+        def goes_on(now: float) -> bool:
+            if _bounded(loop, context):
+                return True
+            if allow_runaway:
+                return False
+            raise _runaway(loop, context)
 
-    begin = time.perf_counter()
-    advance(simulator, scenario.duration, CHUNK, goes_on, plant_step=scenario.plant_step, progress=progress)
-    seconds = time.perf_counter() - begin
-    times, signals = loop.log.recorded(context)
+        return goes_on
+
+    found = loop.run(watch, progress)
+    signals = dict(found.signals)
     order = joint_order(loop)
     places = np.array([loop.plant.GetJointByName(name).position_start() for name in loop.robot.joints])
     states = signals["joint_state"]
@@ -64,7 +58,7 @@ def run_loop(loop: Loop, progress: Progress | None = None, *, allow_runaway: boo
         signals["base_state"] = np.delete(states, np.concatenate([places, order + loop.plant.num_positions()]), axis=1)
     signals["joint_state"] = states[:, np.concatenate([places, order + loop.plant.num_positions()])]
     signals["acceleration"] = signals["acceleration"][:, order]
-    return Recording(loop.robot, loop.models, times, signals, seconds, loop.flag_names)
+    return TorqueRecording(**vars(found) | {"signals": signals}, robot=loop.robot, models=loop.models)
 
 
 def joint_order(loop: Loop) -> IntArray:

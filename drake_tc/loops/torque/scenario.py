@@ -6,8 +6,7 @@ given, field by field. Everything is SI; joints are named as in the robot's YAML
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
-from pathlib import Path
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 from drake_tc.control.guard import GuardSpec
@@ -15,8 +14,8 @@ from drake_tc.control.torque_control import CompensationSpec
 from drake_tc.errors import ParamsError
 from drake_tc.estimation.delay_predictor import PredictorSpec
 from drake_tc.estimation.disturbance_observer import ObserverSpec
+from drake_tc.loops.scenarios.base import ScenarioBase
 from drake_tc.loops.scenarios.checks import check_run
-from drake_tc.loops.scenarios.files import read_scenario, scenario_names
 from drake_tc.loops.scenarios.parts import (
     FilterSpec,
     ForceSpec,
@@ -27,15 +26,12 @@ from drake_tc.loops.scenarios.parts import (
     PushSpec,
     SuspensionSpec,
 )
-from drake_tc.loops.scenarios.strict_yaml import from_mapping
 from drake_tc.sensing.fault import SensorFault
 from drake_tc.sensor_validation.monitor_spec import MonitorSpec
 
-__all__ = ["Scenario", "load_scenario", "scenario_names"]
-
 
 @dataclass(frozen=True)
-class Scenario:
+class Scenario(ScenarioBase):
     """One experiment.
 
     Attributes:
@@ -115,14 +111,6 @@ class Scenario:
             if name not in SENSORS:
                 raise ParamsError(f"faults: no sensor {name!r}; possible: {', '.join(SENSORS)}")
 
-    def changed(self, **fields: Any) -> "Scenario":
-        """The same with other values; those that are None stay."""
-        return replace(self, **{name: value for name, value in fields.items() if value is not None})
-
-    def path(self, name: str) -> Path:
-        """A file that the scenario names, relative to the file it stands in."""
-        return Path(self.source) / name
-
 
 SENSORS = ("encoder", "imu", "force_torque")
 _CHOICES = {
@@ -133,19 +121,3 @@ _CHOICES = {
     "angular_acceleration": ("gyro", "neglected", "zero"),
     "configuration": ("estimate", "reference"),
 }
-
-
-def load_scenario(path: Path, name: str, text: str | None = None) -> Scenario:
-    """The scenario `name` of a file, with the fields in `text` (YAML) changed.
-
-    Args:
-        path: Scenario file.
-        name: Scenario.
-        text: YAML mapping of fields to change, like `{duration: 3.0, gains: {k6: 0.25}}`.
-
-    Raises:
-        ParamsError: no such file or scenario, an unknown field, or a value that is not possible.
-    """
-    document = read_scenario(path, name, text)
-    scenario: Scenario = from_mapping(Scenario, {"source": str(path.parent), **document}, f"{path}: {name}")
-    return scenario

@@ -9,8 +9,8 @@ import numpy as np
 from drake_tc.errors import LogError
 from drake_tc.estimation.off_line import OffLineFilter, SensorLog, TorqueLog, estimate_log, wrench_bias
 from drake_tc.estimation.torque_model import TorqueModel
-from drake_tc.loops.raised_flags import raised_flags
-from drake_tc.loops.torque.recording import Recording, log_columns, write_log, write_rig
+from drake_tc.loops.recording import write_log, write_rig
+from drake_tc.loops.torque.recording import TorqueRecording, log_columns, rig_of
 from drake_tc.robot.robot import Robot
 
 SETTLED = 0.7
@@ -19,7 +19,7 @@ ZEROED = (0.05, 0.5)
 """The F/T sensors are zeroed within these times [s]."""
 
 
-def summarise(recording: Recording) -> dict[str, Any]:
+def summarise(recording: TorqueRecording) -> dict[str, Any]:
     """Tracking errors [rad], largest torque of each joint's drive [N m], and faults, as plain data.
 
     Errors are judged from `SETTLED` on, or over the second half of a run that is shorter than twice that.
@@ -40,11 +40,11 @@ def summarise(recording: Recording) -> dict[str, Any]:
         "duration": float(recording.time[-1]),
         "real_time_factor": recording.real_time_factor,
         "joints": joints,
-        "faults": raised_flags(recording.time, recording.signals, recording.flag_names),
+        "faults": recording.raised_flags(),
     }
 
 
-def estimated(recording: Recording, window: int = 41) -> TorqueLog:
+def estimated(recording: TorqueRecording, window: int = 41) -> TorqueLog:
     """Link-side torques and contact wrenches from the log's own sensors, without delay (EQUATIONS A2, A4).
 
     The F/T sensors are zeroed between 0.05 s and a tenth of the run, at most 0.5 s, when nothing touches the robot; a
@@ -79,7 +79,7 @@ def _torque_model(robot: Robot) -> TorqueModel:
 
 
 def write_results(
-    recording: Recording, folder: Path, ending: str, tell: Callable[[str], None] | None = None
+    recording: TorqueRecording, folder: Path, ending: str, tell: Callable[[str], None] | None = None
 ) -> list[Path]:
     """Write `log.ENDING` and `rig.yaml`, which `close-loop` reads.
 
@@ -104,4 +104,4 @@ def write_results(
         if tell:
             tell(f"no torque columns in the log: {error}")
     log = write_log(log_columns(recording, torque), folder / f"log.{ending}")
-    return [log, write_rig(recording, folder / "rig.yaml", torque=torque is not None)]
+    return [log, write_rig(rig_of(recording, torque=torque is not None), folder / "rig.yaml")]

@@ -11,12 +11,12 @@ from typing import Any
 
 from pydrake.geometry import Meshcat, MeshcatVisualizer
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
-from pydrake.systems.framework import Context, Diagram, DiagramBuilder, OutputPort
+from pydrake.systems.framework import Context, DiagramBuilder, OutputPort
 from pydrake.systems.primitives import Adder
 
 from drake_tc.control.stopping_reference import StoppingReference
 from drake_tc.errors import ParamsError
-from drake_tc.loops.signal_log import SignalLog
+from drake_tc.loops.built_loop import BuiltLoop
 from drake_tc.loops.surroundings import add_pushes, check_masses, set_masses
 from drake_tc.loops.whole_body.base_estimation import base_state
 from drake_tc.loops.whole_body.drives import add_drives
@@ -42,26 +42,18 @@ from drake_tc.tsid.law import Law
 from drake_tc.tsid.model import file_rotors
 
 
-@dataclass(frozen=True, eq=False)
-class TsidLoop:
-    """A built diagram.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class TsidLoop(BuiltLoop[TsidScenario]):
+    """A built whole-body loop.
 
     Attributes:
-        scenario, law: What it was built from.
-        diagram, plant, controller: The systems.
-        log: Of all recorded signals.
+        law, controller: What it was built around.
         starts: Put parts of a context where the robot starts, in this order.
-        flag_names: Of the recorded signal "flags"; empty without one.
     """
 
-    scenario: TsidScenario
     law: Law
-    diagram: Diagram
-    plant: MultibodyPlant
     controller: RobustTsid
-    log: SignalLog
     starts: tuple[Start, ...] = ()
-    flag_names: tuple[str, ...] = ()
 
     @property
     def robot(self) -> Robot:
@@ -128,7 +120,16 @@ def build_tsid(scenario: TsidScenario, *, meshcat: bool = False) -> TsidLoop:
     wiring.signals |= {name: controller.GetOutputPort(name) for name in outputs}
     flag_names = () if validated is None else add_flags(wiring, validated)
     diagram, log = wiring.build(f"{law.model.robot.name}_tsid")
-    return TsidLoop(scenario, law, diagram, plant, controller, log, tuple(starts), flag_names)
+    return TsidLoop(
+        scenario=scenario,
+        law=law,
+        controller=controller,
+        diagram=diagram,
+        plant=plant,
+        log=log,
+        starts=tuple(starts),
+        flag_names=flag_names,
+    )
 
 
 def _checked(scenario: TsidScenario) -> bool:

@@ -2,16 +2,14 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
-from pathlib import Path
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 from drake_tc.control.torque_control import CompensationSpec
 from drake_tc.errors import ParamsError
+from drake_tc.loops.scenarios.base import ScenarioBase
 from drake_tc.loops.scenarios.checks import check_run
-from drake_tc.loops.scenarios.files import read_scenario
 from drake_tc.loops.scenarios.parts import PushSpec
-from drake_tc.loops.scenarios.strict_yaml import from_mapping
 from drake_tc.loops.whole_body.chain_specs import BaseEstimationSpec, SpringDrivesSpec
 from drake_tc.loops.whole_body.ground_spec import GroundSpec, SoleSpec
 from drake_tc.loops.whole_body.motion_spec import KnotSpec, SpanSpec, TurnSpec
@@ -26,7 +24,6 @@ __all__ = [
     "TorqueErrorSpec",
     "TsidScenario",
     "TurnSpec",
-    "load_tsid_scenario",
 ]
 
 
@@ -77,7 +74,7 @@ FALLIBLE = ("encoder", "motor_encoder", "gauge", "imu", "force_torque", "contact
 
 
 @dataclass(frozen=True)
-class TsidScenario:
+class TsidScenario(ScenarioBase):
     """One experiment.
 
     Attributes:
@@ -161,22 +158,3 @@ class TsidScenario:
                 "faults: wanted state: base_estimator and torque: series_elastic beside it;"
                 f" got {self.state} and {self.torque}"
             )
-
-    def changed(self, **fields: Any) -> "TsidScenario":
-        """The same with other values; those that are None stay."""
-        return replace(self, **{name: value for name, value in fields.items() if value is not None})
-
-    def path(self, name: str) -> Path:
-        """A file that the scenario names, relative to the file it stands in."""
-        return Path(self.source) / name
-
-
-def load_tsid_scenario(path: Path, name: str, text: str | None = None) -> TsidScenario:
-    """The scenario `name` of a file, with the fields in `text` (YAML) changed.
-
-    Raises:
-        ParamsError: no such file or scenario, an unknown field, or a value that is not possible.
-    """
-    document = {"source": str(path.parent), **read_scenario(path, name, text)}
-    scenario: TsidScenario = from_mapping(TsidScenario, document, f"{path}: {name}")
-    return scenario

@@ -6,8 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from drake_tc.loops.raised_flags import raised_flags
-from drake_tc.loops.torque.recording import write_log
+from drake_tc.loops.recording import write_log
 from drake_tc.loops.whole_body.references import POSITION, task_source
 from drake_tc.loops.whole_body.running import TsidRecording
 from drake_tc.robot.plant import joint_limits
@@ -63,7 +62,7 @@ def summarise_tsid(recording: TsidRecording) -> dict[str, Any]:
         "p_ind": {"median": float(np.median(p_ind)), "min": float(p_ind.min())},
         "fell": recording.fell,
         "faults": _faults(recording),
-        "flags": raised_flags(recording.time, recording.signals, recording.flag_names),
+        "flags": recording.raised_flags(),
     }
 
 

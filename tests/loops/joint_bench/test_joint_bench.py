@@ -13,7 +13,7 @@ from drake_tc.effects.library import effect
 from drake_tc.errors import ParamsError
 from drake_tc.loops.joint_bench.diagram import Table
 from drake_tc.loops.joint_bench.free_run import free_run
-from drake_tc.loops.joint_bench.recording import BenchScenario, load_bench_scenario, quantise, record_bench
+from drake_tc.loops.joint_bench.recording import BenchScenario, quantise, record_bench
 
 GAIN = 0.5
 BASE = (
@@ -200,7 +200,7 @@ def test_refusals(tmp_path, capsys):
         BenchScenario(step=3e-4)
     (tmp_path / "s.yaml").write_text("a: {durration: 1.0}")
     with pytest.raises(ParamsError, match="unknown field 'durration'"):
-        load_bench_scenario(tmp_path / "s.yaml", "a")
+        BenchScenario.load(tmp_path / "s.yaml", "a")
     record = Recording(np.arange(5.0), np.zeros(5), 0.0, 0.0, (0.0, 1.0))
     with pytest.raises(ParamsError, match="load_torque or pendulum"):
         free_run(model_with(None), record)

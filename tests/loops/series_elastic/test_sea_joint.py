@@ -26,7 +26,7 @@ from drake_tc.logs.rig import load_rig, parse_rig
 from drake_tc.loops.series_elastic.excitation import Excitation, record_excitation
 from drake_tc.loops.series_elastic.loop import build_sea
 from drake_tc.loops.series_elastic.running import simulate_sea, summarise_sea, write_sea
-from drake_tc.loops.series_elastic.scenario import load_sea_scenario
+from drake_tc.loops.series_elastic.scenario import SeaScenario
 from drake_tc.registry import runnable, sea_entry
 
 ENTRY = sea_entry()
@@ -106,7 +106,7 @@ def test_a_run_comes_to_a_summary_and_to_files_that_close_loop_reads(tmp_path):
 )
 def test_a_scenario_that_cannot_be_is_refused_in_one_line(text, says):
     with pytest.raises(ParamsError, match=says) as caught:
-        build_sea(load_sea_scenario(ENTRY.scenario_file, "swing" if "elasticity" in text else "held", text))
+        build_sea(SeaScenario.load(ENTRY.scenario_file, "swing" if "elasticity" in text else "held", text))
     assert "\n" not in str(caught.value)
 
 

@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from pydrake.systems.analysis import Simulator
 
 from drake_tc.loops.torque.loop import build_loop
-from drake_tc.loops.torque.scenario import load_scenario
+from drake_tc.loops.torque.scenario import Scenario
 
 SCENARIOS = Path(next(iter(drake_tc.diagrams.__path__))) / "hrp2_leg.scenario.yaml"
 SAME = [
@@ -26,7 +26,7 @@ SAME = [
 @pytest.fixture(scope="module")
 def run():
     """A loop that has zeroed its sensors for a while, and its context."""
-    loop = build_loop(load_scenario(SCENARIOS, "brisk_swing"))
+    loop = build_loop(Scenario.load(SCENARIOS, "brisk_swing"))
     simulator = Simulator(loop.diagram)
     loop.start(simulator.get_mutable_context())
     simulator.AdvanceTo(0.4)
@@ -62,5 +62,5 @@ def test_without_a_force_to_reach_no_wrench_goes_to_the_inverse_dynamics(run):
     loop, _ = run
     dynamics = loop.diagram.GetSubsystemByName("inverse_dynamics")
     assert not dynamics.HasInputPort("contact_wrench")
-    shown = build_loop(load_scenario(SCENARIOS, "brisk_swing", "{log_components: true}")).diagram
+    shown = build_loop(Scenario.load(SCENARIOS, "brisk_swing", "{log_components: true}")).diagram
     assert shown.GetSubsystemByName("inverse_dynamics").HasInputPort("contact_wrench")

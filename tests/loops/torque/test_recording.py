@@ -9,7 +9,8 @@ from drake_tc.errors import LogError
 from drake_tc.logs.prepare import load_runs
 from drake_tc.logs.readers import read_table
 from drake_tc.logs.rig import load_rig
-from drake_tc.loops.torque.recording import log_columns, write_log, write_rig
+from drake_tc.loops.recording import write_log, write_rig
+from drake_tc.loops.torque.recording import log_columns, rig_of
 from drake_tc.loops.torque.running import simulate_scenario
 from drake_tc.loops.torque.summary import summarise, write_results
 from drake_tc.registry import diagram_entry
@@ -25,7 +26,7 @@ def recording():
 def test_log_and_rig_are_read_back_with_the_same_numbers(recording, ending, tmp_path):
     columns = log_columns(recording, recording["joint_torque"])
     log = write_log(columns, tmp_path / "deep" / f"log.{ending}")
-    rig = load_rig(write_rig(recording, tmp_path / "rig.yaml"))
+    rig = load_rig(write_rig(rig_of(recording), tmp_path / "rig.yaml"))
     assert list(rig.joints) == list(recording.robot.joints)
     table = read_table(log)
     assert list(table.columns) == list(columns)

@@ -8,10 +8,11 @@ import pytest
 from numpy.testing import assert_array_equal
 
 from drake_tc.errors import ParamsError
+from drake_tc.loops.scenarios.files import scenario_names
 from drake_tc.loops.scenarios.strict_yaml import from_mapping, read_mapping
 from drake_tc.loops.torque.loop import build_loop
 from drake_tc.loops.torque.running import simulate_scenario
-from drake_tc.loops.torque.scenario import Scenario, load_scenario, scenario_names
+from drake_tc.loops.torque.scenario import Scenario
 from drake_tc.registry import diagram_entry, diagrams
 from drake_tc.robot.plant import joint_limits
 
@@ -85,15 +86,15 @@ def file(tmp_path):
 
 
 def test_extends_changes_field_by_field(file):
-    three = load_scenario(file, "three", "{gains: {k6: 2.0}}")
+    three = Scenario.load(file, "three", "{gains: {k6: 2.0}}")
     assert (three.robot, three.duration, three.dt) == ("r.yaml", 5.0, Scenario("x").dt)
     assert (three.gains.k6, three.gains.k7, three.gains.kp) == (2.0, 0.1, 2.0)
     assert three.gains.by_joint == {"knee": {"kp": 1.0}, "hip": {"kp": 2.0}}
     assert (three.motion.times, three.motion.knots) == ((0.0, 2.0), {"knee": (0.0, 1.0)})
-    assert load_scenario(file, "one").gains.k7 == 0.0
+    assert Scenario.load(file, "one").gains.k7 == 0.0
     assert three.path("a/b.yaml") == file.parent / "a" / "b.yaml"
     assert scenario_names(file) == ["one", "two", "three", "ring", "rung", "lost"]
-    assert three.changed(duration=None, seed=4) == load_scenario(file, "three", "{gains: {k6: 2.0}, seed: 4}")
+    assert three.changed(duration=None, seed=4) == Scenario.load(file, "three", "{gains: {k6: 2.0}, seed: 4}")
 
 
 @pytest.mark.parametrize(
@@ -124,7 +125,7 @@ def test_extends_changes_field_by_field(file):
 )
 def test_what_a_scenario_file_cannot_say(file, name, text, message):
     with pytest.raises(ParamsError, match=message) as caught:
-        load_scenario(file, name, text)
+        Scenario.load(file, name, text)
     assert "\n" not in str(caught.value)
 
 

@@ -38,7 +38,7 @@ def recorded(axes, forces, lifted=None):
         "contact_force": np.zeros((len(forces), 6)),
     }
     scenario = TsidScenario(controller=str(FILE), duration=float(time[-1]), lifted=lifted or {})
-    return TsidRecording(scenario, law, (), time, signals, 1.0, None)
+    return TsidRecording(scenario=scenario, law=law, constraints=(), time=time, signals=signals, seconds=1.0, fell=None)
 
 
 def expected(force):

@@ -27,7 +27,7 @@ from scipy.stats import norm
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.actuation.model_file import load_model_file, load_models
 from drake_tc.diagnosis.result.joint_result import JointResult
-from drake_tc.loops.torque.recording import write_log
+from drake_tc.loops.recording import write_log
 from drake_tc.loops.torque.running import simulate_scenario
 
 MODELS = Path(__file__).resolve().parents[4] / "models" / "hrp2_like"

@@ -20,7 +20,7 @@ from drake_tc.loops.scenarios.parts import ObjectSpec
 from drake_tc.loops.whole_body.ground import add_ground
 from drake_tc.loops.whole_body.loop import build_tsid
 from drake_tc.loops.whole_body.running import simulate_tsid
-from drake_tc.loops.whole_body.scenario import GroundSpec, SoleSpec, load_tsid_scenario
+from drake_tc.loops.whole_body.scenario import GroundSpec, SoleSpec, TsidScenario
 from drake_tc.loops.whole_body.violations import contact_wrenches
 from drake_tc.robot.mounts import Mount
 from drake_tc.tsid.contacts import Contact
@@ -68,7 +68,7 @@ def test_a_support_has_a_friction_of_its_own():
 
 def test_it_starts_with_its_palm_at_the_wall_and_both_soles_on_the_floor():
     """By SceneGraph's own distances, all pairs; the wall pushes along the palm's z."""
-    loop = build_tsid(load_tsid_scenario(FILE, "three_contacts"))
+    loop = build_tsid(TsidScenario.load(FILE, "three_contacts"))
     context = loop.diagram.CreateDefaultContext()
     loop.start(context)
     plant, graph = loop.plant, loop.diagram.GetSubsystemByName("scene_graph")
@@ -99,7 +99,7 @@ def test_it_starts_with_its_palm_at_the_wall_and_both_soles_on_the_floor():
 )
 def test_a_support_without_size_or_place_is_refused(text, message):
     with pytest.raises(ParamsError, match=message):
-        load_tsid_scenario(FILE, "stand", text)
+        TsidScenario.load(FILE, "stand", text)
 
 
 # --- figures of runs
@@ -123,7 +123,7 @@ def test_rows_of_known_outcomes():
     assert rows["centre of mass, error at the end [m]"].value == 0.01
     assert rows["base position error, ours over foot centre"].value == pytest.approx(0.5)
     assert rows["largest factor on the pushes that is survived"].value == 1.5  # the 3.0 beyond a fall says nothing
-    pushes = load_tsid_scenario(FILE, "one_foot").pushes
+    pushes = TsidScenario.load(FILE, "one_foot").pushes
     lines = reproduction(ONE_FOOT, found).tables[0].rows
     assert lines[2][1].split()[0] == f"{2.0 * 0.5 * pushes[0].duration * pushes[0].force[0]:.3g}"
     assert lines[2][2:4] == ("falls at 6.6 s", "left")
@@ -146,7 +146,7 @@ def test_what_goes_wrong_is_a_row_that_is_missed(case, outcome, missed):
 
 
 def test_harder_is_each_push_times_a_factor():
-    scenario = load_tsid_scenario(FILE, "three_contacts")
+    scenario = TsidScenario.load(FILE, "three_contacts")
     for one, two in zip(scenario.pushes, harder(scenario, 2.5).pushes, strict=True):
         assert_allclose(two.force, 2.5 * np.array(one.force))
         assert_allclose(two.torque, 2.5 * np.array(one.torque))
@@ -156,7 +156,7 @@ def test_harder_is_each_push_times_a_factor():
 @pytest.mark.slow
 def test_the_hand_carries_what_the_centres_of_pressure_leave_to_it():
     """At rest N h = m g x_G + sum of (F_x z - F_z x) of feet and hand about y; the feet's places are their F/T CoPs."""
-    run = simulate_tsid(load_tsid_scenario(FILE, "three_contacts", "{duration: 1.5, pushes: []}"))
+    run = simulate_tsid(TsidScenario.load(FILE, "three_contacts", "{duration: 1.5, pushes: []}"))
     model, scratch, found = run.law.model, run.law.model.create_scratch(), []
     wrenches = contact_wrenches(run, 10)
     for tick, wrench in zip(range(0, len(run.time), 10), wrenches, strict=True):

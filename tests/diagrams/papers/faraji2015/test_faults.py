@@ -14,9 +14,8 @@ from pydrake.trajectories import PiecewisePolynomial
 
 from drake_tc.control.blind_stop import BLIND, BlindStop
 from drake_tc.control.stopping_reference import STOP_TIME, StoppingReference
-from drake_tc.loops.raised_flags import raised_flags
 from drake_tc.loops.whole_body.running import simulate_tsid
-from drake_tc.loops.whole_body.scenario import FALLIBLE, load_tsid_scenario
+from drake_tc.loops.whole_body.scenario import FALLIBLE, TsidScenario
 from drake_tc.sensing.fault import SensorFault
 from drake_tc.sensor_validation.standing_feet import LOST
 
@@ -29,7 +28,7 @@ GOOD = FaultOutcome(None, 0.01, "imu/frozen", (), 0.001, 0.02, 0.4, 0.5, 0, True
 def lost():
     """A run in which every sensor is lost from 10 ms on."""
     nan = (SensorFault("nan", 0.01),)
-    scenario = load_tsid_scenario(FILE, "stand", "{duration: 0.03}")
+    scenario = TsidScenario.load(FILE, "stand", "{duration: 0.03}")
     return simulate_tsid(scenario.changed(faults={name: nan for name in FALLIBLE if name != "contacts"}))
 
 
@@ -121,17 +120,17 @@ def test_torques_fade_once_a_joint_is_lost_for_good():
 def test_all_sensors_lost_at_once_leave_finite_numbers(lost):
     assert all(np.isfinite(values).all() for values in lost.signals.values())
     assert np.abs(lost["torque"]).max() < 50.0
-    assert raised_flags(lost.time, lost.signals, lost.flag_names) == []  # before flags are looked at
+    assert lost.raised_flags() == []  # before flags are looked at
 
 
 @pytest.fixture(scope="module")
 def sound():
-    return simulate_tsid(load_tsid_scenario(FILE, "stand", "{duration: 0.9}"))
+    return simulate_tsid(TsidScenario.load(FILE, "stand", "{duration: 0.9}"))
 
 
 @pytest.mark.slow
 def test_no_flag_is_up_and_no_reading_replaced_while_nothing_is_wrong(sound):
-    assert raised_flags(sound.time, sound.signals, sound.flag_names) == []
+    assert sound.raised_flags() == []
     assert len(sound.flag_names) == sound["flags"].shape[1]
 
 
@@ -146,11 +145,9 @@ def test_no_flag_is_up_and_no_reading_replaced_while_nothing_is_wrong(sound):
     ],
 )
 def test_a_fault_is_flagged_by_its_name_and_the_robot_stands_as_it_did(sound, name, fault, flag, late):
-    scenario = load_tsid_scenario(FILE, "stand", "{duration: 0.9}")
+    scenario = TsidScenario.load(FILE, "stand", "{duration: 0.9}")
     recording = simulate_tsid(scenario.changed(faults={name: (fault,)}))
-    first = {
-        item["name"]: item["first"] for item in raised_flags(recording.time, recording.signals, recording.flag_names)
-    }
+    first = {item["name"]: item["first"] for item in recording.raised_flags()}
     assert 0.6 < first[flag] <= 0.6 + late
     assert recording.fell is None
     case = replace(cases()[0], scenario="stand", faults={name: (fault,)}, groups=(flag,))
@@ -165,7 +162,7 @@ def test_a_fault_is_flagged_by_its_name_and_the_robot_stands_as_it_did(sound, na
 @pytest.mark.slow
 def test_a_motion_stops_when_the_imu_is_lost_and_not_for_a_gap():
     def speed(faults):
-        scenario = load_tsid_scenario(FILE, "turn_1hz", "{duration: 1.45}").changed(faults={"imu": faults})
+        scenario = TsidScenario.load(FILE, "turn_1hz", "{duration: 1.45}").changed(faults={"imu": faults})
         recording = simulate_tsid(scenario)
         late = recording.time > 1.05 + LOST + STOP_TIME
         about_vertical = recording.law.model.nq + 2  # of the pelvis

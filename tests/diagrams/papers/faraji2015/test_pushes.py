@@ -19,7 +19,7 @@ from drake_tc.loops.surroundings import Pushes
 from drake_tc.loops.whole_body.chain_specs import BaseEstimationSpec, SpringDrivesSpec
 from drake_tc.loops.whole_body.loop import build_tsid
 from drake_tc.loops.whole_body.running import simulate_tsid
-from drake_tc.loops.whole_body.scenario import load_tsid_scenario
+from drake_tc.loops.whole_body.scenario import TsidScenario
 from drake_tc.robot.plant import make_plant
 from drake_tc.robot.robot import load_robot
 
@@ -28,7 +28,7 @@ MODELS = FILE.parents[1] / "models" / "coman_like" / "coman_like_actuators.yaml"
 
 
 def scenario(name, text=None):
-    return load_tsid_scenario(FILE, name, text)
+    return TsidScenario.load(FILE, name, text)
 
 
 def knee():
