@@ -45,8 +45,11 @@ FLOOR = {
 }
 """A package imports from its own floor's number downwards: never from a higher one."""
 
-ALONE = {"blind": {"errors", "types"}, "logs": {"errors", "types"}, "filtering": {"errors", "types"}}
-"""Packages that may import nothing but these: the blind rigs must not share the diagnosis's formulas."""
+ALONE = {"logs": {"errors", "types"}, "filtering": {"errors", "types"}}
+"""Packages that may import nothing but these."""
+
+BLIND = "drake_tc.blind"
+"""The blind rigs, which must not share the diagnosis's formulas: they import nothing of ours but errors and types."""
 
 MAY_SHOW_DIAGRAMS = {"bench", "diagrams"}
 """Everything else finds diagrams through `drake_tc.registry`; bench records some of its logs with them."""
@@ -115,6 +118,16 @@ def test_imports_point_down(path):
             assert package in MAY_SHOW_DIAGRAMS, where
         else:
             assert target == package or FLOOR[target] <= FLOOR[package], where
+
+
+def test_the_blind_rigs_share_no_formula_with_the_diagnosis():
+    own = (f"{BLIND}.", "drake_tc.errors", "drake_tc.types")
+    files = list((ROOT / BLIND.replace(".", "/")).rglob("*.py"))
+    assert files
+    for path in files:
+        for line, module in imported(path):
+            ours = module.startswith("drake_tc.") and module != BLIND
+            assert not ours or module.startswith(own), f"{path.relative_to(ROOT)}:{line} imports {module}"
 
 
 def test_packages_of_one_floor_do_not_import_in_a_ring():
