@@ -10,10 +10,12 @@ the groups `drake_tc.diagrams` and `drake_tc.reproductions`:
     "D.table1" = "my_package.tables:table1"     # seed and progress to a Reproduction
 """
 
+import sys
 from collections.abc import Callable, Mapping
 from functools import cache
 from importlib import import_module
 from importlib.metadata import entry_points
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 from drake_tc.errors import ParamsError
@@ -75,6 +77,9 @@ def diagrams(kind: "Kind | None" = None) -> dict[str, "DiagramEntry[Any, Any]"]:
 def runnable(name: str) -> "DiagramEntry[Any, Any]":
     """Any diagram that can be simulated and drawn.
 
+    Args:
+        name: Registered name; or `module:attribute`, a DiagramEntry or a function that returns a built Drake Diagram.
+
     Raises:
         ParamsError: there is none; the message lists the diagrams.
     """
@@ -109,11 +114,31 @@ def sea_entry(name: str = "sea_joint") -> "SeaEntry":
 
 
 def _found(name: str, kind: "Kind | None") -> "DiagramEntry[Any, Any]":
+    if ":" in name:
+        return _named(name, kind)
     text = registered(DIAGRAMS).get(name)
     entry = None if text is None else loaded(text)
     if entry is None or kind not in (None, entry.kind):
         raise ParamsError(f"no diagram {name!r}; diagrams: {', '.join(diagrams(kind))}")
     return cast("DiagramEntry[Any, Any]", entry)
+
+
+def _named(name: str, kind: "Kind | None") -> "DiagramEntry[Any, Any]":
+    """The diagram of `module:attribute`; modules in the working folder are found too."""
+    from drake_tc.loops.diagram_entry import DiagramEntry
+    from drake_tc.loops.function_diagram import function_entry
+
+    if "" not in sys.path and str(Path.cwd()) not in sys.path:
+        sys.path.insert(0, str(Path.cwd()))
+    found = loaded(name)
+    entry = found if isinstance(found, DiagramEntry) else function_entry(name, found) if callable(found) else None
+    if entry is None:
+        raise ParamsError(
+            f"{name}: expected a DiagramEntry or a function that returns a Diagram; got {type(found).__name__}"
+        )
+    if kind not in (None, entry.kind):
+        raise ParamsError(f"{name}: expected a DiagramEntry of the {kind} loop for this command; got {entry.kind}")
+    return entry
 
 
 def reproductions(name: str) -> "dict[str, Callable[[int, Progress | None], Reproduction]]":

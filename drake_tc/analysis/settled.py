@@ -9,12 +9,6 @@ from drake_tc.analysis.frequency_response import Channel, check_channels
 from drake_tc.errors import SimulationError
 
 
-def period_of(loop: Any) -> float:
-    """Control period of a built diagram [s]."""
-    dt = getattr(loop.scenario, "dt", None)
-    return float(loop.law.period if dt is None else dt)
-
-
 def settled_at(entry: Any, scenario: Any, at: float, ports: Sequence[Channel]) -> tuple[Any, Any]:
     """The built diagram and its context at the tick nearest to `at` [s]; the ports are looked for first.
 
@@ -34,7 +28,7 @@ def settled_at(entry: Any, scenario: Any, at: float, ports: Sequence[Channel]) -
     context = simulator.get_mutable_context()
     loop.start(context)
     check_channels(loop.diagram, context, ports)
-    dt = period_of(loop)
+    dt = loop.period
     try:
         simulator.Initialize()
         simulator.AdvanceTo(round(at / dt) * dt)

@@ -22,7 +22,12 @@ LOWEST_DB = -80.0
 
 
 def bode_command(
-    diagram: Annotated[str, typer.Argument(help="Name of a diagram; a wrong one lists those there are.")],
+    diagram: Annotated[
+        str,
+        typer.Argument(
+            help="Diagram name, or module:attribute of your own. An unknown name prints the available diagrams."
+        ),
+    ],
     input: Annotated[str, typer.Option(help="SYSTEM:PORT or SYSTEM:PORT[i], cut off from what feeds it.")],
     output: Annotated[str, typer.Option(help="SYSTEM:PORT or SYSTEM:PORT[i].")],
     lowest: Annotated[float, typer.Option("--from", help="Lowest frequency [Hz].")] = 0.5,

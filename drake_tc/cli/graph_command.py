@@ -20,7 +20,12 @@ class GraphFormat(StrEnum):
 
 
 def graph_command(
-    diagram: Annotated[str, typer.Argument(help="Name of a diagram; an unknown one lists those there are.")],
+    diagram: Annotated[
+        str,
+        typer.Argument(
+            help="Diagram name, or module:function of your own. An unknown name prints the available diagrams."
+        ),
+    ],
     format: Annotated[GraphFormat, typer.Option(help="What to write.")] = GraphFormat.svg,
     out: Annotated[Path | None, typer.Option(help="File to write; stdout when left out.")] = None,
     scenario: Annotated[str | None, typer.Option(help="Scenario to build; the diagram's first when left out.")] = None,

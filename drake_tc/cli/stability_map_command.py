@@ -16,7 +16,12 @@ from drake_tc.errors import ParamsError
 
 
 def stability_map_command(
-    diagram: Annotated[str, typer.Argument(help="Name of a diagram; a wrong one lists those there are.")],
+    diagram: Annotated[
+        str,
+        typer.Argument(
+            help="Diagram name, or module:attribute of your own. An unknown name prints the available diagrams."
+        ),
+    ],
     joint: Annotated[str, typer.Option(help="Which joint; the others are held. A wrong one lists those there are.")],
     x: Annotated[str, typer.Option(help="NAME=FIRST:LAST:STEP or NAME=A,B,C, such as window=20:160:20.")],
     y: Annotated[str, typer.Option(help="The other one, such as kp=0:4:0.2; a wrong NAME lists those there are.")],

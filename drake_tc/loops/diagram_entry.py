@@ -12,8 +12,8 @@ from drake_tc.loops.advancing import Progress
 from drake_tc.loops.scenarios.files import scenario_names
 from drake_tc.loops.simulated import Simulated
 
-Kind = Literal["torque", "whole_body", "series_elastic"]
-"""Loops of the library: the torque loop, robust TSID, one series-elastic joint."""
+Kind = Literal["torque", "whole_body", "series_elastic", "function"]
+"""Loops of the library: the torque loop, robust TSID, one series-elastic joint; and a diagram of the user's own."""
 
 
 class AnyScenario(Protocol):
@@ -35,6 +35,11 @@ class AnyLoop(Protocol):
     @property
     def diagram(self) -> Diagram:
         """The diagram."""
+        ...
+
+    @property
+    def period(self) -> float:
+        """Period of the control [s]."""
         ...
 
     def start(self, context: Context) -> None:

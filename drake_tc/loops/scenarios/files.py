@@ -31,15 +31,22 @@ def read_scenario(path: Path, name: str, text: str | None = None) -> dict[str, A
         ParamsError: no such file or scenario, or text that is no mapping.
     """
     document = _extended(path, read_mapping(path), name, ())
-    if text is None:
-        return document
+    return document if text is None else merged(document, changes_in(text))
+
+
+def changes_in(text: str) -> dict[str, Any]:
+    """The fields in a YAML text.
+
+    Raises:
+        ParamsError: text that is no mapping.
+    """
     try:
         changes = yaml.safe_load(text)
     except yaml.YAMLError as error:
         raise ParamsError(f"scenario text: not valid YAML: {' '.join(str(error).split())}") from None
     if not isinstance(changes, dict):
         raise ParamsError(f"scenario text: wanted a mapping of fields; got {text!r}")
-    return merged(document, changes)
+    return changes
 
 
 def _extended(path: Path, document: dict[str, Any], name: str, seen: tuple[str, ...]) -> dict[str, Any]:

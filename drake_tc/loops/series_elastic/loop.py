@@ -36,6 +36,11 @@ class SeaLoop(BuiltLoop[SeaScenario]):
 
     control: SeriesElasticControl
 
+    @property
+    def period(self) -> float:
+        """Period of the control [s]."""
+        return self.scenario.dt
+
 
 def build_sea(scenario: SeaScenario, *, meshcat: bool = False) -> SeaLoop:
     """Build the diagram of a scenario.

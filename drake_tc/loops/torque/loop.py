@@ -45,6 +45,11 @@ class Loop(BuiltLoop[Scenario]):
     robot: Robot
     models: Mapping[str, ActuatorModel]
 
+    @property
+    def period(self) -> float:
+        """Period of the control [s]."""
+        return self.scenario.dt
+
     def start(self, context: Context) -> None:
         """Put the robot at rest in the scenario's posture, with the masses that the scenario gives its links."""
         own = self.plant.GetMyContextFromRoot(context)

@@ -56,6 +56,11 @@ class TsidLoop(BuiltLoop[TsidScenario]):
     starts: tuple[Start, ...] = ()
 
     @property
+    def period(self) -> float:
+        """Period of the controller [s]."""
+        return self.law.period
+
+    @property
     def robot(self) -> Robot:
         """The robot."""
         return self.law.model.robot
