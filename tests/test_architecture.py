@@ -21,6 +21,7 @@ FLOOR = {
     "yaml_file": 0,
     "json_values": 0,
     "system_libraries": 0,
+    "text_table": 0,
     "logs": 1,
     "robot": 1,
     "filtering": 1,

@@ -15,7 +15,8 @@ from drake_tc.cli.out_files import Force, result_folder
 from drake_tc.cli.progress import progress_bar
 
 if TYPE_CHECKING:
-    from drake_tc.report.reproduction import Reproduction, TextTable
+    from drake_tc.report.reproduction import Reproduction
+    from drake_tc.text_table import TextTable
 
 
 def reproduce_command(

@@ -20,7 +20,8 @@ from drake_tc.loops.recording import write_log
 from drake_tc.loops.scenarios.base import ScenarioBase
 from drake_tc.loops.scenarios.files import changes_in
 from drake_tc.loops.scenarios.strict_yaml import from_mapping
-from drake_tc.loops.simulated import Simulated, Table, Tell
+from drake_tc.loops.simulated import Simulated, Tell
+from drake_tc.text_table import TextTable
 from drake_tc.types import FloatArray
 
 CHUNK = 0.02
@@ -166,7 +167,7 @@ def _simulated(loop: FunctionLoop, progress: Progress | None) -> Simulated:
             tell("the diagram has no VectorLogSink, so that there is nothing to write")
         return [write_log(_columns(name, *log), folder / f"{name}.{ending}") for name, log in logs.items()]
 
-    return Simulated(summary, Table(("logged signal", "min", "max", "last"), rows), lines, write)
+    return Simulated(summary, TextTable("", ("logged signal", "min", "max", "last"), rows), lines, write)
 
 
 def _columns(name: str, times: FloatArray, values: FloatArray) -> dict[str, Any]:

@@ -14,21 +14,9 @@ from drake_tc.loops.torque.summary import summarise, write_results
 from drake_tc.loops.whole_body.running import simulate_tsid
 from drake_tc.loops.whole_body.scenario import TsidScenario
 from drake_tc.loops.whole_body.summary import summarise_tsid, write_tsid
+from drake_tc.text_table import TextTable
 
 Tell = Callable[[str], None]
-
-
-@dataclass(frozen=True)
-class Table:
-    """A table for people: a name, then numbers.
-
-    Attributes:
-        headings: One a column.
-        rows: Texts.
-    """
-
-    headings: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
 
 
 @dataclass(frozen=True)
@@ -43,7 +31,7 @@ class Simulated:
     """
 
     summary: dict[str, Any]
-    table: Table
+    table: TextTable
     lines: tuple[str, ...]
     write: Callable[[Path, str, Tell], list[Path]]
 
@@ -61,7 +49,7 @@ def simulate_torque_loop(scenario: Scenario, progress: Progress | None = None, m
         (row["joint"], f"{1e3 * row['rms_error']:.3f}", f"{1e3 * row['max_error']:.2f}", f"{row['max_torque']:.1f}")
         for row in summary["joints"]
     )
-    table = Table(("joint", "rms error [mrad]", "max error [mrad]", "max torque [N m]"), rows)
+    table = TextTable("", ("joint", "rms error [mrad]", "max error [mrad]", "max torque [N m]"), rows)
     lines = [_speed(summary), *(f"fault: {fault['name']} from {fault['first']:.3f} s" for fault in summary["faults"])]
     return Simulated(
         summary, table, tuple(lines), lambda folder, end, tell: write_results(recording, folder, end, tell)
@@ -93,7 +81,7 @@ def simulate_tsid_loop(scenario: TsidScenario, progress: Progress | None = None,
         f"gave way: {fault['name']} from {fault['first']:.3f} s, {fault['ticks']} ticks" for fault in summary["faults"]
     ]
     lines += [f"flag: {flag['name']} from {flag['first']:.3f} s" for flag in summary["flags"]]
-    table = Table(("joint", "max torque [N m]", "of its limit [%]"), rows)
+    table = TextTable("", ("joint", "max torque [N m]", "of its limit [%]"), rows)
     return Simulated(summary, table, tuple(lines), lambda folder, end, tell: write_tsid(recording, folder, end, tell))
 
 
@@ -109,7 +97,7 @@ def simulate_sea_loop(scenario: SeaScenario, progress: Progress | None = None, m
     row = summary["joints"][0]
     names = ("rms_error", "rms_error_but_for_delay", "max_error", "max_torque", "max_voltage")
     headings = ("joint", "rms error [N m]", "but for the delay", "max error", "max torque", "max voltage [V]")
-    table = Table(headings, ((row["joint"], *(f"{row[name]:.3f}" for name in names)),))
+    table = TextTable("", headings, ((row["joint"], *(f"{row[name]:.3f}" for name in names)),))
     lines = [_speed(summary), *(f"fault: {fault['name']} from {fault['first']:.3f} s" for fault in summary["faults"])]
     return Simulated(summary, table, tuple(lines), lambda folder, end, tell: write_sea(recording, folder, end, tell))
 

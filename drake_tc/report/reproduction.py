@@ -1,6 +1,6 @@
 """What a reproduction returns: rows that are met or not, tables for people, notes on misses."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, TypeVar, get_args
@@ -9,6 +9,7 @@ import numpy as np
 
 from drake_tc.errors import ParamsError
 from drake_tc.loops.scenarios.strict_yaml import from_mapping, read_mapping
+from drake_tc.text_table import TextTable
 
 How = Literal["min", "max", "within"]
 Progress = Callable[[str, float], None]
@@ -116,15 +117,6 @@ class Row:
 
 
 @dataclass(frozen=True)
-class TextTable:
-    """A table for people: title, headings, rows of text."""
-
-    title: str
-    headings: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
-
-
-@dataclass(frozen=True)
 class Reproduction:
     """A table or figure of a paper, computed anew.
 
@@ -217,10 +209,3 @@ def judged(values: Mapping[str, float], wanted: Mapping[str, Expectation]) -> tu
     if missing:
         raise ParamsError(f"expected values without a computed one: {', '.join(missing)}")
     return tuple(Row(name, value, wanted.get(name)) for name, value in values.items())
-
-
-def text_rows(
-    names: Sequence[str], columns: Sequence[Sequence[float]], digits: str = ".3f"
-) -> tuple[tuple[str, ...], ...]:
-    """Rows of a TextTable: a name, then one number of each column."""
-    return tuple((name, *(format(column[i], digits) for column in columns)) for i, name in enumerate(names))

@@ -8,7 +8,8 @@ import json
 import pytest
 
 from drake_tc import registry
-from drake_tc.report.reproduction import Expectation, Reproduction, Row, TextTable
+from drake_tc.report.reproduction import Expectation, Reproduction, Row
+from drake_tc.text_table import TextTable
 
 ROWS = (
     Row("met [1]", 2.5, Expectation("met [1]", 2.0, "min", unit="N", source="Table 9")),

@@ -22,8 +22,9 @@ from drake_tc.analysis.sweep import processes, sweep
 from drake_tc.loops.whole_body.running import TsidRecording, simulate_tsid
 from drake_tc.loops.whole_body.scenario import KnotSpec, TsidScenario
 from drake_tc.loops.whole_body.violations import contact_misses, joint_misses
-from drake_tc.report.reproduction import Progress, Reproduction, TextTable, judged
+from drake_tc.report.reproduction import Progress, Reproduction, judged
 from drake_tc.robot.urdf_tree import read_urdf
+from drake_tc.text_table import TextTable
 from drake_tc.tsid.law import Status
 
 RUNS = 20

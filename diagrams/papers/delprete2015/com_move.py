@@ -24,7 +24,8 @@ from drake_tc.diagrams.papers.delprete2015.simulation import Moment, Scene, foll
 from drake_tc.diagrams.papers.expected_values import expectations
 
 from drake_tc.control.trajectories import knot_trajectory
-from drake_tc.report.reproduction import Progress, Reproduction, TextTable, judged
+from drake_tc.report.reproduction import Progress, Reproduction, judged
+from drake_tc.text_table import TextTable
 from drake_tc.tsid.probability import probability
 from drake_tc.tsid.qp.choose import solver
 from drake_tc.tsid.robust.box import p_box

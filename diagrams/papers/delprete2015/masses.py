@@ -24,7 +24,8 @@ from drake_tc.diagrams.papers.delprete2015.simulation import Moment, follow
 from drake_tc.diagrams.papers.expected_values import expectations
 
 from drake_tc.analysis.sweep import processes, sweep
-from drake_tc.report.reproduction import Progress, Reproduction, TextTable, judged
+from drake_tc.report.reproduction import Progress, Reproduction, judged
+from drake_tc.text_table import TextTable
 from drake_tc.tsid.limits.capture_point import CapturePointLimit
 from drake_tc.tsid.model import TsidModel
 

@@ -14,7 +14,8 @@ from drake_tc.loops.torque.recording import TorqueRecording
 from drake_tc.loops.torque.running import simulate_scenario
 from drake_tc.loops.torque.scenario import Scenario
 from drake_tc.registry import diagram_entry
-from drake_tc.report.reproduction import Progress, Reproduction, TextTable, judged, text_rows
+from drake_tc.report.reproduction import Progress, Reproduction, judged
+from drake_tc.text_table import TextTable, text_rows
 from drake_tc.types import BoolArray, FloatArray
 
 SOFT, STIFF = 0.1, 1.0

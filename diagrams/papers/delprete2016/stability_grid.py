@@ -26,7 +26,8 @@ from drake_tc.loops.torque.parts import actuator_models, loop_robot
 from drake_tc.loops.torque.scenario import Scenario
 from drake_tc.loops.torque.sliding import sliding
 from drake_tc.registry import diagram_entry
-from drake_tc.report.reproduction import Progress, Reproduction, TextTable, judged
+from drake_tc.report.reproduction import Progress, Reproduction, judged
+from drake_tc.text_table import TextTable
 
 JOINT = "r_hip_yaw"
 WINDOWS = (20, 40, 80, 120)

@@ -19,7 +19,8 @@ from scipy.stats import norm
 
 from drake_tc.actuation.model import ActuatorModel
 from drake_tc.diagnosis.result.joint_result import JointResult
-from drake_tc.report.reproduction import Progress, Reproduction, TextTable, judged
+from drake_tc.report.reproduction import Progress, Reproduction, judged
+from drake_tc.text_table import TextTable
 
 HIDDEN = ("deadzone", "velocity_sign_switch")
 RECORDING = 0.18

@@ -10,8 +10,9 @@ from drake_tc.loops.torque.running import simulate_scenario
 from drake_tc.loops.torque.scenario import Scenario
 from drake_tc.loops.torque.summary import estimated
 from drake_tc.registry import diagram_entry
-from drake_tc.report.reproduction import Progress, Reproduction, TextTable, judged, text_rows
+from drake_tc.report.reproduction import Progress, Reproduction, judged
 from drake_tc.sensing.suite import SensorSuiteSpec
+from drake_tc.text_table import TextTable, text_rows
 from drake_tc.types import FloatArray
 
 MOTIONS = {"identify_motion": (1.0, 13.5), "stairs_swing": (0.75, 2.3)}

@@ -16,7 +16,8 @@ from drake_tc.analysis.torque_loop.tuning_task import joint_tasks
 from drake_tc.analysis.tuning import Tuning, tune
 from drake_tc.loops.torque.scenario import Scenario
 from drake_tc.registry import diagram_entry
-from drake_tc.report.reproduction import Progress, Reproduction, TextTable, judged
+from drake_tc.report.reproduction import Progress, Reproduction, judged
+from drake_tc.text_table import TextTable
 
 BEGIN = 0.28
 """Errors of the brisk swing are taken from just before it begins [s]."""

@@ -17,8 +17,9 @@ from drake_tc.loops.whole_body.running import TsidRecording, simulate_tsid
 from drake_tc.loops.whole_body.scenario import TsidScenario
 from drake_tc.loops.whole_body.summary import task_errors
 from drake_tc.loops.whole_body.violations import contact_wrenches
-from drake_tc.report.reproduction import Progress, Reproduction, TextTable, judged
+from drake_tc.report.reproduction import Progress, Reproduction, judged
 from drake_tc.robot.plant import joint_limits
+from drake_tc.text_table import TextTable
 from drake_tc.tsid.law import Status
 from drake_tc.types import FloatArray
 

@@ -14,7 +14,8 @@ from drake_tc.control.rotation import rotation_matrix, rotation_vector
 from drake_tc.loops.whole_body.references import task_source
 from drake_tc.loops.whole_body.running import TsidRecording, simulate_tsid
 from drake_tc.loops.whole_body.scenario import TsidScenario
-from drake_tc.report.reproduction import Progress, Reproduction, TextTable, judged
+from drake_tc.report.reproduction import Progress, Reproduction, judged
+from drake_tc.text_table import TextTable
 from drake_tc.types import FloatArray
 
 SCENARIOS = Path(__file__).parents[2] / "coman.scenario.yaml"

@@ -24,7 +24,8 @@ from drake_tc.loops.series_elastic.scenario import SeaScenario
 from drake_tc.loops.series_elastic.sliding import sliding_sea
 from drake_tc.registry import sea_entry
 from drake_tc.report.bode_plot import draw_bode
-from drake_tc.report.reproduction import Progress, Reproduction, TextTable, judged, text_rows
+from drake_tc.report.reproduction import Progress, Reproduction, judged
+from drake_tc.text_table import TextTable, text_rows
 from drake_tc.types import FloatArray
 
 BAND = (2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0)

@@ -11,7 +11,8 @@ from drake_tc.diagrams.papers.faraji2015.sea_motor import true_motor
 from drake_tc.loops.series_elastic.running import SeaRecording, simulate_sea
 from drake_tc.loops.series_elastic.scenario import SeaScenario
 from drake_tc.registry import sea_entry
-from drake_tc.report.reproduction import Progress, Reproduction, TextTable, judged, text_rows
+from drake_tc.report.reproduction import Progress, Reproduction, judged
+from drake_tc.text_table import TextTable, text_rows
 
 MOVED = ((1.0, 2.2), (3.0, 4.2))
 """When the hand moves the joint at a constant speed, there and back [s]."""

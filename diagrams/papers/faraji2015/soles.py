@@ -7,7 +7,8 @@ from drake_tc.diagrams.papers.faraji2015.motions import SCENARIOS, BaseErrors, b
 
 from drake_tc.loops.whole_body.running import simulate_tsid
 from drake_tc.loops.whole_body.scenario import TsidScenario
-from drake_tc.report.reproduction import Progress, Reproduction, TextTable, judged, text_rows
+from drake_tc.report.reproduction import Progress, Reproduction, judged
+from drake_tc.text_table import TextTable, text_rows
 
 KNOWN = {
     "as it is": "{beside: foot_centre}",
