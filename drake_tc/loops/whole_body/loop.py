@@ -82,23 +82,15 @@ def build_tsid(scenario: TsidScenario, *, meshcat: bool = False) -> TsidLoop:
     Raises:
         ParamsError: a file that cannot be read, or names or times that do not fit.
     """
-    law = load_law(scenario.path(scenario.controller), scenario.changes)
-    steps = law.period / scenario.plant_step
-    if not (steps > 0.5 and abs(steps - round(steps)) < 1e-6):
-        raise ParamsError(
-            f"plant_step: wanted the controller's period, {law.period:g} s, or a whole part of it;"
-            f" got {scenario.plant_step:g}"
-        )
-    if not law.model.contacts:
-        raise ParamsError(f"{scenario.path(scenario.controller)}: contacts: wanted at least one to stand on; got none")
+    law = _law(scenario)
     builder = DiagramBuilder()
     plant = _add_plant(builder, scenario, law, meshcat=meshcat)
     controller = RobustTsid(law)
     touched = plant.get_generalized_contact_forces_output_port(plant.GetModelInstanceByName(law.model.robot.name))
     signals = {"state": plant.get_state_output_port(), "contact": touched}
     wiring = WholeBodyBuilder(builder, scenario, plant, law.period, signals, law=law)
-    senses = scenario.state != "plant" or scenario.torque == "drives"
-    sensors = add_whole_body_sensors(wiring) if senses else None
+    sensed = scenario.state != "plant" or scenario.torque == "drives"
+    sensors = add_whole_body_sensors(wiring) if sensed else None
     springs = add_spring_drives(wiring) if scenario.torque == "series_elastic" else None
     builder.AddNamedSystem("tsid", controller)
     contacts = _connect_references(builder, scenario, controller)
@@ -114,16 +106,11 @@ def build_tsid(scenario: TsidScenario, *, meshcat: bool = False) -> TsidLoop:
         state, springs = stopped(wiring, validated, state)
     builder.Connect(state, controller.GetInputPort("estimated_state"))
     torque = _with_error(builder, scenario, law, controller.GetOutputPort("torque"))
-    if springs is not None:
-        starts.append(control_springs(wiring, springs, torque))
-    elif sensors is not None and scenario.torque == "drives":
-        add_drives(wiring, sensors, torque, state)
-    else:
-        wiring.signals["applied_torque"] = torque
-        builder.Connect(torque, plant.get_actuation_input_port())
+    starts += _apply_torque(wiring, sensors, springs, torque, state)
     outputs = ("torque", "acceleration", "contact_force", "status")
     wiring.signals |= {name: controller.GetOutputPort(name) for name in outputs}
-    flag_names = () if validated is None else add_flags(wiring, validated)
+    if validated is not None:
+        wiring.flag_names = add_flags(wiring, validated)
     diagram, log = wiring.build(f"{law.model.robot.name}_tsid")
     return TsidLoop(
         scenario=scenario,
@@ -133,19 +120,55 @@ def build_tsid(scenario: TsidScenario, *, meshcat: bool = False) -> TsidLoop:
         plant=plant,
         log=log,
         starts=tuple(starts),
-        flag_names=flag_names,
+        flag_names=wiring.flag_names,
     )
 
 
+def _law(scenario: TsidScenario) -> Law:
+    """The controller's law.
+
+    Raises:
+        ParamsError: a file that cannot be read, a step that does not divide the period, or no contacts.
+    """
+    law = load_law(scenario.path(scenario.controller), scenario.changes)
+    steps = law.period / scenario.plant_step
+    if not (steps > 0.5 and abs(steps - round(steps)) < 1e-6):
+        raise ParamsError(
+            f"plant_step: wanted the controller's period, {law.period:g} s, or a whole part of it;"
+            f" got {scenario.plant_step:g}"
+        )
+    if not law.model.contacts:
+        raise ParamsError(f"{scenario.path(scenario.controller)}: contacts: wanted at least one to stand on; got none")
+    return law
+
+
+def _apply_torque(
+    wiring: WholeBodyBuilder,
+    sensors: SensorSuite | None,
+    springs: SpringDrives | None,
+    torque: OutputPort,
+    state: OutputPort,
+) -> list[Start]:
+    """The torques on their way to the joints: directly, or through drives; what has to be started for it."""
+    if springs is not None:
+        return [control_springs(wiring, springs, torque)]
+    if sensors is not None and wiring.scenario.torque == "drives":
+        add_drives(wiring, sensors, torque, state)
+    else:
+        wiring.signals["applied_torque"] = torque
+        wiring.builder.Connect(torque, wiring.plant.get_actuation_input_port())
+    return []
+
+
 def _checked(scenario: TsidScenario) -> bool:
-    """Whether senses are checked, and motions stop where they are lost: in paper C's loop."""
+    """Whether sensors are checked, and motions stop where they are lost: with base estimator and series springs."""
     return bool(scenario.state == "base_estimator" and scenario.torque == "series_elastic")
 
 
 def _validated(
     wiring: WholeBodyBuilder, sensors: SensorSuite | None, springs: SpringDrives | None, contacts: OutputPort | None
 ) -> ValidatedSensors | None:
-    """What checks the senses, in paper C's loop."""
+    """The checks of the sensors, where the scenario has them."""
     if sensors is None or springs is None or not _checked(wiring.scenario):
         return None
     return add_sensor_validation(wiring, sensors, springs, contacts)
