@@ -121,7 +121,7 @@ def test_a_contact_that_is_lifted_is_held_off():
 def test_the_estimators_soles_are_those_that_touch():
     given = scenario("stand")
     loop = build_tsid(given)
-    spec = estimator_spec(WholeBodyBuilder(DiagramBuilder(), given, loop.law, loop.plant, {}))
+    spec = estimator_spec(WholeBodyBuilder(DiagramBuilder(), given, loop.plant, loop.period, law=loop.law))
     for contact, mine in zip(loop.law.model.contacts, spec.contacts, strict=True):
         points = touching_points(contact, given.ground)[:, :2]
         corners = np.array(mine.polygon)
@@ -135,7 +135,7 @@ def test_the_estimator_is_told_what_the_maker_knows():
     late = "{preset: realistic, gyro: {latency: 0.003}, accel: {latency: 0.003}}"
     given = scenario("stand", f"{{sensors: {late}, estimator: {{sole_stiffness: 2.0e+5}}}}")
     loop = build_tsid(given)
-    spec = estimator_spec(WholeBodyBuilder(DiagramBuilder(), given, loop.law, loop.plant, {}))
+    spec = estimator_spec(WholeBodyBuilder(DiagramBuilder(), given, loop.plant, loop.period, law=loop.law))
     assert spec.imu_age == 0.003
     assert [contact.sole_stiffness for contact in spec.contacts] == [2e5, 2e5]
     assert [contact.sole_points for contact in spec.contacts] == [given.ground.sole.points] * 2

@@ -305,7 +305,7 @@ def test_summary_and_log(moved, tmp_path):
 
 
 def test_the_readme_has_every_field_of_a_scenario():
-    page = (ROOT / "diagrams" / "tsid" / "README.md").read_text("utf-8")
+    page = (ROOT / "diagrams" / "humanoid_tsid.md").read_text("utf-8")
     kinds = (TsidScenario, GroundSpec, DrivesSpec, KnotSpec, SpanSpec, TorqueErrorSpec)
     wanted = {field.name for kind in kinds for field in fields(kind)}
     assert {name for name in wanted if f"`{name}`" not in page and f"{name}:" not in page} == set()
