@@ -15,7 +15,7 @@ MODULE = """
 from pathlib import Path
 
 from pydrake.systems.framework import DiagramBuilder
-from pydrake.systems.primitives import ConstantVectorSource, LinearSystem, LogVectorOutput
+from pydrake.systems.primitives import ConstantVectorSource, LinearSystem, LogVectorOutput, MatrixGain
 
 from drake_tc.loops.entries import torque_loop
 
@@ -26,6 +26,15 @@ def low_pass():
     one = builder.AddNamedSystem("low_pass", LinearSystem([[0.9]], [[0.1]], [[1.0]], [[0.0]], 0.01))
     builder.Connect(source.get_output_port(), one.get_input_port())
     LogVectorOutput(one.get_output_port(), builder, 0.01).set_name("log")
+    return builder.Build()
+
+
+def feedback():
+    builder = DiagramBuilder()
+    one = builder.AddNamedSystem("plant", LinearSystem([[0.9]], [[0.1]], [[1.0]], [[0.0]], 0.01))
+    gain = builder.AddNamedSystem("controller", MatrixGain([[-3.0]]))
+    builder.Connect(one.get_output_port(), gain.get_input_port())
+    builder.Connect(gain.get_output_port(), one.get_input_port())
     return builder.Build()
 
 
@@ -78,6 +87,16 @@ def test_the_response_of_a_function_is_that_of_its_equation(own):
         expected = 20.0 * np.log10(abs(0.1 / (z - 0.9)))
         assert row["predicted_magnitude_db"] == pytest.approx(expected, abs=1e-6)
         assert row["magnitude_db"] == pytest.approx(expected, abs=0.01)
+
+
+def test_the_stability_of_a_function_is_that_of_its_equation(own):
+    call = ["stability", f"{own}:feedback", "--open-at", "controller:y0", "--json"]
+    found = json.loads(run(*call).stdout)
+    assert found["eigenvalues"] == [[pytest.approx(0.9 - 0.3), 0.0]]
+    assert found["verdict"] == "stable" and found["agree"]
+    assert found["margins"]["gain_margin"] == pytest.approx(1.9 / 0.3, rel=1e-3)  # at the pole -1
+    outcome = CliRunner().invoke(app, [*call, "--joint", "knee"])
+    assert "the diagram names none" in str(outcome.exception)
 
 
 def test_an_entry_of_ones_own_is_taken_as_it_is(own):

@@ -7,7 +7,6 @@ from pydrake.systems.analysis import Simulator
 
 from drake_tc.errors import SimulationError
 from drake_tc.loops.torque.loop import Loop, build_loop
-from drake_tc.loops.torque.running import joint_order
 from drake_tc.loops.torque.scenario import Scenario
 
 
@@ -33,9 +32,3 @@ def settled(scenario: Scenario, at: float) -> tuple[Loop, Any]:
     except RuntimeError as error:
         raise SimulationError(f"the way to the operating point failed: {' '.join(str(error).split())}") from error
     return loop, context
-
-
-def speed_states(loop: Loop) -> list[str]:
-    """The joints' speeds as states of the linearised diagram, in the robot's order."""
-    count = loop.plant.num_positions()
-    return [f"plant[{count + place}]" for place in joint_order(loop)]
