@@ -99,6 +99,15 @@ def test_the_stability_of_a_function_is_that_of_its_equation(own):
     assert "the diagram names none" in str(outcome.exception)
 
 
+def test_the_stability_of_a_series_elastic_joint_is_judged_and_that_of_contacts_is_not():
+    call = ["--open-at", "torque_control:voltage", "--at", 0.2, "--json"]
+    found = json.loads(run("stability", "sea_joint", *call).stdout)
+    assert found["verdict"] == "stable" and found["agree"]
+    assert found["margins"]["sensitivity_peak"] <= 2.0  # the rule by which its law is tuned
+    outcome = CliRunner().invoke(app, ["stability", "humanoid_tsid"])
+    assert "stands on contacts" in str(outcome.exception)
+
+
 def test_an_entry_of_ones_own_is_taken_as_it_is(own):
     assert registry.diagram_entry(f"{own}:ENTRY").title == "of my own"
     with pytest.raises(ParamsError, match="expected a DiagramEntry of the whole_body loop"):

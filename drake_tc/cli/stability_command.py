@@ -74,6 +74,8 @@ def stability_command(
     if friction not in ("sliding", "modelled"):
         raise typer.BadParameter(f"wanted sliding or modelled, got {friction!r}", param_hint="--friction")
     entry = runnable(diagram)
+    if entry.kind == "whole_body":
+        raise ParamsError(f"stability: {diagram} stands on contacts, whose linearisation says nothing of its stability")
     scenario = entry.scenario(scenario_name, scenario_file, scenario_text)
     with progress_bar(f"stability {diagram}", quiet=as_json) as progress, TemporaryDirectory() as folder:
         if friction == "sliding":
