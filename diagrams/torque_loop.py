@@ -13,6 +13,7 @@
 """
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
@@ -55,12 +56,12 @@ def build() -> Diagram:
 
     # The simulated robot: plant, actuators with friction, and sensors.
     builder = DiagramBuilder()
-    plant = builder.AddNamedSystem("plant", MultibodyPlant(PERIOD))
+    plant: Any = builder.AddNamedSystem("plant", MultibodyPlant(PERIOD))
     add_robot(plant, robot)
     plant.SetUseSampledOutputPorts(False)  # sensors read the state of now
     plant.Finalize()
     actuators = add_actuators(builder, plant, models, PERIOD)
-    sensors = add_sensors(builder, plant, robot, SensorSuiteSpec.realistic(), PERIOD)
+    sensors: Any = add_sensors(builder, plant, robot, SensorSuiteSpec.realistic(), PERIOD)
     encoder, imu = sensors.encoder.GetOutputPort("reading"), sensors.imu.GetOutputPort("reading")
     wrench = sensors.force_torque.GetOutputPort("reading")
 
@@ -109,12 +110,11 @@ def build() -> Diagram:
 
 def main() -> None:
     """Swing the leg, and print the RMS tracking error of each joint."""
-    diagram, robot = build(), load_robot(ROBOT)
-    simulator = Simulator(diagram)
+    diagram: Any = build()
+    robot, simulator = load_robot(ROBOT), Simulator(diagram)
     simulator.AdvanceTo(DURATION)
-    state, wanted = (
-        diagram.GetSubsystemByName(name).FindLog(simulator.get_context()).data() for name in ("state", "wanted")
-    )
+    logs = [diagram.GetSubsystemByName(name).FindLog(simulator.get_context()) for name in ("state", "wanted")]
+    state, wanted = (log.data() for log in logs)
     n = len(robot.joints)
     for joint, error in zip(robot.joints, wanted[:n, 700:] - state[:n, 700:], strict=True):
         print(f"{joint:<16}{1e3 * np.sqrt(np.mean(error**2)):8.2f} mrad")

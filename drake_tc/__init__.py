@@ -77,7 +77,7 @@ _HOME = {
     "DrakeTcError": "errors",
     "Drive": "actuation.model",
     "EffectValue": "actuation.model",
-    "FaultMonitor": "estimation.fault_monitor",
+    "FaultMonitor": "sensor_validation.fault_monitor",
     "InverseDynamics": "control.inverse_dynamics",
     "JointTorqueEstimator": "estimation.joint_torque",
     "LIBRARY": "effects.library",

@@ -36,6 +36,7 @@ FLOOR = {
     "diagnosis": 8,
     "loops": 9,
     "analysis": 10,
+    "exchange": 11,
     "report": 11,
     "registry": 12,
     "blind": 11,

@@ -93,7 +93,7 @@ def torque_loop():
         ),
         "monitor": staged(
             "FaultMonitor",
-            "estimation.fault_monitor",
+            "sensor_validation.fault_monitor",
             {"encoder": N, "imu": 3, "gyro": 3, "unknown_wrench": 6},
             {"fault": 1, "flags": 5},
             held=("fault", "flags"),
