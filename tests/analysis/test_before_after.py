@@ -137,7 +137,7 @@ def test_another_drive_has_margins_alone(tmp_path, no_simulation):
     assert found.time is None
     assert np.isnan(found.joints["arm"].after.rms_error)
     assert found.joints["arm"].after.spectral_radius < 1.0
-    assert "here is a current drive" in found.notes[0]
+    assert "this rig has a current drive" in found.notes[0]
 
 
 def leg_case(robot, actuators):
