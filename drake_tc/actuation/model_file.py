@@ -9,8 +9,8 @@ from typing import Any
 import yaml
 
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
+from drake_tc.config.yaml_file import read_yaml
 from drake_tc.errors import ParamsError
-from drake_tc.yaml_file import read_yaml
 
 
 @dataclass(frozen=True)

@@ -21,11 +21,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from drake_tc.config.yaml_file import read_yaml
 from drake_tc.errors import LogError, ParamsError
 from drake_tc.logs.importers import IMPORTERS
 from drake_tc.logs.importers.files import read_table, run_name
 from drake_tc.logs.rig import load_rig
-from drake_tc.yaml_file import read_yaml
 
 RIGS = Path(__file__).parent / "rigs"
 

@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from drake_tc.json_values import json_value
+from drake_tc.config.json_values import json_value
 
 How = Literal["max", "within", "info"]
 

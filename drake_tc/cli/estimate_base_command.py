@@ -12,10 +12,10 @@ import typer
 from drake_tc.cli.out_files import Force, result_folder
 from drake_tc.cli.progress import progress_bar
 from drake_tc.cli.wide_table import print_wide
+from drake_tc.config.json_values import json_value
 from drake_tc.errors import LogError
 from drake_tc.estimation.base.evaluate import BaseResult, evaluate_log
 from drake_tc.estimation.base.rig import load_base_rig
-from drake_tc.json_values import json_value
 
 _ROWS = ("x, m", "y, m", "z, m", "roll, deg", "pitch, deg", "yaw, deg", "vx, m/s", "vy, m/s", "vz, m/s")
 FILES = ("estimate.csv", "estimate.json")

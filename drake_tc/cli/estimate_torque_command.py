@@ -10,11 +10,11 @@ import typer
 
 from drake_tc.cli.out_files import Force, result_folder
 from drake_tc.cli.progress import progress_bar
+from drake_tc.config.json_values import json_value
 from drake_tc.errors import LogError, RigError
 from drake_tc.estimation.off_line import OffLineFilter
 from drake_tc.estimation.robot_loads import filters_of, robot_logs, with_robot_loads
 from drake_tc.filtering.window_choice import Window
-from drake_tc.json_values import json_value
 from drake_tc.logs.file_names import file_name
 from drake_tc.logs.prepare import load_runs
 from drake_tc.logs.record import Run

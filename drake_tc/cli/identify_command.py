@@ -14,11 +14,11 @@ from drake_tc.cli.identify_motors import motor_row, print_motors
 from drake_tc.cli.out_files import Force, result_file
 from drake_tc.cli.progress import progress_bar
 from drake_tc.cli.wide_table import print_wide
+from drake_tc.config.json_values import json_value
 from drake_tc.effects.base import EFFORT_UNIT
 from drake_tc.errors import IdentificationError, LogError, RigError
 from drake_tc.identification.identify import Identified, Method
 from drake_tc.identification.piecewise import PiecewiseFit
-from drake_tc.json_values import json_value
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
 from drake_tc.logs.told_once import of_joint, told_once

@@ -13,8 +13,8 @@ from rich.console import Console
 from rich.table import Table
 
 from drake_tc.cli.progress import progress_bar
+from drake_tc.config.json_values import json_value
 from drake_tc.errors import ParamsError
-from drake_tc.json_values import json_value
 
 if TYPE_CHECKING:
     from drake_tc.analysis.margins import Margins

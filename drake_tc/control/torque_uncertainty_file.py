@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import yaml
 
+from drake_tc.config.yaml_file import read_yaml
 from drake_tc.control.covariance import checked_covariance
 from drake_tc.errors import ParamsError
 from drake_tc.types import FloatArray
-from drake_tc.yaml_file import read_yaml
 
 SCHEMA = 1
 UNIT = "N*m"

@@ -9,12 +9,12 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from drake_tc.config.near import near
 from drake_tc.errors import LogError
 from drake_tc.estimation.coupled_gears import ACCELERATION, motor_loads, motor_turns
 from drake_tc.estimation.off_line import OffLineFilter, SensorLog, chosen_filter, smoothed, wrench_bias
 from drake_tc.estimation.torque_model import TorqueModel
 from drake_tc.logs.loads import RobotLoad
-from drake_tc.logs.near import near
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import WRENCH_AXES, Rig
 from drake_tc.robot.link_parameters import LinkModel, link_model

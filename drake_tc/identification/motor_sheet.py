@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import Any
 
 from drake_tc.actuation.voltage_motor import VoltageMotor
+from drake_tc.config.yaml_file import read_yaml
 from drake_tc.errors import IdentificationError, ParamsError
 from drake_tc.identification.motor_prior import PriorWidths
-from drake_tc.yaml_file import read_yaml
 
 ALL = "all"
 """Stands for every joint that the file does not name."""

@@ -6,8 +6,8 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
+from drake_tc.config.near import near
 from drake_tc.errors import LogError
-from drake_tc.logs.near import near
 from drake_tc.logs.record import Run
 from drake_tc.types import FloatArray
 

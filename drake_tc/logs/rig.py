@@ -11,14 +11,15 @@ from typing import Any
 
 import yaml
 
+from drake_tc.config.yaml_file import read_yaml
 from drake_tc.errors import RigError
 from drake_tc.logs.loads import Load, Pendulum, RobotLoad, UnknownLoad
 from drake_tc.logs.rig_document.by_joint import values_by_joint
 from drake_tc.logs.rig_document.declared import Declared, declared_of
 from drake_tc.logs.rig_document.document import DriveKind, RigDocument
 from drake_tc.logs.rig_document.drive_scale import declared_gains
-from drake_tc.logs.rig_document.errors import HINT, read_document
 from drake_tc.logs.rig_document.loads import load_of
+from drake_tc.logs.rig_document.schema import HINT, read_document
 from drake_tc.logs.rig_document.sensors import SensorsKeys, sensors_entry
 from drake_tc.logs.rig_robot import (
     check_joint_tolerances,
@@ -206,19 +207,7 @@ def load_rig(path: Path | str) -> Rig:
         RigError: No such file, not YAML, or not a rig; names file and key.
     """
     path = Path(path)
-    try:
-        document = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise RigError(f"{path}: no such rig file") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise RigError(f"{path}: cannot be read: {error}") from None
-    except yaml.YAMLError as error:
-        mark = getattr(error, "problem_mark", None)
-        where = f" at line {mark.line + 1}" if mark is not None else ""
-        raise RigError(
-            f"{path}: not valid YAML{where}: {getattr(error, 'problem', None) or 'cannot be parsed'}"
-        ) from None
-    return parse_rig(document, path)
+    return parse_rig(read_yaml(path, "rig file", RigError), path)
 
 
 def _load_entry(load: Load) -> object:

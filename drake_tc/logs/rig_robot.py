@@ -3,11 +3,11 @@
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
-import yaml
-
+from drake_tc.config.near import near
+from drake_tc.config.quoted import quoted
+from drake_tc.config.yaml_file import read_yaml
 from drake_tc.errors import RigError
 from drake_tc.logs.loads import Load, RobotLoad
-from drake_tc.logs.near import near
 from drake_tc.logs.rig_document.sensors import JointSensorKeys
 
 
@@ -20,7 +20,7 @@ def parse_robot(source: str, value: object, rig: Path | str) -> Path | None:
     if value is None:
         return None
     if not isinstance(value, str) or not value:
-        raise RigError(f"{source}: robot: expected the name of a robot file (YAML), got {value!r}")
+        raise RigError(f"{source}: robot: expected the name of a robot file (YAML), got {quoted(value)}")
     path = Path(value) if not isinstance(rig, Path) else rig.parent / value
     if not path.is_file():
         raise RigError(f"{source}: robot: no such robot file: {path}")
@@ -34,9 +34,9 @@ def robot_joints(source: str, robot: Path) -> list[str]:
         RigError: The file cannot be read, or lists none.
     """
     try:
-        document = yaml.safe_load(robot.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise RigError(f"{source}: robot: {robot}: cannot be read: {' '.join(str(error).split())}") from None
+        document = read_yaml(robot, "robot file (YAML)", RigError)
+    except RigError as error:
+        raise RigError(f"{source}: robot: {error}") from None
     joints = document.get("joints") if isinstance(document, Mapping) else None
     if not isinstance(joints, list) or not joints:
         raise RigError(f"{source}: robot: {robot} has no `joints`; expected a robot file, or `joints` in the rig file")
@@ -78,8 +78,8 @@ def robot_sensors(robot: Path | None) -> tuple[str, ...]:
     if robot is None:
         return ()
     try:
-        document = yaml.safe_load(robot.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, yaml.YAMLError):
+        document = read_yaml(robot, error=RigError)
+    except RigError:
         return ()
     found = []
     for key, prefix in (("imu", "imu_"), ("force_torque", "ft_")):

@@ -8,6 +8,8 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from drake_tc.config.quoted import quoted
+
 _ANGLE = {
     "rad": 1.0,
     "mrad": 1e-3,
@@ -126,7 +128,7 @@ def parse_unit(canonical: str, unit: str | float) -> Scale:
     """
     if isinstance(unit, (int, float)) and not isinstance(unit, bool):
         if not math.isfinite(unit) or unit == 0:
-            raise ValueError(f"a scale factor is a finite number other than 0, got {unit!r}")
+            raise ValueError(f"a scale factor is a finite number other than 0, got {quoted(unit)}")
         return Scale(float(unit), 0.0, stated=True)
     known = allowed_units(canonical)
     name = str(unit).strip()
@@ -134,36 +136,10 @@ def parse_unit(canonical: str, unit: str | float) -> Scale:
     name = name.removeprefix("-").strip()
     if name not in known:
         raise ValueError(
-            f"{unit!r} is not a unit of it; possible: {', '.join(known)}, with a leading '-' to flip the sign, "
+            f"{quoted(unit)} is not a unit of it; possible: {', '.join(known)}, with a leading '-' to flip the sign, "
             "or a number (scale factor)"
         )
     return Scale(sign * known[name], sign * _OFFSET.get(name, 0.0), stated=True)
-
-
-def quantity(channel: str, value: object) -> float:
-    """A value in SI, from a number (SI) or a text such as "0.1 deg".
-
-    Args:
-        channel: Whose units it may have, as in `allowed_units`; or "ratio", for a plain share.
-        value: Number or text.
-
-    Raises:
-        ValueError: Neither; the message lists the possible units.
-    """
-    known = {"": 1.0, "%": 0.01} if channel == "ratio" else allowed_units(channel)
-    if isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value):
-        return float(value)
-    number, _, unit = value.strip().partition(" ") if isinstance(value, str) else ("", "", "")
-    try:
-        size = float(number)
-    except ValueError:
-        size = math.nan
-    if not math.isfinite(size) or unit.strip() not in known:
-        listed = ", ".join(unit for unit in known if unit)
-        raise ValueError(
-            f"expected a number or a text such as '0.1 {listed.split(',')[0]}', got {value!r}; units: {listed}"
-        )
-    return size * known[unit.strip()]
 
 
 def scale_of(canonical: str, units: Mapping[str, str | float]) -> Scale:

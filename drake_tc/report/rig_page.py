@@ -8,12 +8,12 @@ from typing import Any
 from jinja2 import Environment, StrictUndefined
 from pydantic import BaseModel
 
+from drake_tc.config.keys import HIDDEN, default_of, unit_of
 from drake_tc.diagnosis.problem.declared import ALWAYS, can_be_held
 from drake_tc.effects.base import Effect
 from drake_tc.effects.library import effect
 from drake_tc.logs.effect_ids import EFFECT_IDS, ROBOT_CAUSES
 from drake_tc.logs.rig_document.document import RigDocument
-from drake_tc.logs.rig_document.keys import HIDDEN, default_of, unit_of
 from drake_tc.logs.rig_document.loads import KINDS, WORDS
 from drake_tc.logs.rig_document.sensors import EncoderKeys, ForceTorqueKeys, ImuKeys, JointSensorKeys, TorqueSensorKeys
 from drake_tc.logs.sensors import FORCE_TORQUE_PARTS, IMU_PARTS, Tolerance

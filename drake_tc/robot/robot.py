@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from drake_tc.config.near import near
+from drake_tc.config.yaml_file import read_yaml
 from drake_tc.errors import ParamsError
-from drake_tc.logs.near import near
 from drake_tc.robot import fields
 from drake_tc.robot.mounts import ForceTorqueMount, Mount, Pose
 from drake_tc.robot.packages import resolve
@@ -17,7 +18,6 @@ from drake_tc.robot.sensor_mounts import check_link, force_torque_mounts, imu_mo
 from drake_tc.robot.split_link import LinkSplit
 from drake_tc.robot.urdf_tree import UrdfTree, read_urdf
 from drake_tc.types import FloatArray
-from drake_tc.yaml_file import read_yaml
 
 __all__ = ["ForceTorqueMount", "Mount", "Pose", "Robot", "load_robot"]
 

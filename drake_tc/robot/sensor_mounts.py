@@ -3,8 +3,8 @@
 from collections.abc import Mapping
 from typing import Any
 
+from drake_tc.config.near import near
 from drake_tc.errors import ParamsError
-from drake_tc.logs.near import near
 from drake_tc.robot import fields
 from drake_tc.robot.mounts import ForceTorqueMount, Mount
 from drake_tc.robot.split_link import LinkSplit

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from drake_tc.config.yaml_file import merged, read_yaml
 from drake_tc.control.torque_uncertainty_file import load_torque_uncertainty
 from drake_tc.errors import ParamsError
 from drake_tc.robot import fields
@@ -26,7 +27,6 @@ from drake_tc.tsid.robust.formulation import Formulation
 from drake_tc.tsid.robust.options import Options
 from drake_tc.tsid.robust.torque_error import TorqueError
 from drake_tc.tsid.task_fields import numbers, read_task
-from drake_tc.yaml_file import merged, read_yaml
 
 _NUMBERS = ("contact_damping", "fallback_damping", "fade")
 _REQUIRED = ("robot", "tasks")

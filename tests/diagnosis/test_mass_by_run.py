@@ -72,11 +72,11 @@ def test_length_and_inertia_may_differ_with_the_mass():
 @pytest.mark.parametrize(
     ("pendulum", "said"),
     [
-        ({"mass": {}, "length": 0.3}, "load: pendulum: mass: expected {pattern of file names: value}, got {}"),
-        ({"mass": {"a": -1}, "length": 0.3}, "load: pendulum: mass: a: expected a positive number, got -1"),
+        ({"mass": {}, "length": 0.3}, "load.pendulum.mass: expected {pattern of file names: value}, got {}"),
+        ({"mass": {"a": -1}, "length": 0.3}, "load.pendulum.mass.a: expected a positive number, got -1"),
         (
             {"mass": {"a": 1.0, "b": 2.0}, "length": {"a": 0.3}},
-            "load: pendulum: length: expected the same file names as in mass (a, b), got a",
+            "load.pendulum.length: expected the same file names as in mass (a, b), got a",
         ),
     ],
 )

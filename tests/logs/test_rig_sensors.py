@@ -7,6 +7,7 @@ import pytest
 import yaml
 from numpy.testing import assert_allclose
 
+from drake_tc.config.units import RATIO, quantity
 from drake_tc.errors import RigError
 from drake_tc.logs.rig import load_rig, parse_rig, rig_document, save_rig
 from drake_tc.logs.sensors import (
@@ -17,7 +18,7 @@ from drake_tc.logs.sensors import (
     JointSensors,
     typical,
 )
-from drake_tc.logs.units import quantity
+from drake_tc.logs.units import allowed_units
 
 BASE = {"joint": "knee", "drive": "position_servo"}
 ROBOT = "{joints: [hip, knee], imu: {trunk: {link: base}}, force_torque: {foot: {joint: ankle}}}"
@@ -106,7 +107,7 @@ def test_round_trip(tmp_path, sensors):
         (3, "sensors: expected a mapping"),
         ({"torque_nois": 1.0}, "did you mean 'torque_noise'"),
         ({"knee": {"encoder_steps": 1.0}}, "did you mean 'encoder_step'"),
-        ({"knee": 0.1}, "sensors: knee: expected a mapping"),
+        ({"knee": 0.1}, "sensors.knee: expected a mapping"),
         ({"torque_noise": "1 rad"}, "units: N*m"),
         ({"torque_noise": "much"}, "such as '0.1 N*m'"),
         ({"torque_noise": True}, "got True"),
@@ -140,7 +141,7 @@ def test_a_sensor_needs_a_robot():
 
 
 def test_ratios_and_units_of_quantities():
-    assert quantity("ratio", "1.5 %") == pytest.approx(0.015)
-    assert quantity("accel_x", "2 g") == pytest.approx(19.6133)
+    assert quantity(RATIO, "1.5 %") == pytest.approx(0.015)
+    assert quantity(allowed_units("accel_x"), "2 g") == pytest.approx(19.6133)
     with pytest.raises(ValueError, match="expected a number"):
-        quantity("time", float("nan"))
+        quantity(allowed_units("time"), float("nan"))

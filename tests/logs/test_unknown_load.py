@@ -29,7 +29,7 @@ def test_the_forms_are_read_and_written_back(written: object, load: object, form
 
 @pytest.mark.parametrize("value", ["smoth", None, 3, ["smooth"], {"smooth": 4}])
 def test_another_form_is_refused_in_one_line(value: object) -> None:
-    with pytest.raises(RigError, match=r"^rig\.yaml: load: unknown: expected one of pendulum, smooth, got ") as refused:
+    with pytest.raises(RigError, match=r"^rig\.yaml: load.unknown: expected one of pendulum, smooth, got ") as refused:
         rig_with({"unknown": value})
     assert "\n" not in str(refused.value)
     if value == "smoth":

@@ -80,7 +80,11 @@ def test_a_broken_urdf_is_refused(tmp_path, urdf, message):
 
 @pytest.mark.parametrize(
     ("text", "message"),
-    [("a: 1\na: 2\n", "line 2: key 'a' is given twice"), ("a: [", "not YAML"), ("- 1\n", "robot: wanted a mapping")],
+    [
+        ("a: 1\na: 2\n", "line 2: key 'a' is given twice"),
+        ("a: [", "not valid YAML"),
+        ("- 1\n", "robot: wanted a mapping"),
+    ],
 )
 def test_a_broken_file_is_refused(tmp_path, text, message):
     path = tmp_path / "robot.yaml"
@@ -90,7 +94,7 @@ def test_a_broken_file_is_refused(tmp_path, text, message):
 
 
 def test_a_missing_file_is_refused(tmp_path):
-    with pytest.raises(ParamsError, match="wanted a robot file"):
+    with pytest.raises(ParamsError, match="no such robot file"):
         load_robot(tmp_path / "none.yaml")
 
 

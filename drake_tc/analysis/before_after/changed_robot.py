@@ -6,9 +6,9 @@ from xml.etree import ElementTree
 
 import yaml
 
+from drake_tc.config.yaml_file import read_yaml
 from drake_tc.errors import ParamsError
 from drake_tc.robot.robot import Robot
-from drake_tc.yaml_file import read_yaml
 
 
 def write_welded_robot(robot: Robot, folder: Path) -> Path:

@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
+from drake_tc.config.near import near
 from drake_tc.diagnosis.data.samples import Samples
 from drake_tc.diagnosis.problem.columns import Columns, Term
 from drake_tc.diagnosis.problem.regression import Fit, fit
@@ -11,7 +12,6 @@ from drake_tc.effects.base import Context, Effect, SensorEffect, TorqueEffect
 from drake_tc.effects.library import effect
 from drake_tc.errors import IdentificationError, RigError
 from drake_tc.logs.loads import unknown_form
-from drake_tc.logs.near import near
 from drake_tc.logs.rig import Rig
 
 ALWAYS = ("viscous", "coulomb")

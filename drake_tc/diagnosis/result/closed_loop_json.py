@@ -3,9 +3,9 @@
 from dataclasses import asdict
 from typing import Any
 
+from drake_tc.config.json_values import json_value
 from drake_tc.control.torque_uncertainty_file import TorqueUncertainty
 from drake_tc.diagnosis.result.closed_loop import ClosedLoop
-from drake_tc.json_values import json_value
 
 
 def loop_entry(closed: ClosedLoop | None, joint: str) -> dict[str, Any] | None:

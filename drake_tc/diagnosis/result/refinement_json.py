@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 
+from drake_tc.config.json_values import json_value
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagnosis.result.refinement import Refinement
-from drake_tc.json_values import json_value
 from drake_tc.types import FloatArray
 
 MODEL_FILE = "model_refined.yaml"

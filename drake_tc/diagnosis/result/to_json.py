@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
 
+from drake_tc.config.json_values import json_value
 from drake_tc.diagnosis.problem.estimates import Estimate
 from drake_tc.diagnosis.result.closed_loop_json import loop_entry, loop_summary, uncertainty_entry
 from drake_tc.diagnosis.result.joint_result import Errors, JointResult, ParameterByCondition, RunErrors
@@ -12,7 +13,6 @@ from drake_tc.diagnosis.result.links import FittedLinks
 from drake_tc.diagnosis.result.refinement_json import free_runs_json, refinement_json
 from drake_tc.diagnosis.result.rejection import why_rejected
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult, SharedEffect
-from drake_tc.json_values import json_value
 
 
 def _number(x: float | None) -> float | None:

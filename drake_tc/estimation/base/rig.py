@@ -28,13 +28,13 @@ from typing import Any
 
 import numpy as np
 
+from drake_tc.config.yaml_file import read_yaml
 from drake_tc.errors import ParamsError, RigError
 from drake_tc.estimation.base.spec import BaseEstimatorSpec, ContactSpec
 from drake_tc.robot import fields as field
 from drake_tc.robot.mounts import Mount
 from drake_tc.robot.robot import Robot, load_robot
 from drake_tc.types import FloatArray
-from drake_tc.yaml_file import read_yaml
 
 COLUMNS = (
     "time",

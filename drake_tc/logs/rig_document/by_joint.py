@@ -8,7 +8,7 @@ from typing import Annotated, Any, TypeVar
 
 from pydantic import AfterValidator, BeforeValidator, Discriminator, Tag, ValidationInfo
 
-from drake_tc.logs.near import near
+from drake_tc.config.near import near
 
 
 class ByJoint(dict[str, Any]):

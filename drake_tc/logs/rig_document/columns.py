@@ -5,8 +5,9 @@ from typing import Annotated, TypeAlias
 
 from pydantic import Field
 
-from drake_tc.logs.near import near
-from drake_tc.logs.rig_document.keys import saying
+from drake_tc.config.keys import saying
+from drake_tc.config.near import near
+from drake_tc.config.quoted import quoted
 from drake_tc.logs.units import JOINT_SUFFIXES, SENSOR_SUFFIXES, allowed_units, parse_unit
 
 ColumnName: TypeAlias = Annotated[str | int, saying("a column's name in the file")]
@@ -31,7 +32,7 @@ def canonical_name(name: str, joints: Sequence[str]) -> str:
         return name
     known = ["time", *(f"{joint}/{s}" for joint in joints for s in JOINT_SUFFIXES)]
     raise ValueError(
-        f"{name!r} is not a canonical column{near(name, known)}; possible: time, "
+        f"{quoted(name)} is not a canonical column{near(name, known)}; possible: time, "
         f"{'|'.join(joints)}/{{{', '.join(JOINT_SUFFIXES)}}}"
     )
 

@@ -5,16 +5,19 @@ from typing import Annotated, TypeAlias
 
 from pydantic import AfterValidator, Discriminator, Tag, WithJsonSchema
 
+from drake_tc.config.keys import saying
+from drake_tc.config.near import near
+from drake_tc.config.quoted import quoted
 from drake_tc.logs.effect_ids import EFFECT_IDS, ROBOT_CAUSES
-from drake_tc.logs.near import near
-from drake_tc.logs.rig_document.keys import saying
 
 
 def _known_effect(name: str) -> str:
     if name in ROBOT_CAUSES:
-        raise ValueError(f"{name!r} is a cause of the whole robot and cannot be declared; `sensors` takes tolerances")
+        raise ValueError(
+            f"{quoted(name)} is a cause of the whole robot and cannot be declared; `sensors` takes tolerances"
+        )
     if name not in EFFECT_IDS:
-        raise ValueError(f"unknown effect {name!r}{near(name, EFFECT_IDS)}; known: {', '.join(EFFECT_IDS)}")
+        raise ValueError(f"unknown effect {quoted(name)}{near(name, EFFECT_IDS)}; known: {', '.join(EFFECT_IDS)}")
     return name
 
 
@@ -42,7 +45,7 @@ def _not_negative(values: dict[str, Values]) -> dict[str, Values]:
     if isinstance(inertia, Mapping):
         inertia = inertia.get("rotor_inertia")
     if inertia is not None and inertia < 0:
-        raise ValueError(f"rotor_inertia: expected a value >= 0 kg m^2, got {inertia!r}")
+        raise ValueError(f"rotor_inertia: expected a value >= 0 kg m^2, got {quoted(inertia)}")
     return values
 
 

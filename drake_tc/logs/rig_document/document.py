@@ -5,11 +5,12 @@ from typing import Annotated, Literal, TypeAlias, get_args
 
 from pydantic import Field, ValidationInfo, field_validator
 
-from drake_tc.logs.near import near
+from drake_tc.config.keys import Keys, Number, PositiveNumber, key, one_of, saying
+from drake_tc.config.near import near
+from drake_tc.config.quoted import quoted
 from drake_tc.logs.rig_document.by_joint import EntryOrByJoint, PlainOrByJoint, joints_of
 from drake_tc.logs.rig_document.columns import ColumnName, LogColumn, Unit, canonical_columns, check_units
 from drake_tc.logs.rig_document.declared import DeclaredEntry
-from drake_tc.logs.rig_document.keys import Keys, Number, PositiveNumber, key, one_of, saying
 from drake_tc.logs.rig_document.loads import LoadEntry
 from drake_tc.logs.rig_document.sensors import SensorsKeys, sorted_by_owner
 
@@ -135,7 +136,7 @@ class RigDocument(Keys):
     @classmethod
     def _one_name(cls, value: object) -> object:
         if isinstance(value, list):
-            raise ValueError(f"expected one name, got {value!r}; a list goes under 'joints'")
+            raise ValueError(f"expected one name, got {quoted(value)}; a list goes under 'joints'")
         if value is None:
             raise ValueError("expected a name, got nothing")
         return value
@@ -145,9 +146,9 @@ class RigDocument(Keys):
     def _names(cls, value: object) -> object:
         names = value if isinstance(value, list) else [value]
         if not names or any(not isinstance(name, str) or not name.strip() for name in names):
-            raise ValueError(f"expected names (text), got {value!r}")
+            raise ValueError(f"expected names (text), got {quoted(value)}")
         if len(set(names)) != len(names):
-            raise ValueError(f"a name stands twice in {names!r}")
+            raise ValueError(f"a name stands twice in {quoted(names)}")
         return names
 
     @field_validator("drive", mode="before")
@@ -184,7 +185,7 @@ class RigDocument(Keys):
             for name in (joint, *(others if isinstance(others, Mapping) else ())):
                 if name not in joints:
                     raise ValueError(
-                        f"{name!r} is not a joint of this rig{near(str(name), joints)}; joints: {list(joints)}"
+                        f"{quoted(name)} is not a joint of this rig{near(str(name), joints)}; joints: {list(joints)}"
                     )
         return value
 

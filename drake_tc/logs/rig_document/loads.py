@@ -6,8 +6,8 @@ from typing import Annotated, Any, Literal, TypeAlias, get_args
 
 from pydantic import AfterValidator, Discriminator, Tag
 
+from drake_tc.config.keys import Keys, Number, PositiveNumber, Ratio, expected, key, one_of
 from drake_tc.logs.loads import Load, Pendulum, RobotLoad, RobotMethod, UnknownForm, UnknownLoad
-from drake_tc.logs.rig_document.keys import Keys, Number, PositiveNumber, Ratio, expected, key, one_of
 
 LoadWord: TypeAlias = Literal["torque", "unknown"]
 WORDS: Mapping[LoadWord, str] = {
@@ -64,7 +64,7 @@ class PendulumKeys(Keys):
         for name, value in by_file.items():
             if set(value) != set(patterns):
                 raise ValueError(
-                    f"load: pendulum: {name}: expected the same file names as in {first} ({', '.join(patterns)}), got "
+                    f"load.pendulum.{name}: expected the same file names as in {first} ({', '.join(patterns)}), got "
                     f"{', '.join(value)}"
                 )
         runs = [

@@ -1,32 +1,25 @@
-"""JSON schema of the rig file, for editors that complete and check YAML."""
+"""The rig file as a whole: read it, and its JSON schema."""
 
-from collections.abc import Mapping
 from typing import Any
 
+from drake_tc.config.schema import json_schema
+from drake_tc.config.validation import validated
+from drake_tc.errors import RigError
 from drake_tc.logs.rig_document.document import RigDocument
 
-DIALECT = "https://json-schema.org/draft/2020-12/schema"
-_OURS = ("unit", "absent", "expected", "title", "default")
+HINT = "`drake-tc schema rig --page` explains every key"
+
+
+def read_document(source: str, document: object) -> RigDocument:
+    """The checked document.
+
+    Raises:
+        RigError: The first thing that is wrong in it; one line.
+    """
+    return validated(RigDocument, document, source, RigError, HINT)
 
 
 def rig_schema() -> dict[str, Any]:
-    """The schema of a rig file (draft 2020-12); each key's description has its unit and its default."""
-    schema: dict[str, Any] = _explained(RigDocument.model_json_schema())
+    """The schema of a rig file; it has `joint`, `joints` or `robot`."""
     joints = [{"required": [name]} for name in ("joint", "joints", "robot")]
-    return {"$schema": DIALECT, "title": "drake_tc rig file", **schema, "anyOf": joints}
-
-
-def _explained(value: Any) -> Any:
-    """The schema with unit and default in the descriptions, and without what only this library reads."""
-    if isinstance(value, list):
-        return [_explained(each) for each in value]
-    if not isinstance(value, Mapping):
-        return value
-    if "absent" not in value:
-        kept = {name: each for name, each in value.items() if name != "title" or not isinstance(each, str)}
-        return {"anyOf" if name == "oneOf" else name: _explained(each) for name, each in kept.items()}
-    default = value["absent"] or ("" if value.get("default") is None else f"{value['default']:g}")
-    told = (("Unit", value["unit"]), ("Default", default))
-    description = " ".join([value["description"], *(f"{name}: {text}." for name, text in told if text)])
-    rest = {name: _explained(each) for name, each in value.items() if name not in _OURS}
-    return {**rest, "description": description}
+    return {**json_schema(RigDocument, "drake_tc rig file"), "anyOf": joints}

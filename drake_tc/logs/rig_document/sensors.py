@@ -10,14 +10,16 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema
 
-from drake_tc.logs.near import near
-from drake_tc.logs.rig_document.keys import Keys, Ratio, key, magnitude, magnitude_in, magnitude_schema
+from drake_tc.config.keys import Keys, Ratio, key, magnitude, magnitude_in, magnitude_schema, unknown_key
+from drake_tc.config.near import near
+from drake_tc.config.quoted import quoted
 from drake_tc.logs.sensors import FORCE_TORQUE_PARTS, IMU_PARTS, ForceTorqueTolerance, ImuTolerance, JointSensors
 from drake_tc.logs.sensors import Tolerance as SensorTolerance
+from drake_tc.logs.units import allowed_units
 
-Torque = Annotated[float, *magnitude_in("torque")]
-Time = Annotated[float, *magnitude_in("time")]
-Position = Annotated[float, *magnitude_in("position")]
+Torque = Annotated[float, *magnitude_in(allowed_units("torque"))]
+Time = Annotated[float, *magnitude_in(allowed_units("time"))]
+Position = Annotated[float, *magnitude_in(allowed_units("position"))]
 
 
 def _pair_of(first: tuple[str, str], second: tuple[str, str]) -> Any:
@@ -25,8 +27,9 @@ def _pair_of(first: tuple[str, str], second: tuple[str, str]) -> Any:
 
     def read(value: object) -> tuple[float, float]:
         if not isinstance(value, list) or len(value) != 2:
-            raise ValueError(f"expected a list of two values, {first[0]} and {second[0]}, got {value!r}")
-        return magnitude(first[1])(value[0]), magnitude(second[1])(value[1])
+            raise ValueError(f"expected a list of two values, {first[0]} and {second[0]}, got {quoted(value)}")
+        units = [allowed_units(channel) for _, channel in (first, second)]
+        return magnitude(units[0])(value[0]), magnitude(units[1])(value[1])
 
     schema = {"type": "array", "items": magnitude_schema(), "minItems": 2, "maxItems": 2}
     return (BeforeValidator(read), WithJsonSchema(schema))
@@ -38,7 +41,7 @@ def _part_of(parts: Mapping[str, SensorTolerance]) -> Any:
             return None
         known = str(name).strip().lower().replace("-", "_").replace(" ", "_")
         if known not in parts:
-            raise ValueError(f"unknown part {name!r}{near(known, parts)}; known: {', '.join(parts)}")
+            raise ValueError(f"unknown part {quoted(name)}{near(known, parts)}; known: {', '.join(parts)}")
         return known
 
     return (BeforeValidator(read), WithJsonSchema({"type": "string", "examples": list(parts)}))
@@ -127,7 +130,7 @@ _TYPICAL = "that of `part`"
 
 def _span(value: tuple[float, float]) -> tuple[float, float]:
     if not value[0] < value[1]:
-        raise ValueError(f"expected begin < end [s], got {list(value)!r}")
+        raise ValueError(f"expected begin < end [s], got {quoted(list(value))}")
     return value
 
 
@@ -245,7 +248,7 @@ def sorted_by_owner(value: object, joints: Sequence[str]) -> object:
         if owner == "@imu" and not name.startswith("imu_"):
             if name not in own:
                 allowed = (*own, *joints, "ft_<sensor>", "imu_<sensor>")
-                raise ValueError(f"unknown key {name!r}{near(name, allowed)}; possible: {', '.join(allowed)}")
+                raise ValueError(unknown_key(name, allowed))
             result[name] = entry
         else:
             result[owner][name] = {} if entry is None else entry

@@ -5,9 +5,9 @@ from typing import Any
 
 import yaml
 
+from drake_tc.config.yaml_file import merged
 from drake_tc.errors import ParamsError
 from drake_tc.loops.scenarios.strict_yaml import read_mapping
-from drake_tc.yaml_file import merged
 
 
 def scenario_names(path: Path) -> list[str]:

@@ -6,9 +6,9 @@ from pathlib import Path
 from types import NoneType, UnionType
 from typing import Any, TypeVar, Union, get_args, get_origin, get_type_hints
 
+from drake_tc.config.yaml_file import read_yaml
 from drake_tc.errors import DrakeTcError, ParamsError
 from drake_tc.robot.fields import different
-from drake_tc.yaml_file import read_yaml
 
 Record = TypeVar("Record")
 

@@ -6,6 +6,7 @@ from itertools import islice
 
 import numpy as np
 
+from drake_tc.config.near import near
 from drake_tc.diagnosis.problem.shared import cause_columns
 from drake_tc.diagnosis.problem.shared.body_motion import (
     BodyMotion,
@@ -20,7 +21,6 @@ from drake_tc.estimation.robot_loads import RobotLogs, filters_of, usable_stretc
 from drake_tc.filtering.savitzky_golay import smooth
 from drake_tc.filtering.window_choice import Window
 from drake_tc.logs.loads import RobotLoad
-from drake_tc.logs.near import near
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
 from drake_tc.robot.link_parameters import UNITS, LinkModel
