@@ -163,6 +163,7 @@ Number = Annotated[float, saying("a finite number")]
 PositiveNumber = Annotated[float, Field(gt=0.0), saying("a positive number")]
 NumberFromZero = Annotated[float, Field(ge=0.0), saying("a number >= 0")]
 UnboundedNumber = Annotated[float, Field(allow_inf_nan=True), AfterValidator(lambda x: _not_nan(x)), saying("a number")]
+PositiveUnboundedNumber = Annotated[float, Field(gt=0.0, allow_inf_nan=True), saying("a positive number")]
 WholeNumber = Annotated[int, Field(ge=1), saying("a whole number >= 1")]
 Name = Annotated[str, Field(pattern=r"\S"), saying("a name (text)")]
 FileName = Annotated[str, Field(min_length=1), saying("the name of a file")]
@@ -192,12 +193,10 @@ def _different(names: list[str]) -> list[str]:
     twice = [name for i, name in enumerate(names) if name in names[:i]]
     if twice:
         raise ValueError(f"{quoted(twice[0])} is listed twice")
-    if not names:
-        raise ValueError("expected a list of names, got []")
     return names
 
 
-Names = Annotated[list[Name], AfterValidator(_different)]
+Names = Annotated[list[Name], Field(min_length=1), AfterValidator(_different)]
 """Different names, one at least."""
 
 

@@ -20,6 +20,7 @@ _EXPECTED: Mapping[str, str] = {
     "finite_number": "a finite number",
     "greater_than": "a number above {gt:g}",
     "missing": "a value",
+    "too_short": "at least {min_length}",
 }
 """What pydantic's types of error say was expected; other types keep pydantic's own sentence."""
 

@@ -1,14 +1,11 @@
 """RIG.md, the page that explains the rig file: written from the model of the file and from the effect library."""
 
-import json
-from collections.abc import Iterable, Sequence
 from importlib.resources import files
-from typing import Any
 
 from jinja2 import Environment, StrictUndefined
 from pydantic import BaseModel
 
-from drake_tc.config.keys import HIDDEN, default_of, unit_of
+from drake_tc.config.page import key_table, table
 from drake_tc.diagnosis.problem.declared import ALWAYS, can_be_held
 from drake_tc.effects.base import Effect
 from drake_tc.effects.library import effect
@@ -27,7 +24,7 @@ def rig_page() -> str:
     """The page as Markdown."""
     parts = {
         "top": key_table(RigDocument),
-        "load_words": _table(("`load:`", "meaning"), ((f"`{word}`", meaning) for word, meaning in WORDS.items())),
+        "load_words": table(("`load:`", "meaning"), ((f"`{word}`", meaning) for word, meaning in WORDS.items())),
         "load_kinds": "\n\n".join(_load_kind(name) for name in KINDS),
         "columns": _column_table(),
         "effects": _effect_table(),
@@ -50,30 +47,6 @@ def example(name: str) -> str:
     return (files("drake_tc.logs") / "examples" / name).read_text(encoding="utf-8")
 
 
-def key_table(model: type[BaseModel]) -> str:
-    """One row for each key of a mapping: meaning, unit, default, example."""
-    rows = []
-    for name, field in model.model_fields.items():
-        if not (field.alias or name).startswith(HIDDEN):
-            example = f"`{name}: {_yaml((field.examples or [None])[0])}`"
-            rows.append((f"`{name}`", field.description or "", unit_of(field), default_of(field), example))
-    return _table(("key", "meaning", "unit", "default", "example"), rows)
-
-
-def _table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    lines = [header, ["---"] * len(header), *rows]
-    return "\n".join("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in lines)
-
-
-def _yaml(value: Any) -> str:
-    """A value in YAML's flow style, on one line."""
-    if isinstance(value, dict):
-        return "{" + ", ".join(f"{name}: {_yaml(each)}" for name, each in value.items()) + "}"
-    if isinstance(value, list):
-        return "[" + ", ".join(map(_yaml, value)) + "]"
-    return "null" if value is None else value if isinstance(value, str) else json.dumps(value)
-
-
 def _load_kind(name: str) -> str:
     """What one kind of load with parameters says."""
     kind = KINDS[name]
@@ -92,7 +65,7 @@ def _column_table() -> str:
         prefix = "imu" if suffix.startswith(("gyro", "accel")) else "ft"
         axes = ", ".join(f"{suffix[:-1]}{axis}" for axis in "xyz")
         rows.append((f"`{prefix}_<sensor>/{{{axes}}}`", COLUMN_MEANING[suffix], *_units(suffix)))
-    return _table(("canonical column", "meaning", "SI unit", "units that may be declared"), rows)
+    return table(("canonical column", "meaning", "SI unit", "units that may be declared"), rows)
 
 
 def _units(suffix: str) -> tuple[str, str]:
@@ -101,7 +74,7 @@ def _units(suffix: str) -> tuple[str, str]:
 
 
 def _effect_table() -> str:
-    return _table(
+    return table(
         ("id", "effect", "parameters [unit]", "a declared value is"),
         ((f"`{name}`", effect(name).title, _parameters(effect(name)), _use(effect(name))) for name in EFFECT_IDS),
     )
@@ -131,7 +104,7 @@ def _part_table() -> str:
         ("`imu_`", f"`{name}`", f"{part.accel_bias:.3g} m/s², {part.gyro_bias:.3g} rad/s", *_errors(part))
         for name, part in IMU_PARTS.items()
     ]
-    return _table(("sensor", "part", "bias", "gain", "alignment"), rows)
+    return table(("sensor", "part", "bias", "gain", "alignment"), rows)
 
 
 def _errors(part: Tolerance) -> tuple[str, str]:

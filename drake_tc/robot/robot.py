@@ -1,17 +1,17 @@
 """A robot as data: which URDF, which joints are driven in which order, where the sensors sit."""
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
+from drake_tc.config.keys import unknown_key
 from drake_tc.config.near import near
+from drake_tc.config.validation import validated
 from drake_tc.config.yaml_file import read_yaml
 from drake_tc.errors import ParamsError
-from drake_tc.robot import fields
+from drake_tc.robot.document import RobotDocument
 from drake_tc.robot.mounts import ForceTorqueMount, Mount, Pose
 from drake_tc.robot.packages import resolve
 from drake_tc.robot.sensor_mounts import check_link, force_torque_mounts, imu_mounts, link_splits
@@ -21,18 +21,7 @@ from drake_tc.types import FloatArray
 
 __all__ = ["ForceTorqueMount", "Mount", "Pose", "Robot", "load_robot"]
 
-_REQUIRED = ("name", "urdf", "base", "fixed_base", "joints")
-_OPTIONAL = (
-    "base_pose",
-    "locked",
-    "imu",
-    "force_torque",
-    "actuators",
-    "rotor_inertia",
-    "limits",
-    "posture",
-)
-_LIMITS = ("effort", "velocity", "lower", "upper")
+HINT = "`drake-tc schema robot --page` explains every key"
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,22 +82,10 @@ def _check_floating_base(base: str, joints: tuple[str, ...], tree: UrdfTree) -> 
         joint = above[link]
         if joint.name in joints:
             raise ParamsError(
-                f"base: a floating base wants no driven joint between it and the URDF's root;"
+                f"base: expected no driven joint between a floating base and the URDF's root;"
                 f" {joint.name!r} is above {base!r}"
             )
         link = joint.parent
-
-
-def _limits(where: str, entry: object, joints: tuple[str, ...]) -> dict[str, dict[str, float]]:
-    limits = {}
-    for joint, values in fields.mapping(where, entry, optional=joints).items():
-        at = f"{where}.{joint}"
-        given = fields.mapping(at, values, optional=_LIMITS)
-        limits[joint] = {key: fields.number(f"{at}.{key}", value, infinite=True) for key, value in given.items()}
-        for key in ("effort", "velocity"):
-            if not limits[joint].get(key, 1.0) > 0.0:
-                raise ParamsError(f"{at}.{key}: wanted a positive number; got {limits[joint][key]:g}")
-    return limits
 
 
 def position_range(joint: str, tree: UrdfTree, limits: Mapping[str, Mapping[str, float]]) -> tuple[float, float]:
@@ -118,27 +95,26 @@ def position_range(joint: str, tree: UrdfTree, limits: Mapping[str, Mapping[str,
 
 
 def _posture(
-    where: str, entry: object, joints: tuple[str, ...], tree: UrdfTree, limits: Mapping[str, Mapping[str, float]]
+    given: Mapping[str, float], joints: tuple[str, ...], tree: UrdfTree, limits: Mapping[str, Mapping[str, float]]
 ) -> FloatArray:
-    given = fields.mapping(where, entry, optional=joints)
     posture = np.zeros(len(joints))
     for i, joint in enumerate(joints):
         lower, upper = position_range(joint, tree, limits)
         if not lower < upper:
-            raise ParamsError(f"limits of joint {joint!r}: wanted lower < upper; got {lower:g} and {upper:g}")
-        posture[i] = fields.number(f"{where}.{joint}", given[joint]) if joint in given else min(max(0.0, lower), upper)
+            raise ParamsError(f"limits.{joint}: expected lower < upper, got {lower:g} and {upper:g}")
+        posture[i] = given[joint] if joint in given else min(max(0.0, lower), upper)
         if not lower <= posture[i] <= upper:
-            raise ParamsError(f"{where}.{joint}: wanted {lower:g} to {upper:g}; got {posture[i]:g}")
+            raise ParamsError(f"posture.{joint}: expected {lower:g} to {upper:g}, got {posture[i]:g}")
     posture.setflags(write=False)
     return posture
 
 
-def _locked(where: str, entry: object, joints: tuple[str, ...], tree: UrdfTree) -> dict[str, float]:
+def _locked(given: Mapping[str, float], joints: tuple[str, ...], tree: UrdfTree) -> dict[str, float]:
     """Positions of all movable joints outside `joints`; one that mimics a locked joint follows it unless given."""
     free = [name for name in tree.movable if name not in joints]
-    given = {
-        key: fields.number(f"{where}.{key}", value) for key, value in fields.mapping(where, entry, (), free).items()
-    }
+    for name in given:
+        if name not in free:
+            raise ParamsError(f"locked: {unknown_key(name, free)}")
 
     def position(name: str, followers: tuple[str, ...] = ()) -> float:
         if name in given:
@@ -151,45 +127,30 @@ def _locked(where: str, entry: object, joints: tuple[str, ...], tree: UrdfTree) 
     return {name: position(name) for name in free}
 
 
-def _rotor_inertia(where: str, top: Mapping[str, Any], joints: tuple[str, ...]) -> dict[str, float]:
-    given = fields.mapping(where, top.get("rotor_inertia"), optional=joints)
-    if given and top.get("actuators") is not None:
-        raise ParamsError(f"{where}: wanted it only without `actuators`, whose file says it; got both")
-    values = {joint: fields.number(f"{where}.{joint}", value) for joint, value in given.items()}
-    for joint, value in values.items():
-        if not (math.isfinite(value) and value >= 0.0):
-            raise ParamsError(f"{where}.{joint}: wanted a number >= 0 [kg m^2]; got {value:g}")
-    return values
-
-
-def _robot(source: Path, document: object) -> Robot:
-    top = fields.mapping("robot", document, _REQUIRED, _OPTIONAL)
-    if not isinstance(top["fixed_base"], bool):
-        raise ParamsError(f"fixed_base: wanted true or false; got {top['fixed_base']!r}")
-    urdf = resolve(fields.text("urdf", top["urdf"]), source.parent)
-    splits = link_splits("force_torque", top.get("force_torque"), read_urdf(urdf))
+def _robot(source: Path, read: RobotDocument) -> Robot:
+    urdf = resolve(read.urdf, source.parent)
+    splits = link_splits(read.force_torque or {}, read_urdf(urdf))
     tree = read_urdf(urdf, splits)
-    base = check_link("base", fields.text("base", top["base"]), tree)
-    joints = fields.names("joints", top["joints"])
+    base = check_link("base", read.base, tree)
+    joints = tuple(read.joints)
     _check_joints("joints", joints, tree)
-    if not top["fixed_base"]:
+    if not read.fixed_base:
         _check_floating_base(base, joints, tree)
-    limits = _limits("limits", top.get("limits"), joints)
-    actuators = top.get("actuators")
+    limits = {joint: entry.given() for joint, entry in (read.limits or {}).items()}
     return Robot(
-        name=fields.text("name", top["name"]),
+        name=read.name,
         urdf=urdf,
         base=base,
-        fixed_base=top["fixed_base"],
-        base_pose=fields.pose("base_pose", fields.mapping("base_pose", top.get("base_pose"), (), ("xyz", "rpy"))),
+        fixed_base=read.fixed_base,
+        base_pose=Pose() if read.base_pose is None else read.base_pose.pose,
         joints=joints,
-        locked=_locked("locked", top.get("locked"), joints, tree),
-        imu=imu_mounts("imu", top.get("imu"), tree),
-        force_torque=force_torque_mounts("force_torque", top.get("force_torque"), joints, base, tree, splits),
-        actuators=None if actuators is None else resolve(fields.text("actuators", actuators), source.parent),
-        rotor_inertia=_rotor_inertia("rotor_inertia", top, joints),
+        locked=_locked(read.locked or {}, joints, tree),
+        imu=imu_mounts(read.imu or {}, tree),
+        force_torque=force_torque_mounts(read.force_torque or {}, joints, base, tree, splits),
+        actuators=None if read.actuators is None else resolve(read.actuators, source.parent),
+        rotor_inertia=read.rotor_inertia or {},
         limits=limits,
-        posture=_posture("posture", top.get("posture"), joints, tree, limits),
+        posture=_posture(read.posture or {}, joints, tree, limits),
         source=source,
         splits=splits,
     )
@@ -199,15 +160,15 @@ def load_robot(path: Path | str) -> Robot:
     """Read a robot file and check it against its URDF.
 
     Args:
-        path: YAML; models/README.md has the keys.
+        path: YAML; `drake-tc schema robot --page` has the keys.
 
     Raises:
         ParamsError: the file or its URDF cannot be read, a key is unknown, missing or given twice, a joint or link is
             not in the URDF, or a value is not possible; the message names file and field.
     """
     source = Path(path)
-    document = read_yaml(source, "robot file (YAML)")
+    read = validated(RobotDocument, read_yaml(source, "robot file (YAML)"), str(source), hint=HINT)
     try:
-        return _robot(source, document)
+        return _robot(source, read)
     except ParamsError as error:
         raise ParamsError(f"{source}: {error}") from None

@@ -76,18 +76,21 @@ def test_the_contact_may_name_the_link_itself_and_the_imu_a_joint(tmp_path):
 
 
 REFUSED = [
-    ({"cell": {"link": "wheel"}}, "force_torque.cell: missing key 'mass_beyond'; wanted the share of wheel's mass"),
-    ({"cell": {"link": "wheel", "mass_beyond": 1.2}}, "mass_beyond: wanted a share between 0 and 1; got 1.2"),
+    ({"cell": {"link": "wheel"}}, "force_torque.cell: mass_beyond is missing; expected the share of the link's mass"),
+    ({"cell": {"link": "wheel", "mass_beyond": 1.2}}, "mass_beyond: expected a share between 0 and 1, got 1.2"),
     ({"cell": {"link": "weel", "mass_beyond": 0.3}}, "no link 'weel' in the URDF; did you mean 'wheel'?"),
-    ({"cell": {"link": "wheel", "joint": "mark_joint", "mass_beyond": 0.3}}, "'joint' and 'link'; got both"),
-    ({"cell": {}}, "'joint' and 'link'; got neither"),
-    ({"cell": {"joint": "mark_joint", "mass_beyond": 0.3}}, "mass_beyond: only with `link`"),
+    ({"cell": {"link": "wheel", "joint": "mark_joint", "mass_beyond": 0.3}}, "'joint' and 'link', got both"),
+    ({"cell": {}}, "'joint' and 'link', got neither"),
+    ({"cell": {"joint": "mark_joint", "mass_beyond": 0.3}}, "mass_beyond: it belongs to `link`"),
     ({"cell": {"joint": "mark_jiont"}}, "got 'mark_jiont'; did you mean 'mark_joint'?"),
     (
         {"cell": {"link": "base", "mass_beyond": 0.3}, "b": {"link": "base", "mass_beyond": 0.1}},
         "has the sensor 'cell'",
     ),
-    ({"cell": INSIDE["cell"] | {"contact": {"link": "upper"}}}, "wanted a link beyond 'wheel'"),
+    (
+        {"cell": INSIDE["cell"] | {"contact": {"link": "upper"}}},
+        "expected a link beyond the sensor (hand, mark, wheel_beyond_cell), got 'upper'",
+    ),
 ]
 
 
