@@ -34,9 +34,9 @@ class Drive:
 
     def __post_init__(self) -> None:
         if self.kind not in DRIVE_KINDS:
-            raise ParamsError(f"drive.kind: wanted one of {', '.join(DRIVE_KINDS)}; got {self.kind!r}")
+            raise ParamsError(f"drive.kind: expected one of {', '.join(DRIVE_KINDS)}, got {self.kind!r}")
         if not (math.isfinite(self.gain) and self.gain > 0.0):
-            raise ParamsError(f"drive.gain: wanted a positive number [effort/(N m)]; got {self.gain!r}")
+            raise ParamsError(f"drive.gain: expected a positive number [effort/(N m)], got {self.gain!r}")
 
 
 @dataclass(frozen=True)
@@ -70,11 +70,11 @@ class EffectValue:
         for name, value in values.items():
             parameter = known[name]
             if math.isnan(value) or (math.isinf(value) and value != parameter.default):
-                raise ParamsError(f"{self.key}.{name}: wanted a finite number [{parameter.unit}]; got {value}")
+                raise ParamsError(f"{self.key}.{name}: expected a finite number [{parameter.unit}], got {value}")
             if not parameter.lower <= value <= parameter.upper:
                 raise ParamsError(
-                    f"{self.key}.{name}: wanted {parameter.lower:g} to {parameter.upper:g} [{parameter.unit}];"
-                    f" got {value:g}"
+                    f"{self.key}.{name}: expected {parameter.lower:g} to {parameter.upper:g}, got {value:g}"
+                    f" [{parameter.unit}]"
                 )
         object.__setattr__(self, "parameters", values)
 

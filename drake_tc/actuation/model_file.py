@@ -8,9 +8,13 @@ from typing import Any
 
 import yaml
 
-from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
+from drake_tc.actuation.model import ActuatorModel, EffectValue
+from drake_tc.actuation.model_document import ModelDocument
+from drake_tc.config.validation import validated
 from drake_tc.config.yaml_file import read_yaml
 from drake_tc.errors import ParamsError
+
+HINT = "`drake-tc schema actuator --page` explains every key"
 
 
 @dataclass(frozen=True)
@@ -28,73 +32,6 @@ class ModelFile:
     shared: tuple[Mapping[str, Any], ...] = ()
 
 
-def _keys(where: str, entry: object, required: set[str], optional: set[str]) -> dict[str, Any]:
-    """`entry` as a mapping whose keys are as wanted."""
-    if not isinstance(entry, dict):
-        raise ParamsError(f"{where}: wanted a mapping with {', '.join(sorted(required | optional))}; got {entry!r}")
-    for key in entry:
-        if key not in required | optional:
-            raise ParamsError(f"{where}: unknown key {key!r}; possible: {', '.join(sorted(required | optional))}")
-    missing = sorted(required - set(entry))
-    if missing:
-        raise ParamsError(f"{where}: missing key {missing[0]!r}; wanted: {', '.join(sorted(required))}")
-    return entry
-
-
-def _number(where: str, value: object) -> float:
-    """A float; text such as 1e-4, which YAML 1.1 does not take for a number, is read as one."""
-    if isinstance(value, (int, float, str)) and not isinstance(value, bool):
-        try:
-            return float(value)
-        except ValueError:
-            pass
-    raise ParamsError(f"{where}: wanted a number; got {value!r}")
-
-
-def _effect_value(where: str, entry: object) -> EffectValue:
-    if not isinstance(entry, dict) or not isinstance(entry.get("effect"), str):
-        raise ParamsError(f"{where}: wanted {{effect: <id>, <parameter>: <number>, ...}}; got {entry!r}")
-    rest = {key: value for key, value in entry.items() if key != "effect"}
-    where = f"{where}.{entry['effect']}"
-    intervals = rest.pop("ci95", {})
-    at_bound = rest.pop("at_bound", [])
-    if not isinstance(intervals, dict):
-        raise ParamsError(f"{where}.ci95: wanted a mapping of parameter to [low, high]; got {intervals!r}")
-    if not isinstance(at_bound, list) or not all(isinstance(name, str) for name in at_bound):
-        raise ParamsError(f"{where}.at_bound: wanted a list of parameter names; got {at_bound!r}")
-    ci95 = {}
-    for name, interval in intervals.items():
-        if not isinstance(interval, list) or len(interval) != 2:
-            raise ParamsError(f"{where}.ci95.{name}: wanted [low, high]; got {interval!r}")
-        low, high = (_number(f"{where}.ci95.{name}", bound) for bound in interval)
-        if not low <= high:
-            raise ParamsError(f"{where}.ci95.{name}: wanted low <= high; got {interval!r}")
-        ci95[name] = (low, high)
-    parameters = {str(name): _number(f"{where}.{name}", value) for name, value in rest.items()}
-    value = EffectValue(entry["effect"], parameters, ci95, tuple(at_bound))
-    missing = [p.name for p in value.effect.parameters if p.name not in parameters and not math.isinf(p.default)]
-    if missing:
-        raise ParamsError(f"{where}: missing parameter {missing[0]!r} [{_unit(value, missing[0])}]")
-    return value
-
-
-def _unit(value: EffectValue, name: str) -> str:
-    return next(p.unit for p in value.effect.parameters if p.name == name)
-
-
-def _model(where: str, joint: str, entry: object) -> ActuatorModel:
-    fields = _keys(where, entry, {"drive"}, {"effects"})
-    drive = _keys(f"{where}.drive", fields["drive"], {"kind", "gain"}, set())
-    effects = fields.get("effects") or []
-    if not isinstance(effects, list):
-        raise ParamsError(f"{where}.effects: wanted a list, one effect a line; got {effects!r}")
-    return ActuatorModel(
-        joint,
-        Drive(drive["kind"], _number(f"{where}.drive.gain", drive["gain"])),
-        tuple(_effect_value(f"{where}.effects[{i}]", effect) for i, effect in enumerate(effects)),
-    )
-
-
 def load_model_file(path: Path | str) -> ModelFile:
     """Read a model file.
 
@@ -103,21 +40,9 @@ def load_model_file(path: Path | str) -> ModelFile:
             message names file, joint and field.
     """
     document = read_yaml(Path(path), "model file")
-    top = _keys(f"{path}", document, {"joints"}, {"provenance", "shared", "links"})
-    if not isinstance(top["joints"], dict) or not top["joints"]:
-        raise ParamsError(f"{path}: joints: wanted a mapping of joint name to model; got {top['joints']!r}")
-    models = {}
-    for joint, entry in top["joints"].items():
-        where = f"{path}: joint {joint!r}"
-        try:
-            models[str(joint)] = _model(where, str(joint), entry)
-        except ParamsError as error:
-            text = str(error)
-            raise ParamsError(text if text.startswith(where) else f"{where}: {text}") from None
-    shared = top.get("shared") or []
-    if not isinstance(shared, list) or not all(isinstance(entry, dict) for entry in shared):
-        raise ParamsError(f"{path}: shared: wanted a list of {{effect, where, ...}}; got {shared!r}")
-    return ModelFile(models, dict(top.get("provenance") or {}), tuple(shared))
+    read = validated(ModelDocument, document, str(path), hint=HINT)
+    models = {joint: entry.model(joint) for joint, entry in read.joints.items()}
+    return ModelFile(models, read.provenance or {}, tuple(read.shared or ()))
 
 
 def load_models(path: Path | str) -> dict[str, ActuatorModel]:

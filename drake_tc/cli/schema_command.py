@@ -3,7 +3,7 @@
 import json
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -14,6 +14,8 @@ class Document(StrEnum):
     """Input files that have a schema."""
 
     rig = "rig"
+    robot = "robot"
+    actuator = "actuator"
 
 
 def schema_command(
@@ -22,9 +24,47 @@ def schema_command(
     out: Annotated[Path | None, typer.Option(help="File to write; stdout when left out.")] = None,
     force: Force = False,
 ) -> None:
-    """Print the JSON schema of the rig file for editors, or with --page the page that explains every key."""
+    """Print the JSON schema of an input file for editors, or with --page the page that explains every key."""
+
+    def text() -> str:
+        return document_page(document) if page else _as_text(document_schema(document))
+
+    print_or_write(text, out, [], force=force)
+
+
+def _as_text(schema: dict[str, Any]) -> str:
+    return json.dumps(schema, indent=2, ensure_ascii=False) + "\n"
+
+
+def document_schema(document: Document) -> dict[str, Any]:
+    """The JSON schema of a file."""
+    from drake_tc.config.schema import json_schema
     from drake_tc.logs.rig_document.schema import rig_schema
+
+    if document == Document.rig:
+        return rig_schema()
+    return json_schema(document_model(document), f"drake_tc {document} file")
+
+
+def document_page(document: Document) -> str:
+    """The page of a file (Markdown)."""
+    from drake_tc.config.page import page
     from drake_tc.report.rig_page import rig_page
 
-    schema = lambda: json.dumps(rig_schema(), indent=2, ensure_ascii=False) + "\n"  # noqa: E731
-    print_or_write(rig_page if page else schema, out, [], force=force)
+    if document == Document.rig:
+        return rig_page()
+    return page(document_model(document), f"The {document} file", _INTRODUCTION)
+
+
+_INTRODUCTION = (
+    "All quantities are in SI units, angles in rad. An unknown key, a name that does not exist, or an impossible value "
+    "is an error that names file and key."
+)
+
+
+def document_model(document: Document) -> Any:
+    """The model of a file; imported here, as most commands need none of them."""
+    from drake_tc.actuation.model_document import ModelDocument
+    from drake_tc.robot.document import RobotDocument
+
+    return {Document.robot: RobotDocument, Document.actuator: ModelDocument}[document]

@@ -1,5 +1,7 @@
 """All effects, in the order in which ties are broken: the simpler and commoner cause first."""
 
+from drake_tc.config.near import near
+from drake_tc.config.quoted import quoted
 from drake_tc.effects.asymmetric_friction import AsymmetricFriction, CoulombAsymmetry
 from drake_tc.effects.backlash import Backlash
 from drake_tc.effects.base import Context, Effect
@@ -108,14 +110,20 @@ def looked_for(context: Context) -> tuple[Effect, ...]:
     return (*LIBRARY, *MULTI_JOINT) if context.load == "links" else LIBRARY
 
 
+def all_effects() -> tuple[Effect, ...]:
+    """Every effect that a model may list."""
+    return (*LIBRARY, *SPECIAL, *MULTI_JOINT, *UNKNOWN_LOADS)
+
+
 def effect(key: str) -> Effect:
     """The effect called `key` (`id` or `id.form`; a bare id takes the first form).
 
     Raises:
         ParamsError: there is no such effect; the message lists those there are.
     """
-    known = (*LIBRARY, *SPECIAL, *MULTI_JOINT, *UNKNOWN_LOADS)
+    known = all_effects()
     for candidate in known:
         if key in (candidate.key, candidate.id):
             return candidate
-    raise ParamsError(f"no effect {key!r}; effects: {', '.join(sorted({e.id for e in known}))}")
+    ids = sorted({e.id for e in known})
+    raise ParamsError(f"no effect {quoted(key)}{near(key, ids)}; effects: {', '.join(ids)}")

@@ -44,20 +44,36 @@ def test_round_trip_of_every_effect(tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ("viscous: 31.0,", "vicous: 31.0,", ["knee", "viscous", "vicous", "parameters of viscous: viscous"]),
-        ("effect: stribeck", "effect: stribek", ["knee", "stribek", "effects: ", "stribeck"]),
-        ("viscous: 31.0,", "viscous: -1.0,", ["knee", "viscous.viscous", "wanted 0 to inf", "got -1"]),
-        ("viscous: 31.0,", "viscous: .nan,", ["knee", "wanted a finite number", "N*m*s/rad"]),
-        ("viscous: 31.0,", "viscous: much,", ["knee", "wanted a number", "much"]),
-        ("viscous: 31.0, ", "", ["knee", "missing parameter 'viscous'"]),
+        (
+            "viscous: 31.0,",
+            "vicous: 31.0,",
+            ["joints.knee.effects[0]: unknown key 'vicous'; did you mean 'viscous'?; allowed: viscous, effect"],
+        ),
+        (
+            "effect: stribeck",
+            "effect: stribek",
+            ["knee", "effects[1]: effect: no effect 'stribek'; did you mean 'stribeck'?; effects: "],
+        ),
+        ("viscous: 31.0,", "viscous: -1.0,", ["knee", "viscous.viscous", "expected 0 to inf, got -1", "N*m"]),
+        ("viscous: 31.0,", "viscous: .nan,", ["joints.knee.effects[0].viscous: expected a number, got nan"]),
+        ("viscous: 31.0,", "viscous: much,", ["joints.knee.effects[0].viscous: expected a number, got 'much'"]),
+        ("viscous: 31.0, ", "", ["joints.knee.effects[0]: viscous is missing; expected a number [N*m*s/rad]"]),
         ("position_servo", "hydraulic", ["knee", "position_servo, current, voltage, torque", "hydraulic"]),
-        ("gain: 1.6e-4", "gain: 0", ["knee", "drive.gain", "positive"]),
-        ("gain: 1.6e-4", "gian: 1", ["knee", "unknown key 'gian'", "gain, kind"]),
-        ("    drive:", "    drvie:", ["knee", "unknown key 'drvie'", "drive"]),
-        ("joints:", "joint:", ["unknown key 'joint'", "joints"]),
-        ("[30.0, 32.0]", "[32.0, 30.0]", ["knee", "ci95.viscous", "low <= high"]),
+        ("gain: 1.6e-4", "gain: 0", ["joints.knee.drive.gain: expected a positive number, got 0"]),
+        (
+            "gain: 1.6e-4",
+            "gian: 1",
+            ["joints.knee.drive: unknown key 'gian'; did you mean 'gain'?; allowed: kind, gain"],
+        ),
+        ("    drive:", "    drvie:", ["joints.knee: unknown key 'drvie'; did you mean 'drive'?"]),
+        ("joints:", "joint:", ["unknown key 'joint'; did you mean 'joints'?", "`drake-tc schema actuator --page`"]),
+        (
+            "[30.0, 32.0]",
+            "[32.0, 30.0]",
+            ["joints.knee.effects[0].ci95.viscous: expected [low, high] with low <= high, got [32.0, 30.0]"],
+        ),
         ("stribeck: 5.1,", "stribeck: 5.1, stribeck: 6.0,", ["stribeck", "twice", "line 7"]),
-        ("effects:", "effects: [", ["not YAML"]),
+        ("effects:", "effects: [", ["not valid YAML at line "]),
     ],
 )
 def test_refuses_in_one_line(tmp_path, old, new, words):

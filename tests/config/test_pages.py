@@ -1,0 +1,112 @@
+"""Pages and schemas of input files come from the files' models: current, complete, and they agree with the reader."""
+
+from pathlib import Path
+
+import drake_tc.models
+import pytest
+from jsonschema import Draft202012Validator
+
+from drake_tc.actuation.model_document import EffectKeys, ModelDocument
+from drake_tc.cli.schema_command import Document, document_model, document_page, document_schema
+from drake_tc.config.keys import HIDDEN
+from drake_tc.config.page import key_table, nested
+from drake_tc.config.validation import validated
+from drake_tc.config.yaml_file import read_yaml
+from drake_tc.effects.library import all_effects
+from drake_tc.errors import ParamsError
+from drake_tc.robot.document import RobotDocument
+
+LIBRARY = Path(drake_tc.models.__file__).resolve().parents[1] / "drake_tc"
+MODELS = Path(drake_tc.models.__file__).parent
+PAGES = {
+    Document.robot: LIBRARY / "robot" / "ROBOT.md",
+    Document.actuator: LIBRARY / "actuation" / "ACTUATOR.md",
+}
+FILES = {
+    Document.robot: sorted(
+        path for path in MODELS.rglob("*.yaml") if "urdf" in read_yaml(path) and "joints" in read_yaml(path)
+    ),
+    Document.actuator: sorted(path for path in MODELS.rglob("*.yaml") if "drive:" in path.read_text(encoding="utf-8")),
+}
+EVERY_FILE = [(document, path) for document, paths in FILES.items() for path in paths]
+EVERY_MODEL = [
+    pytest.param(model, id=f"{document}-{place}")
+    for document in PAGES
+    for place, model in (("top", document_model(document)), *nested(document_model(document)))
+]
+
+
+@pytest.mark.parametrize("document", PAGES)
+def test_the_page_is_current(document):
+    command = f"drake-tc schema {document} --page --out {PAGES[document].relative_to(LIBRARY.parent)}"
+    assert PAGES[document].read_text(encoding="utf-8") == document_page(document), f"stale; write it anew: {command}"
+
+
+@pytest.mark.parametrize("model", EVERY_MODEL)
+def test_every_key_is_explained(model):
+    rows = key_table(model).splitlines()[2:]
+    for name, field in model.model_fields.items():
+        if not (field.alias or name).startswith(HIDDEN):
+            assert field.description.endswith("."), name
+            assert any(row.startswith(f"| `{field.alias or name}` | {field.description} |") for row in rows)
+    assert all(cell.strip() for row in rows for cell in (row.split("|")[4], row.split("|")[5]))
+
+
+@pytest.mark.parametrize(("document", "path"), EVERY_FILE, ids=lambda value: getattr(value, "stem", str(value)))
+def test_committed_files_agree_with_reader_and_schema(document, path):
+    data = read_yaml(path)
+    validated(document_model(document), data, str(path))
+    Draft202012Validator(document_schema(document)).validate(data)
+
+
+REFUSED = [
+    (
+        RobotDocument,
+        Document.robot,
+        {"name": "arm", "urdf": "a.urdf", "base": "b", "fixed_base": True, "joints": ["j"]},
+    ),
+    (ModelDocument, Document.actuator, {"joints": {"j": {"drive": {"kind": "current", "gain": 1.0}}}}),
+]
+CHANGES = {
+    Document.robot: [
+        {"joints": []},
+        {"fixed_base": 1},
+        {"name": 3},
+        {"imu": {"a": {"link": "b", "xyz": [1, 2]}}},
+        {"limits": {"j": {"effort": 0}}},
+        {"rotor_inertia": {"j": -1.0}},
+        {"unknown": 1},
+        {"force_torque": {"a": {"link": "b", "mass_beyond": 2.0}}},
+    ],
+    Document.actuator: [
+        {"joints": {}},
+        {"joints": {"j": {"drive": {"kind": "steam", "gain": 1.0}}}},
+        {"joints": {"j": {"drive": {"kind": "current", "gain": 0.0}}}},
+        {"joints": {"j": {"drive": {"kind": "current", "gain": 1.0}, "effects": [{"effect": "viscous"}]}}},
+        {"joints": {"j": {"drive": {"kind": "current", "gain": 1.0}, "effects": [{"effect": "slime", "slime": 1}]}}},
+        {
+            "joints": {
+                "j": {"drive": {"kind": "current", "gain": 1.0}, "effects": [{"effect": "viscous", "viscous": -1}]}
+            }
+        },
+    ],
+}
+
+
+@pytest.mark.parametrize(("model", "document", "good"), REFUSED)
+def test_reader_and_schema_refuse_the_same(model, document, good):
+    schema = Draft202012Validator(document_schema(document))
+    validated(model, good, "f")
+    assert schema.is_valid(good)
+    for change in CHANGES[document]:
+        with pytest.raises(ParamsError, match=r"^f: ") as caught:
+            validated(model, good | change, "f")
+        assert "\n" not in str(caught.value)
+        assert not schema.is_valid(good | change), change
+
+
+def test_the_schema_has_a_branch_for_every_effect():
+    branches = EffectKeys.model_json_schema()["anyOf"]
+    assert [branch["properties"]["effect"]["enum"] for branch in branches] == [
+        sorted({each.id, each.key}) for each in all_effects()
+    ]
