@@ -55,7 +55,7 @@ class VoltageMotor:
             finite = math.isfinite(value) or (field.name == "voltage_limit" and value == math.inf)
             if not (low and finite):
                 sign = "a positive number" if field.name in POSITIVE else "a number >= 0"
-                raise ParamsError(f"motor.{field.name}: wanted {sign}; got {value!r}")
+                raise ParamsError(f"{field.name}: expected {sign}, got {value!r}")
 
     @property
     def volts_per_torque(self) -> float:

@@ -109,7 +109,8 @@ def default_of(field: FieldInfo) -> str:
     """What holds when the key is absent."""
     if field.is_required():
         return "required"
-    return _told(field, "absent") or f"{field.default:g}"
+    told = _told(field, "absent")
+    return told if told or field.default is None else f"{field.default:g}"
 
 
 def _told(field: FieldInfo, what: str) -> str:
@@ -118,20 +119,29 @@ def _told(field: FieldInfo, what: str) -> str:
 
 
 def key(
-    meaning: str, *, example: object, unit: str = "", expected: str = "", default: Any = None, absent: str = ""
+    meaning: str,
+    *,
+    example: object = None,
+    unit: str = "",
+    expected: str = "",
+    default: Any = None,
+    absent: str = "",
+    name: str | None = None,
 ) -> Any:
     """A key of an input file.
 
     Args:
         meaning: What it says; whole sentences.
-        example: A value that the file may have.
+        example: A value that the file may have; None for a key whose type says it.
         unit: SI unit of a plain number.
         expected: What to give, for the message that it is missing.
         default: Value when the key is absent; `...` for a key that is required.
         absent: What holds when the key is absent, where `default` does not say it.
+        name: As it stands in the file, where Python has another use for the word.
     """
     extra: dict[str, JsonValue] = {"unit": unit, "absent": absent, "expected": expected}
-    return Field(default, description=meaning, examples=[example], json_schema_extra=extra)
+    examples = None if example is None else [example]
+    return Field(default, description=meaning, examples=examples, json_schema_extra=extra, alias=name)
 
 
 def saying(what: str) -> WrapValidator:
@@ -163,6 +173,7 @@ Number = Annotated[float, saying("a finite number")]
 PositiveNumber = Annotated[float, Field(gt=0.0), saying("a positive number")]
 NumberFromZero = Annotated[float, Field(ge=0.0), saying("a number >= 0")]
 UnboundedNumber = Annotated[float, Field(allow_inf_nan=True), AfterValidator(lambda x: _not_nan(x)), saying("a number")]
+AnyNumber = Annotated[float, Field(allow_inf_nan=True), saying("a number")]
 PositiveUnboundedNumber = Annotated[float, Field(gt=0.0, allow_inf_nan=True), saying("a positive number")]
 WholeNumber = Annotated[int, Field(ge=1), saying("a whole number >= 1")]
 Name = Annotated[str, Field(pattern=r"\S"), saying("a name (text)")]

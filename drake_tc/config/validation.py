@@ -19,6 +19,7 @@ _EXPECTED: Mapping[str, str] = {
     "bool_type": "true or false",
     "finite_number": "a finite number",
     "greater_than": "a number above {gt:g}",
+    "literal_error": "{expected}",
     "missing": "a value",
     "too_short": "at least {min_length}",
 }

@@ -3,11 +3,14 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import yaml
 
+from drake_tc.config.keys import AnyNumber, Keys, Names, Number, key
+from drake_tc.config.quoted import quoted
+from drake_tc.config.validation import validated
 from drake_tc.config.yaml_file import read_yaml
 from drake_tc.control.covariance import checked_covariance
 from drake_tc.errors import ParamsError
@@ -16,17 +19,38 @@ from drake_tc.types import FloatArray
 SCHEMA = 1
 UNIT = "N*m"
 
-_REQUIRED = ("schema", "unit", "joints", "covariance")
-_OPTIONAL = (
-    "mean",
-    "sigma_ci95",
-    "correlation_time",
-    "effective_samples",
-    "samples",
-    "common_effective_samples",
-    "shrinkage",
-    "provenance",
-)
+
+class TorqueUncertaintyDocument(Keys):
+    """What a torque uncertainty file may say. Only `joints` and `covariance` are used by controllers."""
+
+    version: Literal[1] = key("Version of the file's layout.", name="schema", example=1, default=..., expected="1")
+    unit: Literal["N*m"] = key("Unit of the torques.", example=UNIT, default=..., expected=UNIT)
+    joints: Names = key("Joints, in the order of rows and columns.", example=["hip"], default=..., expected="names")
+    covariance: list[list[Number]] = key(
+        "E[e eᵀ] of the torque error e, the mean not taken off.",
+        unit="(N·m)²",
+        example=[[4.0]],
+        default=...,
+        expected="a list of rows",
+    )
+    mean: list[AnyNumber] | None = key("Mean of the error.", unit="N·m", example=[0.1], absent="not known")
+    sigma_ci95: list[list[AnyNumber]] | None = key(
+        "95 % interval of each standard deviation.", unit="N·m", example=[[1.8, 2.2]], absent="not known"
+    )
+    correlation_time: list[AnyNumber] | None = key(
+        "Correlation time of the error.", unit="s", example=[0.02], absent="not known"
+    )
+    effective_samples: list[AnyNumber] | None = key(
+        "Independent samples that would know the standard deviation as well.", example=[120.0], absent="not known"
+    )
+    samples: list[AnyNumber] | None = key("Rows that were looked at.", example=[4000.0], absent="not known")
+    common_effective_samples: Number = key(
+        "Effective samples over rows of all joints; 0 for a diagonal covariance.", example=80.0, default=0.0
+    )
+    shrinkage: Number = key("Share by which the correlations were drawn towards 0.", example=0.1, default=0.0)
+    provenance: dict[str, Any] | None = key(
+        "Where the numbers come from; free-form.", example={"rig": "rig.yaml"}, absent="not known"
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,24 +87,24 @@ class TorqueUncertainty:
     def __post_init__(self) -> None:
         n = len(self.joints)
         if n < 1 or len(set(self.joints)) != n:
-            raise ParamsError(f"joints: wanted at least one name, each once; got {list(self.joints)}")
+            raise ParamsError(f"joints: expected at least one name, each once, got {list(self.joints)}")
         sizes = {"mean": (n,), "ci95": (n, 2)} | dict.fromkeys(
             ("correlation_time", "effective_samples", "samples"), (n,)
         )
         for name, shape in sizes.items():
             value = np.array(getattr(self, name), dtype=np.float64)
             if value.shape != shape:
-                raise ParamsError(f"{name}: wanted shape {shape}, as there are {n} joints; got {value.shape}")
+                raise ParamsError(f"{name}: expected shape {shape}, as there are {n} joints, got {value.shape}")
             value.setflags(write=False)
             object.__setattr__(self, name, value)
         covariance = np.asarray(self.covariance, dtype=np.float64)
         if covariance.shape != (n, n):
-            raise ParamsError(f"covariance: wanted shape {(n, n)}, as there are {n} joints; got {covariance.shape}")
+            raise ParamsError(f"covariance: expected shape {(n, n)}, as there are {n} joints, got {covariance.shape}")
         covariance = checked_covariance(covariance)
         covariance.setflags(write=False)
         object.__setattr__(self, "covariance", covariance)
         if not 0.0 <= self.shrinkage <= 1.0:
-            raise ParamsError(f"shrinkage: wanted 0 to 1; got {self.shrinkage}")
+            raise ParamsError(f"shrinkage: expected 0 to 1, got {self.shrinkage}")
 
     @property
     def sigma(self) -> FloatArray:
@@ -116,70 +140,34 @@ def load_torque_uncertainty(path: Path | str) -> TorqueUncertainty:
             message names file and key.
     """
     document = read_yaml(Path(path), "torque uncertainty file")
-    possible = (*_REQUIRED, *_OPTIONAL)
-    if not isinstance(document, dict):
-        raise ParamsError(f"{path}: wanted a mapping with {', '.join(_REQUIRED)}; got {type(document).__name__}")
-    for key in document:
-        if key not in possible:
-            raise ParamsError(f"{path}: unknown key {key!r}; possible: {', '.join(possible)}")
-    for key in _REQUIRED:
-        if key not in document:
-            raise ParamsError(f"{path}: missing key {key!r}; wanted: {', '.join(_REQUIRED)}")
-    if document["schema"] != SCHEMA or document["unit"] != UNIT:
-        raise ParamsError(
-            f"{path}: wanted schema {SCHEMA} and unit {UNIT}; got {document['schema']!r} and {document['unit']!r}"
-        )
-    joints = document["joints"]
-    if not isinstance(joints, list) or not all(isinstance(joint, str) and joint for joint in joints):
-        raise ParamsError(f"{path}: joints: wanted a list of names; got {joints!r}")
+    read = validated(TorqueUncertaintyDocument, document, str(path))
+    n = len(read.joints)
+
+    def numbers(value: list[Any] | None, *shape: int) -> FloatArray:
+        return np.full(shape, np.nan) if value is None else np.array(value, dtype=np.float64)
+
     try:
-        return _from_document(document, tuple(joints))
+        _check_rows("covariance", read.covariance)
+        _check_rows("sigma_ci95", read.sigma_ci95 or [])
+        return TorqueUncertainty(
+            joints=tuple(read.joints),
+            covariance=numbers(read.covariance),
+            mean=numbers(read.mean, n),
+            ci95=numbers(read.sigma_ci95, n, 2),
+            correlation_time=numbers(read.correlation_time, n),
+            effective_samples=numbers(read.effective_samples, n),
+            samples=numbers(read.samples, n),
+            common_effective_samples=read.common_effective_samples,
+            shrinkage=read.shrinkage,
+            provenance=read.provenance or {},
+        )
     except ParamsError as error:
         raise ParamsError(f"{path}: {error}") from None
 
 
-def _from_document(document: Mapping[str, Any], joints: tuple[str, ...]) -> TorqueUncertainty:
-    n = len(joints)
-
-    def numbers(key: str, shape: tuple[int, ...]) -> FloatArray:
-        value = document.get(key)
-        return np.full(shape, np.nan) if value is None else _array(key, value)
-
-    provenance = document.get("provenance") or {}
-    if not isinstance(provenance, dict):
-        raise ParamsError(f"provenance: wanted a mapping; got {provenance!r}")
-    return TorqueUncertainty(
-        joints=joints,
-        covariance=_array("covariance", document["covariance"]),
-        mean=numbers("mean", (n,)),
-        ci95=numbers("sigma_ci95", (n, 2)),
-        correlation_time=numbers("correlation_time", (n,)),
-        effective_samples=numbers("effective_samples", (n,)),
-        samples=numbers("samples", (n,)),
-        common_effective_samples=_number("common_effective_samples", document.get("common_effective_samples", 0.0)),
-        shrinkage=_number("shrinkage", document.get("shrinkage", 0.0)),
-        provenance=provenance,
-    )
-
-
-def _array(key: str, value: object) -> FloatArray:
-    rows = value if isinstance(value, list) else [value]
-    if any(isinstance(row, list) for row in rows):
-        each = [_array(key, row) for row in rows]
-        if len({row.shape for row in each}) != 1:
-            raise ParamsError(f"{key}: wanted rows of one length; got {value!r}")
-        return np.array(each)
-    return np.array([_number(key, row) for row in rows])
-
-
-def _number(key: str, value: object) -> float:
-    """A float; text such as 1e-4, which YAML 1.1 does not take for a number, is read as one."""
-    if isinstance(value, (int, float, str)) and not isinstance(value, bool):
-        try:
-            return float(value)
-        except ValueError:
-            pass
-    raise ParamsError(f"{key}: wanted numbers; got {value!r}")
+def _check_rows(name: str, rows: list[list[float]]) -> None:
+    if len({len(row) for row in rows}) > 1:
+        raise ParamsError(f"{name}: expected rows of one length, got lengths {quoted([len(row) for row in rows])}")
 
 
 def save_torque_uncertainty(uncertainty: TorqueUncertainty, path: Path | str) -> Path:

@@ -72,7 +72,7 @@ class PriorWidths:
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
             if not (np.isfinite(value) and value > 0.0):
-                raise IdentificationError(f"prior width {name}: wanted a positive number; got {value!r}")
+                raise IdentificationError(f"{name}: expected a positive number, got {value!r}")
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,18 +1,17 @@
 """Data sheets of voltage-driven motors as YAML, the prior of `identify_motor`."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 from drake_tc.actuation.voltage_motor import VoltageMotor
+from drake_tc.config.records import read_record
 from drake_tc.config.yaml_file import read_yaml
-from drake_tc.errors import IdentificationError, ParamsError
+from drake_tc.errors import ParamsError
 from drake_tc.identification.motor_prior import PriorWidths
 
 ALL = "all"
 """Stands for every joint that the file does not name."""
-_OPTIONAL = ("voltage_limit",)
 
 
 @dataclass(frozen=True)
@@ -27,7 +26,11 @@ class MotorSheet:
 
     source: Path
     motors: Mapping[str, VoltageMotor]
-    widths: PriorWidths
+    widths: PriorWidths = field(default_factory=PriorWidths)
+
+    def __post_init__(self) -> None:
+        if not self.motors:
+            raise ParamsError(f"motors: expected a mapping of joint, or {ALL!r}, to a motor; got none")
 
     def motor(self, joint: str) -> VoltageMotor:
         """The motor of a joint.
@@ -58,40 +61,4 @@ def load_motor_sheet(path: Path) -> MotorSheet:
     Raises:
         ParamsError: the file cannot be read, a field is unknown or missing, or a value is not possible.
     """
-    document = read_yaml(path, "data sheet")
-    if not isinstance(document, dict) or not isinstance(document.get("motors"), dict) or not document["motors"]:
-        raise ParamsError(f"{path}: motors: wanted a mapping of joint, or {ALL!r}, to a motor; got {document!r:.60}")
-    if strange := sorted(map(str, set(document) - {"motors", "widths"})):
-        raise ParamsError(f"{path}: unknown key {strange[0]!r}; possible: motors, widths")
-    known = [item.name for item in fields(VoltageMotor)]
-    motors = {}
-    for joint, entry in document["motors"].items():
-        where = f"{path}: motors.{joint}"
-        values = _numbers(where, entry, known, _OPTIONAL)
-        try:
-            motors[str(joint)] = VoltageMotor(**values)
-        except ParamsError as error:
-            raise ParamsError(f"{where}{str(error).removeprefix('motor')}") from None
-    names = [item.name for item in fields(PriorWidths)]
-    try:
-        widths = PriorWidths(**_numbers(f"{path}: widths", document.get("widths") or {}, names, names))
-    except IdentificationError as error:
-        raise ParamsError(f"{path}: {error}") from None
-    return MotorSheet(path, motors, widths)
-
-
-def _numbers(where: str, entry: Any, known: list[str], optional: tuple[str, ...] | list[str]) -> dict[str, float]:
-    """`entry` as numbers under known names."""
-    if not isinstance(entry, dict):
-        raise ParamsError(f"{where}: wanted a mapping of {', '.join(known)}; got {entry!r}")
-    if strange := sorted(map(str, set(entry) - set(known))):
-        raise ParamsError(f"{where}: unknown key {strange[0]!r}; possible: {', '.join(known)}")
-    if missing := [name for name in known if name not in entry and name not in optional]:
-        raise ParamsError(f"{where}: missing key {missing[0]!r}; wanted: {', '.join(known)}")
-    found = {}
-    for name, value in entry.items():
-        try:
-            found[name] = float("nan") if isinstance(value, bool) else float(value)
-        except (TypeError, ValueError):
-            raise ParamsError(f"{where}.{name}: wanted a number; got {value!r}") from None
-    return found
+    return read_record(MotorSheet, read_yaml(path, "data sheet"), str(path), more={"source": path})

@@ -3,8 +3,8 @@
 from importlib.resources import files
 
 from jinja2 import Environment, StrictUndefined
-from pydantic import BaseModel
 
+from drake_tc.config.keys import Keys
 from drake_tc.config.page import key_table, table
 from drake_tc.diagnosis.problem.declared import ALWAYS, can_be_held
 from drake_tc.effects.base import Effect
@@ -52,7 +52,7 @@ def _load_kind(name: str) -> str:
     kind = KINDS[name]
     field = kind.model_fields[name]
     inner = field.annotation
-    if isinstance(inner, type) and issubclass(inner, BaseModel):
+    if isinstance(inner, type) and issubclass(inner, Keys):
         return f"**`load: {{{name}: ...}}`**. {inner.__doc__}\n\n{key_table(inner)}"
     return f"**`load: {{{name}: ...}}`**. {kind.__doc__}\n\n{key_table(kind)}"
 

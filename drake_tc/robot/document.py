@@ -172,8 +172,8 @@ class RobotDocument(Keys):
     @field_validator("rotor_inertia", "limits", "posture", mode="before")
     @classmethod
     def _of_joints(cls, value: object, info: ValidationInfo) -> object:
-        joints = info.data.get("joints")
-        for name in value if isinstance(value, Mapping) and joints is not None else ():
+        joints: list[str] = info.data.get("joints") or []
+        for name in value if isinstance(value, Mapping) and joints else ():
             if name not in joints:
                 raise ValueError(unknown_key(name, joints))
         return value

@@ -65,21 +65,21 @@ def test_it_cannot_be_changed(tmp_path):
     [
         ({"covariance": [[4.0, 1.0], [0.0, 1.0]]}, "symmetric"),
         ({"covariance": [[1.0, 2.0], [2.0, 1.0]]}, "positive semidefinite.*smallest eigenvalue is -1"),
-        ({"covariance": [[1.0]]}, r"wanted shape \(2, 2\)"),
+        ({"covariance": [[1.0]]}, r"covariance: expected shape \(2, 2\)"),
         ({"covariance": [[1.0, 0.0], [0.0]]}, "rows of one length"),
-        ({"covariance": [[".nan", 0.0], [0.0, 1.0]]}, "covariance: wanted numbers; got '.nan'"),
+        ({"covariance": [[".nan", 0.0], [0.0, 1.0]]}, r"covariance\[0\]\[0\]: expected a finite number, got '.nan'"),
         ({"covariance": [[float("nan"), 0.0], [0.0, 1.0]]}, "finite"),
-        ({"covariance": None}, "covariance: wanted numbers"),
-        ({"joints": ["hip", "hip"]}, "each once"),
-        ({"joints": "hip"}, "a list of names"),
-        ({"joints": []}, "at least one name"),
-        ({"mean": [1.0]}, r"mean: wanted shape \(2,\)"),
-        ({"sigma_ci95": [1.0, 2.0]}, r"ci95: wanted shape \(2, 2\)"),
-        ({"unit": "mN*m"}, "unit N\\*m"),
-        ({"schema": 2}, "schema 1"),
-        ({"shrinkage": 1.5}, "shrinkage: wanted 0 to 1"),
-        ({"sigma": [1.0, 1.0]}, "unknown key 'sigma'; possible: schema"),
-        ({"provenance": "me"}, "provenance: wanted a mapping"),
+        ({"covariance": None}, "covariance: expected a list, got None"),
+        ({"joints": ["hip", "hip"]}, "'hip' is listed twice"),
+        ({"joints": "hip"}, "joints: expected a list, got 'hip'"),
+        ({"joints": []}, "joints: expected at least 1"),
+        ({"mean": [1.0]}, r"mean: expected shape \(2,\)"),
+        ({"sigma_ci95": [1.0, 2.0]}, r"sigma_ci95\[0\]: expected a list, got 1\.0"),
+        ({"unit": "mN*m"}, r"unit: expected 'N\*m', got 'mN\*m'"),
+        ({"schema": 2}, "schema: expected 1, got 2"),
+        ({"shrinkage": 1.5}, "shrinkage: expected 0 to 1"),
+        ({"sigma": [1.0, 1.0]}, "unknown key 'sigma'; did you mean 'sigma_ci95'[?]; allowed: schema"),
+        ({"provenance": "me"}, "provenance: expected a mapping, got 'me'"),
     ],
 )
 def test_what_cannot_be_is_refused(tmp_path, change, said):
@@ -93,14 +93,14 @@ def test_what_cannot_be_is_refused(tmp_path, change, said):
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("- 1\n", "wanted a mapping"),
-        ("schema: 1\nunit: N*m\njoints: [a]\n", "missing key 'covariance'"),
+        ("- 1\n", "expected a mapping"),
+        ("schema: 1\nunit: N*m\njoints: [a]\n", "covariance is missing"),
         ("schema: 1\nschema: 1\n", "given twice"),
-        ("{", "not YAML"),
+        ("{", "not valid YAML"),
     ],
 )
 def test_what_is_no_such_file_is_refused(tmp_path, text, said):
     with pytest.raises(ParamsError, match=said):
         load_torque_uncertainty(written(tmp_path, text))
-    with pytest.raises(ParamsError, match="wanted a torque uncertainty file"):
+    with pytest.raises(ParamsError, match="no such torque uncertainty file"):
         load_torque_uncertainty(tmp_path / "nowhere.yaml")

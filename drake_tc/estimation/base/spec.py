@@ -5,25 +5,13 @@ from typing import Literal
 
 import numpy as np
 
+from drake_tc.config.records import Unbounded, check_choices, unbounded_fields
 from drake_tc.errors import ParamsError
 from drake_tc.robot.mounts import Mount
 
 Point2 = tuple[float, float]
 Ground = Literal["unknown", "level"]
 Reference = Literal["rolling", "touchdown"]
-
-_POSITIVE_OR_INFINITE = (
-    "tilt_time",
-    "sole_time",
-    "bias_time",
-    "yaw_time",
-    "yaw_bias_time",
-    "anchor_time",
-    "slip_speed",
-    "slip_distance",
-    "slip_turn",
-    "force_offset",
-)
 
 
 @dataclass(frozen=True)
@@ -60,7 +48,7 @@ class ContactSpec:
         """
         where = f"contact {self.mount.name!r}"
         if not 0.0 < self.break_ <= self.make < np.inf:
-            raise ParamsError(f"{where}: wanted 0 < break <= make [N]; got break {self.break_:g}, make {self.make:g}")
+            raise ParamsError(f"{where}: expected 0 < break <= make [N], got break {self.break_:g}, make {self.make:g}")
         if self.polygon is not None:
             half_planes(where, self.polygon)
         if self.sole_stiffness is not None:
@@ -68,10 +56,10 @@ class ContactSpec:
                 raise ParamsError(f"{where}: sole_stiffness: wanted a sole beside it; this contact is a point")
             if not 0.0 < self.sole_stiffness < np.inf:
                 raise ParamsError(
-                    f"{where}: sole_stiffness: wanted a number above 0 [N/m]; got {self.sole_stiffness!r}"
+                    f"{where}: sole_stiffness: expected a number above 0 [N/m], got {self.sole_stiffness!r}"
                 )
         if len(self.sole_points) != 2 or min(self.sole_points) < 2:
-            raise ParamsError(f"{where}: sole_points: wanted two numbers, 2 or more each; got {self.sole_points!r}")
+            raise ParamsError(f"{where}: sole_points: expected two numbers, 2 or more each, got {self.sole_points!r}")
 
 
 def half_planes(where: str, corners: tuple[Point2, ...]) -> tuple[np.ndarray, np.ndarray]:
@@ -82,16 +70,16 @@ def half_planes(where: str, corners: tuple[Point2, ...]) -> tuple[np.ndarray, np
     """
     points = np.asarray(corners, dtype=float)
     if points.ndim != 2 or points.shape[0] < 3 or points.shape[1] != 2 or not np.isfinite(points).all():
-        raise ParamsError(f"{where}: wanted at least three corners [x, y]; got {corners!r}")
+        raise ParamsError(f"{where}: expected at least three corners [x, y], got {corners!r}")
     edges = np.roll(points, -1, axis=0) - points
     area = 0.5 * float(np.sum(points[:, 0] * np.roll(points[:, 1], -1) - np.roll(points[:, 0], -1) * points[:, 1]))
     lengths = np.hypot(*edges.T)
     if not (abs(area) > 1e-8 and lengths.min() > 1e-6):
-        raise ParamsError(f"{where}: wanted a sole of some area; got corners {corners!r}")
+        raise ParamsError(f"{where}: expected a sole of some area, got corners {corners!r}")
     normals = np.sign(area) * np.column_stack([edges[:, 1], -edges[:, 0]]) / lengths[:, None]
     offsets = np.sum(normals * points, axis=1)
     if (points @ normals.T > offsets + 1e-6).any():
-        raise ParamsError(f"{where}: wanted a convex sole with its corners in order; got {corners!r}")
+        raise ParamsError(f"{where}: expected a convex sole with its corners in order, got {corners!r}")
     return normals, offsets
 
 
@@ -144,20 +132,20 @@ class BaseEstimatorSpec:
     contact_velocity: float = 0.02
     cop_moment: float = 0.5
     position_time: float = 0.01
-    yaw_time: float = 0.5
-    yaw_bias_time: float = 5.0
-    bias_time: float = 5.0
-    tilt_time: float = 3.0
-    sole_time: float = 1.0
+    yaw_time: Unbounded = 0.5
+    yaw_bias_time: Unbounded = 5.0
+    bias_time: Unbounded = 5.0
+    tilt_time: Unbounded = 3.0
+    sole_time: Unbounded = 1.0
     still_rate: float = 0.05
-    anchor_time: float = 20.0
-    slip_speed: float = 0.05
-    slip_distance: float = 0.01
-    slip_turn: float = 0.02
+    anchor_time: Unbounded = 20.0
+    slip_speed: Unbounded = 0.05
+    slip_distance: Unbounded = 0.01
+    slip_turn: Unbounded = 0.02
     slip_time: float = 0.02
     slip_hold: float = 0.05
     tilted: float = 0.03
-    force_offset: float = 8.0
+    force_offset: Unbounded = 8.0
     yaw_drift: float = 0.008
     encoder_spike: float = 0.05
     quick_start: bool = False
@@ -169,19 +157,17 @@ class BaseEstimatorSpec:
             ParamsError: no contact, a name given twice, an unknown choice, or a number that is not positive.
         """
         if not self.contacts:
-            raise ParamsError("base estimator: wanted at least one contact; got none")
+            raise ParamsError("expected at least one contact, got none")
         names = [contact.mount.name for contact in self.contacts]
         if len(set(names)) < len(names):
-            raise ParamsError(f"base estimator: wanted contacts of different names; got {names}")
-        for key, possible in (("ground", ("unknown", "level")), ("reference", ("rolling", "touchdown"))):
-            if getattr(self, key) not in possible:
-                raise ParamsError(f"base estimator: {key}: wanted one of {possible}; got {getattr(self, key)!r}")
+            raise ParamsError(f"expected contacts of different names, got {names}")
+        check_choices(self)
         if not 0.0 <= self.imu_age < np.inf:
-            raise ParamsError(f"base estimator: imu_age: wanted a time >= 0 [s]; got {self.imu_age!r}")
+            raise ParamsError(f"imu_age: expected a time >= 0 [s], got {self.imu_age!r}")
         for item in fields(self):
             if item.name in ("contacts", "ground", "reference", "imu_age", "quick_start"):
                 continue
             value = getattr(self, item.name)
             good = isinstance(value, (int, float)) and value > 0.0
-            if not (good and (np.isfinite(value) or item.name in _POSITIVE_OR_INFINITE)):
-                raise ParamsError(f"base estimator: {item.name}: wanted a positive number; got {value!r}")
+            if not (good and (np.isfinite(value) or item.name in unbounded_fields(BaseEstimatorSpec))):
+                raise ParamsError(f"{item.name}: expected a positive number, got {value!r}")

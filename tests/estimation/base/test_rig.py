@@ -153,16 +153,16 @@ def test_a_start_of_ones_own(tmp_path, made):
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"robots": "x"}, "unknown key 'robots'"),
+        ({"robots": "x"}, "unknown key 'robots'; did you mean 'robot'"),
         ({"contacts": {}}, "at least one contact"),
-        ({"contacts": {"left": {"link": "l_foot", "make": 3.0, "break": 2.0}}}, "wanted a sensor"),
+        ({"contacts": {"left": {"link": "l_foot", "make": 3.0, "break": 2.0}}}, "contacts.left: expected a sensor"),
         ({"contacts": {"left": {"link": "l_foot", "sensor": "left_ankle", "make": 2.0, "break": 3}}}, "break <= make"),
         ({"contacts": {"left": {"link": "l_foot", "sensor": "left_ankle", "sole": [1, 0, 0, 1], "make": 3.0,
                                 "break": 2.0}}}, "x from, x to"),
-        ({"estimator": {"ground": "flat"}}, "ground: wanted one of"),
-        ({"estimator": {"velocity_tim": 1.0}}, "unknown key 'velocity_tim'"),
+        ({"estimator": {"ground": "flat"}}, "estimator.ground: expected one of unknown, level, got 'flat'"),
+        ({"estimator": {"velocity_tim": 1.0}}, "estimator: unknown key 'velocity_tim'; did you mean 'velocity_time'"),
         ({"columns": {"stamp": "t"}}, "unknown key 'stamp'"),
-        ({"start": {"position": [0.0, 0.0]}}, "start.position: wanted three numbers"),
+        ({"start": {"position": [0.0, 0.0]}}, "start.position: expected a list of 3 numbers"),
         ({"robot": "nowhere.yaml"}, "nowhere.yaml"),
     ],
 )  # fmt: skip

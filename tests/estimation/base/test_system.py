@@ -207,9 +207,9 @@ def test_kinematics_agree_with_jacobians_of_the_whole_robot():
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"period": 0.0}, "period: wanted a positive number"),
-        ({"ground": "tilted"}, "ground: wanted one of"),
-        ({"slip_time": np.nan}, "slip_time: wanted"),
+        ({"period": 0.0}, "period: expected a positive number"),
+        ({"ground": "tilted"}, "ground: expected one of"),
+        ({"slip_time": np.nan}, "slip_time: expected"),
         ({"contacts": ()}, "at least one contact"),
     ],
 )

@@ -1,0 +1,232 @@
+"""Frozen dataclasses from input files: the dataclass is the model of its mapping in the file.
+
+Its fields are the keys, their types and `Literal`s the checks, the lines under "Attributes:" in its docstring the
+explanations. What concerns several values, or a value's range, the dataclass checks itself when it is made.
+"""
+
+import math
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import MISSING, Field, fields, is_dataclass
+from types import NoneType, UnionType
+from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
+
+from pydantic import AfterValidator, BeforeValidator, Discriminator, Tag, create_model
+
+from drake_tc.config.keys import Flag, Keys, Number, UnboundedNumber, key, one_of, saying
+from drake_tc.config.near import near
+from drake_tc.config.quoted import quoted
+from drake_tc.config.validation import validated
+from drake_tc.errors import DrakeTcError, ParamsError
+
+Record = TypeVar("Record")
+
+Unbounded = Annotated[float, "infinity is a value"]
+"""Type of a dataclass's field that may be infinite; others may not, unless infinity is their default."""
+
+
+_KINDS: dict[type[Keys], type[Any]] = {}
+"""Model to its dataclass."""
+_MODELS: dict[tuple[type[Any], tuple[str, ...]], type[Keys]] = {}
+"""Dataclass, and its fields that are not keys, to its model."""
+
+
+def read_record(
+    kind: type[Record],
+    document: object,
+    source: str,
+    error: type[DrakeTcError] = ParamsError,
+    hint: str = "",
+    more: Mapping[str, Any] | None = None,
+) -> Record:
+    """A dataclass from plain data; nested dataclasses, lists of them and mappings to them included.
+
+    Args:
+        kind: The dataclass.
+        document: What the file says.
+        source: Where it comes from, for the message.
+        error: What to raise.
+        hint: Where the keys are explained.
+        more: Fields that are not the file's, which may then not give them.
+
+    Raises:
+        DrakeTcError: of the kind `error`; an unknown or missing key, or a value that is not possible.
+    """
+    read = validated(record_keys(kind, *sorted(more or ())), document, source, error, hint)
+    try:
+        return kind(**{name: getattr(read, name) for name in read.model_fields_set}, **(more or {}))
+    except DrakeTcError as found:
+        raise error(f"{source}: {found}" if source else str(found)) from None
+
+
+def unbounded_fields(kind: type[Any]) -> tuple[str, ...]:
+    """Fields of a dataclass that may be infinite."""
+    hints = get_type_hints(kind, include_extras=True)
+    return tuple(field.name for field in fields(kind) if hints[field.name] == Unbounded or _is_infinite(field))
+
+
+def check_choices(record: Any) -> None:
+    """For the `__post_init__` of a dataclass: its fields of choice are among their `Literal`s.
+
+    Raises:
+        ParamsError: One is not; names the field.
+    """
+    for name, possible in _choices(type(record)).items():
+        value = getattr(record, name)
+        if value not in possible:
+            hint = near(value, possible) if isinstance(value, str) else ""
+            raise ParamsError(f"{name}: expected one of {', '.join(possible)}, got {quoted(value)}{hint}")
+
+
+def _choices(kind: type[Any]) -> dict[str, tuple[str, ...]]:
+    return {name: get_args(hint) for name, hint in get_type_hints(kind).items() if get_origin(hint) is Literal}
+
+
+def record_keys(kind: type[Any], *without: str) -> type[Keys]:
+    """The model of a dataclass's mapping; fields called `without` are not keys."""
+    if (kind, without) not in _MODELS:
+        _MODELS[kind, without] = _keys_of(kind, without)
+    return _MODELS[kind, without]
+
+
+def _keys_of(kind: type[Any], without: tuple[str, ...]) -> type[Keys]:
+    hints, meanings = get_type_hints(kind, include_extras=True), attributes_of(kind)
+    keys: Any = {
+        field.name: (_annotation(hints[field.name], field), _key(field, meanings.get(field.name, "")))
+        for field in fields(kind)
+        if field.name not in without and field.init
+    }
+    text = (kind.__doc__ or "").split("Attributes:")[0].split("Raises:")[0].strip()
+    made: type[Keys] = create_model(kind.__name__, __base__=Keys, __doc__=text, **keys)
+    _KINDS[made] = kind
+    return made
+
+
+_NAMES = re.compile(r"^(\w+(?:, \w+)*): (.*)$")
+
+
+def attributes_of(kind: type[Any]) -> dict[str, str]:
+    """Field to the text that "Attributes:" in a class's docstring has of it."""
+    _, _, listed = (kind.__doc__ or "").partition("Attributes:\n")
+    lines = listed.splitlines()
+    depth = len(lines[0]) - len(lines[0].lstrip()) if lines else 0
+    found: dict[str, str] = {}
+    names: list[str] = []
+    for line in lines:
+        indent = len(line) - len(line.lstrip())
+        if not line.strip() or indent < depth:
+            break
+        match = _NAMES.match(line.strip()) if indent == depth else None
+        if match:
+            names = match[1].split(", ")
+            found |= dict.fromkeys(names, match[2])
+        else:
+            found |= {name: f"{found[name]} {line.strip()}" for name in names}
+    return found
+
+
+def _key(field: Field[Any], meaning: str) -> Any:
+    if field.default is MISSING and field.default_factory is MISSING:
+        return key(meaning, default=...)
+    default = field.default if field.default_factory is MISSING else None
+    text = "the defaults of its keys" if field.default_factory is not MISSING else _shown(default)
+    return key(meaning, default=None, absent=text or "``")
+
+
+def _shown(value: object) -> str:
+    if value is None:
+        return "none"
+    if isinstance(value, bool):
+        return str(value).lower()
+    return f"{value:g}" if isinstance(value, float) else str(list(value) if isinstance(value, tuple) else value)
+
+
+def _annotation(hint: Any, field: Field[Any]) -> Any:
+    """What pydantic reads for the type of a field; infinity is a value only where it is the default."""
+    return _type(hint, UnboundedNumber if _is_infinite(field) else Number)
+
+
+def _is_infinite(field: Field[Any]) -> bool:
+    return isinstance(field.default, float) and math.isinf(field.default)
+
+
+_WORDS: Mapping[Any, Any] = {
+    int: Annotated[int, saying("a whole number")],
+    bool: Flag,
+    str: Annotated[str, saying("text")],
+}
+
+
+def _type(hint: Any, number: Any) -> Any:
+    origin, arguments = get_origin(hint), get_args(hint)
+    if hint is float:
+        return number
+    if hint == Unbounded:
+        return UnboundedNumber
+    if hint in _WORDS:
+        return _WORDS[hint]
+    if origin is Literal:
+        return Annotated[hint, one_of(tuple(map(str, arguments)))]
+    if origin in (Union, UnionType):
+        return _union(arguments, number)
+    if isinstance(hint, type) and is_dataclass(hint):
+        return Annotated[record_keys(hint), AfterValidator(_made)]
+    if origin is tuple:
+        return _tuple(arguments, number)
+    if isinstance(origin, type) and issubclass(origin, Mapping):
+        return dict[str, _type(arguments[1], number)]  # type: ignore[misc]
+    return hint
+
+
+def _made(read: Keys) -> Any:
+    try:
+        return _KINDS[type(read)](**{name: getattr(read, name) for name in read.model_fields_set})
+    except DrakeTcError as error:
+        raise ValueError(str(error)) from None
+
+
+def _tuple(arguments: tuple[Any, ...], number: Any) -> Any:
+    size = None if arguments[-1] is Ellipsis else len(arguments)
+    inner = tuple(_type(each, number) if each is not Ellipsis else each for each in arguments)
+    return Annotated[tuple[inner], BeforeValidator(_list_of(size))]  # type: ignore[valid-type]
+
+
+def _list_of(size: int | None) -> Callable[[object], object]:
+    def read(value: object) -> object:
+        if not isinstance(value, list | tuple) or (size is not None and len(value) != size):
+            raise ValueError(f"expected a list{'' if size is None else f' of {size} values'}, got {quoted(value)}")
+        return tuple(value)
+
+    return read
+
+
+def _union(arguments: tuple[Any, ...], number: Any) -> Any:
+    """The parts of a union by the shape of the value: a list, a mapping, or one value."""
+    by_shape: dict[str, Any] = {}
+    for part in arguments:
+        if part is not NoneType:
+            by_shape.setdefault(_shape_of(part), _type(part, number))
+    parts = list(by_shape.items())
+    if len(parts) == 1:
+        joined = parts[0][1]
+    else:
+        tagged = [Annotated[part, Tag(shape)] for shape, part in parts]
+        known = tuple(by_shape)
+        joined = Annotated[Union[tuple(tagged)], Discriminator(_shape_in(known))]  # noqa: UP007
+    return joined | None if NoneType in arguments else joined
+
+
+def _shape_of(hint: Any) -> str:
+    origin = get_origin(hint)
+    if origin is tuple:
+        return "@list"
+    mapping = isinstance(origin, type) and issubclass(origin, Mapping)
+    return "@mapping" if mapping or (isinstance(hint, type) and is_dataclass(hint)) else "@one"
+
+
+def _shape_in(known: tuple[str, ...]) -> Callable[[object], str]:
+    def shape(value: object) -> str:
+        found = "@list" if isinstance(value, list | tuple) else "@mapping" if isinstance(value, Mapping) else "@one"
+        return found if found in known else known[0]
+
+    return shape
