@@ -1,15 +1,13 @@
-"""A sensor that fails for a while: `SensorFault`, and how a scenario lists them."""
+"""A sensor that fails for a while: `SensorFault`."""
 
 import math
-from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import Literal
 
+from drake_tc.config.records import check_choices
 from drake_tc.errors import ParamsError
-from drake_tc.robot.fields import mapping, number
 
 FaultKind = Literal["frozen", "dropped", "biased", "nan", "spikes"]
-KINDS: tuple[str, ...] = get_args(FaultKind)
 
 SPIKE_CHANCE = 0.05
 """One sample in twenty."""
@@ -43,26 +41,25 @@ class SensorFault:
     chance: float = SPIKE_CHANCE
 
     def __post_init__(self) -> None:
-        if self.kind not in KINDS:
-            raise ParamsError(f"SensorFault.kind: wanted one of {', '.join(KINDS)}; got {self.kind!r}")
+        check_choices(self)
         if not math.isfinite(self.start):
-            raise ParamsError(f"SensorFault.start: wanted a time [s]; got {self.start!r}")
+            raise ParamsError(f"start: expected a time [s], got {self.start!r}")
         if not self.duration > 0.0:
-            raise ParamsError(f"SensorFault.duration: wanted a time > 0 [s], or .inf; got {self.duration!r}")
+            raise ParamsError(f"duration: expected a time > 0 [s], or .inf, got {self.duration!r}")
         if not math.isfinite(self.value):
-            raise ParamsError(f"SensorFault.value: wanted a finite number; got {self.value!r}")
+            raise ParamsError(f"value: expected a finite number, got {self.value!r}")
         if self.kind in _SIZED and self.value == 0.0:
-            raise ParamsError(f"SensorFault.value: wanted the size of the {_SIZED[self.kind]}; got 0")
+            raise ParamsError(f"value: expected the size of the {_SIZED[self.kind]}, got 0")
         if self.kind not in _SIZED and self.value != 0.0:
             raise ParamsError(
-                f"SensorFault.value: wanted only with kind {' or '.join(_SIZED)}; got {self.value:g} with {self.kind}"
+                f"value: expected only with kind {' or '.join(_SIZED)}, got {self.value:g} with {self.kind}"
             )
         if not 0.0 < self.chance <= 1.0:
-            raise ParamsError(f"SensorFault.chance: wanted a probability above 0, 1 at most; got {self.chance!r}")
+            raise ParamsError(f"chance: expected a probability above 0, 1 at most, got {self.chance!r}")
         if self.kind != "spikes" and self.chance != SPIKE_CHANCE:
-            raise ParamsError(f"SensorFault.chance: wanted only with kind spikes; got it with {self.kind}")
+            raise ParamsError(f"chance: expected only with kind spikes, got it with {self.kind}")
         if self.channels is not None and (not self.channels or len(set(self.channels)) < len(self.channels)):
-            raise ParamsError(f"SensorFault.channels: wanted different indices, or None for all; got {self.channels!r}")
+            raise ParamsError(f"channels: expected different indices, or None for all, got {self.channels!r}")
 
     def ticks(self, dt: float) -> tuple[float, float]:
         """First tick of the fault and first tick after it, which may be infinite."""
@@ -80,52 +77,5 @@ class SensorFault:
             return list(range(size))
         for channel in self.channels:
             if not 0 <= channel < size:
-                raise ParamsError(f"SensorFault.channels: wanted 0 to {size - 1}; got {channel}")
+                raise ParamsError(f"channels: expected 0 to {size - 1}, got {channel}")
         return list(self.channels)
-
-
-def _load_fault(where: str, entry: object) -> SensorFault:
-    fields = mapping(where, entry, ("kind",), ("start", "duration", "channels", "value", "chance"))
-    channels = fields.get("channels")
-    if channels is not None:
-        if not isinstance(channels, list) or not all(type(channel) is int for channel in channels):
-            raise ParamsError(f"{where}.channels: wanted a list of indices; got {channels!r}")
-        channels = tuple(channels)
-    try:
-        return SensorFault(
-            fields["kind"],
-            number(f"{where}.start", fields.get("start", 0.0)),
-            number(f"{where}.duration", fields.get("duration", math.inf), infinite=True),
-            channels,
-            number(f"{where}.value", fields.get("value", 0.0)),
-            number(f"{where}.chance", fields.get("chance", SPIKE_CHANCE)),
-        )
-    except ParamsError as error:
-        text = str(error)
-        raise ParamsError(text if text.startswith(where) else f"{where}: {text}") from None
-
-
-def load_faults(where: str, entry: object, sensors: Iterable[str]) -> dict[str, tuple[SensorFault, ...]]:
-    """Faults of a scenario: a mapping of sensor to a list of faults.
-
-        encoder: [{kind: frozen, start: 1.0, duration: 0.02, channels: [3]}]
-        imu: [{kind: nan, start: 2.0}]
-
-    Args:
-        where: File and field, for the error.
-        entry: From YAML; None is no faults.
-        sensors: Names that are possible.
-
-    Returns:
-        Every sensor's faults, () where none are given.
-
-    Raises:
-        ParamsError: An unknown sensor, key or kind, or an impossible value; one line that starts with `where`.
-    """
-    names = list(sensors)
-    faults: dict[str, tuple[SensorFault, ...]] = dict.fromkeys(names, ())
-    for name, listed in mapping(where, entry, (), names).items():
-        if not isinstance(listed, list):
-            raise ParamsError(f"{where}.{name}: wanted a list of faults; got {listed!r}")
-        faults[name] = tuple(_load_fault(f"{where}.{name}[{i}]", one) for i, one in enumerate(listed))
-    return faults

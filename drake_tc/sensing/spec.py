@@ -2,13 +2,12 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import dataclass, fields
 from typing import Any, TypeAlias
 
 import numpy as np
 
 from drake_tc.errors import ParamsError
-from drake_tc.robot.fields import mapping, number
 from drake_tc.types import FloatArray
 
 Channels: TypeAlias = float | tuple[float, ...]
@@ -50,19 +49,19 @@ class SensorSpec:
             value = getattr(self, field.name)
             each = value if isinstance(value, tuple) else (value,)
             if not each or not all(math.isfinite(x) for x in each):
-                raise ParamsError(f"SensorSpec.{field.name}: wanted finite numbers; got {value!r}")
+                raise ParamsError(f"{field.name}: expected finite numbers, got {value!r}")
             if field.name in ("noise", "resolution", "latency") and min(each) < 0.0:
-                raise ParamsError(f"SensorSpec.{field.name}: wanted numbers >= 0; got {value!r}")
+                raise ParamsError(f"{field.name}: expected numbers >= 0, got {value!r}")
             if isinstance(value, tuple):
                 sizes[field.name] = len(value)
         if isinstance(self.latency, tuple):
-            raise ParamsError(f"SensorSpec.latency: wanted one number for all channels; got {self.latency!r}")
+            raise ParamsError(f"latency: expected one number for all channels, got {self.latency!r}")
         dropout = self.channels("dropout", sizes.get("dropout", 1))
         if dropout.min() < 0.0 or dropout.max() > 1.0:
-            raise ParamsError(f"SensorSpec.dropout: wanted a probability, 0 to 1; got {self.dropout!r}")
+            raise ParamsError(f"dropout: expected a probability, 0 to 1, got {self.dropout!r}")
         if len(set(sizes.values())) > 1:
             listed = ", ".join(f"{name} {size}" for name, size in sizes.items())
-            raise ParamsError(f"SensorSpec: wanted one number of channels; got {listed}")
+            raise ParamsError(f"expected one number of channels, got {listed}")
 
     def channels(self, name: str, size: int) -> FloatArray:
         """(size,) values of a field, one a channel.
@@ -72,7 +71,7 @@ class SensorSpec:
         """
         value = getattr(self, name)
         if isinstance(value, tuple) and len(value) != size:
-            raise ParamsError(f"SensorSpec.{name}: wanted one value, or {size}; got {len(value)}")
+            raise ParamsError(f"{name}: expected one value, or {size}, got {len(value)}")
         return np.array(np.broadcast_to(value, size), dtype=np.float64)
 
     def ticks(self, dt: float) -> int:
@@ -85,7 +84,7 @@ class SensorSpec:
         if abs(ticks - round(ticks)) > _TICK_TOLERANCE:
             below, above = math.floor(ticks) * dt, math.ceil(ticks) * dt
             raise ParamsError(
-                f"SensorSpec.latency: wanted a multiple of the period {dt:g} s; got {self.latency:g} s;"
+                f"latency: expected a multiple of the period {dt:g} s, got {self.latency:g} s;"
                 f" nearest: {below:g} and {above:g}"
             )
         return round(ticks)
@@ -102,33 +101,9 @@ def joined(parts: Sequence[tuple[SensorSpec, int]]) -> SensorSpec:
     """
     latencies = {spec.latency for spec, _ in parts}
     if len(latencies) != 1:
-        raise ParamsError(f"SensorSpec.latency: wanted one for all parts of a sensor; got {sorted(latencies)}")
+        raise ParamsError(f"latency: expected one for all parts of a sensor, got {sorted(latencies)}")
     values: dict[str, Any] = {
         name: tuple(np.concatenate([spec.channels(name, size) for spec, size in parts]).tolist())
         for name in ("noise", "bias", "scale", "resolution", "dropout")
     }
     return SensorSpec(latency=latencies.pop(), **values)
-
-
-def load_spec(where: str, entry: object, default: SensorSpec | None = None) -> SensorSpec:
-    """A spec from a YAML mapping; keys that are not given keep the default's value.
-
-    Args:
-        where: File and field, for the error.
-        entry: Mapping of the fields of SensorSpec to a number or a list of numbers.
-        default: None is the perfect sensor.
-
-    Raises:
-        ParamsError: An unknown key or an impossible value; the message starts with `where`.
-    """
-    values: dict[str, Any] = asdict(default or SensorSpec())
-    for key, value in mapping(where, entry, (), [field.name for field in fields(SensorSpec)]).items():
-        at = f"{where}.{key}"
-        if isinstance(value, list):
-            values[key] = tuple(number(f"{at}[{i}]", item) for i, item in enumerate(value))
-        else:
-            values[key] = number(at, value)
-    try:
-        return SensorSpec(**values)
-    except ParamsError as error:
-        raise ParamsError(f"{where}: {error}") from None

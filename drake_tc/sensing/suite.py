@@ -2,21 +2,24 @@
 
 import zlib
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import DiagramBuilder
 
+from drake_tc.config.keys import Keys, key, one_of
+from drake_tc.config.records import record_keys
+from drake_tc.config.validation import validated
 from drake_tc.errors import ParamsError
-from drake_tc.robot.fields import mapping
 from drake_tc.robot.robot import Robot
 from drake_tc.sensing.encoder import Encoder, add_encoder
 from drake_tc.sensing.fault import SensorFault
 from drake_tc.sensing.force_torque import ForceTorque, force_torque_spec
 from drake_tc.sensing.imu import Imu, add_imu
 from drake_tc.sensing.joint_torque import JointTorque
-from drake_tc.sensing.spec import SensorSpec, load_spec
+from drake_tc.sensing.spec import SensorSpec
 
 SENSORS = ("encoder", "imu", "force_torque", "joint_torque")
 """Names under which a scenario gives faults."""
@@ -70,6 +73,23 @@ class SensorSuiteSpec:
 
 
 PRESETS = {"perfect": SensorSuiteSpec.perfect, "realistic": SensorSuiteSpec.realistic}
+_Spec: Any = record_keys(SensorSpec)
+
+
+class SuiteKeys(Keys):
+    """The sensors of a robot: a preset, and what differs from it."""
+
+    preset: Annotated[Literal["perfect", "realistic"], one_of(tuple(PRESETS))] = key(
+        "Where the values come from that are not given.", example="realistic", default="perfect", absent="perfect"
+    )
+    encoder: _Spec | None = key("Encoders.", unit="rad", example={"latency": 0.002}, absent="those of `preset`")
+    gyro: _Spec | None = key("Gyros.", unit="rad/s", example={"noise": 0.005}, absent="those of `preset`")
+    accel: _Spec | None = key("Accelerometers.", unit="m/s²", example={"noise": 0.05}, absent="those of `preset`")
+    force: _Spec | None = key("Forces.", unit="N", example={"bias": [0.0, 0.0, 3.0]}, absent="those of `preset`")
+    torque: _Spec | None = key("Torques of F/T sensors.", unit="N·m", example={"noise": 0.02}, absent="those of `preset`")
+    joint_torque: _Spec | None = key(
+        "Joint torques, for logs alone.", unit="N·m", example={"noise": 0.1}, absent="those of `preset`"
+    )
 
 
 def load_suite(where: str, entry: object) -> SensorSuiteSpec:
@@ -87,15 +107,16 @@ def load_suite(where: str, entry: object) -> SensorSuiteSpec:
     Raises:
         ParamsError: An unknown key or preset, or an impossible value; one line that starts with `where`.
     """
-    names = [each.name for each in fields(SensorSuiteSpec)]
-    given = mapping(where, entry, (), ("preset", *names))
-    preset = given.pop("preset", "perfect")
-    if preset not in PRESETS:
-        raise ParamsError(f"{where}.preset: wanted one of {', '.join(PRESETS)}; got {preset!r}")
-    suite = PRESETS[preset]()
-    return SensorSuiteSpec(
-        **{name: load_spec(f"{where}.{name}", given.get(name), getattr(suite, name)) for name in names}
-    )
+    read = validated(SuiteKeys, {} if entry is None else entry, where)
+    suite = PRESETS[read.preset]()
+    for each in fields(SensorSuiteSpec):
+        changes = getattr(read, each.name)
+        if changes is not None:
+            try:
+                suite = replace(suite, **{each.name: replace(getattr(suite, each.name), **changes.given())})
+            except ParamsError as error:
+                raise ParamsError(f"{where}: {each.name}: {error}") from None
+    return suite
 
 
 @dataclass(frozen=True)
@@ -134,7 +155,7 @@ def add_sensors(
         suite: What the sensors do.
         dt: Their period [s].
         seed: The scenario's; each sensor derives its own.
-        faults: By the names in `SENSORS` (`load_faults`); None is none.
+        faults: By the names in `SENSORS` ; None is none.
 
     Returns:
         The systems.

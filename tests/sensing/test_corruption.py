@@ -142,11 +142,11 @@ def test_a_frozen_sensor_repeats_the_last_finite_reading_and_can_still_be_lost()
 @pytest.mark.parametrize(
     ("spec", "message"),
     [
-        ({"noise": -1.0}, "noise: wanted numbers >= 0"),
-        ({"bias": np.inf}, "bias: wanted finite"),
+        ({"noise": -1.0}, "noise: expected numbers >= 0"),
+        ({"bias": np.inf}, "bias: expected finite"),
         ({"dropout": 1.5}, "probability"),
-        ({"noise": (1.0, 2.0), "bias": (1.0, 2.0, 3.0)}, "one number of channels; got noise 2, bias 3"),
-        ({"latency": (1e-3, 2e-3)}, "latency: wanted one number"),
+        ({"noise": (1.0, 2.0), "bias": (1.0, 2.0, 3.0)}, "one number of channels, got noise 2, bias 3"),
+        ({"latency": (1e-3, 2e-3)}, "latency: expected one number"),
         ({"noise": ()}, "finite numbers"),
     ],
 )
@@ -158,14 +158,14 @@ def test_impossible_specs_are_refused(spec, message):
 @pytest.mark.parametrize(
     ("fault", "message"),
     [
-        ({"kind": "melted"}, "frozen, dropped, biased, nan, spikes; got 'melted'"),
+        ({"kind": "melted"}, "frozen, dropped, biased, nan, spikes, got 'melted'"),
         ({"kind": "nan", "start": np.nan}, "start"),
         ({"kind": "nan", "duration": 0.0}, "duration"),
         ({"kind": "biased"}, "size of the bias"),
         ({"kind": "nan", "value": 1.0}, "only with kind biased"),
         ({"kind": "spikes"}, "size of the spikes"),
-        ({"kind": "spikes", "value": 1.0, "chance": 0.0}, "probability above 0, 1 at most; got 0.0"),
-        ({"kind": "nan", "chance": 0.5}, "chance: wanted only with kind spikes"),
+        ({"kind": "spikes", "value": 1.0, "chance": 0.0}, "probability above 0, 1 at most, got 0.0"),
+        ({"kind": "nan", "chance": 0.5}, "chance: expected only with kind spikes"),
         ({"kind": "nan", "channels": ()}, "channels"),
     ],
 )
@@ -178,9 +178,9 @@ def test_impossible_faults_are_refused(fault, message):
     ("arguments", "message"),
     [
         ((np.zeros((3, 2)), SensorSpec(latency=1.4e-3), DT), "nearest: 0.001 and 0.002"),
-        ((np.zeros((3, 2)), SensorSpec(noise=(1.0, 1.0, 1.0)), DT), "one value, or 2; got 3"),
+        ((np.zeros((3, 2)), SensorSpec(noise=(1.0, 1.0, 1.0)), DT), "one value, or 2, got 3"),
         ((np.zeros((3, 2)), SensorSpec(), 0.0), "positive period"),
-        ((np.zeros((3, 2)), SensorSpec(), DT, [SensorFault("nan", channels=(2,))]), "wanted 0 to 1; got 2"),
+        ((np.zeros((3, 2)), SensorSpec(), DT, [SensorFault("nan", channels=(2,))]), "expected 0 to 1, got 2"),
         ((np.zeros((3, 2)), SensorSpec(), DT, (), -1), "seed"),
         ((np.zeros(3), SensorSpec(), DT), "truth \\(T, n\\)"),
     ],

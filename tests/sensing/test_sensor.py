@@ -185,5 +185,5 @@ def test_the_latency_line_of_a_clone_is_not_filled_anew():
 def test_refusals_come_from_the_constructor():
     with pytest.raises(ParamsError, match="at least one channel"):
         Sensor(0, SensorSpec(), DT)
-    with pytest.raises(ParamsError, match="wanted 0 to 1; got 3"):
+    with pytest.raises(ParamsError, match="expected 0 to 1, got 3"):
         Sensor(2, SensorSpec(), DT, [SensorFault("nan", channels=(3,))])

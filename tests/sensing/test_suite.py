@@ -1,19 +1,21 @@
 """Suites and faults from YAML, and all sensors of a committed robot at once."""
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
 from numpy.testing import assert_allclose, assert_array_equal
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
+from drake_tc.config.records import read_record
+from drake_tc.config.yaml_file import parse_yaml
 from drake_tc.errors import ParamsError
 from drake_tc.robot.plant import add_robot
 from drake_tc.robot.robot import load_robot
-from drake_tc.sensing.fault import SensorFault, load_faults
+from drake_tc.sensing.fault import SensorFault
 from drake_tc.sensing.sensor import corrupt
 from drake_tc.sensing.spec import SensorSpec, joined
 from drake_tc.sensing.suite import SENSORS, SensorSuiteSpec, add_sensors, load_suite, sensor_seed
@@ -24,7 +26,7 @@ LEG = Path(__file__).resolve().parents[2] / "models" / "hrp2_like" / "hrp2_like_
 
 def test_a_preset_and_what_differs_from_it():
     text = "{preset: realistic, encoder: {latency: 2e-3}, force: {bias: [0, 0, 3.0]}}"
-    suite, base = load_suite("f.yaml: sensors", yaml.safe_load(text)), SensorSuiteSpec.realistic()
+    suite, base = load_suite("f.yaml: sensors", parse_yaml(text, "s")), SensorSuiteSpec.realistic()
     assert suite.encoder == SensorSpec(noise=base.encoder.noise, resolution=base.encoder.resolution, latency=2e-3)
     assert suite.force.bias == (0.0, 0.0, 3.0)
     assert suite.force.noise == base.force.noise
@@ -41,21 +43,27 @@ def test_an_encoder_of_the_preset_at_rest_never_looks_frozen_for_20_ms():
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("{preset: ideal}", "s.preset: wanted one of perfect, realistic; got 'ideal'"),
-        ("{encoders: {}}", "s: unknown key 'encoders'"),
-        ("{encoder: {noises: 1}}", "s.encoder: unknown key 'noises'"),
-        ("{encoder: {noise: big}}", "s.encoder.noise: wanted a finite number; got 'big'"),
-        ("{encoder: {noise: -1}}", "s.encoder: SensorSpec.noise: wanted numbers >= 0; got -1.0"),
-        ("{gyro: {bias: [1, x, 2]}}", "s.gyro.bias"),
-        ("[1]", "s: wanted a mapping"),
+        ("{preset: ideal}", "s: preset: expected one of perfect, realistic, got 'ideal'"),
+        ("{encoders: {}}", "s: unknown key 'encoders'; did you mean 'encoder'?"),
+        ("{encoder: {noises: 1}}", "s: encoder: unknown key 'noises'; did you mean 'noise'?"),
+        ("{encoder: {noise: big}}", "s: encoder.noise: expected a finite number, got 'big'"),
+        ("{encoder: {noise: -1}}", "s: encoder: noise: expected numbers >= 0, got -1"),
+        ("{gyro: {bias: [1, x, 2]}}", "s: gyro.bias[1]: expected a finite number, got 'x'"),
+        ("[1]", "s: expected a mapping with preset, encoder"),
     ],
 )
 def test_a_bad_suite_is_refused_in_one_line(text, message):
     with pytest.raises(ParamsError) as caught:
-        load_suite("s", yaml.safe_load(text))
+        load_suite("s", parse_yaml(text, "s"))
     assert message in str(caught.value)
     assert str(caught.value).startswith("s")
     assert "\n" not in str(caught.value)
+
+
+@dataclass(frozen=True)
+class Faults:
+    encoder: tuple[SensorFault, ...] = ()
+    imu: tuple[SensorFault, ...] = ()
 
 
 def test_faults_of_a_scenario():
@@ -63,28 +71,27 @@ def test_faults_of_a_scenario():
     encoder: [{kind: frozen, start: 1.0, duration: 0.02, channels: [3]}, {kind: dropped, start: 2}]
     imu: [{kind: biased, start: 0.5, duration: .inf, value: 0.1}]
     """
-    faults = load_faults("f", yaml.safe_load(text), SENSORS)
-    assert faults["encoder"] == (SensorFault("frozen", 1.0, 0.02, (3,)), SensorFault("dropped", 2.0))
-    assert faults["imu"] == (SensorFault("biased", 0.5, value=0.1),)
-    assert faults["force_torque"] == ()
-    assert load_faults("f", None, SENSORS) == dict.fromkeys(SENSORS, ())
+    assert read_record(Faults, parse_yaml(text, "f"), "f") == Faults(
+        encoder=(SensorFault("frozen", 1.0, 0.02, (3,)), SensorFault("dropped", 2.0)),
+        imu=(SensorFault("biased", 0.5, value=0.1),),
+    )
 
 
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("{lidar: []}", "f: unknown key 'lidar'; possible: encoder, force_torque, imu, joint_torque"),
-        ("{imu: {kind: nan}}", "f.imu: wanted a list of faults"),
-        ("{imu: [{start: 1}]}", "f.imu[0]: missing key 'kind'"),
-        ("{imu: [{kind: melted}]}", "f.imu[0]: SensorFault.kind: wanted one of frozen, dropped, biased, nan"),
-        ("{imu: [{kind: nan, start: soon}]}", "f.imu[0].start: wanted a finite number; got 'soon'"),
-        ("{imu: [{kind: nan, channels: 3}]}", "f.imu[0].channels: wanted a list of indices; got 3"),
-        ("{imu: [{kind: nan}, {kind: nan, duration: 0}]}", "f.imu[1]: SensorFault.duration"),
+        ("{lidar: []}", "f: unknown key 'lidar'; allowed: encoder, imu"),
+        ("{imu: {kind: nan}}", "f: imu: expected a list, got {'kind': 'nan'}"),
+        ("{imu: [{start: 1}]}", "f: imu[0]: kind is missing"),
+        ("{imu: [{kind: melted}]}", "f: imu[0].kind: expected one of frozen, dropped, biased, nan, spikes, got 'melted'"),
+        ("{imu: [{kind: nan, start: soon}]}", "f: imu[0].start: expected a finite number, got 'soon'"),
+        ("{imu: [{kind: nan, channels: 3}]}", "f: imu[0].channels: expected a list, got 3"),
+        ("{imu: [{kind: nan}, {kind: nan, duration: 0}]}", "f: imu[1]: duration: expected a time > 0 [s], or .inf, got 0"),
     ],
 )
 def test_bad_faults_are_refused_in_one_line(text, message):
     with pytest.raises(ParamsError) as caught:
-        load_faults("f", yaml.safe_load(text), SENSORS)
+        read_record(Faults, parse_yaml(text, "f"), "f")
     assert str(caught.value).startswith(message)
     assert "\n" not in str(caught.value)
 
