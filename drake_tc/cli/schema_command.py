@@ -16,6 +16,7 @@ class Document(StrEnum):
     rig = "rig"
     robot = "robot"
     actuator = "actuator"
+    controller = "controller"
 
 
 def schema_command(
@@ -66,5 +67,11 @@ def document_model(document: Document) -> Any:
     """The model of a file; imported here, as most commands need none of them."""
     from drake_tc.actuation.model_document import ModelDocument
     from drake_tc.robot.document import RobotDocument
+    from drake_tc.tsid.document import ControllerDocument
 
-    return {Document.robot: RobotDocument, Document.actuator: ModelDocument}[document]
+    models = {
+        Document.robot: RobotDocument,
+        Document.actuator: ModelDocument,
+        Document.controller: ControllerDocument,
+    }
+    return models[document]

@@ -175,7 +175,7 @@ NumberFromZero = Annotated[float, Field(ge=0.0), saying("a number >= 0")]
 UnboundedNumber = Annotated[float, Field(allow_inf_nan=True), AfterValidator(lambda x: _not_nan(x)), saying("a number")]
 AnyNumber = Annotated[float, Field(allow_inf_nan=True), saying("a number")]
 PositiveUnboundedNumber = Annotated[float, Field(gt=0.0, allow_inf_nan=True), saying("a positive number")]
-WholeNumber = Annotated[int, Field(ge=1), saying("a whole number >= 1")]
+WholeNumber = Annotated[int, Field(ge=1), BeforeValidator(lambda x: _whole(x)), saying("a whole number >= 1")]
 Name = Annotated[str, Field(pattern=r"\S"), saying("a name (text)")]
 FileName = Annotated[str, Field(min_length=1), saying("the name of a file")]
 Flag = Annotated[bool, saying("true or false")]
@@ -185,6 +185,11 @@ def _not_nan(value: float) -> float:
     if value != value:
         raise ValueError("not a number")
     return value
+
+
+def _whole(value: object) -> object:
+    """2.0 is a whole number."""
+    return int(value) if isinstance(value, float) and value.is_integer() else value
 
 
 def _tuple_of(size: int) -> Callable[[object], object]:

@@ -1,5 +1,6 @@
 """From pydantic's report to one line: file, key, what was expected, what came, the nearest match."""
 
+import re
 from collections.abc import Mapping
 from typing import Any, TypeVar
 
@@ -24,6 +25,8 @@ _EXPECTED: Mapping[str, str] = {
     "too_short": "at least {min_length}",
 }
 """What pydantic's types of error say was expected; other types keep pydantic's own sentence."""
+_BEGINS_WITH_KEY = re.compile(r"\w+(\.\w+|\[\d+\])*: (expected|it belongs|unknown) ")
+"""A text that continues the place."""
 
 Document = TypeVar("Document", bound=Keys)
 
@@ -54,7 +57,10 @@ def validated(
         text = _text(first)
         if hint and (text.startswith("unknown key") or " is missing; " in text):
             text = f"{text} ({hint})"
-        raise error(": ".join(part for part in (source, _place(first["loc"]), text) if part)) from None
+        place = _place(first["loc"])
+        if place and _BEGINS_WITH_KEY.match(text):
+            place, text = f"{place}.{text}", ""
+        raise error(": ".join(part for part in (source, place, text) if part)) from None
 
 
 def _place(location: tuple[str | int, ...]) -> str:

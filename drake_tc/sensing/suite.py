@@ -86,7 +86,9 @@ class SuiteKeys(Keys):
     gyro: _Spec | None = key("Gyros.", unit="rad/s", example={"noise": 0.005}, absent="those of `preset`")
     accel: _Spec | None = key("Accelerometers.", unit="m/s²", example={"noise": 0.05}, absent="those of `preset`")
     force: _Spec | None = key("Forces.", unit="N", example={"bias": [0.0, 0.0, 3.0]}, absent="those of `preset`")
-    torque: _Spec | None = key("Torques of F/T sensors.", unit="N·m", example={"noise": 0.02}, absent="those of `preset`")
+    torque: _Spec | None = key(
+        "Torques of F/T sensors.", unit="N·m", example={"noise": 0.02}, absent="those of `preset`"
+    )
     joint_torque: _Spec | None = key(
         "Joint torques, for logs alone.", unit="N·m", example={"noise": 0.1}, absent="those of `preset`"
     )
@@ -115,7 +117,7 @@ def load_suite(where: str, entry: object) -> SensorSuiteSpec:
             try:
                 suite = replace(suite, **{each.name: replace(getattr(suite, each.name), **changes.given())})
             except ParamsError as error:
-                raise ParamsError(f"{where}: {each.name}: {error}") from None
+                raise ParamsError(f"{where}: {each.name}.{error}") from None
     return suite
 
 

@@ -12,6 +12,7 @@ from drake_tc.estimation.base.rig import load_base_rig
 from drake_tc.identification.motor_sheet import load_motor_sheet
 from drake_tc.logs.rig import load_rig
 from drake_tc.robot.robot import load_robot
+from drake_tc.tsid.configuration import load_law
 
 from .test_yaml_file import ALIAS_BOMB
 
@@ -29,6 +30,7 @@ KINDS = {
         "joints",
         "links: {x: {mass: VALUE}}",
     ),
+    "controller": (load_law, "robot: r.yaml\ntasks: {com: {kind: com, kp: 1.0, kd: 1.0}}\n", "tasks", "period: VALUE"),
     "base rig": (
         load_base_rig,
         "robot: r.yaml\ncontacts: {}\n",

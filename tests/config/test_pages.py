@@ -15,18 +15,21 @@ from drake_tc.config.yaml_file import read_yaml
 from drake_tc.effects.library import all_effects
 from drake_tc.errors import ParamsError
 from drake_tc.robot.document import RobotDocument
+from drake_tc.tsid.document import ControllerDocument
 
 LIBRARY = Path(drake_tc.models.__file__).resolve().parents[1] / "drake_tc"
 MODELS = Path(drake_tc.models.__file__).parent
 PAGES = {
     Document.robot: LIBRARY / "robot" / "ROBOT.md",
     Document.actuator: LIBRARY / "actuation" / "ACTUATOR.md",
+    Document.controller: LIBRARY / "tsid" / "CONTROLLER.md",
 }
 FILES = {
     Document.robot: sorted(
         path for path in MODELS.rglob("*.yaml") if "urdf" in read_yaml(path) and "joints" in read_yaml(path)
     ),
     Document.actuator: sorted(path for path in MODELS.rglob("*.yaml") if "drive:" in path.read_text(encoding="utf-8")),
+    Document.controller: sorted(path for path in MODELS.rglob("*.yaml") if "tasks" in read_yaml(path)),
 }
 EVERY_FILE = [(document, path) for document, paths in FILES.items() for path in paths]
 EVERY_MODEL = [
@@ -65,6 +68,7 @@ REFUSED = [
         Document.robot,
         {"name": "arm", "urdf": "a.urdf", "base": "b", "fixed_base": True, "joints": ["j"]},
     ),
+    (ControllerDocument, Document.controller, {"robot": "r.yaml", "tasks": {"a": {"kind": "torque"}}}),
     (ModelDocument, Document.actuator, {"joints": {"j": {"drive": {"kind": "current", "gain": 1.0}}}}),
 ]
 CHANGES = {
@@ -77,6 +81,20 @@ CHANGES = {
         {"rotor_inertia": {"j": -1.0}},
         {"unknown": 1},
         {"force_torque": {"a": {"link": "b", "mass_beyond": 2.0}}},
+    ],
+    Document.controller: [
+        {"robot": 3},
+        {"tasks": {}},
+        {"task": {}},
+        {"contacts": {"a": {}}},
+        {"contacts": {"a": {"link": "b", "kind": "line"}}},
+        {"contacts": {"a": {"link": "b", "extents": [1, 2, 3]}}},
+        {"formulation": {"measure": "best"}},
+        {"formulation": {"iterations": 0}},
+        {"solver": "simplex"},
+        {"period": "soon"},
+        {"rotor_inertia": {"j": -1.0}},
+        {"sigma": True},
     ],
     Document.actuator: [
         {"joints": {}},

@@ -86,7 +86,7 @@ def test_nested_records():
         ({"one": {"a": "much"}}, r"f: one\.a: expected a finite number, got 'much'"),
         ({"one": {"a": math.nan}}, r"f: one\.a: expected a finite number, got nan"),
         ({"one": {"a": math.inf}}, r"f: one\.a: expected a finite number, got inf"),
-        ({"one": {"a": -1}}, r"f: one: a: expected a number >= 0 \[m\], got -1"),
+        ({"one": {"a": -1}}, r"f: one\.a: expected a number >= 0 \[m\], got -1"),
         ({"one": {"a": 1, "b": [1.5]}}, r"f: one\.b\[0\]: expected a whole number, got 1\.5"),
         ({"one": {"a": 1}, "many": {"a": 1}}, "f: many: expected a list, got {'a': 1}"),
         ({"one": {"a": 1}, "many": [3]}, r"f: many\[0\]: expected a mapping with a, b, got 3"),

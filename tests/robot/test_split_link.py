@@ -81,7 +81,7 @@ REFUSED = [
     ({"cell": {"link": "weel", "mass_beyond": 0.3}}, "no link 'weel' in the URDF; did you mean 'wheel'?"),
     ({"cell": {"link": "wheel", "joint": "mark_joint", "mass_beyond": 0.3}}, "'joint' and 'link', got both"),
     ({"cell": {}}, "'joint' and 'link', got neither"),
-    ({"cell": {"joint": "mark_joint", "mass_beyond": 0.3}}, "mass_beyond: it belongs to `link`"),
+    ({"cell": {"joint": "mark_joint", "mass_beyond": 0.3}}, "force_torque.cell.mass_beyond: it belongs to `link`"),
     ({"cell": {"joint": "mark_jiont"}}, "got 'mark_jiont'; did you mean 'mark_joint'?"),
     (
         {"cell": {"link": "base", "mass_beyond": 0.3}, "b": {"link": "base", "mass_beyond": 0.1}},

@@ -47,7 +47,7 @@ def test_an_encoder_of_the_preset_at_rest_never_looks_frozen_for_20_ms():
         ("{encoders: {}}", "s: unknown key 'encoders'; did you mean 'encoder'?"),
         ("{encoder: {noises: 1}}", "s: encoder: unknown key 'noises'; did you mean 'noise'?"),
         ("{encoder: {noise: big}}", "s: encoder.noise: expected a finite number, got 'big'"),
-        ("{encoder: {noise: -1}}", "s: encoder: noise: expected numbers >= 0, got -1"),
+        ("{encoder: {noise: -1}}", "s: encoder.noise: expected numbers >= 0, got -1"),
         ("{gyro: {bias: [1, x, 2]}}", "s: gyro.bias[1]: expected a finite number, got 'x'"),
         ("[1]", "s: expected a mapping with preset, encoder"),
     ],
@@ -83,10 +83,16 @@ def test_faults_of_a_scenario():
         ("{lidar: []}", "f: unknown key 'lidar'; allowed: encoder, imu"),
         ("{imu: {kind: nan}}", "f: imu: expected a list, got {'kind': 'nan'}"),
         ("{imu: [{start: 1}]}", "f: imu[0]: kind is missing"),
-        ("{imu: [{kind: melted}]}", "f: imu[0].kind: expected one of frozen, dropped, biased, nan, spikes, got 'melted'"),
+        (
+            "{imu: [{kind: melted}]}",
+            "f: imu[0].kind: expected one of frozen, dropped, biased, nan, spikes, got 'melted'",
+        ),
         ("{imu: [{kind: nan, start: soon}]}", "f: imu[0].start: expected a finite number, got 'soon'"),
         ("{imu: [{kind: nan, channels: 3}]}", "f: imu[0].channels: expected a list, got 3"),
-        ("{imu: [{kind: nan}, {kind: nan, duration: 0}]}", "f: imu[1]: duration: expected a time > 0 [s], or .inf, got 0"),
+        (
+            "{imu: [{kind: nan}, {kind: nan, duration: 0}]}",
+            "f: imu[1].duration: expected a time > 0 [s], or .inf, got 0",
+        ),
     ],
 )
 def test_bad_faults_are_refused_in_one_line(text, message):
