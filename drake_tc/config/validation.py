@@ -37,6 +37,7 @@ def validated(
     source: str = "",
     error: type[DrakeTcError] = ParamsError,
     hint: str = "",
+    within: str = "",
 ) -> Document:
     """The checked document.
 
@@ -46,6 +47,7 @@ def validated(
         source: Where it comes from, for the message.
         error: What to raise.
         hint: Where the keys are explained; added where a key is unknown or missing.
+        within: Place of the document in its file.
 
     Raises:
         DrakeTcError: of the kind `error`; the first thing that is wrong in the document, in one line.
@@ -57,7 +59,7 @@ def validated(
         text = _text(first)
         if hint and (text.startswith("unknown key") or " is missing; " in text):
             text = f"{text} ({hint})"
-        place = _place(first["loc"])
+        place = _place((within, *first["loc"]) if within else first["loc"])
         if place and _BEGINS_WITH_KEY.match(text):
             place, text = f"{place}.{text}", ""
         raise error(": ".join(part for part in (source, place, text) if part)) from None

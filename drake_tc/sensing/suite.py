@@ -109,7 +109,7 @@ def load_suite(where: str, entry: object) -> SensorSuiteSpec:
     Raises:
         ParamsError: An unknown key or preset, or an impossible value; one line that starts with `where`.
     """
-    read = validated(SuiteKeys, {} if entry is None else entry, where)
+    read = validated(SuiteKeys, {} if entry is None else entry, within=where)
     suite = PRESETS[read.preset]()
     for each in fields(SensorSuiteSpec):
         changes = getattr(read, each.name)
@@ -117,7 +117,7 @@ def load_suite(where: str, entry: object) -> SensorSuiteSpec:
             try:
                 suite = replace(suite, **{each.name: replace(getattr(suite, each.name), **changes.given())})
             except ParamsError as error:
-                raise ParamsError(f"{where}: {each.name}.{error}") from None
+                raise ParamsError(f"{where}.{each.name}.{error}") from None
     return suite
 
 

@@ -170,16 +170,22 @@ def test_a_voltage_motor_by_its_data_sheet(invoke, volts, tmp_path):
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        ("motors: {}", "motors: wanted a mapping of joint, or 'all'"),
+        ("motors: {}", "motors: expected a mapping of joint, or 'all'"),
         (f"motors: {{hip: {{{MOTOR.format(kt=0.04)}, {REST}}}}}", "no motor of joint 'elbow', nor 'all'; there: hip"),
-        (f"motors: {{all: {{{REST}}}}}", "motors.all: missing key 'torque_constant'"),
+        (f"motors: {{all: {{{REST}}}}}", "motors.all: torque_constant is missing"),
         (f"motors: {{all: {{{MOTOR.format(kt=0.04)}, {REST}, mass: 1}}}}", "motors.all: unknown key 'mass'"),
-        (f"motors: {{all: {{{MOTOR.format(kt='much')}, {REST}}}}}", "motors.all.torque_constant: wanted a number"),
+        (
+            f"motors: {{all: {{{MOTOR.format(kt='much')}, {REST}}}}}",
+            "motors.all.torque_constant: expected a finite number, got 'much'",
+        ),
         (
             f"motors: {{all: {{{MOTOR.format(kt=-1)}, {REST}}}}}",
-            "sheet.yaml: motors.all.torque_constant: wanted a positive number",
+            "sheet.yaml: motors.all.torque_constant: expected a positive number",
         ),
-        (f"motors: {{all: {{{MOTOR.format(kt=0.04)}, {REST}}}}}\nwidths: {{coulomb: 0}}", "prior width coulomb"),
+        (
+            f"motors: {{all: {{{MOTOR.format(kt=0.04)}, {REST}}}}}\nwidths: {{coulomb: 0}}",
+            "widths.coulomb: expected a positive number",
+        ),
     ],
 )
 def test_a_data_sheet_that_cannot_be_used_is_refused(invoke, volts, tmp_path, text, says):

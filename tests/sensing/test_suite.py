@@ -43,12 +43,12 @@ def test_an_encoder_of_the_preset_at_rest_never_looks_frozen_for_20_ms():
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("{preset: ideal}", "s: preset: expected one of perfect, realistic, got 'ideal'"),
+        ("{preset: ideal}", "s.preset: expected one of perfect, realistic, got 'ideal'"),
         ("{encoders: {}}", "s: unknown key 'encoders'; did you mean 'encoder'?"),
-        ("{encoder: {noises: 1}}", "s: encoder: unknown key 'noises'; did you mean 'noise'?"),
-        ("{encoder: {noise: big}}", "s: encoder.noise: expected a finite number, got 'big'"),
-        ("{encoder: {noise: -1}}", "s: encoder.noise: expected numbers >= 0, got -1"),
-        ("{gyro: {bias: [1, x, 2]}}", "s: gyro.bias[1]: expected a finite number, got 'x'"),
+        ("{encoder: {noises: 1}}", "s.encoder: unknown key 'noises'; did you mean 'noise'?"),
+        ("{encoder: {noise: big}}", "s.encoder.noise: expected a finite number, got 'big'"),
+        ("{encoder: {noise: -1}}", "s.encoder.noise: expected numbers >= 0, got -1"),
+        ("{gyro: {bias: [1, x, 2]}}", "s.gyro.bias[1]: expected a finite number, got 'x'"),
         ("[1]", "s: expected a mapping with preset, encoder"),
     ],
 )

@@ -192,7 +192,7 @@ def test_identification_refuses_what_it_cannot_use(excited):
     servo = parse_rig({"joint": "r_knee", "drive": "current", "load": "torque"})
     with pytest.raises(IdentificationError, match="wanted drive voltage and load torque; got current and torque"):
         identify_motor(trained(runs), servo, SHEET)
-    with pytest.raises(IdentificationError, match="prior width viscous: wanted a positive number"):
+    with pytest.raises(IdentificationError, match="viscous: expected a positive number"):
         PriorWidths(viscous=0.0)
 
 
