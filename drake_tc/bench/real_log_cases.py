@@ -13,14 +13,19 @@ Each folder of `bench/rigs` is named as its data set and holds rig files and `ca
 A set that `close-loop` cannot read has the key `not_readable` with the reason instead.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated
 
 import numpy as np
 import pandas as pd
+from pydantic import BeforeValidator, Discriminator, Field, Tag, field_validator
 
+from drake_tc.config.keys import FileName, Keys, Name, Number, key
+from drake_tc.config.near import near
+from drake_tc.config.quoted import quoted
+from drake_tc.config.validation import validated
 from drake_tc.config.yaml_file import read_yaml
 from drake_tc.errors import LogError, ParamsError
 from drake_tc.logs.importers import IMPORTERS
@@ -87,45 +92,85 @@ class RealLogSet:
     not_readable: str = ""
 
 
-def _checked(where: str, value: object, required: Sequence[str], optional: Sequence[str]) -> Mapping[str, Any]:
-    if not isinstance(value, Mapping):
-        raise ParamsError(f"{where}: expected a mapping with {', '.join(required)}; got {value!r}")
-    unknown = [str(key) for key in value if key not in (*required, *optional)]
-    missing = [key for key in required if key not in value]
-    if unknown or missing:
-        problem = f"unknown key {unknown[0]!r}" if unknown else f"missing key {missing[0]!r}"
-        raise ParamsError(f"{where}: {problem}; possible: {', '.join((*required, *optional))}")
-    return value
+class StretchKeys(Keys):
+    """A stretch of a log."""
+
+    file: FileName = key("The log, relative to the data set.", example="run_2.csv", default=..., expected="a file")
+    start: Number | None = key("Where it begins.", unit="s", example=0.0, absent="at the first sample", name="from")
+    end: Number | None = key("Where it ends.", unit="s", example=7.0, absent="at the last sample", name="until")
+
+    def check(self) -> None:
+        """The stretch has a length."""
+        if self.start is not None and self.end is not None and not self.start < self.end:
+            raise ValueError(f"expected from < until [s], got {self.start:g} and {self.end:g}")
+
+    def stretch(self) -> LogStretch:
+        """The stretch."""
+        whole = LogStretch(self.file)
+        return LogStretch(
+            self.file,
+            whole.start if self.start is None else self.start,
+            whole.end if self.end is None else self.end,
+        )
 
 
-def _stretch(where: str, value: object) -> LogStretch:
-    if isinstance(value, str):
-        return LogStretch(value)
-    entry = _checked(where, value, ("file",), ("from", "until"))
-    times = (entry.get("from", -np.inf), entry.get("until", np.inf))
-    if any(isinstance(t, bool) or not isinstance(t, int | float) for t in times) or not times[0] < times[1]:
-        raise ParamsError(f"{where}: from and until: expected two increasing times [s]; got {times[0]!r}, {times[1]!r}")
-    return LogStretch(str(entry["file"]), float(times[0]), float(times[1]))
+Stretch = Annotated[StretchKeys, BeforeValidator(lambda value: {"file": value} if isinstance(value, str) else value)]
 
 
-def _stretches(where: str, value: object) -> tuple[LogStretch, ...]:
-    if not isinstance(value, list) or not value:
-        raise ParamsError(f"{where}: expected a list of at least one log; got {value!r}")
-    return tuple(_stretch(f"{where}[{k}]", entry) for k, entry in enumerate(value))
+class DataRigKeys(Keys):
+    """A rig file of the data set itself."""
+
+    data: FileName = key("The rig file.", example="rig.yaml", default=..., expected="a file")
 
 
-def _case(where: str, value: object) -> RealLogCase:
-    entry = _checked(where, value, ("name", "rig", "log", "holdout"), ("note",))
-    rig = entry["rig"]
-    in_data = isinstance(rig, Mapping)
-    return RealLogCase(
-        name=str(entry["name"]),
-        rig=str(_checked(f"{where}: rig", rig, ("data",), ())["data"] if in_data else rig),
-        log=_stretches(f"{where}: log", entry["log"]),
-        holdout=_stretches(f"{where}: holdout", entry["holdout"]),
-        rig_in_data=in_data,
-        note=str(entry.get("note", "")),
+class CaseKeys(Keys):
+    """One call of `close-loop`."""
+
+    name: Name = key("Name of the case.", example="kp100", default=..., expected="a name")
+    rig: Annotated[
+        Annotated[FileName, Tag("@file")] | Annotated[DataRigKeys, Tag("@data")],
+        Discriminator(lambda value: "@data" if isinstance(value, Mapping) else "@file"),
+    ] = key("Rig file beside this one, or `{data: FILE}`.", example="rig.yaml", default=..., expected="a rig file")
+    log: Annotated[list[Stretch], Field(min_length=1)] = key(
+        "Training runs.", example=["run_1.csv"], default=..., expected="a list of logs"
     )
+    holdout: Annotated[list[Stretch], Field(min_length=1)] = key(
+        "Held-out runs.", example=[{"file": "run_2.csv", "until": 7.0}], default=..., expected="a list of logs"
+    )
+    note: str | None = key("What a reader must know.", example="The drive saturates.", absent="none")
+
+    def case(self) -> RealLogCase:
+        """The case."""
+        return RealLogCase(
+            name=self.name,
+            rig=self.rig if isinstance(self.rig, str) else self.rig.data,
+            log=tuple(each.stretch() for each in self.log),
+            holdout=tuple(each.stretch() for each in self.holdout),
+            rig_in_data=not isinstance(self.rig, str),
+            note=self.note or "",
+        )
+
+
+class CasesKeys(Keys):
+    """What `cases.yaml` may say."""
+
+    cases: list[CaseKeys] | None = key("The cases.", example=[], absent="required unless `not_readable` is there")
+    importer: str | None = key("What converts the set first.", example="bam", absent="nothing")
+    not_readable: str | None = key("Why `close-loop` cannot read the set.", example="It has no time.", absent="it can")
+
+    @classmethod
+    def check_together(cls, value: Mapping[str, object]) -> None:
+        """Cases or the reason why there are none."""
+        if ("cases" in value) == ("not_readable" in value):
+            raise ValueError("expected one of the keys 'cases' and 'not_readable'")
+
+    @field_validator("importer")
+    @classmethod
+    def _known(cls, value: str | None) -> str | None:
+        if value is not None and value not in IMPORTERS:
+            names = tuple(IMPORTERS)
+            raise ValueError(f"expected one of {', '.join(names)}, got {quoted(value)}{near(value, names)}")
+        return value
 
 
 def load_set(folder: Path) -> RealLogSet:
@@ -135,21 +180,14 @@ def load_set(folder: Path) -> RealLogSet:
         ParamsError: The file cannot be read, or a key is missing, unknown or has a bad value.
     """
     path = folder / "cases.yaml"
-    document = read_yaml(path, "list of cases")
-    if isinstance(document, Mapping) and "not_readable" in document:
-        entry = _checked(str(path), document, ("not_readable",), ())
-        return RealLogSet(folder.name, folder, (), not_readable=str(entry["not_readable"]).strip())
-    entry = _checked(str(path), document, ("cases",), ("importer",))
-    importer = entry.get("importer")
-    if importer is not None and importer not in IMPORTERS:
-        raise ParamsError(f"{path}: importer: no importer {importer!r}; possible: {', '.join(IMPORTERS)}")
-    if not isinstance(entry["cases"], list):
-        raise ParamsError(f"{path}: cases: expected a list; got {entry['cases']!r}")
-    cases = tuple(_case(f"{path}: cases[{k}]", value) for k, value in enumerate(entry["cases"]))
+    read = validated(CasesKeys, read_yaml(path, "list of cases"), str(path))
+    if read.not_readable is not None:
+        return RealLogSet(folder.name, folder, (), not_readable=read.not_readable.strip())
+    cases = tuple(entry.case() for entry in read.cases or ())
     names = [case.name for case in cases]
     if repeated := next((name for name in names if names.count(name) > 1), None):
         raise ParamsError(f"{path}: case {repeated!r} is given twice")
-    return RealLogSet(folder.name, folder, cases, importer)
+    return RealLogSet(folder.name, folder, cases, read.importer)
 
 
 def load_sets(root: Path = RIGS) -> dict[str, RealLogSet]:

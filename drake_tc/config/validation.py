@@ -22,7 +22,7 @@ _EXPECTED: Mapping[str, str] = {
     "greater_than": "a number above {gt:g}",
     "literal_error": "{expected}",
     "missing": "a value",
-    "too_short": "at least {min_length}",
+    "too_short": "at least {min_length} entry",
 }
 """What pydantic's types of error say was expected; other types keep pydantic's own sentence."""
 _BEGINS_WITH_KEY = re.compile(r"\w+(\.\w+|\[\d+\])*: (expected|it belongs|unknown) ")

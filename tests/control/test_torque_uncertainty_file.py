@@ -72,7 +72,7 @@ def test_it_cannot_be_changed(tmp_path):
         ({"covariance": None}, "covariance: expected a list, got None"),
         ({"joints": ["hip", "hip"]}, "'hip' is listed twice"),
         ({"joints": "hip"}, "joints: expected a list, got 'hip'"),
-        ({"joints": []}, "joints: expected at least 1"),
+        ({"joints": []}, "joints: expected at least 1 entry"),
         ({"mean": [1.0]}, r"mean: expected shape \(2,\)"),
         ({"sigma_ci95": [1.0, 2.0]}, r"sigma_ci95\[0\]: expected a list, got 1\.0"),
         ({"unit": "mN*m"}, r"unit: expected 'N\*m', got 'mN\*m'"),

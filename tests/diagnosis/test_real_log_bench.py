@@ -66,8 +66,11 @@ def test_a_stretch_counts_from_the_first_sample(tmp_path: Path, clock: str) -> N
     ("text", "said"),
     [
         ("cases: [{name: a, rig: r.yaml, log: [x.csv]}]", "holdout"),
-        ("cases: [{name: a, rig: r.yaml, log: [x.csv], holdout: []}]", "at least one"),
-        ("cases: [{name: a, rig: r.yaml, log: [{file: x.csv, from: 3, until: 2}], holdout: [y.csv]}]", "increasing"),
+        ("cases: [{name: a, rig: r.yaml, log: [x.csv], holdout: []}]", "holdout: expected at least 1 entry, got"),
+        (
+            "cases: [{name: a, rig: r.yaml, log: [{file: x.csv, from: 3, until: 2}], holdout: [y.csv]}]",
+            "log.0.: expected from < until",
+        ),
         ("importer: nobody\ncases: []", "importer"),
         ("cases: []\nrigs: []", "rigs"),
     ],

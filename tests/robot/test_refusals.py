@@ -17,7 +17,7 @@ REFUSED = {
     "missing joint": ({"joints": ["elbow"]}, "no joint 'elbow' in the URDF; movable joints: shoulder, slide"),
     "fixed joint": ({"joints": ["mark_joint"]}, "joint 'mark_joint' is fixed, not movable"),
     "joint twice": ({"joints": ["wrist", "wrist"]}, "'wrist' is listed twice"),
-    "no joints": ({"joints": []}, r"joints: expected at least 1, got \[\]"),
+    "no joints": ({"joints": []}, r"joints: expected at least 1 entry, got \[\]"),
     "urdf missing": ({"urdf": "leg.urdf"}, "leg.urdf: no such file"),
     "actuators missing": ({"actuators": "servo.yaml"}, "servo.yaml: no such file"),
     "package": ({"urdf": "package://no_such_package/a.urdf"}, r'pip install "drake-tc\[robots\]"'),

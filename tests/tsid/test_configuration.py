@@ -184,7 +184,7 @@ SOLE_ALONE = {"half_length": 0.1, "half_width": 0.1, "extents": [-0.1, 0.1, -0.1
 REFUSED = [
     (("robot",), "nowhere.yaml", "nowhere.yaml: no such file"),
     (("colour",), "red", "unknown key 'colour'; allowed: robot, tasks"),
-    (("tasks",), {}, "tasks: expected at least 1, got {}"),
+    (("tasks",), {}, "tasks: expected at least 1 entry, got {}"),
     (("tasks", "com"), {"kp": 1.0}, "tasks.com: missing key 'kind'"),
     (("tasks", "com", "kind"), "mass", "tasks.com.kind: wanted one of com, posture, frame"),
     (("tasks", "com", "kp"), -1.0, r"tasks.com: .*kp: wanted finite numbers >= 0"),
