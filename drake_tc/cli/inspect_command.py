@@ -11,8 +11,8 @@ import yaml
 
 from drake_tc.cli.out_files import Force, result_file
 from drake_tc.cli.wide_table import print_wide
-from drake_tc.errors import LogError
 from drake_tc.config.json_values import json_value
+from drake_tc.errors import LogError
 from drake_tc.logs.inspection.inspect import Inspection, inspect_log, trial
 
 

@@ -5,17 +5,15 @@ schema. A validator raises `ValueError` with the text behind "file: key: "; `con
 """
 
 from collections.abc import Callable, Iterable, Mapping
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any
 
 from pydantic import (
     AfterValidator,
     BaseModel,
     BeforeValidator,
     ConfigDict,
-    Discriminator,
     Field,
     JsonValue,
-    Tag,
     ValidationError,
     WithJsonSchema,
     WrapValidator,
