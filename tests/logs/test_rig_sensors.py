@@ -118,7 +118,7 @@ def test_round_trip(tmp_path, sensors):
         ({"ft_foot": {"bias": ["1 N"]}}, "two values, force bias and torque bias"),
         ({"ft_foot": {"bias": ["1 N*m", "1 N*m"]}}, "units: N, mN"),
         ({"ft_foot": {"gain": "1 N"}}, "units: %"),
-        ({"torque": 0.2}, "sensors: torque: expected a mapping"),
+        ({"torque": 0.2}, "sensors.torque: expected a mapping"),
         ({"torque": {"bais": 0.2}}, "did you mean 'bias'"),
         ({"torque": {"bias": "0.2 rad"}}, "units: N*m"),
         ({"knee": {"encoder": {"offset": -0.1}}}, "offset: expected a value >= 0"),
