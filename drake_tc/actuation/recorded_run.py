@@ -24,7 +24,13 @@ LEAST_LINK = 1e-3
 
 @dataclass(frozen=True)
 class Link:
-    """What the joint carries: inertia about the axis [kg m^2] and gravity moment m g l [N m]; it hangs at q = zero."""
+    """What the joint carries.
+
+    Attributes:
+        inertia: About the axis [kg m^2].
+        gravity_moment: m g l [N m].
+        zero: Position at which it hangs [rad].
+    """
 
     inertia: float
     gravity_moment: float = 0.0

@@ -17,6 +17,9 @@ class Document(StrEnum):
     robot = "robot"
     actuator = "actuator"
     controller = "controller"
+    scenario = "scenario"
+    whole_body_scenario = "whole-body-scenario"
+    series_elastic_scenario = "series-elastic-scenario"
 
 
 def schema_command(
@@ -44,7 +47,17 @@ def document_schema(document: Document) -> dict[str, Any]:
 
     if document == Document.rig:
         return rig_schema()
-    return json_schema(document_model(document), f"drake_tc {document} file")
+    schema = json_schema(document_model(document), f"drake_tc {document.replace('-', ' ')} file")
+    return by_name(schema) if document in SCENARIOS else schema
+
+
+def by_name(schema: dict[str, Any]) -> dict[str, Any]:
+    """The schema of a file of scenarios by name, of which each may extend another one."""
+    of_all = {name: schema[name] for name in ("$schema", "$defs", "title")}
+    extends = {"type": "string", "description": "Scenario of this file whose values hold where this one says nothing."}
+    each = {name: value for name, value in schema.items() if name not in (*of_all, "required")}
+    each["properties"] = {"extends": extends, **each["properties"]}
+    return {**of_all, "type": "object", "additionalProperties": {"anyOf": [each, {"type": "null"}]}}
 
 
 def document_page(document: Document) -> str:
@@ -54,7 +67,10 @@ def document_page(document: Document) -> str:
 
     if document == Document.rig:
         return rig_page()
-    return page(document_model(document), f"The {document} file", _INTRODUCTION)
+    title, introduction = f"The {document.replace('-', ' ')} file", _INTRODUCTION
+    if document in SCENARIOS:
+        introduction += " " + _BY_NAME
+    return page(document_model(document), title, introduction)
 
 
 _INTRODUCTION = (
@@ -62,10 +78,20 @@ _INTRODUCTION = (
     "is an error that names file and key."
 )
 
+_BY_NAME = (
+    "The file maps names to scenarios. `extends: NAME` takes the values of another scenario of the file, and changes "
+    "those that are given, key by key. The keys of one scenario:"
+)
+SCENARIOS = (Document.scenario, Document.whole_body_scenario, Document.series_elastic_scenario)
+
 
 def document_model(document: Document) -> Any:
     """The model of a file; imported here, as most commands need none of them."""
     from drake_tc.actuation.model_document import ModelDocument
+    from drake_tc.config.records import record_keys
+    from drake_tc.loops.series_elastic.scenario import SeaScenario
+    from drake_tc.loops.torque.scenario import Scenario
+    from drake_tc.loops.whole_body.scenario import TsidScenario
     from drake_tc.robot.document import RobotDocument
     from drake_tc.tsid.document import ControllerDocument
 
@@ -73,5 +99,8 @@ def document_model(document: Document) -> Any:
         Document.robot: RobotDocument,
         Document.actuator: ModelDocument,
         Document.controller: ControllerDocument,
+        Document.scenario: record_keys(Scenario, "source"),
+        Document.whole_body_scenario: record_keys(TsidScenario, "source"),
+        Document.series_elastic_scenario: record_keys(SeaScenario, "source"),
     }
     return models[document]

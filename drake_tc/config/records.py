@@ -16,7 +16,7 @@ from pydantic import AfterValidator, BeforeValidator, Discriminator, Tag, create
 from drake_tc.config.keys import Flag, Keys, Number, UnboundedNumber, key, one_of, saying
 from drake_tc.config.near import near
 from drake_tc.config.quoted import quoted
-from drake_tc.config.validation import validated
+from drake_tc.config.validation import message, validated
 from drake_tc.errors import DrakeTcError, ParamsError
 
 Record = TypeVar("Record")
@@ -38,6 +38,7 @@ def read_record(
     error: type[DrakeTcError] = ParamsError,
     hint: str = "",
     more: Mapping[str, Any] | None = None,
+    within: str = "",
 ) -> Record:
     """A dataclass from plain data; nested dataclasses, lists of them and mappings to them included.
 
@@ -48,15 +49,16 @@ def read_record(
         error: What to raise.
         hint: Where the keys are explained.
         more: Fields that are not the file's, which may then not give them.
+        within: Place of the document in its file.
 
     Raises:
         DrakeTcError: of the kind `error`; an unknown or missing key, or a value that is not possible.
     """
-    read = validated(record_keys(kind, *sorted(more or ())), document, source, error, hint)
+    read = validated(record_keys(kind, *sorted(more or ())), document, source, error, hint, within)
     try:
         return kind(**{name: getattr(read, name) for name in read.model_fields_set}, **(more or {}))
     except DrakeTcError as found:
-        raise error(f"{source}: {found}" if source else str(found)) from None
+        raise error(message(source, within, str(found))) from None
 
 
 def unbounded_fields(kind: type[Any]) -> tuple[str, ...]:
@@ -129,12 +131,13 @@ def _key(field: Field[Any], meaning: str) -> Any:
     if field.default is MISSING and field.default_factory is MISSING:
         return key(meaning, default=...)
     default = field.default if field.default_factory is MISSING else None
-    text = "the defaults of its keys" if field.default_factory is not MISSING else _shown(default)
+    nested = field.default_factory is not MISSING and field.default_factory not in (dict, list)
+    text = "the defaults of its keys" if nested else _shown(default)
     return key(meaning, default=None, absent=text or "``")
 
 
 def _shown(value: object) -> str:
-    if value is None:
+    if value is None or value == ():
         return "none"
     if isinstance(value, bool):
         return str(value).lower()

@@ -60,9 +60,14 @@ def validated(
         if hint and (text.startswith("unknown key") or " is missing; " in text):
             text = f"{text} ({hint})"
         place = _place((within, *first["loc"]) if within else first["loc"])
-        if place and _BEGINS_WITH_KEY.match(text):
-            place, text = f"{place}.{text}", ""
-        raise error(": ".join(part for part in (source, place, text) if part)) from None
+        raise error(message(source, place, text)) from None
+
+
+def message(source: str, place: str, text: str) -> str:
+    """The line of an error; a text that begins with a key continues the place."""
+    if place and _BEGINS_WITH_KEY.match(text):
+        place, text = f"{place}.{text}", ""
+    return ": ".join(part for part in (source, place, text) if part)
 
 
 def _place(location: tuple[str | int, ...]) -> str:

@@ -13,13 +13,13 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, Diagram, System
 from pydrake.systems.primitives import VectorLogSink
 
+from drake_tc.config.records import read_record
 from drake_tc.errors import ParamsError
 from drake_tc.loops.advancing import Progress, advance
 from drake_tc.loops.diagram_entry import DiagramEntry
 from drake_tc.loops.recording import write_log
 from drake_tc.loops.scenarios.base import ScenarioBase
 from drake_tc.loops.scenarios.files import changes_in
-from drake_tc.loops.scenarios.strict_yaml import from_mapping
 from drake_tc.loops.simulated import Simulated, Tell
 from drake_tc.text_table import TextTable
 from drake_tc.types import FloatArray
@@ -83,8 +83,7 @@ class FunctionEntry(DiagramEntry[FunctionScenario, FunctionLoop]):
         """
         if name is not None or file is not None:
             raise ParamsError(f"{self.name}: the diagram of a function has no scenarios; leave their name and file out")
-        found: FunctionScenario = from_mapping(FunctionScenario, changes_in(text) if text else {}, self.name)
-        return found
+        return read_record(FunctionScenario, changes_in(text) if text else {}, self.name)
 
 
 def function_entry(name: str, function: Callable[[], Diagram]) -> FunctionEntry:

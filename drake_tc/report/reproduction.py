@@ -7,8 +7,9 @@ from typing import Any, Literal, TypeVar, get_args
 
 import numpy as np
 
+from drake_tc.config.records import read_record
 from drake_tc.errors import ParamsError
-from drake_tc.loops.scenarios.strict_yaml import from_mapping, read_mapping
+from drake_tc.loops.scenarios.files import read_mapping
 from drake_tc.text_table import TextTable
 
 How = Literal["min", "max", "within"]
@@ -192,7 +193,7 @@ def _by_name(kind: type[Named], listed: list[object], path: Path, key: str) -> d
     Raises:
         ParamsError: a field that is unknown, missing or bad, or a name given twice.
     """
-    rows = [from_mapping(kind, item, f"{path}: {key}[{i}]") for i, item in enumerate(listed)]
+    rows = [read_record(kind, item, str(path), within=f"{key}[{i}]") for i, item in enumerate(listed)]
     named = {row.name: row for row in rows}
     if len(named) != len(rows):
         raise ParamsError(f"{path}: a name is given twice")

@@ -23,8 +23,8 @@ class SensorFault:
         kind: `frozen` repeats the last finite reading, noise included; `dropped` and `nan` read NaN (the sample does
             not come; it comes as NaN); `biased` adds `value` to the reading before quantisation, `spikes` adds or
             takes it off at single samples of a channel, drawn from the sensor's seed.
-        start: [s], time of the scenario.
-        duration: [s]; infinite for good.
+        start: When it begins, in the time of the scenario [s].
+        duration: How long it lasts [s]; infinite for good.
         channels: Indices; None for all.
         value: Size of the bias, or of the spikes [unit of the signal].
         chance: Of a sample to be a spike [-]; 0.05 where it is not given.

@@ -2,6 +2,7 @@
 
 import time
 from pathlib import Path
+from textwrap import indent
 
 import pytest
 
@@ -11,10 +12,24 @@ from drake_tc.errors import DrakeTcError
 from drake_tc.estimation.base.rig import load_base_rig
 from drake_tc.identification.motor_sheet import load_motor_sheet
 from drake_tc.logs.rig import load_rig
+from drake_tc.loops.series_elastic.scenario import SeaScenario
+from drake_tc.loops.torque.scenario import Scenario
+from drake_tc.loops.whole_body.scenario import TsidScenario
 from drake_tc.robot.robot import load_robot
 from drake_tc.tsid.configuration import load_law
 
 from .test_yaml_file import ALIAS_BOMB
+
+
+def in_file(kind):
+    """Reader of a scenario whose text alone is in the file: gives it a name and reads it."""
+
+    def load(path):
+        path.write_text("one:\n" + indent(path.read_text(encoding="utf-8"), "  "), encoding="utf-8")
+        return kind.load(path, "one")
+
+    return load
+
 
 KINDS = {
     "rig": (load_rig, "joint: knee\ndrive: current\n", "drive", "saturation: {knee: VALUE}"),
@@ -37,6 +52,9 @@ KINDS = {
         "contacts",
         "start: {position: [VALUE, 0, 0]}",
     ),
+    "scenario": (in_file(Scenario), "robot: r.yaml\n", "robot", "masses: {foot: VALUE}"),
+    "whole-body scenario": (in_file(TsidScenario), "controller: c.yaml\n", "controller", "masses: {foot: VALUE}"),
+    "series-elastic scenario": (in_file(SeaScenario), "actuators: a.yaml\njoint: j\n", "actuators", "delay: VALUE"),
     "motors": (
         load_motor_sheet,
         "motors: {all: {torque_constant: 0.04, back_emf: 0.04, resistance: 0.5, rotor_inertia: 1.0e-5,"
@@ -116,4 +134,5 @@ def test_an_unknown_key_with_its_nearest_match(tmp_path, kind):
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("text", ["", "[1, 2]", "5", "text", "2001-99-99"])
 def test_no_mapping(tmp_path, kind, text):
-    assert "mapping" in refused(kind, tmp_path, text)
+    said = refused(kind, tmp_path, text)
+    assert "mapping" in said or (text == "" and " is missing" in said)

@@ -8,12 +8,13 @@ from jsonschema import Draft202012Validator
 
 from drake_tc.actuation.model_document import EffectKeys, ModelDocument
 from drake_tc.cli.schema_command import Document, document_model, document_page, document_schema
-from drake_tc.config.keys import HIDDEN
+from drake_tc.config.keys import HIDDEN, default_of
 from drake_tc.config.page import key_table, nested
 from drake_tc.config.validation import validated
 from drake_tc.config.yaml_file import read_yaml
 from drake_tc.effects.library import all_effects
 from drake_tc.errors import ParamsError
+from drake_tc.registry import DIAGRAMS, registered, runnable
 from drake_tc.robot.document import RobotDocument
 from drake_tc.tsid.document import ControllerDocument
 
@@ -23,6 +24,9 @@ PAGES = {
     Document.robot: LIBRARY / "robot" / "ROBOT.md",
     Document.actuator: LIBRARY / "actuation" / "ACTUATOR.md",
     Document.controller: LIBRARY / "tsid" / "CONTROLLER.md",
+    Document.scenario: LIBRARY / "loops" / "torque" / "SCENARIO.md",
+    Document.whole_body_scenario: LIBRARY / "loops" / "whole_body" / "SCENARIO.md",
+    Document.series_elastic_scenario: LIBRARY / "loops" / "series_elastic" / "SCENARIO.md",
 }
 FILES = {
     Document.robot: sorted(
@@ -32,6 +36,11 @@ FILES = {
     Document.controller: sorted(path for path in MODELS.rglob("*.yaml") if "tasks" in read_yaml(path)),
 }
 EVERY_FILE = [(document, path) for document, paths in FILES.items() for path in paths]
+KINDS = {
+    "torque": Document.scenario,
+    "whole_body": Document.whole_body_scenario,
+    "series_elastic": Document.series_elastic_scenario,
+}
 EVERY_MODEL = [
     pytest.param(model, id=f"{document}-{place}")
     for document in PAGES
@@ -51,8 +60,9 @@ def test_every_key_is_explained(model):
     for name, field in model.model_fields.items():
         if not (field.alias or name).startswith(HIDDEN):
             assert field.description.endswith("."), name
-            assert any(row.startswith(f"| `{field.alias or name}` | {field.description} |") for row in rows)
-    assert all(cell.strip() for row in rows for cell in (row.split("|")[4], row.split("|")[5]))
+            meaning = field.description.replace("|", "\\|")
+            assert any(row.startswith(f"| `{field.alias or name}` | {meaning} |") for row in rows)
+            assert default_of(field)
 
 
 @pytest.mark.parametrize(("document", "path"), EVERY_FILE, ids=lambda value: getattr(value, "stem", str(value)))
@@ -121,6 +131,17 @@ def test_reader_and_schema_refuse_the_same(model, document, good):
             validated(model, good | change, "f")
         assert "\n" not in str(caught.value)
         assert not schema.is_valid(good | change), change
+
+
+@pytest.mark.parametrize("name", registered(DIAGRAMS))
+def test_committed_scenarios_agree_with_the_schema(name):
+    entry = runnable(name)
+    schema = Draft202012Validator(document_schema(KINDS[entry.kind]))
+    document = read_yaml(entry.scenario_file)
+    schema.validate(document)
+    assert not schema.is_valid({**document, "one": {"durration": 1.0}})
+    assert not schema.is_valid({**document, "one": {"duration": "long"}})
+    assert not schema.is_valid({**document, "one": {"extends": ["b"]}})
 
 
 def test_the_schema_has_a_branch_for_every_effect():

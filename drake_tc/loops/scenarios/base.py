@@ -2,14 +2,17 @@
 
 from dataclasses import fields, replace
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
+from drake_tc.config.records import read_record
 from drake_tc.loops.scenarios.files import read_scenario
-from drake_tc.loops.scenarios.strict_yaml import from_mapping
 
 
 class ScenarioBase:
     """Base of the frozen dataclasses that are scenarios; `source`, where one has it, is the folder of its files."""
+
+    SCHEMA: ClassVar[str] = ""
+    """What `drake-tc schema` calls its file."""
 
     @classmethod
     def load(cls, path: Path, name: str, text: str | None = None) -> Self:
@@ -25,8 +28,9 @@ class ScenarioBase:
         """
         kind: Any = cls
         folder = {"source": str(path.parent)} if any(field.name == "source" for field in fields(kind)) else {}
-        scenario: Self = from_mapping(cls, folder | read_scenario(path, name, text), f"{path}: {name}")
-        return scenario
+        document = read_scenario(path, name, text)
+        hint = f"`drake-tc schema {cls.SCHEMA} --page` explains every key" if cls.SCHEMA else ""
+        return read_record(cls, document, str(path), hint=hint, more=folder, within=name)
 
     def changed(self, **changes: Any) -> Self:
         """The same with other values; those that are None stay."""

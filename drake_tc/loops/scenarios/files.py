@@ -3,11 +3,10 @@
 from pathlib import Path
 from typing import Any
 
-import yaml
-
-from drake_tc.config.yaml_file import merged
+from drake_tc.config.near import near
+from drake_tc.config.quoted import quoted
+from drake_tc.config.yaml_file import merged, parse_yaml, read_yaml
 from drake_tc.errors import ParamsError
-from drake_tc.loops.scenarios.strict_yaml import read_mapping
 
 
 def scenario_names(path: Path) -> list[str]:
@@ -40,22 +39,34 @@ def changes_in(text: str) -> dict[str, Any]:
     Raises:
         ParamsError: text that is no mapping.
     """
-    try:
-        changes = yaml.safe_load(text)
-    except yaml.YAMLError as error:
-        raise ParamsError(f"scenario text: not valid YAML: {' '.join(str(error).split())}") from None
+    changes = parse_yaml(text, "scenario text")
     if not isinstance(changes, dict):
-        raise ParamsError(f"scenario text: wanted a mapping of fields; got {text!r}")
+        raise ParamsError(f"scenario text: expected a mapping of fields, got {quoted(text)}")
     return changes
+
+
+def read_mapping(path: Path) -> dict[str, Any]:
+    """A YAML file's top-level mapping.
+
+    Raises:
+        ParamsError: no such file, not YAML, or no mapping.
+    """
+    document = read_yaml(path)
+    if not isinstance(document, dict):
+        raise ParamsError(f"{path}: expected a mapping, got {quoted(document)}")
+    return document
 
 
 def _extended(path: Path, document: dict[str, Any], name: str, seen: tuple[str, ...]) -> dict[str, Any]:
     if name not in document:
-        raise ParamsError(f"{path}: no scenario {name!r}; scenarios here: {', '.join(document)}")
+        hint = near(str(name), document)
+        raise ParamsError(f"{path}: no scenario {quoted(name)}{hint}; scenarios here: {', '.join(document)}")
     if name in seen:
         raise ParamsError(f"{path}: {name}: extends itself ({' -> '.join((*seen, name))})")
     if not isinstance(document[name] or {}, dict):
-        raise ParamsError(f"{path}: {name}: wanted a mapping of fields; got {document[name]!r}")
+        raise ParamsError(f"{path}: {name}: expected a mapping of fields, got {quoted(document[name])}")
     own = dict(document[name] or {})
     parent = own.pop("extends", None)
+    if parent is not None and not isinstance(parent, str):
+        raise ParamsError(f"{path}: {name}.extends: expected the name of a scenario, got {quoted(parent)}")
     return own if parent is None else merged(_extended(path, document, parent, (*seen, name)), own)

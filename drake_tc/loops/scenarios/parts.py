@@ -48,7 +48,13 @@ class GainSpec:
 
 @dataclass(frozen=True)
 class FilterSpec:
-    """Savitzky–Golay windows (samples) and orders (EQUATIONS A1); mid-window."""
+    """Savitzky–Golay filters (EQUATIONS A1), evaluated in the middle of the window.
+
+    Attributes:
+        window: Length [samples].
+        encoder_order: Order of the polynomial for encoders.
+        inertial_order: Order of the polynomial for IMU and F/T sensors.
+    """
 
     window: int = 80
     encoder_order: int = 2
@@ -101,7 +107,13 @@ class SuspensionSpec:
 
 @dataclass(frozen=True)
 class SinusoidSpec:
-    """q(t) = centre + (start + growth t) sin(2 pi f t): rad, rad/s, Hz."""
+    """q(t) = centre + (start + growth t) sin(2 pi f t).
+
+    Attributes:
+        frequency_hz: f [Hz].
+        start: Amplitude at t = 0 [rad].
+        growth: Growth of the amplitude [rad/s].
+    """
 
     frequency_hz: float
     start: float = 0.0
@@ -131,7 +143,15 @@ class MotionSpec:
 
 @dataclass(frozen=True)
 class ForceSpec:
-    """f(t) = offset + amplitude sin(2 pi f (t - begin)), risen from `begin` on over `ramp` [s]; [fx fy fz tx ty tz]."""
+    """f(t) = offset + amplitude sin(2 pi f (t - begin)), risen from `begin` on over `ramp`.
+
+    Attributes:
+        offset: Constant part [fx fy fz tx ty tz] [N, N m].
+        amplitude: Amplitude of the sine [fx fy fz tx ty tz] [N, N m].
+        frequency_hz: f [Hz].
+        begin: When it begins [s].
+        ramp: How long it rises [s].
+    """
 
     offset: tuple[float, ...] = (0.0,) * 6
     amplitude: tuple[float, ...] = (0.0,) * 6
@@ -152,7 +172,16 @@ class ForceSpec:
 
 @dataclass(frozen=True)
 class PushSpec:
-    """A wrench on a link in world axes at its frame, risen and fallen as sin^2 within [begin, begin + duration] [s]."""
+    """A wrench on a link in world axes, risen and fallen as sin^2 within [begin, begin + duration].
+
+    Attributes:
+        link: The link.
+        begin: When it begins [s].
+        duration: How long it lasts [s].
+        force: Largest force [fx fy fz] [N].
+        torque: Largest torque [tx ty tz] [N m].
+        point: Where the force acts, in the link's frame [m].
+    """
 
     link: str
     begin: float
@@ -172,7 +201,14 @@ class PushSpec:
 
 @dataclass(frozen=True)
 class ObjectSpec:
-    """A rigid box, fixed to the world: its size and the pose of its centre [m, rad]."""
+    """A rigid box, fixed to the world.
+
+    Attributes:
+        size: Lengths of its edges [m].
+        xyz: Position of its centre [m].
+        rpy: Roll, pitch and yaw [rad].
+        friction: Coefficient of friction [-].
+    """
 
     size: tuple[float, ...]
     xyz: tuple[float, ...]

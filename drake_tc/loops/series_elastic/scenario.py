@@ -4,11 +4,12 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Literal
+from typing import ClassVar, Literal
 
 from drake_tc.actuation.model import ActuatorModel, EffectValue
 from drake_tc.actuation.model_file import models_of_joints
 from drake_tc.actuation.recorded_run import Link
+from drake_tc.config.records import check_choices
 from drake_tc.control.series_elastic.spec import SeriesElasticSpec
 from drake_tc.errors import ParamsError
 from drake_tc.loops.scenarios.base import ScenarioBase
@@ -21,11 +22,11 @@ class HandSpec:
     """A hand on the link: a spring and a damper to where it holds.
 
     Attributes:
-        stiffness: [N m/rad].
-        damping: [N m s/rad].
+        stiffness: Of the spring [N m/rad].
+        damping: Of the damper [N m s/rad].
         times: Of the knots of its path [s]; none: it rests.
         knots: Where it is at these times [rad], in straight lines, rounded over `rounding`.
-        rounding: [s].
+        rounding: Time over which corners of the path are rounded [s].
     """
 
     stiffness: float
@@ -49,7 +50,9 @@ class WantedSpec:
 
     Attributes:
         offset, amplitude: Of the torque [N m], or of the link's angle [rad] with `of: position`.
-        frequency_hz: Of its sine; it rises over `ramp` from `begin` on [s].
+        frequency_hz: Of its sine [Hz].
+        begin: When it begins [s].
+        ramp: How long it rises [s].
         of: "torque", or "position": tau_ref = M q''_d + m g l sin q_d + stiffness (q_d - q) + damping (q'_d - q').
         stiffness, damping: Of the position loop [N m/rad, N m s/rad].
     """
@@ -64,8 +67,7 @@ class WantedSpec:
     damping: float = 0.0
 
     def __post_init__(self) -> None:
-        if self.of not in ("torque", "position"):
-            raise ParamsError(f"wanted.of: wanted torque or position; got {self.of!r}")
+        check_choices(self)
         numbers = (self.offset, self.amplitude, self.begin, self.stiffness, self.damping)
         if not all(map(math.isfinite, numbers)) or not (0.0 < self.frequency_hz < math.inf and self.ramp > 0.0):
             raise ParamsError("wanted: wanted finite numbers, frequency_hz > 0 and ramp > 0")
@@ -102,12 +104,14 @@ class SeaScenario(ScenarioBase):
         delay: Of the loop, from voltage computed to voltage at the motor [s]; sensors' latencies come on top.
         torque_from: What is fed back: the "gauge", or the "deflection" of the spring between the two encoders.
         sensors: Their errors.
-        duration: [s].
+        duration: Length of the simulation [s].
         dt: Period of control, sensors, motor and link [s].
         seed: Of all random numbers.
         masses: None here: the link has no name.
         source: Folder that file names are relative to.
     """
+
+    SCHEMA: ClassVar[str] = "series-elastic-scenario"
 
     actuators: str
     joint: str
@@ -127,7 +131,7 @@ class SeaScenario(ScenarioBase):
     source: str = "."
 
     def __post_init__(self) -> None:
-        check_run(self, {"torque_from": ("gauge", "deflection")}, ("duration", "dt"))
+        check_run(self, ("duration", "dt"))
         ratio = self.delay / self.dt
         if self.delay < 0.0 or abs(ratio - round(ratio)) > 1e-6:
             raise ParamsError(f"delay: wanted a multiple of dt = {self.dt:g} s; got {self.delay:g} s")

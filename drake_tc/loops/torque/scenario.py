@@ -7,7 +7,7 @@ given, field by field. Everything is SI; joints are named as in the robot's YAML
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 from drake_tc.control.guard import GuardSpec
 from drake_tc.control.torque_control import CompensationSpec
@@ -37,7 +37,7 @@ class Scenario(ScenarioBase):
     Attributes:
         robot: Robot YAML, relative to the scenario file.
         controller: "torque" (the whole chain), "servo" (the vendor's position servo alone).
-        duration: [s].
+        duration: Length of the simulation [s].
         dt: Period of control and sensors [s].
         plant_step: Of plant and actuators [s]; divides dt.
         seed: Of the one generator.
@@ -51,7 +51,11 @@ class Scenario(ScenarioBase):
         sensors: "perfect", "realistic" or a mapping (`drake_tc.sensing.suite`).
         configuration: Where the inverse dynamics takes M, h and J: the delayed "estimate" or the "reference".
         compensation: Which motion the drives' effects are compensated for.
-        gains, filters, motion, guard, monitor: See their classes.
+        gains: Feedback gains.
+        filters: Filters of the sensors.
+        motion: Where the joints are to be.
+        guard: What limits the command when something fails.
+        monitor: What watches the sensors.
         predictor: Undoes the delay of the estimates with the drives' models; None: off.
         observer: Compensates what those models lack, as encoders show it; None: off.
         rotor_inertia: Joint to what those two know of it [kg m^2]; that of the controller's model where not given.
@@ -64,6 +68,8 @@ class Scenario(ScenarioBase):
         log_truth, log_components: Record the true joint torques, the six components of the command too.
         source: Folder that file names are relative to.
     """
+
+    SCHEMA: ClassVar[str] = "scenario"
 
     robot: str
     controller: Literal["torque", "servo"] = "torque"
@@ -101,23 +107,15 @@ class Scenario(ScenarioBase):
     source: str = "."
 
     def __post_init__(self) -> None:
-        check_run(self, _CHOICES, ("duration", "dt", "plant_step"))
+        check_run(self, ("duration", "dt", "plant_step"))
         if not 0.0 <= self.tare < math.inf:
-            raise ParamsError(f"tare: wanted a time >= 0 [s]; got {self.tare}")
+            raise ParamsError(f"tare: expected a time >= 0 [s], got {self.tare}")
         ratio = self.dt / self.plant_step
         if round(ratio) < 1 or abs(ratio - round(ratio)) > 1e-6:
-            raise ParamsError(f"plant_step: wanted dt = {self.dt:g} s over a whole number; got {self.plant_step:g}")
+            raise ParamsError(f"plant_step: expected dt = {self.dt:g} s over a whole number, got {self.plant_step:g}")
         for name in self.faults:
             if name not in SENSORS:
                 raise ParamsError(f"faults: no sensor {name!r}; possible: {', '.join(SENSORS)}")
 
 
 SENSORS = ("encoder", "imu", "force_torque")
-_CHOICES = {
-    "controller": ("torque", "servo"),
-    "joint_stops": ("modelled", "none"),
-    "torque_from": ("estimate", "sensor"),
-    "base_from": ("imu", "fixed"),
-    "angular_acceleration": ("gyro", "neglected", "zero"),
-    "configuration": ("estimate", "reference"),
-}

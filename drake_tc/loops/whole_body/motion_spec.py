@@ -72,7 +72,12 @@ class KnotSpec:
 
 @dataclass(frozen=True)
 class SpanSpec:
-    """A time in which something is so: begin <= t < end [s]."""
+    """A stretch of time, begin <= t < end.
+
+    Attributes:
+        begin: Its begin [s].
+        end: Its end [s].
+    """
 
     begin: float
     end: float = math.inf

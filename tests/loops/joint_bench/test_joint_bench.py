@@ -199,7 +199,7 @@ def test_refusals(tmp_path, capsys):
     with pytest.raises(ParamsError, match="over a whole number"):
         BenchScenario(step=3e-4)
     (tmp_path / "s.yaml").write_text("a: {durration: 1.0}")
-    with pytest.raises(ParamsError, match="unknown field 'durration'"):
+    with pytest.raises(ParamsError, match="unknown key 'durration'; did you mean 'duration'"):
         BenchScenario.load(tmp_path / "s.yaml", "a")
     record = Recording(np.arange(5.0), np.zeros(5), 0.0, 0.0, (0.0, 1.0))
     with pytest.raises(ParamsError, match="load_torque or pendulum"):
