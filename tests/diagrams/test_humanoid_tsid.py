@@ -273,9 +273,9 @@ def test_a_foot_is_lifted_and_put_down():
         ("{ground: {approximation: hard}}", "ground.approximation: expected one of lagged, sap, similar"),
         ("{ground: {stiffness: 0.0}}", "ground.stiffness: wanted a positive number"),
         ("{torque_error: {hold: 0.0}}", "torque_error: wanted scale >= 0 and hold > 0"),
-        ("{controller: nowhere.yaml}", "nowhere.yaml: wanted a controller file"),
+        ("{controller: nowhere.yaml}", "nowhere.yaml: no such controller file"),
         ("{changes: {contacts: null, tasks: {force: null}}}", "contacts: wanted at least one to stand on; got none"),
-        ("{changes: {formulation: {measure: best}}}", "hrp2_like_tsid.yaml: formulation.measure: wanted one of"),
+        ("{changes: {formulation: {measure: best}}}", "hrp2_like_tsid.yaml: formulation.measure: expected one of"),
         ("{gains: 1.0}", "unknown field 'gains'; possible: controller, changes"),
     ],
 )
