@@ -136,7 +136,7 @@ def test_functions_that_give_no_discrete_diagram_are_refused(own):
     entry = registry.runnable(f"{own}:low_pass")
     with pytest.raises(ParamsError, match="has no scenarios"):
         entry.scenario("stairs")
-    with pytest.raises(ParamsError, match="unknown field 'durration'"):
+    with pytest.raises(ParamsError, match="unknown key 'durration'"):
         entry.scenario(text="{durration: 1.0}")
 
 

@@ -196,7 +196,7 @@ def test_a_scenario_file_of_ones_own(invoke, tmp_path):
             ["hrp2_leg.scenario.yaml", "'nothing'", "stairs_swing", "hanging"],
         ),
         (["hrp2_leg", "--scenario-name", ""], ["no scenario ''"]),
-        (["hrp2_leg", "--scenario-text", "{gainz: 1}"], ["unknown field 'gainz'", "gains"]),
+        (["hrp2_leg", "--scenario-text", "{gainz: 1}"], ["unknown key 'gainz'; did you mean 'gains'", "gains"]),
         (["hrp2_leg", "--scenario-text", "{gains: {k66: 1}}"], ["gains", "'k66'", "k6"]),
         (["hrp2_leg", "--scenario-text", "[1"], ["scenario text", "YAML"]),
         (["hrp2_leg", "--scenario-text", "7"], ["scenario text", "mapping"]),
@@ -223,7 +223,7 @@ def test_a_slip_is_one_line(invoke, arguments, words):
 @pytest.mark.parametrize(
     ("text", "word"),
     [
-        (None, "No such file"),
+        (None, "no such YAML file"),
         ("x: [", "YAML"),
         ("[1, 2]", "mapping"),
         ("{}", "at least one scenario"),

@@ -268,15 +268,15 @@ def test_a_foot_is_lifted_and_put_down():
         ("{lifted: {tail: [{begin: 1.0}]}}", "lifted: no contact 'tail'; contacts: right_sole, left_sole"),
         ("{lifted: {left_sole: [{begin: 1.0, end: 0.5}]}}", "wanted begin < end"),
         ("{masses: {tail: 1.1}}", "masses: no link 'tail' in hrp2_like"),
-        ("{state: guessed}", "state: wanted one of plant, estimated, base_estimator; got 'guessed'"),
-        ("{torque: by hand}", "torque: wanted one of direct, drives, series_elastic; got 'by hand'"),
+        ("{state: guessed}", "state: expected one of plant, estimated, base_estimator, got 'guessed'"),
+        ("{torque: by hand}", "torque: expected one of direct, drives, series_elastic, got 'by hand'"),
         ("{ground: {approximation: hard}}", "ground.approximation: expected one of lagged, sap, similar"),
         ("{ground: {stiffness: 0.0}}", "ground.stiffness: wanted a positive number"),
         ("{torque_error: {hold: 0.0}}", "torque_error: wanted scale >= 0 and hold > 0"),
         ("{controller: nowhere.yaml}", "nowhere.yaml: no such controller file"),
         ("{changes: {contacts: null, tasks: {force: null}}}", "contacts: wanted at least one to stand on; got none"),
         ("{changes: {formulation: {measure: best}}}", "hrp2_like_tsid.yaml: formulation.measure: expected one of"),
-        ("{gains: 1.0}", "unknown field 'gains'; possible: controller, changes"),
+        ("{gains: 1.0}", "unknown key 'gains'; allowed: controller, changes"),
     ],
 )
 def test_what_cannot_be_simulated_is_refused(text, message):

@@ -88,7 +88,7 @@ def test_a_scenario_is_read_from_its_file_and_changed(tmp_path):
     assert two == Short(2.0, 0.02, str(tmp_path)) and two.path("robot.yaml") == tmp_path / "robot.yaml"
     assert two.changed(duration=3.0, plant_step=None) == Short(3.0, 0.02, str(tmp_path))
     assert WithoutFolder.load(file, "one") == WithoutFolder(1.0)
-    with pytest.raises(ParamsError, match=r"own\.yaml: one: unknown field 'dt'"):
+    with pytest.raises(ParamsError, match=r"own\.yaml: one: unknown key 'dt'"):
         WithoutFolder.load(file, "one", "{dt: 0.1}")
 
 

@@ -160,5 +160,5 @@ def test_unknown_cases_are_refused():
         FaultCase("gps", "nan")
     with pytest.raises(ParamsError, match="no kind 'late'; possible: frozen"):
         FaultCase("imu", "late")
-    with pytest.raises(ParamsError, match=r"SensorFault\.channels: wanted 0 to 5; got 6"):
+    with pytest.raises(ParamsError, match=r"channels: expected 0 to 5, got 6"):
         outcome("swing", FaultCase("encoder", "nan", channel=6))

@@ -126,7 +126,7 @@ def test_a_runaway_names_system_and_time():
 
 @pytest.mark.parametrize(
     ("text", "message"),
-    [(BLOW, "system 'plant' ran away by t = 0.3"), ("{gains: {k5: 1}}", "unknown field 'k5'; possible: k6, k7")],
+    [(BLOW, "system 'plant' ran away by t = 0.3"), ("{gains: {k5: 1}}", "unknown key 'k5'; allowed: k6, k7")],
 )
 def test_the_command_ends_with_one_line_and_exit_2(text, message, capsys):
     arguments = ["simulate", "hrp2_leg", "--scenario-name", "brisk_swing", "--scenario-text", text, "--json"]

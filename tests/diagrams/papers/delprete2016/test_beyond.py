@@ -84,7 +84,7 @@ def test_model_factors_change_the_controllers_model_alone():
     [
         ("stairs_swing", "{predictor: {}}", "rotor_inertia: wanted that of 'r_hip_yaw'"),
         ("stairs_swing", "{observer: {}, rotor_inertia: {knee: 1.0}}", "rotor_inertia: no joint 'knee'"),
-        ("stairs_swing", "{observer: {bandwith: 1.0}}", r"observer: unknown field 'bandwith'; possible: bandwidth"),
+        ("stairs_swing", "{observer: {bandwith: 1.0}}", r"observer: unknown key 'bandwith'; did you mean 'bandwidth'"),
         ("stairs_swing", "{predictor: {bandwidth: -1.0}}", r"predictor\.bandwidth: wanted a positive number"),
         ("stairs_swing", "{model_factors: {k_tau: 0.0}}", "model_factors: wanted k_tau > 0"),
         ("suspended_swing", "{angular_acceleration: zero}", "angular_acceleration: wanted gyro or neglected"),
