@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from drake_tc.control.inverse_dynamics import InverseDynamics
     from drake_tc.control.torque_control import TorqueControl
     from drake_tc.diagnosis.run import close_loop
-    from drake_tc.effects.library import LIBRARY, effect
+    from drake_tc.effects.library import LIBRARY, effect, register_effect
     from drake_tc.errors import DrakeTcError
     from drake_tc.estimation.fault_monitor import FaultMonitor
     from drake_tc.estimation.joint_torque import JointTorqueEstimator
@@ -32,6 +32,8 @@ if TYPE_CHECKING:
     from drake_tc.robot.plant import add_robot
     from drake_tc.robot.robot import Robot, load_robot
     from drake_tc.sensing.suite import add_sensors
+    from drake_tc.tsid.limit_fields import LimitKind, register_limit
+    from drake_tc.tsid.task_fields import TaskKind, register_task
 
 __version__ = "0.1.0"
 
@@ -46,10 +48,12 @@ __all__ = [
     "FaultMonitor",
     "InverseDynamics",
     "JointTorqueEstimator",
+    "LimitKind",
     "Rig",
     "Robot",
     "Run",
     "SavitzkyGolayFilter",
+    "TaskKind",
     "TorqueControl",
     "TorqueGains",
     "TorqueModel",
@@ -67,6 +71,9 @@ __all__ = [
     "load_robot",
     "load_run",
     "load_runs",
+    "register_effect",
+    "register_limit",
+    "register_task",
     "save_models",
 ]
 
@@ -81,9 +88,11 @@ _HOME = {
     "InverseDynamics": "control.inverse_dynamics",
     "JointTorqueEstimator": "estimation.joint_torque",
     "LIBRARY": "effects.library",
+    "LimitKind": "tsid.limit_fields",
     "Rig": "logs.rig",
     "Robot": "robot.robot",
     "Run": "logs.record",
+    "TaskKind": "tsid.task_fields",
     "SavitzkyGolayFilter": "filtering.savitzky_golay",
     "TorqueControl": "control.torque_control",
     "TorqueGains": "control.gains",
@@ -102,6 +111,9 @@ _HOME = {
     "load_robot": "robot.robot",
     "load_run": "logs.prepare",
     "load_runs": "logs.prepare",
+    "register_effect": "effects.library",
+    "register_limit": "tsid.limit_fields",
+    "register_task": "tsid.task_fields",
     "save_models": "actuation.model_file",
 }
 

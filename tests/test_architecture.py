@@ -20,6 +20,7 @@ FLOOR = {
     "types": 0,
     "yaml_file": 0,
     "json_values": 0,
+    "extensions": 0,
     "system_libraries": 0,
     "logs": 1,
     "robot": 1,
@@ -42,7 +43,7 @@ FLOOR = {
 }
 """A package imports from its own floor's number downwards: never from a higher one."""
 
-ALONE = {"blind": {"errors", "types"}, "logs": {"errors", "types"}, "filtering": {"errors", "types"}}
+ALONE = {"blind": {"errors", "types"}, "logs": {"errors", "types", "extensions"}, "filtering": {"errors", "types"}}
 """Packages that may import nothing but these: the blind rigs must not share the diagnosis's formulas."""
 
 MAY_SHOW_DIAGRAMS = {"cli", "bench", "diagrams"}

@@ -23,10 +23,12 @@ FRONT_DOOR = {
     "FaultMonitor",
     "InverseDynamics",
     "JointTorqueEstimator",
+    "LimitKind",
     "Rig",
     "Robot",
     "Run",
     "SavitzkyGolayFilter",
+    "TaskKind",
     "TorqueControl",
     "TorqueGains",
     "TorqueModel",
@@ -44,6 +46,9 @@ FRONT_DOOR = {
     "load_robot",
     "load_run",
     "load_runs",
+    "register_effect",
+    "register_limit",
+    "register_task",
     "save_models",
 }
 

@@ -144,5 +144,5 @@ def _searched(
 
 def own_search(prepared: Prepared, options: DiagnosisOptions) -> Search:
     """What one joint's own effects make of its loads."""
-    usable, _ = candidates(looked_for(prepared.context), prepared.context, prepared.declared)
+    usable, _ = candidates(looked_for(prepared.context, options.effects), prepared.context, prepared.declared)
     return search(prepared.train, prepared.terms, usable, prepared.context, prepared.floor, options.search)

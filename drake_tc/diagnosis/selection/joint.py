@@ -17,13 +17,12 @@ from drake_tc.diagnosis.selection.shapes import ShapeScreen, refine_values
 from drake_tc.diagnosis.selection.withdrawal import DidNotHold
 from drake_tc.diagnosis.thresholds import SearchThresholds
 from drake_tc.effects.base import Context, DriveEffect, Effect
-from drake_tc.effects.library import LIBRARY
+from drake_tc.effects.library import place
 from drake_tc.types import FloatArray
 
 Search = Selection[Fit]
 SCREENED = 4
 """Shapes of a long grid that are tried with the filters."""
-POSITION = {effect.key: number for number, effect in enumerate(LIBRARY)}
 
 
 def candidates(
@@ -147,7 +146,7 @@ class JointProblem:
 
     def order(self, fitted: Fit) -> tuple[int, ...]:
         """By size, then as the effects stand in the library."""
-        return fitted.size, sum(POSITION.get(t.effect.key, 0) for t in fitted.terms)  # a declared one may not be in it
+        return fitted.size, sum(place(t.effect.key) for t in fitted.terms)
 
     def share(self, small: Fit, large: Fit) -> float:
         """Share of block resamples in which the larger fit is better."""

@@ -5,6 +5,7 @@ from typing import Annotated, TypeAlias
 
 from pydantic import AfterValidator, Discriminator, Tag, WithJsonSchema
 
+from drake_tc.extensions import EFFECTS
 from drake_tc.logs.effect_ids import EFFECT_IDS, ROBOT_CAUSES
 from drake_tc.logs.near import near
 from drake_tc.logs.rig_document.keys import saying
@@ -13,8 +14,9 @@ from drake_tc.logs.rig_document.keys import saying
 def _known_effect(name: str) -> str:
     if name in ROBOT_CAUSES:
         raise ValueError(f"{name!r} is a cause of the whole robot and cannot be declared; `sensors` takes tolerances")
-    if name not in EFFECT_IDS:
-        raise ValueError(f"unknown effect {name!r}{near(name, EFFECT_IDS)}; known: {', '.join(EFFECT_IDS)}")
+    known = (*EFFECT_IDS, *EFFECTS.names())
+    if name not in known:
+        raise ValueError(f"unknown effect {name!r}{near(name, known)}; known: {', '.join(known)}")
     return name
 
 

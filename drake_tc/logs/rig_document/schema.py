@@ -3,6 +3,8 @@
 from collections.abc import Mapping
 from typing import Any
 
+from drake_tc.extensions import EFFECTS
+from drake_tc.logs.effect_ids import EFFECT_IDS
 from drake_tc.logs.rig_document.document import RigDocument
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
@@ -12,8 +14,17 @@ _OURS = ("unit", "absent", "expected", "title", "default")
 def rig_schema() -> dict[str, Any]:
     """The schema of a rig file (draft 2020-12); each key's description has its unit and its default."""
     schema: dict[str, Any] = _explained(RigDocument.model_json_schema())
+    _add_installed_effects(schema)
     joints = [{"required": [name]} for name in ("joint", "joints", "robot")]
     return {"$schema": DIALECT, "title": "drake_tc rig file", **schema, "anyOf": joints}
+
+
+def _add_installed_effects(value: Any) -> None:
+    """Let the schema know the effects of other packages that are installed here."""
+    for each in value.values() if isinstance(value, dict) else value if isinstance(value, list) else ():
+        _add_installed_effects(each)
+    if isinstance(value, dict) and value.get("enum") == list(EFFECT_IDS):
+        value["enum"] = [*EFFECT_IDS, *EFFECTS.names()]
 
 
 def _explained(value: Any) -> Any:
