@@ -30,8 +30,8 @@ from drake_tc.cli.main import run
 from drake_tc.errors import ParamsError
 from drake_tc.logs.readers import read_table
 from drake_tc.robot.plant import joint_limits, make_plant
+from drake_tc.robot.rotors import file_rotors
 from drake_tc.tsid.law import Status
-from drake_tc.tsid.model import file_rotors
 from drake_tc.tsid.robust.torque_error import TorqueError
 
 ROOT = Path(__file__).resolve().parents[2]

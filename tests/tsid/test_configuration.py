@@ -13,9 +13,9 @@ from optional import skip_without_robots
 from drake_tc.control.torque_uncertainty_file import TorqueUncertainty, save_torque_uncertainty
 from drake_tc.errors import ParamsError
 from drake_tc.robot.plant import joint_limits
+from drake_tc.robot.rotors import file_rotors
 from drake_tc.tsid.configuration import load_law
 from drake_tc.tsid.controller import RobustTsid
-from drake_tc.tsid.model import file_rotors
 
 MODELS = Path(drake_tc.models.__file__).parent
 FILE = MODELS / "hrp2_like" / "hrp2_like_tsid.yaml"
