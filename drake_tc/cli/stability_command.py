@@ -2,6 +2,7 @@
 
 import json
 import sys
+from collections.abc import Mapping
 from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
@@ -35,6 +36,7 @@ class _Found:
 
     system: "SampledSystem"
     margins: "Margins | None"
+    channels: "Mapping[str, Margins]"
     release: "Release"
     radius: float
 
@@ -52,7 +54,9 @@ def stability_command(
     scenario_name: Annotated[str | None, typer.Option(help="Scenario; the file's first when left out.")] = None,
     scenario_file: Annotated[Path | None, typer.Option(help="Scenario file (YAML) of your own.")] = None,
     scenario_text: Annotated[str | None, typer.Option(help="YAML of fields to change: '{gains: {k6: 0.25}}'.")] = None,
-    open_at: Annotated[str, typer.Option(help="SYSTEM:PORT where the loop is cut.")] = "torque_control:command",
+    open_at: Annotated[
+        str, typer.Option(help="SYSTEM:PORT or SYSTEM:PORT[i] where the loop is cut.")
+    ] = "torque_control:command",
     joint: Annotated[str | None, typer.Option(help="Joint whose channel is cut; the first when left out.")] = None,
     at: Annotated[float, typer.Option(min=0.0, help="Moment of the scenario that is linearised [s].")] = 0.7,
     friction: Annotated[
@@ -85,7 +89,9 @@ def stability_command(
 def _analyse(
     scenario: "Scenario", open_at: str, joint: str | None, at: float, seed: int, progress: Any
 ) -> tuple[str, _Found]:
-    from drake_tc.analysis.margins import frequency_grid, margins
+    from drake_tc.analysis.frequency_response import channel
+    from drake_tc.analysis.loop_margins import loop_margins
+    from drake_tc.analysis.margins import frequency_grid
     from drake_tc.analysis.release import release
     from drake_tc.analysis.sampled import open_loop
     from drake_tc.diagrams.analysed.operating_point import settled, speed_states
@@ -96,22 +102,27 @@ def _analyse(
     if joint is not None and joint not in joints:
         raise ParamsError(f"--joint: no joint {joint!r}; joints: {', '.join(joints)}")
     progress("linearising", 0.15)
-    cut = open_loop(loop.diagram, context, scenario.dt, open_at)
-    index = 0 if joint is None else joints.index(joint)
+    wanted = channel(open_at)
+    if joint is not None and open_at != wanted.port:
+        raise ParamsError(f"--joint: {open_at} is one channel already; give --joint or an index, not both")
+    cut = open_loop(loop.diagram, context, scenario.dt, wanted.port)
+    index = wanted.index if joint is None else joints.index(joint)
     if index >= len(cut.inputs):
-        raise ParamsError(f"--joint: {open_at} has {len(cut.inputs)} channels, none of joint {joint!r}")
+        which = f"element {index}" if joint is None else f"joint {joint!r}"
+        raise ParamsError(f"--open-at: {wanted.port} has {len(cut.inputs)} channels, none of {which}")
     progress("eigenvalues", 0.6)
     closed = cut.closed()
     radius = closed.radius_but_for_drift()
     progress("margins", 0.7)
     grid = frequency_grid(scenario.dt, 0.5, 400)
-    found = margins(cut.loop_response(index), scenario.dt, grid) if radius < 1.0 else None
+    found = loop_margins(cut, grid=grid) if radius < 1.0 else {}
     progress("simulating the verdict", 0.8)
     signs = np.random.default_rng(seed).choice([-1.0, 1.0], size=len(joints))
     kick = {state: KICK * float(sign) for state, sign in zip(speed_states(loop), signs, strict=True)}
     freed = release(loop.diagram, context, scenario.dt, kick, tuple(kick), 1.0)
     progress("done", 1.0)
-    return cut.inputs[index], _Found(closed, found, freed, radius)
+    name = cut.inputs[index]
+    return name, _Found(closed, found.get(name), found, freed, radius)
 
 
 def _to_json(found: _Found) -> dict[str, Any]:
@@ -122,6 +133,7 @@ def _to_json(found: _Found) -> dict[str, Any]:
         "spectral_radius": found.system.spectral_radius,
         "spectral_radius_but_for_drift": found.radius,
         "margins": None if found.margins is None else json_value(vars(found.margins)),
+        "channels": {name: json_value(vars(each)) for name, each in found.channels.items()},
         "kinks": list(found.system.kinks),
         "verdict": found.verdict,
         "simulation": {"growth": json_value(found.release.growth), "stable": found.release.stable},
