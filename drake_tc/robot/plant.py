@@ -54,8 +54,8 @@ def add_robot(
 
     Welds the base to the world at its pose, or lets it float from there; adds one JointActuator a joint, of the
     joint's name and effort limit, in the order of `robot.joints`, with the reflected rotor inertia that the robot file
-    or its actuator file gives (`file_rotors`); the default positions are the robot's posture. The model instance has the
-    robot's name.
+    or its actuator file gives (`file_rotors`); the default positions are the robot's posture. The model
+    instance has the robot's name.
 
     Args:
         plant: Not finalized; registered with a SceneGraph where geometry is wanted.
