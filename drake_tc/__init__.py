@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
     from drake_tc.actuation.model_file import load_models, save_models
     from drake_tc.actuation.plant import ActuatorPlant
-    from drake_tc.actuation.wiring import add_actuators
+    from drake_tc.actuation.wiring import add_actuators, add_joint_actuators
     from drake_tc.control.gains import TorqueGains
     from drake_tc.control.guard import CommandGuard
     from drake_tc.control.inverse_dynamics import InverseDynamics
@@ -59,6 +59,7 @@ __all__ = [
     "TorqueModel",
     "actuator_model",
     "add_actuators",
+    "add_joint_actuators",
     "add_robot",
     "add_sensors",
     "block_graph",
@@ -99,6 +100,7 @@ _HOME = {
     "TorqueModel": "estimation.torque_model",
     "actuator_model": "identification.actuator",
     "add_actuators": "actuation.wiring",
+    "add_joint_actuators": "actuation.wiring",
     "add_robot": "robot.plant",
     "add_sensors": "sensing.suite",
     "block_graph": "report.block_graph.graph",

@@ -34,6 +34,7 @@ FRONT_DOOR = {
     "TorqueModel",
     "actuator_model",
     "add_actuators",
+    "add_joint_actuators",
     "add_robot",
     "add_sensors",
     "block_graph",
