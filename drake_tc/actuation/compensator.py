@@ -121,9 +121,9 @@ class Compensator:
             direction_speed: v_s [rad/s]; where no direction is given it is tanh(v/v_s), for 0 the sign of v.
             smoothing: delta, one for all joints, (n,) or by joint [rad | A | V | N m], in each drive's own effort. The
                 inverse of a dead zone of half width w jumps by 2 w at zero effort, and so does the lead over a
-                backlash; within +/- delta the jump becomes a straight line, y + w clip(y/delta, -1, 1). A feedback loop around zero
-                effort then sees the gain 1 + w/delta rather than an infinite one, and does not chatter. The wanted
-                torque is missed by at most w/K, within delta only. 0: the exact inverse.
+                backlash; within +/- delta the jump becomes a straight line, y + w clip(y/delta, -1, 1). A feedback
+                loop around zero effort then sees the gain 1 + w/delta rather than an infinite one, and does not
+                chatter. The wanted torque is missed by at most w/K, within delta only. 0: the exact inverse.
 
         Raises:
             ParamsError: no joint, or a speed or smoothing that is not possible.

@@ -7,7 +7,8 @@ import pytest
 from drake_tc.effects.library import all_effects
 from drake_tc.errors import RigError
 from drake_tc.logs.rig import load_rig
-from tests.plugin.seal_logs import COSINE, SINE, write_bench
+
+from .seal_logs import COSINE, SINE, write_bench
 
 
 @pytest.fixture(scope="module")

@@ -5,7 +5,7 @@ import tomllib
 
 import pytest
 
-from tests.plugin.conftest import PACKAGE, ROOT
+from .conftest import PACKAGE, ROOT
 
 PAGES = ("your_own_effect", "your_own_task")
 

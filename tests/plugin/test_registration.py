@@ -1,6 +1,7 @@
 """Effects, tasks and limits registered from Python, and what is said of those that cannot be used."""
 
 from dataclasses import replace
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -15,17 +16,16 @@ from drake_tc.errors import ParamsError
 from drake_tc.extensions import EFFECTS, LIMITS, TASKS
 from drake_tc.tsid.limit_fields import LimitKind, register_limit
 from drake_tc.tsid.task_fields import TaskKind, register_task
-from tests.plugin.conftest import PACKAGE
-from tests.plugin.seal_logs import write_bench
+
+from .conftest import PACKAGE
+from .seal_logs import write_bench
 
 
 @pytest.fixture
 def extras(monkeypatch):
     """The modules of the package, imported from its source."""
     monkeypatch.syspath_prepend(PACKAGE)
-    from joint_extras import mirror_task, power_limit, seal_drag
-
-    yield seal_drag, mirror_task, power_limit
+    yield tuple(import_module(f"joint_extras.{name}") for name in ("seal_drag", "mirror_task", "power_limit"))
     EFFECTS.remove("seal_drag")
     TASKS.remove("mirror")
     LIMITS.remove("joint_power")
