@@ -27,6 +27,7 @@ from drake_tc.tsid.infeasible import diagnose, safe_torque
 from drake_tc.tsid.limits.base import Limit
 from drake_tc.tsid.model import Scratch, TsidModel
 from drake_tc.tsid.priorities import Priorities
+from drake_tc.tsid.program_solver import ProgramSolver
 from drake_tc.tsid.qp.problem import Outcome, QpSolver
 from drake_tc.tsid.reduction import Reduced, reduce
 from drake_tc.tsid.robust.formulation import Formulation
@@ -99,7 +100,7 @@ class Law:
         priorities: Strict levels of the tasks in place of weights alone; of the formulation then its measure,
             "classic" or "individual", and its options count.
         error: Of the torques.
-        solver: Of quadratic programs.
+        solver: Of quadratic programs; a ProgramSolver solves the whole tick.
         period: Of the ticks [s].
         contact_damping: kd of J vdot + Jdot v = -kd J v at the active contacts [1/s].
         fallback_damping: Of the joints in the safe torque [N m s/rad].
@@ -128,6 +129,10 @@ class Law:
             raise ParamsError(f"sigma: wanted {self.model.n} joints, the robot's; got {self.error.joints}")
         if self.priorities is not None:
             self._check_priorities(self.priorities)
+        if isinstance(self.solver, ProgramSolver):
+            self.solver.check(self.formulation)
+            if self.priorities is not None:
+                raise ParamsError("solver: program weighs tasks and knows no strict priorities")
         for name in ("period", "fade"):
             value = getattr(self, name)
             if not (np.isfinite(value) and value > 0.0):
@@ -248,7 +253,10 @@ def solve_tick(
     try:
         problem = problem_at(law, scratch, state, references, active)
         reduced, form = problem.reduced, law.formulation
-        if law.priorities is None:
+        if isinstance(law.solver, ProgramSolver):
+            rows = (problem.terms, problem.tasks, problem.limits, _held(law, problem.terms))
+            solution = law.solver.solution(*rows, form, law.error)
+        elif law.priorities is None:
             solution = form.solve(reduced.cost, reduced.polytope, law.error, law.solver, before.start)
         else:
             solution = law.priorities.solve(problem.tasks, reduced, law.error, law.solver, form.options, before.start)
@@ -270,8 +278,12 @@ def problem_at(
     terms = model.terms(scratch, state[: model.nq], state[model.nq :], active)
     tasks = [task.rows(terms, reference) for task, reference in zip(law.tasks, references, strict=True)]
     limits = [limit.rows(terms) for limit in law.limits]
-    held = -law.contact_damping * terms.contact_velocity if law.contact_damping else None
-    return Problem(terms, tasks, limits, reduce(terms, tasks, limits, held))
+    return Problem(terms, tasks, limits, reduce(terms, tasks, limits, _held(law, terms)))
+
+
+def _held(law: Law, terms: Terms) -> FloatArray | None:
+    """Acceleration of the contacts that is asked for."""
+    return -law.contact_damping * terms.contact_velocity if law.contact_damping else None
 
 
 def _packed(law: Law, problem: Problem, torque: FloatArray, status: FloatArray, start: Start | None) -> Tick:
