@@ -9,12 +9,14 @@ import numpy as np
 from drake_tc.diagnosis.data.link_prior import LinkPrior
 from drake_tc.diagnosis.data.resolution import NoiseFloor, Resolution
 from drake_tc.diagnosis.data.sensor_prior import SensorPrior
-from drake_tc.effects.base import Effect, Shape, Signals
+from drake_tc.effects.base import DriveEffect, Effect, Shape, Signals
 from drake_tc.filtering.block_convolution import BlockConvolution
 from drake_tc.filtering.common_kernel import CommonKernel
 from drake_tc.types import BoolArray, FloatArray, IntArray
 
 CHUNK_SECONDS = 5.0
+LONGEST_MEMORY = 0.5
+"""Of a filter of the effort [s]."""
 
 
 @dataclass(frozen=True)
@@ -83,6 +85,17 @@ class Samples:
     def _both(self) -> BlockConvolution:
         """Both kernels in one: rows lie inside the margins of the two, where one pass gives what two passes give."""
         return BlockConvolution(np.convolve(self.light.kernels[0], self.kernel.kernels[0]))
+
+    def passed_noise(self, filters: Sequence[tuple[DriveEffect, Shape]]) -> float:
+        """Share of the variance of white noise, after both kernels, that passes linear filters (`DriveEffect`) too."""
+        kernel = np.convolve(self.light.kernels[0], self.kernel.kernels[0])
+        size = kernel.size + round(LONGEST_MEMORY / self.light.period)
+        piece = self.signals.take(np.minimum(np.arange(size), len(self.signals) - 1))
+        response = np.zeros(size)
+        response[: kernel.size] = kernel
+        for effect, shape in filters:
+            response = effect.transform(response, piece, shape)
+        return float(response @ response / (kernel @ kernel))
 
     def subsample(self, most: int) -> "Samples":
         """Every k-th five-second chunk: at most about `most` of the T samples; itself when they are few."""
