@@ -150,6 +150,11 @@ def test_noise_of_the_current_counts_in_the_floor_where_the_links_are_fitted(arm
     ("changes", "error", "message"),
     [
         ({"load": {"robot": "fitted", "unknown_payload": ["carying"]}}, RigError, "no log 'carying'.*carrying"),
+        (
+            {"load": {"robot": "fitted", "unknown_payload": ["carrying"], "payload_link": "four"}},
+            RigError,
+            "payload_link: no joint of the robot moves a link 'four'.*'fore'.*links: column, boom, fore",
+        ),
         ({"load": {"robot": "fitted", "tolerance": -0.1}}, DrakeTcError, "tolerance"),
     ],
 )
