@@ -48,7 +48,7 @@ def test_the_declared_link_carries_the_load(links, tmp_path):
 
 
 def test_several_outermost_links_need_a_name(links, tmp_path):
-    with pytest.raises(RigError, match="payload_link: the robot has several outermost links .*left, right"):
+    with pytest.raises(RigError, match=r"payload_link: the robot has several outermost links .*left, right"):
         payload_of(rig(tmp_path), ["loaded"], links)
     without = replace(rig(tmp_path), load=dict.fromkeys(rig(tmp_path).joints, RobotLoad("fitted")))
     assert payload_of(without, ["loaded"], links).runs == ()
