@@ -225,6 +225,7 @@ def _load_entry(load: Load) -> object:
     if isinstance(load, RobotLoad):
         robot: dict[str, object] = {"robot": load.method}
         robot |= {"tolerance": load.tolerance} if load.tolerance != RobotLoad().tolerance else {}
+        robot |= {"drive_gain_tolerance": load.gain_tolerance} if load.gain_tolerance else {}
         robot |= {"unknown_payload": list(load.payload)} if load.payload else {}
         return robot | ({"payload_link": load.carrier} if load.carrier else {})
     if isinstance(load, UnknownLoad):

@@ -137,22 +137,28 @@ def with_shared_uncertainty(
     return out
 
 
-def with_diluted_gains(
-    joints: Mapping[str, JointResult], rows: Sequence[JointRows], fitted: StackedFit
+def with_uncertain_gains(
+    joints: Mapping[str, JointResult], rows: Sequence[JointRows], fitted: StackedFit, tolerance: float
 ) -> dict[str, JointResult]:
-    """The joints' results with intervals that know by how much noise of the effort may have shrunk 1/K.
+    """The joints' results with intervals that know how far 1/K may be off, and all torques with it.
+
+    A gain that is fitted may have been shrunk by noise of the effort (`gain_dilution`); declared gains have a
+    tolerance.
 
     Args:
         joints: Results of a robot whose links are fitted.
         rows: Training rows with the final models.
         fitted: All joints together.
+        tolerance: Standard deviation of the common relative error of the declared drive gains.
     """
     out = {}
     for number, (name, joint) in enumerate(joints.items()):
+        own = tolerance if rows[number].held is not None else 0.0
+        relative = np.hypot(dilution(rows[number], fitted, number) / float(norm.ppf(0.975)), own)
         links = prior_coefficients(joint.final.terms)
         shapes = sum(len(t.effect.shapes) for t in joint.final.terms)
         scaled = np.concatenate([np.where(links, 0.0, joint.final.beta), np.zeros(shapes)])
-        spread = (dilution(rows[number], fitted, number) / float(norm.ppf(0.975))) ** 2 * np.outer(scaled, scaled)
+        spread = relative**2 * np.outer(scaled, scaled)
         final = widened(joint.final_parameters, joint.final, spread)
         effects = tuple(replace(e, parameters=final[e.key]) for e in joint.effects)
         out[name] = replace(joint, final_parameters=final, effects=effects)

@@ -23,12 +23,13 @@ from drake_tc.diagnosis.problem.shared.gain_dilution import shared_variance
 from drake_tc.diagnosis.problem.shared.open_directions import open_directions, with_open_directions
 from drake_tc.diagnosis.problem.shared.stacked import JointRows, StackedFit, fit_stacked, stack
 from drake_tc.diagnosis.result.links import fitted_links
-from drake_tc.diagnosis.result.shared_effects import original_baseline, with_diluted_gains, with_shared_uncertainty
+from drake_tc.diagnosis.result.shared_effects import original_baseline, with_uncertain_gains, with_shared_uncertainty
 from drake_tc.diagnosis.result.widening import robot_gains
 from drake_tc.diagnosis.robot.case import OwnModel, RobotCase
 from drake_tc.diagnosis.robot.result import RobotResult
 from drake_tc.diagnosis.selection.shared import active
 from drake_tc.errors import IdentificationError
+from drake_tc.logs.loads import RobotLoad
 from drake_tc.logs.record import Run
 from drake_tc.robot.link_parameters import LinkModel
 from drake_tc.types import FloatArray
@@ -112,7 +113,9 @@ def diagnose_fitted(case: RobotCase, model: LinkModel) -> RobotResult:
     prepared = case.prepared(*before)
     results = {joint: original_baseline(made[joint], prepared[joint]) for joint in joints}
     results = with_shared_uncertainty(results, (first.rows, first.fitted), (links.rows, links.fitted))
-    results = with_diluted_gains(results, links.rows, links.fitted)
+    load = next(iter(case.rig.load.values()))
+    tolerance = load.gain_tolerance if isinstance(load, RobotLoad) else 0.0
+    results = with_uncertain_gains(results, links.rows, links.fitted, tolerance)
     train_after, held_after = case.without(links.fitted)
     return RobotResult(
         joints=results,
@@ -121,7 +124,7 @@ def diagnose_fitted(case: RobotCase, model: LinkModel) -> RobotResult:
         held_after=case.at_motors(held_after),
         train_after=case.at_motors(train_after),
         robot_gains=robot_gains(results, dict(zip(joints, map(float, links.fitted.sigma), strict=True))),
-        links=fitted_links(model, case.causes, links.rows, links.fitted),
+        links=fitted_links(model, case.causes, links.rows, links.fitted, tolerance),
     )
 
 

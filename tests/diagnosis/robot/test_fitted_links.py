@@ -109,6 +109,25 @@ def test_an_unknown_payload_comes_out_and_nothing_else_is_named(result):
     assert [effect.id for joint in result.joints.values() for effect in joint.effects] == []
 
 
+def test_intervals_hold_the_tolerance_of_the_declared_drive_gains(arm, result):
+    """The gains are held, so that values stay, and all half widths h become hypot(h, c t |value|), c about 2."""
+    folder, logs, held = arm
+    rig = rig_file(folder, load=RIG["load"] | {"unknown_payload": ["carrying"], "drive_gain_tolerance": 0.05})
+    wide = close_loop(rig, logs, [held], DiagnosisOptions(assess_residual=False))
+    pairs = [(result.links.payloads["carrying"]["m"], wide.links.payloads["carrying"]["m"])]
+    pairs += [(a.estimate, b.estimate) for a, b in zip(result.links.base, wide.links.base, strict=True)]
+    pairs += [
+        (each.joints["lift"].final_parameters["coulomb"]["coulomb"] for each in (result, wide)),
+    ]
+    for narrow, wider in pairs:
+        assert_allclose(wider.value, narrow.value, rtol=1e-9, atol=1e-12)
+        before, after = (0.5 * (e.ci95[1] - e.ci95[0]) for e in (narrow, wider))
+        critical = np.sqrt(after**2 - before**2) / (0.05 * abs(narrow.value))
+        assert 1.95 < critical < 2.1
+    narrowed = [each.narrowed for each in wide.links.parameters]
+    assert_allclose(narrowed, [each.narrowed for each in result.links.parameters])
+
+
 def test_base_parameters_come_out_and_name_their_members(result):
     true = {f"{p.link}/{p.name}": p.declared for p in result.links.parameters}  # here the file is right
     for base in result.links.base:
