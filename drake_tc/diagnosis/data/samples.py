@@ -89,10 +89,10 @@ class Samples:
     def passed_noise(self, filters: Sequence[tuple[DriveEffect, Shape]]) -> float:
         """Share of the variance of white noise, after both kernels, that passes linear filters (`DriveEffect`) too."""
         kernel = np.convolve(self.light.kernels[0], self.kernel.kernels[0])
-        size = kernel.size + round(LONGEST_MEMORY / self.light.period)
+        size = 1 + kernel.size + round(LONGEST_MEMORY / self.light.period)
         piece = self.signals.take(np.minimum(np.arange(size), len(self.signals) - 1))
         response = np.zeros(size)
-        response[: kernel.size] = kernel
+        response[1 : 1 + kernel.size] = kernel  # filters take the first value for that before the log: 0
         for effect, shape in filters:
             response = effect.transform(response, piece, shape)
         return float(response @ response / (kernel @ kernel))
