@@ -94,7 +94,7 @@ def arm_benchmark(
 
 
 def arm_rows(scores: Sequence[ArmScore]) -> list[dict[str, Any]]:
-    """Rows of figures as those of `bench robot`, and the base parameters' intervals; both kinds of interval by drive."""
+    """Rows of figures as those of `bench robot`, and base parameters' intervals; both kinds of interval by drive."""
     rows = summary_rows([score.robot for score in scores], nulls=97.0)
     rows.append(_row(BASE_INTERVALS, [hit for score in scores for hit in score.base], (90.0, 99.0)))
     for drive in sorted({score.drive for score in scores}):

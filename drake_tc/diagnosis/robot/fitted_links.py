@@ -23,7 +23,7 @@ from drake_tc.diagnosis.problem.shared.gain_dilution import shared_variance
 from drake_tc.diagnosis.problem.shared.open_directions import open_directions, with_open_directions
 from drake_tc.diagnosis.problem.shared.stacked import JointRows, StackedFit, fit_stacked, stack
 from drake_tc.diagnosis.result.links import fitted_links
-from drake_tc.diagnosis.result.shared_effects import original_baseline, with_uncertain_gains, with_shared_uncertainty
+from drake_tc.diagnosis.result.shared_effects import original_baseline, with_shared_uncertainty, with_uncertain_gains
 from drake_tc.diagnosis.result.widening import robot_gains
 from drake_tc.diagnosis.robot.case import OwnModel, RobotCase
 from drake_tc.diagnosis.robot.result import RobotResult
