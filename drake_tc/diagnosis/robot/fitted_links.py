@@ -19,7 +19,7 @@ from drake_tc.diagnosis.data.link_prior import LinkPrior
 from drake_tc.diagnosis.problem.columns import Columns
 from drake_tc.diagnosis.problem.prepared import Prepared
 from drake_tc.diagnosis.problem.shared.causes import CauseColumns
-from drake_tc.diagnosis.problem.shared.gain_dilution import shared_variance
+from drake_tc.diagnosis.problem.shared.gain_dilution import TOLD, shared_variance, stiffness_to_hold
 from drake_tc.diagnosis.problem.shared.open_directions import open_directions, with_open_directions
 from drake_tc.diagnosis.problem.shared.stacked import JointRows, StackedFit, fit_stacked, stack
 from drake_tc.diagnosis.result.links import fitted_links
@@ -32,14 +32,11 @@ from drake_tc.errors import IdentificationError
 from drake_tc.logs.loads import RobotLoad
 from drake_tc.logs.record import Run
 from drake_tc.robot.link_parameters import LinkModel
-from drake_tc.types import FloatArray
 
 WIDER = (1.6, 2.5, 4.0, 6.3, 10.0)
 """Widths of the filters that are tried, over that which the encoders' noise asks for."""
 LITTLE_LEFT = 0.25
 """Share of an effort's RMS, left by the declared model, below which no wider filters are tried."""
-LEAST_SHARED = 0.5
-"""Share of variance, friction and rotor left out, that the load of a joint whose drive gain is fitted must explain."""
 AS_WELL = 1.25
 """Share that may be left, over the smallest one, at filters that are taken."""
 MOST_ROUNDS = 3
@@ -72,7 +69,7 @@ class _Links:
         A joint by itself could shrink the links, its friction and 1/K by one factor, or take its load away by an effect
         of the opposite sign, and its residual in torque with them. All joints together are protected (`stacked`).
         """
-        gains = {r.joint: 1.0 / _positive_stiffness(r, b) for r, b in zip(self.rows, self.fitted.beta, strict=True)}
+        gains = {r.joint: 1.0 / stiffness_to_hold(r, self.fitted, j) for j, r in enumerate(self.rows)}
         return replace(case, rig=replace(case.rig, drive_gain=gains | dict(case.rig.drive_gain)))
 
 
@@ -157,15 +154,8 @@ def _at_width(case: RobotCase) -> _Start:
     left = links.fitted.cv_rms / efforts
     # An effort that is nearly all friction tells hardly anything of the drive gain: 1/K comes out near 0, and what is
     # left of the effort is as large as the effort in any filter.
-    told = np.array([shared_variance(r, links.fitted, j) >= LEAST_SHARED for j, r in enumerate(links.rows)])
+    told = np.array([shared_variance(r, links.fitted, j) >= TOLD for j, r in enumerate(links.rows)])
     return _Start(case, prepared, links, float(np.max(left[told] if told.any() else left)))
-
-
-def _positive_stiffness(rows: JointRows, beta: FloatArray) -> float:
-    """1/K [N m/effort]; where the fit's is not positive, the joint's load tells nothing of it, and their spreads do."""
-    typical = float(np.std(rows.target)) / max(float(np.std(rows.own[:, 0])), 1e-300) if rows.held is None else 0.0
-    found = rows.stiffness(beta)
-    return found if found > 0.0 else max(typical, 1e-12)
 
 
 def _searched(case: RobotCase, raw: Mapping[str, Prepared], links: _Links) -> _Links:

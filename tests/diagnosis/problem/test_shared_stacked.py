@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose
 from drake_tc.diagnosis.problem.columns import FOLDS
 from drake_tc.diagnosis.problem.shared.causes import Cause
 from drake_tc.diagnosis.problem.shared.covariance import intervals
-from drake_tc.diagnosis.problem.shared.gain_dilution import dilution, shared_variance
+from drake_tc.diagnosis.problem.shared.gain_dilution import dilution, shared_variance, stiffness_to_hold
 from drake_tc.diagnosis.problem.shared.stacked import JointRows, fit_stacked
 from drake_tc.diagnosis.selection.shared import SharedProblem, search_shared
 
@@ -113,6 +113,10 @@ def test_the_bounds_of_a_drive_gain_hold_the_truth_where_the_effort_is_noisy():
     assert_allclose(dilution(row, fitted, 0), noise**2, rtol=0.02)
     found = np.linalg.lstsq(own, load, rcond=None)[0]
     assert_allclose(found * (1.0 + dilution(row, fitted, 0)), [2.0, 0.5], rtol=0.02)
+    assert_allclose(stiffness_to_hold(row, SimpleNamespace(**vars(fitted), beta=(found,)), 0), found[0])  # r^2 0.61
+    louder = replace(row, own=np.stack([effort + rng.standard_normal(size), -v], axis=1))
+    assert_allclose(stiffness_to_hold(louder, fitted, 0), 2.0, rtol=0.02)  # r^2 0.18
+    assert 0.0 < stiffness_to_hold(replace(row, target=-load), fitted, 0) < np.inf
     assert dilution(replace(row, held=2.0), fitted, 0) == 0.0
     assert shared_variance(replace(row, target=-load), fitted, 0) == 0.0
 
