@@ -39,7 +39,8 @@ def stiffness_to_hold(rows: JointRows, fitted: StackedFit, number: int) -> float
     if rows.held is not None or shared_variance(rows, fitted, number) >= TOLD:
         return rows.stiffness(fitted.beta[number])
     effort, load, r = _spreads(rows, fitted)
-    return max(load / max(effort, 1e-300) / max(r, 1.0 / np.sqrt(_independent(rows, fitted, number))), 1e-12)
+    least = 1.0 / np.sqrt(_independent(rows, fitted, number))
+    return float(max(load / max(effort, 1e-300) / max(r, least), 1e-12))
 
 
 def dilution(rows: JointRows, fitted: StackedFit, number: int) -> float:
