@@ -28,7 +28,7 @@ from drake_tc.robot.rigid_regressor import LINK_PARAMETERS
 from drake_tc.types import BoolArray, FloatArray
 
 GRID_SECONDS = 0.01
-"""Columns are computed this often and interpolated: they have passed filters of nine times that width."""
+"""Columns of motion that has passed filters of nine times that width are computed this often and interpolated."""
 COLUMN_WINDOWS = 3
 """Windows of the columns' motion over those of the torques."""
 
@@ -207,16 +207,18 @@ def _payload_runs(rig: Rig, runs: Sequence[Run]) -> tuple[str, ...]:
 
 
 def _link_pieces(logs: RobotLogs, links: LinkModel, run: Run, carried: Sequence[str]) -> tuple[Piece, ...]:
-    """Columns of all links' parameters, and of the load that the last link carries in some runs."""
-    every = max(1, round(GRID_SECONDS / run.period))
+    """Columns of all links' parameters, and of the load that the last link carries in some runs.
+
+    At every sample: a play that is crossed within milliseconds makes accelerations that a coarser grid would alias.
+    """
     pieces, filters = [], filters_of(logs, run)
     for part in usable_stretches(run, filters):
-        rows = list(islice(smoothed(logs.model, logs.sensors(run, part), filters, None), 0, None, every))
+        rows = list(smoothed(logs.model, logs.sensors(run, part), filters, None))
         columns = links.columns(*(np.array([row[i] for row in rows]) for i in range(3)))
         last = columns[:, :, -LINK_SIZE:]
         loads = [last if run.name == name else np.zeros_like(last) for name in carried]
         values = logs.at_motors(np.concatenate([columns, *loads], axis=2))
-        pieces.append(Piece((run.time[part] - run.time[0])[::every], values))
+        pieces.append(Piece(run.time[part] - run.time[0], values))
     return tuple(pieces)
 
 
