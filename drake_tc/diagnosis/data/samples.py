@@ -72,6 +72,17 @@ class Samples:
         low_pass = self._both if fresh else self._final
         return np.asarray(low_pass.inner(values)[self.rows - low_pass.margin])
 
+    def rate(self, values: FloatArray) -> FloatArray:
+        """Time derivative of values (N,) of the rows from neighbouring rows; 0 of a row that has none [1/s]."""
+        apart = np.diff(self.rows)
+        near = apart == np.median(apart)
+        slope = np.where(near, np.diff(values) / (apart * self.signals.period), 0.0)
+        total, count = np.zeros(values.size), np.zeros(values.size)
+        for side in (slice(None, -1), slice(1, None)):
+            total[side] += slope
+            count[side] += near
+        return np.asarray(total / np.maximum(count, 1.0))
+
     @cached_property
     def _pieces(self) -> tuple[Signals, ...]:
         """The signals of each stretch."""

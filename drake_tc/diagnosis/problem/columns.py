@@ -285,7 +285,12 @@ class Columns:
         return float(np.clip(declared / max(own, 1e-300), 0.5, 2.0))
 
     def _effort_noise(self, terms: Sequence[Term]) -> float:
-        """Share of the variance of the effort's white noise that passes the filters among the drive effects."""
+        """Share of the variance of the effort's white noise that passes the filters among the drive effects.
+
+        1 where the effort is the target: a lag is then judged by the residual before its smoothing (`noise_smoothed`).
+        """
+        if self.effort_is_target:
+            return 1.0
         drives = [(t.effect, t.shape) for t in self._drives(terms) if isinstance(t.effect, DriveEffect)]
         filters = [(effect, shape) for effect, shape in drives if effect.filters]
         return self.samples.passed_noise(filters) if filters else 1.0

@@ -11,6 +11,7 @@ from robot_files import joint_tag, link_tag, urdf, write_robot
 
 from drake_tc.diagnosis.data.preparation import build_samples
 from drake_tc.diagnosis.options import DiagnosisOptions
+from drake_tc.diagnosis.problem.shared.causes import columns_over
 from drake_tc.diagnosis.run import close_loop
 from drake_tc.errors import DrakeTcError, ParamsError, RigError
 from drake_tc.estimation.robot_loads import robot_logs, with_robot_loads
@@ -212,3 +213,24 @@ def test_drives_of_unknown_gain_keep_one_scale(arm, tmp_path):
         assert_allclose(ratio[1:], ratio[1], rtol=0.03)  # the first joint's scale rests on inertia alone
         assert_allclose(ratio, 1.0, atol=0.3)
         assert all(e.ci95[0] <= value <= e.ci95[1] for e, value in zip(found, true, strict=True))
+
+
+def test_columns_of_the_links_give_the_load_at_every_sample(arm, tmp_path):
+    """Y pi of the file's parameters is the load by the file, also where the acceleration turns within milliseconds."""
+    folder, _, _ = arm
+    time = np.arange(0.0, 2.0, 1e-3)
+    columns = {"time": time}
+    for i, joint in enumerate(JOINTS):
+        shaken = np.sin(2.0 * time + i) + 1e-4 * np.sin(2.0 * np.pi * (80.0 + 7.0 * i) * time)
+        columns |= {f"{joint}/position": shaken, f"{joint}/current": np.cos(time)}
+    np.savez(tmp_path / "shaken.npz", **columns)
+    rig = load_rig(rig_file(folder))
+    runs = load_runs([tmp_path / "shaken.npz"], rig)
+    logs = robot_logs(rig, runs)
+    (run,) = with_robot_loads(logs, runs, rig.joints)
+    causes = columns_over(logs, [run], rig)
+    for joint in JOINTS:
+        found = causes.of(run.name, joint, run.time - run.time[0]) @ logs.links.nominal
+        assert_allclose(
+            found, run.columns[f"{joint}/torque"], atol=1e-6 * float(np.std(run.columns[f"{joint}/torque"]))
+        )

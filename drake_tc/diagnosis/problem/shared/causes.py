@@ -27,7 +27,7 @@ from drake_tc.robot.rigid_regressor import LINK_PARAMETERS
 from drake_tc.types import BoolArray, FloatArray
 
 GRID_SECONDS = 0.01
-"""Columns are computed this often and interpolated: they have passed filters of nine times that width."""
+"""Columns of motion that has passed filters of nine times that width are computed this often and interpolated."""
 COLUMN_WINDOWS = 3
 """Windows of the columns' motion over those of the torques."""
 
@@ -188,14 +188,16 @@ def columns_over(logs: RobotLogs, runs: Sequence[Run], rig: Rig) -> CauseColumns
 
 
 def _link_pieces(logs: RobotLogs, links: LinkModel, run: Run, payload: Payload) -> tuple[Piece, ...]:
-    """Columns of all links' parameters, and of what one of them carries in some runs."""
-    every = max(1, round(GRID_SECONDS / run.period))
+    """Columns of all links' parameters, and of what one of them carries in some runs.
+
+    At every sample: a play that is crossed within milliseconds makes accelerations that a coarser grid would alias.
+    """
     pieces, filters = [], filters_of(logs, run)
     for part in usable_stretches(run, filters):
-        rows = list(islice(smoothed(logs.model, logs.sensors(run, part), filters, None), 0, None, every))
+        rows = list(smoothed(logs.model, logs.sensors(run, part), filters, None))
         columns = links.columns(*(np.array([row[i] for row in rows]) for i in range(3)))
         values = logs.at_motors(np.concatenate([columns, payload.columns(columns, run.name)], axis=2))
-        pieces.append(Piece((run.time[part] - run.time[0])[::every], values))
+        pieces.append(Piece(run.time[part] - run.time[0], values))
     return tuple(pieces)
 
 
