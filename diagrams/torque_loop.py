@@ -1,132 +1,124 @@
-"""The loop of paper A around any robot file: each stage a system, all wired to a MultibodyPlant.
+"""A torque loop wired system by system, to copy and change: a leg that swings, without joint-torque sensors.
 
     reference --> inverse_dynamics --> torque_control --> guard --> actuators --> plant --> encoder, imu, force_torque
                        ^                    ^               ^                                      |
                        |--- torque_estimator|               |-- fault_monitor <---- raw readings --|
                                  ^--------- filter <-----------------------------------------------|
 
-Between the stages stand blocks of Drake's own that join, split and add signals; a signal that a stage has beside others
-is taken from one port, as every call into Python costs a tick some microseconds. What a table of wanted motions asks of
-the links of a welded robot comes from Drake's InverseDynamics, the block `rigid_torque`.
+    python -m drake_tc.diagrams.torque_loop                        # swings the leg, prints the tracking errors
+    drake-tc graph drake_tc.diagrams.torque_loop:build --out loop.svg
+    drake-tc simulate drake_tc.diagrams.torque_loop:build --duration 2.6 --out out/loop
 
-`controller: servo` leaves out all between the reference and the guard: the vendor's position servo alone.
+`hrp2_leg.py` runs the same loop from files of scenarios, with more options.
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
-from drake_tc.diagrams.loop.parts import Parts, actuator_models, loop_robot, sensor_suite
-from drake_tc.diagrams.loop.signal_log import SignalLog, add_log
-from drake_tc.diagrams.loop.stages import servo_command, torque_command
-from drake_tc.diagrams.loop.surroundings import add_objects, add_pushes, add_suspension, check_masses, set_masses
-from drake_tc.diagrams.scenarios.references import posture, references
-from drake_tc.diagrams.scenarios.scenario import Scenario
-from pydrake.geometry import Meshcat, MeshcatVisualizer
-from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
-from pydrake.systems.framework import Context, Diagram, DiagramBuilder, OutputPort
+import numpy as np
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import Diagram, DiagramBuilder
+from pydrake.systems.primitives import Demultiplexer, LogVectorOutput, TrajectorySource
 
-from drake_tc.actuation.model import ActuatorModel
+from drake_tc.actuation.model_file import models_of_joints
 from drake_tc.actuation.wiring import add_actuators
-from drake_tc.robot.plant import add_robot
-from drake_tc.robot.robot import Robot
-from drake_tc.sensing.suite import add_sensors
+from drake_tc.control.gains import TorqueGains
+from drake_tc.control.guard import CommandGuard
+from drake_tc.control.inverse_dynamics import InverseDynamics
+from drake_tc.control.torque_control import TorqueControl
+from drake_tc.control.trajectories import knot_trajectory
+from drake_tc.estimation.joint_torque import JointTorqueEstimator
+from drake_tc.estimation.torque_model import TorqueModel
+from drake_tc.loops.loop_builder import LoopBuilder
+from drake_tc.robot.plant import add_robot, joint_limits
+from drake_tc.robot.robot import load_robot
+from drake_tc.sensing.suite import SensorSuiteSpec, add_sensors
+from drake_tc.sensor_validation.fault_monitor import FaultMonitor
+from drake_tc.sensor_validation.monitor_spec import MonitorSpec
+
+ROBOT = Path(__file__).parents[1] / "models" / "hrp2_like" / "hrp2_like_leg.yaml"
+PERIOD, DURATION = 1e-3, 2.6
+"""Of control, sensors and plant, and of the motion [s]."""
+TIMES = (0.8, 1.15, 1.55, 2.0)
+KNOTS = {
+    "r_hip_pitch": (-0.45, -0.95, -1.3, -1.05),
+    "r_knee": (0.87, 1.65, 1.75, 1.3),
+    "r_ankle_pitch": (-0.42, -0.6, -0.5, -0.25),
+}
+"""Where the joints are at these times [s, rad]; the others stay at 0."""
 
 
-@dataclass(frozen=True, eq=False)
-class Loop:
-    """A built loop.
+def build() -> Diagram:
+    """The diagram. Its default context has the leg at rest at the first knot."""
+    robot = load_robot(ROBOT)
+    n, models = len(robot.joints), models_of_joints(str(robot.actuators), robot.joints)
 
-    Attributes:
-        scenario, robot: What it was built from.
-        models: Joint to the simulated actuator.
-        diagram, plant: The systems.
-        log: Of all recorded signals.
-        flag_names: Of the fault monitor's flags, in order; empty without one.
-    """
-
-    scenario: Scenario
-    robot: Robot
-    models: Mapping[str, ActuatorModel]
-    diagram: Diagram
-    plant: MultibodyPlant
-    log: SignalLog
-    flag_names: tuple[str, ...] = ()
-
-    def start(self, context: Context) -> None:
-        """Put the robot at rest in the scenario's posture, with the masses that the scenario gives its links."""
-        own = self.plant.GetMyContextFromRoot(context)
-        positions = self.plant.GetPositions(own)
-        for joint, position in zip(self.robot.joints, posture(self.scenario.motion, self.robot), strict=True):
-            positions[self.plant.GetJointByName(joint).position_start()] = position
-        self.plant.SetPositions(own, positions)
-        set_masses(self.plant, own, self.scenario.masses)
-
-
-def build_loop(scenario: Scenario, *, meshcat: bool = False) -> Loop:
-    """Build the diagram of a scenario.
-
-    Args:
-        scenario: What to build.
-        meshcat: Show the robot in a browser.
-
-    Raises:
-        ParamsError: a file that cannot be read, a robot without what the scenario needs, or names that do not fit.
-    """
-    robot = loop_robot(scenario)
-    models = actuator_models(scenario, robot)
-    wanted = references(scenario, robot)
+    # The simulated robot: plant, actuators with friction, and sensors.
     builder = DiagramBuilder()
-    plant = _add_plant(builder, scenario, robot, meshcat=meshcat)
-    suite = sensor_suite(scenario)
-    sensors = add_sensors(builder, plant, robot, suite, scenario.dt, scenario.seed, scenario.faults)
-    parts = Parts(builder, scenario, robot, plant, sensors)
-    command = torque_command(parts, wanted) if scenario.controller == "torque" else servo_command(parts, wanted)
-    _add_drives(parts, models, command)
-    log = add_log(builder, parts.signals, parts.scenario.dt)
-    diagram = builder.Build()
-    diagram.set_name(f"{robot.name}_{scenario.controller}_loop")
-    return Loop(scenario, robot, models, diagram, plant, log, parts.flag_names)
-
-
-def _add_plant(builder: DiagramBuilder, scenario: Scenario, robot: Robot, *, meshcat: bool) -> MultibodyPlant:
-    """The robot in its surroundings; with geometry only where something is to be touched or seen."""
-    plant: Any
-    if scenario.objects or meshcat:
-        plant, scene_graph = AddMultibodyPlantSceneGraph(builder, scenario.plant_step)
-        add_robot(plant, robot, visuals=meshcat, collisions=bool(scenario.objects))
-        add_objects(plant, scenario.objects)
-        if meshcat:
-            MeshcatVisualizer.AddToBuilder(builder, scene_graph, Meshcat())
-    else:
-        plant = builder.AddNamedSystem("plant", MultibodyPlant(scenario.plant_step))
-        add_robot(plant, robot)
-    if scenario.suspension is not None:
-        add_suspension(plant, robot, scenario.suspension)
-    plant.SetUseSampledOutputPorts(False)
+    plant: Any = builder.AddNamedSystem("plant", MultibodyPlant(PERIOD))
+    add_robot(plant, robot)
+    plant.SetUseSampledOutputPorts(False)  # sensors read the state of now
     plant.Finalize()
-    plant.set_name("plant")
-    check_masses(plant, robot, scenario.masses)
-    add_pushes(builder, plant, scenario.pushes)
-    built: MultibodyPlant = plant
-    return built
+    actuators = add_actuators(builder, plant, models, PERIOD)
+    sensors: Any = add_sensors(builder, plant, robot, SensorSuiteSpec.realistic(), PERIOD)
+    encoder, imu = sensors.encoder.GetOutputPort("reading"), sensors.imu.GetOutputPort("reading")
+    wrench = sensors.force_torque.GetOutputPort("reading")
+
+    # What is estimated: joint motions, and joint torques and contact wrenches from encoders, IMU and F/T sensors.
+    loop = LoopBuilder(builder, None, plant, PERIOD)
+    estimates = loop.filtered_readings(sensors, window=80, orders=(2, 1))
+    model = TorqueModel(robot, angular_acceleration="zero")  # of the base, which is welded
+    estimator = loop.add("torque_estimator", JointTorqueEstimator(model), **estimates)
+
+    # What is wanted: [q_d; qdot_d; qddot_d], and the torques for it.
+    table = np.array([KNOTS.get(joint, (0.0,) * len(TIMES)) for joint in robot.joints])
+    for joint, position in zip(robot.joints, table[:, 0], strict=True):
+        plant.GetJointByName(joint).set_default_angle(position)
+    source = builder.AddNamedSystem("reference", TrajectorySource(knot_trajectory(TIMES, table.T), 2))
+    reference = source.get_output_port()
+    split = builder.AddNamedSystem("reference_velocity", Demultiplexer([n, n, n]))
+    builder.Connect(reference, split.get_input_port())
+    gain = np.array([model.drive.gain for model in models.values()])
+    kp, nil = np.full(n, 2.0), np.zeros(n)
+    gains = TorqueGains(kp, nil, 1.0 / (gain * (1.0 + kp)), 0.01 / (gain * (1.0 + kp)), np.zeros(6))
+    known = {"joint_estimate": estimates["joint_estimate"], "position": encoder}
+    law = InverseDynamics(robot, gains, configuration="reference", position_error="encoder", force_task=False)
+    dynamics = loop.add("inverse_dynamics", law, reference=reference, **known)
+
+    # From torques to the commands of the drives, and what watches over them.
+    control = loop.add(
+        "torque_control",
+        TorqueControl(list(models.values()), gains, joint_limits(robot).effort, PERIOD),
+        estimated_torque=estimator.GetOutputPort("estimated_torque"),
+        reference=reference,
+        **known,
+        **{name: dynamics.GetOutputPort(name) for name in ("desired_torque", "torque_terms")},
+    )
+    touch = estimator.GetOutputPort("contact_wrench")
+    readings = {"encoder": encoder, "imu": imu, "wrench": wrench, "contact_wrench": touch}
+    monitor = FaultMonitor(robot, MonitorSpec(), PERIOD)
+    loop.add("fault_monitor", monitor, reference_velocity=split.get_output_port(1), **readings)
+    command, fault = control.GetOutputPort("command"), monitor.GetOutputPort("any_fault")
+    guard = loop.add("guard", CommandGuard(n, PERIOD), command=command, position=encoder, fault=fault)
+    builder.Connect(guard.GetOutputPort("command"), actuators.GetInputPort("command"))
+
+    for name, port in (("state", plant.get_state_output_port()), ("wanted", reference)):
+        LogVectorOutput(port, builder, PERIOD).set_name(name)
+    return builder.Build()
 
 
-def _add_drives(parts: Parts, models: Mapping[str, ActuatorModel], command: OutputPort) -> None:
-    """The actuators between command and plant, and the signals that every run records."""
-    plant, sensors = parts.plant, parts.sensors
-    actuators = add_actuators(parts.builder, plant, models, parts.scenario.plant_step)
-    parts.builder.Connect(command, actuators.GetInputPort("command"))
-    parts.signals |= {
-        "joint_state": plant.get_state_output_port(),
-        "acceleration": plant.get_generalized_acceleration_output_port(),
-        "actuation": parts.builder.GetSubsystemByName("actuation").get_output_port(0),
-        "command": command,
-        "encoder": sensors.encoder.GetOutputPort("reading"),
-    }
-    if sensors.imu is not None:
-        parts.signals["imu"] = sensors.imu.GetOutputPort("reading")
-    if sensors.force_torque is not None:
-        parts.signals["force_torque"] = sensors.force_torque.GetOutputPort("reading")
-    if parts.scenario.log_truth:
-        parts.signals["joint_torque"] = sensors.joint_torque.GetOutputPort("reading")
+def main() -> None:
+    """Swing the leg, and print the RMS tracking error of each joint."""
+    diagram: Any = build()
+    robot, simulator = load_robot(ROBOT), Simulator(diagram)
+    simulator.AdvanceTo(DURATION)
+    logs = [diagram.GetSubsystemByName(name).FindLog(simulator.get_context()) for name in ("state", "wanted")]
+    state, wanted = (log.data() for log in logs)
+    n = len(robot.joints)
+    for joint, error in zip(robot.joints, wanted[:n, 700:] - state[:n, 700:], strict=True):
+        print(f"{joint:<16}{1e3 * np.sqrt(np.mean(error**2)):8.2f} mrad")
+
+
+if __name__ == "__main__":
+    main()

@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from drake_tc.diagnosis.run import close_loop
     from drake_tc.effects.library import LIBRARY, effect, register_effect
     from drake_tc.errors import DrakeTcError
-    from drake_tc.estimation.fault_monitor import FaultMonitor
     from drake_tc.estimation.joint_torque import JointTorqueEstimator
     from drake_tc.estimation.torque_model import TorqueModel
     from drake_tc.filtering.savitzky_golay import SavitzkyGolayFilter
@@ -32,6 +31,7 @@ if TYPE_CHECKING:
     from drake_tc.robot.plant import add_robot
     from drake_tc.robot.robot import Robot, load_robot
     from drake_tc.sensing.suite import add_sensors
+    from drake_tc.sensor_validation.fault_monitor import FaultMonitor
     from drake_tc.tsid.limit_fields import LimitKind, register_limit
     from drake_tc.tsid.task_fields import TaskKind, register_task
 
@@ -85,7 +85,7 @@ _HOME = {
     "DrakeTcError": "errors",
     "Drive": "actuation.model",
     "EffectValue": "actuation.model",
-    "FaultMonitor": "estimation.fault_monitor",
+    "FaultMonitor": "sensor_validation.fault_monitor",
     "InverseDynamics": "control.inverse_dynamics",
     "JointTorqueEstimator": "estimation.joint_torque",
     "LIBRARY": "effects.library",

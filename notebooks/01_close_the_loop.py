@@ -18,7 +18,7 @@
 # This notebook walks from the raw log to the effect that the model lacks, adds it, and drives the joint with the old
 # and with the new model.
 #
-# **The rig is simulated**, by the Drake diagram `drake_tc.diagrams.joint_bench`: so that the story runs anywhere, and
+# **The rig is simulated**, by the Drake diagram `drake_tc.loops.joint_bench`: so that the story runs anywhere, and
 # so that we can look up the truth at the end. The tool sees nothing but the files.
 
 # %%
@@ -27,15 +27,15 @@ from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
-from drake_tc.diagrams.bench.diagram import Table
-from drake_tc.diagrams.bench.rig_free_run import rig_free_run
-from drake_tc.diagrams.joint_bench import BenchScenario, record_bench
 
 from drake_tc import close_loop, feedforward_effort, load_models, load_rig, load_runs
 from drake_tc.actuation.compensation import Motion
 from drake_tc.cli.close_loop_command import write_results
 from drake_tc.cli.demo import GRAVITY_MOMENT, JOINT, LIMITS, LINK_INERTIA, DemoLength, demo_model, record_demo
 from drake_tc.identification import growing_sinusoid
+from drake_tc.loops.joint_bench.diagram import Table
+from drake_tc.loops.joint_bench.recording import BenchScenario, record_bench
+from drake_tc.loops.joint_bench.rig_free_run import rig_free_run
 
 folder = Path(tempfile.mkdtemp())
 

@@ -19,7 +19,7 @@
 # joint torque. This notebook closes a torque loop around it, lets the leg swing up a stair, press on an object and lose
 # a sensor, and hands the log to the tool that improves the model.
 #
-# **Everything here is simulated**, by the Drake diagram `drake_tc.diagrams.torque_loop`, with the noise and bias of a
+# **Everything here is simulated**, by the Drake diagram `drake_tc.loops.torque.loop`, with the noise and bias of a
 # humanoid's sensors. The controller sees nothing else: not the true torques, and not the true actuators.
 
 # %%
@@ -28,14 +28,14 @@ from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
-from drake_tc.diagrams.papers.stability import BEGIN, LASTS, pushed
-from drake_tc.diagrams.registry import diagram_entry
-from drake_tc.diagrams.runs.running import simulate_scenario
-from drake_tc.diagrams.runs.summary import estimated, summarise, write_results
+from drake_tc.diagrams.papers.delprete2016.stability import BEGIN, LASTS, pushed
 
 from drake_tc import block_graph, close_loop, load_models
 from drake_tc.control.guard import GuardMode
 from drake_tc.control.torque_control import COMPONENTS
+from drake_tc.loops.torque.running import simulate_scenario
+from drake_tc.loops.torque.summary import estimated, summarise, write_results
+from drake_tc.registry import diagram_entry
 from drake_tc.robot.plant import joint_limits
 
 folder = Path(tempfile.mkdtemp())

@@ -29,18 +29,10 @@ from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
-from drake_tc.diagrams.analysed.joint_loops import joint_loops
-from drake_tc.diagrams.analysed.one_joint_loop import one_joint_loop
-from drake_tc.diagrams.analysed.operating_point import sliding
-from drake_tc.diagrams.analysed.tuned import tuned_fields, tuned_scenario
-from drake_tc.diagrams.analysed.tuning_task import joint_tasks
-from drake_tc.diagrams.papers.sliding_prediction import floating, predicted
-from drake_tc.diagrams.papers.stability import BEGIN, LASTS, WATCHED, Released, pushed
-from drake_tc.diagrams.papers.tuning import BEGIN as SWING_BEGINS
-from drake_tc.diagrams.papers.tuning import IDENTIFIED
-from drake_tc.diagrams.registry import diagram_entry
-from drake_tc.diagrams.runs.running import simulate_scenario
-from drake_tc.diagrams.scenarios.parts import PushSpec
+from drake_tc.diagrams.papers.delprete2016.sliding_prediction import floating, predicted
+from drake_tc.diagrams.papers.delprete2016.stability import BEGIN, LASTS, WATCHED, Released, pushed
+from drake_tc.diagrams.papers.delprete2016.tuning import BEGIN as SWING_BEGINS
+from drake_tc.diagrams.papers.delprete2016.tuning import IDENTIFIED
 from matplotlib.colors import LogNorm
 
 from drake_tc.analysis.loop_parameters import with_values
@@ -48,8 +40,16 @@ from drake_tc.analysis.pareto_plot import draw_fronts
 from drake_tc.analysis.sampled import linearise
 from drake_tc.analysis.settings import assess, default_goals, with_setting
 from drake_tc.analysis.stability_map import Axis, stability_map
+from drake_tc.analysis.torque_loop.joint_loops import joint_loops
+from drake_tc.analysis.torque_loop.one_joint_loop import one_joint_loop
+from drake_tc.analysis.torque_loop.tuned import tuned_fields, tuned_scenario
+from drake_tc.analysis.torque_loop.tuning_task import joint_tasks
 from drake_tc.analysis.tracking_error import filtered_task, predicted_error
 from drake_tc.analysis.tuning import SearchSpace, tune
+from drake_tc.loops.scenarios.parts import PushSpec
+from drake_tc.loops.torque.running import simulate_scenario
+from drake_tc.loops.torque.sliding import sliding
+from drake_tc.registry import diagram_entry
 
 folder = Path(tempfile.mkdtemp())
 leg = diagram_entry("hrp2_leg")

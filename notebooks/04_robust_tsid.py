@@ -29,22 +29,22 @@ from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
-from drake_tc.diagrams.papers.tsid_com_move import Sway, approximations
-from drake_tc.diagrams.papers.tsid_judge import judge
-from drake_tc.diagrams.papers.tsid_setup import PLAIN, ROBUST, SIGMA, W_COM, torque_error
-from drake_tc.diagrams.papers.tsid_simulation import solve_again
-from drake_tc.diagrams.registry import tsid_entry
-from drake_tc.diagrams.tsid.running import simulate_tsid
-from drake_tc.diagrams.tsid.scenario import KnotSpec
-from drake_tc.diagrams.tsid.summary import task_errors
-from drake_tc.diagrams.tsid.timing import tick_timings
-from drake_tc.diagrams.tsid.violations import contact_misses
+from drake_tc.diagrams.papers.delprete2015.com_move import Sway, approximations
+from drake_tc.diagrams.papers.delprete2015.judge import judge
+from drake_tc.diagrams.papers.delprete2015.setup import PLAIN, ROBUST, SIGMA, W_COM, torque_error
+from drake_tc.diagrams.papers.delprete2015.simulation import solve_again
 
+from drake_tc.bench.tsid_timing import tick_timings
 from drake_tc.control.torque_uncertainty_file import (
     TorqueUncertainty,
     load_torque_uncertainty,
     save_torque_uncertainty,
 )
+from drake_tc.loops.whole_body.running import simulate_tsid
+from drake_tc.loops.whole_body.scenario import KnotSpec
+from drake_tc.loops.whole_body.summary import task_errors
+from drake_tc.loops.whole_body.violations import contact_misses
+from drake_tc.registry import tsid_entry
 from drake_tc.robot.plant import joint_limits
 from drake_tc.tsid.configuration import load_law
 from drake_tc.tsid.infeasible import diagnose

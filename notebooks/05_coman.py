@@ -22,7 +22,7 @@
 # **Everything here is simulated.** The robot is `models/coman_like`: 0.95 m, 31 kg, 23 joints; joints' places and
 # masses are published, motors, springs and friction are chosen or assumed. The paper is Faraji, Colasanto and Ijspeert,
 # *Practical considerations in using inverse dynamics on a humanoid robot: torque tracking, sensor fusion and Cartesian
-# control laws*, IROS 2015. The maths: [diagrams/sea/README.md](../diagrams/sea/README.md) for joints,
+# control laws*, IROS 2015. The maths: [diagrams/sea_joint.md](../diagrams/sea_joint.md) for joints,
 # [drake_tc/estimation/base/README.md](../drake_tc/estimation/base/README.md) for the base.
 
 # %%
@@ -30,7 +30,7 @@ from dataclasses import replace
 
 import matplotlib.pyplot as plt
 import numpy as np
-from drake_tc.diagrams.papers.coman_motions import (
+from drake_tc.diagrams.papers.faraji2015.motions import (
     ABOVE_HZ,
     SCENARIOS,
     base_errors,
@@ -38,21 +38,21 @@ from drake_tc.diagrams.papers.coman_motions import (
     trunk_errors,
     vibration,
 )
-from drake_tc.diagrams.papers.coman_pushes import LOOPS, OURS, STIFF, pushed, stands
-from drake_tc.diagrams.papers.sea_bode import lag_deg, measured
-from drake_tc.diagrams.papers.sea_held import friction_at, hand_torque
-from drake_tc.diagrams.papers.sea_laws import MOMENTUM, OBSERVER, PI, PREDICTED, margins_of, with_law
-from drake_tc.diagrams.papers.sea_motor import data_sheet, true_motor
-from drake_tc.diagrams.registry import sea_entry
-from drake_tc.diagrams.sea.excitation import Excitation, record_excitation
-from drake_tc.diagrams.sea.running import simulate_sea
-from drake_tc.diagrams.tsid.running import simulate_tsid
-from drake_tc.diagrams.tsid.scenario import load_tsid_scenario
+from drake_tc.diagrams.papers.faraji2015.pushes import LOOPS, OURS, STIFF, pushed, stands
+from drake_tc.diagrams.papers.faraji2015.sea_bode import lag_deg, measured
+from drake_tc.diagrams.papers.faraji2015.sea_held import friction_at, hand_torque
+from drake_tc.diagrams.papers.faraji2015.sea_laws import MOMENTUM, OBSERVER, PI, PREDICTED, margins_of, with_law
+from drake_tc.diagrams.papers.faraji2015.sea_motor import data_sheet, true_motor
 from scipy.signal import welch
 
 from drake_tc.diagnosis.joint import diagnose_joint
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.identification.motor_prior import UNKNOWNS, identify_motor
+from drake_tc.loops.series_elastic.excitation import Excitation, record_excitation
+from drake_tc.loops.series_elastic.running import simulate_sea
+from drake_tc.loops.whole_body.running import simulate_tsid
+from drake_tc.loops.whole_body.scenario import TsidScenario
+from drake_tc.registry import sea_entry
 
 joint = sea_entry()
 
@@ -181,8 +181,8 @@ print(f"less than half is left: {after < 0.5 * before}")
 # springs, robot, sensors. Once with our estimate in the loop, once with the chain's:
 
 # %%
-ours = simulate_tsid(load_tsid_scenario(SCENARIOS, "turn_1hz", "{estimator: {beside: foot_centre}}"))
-chain = simulate_tsid(load_tsid_scenario(SCENARIOS, "turn_1hz_foot_centre"))
+ours = simulate_tsid(TsidScenario.load(SCENARIOS, "turn_1hz", "{estimator: {beside: foot_centre}}"))
+chain = simulate_tsid(TsidScenario.load(SCENARIOS, "turn_1hz_foot_centre"))
 by_name = {"CoP estimator": ours, "foot centre": chain}
 for name, run in by_name.items():
     ends = "stands" if run.fell is None else f"falls by {run.fell:.2f} s"
@@ -216,7 +216,7 @@ plt.show()
 # soles are; with soles taken for rigid its position is two and a half times as far off. The chain is told nothing and
 # uses no IMU: with roll, pitch and rates of one it comes to three times our error, and one yaw is as good as the
 # other where no foot turns on the floor. `drake-tc reproduce C.soles` and `C.slip` have the figures. The gains were
-# chosen by hand on these motions; what was tried is in [diagrams/tsid/PAPER_C.md](../diagrams/tsid/PAPER_C.md).
+# chosen by hand on these motions; what was tried is in [papers/faraji2015](../diagrams/papers/faraji2015/README.md).
 #
 # ## 4. A push
 #
@@ -226,7 +226,7 @@ plt.show()
 
 # %%
 pushes = {
-    name: simulate_tsid(pushed(load_tsid_scenario(SCENARIOS, LOOPS[name]), "forward", 8.0)) for name in (OURS, STIFF)
+    name: simulate_tsid(pushed(TsidScenario.load(SCENARIOS, LOOPS[name]), "forward", 8.0)) for name in (OURS, STIFF)
 }
 fig, axis = plt.subplots(figsize=(7, 3.2), layout="constrained")
 for (name, run), colour in zip(pushes.items(), ("tab:blue", "tab:red"), strict=True):
@@ -249,7 +249,7 @@ print(f"torque control survives what stiff positions do not: {stands(pushes[OURS
 # other, the gyro against feet that stand. Here the IMU repeats its last sample from 1 s on, in the middle of the turn:
 
 # %%
-frozen = simulate_tsid(load_tsid_scenario(SCENARIOS, "turn_1hz", "{faults: {imu: [{kind: frozen, start: 1.0}]}}"))
+frozen = simulate_tsid(TsidScenario.load(SCENARIOS, "turn_1hz", "{faults: {imu: [{kind: frozen, start: 1.0}]}}"))
 first = {}
 for name, column in zip(frozen.flag_names, frozen["flags"].T, strict=True):
     if column.any():

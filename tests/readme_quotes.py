@@ -3,12 +3,11 @@
 from collections.abc import Callable
 from functools import cache
 
-from drake_tc.diagrams.papers.departures import expected_file
-from drake_tc.diagrams.papers.reproduction import on_record
-from drake_tc.diagrams.papers.tsid_judge import wilson
+from drake_tc.diagrams.papers.delprete2015.judge import wilson
+from drake_tc.diagrams.papers.expected_values import expected_file, on_record
 
-MAIN, TSID, SEA = "README.md", "drake_tc/tsid/README.md", "diagrams/sea/README.md"
-ANALYSIS, PAPER_C = "drake_tc/analysis/README.md", "diagrams/tsid/PAPER_C.md"
+MAIN, TSID, SEA = "README.md", "drake_tc/tsid/README.md", "diagrams/sea_joint.md"
+ANALYSIS, PAPER_C = "drake_tc/analysis/README.md", "diagrams/papers/faraji2015/README.md"
 ROBOTS = 20
 PERCENT, MILLI = 100.0, 1e3
 

@@ -12,7 +12,7 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-REPRODUCED = "diagrams/test_papers.py::test_a_reproduction_is_as_recorded?"
+REPRODUCED = "diagrams/papers/test_papers.py::test_a_reproduction_is_as_recorded?"
 """The test of whole reproductions; its parameter, an id in square brackets, follows."""
 
 
@@ -37,10 +37,10 @@ PARTS = {
         (
             REPRODUCED + "A.fig*",
             REPRODUCED + "A.t[ao]*",
-            "diagrams/test_papers.py::test_another_seed*",
-            "diagrams/test_faults.py::*",
-            "diagrams/test_stress.py::*",
-            "diagrams/test_table1.py::*",
+            "diagrams/papers/test_papers.py::test_another_seed*",
+            "loops/torque/test_fault_cases.py::*",
+            "loops/torque/test_stress.py::*",
+            "diagrams/papers/delprete2016/test_table1.py::*",
             "diagrams/test_other_robots.py::*",
             "analysis/*",
             "cli/*",
@@ -53,7 +53,7 @@ PARTS = {
     ),
     "tsid": Part(
         "paper B: its five tests, how their motions were chosen, quadratic programs",
-        (REPRODUCED + "B.test*", "diagrams/test_tsid_papers.py::*", "tsid/*"),
+        (REPRODUCED + "B.test*", "diagrams/papers/delprete2015/test_reproductions.py::*", "tsid/*"),
         alone=True,
     ),
     "closed-loop": Part(
@@ -66,7 +66,8 @@ PARTS = {
         "paper C: one series-elastic joint, its laws and its motor",
         (
             *(REPRODUCED + id_ for id_ in ("C.bode?", "C.held?", "C.motor?")),
-            "diagrams/test_sea_*",
+            "loops/series_elastic/*",
+            "diagrams/papers/faraji2015/test_sea_readme.py::*",
             "identification/*",
         ),
     ),
@@ -82,9 +83,9 @@ PARTS = {
         "paper C: the whole loop is pushed, stands on one foot and on three contacts, loses sensors",
         (
             *(REPRODUCED + id_ for id_ in ("C.pushes?", "C.one_foot?", "C.three_contacts?", "C.faults?")),
-            "diagrams/test_coman_pushes.py::*",
-            "diagrams/test_coman_contacts.py::*",
-            "diagrams/test_coman_faults.py::*",
+            "diagrams/papers/faraji2015/test_pushes.py::*",
+            "diagrams/papers/faraji2015/test_contacts.py::*",
+            "diagrams/papers/faraji2015/test_faults.py::*",
         ),
         alone=True,
     ),

@@ -12,11 +12,11 @@ from slow_parts import PARTS, parts_of
 @pytest.mark.parametrize(
     ("test", "part"),
     [
-        ("diagrams/test_papers.py::test_a_reproduction_is_as_recorded[A.table1]", "leg"),
-        ("diagrams/test_papers.py::test_a_reproduction_is_as_recorded[A.torque_estimate]", "leg"),
-        ("diagrams/test_papers.py::test_a_reproduction_is_as_recorded[A.tune]", "leg-sweeps"),
-        ("diagrams/test_papers.py::test_a_reproduction_is_as_recorded[B.closed_loop]", "closed-loop"),
-        ("diagrams/test_papers.py::test_a_reproduction_is_as_recorded[C.turn_half_hz]", "coman-motions"),
+        ("diagrams/papers/test_papers.py::test_a_reproduction_is_as_recorded[A.table1]", "leg"),
+        ("diagrams/papers/test_papers.py::test_a_reproduction_is_as_recorded[A.torque_estimate]", "leg"),
+        ("diagrams/papers/test_papers.py::test_a_reproduction_is_as_recorded[A.tune]", "leg-sweeps"),
+        ("diagrams/papers/test_papers.py::test_a_reproduction_is_as_recorded[B.closed_loop]", "closed-loop"),
+        ("diagrams/papers/test_papers.py::test_a_reproduction_is_as_recorded[C.turn_half_hz]", "coman-motions"),
         ("diagnosis/test_blind_full.py::test_figures[rest]", "blind-rest"),
         ("test_notebooks.py::test_the_script_runs[05_coman]", "notebooks"),
     ],

@@ -25,8 +25,8 @@ import yaml
 from drake_tc.diagrams.blind_arm.arms import ARMS, Arm, LinkError, apply_errors, link_parameters, moving_links
 from drake_tc.diagrams.blind_arm.physics import JointTruth
 from drake_tc.diagrams.blind_arm.recorder import Noise, record_run
-from drake_tc.diagrams.runs.recording import write_log
 
+from drake_tc.loops.recording import write_log
 from drake_tc.robot.plant import make_plant
 from drake_tc.robot.robot import load_robot
 

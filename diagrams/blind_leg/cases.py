@@ -10,10 +10,11 @@ import numpy as np
 import yaml
 from drake_tc.diagrams.blind_leg.biases import SensorBiases, Tolerances, by_axis, declared_sensors
 from drake_tc.diagrams.blind_leg.recorder import Place, Wrong, random_motion, record_leg
-from drake_tc.diagrams.runs.recording import log_columns, write_log
 
 from drake_tc.actuation.model import ActuatorModel, EffectValue
 from drake_tc.actuation.model_file import load_models
+from drake_tc.loops.recording import write_log
+from drake_tc.loops.torque.recording import log_columns
 from drake_tc.robot.robot import Robot, load_robot
 from drake_tc.sensing.suite import SensorSuiteSpec
 

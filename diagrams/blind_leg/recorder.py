@@ -11,8 +11,6 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
-from drake_tc.diagrams.runs.recording import Recording
-from drake_tc.diagrams.scenarios.references import table_source
 from pydrake.geometry import AddContactMaterial, Box, ProximityProperties
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, CoulombFriction, MultibodyPlant
@@ -24,6 +22,8 @@ from pydrake.systems.primitives import LogVectorOutput
 from drake_tc.actuation.model import ActuatorModel
 from drake_tc.actuation.wiring import add_actuators
 from drake_tc.errors import ParamsError
+from drake_tc.loops.torque.recording import TorqueRecording
+from drake_tc.loops.torque.references import table_source
 from drake_tc.robot.plant import add_robot, joint_limits, make_plant
 from drake_tc.robot.robot import Robot
 from drake_tc.sensing.suite import SensorSuiteSpec, add_sensors
@@ -107,7 +107,7 @@ def record_leg(
     duration: float,
     wrong: Wrong | None = None,
     seed: int = 0,
-) -> Recording:
+) -> TorqueRecording:
     """Simulate one run.
 
     Args:
@@ -146,7 +146,8 @@ def record_leg(
     simulator.AdvanceTo(duration)
     found = {name: log.FindLog(context) for name, log in logs.items()}
     signals = {name: np.asarray(log.data()).T.copy() for name, log in found.items()}
-    return Recording(robot, models, np.asarray(found["encoder"].sample_times()), signals, 0.0)
+    time = np.asarray(found["encoder"].sample_times())
+    return TorqueRecording(robot=robot, models=models, time=time, signals=signals, seconds=0.0)
 
 
 def _plant(builder: DiagramBuilder, robot: Robot, place: Place) -> MultibodyPlant:

@@ -1,1 +1,1 @@
-"""The papers' tables and figures, computed anew: one file each, with expected values beside."""
+"""The papers' tables and figures, computed anew: a folder a paper, with the expected values beside."""

@@ -3,12 +3,8 @@
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from drake_tc.diagrams.papers.reproduction import OnRecord, Row
 
-
-def expected_file(id_: str) -> str:
-    """Stem of the expected file of a reproduction: `a_table2` of `A.table2`."""
-    return id_.lower().replace(".", "_")
+from drake_tc.report.reproduction import OnRecord, Row
 
 
 def departures(rows: Sequence[Row], recorded: Mapping[str, OnRecord]) -> list[str]:

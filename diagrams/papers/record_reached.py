@@ -1,10 +1,10 @@
 """Puts computed values on record: `python -m drake_tc.diagrams.papers.record_reached RESULT.json ...`.
 
-RESULT.json is what `drake-tc reproduce ID --json` printed, of one id or of all. In `expected/*.yaml` every judged row,
-and every row under `quoted`, gets the value that was computed as `reached`, to four digits. A `reached_tolerance` that
-a row has stays. A row without one gets 2 % of the value (`--share 0.05`: 5 %), 0.1 % of the expected value at least; a
-whole number, which may be a count, gets 0.1 % of it and never as much as one. Comments, order and everything else of
-the file stay. What the record then contradicts is printed.
+RESULT.json is what `drake-tc reproduce ID --json` printed, of one id or of all. In `PAPER/expected/*.yaml` every
+judged row, and every row under `quoted`, gets the value that was computed as `reached`, to four digits. A
+`reached_tolerance` that a row has stays. A row without one gets 2 % of the value (`--share 0.05`: 5 %), 0.1 % of the
+expected value at least; a whole number, which may be a count, gets 0.1 % of it and never as much as one. Comments,
+order and everything else of the file stay. What the record then contradicts is printed.
 """
 
 import argparse
@@ -14,10 +14,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from drake_tc.diagrams.papers.departures import departures, expected_file
-from drake_tc.diagrams.papers.reproduction import EXPECTED, Row, expectations, on_record
+from drake_tc.diagrams.papers.departures import departures
+from drake_tc.diagrams.papers.expected_values import expectations, expected_file, expected_path, on_record
 
 from drake_tc.errors import ParamsError
+from drake_tc.report.reproduction import Row
 
 SHARE, LEAST_SHARE, LESS_THAN_ONE = 0.02, 1e-3, 0.5
 """Of the value and of the expected value, for the tolerance of a row that has none; at most, of a whole number."""
@@ -71,7 +72,7 @@ def record(result: Mapping[str, Any], share: float = SHARE) -> list[str]:
         ParamsError: see `recorded_text`; a row that is not on a line of its own, with its name in double quotes.
     """
     file = expected_file(result["id"])
-    path = EXPECTED / f"{file}.yaml"
+    path = expected_path(file)
     values = {row["name"]: row["value"] for row in [*result["rows"], *result["others"]]}
     path.write_text(recorded_text(path.read_text("utf-8"), values, share), encoding="utf-8")
     recorded, wanted = on_record(file), expectations(file)

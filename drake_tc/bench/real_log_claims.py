@@ -13,7 +13,7 @@ from typing import Any
 from drake_tc.json_values import json_value
 
 FLOORS = 3.0
-"""Largest ratio of error to noise floor at which nothing is missing (issue text: a calibrated factor of 2 to 3)."""
+"""Largest ratio of error to noise floor at which nothing is missing."""
 
 POSSIBLE: Mapping[tuple[str, str], tuple[float, float]] = {
     ("encoder_eccentricity", "eccentricity_sine"): (-0.1, 0.1),

@@ -50,8 +50,7 @@ def bench_qp(
 
 def humanoid_controller() -> Path:
     """The controller file of the humanoid's first scenario."""
-    from drake_tc.diagrams import __path__ as folders
-    from drake_tc.diagrams.tsid.scenario import load_tsid_scenario
+    from drake_tc.registry import tsid_entry
 
-    scenario = load_tsid_scenario(Path(folders[0]) / "humanoid_tsid.scenario.yaml", "balance")
-    return Path(scenario.path(scenario.controller))
+    scenario = tsid_entry().scenario("balance")
+    return scenario.path(scenario.controller)

@@ -22,7 +22,12 @@ LOWEST_DB = -80.0
 
 
 def bode_command(
-    diagram: Annotated[str, typer.Argument(help="Name of a diagram; a wrong one lists those there are.")],
+    diagram: Annotated[
+        str,
+        typer.Argument(
+            help="Diagram name, or module:attribute of your own. An unknown name prints the available diagrams."
+        ),
+    ],
     input: Annotated[str, typer.Option(help="SYSTEM:PORT or SYSTEM:PORT[i], cut off from what feeds it.")],
     output: Annotated[str, typer.Option(help="SYSTEM:PORT or SYSTEM:PORT[i].")],
     lowest: Annotated[float, typer.Option("--from", help="Lowest frequency [Hz].")] = 0.5,
@@ -49,7 +54,7 @@ def bode_command(
     """
     from drake_tc.analysis.frequency_response import Sweep, channel
     from drake_tc.cli.bode_found import BodeWanted, find
-    from drake_tc.diagrams.registry import runnable
+    from drake_tc.registry import runnable
 
     if not 0.0 < lowest <= highest < np.inf:
         raise ParamsError(f"bode: wanted 0 < --from <= --to [Hz]; got {lowest:g} and {highest:g}")

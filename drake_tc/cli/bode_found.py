@@ -11,7 +11,7 @@ import numpy as np
 from drake_tc.analysis.frequency_response import Channel, FrequencyResponse, Sweep, bandwidth, swept_sine
 from drake_tc.analysis.phase_branch import continuous_phase
 from drake_tc.analysis.sampled import linearise
-from drake_tc.diagrams.runs.settled import period_of, settled_at
+from drake_tc.analysis.settled import settled_at
 from drake_tc.errors import DrakeTcError
 from drake_tc.json_values import json_value
 from drake_tc.types import FloatArray
@@ -99,7 +99,7 @@ def find(wanted: BodeWanted, progress: Callable[[str, float], None]) -> BodeFoun
         wanted.sweep.check(dt)
     progress(f"on its way to t = {wanted.at:g} s", 0.0)
     loop, context = settled_at(wanted.entry, wanted.scenario, wanted.at, wanted.channels)
-    measured = swept_sine(loop.diagram, context, period_of(loop), wanted.channels, wanted.sweep, progress)
+    measured = swept_sine(loop.diagram, context, loop.period, wanted.channels, wanted.sweep, progress)
     notes = _unsteady(measured)
     if not wanted.prediction:
         return BodeFound(measured, None, notes)
@@ -115,7 +115,7 @@ def find(wanted: BodeWanted, progress: Callable[[str, float], None]) -> BodeFoun
     if not stable:
         lasts = max(wanted.sweep.settle, 2.0 / measured.frequency_hz[0])
         lasts += max(wanted.sweep.measure, 2.0 / measured.frequency_hz[0])
-        exponent = np.log(radius) * lasts / period_of(loop)
+        exponent = np.log(radius) * lasts / loop.period
         growth = float(np.exp(min(exponent, 20.0)))
         notes += (
             f"the linearised loop is unstable: spectral radius {radius:.4f}, {growth:.2g} times as large after the"
@@ -142,7 +142,7 @@ def _predicted(wanted: BodeWanted, scenario: Any, frequency_hz: FloatArray) -> t
     """The linearisation's response, and the spectral radius of its loop."""
     into, out = wanted.channels
     loop, context = settled_at(wanted.entry, scenario, wanted.at, wanted.channels)
-    system = linearise(loop.diagram, context, period_of(loop), inputs=(into.port,), outputs=(out.port,))
+    system = linearise(loop.diagram, context, loop.period, inputs=(into.port,), outputs=(out.port,))
 
     def response(hz: FloatArray) -> Any:
         return system.response(2.0 * np.pi * hz)[:, out.index, into.index]

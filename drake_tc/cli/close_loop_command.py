@@ -56,8 +56,8 @@ def close_loop_command(
             "expected at least one --log RUN to fit and one --holdout RUN to judge by; got "
             f"{len(log or [])} and {len(holdout or [])}"
         )
-    from drake_tc.diagrams.before_after.comparison import compare_loops
-    from drake_tc.diagrams.bench.rig_free_run import rig_free_run
+    from drake_tc.analysis.before_after.comparison import compare_loops
+    from drake_tc.loops.joint_bench.rig_free_run import rig_free_run
 
     read = [rig, *(log or []), *(holdout or [])]
     with (

@@ -2,7 +2,7 @@
 
     record_demo(folder, seed) -> rig.yaml, the runs to fit, the runs to judge by
 
-A pendulum on a position servo of high gear ratio, simulated by `drake_tc.diagrams.joint_bench`. The rig file declares
+A pendulum on a position servo of high gear ratio, simulated by `drake_tc.loops.joint_bench`. The rig file declares
 the rotor's inertia, and viscous and Coulomb friction as always; what else the simulated joint has is left out of it
 and has to be found. The seed picks the missing effects and the sensors' noise.
 """
@@ -131,8 +131,8 @@ def record_demo(
 
 def _record_one(name: str, path: Path, seed: int, length: DemoLength) -> None:
     """Simulate one run and write its log."""
-    from drake_tc.diagrams.bench.diagram import Table
-    from drake_tc.diagrams.joint_bench import BenchScenario, record_bench
+    from drake_tc.loops.joint_bench.diagram import Table
+    from drake_tc.loops.joint_bench.recording import BenchScenario, record_bench
 
     excitation = demo_excitation(seed, length)
     motion, push = excitation[name]

@@ -133,11 +133,11 @@ def _errors(
     into: Path | None,
 ) -> list[dict[str, Any]]:
     """RMS errors of the free-running position [rad], by joint and run."""
-    from drake_tc.diagrams.bench.rig_free_run import rig_free_run
     from drake_tc.exchange.mjcf import joints_of
     from drake_tc.exchange.mujoco_run import mujoco_free_run
     from drake_tc.logs.prepare import load_runs
     from drake_tc.logs.rig import load_rig
+    from drake_tc.loops.joint_bench.rig_free_run import rig_free_run
 
     assert rig is not None
     what = load_rig(rig)

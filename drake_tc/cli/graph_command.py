@@ -20,7 +20,12 @@ class GraphFormat(StrEnum):
 
 
 def graph_command(
-    diagram: Annotated[str, typer.Argument(help="Name of a diagram; an unknown one lists those there are.")],
+    diagram: Annotated[
+        str,
+        typer.Argument(
+            help="Diagram name, or module:function of your own. An unknown name prints the available diagrams."
+        ),
+    ],
     format: Annotated[GraphFormat, typer.Option(help="What to write.")] = GraphFormat.svg,
     out: Annotated[Path | None, typer.Option(help="File to write; stdout when left out.")] = None,
     scenario: Annotated[str | None, typer.Option(help="Scenario to build; the diagram's first when left out.")] = None,
@@ -34,7 +39,7 @@ def graph_command(
 
     Logs, signals that only logs read and unconnected ports are left out of pictures without --all; JSON has them all.
     """
-    from drake_tc.diagrams.registry import runnable
+    from drake_tc.registry import runnable
     from drake_tc.report.block_graph.graph import block_graph
 
     entry = runnable(diagram)

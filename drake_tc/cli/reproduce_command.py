@@ -15,7 +15,8 @@ from drake_tc.cli.out_files import Force, result_folder
 from drake_tc.cli.progress import progress_bar
 
 if TYPE_CHECKING:
-    from drake_tc.diagrams.papers.reproduction import Reproduction, TextTable
+    from drake_tc.report.reproduction import Reproduction
+    from drake_tc.text_table import TextTable
 
 
 def reproduce_command(
@@ -26,15 +27,15 @@ def reproduce_command(
     as_json: Annotated[bool, typer.Option("--json", help="Print the rows as JSON.")] = False,
 ) -> None:
     """Compute a table or figure of the papers and say which expected values are met; simulated throughout."""
-    from drake_tc.diagrams.papers.catalogue import REPRODUCTIONS, chosen
+    from drake_tc.registry import reproductions
 
-    ids = chosen(name)
+    known = reproductions(name)
     results, drawn = [], []
-    for id_ in ids:
+    for id_, compute in known.items():
         with ExitStack() as stack:
             folder = stack.enter_context(result_folder(figures, "--figures", force=force)) if figures else None
             progress = stack.enter_context(progress_bar(f"reproduce {id_}", quiet=as_json))
-            result = REPRODUCTIONS[id_](seed, progress)
+            result = compute(seed, progress)
             files = [figures / name for name in _draw(result, folder)] if figures and folder else []
         results.append(result)
         drawn += files

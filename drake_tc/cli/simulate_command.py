@@ -17,7 +17,12 @@ from drake_tc.errors import LogError
 
 
 def simulate_command(
-    diagram: Annotated[str, typer.Argument(help="Name of a diagram; a wrong one lists those there are.")],
+    diagram: Annotated[
+        str,
+        typer.Argument(
+            help="Diagram name, or module:attribute of your own. An unknown name prints the available diagrams."
+        ),
+    ],
     scenario_name: Annotated[str | None, typer.Option(help="Scenario; the file's first when left out.")] = None,
     scenario_file: Annotated[Path | None, typer.Option(help="Scenario file (YAML) of your own.")] = None,
     scenario_text: Annotated[str | None, typer.Option(help="YAML of fields to change: '{gains: {k6: 0.25}}'.")] = None,
@@ -32,7 +37,7 @@ def simulate_command(
     as_json: Annotated[bool, typer.Option("--json", help="Print the summary as JSON.")] = False,
 ) -> None:
     """Simulate a diagram: robot, actuators, sensors, estimator and controller, as its scenario says."""
-    from drake_tc.diagrams.registry import runnable
+    from drake_tc.registry import runnable
 
     if log_format not in ("csv", "parquet", "npz"):
         raise typer.BadParameter(f"wanted csv, parquet or npz, got {log_format!r}", param_hint="--log-format")

@@ -3,8 +3,7 @@
 import json
 import sys
 from collections.abc import Mapping
-from contextlib import nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Annotated, Any
@@ -22,7 +21,7 @@ if TYPE_CHECKING:
     from drake_tc.analysis.margins import Margins
     from drake_tc.analysis.release import Release
     from drake_tc.analysis.sampled import SampledSystem
-    from drake_tc.diagrams.scenarios.scenario import Scenario
+    from drake_tc.loops.diagram_entry import DiagramEntry
 
 SHOWN = 8
 """Eigenvalues that are printed."""
@@ -50,14 +49,21 @@ class _Found:
 
 
 def stability_command(
-    diagram: Annotated[str, typer.Argument(help="Name of a diagram; a wrong one lists those there are.")],
+    diagram: Annotated[
+        str,
+        typer.Argument(
+            help="Diagram name, or module:attribute of your own. An unknown name prints the available diagrams."
+        ),
+    ],
     scenario_name: Annotated[str | None, typer.Option(help="Scenario; the file's first when left out.")] = None,
     scenario_file: Annotated[Path | None, typer.Option(help="Scenario file (YAML) of your own.")] = None,
     scenario_text: Annotated[str | None, typer.Option(help="YAML of fields to change: '{gains: {k6: 0.25}}'.")] = None,
     open_at: Annotated[
         str, typer.Option(help="SYSTEM:PORT or SYSTEM:PORT[i] where the loop is cut.")
     ] = "torque_control:command",
-    joint: Annotated[str | None, typer.Option(help="Joint whose channel is cut; the first when left out.")] = None,
+    joint: Annotated[
+        str | None, typer.Option(help="Joint whose channel is cut, or its number from 0; the first when left out.")
+    ] = None,
     at: Annotated[float, typer.Option(min=0.0, help="Moment of the scenario that is linearised [s].")] = 0.7,
     friction: Annotated[
         str, typer.Option(help="sliding (dry friction constant, dead zone passed) or modelled (as the drives have it).")
@@ -67,46 +73,66 @@ def stability_command(
     as_json: Annotated[bool, typer.Option("--json", help="Print the figures as JSON.")] = False,
 ) -> None:
     """Eigenvalues, margins and verdict of a diagram's loop, at one moment of a scenario, with perfect sensors."""
-    from drake_tc.diagrams.analysed.operating_point import sliding
-    from drake_tc.diagrams.registry import diagram_entry
+    from drake_tc.registry import runnable
 
     if friction not in ("sliding", "modelled"):
         raise typer.BadParameter(f"wanted sliding or modelled, got {friction!r}", param_hint="--friction")
-    scenario = diagram_entry(diagram).scenario(scenario_name, scenario_file, scenario_text)
-    with (
-        progress_bar(f"stability {diagram}", quiet=as_json) as progress,
-        TemporaryDirectory() if friction == "sliding" else nullcontext() as folder,
-    ):
-        if folder is not None:
-            scenario = sliding(scenario, Path(folder), direction)
-        channel, found = _analyse(scenario, open_at, joint, at, seed, progress)
+    entry = runnable(diagram)
+    if entry.kind == "whole_body":
+        raise ParamsError(f"stability: {diagram} stands on contacts, whose linearisation says nothing of its stability")
+    scenario = entry.scenario(scenario_name, scenario_file, scenario_text)
+    with progress_bar(f"stability {diagram}", quiet=as_json) as progress, TemporaryDirectory() as folder:
+        if friction == "sliding":
+            scenario = _in_sliding(entry, scenario, Path(folder), direction)
+        if entry.kind == "torque":
+            scenario = replace(scenario, sensors="perfect")
+        channel, found = _analyse(entry, scenario, open_at, joint, at, seed, progress)
     if as_json:
         print(json.dumps({"diagram": diagram, "at": at, "friction": friction, "open_at": channel, **_to_json(found)}))
         return
     _print(found, channel)
 
 
+def _in_sliding(entry: "DiagramEntry[Any, Any]", scenario: Any, folder: Path, direction: float) -> Any:
+    """The scenario as a linear analysis takes it.
+
+    Raises:
+        ParamsError: a direction, where the drives of the diagram cannot be told to slide in one.
+    """
+    if entry.kind == "torque":
+        from drake_tc.loops.torque.sliding import sliding
+
+        return sliding(scenario, folder, direction)
+    if direction != 0.0:
+        raise ParamsError(f"--direction: expected 0 for {entry.name}; only a torque loop's drives have a direction")
+    return scenario if entry.sliding is None else entry.sliding(scenario, folder)
+
+
 def _analyse(
-    scenario: "Scenario", open_at: str, joint: str | None, at: float, seed: int, progress: Any
+    entry: "DiagramEntry[Any, Any]",
+    scenario: Any,
+    open_at: str,
+    joint: str | None,
+    at: float,
+    seed: int,
+    progress: Any,
 ) -> tuple[str, _Found]:
     from drake_tc.analysis.frequency_response import channel
     from drake_tc.analysis.loop_margins import loop_margins
     from drake_tc.analysis.margins import frequency_grid
     from drake_tc.analysis.release import release
     from drake_tc.analysis.sampled import open_loop
-    from drake_tc.diagrams.analysed.operating_point import settled, speed_states
+    from drake_tc.analysis.settled import settled_at, speed_states
 
     progress("to the operating point", 0.0)
-    loop, context = settled(scenario, at)
-    joints = loop.robot.joints
-    if joint is not None and joint not in joints:
-        raise ParamsError(f"--joint: no joint {joint!r}; joints: {', '.join(joints)}")
+    loop, context = settled_at(entry, scenario, at)
+    place = _channel(loop, joint)
     progress("linearising", 0.15)
     wanted = channel(open_at)
     if joint is not None and open_at != wanted.port:
         raise ParamsError(f"--joint: {open_at} is one channel already; give --joint or an index, not both")
-    cut = open_loop(loop.diagram, context, scenario.dt, wanted.port)
-    index = wanted.index if joint is None else joints.index(joint)
+    cut = open_loop(loop.diagram, context, loop.period, wanted.port)
+    index = wanted.index if joint is None else place
     if index >= len(cut.inputs):
         which = f"element {index}" if joint is None else f"joint {joint!r}"
         raise ParamsError(f"--open-at: {wanted.port} has {len(cut.inputs)} channels, none of {which}")
@@ -114,15 +140,33 @@ def _analyse(
     closed = cut.closed()
     radius = closed.radius_but_for_drift()
     progress("margins", 0.7)
-    grid = frequency_grid(scenario.dt, 0.5, 400)
+    grid = frequency_grid(loop.period, 0.5, 400)
     found = loop_margins(cut, grid=grid) if radius < 1.0 else {}
     progress("simulating the verdict", 0.8)
-    signs = np.random.default_rng(seed).choice([-1.0, 1.0], size=len(joints))
-    kick = {state: KICK * float(sign) for state, sign in zip(speed_states(loop), signs, strict=True)}
-    freed = release(loop.diagram, context, scenario.dt, kick, tuple(kick), 1.0)
+    kicked = speed_states(loop, context)
+    signs = np.random.default_rng(seed).choice([-1.0, 1.0], size=len(kicked))
+    kick = {state: KICK * float(sign) for state, sign in zip(kicked, signs, strict=True)}
+    freed = release(loop.diagram, context, loop.period, kick, tuple(kick), 1.0)
     progress("done", 1.0)
     name = cut.inputs[index]
     return name, _Found(closed, found.get(name), found, freed, radius)
+
+
+def _channel(loop: Any, joint: str | None) -> int:
+    """Which channel of the cut port is meant.
+
+    Raises:
+        ParamsError: a joint that is not there, or no number where the diagram names no joints.
+    """
+    joints = loop.robot.joints if hasattr(loop, "robot") else ()
+    if joint is None:
+        return 0
+    if joint in joints:
+        return int(joints.index(joint))
+    if joint.isdecimal():
+        return int(joint)
+    known = f"joints: {', '.join(joints)}" if joints else "the diagram names none; expected a number from 0"
+    raise ParamsError(f"--joint: no joint {joint!r}; {known}")
 
 
 def _to_json(found: _Found) -> dict[str, Any]:

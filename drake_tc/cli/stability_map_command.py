@@ -16,7 +16,12 @@ from drake_tc.errors import ParamsError
 
 
 def stability_map_command(
-    diagram: Annotated[str, typer.Argument(help="Name of a diagram; a wrong one lists those there are.")],
+    diagram: Annotated[
+        str,
+        typer.Argument(
+            help="Diagram name, or module:attribute of your own. An unknown name prints the available diagrams."
+        ),
+    ],
     joint: Annotated[str, typer.Option(help="Which joint; the others are held. A wrong one lists those there are.")],
     x: Annotated[str, typer.Option(help="NAME=FIRST:LAST:STEP or NAME=A,B,C, such as window=20:160:20.")],
     y: Annotated[str, typer.Option(help="The other one, such as kp=0:4:0.2; a wrong NAME lists those there are.")],
@@ -36,8 +41,8 @@ def stability_map_command(
 ) -> None:
     """Map one joint's stability over two parameters; all else is the scenario's. K6 and K7 stay when Kp changes."""
     from drake_tc.analysis.stability_map import Axis, draw_map, stability_map
-    from drake_tc.diagrams.analysed.joint_loops import joint_loops
-    from drake_tc.diagrams.registry import diagram_entry
+    from drake_tc.analysis.torque_loop.joint_loops import joint_loops
+    from drake_tc.registry import diagram_entry
 
     across, up = Axis.parse(x), Axis.parse(y)
     scenario = diagram_entry(diagram).scenario(scenario_name, scenario_file, scenario_text)

@@ -19,14 +19,19 @@ from drake_tc.cli.workers import tasks_of, worker_executor
 from drake_tc.json_values import json_value
 
 if TYPE_CHECKING:
+    from drake_tc.analysis.torque_loop.tuned import Confirmed
     from drake_tc.analysis.tuning import Tuning
-    from drake_tc.diagrams.analysed.tuned import Confirmed
 
 FILES = ("tuned.yaml", "pareto.svg", "pareto.png")
 
 
 def tune_command(
-    diagram: Annotated[str, typer.Argument(help="Name of a diagram; a wrong one lists those there are.")],
+    diagram: Annotated[
+        str,
+        typer.Argument(
+            help="Diagram name, or module:attribute of your own. An unknown name prints the available diagrams."
+        ),
+    ],
     scenario_name: Annotated[str | None, typer.Option(help="Scenario; the file's first when left out.")] = None,
     scenario_file: Annotated[Path | None, typer.Option(help="Scenario file (YAML) of your own.")] = None,
     scenario_text: Annotated[str | None, typer.Option(help="YAML of fields to change: '{gains: {k6: 0.25}}'.")] = None,
@@ -58,11 +63,11 @@ def tune_command(
     The stiffness K6 stays. Without --margin and --delay-margin, each joint keeps its present margins or better.
     """
     from drake_tc.analysis.settings import default_goals
+    from drake_tc.analysis.torque_loop.tuned import confirm
+    from drake_tc.analysis.torque_loop.tuning_task import joint_tasks
     from drake_tc.analysis.tuning import SearchSpace, tune
-    from drake_tc.diagrams.analysed.tuned import confirm
-    from drake_tc.diagrams.analysed.tuning_task import joint_tasks
-    from drake_tc.diagrams.registry import diagram_entry
-    from drake_tc.diagrams.runs.summary import SETTLED
+    from drake_tc.loops.torque.summary import SETTLED
+    from drake_tc.registry import diagram_entry
 
     if margin is not None and not margin > 1.0:
         raise typer.BadParameter(f"wanted a sensitivity peak above 1, got {margin:g}", param_hint="--margin")
@@ -101,7 +106,7 @@ def _write(found: "Tuning", folder: Path) -> None:
     from matplotlib.figure import Figure
 
     from drake_tc.analysis.pareto_plot import draw_fronts
-    from drake_tc.diagrams.analysed.tuned import tuned_fields
+    from drake_tc.analysis.torque_loop.tuned import tuned_fields
 
     text = yaml.safe_dump(tuned_fields(found), sort_keys=False, default_flow_style=None)
     (folder / FILES[0]).write_text(
@@ -116,7 +121,7 @@ def _write(found: "Tuning", folder: Path) -> None:
 def _plain(found: "Tuning", confirmed: "Confirmed | None") -> dict[str, Any]:
     from dataclasses import asdict
 
-    from drake_tc.diagrams.analysed.tuned import tuned_fields
+    from drake_tc.analysis.torque_loop.tuned import tuned_fields
 
     joints = [
         {

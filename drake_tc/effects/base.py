@@ -274,6 +274,8 @@ class DriveEffect(Effect):
     """
 
     acts_on: ClassVar[Literal["effort", "command"]] = "effort"
+    filters: ClassVar[bool] = False
+    """Whether `transform` is a linear filter of the effort: it then lets less of the effort's white noise through."""
 
     def columns(self, signals: Signals, shape: Shape) -> FloatArray:
         """No torque column: the effect acts through `transform`."""

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from drake_tc.diagrams.bench.free_run import free_run
 from numpy.testing import assert_allclose
 from scipy.integrate import solve_ivp
 
@@ -13,6 +12,7 @@ from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.actuation.position_loop import PositionLoop
 from drake_tc.actuation.recorded_run import Link, Recording, in_plant
 from drake_tc.errors import ParamsError
+from drake_tc.loops.joint_bench.free_run import free_run
 
 PERIOD = 4e-3
 TIME = np.arange(500) * PERIOD

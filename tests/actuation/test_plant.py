@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from drake_tc.diagrams.bench.diagram import make_plant
 from numpy.testing import assert_allclose
 from pydrake.math import RigidTransform
 from pydrake.multibody.parsing import Parser
@@ -24,6 +23,7 @@ from drake_tc.actuation.wiring import (
     joint_inertias,
 )
 from drake_tc.errors import ParamsError
+from drake_tc.loops.joint_bench.diagram import make_plant
 
 RICH = (
     EffectValue("rotor_inertia", {"rotor_inertia": 0.2}),

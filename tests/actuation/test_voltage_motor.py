@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from drake_tc.diagrams.bench.diagram import make_plant
 from numpy.testing import assert_allclose
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
@@ -15,6 +14,7 @@ from drake_tc.actuation.recorded_run import Link
 from drake_tc.actuation.voltage_motor import VoltageMotor
 from drake_tc.actuation.wiring import add_actuators
 from drake_tc.errors import ParamsError
+from drake_tc.loops.joint_bench.diagram import make_plant
 
 MOTOR = VoltageMotor(0.04, 0.05, 0.6, 1.2e-5, 100.0, 3.0, 1.5, 200.0, 24.0)
 

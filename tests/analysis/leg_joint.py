@@ -5,16 +5,16 @@ from pathlib import Path
 
 import numpy as np
 import yaml
-from drake_tc.diagrams.analysed.joint_loops import joint_loops
-from drake_tc.diagrams.analysed.one_joint_loop import one_joint_loop
-from drake_tc.diagrams.analysed.operating_point import sliding
-from drake_tc.diagrams.loop.parts import torque_gains
-from drake_tc.diagrams.registry import diagram_entry
-from drake_tc.diagrams.scenarios.scenario import load_scenario
-from drake_tc.diagrams.torque_loop import build_loop
 from pydrake.systems.analysis import Simulator
 
 from drake_tc.analysis.joint_loop import JointLoop
+from drake_tc.analysis.torque_loop.joint_loops import joint_loops
+from drake_tc.analysis.torque_loop.one_joint_loop import one_joint_loop
+from drake_tc.loops.torque.loop import build_loop
+from drake_tc.loops.torque.parts import torque_gains
+from drake_tc.loops.torque.scenario import Scenario
+from drake_tc.loops.torque.sliding import sliding
+from drake_tc.registry import diagram_entry
 from drake_tc.robot.plant import make_plant
 
 MODELS = Path(__file__).parents[2] / "models" / "hrp2_like"
@@ -54,7 +54,7 @@ def write_scenario(folder, joint, true, model, scenario):
         ("scenario", {"one": scenario}),
     ):
         (folder / f"{name}.yaml").write_text(yaml.safe_dump(document))
-    return load_scenario(folder / "scenario.yaml", "one")
+    return Scenario.load(folder / "scenario.yaml", "one")
 
 
 def started(scenario, until=0.4):

@@ -2,9 +2,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from drake_tc.diagrams.analysed.tuning_task import joint_tasks
-from drake_tc.diagrams.registry import diagram_entry
-from drake_tc.diagrams.runs.running import simulate_scenario
 from matplotlib.figure import Figure
 
 from drake_tc.analysis.joint_loop import JointLoop
@@ -21,9 +18,12 @@ from drake_tc.analysis.settings import (
     with_setting,
 )
 from drake_tc.analysis.sweep import processes
+from drake_tc.analysis.torque_loop.tuning_task import joint_tasks
 from drake_tc.analysis.tracking_error import JointTask, filtered_task, predicted_error, predicted_noise
 from drake_tc.analysis.tuning import SearchSpace, tune
 from drake_tc.errors import ParamsError
+from drake_tc.loops.torque.running import simulate_scenario
+from drake_tc.registry import diagram_entry
 
 from .one_joint import DT, simulate, smooth_step
 

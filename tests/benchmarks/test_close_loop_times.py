@@ -7,10 +7,10 @@ from multiprocessing import get_context
 from pathlib import Path
 
 import pytest
-from drake_tc.diagrams.bench.rig_free_run import rig_free_run
 
 from drake_tc.bench.close_loop_speed import RUNS, command_cost, write_runs
 from drake_tc.diagnosis.run import close_loop
+from drake_tc.loops.joint_bench.rig_free_run import rig_free_run
 
 pytestmark = pytest.mark.benchmark
 

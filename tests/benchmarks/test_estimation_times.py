@@ -7,11 +7,11 @@ import drake_tc.models
 import numpy as np
 import pytest
 
-from drake_tc.estimation.fault_monitor import FaultMonitor
 from drake_tc.estimation.joint_torque import JointTorqueEstimator
 from drake_tc.estimation.momentum_residual import MomentumResidual
 from drake_tc.estimation.torque_model import TorqueModel
 from drake_tc.robot.robot import load_robot
+from drake_tc.sensor_validation.fault_monitor import FaultMonitor
 
 from .machine import slowness
 

@@ -10,9 +10,10 @@ from pathlib import Path
 import drake_tc.diagrams
 import numpy as np
 import pytest
-from drake_tc.diagrams.scenarios.scenario import load_scenario
-from drake_tc.diagrams.torque_loop import build_loop
 from pydrake.systems.analysis import Simulator
+
+from drake_tc.loops.torque.loop import build_loop
+from drake_tc.loops.torque.scenario import Scenario
 
 from .machine import COPIES, TICK, copying
 
@@ -24,7 +25,7 @@ GOAL = 5.0
 
 
 def leg(scenario: str) -> Simulator:
-    loop = build_loop(load_scenario(SCENARIOS, scenario))
+    loop = build_loop(Scenario.load(SCENARIOS, scenario))
     simulator = Simulator(loop.diagram)
     loop.start(simulator.get_mutable_context())
     return simulator

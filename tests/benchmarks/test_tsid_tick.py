@@ -1,8 +1,9 @@
 """What a tick of robust TSID costs, everything included, and the humanoid's diagram: rows are printed (run with -s)."""
 
 import pytest
-from drake_tc.diagrams.registry import tsid_entry
-from drake_tc.diagrams.tsid.timing import tick_timings
+
+from drake_tc.bench.tsid_timing import tick_timings
+from drake_tc.registry import tsid_entry
 
 from .machine import slowness
 

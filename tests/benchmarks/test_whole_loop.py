@@ -11,10 +11,11 @@ from pathlib import Path
 import drake_tc.diagrams
 import numpy as np
 import pytest
-from drake_tc.diagrams.humanoid_tsid import build_tsid
-from drake_tc.diagrams.tsid.scenario import load_tsid_scenario
 from pydrake.systems.analysis import Simulator
 from threadpoolctl import threadpool_limits
+
+from drake_tc.loops.whole_body.loop import build_tsid
+from drake_tc.loops.whole_body.scenario import TsidScenario
 
 from .machine import COPIES, QUIET, TICK, copying
 
@@ -30,7 +31,7 @@ is printed."""
 
 
 def whole_loop(scenario: str) -> Simulator:
-    loop = build_tsid(load_tsid_scenario(SCENARIOS, scenario))
+    loop = build_tsid(TsidScenario.load(SCENARIOS, scenario))
     simulator = Simulator(loop.diagram)
     loop.start(simulator.get_mutable_context())
     return simulator

@@ -10,7 +10,6 @@ import pytest
 import yaml
 from drake_tc.diagrams.blind_leg.cases import ROBOT, leg_case, zeroed_suite
 from drake_tc.diagrams.blind_leg.recorder import random_motion, record_leg
-from drake_tc.diagrams.runs.recording import log_columns, write_log
 
 from drake_tc.cli.main import run
 from drake_tc.estimation.off_line import OffLineFilter, estimate_log
@@ -18,6 +17,8 @@ from drake_tc.estimation.robot_loads import robot_logs
 from drake_tc.filtering.window_choice import Window
 from drake_tc.logs.prepare import load_run
 from drake_tc.logs.rig import load_rig
+from drake_tc.loops.recording import write_log
+from drake_tc.loops.torque.recording import log_columns
 from drake_tc.robot.robot import load_robot
 
 OLD = OffLineFilter(Window(31, 2), Window(31, 2), Window(31, 2))

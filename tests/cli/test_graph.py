@@ -41,9 +41,9 @@ def entry(name):
 
 @pytest.fixture
 def graph(monkeypatch):
-    registry = ModuleType("drake_tc.diagrams.registry")
+    registry = ModuleType("drake_tc.registry")
     registry.runnable = entry
-    monkeypatch.setitem(sys.modules, "drake_tc.diagrams.registry", registry)
+    monkeypatch.setitem(sys.modules, "drake_tc.registry", registry)
     app = typer.Typer()
     app.command("graph")(graph_command)
     return lambda *arguments: CliRunner().invoke(app, [str(a) for a in arguments])

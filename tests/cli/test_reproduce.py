@@ -1,13 +1,15 @@
 """`drake-tc reproduce`: the contract of its JSON, its tables and figures, misses that stay visible, refusals.
 
-Reproductions here are stubs: what they compute is tested in `tests/diagrams/test_papers.py`.
+Reproductions here are stubs: what they compute is tested in `tests/diagrams/papers/test_papers.py`.
 """
 
 import json
 
 import pytest
-from drake_tc.diagrams.papers import catalogue
-from drake_tc.diagrams.papers.reproduction import Expectation, Reproduction, Row, TextTable
+
+from drake_tc import registry
+from drake_tc.report.reproduction import Expectation, Reproduction, Row
+from drake_tc.text_table import TextTable
 
 ROWS = (
     Row("met [1]", 2.5, Expectation("met [1]", 2.0, "min", unit="N", source="Table 9")),
@@ -40,7 +42,8 @@ def asked(monkeypatch):
 
         return reproduce
 
-    monkeypatch.setattr(catalogue, "REPRODUCTIONS", {id_: stub(id_) for id_ in ("X.one", "X.two")})
+    monkeypatch.setattr(registry, "registered", lambda group: {"X.one": "X.one", "X.two": "X.two"})
+    monkeypatch.setattr(registry, "loaded", stub)
     return seeds
 
 
@@ -99,7 +102,8 @@ def test_no_terminal_hides_a_column(invoke, asked, monkeypatch, columns):
     names = [f"a_long_name_of_joint_{i}" for i in range(6)]
     table = TextTable("wide", ("imperfection", *names), (("encoder quantisation", *(f"{i}.125" for i in range(6))),))
     result = Reproduction("X.one", ROWS[:1], (table,))
-    monkeypatch.setattr(catalogue, "REPRODUCTIONS", {"X.one": lambda seed, progress: result})
+    monkeypatch.setattr(registry, "registered", lambda group: {"X.one": ""})
+    monkeypatch.setattr(registry, "loaded", lambda text: lambda seed, progress: result)
     monkeypatch.setenv("COLUMNS", str(columns))
     out = invoke("reproduce", "X.one").out
     assert max(map(len, out.splitlines())) <= columns

@@ -174,9 +174,9 @@ def test_a_run_too_short_for_torques_is_still_written(invoke, tmp_path, duration
 
 
 def test_a_scenario_file_of_ones_own(invoke, tmp_path):
-    from drake_tc.diagrams.registry import DIAGRAMS
+    from drake_tc.registry import diagrams
 
-    robot = (DIAGRAMS["hrp2_leg"].scenario_file.parent / "../models/hrp2_like/hrp2_like_leg.yaml").resolve()
+    robot = (diagrams()["hrp2_leg"].scenario_file.parent / "../models/hrp2_like/hrp2_like_leg.yaml").resolve()
     path = tmp_path / "own.yaml"
     path.write_text(
         f"first: {{robot: {robot}, duration: 0.1, controller: servo}}\nsecond: {{extends: first, duration: 0.3}}"

@@ -5,9 +5,9 @@ import json
 import numpy as np
 import pytest
 import yaml
-from drake_tc.diagrams.registry import diagram_entry
 
 from drake_tc.analysis import tuning
+from drake_tc.registry import diagram_entry
 
 SHORT = ("--scenario-text", "{duration: 0.8}")
 BRISK = ("--scenario-name", "brisk_swing", *SHORT, "--begin", "0.28", "--workers", "1")

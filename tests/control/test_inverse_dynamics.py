@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from drake_tc.diagrams.loop.rigid_torque import rigid_torque
 from numpy.testing import assert_allclose
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource
@@ -11,6 +10,7 @@ from drake_tc.control.dynamics_terms import DynamicsTerms
 from drake_tc.control.gains import TorqueGains
 from drake_tc.control.inverse_dynamics import TERMS, InverseDynamics
 from drake_tc.errors import ParamsError
+from drake_tc.loops.torque.rigid_torque import rigid_torque
 
 from .robots import dynamics, pendulum
 

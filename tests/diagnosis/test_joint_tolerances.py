@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from drake_tc.diagrams.bench.rig_free_run import rig_free_run
 from numpy.testing import assert_allclose
 
 from drake_tc.bench.interval_coverage import friction_intervals
@@ -24,6 +23,7 @@ from drake_tc.diagnosis.result.widening import parameters_of
 from drake_tc.diagnosis.run import close_loop
 from drake_tc.effects.library import effect
 from drake_tc.logs.rig import Rig, parse_rig
+from drake_tc.loops.joint_bench.rig_free_run import rig_free_run
 
 from . import pendulum_rig
 from .log_files import write_logs

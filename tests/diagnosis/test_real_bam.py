@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from drake_tc.diagrams.bench.rig_free_run import rig_free_run
 from numpy.testing import assert_allclose
 from readme_quotes_real import differing_cells
 
@@ -22,6 +21,7 @@ from drake_tc.logs.importers.bam import JOINT, convert
 from drake_tc.logs.prepare import load_runs
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig, load_rig
+from drake_tc.loops.joint_bench.rig_free_run import rig_free_run
 
 FAST, SLOW = "sin_time_square", "up_and_down"
 

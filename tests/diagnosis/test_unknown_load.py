@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from drake_tc.diagrams.bench.rig_free_run import rig_free_run
 from numpy.testing import assert_allclose
 
 from drake_tc.diagnosis.data.preparation import build_samples
@@ -24,6 +23,7 @@ from drake_tc.errors import IdentificationError
 from drake_tc.logs.importers import dfki, tmotor, uart_backlash
 from drake_tc.logs.prepare import load_runs
 from drake_tc.logs.rig import Rig, load_rig, save_rig
+from drake_tc.loops.joint_bench.rig_free_run import rig_free_run
 
 from . import pendulum_rig
 from .pendulum_rig import JOINT, Swing, rig_of, runs_of

@@ -5,20 +5,20 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from drake_tc.diagrams.humanoid_tsid import build_tsid
-from drake_tc.diagrams.scenarios.files import scenario_names
-from drake_tc.diagrams.tsid.base_estimation import estimator_spec
-from drake_tc.diagrams.tsid.chain_specs import BaseEstimationSpec, SpringDrivesSpec
-from drake_tc.diagrams.tsid.ground import touching_points
-from drake_tc.diagrams.tsid.link_position import LinkPosition, spring_times
-from drake_tc.diagrams.tsid.running import simulate_tsid
-from drake_tc.diagrams.tsid.scenario import SpanSpec, TsidScenario, load_tsid_scenario
-from drake_tc.diagrams.tsid.senses import Wiring
 from numpy.testing import assert_allclose
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
 from drake_tc.errors import ParamsError
+from drake_tc.estimation.link_position import LinkPosition, spring_times
+from drake_tc.loops.scenarios.files import scenario_names
+from drake_tc.loops.whole_body.base_estimation import estimator_spec
+from drake_tc.loops.whole_body.chain_specs import BaseEstimationSpec, SpringDrivesSpec
+from drake_tc.loops.whole_body.ground import touching_points
+from drake_tc.loops.whole_body.loop import build_tsid
+from drake_tc.loops.whole_body.running import simulate_tsid
+from drake_tc.loops.whole_body.scenario import SpanSpec, TsidScenario
+from drake_tc.loops.whole_body.sensors import WholeBodyBuilder
 from drake_tc.tsid.law import Status
 
 FILE = Path(__file__).resolve().parents[2] / "diagrams" / "coman.scenario.yaml"
@@ -26,7 +26,7 @@ BASE = slice(4, 7)
 
 
 def scenario(name, text=None):
-    return load_tsid_scenario(FILE, name, text)
+    return TsidScenario.load(FILE, name, text)
 
 
 def base_errors(recording, since=0.3):
@@ -121,21 +121,21 @@ def test_a_contact_that_is_lifted_is_held_off():
 def test_the_estimators_soles_are_those_that_touch():
     given = scenario("stand")
     loop = build_tsid(given)
-    spec = estimator_spec(Wiring(DiagramBuilder(), given, loop.law, loop.plant, {}))
+    spec = estimator_spec(WholeBodyBuilder(DiagramBuilder(), given, loop.plant, loop.period, law=loop.law))
     for contact, mine in zip(loop.law.model.contacts, spec.contacts, strict=True):
         points = touching_points(contact, given.ground)[:, :2]
         corners = np.array(mine.polygon)
         assert_allclose([corners.min(axis=0), corners.max(axis=0)], [points.min(axis=0), points.max(axis=0)])
         assert mine.mount.link == contact.frame.link
     assert [contact.sensor for contact in spec.contacts] == ["right_ankle", "left_ankle"]
-    assert spec.imu_age == loop.law.period  # a tick late, as `add_senses` has it
+    assert spec.imu_age == loop.law.period  # a tick late, as `add_whole_body_sensors` has it
 
 
 def test_the_estimator_is_told_what_the_maker_knows():
     late = "{preset: realistic, gyro: {latency: 0.003}, accel: {latency: 0.003}}"
     given = scenario("stand", f"{{sensors: {late}, estimator: {{sole_stiffness: 2.0e+5}}}}")
     loop = build_tsid(given)
-    spec = estimator_spec(Wiring(DiagramBuilder(), given, loop.law, loop.plant, {}))
+    spec = estimator_spec(WholeBodyBuilder(DiagramBuilder(), given, loop.plant, loop.period, law=loop.law))
     assert spec.imu_age == 0.003
     assert [contact.sole_stiffness for contact in spec.contacts] == [2e5, 2e5]
     assert [contact.sole_points for contact in spec.contacts] == [given.ground.sole.points] * 2

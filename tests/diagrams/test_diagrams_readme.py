@@ -5,12 +5,12 @@ from dataclasses import fields
 from pathlib import Path
 
 import pytest
-from drake_tc.diagrams.registry import DIAGRAMS
-from drake_tc.diagrams.scenarios import scenario as data
 
 from drake_tc.control.torque_control import CompensationSpec
 from drake_tc.estimation.delay_predictor import PredictorSpec
 from drake_tc.estimation.disturbance_observer import ObserverSpec
+from drake_tc.loops.torque import scenario as data
+from drake_tc.registry import diagrams
 from drake_tc.sensing.fault import SensorFault
 from drake_tc.sensing.spec import SensorSpec
 from drake_tc.sensing.suite import SensorSuiteSpec
@@ -51,7 +51,7 @@ def test_what_a_sensor_may_do_is_described():
 
 
 def test_every_diagram_is_listed():
-    assert all(f"`{name}`" in PAGE for name in DIAGRAMS)
+    assert all(f"`{name}`" in PAGE for name in diagrams())
 
 
 def test_the_defaults_in_the_table_are_those_of_the_code():

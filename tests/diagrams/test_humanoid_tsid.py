@@ -6,29 +6,21 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from drake_tc.diagrams.humanoid_tsid import build_tsid
-from drake_tc.diagrams.registry import DIAGRAMS, runnable, tsid_entry
-from drake_tc.diagrams.tsid.floor_bench import cone_miss
-from drake_tc.diagrams.tsid.running import run_tsid, simulate_tsid
-from drake_tc.diagrams.tsid.scenario import (
-    DrivesSpec,
-    GroundSpec,
-    KnotSpec,
-    SpanSpec,
-    TorqueErrorSpec,
-    TsidScenario,
-    load_tsid_scenario,
-)
-from drake_tc.diagrams.tsid.summary import summarise_tsid, task_errors, write_tsid
-from drake_tc.diagrams.tsid.timing import FORMS
-from drake_tc.diagrams.tsid.torque_noise import TorqueNoise
-from drake_tc.diagrams.tsid.violations import contact_wrenches, worst_misses
 from numpy.testing import assert_allclose, assert_array_equal
 from optional import skip_without_robots
 
+from drake_tc.bench.floor_contact import cone_miss
+from drake_tc.bench.tsid_timing import FORMS
 from drake_tc.cli.main import run
 from drake_tc.errors import ParamsError
 from drake_tc.logs.readers import read_table
+from drake_tc.loops.whole_body.loop import build_tsid
+from drake_tc.loops.whole_body.running import run_tsid, simulate_tsid
+from drake_tc.loops.whole_body.scenario import DrivesSpec, GroundSpec, KnotSpec, SpanSpec, TorqueErrorSpec, TsidScenario
+from drake_tc.loops.whole_body.summary import summarise_tsid, task_errors, write_tsid
+from drake_tc.loops.whole_body.torque_noise import TorqueNoise
+from drake_tc.loops.whole_body.violations import contact_wrenches, worst_misses
+from drake_tc.registry import diagrams, runnable, tsid_entry
 from drake_tc.robot.plant import joint_limits, make_plant
 from drake_tc.robot.rotors import file_rotors
 from drake_tc.tsid.law import Status
@@ -60,7 +52,7 @@ def truth(moved):
 
 def of_other_robot(name, text):
     skip_without_robots()
-    return simulate_tsid(load_tsid_scenario(OTHERS, name, text))
+    return simulate_tsid(TsidScenario.load(OTHERS, name, text))
 
 
 @pytest.mark.parametrize("name", tsid_entry().scenarios())
@@ -294,7 +286,7 @@ def test_what_cannot_be_simulated_is_refused(text, message):
 
 def test_registry_knows_which_diagram_is_which():
     assert runnable("humanoid_tsid") is tsid_entry("humanoid_tsid")
-    assert runnable("hrp2_leg") is DIAGRAMS["hrp2_leg"]
+    assert runnable("hrp2_leg") is diagrams()["hrp2_leg"]
     with pytest.raises(ParamsError, match="no diagram 'dog'; diagrams: hrp2_leg, hrp2_leg_contact, humanoid_tsid"):
         runnable("dog")
 
@@ -313,7 +305,7 @@ def test_summary_and_log(moved, tmp_path):
 
 
 def test_the_readme_has_every_field_of_a_scenario():
-    page = (ROOT / "diagrams" / "tsid" / "README.md").read_text("utf-8")
+    page = (ROOT / "diagrams" / "humanoid_tsid.md").read_text("utf-8")
     kinds = (TsidScenario, GroundSpec, DrivesSpec, KnotSpec, SpanSpec, TorqueErrorSpec)
     wanted = {field.name for kind in kinds for field in fields(kind)}
     assert {name for name in wanted if f"`{name}`" not in page and f"{name}:" not in page} == set()

@@ -5,9 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from drake_tc.diagrams.runs.running import simulate_scenario
-from drake_tc.diagrams.scenarios.scenario import load_scenario
 from optional import skip_without_robots
+
+from drake_tc.loops.torque.running import simulate_scenario
+from drake_tc.loops.torque.scenario import Scenario
 
 ROOT = Path(__file__).resolve().parents[2]
 OTHERS = ROOT / "diagrams" / "other_robots.scenario.yaml"
@@ -36,7 +37,7 @@ WHOLE = {
 
 def both(path, name, text=None):
     """Recordings under the servo and in torque control."""
-    scenario = load_scenario(path, name, text)
+    scenario = Scenario.load(path, name, text)
     return simulate_scenario(scenario.changed(controller="servo")), simulate_scenario(scenario)
 
 
@@ -84,5 +85,5 @@ def test_a_whole_robot_of_thirty_joints_with_four_force_torque_sensors(whole):
 
 
 def test_joint_states_are_recorded_in_the_order_of_the_robots_joints(whole):
-    recording = simulate_scenario(load_scenario(whole, "gymnastics", "{duration: 0.02, tare: 0.0, controller: servo}"))
+    recording = simulate_scenario(Scenario.load(whole, "gymnastics", "{duration: 0.02, tare: 0.0, controller: servo}"))
     np.testing.assert_allclose(recording.position, recording["encoder"], atol=1e-4)  # ten times the encoders' noise

@@ -13,8 +13,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-from drake_tc.diagrams.bench.diagram import Table
-from drake_tc.diagrams.joint_bench import BenchScenario, record_bench
 from numpy.testing import assert_allclose
 
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
@@ -26,6 +24,8 @@ from drake_tc.diagnosis.selection.joint import best_shape, refine
 from drake_tc.effects.base import DriveKind, plain_signals
 from drake_tc.effects.library import LIBRARY, SPECIAL, effect
 from drake_tc.logs.rig import parse_rig
+from drake_tc.loops.joint_bench.diagram import Table
+from drake_tc.loops.joint_bench.recording import BenchScenario, record_bench
 
 INERTIA, VISCOUS, COULOMB = 0.3, 6.0, 3.0
 GAIN: Mapping[DriveKind, float] = {"position_servo": 2e-3, "current": 0.08, "voltage": 0.4}

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from drake_tc.diagrams.joint_bench import record_bench
 from numpy.testing import assert_allclose
 
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
@@ -14,6 +13,7 @@ from drake_tc.diagnosis.problem.regression import fit
 from drake_tc.effects.library import effect
 from drake_tc.errors import RigError
 from drake_tc.logs.rig import parse_rig, rig_document
+from drake_tc.loops.joint_bench.recording import record_bench
 
 from .test_identify_back import BENCH, COULOMB, GAIN, INERTIA, VISCOUS, motion
 

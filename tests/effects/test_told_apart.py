@@ -8,7 +8,6 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import pytest
-from drake_tc.diagrams.joint_bench import record_bench
 
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.diagnosis.data.preparation import build_samples, context_of
@@ -17,6 +16,7 @@ from drake_tc.diagnosis.problem.regression import fit
 from drake_tc.diagnosis.selection.joint import best_shape, refine
 from drake_tc.effects.library import effect
 from drake_tc.logs.rig import parse_rig
+from drake_tc.loops.joint_bench.recording import record_bench
 
 from .test_identify_back import BENCH, COULOMB, GAIN, INERTIA, VISCOUS, motion
 

@@ -2,14 +2,14 @@
 
 import numpy as np
 import pytest
-from drake_tc.diagrams.registry import diagram_entry
-from drake_tc.diagrams.runs.recording import Recording
-from drake_tc.diagrams.runs.running import simulate_scenario
 from numpy.testing import assert_allclose
 
 from drake_tc.errors import LogError, ParamsError
 from drake_tc.estimation.off_line import OffLineFilter, SensorLog, estimate_log, wrench_bias
 from drake_tc.estimation.torque_model import TorqueModel
+from drake_tc.loops.torque.recording import TorqueRecording
+from drake_tc.loops.torque.running import simulate_scenario
+from drake_tc.registry import diagram_entry
 
 from .machines import Truth, random_robot
 
@@ -76,7 +76,7 @@ def test_a_bias_is_found_and_taken_off(tree):
 
 
 @pytest.fixture(scope="module")
-def swing() -> Recording:
+def swing() -> TorqueRecording:
     """A fast motion of the leg under the servo, perfect sensors, with the plant's own reaction torques."""
     text = "{sensors: perfect, log_truth: true, duration: 1.7}"
     return simulate_scenario(diagram_entry("hrp2_leg").scenario("stairs_swing_servo", text=text))

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from drake_tc.diagrams.bench.rig_free_run import rig_free_run
 
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.actuation.recorded_run import Link
@@ -10,6 +9,7 @@ from drake_tc.exchange.mujoco_run import mujoco_free_run, simulate
 from drake_tc.exchange.projection import Terms, project
 from drake_tc.exchange.targets import TARGETS
 from drake_tc.logs.rig import parse_rig
+from drake_tc.loops.joint_bench.rig_free_run import rig_free_run
 
 pytest.importorskip("mujoco")
 
@@ -81,8 +81,9 @@ def model(*more: EffectValue) -> ActuatorModel:
 @pytest.fixture(scope="module")
 def recorded():
     """A rig and a run of the simulated bench with that model."""
-    from drake_tc.diagrams.bench.diagram import Table
     from drake_tc.diagrams.joint_bench import BenchScenario, record_bench
+
+    from drake_tc.loops.joint_bench.diagram import Table
 
     time = np.arange(4000) * 1e-3
     command = 0.6 * np.sin(2.0 * time) + 0.1 * np.sin(5.0 * time)

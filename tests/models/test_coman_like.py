@@ -6,9 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from drake_tc.diagrams.tsid.running import simulate_tsid
-from drake_tc.diagrams.tsid.scenario import KnotSpec, TsidScenario
-from drake_tc.diagrams.tsid.summary import task_errors
 from numpy.testing import assert_allclose
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import BodyIndex
@@ -18,6 +15,9 @@ from pydrake.systems.primitives import ConstantVectorSource
 
 from drake_tc.actuation.model_file import load_models
 from drake_tc.actuation.wiring import add_actuators
+from drake_tc.loops.whole_body.running import simulate_tsid
+from drake_tc.loops.whole_body.scenario import KnotSpec, TsidScenario
+from drake_tc.loops.whole_body.summary import task_errors
 from drake_tc.robot.plant import add_robot, joint_limits, make_plant
 from drake_tc.robot.robot import load_robot
 from drake_tc.tsid.configuration import load_law

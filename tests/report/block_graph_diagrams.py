@@ -3,7 +3,6 @@
 import re
 
 import numpy as np
-from drake_tc.diagrams.bench.diagram import Rates, Table, build_bench
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import RevoluteJoint, SpatialInertia, UnitInertia
@@ -21,6 +20,7 @@ from pydrake.trajectories import PiecewisePolynomial
 
 from drake_tc.actuation.model import ActuatorModel, Drive
 from drake_tc.actuation.recorded_run import Link
+from drake_tc.loops.joint_bench.diagram import Rates, Table, build_bench
 
 ODD = 'a "b" <c>|{d} \\e; %% --> ]) end é 関節 #35;'
 N = 3
@@ -93,7 +93,7 @@ def torque_loop():
         ),
         "monitor": staged(
             "FaultMonitor",
-            "estimation.fault_monitor",
+            "sensor_validation.fault_monitor",
             {"encoder": N, "imu": 3, "gyro": 3, "unknown_wrench": 6},
             {"fault": 1, "flags": 5},
             held=("fault", "flags"),

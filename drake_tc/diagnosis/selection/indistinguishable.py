@@ -65,5 +65,10 @@ def _same(chosen: Fit, other: Fit) -> bool:
 
 
 def _within_resolution(chosen: Fit, other: Fit, floor: float) -> bool:
-    """Whether the chosen fit explains too little more than the other to count as an improvement."""
-    return other.cv_rms**2 - chosen.cv_rms**2 < (JOINT.least_removed * floor) ** 2
+    """Whether the chosen fit explains too little more than the other to count as an improvement.
+
+    With the noise that a lag takes out of the effort charged to it (`Columns.noise_ratio`) or without: how much of the
+    residual is such noise is known roughly, and an order that rests on it tells nothing.
+    """
+    errors = (chosen.cv_rms, other.cv_rms), (chosen.rms, other.rms)
+    return any(worse**2 - better**2 < (JOINT.least_removed * floor) ** 2 for better, worse in errors)

@@ -9,7 +9,7 @@ import numpy as np
 from drake_tc.diagnosis.problem.columns import Columns, Term
 from drake_tc.diagnosis.problem.regression import Fit, fit, score
 from drake_tc.diagnosis.problem.sensor_errors import expected_errors
-from drake_tc.diagnosis.selection.comparison import better_share, effective_samples
+from drake_tc.diagnosis.selection.comparison import better_share, effective_samples, effective_samples_for
 from drake_tc.diagnosis.selection.engine import Progress, Proposal, Selection, select
 from drake_tc.diagnosis.selection.lag_or_noise import NOISE, is_noise
 from drake_tc.diagnosis.selection.plausible_values import objection_to_values
@@ -136,9 +136,16 @@ class JointProblem:
         """The same as a number."""
         return fitted.cv_rms
 
-    def effective(self, fitted: Fit) -> FloatArray:
-        """(1,) independent samples in the residual."""
-        return np.array([effective_samples(fitted.residual, self.columns.samples)])
+    def effective(self, small: Fit, large: Fit) -> FloatArray:
+        """(1,) independent samples in the residual; where the links are fitted, those that tell what is added.
+
+        What the residual of fitted links has beside noise is slow: links and effects not yet found. It hides a constant
+        or a spring, but no ripple.
+        """
+        samples = self.columns.samples
+        if samples.link_prior is None:
+            return np.array([effective_samples(large.residual, samples)])
+        return np.array([effective_samples_for(small.residual - large.residual, large.residual, samples)])
 
     def size(self, fitted: Fit) -> int:
         """Number of parameters, shapes included."""

@@ -10,6 +10,7 @@ from drake_tc.report.block_graph.data import STAGES
 
 BY_CLASS: Mapping[str, str] = {
     "FaultMonitor": "supervision",
+    "StoppingReference": "reference",
     "TrajectorySource": "reference",
     "VectorLogSink": "logging",
     "SceneGraph": "plant",
@@ -20,6 +21,7 @@ BY_MODULE: Mapping[str, str] = {
     "drake_tc.actuation": "actuation",
     "drake_tc.sensing": "sensing",
     "drake_tc.filtering": "filtering",
+    "drake_tc.sensor_validation": "sensing",
     "drake_tc.estimation": "estimation",
     "pydrake.multibody.plant": "plant",
     "pydrake.systems.sensors": "sensing",

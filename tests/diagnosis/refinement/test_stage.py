@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from drake_tc.diagrams.bench.rig_free_run import rig_free_run
 from numpy.testing import assert_allclose
 
 from drake_tc.actuation.model_file import load_models
@@ -29,6 +28,7 @@ from drake_tc.diagnosis.run import close_loop
 from drake_tc.diagnosis.thresholds import JOINT as THRESHOLDS
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import save_rig
+from drake_tc.loops.joint_bench.rig_free_run import rig_free_run
 from drake_tc.report.refinement_section import refinement_section, refinement_sentence
 
 from ..stick_slip import JOINT, Servo, rig_of, runs_of

@@ -1,6 +1,7 @@
 """What the data cannot tell apart is listed; what merely contains the chosen effect is not."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -119,3 +120,10 @@ def test_a_delay_and_a_lag_are_told_apart_by_half_a_noise_floor(chosen, other, l
     effects = (terms[other].effect,)
     pairs = module.indistinguishable(p.columns, Search(p.baseline, large), p.context, floor_of(p), effects)
     assert pairs == (((chosen, other),) if listed else ())
+
+
+@pytest.mark.parametrize(("corrected", "plain", "tie"), [(1.3, 0.95, True), (1.05, 1.3, True), (1.3, 1.3, False)])
+def test_a_lag_and_a_delay_tie_where_their_order_rests_on_the_noise_of_the_effort(corrected, plain, tie):
+    """The chosen one leaves 1 with the noise charged and without; half a noise floor of 1 more makes 1.118."""
+    chosen, other = (SimpleNamespace(cv_rms=c, rms=r) for c, r in ((1.0, 1.0), (corrected, plain)))
+    assert module._within_resolution(chosen, other, 1.0) is tie

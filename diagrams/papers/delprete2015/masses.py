@@ -1,0 +1,168 @@
+"""Paper B, test 5: the reach of test 3 with controllers whose link masses are wrong, over a hundred of them."""
+
+import os
+from concurrent.futures import Executor
+from dataclasses import dataclass, replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from xml.etree import ElementTree
+
+import numpy as np
+from drake_tc.diagrams.papers.delprete2015.judge import MISSED, judge, miss, wilson
+from drake_tc.diagrams.papers.delprete2015.reach import GOAL, reach_scene
+from drake_tc.diagrams.papers.delprete2015.setup import (
+    CLASSIC,
+    INDIVIDUAL,
+    SETTING,
+    W_REACH,
+    Way,
+    make_model,
+    robot,
+    torque_error,
+)
+from drake_tc.diagrams.papers.delprete2015.simulation import Moment, follow
+from drake_tc.diagrams.papers.expected_values import expectations
+
+from drake_tc.analysis.sweep import processes, sweep
+from drake_tc.report.reproduction import Progress, Reproduction, judged
+from drake_tc.text_table import TextTable
+from drake_tc.tsid.limits.capture_point import CapturePointLimit
+from drake_tc.tsid.model import TsidModel
+
+MODELS = 100
+LEAST, MOST = 0.97, 1.03
+"""Factors on the link masses."""
+EVERY = 20
+"""Ticks between those at which p is computed."""
+COMPARED = (CLASSIC, INDIVIDUAL)
+CAPTURE = CapturePointLimit.group
+NOTES = (
+    SETTING,
+    "The motion of B.test3. The controller has the wrong masses, the robot the right ones; limits are judged with the"
+    " robot's, without any torque error: missed means by more than 1e-6 standard deviations.",
+)
+
+
+@dataclass(frozen=True)
+class Run:
+    """One controller with wrong masses on the robot as it is.
+
+    Attributes:
+        p: Mean probability to keep the limits [-].
+        missed: Share of the states at which a limit was missed without any torque error [-].
+        others: The same, the capture point's bound not counted [-].
+        worst: The largest miss [sigma].
+        beyond: The largest miss of the capture point's bound [m]; negative inside.
+        unsolved: States at which the controller found no solution.
+    """
+
+    p: float
+    missed: float
+    others: float
+    worst: float
+    beyond: float
+    unsolved: int
+
+
+def corrupted(seed: int) -> TsidModel:
+    """The robot with each link's mass multiplied by a number from U(0.97, 1.03); inertias as they were."""
+    machine = robot()
+    rng = np.random.default_rng(seed)
+    tree = ElementTree.parse(machine.urdf)
+    for mass in tree.getroot().iterfind("link/inertial/mass"):
+        mass.set("value", repr(float(mass.get("value", "0")) * float(rng.uniform(LEAST, MOST))))
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / machine.urdf.name
+        tree.write(path)
+        found: TsidModel = make_model(replace(machine, urdf=path))
+    return found
+
+
+def run(way: Way, model: TsidModel | None, seed: int = 0, duration: float = GOAL.duration) -> Run:
+    """The reach with this model in the controller; None for the right one."""
+    error = torque_error()
+    misses: list[tuple[float, float, float]] = []
+
+    def passing(moment: Moment) -> Moment:
+        polytope = moment.truth.polytope
+        edges = polytope.group(CAPTURE)
+        misses.append((miss(moment, error), miss(moment, error, without=CAPTURE), edges.violation(moment.torque)))
+        return moment
+
+    truth = reach_scene()
+    scene = truth if model is None else reach_scene(model)
+    moments = follow(scene, way, W_REACH, error, duration, truth=None if model is None else truth)
+    found = judge(map(passing, moments), error, seed, every=EVERY, groups=False)
+    every, others, beyond = np.array(misses).T
+    shares = float(np.mean(every > MISSED)), float(np.mean(others > MISSED))
+    unsolved = int(np.count_nonzero(~found.solved))
+    return Run(float(found.p.mean()), *shares, float(every.max()), float(beyond.max()), unsolved)
+
+
+def point(number: int, seed: int) -> tuple[Run, ...]:
+    """Both ways with the same wrong model, for `sweep`; the seed is the model's."""
+    model = corrupted(seed)
+    return tuple(run(way, model) for way in COMPARED)
+
+
+def wrong_masses(seed: int = 0, progress: Progress | None = None, executor: Executor | None = None) -> Reproduction:
+    """B.test5: shares of the controllers that miss a limit; through any Executor, else all processors here."""
+    if executor is None:
+        with processes(os.cpu_count() or 1) as pool:
+            return wrong_masses(seed, progress, pool)
+    perfect = [run(way, None) for way in COMPARED]
+    found: list[tuple[Run, ...]] = sweep(point, range(MODELS), executor=executor, seed=seed, progress=progress)
+    values: dict[str, float] = {}
+    lines = []
+    for number, way in enumerate(COMPARED):
+        runs = [pair[number] for pair in found]
+        hits = sum(one.missed > 0.0 for one in runs)
+        values[f"controllers that miss a limit, {way.name}"] = 100.0 * hits / len(runs)
+        values[f"states with a missed limit, {way.name}"] = 100.0 * float(np.mean([one.missed for one in runs]))
+        others = sum(one.others > 0.0 for one in runs)
+        values[f"controllers that miss another limit than the capture point's, {way.name}"] = 100.0 * others / len(runs)
+        values[f"capture point beyond its bound, {way.name}"] = 1e3 * max(0.0, *(one.beyond for one in runs))
+        values[f"mean p, {way.name}"] = 100.0 * float(np.mean([one.p for one in runs]))
+        values[f"least p, {way.name}"] = 100.0 * min(one.p for one in runs)
+        lines.append(
+            (
+                way.name,
+                _share(hits, len(runs)),
+                f"{values[f'states with a missed limit, {way.name}']:.2f}",
+                _share(others, len(runs)),
+                f"{values[f'capture point beyond its bound, {way.name}']:.2f}",
+                f"{values[f'mean p, {way.name}']:.1f}",
+                f"{100.0 * perfect[number].p:.1f}",
+                f"{sum(one.unsolved > 0 for one in runs)}",
+            )
+        )
+    for name in (
+        "controllers that miss a limit",
+        "states with a missed limit",
+        "controllers that miss another limit than the capture point's",
+        "mean p",
+    ):
+        classic, robust = (values[f"{name}, {way.name}"] for way in COMPARED)
+        values[f"p_ind over classic, {name}"] = robust / max(classic, 1e-9)
+    headings = (
+        "",
+        "miss a limit [%]",
+        "states [%]",
+        "miss another than the capture point's [%]",
+        "capture point off by [mm]",
+        "mean p [%]",
+        "p, right masses [%]",
+        "unsolved",
+    )
+    table = TextTable(
+        f"{MODELS} controllers with masses x U({LEAST}, {MOST})",
+        headings,
+        tuple(lines),
+    )
+    return Reproduction("B.test5", judged(values, expectations("b_test5")), (table,), NOTES)
+
+
+def _share(hits: int, runs: int) -> str:
+    """In percent, with Wilson's interval."""
+    low, high = wilson(hits, runs)
+    return f"{100.0 * hits / runs:.0f} [{100.0 * low:.0f}, {100.0 * high:.0f}]"

@@ -1,0 +1,283 @@
+"""Paper C's whole loop with sensors that fail: standing, in the 1 Hz turn, and a contact lost without notice."""
+
+import os
+from collections.abc import Mapping
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from drake_tc.diagrams.papers.expected_values import expectations
+
+from drake_tc.analysis.sweep import processes, sweep
+from drake_tc.loops.whole_body.running import TsidRecording, simulate_tsid
+from drake_tc.loops.whole_body.scenario import TsidScenario
+from drake_tc.report.reproduction import Progress, Reproduction, judged
+from drake_tc.robot.plant import joint_limits
+from drake_tc.sensing.fault import SensorFault
+from drake_tc.text_table import TextTable
+from drake_tc.tsid.law import Status
+from drake_tc.types import FloatArray
+
+SCENARIOS = Path(__file__).parents[2] / "coman.scenario.yaml"
+FILE = "c_faults"
+AFTER = 2.0
+"""How long a run goes on after a fault's start [s]."""
+STARTS = {"stand": 0.6, "turn_1hz": 1.0, "one_foot": 2.0}
+"""When sensors fail, by scenario [s]: the trunk is at its fastest then, and the foot leaves the floor."""
+FLAGGED_WITHIN = 0.05
+"""A fault should be flagged this soon [s]."""
+KNEE, FZ, YAW, FORWARDS = 3, 2, 2, 3
+"""Channels: a knee's encoder, the right ankle's load, the gyro's yaw rate, the accelerometer forwards."""
+NOTES = (
+    "Simulated: models/coman_like as in C.turn1hz; a sensor fails and the run goes on for 2 s. All channels fail where"
+    " nothing else is said: all joints' encoders or gauges at once, both F/T sensors.",
+    "Off: largest distance of the base, and largest difference of a joint, to the same run without the fault; a motion"
+    " that stops where the IMU is lost is off by all that it does not go on.",
+    "What stands in: one of the three sensors of a joint by the other two; F/T sensors by their last readings; the IMU"
+    " by the feet, whose soles tilt as their load says, and the motion stops.",
+    "With both encoders of every joint lost nothing says where the robot is: torques fade from 0.15 s on, it sinks.",
+    "What flags: any of the sensor's own, `SENSOR/WHAT` in the signal `flags` of a run.",
+)
+
+
+@dataclass(frozen=True)
+class FaultCase:
+    """One fault in one scenario.
+
+    Attributes:
+        scenario: Of diagrams/coman.scenario.yaml.
+        name: For people.
+        faults: As the scenario takes them.
+        groups: Flags whose names begin so belong to what fails.
+        sinks: Whether the robot is to come down, as nothing is left to stand by.
+    """
+
+    scenario: str
+    name: str
+    faults: Mapping[str, tuple[SensorFault, ...]]
+    groups: tuple[str, ...]
+    sinks: bool = False
+
+    @property
+    def label(self) -> str:
+        """Like stand: imu, frozen."""
+        return f"{self.scenario}: {self.name}"
+
+
+@dataclass(frozen=True)
+class FaultOutcome:
+    """What came of a case.
+
+    Attributes:
+        fell: When the robot had fallen [s]; None: it stood until the end.
+        flagged: From the fault's start to the first flag of its own [s]; infinite without one.
+        flag: That flag.
+        early: Flags that were up before the fault.
+        base, joint: How far the base [m] and a joint [rad] were off the run without the fault.
+        wanted, torque: Largest torque asked for, and at a joint, over its limit [-].
+        fallback: Ticks in which the controller had no answer.
+        finite: Whether all signals are.
+    """
+
+    fell: float | None
+    flagged: float
+    flag: str
+    early: tuple[str, ...]
+    base: float
+    joint: float
+    wanted: float
+    torque: float
+    fallback: int
+    finite: bool
+
+
+_FEET = ("right_ankle/", "left_ankle/", "force_torque/")
+_OWN = {
+    "motor_encoder": ("motor_encoder/",),
+    "encoder": ("encoder/",),
+    "gauge": ("gauge/",),
+    "imu": ("imu/",),
+    "force_torque": _FEET,
+}
+
+
+def _case(scenario: str, sensor: str, what: str, kind: str, **fields: object) -> FaultCase:
+    fault = SensorFault(kind, STARTS[scenario], **fields)  # type: ignore[arg-type]
+    return FaultCase(scenario, f"{sensor}, {what}", {sensor: (fault,)}, _OWN[sensor])
+
+
+def _lost_contact() -> FaultCase:
+    """The right foot is lifted; its F/T sensor hangs with load on it, and the estimator is not told."""
+    hangs = SensorFault("frozen", 1.0, channels=tuple(range(6)))
+    unheard = SensorFault("frozen", 1.9)
+    return FaultCase(
+        "one_foot", "contact lost without notice", {"force_torque": (hangs,), "contacts": (unheard,)}, ("right_sole/",)
+    )
+
+
+def _blind() -> FaultCase:
+    """Both encoders of every joint are lost."""
+    gone = (SensorFault("dropped", STARTS["stand"]),)
+    faults = {"motor_encoder": gone, "encoder": gone}
+    return FaultCase("stand", "both encoders, dropped", faults, ("joint/",), sinks=True)
+
+
+def cases() -> tuple[FaultCase, ...]:
+    """All cases, in the order of the table."""
+    found = []
+    for scenario in ("stand", "turn_1hz"):
+        for sensor in ("motor_encoder", "gauge", "imu", "force_torque"):
+            found += [_case(scenario, sensor, "frozen", "frozen"), _case(scenario, sensor, "dropped", "dropped")]
+    stand, turn = "stand", "turn_1hz"
+    found += [
+        _case(stand, "motor_encoder", "dropped for 20 ms", "dropped", duration=0.02),
+        _case(stand, "motor_encoder", "off by 0.05 rad in a knee", "biased", channels=(KNEE,), value=0.05),
+        _case(stand, "motor_encoder", "NaN in a knee", "nan", channels=(KNEE,)),
+        _case(stand, "motor_encoder", "spikes of 0.05 rad", "spikes", value=0.05),
+        _case(turn, "motor_encoder", "spikes of 0.05 rad", "spikes", value=0.05),
+        _case(stand, "gauge", "off by 5 N m in a knee", "biased", channels=(KNEE,), value=5.0),
+        _case(stand, "encoder", "dropped", "dropped"),
+        _case(stand, "imu", "dropped for 20 ms", "dropped", duration=0.02),
+        _case(stand, "imu", "off by 3 m/s^2 forwards", "biased", channels=(FORWARDS,), value=3.0),
+        _case(stand, "imu", "yaw drift of 1 deg/s", "biased", channels=(YAW,), value=float(np.deg2rad(1.0))),
+        _case(turn, "imu", "yaw drift of 1 deg/s", "biased", channels=(YAW,), value=float(np.deg2rad(1.0))),
+        _case(stand, "force_torque", "dropped for 20 ms", "dropped", duration=0.02),
+        _case(stand, "force_torque", "off by 10 N", "biased", channels=(FZ,), value=10.0),
+        _case(turn, "force_torque", "off by 10 N", "biased", channels=(FZ,), value=10.0),
+        _case(stand, "force_torque", "off by 150 N", "biased", channels=(FZ,), value=150.0),
+        _blind(),
+        _lost_contact(),
+    ]
+    return tuple(sorted(found, key=lambda case: (list(STARTS).index(case.scenario), case.name)))
+
+
+def scenario_of(name: str, seed: int) -> TsidScenario:
+    """A scenario, for as long as a fault in it is watched."""
+    return TsidScenario.load(SCENARIOS, name).changed(seed=seed, duration=STARTS[name] + AFTER)
+
+
+def run(trial: tuple[FaultCase | str, int], _: int) -> TsidRecording:
+    """One case, or a scenario without faults, for `sweep`; with a seed."""
+    case, seed = trial
+    if isinstance(case, str):
+        return simulate_tsid(scenario_of(case, seed))
+    return simulate_tsid(scenario_of(case.scenario, seed).changed(faults=case.faults))
+
+
+def outcome(case: FaultCase, recording: TsidRecording, sound: FloatArray) -> FaultOutcome:
+    """What came of a case.
+
+    Args:
+        case: Which.
+        recording: Of its run.
+        sound: (T, nq + nv) states of the run without the fault.
+    """
+    start, time, model = STARTS[case.scenario], recording.time, recording.law.model
+    flags, names = recording["flags"] > 0.0, recording.flag_names
+    begins = min(fault.start for faults in case.faults.values() for fault in faults)
+    own = [i for i, name in enumerate(names) if name.startswith(case.groups)]
+    late = time >= start - 1e-9
+    up = np.argwhere(flags[:, own] & late[:, None])
+    length = min(len(sound), len(time))
+    off = np.abs(recording["state"][:length] - sound[:length])[late[:length]]
+    places = slice(4, 7) if model.nq > model.n else slice(0, 0)
+    limit = joint_limits(model.robot).effort
+    return FaultOutcome(
+        recording.fell,
+        float(time[up[0, 0]] - start) if up.size else float("inf"),
+        names[own[up[0, 1]]] if up.size else "-",
+        tuple(names[i] for i in np.flatnonzero(flags[time < begins - 1e-9].any(axis=0))),
+        float(np.linalg.norm(off[:, places], axis=1).max()),
+        float(off[:, model.positions].max()),
+        float((np.abs(recording["torque"][late]) / limit).max()),
+        float((np.abs(recording["applied_torque"][late]) / limit).max()),
+        int(recording.status(Status.FALLBACK)[late].sum()),
+        all(bool(np.isfinite(values).all()) for values in recording.signals.values()),
+    )
+
+
+def watched(trial: tuple[FaultCase, int, FloatArray], _: int) -> FaultOutcome:
+    """Run a case against the states of the run without it, for `sweep`."""
+    case, seed, sound = trial
+    return outcome(case, run((case, seed), 0), sound)
+
+
+def undisturbed(trial: tuple[str, int], _: int) -> tuple[FloatArray, tuple[str, ...]]:
+    """States of a scenario without faults, and the flags that were up all the same, for `sweep`."""
+    recording = run(trial, 0)
+    up = (recording["flags"] > 0.0).any(axis=0)
+    return recording["state"], tuple(recording.flag_names[i] for i in np.flatnonzero(up))
+
+
+def faults(seed: int = 0, progress: Progress | None = None, executor: Executor | None = None) -> Reproduction:
+    """C.faults: what comes of each fault; through any Executor, else all processors here."""
+    if executor is None:
+        with processes(os.cpu_count() or 1) as pool:
+            return faults(seed, progress, pool)
+    sound = dict(
+        zip(STARTS, sweep(undisturbed, [(name, seed) for name in STARTS], executor=executor, chunk=1), strict=True)
+    )
+    trials = [(case, seed, sound[case.scenario][0]) for case in cases()]
+    found: list[FaultOutcome] = sweep(watched, trials, executor=executor, chunk=1, progress=progress)
+    return reproduction(found, {name: flags for name, (_, flags) in sound.items()})
+
+
+def reproduction(found: list[FaultOutcome], alarms: Mapping[str, tuple[str, ...]]) -> Reproduction:
+    """Rows and table of all cases' outcomes, and of the flags that sound runs had up."""
+    pairs = list(zip(cases(), found, strict=True))
+    values = {
+        "cases that fell": float(sum(one.fell is not None and not case.sinks for case, one in pairs)),
+        "cases with anything that is not finite": float(sum(not one.finite for one in found)),
+        "flags up in runs without a fault": float(sum(len(flags) for flags in alarms.values())),
+        "largest torque asked for, over its limit": max(one.wanted for one in found),
+        "largest torque of a robot that stands, over its limit": max(
+            (one.torque for one in found if one.fell is None), default=0.0
+        ),
+        "largest torque of one that sinks, over its limit": max(one.torque for case, one in pairs if case.sinks),
+        "largest distance of the base, standing [m]": max(
+            one.base for case, one in pairs if case.scenario == "stand" and not case.sinks
+        ),
+        "largest distance of the base, turning [m]": max(
+            one.base for case, one in pairs if case.scenario == "turn_1hz"
+        ),
+        f"cases flagged within {1e3 * FLAGGED_WITHIN:.0f} ms": float(
+            sum(one.flagged <= FLAGGED_WITHIN for one in found)
+        ),
+        "cases": float(len(found)),
+    }
+    for case, one in pairs:
+        values[f"{case.label}: fell"] = float(one.fell is not None)
+        values[f"{case.label}: flagged after [s]"] = one.flagged
+    rows = tuple(
+        (
+            case.scenario,
+            case.name,
+            "stands" if one.fell is None else f"falls at {one.fell:.2f} s",
+            f"{1e3 * one.flagged:.0f}" if np.isfinite(one.flagged) else "never",
+            one.flag,
+            f"{1e3 * one.base:.1f}",
+            f"{1e3 * one.joint:.0f}",
+            f"{one.wanted:.2f}",
+            f"{one.torque:.2f}",
+        )
+        for case, one in pairs
+    )
+    headings = (
+        "scenario",
+        "fault",
+        "robot",
+        "flagged after [ms]",
+        "by",
+        "base off [mm]",
+        "joint off [mrad]",
+        "torque asked, of limit",
+        "torque, of limit",
+    )
+    told = [f"without a fault, {name}: {', '.join(flags)}" for name, flags in alarms.items() if flags]
+    return Reproduction(
+        "C.faults",
+        judged(values, expectations(FILE)),
+        (TextTable("sensors that fail", headings, rows),),
+        (*NOTES, *told),
+    )

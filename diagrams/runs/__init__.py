@@ -1,1 +1,0 @@
-"""Running a scenario: the simulation, what it records, its summary, its cost and its faults."""

@@ -1,0 +1,124 @@
+"""What the closed loop before and after is made of: a result's models, its robot or pendulums, a held-out motion."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from drake_tc.actuation.model import ActuatorModel
+from drake_tc.analysis.before_after.held_out_motion import HeldOutMotion, held_out_motion
+from drake_tc.analysis.before_after.pendulum_robot import Swing, fitted_swing, swing_of, write_pendulum_robot
+from drake_tc.diagnosis.data.samples import one_clock
+from drake_tc.diagnosis.result.joint_result import JointResult
+from drake_tc.diagnosis.result.models import model_of
+from drake_tc.diagnosis.result.rig_result import CloseLoopResult, SharedEffect
+from drake_tc.errors import ParamsError
+from drake_tc.logs.loads import Pendulum
+from drake_tc.logs.rig import Rig, load_rig
+
+LONGEST = 3.5
+LONGEST_PENDULUM = 1.5
+"""Of the motion that is followed by a robot, and by a rig without one [s]."""
+LEAD = 0.7
+"""Rest before it: filters fill, the F/T sensors are zeroed, the guard lets go [s]."""
+FEWEST_ROWS = 50
+"""Of a run whose load is held against a pendulum's."""
+
+
+@dataclass(frozen=True)
+class LoopCase:
+    """What is compared.
+
+    Attributes:
+        robot: Robot file.
+        plant: What it is, in words.
+        before, after: Joint of the rig to its model; `after` is simulated as well.
+        motion: The reference.
+        offset: Largest q_d - q that the guard lets pass [rad].
+        seed: Of the sensors' noise.
+        masses: Link to what it weighs more than the robot file says [kg]; the controller before does not know it.
+        notes: What the comparison leaves out.
+    """
+
+    robot: Path
+    plant: str
+    before: Mapping[str, ActuatorModel]
+    after: Mapping[str, ActuatorModel]
+    motion: HeldOutMotion
+    offset: float = 0.2
+    seed: int = 0
+    masses: Mapping[str, float] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+
+def loop_case(result: CloseLoopResult, folder: Path, seed: int = 0) -> LoopCase:
+    """What there is to compare of a result.
+
+    Args:
+        result: Of `close_loop`.
+        folder: Where to write a robot file for a rig without one.
+        seed: Of the sensors' noise.
+
+    Raises:
+        RigError: the rig file is not there any more.
+        ParamsError: no robot and no pendulum, or logs without a common stretch.
+    """
+    rig = load_rig(result.rig_file)
+    sides = {name: joint.heldout.samples for name, joint in result.joints.items()}
+    if not one_clock(list(sides.values())):
+        raise ParamsError("the joints' held-out rows count different samples, so there is no common motion")
+    motion = held_out_motion(sides, LONGEST_PENDULUM if rig.robot is None else LONGEST, LEAD)
+    if motion is None:
+        raise ParamsError("wanted a held-out stretch of at least one second to follow")
+    before, after = ({n: model_of(j, final=final) for n, j in result.joints.items()} for final in (False, True))
+    if rig.robot is not None:
+        path, plant = rig.robot, f"the robot of {rig.robot.name}"
+    else:
+        path = write_pendulum_robot({name: _swing(rig, joint) for name, joint in result.joints.items()}, folder)
+        given = all(isinstance(load, Pendulum) for load in rig.load.values())
+        plant = "a pendulum on each joint, " + (
+            "as the rig file gives it (of runs with different masses, the first)"
+            if given
+            else "of the inertia and the weight that the logged load torque shows"
+        )
+    largest = max(float(np.abs(side.signals.effort).max()) for side in sides.values())
+    masses, notes = _shared(result.shared)
+    return LoopCase(path, plant, before, after, motion, max(0.2, 3.0 * largest), seed, masses, notes)
+
+
+def _shared(causes: Sequence[SharedEffect]) -> tuple[dict[str, float], tuple[str, ...]]:
+    """Masses that the links turned out to have, and what of the shared causes the loop does not show."""
+    masses = {c.where: next(iter(c.parameters.values())).value for c in causes if c.id == "link_mass"}
+    left = [f"{cause.title} ({cause.where})" for cause in causes if cause.id != "link_mass"]
+    notes = []
+    if masses:
+        found = ", ".join(f"{link} {kilograms:+.3g} kg" for link, kilograms in masses.items())
+        notes.append(f"The simulated links weigh what was found ({found}); the controller before does not know it.")
+    if left:
+        notes.append(f"Not part of the simulated loop, neither before nor after: {', '.join(left)}.")
+    return masses, tuple(notes)
+
+
+def _swing(rig: Rig, joint: JointResult) -> Swing:
+    """The pendulum on a joint: the rig's, or the one that a run's load is most alike."""
+    load = rig.load[joint.joint]
+    if isinstance(load, Pendulum):
+        return swing_of(load)
+    if load == "unknown":
+        raise ParamsError(f"the load of {joint.joint} is unknown, so there is no plant to simulate")
+    found = []
+    for samples in (joint.train.samples, joint.heldout.samples):
+        signals = samples.signals
+        for run in range(len(samples.runs)):
+            rows = samples.rows[samples.run == run]
+            if rows.size >= FEWEST_ROWS:
+                q, v, a = (x[rows] for x in (signals.position, signals.velocity, signals.acceleration))
+                found.append(fitted_swing(q, v, a, signals.load_torque[rows]))
+    best = max((each for each in found if each is not None), key=lambda each: each[1], default=None)
+    if best is None:
+        raise ParamsError(
+            f"the logged load of {joint.joint} is not that of a pendulum, so there is no plant to simulate;"
+            " `robot:` in the rig file would give one"
+        )
+    return best[0]

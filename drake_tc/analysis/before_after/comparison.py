@@ -1,0 +1,260 @@
+"""What a better model does to the closed loop: the torque loop with the model after as its plant, compensated twice.
+
+    reference (a held-out run's motion) --> torque loop, controller compensates the model BEFORE --> tracking error
+                                        --> the same,    controller compensates the model AFTER  --> tracking error
+
+Simulated. Both loops have the same plant, gains K6, K7, Kp (Ks and Kd follow from the controller's own K_tau), filters,
+sensors and seed. Margins are those of each joint's linear loop (`JointLoop`) with the model after as the truth. A rig
+that names no robot gets one: each of its joints with the pendulum that its load is.
+"""
+
+import math
+import time as clock
+from collections.abc import Mapping
+from concurrent.futures import Executor
+from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+from drake_tc.actuation.model import ActuatorModel
+from drake_tc.actuation.model_file import load_models, save_models
+from drake_tc.analysis.before_after.case import LoopCase, loop_case
+from drake_tc.analysis.before_after.changed_robot import mass_factors, write_robot_of_masses, write_welded_robot
+from drake_tc.analysis.before_after.track import Trace, remarks, simulated
+from drake_tc.analysis.joint_loop import JointLoop
+from drake_tc.analysis.loop_parameters import with_values
+from drake_tc.analysis.margins import Margins
+from drake_tc.analysis.quick_margins import quick_margins
+from drake_tc.analysis.torque_loop.joint_loops import joint_loops
+from drake_tc.control.guard import GuardSpec
+from drake_tc.diagnosis.result.closed_loop import ClosedLoop, JointClosedLoop, LoopFigures
+from drake_tc.diagnosis.result.rig_result import CloseLoopResult
+from drake_tc.errors import DrakeTcError, ParamsError
+from drake_tc.loops.advancing import Progress
+from drake_tc.loops.scenarios.parts import GainSpec
+from drake_tc.loops.torque.scenario import Scenario
+from drake_tc.robot.robot import Robot, load_robot
+from drake_tc.sensor_validation.monitor_spec import MonitorSpec
+from drake_tc.types import FloatArray
+
+TAIL = 0.1
+"""Rest after the motion [s]."""
+SETTINGS = ((1.0, 2.0), (1.0, 1.0), (0.5, 1.0), (0.5, 0.5), (0.25, 0.5), (0.1, 0.5), (0.1, 0.2))
+"""(K6, Kp) from stiff to soft: each joint takes the first whose loop, with the model after, is sound."""
+K7 = 0.01
+"""[s]."""
+SOUND = 3.0
+"""Largest sensitivity peak of a sound loop."""
+RESOLUTION = 0.5
+"""The plant's step times the stiff servo's eigenfrequency, at most [rad]."""
+MOST_SUBSTEPS = 5
+MOST_POINTS = 1500
+"""Samples of a trace that are kept for plots."""
+_THRESHOLDS = (
+    *("encoder_frozen", "encoder_stuck", "imu_frozen", "wrench_frozen", "encoder_jump", "gyro_jump", "accel_jump"),
+    *("force_jump", "moment_jump", "still_gyro", "still_accel", "unexpected_force", "unexpected_moment", "torque"),
+)
+UNWATCHED = MonitorSpec(**dict.fromkeys(_THRESHOLDS, math.inf))
+"""Nothing fails here, and a joint that hangs in its friction is to be seen, not held."""
+
+SIDES = ("before", "after")
+
+
+def compare_loops(
+    result: CloseLoopResult,
+    seed: int = 0,
+    progress: Progress = lambda text, share: None,
+    executor: Executor | None = None,
+) -> ClosedLoop:
+    """The closed loop before and after of what `close_loop` found; where it cannot be made, a note says why.
+
+    Args:
+        result: Of `close_loop`.
+        seed: Of the sensors' noise.
+        progress: Told how far it is.
+        executor: Runs the two simulations beside each other; None runs them here.
+    """
+    begin = clock.perf_counter()
+    progress("closed loop", 0.0)
+    with TemporaryDirectory() as name:
+        folder = Path(name)
+        try:
+            found = run_case(loop_case(result, folder, seed), folder, progress, executor)
+        except (DrakeTcError, RuntimeError) as error:
+            found = ClosedLoop({}, notes=(f"No closed loop was made: {' '.join(str(error).split())}.",))
+    return replace(found, seconds=clock.perf_counter() - begin)
+
+
+def run_case(
+    case: LoopCase,
+    folder: Path,
+    progress: Progress = lambda text, share: None,
+    executor: Executor | None = None,
+) -> ClosedLoop:
+    """Simulate both loops and take both loops' margins.
+
+    Args:
+        case: What is compared.
+        folder: For the model files.
+        progress: Told how far it is.
+        executor: Runs the simulations beside each other; None runs them here.
+
+    Raises:
+        ParamsError: a robot that the loop cannot take.
+    """
+    robot = load_robot(case.robot)
+    notes: list[str] = []
+    if not robot.fixed_base:
+        case = replace(case, robot=write_welded_robot(robot, folder))
+        notes.append("The base floats, and nothing says what carries it: in the simulation it is held still.")
+    scenarios = _scenarios(case, robot, folder)
+    if case.masses:
+        factors = mass_factors(robot, case.masses)
+        heavier = write_robot_of_masses(load_robot(case.robot), folder, factors)
+        scenarios["before"] = replace(scenarios["before"], masses=factors)
+        scenarios["after"] = replace(scenarios["after"], robot=str(heavier))
+    gains = chosen_gains(joint_loops(scenarios["after"]))
+    scenarios = {side: replace(scenario, gains=gains) for side, scenario in scenarios.items()}
+    loops = {side: joint_loops(scenario) for side, scenario in scenarios.items()}
+    loops["before"] = {name: _of_true_links(loop, loops["after"][name]) for name, loop in loops["before"].items()}
+    changed = {name: bool(case.masses) or case.before[name] != model for name, model in case.after.items()}
+    sides = SIDES if any(changed.values()) else SIDES[1:]
+    drives = sorted({model.drive.kind for model in case.after.values()} - {"position_servo"})
+    traces: dict[str, Trace] = {}
+    if drives:
+        notes.append(
+            f"Tracking was not simulated: the loop commands position servos, and this rig has a {drives[0]} drive."
+        )
+    else:
+        fine = scenarios["after"].dt / _substeps(loops["after"], scenarios["after"].dt)
+        traces = simulated({side: scenarios[side].changed(plant_step=fine) for side in sides}, progress, executor)
+        notes += [note for side, trace in traces.items() for note in remarks(side, trace)]
+        traces.setdefault("before", traces["after"])
+    progress("closed loop, margins", 0.9)
+    return ClosedLoop(
+        joints={
+            name: _joint(robot.joints.index(name), loops, traces, name, gains, changed=changed[name])
+            for name in case.after
+        },
+        plant=case.plant,
+        controller=_words(scenarios["after"]),
+        run=case.motion.run,
+        start=case.motion.start,
+        end=case.motion.end,
+        time=_thinned(traces["after"].time) if traces else None,
+        changed=any(changed.values()),
+        notes=(*notes, *case.notes),
+    )
+
+
+def _scenarios(case: LoopCase, robot: Robot, folder: Path) -> dict[str, Scenario]:
+    """Both loops as scenarios; joints beyond the rig take the robot file's actuators, in plant and controller."""
+    rest = {joint for joint in robot.joints if joint not in case.after}
+    others: dict[str, ActuatorModel] = {}
+    if rest:
+        known = load_models(robot.actuators) if robot.actuators is not None else {}
+        others = {joint: model for joint, model in known.items() if joint in rest}
+        missing = sorted(rest - set(others))
+        if missing:
+            raise ParamsError(
+                f"joint {missing[0]!r} of {case.robot.name} is neither in the rig nor in the robot's actuator file"
+            )
+    files = {side: folder / f"{side}.yaml" for side in SIDES}
+    for side, models in zip(SIDES, (case.before, case.after), strict=True):
+        save_models({**others, **models}, files[side])
+    both = Scenario(
+        robot=str(case.robot.resolve()),
+        actuators=str(files["after"]),
+        duration=case.motion.finish + TAIL,
+        seed=case.seed,
+        base_from="imu" if robot.imu else "fixed",
+        motion=case.motion.spec,
+        guard=GuardSpec(offset_limit=case.offset),
+        monitor=UNWATCHED,
+        joint_stops="none",
+        source=str(folder),
+    )
+    return {side: replace(both, model=str(path)) for side, path in files.items()}
+
+
+def chosen_gains(loops: Mapping[str, JointLoop]) -> GainSpec:
+    """Per joint the first of `SETTINGS` that keeps the sensitivity peak within `SOUND`, or the soundest."""
+    chosen = {}
+    for joint, loop in loops.items():
+        peaks = [_peak(loop, k6, kp) for k6, kp in SETTINGS]
+        first = next((i for i, peak in enumerate(peaks) if peak <= SOUND), int(np.argmin(peaks)))
+        chosen[joint] = {"k6": SETTINGS[first][0], "kp": SETTINGS[first][1], "k7": K7}
+    return GainSpec(by_joint=chosen)
+
+
+def _peak(loop: JointLoop, k6: float, kp: float) -> float:
+    found = quick_margins(with_values(loop, {"kp": kp, "k6": k6, "k7": K7}))
+    return math.inf if found is None else found.sensitivity_peak
+
+
+def _substeps(loops: Mapping[str, JointLoop], dt: float) -> int:
+    """Steps of the plant a tick, so that each servo's stiffness on its joint's inertia is resolved."""
+    fastest = max(math.sqrt(1.0 / (loop.k_tau * loop.inertia)) for loop in loops.values())
+    return min(MOST_SUBSTEPS, max(1, math.ceil(dt * fastest / RESOLUTION)))
+
+
+def _of_true_links(loop: JointLoop, truth: JointLoop) -> JointLoop:
+    """A loop whose controller knows its own links, on the plant of the other one."""
+    return replace(loop, inertia=truth.inertia, gravity_stiffness=truth.gravity_stiffness)
+
+
+def _joint(
+    at: int,
+    loops: Mapping[str, Mapping[str, JointLoop]],
+    traces: Mapping[str, Trace],
+    name: str,
+    gains: GainSpec,
+    *,
+    changed: bool,
+) -> JointClosedLoop:
+    nothing = np.zeros(0)
+    errors = {side: traces[side].error[:, at] if traces else nothing for side in SIDES}
+    figures = {side: _figures(loops[side][name], errors[side]) for side in SIDES}
+    return JointClosedLoop(
+        before=figures["before"],
+        after=figures["after"],
+        reference=_thinned(_whole(traces, at)) if traces else nothing,
+        error_before=_thinned(errors["before"]),
+        error_after=_thinned(errors["after"]),
+        changed=changed,
+        gains=dict(gains.by_joint[name]),
+    )
+
+
+def _whole(traces: Mapping[str, Trace], at: int) -> FloatArray:
+    """The reference from the trace that knows more of it."""
+    rows = [trace.reference[:, at] for trace in traces.values()]
+    return max(rows, key=lambda row: int(np.isfinite(row).sum()))
+
+
+def _thinned(values: FloatArray) -> FloatArray:
+    return np.asarray(values[:: max(1, math.ceil(values.size / MOST_POINTS))])
+
+
+def _figures(loop: JointLoop, error: FloatArray) -> LoopFigures:
+    found = quick_margins(loop)
+    margins = Margins(*[math.nan] * 6) if found is None else found
+    sound = error.size > 0 and bool(np.isfinite(error).all())
+    return LoopFigures(
+        rms_error=float(np.sqrt(np.mean(error**2))) if sound else math.nan,
+        largest_error=float(np.abs(error).max()) if sound else math.nan,
+        spectral_radius=loop.spectral_radius(),
+        gain_margin=margins.gain_margin,
+        phase_margin=margins.phase_margin,
+        delay_margin=margins.delay_margin,
+        sensitivity_peak=margins.sensitivity_peak,
+    )
+
+
+def _words(scenario: Scenario) -> str:
+    return (
+        f"Windows of {scenario.filters.window} samples at {1.0 / scenario.dt:g} Hz; sensors: {scenario.sensors};"
+        " friction compensated with the estimated velocity"
+    )

@@ -1,0 +1,108 @@
+"""What a tick of robust TSID costs, stage by stage, along a motion of the humanoid; and its diagram as a whole."""
+
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from pydrake.systems.analysis import Simulator
+from threadpoolctl import threadpool_limits
+
+from drake_tc.loops.advancing import Progress
+from drake_tc.loops.whole_body.loop import build_tsid
+from drake_tc.loops.whole_body.references import task_source
+from drake_tc.loops.whole_body.running import TsidRecording, simulate_tsid
+from drake_tc.loops.whole_body.scenario import TsidScenario
+from drake_tc.report.bench_row import BenchRow, timing_row
+from drake_tc.tsid.law import Before, Law, problem_at, solve_tick
+from drake_tc.tsid.robust.formulation import MeasureName, Use
+from drake_tc.types import FloatArray
+
+FORMS: tuple[tuple[MeasureName, Use], ...] = (
+    ("classic", "trade_off"),
+    ("individual", "trade_off"),
+    ("box", "trade_off"),
+    ("rectangle", "trade_off"),
+    ("individual", "constraint"),
+    ("individual", "null_space"),
+)
+
+
+def tick_timings(scenario: TsidScenario, progress: Progress) -> list[BenchRow]:
+    """Rows of `drake-tc bench tick`: own time of the thread [us], from a warm start, BLAS on one core.
+
+    Args:
+        scenario: A motion; its controller is timed with each measure of robustness.
+        progress: Told what is timed and which share is done.
+    """
+    with threadpool_limits(1):
+        progress("recording the motion", 0.0)
+        recording = simulate_tsid(scenario)
+        references = _references(recording)
+        rows = _stages(recording, references)
+        for number, (measure, use) in enumerate(FORMS):
+            name = measure if use == "trade_off" else f"{measure}, {use}"
+            progress(f"a tick, {name}", (1 + number) / (2 + len(FORMS)))
+            formulation = replace(recording.law.formulation, measure=measure, use=use)
+            rows.append(_ticks(name, replace(recording.law, formulation=formulation), recording, references))
+        progress("the diagram", 1.0 - 1.0 / (2 + len(FORMS)))
+        rows.append(diagram_timing(scenario))
+    return rows
+
+
+def _references(recording: TsidRecording) -> list[list[FloatArray]]:
+    """One a task, a tick."""
+    law, motion = recording.law, recording.scenario.motion
+    start = law.starting_terms()
+    columns: list[list[FloatArray]] = []
+    for task in law.tasks:
+        if task.name not in motion:
+            columns.append([task.rest(start)] * recording.time.size)
+            continue
+        source = task_source(law, task.name, motion[task.name])
+        context, column = source.CreateDefaultContext(), []
+        for instant in recording.time:
+            context.SetTime(instant)
+            column.append(np.array(source.get_output_port().Eval(context)))
+        columns.append(column)
+    return [list(row) for row in zip(*columns, strict=True)]
+
+
+def _stages(recording: TsidRecording, references: Sequence[Sequence[FloatArray]]) -> list[BenchRow]:
+    """Terms; all of the problem, terms included."""
+    law, model = recording.law, recording.law.model
+    scratch, active = model.create_scratch(), (True,) * len(model.contacts)
+    terms, problem = [], []
+    for state, wanted in zip(recording["state"], references, strict=True):
+        begin = time.thread_time()
+        model.terms(scratch, state[: model.nq], state[model.nq :], active)
+        known = time.thread_time()
+        problem_at(law, scratch, state, wanted, active)
+        problem.append(time.thread_time() - known)
+        terms.append(known - begin)
+    return [timing_row("terms of the dynamics", terms), timing_row("terms, rows and reduction to the torques", problem)]
+
+
+def _ticks(name: str, law: Law, recording: TsidRecording, references: Sequence[Sequence[FloatArray]]) -> BenchRow:
+    model = law.model
+    scratch, active = model.create_scratch(), (True,) * len(model.contacts)
+    before, seconds = Before(np.zeros(model.n), None), []
+    for state, wanted in zip(recording["state"], references, strict=True):
+        begin = time.thread_time()
+        tick = solve_tick(law, scratch, state, wanted, active, before)
+        seconds.append(time.thread_time() - begin)
+        before = Before(tick.torque, tick.start)
+    return timing_row(f"a tick, everything: {name}", seconds[1:])
+
+
+def diagram_timing(scenario: TsidScenario) -> BenchRow:
+    """Single ticks of controller, plant with contact, references and log; the first one warms up."""
+    loop = build_tsid(scenario)
+    simulator, period, seconds = Simulator(loop.diagram), loop.law.period, []
+    loop.start(simulator.get_mutable_context())
+    simulator.Initialize()
+    for tick in range(1, round(scenario.duration / period) + 1):
+        begin = time.thread_time()
+        simulator.AdvanceTo(tick * period)
+        seconds.append(time.thread_time() - begin)
+    return timing_row(f"the diagram, a tick of {1e3 * period:g} ms: controller, plant with contact, log", seconds[1:])

@@ -1,0 +1,96 @@
+"""What a command needs of a diagram: its scenarios, how it is built, and how it is simulated."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Generic, Literal, Protocol, TypeVar
+
+from pydrake.systems.framework import Context, Diagram
+
+from drake_tc.errors import ParamsError
+from drake_tc.loops.advancing import Progress
+from drake_tc.loops.scenarios.files import scenario_names
+from drake_tc.loops.simulated import Simulated
+
+Kind = Literal["torque", "whole_body", "series_elastic", "function"]
+"""Loops of the library: the torque loop, robust TSID, one series-elastic joint; and a diagram of the user's own."""
+
+
+class AnyScenario(Protocol):
+    """What commands change of a scenario."""
+
+    @property
+    def seed(self) -> int:
+        """Of all random numbers."""
+        ...
+
+    def changed(self, **fields: Any) -> Any:
+        """The same with other values; those that are None stay."""
+        ...
+
+
+class AnyLoop(Protocol):
+    """What commands need of a built diagram."""
+
+    @property
+    def diagram(self) -> Diagram:
+        """The diagram."""
+        ...
+
+    @property
+    def period(self) -> float:
+        """Period of the control [s]."""
+        ...
+
+    def start(self, context: Context) -> None:
+        """Put the diagram's context where the scenario begins."""
+        ...
+
+
+ScenarioT = TypeVar("ScenarioT", bound=AnyScenario)
+LoopT = TypeVar("LoopT", bound=AnyLoop)
+
+
+@dataclass(frozen=True)
+class DiagramEntry(Generic[ScenarioT, LoopT]):
+    """One diagram.
+
+    Attributes:
+        name: As commands take it.
+        title: One line.
+        kind: Which loop of the library it is.
+        scenario_file: Its committed scenarios; the first is the default.
+        load: File, name and text of changes to scenario.
+        build: Scenario to loop.
+        simulate: Scenario to what a run comes to; told of progress, and whether to show it in a browser.
+        sliding: The scenario as a linear analysis takes it: perfect sensors, dry friction constant. Model files that it
+            needs go into the folder, which must stay for as long. None: the scenario is taken as it is.
+    """
+
+    name: str
+    title: str
+    kind: Kind
+    scenario_file: Path
+    load: Callable[[Path, str, str | None], ScenarioT]
+    build: Callable[[ScenarioT], LoopT]
+    simulate: Callable[[ScenarioT, Progress | None, bool], Simulated]
+    sliding: Callable[[ScenarioT, Path], ScenarioT] | None = None
+
+    def scenarios(self) -> list[str]:
+        """Names of the committed scenarios."""
+        names: list[str] = scenario_names(self.scenario_file)
+        return names
+
+    def scenario(self, name: str | None = None, file: Path | None = None, text: str | None = None) -> ScenarioT:
+        """A scenario, from the committed file unless another is given; the first of the file when no name is.
+
+        Raises:
+            ParamsError: a file without scenarios; otherwise see `Scenario.load`.
+        """
+        path = self.scenario_file if file is None else file
+        if name is None:
+            names = scenario_names(path)
+            if not names:
+                raise ParamsError(f"{path}: expected at least one scenario; the file has none")
+            name = names[0]
+        return self.load(path, name, text)

@@ -1,0 +1,174 @@
+"""A diagram that a function of the user's returns, as commands take it: `module:function` in place of a name."""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from inspect import getsourcefile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pydrake.common import RandomGenerator
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import Context, Diagram, System
+from pydrake.systems.primitives import VectorLogSink
+
+from drake_tc.errors import ParamsError
+from drake_tc.loops.advancing import Progress, advance
+from drake_tc.loops.diagram_entry import DiagramEntry
+from drake_tc.loops.recording import write_log
+from drake_tc.loops.scenarios.base import ScenarioBase
+from drake_tc.loops.scenarios.files import changes_in
+from drake_tc.loops.scenarios.strict_yaml import from_mapping
+from drake_tc.loops.simulated import Simulated, Tell
+from drake_tc.text_table import TextTable
+from drake_tc.types import FloatArray
+
+CHUNK = 0.02
+"""Simulated time between two reports of progress [s]."""
+
+
+@dataclass(frozen=True)
+class FunctionScenario(ScenarioBase):
+    """How long a function's diagram is run.
+
+    Attributes:
+        duration: [s].
+        seed: 0 starts in the default context; another one draws a random context by it.
+    """
+
+    duration: float = 2.0
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.duration < np.inf:
+            raise ParamsError(f"duration: expected a positive number [s]; got {self.duration!r}")
+        if self.seed < 0:
+            raise ParamsError(f"seed: expected a whole number from 0; got {self.seed}")
+
+
+@dataclass(frozen=True, eq=False)
+class FunctionLoop:
+    """A diagram that a function returned.
+
+    Attributes:
+        scenario: How it is run.
+        diagram: The diagram; its default context is where it starts.
+        period: The longest period of its discrete systems [s], of which the others divide it.
+    """
+
+    scenario: FunctionScenario
+    diagram: Diagram
+    period: float
+
+    def start(self, context: Context) -> None:
+        """Draw the diagram's random parameters and states by the scenario's seed, in place of its default context."""
+        if self.scenario.seed:
+            self.diagram.SetRandomContext(context, RandomGenerator(self.scenario.seed))
+
+
+@dataclass(frozen=True)
+class FunctionEntry(DiagramEntry[FunctionScenario, FunctionLoop]):
+    """A function's diagram, which has no file of scenarios."""
+
+    def scenarios(self) -> list[str]:
+        """No names."""
+        return []
+
+    def scenario(self, name: str | None = None, file: Path | None = None, text: str | None = None) -> FunctionScenario:
+        """How the diagram is run; `text` may change `duration` and `seed`.
+
+        Raises:
+            ParamsError: a name or a file, as there are no scenarios; an unknown field, or a value that is not possible.
+        """
+        if name is not None or file is not None:
+            raise ParamsError(f"{self.name}: the diagram of a function has no scenarios; leave their name and file out")
+        found: FunctionScenario = from_mapping(FunctionScenario, changes_in(text) if text else {}, self.name)
+        return found
+
+
+def function_entry(name: str, function: Callable[[], Diagram]) -> FunctionEntry:
+    """The entry of a function without arguments that returns a built Drake Diagram.
+
+    Args:
+        name: As it was asked for, `module:function`.
+        function: Called anew for every simulation and linearisation.
+    """
+
+    def build(scenario: FunctionScenario) -> FunctionLoop:
+        diagram = function()
+        if not isinstance(diagram, Diagram):
+            raise ParamsError(f"{name}: expected a function that returns a Diagram; got {type(diagram).__name__}")
+        return FunctionLoop(scenario, diagram, _period(name, diagram))
+
+    def load(path: Path, which: str, text: str | None) -> FunctionScenario:
+        raise ParamsError(f"{name}: the diagram of a function has no scenarios")
+
+    def simulate(scenario: FunctionScenario, progress: Progress | None, meshcat: bool) -> Simulated:
+        return _simulated(build(scenario), progress)
+
+    source = Path(getsourcefile(function) or ".")
+    return FunctionEntry(name, "a diagram of a function", "function", source, load, build, simulate)
+
+
+def _systems(diagram: Diagram) -> list[System]:
+    """All systems in a diagram, those of nested diagrams too."""
+    found = []
+    for system in diagram.GetSystems():
+        found += _systems(system) if isinstance(system, Diagram) else [system]
+    return found
+
+
+def _period(name: str, diagram: Diagram) -> float:
+    """The longest period [s].
+
+    Raises:
+        ParamsError: periods that do not divide it, or none at all.
+    """
+    attributes = [system.GetUniquePeriodicDiscreteUpdateAttribute() for system in _systems(diagram)]
+    periods = sorted({attribute.period_sec() for attribute in attributes if attribute is not None})
+    if not periods:
+        raise ParamsError(f"{name}: expected a diagram with a discrete period, of a controller or plant; it has none")
+    longest = periods[-1]
+    for period in periods:
+        if abs(longest / period - round(longest / period)) > 1e-6:
+            raise ParamsError(f"{name}: expected periods that divide the longest, {longest:g} s; got {period:g} s")
+    return float(longest)
+
+
+def _simulated(loop: FunctionLoop, progress: Progress | None) -> Simulated:
+    simulator, scenario = Simulator(loop.diagram), loop.scenario
+    context = simulator.get_mutable_context()
+    loop.start(context)
+    begin = time.perf_counter()
+    advance(simulator, scenario.duration, CHUNK, lambda now: True, plant_step=loop.period, progress=progress)
+    seconds = time.perf_counter() - begin
+    logs = {}
+    for system in _systems(loop.diagram):
+        if isinstance(system, VectorLogSink):
+            log = system.FindLog(context)
+            logs[system.get_name()] = np.array(log.sample_times()), np.array(log.data()).T
+    rows = tuple(
+        (f"{name}[{i}]", *(f"{value:.4g}" for value in (values[:, i].min(), values[:, i].max(), values[-1, i])))
+        for name, (_, values) in logs.items()
+        for i in range(values.shape[1])
+    )
+    summary = {
+        "robot": loop.diagram.get_name(),
+        "duration": scenario.duration,
+        "real_time_factor": scenario.duration / seconds,
+        "joints": [],
+        "faults": [],
+    }
+    lines = (f"{scenario.duration:g} s simulated at {scenario.duration / seconds:.1f} x real time",)
+
+    def write(folder: Path, ending: str, tell: Tell) -> list[Path]:
+        if not logs:
+            tell("the diagram has no VectorLogSink, so that there is nothing to write")
+        return [write_log(_columns(name, *log), folder / f"{name}.{ending}") for name, log in logs.items()]
+
+    return Simulated(summary, TextTable("", ("logged signal", "min", "max", "last"), rows), lines, write)
+
+
+def _columns(name: str, times: FloatArray, values: FloatArray) -> dict[str, Any]:
+    return {"time": times, **{f"{name}[{i}]": values[:, i] for i in range(values.shape[1])}}

@@ -1,0 +1,102 @@
+"""Free run: the Drake diagram of a joint driven by a recorded command alone, next to what was recorded.
+
+The load is the recorded torque (rig with a torque column: the plant is the rotor) or the pendulum's own gravity and
+inertia (the plant carries them). No recorded motion enters after the first sample.
+"""
+
+import numpy as np
+
+from drake_tc.actuation.model import ActuatorModel
+from drake_tc.actuation.recorded_run import Link, PlantSide, Recording, plant_side, with_declared_inertia
+from drake_tc.errors import ParamsError
+from drake_tc.loops.joint_bench.diagram import Bench, Rates, Table, build_bench, start_bench
+from drake_tc.types import FloatArray
+
+CHUNK = 0.25
+"""A run is checked for divergence this often [s]."""
+FINEST, COARSEST = 4e-4, 1e-3
+"""The steps that are worth their time [s]: a faster log is thinned, a slower one gets substeps."""
+RESOLUTION = 0.3
+"""Largest product of the step and a servo's angular frequency."""
+RUNAWAY = 10.0
+"""A run that leaves the recorded span by this factor has diverged."""
+
+
+def free_run(
+    model: ActuatorModel, recording: Recording, *, rotor_inertia: float | None = None, substeps: int | None = None
+) -> FloatArray:
+    """Position (T,) [rad], as the rig's encoder would have shown it; NaN from where the run has diverged.
+
+    Args:
+        model: The actuator; its sensor effects are taken off the recorded load and put on the simulated position.
+        recording: The run.
+        rotor_inertia: Declared J [kg m^2], for a model that does not list it.
+        substeps: Steps of plant and actuator in one sample; None chooses them by the rate of the log and the stiffness
+            of the servo, and simulates only every k-th sample of a log faster than `FINEST` (linear between them).
+
+    Raises:
+        ParamsError: nothing that has inertia, no load, or arrays that do not fit.
+    """
+    if substeps is not None and substeps < 1:
+        raise ParamsError(f"free run: wanted at least 1 substep; got {substeps}")
+    model = with_declared_inertia(model, rotor_inertia)
+    side = plant_side(model, recording)
+    period = recording.period
+    if substeps is None:
+        stride = max(1, int(FINEST / period + 1e-9))
+        if stride > 1 and recording.time.size > stride:
+            thin = recording.thinned(stride)
+            rough = free_run(model, thin)
+            return np.asarray(np.interp(recording.time, thin.time, rough))
+        substeps = _substeps(model, recording, period)
+    bench = _bench(side, recording, period / substeps)
+    low, high = recording.position_span
+    limit = RUNAWAY * max(high - low, 1e-3)
+    start = (side.start, recording.initial_velocity)
+    return side.shown(_run(bench, start, (0.5 * (low + high), limit), side.signals.time))
+
+
+def _substeps(model: ActuatorModel, recording: Recording, period: float) -> int:
+    """Enough for `COARSEST`, and for a position servo's own oscillation."""
+    wanted = period / COARSEST
+    if model.drive.kind == "position_servo":
+        inertia = model.inertia + (recording.pendulum.inertia if recording.pendulum else 0.0)
+        wanted = max(wanted, period / np.sqrt(model.drive.gain * inertia) / RESOLUTION)
+    return int(np.clip(np.ceil(wanted - 1e-6), 1, 60))
+
+
+def _bench(side: PlantSide, recording: Recording, step: float) -> Bench:
+    """The diagram; where the load is recorded, it is what the gear passes, and the plant is the motor's side."""
+    time = side.signals.time
+    rates = Rates(step, recording.period)
+    around = {"temperature": recording.temperature, "supply_voltage": recording.supply_voltage}
+    if recording.pendulum is not None:
+        applied = None if recording.load_torque is None else -side.load
+        table = Table(time, recording.command, applied=applied, **around)
+        return build_bench(side.model, recording.pendulum, table, rates, None)
+    table = Table(time, recording.command, applied=-side.load, load_torque=side.load, **around)
+    return build_bench(side.model, Link(inertia=1e-6 * side.model.inertia), table, rates, None)
+
+
+def _run(bench: Bench, start: tuple[float, float], bounds: tuple[float, float], time: FloatArray) -> FloatArray:
+    """Simulated position at `time`, NaN from the first sample out of centre +/- limit on."""
+    simulator = start_bench(bench, *start)
+    context = simulator.get_context()
+    centre, limit = bounds
+    position = np.full(time.size, np.nan)
+    end = 0.0
+    while end < time[-1]:
+        end = min(end + CHUNK, float(time[-1]))
+        try:
+            simulator.AdvanceTo(end)
+        except (RuntimeError, ArithmeticError, ValueError):  # numbers that ran away inside the chunk: seen below
+            break
+        angle = bench.plant.GetPositions(bench.plant.GetMyContextFromRoot(context))[0]
+        if not abs(angle - centre) <= limit:
+            break
+    log = np.asarray(bench.state_log.FindLog(context).data()[0])[: time.size]
+    position[: log.size] = log
+    lost = np.flatnonzero(~(np.abs(log - centre) <= limit))
+    if lost.size:
+        position[lost[0] :] = np.nan
+    return position

@@ -1,0 +1,179 @@
+"""An experiment on one series-elastic joint as data: motor, link, hand, sensors, torque law, what is wanted."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Literal
+
+from drake_tc.actuation.model import ActuatorModel, EffectValue
+from drake_tc.actuation.model_file import models_of_joints
+from drake_tc.actuation.recorded_run import Link
+from drake_tc.control.series_elastic.spec import SeriesElasticSpec
+from drake_tc.errors import ParamsError
+from drake_tc.loops.scenarios.base import ScenarioBase
+from drake_tc.loops.scenarios.checks import check_run
+from drake_tc.sensing.spec import SensorSpec
+
+
+@dataclass(frozen=True)
+class HandSpec:
+    """A hand on the link: a spring and a damper to where it holds.
+
+    Attributes:
+        stiffness: [N m/rad].
+        damping: [N m s/rad].
+        times: Of the knots of its path [s]; none: it rests.
+        knots: Where it is at these times [rad], in straight lines, rounded over `rounding`.
+        rounding: [s].
+    """
+
+    stiffness: float
+    damping: float = 0.0
+    times: tuple[float, ...] = ()
+    knots: tuple[float, ...] = ()
+    rounding: float = 0.1
+
+    def __post_init__(self) -> None:
+        if not (0.0 <= self.stiffness < math.inf and 0.0 <= self.damping < math.inf and self.rounding > 0.0):
+            raise ParamsError("hand: wanted finite stiffness and damping >= 0, and rounding > 0")
+        if len(self.times) != len(self.knots) or len(self.times) == 1:
+            raise ParamsError(f"hand: wanted as many knots as times, none or two at least; got {len(self.knots)}")
+        if any(b <= a for a, b in zip(self.times, self.times[1:], strict=False)):
+            raise ParamsError("hand.times: wanted rising times [s]")
+
+
+@dataclass(frozen=True)
+class WantedSpec:
+    """What is wanted of the joint: a torque, or a motion of the link under a soft position loop.
+
+    Attributes:
+        offset, amplitude: Of the torque [N m], or of the link's angle [rad] with `of: position`.
+        frequency_hz: Of its sine; it rises over `ramp` from `begin` on [s].
+        of: "torque", or "position": tau_ref = M q''_d + m g l sin q_d + stiffness (q_d - q) + damping (q'_d - q').
+        stiffness, damping: Of the position loop [N m/rad, N m s/rad].
+    """
+
+    offset: float = 0.0
+    amplitude: float = 0.0
+    frequency_hz: float = 1.0
+    begin: float = 0.1
+    ramp: float = 0.4
+    of: Literal["torque", "position"] = "torque"
+    stiffness: float = 0.0
+    damping: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.of not in ("torque", "position"):
+            raise ParamsError(f"wanted.of: wanted torque or position; got {self.of!r}")
+        numbers = (self.offset, self.amplitude, self.begin, self.stiffness, self.damping)
+        if not all(map(math.isfinite, numbers)) or not (0.0 < self.frequency_hz < math.inf and self.ramp > 0.0):
+            raise ParamsError("wanted: wanted finite numbers, frequency_hz > 0 and ramp > 0")
+
+
+@dataclass(frozen=True)
+class SeaSensors:
+    """The joint's sensors.
+
+    Attributes:
+        motor_encoder: Before the spring [rad].
+        link_encoder: After the spring, coarse [rad].
+        torque: Strain gauge [N m].
+    """
+
+    motor_encoder: SensorSpec = field(default_factory=SensorSpec)
+    link_encoder: SensorSpec = field(default_factory=SensorSpec)
+    torque: SensorSpec = field(default_factory=SensorSpec)
+
+
+@dataclass(frozen=True)
+class SeaScenario(ScenarioBase):
+    """One experiment.
+
+    Attributes:
+        actuators: Model file of the simulated motor, gear and spring, relative to the scenario file.
+        joint: Which of its joints.
+        effects: Laid over that model: effect to its parameters, {} to take it out, as `{torque_ripple: {...}}`.
+        believed: `gain`, or an effect of one parameter, to a factor: the controller's error.
+        control: The torque law.
+        link: Inertia [kg m^2] and gravity moment [N m] behind the spring.
+        hand: Who holds the link; None: nobody.
+        wanted: The reference.
+        delay: Of the loop, from voltage computed to voltage at the motor [s]; sensors' latencies come on top.
+        torque_from: What is fed back: the "gauge", or the "deflection" of the spring between the two encoders.
+        sensors: Their errors.
+        duration: [s].
+        dt: Period of control, sensors, motor and link [s].
+        seed: Of all random numbers.
+        masses: None here: the link has no name.
+        source: Folder that file names are relative to.
+    """
+
+    actuators: str
+    joint: str
+    effects: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    believed: Mapping[str, float] = field(default_factory=dict)
+    control: SeriesElasticSpec = field(default_factory=SeriesElasticSpec)
+    link: Link = field(default_factory=lambda: Link(0.1))
+    hand: HandSpec | None = None
+    wanted: WantedSpec = field(default_factory=WantedSpec)
+    delay: float = 0.015
+    torque_from: Literal["gauge", "deflection"] = "gauge"
+    sensors: SeaSensors = field(default_factory=SeaSensors)
+    duration: float = 3.0
+    dt: float = 1e-3
+    seed: int = 0
+    masses: Mapping[str, float] = field(default_factory=dict)
+    source: str = "."
+
+    def __post_init__(self) -> None:
+        check_run(self, {"torque_from": ("gauge", "deflection")}, ("duration", "dt"))
+        ratio = self.delay / self.dt
+        if self.delay < 0.0 or abs(ratio - round(ratio)) > 1e-6:
+            raise ParamsError(f"delay: wanted a multiple of dt = {self.dt:g} s; got {self.delay:g} s")
+
+    @property
+    def plant_step(self) -> float:
+        """Step of the link [s]: that of the control."""
+        return self.dt
+
+    def actuator(self) -> ActuatorModel:
+        """The simulated motor, gear and spring.
+
+        Raises:
+            ParamsError: a file that cannot be read, a joint or effect that is not there.
+        """
+        model = models_of_joints(Path(self.source) / self.actuators, [self.joint])[self.joint]
+        kept = [value for value in model.effects if value.key not in self.effects]
+        more = [EffectValue(key, parameters) for key, parameters in self.effects.items() if parameters]
+        return replace(model, effects=(*kept, *more))
+
+    def believed_actuator(self) -> ActuatorModel:
+        """What the controller takes it for: drive gain, damping, dry friction, inertia, spring and limit, with errors.
+
+        Raises:
+            ParamsError: as `actuator`; or a factor for what the model does not have.
+        """
+        model = self.actuator()
+        factors = {key: factor for key, factor in self.believed.items() if self.effects.get(key, True)}
+        drive = replace(model.drive, gain=model.drive.gain * factors.pop("gain", 1.0))
+        effects = []
+        for value in model.effects:
+            factor = factors.pop(value.key, 1.0)
+            effects.append(replace(value, parameters={k: factor * v for k, v in value.parameters.items()}))
+        if factors:
+            known = ", ".join(["gain", *(value.key for value in model.effects)])
+            raise ParamsError(f"believed: no {next(iter(factors))!r} in the model of {self.joint!r}; there: {known}")
+        return replace(model, drive=drive, effects=tuple(effects))
+
+
+def spring_compliance(model: ActuatorModel) -> float:
+    """1/Ks [rad/(N m)].
+
+    Raises:
+        ParamsError: a model without a spring.
+    """
+    for value in model.effects:
+        if value.key == "elasticity":
+            return value.parameters["compliance"]
+    raise ParamsError(f"joint {model.joint!r}: wanted an elasticity in its model, the series spring; got none")

@@ -1,0 +1,106 @@
+"""What a command shows and writes of a run, whatever the diagram."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from drake_tc.loops.advancing import Progress
+from drake_tc.loops.series_elastic.running import simulate_sea, summarise_sea, write_sea
+from drake_tc.loops.series_elastic.scenario import SeaScenario
+from drake_tc.loops.torque.running import simulate_scenario
+from drake_tc.loops.torque.scenario import Scenario
+from drake_tc.loops.torque.summary import summarise, write_results
+from drake_tc.loops.whole_body.running import simulate_tsid
+from drake_tc.loops.whole_body.scenario import TsidScenario
+from drake_tc.loops.whole_body.summary import summarise_tsid, write_tsid
+from drake_tc.text_table import TextTable
+
+Tell = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Simulated:
+    """A run as commands take it.
+
+    Attributes:
+        summary: Plain data: "robot", "duration", "real_time_factor", "joints", "faults" and more.
+        table: For people.
+        lines: Below the table.
+        write: Folder, ending of the log and whom to tell why something is left out, to the files written.
+    """
+
+    summary: dict[str, Any]
+    table: TextTable
+    lines: tuple[str, ...]
+    write: Callable[[Path, str, Tell], list[Path]]
+
+
+def simulate_torque_loop(scenario: Scenario, progress: Progress | None = None, meshcat: bool = False) -> Simulated:
+    """The torque loop of paper A: tracking by joint.
+
+    Raises:
+        ParamsError: a scenario that cannot be built.
+        SimulationError: a solver failed, or the state left all bounds.
+    """
+    recording = simulate_scenario(scenario, progress, meshcat=meshcat)
+    summary = summarise(recording)
+    rows = tuple(
+        (row["joint"], f"{1e3 * row['rms_error']:.3f}", f"{1e3 * row['max_error']:.2f}", f"{row['max_torque']:.1f}")
+        for row in summary["joints"]
+    )
+    table = TextTable("", ("joint", "rms error [mrad]", "max error [mrad]", "max torque [N m]"), rows)
+    lines = [_speed(summary), *(f"fault: {fault['name']} from {fault['first']:.3f} s" for fault in summary["faults"])]
+    return Simulated(
+        summary, table, tuple(lines), lambda folder, end, tell: write_results(recording, folder, end, tell)
+    )
+
+
+def simulate_tsid_loop(scenario: TsidScenario, progress: Progress | None = None, meshcat: bool = False) -> Simulated:
+    """Robust TSID: torques by joint, the centre of mass, probabilities, limits that gave way.
+
+    Raises:
+        ParamsError: a scenario that cannot be built.
+        SimulationError: the plant's solver failed.
+    """
+    recording = simulate_tsid(scenario, progress, meshcat=meshcat)
+    summary = summarise_tsid(recording)
+    rows = tuple((row["joint"], f"{row['max_torque']:.1f}", f"{100.0 * row['share']:.1f}") for row in summary["joints"])
+    p_ind = summary["p_ind"]
+    lines = [
+        *(
+            f"task {row['task']}: rms error {1e3 * row['rms_error']:.2f} mm, max {1e3 * row['max_error']:.2f} mm"
+            for row in summary["tasks"]
+        ),
+        f"p_ind: median {p_ind['median']:.4f}, lowest {p_ind['min']:.4f}",
+        _speed(summary),
+    ]
+    if summary["fell"] is not None:
+        lines.append(f"the robot fell by {summary['fell']:.2f} s")
+    lines += [
+        f"gave way: {fault['name']} from {fault['first']:.3f} s, {fault['ticks']} ticks" for fault in summary["faults"]
+    ]
+    lines += [f"flag: {flag['name']} from {flag['first']:.3f} s" for flag in summary["flags"]]
+    table = TextTable("", ("joint", "max torque [N m]", "of its limit [%]"), rows)
+    return Simulated(summary, table, tuple(lines), lambda folder, end, tell: write_tsid(recording, folder, end, tell))
+
+
+def simulate_sea_loop(scenario: SeaScenario, progress: Progress | None = None, meshcat: bool = False) -> Simulated:
+    """One series-elastic joint: its torque error, with and without the loop's delay, and the largest voltage.
+
+    Raises:
+        ParamsError: a scenario that cannot be built.
+        SimulationError: the motor ran away.
+    """
+    recording = simulate_sea(scenario, progress, meshcat=meshcat)
+    summary = summarise_sea(recording)
+    row = summary["joints"][0]
+    names = ("rms_error", "rms_error_but_for_delay", "max_error", "max_torque", "max_voltage")
+    headings = ("joint", "rms error [N m]", "but for the delay", "max error", "max torque", "max voltage [V]")
+    table = TextTable("", headings, ((row["joint"], *(f"{row[name]:.3f}" for name in names)),))
+    lines = [_speed(summary), *(f"fault: {fault['name']} from {fault['first']:.3f} s" for fault in summary["faults"])]
+    return Simulated(summary, table, tuple(lines), lambda folder, end, tell: write_sea(recording, folder, end, tell))
+
+
+def _speed(summary: dict[str, Any]) -> str:
+    return f"{summary['duration']:g} s simulated at {summary['real_time_factor']:.1f} x real time"

@@ -1,0 +1,83 @@
+"""The drives under the controller: torque control of geared joints without torque sensors (paper A).
+
+torque --> torque_control --> guard --> actuators --> plant
+^ torque estimate           (position servos, friction, dead zones)
+"""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from pydrake.systems.framework import OutputPort
+from pydrake.systems.primitives import ConstantVectorSource
+
+from drake_tc.actuation.model import ActuatorModel
+from drake_tc.actuation.model_file import models_of_joints
+from drake_tc.actuation.wiring import add_actuators
+from drake_tc.control.gains import TorqueGains
+from drake_tc.control.guard import CommandGuard
+from drake_tc.control.guard_law import GuardSpec
+from drake_tc.control.torque_control import TorqueControl
+from drake_tc.errors import ParamsError
+from drake_tc.loops.whole_body.desired_motion import WantedMotion
+from drake_tc.loops.whole_body.sensors import WholeBodyBuilder, estimated_torque
+from drake_tc.robot.plant import joint_limits
+from drake_tc.sensing.suite import SensorSuite
+
+
+def drive_models(wiring: WholeBodyBuilder, *, controller: bool = False) -> dict[str, ActuatorModel]:
+    """The simulated drives, or those that the torque control compensates, joint by joint.
+
+    Raises:
+        ParamsError: no model file at all, or one that lacks a joint.
+    """
+    robot, spec = wiring.law.model.robot, wiring.scenario.drives
+    named = spec.model if controller and spec.model else spec.actuators
+    path = robot.actuators if named is None else wiring.scenario.path(named)
+    if path is None:
+        raise ParamsError(f"{robot.source}: wanted `actuators`, here or in the scenario's drives; got neither")
+    return models_of_joints(path, robot.joints)
+
+
+def add_drives(wiring: WholeBodyBuilder, sensors: SensorSuite, torque: OutputPort, state: OutputPort) -> None:
+    """Torque control and drives between the controller's torque and the plant.
+
+    Args:
+        wiring: Of the diagram.
+        sensors: From `add_whole_body_sensors`.
+        torque: What is wanted of the joints.
+        state: What the controller knows of the robot.
+    """
+    law, n = wiring.law, wiring.law.model.n
+    spec, limits = wiring.scenario.drives, joint_limits(law.model.robot)
+    models = list(drive_models(wiring, controller=True).values())
+    encoder = sensors.encoder.GetOutputPort("reading")
+    known = estimated_torque(wiring, sensors)
+    controller: Any = wiring.builder.GetSubsystemByName("tsid")
+    acceleration = controller.GetOutputPort("acceleration")
+    wanted = wiring.add("wanted_motion", WantedMotion(law.model, law.period), state=state, acceleration=acceleration)
+    nothing: Any = np.zeros(6 * n)
+    terms = wiring.builder.AddNamedSystem("no_terms", ConstantVectorSource(nothing)).get_output_port()
+    gains = TorqueGains(np.full(n, spec.kp), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros((0, 0)))
+    inputs: Mapping[str, OutputPort] = {
+        "desired_torque": torque,
+        "torque_terms": terms,
+        "estimated_torque": known["estimated_torque"],
+        "joint_estimate": known["joint_estimate"],
+        "position": encoder,
+    }
+    if spec.compensation.wants_reference:
+        inputs = {**inputs, "reference": wanted.GetOutputPort("reference")}
+    control = TorqueControl(models, gains, limits.effort, law.period, spec.compensation)
+    wiring.add("torque_control", control, **inputs)
+    servo = tuple(model.drive.kind == "position_servo" for model in models)
+    guard = CommandGuard(n, law.period, GuardSpec(start_time=spec.start_time, start_rate=2.0), servo)
+    command = control.GetOutputPort("command")
+    wiring.add("guard", guard, command=command, position=encoder, fault=known["fault"])
+    actuators = add_actuators(wiring.builder, wiring.plant, drive_models(wiring), wiring.scenario.plant_step)
+    wiring.builder.Connect(guard.GetOutputPort("command"), actuators.GetInputPort("command"))
+    wiring.signals |= {
+        "applied_torque": actuators.GetOutputPort("actuation"),
+        "estimated_torque": known["estimated_torque"],
+        "command": guard.GetOutputPort("command"),
+    }

@@ -1,0 +1,120 @@
+"""What a scenario asks of the tasks and the contacts over time, as sources of the controller's ports."""
+
+import math
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from pydrake.polynomial import Polynomial
+from pydrake.systems.primitives import TrajectorySource
+from pydrake.trajectories import PiecewisePolynomial
+
+from drake_tc.control.reference_source import ReferenceSource
+from drake_tc.control.references import Chain, Path, Slerp, Swing
+from drake_tc.control.rotation import quaternion_of, rotation_matrix
+from drake_tc.control.trajectories import knot_trajectory
+from drake_tc.errors import ParamsError
+from drake_tc.loops.whole_body.motion_spec import KnotSpec, SpanSpec, TurnSpec
+from drake_tc.tsid.contacts import Contact
+from drake_tc.tsid.law import Law
+from drake_tc.tsid.tasks.base import Task
+from drake_tc.tsid.tasks.com import ComTask
+from drake_tc.tsid.tasks.frame import FrameTask
+from drake_tc.tsid.tasks.orientation import OrientationTask
+from drake_tc.types import FloatArray
+
+POSITION = {ComTask: (0, 3, 6), FrameTask: (4, 10, 16)}
+"""Where position, velocity and acceleration stand in the reference of a task that can be moved."""
+ROUNDING = 1e-6
+"""Of a tick, by which a time may be later than it and still count as at it."""
+
+
+def task_source(law: Law, name: str, spec: KnotSpec) -> TrajectorySource | ReferenceSource:
+    """A source of the reference of the task `name`, its resting place moved along the knots, or turned.
+
+    Raises:
+        ParamsError: no such task, one that has no place or does not turn, or times that do not increase.
+    """
+    tasks = {task.name: task for task in law.tasks}
+    if spec.turn is not None:
+        turning = [key for key, task in tasks.items() if isinstance(task, OrientationTask)]
+        if name not in turning:
+            raise ParamsError(
+                f"motion: turn: wanted one of the tasks of orientation: {', '.join(turning) or 'none'}; got {name!r}"
+            )
+        return ReferenceSource(_turned(tasks[name].rest(law.starting_terms())[:4], spec.turn))
+    movable = [key for key, task in tasks.items() if type(task) in POSITION]
+    if name not in movable:
+        raise ParamsError(f"motion: wanted one of the tasks {', '.join(movable)}; got {name!r}")
+    task: Task = tasks[name]
+    rest = task.rest(law.starting_terms())
+    try:
+        path = knot_trajectory(spec.times, spec.offsets)
+    except ParamsError as error:
+        raise ParamsError(f"motion.{name}: {error}") from None
+    return TrajectorySource(_moved(rest, path, POSITION[type(task)]))
+
+
+def _turned(rest: FloatArray, turn: TurnSpec) -> Path:
+    """The orientation `rest` (quaternion) as it turns."""
+    start, axis = _quadruple(rest), np.array(turn.axis)
+    if not turn.times:
+        x, y, z = turn.axis
+        return Swing(start, (x, y, z), turn.amplitude, turn.frequency_hz, turn.begin, turn.rise)
+    length = np.linalg.norm(axis)
+    if not length > 0.0:
+        raise ParamsError("motion: turn.axis: wanted a direction; got zero")
+    first = rotation_matrix(rest)
+    half = [0.5 * angle for angle in turn.angles]
+    turns = [rotation_matrix(np.array([np.cos(a), *(np.sin(a) * axis / length)])) for a in half]
+    places = [_quadruple(quaternion_of(matrix @ first)) for matrix in turns]
+    spans = zip(pairwise(turn.times), pairwise(places), strict=True)
+    return Chain(tuple(Slerp(one, other, begin, end - begin) for (begin, end), (one, other) in spans))
+
+
+def _quadruple(values: FloatArray) -> tuple[float, float, float, float]:
+    w, x, y, z = values.tolist()
+    return w, x, y, z
+
+
+def _moved(rest: FloatArray, path: PiecewisePolynomial, places: tuple[int, int, int]) -> PiecewisePolynomial:
+    """(m,) `rest` with a path (3,) added at its position, and the path's derivatives at the other two places."""
+    orders = [path, path.derivative(1), path.derivative(2)]
+    pieces: list[Any] = []
+    for segment in range(path.get_number_of_segments()):
+        rows = [[Polynomial(value)] for value in rest.tolist()]
+        for order, first in zip(orders, places, strict=True):
+            for axis in range(3):
+                rows[first + axis][0] = rows[first + axis][0] + order.getPolynomial(segment, axis, 0)
+        pieces.append(np.array(rows))
+    return PiecewisePolynomial(pieces, path.get_segment_times())
+
+
+def contact_source(
+    contacts: Sequence[Contact], lifted: Mapping[str, Sequence[SpanSpec]], duration: float, period: float
+) -> TrajectorySource:
+    """A source of `active_contacts`: 0 at the ticks at which a contact is lifted, else 1; it changes half a tick early.
+
+    Raises:
+        ParamsError: a contact that is not there.
+    """
+    names = [contact.name for contact in contacts]
+    for name in lifted:
+        if name not in names:
+            raise ParamsError(f"lifted: no contact {name!r}; contacts: {', '.join(names) or 'none'}")
+    last = math.ceil(duration / period) + 1
+
+    def tick(instant: float) -> int:
+        """The first at this time or later."""
+        return min(max(math.ceil(min(instant, duration + period) / period - ROUNDING), 0), last)
+
+    spans = {name: [(tick(span.begin), tick(span.end)) for span in every] for name, every in lifted.items()}
+    ticks = np.array(sorted({0, last, *(edge for every in spans.values() for span in every for edge in span)}))
+    values = np.ones((len(names), ticks.size))
+    for name, every in spans.items():
+        for begin, end in every:
+            values[names.index(name), (begin <= ticks) & (ticks < end)] = 0.0
+    breaks = np.maximum(ticks - 0.5, 0.0) * period
+    hold: Any = PiecewisePolynomial.ZeroOrderHold  # the stubs ask for lists; the functions take arrays too
+    return TrajectorySource(hold(breaks, values))

@@ -1,0 +1,160 @@
+"""An experiment with robust TSID as data: controller, motion, contacts, plant, drives, torque errors."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+from drake_tc.control.torque_control import CompensationSpec
+from drake_tc.errors import ParamsError
+from drake_tc.loops.scenarios.base import ScenarioBase
+from drake_tc.loops.scenarios.checks import check_run
+from drake_tc.loops.scenarios.parts import PushSpec
+from drake_tc.loops.whole_body.chain_specs import BaseEstimationSpec, SpringDrivesSpec
+from drake_tc.loops.whole_body.ground_spec import GroundSpec, SoleSpec
+from drake_tc.loops.whole_body.motion_spec import KnotSpec, SpanSpec, TurnSpec
+from drake_tc.sensing.fault import SensorFault
+
+__all__ = [
+    "DrivesSpec",
+    "GroundSpec",
+    "KnotSpec",
+    "SoleSpec",
+    "SpanSpec",
+    "TorqueErrorSpec",
+    "TsidScenario",
+    "TurnSpec",
+]
+
+
+@dataclass(frozen=True)
+class DrivesSpec:
+    """The drives under the controller and their torque control (paper A).
+
+    Attributes:
+        actuators: Model file of the simulated drives; None takes the robot file's.
+        model: Model file that the torque control compensates with; None takes the simulated drives themselves.
+        kp: Feedback of the estimated torque [-].
+        compensation: Which motion the drives' effects are compensated for; "reference" is the controller's own.
+        start_time: From standing under the drives' own servos to the controller's torques [s].
+    """
+
+    actuators: str | None = None
+    model: str | None = None
+    kp: float = 1.0
+    compensation: CompensationSpec = field(default_factory=CompensationSpec)
+    start_time: float = 0.3
+
+    def __post_init__(self) -> None:
+        if not (0.0 <= self.kp < math.inf and 0.0 < self.start_time < math.inf):
+            raise ParamsError(f"drives: wanted kp >= 0 and start_time > 0; got {self.kp:g} and {self.start_time:g}")
+
+
+@dataclass(frozen=True)
+class TorqueErrorSpec:
+    """e ~ N(0, Sigma) that is added to the torques of the plant.
+
+    Attributes:
+        scale: On the controller's sigma, which has its Sigma from its file: 1.0 when the controller knows the truth.
+        hold: How long a draw lasts [s].
+    """
+
+    scale: float = 1.0
+    hold: float = 1e-3
+
+    def __post_init__(self) -> None:
+        if not (0.0 <= self.scale < math.inf and 0.0 < self.hold < math.inf):
+            raise ParamsError(f"torque_error: wanted scale >= 0 and hold > 0; got {self.scale:g} and {self.hold:g}")
+
+
+SENSORS = "realistic"
+"""Preset of a scenario that says nothing of sensors."""
+FALLIBLE = ("encoder", "motor_encoder", "gauge", "imu", "force_torque", "contacts")
+"""What a scenario's faults may name."""
+
+
+@dataclass(frozen=True)
+class TsidScenario(ScenarioBase):
+    """One experiment.
+
+    Attributes:
+        controller: Controller file (drake_tc/tsid/README.md), relative to the scenario file.
+        changes: Laid over the controller file: `{formulation: {measure: classic}}`.
+        duration: [s].
+        plant_step: Of plant and drives [s]; the controller's period is a whole number of them.
+        seed: Of all random numbers.
+        state: What the controller knows: the "plant"'s own state, "estimated" from encoders, gyro and soles, or by the
+            "base_estimator" from encoders, IMU and F/T sensors.
+        torque: Where its torques go: "direct" to the joints, through "drives" with friction under torque control, or
+            through "series_elastic" ones driven by voltage.
+        sensors: "perfect", "realistic" or a mapping (`drake_tc.sensing.suite`); only where something is estimated.
+        drives: Only with `torque: drives`.
+        series_elastic: Only with `torque: series_elastic`.
+        estimator: Only with `state: base_estimator`.
+        motion: Task to where it goes.
+        lifted: Contact to the times when the controller does without it.
+        torque_error: Errors of the torques; None: none.
+        ground: The floor, and what else the robot may touch.
+        pushes: Wrenches on links over time.
+        masses: Link to a factor on its mass and inertia in the plant alone.
+        faults: Of `FALLIBLE` to when and how it fails (`drake_tc.sensing.fault`); only with `state: base_estimator` and
+            `torque: series_elastic`. `contacts` is what the estimator is told of those that the controller stands on.
+        source: Folder that file names are relative to.
+    """
+
+    controller: str
+    changes: Mapping[str, Any] = field(default_factory=dict)
+    duration: float = 2.0
+    plant_step: float = 1e-3
+    seed: int = 0
+    state: Literal["plant", "estimated", "base_estimator"] = "plant"
+    torque: Literal["direct", "drives", "series_elastic"] = "direct"
+    sensors: Any = SENSORS
+    drives: DrivesSpec = field(default_factory=DrivesSpec)
+    series_elastic: SpringDrivesSpec = field(default_factory=SpringDrivesSpec)
+    estimator: BaseEstimationSpec = field(default_factory=BaseEstimationSpec)
+    motion: Mapping[str, KnotSpec] = field(default_factory=dict)
+    lifted: Mapping[str, tuple[SpanSpec, ...]] = field(default_factory=dict)
+    torque_error: TorqueErrorSpec | None = None
+    ground: GroundSpec = field(default_factory=GroundSpec)
+    pushes: tuple[PushSpec, ...] = ()
+    masses: Mapping[str, float] = field(default_factory=dict)
+    faults: Mapping[str, tuple[SensorFault, ...]] = field(default_factory=dict)
+    source: str = "."
+
+    def __post_init__(self) -> None:
+        choices = {
+            "state": ("plant", "estimated", "base_estimator"),
+            "torque": ("direct", "drives", "series_elastic"),
+        }
+        check_run(self, choices, ("duration", "plant_step"))
+        if self.torque_error is not None and self.torque_error.hold < self.plant_step:
+            raise ParamsError(
+                f"torque_error.hold: wanted plant_step {self.plant_step:g} s or more; got {self.torque_error.hold:g}"
+            )
+        for name, default, choice, needed in (
+            ("drives", DrivesSpec(), self.torque, "drives"),
+            ("series_elastic", SpringDrivesSpec(), self.torque, "series_elastic"),
+            ("estimator", BaseEstimationSpec(), self.state, "base_estimator"),
+        ):
+            if choice != needed and getattr(self, name) != default:
+                key = "state" if name == "estimator" else "torque"
+                raise ParamsError(f"{name}: wanted {key}: {needed} beside it; with {key}: {choice} there are none")
+        if self.torque != "drives" and self.state == "plant" and self.sensors != SENSORS:
+            raise ParamsError(
+                "sensors: wanted state: estimated or torque: drives beside it; with neither nothing is sensed"
+            )
+        for name in self.faults:
+            if name not in FALLIBLE:
+                raise ParamsError(f"faults: no sensor {name!r}; possible: {', '.join(FALLIBLE)}")
+        if self.faults.get("contacts") and not any(self.lifted.values()):
+            raise ParamsError("faults.contacts: wanted `lifted` beside it; a controller that stands on all tells none")
+        if self.series_elastic.position_gain > 0.0 and (self.motion or self.lifted):
+            raise ParamsError(
+                "series_elastic.position_gain: wanted neither motion nor lifted; motors stay where they are"
+            )
+        if any(self.faults.values()) and (self.state, self.torque) != ("base_estimator", "series_elastic"):
+            raise ParamsError(
+                "faults: wanted state: base_estimator and torque: series_elastic beside it;"
+                f" got {self.state} and {self.torque}"
+            )

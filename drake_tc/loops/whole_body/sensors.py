@@ -1,0 +1,92 @@
+"""What the controller knows of the robot: the plant's own state, or an estimate from its sensors."""
+
+from dataclasses import dataclass, field, replace
+
+from pydrake.systems.framework import OutputPort
+
+from drake_tc.estimation.joint_torque import JointTorqueEstimator
+from drake_tc.estimation.torque_model import TorqueModel
+from drake_tc.filtering.savitzky_golay import SavitzkyGolayFilter
+from drake_tc.loops.loop_builder import LoopBuilder
+from drake_tc.loops.ports import first_imu
+from drake_tc.loops.whole_body.scenario import TsidScenario
+from drake_tc.sensing.suite import SENSORS, SensorSuite, SensorSuiteSpec, add_sensors, load_suite
+from drake_tc.tsid.law import Law
+from drake_tc.tsid.standing import StandingState
+
+QUICK = 15
+"""Samples of the filter behind the controller's joint velocities, read at its end: no delay, more noise."""
+_IMU = ("gyro", "accel")
+SLOW, ORDERS = 80, (2, 1)
+"""Samples of the filter behind the torque estimate (EQUATIONS A1), in whose middle it is read: encoders, the rest."""
+
+
+@dataclass
+class WholeBodyBuilder(LoopBuilder[TsidScenario]):
+    """The whole-body loop under construction.
+
+    Attributes:
+        law: Of the controller.
+    """
+
+    law: Law = field(kw_only=True)
+
+
+def add_whole_body_sensors(wiring: WholeBodyBuilder) -> SensorSuite:
+    """Encoders, IMU and F/T sensors, as the scenario has them; the IMU is a tick late at least.
+
+    What it measures is what this tick's torques cause, so a reading without delay would need itself.
+
+    Raises:
+        ParamsError: an unknown preset or field of the scenario's sensors.
+    """
+    scenario, law = wiring.scenario, wiring.law
+    suite, faults = sensor_specs(scenario, law.period), {n: f for n, f in scenario.faults.items() if n in SENSORS}
+    return add_sensors(wiring.builder, wiring.plant, law.model.robot, suite, law.period, scenario.seed, faults)
+
+
+def sensor_specs(scenario: TsidScenario, period: float) -> SensorSuiteSpec:
+    """What the scenario's sensors do, the IMU a period late at least.
+
+    Raises:
+        ParamsError: an unknown preset or field.
+    """
+    entry = {"preset": scenario.sensors} if isinstance(scenario.sensors, str) else scenario.sensors
+    suite = load_suite("sensors", entry)
+    late = {name: replace(getattr(suite, name), latency=max(period, getattr(suite, name).latency)) for name in _IMU}
+    return replace(suite, **late)
+
+
+def estimated_state(wiring: WholeBodyBuilder, sensors: SensorSuite, contacts: OutputPort | None) -> OutputPort:
+    """[q; v] from the encoders and the contacts that carry.
+
+    Args:
+        wiring: Of the diagram.
+        sensors: From `add_whole_body_sensors`.
+        contacts: Which carry; None: all of them.
+    """
+    law, n = wiring.law, wiring.law.model.n
+    encoder = sensors.encoder.GetOutputPort("reading")
+    quick = SavitzkyGolayFilter(n, QUICK, 2, law.period, QUICK - 1)
+    wiring.add("quick_filter", quick, signal=encoder)
+    inputs = {"joint_position": encoder, "joint_velocity": quick.GetOutputPort("first_derivative")}
+    if sensors.imu is not None:
+        inputs["imu"] = first_imu(wiring.builder, sensors.imu.GetOutputPort("reading"))
+    if contacts is not None:
+        inputs["active_contacts"] = contacts
+    state = wiring.add("standing_state", StandingState(law.model, law.period), **inputs)
+    port: OutputPort = state.GetOutputPort("state")
+    return port
+
+
+def estimated_torque(wiring: WholeBodyBuilder, sensors: SensorSuite) -> dict[str, OutputPort]:
+    """`joint_estimate` (3n), `estimated_torque` (n) and `fault` by paper A's Algorithm 1, half a window late.
+
+    Raises:
+        ParamsError: a robot without IMU.
+    """
+    model = TorqueModel(wiring.law.model.robot)
+    ports = wiring.filtered_readings(sensors, SLOW, ORDERS)
+    estimator = wiring.add("torque_estimator", JointTorqueEstimator(model), **ports)
+    found = {"joint_estimate": ports["joint_estimate"]}
+    return found | {name: estimator.GetOutputPort(name) for name in ("estimated_torque", "fault")}

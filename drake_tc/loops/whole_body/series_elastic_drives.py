@@ -1,0 +1,261 @@
+"""Series-elastic drives under the controller (paper C): torque control, voltage, springs.
+
+torque (- damping) --> torque_control --> loop_delay --> actuators (motors, gears, springs) --> plant
+                          ^ motor_encoder, torque_gauge --------|
+
+With a `position_gain` position_control around the motors' own encoders takes the place of torque_control.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from pydrake.systems.framework import Context, OutputPort
+from pydrake.systems.primitives import Adder, ConstantVectorSource, DiscreteTimeDelay, LinearSystem, MatrixGain
+
+from drake_tc.actuation.model import ActuatorModel
+from drake_tc.actuation.model_file import models_of_joints
+from drake_tc.actuation.plant import ActuatorPlant
+from drake_tc.actuation.wiring import add_actuators, joint_inertias
+from drake_tc.control.series_elastic.control import SeriesElasticControl
+from drake_tc.control.series_elastic.position import MotorPositionControl
+from drake_tc.errors import ParamsError
+from drake_tc.estimation.link_position import LinkPosition, spring_times
+from drake_tc.loops.ports import picked
+from drake_tc.loops.whole_body.sensors import WholeBodyBuilder
+from drake_tc.sensing.sensor import Sensor
+from drake_tc.sensing.suite import sensor_seed
+from drake_tc.types import FloatArray
+
+Start = Callable[[Context], None]
+"""Puts a part of the diagram's context where the robot starts."""
+_SPRING = "elasticity"
+
+
+@dataclass(frozen=True, eq=False)
+class SpringDrives:
+    """The drives in a diagram, before their torque control.
+
+    Attributes:
+        actuators: Motors, gears, springs.
+        models: Of the simulated drives, joint by joint.
+        motor_angle: Encoders before the springs [rad]. torque: Gauges [N m].
+    """
+
+    actuators: ActuatorPlant
+    models: Mapping[str, ActuatorModel]
+    motor_angle: OutputPort
+    torque: OutputPort
+
+
+def spring_models(wiring: WholeBodyBuilder) -> dict[str, ActuatorModel]:
+    """The simulated drives, joint by joint.
+
+    Raises:
+        ParamsError: no model file, one that lacks a joint, or a joint without voltage drive or spring.
+    """
+    robot, named = wiring.law.model.robot, wiring.scenario.series_elastic.actuators
+    path = robot.actuators if named is None else wiring.scenario.path(named)
+    if path is None:
+        raise ParamsError(f"{robot.source}: wanted `actuators`, here or in the scenario's series_elastic; got neither")
+    models: dict[str, ActuatorModel] = models_of_joints(path, robot.joints)
+    for joint, model in models.items():
+        if model.drive.kind != "voltage" or all(value.key != _SPRING for value in model.effects):
+            raise ParamsError(f"{path}: {joint}: wanted a voltage drive and an elasticity; the model lacks one of them")
+    return models
+
+
+def believed_models(models: Mapping[str, ActuatorModel], factors: Mapping[str, float]) -> list[ActuatorModel]:
+    """What the controller takes the drives for.
+
+    Args:
+        models: The simulated drives.
+        factors: `gain` or an effect, to a factor on all its parameters.
+
+    Raises:
+        ParamsError: a factor for what no drive has.
+    """
+    known = {"gain", *(value.key for model in models.values() for value in model.effects)}
+    if strange := sorted(set(factors) - known):
+        raise ParamsError(
+            f"series_elastic.believed: no {strange[0]!r} in the models; there: {', '.join(sorted(known))}"
+        )
+    found = []
+    for model in models.values():
+        drive = replace(model.drive, gain=model.drive.gain * factors.get("gain", 1.0))
+        effects = [
+            replace(value, parameters={k: factors.get(value.key, 1.0) * v for k, v in value.parameters.items()})
+            for value in model.effects
+        ]
+        found.append(replace(model, drive=drive, effects=tuple(effects)))
+    return found
+
+
+def add_spring_drives(wiring: WholeBodyBuilder) -> SpringDrives:
+    """Motors, gears and springs in front of the plant, with the sensors on both sides of the springs.
+
+    Raises:
+        ParamsError: see `spring_models`.
+    """
+    spec, n, builder = wiring.scenario.series_elastic, wiring.law.model.n, wiring.builder
+    models = spring_models(wiring)
+    actuators = add_actuators(builder, wiring.plant, models, wiring.scenario.plant_step)
+    angle: Any = np.eye(n, 2 * n)
+    pick = builder.AddNamedSystem("motor_angle", MatrixGain(angle))
+    builder.Connect(actuators.GetOutputPort("motor_state"), pick.get_input_port())
+    readings = []
+    for name, truth, sensor in (
+        ("motor_encoder", pick.get_output_port(), spec.motor_encoder),
+        ("torque_gauge", actuators.GetOutputPort("transmitted_torque"), spec.gauge),
+    ):
+        seed = sensor_seed(wiring.scenario.seed, name)
+        system = wiring.add(name, Sensor(n, sensor, wiring.law.period, (), seed), truth=truth)
+        readings.append(system.GetOutputPort("reading"))
+    return SpringDrives(actuators, models, *readings)
+
+
+def believed_springs(wiring: WholeBodyBuilder, drives: SpringDrives) -> tuple[FloatArray, FloatArray]:
+    """(n,) compliances [rad/(N m)] and (n,) damping over stiffness [s] of the springs, as the controller takes them."""
+    believed = believed_models(drives.models, wiring.scenario.series_elastic.believed)
+    compliance = np.array(
+        [value.parameters["compliance"] for model in believed for value in model.effects if value.key == _SPRING]
+    )
+    motors = np.array([model.inertia for model in believed])
+    return compliance, spring_times(compliance, motors, joint_inertias(wiring.plant))
+
+
+def link_position(wiring: WholeBodyBuilder, drives: SpringDrives, encoder: OutputPort) -> OutputPort:
+    """(n,) position of the links [rad]: the fine encoders less the springs, or that of the coarse ones.
+
+    Args:
+        wiring: Of the diagram.
+        drives: From `add_spring_drives`.
+        encoder: Behind the springs.
+    """
+    if wiring.scenario.series_elastic.link_from == "link":
+        return encoder
+    compliance, times = believed_springs(wiring, drives)
+    system = LinkPosition(compliance, times, wiring.law.period)
+    wiring.add("link_position", system, motor_angle=drives.motor_angle, torque=drives.torque)
+    port: OutputPort = system.GetOutputPort("position")
+    return port
+
+
+def control_springs(wiring: WholeBodyBuilder, drives: SpringDrives, torque: OutputPort) -> Start:
+    """Torque control between the controller's torque and the drives' voltages.
+
+    Args:
+        wiring: Of the diagram.
+        drives: From `add_spring_drives`.
+        torque: What is wanted of the joints.
+
+    Returns:
+        What winds the springs for the torque that the controller wants first, as a robot that has stood for long has
+        them, under the voltage that keeps them so.
+
+    Raises:
+        ParamsError: times that are no whole number of the controller's periods.
+    """
+    spec, law, builder = wiring.scenario.series_elastic, wiring.law, wiring.builder
+    held: Any = None
+    if spec.position_gain > 0.0:
+        control, held = _hold_motors(wiring, drives)
+    else:
+        if spec.joint_damping > 0.0:
+            torque = _damped(wiring, torque)
+        control = _track_torque(wiring, drives, torque)
+    voltage, ticks, late = control.GetOutputPort("voltage"), spec.ticks(law.period), None
+    if ticks:
+        late = builder.AddNamedSystem("loop_delay", DiscreteTimeDelay(law.period, ticks - 1, law.model.n))
+        builder.Connect(voltage, late.get_input_port())
+        voltage = late.get_output_port()
+    builder.Connect(voltage, drives.actuators.GetInputPort("command"))
+    wiring.signals |= {
+        "applied_torque": drives.actuators.GetOutputPort("transmitted_torque"),
+        "voltage": control.GetOutputPort("voltage"),
+    }
+    gains = np.array([model.drive.gain for model in drives.models.values()])
+
+    def start(root: Context) -> None:
+        source: Any = torque.get_system()
+        first: Any = torque.Eval(source.GetMyContextFromRoot(root))
+        rest: Any = np.array(gains * first)
+        if late is not None:
+            commands: Any = np.tile(rest, ticks)
+            late.GetMyMutableContextFromRoot(root).SetDiscreteState(commands)
+        actuators = drives.actuators
+        _wind(actuators, actuators.GetMyMutableContextFromRoot(root), first, rest)
+        if held is not None:
+            angle: Any = actuators.GetOutputPort("motor_state").Eval(actuators.GetMyContextFromRoot(root))
+            source = held.get_mutable_source_value(held.GetMyMutableContextFromRoot(root))
+            source.SetFromVector(angle[: law.model.n] + first / spec.position_gain)
+
+    return start
+
+
+def _track_torque(wiring: WholeBodyBuilder, drives: SpringDrives, torque: OutputPort) -> Any:
+    """The torque law, connected."""
+    spec = wiring.scenario.series_elastic
+    inputs = {"motor_angle": drives.motor_angle, "torque": drives.torque, "reference_torque": torque}
+    if spec.acceleration_bandwidth > 0.0:
+        inputs["reference_acceleration"] = _wanted_acceleration(wiring, spec.acceleration_bandwidth)
+    law = SeriesElasticControl(spec.control, believed_models(drives.models, spec.believed), wiring.law.period)
+    return wiring.add("torque_control", law, **inputs)
+
+
+def _hold_motors(wiring: WholeBodyBuilder, drives: SpringDrives) -> tuple[Any, Any]:
+    """Position loops around the motors, and the constant angles at which they are held, not yet known."""
+    spec, n = wiring.scenario.series_elastic, wiring.law.model.n
+    nothing: Any = np.zeros(n)
+    held = wiring.builder.AddNamedSystem("held_angle", ConstantVectorSource(nothing))
+    loops = MotorPositionControl(spec.position_gain, believed_models(drives.models, spec.believed))
+    inputs = {"motor_angle": drives.motor_angle, "reference_angle": held.get_output_port()}
+    return wiring.add("position_control", loops, **inputs), held
+
+
+def _damped(wiring: WholeBodyBuilder, torque: OutputPort) -> OutputPort:
+    """(n,) torque less damping times the joints' velocities [N m], as far as the controller knows these."""
+    model, builder, spec = wiring.law.model, wiring.builder, wiring.scenario.series_elastic
+    joints = model.robot.joints
+    if strange := sorted(set(spec.damped_joints) - set(joints)):
+        raise ParamsError(f"series_elastic.damped_joints: no joint {strange[0]!r}; there: {', '.join(joints)}")
+    chosen = np.array([not spec.damped_joints or joint in spec.damped_joints for joint in joints])
+    state = wiring.signals.get("estimated_state", wiring.signals["state"])
+    against: Any = np.zeros((model.n, state.size()))
+    against[np.arange(model.n), model.nq + model.actuated] = np.where(chosen, -spec.joint_damping, 0.0)
+    gain = builder.AddNamedSystem("joint_damping", MatrixGain(against))
+    builder.Connect(state, gain.get_input_port())
+    total: Any = builder.AddNamedSystem("damped_torque", Adder(2, model.n))
+    for number, part in enumerate((torque, gain.get_output_port())):
+        builder.Connect(part, total.get_input_port(number))
+    port: OutputPort = total.get_output_port()
+    wiring.signals["damped_torque"] = port
+    return port
+
+
+def _wanted_acceleration(wiring: WholeBodyBuilder, bandwidth: float) -> OutputPort:
+    """(n,) of the links, as the controller expects them [rad/s^2], through a low pass of `bandwidth` [rad/s]."""
+    law, builder = wiring.law, wiring.builder
+    acceleration: Any = builder.GetSubsystemByName("tsid").GetOutputPort("acceleration")
+    wanted = picked(builder, "wanted_acceleration", acceleration, {"joints": law.model.actuated.tolist()})["joints"]
+    share, one = -np.expm1(-bandwidth * law.period), np.eye(law.model.n)
+    a: Any = (1.0 - share) * one
+    b: Any = share * one
+    c: Any = one
+    d: Any = 0.0 * one
+    smooth: Any = builder.AddNamedSystem("smooth_acceleration", LinearSystem(a, b, c, d, law.period))
+    builder.Connect(wanted, smooth.get_input_port())
+    port: OutputPort = smooth.get_output_port()
+    return port
+
+
+def _wind(actuators: ActuatorPlant, context: Context, torque: FloatArray, voltage: FloatArray) -> None:
+    """Give the actuators the memory of joints that have carried `torque` (n,) under `voltage` (n,) for one step."""
+    alone = actuators.CreateDefaultContext()
+    state = actuators.GetInputPort("state").Eval(context)
+    for name, value in (("command", voltage), ("state", state), ("load_torque", torque)):
+        actuators.GetInputPort(name).FixValue(alone, value)
+    step: Any = actuators.GetOutputPort("step").Eval(alone)
+    kinds = step.size - context.get_discrete_state(0).size()
+    context.SetDiscreteState(step[kinds:])

@@ -1,0 +1,103 @@
+"""What a simulation of robust TSID comes to: how the tasks were followed, how safe it was, what gave way."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from drake_tc.loops.recording import write_log
+from drake_tc.loops.whole_body.references import POSITION, task_source
+from drake_tc.loops.whole_body.running import TsidRecording
+from drake_tc.robot.plant import joint_limits
+from drake_tc.tsid.law import Status
+from drake_tc.types import FloatArray
+
+
+def task_errors(recording: TsidRecording, every: int = 10) -> dict[str, FloatArray]:
+    """Wanted minus true place (S, 3) [m] of the centre of mass and of every frame that is followed, by task.
+
+    Args:
+        recording: Of the run.
+        every: One sample in so many is looked at.
+    """
+    law, nq = recording.law, recording.law.model.nq
+    scratch, rest = law.model.create_scratch(), law.starting_terms()
+    followed = {task.name: (task, POSITION[type(task)][0]) for task in law.tasks if type(task) in POSITION}
+    wanted: dict[str, list[FloatArray]] = {name: [] for name in followed}
+    found: dict[str, list[FloatArray]] = {name: [] for name in followed}
+    sources = {name: task_source(law, name, spec) for name, spec in recording.scenario.motion.items()}
+    contexts = {name: source.CreateDefaultContext() for name, source in sources.items()}
+    for instant, state in zip(recording.time[::every], recording["state"][::every], strict=True):
+        terms = law.model.terms(scratch, state[:nq], state[nq:])
+        for name, (task, place) in followed.items():
+            reference = task.rest(rest)
+            if name in sources:
+                contexts[name].SetTime(instant)
+                reference = np.asarray(sources[name].get_output_port().Eval(contexts[name]))
+            wanted[name].append(reference[place : place + 3])
+            found[name].append(task.rest(terms)[place : place + 3])
+    return {name: np.array(wanted[name]) - np.array(found[name]) for name in followed}
+
+
+def summarise_tsid(recording: TsidRecording) -> dict[str, Any]:
+    """Errors, torques, probabilities and faults as plain data."""
+    robot = recording.law.model.robot
+    largest = np.abs(recording["torque"]).max(axis=0)
+    efforts = joint_limits(robot).effort
+    distances = {name: np.linalg.norm(error, axis=1) for name, error in task_errors(recording).items()}
+    p_ind = recording.status(Status.P_IND)
+    return {
+        "robot": robot.name,
+        "duration": float(recording.time[-1]),
+        "real_time_factor": recording.real_time_factor,
+        "joints": [
+            {"joint": joint, "max_torque": float(torque), "share": float(torque / effort)}
+            for joint, torque, effort in zip(robot.joints, largest, efforts, strict=True)
+        ],
+        "tasks": [
+            {"task": name, "rms_error": float(np.sqrt(np.mean(d**2))), "max_error": float(d.max())}
+            for name, d in distances.items()
+        ],
+        "p_ind": {"median": float(np.median(p_ind)), "min": float(p_ind.min())},
+        "fell": recording.fell,
+        "faults": _faults(recording),
+        "flags": recording.raised_flags(),
+    }
+
+
+def _faults(recording: TsidRecording) -> list[dict[str, Any]]:
+    """Each limit that gave way, or the lack of any answer: its name, when first, for how many ticks."""
+    fallback = recording.status(Status.FALLBACK) > 0.0
+    which = recording.status(Status.LIMIT).astype(int)
+    found = []
+    for limit in np.unique(which[fallback]):
+        times = recording.time[fallback & (which == limit)]
+        name = recording.constraints[limit] if limit >= 0 else "no answer"
+        found.append({"name": name, "first": float(times[0]), "ticks": int(times.size)})
+    return found
+
+
+def write_tsid(
+    recording: TsidRecording, folder: Path, ending: str, tell: Callable[[str], None] | None = None
+) -> list[Path]:
+    """Write `log.ENDING`: torques by joint, contact forces, status and state, one row a tick.
+
+    Raises:
+        LogError: a file that cannot be written.
+    """
+    model = recording.law.model
+    columns = {"time": recording.time}
+    for i, joint in enumerate(model.robot.joints):
+        columns[f"{joint}/position"] = recording["state"][:, model.positions[i]]
+        columns[f"{joint}/velocity"] = recording["state"][:, model.nq + model.actuated[i]]
+        columns[f"{joint}/torque"] = recording["applied_torque"][:, i]
+        columns[f"{joint}/torque_desired"] = recording["torque"][:, i]
+    first = 0
+    for contact in model.contacts:
+        for axis in ("fx", "fy", "fz", "tx", "ty", "tz")[: contact.size]:
+            columns[f"{contact.name}/{axis}_desired"] = recording["contact_force"][:, first]
+            first += 1
+    for part in Status:
+        columns[f"status/{part.name.lower()}"] = recording.status(part)
+    return [write_log(columns, folder / f"log.{ending}")]

@@ -1,0 +1,211 @@
+"""What a reproduction returns: rows that are met or not, tables for people, notes on misses."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal, TypeVar, get_args
+
+import numpy as np
+
+from drake_tc.errors import ParamsError
+from drake_tc.loops.scenarios.strict_yaml import from_mapping, read_mapping
+from drake_tc.text_table import TextTable
+
+How = Literal["min", "max", "within"]
+Progress = Callable[[str, float], None]
+
+
+@dataclass(frozen=True)
+class OnRecord:
+    """The value of a row as it was last computed with seed 0, and as texts quote it.
+
+    Attributes:
+        name: Of the row.
+        reached: The value.
+        reached_tolerance: How far a newly computed value may be from it, to either side, in the value's unit.
+    """
+
+    name: str
+    reached: float
+    reached_tolerance: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.reached) and 0.0 <= self.reached_tolerance < np.inf):
+            raise ParamsError(
+                f"{self.name}: expected a finite value reached and a finite tolerance of it, not negative;"
+                f" got {self.reached} and {self.reached_tolerance}"
+            )
+
+
+@dataclass(frozen=True)
+class Expectation:
+    """What one row should be.
+
+    Attributes:
+        name: Of the row.
+        expected: The printed or wanted value.
+        how: "min": at least `expected`; "max": at most; "within": off by at most `tolerance`.
+        tolerance: In the value's unit; allowed beyond `expected` for "min" and "max" too.
+        unit: Of value, expected and tolerance.
+        source: Page, table or figure it comes from, or the reason why it is asked for.
+        reason: Why it is not met, where it is known not to be; `reached` then says by how much.
+        reached: The value that was last computed with seed 0 and put on record, as texts quote it.
+        reached_tolerance: How far a newly computed value may be from `reached`, to either side.
+    """
+
+    name: str
+    expected: float
+    how: How
+    tolerance: float = 0.0
+    unit: str = ""
+    source: str = ""
+    reason: str = ""
+    reached: float | None = None
+    reached_tolerance: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.how not in get_args(How):
+            raise ParamsError(f"{self.name}: how: wanted one of {', '.join(get_args(How))}; got {self.how!r}")
+        if not (np.isfinite(self.expected) and 0.0 <= self.tolerance < np.inf):
+            raise ParamsError(
+                f"{self.name}: wanted a finite expected value and tolerance, the latter not negative;"
+                f" got {self.expected} and {self.tolerance}"
+            )
+        if self.reason and self.reached is None:
+            raise ParamsError(f"{self.name}: a known miss, one with a reason, needs the value it has: `reached`")
+        if self.reached is not None:
+            OnRecord(self.name, self.reached, self.reached_tolerance)  # refuses what is not finite
+
+    @property
+    def on_record(self) -> "OnRecord | None":
+        """The value that was last computed, where one is on record."""
+        return None if self.reached is None else OnRecord(self.name, self.reached, self.reached_tolerance)
+
+
+Named = TypeVar("Named", OnRecord, Expectation)
+
+
+@dataclass(frozen=True)
+class Row:
+    """One figure against what is expected of it; `met` is None where nothing is."""
+
+    name: str
+    value: float
+    expectation: Expectation | None = None
+
+    @property
+    def met(self) -> bool | None:
+        """Whether the value is as expected; a value that is not finite is not."""
+        if self.expectation is None:
+            return None
+        wanted, slack = self.expectation.expected, self.expectation.tolerance
+        if not np.isfinite(self.value):
+            return False
+        if self.expectation.how == "min":
+            return bool(self.value >= wanted - slack)
+        if self.expectation.how == "max":
+            return bool(self.value <= wanted + slack)
+        return bool(abs(self.value - wanted) <= slack)
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data; a value that is not finite is None; the expectation's fields only where there is one."""
+        data: dict[str, Any] = {"name": self.name, "value": float(self.value) if np.isfinite(self.value) else None}
+        if wanted := self.expectation:
+            data |= {"unit": wanted.unit, "expected": wanted.expected, "how": wanted.how, "tolerance": wanted.tolerance}
+            data |= {"met": self.met, "reason": "" if self.met else wanted.reason}
+        return data
+
+
+@dataclass(frozen=True)
+class Reproduction:
+    """A table or figure of a paper, computed anew.
+
+    Attributes:
+        id: As the command takes it.
+        rows: Figures against expectations.
+        tables: For people.
+        notes: Sentences: what was simulated, and why a row is missed.
+        figures: Name to a function that draws into a matplotlib Figure.
+    """
+
+    id: str
+    rows: tuple[Row, ...]
+    tables: tuple[TextTable, ...] = ()
+    notes: tuple[str, ...] = ()
+    figures: Mapping[str, Callable[[Any], None]] | None = None
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data, as `reproduce --json` prints it: judged rows, and the other values beside them."""
+        return {
+            "id": self.id,
+            "rows": [row.to_json() for row in self.rows if row.expectation],
+            "others": [row.to_json() for row in self.rows if not row.expectation],
+            "notes": list(self.notes),
+        }
+
+
+def read_expectations(path: Path) -> dict[str, Expectation]:
+    """The expected values in a YAML file, a list under `rows`, by name.
+
+    Raises:
+        ParamsError: as `_read` and `_by_name`.
+    """
+    rows, _ = _read(path)
+    return _by_name(Expectation, rows, path, "rows")
+
+
+def read_on_record(path: Path) -> dict[str, OnRecord]:
+    """The values on record in a YAML file, by name: of judged rows, and of the rows under `quoted`.
+
+    Rows under `quoted` are not judged, but a text quotes them.
+
+    Raises:
+        ParamsError: as `_read` and `_by_name`, or a name that is under `rows` and under `quoted`.
+    """
+    rows, quoted = _read(path)
+    judged_rows = _by_name(Expectation, rows, path, "rows")
+    others = _by_name(OnRecord, quoted, path, "quoted")
+    if twice := sorted(set(judged_rows) & set(others)):
+        raise ParamsError(f"{path}: judged and under `quoted`: {', '.join(twice)}")
+    return {name: row.on_record for name, row in judged_rows.items() if row.on_record} | others
+
+
+def _read(path: Path) -> tuple[list[object], list[object]]:
+    """The file's `rows`, and what is under `quoted`, if anything is.
+
+    Raises:
+        ParamsError: `rows` or `quoted` is no list of something, or there is another key.
+    """
+    document = read_mapping(path)
+    lists = [document.get("rows"), document.get("quoted", [None])]
+    if not set(document) <= {"rows", "quoted"} or not all(isinstance(rows, list) and rows for rows in lists):
+        raise ParamsError(
+            f"{path}: wanted a list of expected values under `rows`, perhaps one of values on record under `quoted`,"
+            " and no other key"
+        )
+    return document["rows"], document.get("quoted", [])
+
+
+def _by_name(kind: type[Named], listed: list[object], path: Path, key: str) -> dict[str, Named]:
+    """The list's items as `kind`, by name.
+
+    Raises:
+        ParamsError: a field that is unknown, missing or bad, or a name given twice.
+    """
+    rows = [from_mapping(kind, item, f"{path}: {key}[{i}]") for i, item in enumerate(listed)]
+    named = {row.name: row for row in rows}
+    if len(named) != len(rows):
+        raise ParamsError(f"{path}: a name is given twice")
+    return named
+
+
+def judged(values: Mapping[str, float], wanted: Mapping[str, Expectation]) -> tuple[Row, ...]:
+    """Rows of `values`, in order, each with its expectation where there is one.
+
+    Raises:
+        ParamsError: an expectation that no value answers: it would silently count as met.
+    """
+    missing = sorted(set(wanted) - set(values))
+    if missing:
+        raise ParamsError(f"expected values without a computed one: {', '.join(missing)}")
+    return tuple(Row(name, value, wanted.get(name)) for name, value in values.items())

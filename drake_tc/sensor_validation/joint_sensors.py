@@ -1,0 +1,109 @@
+"""`JointSensors`: encoders on both sides of series springs and the gauges in them, each checked against the others."""
+
+from typing import Any
+
+import numpy as np
+from pydrake.common.value import Value
+from pydrake.systems.framework import Context, DiscreteValues, LeafSystem, ValueProducer
+
+from drake_tc.sensor_validation.joint_voting import DEFLECTION, ROWS, THETA, JointVoting, Vote
+from drake_tc.types import FloatArray
+
+FLAGS = (
+    "motor_encoder/missing",
+    "motor_encoder/odd",
+    "gauge/missing",
+    "gauge/frozen",
+    "gauge/odd",
+    "encoder/odd",
+    "joint/lost",
+)
+"""Not finite; at odds with the other two sensors of its joint (a frozen encoder before the spring too); repeating
+itself; two of a joint's three wrong at once. What else ails encoders behind the springs, `FaultMonitor` says."""
+HOLD = 0.1
+"""How long a flag stays up after its cause [s]."""
+
+
+class _Solved:
+    """This tick's vote; a box for the cache."""
+
+    vote: Vote
+
+
+class JointSensors(LeafSystem):
+    """Readings of n joints that can be believed: see `joint_voting` for the equations.
+
+    Inputs (n each), raw: motor_angle [rad], torque [N m], link_angle [rad].
+    Outputs: the same three, always finite, with direct feedthrough of every input; with it too
+        position (n): of the links, theta - d [rad], as `LinkPosition` has it;
+    and, of the state alone,
+        flags (7): 1 up, 0 down, `FLAGS`, from the tick after the cause.
+    State x: memory of the vote (ROWS, n), whether there was a tick; ticks that each flag stays up; the flags. With V
+    the vote,
+
+        x[n+1], y[n] = V(x[n], u[n])
+
+    While nothing is wrong the outputs are the inputs, bit by bit.
+    """
+
+    def __init__(
+        self, compliance: FloatArray, spring_time: FloatArray, dt: float, noisy: tuple[bool, bool] = (True, True)
+    ) -> None:
+        """Declare ports, state and the periodic update.
+
+        Args:
+            compliance: (n,) c of the springs [rad/(N m)].
+            spring_time: (n,) their damping over stiffness t_d [s].
+            dt: Period [s].
+            noisy: Whether gauges and encoders behind the springs have noise; one without may repeat itself.
+        """
+        super().__init__()
+        self._n = n = len(compliance)
+        self._voting = JointVoting(compliance, dt / (dt + np.asarray(spring_time, dtype=float)), noisy)
+        self._hold = float(np.ceil(HOLD / dt))
+        names = ("motor_angle", "torque", "link_angle")
+        self._inputs: list[Any] = [self.DeclareVectorInputPort(name, n) for name in names]
+        state = self.DeclareDiscreteState(ROWS * n + 1)
+        left, flags = self.DeclareDiscreteState(len(FLAGS)), self.DeclareDiscreteState(len(FLAGS))
+        self._state, self._left, self._flags = int(state), int(left), int(flags)
+        tickets = {self.discrete_state_ticket(state), *(port.ticket() for port in self._inputs)}
+        self._solved: Any = self.DeclareCacheEntry(
+            "solved", ValueProducer(allocate=Value(_Solved()).Clone, calc=self._solve), tickets
+        )
+        for row, name in enumerate(names):
+            self.DeclareVectorOutputPort(name, n, self._writer(row), {self._solved.ticket()})
+        self.DeclareVectorOutputPort("position", n, self._write_position, {self._solved.ticket()})
+        self.DeclareStateOutputPort("flags", flags)
+        self.DeclarePeriodicDiscreteUpdateEvent(dt, 0.0, self._update)
+
+    def _solve(self, context: Any, box: Any) -> None:
+        held = context.get_discrete_state(self._state).value()
+        y = np.array([port.Eval(context) for port in self._inputs])
+        memory = held[:-1].reshape(ROWS, self._n) if held[-1] else self._voting.started(y)
+        box.get_mutable_value().vote = self._voting.step(memory, y)
+
+    def _writer(self, row: int) -> Any:
+        def write(context: Context, vector: Any) -> None:
+            solved: Any = self._solved.Eval(context)
+            vector.set_value(solved.vote.given[row])
+
+        return write
+
+    def _write_position(self, context: Context, vector: Any) -> None:
+        solved: Any = self._solved.Eval(context)
+        vector.set_value(solved.vote.given[THETA] - solved.vote.memory[DEFLECTION])
+
+    def _update(self, context: Context, values: DiscreteValues) -> None:
+        solved: Any = self._solved.Eval(context)
+        vote: Vote = solved.vote
+        memory: Any = values.get_mutable_value(self._state)
+        memory[:-1], memory[-1] = vote.memory.ravel(), 1.0
+        left: Any = values.get_mutable_value(self._left)
+        if vote.well and not np.count_nonzero(left):
+            return
+        left -= 1.0
+        np.maximum(left, 0.0, out=left)
+        missing, frozen, odd = (np.any(rows, axis=1) for rows in (vote.missing, vote.frozen, vote.odd))
+        causes = [missing[0], odd[0], missing[1], frozen[1], odd[1], odd[2], vote.lost.any()]
+        left[causes] = self._hold
+        values.get_mutable_value(self._flags)[:] = left > 0.0

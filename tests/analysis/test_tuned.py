@@ -1,0 +1,124 @@
+"""Tuned settings in a scenario, and the perturbed plants that they are confirmed on."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from drake_tc.actuation.model_file import load_models, save_models
+from drake_tc.analysis.settings import Goal, default_goals, setting_of
+from drake_tc.analysis.torque_loop import perturbed_plants
+from drake_tc.analysis.torque_loop.perturbed_plants import Compared, Spread, compare_on_plant
+from drake_tc.analysis.torque_loop.tuned import tuned_scenario
+from drake_tc.analysis.torque_loop.tuning_task import joint_tasks
+from drake_tc.analysis.tuning import SearchSpace, tune
+from drake_tc.errors import ParamsError
+from drake_tc.loops.torque.parts import actuator_models, loop_robot, torque_gains
+from drake_tc.loops.torque.recording import TorqueRecording
+from drake_tc.registry import diagram_entry
+
+LEG = diagram_entry("hrp2_leg")
+
+
+@pytest.fixture
+def seen(monkeypatch):
+    """Scenarios that are simulated, with their actuators; a simulation returns a made-up recording."""
+    kept = []
+
+    def simulate(scenario, allow_runaway):
+        robot = loop_robot(scenario)
+        kept.append((scenario, actuator_models(scenario, robot), actuator_models(scenario, robot, controller=True)))
+        time = np.arange(0.0, scenario.duration, scenario.dt)
+        state, reference = np.zeros((time.size, 12)), np.full((time.size, 18), 2e-3)
+        return TorqueRecording(
+            robot=robot, models={}, time=time, signals={"joint_state": state, "reference": reference}, seconds=0.0
+        )
+
+    monkeypatch.setattr(perturbed_plants, "simulate_scenario", simulate)
+    return kept
+
+
+def test_a_plant_is_drawn_from_its_seed_alone_and_the_controller_keeps_its_model(seen):
+    scenario = LEG.scenario("brisk_swing")
+    other = replace(scenario, gains=replace(scenario.gains, kp=1.0))
+    point = Compared((scenario, other), Spread(), 0.3)
+    errors = compare_on_plant(point, 5)
+    assert_allclose(errors, 2e-3, rtol=1e-12)
+    compare_on_plant(point, 5)
+    compare_on_plant(point, 6)
+    (first, drawn, model), (second, same, _), (_, again, _), _, (fifth, another, _), _ = seen
+    assert drawn == same == again and another != drawn
+    assert (first.masses, first.seed) == (second.masses, second.seed) != (fifth.masses, fifth.seed)
+    assert (first.gains.kp, second.gains.kp) == (2.0, 1.0)
+    assert model == {j: load_models(scenario.path(scenario.model))[j] for j in model}
+    truth = actuator_models(scenario, loop_robot(scenario))
+    for joint, found in drawn.items():
+        gain = found.drive.gain / truth[joint].drive.gain
+        was, now = ({e.key: e.parameters for e in m.effects} for m in (truth[joint], found))
+        assert 0.85 <= gain <= 1.15
+        assert 0.85 <= gain * now["viscous"]["viscous"] / was["viscous"]["viscous"] <= 1.15
+        dry = {k: now[k][k] / was[k][k] for k in ("coulomb", "deadzone")}
+        assert 0.5 <= dry["coulomb"] <= 1.5 and dry["coulomb"] == pytest.approx(dry["deadzone"])
+        assert now["rotor_inertia"] == was["rotor_inertia"]
+    assert len(first.masses) == 6 and all(0.9 <= factor <= 1.1 for factor in first.masses.values())
+
+
+def test_without_a_model_the_controller_takes_the_unperturbed_actuators(seen):
+    scenario = replace(LEG.scenario("brisk_swing"), model=None)
+    compare_on_plant(Compared((scenario,), Spread(), 0.3), 1)
+    ((_, drawn, model),) = seen
+    assert model == actuator_models(scenario, loop_robot(scenario)) != drawn
+
+
+def test_a_runaway_counts_as_an_infinite_error(monkeypatch):
+    scenario = LEG.scenario("brisk_swing")
+
+    def stopped(changed, allow_runaway):
+        time = np.arange(0.0, 0.9, changed.dt)
+        signals = {"joint_state": np.zeros((time.size, 12)), "reference": np.zeros((time.size, 18))}
+        return TorqueRecording(robot=loop_robot(changed), models={}, time=time, signals=signals, seconds=0.0)
+
+    monkeypatch.setattr(perturbed_plants, "simulate_scenario", stopped)
+    errors = compare_on_plant(Compared((scenario,), Spread(), 0.3), 0)
+    assert_array_equal(errors, np.full((1, 6), np.inf))
+
+
+def test_tasks_say_what_the_scenario_says():
+    scenario = LEG.scenario("brisk_swing", text="{gains: {by_joint: {r_knee: {kp: 3.0, ki: 4.0}}}}")
+    robot = loop_robot(scenario)
+    gains = torque_gains(scenario, robot)
+    tasks = joint_tasks(scenario, 0.3)
+    assert [task.joint for task in tasks] == list(robot.joints)
+    assert_array_equal([task.loops[0].ks for task in tasks], gains.ks)
+    knee = setting_of(tasks[3].loops[0])
+    assert (knee.window, knee.order, knee.kp, knee.ki) == (80, 2, 3.0, 4.0)
+    assert knee.k7 == pytest.approx(0.01)
+    assert all(task.begin == 300 and len(task.loops) == 3 for task in tasks)
+    least, most = (np.array([task.loops[k].link_inertia for task in tasks]) for k in (1, 2))
+    assert np.all(least <= [task.loops[0].link_inertia for task in tasks]) and np.all(least <= most)
+    with pytest.raises(ParamsError, match="wanted a scenario in torque control"):
+        joint_tasks(LEG.scenario("stairs_swing_servo"))
+
+
+def test_only_position_servos_are_tuned(tmp_path):
+    scenario = LEG.scenario("brisk_swing")
+    models = actuator_models(scenario, loop_robot(scenario))
+    knee = models["r_knee"]
+    save_models(models | {"r_knee": replace(knee, drive=replace(knee.drive, kind="current"))}, tmp_path / "drives.yaml")
+    with pytest.raises(ParamsError, match="wanted position servos; r_knee is a current drive"):
+        joint_tasks(replace(scenario, actuators=str(tmp_path / "drives.yaml")))
+
+
+def test_a_tuned_scenario_has_the_settings_and_keeps_the_others():
+    scenario = LEG.scenario("brisk_swing", text="{gains: {by_joint: {r_knee: {k6: 0.5}, r_hip_yaw: {kp: 1.0}}}}")
+    knee = [task for task in joint_tasks(scenario, 0.3) if task.joint == "r_knee"]
+    space = SearchSpace(windows=(40,), kp=(1.0,), ki=(2.0,), k7=(1.0,), rounds=0)
+    found = tune(knee, [Goal(noise=default_goals(knee)[0].noise)], space)
+    changed = tuned_scenario(scenario, found)
+    chosen = found.joints[0].after.setting
+    assert changed.filters.window == 40
+    given = changed.gains.by_joint["r_knee"]
+    assert (given["k6"], given["kp"], given["ki"]) == (0.5, 1.0, 2.0)
+    assert given["k7"] == pytest.approx(chosen.k7, rel=1e-5)
+    assert changed.gains.by_joint["r_hip_yaw"] == {"kp": 1.0}

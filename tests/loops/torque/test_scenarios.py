@@ -1,0 +1,249 @@
+"""Scenario files: what is committed runs; what is misspelt is refused in one line that names file and field."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.testing import assert_array_equal
+
+from drake_tc.errors import ParamsError
+from drake_tc.loops.scenarios.files import scenario_names
+from drake_tc.loops.scenarios.strict_yaml import from_mapping, read_mapping
+from drake_tc.loops.torque.loop import build_loop
+from drake_tc.loops.torque.running import simulate_scenario
+from drake_tc.loops.torque.scenario import Scenario
+from drake_tc.registry import diagram_entry, diagrams
+from drake_tc.robot.plant import joint_limits
+
+COMMITTED = [(entry.name, name) for entry in diagrams("torque").values() for name in entry.scenarios()]
+SHORT = "{duration: 0.15, tare: 0.02, guard: {start_time: 0.05}}"
+
+
+@pytest.mark.parametrize(("diagram", "name"), COMMITTED, ids=["-".join(pair) for pair in COMMITTED])
+def test_every_committed_scenario_runs_and_stays_finite(diagram, name):
+    scenario = diagram_entry(diagram).scenario(name, text=SHORT)
+    recording = simulate_scenario(scenario)
+    assert recording.time.size == 151
+    assert all(np.isfinite(values).all() for values in recording.signals.values())
+    limits = joint_limits(recording.robot)
+    reference = recording["reference"][:, : recording.size]
+    assert ((limits.lower <= reference) & (reference <= limits.upper)).all()
+
+
+@pytest.mark.parametrize(("diagram", "name"), COMMITTED, ids=["-".join(pair) for pair in COMMITTED])
+def test_no_committed_motion_leaves_the_limits(diagram, name):
+    from drake_tc.loops.torque.references import references
+    from drake_tc.robot.robot import load_robot
+
+    scenario = diagram_entry(diagram).scenario(name)
+    robot = load_robot(scenario.path(scenario.robot))
+    limits, n = joint_limits(robot), len(robot.joints)
+    motion = references(scenario, robot).motion
+    assert (limits.lower <= motion[:, :n]).all()
+    assert (motion[:, :n] <= limits.upper).all()
+    assert (np.abs(motion[:, n : 2 * n]) <= limits.velocity).all()
+
+
+def test_same_seed_same_numbers_and_another_seed_other_noise():
+    entry = diagram_entry("hrp2_leg")
+    one, two = (simulate_scenario(entry.scenario("hanging", text=SHORT)) for _ in range(2))
+    for name, values in one.signals.items():
+        assert_array_equal(values, two[name], err_msg=name)
+    other = simulate_scenario(entry.scenario("hanging", text=SHORT).changed(seed=1))
+    for name in ("encoder", "imu", "force_torque"):
+        assert np.all(np.ptp(one[name] - other[name], axis=0) > 0.0)
+    assert_array_equal(one["reference"], other["reference"])
+
+
+def test_one_loop_gives_the_same_run_twice():
+    from drake_tc.loops.torque.running import run_loop
+
+    loop = build_loop(diagram_entry("hrp2_leg").scenario("hanging", text=SHORT))
+    first, second = run_loop(loop), run_loop(loop)
+    assert_array_equal(first["joint_state"], second["joint_state"])
+    assert_array_equal(first["flags"], second["flags"])
+
+
+FILE = """
+one:
+  robot: r.yaml
+  gains: {k6: 0.5, by_joint: {knee: {kp: 1.0}}}
+  motion: {times: [0.0, 1.0], knots: {knee: [0.0, 1.0]}}
+two: {extends: one, gains: {k7: 0.1, by_joint: {hip: {kp: 2.0}}}}
+three: {extends: two, duration: 5.0, motion: {times: [0.0, 2.0]}}
+ring: {extends: rung, robot: r.yaml}
+rung: {extends: ring}
+lost: {extends: nowhere}
+"""
+
+
+@pytest.fixture
+def file(tmp_path):
+    path = tmp_path / "s.yaml"
+    path.write_text(FILE)
+    return path
+
+
+def test_extends_changes_field_by_field(file):
+    three = Scenario.load(file, "three", "{gains: {k6: 2.0}}")
+    assert (three.robot, three.duration, three.dt) == ("r.yaml", 5.0, Scenario("x").dt)
+    assert (three.gains.k6, three.gains.k7, three.gains.kp) == (2.0, 0.1, 2.0)
+    assert three.gains.by_joint == {"knee": {"kp": 1.0}, "hip": {"kp": 2.0}}
+    assert (three.motion.times, three.motion.knots) == ((0.0, 2.0), {"knee": (0.0, 1.0)})
+    assert Scenario.load(file, "one").gains.k7 == 0.0
+    assert three.path("a/b.yaml") == file.parent / "a" / "b.yaml"
+    assert scenario_names(file) == ["one", "two", "three", "ring", "rung", "lost"]
+    assert three.changed(duration=None, seed=4) == Scenario.load(file, "three", "{gains: {k6: 2.0}, seed: 4}")
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "message"),
+    [
+        ("none", None, "no scenario 'none'; scenarios here: one, two, three, ring, rung, lost"),
+        ("lost", None, "no scenario 'nowhere'"),
+        ("ring", None, r"extends itself \(ring -> rung -> ring\)"),
+        ("one", "{durration: 1.0}", r"s\.yaml: one: unknown field 'durration'; possible: robot, controller, duration"),
+        ("one", "{gains: {k5: 1.0}}", r"one\.gains: unknown field 'k5'; possible: k6, k7, kp, ki, kf, by_joint"),
+        ("one", "{pushes: [{link: foot}]}", r"pushes\[0\]: missing field 'begin'"),
+        ("one", "{duration: long}", r"one\.duration: wanted a number; got 'long'"),
+        ("one", "{duration: 0.0}", "duration: wanted a positive number"),
+        ("one", "{duration: .nan}", "duration: wanted a positive number"),
+        ("one", "{seed: 1.5}", r"one\.seed: wanted a whole number; got 1\.5"),
+        ("one", "{log_truth: 1}", r"log_truth: wanted true or false; got 1"),
+        ("one", "{plant_step: 3.0e-4}", r"plant_step: wanted dt = 0\.001 s over a whole number"),
+        ("one", "{controller: both}", "controller: wanted one of torque, servo; got 'both'"),
+        ("one", "{torque_from: nowhere}", "torque_from: wanted one of estimate, sensor"),
+        ("one", "{faults: {gps: []}}", "faults: no sensor 'gps'; possible: encoder, imu, force_torque"),
+        ("one", "{faults: {imu: [{kind: gone}]}}", r"faults\.imu\[0\]: .*wanted one of frozen, dropped, biased, nan"),
+        ("one", "{force: {a: {offset: [1.0]}}}", r"force\.a: force: wanted six numbers"),
+        ("one", "{guard: {start_rate: 0.0}}", r"guard\.start_rate: wanted finite numbers > 0"),
+        ("one", "{monitor: {hold: 0.0}}", "hold: wanted a positive number"),
+        ("one", "[1, 2]", r"scenario text: wanted a mapping of fields; got '\[1, 2\]'"),
+        ("one", "{a: [", "scenario text: not valid YAML"),
+    ],
+)
+def test_what_a_scenario_file_cannot_say(file, name, text, message):
+    with pytest.raises(ParamsError, match=message) as caught:
+        Scenario.load(file, name, text)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("diagram", "text", "message"),
+    [
+        ("hrp2_leg", "{robot: nothing.yaml}", r"nothing\.yaml"),
+        (
+            "hrp2_leg",
+            "{robot: ../models/hrp2_like/hrp2_like.yaml}",
+            "angular_acceleration: wanted gyro or neglected, as the base",
+        ),
+        ("hrp2_leg", "{actuators: nothing.yaml}", r"nothing\.yaml"),
+        ("hrp2_leg", "{sensors: superb}", r"sensors\.preset: wanted one of perfect, realistic; got 'superb'"),
+        ("hrp2_leg", "{sensors: {encoder: {hue: 1}}}", r"sensors\.encoder: unknown .*hue"),
+        ("hrp2_leg", "{motion: {posture: {elbow: 1.0}}}", "motion.posture: no joint 'elbow'; joints of hrp2_like_leg"),
+        ("hrp2_leg", "{motion: {knots: {elbow: [1, 2, 3, 4]}}}", r"motion\.knots: no joint 'elbow'"),
+        ("hrp2_leg", "{motion: {knots: {r_knee: [1, 2]}}}", r"motion\.knots\.r_knee: wanted 4 positions; got 2"),
+        ("hrp2_leg", "{motion: {times: [0.0, 2.0, 1.0, 3.0]}}", "times"),
+        ("hrp2_leg", "{motion: {sinusoids: {elbow: {frequency_hz: 1.0}}}}", r"motion\.sinusoids: no joint 'elbow'"),
+        ("hrp2_leg", "{gains: {by_joint: {elbow: {k6: 1.0}}}}", r"gains\.by_joint: no joint 'elbow'"),
+        ("hrp2_leg", "{gains: {by_joint: {r_knee: {k9: 1.0}}}}", r"gains\.by_joint\.r_knee: no gain 'k9'"),
+        ("hrp2_leg", "{force: {left_ankle: {}}}", "force: no F/T sensor 'left_ankle'; those of hrp2_like_leg: right"),
+        ("hrp2_leg", "{pushes: [{link: tail, begin: 0, duration: 1}]}", "pushes: no link 'tail'"),
+        (
+            "hrp2_leg",
+            "{pushes: [{link: r_foot, begin: 0, duration: 0}]}",
+            "push on r_foot: wanted a finite begin and a positive duration",
+        ),
+        ("hrp2_leg", "{pushes: [{link: r_foot, begin: 0, duration: 1, force: [1, 2]}]}", "force: wanted three finite"),
+        ("hrp2_leg", "{masses: {r_foot: -1}}", "masses.r_foot: wanted a positive factor"),
+        ("hrp2_leg", "{seed: -1}", "seed: wanted a whole number from 0 to"),
+        ("hrp2_leg", "{gains: {kf: [1, 2]}}", "kf: wanted one number or six"),
+        ("hrp2_leg", "{motion: {posture: {r_knee: 9}}}", "r_knee: wanted 0 to 2.618 rad"),
+        ("hrp2_leg", "{objects: [{size: [1, 1, .nan], xyz: [0, 0, 0]}]}", "size: wanted three finite numbers"),
+        ("hrp2_leg", "{objects: [{size: [1, 1, 1], xyz: [0, 0, 0], friction: -1}]}", "friction: wanted a number >= 0"),
+        ("hrp2_leg", "{masses: {tail: 1.1}}", "masses: no link 'tail' in hrp2_like_leg"),
+        (
+            "hrp2_leg",
+            "{objects: [{size: [1, 1], xyz: [0, 0, 0]}]}",
+            r"objects\[0\]: object: size: wanted three finite numbers",
+        ),
+        (
+            "hrp2_leg",
+            "{objects: [{size: [1, 1, 0], xyz: [0, 0, 0]}]}",
+            r"objects\[0\]: object: size: wanted positive lengths",
+        ),
+        ("hrp2_leg", "{faults: {imu: [{kind: nan, channels: [7]}]}}", "wanted 0 to 5; got 7"),
+        ("hrp2_leg", "{filters: {window: 2}}", "window"),
+        ("hrp2_leg", "{tare: -1.0}", "tare: wanted"),
+    ],
+)
+def test_what_does_not_fit_the_robot_is_refused(diagram, text, message):
+    with pytest.raises(ParamsError, match=message) as caught:
+        build_loop(diagram_entry(diagram).scenario(text=text))
+    assert "\n" not in str(caught.value)
+
+
+def test_unknown_diagrams_are_refused():
+    with pytest.raises(ParamsError, match="no diagram 'moon'; diagrams: hrp2_leg, hrp2_leg_contact"):
+        diagram_entry("moon")
+
+
+@dataclass(frozen=True)
+class Inner:
+    a: float
+    b: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True)
+class Outer:
+    one: Inner
+    many: tuple[Inner, ...] = ()
+    named: dict[str, Inner] = field(default_factory=dict)
+    either: float | tuple[float, ...] = 0.0
+    pair: tuple[float, float] | None = None
+    text: str = ""
+
+
+def test_strict_yaml_reads_nested_records():
+    document = {
+        "one": {"a": "1e-3", "b": [1, 2]},
+        "many": [{"a": 1}, {"a": 2.5}],
+        "named": {"x": {"a": 3}},
+        "either": [1, 2],
+        "pair": [0, 1],
+    }
+    expected = Outer(Inner(1e-3, (1, 2)), (Inner(1.0), Inner(2.5)), {"x": Inner(3.0)}, (1.0, 2.0), (0.0, 1.0))
+    assert from_mapping(Outer, document, "f") == expected
+    assert from_mapping(Outer, {"one": {"a": 1}, "pair": None, "either": 2}, "f") == Outer(Inner(1.0), either=2.0)
+
+
+@pytest.mark.parametrize(
+    ("document", "message"),
+    [
+        ([], "f: wanted a mapping with one, many"),
+        ({}, "f: missing field 'one'; possible: one, many"),
+        ({"one": {"a": 1}, "two": 2}, "f: unknown field 'two'"),
+        ({"one": {"a": True}}, r"f\.one\.a: wanted a number; got True"),
+        ({"one": {"a": "much"}}, r"f\.one\.a: wanted a number; got 'much'"),
+        ({"one": {"a": 1, "b": [1.5]}}, r"f\.one\.b\[0\]: wanted a whole number; got 1\.5"),
+        ({"one": {"a": 1}, "many": {"a": 1}}, r"f\.many: wanted a list"),
+        ({"one": {"a": 1}, "many": [3]}, r"f\.many\[0\]: wanted a mapping with a, b; got 3"),
+        ({"one": {"a": 1}, "named": [1]}, r"f\.named: wanted a mapping; got \[1\]"),
+        ({"one": {"a": 1}, "pair": [1, 2, 3]}, r"f\.pair: wanted two values; got \[1, 2, 3\]"),
+        ({"one": {"a": 1}, "text": 7}, r"f\.text: wanted text; got 7"),
+    ],
+)
+def test_strict_yaml_refusals(document, message):
+    with pytest.raises(ParamsError, match=message):
+        from_mapping(Outer, document, "f")
+
+
+def test_files_that_cannot_be_read(tmp_path):
+    with pytest.raises(ParamsError, match=r"none\.yaml: wanted a YAML file; .*No such file"):
+        read_mapping(tmp_path / "none.yaml")
+    for name, text, message in (("bad", "a: [", "not (valid )?YAML"), ("list", "- 1", "wanted a mapping; got list")):
+        path = Path(tmp_path / f"{name}.yaml")
+        path.write_text(text)
+        with pytest.raises(ParamsError, match=message):
+            read_mapping(path)

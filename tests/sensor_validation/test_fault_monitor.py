@@ -1,0 +1,252 @@
+"""Fault flags: each fault raises its own flag in time, and a live, noisy robot raises none."""
+
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+from estimation.machines import joint_xml, link_xml
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.testing import assert_array_equal
+
+from drake_tc.errors import ParamsError
+from drake_tc.robot.robot import ForceTorqueMount, Mount, Pose, Robot
+from drake_tc.sensing.spec import SensorSpec
+from drake_tc.sensing.suite import SensorSuiteSpec
+from drake_tc.sensor_validation.fault_monitor import FaultMonitor
+from drake_tc.sensor_validation.monitor_spec import MonitorSpec
+
+DT = 1e-3
+N = 3
+RAW = ("encoder", "imu", "wrench")
+
+
+@pytest.fixture(scope="module")
+def robot(tmp_path_factory) -> Robot:
+    """Three joints, an F/T at the end, an IMU on the welded base, upside down about x."""
+    folder: Path = tmp_path_factory.mktemp("robot")
+    rng = np.random.default_rng(0)
+    names = ["base", "a", "b", "c", "foot"]
+    joints = [
+        joint_xml(f"j{i}", "fixed" if child == "foot" else "revolute", parent, child, Pose(), (0, 1, 0))
+        for i, (parent, child) in enumerate(pairwise(names))
+    ]
+    file = folder / "leg.urdf"
+    file.write_text(f'<robot name="leg">{"".join(link_xml(name, rng) for name in names)}{"".join(joints)}</robot>')
+    return Robot(
+        name="leg",
+        urdf=file,
+        base="base",
+        fixed_base=True,
+        joints=("j0", "j1", "j2"),
+        posture=np.zeros(N),
+        source=folder / "leg.yaml",
+        base_pose=Pose(rpy=(np.pi, 0.0, 0.0)),
+        imu=(Mount("imu", "base", Pose(rpy=(0.0, np.pi / 2, 0.0))),),
+        force_torque=(ForceTorqueMount("ankle", "j3", Pose(), Mount("ankle", "foot")),),
+    )
+
+
+def live(steps: int, seed: int = 0) -> dict[str, np.ndarray]:
+    """(T, ...) raw readings of a moving leg whose sensors have noise; the IMU sees gravity in its frame."""
+    rng = np.random.default_rng(seed)
+    time = DT * np.arange(steps)[:, None]
+    resolution = 1e-5
+    encoder = 0.3 * np.sin(2 * np.pi * time + np.arange(N)) + resolution * rng.standard_normal((steps, N))
+    # base turned by pi about x: up is -z of the base; the IMU's x axis is -z of the base, so it reads up on x
+    imu = np.array([0.0, 0.0, 0.0, 9.81, 0.0, 0.0]) + np.array([5e-3] * 3 + [0.05] * 3) * rng.standard_normal(
+        (steps, 6)
+    )
+    wrench = np.array([0.0, 0.0, -20.0, 0.0, 0.0, 0.0]) + np.array([1.0] * 3 + [0.05] * 3) * rng.standard_normal(
+        (steps, 6)
+    )
+    return {
+        "encoder": np.round(encoder / resolution) * resolution,
+        "imu": imu,
+        "wrench": wrench,
+        "reference_velocity": 0.6 * np.pi * np.cos(2 * np.pi * time + np.arange(N)),
+        "unknown_wrench": 2.0 * rng.standard_normal((steps, 6)),
+        "contact_wrench": rng.standard_normal((steps, 6)),
+        "torque_residual": 5.0 * rng.standard_normal((steps, N)),
+    }
+
+
+def run(robot: Robot, signals: dict[str, np.ndarray], spec: MonitorSpec | None = None) -> dict[str, np.ndarray]:
+    """Flags by name (T,), as they stand after the tick that read row t."""
+    monitor = FaultMonitor(robot, spec, DT, free=("ankle",))
+    context = monitor.CreateDefaultContext()
+    flags = []
+    for row in range(len(signals["encoder"])):
+        for name, values in signals.items():
+            monitor.GetInputPort(name).FixValue(context, values[row])
+        context.SetTime(row * DT)
+        context.SetDiscreteState(monitor.EvalUniquePeriodicDiscreteUpdate(context))
+        flags.append(monitor.GetOutputPort("flags").Eval(context))
+        level = 2.0 if flags[-1][:3].any() else flags[-1].max()
+        assert monitor.GetOutputPort("any_fault").Eval(context)[0] == level
+    return dict(zip(monitor.flag_names, np.array(flags).T, strict=True))
+
+
+def raised(flags: dict[str, np.ndarray]) -> dict[str, int]:
+    """First tick of every flag that went up."""
+    return {name: int(np.argmax(values)) for name, values in flags.items() if values.any()}
+
+
+def test_a_live_robot_raises_nothing(robot):
+    assert raised(run(robot, live(2000))) == {}
+
+
+START = 300
+
+
+def frozen(values):
+    values[START:] = values[START]
+
+
+def nan(values):
+    values[START:, 0] = np.nan
+
+
+def biased(size, channel=0):
+    def apply(values):
+        values[START:, channel] += size
+
+    return apply
+
+
+FAULTS = [
+    ("encoder", nan, "encoder/missing", 1),
+    ("imu", nan, "imu/missing", 1),
+    ("wrench", nan, "ankle/missing", 1),
+    ("encoder", frozen, "encoder/frozen", 25),
+    ("imu", frozen, "imu/frozen", 15),
+    ("wrench", frozen, "ankle/frozen", 15),
+    ("encoder", biased(0.1), "encoder/jump", 1),
+    ("imu", biased(3.0), "imu/jump", 1),
+    ("imu", biased(0.2), "imu/inconsistent", 20),
+    ("imu", biased(2.0, 4), "imu/inconsistent", 20),
+    ("wrench", biased(200.0), "ankle/jump", 1),
+    ("contact_wrench", biased(30.0), "ankle/unexpected", 20),
+    ("unknown_wrench", biased(8.0, 5), "unknown_wrench/unexpected", 20),
+    ("torque_residual", biased(100.0), "torque/inconsistent", 20),
+]
+
+
+@pytest.mark.parametrize(
+    ("signal", "fault", "flag", "within"), FAULTS, ids=[f"{f[2]}-{i}" for i, f in enumerate(FAULTS)]
+)
+def test_each_fault_raises_its_flag_in_time(robot, signal, fault, flag, within):
+    signals = live(START + 60)
+    fault(signals[signal])
+    seen = raised(run(robot, signals))
+    assert START <= seen[flag] < START + within
+    assert min(seen.values()) >= START
+    if signal in ("encoder", "imu"):
+        assert {name.split("/")[0] for name in seen} == {signal}
+
+
+def test_a_gap_of_twenty_ticks_is_missing_and_its_end_no_jump(robot):
+    signals = live(START + 300)
+    for name in ("encoder", "imu", "wrench"):
+        signals[name][START : START + 20] = np.nan
+    flags = run(robot, signals)
+    assert set(raised(flags)) == {"encoder/missing", "imu/missing", "ankle/missing"}
+    for values in flags.values():
+        assert not values[-1]
+
+
+def test_a_flag_holds_for_the_hold_time(robot):
+    signals = live(START + 300)
+    signals["imu"][START] = np.nan
+    up = np.flatnonzero(run(robot, signals, MonitorSpec(hold=0.05))["imu/missing"])
+    assert_array_equal(up, np.arange(START, START + 50))
+
+
+@pytest.mark.parametrize(("back", "up_to"), [(None, 700), (200, 300)])
+def test_an_encoder_that_jumped_stays_flagged_until_it_jumps_back(robot, back, up_to):
+    signals = live(START + 700)
+    signals["encoder"][START : None if back is None else START + back, 1] += 0.08
+    flags = run(robot, signals)
+    assert set(raised(flags)) == {"encoder/jump"}
+    assert_array_equal(np.flatnonzero(flags["encoder/jump"]), np.arange(START, START + up_to))  # hold: 100 ticks
+
+
+def test_a_reading_that_repeats_for_a_few_long_ticks_is_not_frozen(robot):
+    signals = {name: values for name, values in live(60).items() if name in (*RAW, "reference_velocity")}
+    for name, repeats in (("encoder", 15), ("imu", 4), ("wrench", 4)):
+        signals[name][20 : 20 + repeats] = signals[name][20]
+    signals["reference_velocity"][:] = 0.0
+    monitor = FaultMonitor(robot, dt=0.01)
+    context = monitor.CreateDefaultContext()
+    for row in range(60):
+        for name, values in signals.items():
+            monitor.GetInputPort(name).FixValue(context, values[row])
+        context.SetDiscreteState(monitor.EvalUniquePeriodicDiscreteUpdate(context))
+        assert monitor.GetOutputPort("any_fault").Eval(context)[0] == 0.0
+
+
+def test_a_noiseless_encoder_is_frozen_only_where_the_reference_moves(robot):
+    signals = live(200)
+    signals["encoder"][:] = 0.1
+    spec = MonitorSpec(encoder_frozen=np.inf)
+    assert raised(run(robot, signals, spec)) == {"encoder/frozen": 40}
+    signals["reference_velocity"][:] = 0.0
+    assert raised(run(robot, signals, spec)) == {}
+
+
+def test_sensors_without_noise_are_never_frozen(robot):
+    signals = {name: np.tile(values[0], (200, 1)) for name, values in live(1).items() if name in RAW}
+    assert {"encoder/frozen", "imu/frozen", "ankle/frozen"} <= set(raised(run(robot, signals)))
+    assert raised(run(robot, signals, MonitorSpec().without_noise(SensorSuiteSpec.perfect()))) == {}
+    assert MonitorSpec().without_noise(SensorSuiteSpec.realistic()) == MonitorSpec()
+    one = replace(SensorSuiteSpec.realistic(), gyro=SensorSpec())
+    assert MonitorSpec().without_noise(one) == MonitorSpec(imu_frozen=np.inf)
+
+
+def test_optional_inputs_stay_open(robot):
+    signals = {name: values for name, values in live(100).items() if name in RAW}
+    assert raised(run(robot, signals)) == {}
+
+
+ANY = st.floats(allow_nan=True, allow_infinity=True, width=64)
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.lists(st.lists(ANY, min_size=15, max_size=15), min_size=1, max_size=8))
+def test_nothing_but_zero_and_one_comes_out(robot, rows):
+    table = np.array(rows)
+    signals = {
+        "encoder": table[:, :3],
+        "imu": table[:, 3:9],
+        "wrench": table[:, 9:],
+        "unknown_wrench": table[:, 9:],
+        "torque_residual": table[:, :3],
+    }
+    for values in run(robot, signals).values():
+        assert set(np.unique(values)) <= {0.0, 1.0}
+
+
+def test_two_contexts_do_not_share_anything(robot):
+    monitor = FaultMonitor(robot)
+    assert not monitor.HasAnyDirectFeedthrough()
+    contexts = [monitor.CreateDefaultContext() for _ in range(2)]
+    signals = live(1)
+    for context, encoder in zip(contexts, (signals["encoder"][0], np.full(N, np.nan)), strict=True):
+        monitor.GetInputPort("encoder").FixValue(context, encoder)
+        monitor.GetInputPort("imu").FixValue(context, signals["imu"][0])
+        monitor.GetInputPort("wrench").FixValue(context, signals["wrench"][0])
+        context.SetDiscreteState(monitor.EvalUniquePeriodicDiscreteUpdate(context))
+    assert [monitor.GetOutputPort("any_fault").Eval(context)[0] for context in contexts] == [0.0, 2.0]
+
+
+def test_refusals(robot):
+    with pytest.raises(ParamsError, match="hold: wanted a finite time"):
+        MonitorSpec(hold=np.inf)
+    with pytest.raises(ParamsError, match="gyro_jump: wanted a positive number"):
+        MonitorSpec(gyro_jump=0.0)
+    with pytest.raises(ParamsError, match="no F/T sensor 'wrist'; there are"):
+        FaultMonitor(robot, free=("wrist",))
+    with pytest.raises(ParamsError, match="positive period"):
+        FaultMonitor(robot, dt=0.0)
