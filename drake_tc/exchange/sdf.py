@@ -43,8 +43,8 @@ def _bench_joint(model: minidom.Element, name: str) -> None:
     put(append(model, "link"), name=f"{name}_link")
     joint = append(model, "joint")
     put(joint, name=name, type="revolute")
-    for tag, text in (("parent", "base"), ("child", f"{name}_link")):
-        _set(append(joint, tag), text)
+    for tag, link in (("parent", "base"), ("child", f"{name}_link")):
+        _set(append(joint, tag), link)
     _set(append(append(joint, "axis"), "xyz"), "0 1 0")
 
 
