@@ -11,13 +11,13 @@ if TYPE_CHECKING:
     from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
     from drake_tc.actuation.model_file import load_models, save_models
     from drake_tc.actuation.plant import ActuatorPlant
-    from drake_tc.actuation.wiring import add_actuators
+    from drake_tc.actuation.wiring import add_actuators, add_joint_actuators
     from drake_tc.control.gains import TorqueGains
     from drake_tc.control.guard import CommandGuard
     from drake_tc.control.inverse_dynamics import InverseDynamics
     from drake_tc.control.torque_control import TorqueControl
     from drake_tc.diagnosis.run import close_loop
-    from drake_tc.effects.library import LIBRARY, effect
+    from drake_tc.effects.library import LIBRARY, effect, register_effect
     from drake_tc.errors import DrakeTcError
     from drake_tc.estimation.joint_torque import JointTorqueEstimator
     from drake_tc.estimation.torque_model import TorqueModel
@@ -32,6 +32,8 @@ if TYPE_CHECKING:
     from drake_tc.robot.robot import Robot, load_robot
     from drake_tc.sensing.suite import add_sensors
     from drake_tc.sensor_validation.fault_monitor import FaultMonitor
+    from drake_tc.tsid.limit_fields import LimitKind, register_limit
+    from drake_tc.tsid.task_fields import TaskKind, register_task
 
 __version__ = "0.1.0"
 
@@ -46,15 +48,18 @@ __all__ = [
     "FaultMonitor",
     "InverseDynamics",
     "JointTorqueEstimator",
+    "LimitKind",
     "Rig",
     "Robot",
     "Run",
     "SavitzkyGolayFilter",
+    "TaskKind",
     "TorqueControl",
     "TorqueGains",
     "TorqueModel",
     "actuator_model",
     "add_actuators",
+    "add_joint_actuators",
     "add_robot",
     "add_sensors",
     "block_graph",
@@ -67,6 +72,9 @@ __all__ = [
     "load_robot",
     "load_run",
     "load_runs",
+    "register_effect",
+    "register_limit",
+    "register_task",
     "save_models",
 ]
 
@@ -81,15 +89,18 @@ _HOME = {
     "InverseDynamics": "control.inverse_dynamics",
     "JointTorqueEstimator": "estimation.joint_torque",
     "LIBRARY": "effects.library",
+    "LimitKind": "tsid.limit_fields",
     "Rig": "logs.rig",
     "Robot": "robot.robot",
     "Run": "logs.record",
+    "TaskKind": "tsid.task_fields",
     "SavitzkyGolayFilter": "filtering.savitzky_golay",
     "TorqueControl": "control.torque_control",
     "TorqueGains": "control.gains",
     "TorqueModel": "estimation.torque_model",
     "actuator_model": "identification.actuator",
     "add_actuators": "actuation.wiring",
+    "add_joint_actuators": "actuation.wiring",
     "add_robot": "robot.plant",
     "add_sensors": "sensing.suite",
     "block_graph": "report.block_graph.graph",
@@ -102,6 +113,9 @@ _HOME = {
     "load_robot": "robot.robot",
     "load_run": "logs.prepare",
     "load_runs": "logs.prepare",
+    "register_effect": "effects.library",
+    "register_limit": "tsid.limit_fields",
+    "register_task": "tsid.task_fields",
     "save_models": "actuation.model_file",
 }
 

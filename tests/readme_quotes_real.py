@@ -8,10 +8,8 @@ from collections.abc import Callable, Iterable, Mapping
 
 from readme_tables import assert_quoted, row
 
-from drake_tc.bench import real_bam, real_dfki, real_double_pendulum, real_icub, real_tiago, real_tx40, real_uart
+from drake_tc.bench import real_bam, real_dfki, real_icub, real_uart
 from drake_tc.bench.real_rows import RealRow
-from drake_tc.logs.importers.dfki import DOUBLE_JOINTS
-from drake_tc.logs.importers.staubli import JOINTS
 from drake_tc.logs.importers.tmotor import SESSIONS
 
 MAIN, DIAGNOSIS, BASE = "README.md", "drake_tc/diagnosis/README.md", "drake_tc/estimation/base/README.md"
@@ -109,32 +107,6 @@ def _uart() -> Iterable[Quote]:
             yield DIAGNOSIS, begin, 5, both(met(loaded), met(unloaded))
 
 
-def _tx40() -> Iterable[Quote]:
-    for number, (joint, published) in enumerate(zip(JOINTS, real_tx40.PUBLISHED, strict=True), 1):
-        begin = f"{number} | {PERCENT * published:.1f} %"
-        yield DIAGNOSIS, begin, 2, each(f"{joint}/declared_share", times=PERCENT)
-        yield DIAGNOSIS, begin, 3, each(f"{joint}/share", times=PERCENT)
-        yield DIAGNOSIS, begin, 4, each(f"{joint}/ratio")
-        yield DIAGNOSIS, begin, 5, both(met(f"{joint}/ratio"), met(f"{joint}/share"))
-
-
-def _double_pendulum() -> Iterable[Quote]:
-    for design in real_double_pendulum.DESIGNS:
-        for joint in DOUBLE_JOINTS:
-            begin, name = f"{design[0]}.0 {joint} |", f"{design}/{joint}"
-            yield DIAGNOSIS, begin, 1, told_of(f"{name}/pooled_least_squares")
-            for cell, what in ((2, "pooled_least_squares"), (3, "shared_band"), (4, "residual"), (5, "ratio")):
-                yield DIAGNOSIS, begin, cell, each(f"{name}/{what}")
-            yield DIAGNOSIS, begin, 6, met(f"{name}/ratio")
-
-
-def _tiago() -> Iterable[Quote]:
-    for shaft in (*real_tiago.MOTORS, *(f"{joint} (not a motor)" for joint in real_tiago.JOINTS[1:])):
-        name = shaft.split()[0]
-        for cell, what in ((1, "report_open"), (2, "linear_share"), (3, "gated_share"), (4, "explained")):
-            yield DIAGNOSIS, f"{shaft} |", cell, each(f"{name}/{what}", times=PERCENT)
-
-
 def _icub() -> Iterable[Quote]:
     run = real_icub.LONG
     figures = [f"{run}/{what}" for what in ("x", "y", "z", "yaw")]
@@ -157,9 +129,6 @@ BENCHES: dict[str, Callable[[], Iterable[Quote]]] = {
     "real-dfki": _dfki,
     "real-tmotor": _tmotor,
     "real-uart": _uart,
-    "real-tx40": _tx40,
-    "real-double-pendulum": _double_pendulum,
-    "real-tiago": _tiago,
     "real-icub": _icub,
 }
 

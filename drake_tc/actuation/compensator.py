@@ -7,12 +7,13 @@ test holds this to `feedforward_effort`, effect by effect.
 """
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from typing import TypeAlias
 
 import numpy as np
 
 from drake_tc.actuation.constant_parts import split_parts
+from drake_tc.actuation.joint_values import JointValues, Models, joint_values, model_list
 from drake_tc.actuation.model import ActuatorModel
 from drake_tc.effects.base import DriveEffect
 from drake_tc.effects.deadzone import Deadzone
@@ -112,31 +113,28 @@ class Compensator:
     the feedback, as in `feedforward_effort`.
     """
 
-    def __init__(
-        self, models: Sequence[ActuatorModel], direction_speed: float = 0.0, smoothing: FloatArray | float = 0.0
-    ) -> None:
+    def __init__(self, models: Models, direction_speed: float = 0.0, smoothing: JointValues = 0.0) -> None:
         """Compile.
 
         Args:
-            models: One a joint, in the order of every array.
+            models: One a joint, in the order of every array or by joint in this order.
             direction_speed: v_s [rad/s]; where no direction is given it is tanh(v/v_s), for 0 the sign of v.
-            smoothing: delta, one for all joints or (n,) [rad | A | V | N m], in each drive's own effort. The inverse of
-                a dead zone of half width w jumps by 2 w at zero effort, and so does the lead over a backlash; within
-                +/- delta the jump becomes a straight line, y + w clip(y/delta, -1, 1). A feedback loop around zero
-                effort then sees the gain 1 + w/delta rather than an infinite one, and does not chatter. The wanted
-                torque is missed by at most w/K, within delta only. 0: the exact inverse.
+            smoothing: delta, one for all joints, (n,) or by joint [rad | A | V | N m], in each drive's own effort. The
+                inverse of a dead zone of half width w jumps by 2 w at zero effort, and so does the lead over a
+                backlash; within +/- delta the jump becomes a straight line, y + w clip(y/delta, -1, 1). A feedback
+                loop around zero effort then sees the gain 1 + w/delta rather than an infinite one, and does not
+                chatter. The wanted torque is missed by at most w/K, within delta only. 0: the exact inverse.
 
         Raises:
             ParamsError: no joint, or a speed or smoothing that is not possible.
         """
-        if not models:
-            raise ParamsError("models: wanted one a joint; got none")
+        models = model_list(models)
         if not (math.isfinite(direction_speed) and direction_speed >= 0.0):
             raise ParamsError(f"direction_speed: wanted a number >= 0 [rad/s]; got {direction_speed!r}")
-        given = np.asarray(smoothing, float)
-        if given.shape not in ((), (len(models),)) or not np.all(np.isfinite(given) & (given >= 0.0)):
+        given = joint_values("smoothing", smoothing, [model.joint for model in models])
+        if not np.all(np.isfinite(given) & (given >= 0.0)):
             raise ParamsError(f"smoothing: wanted a number or {len(models)} >= 0 [effort]; got {given.tolist()}")
-        widths = np.broadcast_to(given, len(models)).tolist()
+        widths = given.tolist()
         self._joints = tuple(model.joint for model in models)
         self._gains = tuple(model.drive.gain for model in models)
         self._laws = tuple(_joint_law(model, width) for model, width in zip(models, widths, strict=True))

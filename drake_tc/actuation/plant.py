@@ -1,6 +1,6 @@
 """`ActuatorPlant`: the actuators of all joints as one Drake system in front of a MultibodyPlant."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from itertools import pairwise
 from typing import Any
 
@@ -8,7 +8,7 @@ import numpy as np
 from pydrake.systems.framework import Context, LeafSystem
 
 from drake_tc.actuation.joint_program import JointOutput, JointProgram
-from drake_tc.actuation.model import ActuatorModel
+from drake_tc.actuation.joint_values import JointValues, Models, joint_values, model_list
 from drake_tc.actuation.spring_joints import spring_joints
 from drake_tc.effects.thermal_friction import REFERENCE_CELSIUS
 from drake_tc.errors import ParamsError
@@ -46,27 +46,27 @@ class ActuatorPlant(LeafSystem):
     The torque of a tick sees the state of the same tick: the system adds no delay of its own.
     """
 
-    def __init__(self, models: Sequence[ActuatorModel], dt: float = 1e-3, inertias: FloatArray | None = None) -> None:
+    def __init__(self, models: Models, dt: float = 1e-3, inertias: JointValues | None = None) -> None:
         """Declare ports and compile the models.
 
         Args:
-            models: One a joint, in the plant's actuator order.
+            models: One a joint, in the plant's actuator order or by joint in this order.
             dt: Period of the updates [s]; the plant's step, or a multiple.
-            inertias: (n,) what each torque moves [kg m^2] (`joint_inertias`), with which friction is held implicitly;
-                None takes each model's own inertia. Err on the low side: from half the true value to 1.3 of it friction
-                at rest is firm; a fifth, or twice, lets it creep or chatter by some mrad.
+            inertias: (n,) or by joint, what each torque moves [kg m^2] (`joint_inertias`), with which friction is held
+                implicitly; None takes each model's own inertia. Err on the low side: from half the true value to 1.3 of
+                it friction at rest is firm; a fifth, or twice, lets it creep or chatter by some mrad.
 
         Raises:
             ParamsError: no joint, or dt or an inertia that is not possible.
         """
         super().__init__()
-        if not models:
-            raise ParamsError("models: wanted one a joint; got none")
+        models = model_list(models)
         if not (np.isfinite(dt) and dt > 0.0):
             raise ParamsError(f"dt: wanted a positive period [s]; got {dt!r}")
         size = len(models)
-        moved = np.array([model.inertia for model in models]) if inertias is None else np.asarray(inertias, float)
-        if moved.shape != (size,) or not np.all(np.isfinite(moved) & (moved >= 0.0)):
+        own = [model.inertia for model in models]
+        moved = joint_values("inertias", own if inertias is None else inertias, [model.joint for model in models])
+        if not np.all(np.isfinite(moved) & (moved >= 0.0)):
             raise ParamsError(f"inertias: wanted {size} numbers >= 0 [kg m^2]; got {moved.tolist()}")
         self._joints = tuple(model.joint for model in models)
         self._dt = float(dt)

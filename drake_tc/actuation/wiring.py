@@ -8,6 +8,7 @@ from pydrake.multibody.tree import JointActuator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import MatrixGain, Selector, SelectorParams
 
+from drake_tc.actuation.joint_values import JointValues, Models, joint_values, models_by_joint
 from drake_tc.actuation.model import ActuatorModel
 from drake_tc.actuation.plant import ActuatorPlant
 from drake_tc.errors import ParamsError
@@ -27,7 +28,50 @@ def _model_of(actuator: JointActuator, models: Mapping[str, ActuatorModel]) -> A
     return models[joint]
 
 
-def apply_rotor_inertia(plant: MultibodyPlant, models: Mapping[str, ActuatorModel]) -> None:
+def add_joint_actuators(plant: MultibodyPlant, models: Models, effort_limit: JointValues = np.inf) -> None:
+    """Give a plant that is not finalized a JointActuator for each model's joint, in the order of the models.
+
+    A `Parser` adds actuators only where a URDF has `<transmission>` elements (an SDF, effort limits). Joints that have
+    an actuator already keep it. `add_robot` needs no such call.
+
+    Args:
+        plant: Not finalized; holds the joints.
+        models: By joint, or a list of models that name their joints.
+        effort_limit: [N m] of the actuators.
+
+    Raises:
+        ParamsError: a plant that is finalized, or a joint that is not there.
+    """
+    if plant.is_finalized():
+        raise ParamsError("add_joint_actuators: the plant is finalized already; call this before plant.Finalize()")
+    by_joint = models_by_joint(models)
+    known = {plant.get_joint(index).name() for index in plant.GetJointIndices()}
+    actuated = {plant.get_joint_actuator(index).joint().name() for index in plant.GetJointActuatorIndices()}
+    limits = joint_values("effort_limit", effort_limit, list(by_joint))
+    for joint, limit in zip(by_joint, limits.tolist(), strict=True):
+        if joint not in known:
+            raise ParamsError(f"models: the plant has no joint {joint!r}; joints: {', '.join(sorted(known))}")
+        if joint not in actuated:
+            plant.AddJointActuator(joint, plant.GetJointByName(joint), limit)
+
+
+def require_actuators(plant: MultibodyPlant) -> None:
+    """Refuse a plant that no actuator model can drive, and say what to do.
+
+    Raises:
+        ParamsError: the plant is not finalized, or has no JointActuator.
+    """
+    if not plant.is_finalized():
+        raise ParamsError("plant: expected a finalized plant; call plant.Finalize() first")
+    if not plant.num_actuators():
+        raise ParamsError(
+            "plant: it has no joint actuators, because a Parser adds them only for <transmission> elements of the URDF;"
+            " call drake_tc.add_joint_actuators(plant, models) before plant.Finalize(), or build the plant with"
+            " drake_tc.add_robot"
+        )
+
+
+def apply_rotor_inertia(plant: MultibodyPlant, models: Models) -> None:
     """Give each actuated joint its model's reflected inertia (rotor and payload), with gear ratio 1.
 
     A joint with a TransmissionEffect gets none: its motor moves on its own, in the ActuatorPlant. Call it after
@@ -35,14 +79,15 @@ def apply_rotor_inertia(plant: MultibodyPlant, models: Mapping[str, ActuatorMode
 
     Args:
         plant: Finalized plant.
-        models: Joint name to model, one for every actuated joint.
+        models: One for every actuated joint, by joint or a list of models that name their joints.
 
     Raises:
         ParamsError: an actuated joint has no model.
     """
+    by_joint = models_by_joint(models)
     for index in plant.GetJointActuatorIndices():
         actuator = plant.get_mutable_joint_actuator(index)
-        model = _model_of(actuator, models)
+        model = _model_of(actuator, by_joint)
         actuator.set_default_gear_ratio(1.0)
         actuator.set_default_rotor_inertia(0.0 if model.transmission_effects else model.inertia)
 
@@ -57,9 +102,9 @@ def joint_inertias(plant: MultibodyPlant) -> FloatArray:
 def add_actuators(
     builder: DiagramBuilder,
     plant: MultibodyPlant,
-    models: Mapping[str, ActuatorModel],
+    models: Models,
     dt: float = 1e-3,
-    inertias: FloatArray | None = None,
+    inertias: JointValues | None = None,
 ) -> ActuatorPlant:
     """Add an ActuatorPlant to the builder and wire it to a plant that is already in it.
 
@@ -69,20 +114,22 @@ def add_actuators(
     Args:
         builder: Holds `plant`.
         plant: Finalized plant.
-        models: Joint name to model, one for every actuated joint.
+        models: One for every actuated joint, by joint or a list of models that name their joints.
         dt: Period of the actuators [s].
-        inertias: (n,) what each torque moves [kg m^2]; None takes `joint_inertias`.
+        inertias: What each torque moves [kg m^2], (n,) in actuator order or by joint; None takes `joint_inertias`.
 
     Returns:
         The system.
 
     Raises:
-        ParamsError: an actuated joint has no model, or a joint of no single degree of freedom is actuated.
+        ParamsError: the plant has no actuators, an actuated joint has no model, or a joint of no single degree of
+            freedom is actuated.
     """
+    require_actuators(plant)
     apply_rotor_inertia(plant, models)
-    names = actuated_joints(plant)
-    moved = joint_inertias(plant) if inertias is None else inertias
-    system = ActuatorPlant([models[name] for name in names], dt, moved)
+    names, by_joint = actuated_joints(plant), models_by_joint(models)
+    moved = joint_inertias(plant) if inertias is None else joint_values("inertias", inertias, names)
+    system = ActuatorPlant([by_joint[name] for name in names], dt, moved)
     builder.AddNamedSystem("actuators", system)
     state = plant.get_state_output_port()
     selector = plant.MakeStateSelectorMatrix([plant.GetJointByName(name).index() for name in names])

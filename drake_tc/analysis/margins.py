@@ -10,6 +10,7 @@ The loop is closed by negative feedback: it is stable at the critical point 1 + 
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from typing import TypeAlias
 
 import numpy as np
@@ -27,6 +28,8 @@ POINTS = 1200
 """Of the grid on which crossings are looked for."""
 SLOWEST = 1e-2
 """Where the grid begins [rad/s]."""
+NEAR = 1.0
+"""Of the logarithm of a gain margin: how far the grid may be off."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +54,7 @@ class Margins:
 
 
 def margins(open_loop: Response, dt: float, grid: FloatArray | None = None) -> Margins:
-    """Margins of the loop that passes where it was cut.
+    """Margins of the loop that passes where it was cut; `loop_margins` gives those of all its channels.
 
     Crossings are bracketed on a grid and refined to 1e-13 of the bracket; two crossings within one step of the grid are
     not seen.
@@ -71,22 +74,40 @@ def margins(open_loop: Response, dt: float, grid: FloatArray | None = None) -> M
     if values.shape != omega.shape or not np.all(np.isfinite(values)):
         raise ParamsError(f"margins: wanted a finite response of shape {omega.shape}; got shape {values.shape}")
 
+    @cache
     def at(frequency: float) -> complex:
         return complex(open_loop(np.array([frequency]))[0])
 
-    unity = [_root(lambda w: np.log(abs(at(w))), omega, i) for i in sign_changes(np.log(np.abs(values))).tolist()]
+    unity = [_root(lambda w: abs(at(w)) - 1.0, omega, i) for i in sign_changes(np.abs(values) - 1.0).tolist()]
     angles = np.array([np.angle(-at(w)) for w in unity])  # pi + arg L in (-pi, pi]
-    real = [_root(lambda w: at(w).imag, omega, i) for i in sign_changes(values.imag).tolist()]
-    factors = [(-1.0 / at(w).real, w) for w in real if at(w).real < 0.0]
-    if abs(values[-1].imag) < 1e-9 * abs(values[-1]) and values[-1].real < 0.0:  # L is real at pi/dt
-        factors.append((-1.0 / values[-1].real, float(omega[-1])))
-    gain, turning = min(factors, key=lambda pair: abs(np.log(pair[0])), default=(np.inf, np.nan))
+    gain, turning = _gain_margin(at, omega, values)
     phase, crossover, late = np.inf, np.nan, np.inf
     if unity:
         nearest = int(np.argmin(np.abs(angles)))
         phase, crossover = float(angles[nearest]), float(unity[nearest])
         late = float(np.min(np.where(angles > 0.0, angles, angles + 2.0 * np.pi) / np.array(unity)))
     return Margins(float(gain), phase, late, _sensitivity_peak(at, omega, values), crossover, float(turning))
+
+
+def _gain_margin(at: Callable[[float], complex], omega: FloatArray, values: ComplexArray) -> tuple[float, float]:
+    """(factor on L nearest to 1 that brings it to -1, where); of the crossings of the real axis only those that may be
+    the nearest are refined, by where the straight line between points of the grid crosses it.
+    """
+    found = [(np.inf, np.nan)]
+    if abs(values[-1].imag) < 1e-9 * abs(values[-1]) and values[-1].real < 0.0:  # L is real at pi/dt
+        found.append((-1.0 / values[-1].real, float(omega[-1])))
+    before = sign_changes(np.where(values.imag == 0.0, 0.0, values.imag))  # 0 and -0 are no crossing
+    here, there = values[before], values[before + 1]
+    share = here.imag / (here.imag - there.imag)
+    about = here.real + share * (there.real - here.real)
+    distance = np.where(about < 0.0, np.abs(np.log(np.maximum(-about, np.finfo(float).tiny))), NEAR)
+    for i in np.argsort(distance, kind="stable").tolist():
+        if distance[i] > min(abs(np.log(factor)) for factor, _ in found) + NEAR:
+            break
+        w = _root(lambda w: at(w).imag, omega, int(before[i]))
+        if at(w).real < 0.0:
+            found.append((-1.0 / at(w).real, w))
+    return min(found, key=lambda pair: float(abs(np.log(pair[0]))))
 
 
 def frequency_grid(dt: float, slowest: float = SLOWEST, points: int = POINTS) -> FloatArray:

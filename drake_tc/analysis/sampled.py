@@ -106,10 +106,40 @@ class SampledSystem:
             out[k] = c @ solved + self.d
         return out
 
-    def loop_response(self, channel: int = 0) -> Callable[[FloatArray], ComplexArray]:
-        """L of one channel of a loop that was cut (`open_loop`), for negative feedback; the other channels closed."""
-        one = self.closed([i for i in range(len(self.inputs)) if i != channel])
-        return lambda omega: -one.response(omega)[:, 0, 0]
+    def channel(self, name: str | int) -> int:
+        """Index of an input: "system:port[i]", "system:port" for its first element, or the index itself.
+
+        Raises:
+            ParamsError: there is no such input.
+        """
+        if isinstance(name, int) and 0 <= name < len(self.inputs):
+            return name
+        full = name if isinstance(name, int) or name.endswith("]") else f"{name}[0]"
+        if full not in self.inputs:
+            raise ParamsError(f"channel {name!r}: wanted one of {', '.join(self.inputs)}, or its number")
+        return self.inputs.index(full)
+
+    def loop_responses(self, omega: FloatArray) -> ComplexArray:
+        """(W, m) L of every channel of a loop that was cut (`open_loop`), for negative feedback, the others closed.
+
+            L_i = -(G_ii + G_io (1 - G_oo)^-1 G_oi),   G = `response`, o: the other channels
+
+        One solve a frequency serves all channels; closing the others in A would fill a sparse matrix.
+        """
+        opened = self.response(omega)
+        m = len(self.inputs)
+        out = np.empty(opened.shape[:2], dtype=np.complex128)
+        for i in range(m):
+            others = [k for k in range(m) if k != i]
+            around = np.eye(m - 1) - opened[:, others][:, :, others]
+            through = np.linalg.solve(around, opened[:, others, i : i + 1])
+            out[:, i] = -(opened[:, i, i] + (opened[:, i : i + 1, others] @ through)[:, 0, 0])
+        return out
+
+    def loop_response(self, channel: int | str = 0) -> Callable[[FloatArray], ComplexArray]:
+        """L of one channel, an index or "system:port[i]": a column of `loop_responses`."""
+        index = self.channel(channel)
+        return lambda omega: self.loop_responses(np.atleast_1d(omega))[:, index]
 
     def closed(self, channels: Sequence[int] | None = None) -> "SampledSystem":
         """u_i = y_i for the channels i (None: all); the other inputs and outputs stay.

@@ -94,23 +94,16 @@ def arm_benchmark(
 
 
 def arm_rows(scores: Sequence[ArmScore]) -> list[dict[str, Any]]:
-    """Rows of figures as those of `bench robot`, and the base parameters' intervals."""
+    """Rows of figures as those of `bench robot`, and base parameters' intervals; both kinds of interval by drive."""
     rows = summary_rows([score.robot for score in scores], nulls=97.0)
-    groups: dict[str, Sequence[ArmScore]] = {BASE_INTERVALS: scores}
+    rows.append(_row(BASE_INTERVALS, [hit for score in scores for hit in score.base], (90.0, 99.0)))
     for drive in sorted({score.drive for score in scores}):
-        groups[f"base parameters, {drive}"] = [score for score in scores if score.drive == drive]
-    for name, group in groups.items():
-        hits = [hit for score in group for hit in score.base]
-        if hits:
-            wanted = name == BASE_INTERVALS
-            rows.append(
-                {
-                    "name": name,
-                    "unit": "%",
-                    "value": 100.0 * float(np.mean(hits)),
-                    "expected": 90.0 if wanted else None,
-                    "at_most": 99.0 if wanted else None,
-                    "n": len(hits),
-                }
-            )
-    return rows
+        group = [score for score in scores if score.drive == drive]
+        rows.append(_row(f"base parameters, {drive}", [hit for score in group for hit in score.base]))
+        rows.append(_row(f"friction, {drive}", [hit for score in group for hit in score.robot.friction_intervals]))
+    return [row for row in rows if row["n"]]
+
+
+def _row(name: str, hits: Sequence[bool], goal: tuple[float | None, float | None] = (None, None)) -> dict[str, Any]:
+    share = 100.0 * float(np.mean(hits)) if hits else float("nan")
+    return {"name": name, "unit": "%", "value": share, "expected": goal[0], "at_most": goal[1], "n": len(hits)}

@@ -15,8 +15,7 @@ from typing import Any
 import numpy as np
 import yaml
 
-from drake_tc.bench.real_arm import set_folder
-from drake_tc.bench.real_rows import RealRow
+from drake_tc.bench.real_rows import RealRow, set_folder
 from drake_tc.errors import LogError
 from drake_tc.estimation.base.evaluate import BaseResult, evaluate_log
 from drake_tc.estimation.base.rig import load_base_rig

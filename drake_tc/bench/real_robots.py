@@ -60,6 +60,7 @@ CASES = (
         (0.113, 0.114, 0.304, 0.129, 0.110, 0.231, 0.114, 0.121, 0.460, 0.123, 0.117, 0.307),
     ),
     *(RobotCase("staubli-tx40", f"fifth_{k}_held_out") for k in range(1, 6)),
+    *(RobotCase("dfki-double-pendulum", f"design_{d}/third_{k}") for d in ("a0", "c0") for k in range(1, 4)),
 )
 """READMEs: UR10e on `exc_40s_12harm` alone; SO-101 by its drive gain of 0.13 rad/(N m); Go2 with a delay of 10 ms."""
 

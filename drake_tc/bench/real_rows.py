@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Literal
 
 from drake_tc.config.json_values import json_value
@@ -57,3 +58,8 @@ class RealRow:
 def rows_json(name: str, rows: Iterable[RealRow]) -> dict[str, Any]:
     """The whole table."""
     return {"name": name, "rows": [row.to_json() for row in rows]}
+
+
+def set_folder(data: Path, name: str) -> Path:
+    """The folder of a set: `data/name`, or `data` itself where it is the set."""
+    return data / name if (data / name).is_dir() else data

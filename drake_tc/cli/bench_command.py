@@ -114,16 +114,6 @@ def bench_real_uart(data: Data, as_json: AsJson = False) -> None:
     _real("real-uart", rows(data), as_json)
 
 
-@bench_app.command("real-tx40")
-def bench_real_tx40(data: Data, as_json: AsJson = False) -> None:
-    """Industrial arm with a coupled wrist: torque residual on held-out stretches, joint by joint."""
-    from drake_tc.bench.real_tx40 import rows
-
-    with progress_bar("bench real-tx40", quiet=as_json) as progress:
-        table = rows(data, progress)
-    _real("real-tx40", table, as_json)
-
-
 @bench_app.command("real-robots")
 def bench_real_robots(
     data: Data,
@@ -136,24 +126,6 @@ def bench_real_robots(
     with progress_bar("bench real-robots", quiet=as_json) as progress:
         table = rows(data, name or (), progress)
     _real("real-robots", table, as_json)
-
-
-@bench_app.command("real-tiago")
-def bench_real_tiago(data: Data, as_json: AsJson = False) -> None:
-    """Service robot's arm: what dominates the wrist's currents, and the share it explains."""
-    from drake_tc.bench.real_tiago import rows
-
-    _real("real-tiago", rows(data), as_json)
-
-
-@bench_app.command("real-double-pendulum")
-def bench_real_double_pendulum(data: Data, as_json: AsJson = False) -> None:
-    """Two quasi-direct drives: torque residual on held-out runs beside the pooled least squares."""
-    from drake_tc.bench.real_double_pendulum import rows
-
-    with progress_bar("bench real-double-pendulum", quiet=as_json) as progress:
-        table = rows(data, progress)
-    _real("real-double-pendulum", table, as_json)
 
 
 @bench_app.command("real-icub")

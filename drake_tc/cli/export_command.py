@@ -64,7 +64,7 @@ def export_command(
     speeds = _speeds(rig, log or [], list(models))
     projections = [project(each, TARGETS[to.value], speeds.get(name)) for name, each in models.items()]
     text = _writer(to, torque_constant)(projections, into)
-    errors = _errors(models, projections, rig, holdout or [], into) if holdout else []
+    errors = _errors(models, projections, rig, holdout, into) if holdout and rig is not None else []
     if out is not None:
         with result_file(out, "--out", inputs=[model, into, rig, *(log or []), *(holdout or [])], force=force) as path:
             path.write_text(text, encoding="utf-8")
@@ -128,7 +128,7 @@ def _speeds(rig: Path | None, logs: Sequence[Path], joints: Sequence[str]) -> di
 def _errors(
     models: "dict[str, ActuatorModel]",
     projections: "Sequence[Projection]",
-    rig: Path | None,
+    rig: Path,
     runs: Sequence[Path],
     into: Path | None,
 ) -> list[dict[str, Any]]:
@@ -139,7 +139,6 @@ def _errors(
     from drake_tc.logs.rig import load_rig
     from drake_tc.loops.joint_bench.rig_free_run import rig_free_run
 
-    assert rig is not None
     what = load_rig(rig)
     before = {} if into is None else joints_of(into)
     rows = []

@@ -2,6 +2,7 @@
 
 import json
 import sys
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -34,6 +35,7 @@ class _Found:
 
     system: "SampledSystem"
     margins: "Margins | None"
+    channels: "Mapping[str, Margins]"
     release: "Release"
     radius: float
 
@@ -56,7 +58,9 @@ def stability_command(
     scenario_name: Annotated[str | None, typer.Option(help="Scenario; the file's first when left out.")] = None,
     scenario_file: Annotated[Path | None, typer.Option(help="Scenario file (YAML) of your own.")] = None,
     scenario_text: Annotated[str | None, typer.Option(help="YAML of fields to change: '{gains: {k6: 0.25}}'.")] = None,
-    open_at: Annotated[str, typer.Option(help="SYSTEM:PORT where the loop is cut.")] = "torque_control:command",
+    open_at: Annotated[
+        str, typer.Option(help="SYSTEM:PORT or SYSTEM:PORT[i] where the loop is cut.")
+    ] = "torque_control:command",
     joint: Annotated[
         str | None, typer.Option(help="Joint whose channel is cut, or its number from 0; the first when left out.")
     ] = None,
@@ -113,7 +117,9 @@ def _analyse(
     seed: int,
     progress: Any,
 ) -> tuple[str, _Found]:
-    from drake_tc.analysis.margins import frequency_grid, margins
+    from drake_tc.analysis.frequency_response import channel
+    from drake_tc.analysis.loop_margins import loop_margins
+    from drake_tc.analysis.margins import frequency_grid
     from drake_tc.analysis.release import release
     from drake_tc.analysis.sampled import open_loop
     from drake_tc.analysis.settled import settled_at, speed_states
@@ -122,22 +128,28 @@ def _analyse(
     loop, context = settled_at(entry, scenario, at)
     place = _channel(loop, joint)
     progress("linearising", 0.15)
-    cut = open_loop(loop.diagram, context, loop.period, open_at)
-    if place >= len(cut.inputs):
-        raise ParamsError(f"--joint: {open_at} has {len(cut.inputs)} channels, none of joint {joint!r}")
+    wanted = channel(open_at)
+    if joint is not None and open_at != wanted.port:
+        raise ParamsError(f"--joint: {open_at} is one channel already; give --joint or an index, not both")
+    cut = open_loop(loop.diagram, context, loop.period, wanted.port)
+    index = wanted.index if joint is None else place
+    if index >= len(cut.inputs):
+        which = f"element {index}" if joint is None else f"joint {joint!r}"
+        raise ParamsError(f"--open-at: {wanted.port} has {len(cut.inputs)} channels, none of {which}")
     progress("eigenvalues", 0.6)
     closed = cut.closed()
     radius = closed.radius_but_for_drift()
     progress("margins", 0.7)
     grid = frequency_grid(loop.period, 0.5, 400)
-    found = margins(cut.loop_response(place), loop.period, grid) if radius < 1.0 else None
+    found = loop_margins(cut, grid=grid) if radius < 1.0 else {}
     progress("simulating the verdict", 0.8)
     kicked = speed_states(loop, context)
     signs = np.random.default_rng(seed).choice([-1.0, 1.0], size=len(kicked))
     kick = {state: KICK * float(sign) for state, sign in zip(kicked, signs, strict=True)}
     freed = release(loop.diagram, context, loop.period, kick, tuple(kick), 1.0)
     progress("done", 1.0)
-    return cut.inputs[place], _Found(closed, found, freed, radius)
+    name = cut.inputs[index]
+    return name, _Found(closed, found.get(name), found, freed, radius)
 
 
 def _channel(loop: Any, joint: str | None) -> int:
@@ -165,6 +177,7 @@ def _to_json(found: _Found) -> dict[str, Any]:
         "spectral_radius": found.system.spectral_radius,
         "spectral_radius_but_for_drift": found.radius,
         "margins": None if found.margins is None else json_value(vars(found.margins)),
+        "channels": {name: json_value(vars(each)) for name, each in found.channels.items()},
         "kinks": list(found.system.kinks),
         "verdict": found.verdict,
         "simulation": {"growth": json_value(found.release.growth), "stable": found.release.stable},

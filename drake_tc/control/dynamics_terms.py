@@ -1,6 +1,5 @@
 """Inverse dynamics of a robot with a welded base: M vdot + h and the contacts' Jacobian at one configuration."""
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -35,7 +34,7 @@ class DynamicsTerms:
                 " the base's motion from an IMU"
             )
         plant = MultibodyPlant(0.0)
-        add_robot(plant, replace(robot, rotor_inertia={}))
+        add_robot(plant, robot, rotors=False)
         frames = []
         for mount in robot.force_torque:
             body = plant.GetBodyByName(mount.contact.link)

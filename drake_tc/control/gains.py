@@ -13,11 +13,12 @@ K6 = 1 is as stiff as the drive's own position servo. n joints, m = 6 x sensors 
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TypeAlias
 
 import numpy as np
 
+from drake_tc.actuation.joint_values import JointValues, Models, joint_values, model_list
 from drake_tc.errors import ParamsError
 from drake_tc.types import FloatArray
 
@@ -54,8 +55,8 @@ class TorqueGains:
         kp: (n,) [-] torque feedback, >= 0.
         ki: (n,) [1/s] integral torque feedback, >= 0.
         ks: (n,) [N m/rad] stiffness, >= 0.
-        kd: (n,) [N m s/rad] damping, >= 0.
-        kf: (m, m) [-] force feedback; (m,) is taken as its diagonal; (0, 0) without force sensors.
+        kd: (n,) [N m s/rad] damping, >= 0. Of these four a number is taken for all joints; at least one is an array.
+        kf: (m, m) [-] force feedback; (m,) is taken as its diagonal; (0, 0), the default, without force sensors.
 
     Raises:
         ParamsError: sizes that do not agree, a gain that is not finite or is negative where that cannot be.
@@ -65,14 +66,17 @@ class TorqueGains:
     ki: FloatArray
     ks: FloatArray
     kd: FloatArray
-    kf: FloatArray
+    kf: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
 
     def __post_init__(self) -> None:
-        size = np.asarray(self.kp).shape
-        if len(size) != 1 or size[0] < 1:
-            raise ParamsError(f"kp: wanted one number a joint, shape (n,); got shape {size}")
-        for name in ("kp", "ki", "ks", "kd"):
-            _freeze(self, name, size, 0.0)
+        names = ("kp", "ki", "ks", "kd")
+        sizes = [shape for shape in (np.shape(getattr(self, name)) for name in names) if shape]
+        if not sizes or len(sizes[0]) != 1 or sizes[0][0] < 1:
+            raise ParamsError(
+                f"kp, ki, ks, kd: expected one number per joint, shape (n,), in at least one; got shapes {sizes}"
+            )
+        for name in names:
+            _freeze(self, name, sizes[0], 0.0)
         kf = np.asarray(self.kf, dtype=np.float64)
         if kf.ndim == 1:
             object.__setattr__(self, "kf", np.diag(kf) if kf.size else np.zeros((0, 0)))
@@ -82,6 +86,42 @@ class TorqueGains:
     def size(self) -> int:
         """Joints n."""
         return int(self.kp.size)
+
+    @classmethod
+    def from_servo(
+        cls,
+        models: Models,
+        k6: JointValues = 1.0,
+        k7: JointValues = 0.0,
+        kp: JointValues = 2.0,
+        *,
+        ki: JointValues = 0.0,
+        kf: FloatArray | None = None,
+    ) -> "TorqueGains":
+        """Gains of a loop that is k6 times as stiff as the position servo: Ks = K6/(K (1 + Kp)), Kd = K7/(K (1 + Kp)).
+
+        K6 and K7 are the gains from e and edot to the effort (`EquivalentGains`), so that they compare with the servo's
+        own; K is the drive gain of each model.
+
+        Args:
+            models: One per joint, by joint or in order.
+            k6: [effort/rad]; 1 is as stiff as a position servo. One number, one per joint, or by joint, as the others.
+            k7: [effort s/rad].
+            kp: [-].
+            ki: [1/s].
+            kf: (m,) diagonal or (m, m); None: no force sensors.
+
+        Raises:
+            ParamsError: sizes that do not agree, or a gain that is negative or not finite.
+        """
+        listed = model_list(models)
+        joints = [model.joint for model in listed]
+        of = {name: joint_values(name, v, joints) for name, v in (("k6", k6), ("k7", k7), ("kp", kp), ("ki", ki))}
+        for name, values in of.items():
+            _array(name, values, values.shape, 0.0)
+        loop = np.array([model.drive.gain for model in listed]) * (1.0 + of["kp"])
+        force = np.zeros((0, 0)) if kf is None else kf
+        return cls(of["kp"], of["ki"], of["k6"] / loop, of["k7"] / loop, force)
 
 
 @dataclass(frozen=True, eq=False)
@@ -203,44 +243,3 @@ def _force_gain(k9: FloatArray, gain: FloatArray, kp: FloatArray, jacobian: Floa
             f"k9: wanted -K_tau (Kp J^T (I + Kf) + J^T Kf) of some Kf; the nearest Kf leaves {left:.3g} [N m/N] over"
         )
     return np.asarray(kf)
-
-
-def gains_for_stiffness(
-    k6: ArrayLike, k_tau: ArrayLike, kp: ArrayLike, kd: ArrayLike, kf: ArrayLike | None = None
-) -> TorqueGains:
-    """Gains of a loop that is k6 times as stiff as the servo: Ks = K6/(K_tau (1 + Kp)); Ki = 0.
-
-    Args:
-        k6: One or (n,) [-]; the paper's 1, 0.5, 0.25, 0.1.
-        k_tau: (n,) drive gains [effort/(N m)].
-        kp: One or (n,) [-]; the paper's 2.
-        kd: One or (n,) [N m s/rad]; see `damping_for_ratio`.
-        kf: (m,) diagonal or (m, m); None: no force sensors.
-
-    Raises:
-        ParamsError: sizes that do not agree, or a gain that is negative or not finite.
-    """
-    gain = np.atleast_1d(np.asarray(k_tau, dtype=np.float64))
-    n = (gain.size,)
-    kp_n = _array("kp", kp, n, 0.0)
-    if not (gain.ndim == 1 and np.all(np.isfinite(gain) & (gain > 0.0))):
-        raise ParamsError(f"k_tau: wanted positive numbers [effort/(N m)], one a joint; got {gain.tolist()}")
-    ks = _array("k6", k6, n, 0.0) / (gain * (1.0 + kp_n))
-    force = np.zeros((0, 0)) if kf is None else np.asarray(kf, dtype=np.float64)
-    return TorqueGains(kp_n, np.zeros(n), ks, _array("kd", kd, n, 0.0), force)
-
-
-def damping_for_ratio(ks: FloatArray, inertia: ArrayLike, ratio: float = 1.0) -> FloatArray:
-    """Kd = 2 zeta sqrt(Ks I) (n,) [N m s/rad]: each joint alone, were the drive a perfect source of torque.
-
-    Args:
-        ks: (n,) [N m/rad].
-        inertia: One or (n,) what the joint moves [kg m^2].
-        ratio: zeta >= 0.
-
-    Raises:
-        ParamsError: a negative or infinite number.
-    """
-    n = np.asarray(ks).shape
-    stiffness, moved = _array("ks", ks, n, 0.0), _array("inertia", inertia, n, 0.0)
-    return 2.0 * float(_array("ratio", [ratio], (1,), 0.0)[0]) * np.sqrt(stiffness * moved)

@@ -19,7 +19,7 @@ from pydrake.systems.framework import (
 )
 
 from drake_tc.actuation.compensator import Compensator
-from drake_tc.actuation.model import ActuatorModel
+from drake_tc.actuation.joint_values import JointValues, Models, joint_values, model_list
 from drake_tc.control.gains import TorqueGains
 from drake_tc.effects.thermal_friction import REFERENCE_CELSIUS
 from drake_tc.errors import ParamsError
@@ -132,34 +132,36 @@ class TorqueControl(LeafSystem):
 
     def __init__(
         self,
-        models: Sequence[ActuatorModel],
+        models: Models,
         gains: TorqueGains,
-        torque_limit: FloatArray,
+        torque_limit: JointValues,
         dt: float = 1e-3,
         compensation: CompensationSpec | None = None,
         *,
         disturbance: bool = False,
+        joints: Sequence[str] | None = None,
     ) -> None:
         """Declare ports and compile the models.
 
         Args:
-            models: One a joint.
+            models: One a joint, in the order of the ports or by joint.
             gains: Kp and Ki to start from; with Ki = 0 throughout there is no update and Ki stays 0.
-            torque_limit: (n,) tau_max > 0 [N m], infinite for none.
+            torque_limit: tau_max > 0 [N m], one for all joints, (n,) or by joint; infinite for none.
             dt: Period of the integral [s].
             compensation: Which motion the models are fed with; None: the defaults.
             disturbance: Declare the port `disturbance` and compensate what comes there.
+            joints: Order of the ports where `models` are given by joint (`robot.joints`); None: that of the mapping.
 
         Raises:
             ParamsError: sizes that do not agree, or a limit or period that is not possible.
         """
         super().__init__()
         spec = CompensationSpec() if compensation is None else compensation
-        n = len(models)
-        smoothing = np.asarray(spec.smoothing, dtype=np.float64)
-        self._compensator = Compensator(models, spec.direction_speed, smoothing if smoothing.ndim else float(smoothing))
-        limit = np.asarray(torque_limit, dtype=np.float64)
-        if limit.shape != (n,) or not np.all(limit > 0.0):
+        models = model_list(models, joints)
+        names, n = [model.joint for model in models], len(models)
+        self._compensator = Compensator(models, spec.direction_speed, spec.smoothing)
+        limit = joint_values("torque_limit", torque_limit, names)
+        if not np.all(limit > 0.0):
             raise ParamsError(f"torque_limit: wanted {n} positive numbers [N m]; got {limit.tolist()}")
         if not (math.isfinite(dt) and dt > 0.0):
             raise ParamsError(f"dt: wanted a positive period [s]; got {dt!r}")

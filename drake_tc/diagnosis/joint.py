@@ -66,7 +66,7 @@ class Stage:
 
 
 def _looked_for(prepared: Prepared, options: DiagnosisOptions, progress: Progress) -> Stage:
-    usable, obstacles = candidates(looked_for(prepared.context), prepared.context, prepared.declared)
+    usable, obstacles = candidates(looked_for(prepared.context, options.effects), prepared.context, prepared.declared)
     subsample = columns = prepared.train
     if len(columns.samples.signals) > SEARCHED_SAMPLES:
         subsample = Columns(
@@ -132,7 +132,7 @@ def diagnose_joint(
         if _has_elasticity(soft.found) and soft.found.chosen.cv_rms < SOFTER_GEAR * stage.found.chosen.cv_rms:
             stage = soft
     prepared, subsample, context = stage.prepared, stage.subsample, stage.prepared.context
-    ties = indistinguishable(subsample, stage.found, context, prepared.floor)
+    ties = indistinguishable(subsample, stage.found, context, prepared.floor, options.effects)
     stability = stabilities(stage.found, options.seed)
     found = _refitted(stage)
     known = frozenset(t.effect.key for t in found.baseline.terms)
@@ -165,7 +165,9 @@ def diagnose_joint(
         before=Errors(_rms(splits[0].before), _rms(splits[1].before), None),
         after=Errors(_rms(splits[0].after), _rms(splits[1].after), None),
         effects=effects,
-        rejected=rejected_effects(columns, held, chosen, context, options.search, stage.obstacles, floor),
+        rejected=rejected_effects(
+            columns, held, chosen, context, options.search, stage.obstacles, floor, options.effects
+        ),
         indistinguishable=ties,
         next_experiment=next_experiment(ties, unexplained, stage.obstacles),
         unexplained=unexplained,

@@ -3,6 +3,9 @@
 from dataclasses import dataclass, field
 
 from drake_tc.diagnosis.thresholds import JOINT, ResidualThresholds, SearchThresholds
+from drake_tc.effects.base import Effect
+from drake_tc.effects.library import effect
+from drake_tc.errors import ParamsError
 
 
 @dataclass(frozen=True)
@@ -10,7 +13,12 @@ class DiagnosisOptions:
     """SearchThresholds of the search and of the assessment of what is left; `seed` for resampling.
 
     `assess_residual`: whether what is left is assessed at all, which costs more than all the rest; False calls nothing
-    structured. `width_s`: width of the light kernel [s]; None lets the data choose.
+    structured. `width_s`: width of the light kernel [s]; None lets the data choose. `effects`: what the search tries
+    in place of the library; a result names effects by their id, so those that are not of the library are registered
+    first (`drake_tc.register_effect`).
+
+    Raises:
+        ParamsError: an effect that is neither of the library nor registered.
     """
 
     search: SearchThresholds = JOINT
@@ -18,3 +26,9 @@ class DiagnosisOptions:
     seed: int = 0
     assess_residual: bool = True
     width_s: float | None = None
+    effects: tuple[Effect, ...] | None = None
+
+    def __post_init__(self) -> None:
+        for given in self.effects or ():
+            if type(effect(given.key)) is not type(given):
+                raise ParamsError(f"effects: the id {given.key!r} is taken by another effect; choose another id")

@@ -20,6 +20,7 @@ from drake_tc.diagnosis.result.links import FittedLinks
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult, SharedEffect
 from drake_tc.diagnosis.robot.diagnose import diagnose_robot
 from drake_tc.diagnosis.selection.engine import Progress
+from drake_tc.effects.library import registered_effects
 from drake_tc.estimation.robot_loads import robot_logs
 from drake_tc.logs.prepare import load_runs
 from drake_tc.logs.record import Run
@@ -65,6 +66,7 @@ def _close_loop(
     executor: Executor | None,
 ) -> CloseLoopResult:
     start = time.perf_counter()
+    registered_effects()  # one that cannot be loaded ends the run before it begins
     rig: Rig = load_rig(rig_path)
     require_two_runs([*logs, *holdout])
     require_different_files(logs, holdout)

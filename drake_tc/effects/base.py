@@ -152,6 +152,8 @@ class Effect(ABC):
     Several equations are separated by ";". `tau_add` is the torque that the effect costs between drive and link."""
     signature: ClassVar[Signature]
     needs: ClassVar[frozenset[str]] = frozenset()
+    isolated_by: ClassVar[str] = ""
+    """The experiment that shows this effect alone, as an instruction ("let the free joint spin down")."""
     depends_on_position: ClassVar[bool] = False
     """Whether the effect depends on where the joint is, and not on how it moves alone."""
     linear: ClassVar[bool] = False
@@ -272,6 +274,8 @@ class DriveEffect(Effect):
     """
 
     acts_on: ClassVar[Literal["effort", "command"]] = "effort"
+    filters: ClassVar[bool] = False
+    """Whether `transform` is a linear filter of the effort: it then lets less of the effort's white noise through."""
 
     def columns(self, signals: Signals, shape: Shape) -> FloatArray:
         """No torque column: the effect acts through `transform`."""

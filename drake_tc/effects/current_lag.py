@@ -34,6 +34,7 @@ class CurrentLag(DriveEffect):
     title = "lag of the motor current"
     equation = "lag * ddt(y_eff) + y_eff = y"
     kind = "drive"
+    filters = True
     shapes = (Parameter("lag", "s", 0.0, 0.1, description="time constant T", plausible=LAG_RANGE),)
     signature = Signature(
         x="acceleration",

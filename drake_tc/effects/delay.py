@@ -35,6 +35,7 @@ class Delay(DriveEffect):
     equation = "y_eff(t) = y(t - delay)"
     kind = "drive"
     form = "loop"
+    filters = True
     shapes = (Parameter("delay", "s", 0.0, 0.2, plausible=DELAY_RANGE),)
     signature = Signature(
         x="acceleration", split="direction", look_for="loops: the residual follows the rate of the effort"
@@ -70,6 +71,7 @@ class CommandDelay(Delay):
     """q_d acts late and q does not: y*(t) = q_d(t - d) - q(t)."""
 
     form = "command"
+    filters = False
     equation = "y_eff(t) = q_d(t - delay) - q(t)"
     acts_on = "command"
 

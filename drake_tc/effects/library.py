@@ -1,4 +1,6 @@
-"""All effects, in the order in which ties are broken: the simpler and commoner cause first."""
+"""All effects, in the order in which ties are broken: the simpler and commoner cause first, other packages' last."""
+
+from collections.abc import Sequence
 
 from drake_tc.config.near import near
 from drake_tc.config.quoted import quoted
@@ -6,6 +8,7 @@ from drake_tc.effects.asymmetric_friction import AsymmetricFriction, CoulombAsym
 from drake_tc.effects.backlash import Backlash
 from drake_tc.effects.base import Context, Effect
 from drake_tc.effects.cable_spring import CableSpring
+from drake_tc.effects.check import checked_effect
 from drake_tc.effects.coulomb import Coulomb
 from drake_tc.effects.current_lag import CurrentLag
 from drake_tc.effects.deadzone import Deadzone
@@ -48,6 +51,7 @@ from drake_tc.effects.winding_heat import WindingHeat
 from drake_tc.effects.winding_lag import WindingLag
 from drake_tc.effects.winding_temperature import WindingTemperature
 from drake_tc.errors import ParamsError
+from drake_tc.extensions import EFFECTS
 
 LIBRARY: tuple[Effect, ...] = (
     Viscous(),
@@ -104,15 +108,62 @@ SPECIAL: tuple[Effect, ...] = (
 MULTI_JOINT: tuple[Effect, ...] = (ViscousPower(), RunInFriction())
 """Effects that are looked for only where the links of a robot are fitted together with its joints."""
 
+BUILT_IN: tuple[Effect, ...] = (*LIBRARY, *SPECIAL, *MULTI_JOINT, *UNKNOWN_LOADS)
+"""Every effect of this package."""
 
-def looked_for(context: Context) -> tuple[Effect, ...]:
-    """The effects that a search over logs of this kind tries."""
-    return (*LIBRARY, *MULTI_JOINT) if context.load == "links" else LIBRARY
+PLACE = {effect.key: number for number, effect in enumerate(LIBRARY)}
+
+
+def register_effect(effect: Effect | type[Effect]) -> None:
+    """Add an effect to the library of this process, as if it were one file more in `drake_tc/effects`.
+
+    Searches then look for it, model files may list it, rig files may declare it. A package does the same for every
+    process, the command line included, by an entry point of the group `drake_tc.effects` whose name is the effect's id.
+
+    Args:
+        effect: An instance, or a class that is made without arguments.
+
+    Raises:
+        ParamsError: its id is taken, it lacks an attribute, or its columns have a wrong shape.
+    """
+    name = getattr(effect, "id", None)
+    if not isinstance(name, str) or not name.isidentifier():
+        raise ParamsError(f"effect {effect!r}: expected an attribute `id` of letters, digits and underscores")
+    form = getattr(effect, "form", "")
+    made = checked_effect(f"{name}.{form}" if form else name, effect)
+    if made.id in {known.id for known in BUILT_IN}:
+        raise ParamsError(f"effect {made.id!r}: the library has an effect of this id")
+    EFFECTS.add(made.key, made)
+
+
+def registered_effects() -> tuple[Effect, ...]:
+    """Effects of other packages: those that were registered, then those of entry points.
+
+    Raises:
+        ParamsError: an entry point cannot be loaded, or is no effect.
+    """
+    return tuple(EFFECTS.get(name, checked_effect) for name in EFFECTS.names())
 
 
 def all_effects() -> tuple[Effect, ...]:
     """Every effect that a model may list."""
-    return (*LIBRARY, *SPECIAL, *MULTI_JOINT, *UNKNOWN_LOADS)
+    return (*BUILT_IN, *registered_effects())
+
+
+def looked_for(context: Context, effects: Sequence[Effect] | None = None) -> tuple[Effect, ...]:
+    """The effects that a search over logs of this kind tries: `effects` where they are given, else the library."""
+    if effects is not None:
+        return tuple(effects)
+    more = MULTI_JOINT if context.load == "links" else ()
+    return (*LIBRARY, *more, *registered_effects())
+
+
+def place(key: str) -> int:
+    """Where an effect stands in the library, those of other packages last; 0 for what no search looks for unasked."""
+    if key in PLACE:
+        return PLACE[key]
+    names = EFFECTS.names()
+    return len(LIBRARY) + names.index(key) if key in names else 0
 
 
 def effect(key: str) -> Effect:
@@ -121,9 +172,11 @@ def effect(key: str) -> Effect:
     Raises:
         ParamsError: there is no such effect; the message lists those there are.
     """
-    known = all_effects()
-    for candidate in known:
+    for candidate in BUILT_IN:
         if key in (candidate.key, candidate.id):
             return candidate
-    ids = sorted({e.id for e in known})
+    for candidate in registered_effects():
+        if key in (candidate.key, candidate.id):
+            return candidate
+    ids = sorted({e.id for e in all_effects()})
     raise ParamsError(f"no effect {quoted(key)}{near(key, ids)}; effects: {', '.join(ids)}")

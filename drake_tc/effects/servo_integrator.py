@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 from scipy.signal import lfilter
 
-from drake_tc.effects.base import DriveEffect, Parameter, Plausible, Shape, Signals, Signature
+from drake_tc.effects.base import Context, DriveEffect, Parameter, Plausible, Shape, Signals, Signature
 from drake_tc.effects.kernel import DriveKernel
 from drake_tc.types import FloatArray
 
@@ -35,6 +35,10 @@ class ServoIntegrator(DriveEffect):
     def parameters(self) -> tuple[Parameter, ...]:
         """K_i."""
         return (Parameter("integral_rate", "1/s", 0.0, plausible=INTEGRAL_RATE_RANGE),)
+
+    def obstacle(self, context: Context) -> str:
+        """Another drive's effort is recorded behind any integral action."""
+        return "" if context.drive == "position_servo" else "the effort holds what the integral action adds"
 
     def columns(self, signals: Signals, shape: Shape) -> FloatArray:
         """-int y dt (T, 1)."""

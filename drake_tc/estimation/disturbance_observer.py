@@ -33,7 +33,7 @@ and d is ours.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -42,7 +42,7 @@ from pydrake.common.value import Value
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem, ValueProducer
 
 from drake_tc.actuation.constant_parts import split_parts
-from drake_tc.actuation.model import ActuatorModel
+from drake_tc.actuation.joint_values import Models, model_list
 from drake_tc.errors import ParamsError
 from drake_tc.estimation.joint_inertia import JointInertia, known_inertia
 from drake_tc.robot.plant import joint_limits
@@ -122,7 +122,7 @@ class DisturbanceObserver(LeafSystem):
     def __init__(
         self,
         robot: Robot,
-        models: Sequence[ActuatorModel],
+        models: Models,
         spec: ObserverSpec,
         dt: float = 1e-3,
         *,
@@ -133,7 +133,7 @@ class DisturbanceObserver(LeafSystem):
 
         Args:
             robot: Its links' masses.
-            models: The drives as the controller takes them, one a joint.
+            models: The drives as the controller takes them, one a joint, by joint or in the order of `robot.joints`.
             spec: Bandwidth, limit, delay.
             dt: Period [s].
             rotor_inertia: Joint to J [kg m^2], as motor and gear data sheets have it; its model's where not given.
@@ -144,8 +144,7 @@ class DisturbanceObserver(LeafSystem):
         """
         super().__init__()
         n = len(robot.joints)
-        if len(models) != n:
-            raise ParamsError(f"DisturbanceObserver: wanted {n} models, one a joint; got {len(models)}")
+        models = model_list(models, robot.joints)
         if not (math.isfinite(dt) and dt > 0.0):
             raise ParamsError(f"dt: wanted a positive period [s]; got {dt!r}")
         own = np.array([model.inertia for model in models])

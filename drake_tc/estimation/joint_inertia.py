@@ -1,6 +1,5 @@
 """`JointInertia`: the links' mass matrix over the joints alone, at one configuration."""
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -24,7 +23,7 @@ class JointInertia:
         Raises:
             ParamsError: the URDF cannot be read.
         """
-        self._plant: Any = make_plant(replace(robot, rotor_inertia={}), 0.0)
+        self._plant: Any = make_plant(robot, 0.0)
         joints = [self._plant.GetJointByName(name) for name in robot.joints]
         self._positions = as_slice(np.array([joint.position_start() for joint in joints]))
         velocities = as_slice(np.array([joint.velocity_start() for joint in joints]))

@@ -12,7 +12,8 @@ from xml.dom import minidom
 
 from drake_tc.errors import ParamsError
 from drake_tc.exchange.projection import Projection, Terms
-from drake_tc.exchange.xml_text import append, child, named, number, parsed, put, read_xml, to_text
+from drake_tc.exchange.xml_text import append, child, named, number, parsed, put, read_xml, to_text, top
+from drake_tc.exchange.xml_text import element as new_element
 
 BENCH = """<mujoco model="drake_tc_bench">
   <compiler angle="radian"/>
@@ -41,8 +42,7 @@ def to_mjcf(projections: Sequence[Projection], into: Path | None = None, step: f
         ParamsError: a file that cannot be used, or that lacks a joint.
     """
     document = parsed(BENCH.format(step=number(step))) if into is None else read_xml(into, "mujoco")
-    root = document.documentElement
-    assert root is not None
+    root = top(document)
     if into is None:
         _add_bench(root, projections)
     joints = named(document, "joint", into)
@@ -102,22 +102,22 @@ def _actuator(root: minidom.Element, projection: Projection, step: float) -> Non
 
 def _renamed(element: minidom.Element, tag: str) -> minidom.Element:
     """The element under another tag, with what both kinds have."""
-    document, parent = element.ownerDocument, element.parentNode
-    assert document is not None and parent is not None
-    made = document.createElement(tag)
+    made = new_element(element, tag)
     for name in ("name", "class", "group", "joint"):
         if element.hasAttribute(name):
             made.setAttribute(name, element.getAttribute(name))
-    parent.replaceChild(made, element)
+    if element.parentNode is not None:
+        element.parentNode.replaceChild(made, element)
     return made
 
 
 def _play(element: minidom.Element, projection: Projection, *, degrees: bool) -> None:
     """A free hinge of small range about the same axis, after the driven one: the gear's play."""
-    document, parent, name = element.ownerDocument, element.parentNode, f"{projection.joint}_backlash"
-    assert document is not None and isinstance(parent, minidom.Element)
+    parent, name = element.parentNode, f"{projection.joint}_backlash"
+    if not isinstance(parent, minidom.Element):
+        return
     others = [n for n in parent.childNodes if isinstance(n, minidom.Element) and n.getAttribute("name") == name]
-    made = others[0] if others else document.createElement("joint")
+    made = others[0] if others else new_element(element, "joint")
     half = 0.5 * projection.terms.backlash * (180.0 / math.pi if degrees else 1.0)
     for attribute in ("axis", "pos"):
         if element.hasAttribute(attribute):

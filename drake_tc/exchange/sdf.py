@@ -6,7 +6,7 @@ from xml.dom import minidom
 
 from drake_tc.errors import ParamsError
 from drake_tc.exchange.projection import Projection
-from drake_tc.exchange.xml_text import append, child, number, parsed, put, read_xml, to_text
+from drake_tc.exchange.xml_text import append, child, number, parsed, put, read_xml, text, to_text
 
 BENCH = '<sdf version="1.9">\n  <model name="drake_tc_bench">\n    <link name="base"/>\n  </model>\n</sdf>\n'
 
@@ -43,8 +43,8 @@ def _bench_joint(model: minidom.Element, name: str) -> None:
     put(append(model, "link"), name=f"{name}_link")
     joint = append(model, "joint")
     put(joint, name=name, type="revolute")
-    for tag, text in (("parent", "base"), ("child", f"{name}_link")):
-        _set(append(joint, tag), text)
+    for tag, link in (("parent", "base"), ("child", f"{name}_link")):
+        _set(append(joint, tag), link)
     _set(append(append(joint, "axis"), "xyz"), "0 1 0")
 
 
@@ -52,5 +52,4 @@ def _set(element: minidom.Element, value: float | str) -> None:
     """Make a number or a text the element's content."""
     while element.firstChild is not None:
         element.removeChild(element.firstChild)
-    assert element.ownerDocument is not None
-    element.appendChild(element.ownerDocument.createTextNode(value if isinstance(value, str) else number(value)))
+    element.appendChild(text(element, value if isinstance(value, str) else number(value)))

@@ -11,7 +11,7 @@ from xml.dom import minidom
 
 from drake_tc.errors import ParamsError
 from drake_tc.exchange.projection import Projection
-from drake_tc.exchange.xml_text import append, child, parsed, put, read_xml, to_text
+from drake_tc.exchange.xml_text import append, child, parsed, put, read_xml, text, to_text, top
 
 DRAKE = "http://drake.mit.edu"
 BENCH = '<robot name="drake_tc_bench">\n  <link name="base"/>\n</robot>\n'
@@ -31,8 +31,7 @@ def to_urdf(projections: Sequence[Projection], into: Path | None = None, *, drak
         ParamsError: a file that cannot be used, or that lacks a joint.
     """
     document = parsed(BENCH) if into is None else read_xml(into, "robot")
-    root = document.documentElement
-    assert root is not None
+    root = top(document)
     if into is None:
         for projection in projections:
             _bench_joint(root, projection.joint)
@@ -91,13 +90,8 @@ def _transmission(root: minidom.Element, joint: str) -> minidom.Element:
             return transmission
     made = append(root, "transmission")
     put(made, name=f"{joint}_transmission")
-    append(made, "type").appendChild(_text(made, "transmission_interface/SimpleTransmission"))
+    append(made, "type").appendChild(text(made, "transmission_interface/SimpleTransmission"))
     inner = append(made, "joint")
     put(inner, name=joint)
-    append(inner, "hardwareInterface").appendChild(_text(made, "EffortJointInterface"))
+    append(inner, "hardwareInterface").appendChild(text(made, "EffortJointInterface"))
     return made
-
-
-def _text(element: minidom.Element, text: str) -> minidom.Text:
-    assert element.ownerDocument is not None
-    return element.ownerDocument.createTextNode(text)

@@ -48,17 +48,40 @@ def child(parent: minidom.Element, tag: str) -> minidom.Element:
 
 def append(parent: minidom.Element, tag: str) -> minidom.Element:
     """A new last child on a line of its own."""
-    document = parent.ownerDocument
-    assert document is not None
-    made = document.createElement(tag)
+    made = element(parent, tag)
     indent = _indent(parent)
     last = parent.lastChild
     if last is not None and isinstance(last, minidom.Text) and not last.data.strip():
         parent.removeChild(last)
-    parent.appendChild(document.createTextNode(f"\n{indent}  "))
+    parent.appendChild(text(parent, f"\n{indent}  "))
     parent.appendChild(made)
-    parent.appendChild(document.createTextNode(f"\n{indent}"))
+    parent.appendChild(text(parent, f"\n{indent}"))
     return made
+
+
+def top(document: minidom.Document) -> minidom.Element:
+    """The document's root."""
+    root = document.documentElement
+    if root is None:
+        raise ParamsError("expected an XML document with an element; got none")
+    return root
+
+
+def element(near: minidom.Element, tag: str) -> minidom.Element:
+    """A new element for the document of another; it has no place yet."""
+    return _document(near).createElement(tag)
+
+
+def text(near: minidom.Element, content: str) -> minidom.Text:
+    """A new text for the document of an element; it has no place yet."""
+    return _document(near).createTextNode(content)
+
+
+def _document(near: minidom.Element) -> minidom.Document:
+    document = near.ownerDocument
+    if document is None:
+        raise ParamsError(f"<{near.tagName}> belongs to no XML document")
+    return document
 
 
 def put(element: minidom.Element, **attributes: float | str | None) -> None:

@@ -1,4 +1,7 @@
-"""Effects that a rig file may declare; a test compares them with the effect library, which `logs` must not import."""
+"""Effects of the library that a rig file may declare; `logs` must not import the library, so a test compares the two.
+
+Effects of other packages are known by their names in `drake_tc.extensions.EFFECTS`.
+"""
 
 EFFECT_IDS = (
     *("viscous", "coulomb", "rotor_inertia", "stribeck", "quadratic_viscous", "load_dependent_friction"),

@@ -87,12 +87,16 @@ class RobotLoad:
             same, but the links' inertial parameters are fitted together with the joints' models.
         tolerance: Of a fitted robot: standard deviation of a link's mass as a share of the file's; its first moments
             and inertia follow with the link's size (`robot.link_parameters`).
-        payload: Of a fitted robot: names of the logs in which the last link carries a load that is not known.
+        gain_tolerance: Of a fitted robot: standard deviation of the common relative error of the declared drive gains.
+        payload: Of a fitted robot: names of the logs in which a link carries a load that is not known.
+        carrier: That link; empty for the robot's only outermost link.
     """
 
     method: RobotMethod = "estimate"
     tolerance: float = 1.0
+    gain_tolerance: float = 0.0
     payload: tuple[str, ...] = ()
+    carrier: str = ""
 
     @property
     def fitted(self) -> bool:

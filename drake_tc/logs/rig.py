@@ -214,7 +214,9 @@ def _load_entry(load: Load) -> object:
     if isinstance(load, RobotLoad):
         robot: dict[str, object] = {"robot": load.method}
         robot |= {"tolerance": load.tolerance} if load.tolerance != RobotLoad().tolerance else {}
-        return robot | ({"unknown_payload": list(load.payload)} if load.payload else {})
+        robot |= {"drive_gain_tolerance": load.gain_tolerance} if load.gain_tolerance else {}
+        robot |= {"unknown_payload": list(load.payload)} if load.payload else {}
+        return robot | ({"payload_link": load.carrier} if load.carrier else {})
     if isinstance(load, UnknownLoad):
         return {"unknown": load.form}
     if not isinstance(load, Pendulum):

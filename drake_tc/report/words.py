@@ -10,8 +10,7 @@ from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult
 from drake_tc.diagnosis.selection.withdrawal import Withdrawal
 from drake_tc.diagnosis.thresholds import ResidualThresholds
-from drake_tc.effects.library import LIBRARY, MULTI_JOINT, SPECIAL
-from drake_tc.effects.unknown_load import UNKNOWN_LOADS
+from drake_tc.effects.library import all_effects
 from drake_tc.report.numbers import percent, pretty_unit, scale_for, significant, times
 from drake_tc.report.rows import LABELS
 
@@ -39,7 +38,7 @@ def title_of(effect_id: str) -> str:
     if effect_id in TITLES:
         return TITLES[effect_id]
     return next(
-        (e.title for e in (*LIBRARY, *SPECIAL, *MULTI_JOINT, *UNKNOWN_LOADS) if effect_id in (e.id, e.key)),
+        (e.title for e in all_effects() if effect_id in (e.id, e.key)),
         effect_id.replace("_", " "),
     )
 

@@ -49,8 +49,13 @@ class LinkModel:
 
     @property
     def payload_deviations(self) -> FloatArray:
-        """(10,) standard deviations of what the last link may carry: the mass of all links, some decimetres away."""
+        """(10,) standard deviations of what a link may carry: the mass of all links, some decimetres away."""
         return np.asarray(float(self.nominal[::10].sum()) * PAYLOAD_SIZE ** np.array([0.0, *(1.0,) * 3, *(2.0,) * 6]))
+
+    @property
+    def outermost(self) -> tuple[str, ...]:
+        """Links beyond which there is no other joint."""
+        return tuple(link for number, link in enumerate(self.tree.links) if number not in self.tree.parent)
 
     def deviations(self, tolerance: float) -> FloatArray:
         """(10 n,) standard deviations of pi about the file's: r m of a mass, r m l of a first moment, r m l^2 of a

@@ -8,6 +8,7 @@ from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
 
 from drake_tc.robot.robot import Robot, position_range
+from drake_tc.robot.rotors import file_rotors
 from drake_tc.robot.urdf import reduced_urdf
 from drake_tc.robot.urdf_tree import read_urdf
 from drake_tc.types import FloatArray
@@ -46,21 +47,25 @@ def joint_limits(robot: Robot) -> Limits:
     return Limits(*table.T)
 
 
-def add_robot(plant: MultibodyPlant, robot: Robot, *, visuals: bool = False, collisions: bool = False) -> None:
+def add_robot(
+    plant: MultibodyPlant, robot: Robot, *, visuals: bool = False, collisions: bool = False, rotors: bool = True
+) -> None:
     """Add a robot to a plant that is not finalized.
 
     Welds the base to the world at its pose, or lets it float from there; adds one JointActuator a joint, of the
-    joint's name and effort limit, in the order of `robot.joints`, with `robot.rotor_inertia` where given; the default
-    positions are the robot's posture. The model instance has the robot's name.
+    joint's name and effort limit, in the order of `robot.joints`, with the reflected rotor inertia that the robot file
+    or its actuator file gives (`file_rotors`); the default positions are the robot's posture. The model
+    instance has the robot's name.
 
     Args:
         plant: Not finalized; registered with a SceneGraph where geometry is wanted.
         robot: From `load_robot`.
         visuals: Keep primitive visuals (meshes never).
         collisions: Keep primitive collisions.
+        rotors: Give the joints the inertia of their drives.
 
     Raises:
-        ParamsError: the URDF cannot be read.
+        ParamsError: the URDF cannot be read, or the actuator file cannot or lacks a joint.
     """
     parser = Parser(plant)
     (model,) = parser.AddModelsFromString(reduced_urdf(robot, visuals=visuals, collisions=collisions), "urdf")
@@ -69,17 +74,19 @@ def add_robot(plant: MultibodyPlant, robot: Robot, *, visuals: bool = False, col
         plant.WeldFrames(plant.world_frame(), body.body_frame(), robot.base_pose.transform)
     else:
         plant.SetDefaultFloatingBaseBodyPose(body, robot.base_pose.transform)
-    limits = joint_limits(robot)
+    limits, inertias = joint_limits(robot), file_rotors(robot) if rotors else {}
     for name, effort, position in zip(robot.joints, limits.effort, robot.posture, strict=True):
         joint: Any = plant.GetJointByName(name, model)
         joint.set_default_positions([position])
         actuator = plant.AddJointActuator(name, joint, float(effort))
-        actuator.set_default_rotor_inertia(robot.rotor_inertia.get(name, 0.0))
+        actuator.set_default_rotor_inertia(inertias.get(name, 0.0))
         actuator.set_default_gear_ratio(1.0)
 
 
 def make_plant(robot: Robot, dt: float) -> MultibodyPlant:
-    """A finalized plant with the robot alone, without geometry: the model inside estimators and controllers.
+    """A finalized plant with the robot's links alone: the model inside estimators and controllers.
+
+    It has no geometry and no rotor inertia: rotors belong to the models of the drives.
 
     Args:
         robot: From `load_robot`.
@@ -89,6 +96,6 @@ def make_plant(robot: Robot, dt: float) -> MultibodyPlant:
         ParamsError: the URDF cannot be read.
     """
     plant = MultibodyPlant(dt)
-    add_robot(plant, robot)
+    add_robot(plant, robot, rotors=False)
     plant.Finalize()
     return plant

@@ -4,6 +4,7 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
+from drake_tc.config.records import Unbounded
 from drake_tc.errors import ParamsError
 from drake_tc.sensing.suite import SensorSuiteSpec
 
@@ -43,21 +44,21 @@ class MonitorSpec:
         hold: Time for which a flag stays up after its cause was last seen [s].
     """
 
-    encoder_frozen: float = 0.02
-    encoder_stuck: float = 0.04
+    encoder_frozen: Unbounded = 0.02
+    encoder_stuck: Unbounded = 0.04
     moving: float = 0.05
-    imu_frozen: float = 0.01
-    wrench_frozen: float = 0.01
-    encoder_jump: float = 1e-3
-    gyro_jump: float = 1.0
-    accel_jump: float = 30.0
-    force_jump: float = 100.0
-    moment_jump: float = 20.0
+    imu_frozen: Unbounded = 0.01
+    wrench_frozen: Unbounded = 0.01
+    encoder_jump: Unbounded = 1e-3
+    gyro_jump: Unbounded = 1.0
+    accel_jump: Unbounded = 30.0
+    force_jump: Unbounded = 100.0
+    moment_jump: Unbounded = 20.0
     still_gyro: float = 0.05
     still_accel: float = 0.5
-    unexpected_force: float = 10.0
-    unexpected_moment: float = 2.0
-    torque: float = 0.25
+    unexpected_force: Unbounded = 10.0
+    unexpected_moment: Unbounded = 2.0
+    torque: Unbounded = 0.25
     time_constant: float = 0.01
     hold: float = 0.1
 

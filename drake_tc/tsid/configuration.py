@@ -17,10 +17,11 @@ from drake_tc.errors import ParamsError
 from drake_tc.robot.packages import resolve
 from drake_tc.robot.plant import joint_limits
 from drake_tc.robot.robot import Robot, load_robot
+from drake_tc.robot.rotors import file_rotors
 from drake_tc.tsid.document import PAPER_SHARE, ControllerDocument, FormulationKeys
 from drake_tc.tsid.law import Law
 from drake_tc.tsid.limit_fields import read_limits
-from drake_tc.tsid.model import TsidModel, file_rotors
+from drake_tc.tsid.model import TsidModel
 from drake_tc.tsid.priority_fields import read_priorities, without_priorities
 from drake_tc.tsid.qp.choose import DEFAULT, solver
 from drake_tc.tsid.robust.budget import Budget

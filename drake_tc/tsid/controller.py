@@ -1,17 +1,21 @@
 """`RobustTsid`: robust task-space inverse dynamics (paper B) as a Drake system."""
 
+import logging
 from collections.abc import Callable
+from copy import deepcopy
 from typing import Any
 
 import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.framework import Context, LeafSystem, ValueProducer
 
+from drake_tc.errors import SimulationError
 from drake_tc.tsid.law import Before, Law, Status, Tick, lost_tick, solve_tick
 from drake_tc.tsid.model import Scratch
 from drake_tc.tsid.warm_start import WarmStart
 from drake_tc.types import FloatArray
 
+_LOG = logging.getLogger(__name__)
 TASK_PORT = "{}_reference"
 """Name of a task's port."""
 
@@ -34,17 +38,19 @@ class RobustTsid(LeafSystem):
 
     At a tick (no update yet at this time) y is F, so there is no delay; after the update, and until the next tick, it
     is x's; time that goes back begins a new tick. Nothing raises in the loop and all outputs are finite: what cannot be
-    solved gives the safe torque, flagged.
+    solved gives the safe torque, flagged. An exception inside a task or a limit fades the torque out; it is kept
+    (`last_error`), logged once in a context, and raised where `strict` is set.
     """
 
-    def __init__(self, law: Law) -> None:
+    def __init__(self, law: Law, *, strict: bool = False) -> None:
         """Declare the ports.
 
         Args:
             law: Tasks, limits, formulation, period.
+            strict: Raise the exception of a task or limit in the loop (SimulationError) in place of fading out.
         """
         super().__init__()
-        self._law, model = law, law.model
+        self._law, self._strict, model = law, strict, law.model
         self._warm = WarmStart(model.n)
         self._constraints = law.constraints
         sizes = {
@@ -95,6 +101,15 @@ class RobustTsid(LeafSystem):
         """Names of the rows that `Status.LIMIT` counts."""
         return self._constraints
 
+    def last_error(self, context: Context) -> Exception | None:
+        """The last exception of a task or limit in this context; None where there was none.
+
+        Args:
+            context: Of this system.
+        """
+        solution: _Solution = self._solution.Eval(context)
+        return solution.error
+
     def _solve(self, context: Any, value: Any) -> None:
         """This tick's answer, or what is held, into the cache entry."""
         solution: _Solution = value.get_mutable_value()
@@ -112,7 +127,19 @@ class RobustTsid(LeafSystem):
             solution.take(lost_tick(self._law, before))
             return
         state = self._state.Eval(context)
-        solution.take(solve_tick(self._law, solution.scratch, state, references, active, before))
+        tick = solve_tick(self._law, solution.scratch, state, references, active, before)
+        solution.take(tick)
+        if tick.error is not None:
+            self._report(solution, tick.error, context.get_time())
+
+    def _report(self, solution: "_Solution", error: Exception, time: float) -> None:
+        """Keep an exception, and log the first one or raise it."""
+        first, solution.error = solution.error is None, error
+        text = f"tsid: a task or limit failed at t = {time:g} s: {type(error).__name__}: {error}"
+        if self._strict:
+            raise SimulationError(text) from error
+        if first:
+            _LOG.error("%s; the torque fades out", text, exc_info=error)
 
     def _switches(self, context: Any) -> tuple[bool, ...] | None:
         """Which contacts carry; None where that is not a number."""
@@ -145,7 +172,14 @@ class _Solution:
     def __init__(self, scratch: Scratch) -> None:
         self.scratch = scratch
         self.tick: Tick | None = None
+        self.error: Exception | None = None
         self.outputs: dict[str, FloatArray] = {}
+
+    def __deepcopy__(self, memo: object) -> "_Solution":
+        """For a cloned context: own scratch memory; ticks and exceptions are never changed, so they are shared."""
+        other = _Solution(deepcopy(self.scratch))
+        other.tick, other.error, other.outputs = self.tick, self.error, dict(self.outputs)
+        return other
 
     def take(self, tick: Tick) -> None:
         """Outputs of a tick."""

@@ -21,7 +21,7 @@ from drake_tc.config.quoted import quoted
 from drake_tc.robot.document import PoseKeys
 from drake_tc.robot.mounts import Mount
 from drake_tc.tsid.contacts import Axes, Contact, Kind
-from drake_tc.tsid.qp.choose import DEFAULT, OF_DRAKE, SOLVERS
+from drake_tc.tsid.qp.choose import DEFAULT, OF_DRAKE, PROGRAM, SOLVERS
 from drake_tc.tsid.robust.budget import Budget
 from drake_tc.tsid.robust.formulation import Formulation, MeasureName, Use
 from drake_tc.tsid.robust.options import Options
@@ -155,6 +155,10 @@ def _sigma(value: object) -> object:
 Sigma = Annotated[Number | list[Number] | dict[str, Number] | str, BeforeValidator(_sigma)]
 
 
+SOLVER_NAMES = (*SOLVERS, *OF_DRAKE, PROGRAM)
+"""What `solver` may be."""
+
+
 class ControllerDocument(Keys):
     """What a controller file may say."""
 
@@ -193,9 +197,12 @@ class ControllerDocument(Keys):
         example=[0.1, 0.2],
         absent=f"{PAPER_SHARE} of the effort limits",
     )
-    solver: (
-        Annotated[str, Field(pattern=f"^({'|'.join((*SOLVERS, *OF_DRAKE))})$"), one_of((*SOLVERS, *OF_DRAKE))] | None
-    ) = key(f"Solver of quadratic programs: {', '.join((*SOLVERS, *OF_DRAKE))}.", example="piqp", absent=DEFAULT)
+    solver: Annotated[str, Field(pattern=f"^({'|'.join(SOLVER_NAMES)})$"), one_of(SOLVER_NAMES)] | None = key(
+        f"Solver of quadratic programs: {', '.join((*SOLVERS, *OF_DRAKE))}; or `{PROGRAM}`, which solves the whole tick "
+        "as one MathematicalProgram of Drake, slowly and independently.",
+        example="piqp",
+        absent=DEFAULT,
+    )
     period: Number = key("Period of the controller.", unit="s", example=0.002, default=1e-3)
     rotor_inertia: dict[str, NumberFromZero] | None = key(
         "By joint, the rotor's inertia on the joint's side of the gear, in place of the robot's.",

@@ -8,11 +8,12 @@ A tick always has an answer, and `Tick.status` says which of these it is:
     risky         every limit can be kept but not R <= R_min: the formulation's safest torque
     infeasible    no torque keeps all limits: the one that misses least (`infeasible.diagnose`), near the safe one
     failed        no answer of the programs: the safe torque, weight and damping (`infeasible.safe_torque`)
-    lost          an input is not finite: the torque before, faded out, tau[n] = exp(-period/fade) tau[n-1]
+    lost          an input is not finite, or a task or limit raised an exception: the torque before, faded out,
+                  tau[n] = exp(-period/fade) tau[n-1]; `Tick.error` holds the exception
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum
 from functools import cached_property
 from typing import NamedTuple
@@ -21,10 +22,12 @@ import numpy as np
 
 from drake_tc.errors import ParamsError
 from drake_tc.tsid.assembly import check_names, ordered
+from drake_tc.tsid.check_rows import check_rows
 from drake_tc.tsid.infeasible import diagnose, safe_torque
 from drake_tc.tsid.limits.base import Limit
 from drake_tc.tsid.model import Scratch, TsidModel
 from drake_tc.tsid.priorities import Priorities
+from drake_tc.tsid.program_solver import ProgramSolver
 from drake_tc.tsid.qp.problem import Outcome, QpSolver
 from drake_tc.tsid.reduction import Reduced, reduce
 from drake_tc.tsid.robust.formulation import Formulation
@@ -74,6 +77,7 @@ class Tick(NamedTuple):
         force: (K,) of all contacts, 0 where one is not active [N, N m]; 0 where the state is lost.
         status: (9,) see `Status`.
         start: For the next tick.
+        error: What went wrong in the tick, where that raised an exception.
     """
 
     torque: FloatArray
@@ -81,6 +85,7 @@ class Tick(NamedTuple):
     force: FloatArray
     status: FloatArray
     start: Start | None
+    error: Exception | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,15 +100,15 @@ class Law:
         priorities: Strict levels of the tasks in place of weights alone; of the formulation then its measure,
             "classic" or "individual", and its options count.
         error: Of the torques.
-        solver: Of quadratic programs.
+        solver: Of quadratic programs; a ProgramSolver solves the whole tick.
         period: Of the ticks [s].
         contact_damping: kd of J vdot + Jdot v = -kd J v at the active contacts [1/s].
         fallback_damping: Of the joints in the safe torque [N m s/rad].
         fade: Time in which the torque falls to 1/e where the state is lost [s].
 
     Raises:
-        ParamsError: two names that are equal, an error of another number of joints, priorities that do not fit, or a
-            number that is not possible.
+        ParamsError: two names that are equal, an error of another number of joints, priorities that do not fit, a
+            number that is not possible, or a task or limit whose rows fail or have a wrong shape at the start.
     """
 
     model: TsidModel
@@ -124,6 +129,10 @@ class Law:
             raise ParamsError(f"sigma: wanted {self.model.n} joints, the robot's; got {self.error.joints}")
         if self.priorities is not None:
             self._check_priorities(self.priorities)
+        if isinstance(self.solver, ProgramSolver):
+            self.solver.check(self.formulation)
+            if self.priorities is not None:
+                raise ParamsError("solver: program weighs tasks and knows no strict priorities")
         for name in ("period", "fade"):
             value = getattr(self, name)
             if not (np.isfinite(value) and value > 0.0):
@@ -132,6 +141,41 @@ class Law:
             value = getattr(self, name)
             if not (np.isfinite(value) and value >= 0.0):
                 raise ParamsError(f"{name}: wanted a finite number >= 0; got {value!r}")
+        check_rows(self.starting_terms(), self.tasks, self.limits)
+
+    def with_tasks(self, *tasks: Task, priority: int | None = None) -> "Law":
+        """This law with more tasks; one of a name that is there takes that task's place.
+
+        Args:
+            tasks: To add.
+            priority: Level of those that are new, where the law has strict priorities.
+
+        Raises:
+            ParamsError: see the class; or a priority is missing, or given to a law that has none.
+        """
+        old = {task.name: number for number, task in enumerate(self.tasks)}
+        listed, new = list(self.tasks), [task for task in tasks if task.name not in old]
+        for task in tasks:
+            if task.name in old:
+                listed[old[task.name]] = task
+        priorities = self.priorities
+        if priority is not None and priorities is None:
+            raise ParamsError("priority: this law weighs its tasks and has no strict priorities")
+        if priorities is not None and new:
+            if priority is None:
+                raise ParamsError(f"priority: task {new[0].name!r} needs one, as this law has strict priorities")
+            priorities = replace(priorities, tasks=(*priorities.tasks, *(priority for _ in new)))
+        return replace(self, tasks=(*listed, *new), priorities=priorities)
+
+    def with_limits(self, *limits: Limit) -> "Law":
+        """This law with more limits; one of a name that is there takes that limit's place.
+
+        Raises:
+            ParamsError: see the class.
+        """
+        given = {limit.name: limit for limit in limits}
+        listed = [given.pop(limit.name, limit) for limit in self.limits]
+        return replace(self, limits=(*listed, *given.values()))
 
     def _check_priorities(self, priorities: Priorities) -> None:
         if len(priorities.tasks) != len(self.tasks):
@@ -209,7 +253,10 @@ def solve_tick(
     try:
         problem = problem_at(law, scratch, state, references, active)
         reduced, form = problem.reduced, law.formulation
-        if law.priorities is None:
+        if isinstance(law.solver, ProgramSolver):
+            rows = (problem.terms, problem.tasks, problem.limits, _held(law, problem.terms))
+            solution = law.solver.solution(*rows, form, law.error)
+        elif law.priorities is None:
             solution = form.solve(reduced.cost, reduced.polytope, law.error, law.solver, before.start)
         else:
             solution = law.priorities.solve(problem.tasks, reduced, law.error, law.solver, form.options, before.start)
@@ -219,8 +266,8 @@ def solve_tick(
         found = (solution.outcome, 0.0, solution.iterations, risk, solution.p_ind, -1.0, 0.0)
         status = np.array([*found, _relaxed(problem), solution.converged])
         return _packed(law, problem, solution.torque, status, solution.start)
-    except Exception:  # in a control loop a torque is due, whatever went wrong; the status tells
-        return lost_tick(law, before)
+    except Exception as error:  # in a control loop a torque is due, whatever went wrong; the tick keeps the exception
+        return lost_tick(law, before, error)
 
 
 def problem_at(
@@ -231,8 +278,12 @@ def problem_at(
     terms = model.terms(scratch, state[: model.nq], state[model.nq :], active)
     tasks = [task.rows(terms, reference) for task, reference in zip(law.tasks, references, strict=True)]
     limits = [limit.rows(terms) for limit in law.limits]
-    held = -law.contact_damping * terms.contact_velocity if law.contact_damping else None
-    return Problem(terms, tasks, limits, reduce(terms, tasks, limits, held))
+    return Problem(terms, tasks, limits, reduce(terms, tasks, limits, _held(law, terms)))
+
+
+def _held(law: Law, terms: Terms) -> FloatArray | None:
+    """Acceleration of the contacts that is asked for."""
+    return -law.contact_damping * terms.contact_velocity if law.contact_damping else None
 
 
 def _packed(law: Law, problem: Problem, torque: FloatArray, status: FloatArray, start: Start | None) -> Tick:
@@ -266,13 +317,13 @@ def _relaxed(problem: Problem) -> int:
     return sum(rows.relaxed for rows in problem.limits)
 
 
-def lost_tick(law: Law, before: Before) -> Tick:
+def lost_tick(law: Law, before: Before, error: Exception | None = None) -> Tick:
     """The torque before, faded, where nothing is known."""
     model = law.model
     status = np.zeros(len(Status))
     status[Status.OUTCOME], status[Status.FALLBACK], status[Status.LIMIT] = Outcome.FAILED, 1.0, -1.0
     torque = np.exp(-law.period / law.fade) * before.torque
-    return Tick(torque, np.zeros(model.nv), np.zeros(model.force_size), status, None)
+    return Tick(torque, np.zeros(model.nv), np.zeros(model.force_size), status, None, error)
 
 
 def _names(limits: Sequence[LimitRows]) -> tuple[str, ...]:

@@ -1,10 +1,13 @@
-"""Limits from YAML: which there are, and which keys each has."""
+"""Limits from YAML: which kinds there are, which keys each has, and how another package adds one."""
 
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from drake_tc.errors import ParamsError
+from drake_tc.extensions import LIMITS
 from drake_tc.robot import fields
 from drake_tc.tsid.limits.acceleration import AccelerationLimit
 from drake_tc.tsid.limits.base import Limit
@@ -12,10 +15,39 @@ from drake_tc.tsid.limits.capture_point import CapturePointLimit
 from drake_tc.tsid.limits.torque import TorqueLimit
 from drake_tc.tsid.limits.wrench_cone import WrenchCones
 from drake_tc.tsid.model import TsidModel
-from drake_tc.tsid.task_fields import numbers
+from drake_tc.tsid.task_fields import Reader, checked_kind, numbers
 
 NEVER_LEFT_OUT = ("torque", "contact", "acceleration")
 """Kinds that a controller has with their defaults unless its file says null."""
+
+
+@dataclass(frozen=True)
+class LimitKind:
+    """A kind of limit as a controller file writes it: `KIND: {keys}`.
+
+    Attributes:
+        make: Called with the model and the controller's period [s], then with the keys that the file gives as keywords;
+            returns the limit.
+        required, optional: Key to its reader, as in `drake_tc.tsid.task_fields.TaskKind`.
+    """
+
+    make: Callable[..., Limit]
+    required: Mapping[str, Reader] = field(default_factory=dict)
+    optional: Mapping[str, Reader] = field(default_factory=dict)
+
+
+def register_limit(kind: str, reader: LimitKind) -> None:
+    """Let the controller files of this process use KIND in their limits.
+
+    A package does the same for every process by an entry point of the group `drake_tc.tsid.limits`, whose name is the
+    kind and whose object is a LimitKind.
+
+    Raises:
+        ParamsError: the kind is taken, or `reader` is no LimitKind.
+    """
+    if kind in _KINDS:
+        raise ParamsError(f"limit kind {kind!r}: this name is already taken; kinds: {', '.join(_KINDS)}")
+    LIMITS.add(kind, checked_kind(kind, reader, LimitKind))
 
 
 def read_limits(where: str, entry: object, model: TsidModel, period: float) -> tuple[Limit, ...]:
@@ -30,64 +62,63 @@ def read_limits(where: str, entry: object, model: TsidModel, period: float) -> t
     Raises:
         ParamsError: an unknown kind or key, or a value that is not possible.
     """
-    given = {name: {} for name in NEVER_LEFT_OUT} | fields.mapping(where, entry, optional=_KINDS)
+    possible = (*_KINDS, *LIMITS.names())
+    given = {name: {} for name in NEVER_LEFT_OUT} | fields.mapping(where, entry, optional=possible)
     made = []
     for kind, keys in given.items():
         if keys is None or (kind == "contact" and not model.contacts):
             continue
-        at = f"{where}.{kind}"
-        try:
-            made.append(_KINDS[kind](at, keys, model, period))
-        except ParamsError as error:
-            raise ParamsError(str(error) if str(error).startswith(at) else f"{at}: {error}") from None
+        made.append(_limit(f"{where}.{kind}", kind, keys, model, period))
     return tuple(made)
 
 
-def _torque(where: str, keys: object, model: TsidModel, period: float) -> Limit:
-    given = fields.mapping(where, keys, optional=("share",))
-    return TorqueLimit.of(model.robot, fields.number(f"{where}.share", given.get("share", 1.0)))
+def _limit(where: str, kind: str, keys: object, model: TsidModel, period: float) -> Limit:
+    reader = _KINDS[kind] if kind in _KINDS else LIMITS.get(kind, lambda n, made: checked_kind(n, made, LimitKind))
+    given = fields.mapping(where, keys, reader.required, reader.optional)
+    readers = {**reader.required, **reader.optional}
+    values = {key: readers[key](f"{where}.{key}", value) for key, value in given.items()}
+    try:
+        return reader.make(model, period, **values)
+    except ParamsError as error:
+        raise ParamsError(f"{where}: {error}") from None
 
 
-def _contact(where: str, keys: object, model: TsidModel, period: float) -> Limit:
-    given = fields.mapping(where, keys, optional=("pyramid",))
-    pyramid: Any = fields.text(f"{where}.pyramid", given.get("pyramid", "inner"))
+def _torque(model: TsidModel, tick: float, share: float = 1.0) -> Limit:
+    return TorqueLimit.of(model.robot, share)
+
+
+def _contact(model: TsidModel, tick: float, pyramid: Any = "inner") -> Limit:
     return WrenchCones(model.contacts, pyramid=pyramid)
 
 
-def _acceleration(where: str, keys: object, model: TsidModel, period: float) -> Limit:
-    given = fields.mapping(where, keys, optional=("period", "acceleration", "velocity", "margin"))
-    values: dict[str, Any] = {
-        key: np.array(numbers(f"{where}.{key}", value))
-        for key, value in given.items()
-        if key in ("acceleration", "velocity")
-    }
+def _acceleration(
+    model: TsidModel, tick: float, period: float | None = None, margin: float = 0.0, **values: float | list[float]
+) -> Limit:
     n = len(model.robot.joints)
-    for key, value in values.items():
+    arrays: dict[str, Any] = {key: np.array(value) for key, value in values.items()}
+    for key, value in arrays.items():
         if value.ndim and value.size != n:
-            raise ParamsError(f"{where}.{key}: wanted a number or {n} of them, one a joint; got {value.size}")
-    held = _held(where, given, period)
-    margin = fields.number(f"{where}.margin", given.get("margin", 0.0))
-    return AccelerationLimit.of(model.robot, model.actuated, model.nv, period=held, margin=margin, **values)
+            raise ParamsError(f"{key}: wanted a number or {n} of them, one a joint; got {value.size}")
+    held = _held(period, tick)
+    return AccelerationLimit.of(model.robot, model.actuated, model.nv, period=held, margin=margin, **arrays)
 
 
-def _capture_point(where: str, keys: object, model: TsidModel, period: float) -> Limit:
-    given = fields.mapping(where, keys, optional=("period", "margin"))
-    held = _held(where, given, period)
-    margin = fields.number(f"{where}.margin", given.get("margin", 0.0))
-    return CapturePointLimit(model.contacts, period=held, margin=margin)
+def _capture_point(model: TsidModel, tick: float, period: float | None = None, margin: float = 0.0) -> Limit:
+    return CapturePointLimit(model.contacts, period=_held(period, tick), margin=margin)
 
 
-def _held(where: str, given: dict[str, Any], period: float) -> float:
+def _held(period: float | None, tick: float) -> float:
     """How long an acceleration is taken to last: the controller's period or more, as it decides no earlier."""
-    held = fields.number(f"{where}.period", given.get("period", period))
-    if held < (1.0 - 1e-9) * period:
-        raise ParamsError(f"{where}.period: wanted the controller's period, {period:g} s, or more; got {held:g}")
+    held = tick if period is None else period
+    if held < (1.0 - 1e-9) * tick:
+        raise ParamsError(f"period: wanted the controller's period, {tick:g} s, or more; got {held:g}")
     return held
 
 
-_KINDS = {
-    "torque": _torque,
-    "contact": _contact,
-    "acceleration": _acceleration,
-    "capture_point": _capture_point,
+_HELD: Mapping[str, Reader] = {"period": fields.number, "margin": fields.number}
+_KINDS: Mapping[str, LimitKind] = {
+    "torque": LimitKind(_torque, optional={"share": fields.number}),
+    "contact": LimitKind(_contact, optional={"pyramid": fields.text}),
+    "acceleration": LimitKind(_acceleration, optional={**_HELD, "acceleration": numbers, "velocity": numbers}),
+    "capture_point": LimitKind(_capture_point, optional=_HELD),
 }

@@ -20,14 +20,13 @@ from drake_tc.estimation.torque_model import as_slice
 from drake_tc.robot.mounts import Mount
 from drake_tc.robot.plant import make_plant
 from drake_tc.robot.robot import Robot
+from drake_tc.robot.rotors import file_rotors
 from drake_tc.robot.urdf import reduced_urdf
 from drake_tc.tsid.contacts import ActiveContacts, Contact, select
-from drake_tc.tsid.model_parts import add_frames, add_rotors, file_rotors
+from drake_tc.tsid.model_parts import add_frames, add_rotors
 from drake_tc.tsid.rows import identity
 from drake_tc.tsid.terms import FrameTerms, Pose, Terms
 from drake_tc.types import FloatArray, IntArray
-
-__all__ = ["Scratch", "TsidModel", "file_rotors"]
 
 _ORIGIN: Any = np.zeros(3)
 _SAME = identity(6)

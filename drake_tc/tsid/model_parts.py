@@ -6,25 +6,12 @@ from typing import Any
 import numpy as np
 from pydrake.multibody.tree import FixedOffsetFrame
 
-from drake_tc.actuation.model_file import models_of_joints
 from drake_tc.errors import ParamsError
 from drake_tc.robot.mounts import Mount
 from drake_tc.robot.robot import Robot
 from drake_tc.tsid.contacts import Contact
 
 _SUFFIX = "_of_tsid"
-
-
-def file_rotors(robot: Robot) -> dict[str, float]:
-    """Reflected inertia of each joint's drive [kg m^2], as the robot's files say; 0 behind a spring or a gap.
-
-    Raises:
-        ParamsError: the actuator file cannot be read or has no model of a joint.
-    """
-    if robot.actuators is None:
-        return dict(robot.rotor_inertia)
-    models = models_of_joints(robot.actuators, robot.joints)
-    return {joint: 0.0 if model.transmission_effects else model.inertia for joint, model in models.items()}
 
 
 def add_rotors(plant: Any, robot: Robot, rotor_inertia: Mapping[str, float]) -> None:

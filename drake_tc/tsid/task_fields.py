@@ -1,9 +1,11 @@
-"""Tasks from YAML: which kinds there are, and which keys each has."""
+"""Tasks from YAML: which kinds there are, which keys each has, and how another package adds one."""
 
 from collections.abc import Callable, Mapping
-from typing import Any
+from dataclasses import dataclass, field
+from typing import Any, TypeVar
 
 from drake_tc.errors import ParamsError
+from drake_tc.extensions import TASKS
 from drake_tc.robot import fields
 from drake_tc.tsid.model import TsidModel
 from drake_tc.tsid.tasks.angular_momentum import AngularMomentumTask
@@ -17,6 +19,18 @@ from drake_tc.tsid.tasks.posture import PostureTask
 from drake_tc.tsid.tasks.torque import TorqueTask
 
 Reader = Callable[[str, object], Any]
+KindT = TypeVar("KindT")
+
+
+def checked_kind(name: str, given: object, expected: type[KindT]) -> KindT:
+    """What was registered as a kind.
+
+    Raises:
+        ParamsError: it is no `expected`.
+    """
+    if not isinstance(given, expected):
+        raise ParamsError(f"kind {name!r}: expected a {expected.__name__}; got {given!r}")
+    return given
 
 
 def numbers(where: str, value: object) -> float | list[float]:
@@ -25,9 +39,18 @@ def numbers(where: str, value: object) -> float | list[float]:
     Raises:
         ParamsError: something else.
     """
-    if isinstance(value, list):
-        return [fields.number(f"{where}[{i}]", item) for i, item in enumerate(value)]
-    return fields.number(where, value)
+    return number_list(where, value) if isinstance(value, list) else fields.number(where, value)
+
+
+def number_list(where: str, value: object) -> list[float]:
+    """A list of numbers.
+
+    Raises:
+        ParamsError: something else.
+    """
+    if not isinstance(value, list):
+        raise ParamsError(f"{where}: wanted a list of numbers; got {value!r}")
+    return [fields.number(f"{where}[{i}]", item) for i, item in enumerate(value)]
 
 
 def mask(where: str, value: object) -> list[bool]:
@@ -41,24 +64,50 @@ def mask(where: str, value: object) -> list[bool]:
     raise ParamsError(f"{where}: wanted a list of true and false; got {value!r}")
 
 
+@dataclass(frozen=True)
+class TaskKind:
+    """A kind of task as a controller file writes it: `kind: NAME` with the keys below.
+
+    Attributes:
+        make: Called with the model, then with `name` and the keys that the file gives as keywords; returns the task.
+        required, optional: Key to its reader, a function of (place in the file, value) that returns the value or raises
+            ParamsError: `numbers`, `mask`, or `number`, `text` and `names` of `drake_tc.robot.fields`.
+    """
+
+    make: Callable[..., Task]
+    required: Mapping[str, Reader] = field(default_factory=dict)
+    optional: Mapping[str, Reader] = field(default_factory=dict)
+
+
 _GAINS: Mapping[str, Reader] = {"kp": numbers, "kd": numbers}
 _WEIGHT: Mapping[str, Reader] = {"weight": numbers}
 _FRAME: Mapping[str, Reader] = {**_WEIGHT, "mask": mask, "axes_of": fields.text}
-_KINDS: Mapping[str, tuple[Mapping[str, Reader], Mapping[str, Reader], Callable[..., Task]]] = {
-    "com": (_GAINS, {**_WEIGHT, "mask": mask}, lambda model, **keys: ComTask(**keys)),
-    "posture": (_GAINS, {**_WEIGHT, "joints": fields.names}, PostureTask),
-    "frame": ({"frame": fields.text, **_GAINS}, _FRAME, FrameTask),
-    "orientation": ({"frame": fields.text, **_GAINS}, _FRAME, OrientationTask),
-    "angular_momentum": (
-        {"kp": numbers},
-        {**_WEIGHT, "mask": mask},
-        lambda model, **keys: AngularMomentumTask(**keys),
+_KINDS: Mapping[str, TaskKind] = {
+    "com": TaskKind(lambda model, **keys: ComTask(**keys), _GAINS, {**_WEIGHT, "mask": mask}),
+    "posture": TaskKind(PostureTask, _GAINS, {**_WEIGHT, "joints": fields.names}),
+    "frame": TaskKind(FrameTask, {"frame": fields.text, **_GAINS}, _FRAME),
+    "orientation": TaskKind(OrientationTask, {"frame": fields.text, **_GAINS}, _FRAME),
+    "angular_momentum": TaskKind(
+        lambda model, **keys: AngularMomentumTask(**keys), {"kp": numbers}, {**_WEIGHT, "mask": mask}
     ),
-    "force": ({}, {"weight": fields.number, "components": numbers}, ForceTask),
-    "cop": ({"contact": fields.text}, _WEIGHT, CopTask),
-    "torque": ({}, _WEIGHT, TorqueTask),
+    "force": TaskKind(ForceTask, {}, {"weight": fields.number, "components": number_list}),
+    "cop": TaskKind(CopTask, {"contact": fields.text}, _WEIGHT),
+    "torque": TaskKind(TorqueTask, {}, _WEIGHT),
 }
-"""Kind to its needed keys, its optional keys and what it makes; all have `kind` beside them."""
+
+
+def register_task(kind: str, reader: TaskKind) -> None:
+    """Let the controller files of this process use `kind: KIND` in their tasks.
+
+    A package does the same for every process by an entry point of the group `drake_tc.tsid.tasks`, whose name is the
+    kind and whose object is a TaskKind.
+
+    Raises:
+        ParamsError: the kind is taken, or `reader` is no TaskKind.
+    """
+    if kind in _KINDS:
+        raise ParamsError(f"task kind {kind!r}: this name is already taken; kinds: {', '.join(_KINDS)}")
+    TASKS.add(kind, checked_kind(kind, reader, TaskKind))
 
 
 def read_task(where: str, name: str, entry: object, model: TsidModel) -> Task:
@@ -74,15 +123,14 @@ def read_task(where: str, name: str, entry: object, model: TsidModel) -> Task:
         ParamsError: an unknown kind, a key that is unknown or missing, or a value that is not possible.
     """
     kind = fields.text(f"{where}.kind", fields.mapping(where, entry, ("kind",), None)["kind"])
-    if kind not in _KINDS:
-        raise ParamsError(f"{where}.kind: wanted one of {', '.join(_KINDS)}; got {kind!r}")
-    needed, optional, make = _KINDS[kind]
-    given = fields.mapping(where, entry, ("kind", *needed), optional)
-    readers = {**needed, **optional}
+    possible = (*_KINDS, *TASKS.names())
+    if kind not in possible:
+        raise ParamsError(f"{where}.kind: wanted one of {', '.join(possible)}; got {kind!r}")
+    reader = _KINDS[kind] if kind in _KINDS else TASKS.get(kind, lambda n, made: checked_kind(n, made, TaskKind))
+    given = fields.mapping(where, entry, ("kind", *reader.required), reader.optional)
+    readers = {**reader.required, **reader.optional}
     values = {key: readers[key](f"{where}.{key}", value) for key, value in given.items() if key != "kind"}
-    if isinstance(values.get("components"), float):
-        raise ParamsError(f"{where}.components: wanted a list of numbers; got {values['components']!r}")
     try:
-        return make(model, **values, name=name)
+        return reader.make(model, **values, name=name)
     except ParamsError as error:
         raise ParamsError(f"{where}: {error}") from None

@@ -165,9 +165,9 @@ def test_names_and_gains():
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (([],), "wanted one a joint"),
+        (([],), "models is empty; expected one actuator model per joint"),
         (([ActuatorModel("j", Drive("current", 1.0))], -1.0), r"direction_speed: wanted a number >= 0 \[rad/s\]"),
-        (([ActuatorModel("j", Drive("current", 1.0))], 0.0, [1.0, 2.0]), "smoothing: wanted a number or 1 >= 0"),
+        (([ActuatorModel("j", Drive("current", 1.0))], 0.0, [1.0, 2.0]), "smoothing: expected a number or 1 of them"),
         (([ActuatorModel("j", Drive("current", 1.0))], 0.0, np.nan), "smoothing"),
     ],
 )

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 from pydrake.math import RigidTransform
+from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import FixedOffsetFrame, RevoluteJoint, SpatialInertia, UnitInertia
 from pydrake.systems.analysis import Simulator
@@ -14,7 +15,13 @@ from drake_tc.actuation.friction import PRESLIDING_DISPLACEMENT
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.actuation.plant import ActuatorPlant
 from drake_tc.actuation.recorded_run import Link
-from drake_tc.actuation.wiring import actuated_joints, add_actuators, apply_rotor_inertia, joint_inertias
+from drake_tc.actuation.wiring import (
+    actuated_joints,
+    add_actuators,
+    add_joint_actuators,
+    apply_rotor_inertia,
+    joint_inertias,
+)
 from drake_tc.errors import ParamsError
 from drake_tc.loops.joint_bench.diagram import make_plant
 
@@ -259,3 +266,67 @@ def test_the_port_step_holds_all_outputs_and_the_next_memory():
     assert_allclose(step[system.actuation_places], outputs[0], atol=0)
     after = system.EvalUniquePeriodicDiscreteUpdate(context)
     assert_allclose(after.value(), step[outputs.size :], atol=0)
+
+
+PENDULUM = """
+<robot name="pendulum">
+  <link name="base"/>
+  <link name="rod"><inertial><origin xyz="0 0 -0.4"/><mass value="2.0"/>
+    <inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <joint name="hinge" type="revolute"><parent link="base"/><child link="rod"/><axis xyz="0 1 0"/>
+    <limit lower="-3" upper="3" effort="20" velocity="5"/></joint>
+</robot>
+"""
+
+
+def parsed_pendulum():
+    """As a plain Parser reads a URDF without transmissions."""
+    plant = MultibodyPlant(1e-3)
+    Parser(plant).AddModelsFromString(PENDULUM, "urdf")
+    plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("base"))
+    return plant
+
+
+def test_a_plant_without_actuators_is_refused_with_what_to_do():
+    builder = DiagramBuilder()
+    plant = builder.AddSystem(parsed_pendulum())
+    models = {"hinge": ActuatorModel("hinge", Drive("current", 0.01), RICH)}
+    with pytest.raises(ParamsError, match=r"call plant\.Finalize\(\) first"):
+        add_actuators(builder, plant, models)
+    plant.Finalize()
+    with pytest.raises(ParamsError, match=r"no joint actuators, .*<transmission>.*add_joint_actuators\(plant, m"):
+        add_actuators(builder, plant, models)
+    with pytest.raises(ParamsError, match="finalized already; call this before"):
+        add_joint_actuators(plant, models)
+
+
+@pytest.mark.parametrize("listed", [True, False])
+def test_joint_actuators_make_such_a_plant_one_that_can_be_driven(listed):
+    model = ActuatorModel("hinge", Drive("current", 0.01), RICH[:1])
+    models = [model] if listed else {"hinge": model}
+    builder = DiagramBuilder()
+    plant = builder.AddSystem(parsed_pendulum())
+    add_joint_actuators(plant, models, effort_limit=20.0)
+    add_joint_actuators(plant, models)  # those that are there are kept
+    plant.Finalize()
+    assert plant.GetJointActuatorByName("hinge").effort_limit() == 20.0
+    actuators = add_actuators(builder, plant, models)
+    current = builder.AddSystem(ConstantVectorSource([0.02]))
+    builder.Connect(current.get_output_port(), actuators.GetInputPort("command"))
+    simulator = Simulator(builder.Build())
+    simulator.AdvanceTo(2e-3)
+    speed = plant.GetVelocities(plant.GetMyContextFromRoot(simulator.get_context()))
+    torque, inertia = 0.02 / 0.01, 0.2 + 0.01 + 2.0 * 0.4**2
+    assert_allclose(speed, 2e-3 * torque / inertia, rtol=1e-3)  # gravity's moment is still next to nothing
+
+
+def test_joint_actuators_of_joints_that_are_not_there():
+    model = ActuatorModel("knee", Drive("current", 0.01))
+    with pytest.raises(ParamsError, match="the plant has no joint 'knee'; joints: "):
+        add_joint_actuators(parsed_pendulum(), [model])
+
+
+def test_two_models_of_one_joint_are_refused():
+    model = ActuatorModel("hinge", Drive("current", 0.01))
+    with pytest.raises(ParamsError, match="expected one model per joint; got joints hinge, hinge"):
+        add_joint_actuators(parsed_pendulum(), [model, model])

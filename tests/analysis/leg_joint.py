@@ -70,7 +70,7 @@ def started(scenario, until=0.4):
 
 def about_joint(loop, context):
     """(inertia, gravity stiffness) of the links that move, by Drake's mass matrix and a difference of its gravity."""
-    plant = make_plant(replace(loop.robot, rotor_inertia={}), 0.0)
+    plant = make_plant(loop.robot, 0.0)
     own = plant.CreateDefaultContext()
     here = loop.plant.GetPositions(loop.plant.GetMyContextFromRoot(context))
     plant.SetPositions(own, here)

@@ -13,7 +13,8 @@ from numpy.testing import assert_allclose
 from optional import skip_without_robots
 from pydrake.multibody.tree import MultibodyForces
 
-from drake_tc.bench.arm_rigs import BASE_INTERVALS, arm_benchmark, arm_rows, base_intervals
+from drake_tc.bench.arm_rigs import BASE_INTERVALS, ArmScore, arm_benchmark, arm_rows, base_intervals
+from drake_tc.bench.robot_rigs import RobotScore
 from drake_tc.logs.readers import read_table
 from drake_tc.logs.rig import load_rig
 from drake_tc.robot.plant import make_plant
@@ -169,6 +170,20 @@ def test_base_parameters_are_scored_by_the_combination_of_the_true_ones():
     ]
     assert base_intervals(truth, {"links": {"base": base}}) == (True, False, False)
     assert base_intervals(truth, {"links": None}) == ()
+
+
+def test_intervals_are_counted_by_drive():
+    def score(drive, base, friction):
+        robot = RobotScore("case", "", "", True, True, (), friction_intervals=friction)
+        return ArmScore(robot, base, drive, "no_missing_effect", 1.0)
+
+    scores = [score("current", (True, True, False, True), (True,)), score("position_servo", (), (True, False))]
+    rows = {row["name"]: row for row in arm_rows(scores)}
+    assert rows[BASE_INTERVALS]["value"] == rows["base parameters, current"]["value"] == 75.0
+    assert rows[BASE_INTERVALS]["expected"] == 90.0
+    assert (rows["friction, current"]["value"], rows["friction, position_servo"]["value"]) == (100.0, 50.0)
+    assert rows["friction, position_servo"]["n"] == 2
+    assert "base parameters, position_servo" not in rows
 
 
 @pytest.mark.slow

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from drake_tc.actuation.model_file import load_models
-from drake_tc.control.gains import gains_for_stiffness
+from drake_tc.control.gains import TorqueGains
 from drake_tc.control.guard import CommandGuard
 from drake_tc.control.inverse_dynamics import InverseDynamics
 from drake_tc.control.torque_control import TorqueControl
@@ -51,7 +51,7 @@ def leg():
     robot = load_robot(ROBOT)
     models = load_models(robot.actuators)
     models = [models[name] for name in robot.joints]
-    gains = gains_for_stiffness(1.0, [m.drive.gain for m in models], 2.0, 5.0, np.ones(6 * len(robot.force_torque)))
+    gains = TorqueGains.from_servo(models, 1.0, 0.01, 2.0, kf=np.ones(6 * len(robot.force_torque)))
     return robot, models, gains
 
 

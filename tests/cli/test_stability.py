@@ -25,6 +25,8 @@ def test_verdict_and_simulation_of_a_stable_leg(capsys):
     [
         (["--open-at", "torque_control"], "wanted SYSTEM:PORT"),
         (["--open-at", "nobody:command"], "no system 'nobody'; systems: plant"),
+        (["--open-at", "guard:command[9]", "--at", "0.1"], "has 6 channels, none of element 9"),
+        (["--open-at", "torque_control:command[x]"], "wanted SYSTEM:PORT or SYSTEM:PORT[i]"),
         (["--open-at", "guard:x"], "wanted one of command, mode"),
         (["--joint", "r_elbow"], "no joint 'r_elbow'; joints: r_hip_yaw"),
         (["--at", "0.0"], "wanted the normal mode, to linearise; it is in start"),

@@ -237,7 +237,10 @@ def test_the_mass_matrix_is_lagranges(robot):
         (lambda robot: ObserverSpec(limit=np.inf), "observer.limit: wanted a positive number"),
         (lambda robot: ObserverSpec(delay=-1.0), "observer.delay: wanted a time >= 0"),
         (lambda robot: ObserverSpec(torque="none"), "observer.torque: wanted one of live, filtered; got 'none'"),
-        (lambda robot: DisturbanceObserver(robot, models()[:1], ObserverSpec()), "wanted 2 models, one a joint; got 1"),
+        (
+            lambda robot: DisturbanceObserver(robot, models()[:1], ObserverSpec()),
+            "models: expected 2, one per joint",
+        ),
         (lambda robot: DisturbanceObserver(robot, models(), ObserverSpec(), 0.0), "dt: wanted a positive period"),
         (
             lambda robot: DisturbanceObserver(robot, models(rotor=False), ObserverSpec()),

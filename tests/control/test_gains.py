@@ -6,12 +6,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
+from drake_tc.actuation.model import ActuatorModel, Drive
 from drake_tc.control.gains import (
     EquivalentGains,
     TorqueGains,
-    damping_for_ratio,
     from_equivalent,
-    gains_for_stiffness,
     to_equivalent,
 )
 from drake_tc.errors import ParamsError
@@ -59,18 +58,46 @@ def test_round_trip(sizes):
         assert_allclose(getattr(back, name), getattr(gains, name), rtol=1e-9, atol=1e-13 * max(condition, 1.0))
 
 
-def test_as_stiff_as_the_servo():
+def servos(*gains: float) -> list[ActuatorModel]:
+    return [ActuatorModel(f"joint{i}", Drive("position_servo", gain)) for i, gain in enumerate(gains)]
+
+
+def test_gains_from_the_servos_own_are_those_whose_equivalents_they_are():
+    models = servos(2e-4, 3e-5)
     k_tau = np.array([2e-4, 3e-5])
-    gains = gains_for_stiffness([1.0, 0.25], k_tau, 2.0, 5.0, np.ones(6))
-    assert_allclose(to_equivalent(gains, k_tau, np.eye(2), np.zeros((6, 2))).k6, [1.0, 0.25], rtol=1e-14)
+    gains = TorqueGains.from_servo(models, [1.0, 0.25], 0.02, 2.0, kf=np.ones(6))
+    back = to_equivalent(gains, k_tau, np.eye(2), np.zeros((6, 2)))
+    assert_allclose(back.k6, [1.0, 0.25], rtol=1e-14)
+    assert_allclose(back.k7, [0.02, 0.02], rtol=1e-14)
     assert_allclose(gains.ks, [1.0 / (2e-4 * 3.0), 0.25 / (3e-5 * 3.0)], rtol=1e-14)
     assert_allclose(gains.kf, np.eye(6))
+    by_joint = {model.joint: model for model in models}
+    same = TorqueGains.from_servo(by_joint, {"joint1": 0.25, "joint0": 1.0}, 0.02, [2.0, 2.0])
+    assert_allclose(same.ks, gains.ks)
 
 
-def test_damping_ratio_places_the_poles():
-    kd = damping_for_ratio(np.array([100.0]), 4.0, 0.6)
-    poles = np.roots([4.0, kd[0], 100.0])
-    assert_allclose(-poles.real / np.abs(poles), 0.6, rtol=1e-12)
+def test_numbers_are_taken_for_all_joints():
+    gains = TorqueGains(2.0, 0.0, [100.0, 50.0, 20.0], 5.0)
+    assert gains.size == 3 and gains.kf.shape == (0, 0)
+    assert_allclose((gains.kp, gains.ki, gains.kd), [[2.0] * 3, [0.0] * 3, [5.0] * 3])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (([], 1.0), "models is empty; expected one actuator model per joint"),
+        ((["knee"], 1.0), "models: expected actuator models, by joint or in a list; got 'knee'"),
+        ((servos(1.0), [1.0, 2.0]), r"k6: expected a number or 1 of them; got shape \(2,\)"),
+        ((servos(1.0, 1.0), {"joint0": 1.0}), "k6: no value of joint 'joint1'; joints: joint0, joint1"),
+        ((servos(1.0), {"joint0": 1.0, "hip": 1.0}), "k6: no joint 'hip'; joints: joint0"),
+        ((servos(1.0), "stiff"), "k6: expected a number or 1 of them; got 'stiff'"),
+        ((servos(1.0), -1.0), "k6: wanted finite numbers >= 0"),
+        ((servos(1.0), 1.0, 0.0, np.nan), "kp: wanted finite numbers >= 0"),
+    ],
+)
+def test_from_servo_refuses(arguments, message):
+    with pytest.raises(ParamsError, match=message):
+        TorqueGains.from_servo(*arguments)
 
 
 def test_refusals():

@@ -9,10 +9,9 @@ from pydrake.systems.primitives import ConstantVectorSource, MatrixGain, Multipl
 
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.actuation.wiring import add_actuators
-from drake_tc.control.gains import gains_for_stiffness
+from drake_tc.control.gains import TorqueGains
 from drake_tc.control.guard import CommandGuard, GuardMode, GuardSpec
 from drake_tc.control.inverse_dynamics import InverseDynamics
-from drake_tc.control.position_servo import PositionReference
 from drake_tc.control.torque_control import CompensationSpec, TorqueControl
 from drake_tc.control.trajectories import knot_trajectory
 from drake_tc.robot.plant import make_plant
@@ -48,9 +47,9 @@ class Loop:
         if torque:
             command = self.add_torque_control(builder, robot, source, encoder)
         else:
-            servo = builder.AddNamedSystem("servo", PositionReference(2))
-            builder.Connect(source.get_output_port(), servo.GetInputPort("reference"))
-            command = servo.GetOutputPort("command")
+            servo = builder.AddNamedSystem("servo", MatrixGain(np.eye(2, 6)))  # the reference position itself
+            builder.Connect(source.get_output_port(), servo.get_input_port())
+            command = servo.get_output_port()
         builder.Connect(command, self.guard.GetInputPort("command"))
         builder.Connect(encoder.get_output_port(), self.guard.GetInputPort("position"))
         builder.ExportInput(self.guard.GetInputPort("fault"), "fault")
@@ -63,7 +62,7 @@ class Loop:
         self.plant.SetPositions(self.plant_context, [0.2, 0.3])
 
     def add_torque_control(self, builder, robot, source, encoder):
-        gains = gains_for_stiffness(1.0, K_TAU, 2.0, 5.0, np.zeros(6))
+        gains = TorqueGains.from_servo([MODELS[name] for name in robot.joints], 1.0, 15.0 * K_TAU, 2.0, kf=np.zeros(6))
         dynamics_system = builder.AddNamedSystem("inverse_dynamics", InverseDynamics(robot, gains))
         spec = CompensationSpec(velocity="reference")
         models = [MODELS[name] for name in robot.joints]

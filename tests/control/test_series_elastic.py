@@ -279,7 +279,7 @@ def test_a_spec_that_is_not_possible_is_refused(changes, says):
 def test_times_are_whole_ticks_and_drives_take_volts():
     with pytest.raises(ParamsError, match=r"control\.delay: wanted a multiple of the period 0\.001 s; got 0\.0153 s"):
         SeriesElasticLaw(SeriesElasticSpec(delay=0.0153), models(MOTOR), DT)
-    with pytest.raises(ParamsError, match="wanted one a joint"):
+    with pytest.raises(ParamsError, match="models is empty; expected one actuator model per joint"):
         SeriesElasticLaw(SeriesElasticSpec(), [], DT)
     servo = MOTOR.actuator_model("knee")
     object.__setattr__(servo, "drive", type(servo.drive)("current", 0.1))

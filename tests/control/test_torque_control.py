@@ -242,3 +242,33 @@ def test_refusals():
         system.set_gains(system.CreateDefaultContext(), GAINS)
     with pytest.raises(ParamsError, match="gains: wanted 2 joints; got 3"):
         TorqueControl(SERVOS, TorqueGains(*np.ones((4, 3)), np.eye(6)), NO_LIMIT)
+
+
+def test_models_and_limits_by_joint_in_a_list_or_as_one_number_are_the_same():
+    listed = TorqueControl(SERVOS, GAINS, np.full(2, 6.0))
+    expected = read(listed, context_of(listed), "command")
+    by_joint = {model.joint: model for model in SERVOS}
+    backwards = dict(reversed(by_joint.items()))
+    for models, limit, joints in (
+        (by_joint, 6.0, None),
+        (backwards, {"b": 6.0, "a": 6.0}, ("a", "b")),
+        (list(SERVOS), [6.0, 6.0], None),
+    ):
+        system = TorqueControl(models, GAINS, limit, joints=joints)
+        assert_allclose(read(system, context_of(system), "command"), expected, rtol=0.0)
+
+
+@pytest.mark.parametrize(
+    ("models", "limit", "joints", "message"),
+    [
+        ({}, 6.0, None, "models is empty; expected one actuator model per joint"),
+        (["a", "b"], 6.0, None, "models: expected actuator models, by joint or in a list; got 'a'"),
+        ({"a": SERVOS[0]}, 6.0, ("a", "b"), "models: no model of joint 'b'; joints there: a"),
+        (SERVOS, {"a": 6.0, "knee": 6.0}, None, "torque_limit: no joint 'knee'; joints: a, b"),
+        (SERVOS, {"a": 6.0}, None, "torque_limit: no value of joint 'b'; joints: a, b"),
+        (SERVOS, [6.0], None, r"torque_limit: expected a number or 2 of them; got shape \(1,\)"),
+    ],
+)
+def test_arguments_that_do_not_fit_are_named(models, limit, joints, message):
+    with pytest.raises(ParamsError, match=message):
+        TorqueControl(models, GAINS, limit, joints=joints)

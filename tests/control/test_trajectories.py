@@ -1,11 +1,10 @@
-"""Reference motions: through their knots, smooth, at rest at the ends; the baseline that hands them on."""
+"""Reference motions: through their knots, smooth, at rest at the ends."""
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 from pydrake.systems.primitives import TrajectorySource
 
-from drake_tc.control.position_servo import PositionReference
 from drake_tc.control.trajectories import Sinusoid, constant_trajectory, knot_trajectory, sinusoid_trajectory
 from drake_tc.errors import ParamsError
 
@@ -63,13 +62,6 @@ def test_a_trajectory_source_takes_them():
     assert_allclose(constant_trajectory([1.0, 2.0]).value(1e4).ravel(), [1.0, 2.0])
 
 
-def test_the_baseline_hands_the_reference_position_on():
-    system = PositionReference(2)
-    context = system.CreateDefaultContext()
-    system.GetInputPort("reference").FixValue(context, np.arange(6.0))
-    assert_allclose(system.GetOutputPort("command").Eval(context), [0.0, 1.0])
-
-
 def test_refusals():
     with pytest.raises(ParamsError, match="times: wanted at least 2 finite, increasing"):
         knot_trajectory([0.0, 0.0], [[1.0], [2.0]])
@@ -85,5 +77,3 @@ def test_refusals():
         Sinusoid((0.0,), (1.0,), (0.0,), 0.0, 1.0)
     with pytest.raises(ParamsError, match="finite numbers"):
         constant_trajectory([np.inf])
-    with pytest.raises(ParamsError, match="at least one joint"):
-        PositionReference(0)

@@ -22,8 +22,8 @@ from drake_tc.loops.whole_body.torque_noise import TorqueNoise
 from drake_tc.loops.whole_body.violations import contact_wrenches, worst_misses
 from drake_tc.registry import diagrams, runnable, tsid_entry
 from drake_tc.robot.plant import joint_limits, make_plant
+from drake_tc.robot.rotors import file_rotors
 from drake_tc.tsid.law import Status
-from drake_tc.tsid.model import file_rotors
 from drake_tc.tsid.robust.torque_error import TorqueError
 
 ROOT = Path(__file__).resolve().parents[2]

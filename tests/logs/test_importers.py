@@ -172,7 +172,7 @@ def test_staubli_matches_the_torque_levels_of_the_readme(data, tmp_path):
 
 
 def test_tiago_joins_three_files(data, tmp_path):
-    (rig_file,) = IMPORTERS["tiago"](data / "tiago-arm", tmp_path)
+    rig_file, of_wrist = IMPORTERS["tiago"](data / "tiago-arm", tmp_path)
     rig = load_rig(rig_file)
     assert rig.joints == ("torso_lift_joint", *(f"arm_{i}_joint" for i in range(1, 8)))
     (run,) = runs_of(rig_file)
@@ -181,6 +181,19 @@ def test_tiago_joins_three_files(data, tmp_path):
     moving = np.abs(rate) > 0.2
     ratio = run.columns["arm_2_joint/velocity"][moving] @ rate[moving] / (rate[moving] @ rate[moving])
     assert_allclose(ratio, 0.99, atol=0.05)  # README: slope 0.99
+    wrist = pd.read_parquet(of_wrist.parent / "wrist.parquet")
+    joint, motor = run.columns, [wrist[f"{motor}/position"] for motor in load_rig(of_wrist).joints]
+    assert_allclose(
+        motor[1] + motor[2], 2.0 * np.interp(wrist["time"], run.time, joint["arm_6_joint/position"]), atol=2e-3
+    )
+
+
+def test_tiagos_wrist_reports_its_motors_apart_and_mostly_nothing(data, tmp_path):
+    _, of_wrist = IMPORTERS["tiago"](data / "tiago-arm", tmp_path)
+    wrist = pd.read_parquet(of_wrist.parent / "wrist.parquet")
+    first, second = (np.abs(wrist[f"{motor}/current"]) > 1e-4 for motor in load_rig(of_wrist).joints[1:])
+    assert np.mean(first | second) < 0.2
+    assert np.mean(first & second) < 0.02
 
 
 def test_uart_counts_and_signs(data, tmp_path):

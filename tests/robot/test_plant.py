@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from pydrake.math import RigidTransform, RollPitchYaw
-from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
+from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
 from pydrake.multibody.tree import JointActuatorIndex
 from pydrake.systems.framework import DiagramBuilder
 
+from drake_tc.errors import ParamsError
 from drake_tc.robot.plant import add_robot, joint_limits, make_plant
 from drake_tc.robot.robot import Pose, load_robot
 
@@ -74,14 +75,45 @@ def test_the_robot_file_replaces_limits_in_the_plant_too(tmp_path):
         assert (joint.position_lower_limit(), joint.position_upper_limit()) == (limits.lower[i], limits.upper[i])
 
 
-def test_rotor_inertia_adds_to_the_mass_matrix(tmp_path):
-    bare = make_plant(load_robot(robot_file(tmp_path)), 1e-3)
-    geared = make_plant(load_robot(robot_file(tmp_path, rotor_inertia={"wrist": 0.25})), 1e-3)
-    difference = geared.CalcMassMatrix(geared.CreateDefaultContext()) - bare.CalcMassMatrix(bare.CreateDefaultContext())
-    i = geared.GetJointByName("wrist").velocity_start()
+DRIVES = """
+joints:
+  wrist:
+    drive: {kind: current, gain: 0.4}
+    effects:
+      - {effect: rotor_inertia, rotor_inertia: 0.25}
+      - {effect: viscous, viscous: 1.0}
+  shoulder:
+    drive: {kind: current, gain: 0.4}
+    effects:
+      - {effect: rotor_inertia, rotor_inertia: 0.5}
+      - {effect: elasticity, compliance: 1.0e-3}
+"""
+
+
+def mass_with_drives(robot):
+    plant = MultibodyPlant(0.0)
+    add_robot(plant, robot)
+    plant.Finalize()
+    return plant.CalcMassMatrix(plant.CreateDefaultContext()), plant.GetJointByName("wrist").velocity_start()
+
+
+@pytest.mark.parametrize("source", ["robot file", "actuator file"])
+def test_rotor_inertia_adds_to_the_mass_matrix(tmp_path, source):
+    """That of the actuator file counts as well; a motor behind a spring moves on its own."""
+    (tmp_path / "drives.yaml").write_text(DRIVES, encoding="utf-8")
+    given = {"rotor_inertia": {"wrist": 0.25}} if source == "robot file" else {"actuators": "drives.yaml"}
+    robot = load_robot(robot_file(tmp_path, **given))
+    links = make_plant(robot, 1e-3)
+    mass, i = mass_with_drives(robot)
     expected = np.zeros((2, 2))
     expected[i, i] = 0.25
-    assert_allclose(difference, expected, atol=1e-15)
+    assert_allclose(mass - links.CalcMassMatrix(links.CreateDefaultContext()), expected, atol=1e-15)
+
+
+def test_a_joint_without_a_model_in_the_actuator_file_is_an_error(tmp_path):
+    (tmp_path / "drives.yaml").write_text(DRIVES.replace("shoulder", "elbow"), encoding="utf-8")
+    with pytest.raises(ParamsError, match="no model of joint 'shoulder'; joints there: wrist, elbow"):
+        mass_with_drives(load_robot(robot_file(tmp_path, actuators="drives.yaml")))
 
 
 def test_the_posture_is_where_the_plant_starts(tmp_path):

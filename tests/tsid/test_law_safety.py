@@ -178,6 +178,7 @@ def test_an_error_anywhere_in_a_tick_is_a_lost_tick(law, monkeypatch):
     tick = solve_tick(law, law.model.create_scratch(), state_of(law), rests(law), BOTH, before)
     assert_allclose(tick.torque, 2.0 * np.exp(-law.period / law.fade))
     assert (tick.status[Status.OUTCOME], tick.status[Status.FALLBACK]) == (Outcome.FAILED, 1.0)
+    assert isinstance(tick.error, IndexError)
 
 
 def test_rows_that_do_not_err_count_alike_everywhere():

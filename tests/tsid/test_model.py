@@ -57,9 +57,9 @@ def case(request, tmp_path):
 
 def rotors(model):
     """Reflected inertia of each velocity that the plain plant does not have."""
-    diagonal = np.zeros(model.nv)
-    if not model.robot.rotor_inertia:
-        diagonal[model.actuated] = [0.01 * (1 + i % 5) for i in range(model.n)]
+    diagonal, own = np.zeros(model.nv), model.robot.rotor_inertia
+    given = [0.01 * (1 + i % 5) for i in range(model.n)]
+    diagonal[model.actuated] = [own.get(joint, 0.0) for joint in model.robot.joints] if own else given
     return np.diag(diagonal)
 
 

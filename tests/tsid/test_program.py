@@ -13,7 +13,7 @@ from drake_tc.tsid.limits.acceleration import AccelerationLimit
 from drake_tc.tsid.limits.torque import TorqueLimit
 from drake_tc.tsid.limits.wrench_cone import WrenchCones
 from drake_tc.tsid.model import TsidModel
-from drake_tc.tsid.program import build_full, build_reduced, full_qp, read_qp, reduced_qp
+from drake_tc.tsid.program import build_full, reduced_qp
 from drake_tc.tsid.qp.choose import solver
 from drake_tc.tsid.qp.problem import Outcome
 from drake_tc.tsid.reduction import reduce
@@ -24,6 +24,7 @@ from drake_tc.tsid.tasks.posture import PostureTask
 
 from .machines import arm, machine, random_state
 from .problems import SOLES, Setup, model, robot, state
+from .program_matrices import build_reduced, full_qp, read_qp
 
 NAMES = ("com", "posture", "force", "r_hand", "torque limits", "contact cones", "acceleration limits")
 

@@ -1,6 +1,5 @@
 """A scenario's joints as closed-form loops, each by itself while the others stand still (`JointLoop`)."""
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -85,7 +84,7 @@ def _drive(model: ActuatorModel, direction: float) -> tuple[float, float]:
 
 def _weights(robot: Robot, scenario: Scenario) -> dict[str, dict[str, Any]]:
     """Joint to inertia and gravity stiffness of what it moves, and of what lies beyond the F/T sensor."""
-    plant: Any = make_plant(replace(robot, rotor_inertia={}), 0.0)
+    plant: Any = make_plant(robot, 0.0)
     context = plant.CreateDefaultContext()
     for name, position in zip(robot.joints, posture(scenario.motion, robot), strict=True):
         plant.GetJointByName(name).set_angle(context, position)

@@ -1,13 +1,12 @@
 """`SeriesElasticControl`: wanted spring torques to the voltages of series-elastic joints (EQUATIONS C2)."""
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem, ValueProducer
 
-from drake_tc.actuation.model import ActuatorModel
+from drake_tc.actuation.joint_values import Models
 from drake_tc.control.series_elastic.law import Readings, SeriesElasticLaw
 from drake_tc.control.series_elastic.memory import KEPT, Kept
 from drake_tc.control.series_elastic.spec import SeriesElasticSpec
@@ -44,7 +43,7 @@ class SeriesElasticControl(LeafSystem):
     at the first tick x is that of joints that have stood as they stand. Nothing is raised in the loop.
     """
 
-    def __init__(self, spec: SeriesElasticSpec, motors: Sequence[ActuatorModel], dt: float = 1e-3) -> None:
+    def __init__(self, spec: SeriesElasticSpec, motors: Models, dt: float = 1e-3) -> None:
         """Declare the ports and compile the law.
 
         Args:

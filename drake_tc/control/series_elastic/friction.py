@@ -1,11 +1,10 @@
 """Where the inverse motor model takes friction from: observed in one step, observed as lost momentum, or modelled."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from drake_tc.actuation.model import ActuatorModel
+from drake_tc.actuation.joint_values import Models, model_list
 from drake_tc.control.series_elastic.memory import Kept, padded
 from drake_tc.errors import ParamsError
 from drake_tc.types import FloatArray
@@ -32,14 +31,14 @@ class MotorArrays:
     limit: FloatArray
 
 
-def motor_arrays(models: Sequence[ActuatorModel]) -> MotorArrays:
+def motor_arrays(models: Models) -> MotorArrays:
     """What the laws need of actuator models; other effects than these five are what the observer is for.
 
     Raises:
         ParamsError: a drive that takes no voltage, or a model without rotor inertia.
     """
     rows = []
-    for model in models:
+    for model in model_list(models):
         if model.drive.kind != "voltage":
             raise ParamsError(f"joint {model.joint!r}: wanted a voltage drive; got {model.drive.kind}")
         if not model.inertia > 0.0:

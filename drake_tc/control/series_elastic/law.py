@@ -25,16 +25,14 @@ would fight the delay.
     pi:     v = K ( kp (tau_ref - tau) + ki int (tau_ref - tau) ), the integral held where v is at its limit
 """
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from drake_tc.actuation.model import ActuatorModel
+from drake_tc.actuation.joint_values import Models, model_list
 from drake_tc.control.series_elastic.friction import momentum_step, motor_arrays, observer_weights
 from drake_tc.control.series_elastic.memory import KEPT, Kept, cubic_weights, padded
 from drake_tc.control.series_elastic.spec import WITH_P, SeriesElasticSpec
-from drake_tc.errors import ParamsError
 from drake_tc.types import FloatArray
 
 VOLTAGE, ANGLE, TORQUE, WANTED, SHAPED, LINK, FASTER, DRY = map(int, Kept)
@@ -64,7 +62,7 @@ class Answer(NamedTuple):
 class SeriesElasticLaw:
     """A law compiled for n motors; holds no changing data."""
 
-    def __init__(self, spec: SeriesElasticSpec, motors: Sequence[ActuatorModel], dt: float) -> None:
+    def __init__(self, spec: SeriesElasticSpec, motors: Models, dt: float) -> None:
         """Compile.
 
         Args:
@@ -75,9 +73,7 @@ class SeriesElasticLaw:
         Raises:
             ParamsError: no motor, or times that are no whole number of periods.
         """
-        if not motors:
-            raise ParamsError("motors: wanted one a joint; got none")
-        self.spec, self.motors, self.dt = spec, tuple(motors), dt
+        self.spec, self.motors, self.dt = spec, model_list(motors), dt
         delay, step, speed = (spec.ticks(name, dt) for name in ("delay", "step", "speed_step"))
         window = spec.ticks("reference_window", dt) + 1
         back = speed // 2

@@ -1,12 +1,11 @@
 """`MotorPositionControl`: motors before their springs, held by their own encoders under voltage."""
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
-from drake_tc.actuation.model import ActuatorModel
+from drake_tc.actuation.joint_values import Models
 from drake_tc.control.series_elastic.friction import motor_arrays
 from drake_tc.errors import ParamsError
 from drake_tc.types import FloatArray
@@ -26,7 +25,7 @@ class MotorPositionControl(LeafSystem):
     Under a torque tau the motor rests tau/kp short of theta_ref.
     """
 
-    def __init__(self, gain: float, motors: Sequence[ActuatorModel]) -> None:
+    def __init__(self, gain: float, motors: Models) -> None:
         """Declare the ports.
 
         Args:

@@ -10,6 +10,7 @@ from drake_tc.diagnosis.data.link_prior import column_name
 from drake_tc.diagnosis.data.load_scale import load_scale
 from drake_tc.diagnosis.data.resolution import NoiseFloor, Resolution, light_width, sample_noise
 from drake_tc.diagnosis.data.samples import Samples
+from drake_tc.diagnosis.data.silent_effort import silent_effort
 from drake_tc.diagnosis.data.sliding import choose_rows, direction_of_motion, require_rows
 from drake_tc.effects.base import Context, Signals
 from drake_tc.effects.context import EFFORT_UNIT, LoadKind
@@ -138,7 +139,8 @@ def build_samples(
     light = CommonKernel(_width(channels, raw_q, noise) if width_s is None else width_s, period)
     final = CommonKernel(light.actual_width_s, period)
     q, v, a = _filtered_motion(channels, light, raw_q)
-    command = light.smooth(channels.raw(rig.command_column(joint).rpartition("/")[2]))
+    raw_command = channels.raw(rig.command_column(joint).rpartition("/")[2])
+    command = light.smooth(raw_command)
     torque, slow_torque, slope = _load(channels, rig, light, q, a)
     resolution = _resolution(channels, rig, step, noise, light)
     inner = [slice(s.start + light.margin, max(s.stop - light.margin, s.start + light.margin)) for s in segments]
@@ -193,7 +195,7 @@ def build_samples(
         ),
         row_period=float(np.median(np.diff(rows))) * period,
         run_of_sample=channels.run_of_sample,
-        notes=channels.notes(runs),
+        notes=(*channels.notes(runs), *silent_effort(channels, rig.command_column(joint), raw_command, moving)),
         load_unknown=unknown_form(load) is not None,
         torque_unit=EFFORT_UNIT[rig.drive[joint]] if scale.as_effort else "N*m",
     )

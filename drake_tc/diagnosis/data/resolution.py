@@ -194,9 +194,12 @@ class NoiseFloor:
             load_slope=slope,
         )
 
-    def torque(self, stiffness: float, viscous: float, more_inertia: float = 0.0) -> float:
-        """RMS [N m] under 1/K = `stiffness` [N m/effort], F_v = `viscous` and J + `more_inertia`."""
+    def torque(self, stiffness: float, viscous: float, more_inertia: float = 0.0, effort_share: float = 1.0) -> float:
+        """RMS [N m] under 1/K = `stiffness` [N m/effort], F_v = `viscous` and J + `more_inertia`.
+
+        `effort_share`: of the variance of the effort's noise, what a filter of the effort lets through.
+        """
         held = self.load_slope + (stiffness if self.servo else 0.0)
         weights = np.array([self.inertia + more_inertia, viscous, held])
-        rounding = stiffness**2 * self.effort_variance
+        rounding = stiffness**2 * effort_share * self.effort_variance
         return float(np.sqrt(self.torque_variance + rounding + weights @ self.encoder_gram @ weights))

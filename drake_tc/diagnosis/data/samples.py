@@ -9,12 +9,14 @@ import numpy as np
 from drake_tc.diagnosis.data.link_prior import LinkPrior
 from drake_tc.diagnosis.data.resolution import NoiseFloor, Resolution
 from drake_tc.diagnosis.data.sensor_prior import SensorPrior
-from drake_tc.effects.base import Effect, Shape, Signals
+from drake_tc.effects.base import DriveEffect, Effect, Shape, Signals
 from drake_tc.filtering.block_convolution import BlockConvolution
 from drake_tc.filtering.common_kernel import CommonKernel
 from drake_tc.types import BoolArray, FloatArray, IntArray
 
 CHUNK_SECONDS = 5.0
+LONGEST_MEMORY = 0.5
+"""Of a filter of the effort [s]."""
 
 
 @dataclass(frozen=True)
@@ -70,6 +72,17 @@ class Samples:
         low_pass = self._both if fresh else self._final
         return np.asarray(low_pass.inner(values)[self.rows - low_pass.margin])
 
+    def rate(self, values: FloatArray) -> FloatArray:
+        """Time derivative of values (N,) of the rows from neighbouring rows; 0 of a row that has none [1/s]."""
+        apart = np.diff(self.rows)
+        near = apart == np.median(apart)
+        slope = np.where(near, np.diff(values) / (apart * self.signals.period), 0.0)
+        total, count = np.zeros(values.size), np.zeros(values.size)
+        for side in (slice(None, -1), slice(1, None)):
+            total[side] += slope
+            count[side] += near
+        return np.asarray(total / np.maximum(count, 1.0))
+
     @cached_property
     def _pieces(self) -> tuple[Signals, ...]:
         """The signals of each stretch."""
@@ -83,6 +96,17 @@ class Samples:
     def _both(self) -> BlockConvolution:
         """Both kernels in one: rows lie inside the margins of the two, where one pass gives what two passes give."""
         return BlockConvolution(np.convolve(self.light.kernels[0], self.kernel.kernels[0]))
+
+    def passed_noise(self, filters: Sequence[tuple[DriveEffect, Shape]]) -> float:
+        """Share of the variance of white noise, after both kernels, that passes linear filters (`DriveEffect`) too."""
+        kernel = np.convolve(self.light.kernels[0], self.kernel.kernels[0])
+        size = 1 + kernel.size + round(LONGEST_MEMORY / self.light.period)
+        piece = self.signals.take(np.minimum(np.arange(size), len(self.signals) - 1))
+        response = np.zeros(size)
+        response[1 : 1 + kernel.size] = kernel  # filters take the first value for that before the log: 0
+        for effect, shape in filters:
+            response = effect.transform(response, piece, shape)
+        return float(response @ response / (kernel @ kernel))
 
     def subsample(self, most: int) -> "Samples":
         """Every k-th five-second chunk: at most about `most` of the T samples; itself when they are few."""

@@ -273,15 +273,27 @@ class Columns:
         return Columns(samples, gain, self.samples.floor, self.target, self.declared_gain)
 
     def noise_ratio(self, beta: FloatArray, terms: Sequence[Term]) -> float:
-        """Noise floor under the declared model over that under beta: a fit that lets less encoder noise through, by a
-        smaller 1/K or F_v, has not explained anything by that (errors in variables).
+        """Noise floor under the declared model over that under beta: a fit that lets less noise of the encoder through,
+        by a smaller 1/K or F_v, or of the effort, by a lag, has not explained anything by that (errors in variables).
         """
         if self.floor is None or self.gain is None:
             return 1.0
         found = BalanceCoefficients.of(terms, beta, self.samples.signals.rotor_inertia)
-        own = self.floor.torque(found.stiffness, found.viscous, found.inertia)
+        passed = self._effort_noise(terms)
+        own = self.floor.torque(found.stiffness, found.viscous, found.inertia, passed)
         declared = self.floor.torque(1.0 / self.gain, self.samples.signals.viscous)
         return float(np.clip(declared / max(own, 1e-300), 0.5, 2.0))
+
+    def _effort_noise(self, terms: Sequence[Term]) -> float:
+        """Share of the variance of the effort's white noise that passes the filters among the drive effects.
+
+        1 where the effort is the target: a lag is then judged by the residual before its smoothing (`noise_smoothed`).
+        """
+        if self.effort_is_target:
+            return 1.0
+        drives = [(t.effect, t.shape) for t in self._drives(terms) if isinstance(t.effect, DriveEffect)]
+        filters = [(effect, shape) for effect, shape in drives if effect.filters]
+        return self.samples.passed_noise(filters) if filters else 1.0
 
     def design(self, terms: Sequence[Term]) -> FloatArray:
         """[y*, -phi ...] (N, 1 + sum k)."""

@@ -1,11 +1,11 @@
 """Physical parameters of a fit with 95 % intervals, shape parameters and drive gain included."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from drake_tc.diagnosis.problem.columns import Columns, prior_coefficients
+from drake_tc.diagnosis.problem.columns import Columns, Term, prior_coefficients
 from drake_tc.diagnosis.problem.parameters import physical_parameters, shape_places, with_shapes
 from drake_tc.diagnosis.problem.regression import Fit
 from drake_tc.effects.base import EFFORT_UNIT
@@ -13,6 +13,7 @@ from drake_tc.effects.link_load import LinkLoad
 from drake_tc.effects.within_tolerance import WithinTolerance
 from drake_tc.identification.autocorrelation import critical_value_95
 from drake_tc.identification.regression import least_squares
+from drake_tc.types import FloatArray
 
 
 @dataclass(frozen=True)
@@ -35,23 +36,34 @@ def block_lengths(columns: Columns) -> list[int]:
     return [int(n) for n in np.diff(np.concatenate([[0], cuts, [rows.size]]))]
 
 
+def shape_slopes(columns: Columns, terms: Sequence[Term], beta: FloatArray) -> FloatArray:
+    """(N, s) by how much the prediction [y*, -phi ...] beta grows with each shape parameter of the terms.
+
+    Args:
+        columns: Of the rows.
+        terms: Of a fit.
+        beta: (1 + sum k,) its coefficients.
+    """
+    where, values = shape_places(terms)
+    prediction, slopes = columns.design(terms) @ beta, np.zeros((columns.target.size, values.size))
+    for j, value in enumerate(values):
+        step = 1e-3 * abs(value) + 1e-9
+        moved = values.copy()
+        moved[j] = value + step
+        slopes[:, j] = (columns.design(with_shapes(terms, where, moved)) @ beta - prediction) / step
+    return slopes
+
+
 def estimates(columns: Columns, fitted: Fit, drive: str) -> Mapping[str, Mapping[str, Estimate]]:
     """Every parameter with its 95 % interval.
 
     Gauss-Newton: the Jacobian of the prediction by coefficients and shapes, its HAC sandwich covariance
     (identification.regression), and the delta method for parameters that are functions of several estimates.
     """
-    where, values = shape_places(fitted.terms)
+    values = shape_places(fitted.terms)[1]
     design = columns.design(fitted.terms)
     prediction = design @ fitted.beta
-    slopes = []
-    for j, value in enumerate(values):
-        step = 1e-3 * abs(value) + 1e-9
-        moved = values.copy()
-        moved[j] = value + step
-        changed = columns.design(with_shapes(fitted.terms, where, moved)) @ fitted.beta
-        slopes.append((changed - prediction) / step)
-    jacobian = np.column_stack([design, *slopes]) if slopes else design
+    jacobian = np.column_stack([design, shape_slopes(columns, fitted.terms, fitted.beta)])
     point = np.concatenate([fitted.beta, values])
     dead = np.sqrt(np.mean(jacobian**2, axis=0)) * np.maximum(np.abs(point), 1e-12) < 1e-12
     if columns.declared_gain is not None and "servo_gain" not in {t.effect.id for t in fitted.terms}:

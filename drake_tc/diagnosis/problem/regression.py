@@ -11,6 +11,7 @@ import numpy as np
 from drake_tc.diagnosis.problem.bounded import collinear, cross_validated
 from drake_tc.diagnosis.problem.columns import FOLDS, Columns, Normal, Term, fold_of, prior_coefficients
 from drake_tc.diagnosis.thresholds import LEAST_DRIVE, LEAST_EFFORT
+from drake_tc.effects.current_lag import CurrentLag
 from drake_tc.effects.servo_gain import ServoGain
 from drake_tc.effects.within_tolerance import WithinTolerance
 from drake_tc.types import FloatArray
@@ -80,7 +81,7 @@ class Score:
         terms: In the order of the columns.
         beta: (1 + sum k,). by_fold: (FOLDS, 1 + sum k) fitted without each fold.
         cv_rms: Cross-validated, noise let through weighed.
-        gain: K in which errors are told. noise_correction: Weight of the noise let through.
+        gain: K in which errors are told. noise_correction: Weight of the noise let through, and of effort taken away.
     """
 
     terms: tuple[Term, ...]
@@ -112,9 +113,25 @@ def score(columns: Columns, terms: Sequence[Term]) -> Score:
     told[0] = not columns.effort_is_target
     left = columns.effort_left(terms)
     sound = drives and left > LEAST_EFFORT and not collinear(gram[np.ix_(told, told)])
-    correction = columns.noise_ratio(beta, terms) * max(1.0, 1.0 / left) if sound else np.inf
+    correction = np.inf
+    if sound:
+        correction = columns.noise_ratio(beta, terms) * max(noise_smoothed(columns, terms, beta), 1.0 / left)
     cv_rms = gain * correction * float(np.sqrt(_squared_errors(normal, by_fold).sum() / columns.target.size))
     return Score(tuple(terms), beta, by_fold, cv_rms, gain, correction)
+
+
+def noise_smoothed(columns: Columns, terms: Sequence[Term], beta: FloatArray) -> float:
+    """RMS of the residual before the lags among the terms over that after them, e + T de/dt over e; at least 1.
+
+    Where the effort is the target, a lag would otherwise explain whatever is fast in it by smoothing it away.
+    """
+    lags = [t.shape["lag"] for t in terms if isinstance(t.effect, CurrentLag)]
+    if not columns.effort_is_target or not lags:
+        return 1.0
+    before = residual = columns.target - columns.design(terms) @ beta
+    for lag in lags:
+        before = before + lag * columns.samples.rate(before)
+    return max(float(np.linalg.norm(before)) / max(float(np.linalg.norm(residual)), 1e-300), 1.0)
 
 
 def _squared_errors(normal: Normal, by_fold: FloatArray) -> FloatArray:

@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 
 from drake_tc.diagnosis.residual.unexplained import Unexplained
+from drake_tc.effects.library import effect
 
 ISOLATES: Mapping[str, str] = {
     "rotor_inertia": "drive the joint with fast accelerations at small speed (a chirp of small amplitude)",
@@ -47,7 +48,7 @@ def next_experiment(
     """One or two sentences, or None when nothing is open."""
     if ties:
         first, second = ties[0]
-        shows = f"{ISOLATES[first]} (shows {first} alone); {ISOLATES[second]} (shows {second} alone)"
+        shows = f"{_isolates(first)} (shows {first} alone); {_isolates(second)} (shows {second} alone)"
         return f"To tell {first} from {second}: {shows}."
     if unexplained.confined_to:
         s = unexplained.confined_to[0]
@@ -59,3 +60,11 @@ def next_experiment(
         names = ", ".join(unexplained.depends_on) or "an unrecorded signal"
         return f"Vary {names} one at a time, the others held: the remainder depends on it as no known effect does."
     return None
+
+
+def _isolates(effect_id: str) -> str:
+    """What shows an effect alone; an effect of another package says it itself, or is asked by its signature."""
+    if effect_id in ISOLATES:
+        return ISOLATES[effect_id]
+    known = effect(effect_id)
+    return known.isolated_by or f"vary {known.signature.x.replace('_', ' ')} alone, all else held"

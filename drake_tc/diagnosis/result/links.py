@@ -59,7 +59,13 @@ class FittedLinks:
     payloads: dict[str, dict[str, Estimate]]
 
 
-def fitted_links(model: LinkModel, causes: CauseColumns, rows: Sequence[JointRows], fitted: StackedFit) -> FittedLinks:
+def fitted_links(
+    model: LinkModel,
+    causes: CauseColumns,
+    rows: Sequence[JointRows],
+    fitted: StackedFit,
+    gain_tolerance: float = 0.0,
+) -> FittedLinks:
     """Read the links' parameters off a fit of all joints.
 
     Args:
@@ -67,6 +73,8 @@ def fitted_links(model: LinkModel, causes: CauseColumns, rows: Sequence[JointRow
         causes: Columns over the training runs.
         rows: Training rows with the final models of the joints.
         fitted: All joints together.
+        gain_tolerance: Standard deviation of the common relative error of the declared drive gains. All parameters
+            scale with it.
     """
     spread, freedom = covariance(rows, fitted)
     critical = float(student.ppf(0.975, freedom))
@@ -74,14 +82,16 @@ def fitted_links(model: LinkModel, causes: CauseColumns, rows: Sequence[JointRow
     places = [p for c in causes.causes if c.id == LINK_PARAMETERS_ID for p in range(c.columns.start, c.columns.stop)]
     links = np.isin(fitted.columns, places)
     pi, of_links = model.nominal - fitted.delta[links], spread[np.ix_(links, links)]
+    narrowed = np.sqrt(np.maximum(np.diag(of_links), 0.0)) / fitted.tolerance[links]
+    of_links = of_links + gain_tolerance**2 * np.outer(pi, pi)
     sigma = np.sqrt(np.maximum(np.diag(of_links), 0.0))
     parameters = []
     for k, full in enumerate(model.tree.parameters):
         link, _, name = full.rpartition("/")
         estimate = _estimate(pi[k], critical * sigma[k], units[k])
-        narrowed = float(sigma[k] / fitted.tolerance[links][k])
-        parameters.append(LinkEstimate(link, name, float(model.nominal[k]), estimate, narrowed))
-    payloads = {c.where: _payload(c, fitted, spread, critical) for c in causes.causes if c.id == PAYLOAD_ID}
+        parameters.append(LinkEstimate(link, name, float(model.nominal[k]), estimate, float(narrowed[k])))
+    carried = [c for c in causes.causes if c.id == PAYLOAD_ID]
+    payloads = {c.where: _payload(c, fitted, spread, critical, gain_tolerance) for c in carried}
     return FittedLinks(tuple(parameters), _base(model, rows, links, pi, of_links, critical, units), payloads)
 
 
@@ -118,10 +128,12 @@ def _combination(names: Sequence[str], weights: FloatArray, first: int) -> str:
     return " ".join(parts)
 
 
-def _payload(cause: Cause, fitted: StackedFit, spread: FloatArray, critical: float) -> dict[str, Estimate]:
+def _payload(
+    cause: Cause, fitted: StackedFit, spread: FloatArray, critical: float, gain_tolerance: float
+) -> dict[str, Estimate]:
     place = np.flatnonzero(np.isin(fitted.columns, np.arange(cause.columns.start, cause.columns.stop)))
-    half = critical * np.sqrt(np.maximum(np.diag(spread)[place], 0.0))
     value = cause.physical(fitted.delta[place])
+    half = critical * np.sqrt(np.maximum(np.diag(spread)[place], 0.0) + (gain_tolerance * value) ** 2)
     return {n: _estimate(v, h, u) for n, v, h, u in zip(cause.parameters, value, half, cause.units, strict=True)}
 
 

@@ -12,7 +12,7 @@ from drake_tc.diagnosis.result.joint_result import FoundEffect, RejectedEffect, 
 from drake_tc.diagnosis.selection.engine import compare
 from drake_tc.diagnosis.selection.joint import JointProblem, Search, best_shape, candidates, share_better
 from drake_tc.diagnosis.thresholds import JOINT, UNTESTED_EFFORT, SearchThresholds
-from drake_tc.effects.base import Context
+from drake_tc.effects.base import Context, Effect
 from drake_tc.effects.library import looked_for
 from drake_tc.types import FloatArray
 
@@ -76,12 +76,13 @@ def rejected_effects(
     thresholds: SearchThresholds,
     obstacles: Sequence[tuple[str, str]],
     floor: float,
+    effects: Sequence[Effect] | None = None,
 ) -> tuple[RejectedEffect, ...]:
-    """Every other effect, tried on top of the final model."""
+    """Every other effect (of `effects` where they are given), tried on top of the final model."""
     taken = {t.effect.id for t in chosen.terms}
     base = _rms(predict(held, chosen))
     best: dict[str, RejectedEffect] = {}
-    usable, _ = candidates(looked_for(context), context, sorted(taken | set(context.declared)))
+    usable, _ = candidates(looked_for(context, effects), context, sorted(taken | set(context.declared)))
     problem = JointProblem(columns, usable, context, frozenset(), floor)
     for member in usable:
         tried = best_shape(columns, chosen, member, context, problem.screen)

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy.stats import norm
 
 from drake_tc.diagnosis.problem.columns import Term, prior_coefficients
 from drake_tc.diagnosis.problem.estimates import Estimate, estimates
@@ -11,6 +12,7 @@ from drake_tc.diagnosis.problem.prepared import Prepared
 from drake_tc.diagnosis.problem.regression import fit
 from drake_tc.diagnosis.problem.shared.causes import TITLES, Cause, CauseColumns
 from drake_tc.diagnosis.problem.shared.covariance import covariance, intervals, own_response
+from drake_tc.diagnosis.problem.shared.gain_dilution import dilution
 from drake_tc.diagnosis.problem.shared.stacked import JointRows, StackedFit, fit_stacked, stack
 from drake_tc.diagnosis.residual.unexplained import DataSplit
 from drake_tc.diagnosis.result.joint_result import Errors, JointResult
@@ -120,9 +122,11 @@ def with_shared_uncertainty(
         of_beta = []
         for (rows, fitted), each, model in zip((before, after), spread, (joint.baseline, joint.final), strict=True):
             response = own_response(rows[number], fitted)
-            own = ~prior_coefficients(model.terms)
+            shapes = sum(len(t.effect.shapes) for t in model.terms)
+            own = np.concatenate([~prior_coefficients(model.terms), np.ones(shapes, dtype=np.bool_)])
+            place = np.flatnonzero(own)[: len(response)]  # rows without the shapes' slopes say nothing of the shapes
             of_beta.append(np.zeros((own.size, own.size)))
-            of_beta[-1][np.ix_(own, own)] = response @ each @ response.T
+            of_beta[-1][np.ix_(place, place)] = response @ each @ response.T
         final = widened(joint.final_parameters, joint.final, of_beta[1])
         out[name] = replace(
             joint,
@@ -130,6 +134,34 @@ def with_shared_uncertainty(
             final_parameters=final,
             effects=tuple(replace(e, parameters=final[e.key]) for e in joint.effects),
         )
+    return out
+
+
+def with_uncertain_gains(
+    joints: Mapping[str, JointResult], rows: Sequence[JointRows], fitted: StackedFit, tolerance: float
+) -> dict[str, JointResult]:
+    """The joints' results with intervals that know how far 1/K may be off, and all torques with it.
+
+    A gain that is fitted may have been shrunk by noise of the effort (`gain_dilution`); declared gains have a
+    tolerance.
+
+    Args:
+        joints: Results of a robot whose links are fitted.
+        rows: Training rows with the final models.
+        fitted: All joints together.
+        tolerance: Standard deviation of the common relative error of the declared drive gains.
+    """
+    out = {}
+    for number, (name, joint) in enumerate(joints.items()):
+        own = tolerance if rows[number].held is not None else 0.0
+        relative = np.hypot(dilution(rows[number], fitted, number) / float(norm.ppf(0.975)), own)
+        links = prior_coefficients(joint.final.terms)
+        shapes = sum(len(t.effect.shapes) for t in joint.final.terms)
+        scaled = np.concatenate([np.where(links, 0.0, joint.final.beta), np.zeros(shapes)])
+        spread = relative**2 * np.outer(scaled, scaled)
+        final = widened(joint.final_parameters, joint.final, spread)
+        effects = tuple(replace(e, parameters=final[e.key]) for e in joint.effects)
+        out[name] = replace(joint, final_parameters=final, effects=effects)
     return out
 
 

@@ -17,7 +17,7 @@ from scipy.stats import norm
 
 from drake_tc.diagnosis.problem.columns import Columns
 from drake_tc.diagnosis.problem.estimates import Estimate, estimates
-from drake_tc.diagnosis.problem.parameters import physical_parameters
+from drake_tc.diagnosis.problem.parameters import physical_parameters, shape_places
 from drake_tc.diagnosis.problem.regression import Fit
 from drake_tc.diagnosis.problem.sensor_errors import errors_in, spread_of_errors
 from drake_tc.diagnosis.result.joint_result import JointResult
@@ -44,27 +44,30 @@ def widened(parameters: Parameters, fitted: Fit, spread: FloatArray) -> Paramete
     Args:
         parameters: Of the fit, by effect and name.
         fitted: One joint's fit.
-        spread: (k, k) covariance of its beta that its own intervals do not know of.
+        spread: Covariance that its own intervals do not know of, (k + s, k + s) of its beta and its shape parameters,
+            or (k, k) of its beta alone.
     """
-    shapes = np.array([t.shape[p.name] for t in fitted.terms for p in t.effect.shapes], dtype=np.float64)
-    point = physical_parameters(fitted, fitted.beta, shapes)
+    size = fitted.beta.size
+    point = np.concatenate([fitted.beta, shape_places(fitted.terms)[1]])
+    named = physical_parameters(fitted, fitted.beta, point[size:])
     slopes: dict[tuple[str, str], FloatArray] = {
-        (key, name): np.zeros(fitted.beta.size) for key in point for name in point[key]
+        (key, name): np.zeros(point.size) for key in named for name in named[key]
     }
-    for k in range(fitted.beta.size):
-        step = 1e-6 * abs(fitted.beta[k]) + 1e-12
-        moved = fitted.beta.copy()
+    for k in range(point.size):
+        step = 1e-6 * abs(point[k]) + 1e-12
+        moved = point.copy()
         moved[k] += step
-        changed = physical_parameters(fitted, moved, shapes)
+        changed = physical_parameters(fitted, moved[:size], moved[size:])
         for (key, name), slope in slopes.items():
-            slope[k] = (changed[key][name] - point[key][name]) / step
+            slope[k] = (changed[key][name] - named[key][name]) / step
     return {
-        key: {name: _wider(e, slopes.get((key, name), np.zeros(fitted.beta.size)), spread) for name, e in group.items()}
+        key: {name: _wider(e, slopes.get((key, name), np.zeros(point.size)), spread) for name, e in group.items()}
         for key, group in parameters.items()
     }
 
 
 def _wider(estimate: Estimate, slope: FloatArray, spread: FloatArray) -> Estimate:
+    slope = slope[: len(spread)]
     more = float(norm.ppf(0.975)) ** 2 * max(float(slope @ spread @ slope), 0.0)
     low, high = (abs(estimate.value - end) for end in estimate.ci95)
     ends = (estimate.value - np.hypot(low, np.sqrt(more)), estimate.value + np.hypot(high, np.sqrt(more)))

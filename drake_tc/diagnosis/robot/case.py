@@ -5,12 +5,14 @@ from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
+import numpy as np
 from threadpoolctl import threadpool_limits
 
 from drake_tc.diagnosis.data.link_prior import LinkPrior
 from drake_tc.diagnosis.joint import diagnose_joint
 from drake_tc.diagnosis.options import DiagnosisOptions
-from drake_tc.diagnosis.problem.columns import Columns, Term
+from drake_tc.diagnosis.problem.columns import Columns, Term, coefficients_by_term
+from drake_tc.diagnosis.problem.estimates import shape_slopes
 from drake_tc.diagnosis.problem.prepared import Prepared, prepare_joint
 from drake_tc.diagnosis.problem.regression import Fit
 from drake_tc.diagnosis.problem.shared.causes import CauseColumns
@@ -33,7 +35,13 @@ FAST: Mapping[str, int] = {"beam": 1, "refined": 3}
 
 @dataclass(frozen=True, eq=False)
 class OwnModel:
-    """One joint's own model: its terms without the links' parameters, and their columns [y*, -phi ...] (N, 1 + k)."""
+    """One joint's own model: its terms without the links' parameters, and their columns.
+
+    Attributes:
+        terms: Without the links' parameters.
+        design: (N, 1 + k + s) [y*, -phi ...] and the slopes by the s shape parameters (`shape_slopes`): the links are
+            fitted, and their intervals computed, with shapes that may move along.
+    """
 
     terms: tuple[Term, ...]
     design: FloatArray
@@ -42,7 +50,9 @@ class OwnModel:
     def of(columns: Columns, fitted: Fit) -> "OwnModel":
         """Of a fit to training rows."""
         terms = tuple(t for t in fitted.terms if not isinstance(t.effect, LinkLoad))
-        return OwnModel(terms, columns.design(terms))
+        each = [theta for term, theta in coefficients_by_term(fitted.terms, fitted.beta) if term in terms]
+        slopes = shape_slopes(columns, terms, np.concatenate([fitted.beta[:1], *each]))
+        return OwnModel(terms, np.column_stack([columns.design(terms), slopes]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,5 +154,5 @@ def _searched(
 
 def own_search(prepared: Prepared, options: DiagnosisOptions) -> Search:
     """What one joint's own effects make of its loads."""
-    usable, _ = candidates(looked_for(prepared.context), prepared.context, prepared.declared)
+    usable, _ = candidates(looked_for(prepared.context, options.effects), prepared.context, prepared.declared)
     return search(prepared.train, prepared.terms, usable, prepared.context, prepared.floor, options.search)

@@ -11,7 +11,7 @@ from drake_tc.diagnosis.robot.fitted_links import diagnose_fitted
 from drake_tc.diagnosis.robot.result import RobotResult
 from drake_tc.diagnosis.robot.shared_causes import diagnose_shared
 from drake_tc.diagnosis.selection.engine import Progress
-from drake_tc.diagnosis.thresholds import LEAST_REMOVED_OF_ESTIMATED_LOAD
+from drake_tc.diagnosis.thresholds import FITTED_LINKS, JOINT, LEAST_REMOVED_OF_ESTIMATED_LOAD
 from drake_tc.estimation.coupled_gears import motor_turns
 from drake_tc.estimation.robot_loads import RobotLogs, with_robot_loads
 from drake_tc.logs.record import Run
@@ -46,6 +46,8 @@ def diagnose_robot(
     train = with_robot_loads(logs, train_runs, rig.joints)
     held = with_robot_loads(logs, held_runs, rig.joints)
     progress("what all joints share", 0.0)
+    if logs.links is not None and options.search == JOINT:
+        options = replace(options, search=FITTED_LINKS)
     least = max(options.search.least_removed, LEAST_REMOVED_OF_ESTIMATED_LOAD)
     options = replace(options, search=replace(options.search, least_removed=least))
     turns = None if logs.turns is None else motor_turns(rig.coupled, rig.joints)

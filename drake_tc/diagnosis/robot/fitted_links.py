@@ -19,15 +19,17 @@ from drake_tc.diagnosis.data.link_prior import LinkPrior
 from drake_tc.diagnosis.problem.columns import Columns
 from drake_tc.diagnosis.problem.prepared import Prepared
 from drake_tc.diagnosis.problem.shared.causes import CauseColumns
+from drake_tc.diagnosis.problem.shared.gain_dilution import TOLD, shared_variance, stiffness_to_hold
 from drake_tc.diagnosis.problem.shared.open_directions import open_directions, with_open_directions
 from drake_tc.diagnosis.problem.shared.stacked import JointRows, StackedFit, fit_stacked, stack
 from drake_tc.diagnosis.result.links import fitted_links
-from drake_tc.diagnosis.result.shared_effects import original_baseline, with_shared_uncertainty
+from drake_tc.diagnosis.result.shared_effects import original_baseline, with_shared_uncertainty, with_uncertain_gains
 from drake_tc.diagnosis.result.widening import robot_gains
 from drake_tc.diagnosis.robot.case import OwnModel, RobotCase
 from drake_tc.diagnosis.robot.result import RobotResult
 from drake_tc.diagnosis.selection.shared import active
 from drake_tc.errors import IdentificationError
+from drake_tc.logs.loads import RobotLoad
 from drake_tc.logs.record import Run
 from drake_tc.robot.link_parameters import LinkModel
 
@@ -67,9 +69,7 @@ class _Links:
         A joint by itself could shrink the links, its friction and 1/K by one factor, or take its load away by an effect
         of the opposite sign, and its residual in torque with them. All joints together are protected (`stacked`).
         """
-        gains = {
-            r.joint: 1.0 / max(r.stiffness(beta), 1e-12) for r, beta in zip(self.rows, self.fitted.beta, strict=True)
-        }
+        gains = {r.joint: 1.0 / stiffness_to_hold(r, self.fitted, j) for j, r in enumerate(self.rows)}
         return replace(case, rig=replace(case.rig, drive_gain=gains | dict(case.rig.drive_gain)))
 
 
@@ -79,7 +79,7 @@ class _Start:
 
     Attributes:
         case: With this width. prepared: joints with loads by the robot's file. links: all joints together.
-        left: Largest share of a joint's effort that is left, cross-validated.
+        left: Largest share of a joint's effort that is left, cross-validated; of joints that tell their drive gain.
     """
 
     case: RobotCase
@@ -110,6 +110,9 @@ def diagnose_fitted(case: RobotCase, model: LinkModel) -> RobotResult:
     prepared = case.prepared(*before)
     results = {joint: original_baseline(made[joint], prepared[joint]) for joint in joints}
     results = with_shared_uncertainty(results, (first.rows, first.fitted), (links.rows, links.fitted))
+    load = next(iter(case.rig.load.values()))
+    tolerance = load.gain_tolerance if isinstance(load, RobotLoad) else 0.0
+    results = with_uncertain_gains(results, links.rows, links.fitted, tolerance)
     train_after, held_after = case.without(links.fitted)
     return RobotResult(
         joints=results,
@@ -118,7 +121,7 @@ def diagnose_fitted(case: RobotCase, model: LinkModel) -> RobotResult:
         held_after=case.at_motors(held_after),
         train_after=case.at_motors(train_after),
         robot_gains=robot_gains(results, dict(zip(joints, map(float, links.fitted.sigma), strict=True))),
-        links=fitted_links(model, case.causes, links.rows, links.fitted),
+        links=fitted_links(model, case.causes, links.rows, links.fitted, tolerance),
     )
 
 
@@ -148,7 +151,11 @@ def _at_width(case: RobotCase) -> _Start:
     own = {joint: OwnModel(p.terms, p.train.design(p.terms)) for joint, p in prepared.items()}
     links = _fitted(prepared, own, case.causes)
     efforts = np.array([float(np.std(p.train.effort(()))) for p in prepared.values()])
-    return _Start(case, prepared, links, float(np.max(links.fitted.cv_rms / efforts)))
+    left = links.fitted.cv_rms / efforts
+    # An effort that is nearly all friction tells hardly anything of the drive gain: 1/K comes out near 0, and what is
+    # left of the effort is as large as the effort in any filter.
+    told = np.array([shared_variance(r, links.fitted, j) >= TOLD for j, r in enumerate(links.rows)])
+    return _Start(case, prepared, links, float(np.max(left[told] if told.any() else left)))
 
 
 def _searched(case: RobotCase, raw: Mapping[str, Prepared], links: _Links) -> _Links:

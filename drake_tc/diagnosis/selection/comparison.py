@@ -6,16 +6,38 @@ import numpy as np
 
 from drake_tc.diagnosis.data.samples import Samples
 from drake_tc.diagnosis.thresholds import SearchThresholds
-from drake_tc.identification.autocorrelation import correlation_time
+from drake_tc.identification.autocorrelation import autocovariance, correlation_time
 from drake_tc.types import FloatArray
 
 RESAMPLES = 400
+LONGEST_LAG = 4096
+"""Rows over which the autocorrelations of a contribution and a residual are looked at."""
+WINDOW_TIMES = 5.0
+"""Correlation times after which their sum ends (Sokal's window): far lags hold noise only."""
 
 
 def effective_samples(residual: FloatArray, samples: Samples) -> float:
     """N over the integrated autocorrelation time of a residual (N,), no lag counted across runs; at least 3."""
     lengths = [int(n) for n in np.bincount(samples.run) if n]
     return max(residual.size / correlation_time(residual - residual.mean(), lengths), 3.0)
+
+
+def effective_samples_for(contribution: FloatArray, residual: FloatArray, samples: Samples) -> float:
+    """Independent samples that tell the size of a contribution (N,) beside a residual (N,); at least 3, at most N.
+
+    N / (1 + 2 sum_l rho_x(l) rho_r(l)) with the autocorrelations of the contribution x and of the residual r: the
+    variance of a coefficient by least squares in stationary noise (Bartlett, 1935). A residual that wanders says little
+    of a constant, and hardly less than white noise of a fast wave. For a constant it is `effective_samples`.
+    """
+    lengths = [int(n) for n in np.bincount(samples.run) if n]
+    lags = min(LONGEST_LAG, max(lengths))
+    own, left = (autocovariance(x, lags, lengths) for x in (contribution, residual - residual.mean()))
+    if not (own[0] > 0.0 and left[0] > 0.0):
+        return 3.0
+    running = 2.0 * np.cumsum(own * left) / (own[0] * left[0]) - 1.0
+    ended = np.flatnonzero(np.arange(lags) >= WINDOW_TIMES * np.maximum(running, 1.0))
+    time = float(running[ended[0] if ended.size else -1])
+    return max(residual.size / max(time, 1.0), 3.0)
 
 
 @dataclass(frozen=True, eq=False)

@@ -35,6 +35,8 @@ from drake_tc.types import FloatArray, IntArray
 RESAMPLES = 400
 FEWEST_STRETCHES = 4
 """Stretches of blocks that a run is cut into at least when it is resampled."""
+FEWEST_BLOCKS = 24
+"""Blocks that are resampled at least: half a second is most of what a short run has, so its blocks are cut smaller."""
 
 
 @dataclass(frozen=True)
@@ -161,19 +163,29 @@ def speaks_against(
 
 
 def _worse_share(block: IntArray, without: FloatArray, with_it: FloatArray) -> float:
-    """Share of resamples of a run's half-second blocks in which the squared error is larger with the effect.
+    """Share of resamples of a run's blocks, half a second at most, in which the effect makes the squared error larger.
 
     Neighbouring blocks are drawn together, 2 tau - 1 of them where their differences have the correlation time tau: a
     model that is wrong in one way for seconds errs once, not once in each block (circular block bootstrap: Politis and
     Romano, 1992; stretches of tau alone would show half of an AR(1) process's variance).
     """
-    number = np.unique(block, return_inverse=True)[1]
+    number = cut_blocks(np.unique(block, return_inverse=True)[1])
     more = np.bincount(number, with_it**2 - without**2)
     correlated = round(2.0 * correlation_time(more - more.mean())) - 1
     together = min(correlated, max(more.size // FEWEST_STRETCHES, 1))
     starts = np.random.default_rng(0).integers(0, more.size, (RESAMPLES, -(-more.size // together)))
     draws = (starts[..., None] + np.arange(together)) % more.size
     return float(np.mean(more[draws].sum(axis=(1, 2)) > 0.0))
+
+
+def cut_blocks(block: IntArray) -> IntArray:
+    """Blocks (N,) cut into equal parts until there are at least `FEWEST_BLOCKS`, or one for each row."""
+    sizes = np.bincount(block)
+    parts = -(-FEWEST_BLOCKS // sizes.size)
+    if parts == 1:
+        return block
+    within = np.arange(block.size) - (np.cumsum(sizes) - sizes)[block]
+    return np.asarray(np.unique(block * parts + within * parts // sizes[block], return_inverse=True)[1])
 
 
 def _rms(values: FloatArray) -> float:

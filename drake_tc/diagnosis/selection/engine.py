@@ -1,7 +1,7 @@
 """Which effects are missing: a beam search over sets of effects by cross-validated error, on training runs alone.
 
 The engine knows nothing of joints or rigid bodies. A `Problem` proposes one-effect-larger models, refines them and says
-how well they do; `selection.joint`, `selection.shared` and `selection.arm` are the three kinds.
+how well they do; `selection.joint` and `selection.shared` are the two kinds.
 """
 
 from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
@@ -53,8 +53,8 @@ class Problem(Protocol[F]):
     def error(self, fit: F) -> float:
         """One figure by which models are ordered."""
 
-    def effective(self, fit: F) -> FloatArray:
-        """(n,) independent samples in the residuals."""
+    def effective(self, small: F, large: F) -> FloatArray:
+        """(n,) independent samples by which the larger model is compared with the smaller one."""
 
     def size(self, fit: F) -> int:
         """Number of parameters."""
@@ -104,7 +104,7 @@ def compare(problem: Problem[F], small: F, large: F) -> Comparison:
     if not np.isfinite(errors[1]).all():
         return compared(*errors, np.ones(errors[0].size), 0, 0.0)
     extra = problem.size(large) - problem.size(small)
-    return compared(*errors, problem.effective(large), extra, problem.share(small, large))
+    return compared(*errors, problem.effective(small, large), extra, problem.share(small, large))
 
 
 def _best_first(problem: Problem[F], fits: Sequence[F], among: Sequence[int], same: float) -> list[int]:

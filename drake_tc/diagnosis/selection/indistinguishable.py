@@ -1,19 +1,23 @@
 """Effects that the data cannot tell apart."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from drake_tc.diagnosis.problem.columns import Columns
 from drake_tc.diagnosis.problem.regression import Fit, fit
 from drake_tc.diagnosis.selection.joint import Search, best_shape, refine, shape_screen, share_better
 from drake_tc.diagnosis.thresholds import CERTAINLY_BETTER, JOINT, SAME_ERROR
-from drake_tc.effects.base import Context
+from drake_tc.effects.base import Context, Effect
 from drake_tc.effects.library import looked_for
 
 LATE = frozenset({"delay", "current_lag"})
 """Effects that differ only in the second order of frequency times delay: 1/(1 + T s) = exp(-T s) + (T s)^2/2 + ..."""
 
 
-def indistinguishable(columns: Columns, found: Search, context: Context, floor: float) -> tuple[tuple[str, str], ...]:
+def indistinguishable(
+    columns: Columns, found: Search, context: Context, floor: float, effects: Sequence[Effect] | None = None
+) -> tuple[tuple[str, str], ...]:
     """Pairs (chosen, other): swapping the one for the other costs next to nothing.
 
     Next to nothing: the cross-validated error rises by less than 2 % and the chosen effect is the better one in
@@ -26,6 +30,8 @@ def indistinguishable(columns: Columns, found: Search, context: Context, floor: 
         found: What the search chose.
         context: What the logs offer.
         floor: Noise floor [effort].
+        effects: Which are tried in its place; None for the library.
+        effects: Which are swapped in; None for the library.
     """
     known = {t.effect.key for t in found.baseline.terms}
     screen = shape_screen(columns)
@@ -36,7 +42,7 @@ def indistinguishable(columns: Columns, found: Search, context: Context, floor: 
         others = [t for t in found.chosen.terms if t is not term]
         taken = {t.effect.id for t in found.chosen.terms} | set(context.declared)
         without = fit(columns, others)
-        for member in looked_for(context):
+        for member in looked_for(context, effects):
             if member.id in taken or member.unavailable(context):
                 continue
             swapped = best_shape(columns, without, member, context, screen)
@@ -59,5 +65,10 @@ def _same(chosen: Fit, other: Fit) -> bool:
 
 
 def _within_resolution(chosen: Fit, other: Fit, floor: float) -> bool:
-    """Whether the chosen fit explains too little more than the other to count as an improvement."""
-    return other.cv_rms**2 - chosen.cv_rms**2 < (JOINT.least_removed * floor) ** 2
+    """Whether the chosen fit explains too little more than the other to count as an improvement.
+
+    With the noise that a lag takes out of the effort charged to it (`Columns.noise_ratio`) or without: how much of the
+    residual is such noise is known roughly, and an order that rests on it tells nothing.
+    """
+    errors = (chosen.cv_rms, other.cv_rms), (chosen.rms, other.rms)
+    return any(worse**2 - better**2 < (JOINT.least_removed * floor) ** 2 for better, worse in errors)

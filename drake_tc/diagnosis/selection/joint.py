@@ -9,7 +9,7 @@ import numpy as np
 from drake_tc.diagnosis.problem.columns import Columns, Term
 from drake_tc.diagnosis.problem.regression import Fit, fit, score
 from drake_tc.diagnosis.problem.sensor_errors import expected_errors
-from drake_tc.diagnosis.selection.comparison import better_share, effective_samples
+from drake_tc.diagnosis.selection.comparison import better_share, effective_samples, effective_samples_for
 from drake_tc.diagnosis.selection.engine import Progress, Proposal, Selection, select
 from drake_tc.diagnosis.selection.lag_or_noise import NOISE, is_noise
 from drake_tc.diagnosis.selection.plausible_values import objection_to_values
@@ -17,13 +17,12 @@ from drake_tc.diagnosis.selection.shapes import ShapeScreen, refine_values
 from drake_tc.diagnosis.selection.withdrawal import DidNotHold
 from drake_tc.diagnosis.thresholds import SearchThresholds
 from drake_tc.effects.base import Context, DriveEffect, Effect
-from drake_tc.effects.library import LIBRARY
+from drake_tc.effects.library import place
 from drake_tc.types import FloatArray
 
 Search = Selection[Fit]
 SCREENED = 4
 """Shapes of a long grid that are tried with the filters."""
-POSITION = {effect.key: number for number, effect in enumerate(LIBRARY)}
 
 
 def candidates(
@@ -137,9 +136,16 @@ class JointProblem:
         """The same as a number."""
         return fitted.cv_rms
 
-    def effective(self, fitted: Fit) -> FloatArray:
-        """(1,) independent samples in the residual."""
-        return np.array([effective_samples(fitted.residual, self.columns.samples)])
+    def effective(self, small: Fit, large: Fit) -> FloatArray:
+        """(1,) independent samples in the residual; where the links are fitted, those that tell what is added.
+
+        What the residual of fitted links has beside noise is slow: links and effects not yet found. It hides a constant
+        or a spring, but no ripple.
+        """
+        samples = self.columns.samples
+        if samples.link_prior is None:
+            return np.array([effective_samples(large.residual, samples)])
+        return np.array([effective_samples_for(small.residual - large.residual, large.residual, samples)])
 
     def size(self, fitted: Fit) -> int:
         """Number of parameters, shapes included."""
@@ -147,7 +153,7 @@ class JointProblem:
 
     def order(self, fitted: Fit) -> tuple[int, ...]:
         """By size, then as the effects stand in the library."""
-        return fitted.size, sum(POSITION.get(t.effect.key, 0) for t in fitted.terms)  # a declared one may not be in it
+        return fitted.size, sum(place(t.effect.key) for t in fitted.terms)
 
     def share(self, small: Fit, large: Fit) -> float:
         """Share of block resamples in which the larger fit is better."""

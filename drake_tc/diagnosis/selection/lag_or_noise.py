@@ -38,6 +38,7 @@ class Backwards(DriveEffect):
         self.title = f"{effect.title}, backwards"  # type: ignore[misc]
         self.coefficients = effect.coefficients  # type: ignore[misc]
         self.shapes = effect.shapes  # type: ignore[misc]
+        self.filters = effect.filters  # type: ignore[misc]
 
     signature = Signature(x="time", split="", look_for="")
 

@@ -89,9 +89,9 @@ class SharedProblem:
         weight = np.array([r.target.size for r in self.rows], dtype=np.float64)
         return float(np.exp(weight @ np.log(fitted.fit.cv_rms) / weight.sum()))
 
-    def effective(self, fitted: CauseFit) -> FloatArray:
+    def effective(self, small: CauseFit, large: CauseFit) -> FloatArray:
         """(n,) independent rows by joint."""
-        return effective_rows(self.rows, fitted.fit)
+        return effective_rows(self.rows, large.fit)
 
     def size(self, fitted: CauseFit) -> int:
         """Number of parameters of the causes."""

@@ -59,7 +59,7 @@ def convert(src: Path, out: Path) -> tuple[Path, ...]:
         "drive": "torque",
         "drive_gain": 1.0,
         "coupled": {JOINTS[5]: {JOINTS[4]: COUPLING / RATIOS[5, 5]}},
-        "declared": ["rotor_inertia"],
+        "declared": ["rotor_inertia", "asymmetric_friction"],
     }
     comment = "Staubli TX40\ntorque_command is the motor torque times the gear ratio"
     return (write_rig(document, out / "rig.yaml", comment),)

@@ -8,6 +8,7 @@ from pydantic import AfterValidator, Discriminator, Tag, WithJsonSchema
 from drake_tc.config.keys import saying
 from drake_tc.config.near import near
 from drake_tc.config.quoted import quoted
+from drake_tc.extensions import EFFECTS
 from drake_tc.logs.effect_ids import EFFECT_IDS, ROBOT_CAUSES
 
 
@@ -16,8 +17,9 @@ def _known_effect(name: str) -> str:
         raise ValueError(
             f"{quoted(name)} is a cause of the whole robot and cannot be declared; `sensors` takes tolerances"
         )
-    if name not in EFFECT_IDS:
-        raise ValueError(f"unknown effect {quoted(name)}{near(name, EFFECT_IDS)}; known: {', '.join(EFFECT_IDS)}")
+    known = (*EFFECT_IDS, *EFFECTS.names())
+    if name not in known:
+        raise ValueError(f"unknown effect {quoted(name)}{near(name, known)}; known: {', '.join(known)}")
     return name
 
 

@@ -110,18 +110,33 @@ class ModelLoad(Keys):
         example="20 %",
         absent="1 (100 %)",
     )
+    drive_gain_tolerance: Ratio | None = key(
+        "With `robot: fitted`: how far the declared drive gains may be off all together, as a standard deviation "
+        "divided by the gain. They fix the scale of all torques. The gains are held; the intervals of masses, payloads "
+        "and friction contain this uncertainty.",
+        unit="-",
+        example="5 %",
+        absent="0 (the declared gains are exact)",
+    )
     unknown_payload: list[str] = key(
-        "With `robot: fitted`: names of the logs, without their endings, in which the last link carries an unknown "
+        "With `robot: fitted`: names of the logs, without their endings, in which `payload_link` carries an unknown "
         "load. Its ten inertial parameters are fitted for each of these logs.",
         example=["run_with_load"],
         default=[],
         absent="no log",
     )
+    payload_link: str | None = key(
+        "The link that carries the unknown load. It is moved by one of the robot's joints; a load on a link that is "
+        "welded to it counts as carried by it. A robot with several outermost links needs this key.",
+        example="wrist_3_link",
+        absent="the robot's only outermost link",
+    )
 
     def load(self) -> Load:
         """The load that the rest of the library uses."""
         given = {} if self.tolerance is None else {"tolerance": self.tolerance}
-        return RobotLoad(self.robot, payload=tuple(self.unknown_payload), **given)
+        given |= {} if self.drive_gain_tolerance is None else {"gain_tolerance": self.drive_gain_tolerance}
+        return RobotLoad(self.robot, payload=tuple(self.unknown_payload), carrier=self.payload_link or "", **given)
 
 
 class FittedLoad(Keys):

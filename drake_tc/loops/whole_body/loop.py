@@ -39,7 +39,6 @@ from drake_tc.sensing.suite import SensorSuite
 from drake_tc.tsid.configuration import load_law
 from drake_tc.tsid.controller import RobustTsid, reference_port
 from drake_tc.tsid.law import Law
-from drake_tc.tsid.model import file_rotors
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -202,8 +201,6 @@ def _add_plant(builder: DiagramBuilder, scenario: TsidScenario, law: Law, *, mes
     plant.SetUseSampledOutputPorts(False)
     plant.Finalize()
     plant.set_name("plant")
-    for joint, inertia in file_rotors(robot).items():
-        plant.GetJointActuatorByName(joint).set_default_rotor_inertia(inertia)
     check_masses(plant, robot, scenario.masses)
     add_pushes(builder, plant, scenario.pushes)
     built: MultibodyPlant = plant

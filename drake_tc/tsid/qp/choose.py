@@ -14,6 +14,8 @@ SOLVERS = {
     "piqp": ("drake_tc.tsid.qp.piqp", "Piqp"),
 }
 """Module and class of each solver from PyPI."""
+PROGRAM = "program"
+"""The whole tick as one MathematicalProgram of Drake (`drake_tc.tsid.program_solver`): slow, and independent."""
 OF_DRAKE = ("clarabel", "osqp", "scs", "gurobi", "mosek")
 
 
@@ -25,7 +27,7 @@ def solver(name: str = DEFAULT) -> QpSolver:
     """A solver.
 
     Args:
-        name: One of SOLVERS or OF_DRAKE.
+        name: One of SOLVERS or OF_DRAKE, or PROGRAM.
 
     Raises:
         ParamsError: an unknown name, or a solver of Drake without a licence.
@@ -35,16 +37,19 @@ def solver(name: str = DEFAULT) -> QpSolver:
         from drake_tc.tsid.qp.drake import DrakeSolver
 
         return DrakeSolver(name)
+    if name == PROGRAM:
+        made: QpSolver = import_module("drake_tc.tsid.program_solver").ProgramSolver()
+        return made
     if name not in SOLVERS:
-        raise ParamsError(f"solver: wanted one of {', '.join((*SOLVERS, *OF_DRAKE))}; got {name!r}")
-    module, made = SOLVERS[name]
+        raise ParamsError(f"solver: wanted one of {', '.join((*SOLVERS, *OF_DRAKE, PROGRAM))}; got {name!r}")
+    module, kind = SOLVERS[name]
     try:
         found = import_module(module)
     except ImportError as error:
         library = missing_library(error)
         reason = how_to_install(library) if library else f"{error}; pip install 'drake-tc[solvers]'"
         raise SolverUnavailableError(f"solver {name!r} is not available: {reason}; or take {DEFAULT!r}") from None
-    chosen: QpSolver = getattr(found, made)()
+    chosen: QpSolver = getattr(found, kind)()
     return chosen
 
 

@@ -171,3 +171,15 @@ def test_a_refusal_says_which_runs_it_concerns(still):
     train, held = (moves, rests) if still == "held-out" else (rests, moves)
     with pytest.raises(IdentificationError, match=f"^{still} runs: joint joint, .*too little motion"):
         prepare_joint([train], [held], rig_of(JOINT), "joint")
+
+
+@pytest.mark.parametrize(("zeros", "told"), [(0.85, True), (0.1, False)])
+def test_a_report_that_is_silent_in_motion_is_told(zeros, told):
+    run = run_along(0.5 * np.sin(3.0 * np.arange(4000) * 2e-3))
+    current = np.where(np.random.default_rng(2).random(4000) < zeros, 0.0, run.columns["joint/current"] + 2.0)
+    samples = build_samples(
+        [replace(run, columns=dict(run.columns) | {"joint/current": current})], rig_of(JOINT), "joint"
+    )
+    silent = [note for name, note in samples.notes if "dead zone" in note and name == "made"]
+    assert len(silent) == told
+    assert not told or "exactly 0 in 8" in silent[0]

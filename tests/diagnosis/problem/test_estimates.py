@@ -8,8 +8,9 @@ from numpy.testing import assert_allclose
 from scipy.signal import lfilter
 
 from drake_tc.diagnosis.problem.columns import Term
-from drake_tc.diagnosis.problem.estimates import block_lengths, estimates, physical_parameters
+from drake_tc.diagnosis.problem.estimates import block_lengths, estimates, physical_parameters, shape_slopes
 from drake_tc.diagnosis.problem.regression import fit
+from drake_tc.diagnosis.result.widening import widened
 from drake_tc.diagnosis.selection.joint import refine
 from drake_tc.effects.library import effect
 
@@ -96,3 +97,35 @@ def test_autocorrelation_is_counted_inside_each_run_alone():
     ends = np.cumsum(lengths)[:-1]
     switches = np.flatnonzero(np.diff(p.samples.run)) + 1
     assert set(switches) <= set(ends)
+
+
+def test_the_slope_by_a_shape_is_the_derivative_of_the_prediction():
+    """Of a Stribeck velocity, against a central difference with a step a hundred times smaller."""
+    p = problem(Joint(duration=12.0, period=4e-3))
+    shape = {"stribeck_velocity": 0.05, "stribeck_exponent": 2.0}
+    terms = [*p.declared, Term(effect("stribeck"), shape)]
+    beta = np.array([12.0, *(0.5 for t in p.declared for _ in t.effect.coefficients), 2.0])
+    found = shape_slopes(p.columns, terms, beta)
+    assert found.shape == (p.columns.target.size, 2)
+    sides = [
+        p.columns.design([*p.declared, Term(effect("stribeck"), shape | {"stribeck_velocity": v})]) @ beta
+        for v in (0.05 - 5e-7, 0.05 + 5e-7)
+    ]
+    slope = (sides[1] - sides[0]) / 1e-6
+    assert_allclose(found[:, 0], slope, atol=2e-3 * np.abs(slope).max())  # one-sided, over 0.1 % of the velocity
+
+
+def test_what_is_not_known_of_a_shape_widens_its_interval():
+    p = problem(Joint(duration=12.0, period=4e-3))
+    fitted = fit(p.columns, [*p.declared, Term(effect("torque_ripple"), {"cycles_per_turn": 10.9})])
+    found = estimates(p.columns, fitted, "current")
+    spread = np.zeros((fitted.beta.size + 1,) * 2)
+    spread[-1, -1] = 0.3**2
+    low, high = found["torque_ripple"]["cycles_per_turn"].ci95
+    wide = widened(found, fitted, spread)
+    assert_allclose(
+        np.subtract(*wide["torque_ripple"]["cycles_per_turn"].ci95[::-1]),
+        np.hypot(high - low, 2.0 * 1.959964 * 0.3),
+        rtol=1e-6,
+    )
+    assert wide["viscous"] == found["viscous"]

@@ -11,7 +11,7 @@ from scipy.signal import savgol_filter
 from drake_tc.diagnosis.data.link_prior import LinkPrior
 from drake_tc.diagnosis.data.preparation import build_samples
 from drake_tc.diagnosis.problem.columns import Columns, Term
-from drake_tc.diagnosis.problem.regression import fit, predict
+from drake_tc.diagnosis.problem.regression import fit, noise_smoothed, predict
 from drake_tc.effects.library import effect
 from drake_tc.logs.prepare import load_run
 from drake_tc.logs.rig import parse_rig
@@ -48,3 +48,19 @@ def test_the_sign_of_the_residual_is_no_column_where_the_effort_is_the_target(co
     fitted = Columns(replace(columns.samples, link_prior=prior), declared_gain=GAIN)
     assert fitted.effort_is_target
     assert abs(explained_by_backlash(fitted)) < 0.02
+
+
+def test_a_lag_does_not_explain_what_it_only_smooths_away(columns: Columns) -> None:
+    """e + T de/dt of e = sin(w t) is larger by sqrt(1 + w^2 T^2); the lag of a joint that has none gains nothing."""
+    t = columns.samples.signals.time[columns.samples.rows]
+    wave = Columns(
+        replace(columns.samples, link_prior=LinkPrior(np.zeros(0), 1.0)), target=np.sin(12.0 * t), declared_gain=GAIN
+    )
+    lag = Term(effect("current_lag"), {"lag": 0.05})
+    assert noise_smoothed(wave, [lag], np.zeros(1)) == pytest.approx(np.hypot(1.0, 12.0 * 0.05), rel=0.02)
+    assert noise_smoothed(wave, [], np.zeros(1)) == 1.0
+    assert noise_smoothed(columns, [lag], np.zeros(1)) == 1.0  # the effort is not the target
+    fitted = Columns(wave.samples, declared_gain=GAIN)
+    known = fitted.with_model(DECLARED, fit(fitted, DECLARED).beta, servo=True)
+    least = fit(known, DECLARED).cv_rms
+    assert min(fit(known, [*DECLARED, Term(lag.effect, {"lag": x})]).cv_rms for x in (0.01, 0.03, 0.1)) > 0.99 * least

@@ -5,9 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from scipy.signal import lfilter
 
 from drake_tc.diagnosis.problem.columns import FOLDS, Columns, Term, fold_of
 from drake_tc.diagnosis.problem.regression import fit, score
+from drake_tc.effects.delay import Delay
 from drake_tc.effects.library import effect
 
 from ..rigs import Problem, problem, servo
@@ -73,3 +75,30 @@ def test_a_score_does_not_depend_on_what_was_scored_before(p):
     ]
     again = [score(p.columns, s).cv_rms for s in (*sets, *sets)][3:]
     assert_allclose(again, fresh, rtol=1e-6)
+
+
+def test_a_lag_is_charged_for_the_noise_of_the_effort_that_it_takes_out(p):
+    """Share of the variance against 10^5 samples of white noise; a delay by whole samples takes nothing out."""
+    lag, period = 0.03, p.samples.light.period
+    white = np.random.default_rng(0).standard_normal(100_000)
+    smooth = [p.samples.kernel.smooth(p.samples.light.smooth(x)) for x in (white, lagged(white, lag, period))]
+    expected = np.var(smooth[1][500:-500]) / np.var(smooth[0][500:-500])
+    found = p.samples.passed_noise([(effect("current_lag"), {"lag": lag})])
+    assert_allclose(found, expected, rtol=0.03)  # about 4000 independent samples: 2 %
+    assert 0.2 < found < 0.9
+    assert_allclose(p.samples.passed_noise([(Delay(), {"delay": 5.0 * period})]), 1.0, rtol=1e-9)
+
+
+def lagged(values: np.ndarray, lag: float, period: float) -> np.ndarray:
+    """T dy/dt + y = x by the trapezoidal rule."""
+    out = lfilter([period, period], [period + 2.0 * lag, period - 2.0 * lag], values)
+    return np.asarray(out)
+
+
+def test_a_lag_that_only_takes_noise_out_explains_nothing(p):
+    """With the noise of the effort as floor, the correction is the ratio of what both let through."""
+    noisy = replace(p.samples.floor, effort_variance=1e6, torque_variance=0.0, encoder_gram=np.zeros((3, 3)))
+    columns = Columns(p.samples, p.columns.gain, noisy)
+    terms = [*p.declared, Term(effect("current_lag"), {"lag": 0.03})]
+    share = p.samples.passed_noise([(effect("current_lag"), {"lag": 0.03})])
+    assert_allclose(columns.noise_ratio(p.baseline.beta, terms), 1.0 / np.sqrt(share), rtol=1e-9)

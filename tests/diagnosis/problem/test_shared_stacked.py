@@ -10,6 +10,7 @@ from numpy.testing import assert_allclose
 from drake_tc.diagnosis.problem.columns import FOLDS
 from drake_tc.diagnosis.problem.shared.causes import Cause
 from drake_tc.diagnosis.problem.shared.covariance import intervals
+from drake_tc.diagnosis.problem.shared.gain_dilution import dilution, shared_variance, stiffness_to_hold
 from drake_tc.diagnosis.problem.shared.stacked import JointRows, fit_stacked
 from drake_tc.diagnosis.selection.shared import SharedProblem, search_shared
 
@@ -69,6 +70,55 @@ def test_elimination_equals_the_dense_solution():
     assert_allclose(fitted.delta, solution[9:], rtol=1e-5)  # weights settled to 1e-6
     assert_allclose(np.concatenate(fitted.beta), solution[:9], rtol=1e-5)
     assert_allclose(fitted.sigma, NOISE, rtol=0.08)  # 1500 rows: 1.8 % a standard deviation
+
+
+def test_a_joint_whose_torque_falls_with_the_effort_at_first_does_not_stop_the_others():
+    """By the robot's file the second joint's load has the wrong sign; the first one tells the parameter."""
+    rng = np.random.default_rng(4)
+    t = np.arange(N) * 0.01
+    rows = []
+    for number, factor in enumerate((0.2, 1.5)):
+        v = np.cos(2.0 * np.pi * (0.3 + 0.1 * number) * t)
+        load = (4.0, 0.5)[number] * np.sin(2.0 * np.pi * 0.17 * t + number)
+        cause = factor * np.where(number == 0, np.sin(0.9 * t), -load)[:, None]
+        effort = load + 2.0 * v + 1.5 * np.sign(v) + 0.02 * rng.standard_normal(N)
+        own = np.stack([effort, -v, -np.sign(v)], axis=1)
+        target = load + cause[:, 0]
+        block = (np.arange(N) // 50).astype(np.int64)
+        every = np.column_stack([own, cause, target])
+        fold = (block // 2) % FOLDS
+        grams = np.stack([every[fold == f].T @ every[fold == f] for f in range(FOLDS)])
+        samples = SimpleNamespace(run=np.zeros(N, dtype=np.int64))
+        rows.append(JointRows(f"j{number}", samples, own, cause, target, block, grams, np.array([True])))
+    nominal = fit_stacked(rows, np.zeros(0, dtype=np.int64))
+    assert nominal.beta[1][0] < 0.0
+    fitted = fit_stacked(rows, np.array([0]), np.array([2.0]))
+    assert_allclose(fitted.delta, [1.0], atol=0.01)  # 0.02 N m on 1500 rows of 0.14 N m: 0.004
+    assert_allclose([beta[0] for beta in fitted.beta], [1.0, 1.0], rtol=0.02)
+
+
+def test_the_bounds_of_a_drive_gain_hold_the_truth_where_the_effort_is_noisy():
+    """Least squares leaves r^2 of 1/K = 2, in closed form noise over signal; a declared gain is not in doubt."""
+    rng = np.random.default_rng(7)
+    size, noise = 200_000, 0.8
+    v, load = rng.standard_normal((2, size))
+    effort = (load + 0.5 * v) / 2.0 + 0.5 * noise * rng.standard_normal(size)
+    own, shared = np.stack([effort, -v], axis=1), np.zeros((size, 1))
+    block = np.arange(size) // 50
+    grams = np.zeros((FOLDS, 4, 4))
+    row = JointRows("j", SimpleNamespace(), own, shared, load, block, grams)
+    fitted = SimpleNamespace(columns=np.array([0]), delta=np.zeros(1), effective=np.ones(1))
+    share = 1.0 / (1.0 + noise**2)
+    assert_allclose(shared_variance(row, fitted, 0), share, rtol=0.01)  # 200000 rows: 0.3 %
+    assert_allclose(dilution(row, fitted, 0), noise**2, rtol=0.02)
+    found = np.linalg.lstsq(own, load, rcond=None)[0]
+    assert_allclose(found * (1.0 + dilution(row, fitted, 0)), [2.0, 0.5], rtol=0.02)
+    assert_allclose(stiffness_to_hold(row, SimpleNamespace(**vars(fitted), beta=(found,)), 0), found[0])  # r^2 0.61
+    louder = replace(row, own=np.stack([effort + rng.standard_normal(size), -v], axis=1))
+    assert_allclose(stiffness_to_hold(louder, fitted, 0), 2.0, rtol=0.02)  # r^2 0.18
+    assert 0.0 < stiffness_to_hold(replace(row, target=-load), fitted, 0) < np.inf
+    assert dilution(replace(row, held=2.0), fitted, 0) == 0.0
+    assert shared_variance(replace(row, target=-load), fitted, 0) == 0.0
 
 
 def test_intervals_hold_the_truth_as_often_as_they_say():

@@ -11,6 +11,7 @@ from robot_files import joint_tag, link_tag, urdf, write_robot
 
 from drake_tc.diagnosis.data.preparation import build_samples
 from drake_tc.diagnosis.options import DiagnosisOptions
+from drake_tc.diagnosis.problem.shared.causes import columns_over
 from drake_tc.diagnosis.run import close_loop
 from drake_tc.errors import DrakeTcError, ParamsError, RigError
 from drake_tc.estimation.robot_loads import robot_logs, with_robot_loads
@@ -109,6 +110,25 @@ def test_an_unknown_payload_comes_out_and_nothing_else_is_named(result):
     assert [effect.id for joint in result.joints.values() for effect in joint.effects] == []
 
 
+def test_intervals_hold_the_tolerance_of_the_declared_drive_gains(arm, result):
+    """The gains are held, so that values stay, and all half widths h become hypot(h, c t |value|), c about 2."""
+    folder, logs, held = arm
+    rig = rig_file(folder, load=RIG["load"] | {"unknown_payload": ["carrying"], "drive_gain_tolerance": 0.05})
+    wide = close_loop(rig, logs, [held], DiagnosisOptions(assess_residual=False))
+    pairs = [(result.links.payloads["carrying"]["m"], wide.links.payloads["carrying"]["m"])]
+    pairs += [(a.estimate, b.estimate) for a, b in zip(result.links.base, wide.links.base, strict=True)]
+    pairs += [
+        (each.joints["lift"].final_parameters["coulomb"]["coulomb"] for each in (result, wide)),
+    ]
+    for narrow, wider in pairs:
+        assert_allclose(wider.value, narrow.value, rtol=1e-9, atol=1e-12)
+        before, after = (0.5 * (e.ci95[1] - e.ci95[0]) for e in (narrow, wider))
+        critical = np.sqrt(after**2 - before**2) / (0.05 * abs(narrow.value))
+        assert 1.95 < critical < 2.1
+    narrowed = [each.narrowed for each in wide.links.parameters]
+    assert_allclose(narrowed, [each.narrowed for each in result.links.parameters])
+
+
 def test_base_parameters_come_out_and_name_their_members(result):
     true = {f"{p.link}/{p.name}": p.declared for p in result.links.parameters}  # here the file is right
     for base in result.links.base:
@@ -150,6 +170,11 @@ def test_noise_of_the_current_counts_in_the_floor_where_the_links_are_fitted(arm
     ("changes", "error", "message"),
     [
         ({"load": {"robot": "fitted", "unknown_payload": ["carying"]}}, RigError, "no log 'carying'.*carrying"),
+        (
+            {"load": {"robot": "fitted", "unknown_payload": ["carrying"], "payload_link": "four"}},
+            RigError,
+            "payload_link: no joint of the robot moves a link 'four'.*'fore'.*links: column, boom, fore",
+        ),
         ({"load": {"robot": "fitted", "tolerance": -0.1}}, DrakeTcError, "tolerance"),
     ],
 )
@@ -188,3 +213,24 @@ def test_drives_of_unknown_gain_keep_one_scale(arm, tmp_path):
         assert_allclose(ratio[1:], ratio[1], rtol=0.03)  # the first joint's scale rests on inertia alone
         assert_allclose(ratio, 1.0, atol=0.3)
         assert all(e.ci95[0] <= value <= e.ci95[1] for e, value in zip(found, true, strict=True))
+
+
+def test_columns_of_the_links_give_the_load_at_every_sample(arm, tmp_path):
+    """Y pi of the file's parameters is the load by the file, also where the acceleration turns within milliseconds."""
+    folder, _, _ = arm
+    time = np.arange(0.0, 2.0, 1e-3)
+    columns = {"time": time}
+    for i, joint in enumerate(JOINTS):
+        shaken = np.sin(2.0 * time + i) + 1e-4 * np.sin(2.0 * np.pi * (80.0 + 7.0 * i) * time)
+        columns |= {f"{joint}/position": shaken, f"{joint}/current": np.cos(time)}
+    np.savez(tmp_path / "shaken.npz", **columns)
+    rig = load_rig(rig_file(folder))
+    runs = load_runs([tmp_path / "shaken.npz"], rig)
+    logs = robot_logs(rig, runs)
+    (run,) = with_robot_loads(logs, runs, rig.joints)
+    causes = columns_over(logs, [run], rig)
+    for joint in JOINTS:
+        found = causes.of(run.name, joint, run.time - run.time[0]) @ logs.links.nominal
+        assert_allclose(
+            found, run.columns[f"{joint}/torque"], atol=1e-6 * float(np.std(run.columns[f"{joint}/torque"]))
+        )

@@ -11,10 +11,10 @@ from scipy.signal import lfilter
 
 from drake_tc.diagnosis.problem.columns import Term
 from drake_tc.diagnosis.problem.regression import Fit, fit
-from drake_tc.diagnosis.selection.comparison import compared, effective_samples
+from drake_tc.diagnosis.selection.comparison import compared, effective_samples, effective_samples_for
 from drake_tc.diagnosis.selection.engine import compare
 from drake_tc.diagnosis.selection.joint import JointProblem, share_better
-from drake_tc.diagnosis.thresholds import ARM, JOINT, SHARED
+from drake_tc.diagnosis.thresholds import FITTED_LINKS, JOINT, SHARED
 from drake_tc.effects.library import effect
 
 from ..rigs import Joint, Problem, floor_of, problem, servo
@@ -28,7 +28,7 @@ def fake(runs: list[int]) -> Any:
 
 def made_fit(block_sse: np.ndarray, size: int, cv_rms: float) -> Fit:
     terms = tuple(Term(effect("viscous")) for _ in range(size - 1))
-    return Fit(terms, np.ones(size), np.zeros(1), cv_rms, cv_rms, block_sse, np.ones_like(block_sse))
+    return Fit(terms, np.ones(size), np.zeros(1), cv_rms, cv_rms, block_sse)
 
 
 @pytest.mark.parametrize("rho", [0.0, 0.6, 0.95])
@@ -42,6 +42,27 @@ def test_effective_samples_ignore_the_mean_and_are_at_least_three():
     x = np.random.default_rng(0).standard_normal(20_000)
     assert_allclose(effective_samples(x + 5.0, fake([20_000])), effective_samples(x, fake([20_000])), rtol=1e-9)
     assert effective_samples(np.linspace(-1.0, 1.0, 500), fake([500])) >= 3.0
+
+
+@pytest.mark.parametrize("rho", [0.0, 0.6, 0.95])
+@pytest.mark.parametrize("omega", [0.0, 0.05, 0.4])
+def test_samples_that_tell_the_size_of_a_wave_beside_an_ar1_process(rho, omega):
+    """1 + 2 sum_l rho^l cos(omega l) = (1 - rho^2)/(1 - 2 rho cos(omega) + rho^2); a constant has omega 0."""
+    x = lfilter([1.0], [1.0, -rho], np.random.default_rng(3).standard_normal(200_000))
+    wave = np.cos(omega * np.arange(x.size))
+    found = effective_samples_for(wave, x, fake([120_000, 80_000]))
+    time = (1 - rho**2) / (1 - 2 * rho * np.cos(omega) + rho**2)
+    assert_allclose(found, x.size / max(time, 1.0), rtol=0.15)
+
+
+def test_the_samples_are_those_that_the_scatter_of_a_coefficient_asks_for():
+    """Amplitudes of a wave fitted to AR(1) noise scatter by sigma over the root of half the samples."""
+    rng, rho, size = np.random.default_rng(8), 0.9, 2000
+    wave = np.cos(0.05 * np.arange(size))
+    noise = lfilter([1.0], [1.0, -rho], rng.standard_normal((400, size + 200)), axis=1)[:, 200:]
+    scatter = float(np.std(noise @ wave / (wave @ wave)))
+    found = np.mean([effective_samples_for(wave, each, fake([size])) for each in noise[:60]])
+    assert_allclose(found, np.var(noise) / (scatter**2 * np.mean(wave**2)), rtol=0.2)
 
 
 NOISY = {
@@ -112,4 +133,4 @@ def test_evidence_is_told_joint_by_joint_and_its_price_is_shared():
     assert not less.is_real(np.ones(2), np.full(2, 7.0), JOINT)  # sqrt(1.2^2 - 1) is less than a tenth of 7
     assert not both.is_real(np.full(2, 4.0), np.zeros(2), JOINT)  # removes less than half a noise floor
     assert not both.is_real(np.ones(2), np.zeros(2), SHARED)  # one joint's own
-    assert not compared(small, np.full(2, np.inf), effective, 2, 1.0).is_real(np.zeros(2), np.zeros(2), ARM)
+    assert not compared(small, np.full(2, np.inf), effective, 2, 1.0).is_real(np.zeros(2), np.zeros(2), FITTED_LINKS)

@@ -17,7 +17,13 @@ from drake_tc.diagnosis.data.resolution import Resolution
 from drake_tc.diagnosis.data.samples import Samples
 from drake_tc.diagnosis.problem.columns import Columns, Term
 from drake_tc.diagnosis.problem.regression import Fit, bounds_of, fit
-from drake_tc.diagnosis.selection.confirmation import Confirmed, confirm, heldout_against, left_out, speaks_against
+from drake_tc.diagnosis.selection.confirmation import (
+    Confirmed,
+    confirm,
+    heldout_against,
+    left_out,
+    speaks_against,
+)
 from drake_tc.diagnosis.selection.plausible_values import crossed_steps, objection_to_values
 from drake_tc.diagnosis.thresholds import FEW_RUNS, RUN_ACTS
 from drake_tc.effects.base import Context

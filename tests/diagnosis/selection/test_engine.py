@@ -31,7 +31,7 @@ class Letters:
     def errors(self, fit):
         return np.array([self.error(fit)])
 
-    def effective(self, fit):
+    def effective(self, small, fit):
         return np.array([1000.0])
 
     def size(self, fit):

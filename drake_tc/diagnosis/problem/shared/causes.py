@@ -6,7 +6,6 @@ from itertools import islice
 
 import numpy as np
 
-from drake_tc.config.near import near
 from drake_tc.diagnosis.problem.shared import cause_columns
 from drake_tc.diagnosis.problem.shared.body_motion import (
     BodyMotion,
@@ -15,7 +14,7 @@ from drake_tc.diagnosis.problem.shared.body_motion import (
     joint_is_prismatic,
     structure_of,
 )
-from drake_tc.errors import RigError
+from drake_tc.diagnosis.problem.shared.payload import Payload, payload_of
 from drake_tc.estimation.off_line import OffLineFilter, Row, smoothed
 from drake_tc.estimation.robot_loads import RobotLogs, filters_of, usable_stretches
 from drake_tc.filtering.savitzky_golay import smooth
@@ -28,7 +27,7 @@ from drake_tc.robot.rigid_regressor import LINK_PARAMETERS
 from drake_tc.types import BoolArray, FloatArray
 
 GRID_SECONDS = 0.01
-"""Columns are computed this often and interpolated: they have passed filters of nine times that width."""
+"""Columns of motion that has passed filters of nine times that width are computed this often and interpolated."""
 COLUMN_WINDOWS = 3
 """Windows of the columns' motion over those of the torques."""
 
@@ -43,9 +42,8 @@ TITLES: Mapping[str, str] = {
 AXES = ("x", "y", "z")
 LINK_PARAMETERS_ID = "link_parameters"
 """All ten of a link whose parameters are fitted; never reported as a cause."""
-LINK_SIZE = len(LINK_PARAMETERS)
 PAYLOAD_ID = "payload_parameters"
-"""All ten of what the last link carries in one run; never reported as a cause."""
+"""All ten of what a link carries in one run; never reported as a cause."""
 
 
 @dataclass(frozen=True)
@@ -178,8 +176,8 @@ def columns_over(logs: RobotLogs, runs: Sequence[Run], rig: Rig) -> CauseColumns
     structure = structure_of(logs.model)
     slides = joint_is_prismatic(logs.model)
     if logs.links is not None:
-        carried = _payload_runs(rig, runs)
-        made = {run.name: _link_pieces(logs, logs.links, run, carried) for run in runs}
+        payload = payload_of(rig, [run.name for run in runs], logs.links)
+        made = {run.name: _link_pieces(logs, logs.links, run, payload) for run in runs}
         return CauseColumns(list_causes(logs, structure, rig), logs.robot.joints, made)
     pieces = {}
     for run in runs:
@@ -189,34 +187,17 @@ def columns_over(logs: RobotLogs, runs: Sequence[Run], rig: Rig) -> CauseColumns
     return CauseColumns(list_causes(logs, structure, rig), logs.robot.joints, pieces)
 
 
-def _payload_runs(rig: Rig, runs: Sequence[Run]) -> tuple[str, ...]:
-    """The logs that carry an unknown load.
+def _link_pieces(logs: RobotLogs, links: LinkModel, run: Run, payload: Payload) -> tuple[Piece, ...]:
+    """Columns of all links' parameters, and of what one of them carries in some runs.
 
-    Raises:
-        RigError: one of them is not among the runs.
+    At every sample: a play that is crossed within milliseconds makes accelerations that a coarser grid would alias.
     """
-    load, known = next(iter(rig.load.values())), [run.name for run in runs]
-    wanted = load.payload if isinstance(load, RobotLoad) else ()
-    for name in wanted:
-        if name not in known:
-            raise RigError(
-                f"{rig.source or 'rig'}: load: unknown_payload: no log {name!r}{near(name, known)}; "
-                f"logs: {', '.join(known)}"
-            )
-    return wanted
-
-
-def _link_pieces(logs: RobotLogs, links: LinkModel, run: Run, carried: Sequence[str]) -> tuple[Piece, ...]:
-    """Columns of all links' parameters, and of the load that the last link carries in some runs."""
-    every = max(1, round(GRID_SECONDS / run.period))
     pieces, filters = [], filters_of(logs, run)
     for part in usable_stretches(run, filters):
-        rows = list(islice(smoothed(logs.model, logs.sensors(run, part), filters, None), 0, None, every))
+        rows = list(smoothed(logs.model, logs.sensors(run, part), filters, None))
         columns = links.columns(*(np.array([row[i] for row in rows]) for i in range(3)))
-        last = columns[:, :, -LINK_SIZE:]
-        loads = [last if run.name == name else np.zeros_like(last) for name in carried]
-        values = logs.at_motors(np.concatenate([columns, *loads], axis=2))
-        pieces.append(Piece((run.time[part] - run.time[0])[::every], values))
+        values = logs.at_motors(np.concatenate([columns, payload.columns(columns, run.name)], axis=2))
+        pieces.append(Piece(run.time[part] - run.time[0], values))
     return tuple(pieces)
 
 

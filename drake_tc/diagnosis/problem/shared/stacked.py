@@ -39,8 +39,10 @@ from drake_tc.diagnosis.selection.comparison import effective_samples
 from drake_tc.effects.servo_gain import ServoGain
 from drake_tc.types import BoolArray, FloatArray, IntArray
 
-ROUNDS = 4
+MOST_ROUNDS = 20
 """Of weighting and Gauss-Newton steps: the noise of each joint follows from the fit."""
+SETTLED = 0.01
+"""RMS that a round changes of each joint's torque, over its noise, below which the rounds end."""
 LEAST_STIFFNESS = 0.2
 """Of a joint's own fit: causes that take more of 1/K away have explained the torque itself away."""
 LEAST_NOISE = 1e-6
@@ -214,14 +216,40 @@ def fit_stacked(
     prior = np.full(columns.size, np.inf) if tolerance is None else tolerance
     start = np.ones(len(rows)) if effective is None else effective
     zero = np.zeros(columns.size)
-    result = _fit(rows, _Problem(columns, prior, alone if sigma is None else sigma, start, zero))
-    for _ in range(ROUNDS - 1 if columns.size else 0):
-        share = effective_rows(rows, result) / _counts(rows) if effective is None else effective
-        noise = np.maximum(result.sigma, LEAST_NOISE * alone)
-        result = _fit(rows, _Problem(columns, prior, noise, share, result.delta))
+    problem = _Problem(columns, prior, alone if sigma is None else sigma, start, zero)
+    totals = [_kept(r, columns) for r in rows]
+    for _ in range(MOST_ROUNDS if columns.size else 0):
+        delta = _solve_delta(rows, totals, problem)
+        moved = _torque_change(rows, totals, delta - problem.delta) / problem.sigma
+        problem = _reweighted(rows, totals, replace(problem, delta=delta), alone)
+        if effective is not None:
+            problem = replace(problem, effective=effective)
+        if moved.max() < SETTLED:
+            break
+    result = _fit(rows, problem)
     least = LEAST_STIFFNESS * np.array([r.stiffness(beta) for r, beta in zip(rows, own, strict=True)])
     gone = np.array([r.stiffness(beta) for r, beta in zip(rows, result.beta, strict=True)]) < least
     return replace(result, cv_rms=np.where(gone, np.inf, result.cv_rms))
+
+
+def _torque_change(rows: Sequence[JointRows], totals: Sequence[FloatArray], change: FloatArray) -> FloatArray:
+    """(n,) RMS [N m] of what a change of delta (p,) makes to each joint's torque."""
+    inner = slice(-1 - change.size, -1)
+    squares = np.array([max(float(change @ g[inner, inner] @ change), 0.0) for g in totals])
+    return np.asarray(np.sqrt(squares / _counts(rows)))
+
+
+def _reweighted(
+    rows: Sequence[JointRows], totals: Sequence[FloatArray], problem: _Problem, alone: FloatArray
+) -> _Problem:
+    """The problem with the noise and the effective rows of the residuals at its delta."""
+    columns, delta = problem.columns, problem.delta
+    rest = [
+        r.target - r.own @ _own(r, g, delta) - r.shared[:, columns] @ delta for r, g in zip(rows, totals, strict=True)
+    ]
+    sigma = np.array([np.sqrt(np.mean(e**2)) for e in rest])
+    share = np.array([effective_samples(e, r.samples) for e, r in zip(rest, rows, strict=True)]) / _counts(rows)
+    return replace(problem, sigma=np.maximum(sigma, LEAST_NOISE * alone), effective=share)
 
 
 def _counts(rows: Sequence[JointRows]) -> FloatArray:
@@ -284,7 +312,9 @@ def _normal(rows: JointRows, gram: FloatArray, columns: IntArray, delta: FloatAr
     response = inverse(gram[:k, :k]) @ gram[:k, k:]
     rest = gram[k:, k:] - gram[k:, :k] @ response
     moved = rows.stiffness_response(response)
-    stiffness = max(float(moved @ seen) if rows.held is None else rows.held, 1e-9)
+    stiffness = float(moved @ seen) if rows.held is None else rows.held
+    if stiffness <= 0.0:
+        return np.zeros((p, p)), np.zeros(p)
     change = np.append(rows.scales(columns) * moved[:p] / stiffness, 0.0)[:, None]
     error, size = (rest @ seen)[:, None], float(seen @ rest @ seen)
     effort = rest - error @ change.T - change @ error.T + size * change @ change.T

@@ -1,1 +1,0 @@
-"""Several joints as one regression with the links' inertial parameters."""

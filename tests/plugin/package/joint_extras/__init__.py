@@ -1,0 +1,1 @@
+"""An effect, a task and a limit for drake_tc."""

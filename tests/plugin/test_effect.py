@@ -1,0 +1,66 @@
+"""An effect of an installed package: `close-loop` finds it, models and rig files name it, simulations run it."""
+
+import json
+
+import pytest
+
+from drake_tc.effects.library import all_effects
+from drake_tc.errors import RigError
+from drake_tc.logs.rig import load_rig
+
+from .seal_logs import COSINE, SINE, write_bench
+
+
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory):
+    return write_bench(tmp_path_factory.mktemp("bench"))
+
+
+@pytest.fixture(scope="module")
+def found(bench, command, tmp_path_factory):
+    rig, logs, holdout = bench
+    out = tmp_path_factory.mktemp("out")
+    runs = [argument for log in logs for argument in ("--log", log)]
+    ran = command("close-loop", "--rig", rig, *runs, "--holdout", holdout, "--out", out, "--no-closed-loop")
+    assert ran.returncode == 0, ran.stderr
+    return json.loads((out / "report.json").read_text("utf-8")), ran.stdout, out
+
+
+def test_close_loop_finds_the_effect_of_the_installed_package(found):
+    report, text, out = found
+    assert report["verdict"] == "effects_found"
+    (effect,) = report["joints"]["axis"]["effects"]
+    assert effect["id"] == "seal_drag"
+    for name, true in (("cosine_drag", COSINE), ("sine_drag", SINE)):
+        low, high = effect["parameters"][name]["ci95"]
+        assert low <= true <= high
+        assert high - low < 0.1 * abs(true)
+    assert "seal_drag" in text
+    assert "Eccentric seal" in (out / "report.html").read_text("utf-8")
+
+
+def test_the_model_after_is_read_and_simulated_with_the_effect(found, python):
+    errors = found[0]["joints"]["axis"]["error"]
+    assert errors["after"]["free_run_heldout"] < 0.5 * errors["before"]["free_run_heldout"]
+    script = (
+        "import sys; from drake_tc import load_models; model = load_models(sys.argv[1])['axis'];"
+        "print([value.key for value in model.effects])"
+    )
+    ran = python("-c", script, found[2] / "model_after.yaml")
+    assert "seal_drag" in ran.stdout, ran.stderr
+
+
+def test_a_rig_file_may_declare_it_where_it_is_installed(bench, python, tmp_path):
+    declaring = tmp_path / "rig.yaml"
+    declaring.write_text(bench[0].read_text("utf-8").replace("{rotor_inertia: 0.05}", "[seal_drag]"), "utf-8")
+    script = "import sys; from drake_tc import load_rig; print(load_rig(sys.argv[1]).declared)"
+    ran = python("-c", script, declaring)
+    assert "seal_drag" in ran.stdout, ran.stderr
+    schema = "from drake_tc.logs.rig_document.schema import rig_schema; print(rig_schema())"
+    assert "'seal_drag'" in python("-c", schema).stdout
+    with pytest.raises(RigError, match="unknown effect 'seal_drag'"):
+        load_rig(declaring)
+
+
+def test_nothing_of_it_is_seen_where_it_is_not_installed():
+    assert "seal_drag" not in {effect.id for effect in all_effects()}
