@@ -198,8 +198,8 @@ class ControllerDocument(Keys):
         absent=f"{PAPER_SHARE} of the effort limits",
     )
     solver: Annotated[str, Field(pattern=f"^({'|'.join(SOLVER_NAMES)})$"), one_of(SOLVER_NAMES)] | None = key(
-        f"Solver of quadratic programs: {', '.join((*SOLVERS, *OF_DRAKE))}; or `{PROGRAM}`, which solves the whole tick "
-        "as one MathematicalProgram of Drake, slowly and independently.",
+        f"Solver of quadratic programs: {', '.join((*SOLVERS, *OF_DRAKE))}; or `{PROGRAM}`, which solves the whole"
+        " tick as one MathematicalProgram of Drake, slowly and independently.",
         example="piqp",
         absent=DEFAULT,
     )
