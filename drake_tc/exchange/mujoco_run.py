@@ -5,6 +5,7 @@ the rig file. Only the recorded command enters; MuJoCo integrates with its own `
 """
 
 import math
+import os
 from dataclasses import replace
 from typing import Any
 
@@ -125,8 +126,9 @@ def _inertial(pendulum: Link | None) -> str:
 
 
 def _mujoco() -> Any:
+    os.environ.setdefault("MUJOCO_GL", "disable")  # nothing is drawn, so no display and no OpenGL are needed
     try:
         import mujoco  # type: ignore[import-untyped]
-    except ImportError:
+    except (ImportError, OSError):
         raise ParamsError("running the export needs MuJoCo: pip install 'drake-tc[mujoco]'") from None
     return mujoco
