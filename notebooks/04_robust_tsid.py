@@ -34,7 +34,7 @@ from drake_tc.diagrams.papers.delprete2015.judge import judge
 from drake_tc.diagrams.papers.delprete2015.setup import PLAIN, ROBUST, SIGMA, W_COM, torque_error
 from drake_tc.diagrams.papers.delprete2015.simulation import solve_again
 
-from drake_tc.bench.tsid_timing import tick_timings
+from drake_tc.benchmarks.tsid_timing import tick_timings
 from drake_tc.control.torque_uncertainty_file import (
     TorqueUncertainty,
     load_torque_uncertainty,

@@ -8,8 +8,8 @@ from collections.abc import Callable, Iterable, Mapping
 
 from readme_tables import assert_quoted, row
 
-from drake_tc.bench import real_bam, real_dfki, real_icub, real_uart
-from drake_tc.bench.real_rows import RealRow
+from drake_tc.benchmarks import real_bam, real_dfki, real_icub, real_uart
+from drake_tc.benchmarks.real_rows import RealRow
 from drake_tc.logs.importers.tmotor import SESSIONS
 
 MAIN, DIAGNOSIS, BASE = "README.md", "drake_tc/diagnosis/README.md", "drake_tc/estimation/base/README.md"

@@ -92,8 +92,8 @@ PARTS = {
     "diagnosis": Part(
         "small blind benchmarks, of single joints and of a leg",
         (
-            "blind/*",
-            "bench/test_arm_rigs.py::*",
+            "benchmarks/blind/*",
+            "benchmarks/test_arm_rigs.py::*",
             "diagnosis/test_blind_mini.py::*",
             "diagnosis/test_shared_leg.py::*",
             "diagnosis/test_shared_leg_tolerances.py::*",
@@ -115,7 +115,7 @@ PARTS = {
         alone=True,
     ),
     "notebooks": Part("the notebooks' scripts", ("test_notebooks.py::*",)),
-    "times": Part("long timings; nothing else may run", ("benchmarks/*",), alone=True),
+    "times": Part("long timings; nothing else may run", ("benchmarks/times/*",), alone=True),
 }
 
 

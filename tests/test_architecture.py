@@ -39,8 +39,7 @@ FLOOR = {
     "exchange": 11,
     "report": 11,
     "registry": 12,
-    "blind": 11,
-    "bench": 12,
+    "benchmarks": 12,
     "diagrams": 12,
     "cli": 13,
     "": 14,  # the front door, drake_tc/__init__.py
@@ -54,11 +53,11 @@ ALONE = {
 }
 """Packages that may import nothing but these."""
 
-BLIND = "drake_tc.blind"
+BLIND = "drake_tc.benchmarks.blind"
 """The blind rigs, which must not share the diagnosis's formulas: they import nothing of ours but errors and types."""
 
-MAY_SHOW_DIAGRAMS = {"bench", "diagrams"}
-"""Everything else finds diagrams through `drake_tc.registry`; bench records some of its logs with them."""
+MAY_SHOW_DIAGRAMS = {"diagrams"}
+"""Everything else finds diagrams through `drake_tc.registry`."""
 
 ROBOTS = ("hrp", "coman", "talos", "icub", "romeo", "anymal", "solo12", "hyq", "panda", "ur5", "ur10", "iiwa", "atlas")
 
@@ -244,7 +243,7 @@ def _names_and_texts(tree: ast.Module) -> Iterator[str]:
             yield node.value
 
 
-NAMES_ROBOTS = {"bench", "diagrams", "models"}
+NAMES_ROBOTS = {"benchmarks", "diagrams", "models"}
 """What may name robots: benchmarks run on some, diagrams and models are of some."""
 DATA_SETS = ("icub-walking-base", "real-icub", "ur10e-calibration", "ur10e")
 """Public data sets and what reads them, which carry a robot's name."""
@@ -278,6 +277,6 @@ def test_no_library_file_prints_or_asserts():
     for path in sorted(LIBRARY.rglob("*.py")):
         for node in nodes_of(path):
             prints = isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "print"
-            if isinstance(node, ast.Assert) or (prints and package_of(path) not in ("cli", "bench", "blind")):
+            if isinstance(node, ast.Assert) or (prints and package_of(path) not in ("cli", "benchmarks")):
                 wrong.append(f"{path.relative_to(ROOT)}:{node.lineno}")
     assert wrong == []

@@ -19,7 +19,7 @@ def bench_arms(
 
     Needs `pip install "drake-tc[robots]"`.
     """
-    from drake_tc.bench.arm_rigs import arm_benchmark, arm_rows
+    from drake_tc.benchmarks.arm_rigs import arm_benchmark, arm_rows
 
     scores = by_seed(
         "bench arms",

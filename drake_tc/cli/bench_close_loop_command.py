@@ -10,7 +10,7 @@ from drake_tc.cli.progress import progress_bar
 
 def bench_close_loop(as_json: AsJson = False) -> None:
     """Time and memory of `drake-tc close-loop` for one joint: 90 000 samples of two rigs, and 10^6 samples."""
-    from drake_tc.bench.close_loop_speed import SpeedCase, cost_rows, write_runs
+    from drake_tc.benchmarks.close_loop_speed import SpeedCase, cost_rows, write_runs
     from drake_tc.cli.demo import record_demo
 
     with tempfile.TemporaryDirectory() as scratch, progress_bar("bench close-loop", quiet=as_json) as progress:

@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.table import Table
 
 from drake_tc.analysis.executors import processes
-from drake_tc.bench.real_rows import RealRow, rows_json
+from drake_tc.benchmarks.real_rows import RealRow, rows_json
 from drake_tc.cli.bench_arms_command import bench_arms
 from drake_tc.cli.bench_close_loop_command import bench_close_loop
 from drake_tc.cli.bench_diagnosis_command import bench_diagnosis
@@ -37,7 +37,7 @@ bench_app.command("real-logs")(bench_real_logs)
 @bench_app.command("leg")
 def bench_leg(as_json: Annotated[bool, typer.Option("--json", help="Print the rows as JSON.")] = False) -> None:
     """What a tick costs: the leg's loops with all stages on, and the torque estimate of a leg and of a humanoid."""
-    from drake_tc.bench.leg_timing import leg_timings
+    from drake_tc.benchmarks.leg_timing import leg_timings
 
     with progress_bar("bench leg", quiet=as_json) as progress:
         rows = leg_timings(progress)
@@ -47,7 +47,7 @@ def bench_leg(as_json: Annotated[bool, typer.Option("--json", help="Print the ro
 @bench_app.command("sweep")
 def bench_sweep(as_json: Annotated[bool, typer.Option("--json", help="Print the rows as JSON.")] = False) -> None:
     """Sweeps: speed-up of two processes over one, and a stability map of 10^4 loops."""
-    from drake_tc.bench.sweep_speed import sweep_rows
+    from drake_tc.benchmarks.sweep_speed import sweep_rows
 
     with progress_bar("bench sweep", quiet=as_json) as progress:
         rows = sweep_rows(progress)
@@ -79,7 +79,7 @@ AsJson = Annotated[bool, typer.Option("--json", help="Print the rows as JSON.")]
 @bench_app.command("real-bam")
 def bench_real_bam(data: Data, as_json: AsJson = False) -> None:
     """XL330 pendulum: free-run position error on trajectories that took no part in fitting, at every gain."""
-    from drake_tc.bench.real_bam import real_bam_rows
+    from drake_tc.benchmarks.real_bam import real_bam_rows
     from drake_tc.loops.joint_bench.rig_free_run import rig_free_run
 
     with (
@@ -93,7 +93,7 @@ def bench_real_bam(data: Data, as_json: AsJson = False) -> None:
 @bench_app.command("real-dfki")
 def bench_real_dfki(data: Data, as_json: AsJson = False) -> None:
     """AK80-6 simple pendulum: torque residual on held-out runs."""
-    from drake_tc.bench.real_dfki import rows
+    from drake_tc.benchmarks.real_dfki import rows
 
     _real("real-dfki", rows(data), as_json)
 
@@ -101,7 +101,7 @@ def bench_real_dfki(data: Data, as_json: AsJson = False) -> None:
 @bench_app.command("real-tmotor")
 def bench_real_tmotor(data: Data, as_json: AsJson = False) -> None:
     """AK80-9 against a torque sensor: torque error on held-out logs beside the published model's."""
-    from drake_tc.bench.real_tmotor import rows
+    from drake_tc.benchmarks.real_tmotor import rows
 
     _real("real-tmotor", rows(data), as_json)
 
@@ -109,7 +109,7 @@ def bench_real_tmotor(data: Data, as_json: AsJson = False) -> None:
 @bench_app.command("real-uart")
 def bench_real_uart(data: Data, as_json: AsJson = False) -> None:
     """Feetech servos on a stretching stand: backlash and dead zone told apart, spans."""
-    from drake_tc.bench.real_uart import rows
+    from drake_tc.benchmarks.real_uart import rows
 
     _real("real-uart", rows(data), as_json)
 
@@ -121,7 +121,7 @@ def bench_real_robots(
     as_json: AsJson = False,
 ) -> None:
     """close-loop with fitted links against plain least squares: held-out error joint by joint, and a known payload."""
-    from drake_tc.bench.real_robots import rows
+    from drake_tc.benchmarks.real_robots import rows
 
     with progress_bar("bench real-robots", quiet=as_json) as progress:
         table = rows(data, name or (), progress)
@@ -131,7 +131,7 @@ def bench_real_robots(
 @bench_app.command("real-icub")
 def bench_real_walking(data: Data, as_json: AsJson = False) -> None:
     """Walking humanoid against motion capture: base position and yaw beside the published leg odometry."""
-    from drake_tc.bench.real_icub import rows
+    from drake_tc.benchmarks.real_icub import rows
 
     with progress_bar("bench real-icub", quiet=as_json) as progress:
         table = rows(data, progress)

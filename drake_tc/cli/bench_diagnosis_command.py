@@ -9,7 +9,7 @@ from rich.console import Console
 from drake_tc.cli.bench_seeds import ALL_CORES, AsJson, Jobs, Out, Seeds, by_seed
 
 if TYPE_CHECKING:
-    from drake_tc.blind.score import BenchmarkScore
+    from drake_tc.benchmarks.blind.score import BenchmarkScore
 
 
 def bench_diagnosis(
@@ -26,8 +26,8 @@ def bench_diagnosis(
     as_json: AsJson = False,
 ) -> None:
     """Blind benchmark: rigs are simulated by an independent code path; the diagnosis sees only their files."""
-    from drake_tc.bench.blind_rigs import BlindOptions, blind_benchmark
-    from drake_tc.blind.scoreboard import print_score
+    from drake_tc.benchmarks.blind.scoreboard import print_score
+    from drake_tc.benchmarks.blind_rigs import BlindOptions, blind_benchmark
 
     if scale not in ("smoke", "full"):
         raise typer.BadParameter(f"expected smoke or full, got {scale!r}", param_hint="--scale")
@@ -58,7 +58,7 @@ def scores_json(scores: dict[int, "BenchmarkScore"]) -> dict[str, object]:
     Beside them `kinds` has the right answers by group, kind and strength, and `by_seed` the rows of each seed where
     there are several.
     """
-    from drake_tc.blind.score_kinds import kind_table
+    from drake_tc.benchmarks.blind.score_kinds import kind_table
 
     score = _together(scores)
     document = score.to_json() | {"kinds": kind_table(score.outcomes).to_dict("records")}
@@ -68,6 +68,6 @@ def scores_json(scores: dict[int, "BenchmarkScore"]) -> dict[str, object]:
 
 
 def _together(scores: dict[int, "BenchmarkScore"]) -> "BenchmarkScore":
-    from drake_tc.blind.score import score_outcomes
+    from drake_tc.benchmarks.blind.score import score_outcomes
 
     return score_outcomes([outcome for score in scores.values() for outcome in score.outcomes])

@@ -16,7 +16,7 @@ def bench_floor(
     as_json: Annotated[bool, typer.Option("--json", help="Print the rows as JSON.")] = False,
 ) -> None:
     """Compare the contact approximations: a foot that stands, slides and rocks, a leaning robot, the time of a tick."""
-    from drake_tc.bench.floor_contact import floor_rows
+    from drake_tc.benchmarks.floor_contact import floor_rows
     from drake_tc.registry import tsid_entry
 
     moved = tsid_entry().scenario("com_move").changed(duration=duration)

@@ -23,7 +23,7 @@ def bench_qp(
     as_json: Annotated[bool, typer.Option("--json", help="Print the rows as JSON.")] = False,
 ) -> None:
     """Quadratic programs along motions of a robot by each solver: time from nothing and warm-started, and accuracy."""
-    from drake_tc.bench.qp import qp_rows
+    from drake_tc.benchmarks.qp import qp_rows
     from drake_tc.tsid.configuration import load_law
     from drake_tc.tsid.qp.choose import unavailable
 

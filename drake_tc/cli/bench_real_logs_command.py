@@ -12,12 +12,12 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from drake_tc.bench.real_rows import rows_json
+from drake_tc.benchmarks.real_rows import rows_json
 from drake_tc.cli.progress import progress_bar
 
 if TYPE_CHECKING:
-    from drake_tc.bench.real_log_claims import CaseClaims, JointClaims, RunFigures
-    from drake_tc.bench.real_logs import SetClaims
+    from drake_tc.benchmarks.real_log_claims import CaseClaims, JointClaims, RunFigures
+    from drake_tc.benchmarks.real_logs import SetClaims
 
 
 def bench_real_logs(
@@ -26,7 +26,7 @@ def bench_real_logs(
     as_json: Annotated[bool, typer.Option("--json", help="Print the rows and all cases as JSON.")] = False,
 ) -> None:
     """Run close-loop on public logs with the committed rig files, and check what it claims on each held-out run."""
-    from drake_tc.bench.real_logs import real_log_claims
+    from drake_tc.benchmarks.real_logs import real_log_claims
 
     console = Console(file=sys.stdout, highlight=False)
 
@@ -46,7 +46,7 @@ def bench_real_logs(
 
 
 def _document(sets: Sequence["SetClaims"]) -> dict[str, Any]:
-    from drake_tc.bench.real_logs import rows_of
+    from drake_tc.benchmarks.real_logs import rows_of
 
     return rows_json("real-logs", rows_of(sets)) | {
         "cases": [case.to_json() for entry in sets for case in entry.cases],

@@ -12,7 +12,7 @@ from rich.table import Table
 from drake_tc.cli.bench_seeds import ALL_CORES, AsJson, Jobs, Out, Seeds, by_seed
 
 if TYPE_CHECKING:
-    from drake_tc.bench.robot_rigs import RobotScore
+    from drake_tc.benchmarks.robot_rigs import RobotScore
 
 Score = TypeVar("Score")
 
@@ -28,7 +28,7 @@ def bench_robot(
     as_json: AsJson = False,
 ) -> None:
     """Blind benchmark of a robot's rig: an effect in one joint, a sensor's error, a wrong link, or nothing."""
-    from drake_tc.bench.robot_rigs import robot_benchmark, summary_rows
+    from drake_tc.benchmarks.robot_rigs import robot_benchmark, summary_rows
 
     scores = by_seed(
         "bench robot",

@@ -16,7 +16,7 @@ def bench_tick(
     as_json: Annotated[bool, typer.Option("--json", help="Print the rows as JSON.")] = False,
 ) -> None:
     """A tick of robust TSID, everything included, by measure of robustness and stage; and the diagram as a whole."""
-    from drake_tc.bench.tsid_timing import tick_timings
+    from drake_tc.benchmarks.tsid_timing import tick_timings
     from drake_tc.registry import tsid_entry
 
     scenario = tsid_entry().scenario(scenario_name, scenario_file).changed(duration=duration)

@@ -8,9 +8,9 @@ import numpy as np
 import pandas as pd
 import pytest
 import yaml
-from drake_tc.diagrams.blind_leg.cases import ROBOT, leg_case, zeroed_suite
-from drake_tc.diagrams.blind_leg.recorder import random_motion, record_leg
 
+from drake_tc.benchmarks.blind_leg.cases import ROBOT, leg_case, zeroed_suite
+from drake_tc.benchmarks.blind_leg.recorder import random_motion, record_leg
 from drake_tc.cli.main import run
 from drake_tc.estimation.off_line import OffLineFilter, estimate_log
 from drake_tc.estimation.robot_loads import robot_logs

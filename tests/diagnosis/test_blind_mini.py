@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from drake_tc.blind.catalogue import catalogue, caused_rig
-from drake_tc.blind.generate import generate
-from drake_tc.blind.nulls import null_rig
-from drake_tc.blind.outcome import Outcome, read_outcome
-from drake_tc.blind.score import score_outcomes
-from drake_tc.blind.spec import RUNS, RigSpec
+from drake_tc.benchmarks.blind.catalogue import catalogue, caused_rig
+from drake_tc.benchmarks.blind.generate import generate
+from drake_tc.benchmarks.blind.nulls import null_rig
+from drake_tc.benchmarks.blind.outcome import Outcome, read_outcome
+from drake_tc.benchmarks.blind.score import score_outcomes
+from drake_tc.benchmarks.blind.spec import RUNS, RigSpec
 from drake_tc.diagnosis.result.to_json import result_json
 from drake_tc.diagnosis.run import close_loop
 

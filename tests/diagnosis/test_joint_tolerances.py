@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from drake_tc.bench.interval_coverage import friction_intervals
+from drake_tc.benchmarks.interval_coverage import friction_intervals
 from drake_tc.diagnosis import joint as module
 from drake_tc.diagnosis.joint import diagnose_joint
 from drake_tc.diagnosis.options import DiagnosisOptions

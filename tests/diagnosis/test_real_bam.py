@@ -12,9 +12,9 @@ from readme_quotes_real import differing_cells
 
 from drake_tc.actuation.free_run import simulate
 from drake_tc.actuation.recorded_run import in_plant
-from drake_tc.bench.real_bam import GAINS, PUBLISHED, TO_REACH, XL330, real_bam_rows
-from drake_tc.bench.real_log_cases import RIGS
-from drake_tc.bench.real_rows import RealRow
+from drake_tc.benchmarks.real_bam import GAINS, PUBLISHED, TO_REACH, XL330, real_bam_rows
+from drake_tc.benchmarks.real_log_cases import RIGS
+from drake_tc.benchmarks.real_rows import RealRow
 from drake_tc.diagnosis.data.recordings import longest_stretch, loop_of, recording_of
 from drake_tc.errors import LogError
 from drake_tc.logs.importers.bam import JOINT, convert

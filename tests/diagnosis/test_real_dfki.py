@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 from readme_quotes_real import differing_cells
 
-from drake_tc.bench.real_dfki import GOOD, TORQUE_PER_AMPERE, WANTED, claims, good_runs, rows, run_fits
+from drake_tc.benchmarks.real_dfki import GOOD, TORQUE_PER_AMPERE, WANTED, claims, good_runs, rows, run_fits
 from drake_tc.filtering.common_kernel import CommonKernel
 
 MOTOR_TURNS = 6.0  # the gear's ratio: the encoder is on the motor's side

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from readme_quotes_real import differing_cells
 
-from drake_tc.bench.flexible_fits import offset_of, repeatability
-from drake_tc.bench.real_tmotor import CASES, LOWER_BY, held_out, rows
+from drake_tc.benchmarks.flexible_fits import offset_of, repeatability
+from drake_tc.benchmarks.real_tmotor import CASES, LOWER_BY, held_out, rows
 from drake_tc.logs.importers.tmotor import SESSIONS, convert
 from drake_tc.logs.readers import read_table
 

@@ -7,8 +7,8 @@ import pytest
 from numpy.testing import assert_allclose
 from readme_quotes_real import differing_cells
 
-from drake_tc.bench.real_rows import RealRow
-from drake_tc.bench.real_uart import rows, stand_reports
+from drake_tc.benchmarks.real_rows import RealRow
+from drake_tc.benchmarks.real_uart import rows, stand_reports
 from drake_tc.identification.backlash_test import BacklashReport
 
 STEP = 360.0 / 4096.0

@@ -5,12 +5,12 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
-from drake_tc.diagrams.blind_leg.cases import DECLARED, ROBOT, ROUND, leg_case, zeroed_suite
-from drake_tc.diagrams.blind_leg.recorder import Wrong, random_motion, record_leg
 from numpy.testing import assert_allclose
 
 from drake_tc.actuation.model_file import load_models
-from drake_tc.bench.robot_rigs import SHARED, robot_benchmark, score_report, summary_rows
+from drake_tc.benchmarks.blind_leg.cases import DECLARED, ROBOT, ROUND, leg_case, zeroed_suite
+from drake_tc.benchmarks.blind_leg.recorder import Wrong, random_motion, record_leg
+from drake_tc.benchmarks.robot_rigs import SHARED, robot_benchmark, score_report, summary_rows
 from drake_tc.robot.robot import load_robot
 from drake_tc.sensing.suite import SensorSuiteSpec
 

@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from drake_tc.diagrams.blind_leg.cases import ROBOT, ROUND, leg_case, record_case
 
 from drake_tc.actuation.model_file import load_models
+from drake_tc.benchmarks.blind_leg.cases import ROBOT, ROUND, leg_case, record_case
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.run import close_loop
 from drake_tc.robot.robot import load_robot

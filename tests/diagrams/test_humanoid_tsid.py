@@ -9,8 +9,8 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from optional import skip_without_robots
 
-from drake_tc.bench.floor_contact import cone_miss
-from drake_tc.bench.tsid_timing import FORMS
+from drake_tc.benchmarks.floor_contact import cone_miss
+from drake_tc.benchmarks.tsid_timing import FORMS
 from drake_tc.cli.main import run
 from drake_tc.errors import ParamsError
 from drake_tc.logs.readers import read_table

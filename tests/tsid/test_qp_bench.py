@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from drake_tc.bench.qp import MOTIONS, record, residual, timed
+from drake_tc.benchmarks.qp import MOTIONS, record, residual, timed
 from drake_tc.cli.bench_qp_command import humanoid_controller
 from drake_tc.cli.main import run
 from drake_tc.tsid.configuration import load_law

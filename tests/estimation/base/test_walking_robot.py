@@ -8,7 +8,7 @@ import pytest
 from numpy.testing import assert_allclose
 from readme_quotes_real import differing_cells
 
-from drake_tc.bench import real_icub
+from drake_tc.benchmarks import real_icub
 from drake_tc.errors import LogError
 
 pytestmark = pytest.mark.slow

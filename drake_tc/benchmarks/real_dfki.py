@@ -1,0 +1,155 @@
+"""`bench real-dfki`: what `close-loop` leaves of a quasi-direct-drive pendulum's torque on runs that took no part.
+
+The cases are those of `bench/rigs/dfki-simple-pendulum`. The error is given twice: over the whole band of the filters,
+and inside the band in which the model explains the torque of the training runs (`diagnosis.residual.band`). The second
+one has to be reached: above that band the recorded torque is the answer of the controller to the encoder's errors, and
+no motion of the pendulum tells of it.
+
+`run_fits` asks whether the runs agree: the declared model is fitted to each run alone and to the other runs, through
+filters that pass half the power at 4.7 Hz. A run that is predicted well by its own fit only has other coefficients.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+from drake_tc.benchmarks.real_log_cases import import_set
+from drake_tc.benchmarks.real_log_claims import CaseClaims, RunFigures
+from drake_tc.benchmarks.real_logs import chosen_sets, run_case
+from drake_tc.benchmarks.real_rows import RealRow
+from drake_tc.diagnosis.data.preparation import build_samples
+from drake_tc.diagnosis.problem.columns import Columns, Term
+from drake_tc.diagnosis.problem.regression import fit, predict
+from drake_tc.effects.library import effect
+from drake_tc.errors import LogError
+from drake_tc.logs.common_rate import at_common_period
+from drake_tc.logs.importers.dfki import TORQUE_PER_AMPERE, convert
+from drake_tc.logs.prepare import load_runs
+from drake_tc.logs.record import Run
+from drake_tc.logs.rig import Rig, load_rig
+
+DATA_SET = "dfki-simple-pendulum"
+GOOD = {
+    "ddp": ("control_method_ddp__data_measured", None),
+    "direct_collocation": ("control_method_direct_collocation__data_measured", None),
+    "energy_shaping": ("control_method_energy_shaping__data_measured", 7.0),
+    "sac": ("control_method_sac__data_measured", 7.0),
+}
+"""Runs that nobody touches; the last two only until the first push by hand [s]."""
+CASES = (
+    *(f"{name}_alone_held_out" for name in GOOD),
+    "optimal_control_held_out",
+    "energy_shaping_held_out",
+)
+"""Each good run predicted from the other three, and the two cases with two held-out runs."""
+WANTED = 0.15
+WIDTH = 0.16
+"""Of the kernel of `run_fits` [s]; all signals pass it twice."""
+
+
+@dataclass(frozen=True)
+class RunFit:
+    """The declared model on one run.
+
+    Attributes:
+        own, others: RMS [N m of reported torque] on the run, fitted to it and fitted to the other runs.
+        own_share, others_share: Torque at the joint over reported torque, of both fits.
+    """
+
+    own: float
+    others: float
+    own_share: float
+    others_share: float
+
+
+def good_runs(data: Path) -> tuple[dict[str, Run], Rig]:
+    """The good runs by short name, and their rig.
+
+    Raises:
+        LogError: the set is not in `data`.
+    """
+    with TemporaryDirectory() as scratch:
+        convert(data / DATA_SET, Path(scratch))
+        folder = Path(scratch) / "simple"
+        rig = load_rig(folder / "rig.yaml")
+        runs = {}
+        for name, (file, end) in GOOD.items():
+            run = load_runs([folder / f"{file}.parquet"], rig)[0]
+            if end is not None:
+                segment = run.segment.copy()
+                segment[run.time - run.time[0] > end] = -1
+                run = replace(run, segment=segment)
+            runs[name] = run
+    return runs, rig
+
+
+def claims(data: Path, names: tuple[str, ...] = CASES) -> dict[str, CaseClaims]:
+    """What `close-loop` claims in each of the cases, by case.
+
+    Raises:
+        LogError: The set is not in `data`, or `close-loop` refuses a case.
+    """
+    (chosen,) = chosen_sets([DATA_SET])
+    cases = {case.name: case for case in chosen.cases}
+    out = {}
+    with TemporaryDirectory() as scratch:
+        logs = import_set(chosen, data, Path(scratch))
+        for name in names:
+            out[name] = run_case(chosen, cases[name], logs, Path(scratch))
+            if out[name].refusal:
+                raise LogError(f"{DATA_SET}/{name}: close-loop refuses the case: {out[name].refusal}")
+    return out
+
+
+def rows(data: Path) -> list[RealRow]:
+    """The table: error [N m of reported torque] on each held-out run, over all frequencies and inside the band."""
+    fits = [row for name, each in run_fits(data).items() for row in _fit_rows(name, each)]
+    return [row for name, case in claims(data).items() for row in _case_rows(name, case)] + fits
+
+
+def run_fits(data: Path) -> dict[str, RunFit]:
+    """The declared model fitted to each good run, and to the other three, and judged on that run."""
+    runs, rig = good_runs(data)
+    (joint,) = rig.joints
+    declared = [Term(effect("viscous")), Term(effect("coulomb"))]
+    out = {}
+    for name, run in runs.items():
+        judged = Columns(build_samples([run], rig, joint, WIDTH))
+        others = at_common_period([each for other, each in runs.items() if other != name])
+        fits = [fit(c, declared) for c in (judged, Columns(build_samples(others, rig, joint, WIDTH)))]
+        errors = [float(np.sqrt(np.mean(predict(judged, f) ** 2))) * TORQUE_PER_AMPERE for f in fits]
+        out[name] = RunFit(*errors, *(1.0 / (f.gain * TORQUE_PER_AMPERE) for f in fits))
+    return out
+
+
+def _fit_rows(name: str, fits: RunFit) -> Iterator[RealRow]:
+    note = f"declared model through {WIDTH:g} s, twice"
+    yield RealRow(f"{name}/own_fit", fits.own, "N*m", note=note)
+    yield RealRow(f"{name}/fit_of_others", fits.others, "N*m", note=note)
+    yield RealRow(f"{name}/own_share", fits.own_share, "-", note="torque at the joint over reported torque")
+    yield RealRow(f"{name}/others_share", fits.others_share, "-", note="the same of the other runs")
+
+
+def short_name(run: str) -> str:
+    """Name of a run without what all file names of the set share."""
+    return run.removeprefix("control_method_").split("__")[0]
+
+
+def _case_rows(name: str, case: CaseClaims) -> Iterator[RealRow]:
+    (joint,) = case.joints
+    found = ", ".join(str(effect["id"]) for effect in joint.effects) or "nothing"
+    for run in joint.heldout:
+        begin = f"{name}/{short_name(run.name)}"
+        yield RealRow(f"{begin}/before", run.before * TORQUE_PER_AMPERE, "N*m")
+        yield RealRow(f"{begin}/whole", run.after * TORQUE_PER_AMPERE, "N*m", note=f"found: {found}")
+        yield _band_row(begin, run)
+        yield RealRow(f"{begin}/band", run.band_hz, "Hz", note="chosen by the training runs; 0: there is none")
+
+
+def _band_row(begin: str, run: RunFigures) -> RealRow:
+    """The error inside the band; without a band the whole error counts."""
+    error = run.after if np.isnan(run.in_band) else run.in_band
+    return RealRow(f"{begin}/in_band", error * TORQUE_PER_AMPERE, "N*m", WANTED, "max")

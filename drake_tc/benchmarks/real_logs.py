@@ -1,0 +1,140 @@
+"""`bench real-logs`: `close-loop` on public logs as a new user would call it, and whether what it claims holds."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from drake_tc.benchmarks.real_log_cases import (
+    CaseFiles,
+    RealLogCase,
+    RealLogSet,
+    case_files,
+    import_set,
+    load_sets,
+)
+from drake_tc.benchmarks.real_log_claims import FLOORS, CaseClaims, claims_of
+from drake_tc.benchmarks.real_rows import RealRow
+from drake_tc.diagnosis.options import DiagnosisOptions
+from drake_tc.diagnosis.result.to_json import result_json
+from drake_tc.diagnosis.run import close_loop
+from drake_tc.errors import DrakeTcError, ParamsError
+
+Progress = Callable[[str, float], None]
+
+
+@dataclass(frozen=True)
+class SetClaims:
+    """One data set: its cases, or why it was not read."""
+
+    name: str
+    cases: tuple[CaseClaims, ...]
+    not_readable: str = ""
+
+
+def chosen_sets(names: Sequence[str] = ()) -> list[RealLogSet]:
+    """The committed sets of these names, all where none is given.
+
+    Raises:
+        ParamsError: An unknown name; lists the sets there are.
+    """
+    sets = load_sets()
+    if unknown := next((name for name in names if name not in sets), None):
+        raise ParamsError(f"no data set {unknown!r} has rig files; sets: {', '.join(sets)}")
+    return [entry for name, entry in sets.items() if not names or name in names]
+
+
+def _reports(files: CaseFiles) -> tuple[dict[str, Any], dict[str, dict[str, Any]]]:
+    """report.json with all held-out runs, and with each of them alone, by file name.
+
+    The search sees the training runs only, but confirmation withdraws an effect that some held-out run speaks against.
+    The model of a call with one held-out run can therefore have effects that the model of the first call lacks, and the
+    error of a run is that of its own call. What is left is only judged in the first call.
+    """
+    whole = result_json(close_loop(files.rig, files.log, files.holdout))
+    names = _distinct_names(files.holdout)
+    if len(names) == 1:
+        return whole, {names[0]: whole}
+    quick = DiagnosisOptions(assess_residual=False)
+    reports = [result_json(close_loop(files.rig, files.log, [path], quick)) for path in files.holdout]
+    return whole, dict(zip(names, reports, strict=True))
+
+
+def _distinct_names(paths: Sequence[Path]) -> list[str]:
+    """File names, with their folders where two are the same."""
+    names = [path.name for path in paths]
+    return [
+        f"{path.parent.name}/{name}" if names.count(name) > 1 else name for path, name in zip(paths, names, strict=True)
+    ]
+
+
+def run_case(chosen: RealLogSet, case: RealLogCase, logs: Path, scratch: Path) -> CaseClaims:
+    """Call `close-loop` on one case; input that it refuses is a result too."""
+    name = f"{chosen.name}/{case.name}"
+    try:
+        whole, alone = _reports(case_files(chosen, case, logs, scratch))
+    except DrakeTcError as error:
+        return CaseClaims(name, "refused", refusal=str(error), note=case.note)
+    return claims_of(name, whole, alone, case.note)
+
+
+def real_log_claims(
+    data: Path,
+    names: Sequence[str] = (),
+    progress: Progress = lambda text, share: None,
+    finished: Callable[[CaseClaims], None] = lambda case: None,
+) -> list[SetClaims]:
+    """Run every case of the chosen sets.
+
+    Args:
+        data: Folder of public data sets.
+        names: Sets; all that have rig files where empty. A set that is not in `data` is left out with the reason then.
+        progress: Told which case runs.
+        finished: Given every case as soon as it is done.
+
+    Raises:
+        ParamsError: An unknown set.
+        LogError: A set that was asked for by name is not in `data`.
+    """
+    sets = chosen_sets(names)
+    total, done = max(1, sum(len(entry.cases) for entry in sets)), 0
+    out = []
+    for entry in sets:
+        if entry.not_readable:
+            out.append(SetClaims(entry.name, (), entry.not_readable))
+            continue
+        with TemporaryDirectory() as folder:
+            scratch = Path(folder)
+            try:
+                logs = import_set(entry, data, scratch)
+            except DrakeTcError as error:
+                if names:
+                    raise
+                out.append(SetClaims(entry.name, (), str(error)))
+                done += len(entry.cases)
+                continue
+            cases = []
+            for case in entry.cases:
+                progress(f"{entry.name}/{case.name}", done / total)
+                cases.append(run_case(entry, case, logs, scratch))
+                finished(cases[-1])
+                done += 1
+            out.append(SetClaims(entry.name, tuple(cases)))
+    return out
+
+
+def rows_of(sets: Sequence[SetClaims]) -> list[RealRow]:
+    """The figures of the benchmark: how many claims do not hold, and the error over the floor on every run."""
+    rows = []
+    for case in (case for entry in sets for case in entry.cases if case.verdict != "refused"):
+        false, against = len(case.failures), len(case.disagreements)
+        rows.append(RealRow(f"{case.name}/claims_not_held", false, "-", 0.0, "max", note="; ".join(case.failures)))
+        rows.append(
+            RealRow(f"{case.name}/verdict_contradicted", against, "-", 0.0, "max", note="; ".join(case.disagreements))
+        )
+        for joint in case.joints:
+            for run in (joint.train, *joint.heldout):
+                name = f"{case.name}/{joint.joint}/{run.name}/floors"
+                rows.append(RealRow(name, joint.ratio(run), "-", note=f"{case.verdict}; green up to {FLOORS:g}"))
+    return rows

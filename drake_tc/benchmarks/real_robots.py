@@ -1,0 +1,176 @@
+"""`bench real-robots`: `close-loop` with fitted links against plain least squares, on runs that took no part.
+
+The cases are those of `bench/rigs`. Each joint's held-out error [N m by the declared drive gain] is given three times:
+of plain least squares on the same rows in the same filters (`pooled_least_squares`), of the declared model of
+`close-loop`, and of its model after. Least squares has a constant of each joint and no prior. Figures that the sets'
+READMEs give for their own least squares are told beside them; they rest on other filters and other rows.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+from drake_tc.benchmarks.pooled_least_squares import least_squares_residuals
+from drake_tc.benchmarks.real_log_cases import CaseFiles, case_files, import_set
+from drake_tc.benchmarks.real_logs import chosen_sets
+from drake_tc.benchmarks.real_rows import RealRow
+from drake_tc.diagnosis.options import DiagnosisOptions
+from drake_tc.diagnosis.result.rig_result import CloseLoopResult
+from drake_tc.diagnosis.run import close_loop, in_order
+from drake_tc.logs.prepare import load_runs
+from drake_tc.logs.rig import Rig, load_rig
+from drake_tc.types import FloatArray
+
+WANTED = 0.85
+"""Largest error of all joints together, over that of least squares."""
+PAYLOAD = 2.805
+"""Known mass of the load [kg]."""
+PAYLOAD_TOLERANCE = 0.03
+
+Progress = Callable[[str, float], None]
+
+
+@dataclass(frozen=True)
+class RobotCase:
+    """One case of `bench/rigs`.
+
+    Attributes:
+        data_set, case: Which.
+        published: Held-out residual of each joint in the set's README [N m], where it has one.
+        payload: Run with the known load, where the case has one.
+    """
+
+    data_set: str
+    case: str
+    published: tuple[float, ...] = ()
+    payload: str = ""
+
+
+CASES = (
+    RobotCase("ur10e-calibration", "excitation", (2.87, 3.85, 1.52, 0.52, 0.39, 0.45)),
+    RobotCase("ur10e-calibration", "unknown_load", payload="exc_0131_load"),
+    RobotCase("so101-sage", "six_runs_held_out", tuple(e / 0.13 for e in (0.0069, 0.0132, 0.0116, 0.0067, 0.0041))),
+    RobotCase("so101-sage", "clear_of_table"),
+    RobotCase(
+        "go2-leg-pd",
+        "four_legs",
+        (0.113, 0.114, 0.304, 0.129, 0.110, 0.231, 0.114, 0.121, 0.460, 0.123, 0.117, 0.307),
+    ),
+    *(RobotCase("staubli-tx40", f"fifth_{k}_held_out") for k in range(1, 6)),
+    *(RobotCase("dfki-double-pendulum", f"design_{d}/third_{k}") for d in ("a0", "c0") for k in range(1, 4)),
+)
+"""READMEs: UR10e on `exc_40s_12harm` alone; SO-101 by its drive gain of 0.13 rad/(N m); Go2 with a delay of 10 ms."""
+
+
+@dataclass(frozen=True, eq=False)
+class HeldOut:
+    """One joint on the held-out rows: residuals (N,) [N m] of least squares, of the model before and of that after.
+
+    `effort` is the RMS of the rows' effort over the drive gain [N m]; `found` names the effects.
+    """
+
+    joint: str
+    effort: float
+    least_squares: FloatArray
+    before: FloatArray
+    after: FloatArray
+    found: tuple[str, ...]
+
+
+def held_out(files: CaseFiles, options: DiagnosisOptions | None = None) -> tuple[CloseLoopResult, list[HeldOut]]:
+    """Run `close-loop` and least squares on one case.
+
+    Raises:
+        DrakeTcError: Input that `close-loop` refuses.
+    """
+    result = close_loop(files.rig, files.log, files.holdout, options or DiagnosisOptions(assess_residual=False))
+    rig = load_rig(files.rig)
+    runs = load_runs([*files.log, *files.holdout], rig)
+    count = len(files.log)
+    runs = [*in_order(runs[:count], rig), *in_order(runs[count:], rig)]
+    plain = least_squares_residuals(result, rig, runs)
+    return result, [_joint(result, rig, joint, plain[joint]) for joint in rig.joints]
+
+
+def _joint(result: CloseLoopResult, rig: Rig, joint: str, plain: FloatArray) -> HeldOut:
+    found, gain = result.joints[joint], rig.drive_gain[joint]
+    samples = found.heldout.samples
+    return HeldOut(
+        joint=joint,
+        effort=rms(samples.reduce(samples.signals.effort)) / gain,
+        least_squares=plain / gain,
+        before=found.heldout.before / gain,
+        after=found.heldout.after / gain,
+        found=tuple(effect.id for effect in found.effects),
+    )
+
+
+def rms(values: FloatArray) -> float:
+    """Root mean square of (N,)."""
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def rows(
+    data: Path,
+    names: Sequence[str] = (),
+    progress: Progress = lambda text, share: None,
+    cases: Sequence[RobotCase] = CASES,
+) -> list[RealRow]:
+    """The table of these data sets; of all where none is named.
+
+    Raises:
+        LogError: A set is not in `data`.
+        ParamsError: An unknown set.
+    """
+    sets = {entry.name: entry for entry in chosen_sets(sorted({case.data_set for case in cases}))}
+    taken = [case for case in cases if not names or case.data_set in names]
+    out = []
+    for number, case in enumerate(taken):
+        progress(f"{case.data_set}/{case.case}", number / len(taken))
+        chosen = sets[case.data_set]
+        entry = next(each for each in chosen.cases if each.name == case.case)
+        with TemporaryDirectory() as folder:
+            scratch = Path(folder)
+            logs = import_set(chosen, data, scratch)
+            result, joints = held_out(case_files(chosen, entry, logs, scratch))
+        out += table_rows(case, joints) + payload_rows(case, result)
+    progress("done", 1.0)
+    return out
+
+
+def table_rows(case: RobotCase, joints: Sequence[HeldOut]) -> list[RealRow]:
+    """Four figures a joint, and two of all joints together."""
+    begin = f"{case.data_set}/{case.case}"
+    published: Mapping[str, float] = dict(zip((j.joint for j in joints), case.published, strict=False))
+    out = []
+    for each in joints:
+        plain, after = rms(each.least_squares), rms(each.after)
+        told = f"; README, in its own filter: {published[each.joint]:.3g}" if each.joint in published else ""
+        name = f"{begin}/{each.joint}"
+        out += [
+            RealRow(f"{name}/least_squares", plain, "N*m", note=f"effort of {each.effort:.3g} N*m{told}"),
+            RealRow(f"{name}/before", rms(each.before), "N*m"),
+            RealRow(f"{name}/after", after, "N*m", note=f"found: {', '.join(each.found) or 'nothing'}"),
+            RealRow(f"{name}/ratio", after / plain, "-", 1.0, "max", note="after over least squares"),
+        ]
+    mean = float(np.exp(np.mean([np.log(rms(each.after) / rms(each.least_squares)) for each in joints])))
+    squares = [sum(float(np.sum(getattr(each, side) ** 2)) for each in joints) for side in ("after", "least_squares")]
+    together = float(np.sqrt(squares[0] / squares[1]))
+    return [
+        *out,
+        RealRow(f"{begin}/all_joints/ratio", together, "-", WANTED, "max", note="of the torque of all rows"),
+        RealRow(f"{begin}/all_joints/mean_ratio", mean, "-", note="geometric mean of the joints' ratios"),
+    ]
+
+
+def payload_rows(case: RobotCase, result: CloseLoopResult) -> list[RealRow]:
+    """The mass of the known load, where the case has one."""
+    if not case.payload or result.links is None:
+        return []
+    mass = result.links.payloads[case.payload]["m"]
+    note = f"95 % interval {mass.ci95[0]:.3g} to {mass.ci95[1]:.3g} kg"
+    within = PAYLOAD_TOLERANCE * PAYLOAD
+    return [RealRow(f"{case.data_set}/{case.case}/payload", mass.value, "kg", PAYLOAD, "within", within, note)]

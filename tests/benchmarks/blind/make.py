@@ -1,0 +1,33 @@
+"""Small rigs for the tests."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from drake_tc.benchmarks.blind.spec import Drive, Joint, RigSpec
+
+SERVO = Joint(
+    drive="position_servo",
+    gain=1.5e-4,
+    servo_damping=26.0,
+    viscous=9.0,
+    coulomb=4.0,
+    breakaway=1e-4,
+    rotor_inertia=0.36,
+    link_inertia=0.8,
+    gravity=18.0,
+    heat_capacity=40.0,
+    ambient=25.0,
+    bandwidth=26.0,
+)
+
+
+def rig(
+    causes: Mapping[str, Mapping[str, float]] | None = None,
+    drive: Drive = "position_servo",
+    duration: float = 3.0,
+    **changes: float,
+) -> RigSpec:
+    """A rig of the joint above with `causes`; `changes` are of the joint."""
+    gain = {"position_servo": 1.5e-4, "voltage": 0.4, "current": 0.08}[drive]
+    joint = replace(SERVO, drive=drive, **({"gain": gain} | changes))
+    return RigSpec("rig", "single", "some", "middle", joint, 5, causes or {}, duration=duration)

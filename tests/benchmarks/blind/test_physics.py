@@ -1,0 +1,96 @@
+"""The simulator against closed forms, another integrator, and itself with half the step."""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.signal import lsim
+
+from drake_tc.benchmarks.blind.balance import clean_log, unmodelled_torque
+from drake_tc.benchmarks.blind.physics import simulate
+from drake_tc.benchmarks.blind.reference import make_motion
+from drake_tc.benchmarks.blind.spec import BlindError, DivergedError
+
+from .make import rig
+
+
+def test_linear_servo_agrees_with_linear_system() -> None:
+    """Without Coulomb friction and gravity: (J + J_l) q'' + B q' + q/K = q_d/K."""
+    spec = rig(coulomb=0.0, gravity=0.0, duration=2.5)
+    record = simulate([spec], ["sine"], 2.5e-5)[0]
+    motion = make_motion(spec, "sine")
+    inertia = spec.joint.rotor_inertia + spec.joint.link_inertia
+    system = ([1.0 / spec.joint.gain], [inertia, spec.joint.damping, 1.0 / spec.joint.gain])
+    time = np.arange(motion.position.size) * 1e-3
+    expected = lsim(system, motion.position, time)[1][:-1]
+    # atol: first order in the step, 0.1 rad * 25 us * 80 rad/s
+    np.testing.assert_allclose(record.channels["position"], expected, atol=5e-5)
+
+
+def test_pendulum_agrees_with_another_integrator() -> None:
+    spec = rig(coulomb=0.0, drive="voltage", duration=2.5)
+    record, motion = simulate([spec], ["multisine"], 2.5e-5)[0], make_motion(spec, "multisine")
+    time = np.arange(motion.position.size) * 1e-3
+    joint = spec.joint
+    inertia = joint.rotor_inertia + joint.link_inertia
+    kp = inertia * joint.bandwidth**2
+    kd = max(1.6 * inertia * joint.bandwidth - joint.damping, 0.0)
+
+    def slope(t: float, x: np.ndarray) -> list[float]:
+        q_d, v_d, hand = (np.interp(t, time, y) for y in (motion.position, motion.velocity, motion.load))
+        torque = kp * (q_d - x[0]) + kd * (v_d - x[1]) - joint.damping * x[1] - joint.gravity * np.sin(x[0]) - hand
+        return [x[1], torque / inertia]
+
+    found = solve_ivp(slope, (0.0, 2.4), [0.0, 0.0], t_eval=time[:2400], rtol=1e-7, atol=1e-9, max_step=5e-3)
+    # atol: first order in the step of 25 us at a few rad/s
+    np.testing.assert_allclose(record.channels["position"][:2400], found.y[0], atol=1e-4)
+
+
+@pytest.mark.parametrize(
+    "causes",
+    [
+        {},
+        {"stribeck": {"excess": 2.0, "speed": 0.2, "exponent": 2.0}},
+        pytest.param({"presliding_hysteresis": {"share": 0.8, "length": 0.02}}, marks=pytest.mark.slow),
+        pytest.param({"elasticity": {"compliance": 3e-5}}, marks=pytest.mark.slow),
+    ],
+)
+def test_halving_the_step_converges(causes: dict) -> None:
+    spec = rig(causes, duration=1.5)
+    q1, q2, q4 = (simulate([spec], ["multisine"], h)[0].channels["position"] for h in (1e-4, 5e-5, 2.5e-5))
+    coarse, fine = np.sqrt(np.mean((q1 - q2) ** 2)), np.sqrt(np.mean((q2 - q4) ** 2))
+    assert fine < 0.65 * coarse  # first order: one half
+    assert coarse < 1e-4
+
+
+def test_null_rig_satisfies_the_declared_balance() -> None:
+    for drive in ("position_servo", "voltage", "current"):
+        record = simulate([rig(drive=drive)], ["multisine"])[0]
+        np.testing.assert_allclose(unmodelled_torque(record, clean_log(record)), 0.0, atol=1e-8)
+
+
+def test_gap_lets_the_link_move_freely_within_it() -> None:
+    record = simulate([rig({"backlash": {"half_gap": 2e-3}})], ["multisine"])[0]
+    twist = record.channels["motor_position"] - record.channels["position"]
+    torque = record.channels["torque"]
+    inside = np.abs(twist) < 2e-3
+    assert inside.sum() > 10
+    np.testing.assert_allclose(torque[inside], 0.0, atol=0.0)
+    assert np.max(np.abs(twist)) < 2e-3 + np.max(np.abs(torque)) / 4e5 + 1e-4
+    assert np.all(torque * twist >= 0.0)  # it pushes, never pulls
+
+
+def test_spring_gear_twists_by_torque_over_stiffness() -> None:
+    record = simulate([rig({"elasticity": {"compliance": 5e-5}})], ["static"])[0]
+    twist = record.channels["motor_position"] - record.channels["position"]
+    slope = np.polyfit(record.channels["torque"], twist, 1)[0]
+    np.testing.assert_allclose(slope, 5e-5, rtol=0.02)  # the damper's share is what is left
+
+
+def test_runaway_and_bad_step_are_refused() -> None:
+    spec = rig({"current_lag": {"time": 0.015}}, gain=2e-5, servo_damping=0.0, viscous=1.0, coulomb=0.1)
+    with pytest.raises(DivergedError, match="rig"):
+        simulate([spec], ["sine"])
+    with pytest.raises(BlindError, match="divisor"):
+        simulate([rig()], ["sine"], 3e-4)
+    with pytest.raises(BlindError, match="no cause 'gremlins'"):
+        simulate([rig({"gremlins": {"count": 3.0}})], ["sine"])

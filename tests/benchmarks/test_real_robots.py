@@ -1,0 +1,72 @@
+"""`bench real-robots`: the plain least squares it compares with, and what its table says is met."""
+
+from types import SimpleNamespace
+from typing import cast
+
+import numpy as np
+from numpy.testing import assert_allclose
+
+from drake_tc.benchmarks.pooled_least_squares import PlainRows, fit_and_predict
+from drake_tc.benchmarks.real_logs import chosen_sets
+from drake_tc.benchmarks.real_robots import CASES, HeldOut, RobotCase, payload_rows, table_rows
+from drake_tc.diagnosis.problem.estimates import Estimate
+from drake_tc.diagnosis.result.links import FittedLinks
+from drake_tc.diagnosis.result.rig_result import CloseLoopResult
+
+
+def made_up(rng: np.random.Generator, size: int, noise: tuple[float, float]) -> dict[str, PlainRows]:
+    """Two joints that share three identifiable combinations of five link parameters."""
+    mix = np.array([[1.0, 0, 0, 0.5, 0], [0, 1, 0, 0.2, 0], [0, 0, 1, -0.3, 0]])
+    pi = np.array([1.0, -2.0, 0.5, 0.3, 7.0])
+    sides = {}
+    for joint, (spread, own) in {"a": (noise[0], [1.0, 2, 0, 0.4]), "b": (noise[1], [3.0, 0, 0.1, -1])}.items():
+        links = rng.normal(size=(size, 3)) @ mix
+        columns = rng.normal(size=(size, 4))
+        columns[:, 3] = 1.0
+        target = links @ pi + columns @ np.array(own) + spread * rng.normal(size=size)
+        sides[joint] = PlainRows(target, links, columns)
+    return sides
+
+
+def test_least_squares_without_noise_leaves_nothing_although_parameters_are_redundant() -> None:
+    rng = np.random.default_rng(1)
+    residual = fit_and_predict(made_up(rng, 60, (0.0, 0.0)), made_up(rng, 40, (0.0, 0.0)))
+    assert_allclose(np.concatenate([*residual.values()]), 0.0, atol=1e-9)
+
+
+def test_least_squares_weighs_a_noisy_joint_less() -> None:
+    """With joint b useless the shared parameters are those of joint a alone, up to b's weight of 1e-8."""
+    rng = np.random.default_rng(2)
+    train, held = made_up(rng, 300, (0.1, 1e3)), made_up(rng, 50, (0.1, 1e3))
+    both, alone = fit_and_predict(train, held), fit_and_predict({"a": train["a"]}, {"a": held["a"]})
+    assert_allclose(both["a"], alone["a"], rtol=0, atol=1e-3)
+    by_hand = np.linalg.pinv(np.column_stack([train["a"].links, train["a"].own])) @ train["a"].target
+    expected = held["a"].target - np.column_stack([held["a"].links, held["a"].own]) @ by_hand
+    assert_allclose(alone["a"], expected, rtol=0, atol=1e-9)
+
+
+def joint(name: str, plain: float, after: float) -> HeldOut:
+    return HeldOut(name, 1.0, np.full(4, plain), np.full(4, plain), np.full(4, after), ())
+
+
+def test_the_table_pools_torque_and_flags_a_joint_above_least_squares() -> None:
+    case = RobotCase("set", "case", (9.0, 8.0))
+    rows = {row.name: row for row in table_rows(case, [joint("a", 4.0, 3.0), joint("b", 0.1, 0.2)])}
+    assert rows["set/case/a/ratio"].met is True and rows["set/case/b/ratio"].met is False
+    assert_allclose(rows["set/case/all_joints/ratio"].value, np.sqrt(9.04 / 16.01))
+    assert rows["set/case/all_joints/ratio"].met is True
+    assert_allclose(rows["set/case/all_joints/mean_ratio"].value, np.sqrt(0.75 * 2.0))
+    assert "README, in its own filter: 9" in rows["set/case/a/least_squares"].note
+
+
+def test_the_payload_is_met_within_three_percent() -> None:
+    mass = Estimate(2.75, "kg", (2.7, 2.8), False)
+    result = cast(CloseLoopResult, SimpleNamespace(links=FittedLinks((), (), {"run": {"m": mass}})))
+    (row,) = payload_rows(RobotCase("set", "case", payload="run"), result)
+    assert row.met is True and row.value == 2.75
+    assert payload_rows(RobotCase("set", "case"), result) == []
+
+
+def test_every_case_is_one_of_the_committed_ones() -> None:
+    known = {(entry.name, case.name) for entry in chosen_sets() for case in entry.cases}
+    assert {(case.data_set, case.case) for case in CASES} <= known

@@ -1,0 +1,36 @@
+"""What is timed are single ticks of the whole diagram: a few slow ones show."""
+
+import time
+from types import SimpleNamespace
+
+from pydrake.systems.framework import EventStatus, LeafSystem
+
+from drake_tc.benchmarks import tsid_timing as timing
+from drake_tc.loops.whole_body.scenario import TsidScenario
+
+PERIOD, SLOW = 2e-3, 4e-3
+
+
+class Busy(LeafSystem):
+    """Takes SLOW of its thread's time in every thirtieth tick, next to nothing in the others."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.DeclarePeriodicPublishEvent(PERIOD, 0.0, self._work)
+
+    def _work(self, context):
+        end = time.thread_time() + (SLOW if round(context.get_time() / PERIOD) % 30 == 7 else 0.0)
+        while time.thread_time() < end:
+            pass
+        return EventStatus.DidNothing()
+
+
+def test_slow_ticks_are_not_averaged_away_and_the_label_has_the_period(monkeypatch):
+    loop = SimpleNamespace(diagram=Busy(), law=SimpleNamespace(period=PERIOD), start=lambda context: None)
+    monkeypatch.setattr(timing, "build_tsid", lambda scenario: loop)
+    row = timing.diagram_timing(TsidScenario(controller="none.yaml", duration=300 * PERIOD))
+    assert row.n == 299
+    assert row.p99 >= 1e6 * SLOW
+    assert row.median < 0.1e6 * SLOW
+    assert row.name.startswith("the diagram, a tick of 2 ms:")
+    assert row.unit == "us"
