@@ -1,11 +1,12 @@
 """Where a sweep runs: processes of this machine that come back when one dies, or a Dask cluster."""
 
 import signal
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from multiprocessing import active_children, get_context
+from multiprocessing.process import BaseProcess
 from typing import Any, TypeVar
 
 from threadpoolctl import threadpool_limits
@@ -13,6 +14,8 @@ from threadpoolctl import threadpool_limits
 from drake_tc.errors import ParamsError
 
 T = TypeVar("T")
+END_TIME = 2.0
+"""A worker that was asked to end does so within this time [s]."""
 CONNECT_TIME = 10.0
 """A scheduler answers within this time [s]."""
 
@@ -75,11 +78,20 @@ def processes(workers: int) -> Iterator[RestartingProcesses]:
     try:
         yield pool
     except BaseException:
-        for worker in set(active_children()) - before:
-            worker.terminate()
+        _end(set(active_children()) - before)
+        pool.shutdown(wait=False, cancel_futures=True)
         raise
-    finally:
-        pool.shutdown(cancel_futures=True)
+    pool.shutdown(cancel_futures=True)
+
+
+def _end(workers: Iterable[BaseProcess]) -> None:
+    """Ask processes to end, and end those that have not done so in time."""
+    for worker in workers:
+        worker.terminate()
+    for worker in workers:
+        worker.join(END_TIME)
+        if worker.is_alive():
+            worker.kill()
 
 
 @contextmanager

@@ -9,7 +9,7 @@ from drake_tc.types import FloatArray
 
 
 def require_live(raw: RawLog, rig: Rig) -> tuple[str, ...]:
-    """Refuse a log in which no joint moves, or a moving joint's torque is constant; note joints that rest.
+    """Refuse a log in which no joint moves, or no moving joint's torque changes; note single joints of that kind.
 
     Raises:
         LogError: names the column and its value.
@@ -23,15 +23,19 @@ def require_live(raw: RawLog, rig: Rig) -> tuple[str, ...]:
             f" ({_value(positions[resting[0]]):.6g}) in all rows: nothing moves, or the encoder was not read;"
             " record a motion"
         )
-    for joint in rig.joints:
+    measured = [joint for joint in rig.joints if rig.load[joint] == "torque" and joint not in resting]
+    dead = [joint for joint in measured if _constant(raw.columns[f"{joint}/torque"])]
+    notes = [f"Column {joint}/position is constant: this joint did not move." for joint in resting]
+    for joint in dead:
         name = f"{joint}/torque"
-        if rig.load[joint] == "torque" and joint not in resting and _constant(raw.columns[name]):
+        if len(dead) == len(measured):
             raise LogError(
                 f"{raw.path}: column {rig.columns.get(name, name)!r} is {_value(raw.columns[name]):.6g} in all rows"
                 f" while {joint} moves: the torque was not measured; map the right column, or say with `load:` what"
                 " the joint carries (`load: unknown` fits it)"
             )
-    return tuple(f"Column {joint}/position is constant: this joint did not move." for joint in resting)
+        notes.append(f"Column {name} is constant while {joint} moves: its torque was not measured.")
+    return tuple(notes)
 
 
 def _constant(values: FloatArray) -> bool:

@@ -39,7 +39,7 @@ FEW = ("quadratic_viscous", "load_dependent_friction", "torque_sensor_drift", "t
 
 def only(monkeypatch, *keys: str) -> None:
     """Look for these effects alone."""
-    monkeypatch.setattr(module, "looked_for", lambda context: tuple(effect(k) for k in keys))
+    monkeypatch.setattr(module, "looked_for", lambda context, effects=None: tuple(effect(k) for k in keys))
 
 
 def result_of(*joints: JointResult) -> CloseLoopResult:

@@ -90,7 +90,7 @@ def test_a_bias_of_five_tolerances_is_an_effect_of_its_size():
 def only(monkeypatch: pytest.MonkeyPatch, *keys: str) -> None:
     """Look for these effects alone."""
     for each in (module, outcome):
-        monkeypatch.setattr(each, "looked_for", lambda context: tuple(effect(k) for k in keys))
+        monkeypatch.setattr(each, "looked_for", lambda context, effects=None: tuple(effect(k) for k in keys))
 
 
 def test_a_scale_within_tolerance_is_not_named_and_one_beyond_is(monkeypatch):

@@ -116,5 +116,5 @@ def test_model_file_keeps_what_no_joint_owns(tmp_path):
     (tmp_path / "bad.yaml").write_text(
         "joints: {turn: {drive: {kind: current, gain: 1}}}\nshared: 3\n", encoding="utf-8"
     )
-    with pytest.raises(ParamsError, match="shared: wanted a list"):
+    with pytest.raises(ParamsError, match="shared: expected a list"):
         load_models(tmp_path / "bad.yaml")
