@@ -124,5 +124,5 @@ def test_the_tare_is_checked_and_written_back(tmp_path):
     assert rig.tares == {"ft_wrist": (0.0, 1.5)}
     assert parse_rig(rig_document(rig)).tares == rig.tares
     for tare, said in (([2, 1], "expected begin < end"), ([1], "expected a list of two values, begin and end")):
-        with pytest.raises(RigError, match=f"sensors: ft_wrist: tare: {said}"):
+        with pytest.raises(RigError, match=f"sensors.ft_wrist.tare: {said}"):
             _rig(tmp_path, {"ft_wrist": {"tare": tare}})
