@@ -167,7 +167,7 @@ def test_an_interrupt_leaves_no_process_behind():
     with pytest.raises(KeyboardInterrupt), processes(1) as executor:
         sweep(functions.square, range(1000), executor=executor, progress=interrupt)
     assert told.is_set()
-    with pytest.raises(RuntimeError, match="after shutdown|not usable anymore"):
+    with pytest.raises(RuntimeError, match=r"after shutdown|not usable anymore"):
         executor.submit(os.getpid).result()
 
 
