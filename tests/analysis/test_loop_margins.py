@@ -57,7 +57,8 @@ def test_a_gain_margin_is_where_that_channel_alone_brings_the_loop_to_its_border
 def test_channels_are_named_as_in_bode_plots():
     cut = coupled()
     every = loop_margins(cut)
-    assert loop_margins(cut, ["control:torque[2]", 0]) == {NAMES[2]: every[NAMES[2]], NAMES[0]: every[NAMES[0]]}
+    chosen = loop_margins(cut, ["control:torque[2]", 0])
+    assert repr(chosen) == repr({NAMES[2]: every[NAMES[2]], NAMES[0]: every[NAMES[0]]})  # some are NaN
     omega = np.array([1.0, 10.0])
     assert_allclose(cut.loop_response("control:torque")(omega), cut.loop_response(0)(omega))
     for name in ("control:torque[3]", "control:speed", 3, -1):
