@@ -212,5 +212,18 @@ def search(
     known = frozenset(t.effect.key for t in declared)
     problem = JointProblem(columns, effects, context, known, floor)
     found = select(problem, refine(columns, fit(columns, declared)), thresholds, progress)
+    if any(t.effect.free_form and t.effect.key not in known for t in found.chosen.terms):
+        found = _of_causes(problem, found, thresholds, progress)
     taken = {t.effect.id for t in found.chosen.terms}
     return replace(found, passed_over=tuple(each for each in found.passed_over if each.id not in taken))
+
+
+def _of_causes(problem: JointProblem, found: Search, thresholds: SearchThresholds, progress: Progress) -> Search:
+    """The same search without curves of free form, where it explains as much with no more parameters.
+
+    A curve over the position can explain most of two effects at once, and none of them enters the beam after it.
+    """
+    effects = [effect for effect in problem.effects if not effect.free_form]
+    other = select(replace(problem, effects=effects), found.baseline, thresholds, progress)
+    as_good = other.chosen.cv_rms <= (1.0 + thresholds.same) * found.chosen.cv_rms
+    return other if as_good and other.chosen.size <= found.chosen.size else found
