@@ -70,6 +70,7 @@ class Rig:
         saturation: Known effort limit by joint [rad | A | V | N m], where known.
         drive_gain: Declared gain K_0 by joint [effort/(N m)], where it is declared.
         derivative_gain: Declared damping of a position servo by joint [N m s/rad], where it is declared.
+        command_hold: Whether the command acts unchanged until the next sample; None where the file does not say.
         source: The file it came from, or None.
         robot: The robot file whose model gives the loads, or None.
         sensors: Declared noise and tolerances by joint; see `joint_sensors`.
@@ -89,6 +90,7 @@ class Rig:
     saturation: Mapping[str, float] = field(default_factory=_empty)
     drive_gain: Mapping[str, float] = field(default_factory=_empty)
     derivative_gain: Mapping[str, float] = field(default_factory=_empty)
+    command_hold: bool | None = None
     source: Path | None = None
     robot: Path | None = None
     sensors: Mapping[str, JointSensors] = field(default_factory=_empty)
@@ -185,6 +187,7 @@ def _rig_of(read: RigDocument, robot: Path | None, source: Path | None) -> Rig:
         columns={name: str(in_log) for name, in_log in (read.columns or {}).items()},
         units=read.units or {},
         enabled=read.enabled,
+        command_hold=read.command_hold,
         source=source,
         robot=robot,
         sensors={joint: sensors.of_joint(joint, torque_sensor=load[joint] == "torque") for joint in joints},
@@ -259,8 +262,7 @@ def rig_document(rig: Rig) -> dict[str, Any]:
         for key in ("columns", "units", "saturation", "drive_gain", "derivative_gain", "coupled")
         if getattr(rig, key)
     }
-    if rig.enabled is not None:
-        document["enabled"] = rig.enabled
+    document |= {key: getattr(rig, key) for key in ("enabled", "command_hold") if getattr(rig, key) is not None}
     sensors = sensors_entry(rig.sensors, rig.tolerances, rig.tares)
     if sensors:
         document["sensors"] = sensors
