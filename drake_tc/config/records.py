@@ -92,7 +92,8 @@ def record_keys(kind: type[Any], *without: str) -> type[Keys]:
 
 
 def _keys_of(kind: type[Any], without: tuple[str, ...]) -> type[Keys]:
-    hints, meanings = get_type_hints(kind, include_extras=True), {}
+    hints = get_type_hints(kind, include_extras=True)
+    meanings: dict[str, str] = {}
     for base in reversed(kind.__mro__):
         meanings |= attributes_of(base) if is_dataclass(base) else {}
     keys: Any = {

@@ -126,7 +126,9 @@ class LoopBuilder(Generic[ScenarioT]):
                 raise ParamsError(f"stages: no stage {name!r} in this loop; stages: {', '.join(self.systems)}")
         for place in self.between:
             if place not in self._behind:
-                raise ParamsError(f"between: no place {place!r} in this loop; places: {', '.join(sorted(self._places))}")
+                raise ParamsError(
+                    f"between: no place {place!r} in this loop; places: {', '.join(sorted(self._places))}"
+                )
 
     def join(self, name: str, ports: Sequence[OutputPort]) -> OutputPort:
         """One port with the values of several, one below the other."""

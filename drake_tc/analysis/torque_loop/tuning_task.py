@@ -19,8 +19,8 @@ from drake_tc.errors import ParamsError
 from drake_tc.loops.torque.parts import actuator_models, loop_robot
 from drake_tc.loops.torque.references import references
 from drake_tc.loops.torque.scenario import Scenario
-from drake_tc.loops.torque.summary import SETTLED
 from drake_tc.loops.torque.spec import sensor_suite
+from drake_tc.loops.torque.summary import SETTLED
 from drake_tc.robot.robot import Robot
 from drake_tc.sensing.spec import SensorSpec
 from drake_tc.types import FloatArray

@@ -108,9 +108,7 @@ def build_loop(scenario: Scenario, *, meshcat: bool = False) -> Loop:
     )
 
 
-def _force_reference(
-    builder: DiagramBuilder, scenario: Scenario, robot: Robot, path: References
-) -> OutputPort | None:
+def _force_reference(builder: DiagramBuilder, scenario: Scenario, robot: Robot, path: References) -> OutputPort | None:
     """The forces that the scenario asks for; None without F/T sensors or without a torque loop."""
     if scenario.controller == "servo" or not robot.force_torque:
         return None

@@ -14,8 +14,8 @@ from drake_tc.estimation.joint_torque import JointTorqueEstimator
 from drake_tc.estimation.torque_model import TorqueModel
 from drake_tc.estimation.wrench_tare import WrenchTare
 from drake_tc.loops.ports import first_imu, picked
-from drake_tc.loops.torque.observer import connect_observer, prediction
 from drake_tc.loops.torque.builder import TorqueLoopBuilder
+from drake_tc.loops.torque.observer import connect_observer, prediction
 from drake_tc.loops.torque.ports import base_now, zeroed
 from drake_tc.loops.torque.rigid_torque import rigid_torque
 from drake_tc.loops.torque.spec import sensor_suite
@@ -92,9 +92,9 @@ def _inverse_dynamics(
     What a reference asks of a robot with a welded base is computed by a block of Drake's own.
     """
     scenario, robot = parts.scenario, parts.believed_robot
-    force_task = parts.force_reference is not None and bool(robot.force_torque)
-    if force_task:
-        inputs |= {"force_reference": parts.force_reference, "contact_wrench": estimates["contact_wrench"]}
+    asked = parts.force_reference if robot.force_torque else None
+    if asked is not None:
+        inputs |= {"force_reference": asked, "contact_wrench": estimates["contact_wrench"]}
     if "inverse_dynamics" in parts.stages:
         parts.add("inverse_dynamics", None, **inputs)
         return
@@ -106,7 +106,7 @@ def _inverse_dynamics(
         position_error="encoder",
         angular_acceleration="neglected" if scenario.angular_acceleration == "neglected" else "gyro",
         inertial="port" if from_table else "own",
-        force_task=force_task,
+        force_task=asked is not None,
     )
     if from_table:
         inputs["inertial_torque"] = rigid_torque(parts.builder, dynamics.terms, inputs["reference"])
@@ -124,9 +124,7 @@ def _estimation(parts: TorqueLoopBuilder) -> tuple[dict[str, OutputPort], dict[s
         parts.add("torque_estimator", None, **ports)
         needed = ("estimated_torque", *(("contact_wrench",) if parts.robot.force_torque else ()))
         return {name: parts.output("torque_estimator", name) for name in needed}, ports
-    model = TorqueModel(
-        parts.believed_robot, base=parts.base_from, angular_acceleration=scenario.angular_acceleration
-    )
+    model = TorqueModel(parts.believed_robot, base=parts.base_from, angular_acceleration=scenario.angular_acceleration)
     if scenario.tare and parts.robot.force_torque:
         filled = scenario.filters.window * scenario.dt
         tare = WrenchTare(model, filled, filled + scenario.tare)

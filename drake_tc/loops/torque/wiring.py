@@ -20,7 +20,7 @@ from pydrake.systems.framework import DiagramBuilder, OutputPort, System
 from pydrake.systems.primitives import ConstantVectorSource, TrajectorySource
 from pydrake.trajectories import Trajectory
 
-from drake_tc.actuation.joint_values import Models, model_list, models_by_joint
+from drake_tc.actuation.joint_values import Models, model_list
 from drake_tc.actuation.plant import ActuatorPlant
 from drake_tc.actuation.wiring import add_actuators
 from drake_tc.control.gains import TorqueGains

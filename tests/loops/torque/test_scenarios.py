@@ -142,7 +142,7 @@ def test_what_a_scenario_file_cannot_say(file, name, text, message):
         (
             "hrp2_leg",
             "{robot: ../models/hrp2_like/hrp2_like.yaml}",
-            "angular_acceleration: wanted gyro or neglected, as the base",
+            "angular_acceleration: expected gyro or neglected, as the base",
         ),
         ("hrp2_leg", "{actuators: nothing.yaml}", r"nothing\.yaml"),
         ("hrp2_leg", "{sensors: superb}", r"sensors\.preset: expected one of perfect, realistic, got 'superb'"),
