@@ -75,6 +75,12 @@ class LoopBuilder(Generic[ScenarioT]):
             self.builder.Connect(source, added.GetInputPort(port))
         return added
 
+    def connect(self, stage: str, port: str, source: OutputPort) -> None:
+        """Connect an input port of a stage; the user's own system need not have it."""
+        system = self.systems[stage]
+        if stage not in self.stages or system.HasInputPort(port):
+            self.builder.Connect(source, system.GetInputPort(port))
+
     def output(self, stage: str, port: str) -> OutputPort:
         """An output port of a stage, behind the user's own system where there is one for "stage.port".
 

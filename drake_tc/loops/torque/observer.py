@@ -54,7 +54,7 @@ def prediction(
 
 def live_torque(parts: TorqueLoopBuilder, observer: DisturbanceObserver) -> JointTorqueEstimator:
     """A torque estimate of this tick, from raw readings (the F/T sensors zeroed) and the observer's motion."""
-    builder, scenario = parts.builder, parts.scenario
+    builder = parts.builder
     delayed: Any = builder.GetSubsystemByName("torque_estimator")
     wires = {"joint_estimate": observer.GetOutputPort("motion")}
     if parts.base_from == "imu":

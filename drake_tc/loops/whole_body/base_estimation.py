@@ -12,7 +12,7 @@ from drake_tc.estimation.base.spec import BaseEstimatorSpec, ContactSpec
 from drake_tc.estimation.base.system import BaseEstimator
 from drake_tc.filtering.savitzky_golay import SavitzkyGolayFilter
 from drake_tc.loops.ports import first_imu, picked
-from drake_tc.loops.whole_body.scenario import TsidScenario
+from drake_tc.loops.whole_body.scenario import WholeBodySpec
 from drake_tc.loops.whole_body.sensors import WholeBodyBuilder, sensor_specs
 from drake_tc.loops.whole_body.series_elastic_drives import Start
 from drake_tc.robot.robot import Robot
@@ -48,7 +48,7 @@ def estimator_spec(wiring: WholeBodyBuilder) -> BaseEstimatorSpec:
         raise ParamsError(f"estimator.tuning: {error}") from None
 
 
-def imu_age(scenario: TsidScenario, period: float) -> float:
+def imu_age(scenario: WholeBodySpec, period: float) -> float:
     """How old the IMU's readings are at a tick [s].
 
     Args:

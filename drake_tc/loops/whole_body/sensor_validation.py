@@ -209,7 +209,7 @@ def add_flags(wiring: WholeBodyBuilder, validated: ValidatedSensors) -> tuple[st
     for name in ("state", "cop"):
         builder.Connect(estimator.GetOutputPort(name), feet.GetInputPort(name))
     builder.Connect(feet.GetOutputPort("imu_tilt"), estimator.GetInputPort("imu_tilt"))
-    for name in wiring.scenario.motion:
+    for name in wiring.references:
         moving: Any = builder.GetSubsystemByName(reference_port(name))
         builder.Connect(feet.GetOutputPort("lost"), moving.GetInputPort("stop"))
     places = [known.index(name) for name in named]
