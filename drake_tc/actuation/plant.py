@@ -12,6 +12,7 @@ from drake_tc.actuation.joint_values import JointValues, Models, joint_values, m
 from drake_tc.actuation.spring_joints import spring_joints
 from drake_tc.effects.thermal_friction import REFERENCE_CELSIUS
 from drake_tc.errors import ParamsError
+from drake_tc.port_methods import PortMethods
 from drake_tc.types import FloatArray
 
 
@@ -20,7 +21,7 @@ def _array(values: list[float]) -> Any:
     return np.array(values)
 
 
-class ActuatorPlant(LeafSystem):
+class ActuatorPlant(PortMethods, LeafSystem):
     """n geared, driven joints, sampled every `dt`.
 
     Inputs (vectors, in the order of `models`):

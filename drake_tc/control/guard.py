@@ -7,12 +7,13 @@ from pydrake.systems.framework import Context, LeafSystem
 
 from drake_tc.control.guard_law import GuardLaw, GuardMode, GuardSpec
 from drake_tc.errors import ParamsError
+from drake_tc.port_methods import PortMethods
 from drake_tc.types import FloatArray
 
 __all__ = ["CommandGuard", "GuardMode", "GuardSpec"]
 
 
-class CommandGuard(LeafSystem):
+class CommandGuard(PortMethods, LeafSystem):
     """Bumpless start, limits, and a safe reaction to lost signals: hold, then damp.
 
     r is where a drive is at rest: the position for a position servo, 0 for others. Every tick, with D the offset limit

@@ -10,6 +10,7 @@ from drake_tc.control.dynamics_terms import DynamicsTerms
 from drake_tc.control.floating_terms import BaseRotation, FloatingTerms
 from drake_tc.control.gains import TorqueGains
 from drake_tc.errors import ParamsError
+from drake_tc.port_methods import PortMethods
 from drake_tc.robot.robot import Robot
 from drake_tc.types import FloatArray
 
@@ -33,7 +34,7 @@ class _Parts(NamedTuple):
     unmet: FloatArray
 
 
-class InverseDynamics(LeafSystem):
+class InverseDynamics(PortMethods, LeafSystem):
     """tau_d = M qddot_d + h - J^T (f_d + Kf e_f) + Ks e + Kd edot, for a base that is welded or floats.
 
     e = q_d - q, edot = qdot_d - qdot, e_f = f_d - f_hat; M, h (gravity included) and J at the estimated, hence as a

@@ -23,6 +23,7 @@ from drake_tc.actuation.joint_values import JointValues, Models, joint_values, m
 from drake_tc.control.gains import TorqueGains
 from drake_tc.effects.thermal_friction import REFERENCE_CELSIUS
 from drake_tc.errors import ParamsError
+from drake_tc.port_methods import PortMethods
 from drake_tc.types import FloatArray
 
 Source = Literal["estimate", "reference"]
@@ -97,7 +98,7 @@ class _Solution(NamedTuple):
     commanded: tuple[float, ...]
 
 
-class TorqueControl(LeafSystem):
+class TorqueControl(PortMethods, LeafSystem):
     """Feedforward through the actuator models and proportional-integral feedback of the estimated torque.
 
         u     = tau_d + Kp (tau_d - tau_hat) + Ki s[n]

@@ -9,13 +9,14 @@ from pydrake.common.value import Value
 from pydrake.systems.framework import Context, LeafSystem, ValueProducer
 
 from drake_tc.estimation.torque_model import TorqueModel
+from drake_tc.port_methods import PortMethods
 from drake_tc.types import FloatArray
 
 LARGEST = 1e9
 """No reading in SI units is as large; one that is counts as not finite."""
 
 
-class JointTorqueEstimator(LeafSystem):
+class JointTorqueEstimator(PortMethods, LeafSystem):
     """Joint torques and external wrenches from filtered sensors.
 
     Inputs:

@@ -10,6 +10,7 @@ from pydrake.common.value import Value
 from pydrake.systems.framework import Context, LeafSystem, ValueProducer
 
 from drake_tc.errors import SimulationError
+from drake_tc.port_methods import PortMethods
 from drake_tc.tsid.law import Before, Law, Status, Tick, lost_tick, solve_tick
 from drake_tc.tsid.model import Scratch
 from drake_tc.tsid.warm_start import WarmStart
@@ -20,7 +21,7 @@ TASK_PORT = "{}_reference"
 """Name of a task's port."""
 
 
-class RobustTsid(LeafSystem):
+class RobustTsid(PortMethods, LeafSystem):
     """Torques by robust TSID, every `period`; between its ticks the outputs are held.
 
     Inputs:

@@ -145,7 +145,7 @@ def _monitor(parts: TorqueLoopBuilder, estimates: Mapping[str, OutputPort], refe
     n = len(robot.joints)
     rate = parts.builder.AddNamedSystem("reference_velocity", Demultiplexer([n, n, n]))
     parts.builder.Connect(reference, rate.get_input_port())
-    wires = {"encoder": sensors.encoder.GetOutputPort("reading"), "reference_velocity": rate.get_output_port(1)}
+    wires = {"position": sensors.encoder.GetOutputPort("reading"), "reference_velocity": rate.get_output_port(1)}
     if sensors.imu is not None:
         wires["imu"] = first_imu(parts.builder, sensors.imu.GetOutputPort("reading"))
     if sensors.force_torque is not None:

@@ -114,7 +114,7 @@ def base_state(
     if options.beside is not None:
         watching = BaseEstimator(law.model.robot, spec, method=options.beside)
         estimators.append(wiring.add("watching_estimator", watching, **inputs))
-        wiring.signals["beside_state"] = watching.GetOutputPort("state")
+        wiring.signals["beside_state"] = watching.GetOutputPort("estimated_state")
     wiring.signals |= {
         "estimator_status": estimator.GetOutputPort("status"),
         "cop": estimator.GetOutputPort("cop"),
@@ -126,7 +126,7 @@ def base_state(
             after: Any = each.EvalUniquePeriodicDiscreteUpdate(mine)
             mine.SetDiscreteState(np.array(after.value()))
 
-    port: OutputPort = estimator.GetOutputPort("state")
+    port: OutputPort = estimator.GetOutputPort("estimated_state")
     return port, start
 
 

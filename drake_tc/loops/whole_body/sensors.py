@@ -96,13 +96,13 @@ def estimated_state(wiring: WholeBodyBuilder, sensors: SensorSuite, contacts: Ou
     encoder = sensors.encoder.GetOutputPort("reading")
     quick = SavitzkyGolayFilter(n, QUICK, 2, law.period, QUICK - 1)
     wiring.add("quick_filter", quick, signal=encoder)
-    inputs = {"joint_position": encoder, "joint_velocity": quick.GetOutputPort("first_derivative")}
+    inputs = {"position": encoder, "velocity": quick.GetOutputPort("first_derivative")}
     if sensors.imu is not None:
         inputs["imu"] = first_imu(wiring.builder, sensors.imu.GetOutputPort("reading"))
     if contacts is not None:
         inputs["active_contacts"] = contacts
     wiring.add("standing_state", lambda: StandingState(law.model, law.period), **inputs)
-    return wiring.output("standing_state", "state")
+    return wiring.output("standing_state", "estimated_state")
 
 
 def estimated_torque(wiring: WholeBodyBuilder, sensors: SensorSuite) -> dict[str, OutputPort]:
