@@ -19,6 +19,7 @@ FLOOR = {
     "errors": 0,
     "types": 0,
     "port_methods": 0,
+    "front_door": 0,
     "extensions": 0,
     "system_libraries": 0,
     "text_table": 0,

@@ -45,6 +45,11 @@ class ActuatorPlant(PortMethods, LeafSystem):
     State x: see `drake_tc.actuation.joint_program`. With F the step of the joints' programs,
         x[n+1], y[n] = F(x[n], u[n]).
     The torque of a tick sees the state of the same tick: the system adds no delay of its own.
+
+    Example:
+        >>> knee = ActuatorModel("knee", Drive("current", 0.4))
+        >>> ActuatorPlant([knee], dt=1e-3, inertias=0.1).get_command_input_port().size()
+        1
     """
 
     def __init__(self, models: Models, dt: float = 1e-3, inertias: JointValues | None = None) -> None:

@@ -45,6 +45,11 @@ class CommandGuard(PortMethods, LeafSystem):
         next (3n + 5): the state of the next tick, of which y[n] and the mode are parts.
     State: y[n-1] (n), last finite position (n), anchor (n), mode, time in hold and damp, time sound, s, 1/T (0: no tick
     yet).
+
+    Example:
+        >>> guard = CommandGuard(6, 1e-3, GuardSpec(offset_limit=0.1))
+        >>> guard.get_command_output_port().size()
+        6
     """
 
     def __init__(

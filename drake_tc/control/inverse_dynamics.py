@@ -62,6 +62,12 @@ class InverseDynamics(PortMethods, LeafSystem):
     An input that is not finite gives NaN outputs for the tick, which the CommandGuard behind stops.
 
     Source: EQUATIONS A5. The paper has e from the delayed estimate; `position_error="encoder"` takes away that delay.
+
+    Example:
+        >>> robot = load_robot(MODELS / "hrp2_like" / "hrp2_like_leg.yaml")
+        >>> gains = TorqueGains.from_servo(load_models(robot.actuators))
+        >>> InverseDynamics(robot, gains, force_task=False).get_desired_torque_output_port().size()
+        6
     """
 
     def __init__(

@@ -58,6 +58,10 @@ class CompensationSpec:
 
     Raises:
         ParamsError: an unknown key or a number that is not possible.
+
+    Example:
+        >>> CompensationSpec(velocity="reference").wants_reference
+        True
     """
 
     velocity: Source = "estimate"
@@ -129,6 +133,12 @@ class TorqueControl(PortMethods, LeafSystem):
     An input that is not finite gives NaN outputs for the tick, which the CommandGuard behind stops; s is held.
 
     Source: EQUATIONS A5, A6; paper A (10)-(14), where friction is viscous alone.
+
+    Example:
+        >>> models = load_models(MODELS / "hrp2_like" / "hrp2_like_leg_actuators.yaml")
+        >>> control = TorqueControl(models, TorqueGains.from_servo(models), torque_limit=100.0)
+        >>> control.get_command_output_port().size()
+        6
     """
 
     def __init__(

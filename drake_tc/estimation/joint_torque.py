@@ -31,6 +31,11 @@ class JointTorqueEstimator(PortMethods, LeafSystem):
         estimate (n + 6 + 6k + 1): those one behind the other, for one call into Python a tick.
 
         y[n] = TorqueModel.estimate(u[n])
+
+    Example:
+        >>> model = TorqueModel(load_robot(MODELS / "hrp2_like" / "hrp2_like_leg.yaml"))
+        >>> JointTorqueEstimator(model).get_estimated_torque_output_port().size()
+        6
     """
 
     def __init__(self, model: TorqueModel) -> None:

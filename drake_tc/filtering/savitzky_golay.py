@@ -125,6 +125,10 @@ class SavitzkyGolayFilter(PortMethods, LeafSystem):
     nothing; nothing is raised in the loop.
 
     Source: EQUATIONS A1 (paper: N = 80, dt = 1 ms, mid-window, order 2 for encoders, 1 for IMU and F/T).
+
+    Example:
+        >>> SavitzkyGolayFilter(7, window=80, order=2, dt=1e-3).get_estimate_output_port().size()
+        21
     """
 
     def __init__(self, size: int, window: int, order: int | Sequence[int], dt: float, at: float | None = None) -> None:

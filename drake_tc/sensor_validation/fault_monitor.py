@@ -61,6 +61,11 @@ class FaultMonitor(PortMethods, LeafSystem):
     x are the IMU of a welded base against gravity and zero rate (where no joint lies between them), the unknown
     wrench, the contact wrench of the free sensors, and the torque residual; what is not finite is left out. A flag is
     up from the tick after its cause. Before the first finite reading the sensor is missing.
+
+    Example:
+        >>> monitor = FaultMonitor(load_robot(MODELS / "hrp2_like" / "hrp2_like_leg.yaml"))
+        >>> monitor.flag_names[0]
+        'encoder/missing'
     """
 
     def __init__(

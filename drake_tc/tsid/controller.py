@@ -41,6 +41,11 @@ class RobustTsid(PortMethods, LeafSystem):
     is x's; time that goes back begins a new tick. Nothing raises in the loop and all outputs are finite: what cannot be
     solved gives the safe torque, flagged. An exception inside a task or a limit fades the torque out; it is kept
     (`last_error`), logged once in a context, and raised where `strict` is set.
+
+    Example:
+        >>> controller = RobustTsid(load_law(MODELS / "hrp2_like" / "hrp2_like_tsid.yaml"))
+        >>> controller.get_torque_output_port().size()
+        30
     """
 
     def __init__(self, law: Law, *, strict: bool = False) -> None:

@@ -94,8 +94,8 @@ def test_outputs_come_from_the_state_alone():
     n, k = 30, 2
     state = system.base_state(context)
     moved = packed(state)
-    for name, port in (("position", "base_pose"), ("velocity", "base_velocity"), ("q", "estimated_state"), ("pressure", "cop"),
-                       ("flags", "status")):  # fmt: skip
+    ports = {"position": "base_pose", "velocity": "base_velocity", "q": "estimated_state", "pressure": "cop"}
+    for name, port in (ports | {"flags": "status"}).items():
         values = moved.copy()
         getattr(unpacked(values, n, k), name).flat[0] += 0.1  # a view into the vector
         context.SetDiscreteState(values)
