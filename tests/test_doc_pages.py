@@ -1,4 +1,4 @@
-"""The pages of `docs/` that build diagrams: their files and scripts run as they stand, on an arm, a leg and a humanoid."""
+"""The pages of `docs/` that build diagrams: files and scripts run as they stand, on an arm, a leg and a humanoid."""
 
 import os
 import re
