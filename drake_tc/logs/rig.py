@@ -78,6 +78,11 @@ class Rig:
         coupled: By joint, turns of its motor for one turn of another joint (`estimation.coupled_gears`).
         tares: Begin and end of the stretch of every run in which an F/T sensor is zeroed [s], by its column name.
         robot_sensors: Column names of the sensors that the robot file lists (`ft_foot`, `imu_trunk`).
+
+    Example:
+        >>> _ = (FOLDER / "rig.yaml").write_text("{joint: knee, drive: current, load: torque}")
+        >>> load_rig(FOLDER / "rig.yaml").joints
+        ('knee',)
     """
 
     joints: tuple[str, ...]
@@ -208,6 +213,11 @@ def load_rig(path: Path | str) -> Rig:
 
     Raises:
         RigError: No such file, not YAML, or not a rig; names file and key.
+
+    Example:
+        >>> _ = (FOLDER / "rig.yaml").write_text("{joint: knee, drive: current, load: torque}")
+        >>> load_rig(FOLDER / "rig.yaml").drive
+        {'knee': 'current'}
     """
     path = Path(path)
     return parse_rig(read_yaml(path, "rig file", RigError), path)
