@@ -77,7 +77,7 @@ def stability_command(
 
     if friction not in ("sliding", "modelled"):
         raise typer.BadParameter(f"wanted sliding or modelled, got {friction!r}", param_hint="--friction")
-    entry = runnable(diagram)
+    entry = runnable(diagram).naming(scenario_file, scenario_text)
     if entry.kind == "whole_body":
         raise ParamsError(f"stability: {diagram} stands on contacts, whose linearisation says nothing of its stability")
     scenario = entry.scenario(scenario_name, scenario_file, scenario_text)

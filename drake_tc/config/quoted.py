@@ -9,7 +9,9 @@ _LONGEST_NAME = 60
 
 
 def quoted(value: object) -> str:
-    """`repr` of a value, cut where it is long or deep."""
+    """`repr` of a value, cut where it is long or deep; true, false and null as files write them."""
+    if value is None or isinstance(value, bool):
+        return "null" if value is None else str(value).lower()
     try:
         return _SHORT.repr(value)
     except Exception:  # a value whose repr fails, such as a whole number of more digits than Python prints

@@ -11,6 +11,7 @@ from typing import Any
 
 import yaml
 
+from drake_tc.config.quoted import quoted
 from drake_tc.config.yaml_file import read_yaml
 from drake_tc.errors import RigError
 from drake_tc.logs.loads import Load, Pendulum, RobotLoad, UnknownLoad
@@ -143,7 +144,7 @@ def parse_rig(document: object, source: Path | str = "rig") -> Rig:
     """
     name = str(source)
     if not isinstance(document, Mapping):
-        raise RigError(f"{name}: expected a mapping, got {type(document).__name__} ({HINT})")
+        raise RigError(f"{name}: expected a mapping, got {quoted(document)} ({HINT})")
     entries = _with_text_keys(document)
     robot = parse_robot(name, entries.get("robot"), source)
     if robot is not None and not {"joint", "joints"} & set(entries):

@@ -61,7 +61,7 @@ def _joint_log(sound: Sound, folder: Path, rng: Random) -> list[Any]:
 
 def _joint_rig(sound: Sound, folder: Path, rng: Random) -> list[Any]:
     log = folder / "run.npz"
-    _save(sound.joint, log)
+    _save(sound.joint | {"on": sound.joint["time"] >= 0.0}, log)
     rig = _damaged(folder / "rig.yaml", sound.joint_rig | _more_rig(rng), rng)
     return ["identify", "--rig", rig, "--log", log, "--out", folder / "out" / "model.yaml", "--json"]
 
@@ -90,7 +90,11 @@ def _arm(sound: Sound, folder: Path, rng: Random) -> list[Any]:
     which = rng.choice(("urdf", "urdf", "urdf", "robot", "robot", "rig", "log"))
     urdf = damaged_urdf(sound.arm_urdf, rng) if which == "urdf" else sound.arm_urdf.encode()
     (folder / "arm.urdf").write_bytes(urdf)
-    (_damaged(folder / "arm.yaml", sound.arm_robot, rng) if which == "robot" else _write(folder / "arm.yaml", sound.arm_robot))
+    (
+        _damaged(folder / "arm.yaml", sound.arm_robot, rng)
+        if which == "robot"
+        else _write(folder / "arm.yaml", sound.arm_robot)
+    )
     rig_file = folder / "arm_rig.yaml"
     rig = _damaged(rig_file, sound.arm_rig, rng) if which == "rig" else _write(rig_file, sound.arm_rig)
     log = folder / "arm.npz"
@@ -125,7 +129,14 @@ def _controller(sound: Sound, folder: Path, rng: Random) -> list[Any]:
     controller = _damaged(folder / "controller.yaml", sound.controller, rng)
     (scenario,) = sound.scenarios["humanoid_tsid"]
     fields = sound.scenarios["humanoid_tsid"][scenario] | {"controller": str(controller)}
-    return ["graph", "humanoid_tsid", "--format", "json", "--scenario-file", _write(folder / "s.yaml", {scenario: fields})]
+    return [
+        "graph",
+        "humanoid_tsid",
+        "--format",
+        "json",
+        "--scenario-file",
+        _write(folder / "s.yaml", {scenario: fields}),
+    ]
 
 
 def _actuators(sound: Sound, folder: Path, rng: Random) -> list[Any]:
@@ -154,7 +165,17 @@ def _into(sound: Sound, folder: Path, rng: Random) -> list[Any]:
     )
     path = folder / "mine.xml"
     path.write_bytes(damaged_urdf(text, rng) if to == "urdf" else damage_bytes(text.encode(), rng))
-    return ["export", _write(folder / "model.yaml", sound.model), "--to", to, "--into", path, "--joint", joint, "--json"]
+    return [
+        "export",
+        _write(folder / "model.yaml", sound.model),
+        "--to",
+        to,
+        "--into",
+        path,
+        "--joint",
+        joint,
+        "--json",
+    ]
 
 
 def _sheet(sound: Sound, folder: Path, rng: Random) -> list[Any]:
@@ -162,14 +183,29 @@ def _sheet(sound: Sound, folder: Path, rng: Random) -> list[Any]:
     rig = _write(folder / "rig.yaml", {"joint": "elbow", "drive": "voltage", "load": "torque"})
     sheet = _damaged(folder / "sheet.yaml", sound.sheet, rng)
     out = folder / "out" / "model.yaml"
-    return ["identify", "--method", "motor", "--rig", rig, "--log", folder / "run.npz", "--sheet", sheet, "--out", out, "--json"]
+    return [
+        "identify",
+        "--method",
+        "motor",
+        "--rig",
+        rig,
+        "--log",
+        folder / "run.npz",
+        "--sheet",
+        sheet,
+        "--out",
+        out,
+        "--json",
+    ]
 
 
 def _data_set(sound: Sound, folder: Path, rng: Random) -> list[Any]:
     """A BAM run with odd entries."""
     source = folder / "set"
     source.mkdir()
-    entries = [{"timestamp": 0.01 * i, "position": 0.1 * i % 3, "goal_position": 0.1 * i % 2, "load": i} for i in range(40)]
+    entries = [
+        {"timestamp": 0.01 * i, "position": 0.1 * i % 3, "goal_position": 0.1 * i % 2, "load": i} for i in range(40)
+    ]
     run = {"mass": 0.5, "length": 0.1, "kp": 100, "motor": "xl330", "trajectory": "lift", "entries": entries}
     for _ in range(rng.choice((1, 1, 2))):
         place: Any = run if rng.random() < 0.5 else rng.choice(entries)
@@ -184,18 +220,19 @@ def _data_set(sound: Sound, folder: Path, rng: Random) -> list[Any]:
 
 def _words(sound: Sound, folder: Path, rng: Random) -> list[Any]:
     """Arguments alone are odd."""
-    _save(sound.joint, folder / "run.npz")
+    log, out = folder / "run.npz", folder / "out"
+    _save(sound.joint, log)
     rig = _write(folder / "rig.yaml", sound.joint_rig)
     call = rng.choice(
         (
-            ["identify", "--rig", rig, "--log", folder / "run.npz", "--out", folder / "out" / "m.yaml", "--method", "asymmetric"],
-            ["simulate", "sea_joint", "--duration", "0.01", "--seed", "1", "--out", folder / "out", "--log-format", "csv"],
+            ["identify", "--rig", rig, "--log", log, "--out", out / "m.yaml", "--method", "asymmetric"],
+            ["simulate", "sea_joint", "--duration", "0.01", "--seed", "1", "--out", out, "--log-format", "csv"],
             ["graph", "sea_joint", "--format", "json", "--depth", "1", "--stage", "hand=plant"],
             ["stability", "sea_joint", "--at", "0.01", "--open-at", "torque_control:command", "--joint", "0"],
             ["bode", "sea_joint", "--input", "a:b", "--output", "c:d", "--from", "1", "--to", "2", "--points", "1"],
             ["stability-map", "hrp2_leg", "--joint", "r_knee", "--x", "window=20:40:20", "--y", "kp=1,2"],
             ["schema", "rig"],
-            ["inspect", folder / "run.npz", "--rig", folder / "out" / "rig.yaml"],
+            ["inspect", log, "--rig", out / "rig.yaml"],
             ["export", rig, "--to", "mjcf", "--torque-constant", "1"],
             ["reproduce", "A.nothing", "--seed", "0"],
         )

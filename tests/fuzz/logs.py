@@ -15,7 +15,22 @@ import scipy.io
 from .odd import NAMES, damage_bytes
 
 FORMATS = (".csv", ".csv.gz", ".parquet", ".npz", ".mat", ".json", ".json.gz", ".jsonl")
-CELLS = ("overload", "", "é", "1,5", "1e400", "nan", "-", "0x10", "2001-99-99", "9" * 400, "true", "\x00", "1 2", "None")
+CELLS = (
+    "overload",
+    "",
+    "é",
+    "1,5",
+    "1e400",
+    "nan",
+    "-",
+    "0x10",
+    "2001-99-99",
+    "9" * 400,
+    "true",
+    "\x00",
+    "1 2",
+    "None",
+)
 
 Columns = dict[str, Any]
 
@@ -40,9 +55,7 @@ def _change(columns: Columns, rng: Random) -> None:
     values = np.array(columns[name])
     rows, at = values.shape[0], rng.randrange(max(1, values.shape[0]))
     how = rng.randrange(17)
-    if values.dtype == object or values.ndim != 1 or rows < 3:
-        del columns[name]
-    elif how == 0:
+    if values.dtype == object or values.ndim != 1 or rows < 3 or how == 0:
         del columns[name]
     elif how == 1:
         columns[rng.choice(NAMES)] = columns.pop(name)
@@ -145,7 +158,9 @@ def _json(columns: Columns, rng: Random) -> str:
     if how == 1:
         return json.dumps({"mass": 1, "entries": _records(columns)})
     if how == 2:
-        return rng.choice(("[" * 100_000, "{}", "[]", "[[]]", "null", "3", '"x"', "[1, 2]", '{"time": 3}', '{"time": [{}]}'))
+        return rng.choice(
+            ("[" * 100_000, "{}", "[]", "[[]]", "null", "3", '"x"', "[1, 2]", '{"time": 3}', '{"time": [{}]}')
+        )
     if how == 3:
         return json.dumps({"time": lists.pop("time", []), "nested": {"deep": lists}})
     return json.dumps(lists)
@@ -156,7 +171,9 @@ def _npz(columns: Columns, rng: Random) -> bytes:
     odd = rng.random()
     if odd < 0.1:
         with zipfile.ZipFile(buffer, "w") as archive:
-            archive.writestr(rng.choice(("time.npy", "time", "a/b.npy")), rng.choice((b"", b"no array", b"\x93NUMPY\x01")))
+            archive.writestr(
+                rng.choice(("time.npy", "time", "a/b.npy")), rng.choice((b"", b"no array", b"\x93NUMPY\x01"))
+            )
         return buffer.getvalue()
     if odd < 0.15:
         np.savez(buffer, **{f"x{i}": np.array([{}, None], dtype=object) for i in range(2)})

@@ -25,7 +25,22 @@ SCALARS = (
     *("*nope", "&a [*a]", _BOMB, "[" * 200 + "]" * 200, "{a: " * 80 + "1" + "}" * 80, "x" * 100_000, "@", "`"),
     *("hip", "position", "torque", "30 ms", "5 %", "-3 N", "0 s", "1e9 rad", "10 bananas"),
 )
-NAMES = ("[/x]", "[red]a", "a\u0000b", "\x1b[31m", "", " ", "a/b", "../a", "a\nb", "é", "x" * 3000, "1", "null", "\u202e")
+NAMES = (
+    "[/x]",
+    "[red]a",
+    "a\u0000b",
+    "\x1b[31m",
+    "",
+    " ",
+    "a/b",
+    "../a",
+    "a\nb",
+    "é",
+    "x" * 3000,
+    "1",
+    "null",
+    "\u202e",
+)
 """Of joints, links, keys."""
 
 
@@ -67,8 +82,9 @@ def damage(document: Any, rng: Random) -> str:
     """YAML of a document of which one to three places are odd."""
     root = [tree(document)]
     for _ in range(rng.choice((1, 1, 1, 2, 3))):
-        place, index = rng.choice(list(_places(root)))
-        _change(place, index, rng)
+        places = list(_places(root))
+        if places:
+            _change(*rng.choice(places), rng)
     return yaml_text(root[0]) if root else ""
 
 

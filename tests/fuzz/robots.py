@@ -42,6 +42,6 @@ def _change(root: ET.Element, rng: Random) -> None:
     elif how == 6:
         child.tag = rng.choice(("joint", "link", "inertial", "mass", "xacro:if", "mimic", "origin", "robot"))
     else:
-        ET.SubElement(parent, rng.choice(("mimic", "limit", "dynamics", "transmission", "collision", "visual", "mass")), {
-            "joint": "hip", "value": rng.choice(VALUES), "lower": rng.choice(VALUES), "effort": rng.choice(VALUES),
-        })  # fmt: skip
+        tag = rng.choice(("mimic", "limit", "dynamics", "transmission", "collision", "visual", "mass"))
+        odd = {name: rng.choice(VALUES) for name in ("value", "lower", "effort")}
+        ET.SubElement(parent, tag, {"joint": "hip", **odd})

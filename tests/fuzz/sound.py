@@ -134,8 +134,15 @@ def sound() -> Sound:
         sheet={
             "motors": {
                 "all": {
-                    **{"torque_constant": 0.043, "back_emf": 0.043, "resistance": 0.55, "rotor_inertia": 1e-5},
-                    **{"gear_ratio": 100.0, "coulomb": 1.0, "viscous": 1.0, "stiffness": 200.0, "voltage_limit": 24.0},
+                    "torque_constant": 0.043,
+                    "back_emf": 0.043,
+                    "resistance": 0.55,
+                    "rotor_inertia": 1e-5,
+                    "gear_ratio": 100.0,
+                    "coulomb": 1.0,
+                    "viscous": 1.0,
+                    "stiffness": 200.0,
+                    "voltage_limit": 24.0,
                 }
             },
             "widths": {"torque_constant": 0.1},

@@ -19,9 +19,10 @@ from .sound import sound
 
 LONGEST_LINE = 1500
 LEAKS = re.compile(
-    r"Traceback|has no attribute|NoneType|<class |KeyError|\bErrno\b|site-packages|not subscriptable|unhashable|invalid literal"
-    r"|could not convert|expected str|must be str|argument of type|\bdict\b|\bndarray\b|object at 0x|positional argument"
-    r"|zero-size array|broadcast|\bnumpy\b|\bpandas\b|codec can't|not iterable|Series|DataFrame|math domain"
+    r"Traceback|has no attribute|NoneType|<class |KeyError|\bErrno\b|site-packages|not subscriptable|unhashable"
+    r"|invalid literal|could not convert|expected str|must be str|argument of type|\bdict\b|\bndarray\b|object at 0x"
+    r"|positional argument|zero-size array|broadcast|numpy array|\bpandas\b|codec can't|not iterable|Series|DataFrame"
+    r"|math domain|\bNone\b"
 )
 """What only a Python programmer understands."""
 
