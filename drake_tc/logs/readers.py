@@ -97,7 +97,7 @@ def _read_csv(path: Path) -> pd.DataFrame:
     _check_names(path, opened, separator)
     try:
         with opened() as file:
-            return pd.read_csv(file, sep=separator, engine="pyarrow")
+            return _with_texts(pd.read_csv(file, sep=separator, engine="pyarrow"))
     except (pd.errors.ParserError, ValueError):
         # rows of uneven length, or bytes that are not UTF-8: the C parser drops what lies beyond the header
         with opened() as file:
@@ -116,10 +116,17 @@ def _read_csv(path: Path) -> pd.DataFrame:
             )
 
 
+def _with_texts(table: pd.DataFrame) -> pd.DataFrame:
+    """The table with texts in place of bytes, which Arrow keeps where they are not UTF-8."""
+    for name in table.columns[[pd.api.types.is_object_dtype(kind) for kind in table.dtypes]]:
+        table[name] = [c.decode("utf-8", errors="replace") if isinstance(c, bytes) else c for c in table[name]]
+    return table
+
+
 def _read_parquet(path: Path) -> pd.DataFrame:
     about = pyarrow.parquet.read_metadata(path)
     check_size(path, path.stat().st_size, 8.0 * about.num_rows * about.num_columns)
-    return without_lists(pd.read_parquet(path), path)
+    return _with_texts(without_lists(pd.read_parquet(path), path))
 
 
 def _columns_of(name: str, value: np.ndarray) -> dict[str, np.ndarray]:

@@ -105,6 +105,35 @@ def _arm(sound: Sound, folder: Path, rng: Random) -> list[Any]:
     return ["estimate-torque", "--rig", rig, "--log", log, "--out", folder / "out", "--json"]
 
 
+def _base(sound: Sound, folder: Path, rng: Random) -> list[Any]:
+    """Rig file or log of a humanoid that stands."""
+    if rng.random() < 0.5:
+        log, rig = damaged_log(sound.base, folder, rng), _write(folder / "rig.yaml", sound.base_rig)
+    else:
+        log, rig = folder / "run.npz", _damaged(folder / "rig.yaml", sound.base_rig, rng)
+        _save(sound.base, log)
+    return ["estimate-base", "--rig", rig, "--log", log, "--out", folder / "out", "--json"]
+
+
+def _diagnosed(sound: Sound, folder: Path, rng: Random) -> list[Any]:
+    """The whole main job, of a damaged log, rig or nothing."""
+    rig = _damaged(folder / "rig.yaml", sound.joint_rig, rng) if rng.random() < 0.3 else None
+    call = ["--rig", rig or _write(folder / "rig.yaml", sound.joint_rig)]
+    for option, stem in (("--log", "one"), ("--log", "two"), ("--holdout", "three")):
+        columns = dict(sound.joint) | {"elbow/torque": sound.joint["elbow/torque"] + 1e-3 * len(stem) * ord(stem[0])}
+        call += [option, damaged_log(columns, folder, rng, stem)]
+    return ["close-loop", *call, "--out", folder / "out", "--no-closed-loop", "--json"]
+
+
+def _analysed(sound: Sound, folder: Path, rng: Random) -> list[Any]:
+    """A damaged scenario of the series-elastic joint or the leg, linearised."""
+    name = rng.choice(("sea_joint", "hrp2_leg"))
+    path = _damaged(folder / "s.yaml", sound.scenarios[name], rng)
+    port = "voltage" if name == "sea_joint" else "command"
+    cut = ["--open-at", f"torque_control:{port}"]
+    return ["stability", name, "--at", "0.02", *cut, "--scenario-file", path, "--json"]
+
+
 def _scenario(sound: Sound, folder: Path, rng: Random) -> list[Any]:
     """A scenario file or text with odd fields."""
     name = rng.choice(list(sound.scenarios))
@@ -246,10 +275,13 @@ def _words(sound: Sound, folder: Path, rng: Random) -> list[Any]:
 
 
 KINDS: Mapping[str, tuple[int, Callable[[Sound, Path, Random], list[Any]]]] = {
-    "log": (30, _joint_log),
+    "log": (28, _joint_log),
     "rig": (12, _joint_rig),
     "arm": (18, _arm),
-    "scenario": (12, _scenario),
+    "base": (8, _base),
+    "diagnosed": (1, _diagnosed),
+    "analysed": (2, _analysed),
+    "scenario": (14, _scenario),
     "controller": (5, _controller),
     "actuators": (8, _actuators),
     "into": (3, _into),

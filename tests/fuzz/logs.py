@@ -106,7 +106,7 @@ def _written(columns: Columns, suffix: str, rng: Random) -> bytes:
     if suffix in (".json", ".json.gz"):
         return _packed(_json(columns, rng), suffix)
     if suffix == ".jsonl":
-        return "\n".join(map(json.dumps, _records(columns))).encode()
+        return "\n".join(_dumped(record) for record in _records(columns)).encode()
     if suffix == ".npz":
         return _npz(columns, rng)
     if suffix == ".mat":
@@ -150,20 +150,24 @@ def _records(columns: Columns) -> list[dict[str, Any]]:
     return [{name: values[i] for name, values in lists.items() if i < len(values)} for i in range(rows)]
 
 
+def _dumped(value: Any) -> str:
+    return json.dumps(value, default=str)
+
+
 def _json(columns: Columns, rng: Random) -> str:
     lists: Any = {name: _plain(values) for name, values in columns.items()}
     how = rng.randrange(8)
     if how == 0:
-        return json.dumps(_records(columns))
+        return _dumped(_records(columns))
     if how == 1:
-        return json.dumps({"mass": 1, "entries": _records(columns)})
+        return _dumped({"mass": 1, "entries": _records(columns)})
     if how == 2:
         return rng.choice(
             ("[" * 100_000, "{}", "[]", "[[]]", "null", "3", '"x"', "[1, 2]", '{"time": 3}', '{"time": [{}]}')
         )
     if how == 3:
-        return json.dumps({"time": lists.pop("time", []), "nested": {"deep": lists}})
-    return json.dumps(lists)
+        return _dumped({"time": lists.pop("time", []), "nested": {"deep": lists}})
+    return _dumped(lists)
 
 
 def _npz(columns: Columns, rng: Random) -> bytes:

@@ -28,6 +28,7 @@ class Sound:
         scenarios: Diagram to scenario document of one scenario, with absolute paths.
         controller, actuators, model: Documents of these files.
         sheet: Motor data sheet.
+        base, base_rig: Columns of a log of a humanoid that stands, and the rig file of `estimate-base`.
     """
 
     joint: dict[str, FloatArray]
@@ -42,6 +43,8 @@ class Sound:
     actuators: dict[str, Any]
     model: dict[str, Any]
     sheet: dict[str, Any]
+    base: dict[str, FloatArray]
+    base_rig: dict[str, Any]
 
 
 def _joint(rows: int = 600, period: float = 2e-3) -> dict[str, FloatArray]:
@@ -92,6 +95,36 @@ def _urdf() -> str:
         joint_tag("knee", "thigh", "shank", axis=(0, 1, 0), xyz=(0, 0, -0.4)),
         joint_tag("foot_mount", "shank", "foot", axis=(0, 0, 1), xyz=(0, 0, -0.4), kind="fixed"),
     )
+
+
+def _standing(rows: int = 60, period: float = 1e-2) -> dict[str, FloatArray]:
+    """A humanoid at rest; each foot carries half of it."""
+    t, rng = np.arange(rows) * period, np.random.default_rng(3)
+    columns = {"time": t}
+    for joint in _document("models/hrp2_like/hrp2_like.yaml")["joints"]:
+        columns[f"{joint}/position"] = 1e-4 * rng.normal(size=rows)
+    for axis, value in zip("xyz", (0.0, 0.0, GRAVITY), strict=True):
+        columns[f"imu_torso/gyro_{axis}"] = 1e-3 * rng.normal(size=rows)
+        columns[f"imu_torso/accel_{axis}"] = value + 1e-2 * rng.normal(size=rows)
+    for side in ("left", "right"):
+        for axis in ("fx", "fy", "fz", "tx", "ty", "tz"):
+            columns[f"ft_{side}_ankle/{axis}"] = 250.0 * (axis == "fz") + rng.normal(size=rows)
+    return columns
+
+
+def _base_rig(robot: Path) -> dict[str, Any]:
+    contacts = {
+        side: {
+            "link": f"{side[0]}_foot",
+            "xyz": [0.0, 0.0, -0.055],
+            "sole": [-0.1, 0.1, -0.05, 0.05],
+            "sensor": f"{side}_ankle",
+            "make": 30.0,
+            "break": 20.0,
+        }
+        for side in ("left", "right")
+    }
+    return {"robot": str(robot), "contacts": contacts, "start": {"position": [0.0, 0.0, 0.6], "yaw": 0.0}}
 
 
 def _document(path: str) -> dict[str, Any]:
@@ -147,4 +180,6 @@ def sound() -> Sound:
             },
             "widths": {"torque_constant": 0.1},
         },
+        base=_standing(),
+        base_rig=_base_rig(models / "hrp2_like" / "hrp2_like.yaml"),
     )

@@ -22,7 +22,7 @@ LEAKS = re.compile(
     r"Traceback|has no attribute|NoneType|<class |KeyError|\bErrno\b|site-packages|not subscriptable|unhashable"
     r"|invalid literal|could not convert|expected str|must be str|argument of type|\bdict\b|\bndarray\b|object at 0x"
     r"|positional argument|zero-size array|broadcast|numpy array|\bpandas\b|codec can't|not iterable|Series|DataFrame"
-    r"|math domain|\bNone\b"
+    r"|math domain"
 )
 """What only a Python programmer understands."""
 
@@ -79,7 +79,7 @@ def _line(line: str, each: Case, folder: Path) -> list[str]:
         wrong.append(f"leaks Python: {found[0]}")
     if not line.isprintable():
         wrong.append("characters that are not printable")
-    names = [path.name for path in folder.rglob("*")] + list(each.arguments)
+    names = [path.name for path in folder.rglob("*")] + [ascii(argument)[1:-1] for argument in each.arguments]
     if not any(name and name in line for name in names) and "--" not in line and "scenario text" not in line:
         wrong.append("names no file and no argument")
     return wrong
