@@ -90,11 +90,11 @@ class DiagramEntry(Generic[ScenarioT, LoopT]):
         build, simulate = self.build, self.simulate
 
         def named_build(scenario: ScenarioT) -> LoopT:
-            with _named(source):
+            with naming_errors(source):
                 return build(scenario)
 
         def named_simulate(scenario: ScenarioT, progress: Progress | None, meshcat: bool) -> Simulated:
-            with _named(source):
+            with naming_errors(source):
                 return simulate(scenario, progress, meshcat)
 
         return replace(self, build=named_build, simulate=named_simulate)
@@ -120,7 +120,7 @@ class DiagramEntry(Generic[ScenarioT, LoopT]):
 
 
 @contextmanager
-def _named(source: str) -> Iterator[None]:
+def naming_errors(source: str) -> Iterator[None]:
     """Put the source before a ParamsError that does not name it."""
     try:
         yield
