@@ -106,7 +106,9 @@ def read_mat(path: Path) -> dict[str, Value]:
         if len(content) < 20:
             raise _Damaged(f"the file has {len(content)} bytes")
         return _version_4(content) if 0 in bytes(content[:4]) else _version_5(content, path)
-    except (_Damaged, zlib.error) as error:
+    except zlib.error:
+        raise LogError(f"{path}: cannot be read as .mat: the packed data are damaged; save it anew") from None
+    except _Damaged as error:
         raise LogError(f"{path}: cannot be read as .mat: {error}; save it anew") from None
 
 

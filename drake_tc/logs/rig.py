@@ -12,6 +12,7 @@ from typing import Any
 import yaml
 
 from drake_tc.config.quoted import quoted
+from drake_tc.config.whole_file import write_whole
 from drake_tc.config.yaml_file import read_yaml
 from drake_tc.errors import RigError
 from drake_tc.logs.loads import Load, Pendulum, RobotLoad, UnknownLoad
@@ -280,5 +281,5 @@ def save_rig(rig: Rig, path: Path | str, comment: str = "") -> Path:
     if rig.robot is not None:
         document["robot"] = os.path.relpath(rig.robot, path.parent)
     body = yaml.safe_dump(document, sort_keys=False, allow_unicode=True)
-    path.write_text(head + body, encoding="utf-8")
+    write_whole(path, head + body)
     return path

@@ -51,7 +51,7 @@ def unpacked_gzip(path: Path) -> bytes:
                 parts.append(part)
                 size, rest = size + len(part), member.unconsumed_tail
                 check_size(path, len(packed), size)
-        except zlib.error as error:
-            raise LogError(f"{path}: {refused}: {error}; copy it anew") from None
+        except zlib.error:
+            raise LogError(f"{path}: {refused}: the packed data are damaged; copy it anew") from None
         rest = member.unused_data
     return b"".join(parts)

@@ -31,8 +31,8 @@ def _worker(first: int, last: int) -> Iterator[dict[str, Any]]:
     folder = tempfile.mkdtemp(prefix="fuzz")
     environment = os.environ | {"OMP_NUM_THREADS": "1", "MPLBACKEND": "Agg", "MUJOCO_GL": "disable"}
     environment |= {"XDG_STATE_HOME": folder, "TMPDIR": folder}
-    command = [sys.executable, "-m", "tests.fuzz.worker", str(first), str(last)]
-    process = subprocess.Popen(command, cwd=REPOSITORY, env=environment, stdout=subprocess.PIPE, text=True)
+    command = [sys.executable, "-m", "fuzz.worker", str(first), str(last)]
+    process = subprocess.Popen(command, cwd=REPOSITORY / "tests", env=environment, stdout=subprocess.PIPE, text=True)
     stream = process.stdout
     assert stream is not None
     running, patience = first, STARTING

@@ -6,10 +6,9 @@ from typing import Any
 
 import numpy as np
 import yaml
+from robot_files import joint_tag, link_tag, urdf
 
 from drake_tc.types import FloatArray
-
-from ..robot_files import joint_tag, link_tag, urdf
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 GRAVITY = 9.81
