@@ -12,8 +12,8 @@ from drake_tc.types import BoolArray, FloatArray, IntArray
 
 ROWS = 5
 """Rows before and after, over which the speed is taken."""
-LEAST_STEPS = 4.0
-"""Motion in steps of the encoder, below which nothing is told."""
+LEAST_DEVIATIONS = 3.0
+"""Motion in deviations of the second difference (2.4 of the noise), below which nothing is told."""
 MOST_HELD = 0.02
 """Share of rows above which holding is the channel's way, as of one on a slower clock."""
 
@@ -26,7 +26,7 @@ def held_rows(position: FloatArray) -> BoolArray:
 
     Returns:
         With x the value that is held over k rows more and d the leap behind it: rows of stretches with
-        d = (0.5 to 2) v (k + 1), v the speed per row around them, and v (k + 1) of four encoder steps or more.
+        d = (0.5 to 2) v (k + 1), v the speed per row around them, and v sqrt(k) beyond what noise makes by chance.
     """
     held = np.zeros(position.size, dtype=bool)
     if position.size < 4 * ROWS or not np.isfinite(position).all():
@@ -38,7 +38,8 @@ def held_rows(position: FloatArray) -> BoolArray:
     leap = position[ends] - position[starts]
     usual = _speed(position, starts, ends) * lengths
     jumped = (leap * usual > 0.0) & (np.abs(leap) > 0.5 * np.abs(usual)) & (np.abs(leap) < 2.0 * np.abs(usual))
-    jumped &= np.abs(usual) > LEAST_STEPS * _finest(position)
+    speed = np.abs(usual) / lengths
+    jumped &= speed * np.sqrt(lengths - 1.0) > LEAST_DEVIATIONS * _deviation(position)
     for start, end in zip(starts[jumped].tolist(), ends[jumped].tolist(), strict=True):
         held[start + 1 : end] = True
     return held if held.mean() <= MOST_HELD or _is_one_stretch(held) else np.zeros_like(held)
@@ -62,7 +63,7 @@ def stepped_clock(time: FloatArray, position: FloatArray, longest: float) -> Boo
     speed = _speed(position, at, at + 1)
     leap = position[at + 1] - position[at]
     beyond = speed * (steps[at] / period - 1.0)  # motion in the rows that would have been lost
-    told = np.abs(beyond) > LEAST_STEPS * _finest(position)
+    told = np.abs(beyond) > LEAST_DEVIATIONS * _deviation(position)
     stepped[at[told & (np.abs(leap - speed) < 0.5 * np.abs(beyond))]] = True
     return stepped
 
@@ -73,11 +74,12 @@ def _speed(position: FloatArray, before: IntArray, after: IntArray) -> FloatArra
     return np.asarray(0.5 * (until + (position[after + ROWS] - position[after]) / ROWS))
 
 
-def _finest(position: FloatArray) -> float:
-    """Smallest difference between neighbouring rows that is one [rad]."""
+def _deviation(position: FloatArray) -> float:
+    """Deviation of the second difference of a position (T,), and one encoder step at least [rad]."""
     steps = np.abs(np.diff(position))
     moving = steps[steps > 1e-12 * max(float(np.abs(position).max()), 1e-12)]
-    return float(moving.min()) if moving.size else np.inf
+    finest = float(moving.min()) if moving.size else np.inf
+    return max(1.4826 * float(np.median(np.abs(np.diff(position, 2)))), finest)
 
 
 def _is_one_stretch(rows: BoolArray) -> bool:

@@ -8,7 +8,7 @@ import pytest
 
 from .judge import outcomes
 
-FEW = range(240)
+FEW = range(200)
 MANY = range(1000, 21_000)
 SHARES = 8
 """Of the many, so that a failure names a few thousand."""
