@@ -29,6 +29,8 @@ from drake_tc.cli.tune_command import tune_command
 from drake_tc.cli.unforeseen import UNFORESEEN, Terminated, told_once, write_details
 from drake_tc.errors import DrakeTcError
 
+LONGEST = 1200
+"""Characters of the line of an error; a longer one is cut in the middle."""
 INTERRUPTED = 130
 """Exit code of a command that was interrupted (128 + SIGINT)."""
 
@@ -116,4 +118,6 @@ def _run(arguments: Sequence[str], *, debug: bool) -> int:
 
 
 def _one_line(text: str) -> str:
-    return " ".join(text.split())
+    """A message as one line of printable characters; what names in files hold may be neither."""
+    line = "".join(c if c.isprintable() else ascii(c)[1:-1] for c in " ".join(text.split()))
+    return line if len(line) <= LONGEST else f"{line[: LONGEST // 2]} ... {line[-LONGEST // 2 :]}"

@@ -41,7 +41,7 @@ def simulate_command(
 
     if log_format not in ("csv", "parquet", "npz"):
         raise typer.BadParameter(f"wanted csv, parquet or npz, got {log_format!r}", param_hint="--log-format")
-    entry = runnable(diagram)
+    entry = runnable(diagram).naming(scenario_file, scenario_text)
     scenario = entry.scenario(scenario_name, scenario_file, scenario_text).changed(duration=duration, seed=seed)
     names = (f"log.{log_format}", "rig.yaml")
     place = (

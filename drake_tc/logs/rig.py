@@ -11,6 +11,8 @@ from typing import Any
 
 import yaml
 
+from drake_tc.config.quoted import quoted
+from drake_tc.config.whole_file import write_whole
 from drake_tc.config.yaml_file import read_yaml
 from drake_tc.errors import RigError
 from drake_tc.logs.loads import Load, Pendulum, RobotLoad, UnknownLoad
@@ -150,7 +152,7 @@ def parse_rig(document: object, source: Path | str = "rig") -> Rig:
     """
     name = str(source)
     if not isinstance(document, Mapping):
-        raise RigError(f"{name}: expected a mapping, got {type(document).__name__} ({HINT})")
+        raise RigError(f"{name}: expected a mapping, got {quoted(document)} ({HINT})")
     entries = _with_text_keys(document)
     robot = parse_robot(name, entries.get("robot"), source)
     if robot is not None and not {"joint", "joints"} & set(entries):
@@ -291,5 +293,5 @@ def save_rig(rig: Rig, path: Path | str, comment: str = "") -> Path:
     if rig.robot is not None:
         document["robot"] = os.path.relpath(rig.robot, path.parent)
     body = yaml.safe_dump(document, sort_keys=False, allow_unicode=True)
-    path.write_text(head + body, encoding="utf-8")
+    write_whole(path, head + body)
     return path
