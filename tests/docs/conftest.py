@@ -1,5 +1,6 @@
 """The documentation site, built once for all tests of it."""
 
+import os
 import subprocess
 import sys
 import time
@@ -28,6 +29,9 @@ def site(tmp_path_factory) -> Site:
     pytest.importorskip("mkdocs")
     folder = tmp_path_factory.mktemp("site")
     begin = time.monotonic()
+    environment = {**os.environ, "NO_MKDOCS_2_WARNING": "1"}
     arguments = ["-m", "mkdocs", "build", "--quiet", "--strict", "--site-dir", str(folder)]
-    ran = subprocess.run([sys.executable, *arguments], cwd=ROOT, capture_output=True, text=True, timeout=500)
+    ran = subprocess.run(
+        [sys.executable, *arguments], cwd=ROOT, env=environment, capture_output=True, text=True, timeout=500
+    )
     return Site(folder, ran.stderr + ran.stdout, ran.returncode, time.monotonic() - begin)
