@@ -94,8 +94,8 @@ def _page(effect: Effect) -> str:
 
 _SYMBOLS = (
     "q: position, q̇: velocity, q̈: acceleration, q_d: commanded position, τ: load torque on the link's side, Δτ: torque"
-    " that the effect costs, y: effort that the drive is asked for, y\\*: effort on which it acts, t: time, T: temperature,"
-    " V: supply voltage."
+    " that the effect costs, y: effort that the drive is asked for, y\\*: effort on which it acts, t: time,"
+    " T: temperature, V: supply voltage."
 )
 _CAPTION = (
     "Simulated: what is left of a log of a {} with this effect when a model with viscous and Coulomb friction is fitted"
