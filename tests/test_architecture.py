@@ -22,6 +22,7 @@ FLOOR = {
     "system_libraries": 0,
     "text_table": 0,
     "config": 1,
+    "simulator_files": 1,
     "logs": 1,
     "filtering": 1,
     "effects": 2,

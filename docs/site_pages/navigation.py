@@ -1,20 +1,23 @@
 """The navigation of the site. A page that does not exist is left out."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from site_pages.repository import ROOT, SHOWN
 
-Section = list[tuple[str, str]]
+Entry = tuple[str, "str | list[Entry]"]
 
-TOP: list[tuple[str, str | Section]] = [
-    ("drake_tc", "index.md"),
+TREE: list[Entry] = [
     (
         "Start",
         [
+            ("drake_tc", "index.md"),
             ("Installation", "installation.md"),
             ("Tutorial: from log to controller", "tutorial.md"),
             ("Reading the report", "report.md"),
+            ("Gallery", "gallery.md"),
+            ("Where things are", "where_things_are.md"),
+            ("Changelog", "changelog.md"),
         ],
     ),
     (
@@ -32,38 +35,32 @@ TOP: list[tuple[str, str | Section]] = [
             ("Whole-body control", "whole_body.md"),
         ],
     ),
-    ("Benchmarks", "benchmarks.md"),
-    ("Papers", "papers.md"),
-    ("Where things are", "where_things_are.md"),
+    ("Effects", "effects/"),
+    ("Input files", "reference/"),
+    ("Commands", "cli/"),
+    ("Python", "api/"),
+    ("Methods", "methods/"),
+    ("Figures", [("Benchmarks", "benchmarks.md"), ("Papers", "papers.md"), ("", "papers/")]),
 ]
+"""Title and page, folder of generated pages, or list of these; a folder without a title takes no level of its own."""
 
 
 def navigation(generated: Mapping[str, str]) -> list[Any]:
-    """MkDocs' `nav`: the pages written by hand, then a section for each folder of generated ones."""
+    """MkDocs' `nav`: the tree, with the pages that exist."""
+    return _entries(TREE, generated)
+
+
+def _entries(entries: Sequence[Entry], generated: Mapping[str, str]) -> list[Any]:
     nav: list[Any] = []
-    for title, entry in TOP:
-        if isinstance(entry, str):
-            nav.append({title: entry})
-        else:
-            nav.append({title: [{name: page} for name, page in entry if _exists(page, generated)]})
-    for title, folder in FOLDERS:
-        pages = _folder(folder, generated)
-        if pages:
-            nav.append({title: pages})
-    nav.append({"Changelog": "changelog.md"})
+    for title, inside in entries:
+        if isinstance(inside, list):
+            nav.append({title: _entries(inside, generated)})
+        elif inside.endswith("/"):
+            pages = _folder(inside.rstrip("/"), generated)
+            nav += [{title: pages}] if title else pages
+        elif _exists(inside, generated):
+            nav.append({title: inside})
     return nav
-
-
-FOLDERS = (
-    ("Effects", "effects"),
-    ("Input files", "reference"),
-    ("Commands", "cli"),
-    ("Python", "api"),
-    ("Methods", "methods"),
-    ("Papers' figures", "papers"),
-    ("Gallery", "gallery"),
-)
-"""Title of a section and its folder of pages."""
 
 
 def _folder(folder: str, generated: Mapping[str, str]) -> list[Any]:
