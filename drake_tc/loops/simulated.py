@@ -43,7 +43,7 @@ class Simulated:
 
 
 def simulate_torque_loop(scenario: Scenario, progress: Progress | None = None, meshcat: bool = False) -> Simulated:
-    """The torque loop of paper A: tracking by joint.
+    """The torque loop of Del Prete et al. (2016): tracking by joint.
 
     Raises:
         ParamsError: a scenario that cannot be built.

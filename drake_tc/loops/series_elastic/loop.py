@@ -1,4 +1,5 @@
-"""One voltage-driven series-elastic joint under torque control (paper C): held, moved by a hand, or with a free link.
+"""One voltage-driven series-elastic joint under torque control (Faraji et al., 2015): held, moved by a hand, or with a
+free link.
 
     wanted torque --> torque_control --> loop_delay --> actuators (motor, gear, spring) --> plant (link) <-- hand
                            ^                                |

@@ -1,4 +1,4 @@
-"""The loop of paper A around any robot file: each stage a system, all wired to a MultibodyPlant.
+"""The loop of Del Prete et al. (2016) around any robot file: each stage a system, all wired to a MultibodyPlant.
 
     reference --> inverse_dynamics --> torque_control --> guard --> actuators --> plant --> encoder, imu, force_torque
                        ^                    ^               ^                                      |

@@ -1,9 +1,9 @@
-"""A legged robot on a floor under robust TSID (paper B), from a controller file alone.
+"""A legged robot on a floor under robust TSID (Del Prete and Mansard, 2015), from a controller file alone.
 
     references, contacts --> tsid --> [drives] --> (+ torque error) --> plant and floor --> state or estimate --> tsid
 
-`state: plant` hands the plant's own state to the controller, `torque: direct` its torques to the joints. Paper C's loop
-is `state: base_estimator` with `torque: series_elastic`.
+`state: plant` hands the plant's own state to the controller, `torque: direct` its torques to the joints. The loop of
+Faraji et al. (2015) is `state: base_estimator` with `torque: series_elastic`.
 """
 
 from dataclasses import dataclass
