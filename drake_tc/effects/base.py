@@ -157,6 +157,8 @@ class Effect(ABC):
     """The experiment that shows this effect alone, as an instruction ("let the free joint spin down")."""
     depends_on_position: ClassVar[bool] = False
     """Whether the effect depends on where the joint is, and not on how it moves alone."""
+    free_form: ClassVar[bool] = False
+    """A curve that names no cause: a search takes it only where no set of other effects explains as much."""
     linear: ClassVar[bool] = False
     """Columns are linear (or nearly so) in the signals: what low-passed the signals has low-passed the columns."""
 

@@ -163,11 +163,11 @@ import sys, time
 from pathlib import Path
 import typer
 from drake_tc.analysis.executors import processes
-from drake_tc.cli import main
+from drake_tc.cli import entry, main
 from drake_tc.cli.out_files import result_folder
 
 def long() -> None:
-    with result_folder(Path(sys.argv[1]), "--out") as place, processes(2) as pool:
+    with result_folder(OUT, "--out") as place, processes(2) as pool:
         (place / "a.txt").write_text("cut")
         waiting = [pool.submit(time.sleep, 60) for _ in range(2)]
         print("started", flush=True)
@@ -175,7 +175,8 @@ def long() -> None:
 
 main.app.command("long")(long)
 if __name__ == "__main__":
-    sys.exit(main.run(["long"]))
+    OUT, sys.argv[1:] = Path(sys.argv[1]), ["long"]
+    entry.main()
 """
 
 

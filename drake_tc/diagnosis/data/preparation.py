@@ -8,10 +8,17 @@ import numpy as np
 from drake_tc.diagnosis.data.channels import Channels, channels_of
 from drake_tc.diagnosis.data.link_prior import column_name
 from drake_tc.diagnosis.data.load_scale import load_scale
-from drake_tc.diagnosis.data.resolution import NoiseFloor, Resolution, light_width, sample_noise
+from drake_tc.diagnosis.data.resolution import (
+    LEAST_COVER,
+    NoiseFloor,
+    Resolution,
+    final_widths,
+    light_width,
+    sample_noise,
+)
 from drake_tc.diagnosis.data.samples import Samples
 from drake_tc.diagnosis.data.silent_effort import silent_effort
-from drake_tc.diagnosis.data.sliding import choose_rows, direction_of_motion, require_rows
+from drake_tc.diagnosis.data.sliding import choose_rows, covered, direction_of_motion, require_rows
 from drake_tc.effects.base import Context, Signals
 from drake_tc.effects.context import EFFORT_UNIT, LoadKind
 from drake_tc.estimation.coupled_gears import ACCELERATION
@@ -19,7 +26,7 @@ from drake_tc.filtering.common_kernel import CommonKernel
 from drake_tc.logs.loads import Load, Pendulum, RobotLoad, unknown_form
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
-from drake_tc.types import FloatArray, IntArray
+from drake_tc.types import BoolArray, FloatArray, IntArray
 
 SLOWER = 3.0
 LEAST_NOISE = 1e-12
@@ -117,8 +124,22 @@ def _filtered_motion(
     return light.smooth(position), light.derivative(position), acceleration
 
 
+def _final_kernel(
+    moving: BoolArray, segments: Sequence[slice], light: CommonKernel, widths: Sequence[float]
+) -> CommonKernel:
+    """The widest of the kernels under which enough of the moving samples stay usable."""
+    kernels = [CommonKernel(width, light.period) for width in widths]
+    least = LEAST_COVER * covered(moving, segments, kernels[0], light)
+    return next(k for k in reversed(kernels) if covered(moving, segments, k, light) >= least)
+
+
 def build_samples(
-    runs: Sequence[Run], rig: Rig, joint: str, width_s: float | None = None, compliance: float = 0.0
+    runs: Sequence[Run],
+    rig: Rig,
+    joint: str,
+    width_s: float | None = None,
+    compliance: float = 0.0,
+    final_s: float | None = None,
 ) -> Samples:
     """Filter the runs' channels with common kernels and choose the rows.
 
@@ -128,6 +149,7 @@ def build_samples(
         joint: Which joint.
         width_s: Width of the light kernel [s]; None lets the data choose.
         compliance: Of a soft gear [rad/(N m)]: the motor slides, and its friction turns over, by q + compliance tau.
+        final_s: Width of the final kernel [s]; None lets the data choose.
 
     Raises:
         IdentificationError: nothing usable, or the joint does not move long enough at a stretch.
@@ -137,7 +159,6 @@ def build_samples(
     raw_q = channels.raw("position")
     step, noise = _encoder(channels, rig, raw_q)
     light = CommonKernel(_width(channels, raw_q, noise) if width_s is None else width_s, period)
-    final = CommonKernel(light.actual_width_s, period)
     q, v, a = _filtered_motion(channels, light, raw_q)
     raw_command = channels.raw(rig.command_column(joint).rpartition("/")[2])
     command = light.smooth(raw_command)
@@ -146,6 +167,10 @@ def build_samples(
     inner = [slice(s.start + light.margin, max(s.stop - light.margin, s.start + light.margin)) for s in segments]
     motor, motor_rate = q + compliance * slow_torque, v + compliance * np.gradient(slow_torque, period)
     direction, travel, moving = direction_of_motion(motor, motor_rate, inner, resolution)
+    order, raw_noise = (1, resolution.raw_velocity_noise) if channels.speed_only else (2, noise)
+    kept = np.concatenate([a[s] for s in inner if s.stop > s.start] or [a])
+    widths = final_widths(kept, raw_noise, light, order=order) if final_s is None else [final_s]
+    final = _final_kernel(moving, segments, light, widths)
     temperature, motor_position, supply = (
         light.smooth(raw) if np.isfinite(raw).any() else raw
         for raw in map(channels.raw, ("temperature", "motor_position", "supply_voltage"))

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from drake_tc.diagnosis.data.link_prior import LinkPrior
 from drake_tc.diagnosis.data.load_scale import load_scale
 from drake_tc.diagnosis.data.preparation import build_samples, context_of
+from drake_tc.diagnosis.data.samples import Samples
 from drake_tc.diagnosis.problem.columns import BalanceCoefficients, Columns, Term
 from drake_tc.diagnosis.problem.declared import (
     declared_terms,
@@ -62,6 +63,25 @@ def _naming(split: str) -> Iterator[None]:
         raise IdentificationError(f"{split}: {error}") from None
 
 
+def _samples(
+    train_runs: Sequence[Run], held_runs: Sequence[Run], rig: Rig, joint: str, width_s: float | None, compliance: float
+) -> tuple[Samples, Samples]:
+    """Both splits under the training runs' kernels. A wide final kernel gives way to the narrowest one where it would
+    leave too few rows of held-out runs, whose strokes may be shorter.
+    """
+    with _naming("training runs"):
+        train = build_samples(train_runs, rig, joint, width_s, compliance)
+    with _naming("held-out runs"):
+        try:
+            return train, build_samples(held_runs, rig, joint, train.light.width_s, compliance, train.kernel.width_s)
+        except IdentificationError:
+            narrow = train.light.actual_width_s
+            if train.kernel.width_s <= narrow:
+                raise
+            held = build_samples(held_runs, rig, joint, train.light.width_s, compliance, narrow)
+    return build_samples(train_runs, rig, joint, train.light.width_s, compliance, narrow), held
+
+
 def prepare_joint(
     train_runs: Sequence[Run],
     held_runs: Sequence[Run],
@@ -86,10 +106,7 @@ def prepare_joint(
         IdentificationError: the joint hardly moves in the training or in the held-out runs, or the training runs cannot
             identify the declared model.
     """
-    with _naming("training runs"):
-        train = build_samples(train_runs, rig, joint, width_s, compliance)
-    with _naming("held-out runs"):
-        held = build_samples(held_runs, rig, joint, train.light.width_s, compliance)
+    train, held = _samples(train_runs, held_runs, rig, joint, width_s, compliance)
     context = context_of(train, rig, joint)
     require_positions(rig, joint, context)
     known = known_values(rig, joint)
