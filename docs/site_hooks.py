@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Any
 
 from mkdocs.structure.files import File, Files
-from site_pages import api, benchmarks, commands, effects, papers, references, repository
+from site_pages import api, benchmarks, commands, effects, graphs, papers, references, repository
 from site_pages.navigation import navigation
 from site_pages.units import UnitBrackets
 
@@ -23,6 +23,8 @@ def on_files(files: Files, config: Any) -> Files:
     texts = generated()
     for page, text in texts.items():
         files.append(File.generated(config, page, content=text))
+    for picture, text in graphs.pictures().items():
+        files.append(File.generated(config, picture, content=text))
     for source, page in repository.SHOWN.items():
         if page not in texts:
             files.append(File.generated(config, page, content=(ROOT / source).read_text(encoding="utf-8")))
@@ -43,7 +45,7 @@ def on_page_markdown(markdown: str, page: Any, config: Any, files: Files) -> str
     return text
 
 
-PARTS = {"papers": papers.overview, "benchmarks": benchmarks.overview}
+PARTS = {"papers": papers.overview, "benchmarks": benchmarks.overview, "graphs": graphs.overview}
 """Name in a comment `<!-- generated: NAME -->` of a page to what stands there on the site."""
 
 
