@@ -1,5 +1,6 @@
 """Reference of the commands, from Typer's own description of them, with the examples of docs/cli_examples.yaml."""
 
+import re
 import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from enum import Enum
@@ -14,6 +15,10 @@ from drake_tc.config.page import table
 
 EXAMPLES = Path(__file__).parents[1] / "cli_examples.yaml"
 PROGRAM = "drake-tc"
+PROCESSES = ("workers", "jobs")
+"""Options whose default is the number of CPUs of the machine."""
+WIDEST = 76
+"""Letters of a line of an example."""
 
 
 def commands() -> dict[str, Any]:
@@ -94,8 +99,18 @@ def _text(name: str, command: Any, shown: Sequence[Mapping[str, str]], level: in
         rows = [(_names(p), _help(p), _choices(p), _default(p)) for p in options]
         parts.append(table(("option", "meaning", "values", "default"), rows))
     for example in shown:
-        parts.append(f"{example['does']}\n\n```console\n$ {example['run']}\n```")
+        parts.append(f"{example['does']}\n\n```console\n$ {_wrapped(example['run'])}\n```")
     return "\n\n".join(parts) + "\n"
+
+
+def _wrapped(line: str) -> str:
+    """A long line continued on further lines, each of which begins with an option."""
+    lines = [""]
+    for part in re.split(r" (?=--)", line):
+        if lines[-1] and len(lines[-1]) + len(part) > WIDEST:
+            lines.append("   ")
+        lines[-1] += f" {part}" if lines[-1] else part
+    return " \\\n".join(lines)
 
 
 def _paragraphs(text: str | None) -> list[str]:
@@ -133,4 +148,6 @@ def _default(option: Any) -> str:
     if option.is_flag:
         names = option.opts if value else option.secondary_opts
         return f"`{names[0]}`" if names else "off"
+    if option.name in PROCESSES:
+        return "number of CPUs"
     return f"`{getattr(value, 'value', value)}`"

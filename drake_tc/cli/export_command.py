@@ -33,12 +33,14 @@ class Target(StrEnum):
 
 def export_command(
     model: Annotated[Path, typer.Argument(help="Model file (YAML) of close-loop or identify.")],
-    to: Annotated[Target, typer.Option(help="Target.")],
+    to: Annotated[Target, typer.Option(help="Simulator in whose terms the model is written.")],
     into: Annotated[Path | None, typer.Option(help="Your own file: the terms are merged into a copy of it.")] = None,
     out: Annotated[Path | None, typer.Option(help="File to write; stdout when left out.")] = None,
     joint: Annotated[list[str] | None, typer.Option(help="Only this joint; repeat. All when left out.")] = None,
     rig: Annotated[Path | None, typer.Option(help="Rig file of the runs of --log and --holdout.")] = None,
-    log: Annotated[list[Path] | None, typer.Option(help="A run whose speeds weigh the refit of friction.")] = None,
+    log: Annotated[
+        list[Path] | None, typer.Option(help="A run whose speeds weight the refit of friction; repeat for more.")
+    ] = None,
     holdout: Annotated[
         list[Path] | None, typer.Option(help="A run to try the export on in MuJoCo (mjcf); repeat for more.")
     ] = None,
