@@ -24,6 +24,7 @@ FLOOR = {
     "system_libraries": 0,
     "text_table": 0,
     "config": 1,
+    "simulator_files": 1,
     "logs": 1,
     "filtering": 1,
     "effects": 2,
@@ -50,7 +51,8 @@ FLOOR = {
 
 ALONE = {
     "config": {"errors", "types"},
-    "logs": {"config", "errors", "types", "extensions"},
+    "simulator_files": {"errors"},
+    "logs": {"config", "errors", "types", "extensions", "simulator_files"},
     "filtering": {"errors", "types", "port_methods"},
 }
 """Packages that may import nothing but these."""
@@ -69,7 +71,10 @@ def sources() -> list[Path]:
 
 
 def every_source() -> list[Path]:
-    return [*sources(), *(path for folder in ("tests", "notebooks") for path in sorted((ROOT / folder).rglob("*.py")))]
+    return [
+        *sources(),
+        *(path for folder in ("tests", "notebooks", "docs") for path in sorted((ROOT / folder).rglob("*.py"))),
+    ]
 
 
 @cache
@@ -211,7 +216,7 @@ def test_what_is_imported_is_declared():
     library = {distribution_name(name) for name in (*project["dependencies"], *on_demand)}
     everything = library | {distribution_name(name) for extra in extras.values() for name in extra}
     installed = modules_of_distributions() | {module: {name} for module, name in DISTRIBUTIONS.items()}
-    ours = {"drake_tc", *(path.stem for path in (ROOT / "tests").iterdir())}
+    ours = {"drake_tc", *(path.stem for folder in ("tests", "docs") for path in (ROOT / folder).iterdir())}
     missing = {}
     for path in every_source():
         declared = library if path in sources() else everything

@@ -1,4 +1,6 @@
-"""A motor with voltage drive behind a gear and in front of a spring, as its data sheet has it (EQUATIONS C1).
+"""A motor with voltage drive behind a gear and in front of a spring, as its data sheet has it.
+
+Source: Faraji et al., 2015, section II.A.
 
     (v - ke N theta') kt N/Rm = tau_co sign(theta') + tau_v theta' + Jm N^2 theta'' + tau,   tau = Ks (theta - q)
 

@@ -36,7 +36,7 @@ INTERRUPTED = 130
 
 app = typer.Typer(
     name="drake-tc",
-    help="Torque control of position-controlled robots in Drake, with a model held against measured data.",
+    help="Torque control of position-controlled robots in Drake, with models that are checked against measured data.",
     add_completion=False,
     pretty_exceptions_enable=False,
 )
@@ -71,7 +71,7 @@ def _options(
     ] = False,
     debug: Annotated[bool, typer.Option("--debug", help="Show tracebacks and the warnings of libraries.")] = False,
 ) -> None:
-    """Torque control of position-controlled robots in Drake, with a model held against measured data."""
+    """Torque control of position-controlled robots in Drake, with models that are checked against measured data."""
 
 
 def run(arguments: Sequence[str]) -> int:
@@ -97,7 +97,10 @@ def _run(arguments: Sequence[str], *, debug: bool) -> int:
         print(f"drake-tc: {_one_line(str(error))}", file=sys.stderr)
         return 2
     except TyperException as error:
-        print(f"drake-tc: {_one_line(error.format_message())} (drake-tc --help lists what there is)", file=sys.stderr)
+        print(
+            f"drake-tc: {_one_line(error.format_message())} (drake-tc --help lists the commands and their options)",
+            file=sys.stderr,
+        )
         return 2
     except (KeyboardInterrupt, typer.Abort):
         code = INTERRUPTED

@@ -64,12 +64,14 @@ def stability_command(
     joint: Annotated[
         str | None, typer.Option(help="Joint whose channel is cut, or its number from 0; the first when left out.")
     ] = None,
-    at: Annotated[float, typer.Option(min=0.0, help="Moment of the scenario that is linearised [s].")] = 0.7,
+    at: Annotated[float, typer.Option(min=0.0, help="Time in the scenario at which the loop is linearised [s].")] = 0.7,
     friction: Annotated[
         str, typer.Option(help="sliding (dry friction constant, dead zone passed) or modelled (as the drives have it).")
     ] = "sliding",
-    direction: Annotated[float, typer.Option(min=-1.0, max=1.0, help="Of the sliding: 1, -1; 0: the mean.")] = 0.0,
-    seed: Annotated[int, typer.Option(min=0, help="Of the kick's signs, joint by joint.")] = 0,
+    direction: Annotated[
+        float, typer.Option(min=-1.0, max=1.0, help="Direction of the sliding: 1, -1, or 0 for the mean of both.")
+    ] = 0.0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the signs of the initial kick, joint by joint.")] = 0,
     as_json: Annotated[bool, typer.Option("--json", help="Print the figures as JSON.")] = False,
 ) -> None:
     """Eigenvalues, margins and verdict of a diagram's loop, at one moment of a scenario, with perfect sensors."""

@@ -18,9 +18,10 @@ from drake_tc.actuation.recorded_run import Link, in_plant, plant_side
 from drake_tc.diagnosis.data.recordings import LONGEST, longest_stretch, recording_of
 from drake_tc.errors import ParamsError
 from drake_tc.exchange.mjcf import to_mjcf
-from drake_tc.exchange.projection import Projection, Terms
+from drake_tc.exchange.projection import Projection
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
+from drake_tc.simulator_files.terms import Terms
 from drake_tc.types import FloatArray
 
 FINEST = 1e-3

@@ -1,4 +1,6 @@
-"""Savitzky–Golay estimation: a polynomial fitted to the last N samples, and its derivatives (EQUATIONS A1).
+"""Savitzky–Golay estimation: a polynomial fitted to the last N samples, and its derivatives.
+
+Source: Del Prete et al., 2016, section 2.
 
 Plain functions for logs first, then `SavitzkyGolayFilter`, the same recursion as a Drake system.
 """
@@ -124,7 +126,7 @@ class SavitzkyGolayFilter(PortMethods, LeafSystem):
     Until the first finite sample the outputs are 0 and `fault` is 1. An update costs O(N n), an output
     nothing; nothing is raised in the loop.
 
-    Source: EQUATIONS A1 (paper: N = 80, dt = 1 ms, mid-window, order 2 for encoders, 1 for IMU and F/T).
+    Source: Del Prete et al., 2016, section 2 (N = 80, dt = 1 ms, mid-window, order 2 for encoders, 1 for IMU and F/T).
 
     Example:
         >>> SavitzkyGolayFilter(7, window=80, order=2, dt=1e-3).get_estimate_output_port().size()

@@ -15,9 +15,10 @@ from drake_tc.config.quoted import quoted
 from drake_tc.config.whole_file import write_whole
 from drake_tc.config.yaml_file import read_yaml
 from drake_tc.errors import RigError
+from drake_tc.logs.declared_file import with_declared_file
 from drake_tc.logs.loads import Load, Pendulum, RobotLoad, UnknownLoad
 from drake_tc.logs.rig_document.by_joint import values_by_joint
-from drake_tc.logs.rig_document.declared import Declared, declared_of
+from drake_tc.logs.rig_document.declared import Declared, declared_of, is_file
 from drake_tc.logs.rig_document.document import DriveKind, RigDocument
 from drake_tc.logs.rig_document.drive_scale import declared_gains
 from drake_tc.logs.rig_document.loads import load_of
@@ -164,6 +165,7 @@ def parse_rig(document: object, source: Path | str = "rig") -> Rig:
         rig = _rig_of(read, robot, source if isinstance(source, Path) else None)
     except ValueError as error:
         raise RigError(f"{name}: {error}") from None
+    rig = _with_declared_files(rig, read)
     check_robot_load(name, rig.load, robot, coupled=bool(rig.coupled))
     check_sensors(name, rig.tolerances, rig.robot_sensors, robot)
     check_joint_tolerances(name, (read.sensors or SensorsKeys()).of_joints, rig.load)
@@ -210,11 +212,26 @@ def _rig_of(read: RigDocument, robot: Path | None, source: Path | None) -> Rig:
     )
 
 
-def load_rig(path: Path | str) -> Rig:
+def _with_declared_files(rig: Rig, read: RigDocument) -> Rig:
+    """The rig with what the files that `declared` names say of their joints."""
+    entries = values_by_joint(read.declared, rig.joints)
+    named = {joint: entry for joint, entry in entries.items() if isinstance(entry, str) and is_file(entry)}
+    for file in dict.fromkeys(named.values()):
+        joints = [joint for joint, entry in named.items() if entry == file]
+        path = Path(file) if rig.source is None else rig.source.parent / file
+        rig = with_declared_file(rig, path, joints)
+    return rig
+
+
+def load_rig(path: Path | str, declared: Path | None = None) -> Rig:
     """Read a rig file.
 
+    Args:
+        path: Of the rig file.
+        declared: A file of another simulator that declares what its model has (`drake_tc.logs.declared_file`).
+
     Raises:
-        RigError: No such file, not YAML, or not a rig; names file and key.
+        RigError: No such file, not YAML, or not a rig; names file and key. Or `declared` cannot be used.
 
     Example:
         >>> _ = (FOLDER / "rig.yaml").write_text("{joint: knee, drive: current, load: torque}")
@@ -222,7 +239,8 @@ def load_rig(path: Path | str) -> Rig:
         {'knee': 'current'}
     """
     path = Path(path)
-    return parse_rig(read_yaml(path, "rig file", RigError), path)
+    rig = parse_rig(read_yaml(path, "rig file", RigError), path)
+    return rig if declared is None else with_declared_file(rig, declared)
 
 
 def _load_entry(load: Load) -> object:

@@ -6,10 +6,11 @@ import pytest
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.actuation.recorded_run import Link
 from drake_tc.exchange.mujoco_run import mujoco_free_run, simulate
-from drake_tc.exchange.projection import Terms, project
+from drake_tc.exchange.projection import project
 from drake_tc.exchange.targets import TARGETS
 from drake_tc.logs.rig import parse_rig
 from drake_tc.loops.joint_bench.rig_free_run import rig_free_run
+from drake_tc.simulator_files.terms import Terms
 
 pytest.importorskip("mujoco")
 

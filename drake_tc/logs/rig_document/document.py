@@ -64,7 +64,8 @@ class RigDocument(Keys):
         absent="`torque`; with the key `robot`, `{robot: estimate}`",
     )
     declared: EntryOrByJoint[DeclaredEntry] | None = key(
-        "Effects that you already model: a list of ids, or id: value. A declared effect is part of the model before "
+        "Effects that you already model: a list of ids, id: value, or a file (URDF, MJCF, or a parameter file of BAM) "
+        "that has them, relative to the rig file. A declared effect is part of the model before "
         "and is not searched for. Viscous and Coulomb friction are always declared.",
         example={"rotor_inertia": 0.31, "stribeck": None},
         absent="viscous and Coulomb friction alone",
