@@ -12,6 +12,7 @@ from typer.exceptions import TyperException
 from drake_tc import __version__
 from drake_tc.cli.bench_command import bench_app
 from drake_tc.cli.bode_command import bode_command
+from drake_tc.cli.check_command import check_command
 from drake_tc.cli.close_loop_command import close_loop_command
 from drake_tc.cli.estimate_base_command import estimate_base_command
 from drake_tc.cli.estimate_torque_command import estimate_torque_command
@@ -38,6 +39,7 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
+app.command("check")(check_command)
 app.command("close-loop")(close_loop_command)
 app.command("estimate-base")(estimate_base_command)
 app.command("estimate-torque")(estimate_torque_command)

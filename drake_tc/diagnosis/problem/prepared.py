@@ -71,6 +71,8 @@ def _samples(
     """
     with _naming("training runs"):
         train = build_samples(train_runs, rig, joint, width_s, compliance)
+    if not held_runs:
+        return train, train
     with _naming("held-out runs"):
         try:
             return train, build_samples(held_runs, rig, joint, train.light.width_s, compliance, train.kernel.width_s)
@@ -95,7 +97,7 @@ def prepare_joint(
 
     Args:
         train_runs: To fit.
-        held_runs: To judge by.
+        held_runs: To judge by; where there are none, the training rows stand for them.
         rig: Says drive, load and what is declared.
         joint: Which.
         compliance: As in `build_samples` [rad/(N m)].
