@@ -14,6 +14,7 @@ from drake_tc.cli.bench_command import bench_app
 from drake_tc.cli.bode_command import bode_command
 from drake_tc.cli.check_command import check_command
 from drake_tc.cli.close_loop_command import close_loop_command
+from drake_tc.cli.design_command import design_command
 from drake_tc.cli.estimate_base_command import estimate_base_command
 from drake_tc.cli.estimate_torque_command import estimate_torque_command
 from drake_tc.cli.export_command import export_command
@@ -41,6 +42,7 @@ app = typer.Typer(
 )
 app.command("check")(check_command)
 app.command("close-loop")(close_loop_command)
+app.command("design")(design_command)
 app.command("estimate-base")(estimate_base_command)
 app.command("estimate-torque")(estimate_torque_command)
 app.command("identify")(identify_command)
