@@ -22,6 +22,7 @@ from drake_tc.cli.graph_command import graph_command
 from drake_tc.cli.identify_command import identify_command
 from drake_tc.cli.import_logs import import_logs
 from drake_tc.cli.inspect_command import inspect_command
+from drake_tc.cli.rehearse_command import rehearse_command
 from drake_tc.cli.reproduce_command import reproduce_command
 from drake_tc.cli.schema_command import schema_command
 from drake_tc.cli.simulate_command import simulate_command
@@ -52,6 +53,7 @@ app.command("inspect")(inspect_command)
 app.command("schema")(schema_command)
 app.command("simulate")(simulate_command)
 app.command("graph")(graph_command)
+app.command("rehearse")(rehearse_command)
 app.command("reproduce")(reproduce_command)
 app.command("stability")(stability_command)
 app.command("stability-map")(stability_map_command)

@@ -31,6 +31,7 @@ class JointNumbers:
         effort: Largest effort.
         speed: Largest speed [rad/s].
         span: Positions that the motion covers [rad].
+        rotor: Of `inertia`, the rotor's part, declared or fitted [kg m^2].
     """
 
     gain: float
@@ -41,6 +42,7 @@ class JointNumbers:
     effort: float
     speed: float
     span: float
+    rotor: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -61,6 +61,7 @@ def joint_numbers(prepared: Prepared) -> JointNumbers:
         effort=context.effort,
         speed=context.max_speed,
         span=float(np.ptp(context.position_span)),
+        rotor=s.rotor_inertia + beta["rotor_inertia"],
     )
 
 

@@ -115,8 +115,8 @@ def _form(joint: DesignJoint, key: str) -> EffectForm:
         raise ParamsError(f"joint {joint.name}: {key} cannot be looked for: {obstacle}")
     if member.needs:
         raise ParamsError(
-            f"joint {joint.name}: {key} depends on {', '.join(sorted(member.needs))}, which a motion alone does not set; "
-            f"{_isolated(member.id)}"
+            f"joint {joint.name}: {key} depends on {', '.join(sorted(member.needs))}, which a motion alone does not "
+            f"set; {_isolated(member.id)}"
         )
     return form_of(joint, key, size_of(member, joint.numbers, joint.context))
 

@@ -142,7 +142,8 @@ def _sliding(joint: DesignJoint, signals: Signals, step: float) -> FloatArray:
 def _filter_gain(width: float, step: float, size: int) -> FloatArray:
     """Gain of both kernels of a diagnosis at the frequencies of a real Fourier transform of `size` samples."""
     kernel = CommonKernel(max(width, 1.01 * step), step)
-    return np.asarray(kernel.gain(np.fft.rfftfreq(size, step)) ** 2)
+    frequency: FloatArray = np.asarray(np.fft.rfftfreq(size, step), dtype=np.float64)
+    return np.asarray(kernel.gain(frequency) ** 2)
 
 
 class BalanceColumns(Protocol):

@@ -181,7 +181,7 @@ def limits_with(found: JointLimits | None, given: Mapping[str, Any], joint: str)
     missing = [name for name in ("position", "velocity", "acceleration") if name not in values]
     if missing:
         raise ParamsError(
-            f"joint {joint}: no limit for {', '.join(missing)}; give --{missing[0]}, or --log RUN, whose motions are then "
-            "the limits"
+            f"joint {joint}: no limit for {', '.join(missing)}; give --{missing[0]}, or --log RUN, whose motions are "
+            "then the limits"
         )
     return JointLimits(**values)

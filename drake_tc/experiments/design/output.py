@@ -103,11 +103,11 @@ def design_page(designs: Mapping[str, JointDesign]) -> str:
             ],
             ("logs so far", "growing sinusoid", "designed motion"),
         )
-        start = float(design.basis.motion(design.optimum.x)[0, 0])
+        time, motion = design.motion(100.0)
         how = (
-            f"Move the joint to {start:.4g} rad and let it rest. The motion lasts "
-            f"{design.repeats * design.basis.period:.4g} s, {design.repeats} times a period of {design.basis.period:.4g} s, and "
-            "begins and ends there at rest."
+            f"Move the joint to {motion[0, 0]:.4g} rad and let it rest. The motion begins and ends at rest and lasts "
+            f"{time[-1]:.4g} s: {design.repeats} times a period of {design.basis.period:.4g} s, with a lead-in and a "
+            "lead-out."
         )
         sections.append(
             PageSection(

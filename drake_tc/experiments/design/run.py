@@ -198,8 +198,8 @@ def _of_discrimination(
     more: tuple[str, ...] = ()
     if rows[0].after < 0.5:
         more = (
-            "Within these limits no motion that was found separates the two well: the limits, and not the search, are what "
-            "is missing. Wider limits of acceleration and speed help most.",
+            "Within these limits no motion that was found separates the two well: the limits, and not the search, are "
+            "what is missing. Wider limits of acceleration and speed help most.",
         )
     return tuple(rows), (text, *more)
 
@@ -218,8 +218,8 @@ def _of_parameters(
     )
     ratio = float(np.median(spreads[2] / spreads[1]))
     text = (
-        f"The 95 % intervals after the designed motion are {ratio:.2f} times as wide as those after a growing sinusoid of "
-        "the same length and limits (median over the parameters)."
+        f"The 95 % intervals after the designed motion are {ratio:.2f} times as wide as those after a growing sinusoid "
+        "of the same length and limits (median over the parameters)."
     )
     return rows, (text,)
 

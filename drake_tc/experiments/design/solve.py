@@ -153,8 +153,8 @@ def within(joint: DesignJoint, basis: MotionBasis, limits: JointLimits, x: Float
             return np.asarray(mean * one + share * swing)
         share *= 0.93
     raise ParamsError(
-        f"joint {joint.name}: no motion about {mean:.3g} rad keeps the torque limit of {limits.torque:.3g} N*m; raise it "
-        "or move the position limits"
+        f"joint {joint.name}: no motion about {mean:.3g} rad keeps the torque limit of {limits.torque:.3g} N*m; raise "
+        "it or move the position limits"
     )
 
 
