@@ -73,6 +73,8 @@ def _samples(build: Build, train_runs: Sequence[Run], held_runs: Sequence[Run]) 
     """
     with _naming("training runs"):
         train = build(train_runs)
+    if not held_runs:
+        return train, train
     same = partial(build, width_s=train.light.width_s)
     with _naming("held-out runs"):
         try:
@@ -97,7 +99,7 @@ def prepare_joint(
 
     Args:
         train_runs: To fit.
-        held_runs: To judge by.
+        held_runs: To judge by; where there are none, the training rows stand for them.
         rig: Says drive, load and what is declared.
         joint: Which.
         compliance: As in `build_samples` [rad/(N m)].
