@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
+from importlib import import_module
 from multiprocessing import active_children, get_context
 from multiprocessing.process import BaseProcess
 from typing import Any, TypeVar
@@ -62,6 +63,16 @@ class RestartingProcesses(Executor):
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
         """As `Executor.shutdown`."""
         self._pool.shutdown(wait=wait, cancel_futures=cancel_futures)
+
+    def preload(self, *modules: str) -> None:
+        """Start all processes and let them import these modules, one after the other, while the caller goes on."""
+        for module in modules:
+            for _ in range(self.workers):
+                self.submit(_load, module)
+
+
+def _load(module: str) -> None:
+    import_module(module)
 
 
 @contextmanager

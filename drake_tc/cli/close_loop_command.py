@@ -4,19 +4,17 @@ import json
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from drake_tc.analysis.executors import processes
-from drake_tc.cli.close_loop_summary import print_summary
 from drake_tc.cli.out_files import Force, result_folder
 from drake_tc.cli.progress import progress_bar
-from drake_tc.diagnosis.options import DiagnosisOptions
-from drake_tc.diagnosis.result.rig_result import CloseLoopResult
-from drake_tc.diagnosis.result.to_json import result_json
-from drake_tc.diagnosis.run import close_loop
 from drake_tc.errors import LogError
+
+if TYPE_CHECKING:
+    from drake_tc.diagnosis.result.rig_result import CloseLoopResult
 
 FILES = (
     "report.html",
@@ -27,6 +25,13 @@ FILES = (
     "torque_uncertainty.yaml",
 )
 """What the command writes; the refined model only where refining made free runs better."""
+LOADED_BY_WORKERS = (
+    "drake_tc.loops.joint_bench.rig_free_run",
+    "drake_tc.identification.output_error",
+    "drake_tc.diagnosis.residual.structure",
+    "sklearn.ensemble",
+)
+"""What the worker processes import while this one imports its own modules, reads and searches."""
 
 
 def close_loop_command(
@@ -56,15 +61,20 @@ def close_loop_command(
             "expected at least one --log RUN to fit and one --holdout RUN to judge by; got "
             f"{len(log or [])} and {len(holdout or [])}"
         )
-    from drake_tc.analysis.before_after.comparison import compare_loops
-    from drake_tc.loops.joint_bench.rig_free_run import rig_free_run
-
     read = [rig, *(log or []), *(holdout or [])]
     with (
         result_folder(out, "--out", names=FILES, inputs=read, force=force, error=LogError) as folder,
         progress_bar("close-loop", quiet=as_json) as progress,
         processes(2) as pool,
     ):
+        pool.preload(*LOADED_BY_WORKERS)
+        from drake_tc.analysis.before_after.comparison import compare_loops
+        from drake_tc.cli.close_loop_summary import print_summary
+        from drake_tc.diagnosis.options import DiagnosisOptions
+        from drake_tc.diagnosis.result.to_json import result_json
+        from drake_tc.diagnosis.run import close_loop
+        from drake_tc.loops.joint_bench.rig_free_run import rig_free_run
+
         if rig is None:
             rig, log, holdout = _demo(out / "demo_logs", seed, force, progress)
         options = replace(DiagnosisOptions(), seed=seed)
@@ -92,13 +102,14 @@ def _demo(
     return folder / rig.name, [folder / path.name for path in log], [folder / path.name for path in holdout]
 
 
-def write_results(result: CloseLoopResult, out: Path) -> CloseLoopResult:
+def write_results(result: "CloseLoopResult", out: Path) -> "CloseLoopResult":
     """report.html, report.json, model_before.yaml, model_after.yaml and torque_uncertainty.yaml in `out`.
 
     And model_refined.yaml, where the refinement on free runs was accepted.
     """
     from drake_tc.control.torque_uncertainty_file import save_torque_uncertainty
     from drake_tc.diagnosis.result.models import models_of
+    from drake_tc.diagnosis.result.to_json import result_json
     from drake_tc.diagnosis.result.torque_uncertainty import torque_uncertainty
     from drake_tc.report.html import write_report
 

@@ -1,6 +1,7 @@
 """The main job for one joint: declared model, residual, missing effects, refit, errors before and after, verdict."""
 
 from collections.abc import Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -107,6 +108,7 @@ def diagnose_joint(
     options: DiagnosisOptions,
     progress: Progress = lambda text, share: None,
     link_prior: LinkPrior | None = None,
+    executor: Executor | None = None,
 ) -> JointResult:
     """Diagnose one joint. The held-out runs are looked at only after every choice is made.
 
@@ -118,6 +120,7 @@ def diagnose_joint(
         options: Thresholds and seed.
         progress: Told how far it is.
         link_prior: Of the links' columns that the runs hold; None where they hold none.
+        executor: Assesses what is left in its workers; None does it here.
 
     Raises:
         IdentificationError: the training runs cannot identify even the declared model.
@@ -147,7 +150,7 @@ def diagnose_joint(
     progress("what is left", 0.0)
     floor = noise_floor(columns, chosen)
     splits = compared(columns, held, found.baseline, chosen)
-    unexplained, floor, notes = what_is_left(splits, chosen, floor, context, options)
+    unexplained, floor, notes = what_is_left(splits, chosen, floor, context, options, executor)
     final_parameters = parameters_of(columns, chosen, context.drive)
     effects = found_effects(columns, held, chosen, known, final_parameters, stability)
     kept = {e.id for e in effects}
