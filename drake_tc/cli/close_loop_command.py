@@ -31,7 +31,7 @@ LOADED_BY_WORKERS = (
     "drake_tc.diagnosis.residual.structure",
     "sklearn.ensemble",
 )
-"""What the worker processes import while this one imports its own modules, reads and searches."""
+"""What the worker processes need; loaded beside the imports, the reading and the search of this process."""
 
 
 def close_loop_command(
@@ -65,9 +65,8 @@ def close_loop_command(
     with (
         result_folder(out, "--out", names=FILES, inputs=read, force=force, error=LogError) as folder,
         progress_bar("close-loop", quiet=as_json) as progress,
-        processes(2) as pool,
+        processes(2, preload=LOADED_BY_WORKERS) as pool,
     ):
-        pool.preload(*LOADED_BY_WORKERS)
         from drake_tc.analysis.before_after.comparison import compare_loops
         from drake_tc.cli.close_loop_summary import print_summary
         from drake_tc.diagnosis.options import DiagnosisOptions
