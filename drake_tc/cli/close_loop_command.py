@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable
+from concurrent.futures import Executor
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -28,8 +29,10 @@ FILES = (
 LOADED_BY_WORKERS = (
     "drake_tc.loops.joint_bench.rig_free_run",
     "drake_tc.identification.output_error",
+    "drake_tc.diagnosis.selection.joint",
     "drake_tc.diagnosis.residual.structure",
     "sklearn.ensemble",
+    "drake_tc.report.residual_plots",
 )
 """What the worker processes need; loaded beside the imports, the reading and the search of this process."""
 
@@ -82,7 +85,7 @@ def close_loop_command(
             found = compare_loops(result, seed, progress, pool)
             result = replace(result, closed_loop=found, seconds=result.seconds + found.seconds)
         progress("writing the report", 0.95)
-        result = write_results(result, folder)
+        result = write_results(result, folder, pool)
     if as_json:
         print(json.dumps(result_json(result), indent=1))
     else:
@@ -101,10 +104,10 @@ def _demo(
     return folder / rig.name, [folder / path.name for path in log], [folder / path.name for path in holdout]
 
 
-def write_results(result: "CloseLoopResult", out: Path) -> "CloseLoopResult":
+def write_results(result: "CloseLoopResult", out: Path, executor: Executor | None = None) -> "CloseLoopResult":
     """report.html, report.json, model_before.yaml, model_after.yaml and torque_uncertainty.yaml in `out`.
 
-    And model_refined.yaml, where the refinement on free runs was accepted.
+    And model_refined.yaml, where the refinement on free runs was accepted. `executor` draws plots beside each other.
     """
     from drake_tc.control.torque_uncertainty_file import save_torque_uncertainty
     from drake_tc.diagnosis.result.models import models_of
@@ -118,5 +121,5 @@ def write_results(result: "CloseLoopResult", out: Path) -> "CloseLoopResult":
     save_torque_uncertainty(uncertainty, out / "torque_uncertainty.yaml")
     result = replace(result, model_before_yaml=before, model_after_yaml=after, uncertainty=uncertainty)
     (out / "report.json").write_text(json.dumps(result_json(result), indent=1) + "\n", encoding="utf-8")
-    write_report(result, out / "report.html")
+    write_report(result, out / "report.html", executor)
     return result

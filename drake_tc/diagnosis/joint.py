@@ -66,7 +66,9 @@ class Stage:
         return self.found.passed_over
 
 
-def _looked_for(prepared: Prepared, options: DiagnosisOptions, progress: Progress) -> Stage:
+def _looked_for(
+    prepared: Prepared, options: DiagnosisOptions, progress: Progress, executor: Executor | None
+) -> Stage:
     usable, obstacles = candidates(looked_for(prepared.context, options.effects), prepared.context, prepared.declared)
     subsample = columns = prepared.train
     if len(columns.samples.signals) > SEARCHED_SAMPLES:
@@ -76,7 +78,9 @@ def _looked_for(prepared: Prepared, options: DiagnosisOptions, progress: Progres
             columns.floor,
             declared_gain=columns.declared_gain,
         )
-    found = search(subsample, prepared.terms, usable, prepared.context, prepared.floor, options.search, progress)
+    found = search(
+        subsample, prepared.terms, usable, prepared.context, prepared.floor, options.search, progress, executor
+    )
     return Stage(prepared, subsample, tuple(obstacles), found)
 
 
@@ -120,18 +124,18 @@ def diagnose_joint(
         options: Thresholds and seed.
         progress: Told how far it is.
         link_prior: Of the links' columns that the runs hold; None where they hold none.
-        executor: Assesses what is left in its workers; None does it here.
+        executor: Refines proposals and assesses what is left in its workers; None does it here.
 
     Raises:
         IdentificationError: the training runs cannot identify even the declared model.
     """
     progress("filtering", 0.0)
     first = prepare_joint(train_runs, held_runs, rig, joint, 0.0, link_prior, options.width_s)
-    stage = _looked_for(first, options, progress)
+    stage = _looked_for(first, options, progress, executor)
     compliance = _wind_up(stage)
     if compliance > 0.0:
         second = prepare_joint(train_runs, held_runs, rig, joint, compliance, link_prior, options.width_s)
-        soft = _looked_for(second, options, progress)
+        soft = _looked_for(second, options, progress, executor)
         if _has_elasticity(soft.found) and soft.found.chosen.cv_rms < SOFTER_GEAR * stage.found.chosen.cv_rms:
             stage = soft
     prepared, subsample, context = stage.prepared, stage.subsample, stage.prepared.context
