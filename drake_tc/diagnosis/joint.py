@@ -66,9 +66,7 @@ class Stage:
         return self.found.passed_over
 
 
-def _looked_for(
-    prepared: Prepared, options: DiagnosisOptions, progress: Progress, executor: Executor | None
-) -> Stage:
+def _looked_for(prepared: Prepared, options: DiagnosisOptions, progress: Progress, executor: Executor | None) -> Stage:
     usable, obstacles = candidates(looked_for(prepared.context, options.effects), prepared.context, prepared.declared)
     subsample = columns = prepared.train
     if len(columns.samples.signals) > SEARCHED_SAMPLES:

@@ -125,9 +125,7 @@ def _joint(joint: JointResult, prefix: str, budget: PageBudget, executor: Execut
     """What the template shows of one joint."""
     held = residual_cards(joint, joint.heldout, f"{prefix}-held", budget.held, executor)
     train = (
-        []
-        if budget.train is None
-        else residual_cards(joint, joint.train, f"{prefix}-train", budget.train, executor)
+        [] if budget.train is None else residual_cards(joint, joint.train, f"{prefix}-train", budget.train, executor)
     )
     tried, barred = rejected_rows(joint.rejected)
     scale = scale_for(joint.after.heldout, joint.unit)
