@@ -23,7 +23,8 @@ from drake_tc.diagnosis.problem.shared.gain_dilution import TOLD, shared_varianc
 from drake_tc.diagnosis.problem.shared.open_directions import open_directions, with_open_directions
 from drake_tc.diagnosis.problem.shared.stacked import JointRows, StackedFit, fit_stacked, stack
 from drake_tc.diagnosis.result.links import fitted_links
-from drake_tc.diagnosis.result.shared_effects import original_baseline, with_shared_uncertainty, with_uncertain_gains
+from drake_tc.diagnosis.result.shared_effects import original_baseline
+from drake_tc.diagnosis.result.shared_uncertainty import with_shared_uncertainty, with_uncertain_gains
 from drake_tc.diagnosis.result.widening import robot_gains
 from drake_tc.diagnosis.robot.case import OwnModel, RobotCase
 from drake_tc.diagnosis.robot.result import RobotResult

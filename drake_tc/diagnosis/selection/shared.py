@@ -56,6 +56,21 @@ def active(causes: Sequence[Cause], chosen: Sequence[Cause]) -> tuple[IntArray, 
     return np.array(columns, dtype=np.int64), np.array(tolerance, dtype=np.float64)
 
 
+def substituted(chosen: Sequence[Cause], alternatives: Sequence[Sequence[Cause]]) -> list[tuple[Cause, ...]]:
+    """Sets of causes that do as well as the chosen ones: each with one alternative in the place of one of them.
+
+    Args:
+        chosen: Causes.
+        alternatives: By chosen cause, those that do as well in its place.
+    """
+    return [
+        (*chosen[:number], other, *chosen[number + 1 :])
+        for number, others in enumerate(alternatives)
+        for other in others
+        if other not in chosen
+    ]
+
+
 @dataclass(frozen=True, eq=False)
 class SharedProblem:
     """The training rows of all joints, and the causes looked for.
