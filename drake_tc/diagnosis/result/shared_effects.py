@@ -85,9 +85,7 @@ def shared_effects(
                 id=cause.id,
                 where=cause.where,
                 title=TITLES[cause.id],
-                parameters=spanned([{cause.key: model[cause.key]} for model in models if cause.key in model])[
-                    cause.key
-                ],
+                parameters=spanned(own)[cause.key],
                 heldout_gain=gain,
                 stability=stability,
                 joints={r.joint: each for r, each in zip(held, by_joint, strict=True)},
