@@ -43,7 +43,6 @@ class SearchThresholds:
         near: Error of a candidate over that of the best, up to which it is refined.
         worth_refining: Relative drop of the error that the best candidate must bring after the first round.
         same: Relative difference of error below which models are as good as each other: the smaller one is taken.
-        preferred_log_evidence: Evidence for a larger one of these, its parameters paid, from which on it is taken.
         least_gain: Smallest relative drop of a joint's cross-validated RMS that one more effect must bring.
         least_log_evidence: Evidence of all joints that it must leave after its parameters are paid.
         least_share: Share of block resamples in which it must help.
@@ -64,7 +63,6 @@ class SearchThresholds:
     near: float = 1.5
     worth_refining: float = 0.01
     same: float = 0.02
-    preferred_log_evidence: float = np.inf
     least_gain: float = 0.05
     least_log_evidence: float = 8.0
     least_share: float = 0.98
@@ -97,7 +95,6 @@ SHARED = SearchThresholds(
     near=np.inf,
     worth_refining=-np.inf,
     least_gain=0.10,
-    preferred_log_evidence=20.0,
     least_log_evidence=20.0,
     least_share=0.0,
     own_gain=np.inf,

@@ -3,12 +3,8 @@
 A joint's own coefficients follow the shared ones (`widening`). Where several sets of causes fit alike, each set gives
 other coefficients: an F/T sensor's gain scales the torques of all joints, and the mass of a link that fits as well does
 not, so that friction and drive gains differ by the gain's error. Every parameter's interval then spans its intervals
-under all of these sets,
-
-    [min_m low_m, max_m high_m],   m = the set chosen, and each one with an indistinguishable cause in its place
-
-which hold the truth as often as that of the true set does, whichever that is. Weights of the sets (Buckland, Burnham
-and Augustin, 1997) would need a prior probability of each cause, which no file declares.
+under all of these sets, the set that was chosen and each one with an indistinguishable cause in its place, and the
+interval of their average with equal weights (`widening.spanning`; Buckland, Burnham and Augustin, 1997).
 """
 
 from collections.abc import Mapping, Sequence

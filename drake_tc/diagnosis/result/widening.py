@@ -97,9 +97,19 @@ def spanned(models: Sequence[Parameters]) -> Parameters:
 
 
 def spanning(estimate: Estimate, others: Sequence[Estimate]) -> Estimate:
-    """The estimate with the interval that spans its own and those of others."""
-    low, high = zip(estimate.ci95, *(other.ci95 for other in others), strict=True)
-    return replace(estimate, ci95=(min(low), max(high)))
+    """The estimate with the interval that spans its own, those of others, and that of their average.
+
+    The average of M models of equal weight has the variance sum_m (s_m^2 + (x_m - x)^2)/M (Buckland, Burnham and
+    Augustin, 1997, equation 9, squared), with x the mean of the estimates x_m.
+    """
+    models = (estimate, *others)
+    if not others:
+        return estimate
+    value = np.array([each.value for each in models])
+    ends = np.array([each.ci95 for each in models])
+    half = np.hypot(np.diff(ends, axis=1)[:, 0] / 2.0, float(norm.ppf(0.975)) * (value - value.mean()))
+    averaged = value.mean() + np.array([-1.0, 1.0]) * float(np.sqrt(np.mean(half**2)))
+    return replace(estimate, ci95=(float(min(averaged[0], *ends[:, 0])), float(max(averaged[1], *ends[:, 1]))))
 
 
 def robot_gains(joints: Mapping[str, JointResult], sigma: Mapping[str, float]) -> dict[tuple[str, str], float]:

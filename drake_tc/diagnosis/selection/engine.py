@@ -107,21 +107,11 @@ def compare(problem: Problem[F], small: F, large: F) -> Comparison:
     return compared(*errors, problem.effective(small, large), extra, problem.share(small, large))
 
 
-def _best_first(
-    problem: Problem[F], fits: Sequence[F], among: Sequence[int], thresholds: SearchThresholds
-) -> list[int]:
-    """Indices of the models as good as the best one: that which is taken, then the others.
-
-    The first one is taken, unless the evidence for another one is large enough.
-    """
+def _best_first(problem: Problem[F], fits: Sequence[F], among: Sequence[int], same: float) -> list[int]:
+    """Indices of the models as good as the best one: that which comes first, then the others."""
     least = min(problem.error(fits[i]) for i in among)
-    good = [i for i in among if problem.error(fits[i]) <= (1.0 + thresholds.same) * least]
-    good.sort(key=lambda i: problem.order(fits[i]))
-    taken = good[0]
-    for other in good[1:]:
-        evidence = compare(problem, fits[taken], fits[other]).log_evidence.sum()
-        taken = other if evidence >= thresholds.preferred_log_evidence else taken
-    return [taken, *(i for i in good if i != taken)]
+    good = [i for i in among if problem.error(fits[i]) <= (1.0 + same) * least]
+    return sorted(good, key=lambda i: problem.order(fits[i]))
 
 
 def select(
@@ -161,7 +151,7 @@ def select(
             waited, beam = True, [found.fits[i] for i in found.by_error[: thresholds.beam]]
             continue
         waited = False
-        best, *others = _best_first(problem, found.fits, real, thresholds)
+        best, *others = _best_first(problem, found.fits, real, thresholds.same)
         steps.append(found.comparisons[best])
         as_good.append(tuple(found.fits[i] for i in others))
         alternatives = tuple(found.fits[i] for i in found.by_error if i != best)

@@ -99,4 +99,13 @@ def test_the_interval_of_a_parameter_spans_those_of_all_models():
     models = [{"a": {"x": one}}, {"a": {"x": replace(one, value=2.0, ci95=(1.8, 2.3))}}]
     spanning = spanned(models)["a"]["x"]
     assert spanning.value == 1.0
-    assert_allclose(spanning.ci95, (0.9, 2.3))
+    # mean 1.5; variances (0.1^2 + 0.25^2)/2 of the half widths and 0.5^2 of the estimates
+    half = np.sqrt((0.1**2 + 0.25**2) / 2.0 + (1.959964 * 0.5) ** 2)
+    assert_allclose(spanning.ci95, (min(0.9, 1.5 - half), max(2.3, 1.5 + half)), rtol=1e-6)
+    assert spanned(models[:1]) == models[0]
+
+
+def test_a_model_far_from_the_others_is_in_the_interval():
+    one = Estimate(1.0, "N*m", (0.9, 1.1), False)
+    models = [{"a": {"x": one}}] * 9 + [{"a": {"x": replace(one, value=2.0, ci95=(1.9, 2.1))}}]
+    assert spanned(models)["a"]["x"].ci95[1] == 2.1

@@ -104,11 +104,3 @@ def test_the_largest_number_of_effects_is_kept():
     errors = {"": 1.0, "a": 0.6, "ab": 0.3, "abc": 0.1, "abcd": 0.01}
     for most in range(4):
         assert select(Letters(errors), "", replace(PLAIN, most=most)).chosen == "abcd"[:most]
-
-
-@pytest.mark.parametrize(("evidence", "chosen"), [(np.inf, "a"), (15.0, "a"), (8.0, "b")])
-def test_of_models_as_good_as_each_other_the_first_is_taken_unless_the_evidence_speaks_for_another(evidence, chosen):
-    letters = Letters({"": 1.0, "a": 0.505, "b": 0.5})  # evidence of 1000 ln(0.505/0.5) = 10 for b
-    found = select(letters, "", replace(PLAIN, preferred_log_evidence=evidence))
-    assert found.chosen == chosen
-    assert found.as_good == (("b" if chosen == "a" else "a",),)
