@@ -11,7 +11,8 @@ from drake_tc.diagnosis.problem.prepared import Prepared
 from drake_tc.diagnosis.problem.regression import fit
 from drake_tc.diagnosis.problem.shared.causes import TITLES, Cause, CauseColumns
 from drake_tc.diagnosis.problem.shared.covariance import intervals
-from drake_tc.diagnosis.problem.shared.stacked import JointRows, StackedFit, fit_stacked, stack
+from drake_tc.diagnosis.problem.shared.rows import JointRows, stack
+from drake_tc.diagnosis.problem.shared.stacked import StackedFit, fit_stacked
 from drake_tc.diagnosis.residual.unexplained import DataSplit
 from drake_tc.diagnosis.result.joint_result import Errors, JointResult
 from drake_tc.diagnosis.result.rig_result import SharedEffect
@@ -79,7 +80,7 @@ def shared_effects(
         others = [c for c in chosen if c is not cause]
         own = [{cause.key: model[cause.key]} for model in models if cause.key in model]
         without = fit_stacked(train, *active(causes.causes, others))
-        gain, stability, by_joint = _on_held(held, fitted, without)
+        gain, stability, by_joint = on_held_out((held, fitted), (held, without))
         out.append(
             SharedEffect(
                 id=cause.id,
@@ -119,16 +120,23 @@ def _parameters(rows: Sequence[JointRows], causes: Sequence[Cause], fitted: Stac
     return out
 
 
-def _on_held(held: Sequence[JointRows], fitted: StackedFit, without: StackedFit) -> tuple[float, float, list[float]]:
-    """Gain of all joints together, share of resamples in which it helps, gain by joint."""
-    count = int(max(int(r.block.max()) for r in held)) + 1
+def on_held_out(
+    larger: tuple[Sequence[JointRows], StackedFit], smaller: tuple[Sequence[JointRows], StackedFit]
+) -> tuple[float, float, list[float]]:
+    """Gain of all joints together, share of resamples in which it helps, gain by joint.
+
+    Args:
+        larger: Held-out rows with a cause, and the fit with it to the training rows.
+        smaller: The same without it.
+    """
+    count = max(int(r.block.max()) for r in larger[0]) + 1
     blocks = np.zeros((2, count))
     by_joint = []
-    for j, rows in enumerate(held):
-        squares = [f.residual(rows, j) ** 2 for f in (fitted, without)]
+    for j, (rows, others) in enumerate(zip(larger[0], smaller[0], strict=True)):
+        squares = [larger[1].residual(rows, j) ** 2, smaller[1].residual(others, j) ** 2]
         by_joint.append(1.0 - float(np.sqrt(squares[0].mean() / max(squares[1].mean(), 1e-300))))
         for side, square in zip(blocks, squares, strict=True):
-            side += np.bincount(rows.block, square, count) / fitted.sigma[j] ** 2
+            side += np.bincount(rows.block, square, count) / larger[1].sigma[j] ** 2
     total = blocks.sum(axis=1)
     draws = np.random.default_rng(0).integers(0, count, (RESAMPLES, count))
     better = (blocks[1] - blocks[0])[draws].sum(axis=1) > 0.0

@@ -18,7 +18,8 @@ from drake_tc.diagnosis.problem.parameters import physical_parameters, shape_pla
 from drake_tc.diagnosis.problem.regression import Fit
 from drake_tc.diagnosis.problem.shared.covariance import covariance, own_response
 from drake_tc.diagnosis.problem.shared.gain_dilution import dilution
-from drake_tc.diagnosis.problem.shared.stacked import JointRows, StackedFit
+from drake_tc.diagnosis.problem.shared.rows import JointRows
+from drake_tc.diagnosis.problem.shared.stacked import StackedFit
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagnosis.result.widening import Parameters, moved, spanned, widened
 from drake_tc.types import FloatArray, IntArray

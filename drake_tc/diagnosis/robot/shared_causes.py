@@ -18,7 +18,8 @@ import numpy as np
 
 from drake_tc.diagnosis.problem.columns import Term
 from drake_tc.diagnosis.problem.prepared import Prepared, prepare_joint
-from drake_tc.diagnosis.problem.shared.stacked import StackedFit, fit_stacked, stack
+from drake_tc.diagnosis.problem.shared.rows import stack
+from drake_tc.diagnosis.problem.shared.stacked import StackedFit, fit_stacked
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagnosis.result.shared_effects import (
     both_sides,

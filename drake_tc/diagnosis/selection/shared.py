@@ -11,7 +11,8 @@ import numpy as np
 
 from drake_tc.diagnosis.problem.shared.causes import TITLES, Cause
 from drake_tc.diagnosis.problem.shared.covariance import covariance
-from drake_tc.diagnosis.problem.shared.stacked import JointRows, StackedFit, effective_rows, fit_stacked
+from drake_tc.diagnosis.problem.shared.rows import JointRows
+from drake_tc.diagnosis.problem.shared.stacked import StackedFit, effective_rows, fit_stacked
 from drake_tc.diagnosis.selection.engine import Proposal, Selection, select
 from drake_tc.diagnosis.selection.withdrawal import DidNotHold
 from drake_tc.diagnosis.thresholds import BEYOND_TOLERANCE, SHARED, SearchThresholds

@@ -50,7 +50,12 @@ def convert(src: Path, out: Path) -> tuple[Path, ...]:
         columns["tip_height"] = tip_height(urdf, angles, str(model))
         write_log(columns, out / f"{run}.parquet")
     write_robot(urdf, "so101", "base_link", JOINTS, out, locked={JAW: 0.0})
-    document = {**FITTED_ROBOT, "drive": "position_servo", "drive_gain": DRIVE_GAIN}
+    document = {
+        **FITTED_ROBOT,
+        "drive": "position_servo",
+        "declared": ["rotor_inertia", "asymmetric_friction"],
+        "drive_gain": DRIVE_GAIN,
+    }
     comment = "SO-101 follower arm, the jaw locked\ndrive_gain [rad/(N m)]: proportional law of the STS3215 at P 16"
     free = f"{comment}\nrows in which the gripper may touch the table are left out"
     return (

@@ -14,7 +14,8 @@ from drake_tc.diagnosis.problem.estimates import Estimate
 from drake_tc.diagnosis.problem.parameters import physical_parameters
 from drake_tc.diagnosis.problem.regression import Fit
 from drake_tc.diagnosis.problem.shared.causes import Cause
-from drake_tc.diagnosis.problem.shared.stacked import JointRows, fit_stacked
+from drake_tc.diagnosis.problem.shared.rows import JointRows
+from drake_tc.diagnosis.problem.shared.stacked import fit_stacked
 from drake_tc.diagnosis.result.shared_uncertainty import with_shared_uncertainty
 from drake_tc.diagnosis.result.widening import spanned
 from drake_tc.diagnosis.selection.shared import active, substituted
