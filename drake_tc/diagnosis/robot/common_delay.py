@@ -36,6 +36,9 @@ GRID = 8
 LONGEST = DELAY_RANGE.upper
 OWN_BEST = 0.05
 """Error with the common delay over that with the joint's own best one, less 1, up to which a joint shares it."""
+OF_SAMPLE = 0.05
+"""Standard deviation of a delay, in samples, by what interpolation between samples does: it takes noise out of an
+effort, more of it between samples than on them, and thus draws the estimate away from whole samples."""
 WHERE = "all joints"
 
 
@@ -118,7 +121,7 @@ def common_delay(problem: DelayProblem) -> SharedDelay | None:
         lambda delay: problem.error(problem.fit(float(delay))),
         bounds=around,
         method="bounded",
-        options={"xatol": 0.02 * grid[best], "maxiter": 8},
+        options={"xatol": 1e-3 * grid[best], "maxiter": 16},
     )
     delay = float(found.x) if found.fun < problem.error(fits[best]) else float(grid[best])
     fitted = problem.fit(delay)
@@ -147,9 +150,12 @@ def _told(problem: DelayProblem, delay: float, fitted: StackedFit) -> SharedEffe
 def _half_width(problem: DelayProblem, delay: float, fitted: StackedFit) -> float:
     """Half width [s] of the 95 % interval: by the curvature of the log likelihood -sum_j n_j log sigma_j(delay).
 
-    n_j are the effective rows of joint j. The links' and joints' own parameters are fitted anew at each delay.
+    n_j are the effective rows of joint j. The links' and joints' own parameters are fitted anew at each delay. What
+    interpolation does (`OF_SAMPLE`) is in it.
     """
+    period = max(p.context.period for p in problem.prepared.values())
     count, step = fitted.effective * problem.counts, 0.1 * delay
     spreads = [np.log(each.sigma) for each in (problem.fit(delay - step), fitted, problem.fit(delay + step))]
     curvature = float(count @ (spreads[0] - 2.0 * spreads[1] + spreads[2])) / step**2
-    return float(norm.ppf(0.975) / np.sqrt(curvature)) if curvature > 0.0 else float("inf")
+    variance = 1.0 / curvature if curvature > 0.0 else float("inf")
+    return float(norm.ppf(0.975) * np.sqrt(variance + (OF_SAMPLE * period) ** 2))
