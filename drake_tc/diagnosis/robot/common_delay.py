@@ -5,7 +5,8 @@ take up what is left of it, as y(t - d) = y - d dy/dt. It is therefore looked fo
 links' parameters (`problem.shared.stacked`) and before the joints' own effects. It is found if, on the training runs,
 
 - the thresholds of shared causes hold (`SHARED` in `thresholds`), with the support of at least half of the joints,
-- every joint that supports it does about as well with the common delay as with the best delay of its own, and
+- the delay that each joint tells by itself (`own_delays`) lies within half of the common one, or within two standard
+  deviations: a late encoder of one joint makes the loads of its neighbours late by other times, and
 - the error of no joint grows;
 
 and if it lowers the error of the held-out runs in nearly all of their block resamples.
@@ -34,8 +35,8 @@ from drake_tc.types import FloatArray
 GRID = 8
 """Delays that are tried before the best one is refined."""
 LONGEST = DELAY_RANGE.upper
-OWN_BEST = 0.05
-"""Error with the common delay over that with the joint's own best one, less 1, up to which a joint shares it."""
+ALIKE = 0.5
+"""By how much a joint's own delay may differ from the common one, relative to that."""
 OF_SAMPLE = 0.05
 """Standard deviation of a delay, in samples, by what interpolation between samples does: it takes noise out of an
 effort, more of it between samples than on them, and thus draws the estimate away from whole samples."""
@@ -87,20 +88,33 @@ class DelayProblem:
         """(n,) training rows of each joint."""
         return np.array([rows.target.size for rows in self.rows], dtype=np.float64)
 
-    def is_real(self, fitted: StackedFit, own_best: FloatArray) -> bool:
-        """Whether the training runs show it: see the module.
-
-        Args:
-            fitted: With the delay.
-            own_best: (n,) least cross-validated error of each joint with any delay [effort].
-        """
+    def is_real(self, delay: float, fitted: StackedFit) -> bool:
+        """Whether the training runs show the delay [s], which `fitted` has: see the module."""
         small, large = self.fitted.cv_rms, fitted.cv_rms
         thresholds = replace(SHARED, least_joints=max(2, (len(self.rows) + 1) // 2))
         floor = np.array([p.floor for p in self.prepared.values()])
         over = compared(small, large, fitted.effective * self.counts, 1, 1.0)
-        agrees = (large <= (1.0 + OWN_BEST) * own_best) | (over.gain < thresholds.second_gain)
         grows = large > (1.0 + SAME_ERROR) * small
-        return bool(agrees.all() and not grows.any()) and over.is_real(floor, np.zeros(small.size), thresholds)
+        if grows.any() or not over.is_real(floor, np.zeros(small.size), thresholds):
+            return False
+        own, spread = self.own_delays(delay, fitted)
+        return bool((np.abs(own - delay) <= np.maximum(ALIKE * delay, 2.0 * spread)).all())
+
+    def own_delays(self, delay: float, fitted: StackedFit) -> tuple[FloatArray, FloatArray]:
+        """(n,) the delay that each joint tells by itself beside the common links, and its standard deviation [s].
+
+        The squared error is a parabola over the delay. With S_0 and S_d the sums of squares without and with the
+        delay d, and D that of the difference of the two residuals, its minimum is at d (1 + (S_0 - S_d)/D)/2, with the
+        standard deviation d sqrt(S_d/(n D)), n the rows that are independent.
+        """
+        own = []
+        for j, (rows, late) in enumerate(zip(self.rows, self.late(delay), strict=True)):
+            before, after = self.fitted.residual(rows, j), fitted.residual(late, j)
+            change = max(float(np.sum((before - after) ** 2)), 1e-300)
+            squares = float(np.sum(before**2)), float(np.sum(after**2))
+            spread = delay * np.sqrt(squares[1] / (fitted.effective[j] * before.size * change))
+            own.append((0.5 * delay * (1.0 + (squares[0] - squares[1]) / change), spread))
+        return np.array([each[0] for each in own]), np.array([each[1] for each in own])
 
 
 def term_of(delay: float) -> Term:
@@ -125,7 +139,7 @@ def common_delay(problem: DelayProblem) -> SharedDelay | None:
     )
     delay = float(found.x) if found.fun < problem.error(fits[best]) else float(grid[best])
     fitted = problem.fit(delay)
-    if not problem.is_real(fitted, np.min([each.cv_rms for each in (*fits, fitted)], axis=0)):
+    if not problem.is_real(delay, fitted):
         return None
     effect = _told(problem, delay, fitted)
     return SharedDelay(term_of(delay), effect) if effect.stability >= HELDOUT_CERTAIN else None
