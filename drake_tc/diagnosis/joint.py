@@ -128,11 +128,13 @@ def diagnose_joint(
         IdentificationError: the training runs cannot identify even the declared model.
     """
     progress("filtering", 0.0)
-    first = prepare_joint(train_runs, held_runs, rig, joint, 0.0, link_prior, options.width_s)
+    first = prepare_joint(train_runs, held_runs, rig, joint, 0.0, link_prior, options.width_s, options.common)
     stage = _looked_for(first, options, progress, executor)
     compliance = _wind_up(stage)
     if compliance > 0.0:
-        second = prepare_joint(train_runs, held_runs, rig, joint, compliance, link_prior, options.width_s)
+        second = prepare_joint(
+            train_runs, held_runs, rig, joint, compliance, link_prior, options.width_s, options.common
+        )
         soft = _looked_for(second, options, progress, executor)
         if _has_elasticity(soft.found) and soft.found.chosen.cv_rms < SOFTER_GEAR * stage.found.chosen.cv_rms:
             stage = soft

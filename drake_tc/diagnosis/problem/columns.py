@@ -179,7 +179,7 @@ class Columns:
 
     @staticmethod
     def _drives(terms: Sequence[Term]) -> list[Term]:
-        return [t for t in terms if isinstance(t.effect, DriveEffect) and t.effect.shapes]
+        return [t for t in terms if isinstance(t.effect, DriveEffect) and (t.effect.shapes or t.effect.filters)]
 
     def _effort_key(self, terms: Sequence[Term]) -> tuple[object, ...]:
         return ("effort", *(k for t in self._drives(terms) for k in t.cache_key))

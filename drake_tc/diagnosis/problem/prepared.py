@@ -94,6 +94,7 @@ def prepare_joint(
     compliance: float = 0.0,
     link_prior: LinkPrior | None = None,
     width_s: float | None = None,
+    common: Sequence[Term] = (),
 ) -> Prepared:
     """Filter one joint's runs, take off what is known of it and fit its declared model.
 
@@ -105,6 +106,7 @@ def prepare_joint(
         compliance: As in `build_samples` [rad/(N m)].
         link_prior: Of the links' columns that the runs hold; None where they hold none.
         width_s: Width of the light kernel [s]; None lets the data choose.
+        common: Terms of all joints, which the declared model has besides the joint's own.
 
     Raises:
         IdentificationError: the joint hardly moves in the training or in the held-out runs, or the training runs cannot
@@ -122,6 +124,7 @@ def prepare_joint(
     scale = load_scale(rig, joint)
     first, other = (Columns(each, declared_gain=scale.gain) for each in (train, held))
     plain = fit_declared(first, declared_terms(rig, joint), context, loads)
+    plain = fit(first, [*plain.terms, *common]) if common else plain
     if train.load_unknown:
         require_identified_load(first, plain, joint, context)
     elif context.load != "links":
