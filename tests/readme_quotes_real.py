@@ -8,9 +8,8 @@ from collections.abc import Callable, Iterable, Mapping
 
 from readme_tables import assert_quoted, row
 
-from drake_tc.benchmarks import real_bam, real_dfki, real_icub, real_uart
+from drake_tc.benchmarks import real_bam, real_dfki, real_icub, real_tmotor, real_uart
 from drake_tc.benchmarks.real_rows import RealRow
-from drake_tc.logs.importers.tmotor import SESSIONS
 
 MAIN, DIAGNOSIS, BASE = "README.md", "drake_tc/diagnosis/README.md", "drake_tc/estimation/base/README.md"
 PERCENT = 100.0
@@ -79,12 +78,12 @@ def _dfki() -> Iterable[Quote]:
 
 
 def _tmotor() -> Iterable[Quote]:
-    for name in SESSIONS["early"]:
+    for name in real_tmotor.CASES:
         limits = f"limits of {name} |"
         yield DIAGNOSIS, limits, 1, each(f"{name}/best_fit_ratio")
         yield DIAGNOSIS, limits, 2, each(f"{name}/repeats_within", f"{name}/repeats_between")
         yield DIAGNOSIS, limits, 3, each(f"{name}/offset")
-        yield DIAGNOSIS, limits, 4, each(*(f"{name}/training/{o}" for o in SESSIONS["early"] if o != name))
+        yield DIAGNOSIS, limits, 4, each(*(f"{name}/training/{o}" for o in real_tmotor.CASES if o != name))
         found = f"{name}/found_model"
         for cell, what in (
             (1, each(f"{name}/published_model")),

@@ -31,9 +31,12 @@ CASES = {
     "sysid_test_1": "early/test_1_held_out",
     "sysid_test_high_speed": "early/high_speed_held_out",
     "sysid_opposing_motor_2": "early/opposing_motor_held_out",
-    "sysid_torque_rampup": "early/rampup_held_out",
 }
-"""Held-out log to the case that holds it out."""
+"""Held-out log to the case that holds it out.
+
+The fourth log, `sysid_torque_rampup`, is a training run alone: it moves faster than its sensor of the speed resolves
+for half a second in all, so `close-loop` refuses to judge by it (`bench real-logs` prints the refusal).
+"""
 LOWER_BY = 0.25
 LEAST_PAIRS = 30
 
@@ -112,5 +115,5 @@ def _limits(name: str, errors: Mapping[str, float], logs: Mapping[str, LogRows])
     for judged, log in others.items():
         trained = judged_errors([each for other, each in others.items() if other != judged], log)
         best, error = smallest(trained)
-        note = f"two training logs predict the third: {best}"
+        note = f"one log predicts the other: {best}"
         yield RealRow(f"{name}/training/{judged}", error / trained[PUBLISHED], "-", note=note)
