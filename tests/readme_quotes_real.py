@@ -75,6 +75,8 @@ def _dfki() -> Iterable[Quote]:
         yield DIAGNOSIS, begin, 1, each(f"{name}/own_fit")
         yield DIAGNOSIS, begin, 2, each(f"{name}/fit_of_others")
         yield DIAGNOSIS, begin, 3, each(f"{name}/own_share", f"{name}/others_share")
+        yield DIAGNOSIS, f"one more for {text} |", 1, each(f"{name}/with_ripple")
+        yield DIAGNOSIS, f"one more for {text} |", 2, each(f"{name}/one_effect_more")
 
 
 def _tmotor() -> Iterable[Quote]:
@@ -84,6 +86,7 @@ def _tmotor() -> Iterable[Quote]:
         yield DIAGNOSIS, limits, 2, each(f"{name}/repeats_within", f"{name}/repeats_between")
         yield DIAGNOSIS, limits, 3, each(f"{name}/offset")
         yield DIAGNOSIS, limits, 4, each(*(f"{name}/training/{o}" for o in real_tmotor.CASES if o != name))
+        yield DIAGNOSIS, f"{name} |", 5, each(f"{name}/found_model_zeroed")
         found = f"{name}/found_model"
         for cell, what in (
             (1, each(f"{name}/published_model")),

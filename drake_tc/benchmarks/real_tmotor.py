@@ -10,6 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+import numpy as np
+
 from drake_tc.benchmarks.flexible_fits import (
     PUBLISHED,
     LogRows,
@@ -58,6 +60,11 @@ class HeldOutLog:
         """RMS [N m] with the effects that were found."""
         return self.result.after.heldout / self.result.final.gain
 
+    @property
+    def varying(self) -> float:
+        """The same about its mean: what is left if the sensor's zero of this log were known."""
+        return float(np.std(self.result.heldout.after)) / self.result.final.gain
+
 
 def held_out(data: Path, names: tuple[str, ...] = tuple(CASES)) -> dict[str, HeldOutLog]:
     """`close-loop` without each of these logs, by log.
@@ -96,6 +103,7 @@ def rows(data: Path) -> list[RealRow]:
             RealRow(f"{name}/published_model", published, "N*m", note="fitted on the other logs, same rows and filter"),
             RealRow(f"{name}/declared_model", each.before, "N*m"),
             RealRow(f"{name}/found_model", each.after, "N*m", (1 - LOWER_BY) * published, "max", note=note),
+            RealRow(f"{name}/found_model_zeroed", each.varying, "N*m", note="about the mean error of this log"),
             *_limits(name, errors, logs),
         ]
     return out
