@@ -134,7 +134,7 @@ def run_fits(data: Path) -> dict[str, RunFit]:
         fits = [fit(c, declared) for c in (judged, Columns(build_samples(others, rig, joint, WIDTH)))]
         errors = [float(np.sqrt(np.mean(predict(judged, f) ** 2))) * TORQUE_PER_AMPERE for f in fits]
         floor = fits[0].gain * judged.samples.floor.torque(*(float(x) for x in fits[0].beta[:2])) * TORQUE_PER_AMPERE
-        out[name] = RunFit(*errors, *(1.0 / (f.gain * TORQUE_PER_AMPERE) for f in fits), floor)
+        out[name] = RunFit(*errors, *(1.0 / (f.gain * TORQUE_PER_AMPERE) for f in fits), floor=floor)
     return out
 
 
