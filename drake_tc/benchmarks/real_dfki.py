@@ -132,9 +132,10 @@ def run_fits(data: Path) -> dict[str, RunFit]:
         judged = Columns(build_samples([run], rig, joint, WIDTH))
         others = at_common_period([each for other, each in runs.items() if other != name])
         fits = [fit(c, declared) for c in (judged, Columns(build_samples(others, rig, joint, WIDTH)))]
-        errors = [float(np.sqrt(np.mean(predict(judged, f) ** 2))) * TORQUE_PER_AMPERE for f in fits]
+        own, of_others = (float(np.sqrt(np.mean(predict(judged, f) ** 2))) * TORQUE_PER_AMPERE for f in fits)
         floor = fits[0].gain * judged.samples.floor.torque(*(float(x) for x in fits[0].beta[:2])) * TORQUE_PER_AMPERE
-        out[name] = RunFit(*errors, *(1.0 / (f.gain * TORQUE_PER_AMPERE) for f in fits), floor=floor)
+        own_share, others_share = (1.0 / (f.gain * TORQUE_PER_AMPERE) for f in fits)
+        out[name] = RunFit(own, of_others, own_share, others_share, floor)
     return out
 
 
