@@ -11,7 +11,7 @@ from readme_tables import assert_quoted, row
 from drake_tc.benchmarks import real_bam, real_dfki, real_icub, real_tmotor, real_uart
 from drake_tc.benchmarks.real_rows import RealRow
 
-MAIN, DIAGNOSIS, BASE = "README.md", "drake_tc/diagnosis/README.md", "drake_tc/estimation/base/README.md"
+DIAGNOSIS, BASE = "drake_tc/diagnosis/README.md", "drake_tc/estimation/base/README.md"
 PERCENT = 100.0
 
 Rows = Mapping[str, RealRow]
@@ -111,9 +111,6 @@ def _uart() -> Iterable[Quote]:
 
 def _icub() -> Iterable[Quote]:
     run = real_icub.LONG
-    figures = [f"{run}/{what}" for what in ("x", "y", "z", "yaw")]
-    yield MAIN, "walking robot, 89 s", 1, each(*figures)
-    yield MAIN, "walking robot, 89 s", 2, expected(*figures)
     for begin, whats in (("x, y, z [m]", ("x", "y", "z")), ("yaw [deg]", ("yaw",))):
         yield BASE, begin, 1, constant(*(real_icub.PUBLISHED[what] for what in whats))
         yield BASE, begin, 2, expected(*(f"{run}/{what}" for what in whats))

@@ -1,6 +1,7 @@
 """`drake-tc close-loop`: residual, missing effect, better model, error before and after."""
 
 import json
+import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -33,6 +34,10 @@ def close_loop_command(
     rig: Annotated[Path | None, typer.Option(help="Rig file (YAML): joint, drive, what is declared.")] = None,
     log: Annotated[list[Path] | None, typer.Option(help="A run to fit; repeat for more.")] = None,
     holdout: Annotated[list[Path] | None, typer.Option(help="A run that takes no part in fitting; repeat.")] = None,
+    declared: Annotated[
+        Path | None,
+        typer.Option(help="Your model as the declared one: URDF, MJCF, or a parameter file of BAM (JSON)."),
+    ] = None,
     out: Annotated[Path, typer.Option(help="Folder for report.html, report.json and both models.")] = Path("out"),
     seed: Annotated[int, typer.Option(help="Seed of the resampling (and of the demo's rig).")] = 0,
     closed_loop: Annotated[
@@ -56,10 +61,14 @@ def close_loop_command(
             "expected at least one --log RUN to fit and one --holdout RUN to judge by; got "
             f"{len(log or [])} and {len(holdout or [])}"
         )
+    if declared is not None and rig is None:
+        raise LogError("--declared needs --rig RIG.yaml, which says what the logs show")
     from drake_tc.analysis.before_after.comparison import compare_loops
     from drake_tc.loops.joint_bench.rig_free_run import rig_free_run
 
-    read = [rig, *(log or []), *(holdout or [])]
+    if rig is not None and declared is not None:
+        _tell_declared(rig, declared)
+    read = [rig, declared, *(log or []), *(holdout or [])]
     with (
         result_folder(out, "--out", names=FILES, inputs=read, force=force, error=LogError) as folder,
         progress_bar("close-loop", quiet=as_json) as progress,
@@ -68,7 +77,7 @@ def close_loop_command(
         if rig is None:
             rig, log, holdout = _demo(out / "demo_logs", seed, force, progress)
         options = replace(DiagnosisOptions(), seed=seed)
-        result = close_loop(rig, log or [], holdout or [], options, rig_free_run, progress, pool)
+        result = close_loop(rig, log or [], holdout or [], options, rig_free_run, progress, pool, declared)
         if closed_loop:
             found = compare_loops(result, seed, progress, pool)
             result = replace(result, closed_loop=found, seconds=result.seconds + found.seconds)
@@ -78,6 +87,16 @@ def close_loop_command(
         print(json.dumps(result_json(result), indent=1))
     else:
         print_summary(result, out)
+
+
+def _tell_declared(rig: Path, declared: Path) -> None:
+    """What the file declares, on stderr."""
+    from drake_tc.logs.declared_file import taken_over
+    from drake_tc.logs.rig import load_rig
+
+    own = load_rig(rig)
+    for each in taken_over(own, declared):
+        print(f"close-loop: {declared}: {each.line(own.drive[each.joint])}", file=sys.stderr)
 
 
 def _demo(

@@ -22,7 +22,7 @@ FILES = ("estimate.csv", "estimate.json")
 
 
 def estimate_base_command(
-    rig: Annotated[Path, typer.Option(help="Rig file: robot, contacts, columns (drake_tc/estimation/base/rig.py).")],
+    rig: Annotated[Path, typer.Option(help="Rig file: robot, contacts, columns.")],
     log: Annotated[Path, typer.Option(help="Log file: CSV, Parquet, NPZ or MAT.")],
     out: Annotated[Path | None, typer.Option(help="Folder for estimate.csv and estimate.json.")] = None,
     force: Force = False,

@@ -84,7 +84,7 @@ def identify_command(
             except IdentificationError as error:
                 fits.failed[name] = str(error) if name in str(error) else f"{name}: {error}"
         if not fits.rows:
-            raise IdentificationError("; ".join(fits.failed.values()))
+            raise _failure(rig, fits)
         save_models(fits.models, model, provenance=_provenance(rig, log, sheet, fits))
     for note in dict.fromkeys(note for row in fits.rows for note in row["notes"]):
         print(f"identify: {note}", file=sys.stderr)
@@ -98,7 +98,7 @@ def identify_command(
     if not as_json:
         print(f"model: {out}")
     if fits.failed:
-        raise IdentificationError("; ".join(fits.failed.values()))
+        raise _failure(rig, fits)
 
 
 class _Fits(NamedTuple):
@@ -107,6 +107,10 @@ class _Fits(NamedTuple):
     models: dict[str, ActuatorModel]
     rows: list[dict[str, Any]]
     failed: dict[str, str]
+
+
+def _failure(rig: Path, fits: _Fits) -> IdentificationError:
+    return IdentificationError(f"{rig}: {'; '.join(fits.failed.values())}")
 
 
 def _provenance(rig: Path, logs: Sequence[Path], sheet: Path | None, fits: _Fits) -> dict[str, Any]:

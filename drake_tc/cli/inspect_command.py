@@ -24,7 +24,7 @@ def inspect_command(
 ) -> None:
     """List a log's topics, columns, rates and gaps, guess what they are and in which units, and say why.
 
-    With --rig it writes a rig file with these guesses, which `close-loop` reads; look through it before you believe it.
+    With --rig it writes a rig file with these guesses, which `close-loop` reads. Check them: a name can mislead.
     """
     found = inspect_log(log)
     problem = trial(found)

@@ -29,12 +29,14 @@ from drake_tc.cli.tune_command import tune_command
 from drake_tc.cli.unforeseen import UNFORESEEN, Terminated, told_once, write_details
 from drake_tc.errors import DrakeTcError
 
+LONGEST = 1200
+"""Characters of the line of an error; a longer one is cut in the middle."""
 INTERRUPTED = 130
 """Exit code of a command that was interrupted (128 + SIGINT)."""
 
 app = typer.Typer(
     name="drake-tc",
-    help="Torque control of position-controlled robots in Drake, with a model held against measured data.",
+    help="Torque control of position-controlled robots in Drake, with models that are checked against measured data.",
     add_completion=False,
     pretty_exceptions_enable=False,
 )
@@ -69,7 +71,7 @@ def _options(
     ] = False,
     debug: Annotated[bool, typer.Option("--debug", help="Show tracebacks and the warnings of libraries.")] = False,
 ) -> None:
-    """Torque control of position-controlled robots in Drake, with a model held against measured data."""
+    """Torque control of position-controlled robots in Drake, with models that are checked against measured data."""
 
 
 def run(arguments: Sequence[str]) -> int:
@@ -95,7 +97,10 @@ def _run(arguments: Sequence[str], *, debug: bool) -> int:
         print(f"drake-tc: {_one_line(str(error))}", file=sys.stderr)
         return 2
     except TyperException as error:
-        print(f"drake-tc: {_one_line(error.format_message())} (drake-tc --help lists what there is)", file=sys.stderr)
+        print(
+            f"drake-tc: {_one_line(error.format_message())} (drake-tc --help lists the commands and their options)",
+            file=sys.stderr,
+        )
         return 2
     except (KeyboardInterrupt, typer.Abort):
         code = INTERRUPTED
@@ -116,4 +121,6 @@ def _run(arguments: Sequence[str], *, debug: bool) -> int:
 
 
 def _one_line(text: str) -> str:
-    return " ".join(text.split())
+    """A message as one line of printable characters; what names in files hold may be neither."""
+    line = "".join(c if c.isprintable() else ascii(c)[1:-1] for c in " ".join(text.split()))
+    return line if len(line) <= LONGEST else f"{line[: LONGEST // 2]} ... {line[-LONGEST // 2 :]}"

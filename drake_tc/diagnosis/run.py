@@ -37,6 +37,7 @@ def close_loop(
     free_run: FreeRun | None = None,
     progress: Progress = lambda text, share: None,
     executor: Executor | None = None,
+    declared: Path | None = None,
 ) -> CloseLoopResult:
     """Read the rig and its runs, diagnose every joint, and say how long it took.
 
@@ -48,15 +49,27 @@ def close_loop(
         free_run: Simulates the model driven by a recorded command; None leaves the free-run errors out.
         progress: Told how far it is.
         executor: Runs the free runs beside each other; None runs them here.
+        declared: File of another simulator whose model is declared (`drake_tc.logs.declared_file`).
 
     Raises:
         RigError, LogError, IdentificationError: input that cannot be used.
+
+    Example:
+        >>> from drake_tc.diagnosis.options import DiagnosisOptions
+        >>> rig = leg_rig_file()
+        >>> found = close_loop(rig, [leg_log()], [leg_log(seed=1)], DiagnosisOptions(effects=(effect("stribeck"),)))
+        >>> found.joints["knee"].verdict
+        'no_missing_effect'
     """
     with threadpool_limits(1):  # thousands of small problems: threads would wait for each other
-        return _close_loop(rig_path, logs, holdout, options or DiagnosisOptions(), free_run, progress, executor)
+        rig = load_rig(rig_path, declared)
+        chosen = options or DiagnosisOptions()
+        result = _close_loop(rig, rig_path, logs, holdout, chosen, free_run, progress, executor)
+    return replace(result, declared_file=None if declared is None else str(declared))
 
 
 def _close_loop(
+    rig: Rig,
     rig_path: Path,
     logs: Sequence[Path],
     holdout: Sequence[Path],
@@ -67,7 +80,6 @@ def _close_loop(
 ) -> CloseLoopResult:
     start = time.perf_counter()
     registered_effects()  # one that cannot be loaded ends the run before it begins
-    rig: Rig = load_rig(rig_path)
     require_two_runs([*logs, *holdout])
     require_different_files(logs, holdout)
     progress("reading", 0.0)

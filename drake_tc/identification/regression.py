@@ -1,4 +1,4 @@
-"""Linear least squares whose confidence intervals account for autocorrelation (EQUATIONS A4).
+"""Linear least squares whose confidence intervals account for autocorrelation.
 
 Robot logs are sampled far faster than their residuals decorrelate: an interval that counts samples as
 independent is too narrow by the square root of the correlation time. Here every interval is Newey–West's.
@@ -54,7 +54,7 @@ def least_squares(
         IdentificationError: Shapes that do not fit, values that are not finite, fewer samples than parameters,
             or an excitation too poor, with the condition number and the parameter that suffers.
 
-    Source: EQUATIONS A4; Newey and West 1987; Kiefer and Vogelsang 2005 for the critical value.
+    Source: Newey and West, 1987; Kiefer and Vogelsang 2005 for the critical value.
     """
     a, b, labels = checked(columns, target, names)
     root = np.sqrt(checked_weights(weights, b.size))

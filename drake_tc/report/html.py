@@ -11,6 +11,7 @@ from jinja2 import DictLoader, Environment, StrictUndefined
 from markupsafe import Markup
 
 from drake_tc import __version__
+from drake_tc.config.whole_file import write_whole
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult
 from drake_tc.report.closed_loop_section import closed_loop_section
@@ -49,7 +50,7 @@ from drake_tc.report.words import (
 
 def write_report(result: CloseLoopResult, path: Path) -> None:
     """Write the report of a whole call to `path`: one HTML file (UTF-8) that needs nothing else."""
-    path.write_text(render(result), encoding="utf-8")
+    write_whole(path, render(result))
 
 
 def render(result: CloseLoopResult) -> str:

@@ -212,5 +212,26 @@ def search(
     known = frozenset(t.effect.key for t in declared)
     problem = JointProblem(columns, effects, context, known, floor)
     found = select(problem, refine(columns, fit(columns, declared)), thresholds, progress)
+    found = _of_simplest_causes(problem, found, thresholds, progress)
     taken = {t.effect.id for t in found.chosen.terms}
     return replace(found, passed_over=tuple(each for each in found.passed_over if each.id not in taken))
+
+
+def _of_simplest_causes(
+    problem: JointProblem, found: Search, thresholds: SearchThresholds, progress: Progress
+) -> Search:
+    """The same search without curves of free form, where that explains as much with no more parameters.
+
+    A curve over the position can explain most of two simpler effects at once, and neither of these enters the beam
+    after it; without it an encoder's eccentricity may do the same. So where a curve was chosen, the search is repeated
+    without curves, and without all effects that depend on the position.
+    """
+    if not any(t.effect.free_form and t.effect.key not in problem.known for t in found.chosen.terms):
+        return found
+    tried = [found]
+    for kind in ("free_form", "depends_on_position"):
+        rest = [effect for effect in problem.effects if not getattr(effect, kind)]
+        tried.append(select(replace(problem, effects=rest), found.baseline, thresholds, progress))
+    most = (1.0 + thresholds.same) * found.chosen.cv_rms
+    as_good = [each for each in tried if each.chosen.cv_rms <= most and each.chosen.size <= found.chosen.size]
+    return min(as_good, key=lambda each: problem.order(each.chosen))

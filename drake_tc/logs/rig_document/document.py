@@ -64,7 +64,8 @@ class RigDocument(Keys):
         absent="`torque`; with the key `robot`, `{robot: estimate}`",
     )
     declared: EntryOrByJoint[DeclaredEntry] | None = key(
-        "Effects that you already model: a list of ids, or id: value. A declared effect is part of the model before "
+        "Effects that you already model: a list of ids, id: value, or a file (URDF, MJCF, or a parameter file of BAM) "
+        "that has them, relative to the rig file. A declared effect is part of the model before "
         "and is not searched for. Viscous and Coulomb friction are always declared.",
         example={"rotor_inertia": 0.31, "stribeck": None},
         absent="viscous and Coulomb friction alone",
@@ -111,6 +112,13 @@ class RigDocument(Keys):
         unit="N·m·s/rad",
         example=1.5,
         absent="not known; the viscous friction holds it",
+    )
+    command_hold: bool | None = key(
+        "Whether the recorded command acts unchanged until the next sample (true), as with a position servo whose goal "
+        "is written once a cycle, or whether the samples are points of a continuous command (false). A held command "
+        "is half a period late on average.",
+        example=True,
+        absent="true for a position servo that is logged at 250 Hz or slower and whose training runs confirm it",
     )
     coupled: dict[str, dict[str, Number]] | None = key(
         "Gears that couple joints, with `load: {robot: ...}`. By joint: another joint, and the turns of the first "
