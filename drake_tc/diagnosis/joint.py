@@ -149,6 +149,7 @@ def diagnose_joint(
         known,
         context,
         prepared.floor,
+        options.search.least_gain,
     )
     columns, held, chosen = confirmed.train, confirmed.held, confirmed.fit
     progress("what is left", 0.0)
