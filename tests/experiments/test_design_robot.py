@@ -19,7 +19,8 @@ QUICK = RobotOptions(duration=10.0, starts=1, iterations=3, distance=0.02)
 def link(name, mass, length):
     return f"""<link name="{name}"><inertial><origin xyz="0 0 {length / 2}"/><mass value="{mass}"/>
 <inertia ixx="0.02" iyy="0.02" izz="0.004" ixy="0" ixz="0" iyz="0"/></inertial>
-<collision><origin xyz="0 0 {length / 2}"/><geometry><box size="0.06 0.06 {length - 0.1}"/></geometry></collision></link>"""
+<collision><origin xyz="0 0 {length / 2}"/><geometry>
+<box size="0.06 0.06 {length - 0.1}"/></geometry></collision></link>"""
 
 
 def joint(name, parent, child, axis, height):

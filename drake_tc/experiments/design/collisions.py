@@ -56,7 +56,8 @@ class SelfCollision:
         """(value, (n,) slope by the joints' positions)."""
         if self._constraint is None:
             return 0.0, np.zeros(position.size)
-        found = self._constraint.Eval(InitializeAutoDiff(self._in_plant(position)[:, None]).ravel())
+        at: Any = self._in_plant(position)[:, None]
+        found = self._constraint.Eval(InitializeAutoDiff(at).ravel())
         slope = np.asarray(ExtractGradient(found))[-1]
         value = float(ExtractValue(found).ravel()[-1])
         if slope.size == 0:
