@@ -8,13 +8,10 @@ import typer
 
 from drake_tc.cli.out_files import Force, result_folder
 from drake_tc.cli.progress import progress_bar
-from drake_tc.cli.wide_table import print_wide
 from drake_tc.errors import LogError, ParamsError
 
 if TYPE_CHECKING:
     from drake_tc.experiments.design.run import JointDesign
-
-Limit = typer.Option(help="Limit; where --log is given, the motions of these runs are the default.")
 
 
 def design_command(
@@ -40,6 +37,7 @@ def design_command(
     bandwidth: Annotated[float | None, typer.Option(help="Highest frequency that the drive follows [Hz].")] = None,
     basis: Annotated[str, typer.Option(help="Functions of the motion: fourier or bspline.")] = "fourier",
     criterion: Annotated[str, typer.Option(help="For goal parameters: D or E.")] = "D",
+    distance: Annotated[float, typer.Option(help="Least distance between the links of a robot [m].")] = 0.01,
     starts: Annotated[int, typer.Option(help="Starts of the solver.")] = 2,
     seed: Annotated[int, typer.Option(help="Seed of the starts.")] = 0,
     out: Annotated[Path, typer.Option(help="Folder for the trajectory and the page.")] = Path("design"),
@@ -48,10 +46,11 @@ def design_command(
 ) -> None:
     """Compute a motion that measures a joint's parameters well, or that tells two missing effects apart.
 
+    For a rig whose robot's model gives the loads, the goal parameters without --joint makes one motion of all joints.
     The motion keeps the limits and begins and ends at rest. Two effects that no motion separates are refused with the
     identity that proves it.
     """
-    from drake_tc.experiments.design.output import FILES, design_json, write_design
+    from drake_tc.experiments.design.output import FILES, design_json, robot_json, write_design, write_robot_design
 
     _require(basis, criterion, duration, rate)
     given: dict[str, Any] = {
@@ -67,7 +66,8 @@ def design_command(
         result_folder(out, "--out", names=FILES, inputs=read, force=force, error=ParamsError) as folder,
         progress_bar("design", quiet=as_json) as progress,
     ):
-        from drake_tc.experiments.design.request import DesignRequest, designed
+        from drake_tc.experiments.design.request import DesignRequest, designed, designed_robot, whole_robot
+        from drake_tc.experiments.design.robot import RobotOptions
         from drake_tc.experiments.design.run import DesignOptions
 
         options = DesignOptions(
@@ -78,12 +78,19 @@ def design_command(
             seed=seed,
         )
         request = DesignRequest(rig, tuple(log or ()), model, goal, after, tuple(joint or ()), given)
-        designs = designed(request, options, progress)
-        write_design(designs, folder, rate)
+        if whole_robot(request):
+            whole = RobotOptions(duration, options.basis, options.smallest, starts=starts, seed=seed, distance=distance)
+            robot = designed_robot(request, whole, progress)
+            write_robot_design(robot, folder, rate)
+            document, lines = robot_json(robot), list(robot.sentences)
+        else:
+            designs = designed(request, options, progress)
+            write_design(designs, folder, rate)
+            document, lines = design_json(designs), design_lines(designs)
     if as_json:
-        print(json.dumps(design_json(designs), indent=1))
+        print(json.dumps(document, indent=1))
     else:
-        print_design(designs)
+        print("\n".join(lines))
         print(out / FILES[3])
 
 
@@ -98,15 +105,18 @@ def _require(basis: str, criterion: str, duration: float, rate: float) -> None:
         raise LogError(f"--rate: expected 10 to 10000 Hz, got {rate:g}")
 
 
-def print_design(designs: "dict[str, JointDesign]") -> None:
-    """What each joint's motion is expected to bring."""
+def design_lines(designs: "dict[str, JointDesign]") -> list[str]:
+    """What each joint's motion is expected to bring, as lines of text."""
+    out = []
     for name, design in designs.items():
-        print(f"{name}: goal {design.goal.text}")
-        for sentence in design.sentences:
-            print(f"  {sentence}")
-        rows = [
-            (e.name, e.unit.removesuffix("-"), *(f"{x:.3g}" if x == x else "-" for x in (e.before, e.default, e.after)))
-            for e in design.expected
-        ]
-        headings = ("quantity", "unit", "logs so far", "growing sinusoid", "designed motion")
-        print_wide(headings, rows, left=("quantity", "unit"))
+        out.append(f"{name}: goal {design.goal.text}")
+        out += [f"  {sentence}" for sentence in design.sentences]
+        for each in design.expected:
+            values = ", ".join(
+                f"{label} {value:.3g}"
+                for label, value in (("logs", each.before), ("sinusoid", each.default), ("designed", each.after))
+                if value == value
+            )
+            unit = f" [{each.unit}]" if each.unit not in ("", "-") else ""
+            out.append(f"  {each.name}{unit}: {values}")
+    return out

@@ -40,7 +40,7 @@ def test_after_a_report_it_makes_the_experiment_that_tells_its_alternatives_apar
     path.write_text(json.dumps(report), encoding="utf-8")
     done = invoke("design", "--rig", bench.rig, "--after", path, *quick, "--json")
     assert done.code == 0, done.err
-    assert json.loads(done.out)["joints"][name]["goal"] == "tell:delay.command,current_lag"
+    assert json.loads(done.out)["joints"][name]["goal"] == "tell:delay,current_lag"
 
 
 @pytest.mark.parametrize(

@@ -41,7 +41,7 @@ def joint() -> DesignJoint:
         duration=30.0,
     )
     declared = (Term(effect("viscous")), Term(effect("coulomb")))
-    return DesignJoint("joint", numbers, context, 0.3, 0.9, 18.0, 0.1, 0.0, declared, 0.1, 60.0, 2e-3, 0.02)
+    return DesignJoint("joint", numbers, context, 0.3, 0.9, 18.0, 0.1, 0.0, declared, 0.1, 60.0, 2e-3, 0.02, 0.02)
 
 
 def form(joint, key):

@@ -60,7 +60,9 @@ def scaled(basis: MotionBasis, limits: JointLimits) -> MotionBasis:
     return replace(basis, matrices=basis.matrices * sizes, scale=basis.scale * sizes)
 
 
-def motion_basis(kind: BasisKind, period: float, step: float, bandwidth_hz: float) -> MotionBasis:
+def motion_basis(
+    kind: BasisKind, period: float, step: float, bandwidth_hz: float, most: int = MOST_FREQUENCIES
+) -> MotionBasis:
     """The functions of one period.
 
     Args:
@@ -68,6 +70,7 @@ def motion_basis(kind: BasisKind, period: float, step: float, bandwidth_hz: floa
         period: P [s].
         step: Time between samples [s]; P is rounded to a whole number of them.
         bandwidth_hz: Highest frequency [Hz].
+        most: Frequencies at most.
 
     Raises:
         ParamsError: A period too short for two frequencies below the bandwidth.
@@ -81,12 +84,12 @@ def motion_basis(kind: BasisKind, period: float, step: float, bandwidth_hz: floa
             "Hz; lengthen --duration or raise --bandwidth"
         )
     if kind == "fourier":
-        return _fourier(time, period, step, highest)
+        return _fourier(time, period, step, highest, most)
     return _bspline(time, period, step, bandwidth_hz)
 
 
-def _fourier(time: FloatArray, period: float, step: float, highest: int) -> MotionBasis:
-    numbers = np.unique(np.round(np.geomspace(1, highest, MOST_FREQUENCIES)).astype(int))
+def _fourier(time: FloatArray, period: float, step: float, highest: int, most: int) -> MotionBasis:
+    numbers = np.unique(np.round(np.geomspace(1, highest, most)).astype(int))
     omega = 2.0 * np.pi * numbers / period
     phase = omega[None, :] * time[:, None]
     blocks = []

@@ -43,11 +43,17 @@ class Goal:
 
     Attributes:
         kind: Of the goal.
-        effects: Keys of the two effects of "tell"; effects estimated along for "parameters".
+        effects: Keys or ids of the two effects of "tell"; effects estimated along for "parameters". An id stands for
+            its first form that a joint's logs can show.
     """
 
     kind: GoalKind
     effects: tuple[str, ...] = ()
+
+    @property
+    def whole(self) -> bool:
+        """Whether it asks for the parameters of the declared model alone, as a whole robot's motion does."""
+        return self.kind == "parameters" and not self.effects
 
     @property
     def text(self) -> str:
@@ -66,9 +72,11 @@ def parse_goal(text: str) -> Goal:
     if kind == "tell":
         if len(names) != 2 or effect(names[0]).key == effect(names[1]).key:
             raise ParamsError(f"goal {text!r}: expected two different effects, as in tell:stribeck,viscous_power")
-        return Goal("tell", tuple(effect(name).key for name in names))
+        return Goal("tell", names)
     if kind == "parameters":
-        return Goal("parameters", tuple(effect(name).key for name in names))
+        for name in names:
+            effect(name)
+        return Goal("parameters", names)
     if kind == "all" and not rest:
         return Goal("all")
     raise ParamsError(f"goal {text!r}: expected parameters, tell:A,B or all")
@@ -110,6 +118,9 @@ def _computable(joint: DesignJoint, key: str) -> bool:
 
 def _form(joint: DesignJoint, key: str) -> EffectForm:
     member = effect(key)
+    if key == member.id:
+        forms = [e for e in looked_for(joint.context) if e.id == key and not e.unavailable(joint.context)]
+        member = forms[0] if forms else member
     obstacle = member.unavailable(joint.context)
     if obstacle:
         raise ParamsError(f"joint {joint.name}: {key} cannot be looked for: {obstacle}")
@@ -118,7 +129,7 @@ def _form(joint: DesignJoint, key: str) -> EffectForm:
             f"joint {joint.name}: {key} depends on {', '.join(sorted(member.needs))}, which a motion alone does not "
             f"set; {_isolated(member.id)}"
         )
-    return form_of(joint, key, size_of(member, joint.numbers, joint.context))
+    return form_of(joint, member.key, size_of(member, joint.numbers, joint.context))
 
 
 def _isolated(effect_id: str) -> str:

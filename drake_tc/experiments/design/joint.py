@@ -48,7 +48,7 @@ class DesignJoint:
         noise: What noise leaves of the balance [N m].
         independent_per_second: Independent samples in it [1/s].
         slowest: Speed below which samples take no part [rad/s].
-        kernel_width: Of the filters that a diagnosis applies [s].
+        kernel_width: Of the first filter that a diagnosis applies [s]. final_width: of the second one.
     """
 
     name: str
@@ -64,6 +64,7 @@ class DesignJoint:
     independent_per_second: float
     slowest: float
     kernel_width: float
+    final_width: float
     present: tuple[tuple[str, dict[str, float]], ...] = field(default=())
 
     @property
@@ -134,16 +135,16 @@ def _sliding(joint: DesignJoint, signals: Signals, step: float) -> FloatArray:
     slow = max(joint.slowest, SLOW * joint.numbers.speed)
     speed, travel = signals.velocity**2, signals.travel**2
     moving = speed / (speed + slow**2) * travel / (travel + LEAST_TRAVEL**2)
-    reach = max(1, round(REACH * joint.kernel_width / step))
+    reach = max(1, round(REACH * joint.final_width / step))
     return np.asarray(minimum_filter1d(moving, 2 * reach + 1, mode="nearest"))
 
 
 @lru_cache(maxsize=8)
-def _filter_gain(width: float, step: float, size: int) -> FloatArray:
+def _filter_gain(light: float, final: float, step: float, size: int) -> FloatArray:
     """Gain of both kernels of a diagnosis at the frequencies of a real Fourier transform of `size` samples."""
-    kernel = CommonKernel(max(width, 1.01 * step), step)
     frequency: FloatArray = np.asarray(np.fft.rfftfreq(size, step), dtype=np.float64)
-    return np.asarray(kernel.gain(frequency) ** 2)
+    first, second = (CommonKernel(max(width, 1.01 * step), step) for width in (light, final))
+    return np.asarray(first.gain(frequency) * second.gain(frequency))
 
 
 class BalanceColumns(Protocol):
@@ -204,7 +205,7 @@ class MotionColumns:
         self.seconds = motion.shape[1] * step
         self._size = motion.shape[1]
         self._signals = joint.signals(np.tile(motion, (1, 2)) if periodic else motion, step)
-        self._gain = _filter_gain(joint.kernel_width, step, self._size)
+        self._gain = _filter_gain(joint.kernel_width, joint.final_width, step, self._size)
         self.weight = _sliding(joint, self._signals, step)[-self._size :]
         if not periodic:
             edge = round(EDGE / step)

@@ -65,6 +65,7 @@ def joint_from_logs(
         independent_per_second=found.noise.independent / moving,
         slowest=5.0 * samples.resolution.velocity_noise,
         kernel_width=samples.light.actual_width_s,
+        final_width=samples.kernel.actual_width_s,
     )
     made = made if model is None else with_model(made, model)
     low, high = prepared.context.position_span
@@ -165,6 +166,7 @@ def joint_from_model(rig: Rig, joint: str, model: ActuatorModel, limits: JointLi
         independent_per_second=PER_SECOND,
         slowest=0.005 * limits.velocity,
         kernel_width=0.02,
+        final_width=0.02,
     )
     return with_model(made, model)
 

@@ -11,6 +11,8 @@ import pandas as pd
 import yaml
 
 from drake_tc.config.json_values import json_value
+from drake_tc.experiments.design.limits import JointLimits
+from drake_tc.experiments.design.robot import RobotDesign
 from drake_tc.experiments.design.run import JointDesign
 from drake_tc.report.numbers import significant
 from drake_tc.report.plain_page import PageSection, PageTable, plain_page
@@ -75,6 +77,58 @@ def design_json(designs: Mapping[str, JointDesign]) -> dict[str, Any]:
     return out
 
 
+def write_robot_design(design: RobotDesign, folder: Path, rate_hz: float) -> None:
+    """Write every file of an experiment of a whole robot."""
+    time, motions = design.motion(rate_hz)
+    trajectory_table(time, motions).to_csv(folder / FILES[0], index=False)
+    (folder / FILES[1]).write_text(joint_trajectory(time, motions), encoding="utf-8")
+    (folder / FILES[2]).write_text(json.dumps(robot_json(design), indent=1) + "\n", encoding="utf-8")
+    (folder / FILES[3]).write_text(robot_page(design), encoding="utf-8")
+
+
+def robot_json(design: RobotDesign) -> dict[str, Any]:
+    """The design of a whole robot as plain data."""
+    out: dict[str, Any] = json_value(
+        {
+            "name": "design",
+            "schema": 1,
+            "goal": "parameters",
+            "robot": {
+                "joints": list(design.joints),
+                "limits": {name: asdict(each) for name, each in zip(design.joints, design.limits, strict=True)},
+                "period": design.bases[0].period,
+                "repeats": design.repeats,
+                "parameters": design.x.tolist(),
+                "criterion": {"random": design.start_value, "designed": design.value},
+                "collision_pairs": design.pairs,
+                "least_distance": design.distance,
+                "expected": [asdict(each) for each in design.expected],
+                "sentences": list(design.sentences),
+            },
+        }
+    )
+    return out
+
+
+def robot_page(design: RobotDesign) -> str:
+    """The page of a whole robot."""
+    headings = ("quantity", "growing sinusoids", "designed motion")
+    table = PageTable(headings, [(e.name, _number(e.default), _number(e.after)) for e in design.expected], headings[1:])
+    distance = (
+        f"{design.pairs} pairs of collision shapes keep a distance of {design.distance:g} m."
+        if design.pairs
+        else "The URDF has no pair of primitive collision shapes, so that no distance between links was kept."
+    )
+    plots = [
+        _plot_of(basis.motion(x), basis.step, limits, name, f"m{number}")
+        for number, (name, basis, x, limits) in enumerate(
+            zip(design.joints, design.bases, design.x, design.limits, strict=True)
+        )
+    ]
+    section = PageSection("All joints", (*design.sentences, distance), plots=plots, tables=(table,), aside="SI units")
+    return plain_page("The next experiment", "design", (), (section,))
+
+
 def _joint_json(design: JointDesign) -> dict[str, Any]:
     best = design.optimum
     return {
@@ -128,8 +182,12 @@ def _number(value: float) -> str:
 def _plot(design: JointDesign, name: str) -> str:
     """Position, velocity and acceleration over one period, with their limits."""
     motion = design.basis.motion(design.optimum.x)
-    time = np.arange(motion.shape[1]) * design.basis.step
-    limits = design.limits
+    return _plot_of(motion, design.basis.step, design.limits, design.joint.name, name)
+
+
+def _plot_of(motion: FloatArray, step: float, limits: JointLimits, joint: str, name: str) -> str:
+    """The same of a motion (4, T)."""
+    time = np.arange(motion.shape[1]) * step
     labels: Sequence[tuple[str, tuple[float, float]]] = (
         ("q [rad]", limits.position),
         ("velocity [rad/s]", (-limits.velocity, limits.velocity)),
@@ -144,4 +202,4 @@ def _plot(design: JointDesign, name: str) -> str:
                 axes.axhline(bound, color=BACKWARD, linewidth=0.8, linestyle="--")
             axes.set_ylabel(label)
         axes.set_xlabel("time [s], one period")
-        return to_svg(figure, f"designed motion of {design.joint.name}")
+        return to_svg(figure, f"designed motion of {joint}")

@@ -14,10 +14,12 @@ from drake_tc.config.near import near
 from drake_tc.errors import ParamsError
 from drake_tc.experiments.design.goal import Goal, parse_goal
 from drake_tc.experiments.design.known import joint_from_logs, joint_from_model, limits_with
+from drake_tc.experiments.design.robot import RobotDesign, RobotOptions, design_robot, robot_limits
 from drake_tc.experiments.design.run import DesignOptions, JointDesign, design_joint
 from drake_tc.logs.prepare import load_runs
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig, load_rig
+from drake_tc.robot.robot import load_robot
 
 Progress = Callable[[str, float], None]
 
@@ -72,6 +74,33 @@ def designed(
                 lambda text, part, joint=joint, share=share: progress(f"{joint}, {text}", share + part / len(goals)),  # type: ignore[misc]
             )
         return out
+
+
+def whole_robot(request: DesignRequest) -> bool:
+    """Whether the request is for one motion of all joints: for parameters, on a rig with a robot."""
+    if request.joints or request.after is not None or not parse_goal(request.goal or "parameters").whole:
+        return False
+    return load_rig(request.rig).robot is not None
+
+
+def designed_robot(
+    request: DesignRequest, options: RobotOptions, progress: Progress = lambda text, share: None
+) -> RobotDesign:
+    """The designed motion of all joints of the rig's robot.
+
+    Raises:
+        DrakeTcError: As `designed`; a robot whose links touch in its posture.
+    """
+    rig = load_rig(request.rig)
+    if rig.robot is None:
+        raise ParamsError(f"{request.rig}: no robot; a motion of all joints needs the key `robot: FILE`")
+    if request.limits.get("position") is not None:
+        raise ParamsError("--position: a robot's position limits are those of its robot file and URDF")
+    robot = load_robot(rig.robot)
+    names = ("velocity", "acceleration", "jerk", "torque", "bandwidth_hz")
+    limits = robot_limits(robot, **{name: request.limits.get(name) for name in names})
+    with threadpool_limits(1):
+        return design_robot(robot, limits, options, progress)
 
 
 def _designed_joint(

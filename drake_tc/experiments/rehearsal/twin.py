@@ -31,7 +31,7 @@ STEP = 2e-4
 SMOOTHING = 0.03
 """Width of the kernel that frees references and loads of their noise [s]."""
 BREAK_AWAY, HEAT_CAPACITY, BANDWIDTH = 1.5e-4, 40.0, 27.0
-"""Of the simulated joint: break-away length [rad], heat capacity [J/K], outer loop of current and voltage drives [rad/s]."""
+"""Of the simulated joint: break-away length [rad], heat capacity [J/K], outer loop of a current drive [rad/s]."""
 LEAST_INERTIA = 0.02
 """Rotor over whole inertia where the rig file declares none."""
 FARTHEST = 3.0
@@ -48,51 +48,44 @@ class TwinRun:
 
 
 @dataclass(frozen=True, eq=False)
-class Twin:
-    """A joint that can be simulated.
+class SimulatedJoint:
+    """A joint that the independent simulator runs and measures.
 
     Attributes:
-        joint: Name. rig: Of this joint alone, with a measured or a pendulum's load.
-        spec: The simulated joint without any cause.
-        runs: Its runs, in the order of the logs.
+        joint: Name.
+        spec: The joint without any cause.
         zero: Position at which the load hangs [rad]; the simulation counts from it.
         position_noise: White noise of the encoder beyond its steps [rad].
-        extra_noise: What the logs leave of the balance beyond the sensors' white noise [N m].
+        extra_noise: Noise of the torque beyond its white noise [N m].
         extra_time: Its correlation time [s].
         recorded: Optional columns that the logs have.
-        effects: What the logs show of each effect.
-        prepared: Their rows.
     """
 
     joint: str
-    rig: Rig
     spec: RigSpec
-    runs: tuple[TwinRun, ...]
-    zero: float
-    position_noise: float
-    extra_noise: float
-    extra_time: float
-    recorded: frozenset[str]
-    effects: JointEffects
-    prepared: Prepared = field(repr=False)
+    zero: float = 0.0
+    position_noise: float = 0.0
+    extra_noise: float = 0.0
+    extra_time: float = 0.0
+    recorded: frozenset[str] = frozenset()
 
     def simulated(
         self,
         causes: Sequence[Mapping[str, Mapping[str, float]]],
         seeds: Sequence[int],
-        runs: Sequence[TwinRun] | None = None,
+        runs: Sequence[TwinRun],
     ) -> list[list[Run]]:
         """The runs of joints with causes, each with its own seed of noise: one list of runs for each joint.
 
         Args:
             causes: Of each joint, as the simulator names them.
             seeds: Of each joint's noise.
-            runs: In place of the twin's own.
+            runs: References and loads.
 
         Raises:
             SimulationError: A joint ran away.
         """
-        chosen = self.runs if runs is None else tuple(runs)
+        chosen = tuple(runs)
         specs = [self._spec(each, seed) for each, seed in zip(causes, seeds, strict=True)]
         out: list[list[Run]] = [[] for _ in specs]
         for run in chosen:
@@ -119,9 +112,8 @@ class Twin:
         if record.spec.joint.drive == "position_servo":
             clean["command"] += self.zero
         table = measured(clean, record.spec, rng)
-        columns = {
-            f"{self.joint}/{name.partition('/')[2]}": table[name].to_numpy(float) for name in table if "/" in name
-        }
+        named = {str(name): table[name].to_numpy(float) for name in table}
+        columns = {f"{self.joint}/{name.partition('/')[2]}": values for name, values in named.items() if "/" in name}
         extra = coloured_noise(run.time, self.extra_noise, self.extra_time, rng)
         torque = f"{self.joint}/torque"
         if torque in columns:
@@ -152,6 +144,38 @@ def _integrated(specs: list[RigSpec], run: TwinRun) -> list[Record]:
     ]
 
 
+@dataclass(frozen=True, eq=False)
+class Twin:
+    """The simulated twin of a recorded joint.
+
+    Attributes:
+        simulator: The joint.
+        rig: Of this joint alone, with a measured or a pendulum's load.
+        runs: Its runs, in the order of the logs.
+        effects: What the logs show of each effect. prepared: Their rows.
+    """
+
+    simulator: SimulatedJoint
+    rig: Rig
+    runs: tuple[TwinRun, ...]
+    effects: JointEffects
+    prepared: Prepared = field(repr=False)
+
+    @property
+    def joint(self) -> str:
+        """Its name."""
+        return self.simulator.joint
+
+    @property
+    def spec(self) -> RigSpec:
+        """The simulated joint without any cause."""
+        return self.simulator.spec
+
+    def simulated(self, causes: Sequence[Mapping[str, Mapping[str, float]]], seeds: Sequence[int]) -> list[list[Run]]:
+        """Its own runs of joints with causes: see `SimulatedJoint.simulated`."""
+        return self.simulator.simulated(causes, seeds, self.runs)
+
+
 def twin_of(rig: Rig, runs: Sequence[Run], joint: str) -> Twin:
     """The twin of a joint from its logs.
 
@@ -175,19 +199,16 @@ def twin_of(rig: Rig, runs: Sequence[Run], joint: str) -> Twin:
     white = max(resolution.position_noise**2 - resolution.position_step**2 / 12.0, 0.0)
     extra = max(found.noise.left**2 - found.noise.floor**2, 0.0)
     seconds = float(np.count_nonzero(prepared.train.samples.moving)) * prepared.train.samples.signals.period
-    return Twin(
+    simulator = SimulatedJoint(
         joint=joint,
-        rig=_own_rig(rig_used, joint),
         spec=_spec_of(prepared, found, load, (inertia, gravity)),
-        runs=repeated,
         zero=zero,
         position_noise=float(np.sqrt(white)),
         extra_noise=float(np.sqrt(extra)),
         extra_time=0.5 * seconds / found.noise.independent,
         recorded=prepared.context.recorded,
-        effects=found,
-        prepared=prepared,
     )
+    return Twin(simulator, _own_rig(rig_used, joint), repeated, found, prepared)
 
 
 def _own_rig(rig: Rig, joint: str) -> Rig:
