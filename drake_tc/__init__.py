@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from drake_tc.effects.library import LIBRARY, effect, register_effect
     from drake_tc.errors import DrakeTcError
     from drake_tc.estimation.joint_torque import JointTorqueEstimator
+    from drake_tc.estimation.momentum_residual import MomentumResidual
     from drake_tc.estimation.torque_model import TorqueModel
     from drake_tc.filtering.savitzky_golay import SavitzkyGolayFilter
     from drake_tc.identification.actuator import actuator_model
@@ -74,6 +75,7 @@ __all__ = [
     "JointTorqueEstimator",
     "Law",
     "LimitKind",
+    "MomentumResidual",
     "MonitorSpec",
     "Rig",
     "Robot",
@@ -142,6 +144,7 @@ _HOMES = {
     "JointTorqueEstimator": "estimation.joint_torque",
     "Law": "tsid.law",
     "LimitKind": "tsid.limit_fields",
+    "MomentumResidual": "estimation.momentum_residual",
     "MonitorSpec": "sensor_validation.monitor_spec",
     "Rig": "logs.rig",
     "Robot": "robot.robot",

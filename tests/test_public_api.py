@@ -28,6 +28,7 @@ FRONT_DOOR = {
     "JointTorqueEstimator",
     "Law",
     "LimitKind",
+    "MomentumResidual",
     "MonitorSpec",
     "Rig",
     "Robot",

@@ -1,4 +1,4 @@
-"""The two parametrisations of the torque controller's gains, and the exact way between them (EQUATIONS A5).
+"""The gains of the torque controller, and the gains from tracking errors to effort that follow (EQUATIONS A5).
 
     tau*  = tau_d + Kp (tau_d - tau_hat) + Ki int (tau_d - tau_hat) dt
     tau_d = M qddot_d + h - J^T (f_d + Kf e_f) + Ks e + Kd edot
@@ -23,9 +23,6 @@ from drake_tc.errors import ParamsError
 from drake_tc.types import FloatArray
 
 ArrayLike: TypeAlias = FloatArray | Sequence[float] | float
-
-EXACT = 1e-8
-"""How far, relative to its size, a gain may miss the form that a conversion needs before it is refused."""
 
 
 def _array(name: str, value: object, shape: tuple[int, ...], lowest: float = -np.inf) -> FloatArray:
@@ -186,65 +183,3 @@ def to_equivalent(gains: TorqueGains, k_tau: ArrayLike, mass: FloatArray, jacobi
     forces = kp * (j.T + j.T @ gains.kf) + j.T @ gains.kf
     total = gain * (1.0 + gains.kp)
     return EquivalentGains(total * gains.ks, total * gains.kd, gain[:, None] * kp * m, -gain[:, None] * forces)
-
-
-def from_equivalent(
-    equivalent: EquivalentGains, k_tau: ArrayLike, mass: FloatArray, jacobian: FloatArray, ki: ArrayLike = 0.0
-) -> TorqueGains:
-    """The gains whose equivalents are K6 .. K9: the inverse of `to_equivalent`.
-
-    Kp is the diagonal of K_tau^-1 K8 M^-1; Ks and Kd follow; Kf solves, by least squares,
-
-        J^T Kf = -(I + Kp)^-1 (K_tau^-1 K9 + Kp J^T).
-
-    Args:
-        equivalent: K6 .. K9.
-        k_tau: (n,) drive gains [effort/(N m)].
-        mass: M (n, n) [kg m^2], link side.
-        jacobian: J (m, n).
-        ki: Integral gain to carry along [1/s].
-
-    Raises:
-        ParamsError: K8 is not K_tau Kp M of any diagonal Kp >= 0; J lacks full row rank, so that Kf is not determined;
-            or K9 is not reached by any Kf.
-    """
-    n, m = equivalent.k9.shape
-    gain, inertia, j = _model(n, m, k_tau, mass, jacobian)
-    try:
-        ratio = np.linalg.solve(inertia.T, (equivalent.k8 / gain[:, None]).T).T
-    except np.linalg.LinAlgError:
-        raise ParamsError("mass: wanted an invertible mass matrix; got a singular one") from None
-    kp = np.diag(ratio).copy()
-    rest = equivalent.k8 - gain[:, None] * kp[:, None] * inertia
-    size = np.max(np.abs(equivalent.k8), initial=0.0)
-    if np.max(np.abs(rest), initial=0.0) > EXACT * size or np.any(kp < -EXACT):
-        raise ParamsError(
-            "k8: wanted K_tau Kp M with a diagonal Kp >= 0; no such Kp gives this k8"
-            f" (nearest Kp {np.round(kp, 6).tolist()}, left over {np.max(np.abs(rest), initial=0.0):.3g})"
-        )
-    kp = np.maximum(kp, 0.0)
-    total = gain * (1.0 + kp)
-    kf = _force_gain(equivalent.k9, gain, kp, j)
-    return TorqueGains(kp, _array("ki", ki, (n,), 0.0), equivalent.k6 / total, equivalent.k7 / total, kf)
-
-
-def _force_gain(k9: FloatArray, gain: FloatArray, kp: FloatArray, jacobian: FloatArray) -> FloatArray:
-    """Kf (m, m) from K9."""
-    m = jacobian.shape[0]
-    if m == 0:
-        return np.zeros((0, 0))
-    rank = int(np.linalg.matrix_rank(jacobian))
-    if rank < m:
-        raise ParamsError(
-            f"k9: wanted a Jacobian of full row rank {m} to find Kf; got rank {rank} of shape {jacobian.shape}:"
-            " give Kf itself, or another configuration"
-        )
-    wanted = -(k9 / gain[:, None] + kp[:, None] * jacobian.T) / (1.0 + kp[:, None])
-    kf = np.linalg.lstsq(jacobian.T, wanted, rcond=None)[0]
-    left = float(np.max(np.abs(jacobian.T @ kf - wanted)))
-    scale = float(np.max(np.abs(wanted), initial=0.0)) + float(np.max(np.abs(jacobian)))
-    if left > EXACT * scale:
-        raise ParamsError(
-            f"k9: wanted -K_tau (Kp J^T (I + Kf) + J^T Kf) of some Kf; the nearest Kf leaves {left:.3g} [N m/N] over"
-        )
-    return np.asarray(kf)

@@ -12,7 +12,7 @@ from drake_tc.diagrams.papers.delprete2016.contact_stability import ContactBorde
 from drake_tc.diagrams.papers.delprete2016.piecewise_loop import Reversal
 from drake_tc.diagrams.papers.delprete2016.sliding_prediction import predicted
 from drake_tc.diagrams.papers.departures import departures
-from drake_tc.diagrams.papers.expected_values import expectations, expected_file, expected_paths, on_record
+from drake_tc.diagrams.papers.expected_values import expectations, expected_file, on_record
 from numpy.testing import assert_allclose
 from pydrake.multibody.tree import JacobianWrtVariable
 
@@ -22,6 +22,8 @@ from drake_tc.loops.torque.running import simulate_scenario
 from drake_tc.registry import diagram_entry, reproductions
 from drake_tc.report.reproduction import Expectation, Row, judged
 from drake_tc.robot.plant import make_plant
+
+from .expected_files import expected_files
 
 JOINTS = ("r_hip_yaw", "r_hip_roll", "r_hip_pitch", "r_knee", "r_ankle_pitch", "r_ankle_roll")
 
@@ -79,7 +81,7 @@ def test_an_expectation_without_a_value_is_refused():
         judged({"a": 2.0}, wanted)
 
 
-@pytest.mark.parametrize("path", expected_paths(), ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", expected_files(), ids=lambda path: path.stem)
 def test_expected_files_are_read_and_name_their_sources(path):
     for row in expectations(path.stem).values():
         assert row.source, row.name
