@@ -10,6 +10,7 @@ from drake_tc.front_door import front_door
 
 if TYPE_CHECKING:
     from drake_tc.actuation.compensation import feedforward_effort
+    from drake_tc.actuation.half_step import simulated_inertia
     from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
     from drake_tc.actuation.model_file import load_models, save_models
     from drake_tc.actuation.plant import ActuatorPlant
@@ -124,6 +125,7 @@ __all__ = [
     "register_limit",
     "register_task",
     "save_models",
+    "simulated_inertia",
     "sinusoid_trajectory",
     "swept_sine",
 ]
@@ -193,6 +195,7 @@ _HOMES = {
     "register_limit": "tsid.limit_fields",
     "register_task": "tsid.task_fields",
     "save_models": "actuation.model_file",
+    "simulated_inertia": "actuation.half_step",
     "sinusoid_trajectory": "control.trajectories",
     "swept_sine": "analysis.frequency_response",
 }

@@ -13,12 +13,8 @@ the log looks like that of a joint with a larger inertia. This holds for command
 held for several steps makes the acceleration a saw tooth, of which a log at the command's own ticks sees the peaks.
 """
 
-from dataclasses import replace
-
 from drake_tc.actuation.constant_parts import split_parts
-from drake_tc.actuation.model import ActuatorModel, EffectValue
-
-_ROTOR = "rotor_inertia"
+from drake_tc.actuation.model import ActuatorModel
 
 
 def simulated_inertia(model: ActuatorModel, step: float) -> float:
@@ -29,27 +25,11 @@ def simulated_inertia(model: ActuatorModel, step: float) -> float:
     Args:
         model: The simulated actuator.
         step: h of plant and actuators [s].
+
+    Example:
+        >>> viscous = EffectValue("viscous", {"viscous": 30.0})
+        >>> simulated_inertia(ActuatorModel("knee", Drive("current", 0.4), (viscous,)), step=1e-3)
+        0.015
     """
     (_, damping, _), _ = split_parts(model)
     return model.inertia + 0.5 * step * damping
-
-
-def for_step(model: ActuatorModel, step: float) -> ActuatorModel:
-    """The model to simulate with this step, so that the log shows the given model: J - f_v h/2, but not below 0.
-
-    A model without rotor inertia stays as it is, as one with a soft or loose gear, whose motor is integrated otherwise.
-
-    Args:
-        model: What the log is to show.
-        step: h of plant and actuators [s].
-    """
-    added = simulated_inertia(model, step) - model.inertia
-    if model.transmission_effects or not added:
-        return model
-
-    def lowered(value: EffectValue) -> EffectValue:
-        if value.key != _ROTOR:
-            return value
-        return EffectValue(_ROTOR, {_ROTOR: max(0.0, value.parameters[_ROTOR] - added)})
-
-    return replace(model, effects=tuple(lowered(value) for value in model.effects))

@@ -147,10 +147,10 @@ def predicted_limit_cycles(
         ParamsError: amplitudes that do not rise from above zero.
 
     Example:
-        >>> late = lambda w: 200.0 * np.exp(-0.01j * w) / (1j * w * (1j * w + 10.0))
+        >>> late = lambda w: 3000.0 * np.exp(-0.01j * w) / (1j * w * (1j * w + 10.0))
         >>> found = predicted_limit_cycles(late, 1e-3, lambda a: saturation_gain(a, 0.1), np.linspace(0.1, 2.0, 50))
         >>> [round(cycle.period, 2) for cycle in found]
-        [0.67]
+        [0.2]
     """
     grid_a = np.asarray(amplitudes, dtype=np.float64)
     if grid_a.ndim != 1 or grid_a.size < 2 or not (grid_a[0] > 0.0 and np.all(np.diff(grid_a) > 0.0)):

@@ -4,7 +4,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from drake_tc.actuation.half_step import for_step
 from drake_tc.actuation.model import ActuatorModel
 from drake_tc.actuation.recorded_run import Link
 from drake_tc.effects.base import plain_signals
@@ -71,8 +70,8 @@ def record_bench(
 ) -> Run:
     """Run the bench and measure it, with the model's sensor errors, the encoder's steps and the torque sensor's noise.
 
-    Starts at rest where a servo is commanded to be, or hanging for the other drives. The log shows the model as a
-    continuous joint has it, whatever the step (`drake_tc.actuation.half_step`).
+    Starts at rest where a servo is commanded to be, or hanging for the other drives. The rotor inertia that its rig file
+    declares is `simulated_inertia(model, scenario.step)`, which is what the log shows.
 
     Args:
         model: The actuator.
@@ -88,7 +87,7 @@ def record_bench(
     rng = np.random.default_rng(scenario.seed) if generator is None else generator
     link = Link(scenario.link_inertia, scenario.gravity_moment)
     rates = Rates(scenario.step, scenario.log_period)
-    bench = build_bench(for_step(model, scenario.step), link, table, rates, scenario.torque_noise)
+    bench = build_bench(model, link, table, rates, scenario.torque_noise)
     start = float(table.command[0]) if model.drive.kind == "position_servo" else 0.0
     simulator = start_bench(bench, start, 0.0, int(rng.integers(2**31)))
     simulator.AdvanceTo(scenario.duration)
