@@ -1,4 +1,4 @@
-"""Torque control of position-controlled robots in Drake, with a model held against measured data.
+"""Torque control of position-controlled robots in Drake, with models that are checked against measured data.
 
 What a user types stands in `__all__`; each name is imported when it is first used, so `import drake_tc` costs nothing.
 The same names stand in the packages below: `drake_tc.control.GuardSpec` is `drake_tc.GuardSpec`.

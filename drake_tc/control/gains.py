@@ -1,4 +1,6 @@
-"""The gains of the torque controller, and the gains from tracking errors to effort that follow (EQUATIONS A5).
+"""The gains of the torque controller, and the gains from tracking errors to effort that follow.
+
+Source: Del Prete et al., 2016, eq. 10 to 14.
 
     tau*  = tau_d + Kp (tau_d - tau_hat) + Ki int (tau_d - tau_hat) dt
     tau_d = M qddot_d + h - J^T (f_d + Kf e_f) + Ks e + Kd edot

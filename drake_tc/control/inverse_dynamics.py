@@ -1,4 +1,7 @@
-"""`InverseDynamics`: the torque that a reference motion and contact force ask of the joints (EQUATIONS A5)."""
+"""`InverseDynamics`: the torque that a reference motion and contact force ask of the joints.
+
+Source: Del Prete et al., 2016, eq. 10 to 14.
+"""
 
 from typing import Any, Literal, NamedTuple, get_args
 
@@ -61,7 +64,8 @@ class InverseDynamics(PortMethods, LeafSystem):
 
     An input that is not finite gives NaN outputs for the tick, which the CommandGuard behind stops.
 
-    Source: EQUATIONS A5. The paper has e from the delayed estimate; `position_error="encoder"` takes away that delay.
+    Source: Del Prete et al., 2016, eq. 12. The paper has e from the delayed estimate; `position_error="encoder"` takes
+    away that delay.
 
     Example:
         >>> robot = load_robot(MODELS / "hrp2_like" / "hrp2_like_leg.yaml")

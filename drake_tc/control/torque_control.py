@@ -1,4 +1,7 @@
-"""`TorqueControl`: wanted link torques to the commands of position, current or voltage drives (EQUATIONS A5)."""
+"""`TorqueControl`: wanted link torques to the commands of position, current or voltage drives.
+
+Source: Del Prete et al., 2016, eq. 10 to 14.
+"""
 
 import math
 from collections.abc import Sequence
@@ -40,7 +43,7 @@ COMPONENTS = (
     "feedback_acceleration",
     "feedback_force",
 )
-"""Names of the rows of `components` (paper A, Fig. 6)."""
+"""Names of the rows of `components` (Del Prete et al., 2016, Fig. 6)."""
 
 
 @dataclass(frozen=True)
@@ -132,7 +135,7 @@ class TorqueControl(PortMethods, LeafSystem):
 
     An input that is not finite gives NaN outputs for the tick, which the CommandGuard behind stops; s is held.
 
-    Source: EQUATIONS A5, A6; paper A (10)-(14), where friction is viscous alone.
+    Source: Del Prete et al., 2016, eq. 10 to 14, where friction is viscous alone.
 
     Example:
         >>> models = load_models(MODELS / "hrp2_like" / "hrp2_like_leg_actuators.yaml")

@@ -65,7 +65,7 @@ def knot_trajectory(
 
 @dataclass(frozen=True)
 class Sinusoid:
-    """x(t) = centre + (a0 + a t) sin(2 pi f t): grows from an amplitude a0 (EQUATIONS A4).
+    """x(t) = centre + (a0 + a t) sin(2 pi f t): grows from an amplitude a0 (Del Prete et al., 2016, section 3).
 
     Attributes:
         centre: (n,) [rad].

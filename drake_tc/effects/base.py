@@ -1,7 +1,8 @@
 """What an effect is: one physical cause, written once, used four ways.
 
-Every effect takes part in the torque balance of one geared joint (EQUATIONS A3, C1), written *forward*, as the
-torque that the drive delivers against the torque that the motion and the load need:
+Every effect takes part in the torque balance of one geared joint (Del Prete et al., 2016, eq. 6; Faraji et al., 2015,
+section II.A). It is written *forward*: the torque that the drive delivers, against the torque that the motion and the
+load need.
 
     y*/K = tau + J qddot + sum_k theta_k phi_k(signals; shape)                                  (balance)
 

@@ -95,6 +95,7 @@ LIBRARY: tuple[Effect, ...] = (
     DirectionalEfficiency(),
     PositionDependentLoad(),
 )
+"""Effects that a search looks for unasked, in the order in which ties are broken."""
 
 SPECIAL: tuple[Effect, ...] = (
     LoadStribeck(),

@@ -1,4 +1,4 @@
-"""`JointTorqueEstimator`: Algorithm 1 (EQUATIONS A2) as a Drake system."""
+"""`JointTorqueEstimator`: Algorithm 1 of Del Prete et al. (2016) as a Drake system."""
 
 from collections.abc import Callable
 from itertools import pairwise

@@ -42,7 +42,7 @@ class MomentumResidual(PortMethods, LeafSystem):
     Connect it beside a loop to see contacts: `torque` is the loop's `estimated_torque`, or the torque of the drives.
 
     Source: De Luca and Mattone, "Sensorless robot collision detection and hybrid force/motion control", 2005; with the
-    IMU in place of the floating base's velocity, as in Algorithm 1 of paper A.
+    IMU in place of the floating base's velocity, as in Algorithm 1 of Del Prete et al. (2016).
 
     Example:
         >>> model = TorqueModel(load_robot(MODELS / "hrp2_like" / "hrp2_like_leg.yaml"))

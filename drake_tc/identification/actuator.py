@@ -1,6 +1,8 @@
 """From identified coefficients to an actuator model: gain K, viscous and Coulomb friction in torque, with intervals.
 
-effort = K (tau + b qdot + F sign(qdot)),   K = K_tau,  b = K_v/K_tau,  F = K_c/K_tau        (EQUATIONS A3)
+effort = K (tau + b qdot + F sign(qdot)),   K = K_tau,  b = K_v/K_tau,  F = K_c/K_tau
+
+Source: Del Prete et al., 2016, eq. 3 to 6.
 """
 
 import numpy as np

@@ -1,4 +1,7 @@
-"""From runs to an actuator: effort = Kτ (τ + J q̈) + Kv q̇ + Kc sign(q̇), by one of four methods (EQUATIONS A3, A4)."""
+"""From runs to an actuator: effort = Kτ (τ + J q̈) + Kv q̇ + Kc sign(q̇), by one of four methods.
+
+Source: Del Prete et al., 2016, section 3.
+"""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass

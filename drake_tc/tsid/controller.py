@@ -1,4 +1,4 @@
-"""`RobustTsid`: robust task-space inverse dynamics (paper B) as a Drake system."""
+"""`RobustTsid`: robust task-space inverse dynamics (Del Prete and Mansard, 2015) as a Drake system."""
 
 import logging
 from collections.abc import Callable

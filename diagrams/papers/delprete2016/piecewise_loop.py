@@ -1,4 +1,5 @@
-"""Paper A, section 3.2.3: the piecewise-linear model as feedforward, one joint of the leg, the others locked.
+"""Del Prete et al. (2016), section 3.2.3: the piecewise-linear model as feedforward, one joint of the leg, the others
+locked.
 
 The model has one curve for each direction of motion. At a reversal it switches by the *estimated* speed, 40 ms late,
 and its step holds what the drive's damping cost at the speeds of the logs: more than there is to overcome at rest.

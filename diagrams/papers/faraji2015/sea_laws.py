@@ -1,4 +1,4 @@
-"""The torque laws of paper C's figures, tuned by one rule, and their scenarios.
+"""The torque laws in the figures of Faraji et al. (2015), tuned by one rule, and their scenarios.
 
 The rule: as much gain as leaves a sensitivity peak of at most 2 and a delay margin of at least 5 ms (a third of the
 delay that the loop has already), the loop cut at the voltage, the joint clamped, dry friction sliding, the controllers'

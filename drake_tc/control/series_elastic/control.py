@@ -1,4 +1,7 @@
-"""`SeriesElasticControl`: wanted spring torques to the voltages of series-elastic joints (EQUATIONS C2)."""
+"""`SeriesElasticControl`: wanted spring torques to the voltages of series-elastic joints.
+
+Source: Faraji et al., 2015, section II.B.
+"""
 
 from typing import Any
 

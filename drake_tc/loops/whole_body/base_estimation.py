@@ -1,4 +1,4 @@
-"""The base estimator between sensors and controller (paper C): contacts of the controller, F/T sensors of the robot."""
+"""The base estimator of Faraji et al. (2015) between sensors and controller."""
 
 from dataclasses import replace
 from typing import Any

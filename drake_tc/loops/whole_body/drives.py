@@ -1,4 +1,4 @@
-"""The drives under the controller: torque control of geared joints without torque sensors (paper A).
+"""The drives under the controller: torque control of geared joints without torque sensors (Del Prete et al., 2016).
 
 torque --> torque_control --> guard --> actuators --> plant
 ^ torque estimate           (position servos, friction, dead zones)

@@ -30,7 +30,7 @@ __all__ = [
 
 @dataclass(frozen=True)
 class DrivesSpec:
-    """The drives under the controller and their torque control (paper A).
+    """The drives under the controller and their torque control (Del Prete et al., 2016).
 
     Attributes:
         actuators: Model file of the simulated drives; None takes the robot file's.

@@ -1,4 +1,5 @@
-"""Sensors that fail in paper C's loop: their faults put in, what stands in for them, and all flags in one signal.
+"""Sensors that fail in the loop of Faraji et al. (2015): their faults put in, what stands in for them, and all flags in
+one signal.
 
     encoders, gauges --> (faults) --> joint_sensors --> link position, torque control
     imu, F/T         --> (faults) --> validated_imu, validated_wrench --> base estimator

@@ -22,7 +22,7 @@ QUICK = 15
 """Samples of the filter behind the controller's joint velocities, read at its end: no delay, more noise."""
 _IMU = ("gyro", "accel")
 SLOW, ORDERS = 80, (2, 1)
-"""Samples of the filter behind the torque estimate (EQUATIONS A1), in whose middle it is read: encoders, the rest."""
+"""Samples of the filters behind the torque estimate, in whose middle they are read: of the encoders, of the others."""
 
 
 @dataclass
@@ -106,7 +106,8 @@ def estimated_state(wiring: WholeBodyBuilder, sensors: SensorSuite, contacts: Ou
 
 
 def estimated_torque(wiring: WholeBodyBuilder, sensors: SensorSuite) -> dict[str, OutputPort]:
-    """`joint_estimate` (3n), `estimated_torque` (n) and `fault` by paper A's Algorithm 1, half a window late.
+    """`joint_estimate` (3n), `estimated_torque` (n) and `fault` by Algorithm 1 of Del Prete et al. (2016), half a
+    window late.
 
     Raises:
         ParamsError: a robot without IMU.

@@ -1,4 +1,4 @@
-"""Series-elastic drives under the controller (paper C): torque control, voltage, springs.
+"""Series-elastic drives under the controller (Faraji et al., 2015): torque control, voltage, springs.
 
 torque (- damping) --> torque_control --> loop_delay --> actuators (motors, gears, springs) --> plant
                           ^ motor_encoder, torque_gauge --------|

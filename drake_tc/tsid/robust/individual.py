@@ -1,4 +1,4 @@
-"""R_ind = -log p_ind: every side of every row by itself (paper B, eq. 7 and 13)."""
+"""R_ind = -log p_ind: every side of every row by itself (Del Prete and Mansard, 2015, eq. 7 and 13)."""
 
 from dataclasses import dataclass
 from typing import NamedTuple

@@ -1,4 +1,7 @@
-"""min ||D x - d||^2 + w R_rect(x) inside the limits (paper B, eq. 16), and R_rect at a torque (eq. 15)."""
+"""min ||D x - d||^2 + w R_rect(x) inside the limits, and R_rect at a torque.
+
+Source: Del Prete and Mansard, 2015, eq. 15 and 16.
+"""
 
 import math
 from dataclasses import replace
