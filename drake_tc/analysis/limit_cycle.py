@@ -60,7 +60,7 @@ def find_limit_cycle(signal: FloatArray, dt: float, floor: float = 0.0) -> Limit
     """
     x = np.asarray(signal, dtype=np.float64)
     if x.ndim != 1 or x.size < 16 or not np.all(np.isfinite(x)):
-        raise ParamsError(f"limit cycle: wanted at least 16 finite samples in one row; got shape {x.shape}")
+        raise ParamsError(f"limit cycle: expected at least 16 finite samples in one row, got shape {x.shape}")
     late = x[x.size // 2 :]
     late = late - np.polyval(np.polyfit(np.arange(late.size), late, 1), np.arange(late.size))
     amplitude = 0.5 * float(np.ptp(late))
@@ -154,7 +154,7 @@ def predicted_limit_cycles(
     """
     grid_a = np.asarray(amplitudes, dtype=np.float64)
     if grid_a.ndim != 1 or grid_a.size < 2 or not (grid_a[0] > 0.0 and np.all(np.diff(grid_a) > 0.0)):
-        raise ParamsError("limit cycle: wanted at least two rising amplitudes > 0")
+        raise ParamsError("limit cycle: expected at least two rising amplitudes > 0")
     omega = frequency_grid(dt)
     values = open_loop(omega)
 

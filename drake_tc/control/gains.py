@@ -33,10 +33,10 @@ def _array(name: str, value: object, shape: tuple[int, ...], lowest: float = -np
     if array.ndim == 0 and len(shape) == 1:
         array = np.full(shape, float(array))
     if array.shape != shape:
-        raise ParamsError(f"{name}: wanted shape {shape}; got {array.shape}")
+        raise ParamsError(f"{name}: expected shape {shape}, got {array.shape}")
     if not (np.all(np.isfinite(array)) and np.all(array >= lowest)):
         bound = "" if np.isinf(lowest) else f" >= {lowest:g}"
-        raise ParamsError(f"{name}: wanted finite numbers{bound}; got {array.tolist()}")
+        raise ParamsError(f"{name}: expected finite numbers{bound}, got {array.tolist()}")
     array = array.copy()
     array.setflags(write=False)
     return array
@@ -77,7 +77,7 @@ class TorqueGains:
         sizes = [shape for shape in (np.shape(getattr(self, name)) for name in names) if shape]
         if not sizes or len(sizes[0]) != 1 or sizes[0][0] < 1:
             raise ParamsError(
-                f"kp, ki, ks, kd: expected one number per joint, shape (n,), in at least one; got shapes {sizes}"
+                f"kp, ki, ks, kd: expected one number per joint, shape (n,), in at least one, got shapes {sizes}"
             )
         for name in names:
             _freeze(self, name, sizes[0], 0.0)
@@ -150,7 +150,7 @@ class EquivalentGains:
     def __post_init__(self) -> None:
         shape = np.asarray(self.k6).shape
         if len(shape) != 1 or shape[0] < 1:
-            raise ParamsError(f"k6: wanted one number a joint, shape (n,); got shape {shape}")
+            raise ParamsError(f"k6: expected one number a joint, shape (n,), got shape {shape}")
         wrenches = np.asarray(self.k9).shape
         _freeze(self, "k6", shape)
         _freeze(self, "k7", shape)
@@ -164,7 +164,7 @@ def _model(
     """(K_tau, M, J), checked."""
     gain = _array("k_tau", k_tau, (n,))
     if not np.all(gain > 0.0):
-        raise ParamsError(f"k_tau: wanted positive numbers [effort/(N m)]; got {gain.tolist()}")
+        raise ParamsError(f"k_tau: expected positive numbers [effort/(N m)], got {gain.tolist()}")
     return gain, _array("mass", mass, (n, n)), _array("jacobian", jacobian, (m, n))
 
 

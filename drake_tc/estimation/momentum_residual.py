@@ -64,7 +64,7 @@ class MomentumResidual(PortMethods, LeafSystem):
         super().__init__()
         for name, value in (("gain", gain), ("dt", dt)):
             if not (np.isfinite(value) and value > 0.0):
-                raise ParamsError(f"MomentumResidual: {name}: wanted a positive number; got {value!r}")
+                raise ParamsError(f"MomentumResidual: {name}: expected a positive number, got {value!r}")
         n, k = model.size, model.num_sensors
         self._model, self._n, self._dt = model, n, float(dt)
         self._blend = float(-np.expm1(-gain * dt))

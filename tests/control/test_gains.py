@@ -73,13 +73,13 @@ def test_numbers_are_taken_for_all_joints():
     ("arguments", "message"),
     [
         (([], 1.0), "models is empty; expected one actuator model per joint"),
-        ((["knee"], 1.0), "models: expected actuator models, by joint or in a list; got 'knee'"),
-        ((servos(1.0), [1.0, 2.0]), r"k6: expected a number or 1 of them; got shape \(2,\)"),
+        ((["knee"], 1.0), "models: expected actuator models, by joint or in a list, got 'knee'"),
+        ((servos(1.0), [1.0, 2.0]), r"k6: expected a number or 1 of them, got shape \(2,\)"),
         ((servos(1.0, 1.0), {"joint0": 1.0}), "k6: no value of joint 'joint1'; joints: joint0, joint1"),
         ((servos(1.0), {"joint0": 1.0, "hip": 1.0}), "k6: no joint 'hip'; joints: joint0"),
-        ((servos(1.0), "stiff"), "k6: expected a number or 1 of them; got 'stiff'"),
-        ((servos(1.0), -1.0), "k6: wanted finite numbers >= 0"),
-        ((servos(1.0), 1.0, 0.0, np.nan), "kp: wanted finite numbers >= 0"),
+        ((servos(1.0), "stiff"), "k6: expected a number or 1 of them, got 'stiff'"),
+        ((servos(1.0), -1.0), "k6: expected finite numbers >= 0"),
+        ((servos(1.0), 1.0, 0.0, np.nan), "kp: expected finite numbers >= 0"),
     ],
 )
 def test_from_servo_refuses(arguments, message):
@@ -89,13 +89,13 @@ def test_from_servo_refuses(arguments, message):
 
 def test_refusals():
     gains, k_tau, mass, j = case(0, 4, 3)
-    with pytest.raises(ParamsError, match=r"jacobian: wanted shape \(3, 4\)"):
+    with pytest.raises(ParamsError, match=r"jacobian: expected shape \(3, 4\)"):
         to_equivalent(gains, k_tau, mass, j.T)
-    with pytest.raises(ParamsError, match="k_tau: wanted positive"):
+    with pytest.raises(ParamsError, match="k_tau: expected positive"):
         to_equivalent(gains, -k_tau, mass, j)
-    with pytest.raises(ParamsError, match="kp: wanted finite numbers >= 0"):
+    with pytest.raises(ParamsError, match="kp: expected finite numbers >= 0"):
         TorqueGains(-gains.kp, gains.ki, gains.ks, gains.kd, gains.kf)
     with pytest.raises(ParamsError, match="kf"):
         TorqueGains(gains.kp, gains.ki, gains.ks, gains.kd, np.ones((2, 3)))
-    with pytest.raises(ParamsError, match="ks: wanted shape"):
+    with pytest.raises(ParamsError, match="ks: expected shape"):
         TorqueGains(gains.kp, gains.ki, np.ones(3), gains.kd, gains.kf)

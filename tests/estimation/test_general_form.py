@@ -87,5 +87,5 @@ def test_refusals(tmp_path):
         GeneralModel(robot, [UnknownWrench(Mount("nose", "nose"))])
     with pytest.raises(ParamsError, match="known torque: no joint 'nose'; joints"):
         GeneralModel(robot, [base], known_torque=("nose",))
-    with pytest.raises(ParamsError, match="wanted some of"):
+    with pytest.raises(ParamsError, match="expected some of"):
         GeneralModel(robot, [replace(base, components=("fw",))])

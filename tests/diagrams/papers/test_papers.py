@@ -90,13 +90,13 @@ def test_expected_files_are_read_and_name_their_sources(path):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("{}", "wanted a list of expected values under `rows`"),
-        ("row: []", "wanted a list of expected values under `rows`"),
-        ("rows: []", "wanted a list of expected values under `rows`"),
-        ("rows: {a: 1}", "wanted a list of expected values under `rows`"),
+        ("{}", "expected a list of expected values under `rows`"),
+        ("row: []", "expected a list of expected values under `rows`"),
+        ("rows: []", "expected a list of expected values under `rows`"),
+        ("rows: {a: 1}", "expected a list of expected values under `rows`"),
         ("rows: [{name: a, expected: 1.0, how: atleast}]", "how: expected one of min, max, within, got 'atleast'"),
         ("rows: [{name: a, expected: .nan, how: min}]", "expected: expected a finite number, got nan"),
-        ("rows: [{name: a, expected: 1.0, how: min, tolerance: -1.0}]", "a: wanted a finite expected value"),
+        ("rows: [{name: a, expected: 1.0, how: min, tolerance: -1.0}]", "a: expected a finite expected value"),
         ("rows: [{name: a, expected: 1.0}]", "how is missing"),
         ("rows: [{name: a, expected: 1.0, how: min, sauce: x}]", "unknown key 'sauce'; did you mean 'source'"),
         ("rows: [{name: a, expected: 1.0, how: min}, {name: a, expected: 2.0, how: max}]", "a name is given twice"),
