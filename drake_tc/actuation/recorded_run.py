@@ -139,15 +139,15 @@ def plant_side(model: ActuatorModel, recording: Recording) -> PlantSide:
 def _check(model: ActuatorModel, recording: Recording) -> None:
     size = recording.time.size
     if size < 2:
-        raise ParamsError(f"free run: wanted at least 2 samples; got {size}")
+        raise ParamsError(f"free run: expected at least 2 samples, got {size}")
     for name in ("command", "load_torque", "temperature", "supply_voltage"):
         values = getattr(recording, name)
         if values is not None and values.shape != (size,):
-            raise ParamsError(f"free run: wanted {name} of shape ({size},); got {values.shape}")
+            raise ParamsError(f"free run: expected {name} of shape ({size},), got {values.shape}")
     if recording.load_torque is None and recording.pendulum is None:
-        raise ParamsError("free run: wanted a load: load_torque or pendulum; got neither")
+        raise ParamsError("free run: expected a load: load_torque or pendulum, got neither")
     if recording.pendulum is None and model.inertia <= 0.0:
-        raise ParamsError(f"free run: joint {model.joint!r} has no inertia; wanted rotor_inertia > 0 or a pendulum")
+        raise ParamsError(f"free run: joint {model.joint!r} has no inertia; expected rotor_inertia > 0 or a pendulum")
 
 
 def in_plant(model: ActuatorModel, recording: Recording) -> tuple[ActuatorModel, Recording] | None:

@@ -35,7 +35,7 @@ class RestartingProcesses(Executor):
             ParamsError: less than one worker.
         """
         if workers < 1:
-            raise ParamsError(f"workers: wanted at least 1; got {workers}")
+            raise ParamsError(f"workers: expected at least 1, got {workers}")
         self.workers = workers
         self._preload = tuple(preload)
         self._pool = self._fresh()
@@ -136,13 +136,13 @@ def scheduler_executor(address: str) -> Iterator[Executor]:
     try:
         import distributed
     except ImportError:
-        raise ParamsError("scheduler: wanted the package `distributed`; install drake-tc[cluster]") from None
+        raise ParamsError("scheduler: expected the package `distributed`; install drake-tc[cluster]") from None
     dask: Any = distributed
     try:
         client = dask.Client(address, timeout=CONNECT_TIME, set_as_default=False)
     except (OSError, ValueError, TimeoutError) as error:
         raise ParamsError(
-            f"scheduler {address!r}: wanted a Dask scheduler, such as tcp://127.0.0.1:8786; {error or 'no answer'}"
+            f"scheduler {address!r}: expected a Dask scheduler, such as tcp://127.0.0.1:8786; {error or 'no answer'}"
         ) from None
     with client:
         executor: Executor = client.get_executor(pure=False)

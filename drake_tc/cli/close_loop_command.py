@@ -67,7 +67,7 @@ def close_loop_command(
         raise LogError("--log and --holdout need --rig RIG.yaml, which says what the logs show")
     if rig is not None and not (log and holdout):
         raise LogError(
-            "expected at least one --log RUN to fit and one --holdout RUN to judge by; got "
+            "expected at least one --log RUN to fit and one --holdout RUN to judge by, got "
             f"{len(log or [])} and {len(holdout or [])}"
         )
     if declared is not None and rig is None:

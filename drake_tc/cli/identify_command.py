@@ -57,12 +57,12 @@ def identify_command(
     from drake_tc.logs.rig import load_rig
 
     if rig is None:
-        raise RigError("identify: wanted --rig RIG.yaml, which says what the logs show; got none")
+        raise RigError("identify: expected --rig RIG.yaml, which says what the logs show, got none")
     if not log:
-        raise LogError("identify: wanted at least one --log RUN; got none")
+        raise LogError("identify: expected at least one --log RUN, got none")
     if (method is MethodName.motor) != (sheet is not None):
         raise IdentificationError(
-            "identify: wanted --method motor and --sheet SHEET.yaml together, or neither;"
+            "identify: expected --method motor and --sheet SHEET.yaml together, or neither;"
             f" got --method {method.value} {'without a' if sheet is None else 'and a'} --sheet"
         )
     read_rig = load_rig(rig)

@@ -72,7 +72,7 @@ def _joint(joints: tuple[str, ...], asked: str | None) -> str:
     if asked is None and len(joints) == 1:
         return joints[0]
     if asked not in joints:
-        raise ParamsError(f"--joint: expected one of {', '.join(joints)}; got {asked or 'none'}")
+        raise ParamsError(f"--joint: expected one of {', '.join(joints)}, got {asked or 'none'}")
     return str(asked)
 
 

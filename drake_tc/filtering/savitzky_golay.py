@@ -54,7 +54,9 @@ def smooth(x: FloatArray, window: int, order: int, dt: float) -> Smoothed:
     """
     x = np.asarray(x, dtype=np.float64)
     if x.shape[0] < window:
-        raise ParamsError(f"Savitzky–Golay window of {window} samples wanted; the stretch has only {x.shape[0]}")
+        raise ParamsError(
+            f"Savitzky–Golay window: expected at least {window} samples; the stretch has only {x.shape[0]}"
+        )
     return Smoothed(*(_smooth_one(x, window, order, derivative, dt) for derivative in range(3)))
 
 
@@ -151,10 +153,10 @@ class SavitzkyGolayFilter(PortMethods, LeafSystem):
         """
         super().__init__()
         if size < 1:
-            raise ParamsError(f"SavitzkyGolayFilter needs at least one joint; got size {size}")
+            raise ParamsError(f"SavitzkyGolayFilter needs at least one joint, got size {size}")
         orders = (order,) * size if isinstance(order, int) else tuple(order)
         if len(orders) != size:
-            raise ParamsError(f"SavitzkyGolayFilter needs one order, or one a joint ({size}); got {len(orders)}")
+            raise ParamsError(f"SavitzkyGolayFilter needs one order, or one a joint ({size}), got {len(orders)}")
         self._size, self._window = size, window
         self._delay = delay(window, dt, at)
         distinct = sorted(set(orders))

@@ -129,7 +129,7 @@ def refine_on_free_runs(
     free = errors.free
     if not chosen or not free.entries:
         raise IdentificationError(
-            f"output error: expected a trial and a free parameter; got {len(chosen)} and {len(free.entries)}"
+            f"output error: expected a trial and a free parameter, got {len(chosen)} and {len(free.entries)}"
         )
     x = free.start
     for _ in range(options.rounds):

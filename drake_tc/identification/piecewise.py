@@ -87,9 +87,9 @@ def fit_three_pieces(
     """
     tau, y = np.asarray(torque, dtype=np.float64), np.asarray(effort, dtype=np.float64)
     if tau.shape != y.shape or tau.ndim != 1 or not (np.isfinite(tau).all() and np.isfinite(y).all()):
-        raise IdentificationError(f"finite torque and effort (T,) wanted; got {tau.shape} and {y.shape}")
+        raise IdentificationError(f"expected finite torque and effort (T,), got {tau.shape} and {y.shape}")
     if not (breaks[0] < breaks[1] and middle_slope[0] < middle_slope[1]):
-        raise IdentificationError(f"break points and slope bounds must be rising; got {breaks}, {middle_slope}")
+        raise IdentificationError(f"break points and slope bounds must be rising, got {breaks}, {middle_slope}")
     if not _populated(tau, breaks):
         counts = [int(m.sum()) for m in _pieces(tau, breaks)]
         raise IdentificationError(

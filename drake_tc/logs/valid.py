@@ -49,7 +49,7 @@ class Condition:
             limit = float(found["limit"])
         except ValueError:
             signs = ", ".join(COMPARISONS)
-            raise ValueError(f"expected a column, or a column, one of {signs}, and a number; got {text!r}") from None
+            raise ValueError(f"expected a column, or a column, one of {signs}, and a number, got {text!r}") from None
         return Condition(found["column"], found["sign"], limit)
 
     @property

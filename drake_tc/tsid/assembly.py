@@ -80,7 +80,7 @@ def check_names(names: Sequence[str]) -> None:
         first = plain.index(plain[i])
         if first < i:
             how = "comes twice" if names[first] == name else f"is the same as {names[first]!r} in a name of a port"
-            raise ParamsError(f"tasks and limits: wanted different names; {name!r} {how}")
+            raise ParamsError(f"tasks and limits: expected different names; {name!r} {how}")
 
 
 def _fill(parts: Parts, causes: Map, out: FloatArray) -> None:

@@ -85,7 +85,7 @@ def hierarchy(
         ParamsError: no levels, or more than one robustness.
     """
     if not levels or sum(isinstance(level, Robustness) for level in levels) > 1:
-        raise ParamsError(f"levels: wanted one or more, robustness at most once; got {len(levels)}")
+        raise ParamsError(f"levels: expected one or more, robustness at most once, got {len(levels)}")
     n = error.joints
     problem = scaled(nothing(n), polytope, error)
     means = Means(qp, options.accuracy, options.budget.started())

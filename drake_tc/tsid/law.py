@@ -131,7 +131,7 @@ class Law:
     def __post_init__(self) -> None:
         check_names([*(task.name for task in self.tasks), *(limit.name for limit in self.limits)])
         if self.error.joints != self.model.n:
-            raise ParamsError(f"sigma: wanted {self.model.n} joints, the robot's; got {self.error.joints}")
+            raise ParamsError(f"sigma: expected {self.model.n} joints, the robot's, got {self.error.joints}")
         if self.priorities is not None:
             self._check_priorities(self.priorities)
         if isinstance(self.solver, ProgramSolver):
@@ -141,11 +141,11 @@ class Law:
         for name in ("period", "fade"):
             value = getattr(self, name)
             if not (np.isfinite(value) and value > 0.0):
-                raise ParamsError(f"{name}: wanted a positive number [s]; got {value!r}")
+                raise ParamsError(f"{name}: expected a positive number [s], got {value!r}")
         for name in ("contact_damping", "fallback_damping"):
             value = getattr(self, name)
             if not (np.isfinite(value) and value >= 0.0):
-                raise ParamsError(f"{name}: wanted a finite number >= 0; got {value!r}")
+                raise ParamsError(f"{name}: expected a finite number >= 0, got {value!r}")
         check_rows(self.starting_terms(), self.tasks, self.limits)
 
     def with_tasks(self, *tasks: Task, priority: int | None = None) -> "Law":
@@ -184,11 +184,11 @@ class Law:
 
     def _check_priorities(self, priorities: Priorities) -> None:
         if len(priorities.tasks) != len(self.tasks):
-            raise ParamsError(f"priorities: wanted one a task, {len(self.tasks)}; got {len(priorities.tasks)}")
+            raise ParamsError(f"priorities: expected one a task, {len(self.tasks)}, got {len(priorities.tasks)}")
         measure = self.formulation.measure
         if (priorities.robustness is not None) != (measure == "individual") or measure in ("box", "rectangle"):
             raise ParamsError(
-                f"priorities: wanted individual, with a level of its own, or classic, without one; got {measure}"
+                f"priorities: expected individual, with a level of its own, or classic, without one, got {measure}"
             )
 
     def starting_terms(self) -> Terms:

@@ -93,7 +93,7 @@ class TsidModel:
         fixed = 0 if robot.fixed_base else 6
         if self.nv != self.n + fixed or plant.num_velocities() != self.n + 6:
             raise ParamsError(
-                f"robot {robot.name!r}: wanted {self.n} movable joints, those listed; got {self.nv - fixed}"
+                f"robot {robot.name!r}: expected {self.n} movable joints, those listed, got {self.nv - fixed}"
             )
         self.start: FloatArray = public.GetPositions(public.CreateDefaultContext())
         self.start.setflags(write=False)
@@ -130,7 +130,7 @@ class TsidModel:
         scale = 1.0 / np.sqrt(np.maximum(inertia, np.finfo(float).tiny))
         if np.linalg.eigvalsh(terms.mass_matrix * scale * scale[:, None])[0] < _LEAST_MASS:
             raise ParamsError(
-                f"robot {self.robot.name!r}: wanted a mass matrix that is positive definite; joint"
+                f"robot {self.robot.name!r}: expected a mass matrix that is positive definite; joint"
                 f" {self.robot.joints[least]!r} moves {inertia[self.actuated][least]:.3g} kg m^2 (or kg): give it a"
                 " rotor_inertia, or lock it"
             )

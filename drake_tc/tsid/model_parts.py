@@ -29,7 +29,7 @@ def add_rotors(plant: Any, robot: Robot, rotor_inertia: Mapping[str, float]) -> 
         if name not in robot.joints:
             raise ParamsError(f"rotor_inertia: no joint {name!r}; joints: {', '.join(robot.joints)}")
         if not (np.isfinite(inertia) and inertia >= 0.0):
-            raise ParamsError(f"rotor_inertia: {name}: wanted a number >= 0 [kg m^2]; got {inertia!r}")
+            raise ParamsError(f"rotor_inertia: {name}: expected a number >= 0 [kg m^2], got {inertia!r}")
         actuator = plant.AddJointActuator(name, plant.GetJointByName(name))
         actuator.set_default_rotor_inertia(float(inertia))
         actuator.set_default_gear_ratio(1.0)
@@ -54,7 +54,7 @@ def add_frames(plant: Any, model: Any, contacts: Sequence[Contact], more: Sequen
         if mount.link not in links:
             raise ParamsError(f"{kind} {name!r}: no link {mount.link!r}; links: {', '.join(links)}")
         if name in frames:
-            raise ParamsError(f"{kind} {name!r}: wanted a name that no link, contact or frame has; it is taken")
+            raise ParamsError(f"{kind} {name!r}: expected a name that no link, contact or frame has; it is taken")
         offset = FixedOffsetFrame(name + _SUFFIX, links[mount.link].body_frame(), mount.pose.transform)
         frames[name] = plant.AddFrame(offset)
     return frames

@@ -95,10 +95,10 @@ def probability(
     """
     if group is not None:
         if group not in polytope.groups:
-            raise ParamsError(f"group: wanted one of {sorted(polytope.groups)}; got {group!r}")
+            raise ParamsError(f"group: expected one of {sorted(polytope.groups)}, got {group!r}")
         polytope = polytope.group(group)
     if samples < REPLICATES:
-        raise ParamsError(f"samples: wanted at least {REPLICATES}; got {samples}")
+        raise ParamsError(f"samples: expected at least {REPLICATES}, got {samples}")
     problem = scaled(nothing(error.joints), polytope, error)
     x = torque / problem.scale
     if certain_miss(problem.limits, problem.certain, x):

@@ -207,7 +207,7 @@ def test_a_gyro_that_turns_standing_feet_is_flagged_in_time(law):
             {"lidar": ()},
             "faults: no sensor 'lidar'; possible: encoder, motor_encoder, gauge, imu, force_torque, contacts",
         ),
-        ({"imu": (SensorFault("nan"),)}, "faults: wanted state: base_estimator and torque: series_elastic beside it"),
+        ({"imu": (SensorFault("nan"),)}, "faults: expected state: base_estimator and torque: series_elastic beside it"),
     ],
 )
 def test_faults_that_cannot_be_are_refused(faults, message):

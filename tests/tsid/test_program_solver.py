@@ -129,7 +129,7 @@ def test_limits_that_conflict_are_diagnosed(law):
 
 
 def test_what_the_program_does_not_know_is_refused():
-    with pytest.raises(ParamsError, match="solver: program knows use: trade_off alone; got constraint"):
+    with pytest.raises(ParamsError, match="solver: program knows use: trade_off alone, got constraint"):
         load_law(FILE, {"solver": "program", "formulation": {"use": "constraint", "weight": None}})
     levels = {"com": {"priority": 1}, "posture": {"priority": 2}, "force": {"priority": 2}}
     with pytest.raises(ParamsError, match="program weighs tasks and knows no strict priorities"):

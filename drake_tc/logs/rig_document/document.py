@@ -195,7 +195,7 @@ class RigDocument(Keys):
         conditions = value if isinstance(value, list) else [value]
         texts = [text for text in conditions if isinstance(text, str) and text.strip()]
         if not texts or len(texts) < len(conditions):
-            raise ValueError(f"expected a column of the log, or a column compared with a number; got {quoted(value)}")
+            raise ValueError(f"expected a column of the log, or a column compared with a number, got {quoted(value)}")
         for text in texts:
             Condition.of(text)
         return texts

@@ -95,7 +95,7 @@ def add_sensor_validation(
     law, builder = wiring.law, wiring.builder
     robot, period = law.model.robot, law.period
     if sensors.imu is None or sensors.force_torque is None:
-        raise ParamsError(f"{robot.source}: wanted an IMU and F/T sensors; one of them is missing")
+        raise ParamsError(f"{robot.source}: expected an IMU and F/T sensors; one of them is missing")
     suite = sensor_specs(wiring.scenario, period)
     encoder, imu = sensors.encoder.GetOutputPort("reading"), first_imu(builder, sensors.imu.GetOutputPort("reading"))
     wrench = sensors.force_torque.GetOutputPort("reading")

@@ -67,7 +67,7 @@ class AccelerationLimit:
             ParamsError: a margin that is negative or not finite; else see `JointRange`.
         """
         if not (np.isfinite(margin) and margin >= 0.0):
-            raise ParamsError(f"margin: wanted a finite number >= 0 [rad]; got {margin!r}")
+            raise ParamsError(f"margin: expected a finite number >= 0 [rad], got {margin!r}")
         known, n = joint_limits(robot), len(robot.joints)
         speed = _each("velocity", known.velocity if velocity is None else velocity, n)
         most = _each("acceleration", acceleration, n)
@@ -84,5 +84,5 @@ def _each(where: str, value: float | FloatArray, n: int) -> FloatArray:
     """(n,) from one number for all or one a joint."""
     given = np.asarray(value, dtype=float)
     if given.shape not in ((), (n,)):
-        raise ParamsError(f"{where}: wanted a number or {n} of them, one a joint; got shape {given.shape}")
+        raise ParamsError(f"{where}: expected a number or {n} of them, one a joint, got shape {given.shape}")
     return np.broadcast_to(given, (n,))

@@ -61,22 +61,24 @@ class JointRange:
         for key in ("lower", "upper", "velocity_lower", "velocity_upper", "acceleration"):
             value = np.array(getattr(self, key), dtype=float)
             if value.shape != (n,):
-                raise ParamsError(f"{key}: wanted {n} values, one a joint; got shape {value.shape}")
+                raise ParamsError(f"{key}: expected {n} values, one a joint, got shape {value.shape}")
             value.setflags(write=False)
             object.__setattr__(self, key, value)
         if not (np.isfinite(self.period) and self.period > 0.0):
-            raise ParamsError(f"period: wanted a positive number [s]; got {self.period:g}")
+            raise ParamsError(f"period: expected a positive number [s], got {self.period:g}")
         need = np.maximum(_turn(self, upper=True), _turn(self, upper=False))
         for i, joint in enumerate(self.joints):
             if not (np.isfinite(self.acceleration[i]) and self.acceleration[i] > 0.0):
-                raise ParamsError(f"acceleration of {joint!r}: wanted a positive number; got {self.acceleration[i]:g}")
+                raise ParamsError(
+                    f"acceleration of {joint!r}: expected a positive number, got {self.acceleration[i]:g}"
+                )
             low, high = self.velocity_lower[i], self.velocity_upper[i]
             if not low < 0.0 < high:
-                raise ParamsError(f"velocities of {joint!r}: wanted lower < 0 < upper; got {low:g} and {high:g}")
+                raise ParamsError(f"velocities of {joint!r}: expected lower < 0 < upper, got {low:g} and {high:g}")
             low, high = self.lower[i], self.upper[i]
             if not high - low >= need[i]:
                 raise ParamsError(
-                    f"positions of {joint!r}: wanted upper - lower >= {need[i]:.3g} rad, in which it can turn;"
+                    f"positions of {joint!r}: expected upper - lower >= {need[i]:.3g} rad, in which it can turn;"
                     f" got {low:g} and {high:g}"
                 )
 

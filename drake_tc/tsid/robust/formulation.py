@@ -63,11 +63,11 @@ class Formulation:
             ("use", self.use, get_args(Use)),
         ):
             if value not in names:
-                raise ParamsError(f"{name}: wanted one of {sorted(names)}; got {value!r}")
+                raise ParamsError(f"{name}: expected one of {sorted(names)}, got {value!r}")
         if not (self.weight > 0.0 and np.isfinite(self.weight)):
-            raise ParamsError(f"weight: wanted a finite number > 0; got {self.weight}")
+            raise ParamsError(f"weight: expected a finite number > 0, got {self.weight}")
         if not (self.minimum >= LEAST and np.isfinite(self.minimum)):
-            raise ParamsError(f"minimum: wanted a finite number >= {LEAST:g}; got {self.minimum}")
+            raise ParamsError(f"minimum: expected a finite number >= {LEAST:g}, got {self.minimum}")
 
     def solve(
         self,

@@ -59,7 +59,7 @@ class FrameTask:
         self.name = frame if name is None else name
         where = f"task {self.name!r}"
         if axes_of not in get_args(Axes):
-            raise ParamsError(f"{where}: axes_of: wanted one of {', '.join(get_args(Axes))}; got {axes_of!r}")
+            raise ParamsError(f"{where}: axes_of: expected one of {', '.join(get_args(Axes))}, got {axes_of!r}")
         self._frame, self._turned = check_frame(where, model, frame), axes_of == "frame"
         self._seen_from_reference = axes_of == "reference"
         self._kp, self._kd = gains(f"{where}: kp", kp, 6), gains(f"{where}: kd", kd, 6)

@@ -51,7 +51,7 @@ class PostureTask:
             if joint in wanted[:i]:
                 raise ParamsError(f"task {name!r}: joint {joint!r} is named twice")
         if not wanted:
-            raise ParamsError(f"task {name!r}: wanted at least one joint; got none")
+            raise ParamsError(f"task {name!r}: expected at least one joint, got none")
         self.name, self.reference_size = name, 3 * model.n
         self.weight = gains(f"task {name!r}: weight", weight, len(wanted))
         self._kp = gains(f"task {name!r}: kp", kp, len(wanted))
