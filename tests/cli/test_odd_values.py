@@ -32,13 +32,8 @@ def test_a_scenario_with_odd_fields(invoke, tmp_path, case):
         path.write_text(text)
         call = ["simulate", diagram, "--scenario-file", path, "--scenario-name", "a", "--duration", 0.02]
     else:
-        call = [
-            "simulate",
-            diagram,
-            "--scenario-text",
-            text,
-            *([] if case in ("duration", "not a number") else ["--duration", 0.02]),
-        ]
+        short = [] if case in ("duration", "not a number") else ["--duration", 0.02]
+        call = ["simulate", diagram, "--scenario-text", text, *short]
     line = invoke(*call, "--json").refusal()
     assert says in line and line.isprintable() and len(line) < 1300
 
@@ -74,11 +69,8 @@ def _scenario(folder, text):
 
 
 def test_joints_with_markup_and_control_characters_in_a_model_file(invoke, tmp_path):
-    model = {
-        "joints": {
-            "[/x]": {"drive": {"kind": "current", "gain": 0.1}, "effects": [{"effect": "viscous", "viscous": 1.0}]}
-        }
-    }
+    joint = {"drive": {"kind": "current", "gain": 0.1}, "effects": [{"effect": "viscous", "viscous": 1.0}]}
+    model = {"joints": {"[/x]": joint}}
     path = tmp_path / "model.yaml"
     path.write_text(yaml.safe_dump(model))
     outcome = invoke("export", path, "--to", "mjcf")
