@@ -27,6 +27,10 @@ class Drive:
 
     Raises:
         ParamsError: another kind, or a gain that is not positive and finite.
+
+    Example:
+        >>> Drive("current", 0.4).gain
+        0.4
     """
 
     kind: DriveKind
@@ -51,6 +55,10 @@ class EffectValue:
 
     Raises:
         ParamsError: an unknown effect or parameter, or a value that is not finite or out of the parameter's bounds.
+
+    Example:
+        >>> EffectValue("viscous", {"viscous": 20.0}).effect.id
+        'viscous'
     """
 
     key: str
@@ -99,6 +107,11 @@ class ActuatorModel:
         joint: The joint's name.
         drive: The drive.
         effects: Effects with their numbers.
+
+    Example:
+        >>> knee = ActuatorModel("knee", Drive("position_servo", 2e-4), (EffectValue("viscous", {"viscous": 20.0}),))
+        >>> knee.torque_effects[0][0].id
+        'viscous'
     """
 
     joint: str

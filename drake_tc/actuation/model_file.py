@@ -50,6 +50,11 @@ def load_models(path: Path | str) -> dict[str, ActuatorModel]:
 
     Raises:
         ParamsError: see `load_model_file`.
+
+    Example:
+        >>> models = load_models(MODELS / "hrp2_like" / "hrp2_like_leg_actuators.yaml")
+        >>> models["r_knee"].drive.kind
+        'position_servo'
     """
     return dict(load_model_file(path).models)
 
@@ -94,6 +99,12 @@ def save_models(
         provenance: Where the numbers come from, of plain YAML types.
         shared: What no joint owns, of plain YAML types.
         links: By link, inertial parameters that were fitted.
+
+    Example:
+        >>> models = load_models(MODELS / "hrp2_like" / "hrp2_like_leg_actuators.yaml")
+        >>> save_models(models, FOLDER / "copy.yaml", provenance={"source": "a copy"})
+        >>> load_models(FOLDER / "copy.yaml") == models
+        True
     """
     lines = []
     if provenance:

@@ -20,7 +20,7 @@ from typing import Literal
 
 import numpy as np
 
-from drake_tc.analysis.margins import ComplexArray, Margins, margins
+from drake_tc.analysis.stability_margins import ComplexArray, Margins, margins
 from drake_tc.errors import ParamsError
 from drake_tc.filtering.savgol_weights import savgol_weights
 from drake_tc.types import FloatArray

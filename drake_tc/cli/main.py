@@ -96,7 +96,7 @@ def _run(arguments: Sequence[str], *, debug: bool) -> int:
         return 2
     except TyperException as error:
         print(
-            f"drake-tc: {_one_line(error.format_message())} (drake-tc --help lists the commands and their options)",
+            f"drake-tc: {_one_line(error.format_message())} (see drake-tc --help)",
             file=sys.stderr,
         )
         return 2

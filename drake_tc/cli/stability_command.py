@@ -18,9 +18,9 @@ from drake_tc.config.json_values import json_value
 from drake_tc.errors import ParamsError
 
 if TYPE_CHECKING:
-    from drake_tc.analysis.margins import Margins
     from drake_tc.analysis.release import Release
     from drake_tc.analysis.sampled import SampledSystem
+    from drake_tc.analysis.stability_margins import Margins
     from drake_tc.loops.diagram_entry import DiagramEntry
 
 SHOWN = 8
@@ -120,11 +120,10 @@ def _analyse(
     progress: Any,
 ) -> tuple[str, _Found]:
     from drake_tc.analysis.frequency_response import channel
-    from drake_tc.analysis.loop_margins import loop_margins
-    from drake_tc.analysis.margins import frequency_grid
     from drake_tc.analysis.release import release
     from drake_tc.analysis.sampled import open_loop
     from drake_tc.analysis.settled import settled_at, speed_states
+    from drake_tc.analysis.stability_margins import frequency_grid, loop_margins
 
     progress("to the operating point", 0.0)
     loop, context = settled_at(entry, scenario, at)

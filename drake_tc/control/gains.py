@@ -62,6 +62,11 @@ class TorqueGains:
 
     Raises:
         ParamsError: sizes that do not agree, a gain that is not finite or is negative where that cannot be.
+
+    Example:
+        >>> models = load_models(MODELS / "hrp2_like" / "hrp2_like_leg_actuators.yaml")
+        >>> TorqueGains.from_servo(models, k6=0.5, kp=1.0).kp
+        array([1., 1., 1., 1., 1., 1.])
     """
 
     kp: FloatArray

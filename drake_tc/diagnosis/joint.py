@@ -17,7 +17,7 @@ from drake_tc.diagnosis.residual.band import shared_band
 from drake_tc.diagnosis.residual.verdict import compared, noise_floor, verdict_of, what_is_left
 from drake_tc.diagnosis.result.break_away_note import sticking
 from drake_tc.diagnosis.result.consistency import consistency
-from drake_tc.diagnosis.result.drive_notes import drive_notes
+from drake_tc.diagnosis.result.drive_notes import drive_notes, hold_note
 from drake_tc.diagnosis.result.experiments import next_experiment
 from drake_tc.diagnosis.result.joint_result import Errors, JointResult
 from drake_tc.diagnosis.result.outcome import found_effects, rejected_effects, stabilities
@@ -151,7 +151,11 @@ def diagnose_joint(
     final_parameters = parameters_of(columns, chosen, context.drive)
     effects = found_effects(columns, held, chosen, known, final_parameters, stability)
     kept = {e.id for e in effects}
-    load_notes = (*load_scale(rig, joint).notes, *drive_notes(rig, joint, final_parameters, chosen.gain))
+    load_notes = (
+        *load_scale(rig, joint).notes,
+        *drive_notes(rig, joint, final_parameters, chosen.gain),
+        *hold_note(columns.samples),
+    )
     ties = tuple(pair for pair in ties if pair[0] in kept)
     return JointResult(
         joint=joint,

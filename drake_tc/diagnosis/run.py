@@ -53,6 +53,13 @@ def close_loop(
 
     Raises:
         RigError, LogError, IdentificationError: input that cannot be used.
+
+    Example:
+        >>> from drake_tc.diagnosis.options import DiagnosisOptions
+        >>> rig = leg_rig_file()
+        >>> found = close_loop(rig, [leg_log()], [leg_log(seed=1)], DiagnosisOptions(effects=(effect("stribeck"),)))
+        >>> found.joints["knee"].verdict
+        'no_missing_effect'
     """
     with threadpool_limits(1):  # thousands of small problems: threads would wait for each other
         rig = load_rig(rig_path, declared)

@@ -22,6 +22,12 @@ weigh more than the load of a joint that works against its own friction and roto
 MAX_CONDITION = 300.0
 """Condition number of the declared model's scaled columns, above which its parameters cannot be told apart."""
 
+HELD_FROM_PERIOD = 4e-3
+"""Period of a log [s] from which on a position servo's command is taken to hold between samples. On a faster clock half
+a period is less than a drive's own delay, which the effect `delay` tells."""
+HELD_CERTAIN = 0.90
+"""Share of block resamples in which a held command must leave the smaller error."""
+
 # Search: what counts as a real improvement
 
 LEAST_EFFORT = 0.7

@@ -23,6 +23,7 @@ from pydrake.common.value import Value
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem, ValueProducer
 
 from drake_tc.errors import ParamsError
+from drake_tc.port_methods import PortMethods
 
 LARGEST = 1e9
 """No input in SI units is as large; one that is counts as not finite."""
@@ -46,7 +47,7 @@ class PredictorSpec:
             raise ParamsError(f"predictor.bandwidth: wanted a positive number [rad/s]; got {self.bandwidth!r}")
 
 
-class DelayPredictor(LeafSystem):
+class DelayPredictor(PortMethods, LeafSystem):
     """tau_now and the joints' motion now, or the delayed ones while the model cannot be trusted.
 
     Inputs:

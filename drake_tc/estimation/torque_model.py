@@ -50,6 +50,10 @@ class TorqueModel:
     """The kernel: `estimate` maps what the sensors say at one instant to torques and wrenches.
 
     It holds constants only; positions and velocities live in the plant's Context that the caller passes.
+
+    Example:
+        >>> TorqueModel(load_robot(MODELS / "hrp2_like" / "hrp2_like_leg.yaml")).size
+        6
     """
 
     def __init__(

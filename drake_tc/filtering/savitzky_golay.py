@@ -16,6 +16,7 @@ from scipy.signal import lfilter, oaconvolve
 
 from drake_tc.errors import ParamsError
 from drake_tc.filtering.savgol_weights import delay, savgol_weights
+from drake_tc.port_methods import PortMethods
 from drake_tc.types import FloatArray
 
 __all__ = ["SavitzkyGolayFilter", "Smoothed", "delay", "savgol_weights", "smooth", "smooth_causal"]
@@ -100,7 +101,7 @@ def smooth_causal(x: FloatArray, window: int, order: int, dt: float, at: float |
     return Smoothed(*outputs)
 
 
-class SavitzkyGolayFilter(LeafSystem):
+class SavitzkyGolayFilter(PortMethods, LeafSystem):
     """Smoothed value and derivatives of n joints, from a polynomial through the last N samples.
 
     Ports:
@@ -126,6 +127,10 @@ class SavitzkyGolayFilter(LeafSystem):
     nothing; nothing is raised in the loop.
 
     Source: Del Prete et al., 2016, section 2 (N = 80, dt = 1 ms, mid-window, order 2 for encoders, 1 for IMU and F/T).
+
+    Example:
+        >>> SavitzkyGolayFilter(7, window=80, order=2, dt=1e-3).get_estimate_output_port().size()
+        21
     """
 
     def __init__(self, size: int, window: int, order: int | Sequence[int], dt: float, at: float | None = None) -> None:

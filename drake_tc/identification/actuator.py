@@ -58,6 +58,11 @@ def actuator_model(found: Identified, rotor_inertia: float = 0.0) -> ActuatorMod
 
     Raises:
         IdentificationError: a drive gain that is not positive: the torque or the command has the wrong sign.
+
+    Example:
+        >>> rig, runs = leg_rig(), leg_runs()
+        >>> actuator_model(identify(runs, rig), rotor_inertia=0.05).drive.kind
+        'current'
     """
     inertia = (EffectValue("rotor_inertia", {"rotor_inertia": rotor_inertia}),) if rotor_inertia > 0.0 else ()
     if isinstance(found.fit, PiecewiseFit):

@@ -96,6 +96,11 @@ def identify(
 
     Raises:
         IdentificationError: Unknown joint or method, a load that is not known, no usable samples, poor excitation.
+
+    Example:
+        >>> found = identify(leg_runs(), leg_rig())
+        >>> round(found.parameters["K_tau"], 2)
+        0.4
     """
     name = rig.joints[0] if joint is None else joint
     if name not in rig.joints:

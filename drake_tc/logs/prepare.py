@@ -229,6 +229,10 @@ def load_runs(paths: Sequence[Path | str], rig: Rig) -> list[Run]:
 
     Raises:
         LogError: A file that cannot be used, in one line: file, row and column, and what to do.
+
+    Example:
+        >>> [run.name for run in load_runs([leg_log()], leg_rig())]
+        ['swing']
     """
     runs = _unique_names([_prepare(Path(path), rig) for path in paths])
     require_alike(runs)
@@ -249,5 +253,10 @@ def load_run(path: Path | str, rig: Rig) -> Run:
 
     Raises:
         LogError: The file cannot be used; one line says where and what to do.
+
+    Example:
+        >>> run = load_run(leg_log(), leg_rig())
+        >>> sorted(run.columns)
+        ['knee/current', 'knee/position', 'knee/torque']
     """
     return load_runs([path], rig)[0]

@@ -71,6 +71,7 @@ class Rig:
         saturation: Known effort limit by joint [rad | A | V | N m], where known.
         drive_gain: Declared gain K_0 by joint [effort/(N m)], where it is declared.
         derivative_gain: Declared damping of a position servo by joint [N m s/rad], where it is declared.
+        command_hold: Whether the command acts unchanged until the next sample; None where the file does not say.
         source: The file it came from, or None.
         robot: The robot file whose model gives the loads, or None.
         sensors: Declared noise and tolerances by joint; see `joint_sensors`.
@@ -78,6 +79,11 @@ class Rig:
         coupled: By joint, turns of its motor for one turn of another joint (`estimation.coupled_gears`).
         tares: Begin and end of the stretch of every run in which an F/T sensor is zeroed [s], by its column name.
         robot_sensors: Column names of the sensors that the robot file lists (`ft_foot`, `imu_trunk`).
+
+    Example:
+        >>> _ = (FOLDER / "rig.yaml").write_text("{joint: knee, drive: current, load: torque}")
+        >>> load_rig(FOLDER / "rig.yaml").joints
+        ('knee',)
     """
 
     joints: tuple[str, ...]
@@ -90,6 +96,7 @@ class Rig:
     saturation: Mapping[str, float] = field(default_factory=_empty)
     drive_gain: Mapping[str, float] = field(default_factory=_empty)
     derivative_gain: Mapping[str, float] = field(default_factory=_empty)
+    command_hold: bool | None = None
     source: Path | None = None
     robot: Path | None = None
     sensors: Mapping[str, JointSensors] = field(default_factory=_empty)
@@ -187,6 +194,7 @@ def _rig_of(read: RigDocument, robot: Path | None, source: Path | None) -> Rig:
         columns={name: str(in_log) for name, in_log in (read.columns or {}).items()},
         units=read.units or {},
         enabled=read.enabled,
+        command_hold=read.command_hold,
         source=source,
         robot=robot,
         sensors={joint: sensors.of_joint(joint, torque_sensor=load[joint] == "torque") for joint in joints},
@@ -222,6 +230,11 @@ def load_rig(path: Path | str, declared: Path | None = None) -> Rig:
 
     Raises:
         RigError: No such file, not YAML, or not a rig; names file and key. Or `declared` cannot be used.
+
+    Example:
+        >>> _ = (FOLDER / "rig.yaml").write_text("{joint: knee, drive: current, load: torque}")
+        >>> load_rig(FOLDER / "rig.yaml").drive
+        {'knee': 'current'}
     """
     path = Path(path)
     rig = parse_rig(read_yaml(path, "rig file", RigError), path)
@@ -277,8 +290,7 @@ def rig_document(rig: Rig) -> dict[str, Any]:
         for key in ("columns", "units", "saturation", "drive_gain", "derivative_gain", "coupled")
         if getattr(rig, key)
     }
-    if rig.enabled is not None:
-        document["enabled"] = rig.enabled
+    document |= {key: getattr(rig, key) for key in ("enabled", "command_hold") if getattr(rig, key) is not None}
     sensors = sensors_entry(rig.sensors, rig.tolerances, rig.tares)
     if sensors:
         document["sensors"] = sensors

@@ -35,6 +35,10 @@ def joint_limits(robot: Robot) -> Limits:
 
     Raises:
         ParamsError: the URDF cannot be read.
+
+    Example:
+        >>> joint_limits(load_robot(MODELS / "hrp2_like" / "hrp2_like_leg.yaml")).effort.shape
+        (6,)
     """
     tree = read_urdf(robot.urdf, robot.splits)
     rows = []
@@ -66,6 +70,12 @@ def add_robot(
 
     Raises:
         ParamsError: the URDF cannot be read, or the actuator file cannot or lacks a joint.
+
+    Example:
+        >>> plant = MultibodyPlant(1e-3)
+        >>> add_robot(plant, load_robot(MODELS / "hrp2_like" / "hrp2_like_leg.yaml"))
+        >>> plant.num_actuators()
+        6
     """
     parser = Parser(plant)
     (model,) = parser.AddModelsFromString(reduced_urdf(robot, visuals=visuals, collisions=collisions), "urdf")

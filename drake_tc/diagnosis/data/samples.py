@@ -37,6 +37,7 @@ class Samples:
         row_period: Mean time between rows inside a block [s].
         load_unknown: Whether nothing is known of the load torque: the signals' load is 0 until a fit tells it.
         torque_unit: Unit of all torques: N*m, or the effort's where nothing fixes the scale (`load_scale`).
+        command_held: Whether the command was taken to hold between samples.
         link_prior: Of the columns `signals.links`; None where the links' parameters are not fitted.
         sensor_prior: Of the joint's own sensor errors; None where no tolerance is declared.
     """
@@ -56,6 +57,7 @@ class Samples:
     run_of_sample: IntArray
     notes: tuple[tuple[str, str], ...] = field(default=())
     load_unknown: bool = False
+    command_held: bool = False
     torque_unit: str = "N*m"
     link_prior: LinkPrior | None = None
     sensor_prior: SensorPrior | None = None

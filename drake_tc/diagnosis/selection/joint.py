@@ -220,18 +220,18 @@ def search(
 def _of_simplest_causes(
     problem: JointProblem, found: Search, thresholds: SearchThresholds, progress: Progress
 ) -> Search:
-    """The same search without pliable effects, where that explains as much with no more parameters.
+    """The same search without curves of free form, where that explains as much with no more parameters.
 
-    A curve over the position, or an encoder's eccentricity, can explain most of two simpler effects at once, and
-    neither of these enters the beam after it. So where one was chosen, the search is repeated without curves of free
-    form and without all effects that depend on the position.
+    A curve over the position can explain most of two simpler effects at once, and neither of these enters the beam
+    after it; without it an encoder's eccentricity may do the same. So where a curve was chosen, the search is repeated
+    without curves, and without all effects that depend on the position.
     """
-    new = [t.effect for t in found.chosen.terms if t.effect.key not in problem.known]
+    if not any(t.effect.free_form and t.effect.key not in problem.known for t in found.chosen.terms):
+        return found
     tried = [found]
-    for pliable in ("free_form", "depends_on_position"):
-        if any(getattr(effect, pliable) for effect in new):
-            rest = [effect for effect in problem.effects if not getattr(effect, pliable)]
-            tried.append(select(replace(problem, effects=rest), found.baseline, thresholds, progress))
+    for kind in ("free_form", "depends_on_position"):
+        rest = [effect for effect in problem.effects if not getattr(effect, kind)]
+        tried.append(select(replace(problem, effects=rest), found.baseline, thresholds, progress))
     most = (1.0 + thresholds.same) * found.chosen.cv_rms
     as_good = [each for each in tried if each.chosen.cv_rms <= most and each.chosen.size <= found.chosen.size]
     return min(as_good, key=lambda each: problem.order(each.chosen))

@@ -113,6 +113,13 @@ class RigDocument(Keys):
         example=1.5,
         absent="not known; the viscous friction holds it",
     )
+    command_hold: bool | None = key(
+        "Whether the recorded command acts unchanged until the next sample (true), as with a position servo whose goal "
+        "is written once a cycle, or whether the samples are points of a continuous command (false). A held command "
+        "is half a period late on average.",
+        example=True,
+        absent="true for a position servo that is logged at 250 Hz or slower and whose training runs confirm it",
+    )
     coupled: dict[str, dict[str, Number]] | None = key(
         "Gears that couple joints, with `load: {robot: ...}`. By joint: another joint, and the turns of the first "
         "joint's motor for one turn of the other joint, gear ratio taken out. Positions and position commands are "

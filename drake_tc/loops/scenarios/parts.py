@@ -54,6 +54,10 @@ class FilterSpec:
         window: Length [samples].
         encoder_order: Order of the polynomial for encoders.
         inertial_order: Order of the polynomial for IMU and F/T sensors.
+
+    Example:
+        >>> TorqueLoopSpec(filters=FilterSpec(window=40)).filters.encoder_order
+        2
     """
 
     window: int = 80
