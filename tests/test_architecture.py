@@ -43,6 +43,7 @@ FLOOR = {
     "report": 11,
     "registry": 12,
     "benchmarks": 12,
+    "experiments": 12,
     "diagrams": 12,
     "cli": 13,
     "": 14,  # the front door, drake_tc/__init__.py

@@ -23,6 +23,7 @@ PACKAGES = {
     "robot": "Robot files.",
     "loops": "The stages wired to loops.",
     "analysis": "Loops as sampled systems.",
+    "experiments": "What logs can show, and the next experiment.",
     "exchange": "Models of other simulators.",
 }
 """Package to what it is."""

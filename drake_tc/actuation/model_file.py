@@ -11,6 +11,7 @@ import yaml
 from drake_tc.actuation.model import ActuatorModel, EffectValue
 from drake_tc.actuation.model_document import ModelDocument
 from drake_tc.config.validation import validated
+from drake_tc.config.whole_file import write_whole
 from drake_tc.config.yaml_file import read_yaml
 from drake_tc.errors import ParamsError
 
@@ -131,4 +132,4 @@ def save_models(
             f"{yaml.safe_dump(dict(values), default_flow_style=True, sort_keys=False, width=10**6).strip()}"
             for link, values in links.items()
         )
-    Path(path).write_text("\n".join(lines) + "\n", encoding="utf-8")
+    write_whole(path, "\n".join(lines) + "\n")

@@ -64,7 +64,7 @@ def bode_command(
         raise ParamsError(f"bode: wanted 0 < --from <= --to [Hz]; got {lowest:g} and {highest:g}")
     if plot is not None and plot.suffix.lower() not in (".png", ".svg", ".pdf"):
         raise ParamsError(f"bode: wanted --plot FILE.png, .svg or .pdf; got {plot}")
-    entry = runnable(diagram)
+    entry = runnable(diagram).naming(scenario_file, scenario_text)
     scenario = entry.scenario(scenario_name, scenario_file, scenario_text).changed(seed=seed)
     sweep = Sweep(tuple(np.geomspace(lowest, highest, points).tolist()), amplitude, settle, measure)
     wanted = BodeWanted(entry, scenario, (channel(input), channel(output)), at, sweep, prediction)

@@ -75,11 +75,12 @@ def stability_command(
     as_json: Annotated[bool, typer.Option("--json", help="Print the figures as JSON.")] = False,
 ) -> None:
     """Eigenvalues, margins and verdict of a diagram's loop, at one moment of a scenario, with perfect sensors."""
+    from drake_tc.loops.diagram_entry import naming_errors
     from drake_tc.registry import runnable
 
     if friction not in ("sliding", "modelled"):
         raise typer.BadParameter(f"wanted sliding or modelled, got {friction!r}", param_hint="--friction")
-    entry = runnable(diagram)
+    entry = runnable(diagram).naming(scenario_file, scenario_text)
     if entry.kind == "whole_body":
         raise ParamsError(f"stability: {diagram} stands on contacts, whose linearisation says nothing of its stability")
     scenario = entry.scenario(scenario_name, scenario_file, scenario_text)
@@ -88,7 +89,8 @@ def stability_command(
             scenario = _in_sliding(entry, scenario, Path(folder), direction)
         if entry.kind == "torque":
             scenario = replace(scenario, sensors="perfect")
-        channel, found = _analyse(entry, scenario, open_at, joint, at, seed, progress)
+        with naming_errors(f"stability {diagram}"):
+            channel, found = _analyse(entry, scenario, open_at, joint, at, seed, progress)
     if as_json:
         print(json.dumps({"diagram": diagram, "at": at, "friction": friction, "open_at": channel, **_to_json(found)}))
         return

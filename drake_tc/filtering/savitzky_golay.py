@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
-from scipy.signal import lfilter, oaconvolve
 
 from drake_tc.errors import ParamsError
 from drake_tc.filtering.savgol_weights import delay, savgol_weights
@@ -60,6 +59,8 @@ def smooth(x: FloatArray, window: int, order: int, dt: float) -> Smoothed:
 
 
 def _smooth_one(x: FloatArray, window: int, order: int, derivative: int, dt: float) -> FloatArray:
+    from scipy.signal import oaconvolve
+
     centre = window // 2
     after = window - 1 - centre
     level = x.mean(axis=0)
@@ -91,6 +92,8 @@ def smooth_causal(x: FloatArray, window: int, order: int, dt: float, at: float |
     Raises:
         ParamsError: As `savgol_weights`.
     """
+    from scipy.signal import lfilter
+
     x = np.asarray(x, dtype=np.float64)
     first = x[:1]
     outputs = []

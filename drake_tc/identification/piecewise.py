@@ -4,7 +4,6 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from scipy.optimize import lsq_linear
 
 from drake_tc.errors import IdentificationError
 from drake_tc.types import BoolArray, FloatArray
@@ -181,6 +180,8 @@ def _continuous(
     converged: bool,
     rounds: int,
 ) -> ThreePieces:
+    from scipy.optimize import lsq_linear
+
     a = _hinges(tau, breaks)
     lower, upper = np.full(4, -np.inf), np.full(4, np.inf)
     lower[1], upper[1] = middle

@@ -8,7 +8,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import lsq_linear
 
 from drake_tc.errors import IdentificationError
 from drake_tc.identification.autocorrelation import (
@@ -210,6 +209,8 @@ def _bound_arrays(names: tuple[str, ...], bounds: Bounds | None) -> tuple[FloatA
 
 
 def _solve(r: FloatArray, goal: FloatArray, lower: FloatArray, upper: FloatArray) -> FloatArray:
+    from scipy.optimize import lsq_linear
+
     x = np.linalg.solve(r, goal)
     if np.all((x >= lower) & (x <= upper)):
         return np.asarray(x)

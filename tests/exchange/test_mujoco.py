@@ -110,3 +110,10 @@ def test_a_refit_of_stribeck_friction_is_better_than_leaving_it_out():
     assert found.refit is not None and found.refit.effects == ("stribeck",)
     assert found.refit.refitted < 0.7 * found.refit.dropped
     assert found.terms.frictionloss > 1.5 and found.losses == ()
+
+
+def test_mujoco_writes_no_log_and_what_is_unstable_is_nan(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    found = simulate(Terms("torque", 1e12, armature=1e-6), None, np.full(T.size, 1e9), NONE, (0.0, 0.0), H)
+    assert np.isnan(found[-1]) and found[0] == 0.0
+    assert not list(tmp_path.iterdir())

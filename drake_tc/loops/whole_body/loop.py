@@ -1,4 +1,4 @@
-"""A legged robot on a floor under robust TSID (Del Prete and Mansard, 2016), as a scenario describes it.
+"""A legged robot on a floor under robust TSID (Del Prete and Mansard, 2015), as a scenario describes it.
 
 The wiring is that of `add_whole_body_loop` (`drake_tc.loops.whole_body.wiring`); here stand the floor, what pushes, and
 what the tasks follow.
