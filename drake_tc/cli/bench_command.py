@@ -23,7 +23,9 @@ from drake_tc.cli.bench_table import print_times
 from drake_tc.cli.bench_tick_command import bench_tick
 from drake_tc.cli.progress import progress_bar
 
-bench_app = typer.Typer(help="Benchmarks: rows of figures, with --json for programs.", no_args_is_help=True)
+bench_app = typer.Typer(
+    help="Benchmarks: rows of figures, with --json for programs.", no_args_is_help=True, rich_markup_mode="markdown"
+)
 bench_app.command("diagnosis")(bench_diagnosis)
 bench_app.command("close-loop")(bench_close_loop)
 bench_app.command("robot")(bench_robot)
