@@ -100,6 +100,7 @@ PARTS = {
             "diagnosis/test_shared_leg_tolerances.py::*",
         ),
     ),
+    "experiments": Part("what checks and designs promise, held against simulated rigs", ("experiments/*",), alone=True),
     "blind-middle": Part(
         "the full blind benchmark: effects of middle strength, and pairs",
         ("diagnosis/test_blind_full.py::*?middle?",),
