@@ -24,6 +24,7 @@ FLOOR = {
     "config": 1,
     "logs": 1,
     "filtering": 1,
+    "kernels": 1,
     "effects": 2,
     "actuation": 3,
     "robot": 3,
@@ -50,6 +51,7 @@ ALONE = {
     "config": {"errors", "types"},
     "logs": {"config", "errors", "types", "extensions"},
     "filtering": {"errors", "types"},
+    "kernels": {"errors", "types"},
 }
 """Packages that may import nothing but these."""
 

@@ -1,0 +1,123 @@
+"""How functions on arrays are compiled, and where the machine code is kept.
+
+Modules of compiled functions import Numba, so nobody imports them but through `lazy.Kernel`, at the first call: a command
+that needs none of them does not pay for Numba's import. Rules for a compiled function:
+
+- An entry has an explicit signature of read-only C-contiguous inputs (`kernel`), so that no array compiles it again.
+- What entries share are plain functions on arrays and scalars (`helper`), compiled into each entry.
+- The cache's folder has the hash of all sources here in its name: Numba itself does not notice that a helper in another
+  file has changed. Where no cache can be written, every process compiles for itself.
+
+With the environment variable NUMBA_DISABLE_JIT=1 all of them run as Python, for coverage and for debuggers.
+"""
+
+import hashlib
+import logging
+import os
+import sys
+import tempfile
+from collections.abc import Callable, Sequence
+from functools import cache
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numba
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+_LOG = logging.getLogger(__name__)
+_SOURCES = Path(__file__).parent
+_OPTIONS: dict[str, Any] = {"error_model": "numpy", "fastmath": False}
+
+REAL, WHOLE, FLAG = numba.float64, numba.int64, numba.boolean
+"""Scalars of a signature."""
+
+
+def _array(kind: Any, dimensions: int, *, readonly: bool) -> Any:
+    return numba.types.Array(kind, dimensions, "C", readonly=readonly)
+
+
+VECTOR, MATRIX = _array(REAL, 1, readonly=True), _array(REAL, 2, readonly=True)
+"""Inputs of real numbers."""
+INDEX, TABLE = _array(WHOLE, 1, readonly=True), _array(WHOLE, 2, readonly=True)
+"""Inputs of whole numbers."""
+OUT_VECTOR, OUT_MATRIX = _array(REAL, 1, readonly=False), _array(REAL, 2, readonly=False)
+"""Arrays that are written."""
+OUT_INDEX = _array(WHOLE, 1, readonly=False)
+"""Whole numbers that are written."""
+
+
+def helper(function: F) -> F:
+    """A function that compiled functions call; compiled with each of them, for the types with which it is called."""
+    compiled: F = numba.njit(**_OPTIONS)(function)
+    return compiled
+
+
+def kernel(*arguments: Any) -> Callable[[F], F]:
+    """An entry: compiled for these types of arguments alone, or loaded from the cache.
+
+    Args:
+        arguments: Types, see the constants of this module.
+    """
+
+    def compiled(function: F) -> F:
+        if numba.config.DISABLE_JIT:
+            return function
+        folder = cache_folder()
+        if folder is None or not _is_cached(function, folder):
+            _tell_once()
+        if folder is None:
+            without: F = numba.njit([arguments], **_OPTIONS)(function)
+            return without
+        before = numba.config.CACHE_DIR
+        numba.config.CACHE_DIR = str(folder)
+        try:
+            entry: F = numba.njit([arguments], cache=True, **_OPTIONS)(function)
+        finally:
+            numba.config.CACHE_DIR = before
+        return entry
+
+    return compiled
+
+
+def signatures_of(entry: Callable[..., Any]) -> Sequence[Any]:
+    """For which types an entry is compiled: one signature, however long it runs; none where nothing is compiled."""
+    return tuple(getattr(entry, "signatures", ()))
+
+
+def sources_hash(folder: Path = _SOURCES) -> str:
+    """Of the text of all modules in a folder, their names and Numba's version."""
+    digest = hashlib.sha256(numba.__version__.encode())
+    for path in sorted(folder.glob("*.py")):
+        digest.update(path.name.encode() + b"\0" + path.read_bytes() + b"\0")
+    return digest.hexdigest()[:16]
+
+
+@cache
+def cache_folder() -> Path | None:
+    """Where machine code is kept: `$NUMBA_CACHE_DIR`, else `$XDG_CACHE_HOME/drake_tc` or `~/.cache/drake_tc`.
+
+    Returns:
+        The folder of these sources below it; None where it cannot be written.
+    """
+    root = os.environ.get("NUMBA_CACHE_DIR")
+    try:
+        base = Path(root) if root else Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "drake_tc"
+        folder = base / f"kernels-{sources_hash()}"
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except (OSError, RuntimeError) as error:
+        _LOG.info("compiled kernels are not cached: %s", error)
+        return None
+    return folder
+
+
+def _is_cached(function: Callable[..., Any], folder: Path) -> bool:
+    name = f"{function.__module__.rpartition('.')[2]}.{function.__qualname__}-*.nbi"
+    return next(folder.rglob(name), None) is not None
+
+
+@cache
+def _tell_once() -> None:
+    print("Compiling kernels (once) ...", file=sys.stderr, flush=True)
