@@ -5,12 +5,13 @@ that needs none of them does not pay for Numba's import. Rules for a compiled fu
 
 - An entry has an explicit signature of read-only C-contiguous inputs (`kernel`), so that no array compiles it again.
 - What entries share are plain functions on arrays and scalars (`helper`), compiled into each entry.
-- The cache's folder has the hash of all sources here in its name: Numba itself does not notice that a helper in another
-  file has changed. Where no cache can be written, every process compiles for itself.
+- The cache's folder has in its name the hash of all sources that an entry is made of: Numba itself does not notice that
+  a helper in another file has changed. Where no cache can be written, every process compiles for itself.
 
 With the environment variable NUMBA_DISABLE_JIT=1 all of them run as Python, for coverage and for debuggers.
 """
 
+import ast
 import hashlib
 import logging
 import os
@@ -27,6 +28,7 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 _LOG = logging.getLogger(__name__)
 _SOURCES = Path(__file__).parent
+_PACKAGE = "drake_tc.kernels."
 _OPTIONS: dict[str, Any] = {"error_model": "numpy", "fastmath": False}
 
 REAL, WHOLE, FLAG = numba.float64, numba.int64, numba.boolean
@@ -63,7 +65,7 @@ def kernel(*arguments: Any) -> Callable[[F], F]:
     def compiled(function: F) -> F:
         if numba.config.DISABLE_JIT:
             return function
-        folder = cache_folder()
+        folder = cache_folder(function.__module__.removeprefix(_PACKAGE))
         if folder is None or not _is_cached(function, folder):
             _tell_once()
         if folder is None:
@@ -85,17 +87,41 @@ def signatures_of(entry: Callable[..., Any]) -> Sequence[Any]:
     return tuple(getattr(entry, "signatures", ()))
 
 
-def sources_hash(folder: Path = _SOURCES) -> str:
-    """Of the text of all modules in a folder, their names and Numba's version."""
+def sources_of(module: str, folder: Path = _SOURCES) -> tuple[Path, ...]:
+    """The files that a module of compiled functions is made of: its own and, in turn, those that it imports from here.
+
+    Args:
+        module: Name, without the package's.
+        folder: Of the modules.
+    """
+    found: dict[str, Path] = {}
+    left = [module]
+    while left:
+        name = left.pop()
+        path = folder / f"{name}.py"
+        if name in found or not path.is_file():
+            continue
+        found[name] = path
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ImportFrom) and (node.module or "").startswith(_PACKAGE):
+                left.append(str(node.module).removeprefix(_PACKAGE))
+    return tuple(found[name] for name in sorted(found))
+
+
+def sources_hash(module: str, folder: Path = _SOURCES) -> str:
+    """Of the text of these files, and of Numba's version."""
     digest = hashlib.sha256(numba.__version__.encode())
-    for path in sorted(folder.glob("*.py")):
+    for path in sources_of(module, folder):
         digest.update(path.name.encode() + b"\0" + path.read_bytes() + b"\0")
     return digest.hexdigest()[:16]
 
 
 @cache
-def cache_folder() -> Path | None:
+def cache_folder(module: str) -> Path | None:
     """Where machine code is kept: `$NUMBA_CACHE_DIR`, else `$XDG_CACHE_HOME/drake_tc` or `~/.cache/drake_tc`.
+
+    Args:
+        module: Of the compiled functions.
 
     Returns:
         The folder of these sources below it; None where it cannot be written.
@@ -103,7 +129,7 @@ def cache_folder() -> Path | None:
     root = os.environ.get("NUMBA_CACHE_DIR")
     try:
         base = Path(root) if root else Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "drake_tc"
-        folder = base / f"kernels-{sources_hash()}"
+        folder = base / f"{module}-{sources_hash(module)}"
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
             pass
@@ -114,8 +140,7 @@ def cache_folder() -> Path | None:
 
 
 def _is_cached(function: Callable[..., Any], folder: Path) -> bool:
-    name = f"{function.__module__.rpartition('.')[2]}.{function.__qualname__}-*.nbi"
-    return next(folder.rglob(name), None) is not None
+    return next(folder.rglob(f"*.{function.__qualname__}-*.nbi"), None) is not None
 
 
 @cache
