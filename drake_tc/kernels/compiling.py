@@ -1,12 +1,14 @@
 """How functions on arrays are compiled, and where the machine code is kept.
 
-Modules of compiled functions import Numba, so nobody imports them but through `lazy.Kernel`, at the first call: a command
-that needs none of them does not pay for Numba's import. Rules for a compiled function:
+Modules of compiled functions import Numba, so nobody imports them but through `lazy.Kernel`, at the first call: a
+command that needs none of them does not pay for Numba's import. Rules for a compiled function:
 
 - An entry has an explicit signature of read-only C-contiguous inputs (`kernel`), so that no array compiles it again.
-- What entries share are plain functions on arrays and scalars (`helper`), compiled into each entry.
-- The cache's folder has in its name the hash of all sources that an entry is made of: Numba itself does not notice that
-  a helper in another file has changed. Where no cache can be written, every process compiles for itself.
+  Entries are compiled where their module is imported, so helpers stand above the entries that call them.
+- What entries share are plain functions on arrays and scalars (`helper`), compiled into each entry. Arrays that differ
+  in layout or in being read-only compile a helper once more, which costs seconds.
+- The cache's folder has in its name the hash of all sources that an entry is made of: Numba itself does not notice
+  that a helper in another file has changed. Where no cache can be written, every process compiles for itself.
 
 With the environment variable NUMBA_DISABLE_JIT=1 all of them run as Python, for coverage and for debuggers.
 """
@@ -109,11 +111,23 @@ def sources_of(module: str, folder: Path = _SOURCES) -> tuple[Path, ...]:
 
 
 def sources_hash(module: str, folder: Path = _SOURCES) -> str:
-    """Of the text of these files, and of Numba's version."""
+    """Of the statements of these files, without comments and docstrings, and of Numba's version."""
     digest = hashlib.sha256(numba.__version__.encode())
     for path in sources_of(module, folder):
-        digest.update(path.name.encode() + b"\0" + path.read_bytes() + b"\0")
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        for node in ast.walk(tree):
+            if isinstance(node, (ast.Module, ast.ClassDef, ast.FunctionDef)):
+                node.body = [part for part in node.body if not _is_text(part)]
+        digest.update(f"{path.name}: {ast.dump(tree)}\n".encode())
     return digest.hexdigest()[:16]
+
+
+def _is_text(statement: ast.stmt) -> bool:
+    return (
+        isinstance(statement, ast.Expr)
+        and isinstance(statement.value, ast.Constant)
+        and isinstance(statement.value.value, str)
+    )
 
 
 @cache

@@ -1,10 +1,10 @@
 """Rigid-body dynamics of a tree of joints of one degree of freedom on a base that floats or is held.
 
-Spatial vectors [angular; linear] stand in the world's axes and refer to the point that the base's origin Bo passes. With
-screw s_i of joint i, V_i = V_p + s_i v_i, A_i = A_p + V_i x s_i v_i (both of the parent p), and the inertia I_i of body i,
+Spatial vectors [angular; linear] stand in the world's axes and refer to the point that the base's origin Bo passes.
+With screw s_i of joint i, V_i = V_p + s_i v_i and A_i = A_p + V_i x s_i v_i of the parent p, and inertia I_i of body i,
 
     f_i = I_i A_i + V_i x* (I_i V_i) + sum of its children's f      (C v)_i = s_i . f_i      (recursive Newton-Euler)
-    J_i = I_i + sum of its children's J,  F_i = J_i s_i             M_ji = s_j . F_i for all j on the way to the base
+    J_i = I_i + sum of its children's J,  F_i = J_i s_i             M_ji = s_j . F_i for j on the way to the base
                                                                     (composite rigid bodies)
 
 Source: Featherstone, Rigid Body Dynamics Algorithms, 2008, tables 5.1 and 6.2. A_0 = [0; -omega x v], as the base's
@@ -117,11 +117,14 @@ def move(
 
 
 @helper
-def inertia_into(out: FloatArray, body: FloatArray, own: FloatArray, at: int) -> None:
-    """(10,) m, m c, and the inertia xx yy zz xy xz yz about Bo in the world's axes; own[at : at + 10] in the body's."""
+def inertia_into(out: FloatArray, body: FloatArray, own: FloatArray, at: int, scratch: FloatArray) -> None:
+    """(10,) m, m c, and the inertia xx yy zz xy xz yz about Bo in the world's axes; own[at : at + 10] in the body's.
+
+    `scratch` (12,) is overwritten.
+    """
     mass = own[at]
     xx, yy, zz, xy, xz, yz = own[at + 4], own[at + 5], own[at + 6], own[at + 7], own[at + 8], own[at + 9]
-    half, centre = np.empty(9), np.empty(3)
+    half, centre = scratch[:9], scratch[9:]
     rotate_into(centre, 0, body, own, at + 1)
     for i in range(0, 9, 3):
         a, b, c = body[i], body[i + 1], body[i + 2]
@@ -175,11 +178,11 @@ def forces_and_inertias(
         (10,) inertia of the whole robot about Bo.
     """
     n = places.shape[0]
-    inertias, loads, momentum = np.empty((n + 1, 10)), np.empty((n + 1, 6)), np.empty(6)
-    inertia_into(inertias[0], bodies[0], trunk, 0)
+    inertias, loads, momentum, scratch = np.empty((n + 1, 10)), np.empty((n + 1, 6)), np.empty(6), np.empty(12)
+    inertia_into(inertias[0], bodies[0], trunk, 0, scratch)
     load_into(loads[0], inertias[0], bodies[0], momentum)
     for j in range(n):
-        inertia_into(inertias[j + 1], bodies[j + 1], constants[j], 15)
+        inertia_into(inertias[j + 1], bodies[j + 1], constants[j], 15, scratch)
         load_into(loads[j + 1], inertias[j + 1], bodies[j + 1], momentum)
     for j in range(n - 1, -1, -1):
         screw, parent = bodies[j + 1], places[j, 0]
@@ -201,7 +204,7 @@ def forces_and_inertias(
             other = places[other - 1, 0]
         mass[6 + j, 6 + j] += constants[j, 25]
     load[:6] = loads[0]
-    whole = inertias[0]
+    whole: FloatArray = inertias[0]
     mass[0, 0], mass[1, 1], mass[2, 2] = whole[4], whole[5], whole[6]
     mass[0, 1], mass[0, 2], mass[1, 2] = whole[7], whole[8], whole[9]
     mass[1, 0], mass[2, 0], mass[2, 1] = whole[7], whole[8], whole[9]

@@ -103,7 +103,7 @@ def interval_density(end: float, risk: float) -> float:
 
 @kernel(VECTOR)
 def tails(u: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """log Phi, hazard and curvature of each u (m,)."""
+    """Log Phi, hazard and curvature of each u (m,)."""
     logs, rates, bends = np.empty(u.size), np.empty(u.size), np.empty(u.size)
     for i in range(u.size):
         logs[i], rates[i] = log_cdf(u[i]), hazard(u[i])

@@ -116,14 +116,14 @@ def search(
     point.x[:] = found.x
     value_at(program, point)
     times_into(program, point.x, free)
-    worst = -np.inf
+    inside = True
     for i in range(m):
         lower[i], upper[i] = lower_side[i] - free[i], upper_side[i] - free[i]
-        worst = max(worst, max(lower[i], -upper[i]))
+        inside = inside and lower[i] <= FEASIBLE and upper[i] >= -FEASIBLE
     memory[STEPS] = memory[DONE] = 0.0
     if how == FRESH:
         memory[BEFORE] = memory[LAST] = np.inf
-        memory[INSIDE] = 1.0 if worst <= FEASIBLE else 0.0
+        memory[INSIDE] = 1.0 if inside else 0.0
         gradient_into(program, point, found.gradient)
     renews, sound = how == FRESH, True
     factors = True

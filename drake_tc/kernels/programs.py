@@ -124,7 +124,7 @@ def quadratic_of(cost: FloatArray, damping: float, least: float) -> FloatArray:
 @helper
 def rows_of(program: Program) -> int:
     """How many rows limit x."""
-    m = program.matrix.shape[0]
+    m: int = program.matrix.shape[0]
     return m if program.kind == PLAIN else 2 * m + program.noise.shape[1] + program.kept.size
 
 
@@ -180,7 +180,7 @@ def row_into(program: Program, row: int, out: FloatArray) -> None:
 
 @helper
 def value_at(program: Program, point: Point) -> None:
-    """f at point.x, and what the derivatives need."""
+    """F at point.x, and what the derivatives need."""
     x, cost = point.x, program.cost
     n = cost.shape[1]
     value = 0.0

@@ -1,4 +1,4 @@
-"""Accelerations and contact forces as what the torques make of them; see `drake_tc.tsid.reduction` for the equations."""
+"""Accelerations and contact forces as what torques make of them; `drake_tc.tsid.reduction` has the equations."""
 
 import math
 
@@ -34,7 +34,7 @@ def inverse_factor(matrix: FloatArray) -> FloatArray:
 
 @helper
 def solved(matrix: FloatArray, right: FloatArray) -> FloatArray:
-    """x of matrix x = right for a positive semidefinite matrix, filtered where that loses rank."""
+    """X of matrix x = right for a positive semidefinite matrix, filtered where that loses rank."""
     n = matrix.shape[0]
     root = inverse_factor(matrix)
     if root[0, 0] == root[0, 0]:
@@ -43,7 +43,8 @@ def solved(matrix: FloatArray, right: FloatArray) -> FloatArray:
         for i in range(n):
             spread += matrix[i, i] * whole[i, i]
         if spread * n * RANK_KEPT < 1.0:
-            return np.dot(whole, right)
+            found: FloatArray = np.dot(whole, right)
+            return found
     answer, scale = np.full(right.shape, np.nan), np.empty(n)
     for i in range(n):
         scale[i] = 1.0 / math.sqrt(matrix[i, i]) if matrix[i, i] > 0.0 else 1.0
@@ -76,7 +77,8 @@ def filtered(matrix: FloatArray, right: FloatArray) -> FloatArray:
         share = gain / values[i] if gain > 0.0 else 0.0
         for j in range(right.shape[1]):
             turned[i, j] *= share
-    return np.dot(np.ascontiguousarray(vectors), turned)
+    found: FloatArray = np.dot(np.ascontiguousarray(vectors), turned)
+    return found
 
 
 @helper
@@ -177,7 +179,7 @@ def cost_rows(
     matrix: FloatArray,
     right: FloatArray,
 ) -> None:
-    """weight (A y - target) of one task as D tau - d, into matrix (., n) and right (.,) from row `start` on."""
+    """Weight (A y - target) of one task as D tau - d, into matrix (., n) and right (.,) from row `start` on."""
     out = np.empty((target.size, motion.shape[1]))
     n = motion.shape[1] - 1
     written_over_torques(kinds, vdot, picks, force, torque, motion, push, out)
@@ -187,9 +189,7 @@ def cost_rows(
             matrix[start + i, j] = weight[i] * out[i, j]
 
 
-@kernel(
-    INDEX, MATRIX, INDEX, MATRIX, MATRIX, MATRIX, MATRIX, VECTOR, VECTOR, WHOLE, OUT_MATRIX, OUT_VECTOR, OUT_VECTOR
-)
+@kernel(INDEX, MATRIX, INDEX, MATRIX, MATRIX, MATRIX, MATRIX, VECTOR, VECTOR, WHOLE, OUT_MATRIX, OUT_VECTOR, OUT_VECTOR)
 def limit_rows(
     kinds: IntArray,
     vdot: FloatArray,
@@ -205,7 +205,7 @@ def limit_rows(
     low: FloatArray,
     high: FloatArray,
 ) -> None:
-    """lower <= A y <= upper of one limit as low <= G tau <= high, into the rows from `start` on."""
+    """Lower <= A y <= upper of one limit as low <= G tau <= high, into the rows from `start` on."""
     out = np.empty((lower.size, motion.shape[1]))
     n = motion.shape[1] - 1
     written_over_torques(kinds, vdot, picks, force, torque, motion, push, out)
@@ -213,3 +213,22 @@ def limit_rows(
         low[start + i], high[start + i] = lower[i] - out[i, n], upper[i] - out[i, n]
         for j in range(n):
             matrix[start + i, j] = out[i, j]
+
+
+@kernel(VECTOR, MATRIX, MATRIX, INDEX, WHOLE)
+def response(
+    torque: FloatArray, motion: FloatArray, push: FloatArray, entries: IntArray, size: int
+) -> tuple[FloatArray, FloatArray]:
+    """Vdot (nv,), and the forces (size,) of all contacts, that torques (n,) cause; 0 where no entry (k,) is."""
+    n = torque.size
+    vdot, force = np.empty(motion.shape[0]), np.zeros(size)
+    for i in range(motion.shape[0]):
+        vdot[i] = motion[i, n]
+        for j in range(n):
+            vdot[i] += motion[i, j] * torque[j]
+    for i in range(push.shape[0]):
+        value = push[i, n]
+        for j in range(n):
+            value += push[i, j] * torque[j]
+        force[entries[i]] = value
+    return vdot, force

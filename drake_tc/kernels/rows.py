@@ -85,6 +85,33 @@ def turned_back(out: FloatArray, at: int, rotation: FloatArray, vector: FloatArr
         out[at + k] = rotation[k] * x + rotation[3 + k] * y + rotation[6 + k] * z
 
 
+@helper
+def _in_reference(
+    goal: FloatArray,
+    own: FloatArray,
+    velocity: FloatArray,
+    reference: FloatArray,
+    error: FloatArray,
+    lag: FloatArray,
+    free: FloatArray,
+) -> None:
+    """The angular parts in the reference's axes, omega_d x (omega - omega_d) added (`control.cartesian`)."""
+    back, turn, carried, angles = np.empty(9), np.empty(9), np.empty(3), np.empty(3)
+    for i in range(3):
+        for j in range(3):
+            back[3 * i + j] = goal[3 * j + i]
+    product_into(turn, back, own)
+    rotation_vector(angles, turn)
+    x, y, z = reference[7], reference[8], reference[9]
+    carried[0] = free[0] + y * velocity[2] - z * velocity[1]
+    carried[1] = free[1] + z * velocity[0] - x * velocity[2]
+    carried[2] = free[2] + x * velocity[1] - y * velocity[0]
+    rotate_into(free, 0, back, carried, 0)
+    rotate_into(lag, 0, back, lag.copy(), 0)
+    for k in range(3):
+        error[k] = -angles[k]
+
+
 @kernel(MATRIX, VECTOR, VECTOR, MATRIX, VECTOR, VECTOR, VECTOR, VECTOR, INDEX, WHOLE)
 def frame(
     rotation: FloatArray,
@@ -154,30 +181,27 @@ def frame(
 
 
 @helper
-def _in_reference(
-    goal: FloatArray,
-    own: FloatArray,
-    velocity: FloatArray,
-    reference: FloatArray,
-    error: FloatArray,
-    lag: FloatArray,
-    free: FloatArray,
-) -> None:
-    """The angular parts in the reference's axes, omega_d x (omega - omega_d) added (`control.cartesian`)."""
-    back, turn, carried, angles = np.empty(9), np.empty(9), np.empty(3), np.empty(3)
-    for i in range(3):
-        for j in range(3):
-            back[3 * i + j] = goal[3 * j + i]
-    product_into(turn, back, own)
-    rotation_vector(angles, turn)
-    x, y, z = reference[7], reference[8], reference[9]
-    carried[0] = free[0] + y * velocity[2] - z * velocity[1]
-    carried[1] = free[1] + z * velocity[0] - x * velocity[2]
-    carried[2] = free[2] + x * velocity[1] - y * velocity[0]
-    rotate_into(free, 0, back, carried, 0)
-    rotate_into(lag, 0, back, lag.copy(), 0)
-    for k in range(3):
-        error[k] = -angles[k]
+def _ceiling(
+    q: float, v: float, end: float, fastest: float, most: float, braking: float, period: float
+) -> tuple[float, bool]:
+    """Upper end of the accelerations of one joint, and whether a limit gave way there; the lower end is its mirror."""
+    forward = max(v, 0.0)
+    stop = forward * forward / (2.0 * braking)
+    room = end - q
+    beyond = stop - room
+    room = max(room, stop)
+    rest = room - 0.5 * period * v
+    drop = 0.5 * period * braking
+    if rest >= 0.0:
+        ceiling = (math.sqrt(2.0 * braking * rest + drop * drop) - drop - v) / period
+    else:
+        ceiling = -v * v / (2.0 * room)
+    slower = (fastest - v) / period
+    late = -most - slower
+    ceiling = min(min(ceiling, max(slower, -most)), most)
+    if ceiling != ceiling or v != v or q != q:
+        ceiling = math.nan
+    return ceiling, beyond > NEGLIGIBLE or late > NEGLIGIBLE / period
 
 
 @kernel(VECTOR, VECTOR, INDEX, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, REAL)
@@ -216,27 +240,3 @@ def viable(
         high[i], low[i] = above, min(-below, above)
         relaxed += gave or also
     return low, high, relaxed
-
-
-@helper
-def _ceiling(
-    q: float, v: float, end: float, fastest: float, most: float, braking: float, period: float
-) -> tuple[float, bool]:
-    """Upper end of the accelerations of one joint, and whether a limit gave way there; the lower end is its mirror."""
-    forward = max(v, 0.0)
-    stop = forward * forward / (2.0 * braking)
-    room = end - q
-    beyond = stop - room
-    room = max(room, stop)
-    rest = room - 0.5 * period * v
-    drop = 0.5 * period * braking
-    if rest >= 0.0:
-        ceiling = (math.sqrt(2.0 * braking * rest + drop * drop) - drop - v) / period
-    else:
-        ceiling = -v * v / (2.0 * room)
-    slower = (fastest - v) / period
-    late = -most - slower
-    ceiling = min(min(ceiling, max(slower, -most)), most)
-    if not ceiling == ceiling or v != v or q != q:
-        ceiling = math.nan
-    return ceiling, beyond > NEGLIGIBLE or late > NEGLIGIBLE / period

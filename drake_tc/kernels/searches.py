@@ -112,14 +112,26 @@ def minimum(
     """A search within lower <= A x <= upper, (m,) each, or within a rectangle's rows of the same sides.
 
     Args:
-        kind: Of the program, with the arguments up to `numbers`.
+        kind: PLAIN or RECTANGLE; this and what follows up to `numbers` see above.
+        matrix: (m, n) A.
+        noise: (m, r) K.
+        held: (m,) sides that x itself keeps.
+        cost: (c, n) D.
+        target: (c,) d.
+        linear: (N,) c.
+        risk_lower: (m,).
+        risk_upper: (m,).
+        numbers: (6,).
         lower: (m,).
         upper: (m,).
         x: (N,) where to begin.
         rows: (a,) first guess of the rows that hold the answer.
         sides: (a,).
         multipliers: (a,).
-        hessian: With the three next ones what the search before left, and a solver's step; empty for a fresh one.
+        hessian: (N, N) that the search before left; empty for a fresh one, as the next three are.
+        gradient: (N,) the same.
+        step: (N + m,) a solver's d and A d.
+        memory: Of the search before.
 
     Returns:
         How it ended (`newton`), x, rows, sides, multipliers, Hessian, gradient, memory.
@@ -129,7 +141,7 @@ def minimum(
     size, room, how = x.size, rows_of(program) + 1, int(numbers[_HOW])
     kept = held_rows(room)
     if rows.size and rows.max() < room - 1:
-        kept.count[0] = rows.size
+        kept.used[0] = rows.size
         kept.rows[: rows.size] = rows
         kept.sides[: rows.size] = sides
         kept.multipliers[: rows.size] = multipliers
@@ -143,7 +155,7 @@ def minimum(
         squared += target[i] * target[i]
     rounding = 1e-15 * squared + 1e-12 * program.weight
     outcome = search(program, low, high, numbers[_ACCURACY], rounding, int(numbers[_MOST]), how, found)
-    a = kept.count[0]
+    a = kept.used[0]
     at, ends, forces = kept.rows[:a].copy(), kept.sides[:a].copy(), kept.multipliers[:a].copy()
     return outcome, found.x, at, ends, forces, found.hessian, found.gradient, found.memory
 

@@ -32,7 +32,7 @@ class Factor(NamedTuple):
 
 
 class Held(NamedTuple):
-    """Rows held at one of their sides (1 the upper, -1 the lower), and their multipliers; the first count[0] of each.
+    """Rows held at one of their sides (1 the upper, -1 the lower), and their multipliers; the first used[0] of each.
 
     Multipliers are >= 0 at the upper, <= 0 at the lower side.
     """
@@ -40,7 +40,7 @@ class Held(NamedTuple):
     rows: IntArray
     sides: IntArray
     multipliers: FloatArray
-    count: IntArray
+    used: IntArray
 
 
 class Step(NamedTuple):
@@ -61,8 +61,8 @@ def held_rows(size: int) -> Held:
 @helper
 def copy_held(to: Held, source: Held) -> None:
     """One over the other."""
-    count = source.count[0]
-    to.count[0] = count
+    count = source.used[0]
+    to.used[0] = count
     for k in range(count):
         to.rows[k], to.sides[k], to.multipliers[k] = source.rows[k], source.sides[k], source.multipliers[k]
 
@@ -133,7 +133,7 @@ def whitened_rows(program: Program, factor: Factor, held: Held, columns: FloatAr
 def promise(program: Program, factor: Factor, gradient: FloatArray, held: Held) -> float:
     """Descent that the gradient r that the rows' forces do not balance promises, without limits: r^T H^-1 r / 2."""
     rest, row = gradient.copy(), np.empty(gradient.size)
-    for k in range(held.count[0]):
+    for k in range(held.used[0]):
         row_into(program, held.rows[k], row)
         for j in range(row.size):
             rest[j] += held.multipliers[k] * row[j]
@@ -170,7 +170,7 @@ def guess(
     for _ in range(GUESSES):
         step.d[:] = newton
         step.along[:] = free
-        count = held.count[0]
+        count = held.used[0]
         if count and not _held_step(program, factor, free, lower, upper, held, step):
             return False
         worst, miss, above = -1, -np.inf, True
@@ -193,14 +193,14 @@ def guess(
             )
             known = known or held.rows[k] == worst
             kept += 1
-        held.count[0] = kept
+        held.used[0] = kept
         if kept == count and met:
             return True
         if not met:
             if known or kept >= held.rows.size:
                 return False
             held.rows[kept], held.sides[kept], held.multipliers[kept] = worst, 1 if above else -1, 0.0
-            held.count[0] = kept + 1
+            held.used[0] = kept + 1
     return False
 
 
@@ -215,7 +215,7 @@ def _held_step(
     step: Step,
 ) -> bool:
     """The step with all `held` rows at their ends, and their multipliers; False where they depend on each other."""
-    count = held.count[0]
+    count = held.used[0]
     columns = np.empty((step.d.size, count))
     whitened_rows(program, factor, held, columns)
     small, force = np.empty((count, count)), np.empty(count)

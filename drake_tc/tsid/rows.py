@@ -21,7 +21,7 @@ def _keep_plain(rows: Any, *names: str) -> None:
     """Arrays as compiled functions take them: C-contiguous, of doubles."""
     for name in names:
         values = getattr(rows, name)
-        if values is not None and not (values.flags.c_contiguous and values.dtype == np.float64):
+        if isinstance(values, np.ndarray) and not (values.flags.c_contiguous and values.dtype == np.float64):
             object.__setattr__(rows, name, np.ascontiguousarray(values, dtype=np.float64))
 
 

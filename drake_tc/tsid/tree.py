@@ -44,14 +44,9 @@ def tree_of(
     places, constants = [], []
     left = dict(zip(joints, zip(places_q.tolist(), places_v.tolist(), strict=True), strict=True))
     while left:
-        for name, (in_q, in_v) in left.items():
-            joint = plant.GetJointByName(name)
-            ends = joint.frame_on_parent(), joint.frame_on_child()
-            known = [rows.get(int(frame.body().index())) for frame in ends]
-            if known != [None, None]:
-                break
-        else:
-            raise AssertionError("joints that do not hang together")
+        name = next(name for name in left if any(row is not None for row in _known(plant, name, rows)))
+        joint, known, (in_q, in_v) = plant.GetJointByName(name), _known(plant, name, rows), left.pop(name)
+        ends = joint.frame_on_parent(), joint.frame_on_child()
         turned = known[0] is None
         inner, outer = ends[::-1] if turned else ends
         parent = next(row for row in known if row is not None)
@@ -65,7 +60,6 @@ def tree_of(
         constants.append([*turning, *body, rotors.get(name, 0.0)])
         poses.append(pose)
         rows.update({int(welded.index()): len(poses) - 1 for welded in plant.GetBodiesWeldedTo(outer.body())})
-        del left[name]
     table, bodies = [], []
     for frame in frames.values():
         row = rows[int(frame.body().index())]
@@ -79,6 +73,12 @@ def tree_of(
         np.array(table, dtype=np.float64).reshape(-1, 12),
         np.array(bodies, dtype=np.int64),
     )
+
+
+def _known(plant: Any, name: str, rows: Mapping[int, int]) -> list[int | None]:
+    """Rows of the bodies at a joint's two ends, as far as the walk has come."""
+    joint = plant.GetJointByName(name)
+    return [rows.get(int(frame.body().index())) for frame in (joint.frame_on_parent(), joint.frame_on_child())]
 
 
 def _body(plant: Any, context: Any, body: Any, pose: Any) -> list[float]:

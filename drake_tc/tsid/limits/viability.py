@@ -126,5 +126,7 @@ class Viability:
             v: Velocities [rad/s].
             places: (n,) where those of the joints stand in v; None for the joints' own (n,).
         """
-        bounds: tuple[FloatArray, FloatArray, int] = _BOUNDS(q, v, self._all if places is None else places, *self._limits)
+        bounds: tuple[FloatArray, FloatArray, int] = _BOUNDS(
+            q, v, self._all if places is None else places, *self._limits
+        )
         return bounds

@@ -1,6 +1,5 @@
 """Convex programs inside linear limits as data: what `newton.minimise` solves (`drake_tc.kernels.programs`)."""
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -35,8 +34,7 @@ class Value(NamedTuple):
     bend: FloatArray
 
 
-@dataclass(frozen=True, eq=False)
-class ConvexProgram:
+class ConvexProgram(NamedTuple):
     """An objective and its limits, over x (N,); use `plain` or `rectangle` to make one.
 
     Attributes:

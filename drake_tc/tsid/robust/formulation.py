@@ -18,8 +18,8 @@ from drake_tc.tsid.robust.options import Options
 from drake_tc.tsid.robust.rectangle import rectangle
 from drake_tc.tsid.robust.scaled import ScaledProblem, scaled
 from drake_tc.tsid.robust.solution import RobustSolution, Start
-from drake_tc.tsid.robust.working import FREE
 from drake_tc.tsid.robust.torque_error import TorqueError
+from drake_tc.tsid.robust.working import FREE
 
 _JUDGED = Kernel("scaling", "judged")
 
@@ -143,6 +143,4 @@ def _packed(found: Found, weight: float, problem: ScaledProblem) -> RobustSoluti
         cost.target,
     )
     start = Start(torque, len(active), found.working, weight, found.inner)
-    return RobustSolution(
-        torque, found.risk, chance, price, active, found.outcome, found.converged, *counts, start
-    )
+    return RobustSolution(torque, found.risk, chance, price, active, found.outcome, found.converged, *counts, start)

@@ -1,8 +1,8 @@
 """p_rect: the most probable axis-aligned box inside the polytope (paper B, eq. 14 to 16).
 
-min ||D x - d||^2 + w R_rect(x) inside the limits (eq. 16), and R_rect at a torque (eq. 15). The box is -b_j <= zeta_j <=
-a_j in the axes of e = L zeta (see `TorqueError`), so that its probability is a product for a full Sigma too. With a
-diagonal Sigma these are the joints: s_j = a_j sigma_j, s_(j+n) = -b_j sigma_j.
+min ||D x - d||^2 + w R_rect(x) inside the limits (eq. 16), and R_rect at a torque (eq. 15). The box is
+-b_j <= zeta_j <= a_j in the axes of e = L zeta (see `TorqueError`), so that its probability is a product for a full
+Sigma too. With a diagonal Sigma these are the joints: s_j = a_j sigma_j, s_(j+n) = -b_j sigma_j.
 """
 
 import math
@@ -12,14 +12,14 @@ import numpy as np
 
 from drake_tc.tsid.polytope import Polytope
 from drake_tc.tsid.qp.problem import Outcome, QpSolver
-from drake_tc.tsid.robust.budget import Budget
 from drake_tc.tsid.robust import convex
+from drake_tc.tsid.robust.budget import Budget
 from drake_tc.tsid.robust.individual import certain_miss
 from drake_tc.tsid.robust.measures import Found, Guess, Means, box, minimum_of
 from drake_tc.tsid.robust.newton import Minimum, minimise
 from drake_tc.tsid.robust.scaled import FEASIBLE, Rows, ScaledProblem, nothing, scaled
-from drake_tc.tsid.robust.working import FREE, Working
 from drake_tc.tsid.robust.torque_error import TorqueError
+from drake_tc.tsid.robust.working import FREE, Working
 from drake_tc.types import FloatArray
 
 SMALL = 1e-9

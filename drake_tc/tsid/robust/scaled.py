@@ -65,7 +65,9 @@ class ScaledProblem:
 
     def along(self, origin: FloatArray, basis: FloatArray) -> "ScaledProblem":
         """The same problem over y, with x = origin + basis y; its `scale` stays that of x."""
-        cost = LeastSquares(np.ascontiguousarray(self.cost.matrix @ basis), self.cost.target - self.cost.matrix @ origin)
+        cost = LeastSquares(
+            np.ascontiguousarray(self.cost.matrix @ basis), self.cost.target - self.cost.matrix @ origin
+        )
         return replace(self, cost=cost, limits=self.limits.along(origin, basis))
 
     @property
