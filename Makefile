@@ -8,7 +8,7 @@ export OMP_NUM_THREADS ?= 1
 export MPLBACKEND ?= Agg
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-slow lint unit coverage times wheel resolve notebook clean
+.PHONY: help demo test test-slow lint unit coverage times wheel resolve notebook docs benchmark-records clean
 
 help: ## what can be made
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -25,7 +25,7 @@ $(VENV)/.installed: pyproject.toml | $(VENV)/bin/python
 	@touch $@
 
 $(VENV)/.installed-test: pyproject.toml | $(VENV)/bin/python
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[test,notebooks,robots,bags,mujoco,cluster,solvers]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[test,notebooks,robots,bags,mujoco,cluster,solvers,docs]'
 	@bash .ci/system_libraries.sh $(BIN)/python pydrake.common proxsuite
 	@touch $@ $(VENV)/.installed
 
@@ -63,6 +63,13 @@ notebook: $(VENV)/.installed-test ## run the notebooks' scripts and store them r
 		$(BIN)/jupytext --quiet --to notebook "$$script" && \
 		MPLBACKEND=module://matplotlib_inline.backend_inline $(BIN)/jupyter execute --inplace --timeout=-1 "$${script%.py}.ipynb" || exit 1; \
 	done
+
+docs: $(VENV)/.installed-test ## build the documentation site into out/site; warnings are errors
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet --strict
+	@echo out/site/index.html
+
+benchmark-records: $(VENV)/.installed-test ## run benchmarks and store their results for the documentation: NAMES="leg qp"
+	$(BIN)/python docs/record_benchmark.py $(NAMES)
 
 clean: ## remove what was built or written here, and the environment
 	rm -rf $(VENV) build dist out *.egg-info .coverage .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -26,7 +26,10 @@ SCENARIO_FILE = Path(__file__).with_name("joint_bench.scenario.yaml")
 
 
 def growing_sinusoid(scenario: BenchScenario, start: float, growth: float, frequency_hz: float) -> Table:
-    """q(t) = (a0 + a t) sin(2 pi f t) (EQUATIONS A4), start a0, growth a [unit/s], as a command table."""
+    """q(t) = (a0 + a t) sin(2 pi f t), start a0, growth a [unit/s], as a command table.
+
+    Source: Del Prete et al., 2016, section 3.4.
+    """
     time = np.arange(round(scenario.duration / scenario.log_period) + 1, dtype=np.float64) * scenario.log_period
     return Table(time, (start + growth * time) * np.sin(2.0 * np.pi * frequency_hz * time))
 

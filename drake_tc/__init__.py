@@ -1,10 +1,12 @@
-"""Torque control of position-controlled robots in Drake, with a model held against measured data.
+"""Torque control of position-controlled robots in Drake, with models that are checked against measured data.
 
 What a user types stands in `__all__`; each name is imported when it is first used, so `import drake_tc` costs nothing.
+The same names stand in the packages below: `drake_tc.control.GuardSpec` is `drake_tc.GuardSpec`.
 """
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from drake_tc.front_door import front_door
 
 if TYPE_CHECKING:
     from drake_tc.actuation.compensation import feedforward_effort
@@ -12,10 +14,15 @@ if TYPE_CHECKING:
     from drake_tc.actuation.model_file import load_models, save_models
     from drake_tc.actuation.plant import ActuatorPlant
     from drake_tc.actuation.wiring import add_actuators, add_joint_actuators
+    from drake_tc.analysis.frequency_response import channel, swept_sine
+    from drake_tc.analysis.sampled import linearise, open_loop
+    from drake_tc.analysis.stability_margins import loop_margins
     from drake_tc.control.gains import TorqueGains
     from drake_tc.control.guard import CommandGuard
+    from drake_tc.control.guard_law import GuardSpec
     from drake_tc.control.inverse_dynamics import InverseDynamics
-    from drake_tc.control.torque_control import TorqueControl
+    from drake_tc.control.torque_control import CompensationSpec, TorqueControl
+    from drake_tc.control.trajectories import Sinusoid, constant_trajectory, knot_trajectory, sinusoid_trajectory
     from drake_tc.diagnosis.run import close_loop
     from drake_tc.effects.library import LIBRARY, effect, register_effect
     from drake_tc.errors import DrakeTcError
@@ -27,11 +34,25 @@ if TYPE_CHECKING:
     from drake_tc.logs.prepare import load_run, load_runs
     from drake_tc.logs.record import Run
     from drake_tc.logs.rig import Rig, load_rig
+    from drake_tc.loops.plant import add_robot_plant
+    from drake_tc.loops.scenarios.parts import FilterSpec
+    from drake_tc.loops.series_elastic.scenario import SeriesElasticLoopSpec
+    from drake_tc.loops.series_elastic.wiring import add_series_elastic_loop
+    from drake_tc.loops.torque.spec import TorqueLoopSpec
+    from drake_tc.loops.torque.wiring import add_torque_loop
+    from drake_tc.loops.whole_body.scenario import WholeBodySpec
+    from drake_tc.loops.whole_body.wiring import add_whole_body_loop
     from drake_tc.report.block_graph.graph import block_graph
-    from drake_tc.robot.plant import add_robot
+    from drake_tc.robot.plant import add_robot, joint_limits
     from drake_tc.robot.robot import Robot, load_robot
-    from drake_tc.sensing.suite import add_sensors
+    from drake_tc.sensing.fault import SensorFault
+    from drake_tc.sensing.spec import SensorSpec
+    from drake_tc.sensing.suite import SensorSuiteSpec, add_sensors
     from drake_tc.sensor_validation.fault_monitor import FaultMonitor
+    from drake_tc.sensor_validation.monitor_spec import MonitorSpec
+    from drake_tc.tsid.configuration import load_law
+    from drake_tc.tsid.controller import RobustTsid
+    from drake_tc.tsid.law import Law
     from drake_tc.tsid.limit_fields import LimitKind, register_limit
     from drake_tc.tsid.task_fields import TaskKind, register_task
 
@@ -42,90 +63,135 @@ __all__ = [
     "ActuatorModel",
     "ActuatorPlant",
     "CommandGuard",
+    "CompensationSpec",
     "DrakeTcError",
     "Drive",
     "EffectValue",
     "FaultMonitor",
+    "FilterSpec",
+    "GuardSpec",
     "InverseDynamics",
     "JointTorqueEstimator",
+    "Law",
     "LimitKind",
+    "MonitorSpec",
     "Rig",
     "Robot",
+    "RobustTsid",
     "Run",
     "SavitzkyGolayFilter",
+    "SensorFault",
+    "SensorSpec",
+    "SensorSuiteSpec",
+    "SeriesElasticLoopSpec",
+    "Sinusoid",
     "TaskKind",
     "TorqueControl",
     "TorqueGains",
+    "TorqueLoopSpec",
     "TorqueModel",
+    "WholeBodySpec",
     "actuator_model",
     "add_actuators",
     "add_joint_actuators",
     "add_robot",
+    "add_robot_plant",
     "add_sensors",
+    "add_series_elastic_loop",
+    "add_torque_loop",
+    "add_whole_body_loop",
     "block_graph",
+    "channel",
     "close_loop",
+    "constant_trajectory",
     "effect",
     "feedforward_effort",
     "identify",
+    "joint_limits",
+    "knot_trajectory",
+    "linearise",
+    "load_law",
     "load_models",
     "load_rig",
     "load_robot",
     "load_run",
     "load_runs",
+    "loop_margins",
+    "open_loop",
     "register_effect",
     "register_limit",
     "register_task",
     "save_models",
+    "sinusoid_trajectory",
+    "swept_sine",
 ]
 
-_HOME = {
+_HOMES = {
+    "LIBRARY": "effects.library",
     "ActuatorModel": "actuation.model",
     "ActuatorPlant": "actuation.plant",
     "CommandGuard": "control.guard",
+    "CompensationSpec": "control.torque_control",
     "DrakeTcError": "errors",
     "Drive": "actuation.model",
     "EffectValue": "actuation.model",
     "FaultMonitor": "sensor_validation.fault_monitor",
+    "FilterSpec": "loops.scenarios.parts",
+    "GuardSpec": "control.guard_law",
     "InverseDynamics": "control.inverse_dynamics",
     "JointTorqueEstimator": "estimation.joint_torque",
-    "LIBRARY": "effects.library",
+    "Law": "tsid.law",
     "LimitKind": "tsid.limit_fields",
+    "MonitorSpec": "sensor_validation.monitor_spec",
     "Rig": "logs.rig",
     "Robot": "robot.robot",
+    "RobustTsid": "tsid.controller",
     "Run": "logs.record",
-    "TaskKind": "tsid.task_fields",
     "SavitzkyGolayFilter": "filtering.savitzky_golay",
+    "SensorFault": "sensing.fault",
+    "SensorSpec": "sensing.spec",
+    "SensorSuiteSpec": "sensing.suite",
+    "SeriesElasticLoopSpec": "loops.series_elastic.scenario",
+    "Sinusoid": "control.trajectories",
+    "TaskKind": "tsid.task_fields",
     "TorqueControl": "control.torque_control",
     "TorqueGains": "control.gains",
+    "TorqueLoopSpec": "loops.torque.spec",
     "TorqueModel": "estimation.torque_model",
+    "WholeBodySpec": "loops.whole_body.scenario",
     "actuator_model": "identification.actuator",
     "add_actuators": "actuation.wiring",
     "add_joint_actuators": "actuation.wiring",
     "add_robot": "robot.plant",
+    "add_robot_plant": "loops.plant",
     "add_sensors": "sensing.suite",
+    "add_series_elastic_loop": "loops.series_elastic.wiring",
+    "add_torque_loop": "loops.torque.wiring",
+    "add_whole_body_loop": "loops.whole_body.wiring",
     "block_graph": "report.block_graph.graph",
+    "channel": "analysis.frequency_response",
     "close_loop": "diagnosis.run",
+    "constant_trajectory": "control.trajectories",
     "effect": "effects.library",
     "feedforward_effort": "actuation.compensation",
     "identify": "identification.identify",
+    "joint_limits": "robot.plant",
+    "knot_trajectory": "control.trajectories",
+    "linearise": "analysis.sampled",
+    "load_law": "tsid.configuration",
     "load_models": "actuation.model_file",
     "load_rig": "logs.rig",
     "load_robot": "robot.robot",
     "load_run": "logs.prepare",
     "load_runs": "logs.prepare",
+    "loop_margins": "analysis.stability_margins",
+    "open_loop": "analysis.sampled",
     "register_effect": "effects.library",
     "register_limit": "tsid.limit_fields",
     "register_task": "tsid.task_fields",
     "save_models": "actuation.model_file",
+    "sinusoid_trajectory": "control.trajectories",
+    "swept_sine": "analysis.frequency_response",
 }
 
-
-def __getattr__(name: str) -> Any:
-    """The public name `name`, from the module that defines it."""
-    if name not in _HOME:
-        raise AttributeError(f"drake_tc has no {name!r}; public names: {', '.join(__all__)}")
-    return getattr(import_module(f"drake_tc.{_HOME[name]}"), name)
-
-
-def __dir__() -> list[str]:
-    return [*__all__, "__version__"]
+__getattr__, __dir__ = front_door(__name__, _HOMES)

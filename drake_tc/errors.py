@@ -5,6 +5,13 @@ class DrakeTcError(Exception):
     """Root of every error that drake_tc raises on purpose.
 
     The message is one line that says what was wanted, what came, and what is possible.
+
+    Example:
+        >>> try:
+        ...     load_robot("nothing.yaml")
+        ... except DrakeTcError as error:
+        ...     print(type(error).__name__)
+        ParamsError
     """
 
 

@@ -1,6 +1,6 @@
 """Figures of paper C's whole loop that README tables quote: contacts, sensors that fail, errors of the base."""
 
-from readme_quotes import MAIN, MILLI, PAPER_C, Quote, Values, each, recorded
+from readme_quotes import MILLI, PAPER_C, Quote, Values, each, recorded
 
 BASE = "drake_tc/estimation/base/README.md"
 ONE_FOOT, THREE_CONTACTS = "C.one_foot", "C.three_contacts"
@@ -110,9 +110,6 @@ COMAN: list[Quote] = [
 ]
 
 STANDS: list[tuple[str, str, int, dict[str, list[str]]]] = [
-    (MAIN, "whole loop, turns at", 1, {"C.turn1hz": [OURS, CENTRE]}),
-    (MAIN, "whole loop, turns at", 1, {"C.turn_half_hz": [OURS, CENTRE]}),
-    (MAIN, "ten seconds under pushes", 1, {ONE_FOOT: [""], THREE_CONTACTS: [""]}),
     *((PAPER_C, f"`{id_}`", cell, {id_: [loop]}) for id_ in MOTIONS for cell, loop in ((1, OURS), (2, CENTRE))),
 ]
 """File, beginning of the row, cell, and by reproduction the loops that the words `stands` and `falls` are of."""

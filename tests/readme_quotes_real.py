@@ -8,11 +8,10 @@ from collections.abc import Callable, Iterable, Mapping
 
 from readme_tables import assert_quoted, row
 
-from drake_tc.benchmarks import real_bam, real_dfki, real_icub, real_uart
+from drake_tc.benchmarks import real_bam, real_dfki, real_icub, real_tmotor, real_uart
 from drake_tc.benchmarks.real_rows import RealRow
-from drake_tc.logs.importers.tmotor import SESSIONS
 
-MAIN, DIAGNOSIS, BASE = "README.md", "drake_tc/diagnosis/README.md", "drake_tc/estimation/base/README.md"
+DIAGNOSIS, BASE = "drake_tc/diagnosis/README.md", "drake_tc/estimation/base/README.md"
 PERCENT = 100.0
 
 Rows = Mapping[str, RealRow]
@@ -76,15 +75,18 @@ def _dfki() -> Iterable[Quote]:
         yield DIAGNOSIS, begin, 1, each(f"{name}/own_fit")
         yield DIAGNOSIS, begin, 2, each(f"{name}/fit_of_others")
         yield DIAGNOSIS, begin, 3, each(f"{name}/own_share", f"{name}/others_share")
+        yield DIAGNOSIS, f"one more for {text} |", 1, each(f"{name}/with_ripple")
+        yield DIAGNOSIS, f"one more for {text} |", 2, each(f"{name}/one_effect_more")
 
 
 def _tmotor() -> Iterable[Quote]:
-    for name in SESSIONS["early"]:
+    for name in real_tmotor.CASES:
         limits = f"limits of {name} |"
         yield DIAGNOSIS, limits, 1, each(f"{name}/best_fit_ratio")
         yield DIAGNOSIS, limits, 2, each(f"{name}/repeats_within", f"{name}/repeats_between")
         yield DIAGNOSIS, limits, 3, each(f"{name}/offset")
-        yield DIAGNOSIS, limits, 4, each(*(f"{name}/training/{o}" for o in SESSIONS["early"] if o != name))
+        yield DIAGNOSIS, limits, 4, each(*(f"{name}/training/{o}" for o in real_tmotor.CASES if o != name))
+        yield DIAGNOSIS, f"{name} |", 5, each(f"{name}/found_model_zeroed")
         found = f"{name}/found_model"
         for cell, what in (
             (1, each(f"{name}/published_model")),
@@ -109,9 +111,6 @@ def _uart() -> Iterable[Quote]:
 
 def _icub() -> Iterable[Quote]:
     run = real_icub.LONG
-    figures = [f"{run}/{what}" for what in ("x", "y", "z", "yaw")]
-    yield MAIN, "walking robot, 89 s", 1, each(*figures)
-    yield MAIN, "walking robot, 89 s", 2, expected(*figures)
     for begin, whats in (("x, y, z [m]", ("x", "y", "z")), ("yaw [deg]", ("yaw",))):
         yield BASE, begin, 1, constant(*(real_icub.PUBLISHED[what] for what in whats))
         yield BASE, begin, 2, expected(*(f"{run}/{what}" for what in whats))

@@ -92,6 +92,7 @@ PARTS = {
         ),
         alone=True,
     ),
+    "fuzz": Part("twenty thousand damaged inputs for the commands", ("fuzz/*",), alone=True),
     "diagnosis": Part(
         "small blind benchmarks, of single joints and of a leg",
         (

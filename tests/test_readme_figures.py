@@ -3,12 +3,11 @@
 import re
 
 import pytest
-from readme_quotes import FIRST_PAGE
 from readme_quotes_coman import COMAN, STANDS, stands_or_falls
 from readme_quotes_pages import OTHER_PAGES
 from readme_tables import assert_quoted, row
 
-QUOTES = [*FIRST_PAGE, *OTHER_PAGES, *COMAN]
+QUOTES = [*OTHER_PAGES, *COMAN]
 
 
 @pytest.mark.parametrize(("file", "begin", "cell", "values"), QUOTES, ids=[f"{q[0]}: {q[1]}, {q[2]}" for q in QUOTES])

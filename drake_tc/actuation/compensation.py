@@ -70,6 +70,13 @@ def feedforward_effort(model: ActuatorModel, tau_d: FloatArray, motion: Motion) 
 
     Returns:
         y.
+
+    Example:
+        >>> from drake_tc.actuation.compensation import Motion
+        >>> knee = ActuatorModel("knee", Drive("current", 0.5), (EffectValue("viscous", {"viscous": 2.0}),))
+        >>> motion = Motion(position=np.zeros(1), velocity=np.ones(1), acceleration=np.zeros(1))
+        >>> feedforward_effort(knee, np.array([3.0]), motion)
+        array([2.5])
     """
     wanted = np.atleast_1d(np.asarray(tau_d, float))
     signals = _signals(wanted, motion)

@@ -22,11 +22,15 @@ class Drive:
         kind: `position_servo` (y = q_d - q [rad]), `current` (y = i [A]), `voltage` (y = V [V]) or
             `torque` (y = the torque asked for [N m]).
         gain: K > 0 [effort/(N m)]: K_tau of a servo, 1/K1 of a current drive, Rm/(kt N) of a voltage drive
-            (EQUATIONS A3, C1), 1 of a torque drive that gives what it is asked for; the back-EMF is part of the viscous
-            friction.
+            (Del Prete et al., 2016, eq. 6; Faraji et al., 2015, section II.A), 1 of a torque drive that gives what it
+            is asked for; the back-EMF is part of the viscous friction.
 
     Raises:
         ParamsError: another kind, or a gain that is not positive and finite.
+
+    Example:
+        >>> Drive("current", 0.4).gain
+        0.4
     """
 
     kind: DriveKind
@@ -51,6 +55,10 @@ class EffectValue:
 
     Raises:
         ParamsError: an unknown effect or parameter, or a value that is not finite or out of the parameter's bounds.
+
+    Example:
+        >>> EffectValue("viscous", {"viscous": 20.0}).effect.id
+        'viscous'
     """
 
     key: str
@@ -99,6 +107,11 @@ class ActuatorModel:
         joint: The joint's name.
         drive: The drive.
         effects: Effects with their numbers.
+
+    Example:
+        >>> knee = ActuatorModel("knee", Drive("position_servo", 2e-4), (EffectValue("viscous", {"viscous": 20.0}),))
+        >>> knee.torque_effects[0][0].id
+        'viscous'
     """
 
     joint: str

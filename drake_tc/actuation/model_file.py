@@ -11,6 +11,7 @@ import yaml
 from drake_tc.actuation.model import ActuatorModel, EffectValue
 from drake_tc.actuation.model_document import ModelDocument
 from drake_tc.config.validation import validated
+from drake_tc.config.whole_file import write_whole
 from drake_tc.config.yaml_file import read_yaml
 from drake_tc.errors import ParamsError
 
@@ -50,6 +51,11 @@ def load_models(path: Path | str) -> dict[str, ActuatorModel]:
 
     Raises:
         ParamsError: see `load_model_file`.
+
+    Example:
+        >>> models = load_models(MODELS / "hrp2_like" / "hrp2_like_leg_actuators.yaml")
+        >>> models["r_knee"].drive.kind
+        'position_servo'
     """
     return dict(load_model_file(path).models)
 
@@ -94,6 +100,12 @@ def save_models(
         provenance: Where the numbers come from, of plain YAML types.
         shared: What no joint owns, of plain YAML types.
         links: By link, inertial parameters that were fitted.
+
+    Example:
+        >>> models = load_models(MODELS / "hrp2_like" / "hrp2_like_leg_actuators.yaml")
+        >>> save_models(models, FOLDER / "copy.yaml", provenance={"source": "a copy"})
+        >>> load_models(FOLDER / "copy.yaml") == models
+        True
     """
     lines = []
     if provenance:
@@ -120,4 +132,4 @@ def save_models(
             f"{yaml.safe_dump(dict(values), default_flow_style=True, sort_keys=False, width=10**6).strip()}"
             for link, values in links.items()
         )
-    Path(path).write_text("\n".join(lines) + "\n", encoding="utf-8")
+    write_whole(path, "\n".join(lines) + "\n")

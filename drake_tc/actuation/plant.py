@@ -12,6 +12,7 @@ from drake_tc.actuation.joint_values import JointValues, Models, joint_values, m
 from drake_tc.actuation.spring_joints import spring_joints
 from drake_tc.effects.thermal_friction import REFERENCE_CELSIUS
 from drake_tc.errors import ParamsError
+from drake_tc.port_methods import PortMethods
 from drake_tc.types import FloatArray
 
 
@@ -20,7 +21,7 @@ def _array(values: list[float]) -> Any:
     return np.array(values)
 
 
-class ActuatorPlant(LeafSystem):
+class ActuatorPlant(PortMethods, LeafSystem):
     """n geared, driven joints, sampled every `dt`.
 
     Inputs (vectors, in the order of `models`):
@@ -44,6 +45,11 @@ class ActuatorPlant(LeafSystem):
     State x: see `drake_tc.actuation.joint_program`. With F the step of the joints' programs,
         x[n+1], y[n] = F(x[n], u[n]).
     The torque of a tick sees the state of the same tick: the system adds no delay of its own.
+
+    Example:
+        >>> knee = ActuatorModel("knee", Drive("current", 0.4))
+        >>> ActuatorPlant([knee], dt=1e-3, inertias=0.1).get_command_input_port().size()
+        1
     """
 
     def __init__(self, models: Models, dt: float = 1e-3, inertias: JointValues | None = None) -> None:

@@ -1,4 +1,6 @@
-"""A motor with voltage drive behind a gear and in front of a spring, as its data sheet has it (EQUATIONS C1).
+"""A motor with voltage drive behind a gear and in front of a spring, as its data sheet has it.
+
+Source: Faraji et al., 2015, section II.A.
 
     (v - ke N theta') kt N/Rm = tau_co sign(theta') + tau_v theta' + Jm N^2 theta'' + tau,   tau = Ks (theta - q)
 
@@ -16,6 +18,8 @@ from typing import Any
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.errors import ParamsError
 
+LARGEST, SMALLEST = 1e9, 1e-12
+"""No number of a motor in SI is as large, and no positive one as small."""
 POSITIVE = ("torque_constant", "resistance", "rotor_inertia", "gear_ratio", "stiffness", "voltage_limit")
 
 
@@ -51,10 +55,11 @@ class VoltageMotor:
     def __post_init__(self) -> None:
         for field in fields(self):
             value = getattr(self, field.name)
-            low = value > 0.0 if field.name in POSITIVE else value >= 0.0
-            finite = math.isfinite(value) or (field.name == "voltage_limit" and value == math.inf)
-            if not (low and finite):
-                sign = "a positive number" if field.name in POSITIVE else "a number >= 0"
+            low = value >= SMALLEST if field.name in POSITIVE else value >= 0.0
+            high = value <= LARGEST or (field.name == "voltage_limit" and value == math.inf)
+            if not (low and high):
+                sign = f"a number from {SMALLEST:g}" if field.name in POSITIVE else "a number from 0"
+                sign += f" to {LARGEST:g}"
                 raise ParamsError(f"{field.name}: expected {sign}, got {value!r}")
 
     @property

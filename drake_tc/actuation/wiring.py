@@ -41,6 +41,14 @@ def add_joint_actuators(plant: MultibodyPlant, models: Models, effort_limit: Joi
 
     Raises:
         ParamsError: a plant that is finalized, or a joint that is not there.
+
+    Example:
+        >>> robot = load_robot(MODELS / "hrp2_like" / "hrp2_like_leg.yaml")
+        >>> plant = MultibodyPlant(1e-3)
+        >>> _ = Parser(plant).AddModels(robot.urdf)
+        >>> add_joint_actuators(plant, load_models(robot.actuators), effort_limit=100.0)
+        >>> plant.num_actuators()
+        6
     """
     if plant.is_finalized():
         raise ParamsError("add_joint_actuators: the plant is finalized already; call this before plant.Finalize()")
@@ -124,6 +132,13 @@ def add_actuators(
     Raises:
         ParamsError: the plant has no actuators, an actuated joint has no model, or a joint of no single degree of
             freedom is actuated.
+
+    Example:
+        >>> robot = load_robot(MODELS / "hrp2_like" / "hrp2_like_leg.yaml")
+        >>> builder = DiagramBuilder()
+        >>> plant = add_robot_plant(builder, robot)
+        >>> add_actuators(builder, plant, load_models(robot.actuators)).get_command_input_port().size()
+        6
     """
     require_actuators(plant)
     apply_rotor_inertia(plant, models)

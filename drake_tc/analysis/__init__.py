@@ -1,1 +1,33 @@
 """Stability of sampled torque loops: linearisation, margins, one joint in closed form, limit cycles."""
+
+from typing import TYPE_CHECKING
+
+from drake_tc.front_door import front_door
+
+if TYPE_CHECKING:
+    from drake_tc.analysis.frequency_response import channel, swept_sine
+    from drake_tc.analysis.limit_cycle import find_limit_cycle
+    from drake_tc.analysis.sampled import linearise, open_loop
+    from drake_tc.analysis.stability_margins import loop_margins, margins
+
+__all__ = [
+    "channel",
+    "find_limit_cycle",
+    "linearise",
+    "loop_margins",
+    "margins",
+    "open_loop",
+    "swept_sine",
+]
+
+_HOMES = {
+    "channel": "frequency_response",
+    "find_limit_cycle": "limit_cycle",
+    "linearise": "sampled",
+    "loop_margins": "stability_margins",
+    "margins": "stability_margins",
+    "open_loop": "sampled",
+    "swept_sine": "frequency_response",
+}
+
+__getattr__, __dir__ = front_door(__name__, _HOMES)

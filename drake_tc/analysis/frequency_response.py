@@ -22,9 +22,9 @@ import numpy as np
 from pydrake.systems.analysis import InitializeParams, Simulator
 from pydrake.systems.framework import Context, Diagram
 
-from drake_tc.analysis.margins import ComplexArray
 from drake_tc.analysis.phase_branch import nearest_turn
 from drake_tc.analysis.ports import cut_at, output_named
+from drake_tc.analysis.stability_margins import ComplexArray
 from drake_tc.errors import ParamsError, SimulationError
 from drake_tc.types import BoolArray, FloatArray
 
@@ -156,6 +156,10 @@ def channel(name: str) -> Channel:
 
     Raises:
         ParamsError: an index that is no whole number.
+
+    Example:
+        >>> channel("guard:command[2]").index
+        2
     """
     port, bracket, rest = name.partition("[")
     if not bracket:
@@ -186,6 +190,14 @@ def swept_sine(
     Raises:
         ParamsError: a port or element that is not there, a frequency of 0.4/dt or more.
         SimulationError: the diagram failed under a sine, or its output is not finite.
+
+    Example:
+        >>> diagram = small_loop()
+        >>> ports = channel("gain:y0"), channel("integrator:y0")
+        >>> sweep = Sweep((1.0,), amplitude=0.1, settle=0.1, measure=1.0)
+        >>> found = swept_sine(diagram, diagram.CreateDefaultContext(), 0.01, ports, sweep)
+        >>> found.frequency_hz
+        array([1.])
     """
     into, out = ports
     check_channels(diagram, context, ports)

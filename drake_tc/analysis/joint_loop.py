@@ -1,4 +1,4 @@
-"""`JointLoop`: one joint of the torque loop (EQUATIONS A5), linear, sampled and in closed form.
+"""`JointLoop`: one joint of the torque loop (Del Prete et al., 2016, eq. 10 to 14), linear, sampled and in closed form.
 
 Everything is a polynomial in the backward shift 1/z, so a point of a stability map costs one set of roots.
 
@@ -20,7 +20,7 @@ from typing import Literal
 
 import numpy as np
 
-from drake_tc.analysis.margins import ComplexArray, Margins, margins
+from drake_tc.analysis.stability_margins import ComplexArray, Margins, margins
 from drake_tc.errors import ParamsError
 from drake_tc.filtering.savgol_weights import savgol_weights
 from drake_tc.types import FloatArray

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import brentq
 
-from drake_tc.analysis.margins import Response, frequency_grid, sign_changes
+from drake_tc.analysis.stability_margins import Response, frequency_grid, sign_changes
 from drake_tc.errors import ParamsError
 from drake_tc.types import FloatArray
 
@@ -51,6 +51,12 @@ def find_limit_cycle(signal: FloatArray, dt: float, floor: float = 0.0) -> Limit
 
     Raises:
         ParamsError: a recording of fewer than 16 samples, or one that is not finite.
+
+    Example:
+        >>> time = np.arange(400) * 0.01
+        >>> found = find_limit_cycle(np.sin(2.0 * np.pi * 2.0 * time), 0.01)
+        >>> round(float(found.period), 2)
+        0.5
     """
     x = np.asarray(signal, dtype=np.float64)
     if x.ndim != 1 or x.size < 16 or not np.all(np.isfinite(x)):

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from drake_tc.analysis.margins import ComplexArray
+from drake_tc.analysis.stability_margins import ComplexArray
 from drake_tc.types import FloatArray
 
 EVEN, BY_RATIO = 400, 60

@@ -8,7 +8,7 @@ outside the unit circle when its phase comes back to where it was from z = 1 to 
 import numpy as np
 
 from drake_tc.analysis.joint_loop import JointLoop
-from drake_tc.analysis.margins import ComplexArray, Margins, sign_changes
+from drake_tc.analysis.stability_margins import ComplexArray, Margins, sign_changes
 from drake_tc.types import FloatArray
 
 POINTS = 8192

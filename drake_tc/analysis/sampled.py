@@ -18,8 +18,8 @@ from scipy.sparse import csc_matrix, identity
 from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import splu
 
-from drake_tc.analysis.margins import ComplexArray
 from drake_tc.analysis.ports import Cut, cut_at, output_named
+from drake_tc.analysis.stability_margins import ComplexArray
 from drake_tc.analysis.state_coordinates import StateCoordinates
 from drake_tc.errors import ParamsError, SimulationError
 from drake_tc.types import BoolArray, FloatArray
@@ -225,6 +225,12 @@ def linearise(
         ParamsError: a port that is not there, a time that is no tick, a state that cannot be linearised (noise,
             quantisation, a guard that is not in its normal mode).
         SimulationError: a period that could not be simulated.
+
+    Example:
+        >>> diagram = small_loop()
+        >>> period_map = linearise(diagram, diagram.CreateDefaultContext(), 0.01)
+        >>> round(period_map.spectral_radius, 3)
+        0.9
     """
     tick = round(context.get_time() / dt)
     if abs(context.get_time() / dt - tick) > 1e-6:
@@ -281,6 +287,12 @@ def open_loop(diagram: Diagram, context: Context, dt: float, port: str, step: fl
 
     Raises:
         ParamsError, SimulationError: as `linearise`.
+
+    Example:
+        >>> diagram = small_loop()
+        >>> cut = open_loop(diagram, diagram.CreateDefaultContext(), 0.01, "gain:y0")
+        >>> cut.inputs
+        ('gain:y0[0]',)
     """
     return linearise(diagram, context, dt, inputs=(port,), outputs=(port,), step=step)
 

@@ -7,8 +7,8 @@ import numpy as np
 
 from drake_tc.analysis.joint_loop import JointLoop
 from drake_tc.analysis.loop_parameters import value_of, with_values
-from drake_tc.analysis.margins import Margins
 from drake_tc.analysis.quick_margins import quick_margins
+from drake_tc.analysis.stability_margins import Margins
 from drake_tc.analysis.tracking_error import (
     FilteredTask,
     JointTask,

@@ -10,6 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+import numpy as np
+
 from drake_tc.benchmarks.flexible_fits import (
     PUBLISHED,
     LogRows,
@@ -31,9 +33,12 @@ CASES = {
     "sysid_test_1": "early/test_1_held_out",
     "sysid_test_high_speed": "early/high_speed_held_out",
     "sysid_opposing_motor_2": "early/opposing_motor_held_out",
-    "sysid_torque_rampup": "early/rampup_held_out",
 }
-"""Held-out log to the case that holds it out."""
+"""Held-out log to the case that holds it out.
+
+The fourth log, `sysid_torque_rampup`, is a training run alone: it moves faster than its sensor of the speed resolves
+for half a second in all, so `close-loop` refuses to judge by it (`bench real-logs` prints the refusal).
+"""
 LOWER_BY = 0.25
 LEAST_PAIRS = 30
 
@@ -54,6 +59,11 @@ class HeldOutLog:
     def after(self) -> float:
         """RMS [N m] with the effects that were found."""
         return self.result.after.heldout / self.result.final.gain
+
+    @property
+    def varying(self) -> float:
+        """The same about its mean: what is left if the sensor's zero of this log were known."""
+        return float(np.std(self.result.heldout.after)) / self.result.final.gain
 
 
 def held_out(data: Path, names: tuple[str, ...] = tuple(CASES)) -> dict[str, HeldOutLog]:
@@ -93,6 +103,7 @@ def rows(data: Path) -> list[RealRow]:
             RealRow(f"{name}/published_model", published, "N*m", note="fitted on the other logs, same rows and filter"),
             RealRow(f"{name}/declared_model", each.before, "N*m"),
             RealRow(f"{name}/found_model", each.after, "N*m", (1 - LOWER_BY) * published, "max", note=note),
+            RealRow(f"{name}/found_model_zeroed", each.varying, "N*m", note="about the mean error of this log"),
             *_limits(name, errors, logs),
         ]
     return out
@@ -112,5 +123,5 @@ def _limits(name: str, errors: Mapping[str, float], logs: Mapping[str, LogRows])
     for judged, log in others.items():
         trained = judged_errors([each for other, each in others.items() if other != judged], log)
         best, error = smallest(trained)
-        note = f"two training logs predict the third: {best}"
+        note = f"one log predicts the other: {best}"
         yield RealRow(f"{name}/training/{judged}", error / trained[PUBLISHED], "-", note=note)

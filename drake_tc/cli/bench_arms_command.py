@@ -9,7 +9,9 @@ from drake_tc.cli.bench_seeds import ALL_CORES, AsJson, Jobs, Out, Seeds, by_see
 
 
 def bench_arms(
-    cases: Annotated[int, typer.Option(min=1, help="How many; 16 hold one of each kind and two nulls.")] = 48,
+    cases: Annotated[
+        int, typer.Option(min=1, help="Number of cases. 16 cases hold one of each kind, and two without any effect.")
+    ] = 48,
     out: Out = None,
     seed: Seeds = None,
     jobs: Jobs = ALL_CORES,

@@ -16,13 +16,13 @@ COMPARED = ("daqp", "quadprog", "piqp", "proxqp", "clarabel", "osqp")
 
 def bench_qp(
     solver: Annotated[
-        list[str] | None, typer.Option(help="A solver to time, again and again; by default, all installed ones.")
+        list[str] | None, typer.Option(help="A solver to time; may be repeated. Default: all installed ones.")
     ] = None,
     controller: Annotated[Path | None, typer.Option(help="Controller file; the humanoid's by default.")] = None,
-    ticks: Annotated[int, typer.Option(min=20, help="Problems of each motion.")] = 400,
+    ticks: Annotated[int, typer.Option(min=20, help="Number of problems of each motion.")] = 400,
     as_json: Annotated[bool, typer.Option("--json", help="Print the rows as JSON.")] = False,
 ) -> None:
-    """Quadratic programs along motions of a robot by each solver: time from nothing and warm-started, and accuracy."""
+    """Quadratic programs along motions of a robot by each solver: time of a cold and of a warm start, and accuracy."""
     from drake_tc.benchmarks.qp import qp_rows
     from drake_tc.tsid.configuration import load_law
     from drake_tc.tsid.qp.choose import unavailable

@@ -18,7 +18,9 @@ Score = TypeVar("Score")
 
 
 def bench_robot(
-    cases: Annotated[int, typer.Option(min=1, help="How many; 13 hold one of each kind and two nulls.")] = 65,
+    cases: Annotated[
+        int, typer.Option(min=1, help="Number of cases. 13 cases hold one of each kind, and two without any effect.")
+    ] = 65,
     out: Out = None,
     seed: Seeds = None,
     tolerances: Annotated[

@@ -15,7 +15,9 @@ from drake_tc.cli.progress import progress_bar
 Report = Callable[[str, float], None]
 Score = TypeVar("Score")
 
-Out = Annotated[Path | None, typer.Option(help="Keep logs and reports here; those found here are reused.")]
+Out = Annotated[
+    Path | None, typer.Option(help="Folder that keeps logs and reports. Results that are found there are reused.")
+]
 Seeds = Annotated[list[int] | None, typer.Option(help="Seed of the cases, 0 by default; may be repeated.")]
 Jobs = Annotated[int, typer.Option(min=1, help="Cases diagnosed side by side.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print the rows as JSON.")]

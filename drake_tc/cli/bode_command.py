@@ -28,15 +28,19 @@ def bode_command(
             help="Diagram name, or module:attribute of your own. An unknown name prints the available diagrams."
         ),
     ],
-    input: Annotated[str, typer.Option(help="SYSTEM:PORT or SYSTEM:PORT[i], cut off from what feeds it.")],
+    input: Annotated[str, typer.Option(help="SYSTEM:PORT or SYSTEM:PORT[i]. It is disconnected from its source.")],
     output: Annotated[str, typer.Option(help="SYSTEM:PORT or SYSTEM:PORT[i].")],
     lowest: Annotated[float, typer.Option("--from", help="Lowest frequency [Hz].")] = 0.5,
     highest: Annotated[float, typer.Option("--to", help="Highest frequency [Hz].")] = 20.0,
-    points: Annotated[int, typer.Option(min=1, help="Frequencies, evenly by their logarithm.")] = 10,
-    amplitude: Annotated[float, typer.Option(help="Of the sine [unit of the input].")] = 1.0,
-    at: Annotated[float, typer.Option(min=0.0, help="Moment of the scenario from which it starts [s].")] = 0.7,
-    settle: Annotated[float, typer.Option(min=0.0, help="Before each measurement [s]; two periods at least.")] = 0.5,
-    measure: Annotated[float, typer.Option(help="Of each measurement [s]; two periods at least.")] = 1.0,
+    points: Annotated[
+        int, typer.Option(min=1, help="Number of frequencies, evenly spaced on a logarithmic scale.")
+    ] = 10,
+    amplitude: Annotated[float, typer.Option(help="Amplitude of the sine [unit of the input].")] = 1.0,
+    at: Annotated[float, typer.Option(min=0.0, help="Time in the scenario at which the sweep starts [s].")] = 0.7,
+    settle: Annotated[
+        float, typer.Option(min=0.0, help="Settling time before each measurement [s]; at least two periods.")
+    ] = 0.5,
+    measure: Annotated[float, typer.Option(help="Duration of each measurement [s]; at least two periods.")] = 1.0,
     prediction: Annotated[bool, typer.Option(help="Also linearise the diagram.")] = True,
     scenario_name: Annotated[str | None, typer.Option(help="Scenario; the file's first when left out.")] = None,
     scenario_file: Annotated[Path | None, typer.Option(help="Scenario file (YAML) of your own.")] = None,
@@ -60,7 +64,7 @@ def bode_command(
         raise ParamsError(f"bode: wanted 0 < --from <= --to [Hz]; got {lowest:g} and {highest:g}")
     if plot is not None and plot.suffix.lower() not in (".png", ".svg", ".pdf"):
         raise ParamsError(f"bode: wanted --plot FILE.png, .svg or .pdf; got {plot}")
-    entry = runnable(diagram)
+    entry = runnable(diagram).naming(scenario_file, scenario_text)
     scenario = entry.scenario(scenario_name, scenario_file, scenario_text).changed(seed=seed)
     sweep = Sweep(tuple(np.geomspace(lowest, highest, points).tolist()), amplitude, settle, measure)
     wanted = BodeWanted(entry, scenario, (channel(input), channel(output)), at, sweep, prediction)

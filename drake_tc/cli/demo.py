@@ -75,7 +75,10 @@ def demo_model(seed: int) -> ActuatorModel:
 
 
 def demo_excitation(seed: int, length: DemoLength) -> Mapping[str, tuple[Motion, FloatArray]]:
-    """By run: the commanded motion, and the torque on the link from outside (T,) [N m] (EQUATIONS A4)."""
+    """By run: the commanded motion, and the torque on the link from outside (T,) [N m].
+
+    Source: Del Prete et al., 2016, section 3.
+    """
     time = _clock(length)
     rng = np.random.default_rng([seed, 1])
     postures = postures_with_pushes(time, (-0.8, -0.2, 0.3, 0.9), PUSH, 4, LIMITS, rng)

@@ -1,13 +1,18 @@
 """Entry point of the console script: the commands, or one line where Drake cannot be loaded."""
 
+import os
 import re
 import sys
+from contextlib import suppress
 from importlib.metadata import PackageNotFoundError, version
 
 from drake_tc.system_libraries import how_to_install, import_error, missing_library
 
 OLDEST = (1, 51)
 """The oldest Drake that is supported, as in pyproject.toml."""
+STOPPED = (130, 143)
+"""Exit codes after SIGINT and SIGTERM: the process ends at once, without joining the threads of the worker pool, which
+wait forever where a worker was ended while it started. Files are cleaned up and workers are ended before."""
 
 
 def main() -> None:
@@ -18,7 +23,13 @@ def main() -> None:
         sys.exit(2)
     from drake_tc.cli.main import run
 
-    sys.exit(run(sys.argv[1:]))
+    code = run(sys.argv[1:])
+    if code in STOPPED:
+        for stream in (sys.stdout, sys.stderr):
+            with suppress(OSError):
+                stream.flush()
+        os._exit(code)
+    sys.exit(code)
 
 
 def drake_problem() -> str | None:

@@ -33,12 +33,14 @@ class Target(StrEnum):
 
 def export_command(
     model: Annotated[Path, typer.Argument(help="Model file (YAML) of close-loop or identify.")],
-    to: Annotated[Target, typer.Option(help="Target.")],
+    to: Annotated[Target, typer.Option(help="Simulator in whose terms the model is written.")],
     into: Annotated[Path | None, typer.Option(help="Your own file: the terms are merged into a copy of it.")] = None,
     out: Annotated[Path | None, typer.Option(help="File to write; stdout when left out.")] = None,
     joint: Annotated[list[str] | None, typer.Option(help="Only this joint; repeat. All when left out.")] = None,
     rig: Annotated[Path | None, typer.Option(help="Rig file of the runs of --log and --holdout.")] = None,
-    log: Annotated[list[Path] | None, typer.Option(help="A run whose speeds weigh the refit of friction.")] = None,
+    log: Annotated[
+        list[Path] | None, typer.Option(help="A run whose speeds weight the refit of friction; repeat for more.")
+    ] = None,
     holdout: Annotated[
         list[Path] | None, typer.Option(help="A run to try the export on in MuJoCo (mjcf); repeat for more.")
     ] = None,
@@ -133,14 +135,14 @@ def _errors(
     into: Path | None,
 ) -> list[dict[str, Any]]:
     """RMS errors of the free-running position [rad], by joint and run."""
-    from drake_tc.exchange.mjcf import joints_of
     from drake_tc.exchange.mujoco_run import mujoco_free_run
     from drake_tc.logs.prepare import load_runs
     from drake_tc.logs.rig import load_rig
     from drake_tc.loops.joint_bench.rig_free_run import rig_free_run
+    from drake_tc.simulator_files.read import read_joints
 
     what = load_rig(rig)
-    before = {} if into is None else joints_of(into)
+    before = {} if into is None else read_joints(into, ParamsError)
     rows = []
     for run in load_runs(runs, what):
         for projection in projections:
@@ -151,8 +153,8 @@ def _errors(
             row["model"] = None if ours is None else _rms(ours[1], ours[2])
             row["export"] = None if exported is None else _rms(*exported)
             original = before.get(joint)
-            if original is not None and original.drive == projection.terms.drive:
-                was = mujoco_free_run(models[joint], original, what, run)
+            if original is not None and original.driven and original.terms.drive == projection.terms.drive:
+                was = mujoco_free_run(models[joint], original.with_servo_damping(), what, run)
                 row["original"] = None if was is None else _rms(*was)
             rows.append(row)
     return rows

@@ -42,7 +42,7 @@ def graph_command(
     from drake_tc.registry import runnable
     from drake_tc.report.block_graph.graph import block_graph
 
-    entry = runnable(diagram)
+    entry = runnable(diagram).naming(scenario_file, None)
     loop = entry.build(entry.scenario(scenario, scenario_file))
     graph = block_graph(loop.diagram, _stages(stage or []), depth or None)
     texts = {

@@ -12,7 +12,9 @@ from typer.exceptions import TyperException
 from drake_tc import __version__
 from drake_tc.cli.bench_command import bench_app
 from drake_tc.cli.bode_command import bode_command
+from drake_tc.cli.check_command import check_command
 from drake_tc.cli.close_loop_command import close_loop_command
+from drake_tc.cli.design_command import design_command
 from drake_tc.cli.estimate_base_command import estimate_base_command
 from drake_tc.cli.estimate_torque_command import estimate_torque_command
 from drake_tc.cli.export_command import export_command
@@ -20,6 +22,7 @@ from drake_tc.cli.graph_command import graph_command
 from drake_tc.cli.identify_command import identify_command
 from drake_tc.cli.import_logs import import_logs
 from drake_tc.cli.inspect_command import inspect_command
+from drake_tc.cli.rehearse_command import rehearse_command
 from drake_tc.cli.reproduce_command import reproduce_command
 from drake_tc.cli.schema_command import schema_command
 from drake_tc.cli.simulate_command import simulate_command
@@ -29,16 +32,20 @@ from drake_tc.cli.tune_command import tune_command
 from drake_tc.cli.unforeseen import UNFORESEEN, Terminated, told_once, write_details
 from drake_tc.errors import DrakeTcError
 
+LONGEST = 1200
+"""Characters of the line of an error; a longer one is cut in the middle."""
 INTERRUPTED = 130
 """Exit code of a command that was interrupted (128 + SIGINT)."""
 
 app = typer.Typer(
     name="drake-tc",
-    help="Torque control of position-controlled robots in Drake, with a model held against measured data.",
+    help="Torque control of position-controlled robots in Drake, with models that are checked against measured data.",
     add_completion=False,
     pretty_exceptions_enable=False,
 )
+app.command("check")(check_command)
 app.command("close-loop")(close_loop_command)
+app.command("design")(design_command)
 app.command("estimate-base")(estimate_base_command)
 app.command("estimate-torque")(estimate_torque_command)
 app.command("identify")(identify_command)
@@ -48,6 +55,7 @@ app.command("inspect")(inspect_command)
 app.command("schema")(schema_command)
 app.command("simulate")(simulate_command)
 app.command("graph")(graph_command)
+app.command("rehearse")(rehearse_command)
 app.command("reproduce")(reproduce_command)
 app.command("stability")(stability_command)
 app.command("stability-map")(stability_map_command)
@@ -69,7 +77,7 @@ def _options(
     ] = False,
     debug: Annotated[bool, typer.Option("--debug", help="Show tracebacks and the warnings of libraries.")] = False,
 ) -> None:
-    """Torque control of position-controlled robots in Drake, with a model held against measured data."""
+    """Torque control of position-controlled robots in Drake, with models that are checked against measured data."""
 
 
 def run(arguments: Sequence[str]) -> int:
@@ -95,7 +103,10 @@ def _run(arguments: Sequence[str], *, debug: bool) -> int:
         print(f"drake-tc: {_one_line(str(error))}", file=sys.stderr)
         return 2
     except TyperException as error:
-        print(f"drake-tc: {_one_line(error.format_message())} (drake-tc --help lists what there is)", file=sys.stderr)
+        print(
+            f"drake-tc: {_one_line(error.format_message())} (drake-tc --help lists the commands and their options)",
+            file=sys.stderr,
+        )
         return 2
     except (KeyboardInterrupt, typer.Abort):
         code = INTERRUPTED
@@ -116,4 +127,6 @@ def _run(arguments: Sequence[str], *, debug: bool) -> int:
 
 
 def _one_line(text: str) -> str:
-    return " ".join(text.split())
+    """A message as one line of printable characters; what names in files hold may be neither."""
+    line = "".join(c if c.isprintable() else ascii(c)[1:-1] for c in " ".join(text.split()))
+    return line if len(line) <= LONGEST else f"{line[: LONGEST // 2]} ... {line[-LONGEST // 2 :]}"

@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 
 
 def reproduce_command(
-    name: Annotated[str, typer.Argument(help="A.table1, A.table2, ... or all; a wrong one lists those there are.")],
-    seed: Annotated[int, typer.Option(min=0, help="Of all random numbers.")] = 0,
+    name: Annotated[str, typer.Argument(help="Id such as A.table2, or all. An unknown id prints the available ids.")],
+    seed: Annotated[int, typer.Option(min=0, help="Seed of all random numbers.")] = 0,
     figures: Annotated[Path | None, typer.Option(help="Folder for the figures (PNG).")] = None,
     force: Force = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the rows as JSON.")] = False,

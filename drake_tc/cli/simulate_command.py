@@ -4,16 +4,22 @@ import json
 import sys
 from contextlib import nullcontext
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from drake_tc.cli.out_files import Force, result_folder
+from drake_tc.cli.out_files import Force, result_file, result_folder
 from drake_tc.cli.progress import progress_bar
 from drake_tc.errors import LogError
+
+if TYPE_CHECKING:
+    from drake_tc.loops.simulated import Simulated
+
+PLOTS = (".png", ".svg", ".pdf")
+"""Endings of plots."""
 
 
 def simulate_command(
@@ -33,6 +39,13 @@ def simulate_command(
     ] = None,
     log_format: Annotated[str, typer.Option(help="csv, parquet or npz.")] = "csv",
     meshcat: Annotated[bool, typer.Option(help="Show the robot in a browser while it runs.")] = False,
+    plot: Annotated[
+        Path | None, typer.Option(help="File for a plot of tracking, torques and flags over time: PNG, SVG or PDF.")
+    ] = None,
+    show: Annotated[bool, typer.Option("--show", help="Show the same plot in a window.")] = False,
+    html: Annotated[
+        Path | None, typer.Option(help="File for the robot's motion: one HTML page, which opens without a network.")
+    ] = None,
     force: Force = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the summary as JSON.")] = False,
 ) -> None:
@@ -40,8 +53,12 @@ def simulate_command(
     from drake_tc.registry import runnable
 
     if log_format not in ("csv", "parquet", "npz"):
-        raise typer.BadParameter(f"wanted csv, parquet or npz, got {log_format!r}", param_hint="--log-format")
-    entry = runnable(diagram)
+        raise typer.BadParameter(f"expected csv, parquet or npz, got {log_format!r}", param_hint="--log-format")
+    if plot is not None and plot.suffix.lower() not in PLOTS:
+        raise typer.BadParameter(f"expected a file that ends in {', '.join(PLOTS)}; got {plot}", param_hint="--plot")
+    entry = runnable(diagram).naming(scenario_file, scenario_text)
+    if html is not None and entry.kind not in ("torque", "whole_body"):
+        raise typer.BadParameter(f"{diagram} has no robot to show", param_hint="--html")
     scenario = entry.scenario(scenario_name, scenario_file, scenario_text).changed(duration=duration, seed=seed)
     names = (f"log.{log_format}", "rig.yaml")
     place = (
@@ -54,6 +71,9 @@ def simulate_command(
         simulated = entry.simulate(scenario, progress, meshcat)
         written = simulated.write(folder, log_format, notes.append) if folder is not None else []
         files = [str(Path(out or ".") / path.name) for path in written]
+    files += _pictures(simulated, plot, html, scenario_file, force=force)
+    if show:
+        _show(simulated)
     if as_json:
         told = {"diagram": diagram, "seed": scenario.seed, **simulated.summary, "files": files, "notes": notes}
         print(json.dumps(told))
@@ -65,7 +85,33 @@ def simulate_command(
         print(file)
 
 
-def _print(simulated: Any) -> None:
+def _pictures(
+    simulated: "Simulated", plot: Path | None, html: Path | None, scenario_file: Path | None, *, force: bool
+) -> list[str]:
+    """Write the plot and the page of the motion, those that were asked for."""
+    from drake_tc.loops.motion import motion_html
+    from drake_tc.report.run_plot import run_figure
+
+    if plot is not None:
+        with result_file(plot, "--plot", inputs=[scenario_file], force=force) as path:
+            run_figure(simulated.plot()).savefig(path, dpi=120, format=plot.suffix.lower().lstrip("."))
+    if html is not None and simulated.motion is not None:
+        with result_file(html, "--html", inputs=[scenario_file], force=force) as path:
+            path.write_text(motion_html(simulated.motion()), encoding="utf-8")
+    return [str(path) for path in (plot, html) if path is not None]
+
+
+def _show(simulated: "Simulated") -> None:
+    """The plot in a window, until it is closed."""
+    import matplotlib.pyplot as plt
+
+    from drake_tc.report.run_plot import run_figure
+
+    run_figure(simulated.plot(), plt.figure())
+    plt.show()
+
+
+def _print(simulated: "Simulated") -> None:
     console = Console(file=sys.stdout, highlight=False)
     table = Table(box=None, padding=(0, 1), pad_edge=False)
     name, *numbers = simulated.table.headings

@@ -18,9 +18,9 @@ from drake_tc.config.json_values import json_value
 from drake_tc.errors import ParamsError
 
 if TYPE_CHECKING:
-    from drake_tc.analysis.margins import Margins
     from drake_tc.analysis.release import Release
     from drake_tc.analysis.sampled import SampledSystem
+    from drake_tc.analysis.stability_margins import Margins
     from drake_tc.loops.diagram_entry import DiagramEntry
 
 SHOWN = 8
@@ -64,20 +64,23 @@ def stability_command(
     joint: Annotated[
         str | None, typer.Option(help="Joint whose channel is cut, or its number from 0; the first when left out.")
     ] = None,
-    at: Annotated[float, typer.Option(min=0.0, help="Moment of the scenario that is linearised [s].")] = 0.7,
+    at: Annotated[float, typer.Option(min=0.0, help="Time in the scenario at which the loop is linearised [s].")] = 0.7,
     friction: Annotated[
         str, typer.Option(help="sliding (dry friction constant, dead zone passed) or modelled (as the drives have it).")
     ] = "sliding",
-    direction: Annotated[float, typer.Option(min=-1.0, max=1.0, help="Of the sliding: 1, -1; 0: the mean.")] = 0.0,
-    seed: Annotated[int, typer.Option(min=0, help="Of the kick's signs, joint by joint.")] = 0,
+    direction: Annotated[
+        float, typer.Option(min=-1.0, max=1.0, help="Direction of the sliding: 1, -1, or 0 for the mean of both.")
+    ] = 0.0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the signs of the initial kick, joint by joint.")] = 0,
     as_json: Annotated[bool, typer.Option("--json", help="Print the figures as JSON.")] = False,
 ) -> None:
     """Eigenvalues, margins and verdict of a diagram's loop, at one moment of a scenario, with perfect sensors."""
+    from drake_tc.loops.diagram_entry import naming_errors
     from drake_tc.registry import runnable
 
     if friction not in ("sliding", "modelled"):
         raise typer.BadParameter(f"wanted sliding or modelled, got {friction!r}", param_hint="--friction")
-    entry = runnable(diagram)
+    entry = runnable(diagram).naming(scenario_file, scenario_text)
     if entry.kind == "whole_body":
         raise ParamsError(f"stability: {diagram} stands on contacts, whose linearisation says nothing of its stability")
     scenario = entry.scenario(scenario_name, scenario_file, scenario_text)
@@ -86,7 +89,8 @@ def stability_command(
             scenario = _in_sliding(entry, scenario, Path(folder), direction)
         if entry.kind == "torque":
             scenario = replace(scenario, sensors="perfect")
-        channel, found = _analyse(entry, scenario, open_at, joint, at, seed, progress)
+        with naming_errors(f"stability {diagram}"):
+            channel, found = _analyse(entry, scenario, open_at, joint, at, seed, progress)
     if as_json:
         print(json.dumps({"diagram": diagram, "at": at, "friction": friction, "open_at": channel, **_to_json(found)}))
         return
@@ -118,11 +122,10 @@ def _analyse(
     progress: Any,
 ) -> tuple[str, _Found]:
     from drake_tc.analysis.frequency_response import channel
-    from drake_tc.analysis.loop_margins import loop_margins
-    from drake_tc.analysis.margins import frequency_grid
     from drake_tc.analysis.release import release
     from drake_tc.analysis.sampled import open_loop
     from drake_tc.analysis.settled import settled_at, speed_states
+    from drake_tc.analysis.stability_margins import frequency_grid, loop_margins
 
     progress("to the operating point", 0.0)
     loop, context = settled_at(entry, scenario, at)

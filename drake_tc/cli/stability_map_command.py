@@ -22,18 +22,24 @@ def stability_map_command(
             help="Diagram name, or module:attribute of your own. An unknown name prints the available diagrams."
         ),
     ],
-    joint: Annotated[str, typer.Option(help="Which joint; the others are held. A wrong one lists those there are.")],
+    joint: Annotated[
+        str, typer.Option(help="Joint that is mapped; the others are held still. An unknown name prints the joints.")
+    ],
     x: Annotated[str, typer.Option(help="NAME=FIRST:LAST:STEP or NAME=A,B,C, such as window=20:160:20.")],
-    y: Annotated[str, typer.Option(help="The other one, such as kp=0:4:0.2; a wrong NAME lists those there are.")],
+    y: Annotated[
+        str, typer.Option(help="Second parameter, such as kp=0:4:0.2. An unknown NAME prints the available ones.")
+    ],
     figure: Annotated[
         str, typer.Option(help="spectral_radius, sensitivity_peak, gain_margin, phase_margin or delay_margin.")
     ] = "spectral_radius",
     scenario_name: Annotated[str | None, typer.Option(help="Scenario; the file's first when left out.")] = None,
     scenario_file: Annotated[Path | None, typer.Option(help="Scenario file (YAML) of your own.")] = None,
     scenario_text: Annotated[str | None, typer.Option(help="YAML of fields to change: '{gains: {k6: 0.25}}'.")] = None,
-    kf: Annotated[float | None, typer.Option(help="Force feedback in place of the scenario's.")] = None,
-    environment_stiffness: Annotated[float, typer.Option(min=0.0, help="Of what it leans on [N m/rad].")] = 0.0,
-    workers: Annotated[int, typer.Option(min=1, help="Processes on this machine.")] = os.cpu_count() or 1,
+    kf: Annotated[float | None, typer.Option(help="Force feedback gain instead of the scenario's.")] = None,
+    environment_stiffness: Annotated[
+        float, typer.Option(min=0.0, help="Stiffness of the environment at the joint [N m/rad].")
+    ] = 0.0,
+    workers: Annotated[int, typer.Option(min=1, help="Number of processes on this machine.")] = os.cpu_count() or 1,
     scheduler: Annotated[str | None, typer.Option(help="Address of a Dask scheduler to use instead.")] = None,
     out: Annotated[Path | None, typer.Option(help="File for the plot, .svg or .png.")] = None,
     force: Force = False,

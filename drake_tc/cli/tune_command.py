@@ -45,15 +45,17 @@ def tune_command(
         float | None, typer.Option(help="Smallest delay margin [s]; each joint's present one when left out.")
     ] = None,
     noise: Annotated[
-        float, typer.Option(min=0.0, help="Noise let into the effort, as a multiple of the vendor servo's own.")
+        float, typer.Option(min=0.0, help="Largest noise in the effort, as a multiple of that of the vendor's servo.")
     ] = 1.0,
     window: Annotated[list[int] | None, typer.Option(min=3, help="Windows to try [samples]; repeat.")] = None,
-    begin: Annotated[float | None, typer.Option(min=0.0, help="Judge errors from this time on [s].")] = None,
+    begin: Annotated[float | None, typer.Option(min=0.0, help="Time from which errors are counted [s].")] = None,
     simulate: Annotated[bool, typer.Option(help="Confirm by simulating the complete loop, before and after.")] = True,
-    plants: Annotated[int, typer.Option(min=0, help="Confirm on so many perturbed plants, too.")] = 0,
-    workers: Annotated[int, typer.Option(min=1, help="Processes on this machine.")] = os.cpu_count() or 1,
+    plants: Annotated[
+        int, typer.Option(min=0, help="Number of perturbed plants on which the result is confirmed.")
+    ] = 0,
+    workers: Annotated[int, typer.Option(min=1, help="Number of processes on this machine.")] = os.cpu_count() or 1,
     scheduler: Annotated[str | None, typer.Option(help="Address of a Dask scheduler to use instead.")] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Of the sensors' noise and the perturbed plants.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the sensors' noise and of the perturbed plants.")] = 0,
     out: Annotated[Path | None, typer.Option(help="Folder for tuned.yaml and the Pareto fronts (SVG, PNG).")] = None,
     force: Force = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,

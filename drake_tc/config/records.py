@@ -92,16 +92,23 @@ def record_keys(kind: type[Any], *without: str) -> type[Keys]:
 
 
 def _keys_of(kind: type[Any], without: tuple[str, ...]) -> type[Keys]:
-    hints, meanings = get_type_hints(kind, include_extras=True), attributes_of(kind)
+    hints = get_type_hints(kind, include_extras=True)
+    meanings: dict[str, str] = {}
+    for base in reversed(kind.__mro__):
+        meanings |= attributes_of(base) if is_dataclass(base) else {}
     keys: Any = {
         field.name: (_annotation(hints[field.name], field), _key(field, meanings.get(field.name, "")))
-        for field in fields(kind)
+        for field in sorted(fields(kind), key=_has_default)
         if field.name not in without and field.init
     }
     text = (kind.__doc__ or "").split("Attributes:")[0].split("Raises:")[0].strip()
     made: type[Keys] = create_model(kind.__name__, __base__=Keys, __doc__=text, **keys)
     _KINDS[made] = kind
     return made
+
+
+def _has_default(field: Field[Any]) -> bool:
+    return field.default is not MISSING or field.default_factory is not MISSING
 
 
 _NAMES = re.compile(r"^(\w+(?:, \w+)*): (.*)$")
@@ -128,7 +135,7 @@ def attributes_of(kind: type[Any]) -> dict[str, str]:
 
 
 def _key(field: Field[Any], meaning: str) -> Any:
-    if field.default is MISSING and field.default_factory is MISSING:
+    if not _has_default(field):
         return key(meaning, default=...)
     default = field.default if field.default_factory is MISSING else None
     nested = field.default_factory is not MISSING and field.default_factory not in (dict, list)

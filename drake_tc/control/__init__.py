@@ -1,1 +1,41 @@
 """Torque control through a drive that was not made for it: gains, inverse dynamics, torque loop, safety."""
+
+from typing import TYPE_CHECKING
+
+from drake_tc.front_door import front_door
+
+if TYPE_CHECKING:
+    from drake_tc.control.gains import TorqueGains
+    from drake_tc.control.guard import CommandGuard
+    from drake_tc.control.guard_law import GuardSpec
+    from drake_tc.control.inverse_dynamics import InverseDynamics
+    from drake_tc.control.torque_control import CompensationSpec, TorqueControl
+    from drake_tc.control.trajectories import Sinusoid, constant_trajectory, knot_trajectory, sinusoid_trajectory
+
+__all__ = [
+    "CommandGuard",
+    "CompensationSpec",
+    "GuardSpec",
+    "InverseDynamics",
+    "Sinusoid",
+    "TorqueControl",
+    "TorqueGains",
+    "constant_trajectory",
+    "knot_trajectory",
+    "sinusoid_trajectory",
+]
+
+_HOMES = {
+    "CommandGuard": "guard",
+    "CompensationSpec": "torque_control",
+    "GuardSpec": "guard_law",
+    "InverseDynamics": "inverse_dynamics",
+    "Sinusoid": "trajectories",
+    "TorqueControl": "torque_control",
+    "TorqueGains": "gains",
+    "constant_trajectory": "trajectories",
+    "knot_trajectory": "trajectories",
+    "sinusoid_trajectory": "trajectories",
+}
+
+__getattr__, __dir__ = front_door(__name__, _HOMES)

@@ -5,11 +5,13 @@ from typing import Any
 import numpy as np
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
+from drake_tc.port_methods import PortMethods
+
 BLIND = 0.15
 """How long a flag is up before nothing is believed [s]: of those 0.1 s are the flag's own."""
 
 
-class BlindStop(LeafSystem):
+class BlindStop(PortMethods, LeafSystem):
     """What the controllers get once `lost` has been up for `BLIND`, for good.
 
     Inputs: state (m) of the robot; torque (n) of the gauges; lost (1).

@@ -1,4 +1,6 @@
-"""Cartesian laws (EQUATIONS C4): the acceleration that brings a point or a frame back to its reference.
+"""Cartesian laws: the acceleration that brings a point or a frame back to its reference.
+
+Source: Faraji et al., 2015, section IV.B.
 
 R_WD, omega_D, alpha_D are the reference frame D's, R_WE and omega_E those of the frame E that follows. Seen from D,
 
@@ -61,7 +63,7 @@ def translation_acceleration(
         stiffness: K of each axis, or of all [1/s^2].
         damping: D, the same [1/s].
 
-    Source: paper C, (14).
+    Source: Faraji et al., 2015, eq. 14.
     """
     error, lag = reference[..., :3] - position, reference[..., 3:6] - velocity
     return np.asarray(reference[..., 6:] + stiffness * error + damping * lag)
@@ -87,7 +89,7 @@ def rotation_law(turn: RelativeTurn, stiffness: Gain, damping: Gain) -> FloatArr
         stiffness: K of each of the reference's axes, or of all [1/s^2].
         damping: D, the same [1/s].
 
-    Source: paper C, (15).
+    Source: Faraji et al., 2015, eq. 15.
     """
     return np.asarray(-(stiffness * turn.angles) - damping * turn.velocity)
 
@@ -100,7 +102,7 @@ def carried_to_world(reference: Turning, velocity: FloatArray, acceleration: Flo
         velocity: (3,) w, in D's axes.
         acceleration: (3,) wdot, the derivative of w in D's axes.
 
-    Source: paper C, (16).
+    Source: Faraji et al., 2015, eq. 16.
     """
     seen = reference.rotation.dot(velocity)
     return np.asarray(reference.acceleration + cross(reference.velocity, seen) + reference.rotation.dot(acceleration))

@@ -1,4 +1,6 @@
-"""The two parametrisations of the torque controller's gains, and the exact way between them (EQUATIONS A5).
+"""The two parametrisations of the torque controller's gains, and the exact way between them.
+
+Source: Del Prete et al., 2016, eq. 10 to 14.
 
     tau*  = tau_d + Kp (tau_d - tau_hat) + Ki int (tau_d - tau_hat) dt
     tau_d = M qddot_d + h - J^T (f_d + Kf e_f) + Ks e + Kd edot
@@ -60,6 +62,11 @@ class TorqueGains:
 
     Raises:
         ParamsError: sizes that do not agree, a gain that is not finite or is negative where that cannot be.
+
+    Example:
+        >>> models = load_models(MODELS / "hrp2_like" / "hrp2_like_leg_actuators.yaml")
+        >>> TorqueGains.from_servo(models, k6=0.5, kp=1.0).kp
+        array([1., 1., 1., 1., 1., 1.])
     """
 
     kp: FloatArray

@@ -7,12 +7,13 @@ from pydrake.systems.framework import Context, LeafSystem
 
 from drake_tc.control.guard_law import GuardLaw, GuardMode, GuardSpec
 from drake_tc.errors import ParamsError
+from drake_tc.port_methods import PortMethods
 from drake_tc.types import FloatArray
 
 __all__ = ["CommandGuard", "GuardMode", "GuardSpec"]
 
 
-class CommandGuard(LeafSystem):
+class CommandGuard(PortMethods, LeafSystem):
     """Bumpless start, limits, and a safe reaction to lost signals: hold, then damp.
 
     r is where a drive is at rest: the position for a position servo, 0 for others. Every tick, with D the offset limit
@@ -44,6 +45,11 @@ class CommandGuard(LeafSystem):
         next (3n + 5): the state of the next tick, of which y[n] and the mode are parts.
     State: y[n-1] (n), last finite position (n), anchor (n), mode, time in hold and damp, time sound, s, 1/T (0: no tick
     yet).
+
+    Example:
+        >>> guard = CommandGuard(6, 1e-3, GuardSpec(offset_limit=0.1))
+        >>> guard.get_command_output_port().size()
+        6
     """
 
     def __init__(

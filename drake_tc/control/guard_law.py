@@ -44,6 +44,10 @@ class GuardSpec:
 
     Raises:
         ParamsError: a number that is not possible.
+
+    Example:
+        >>> TorqueLoopSpec(guard=GuardSpec(offset_limit=0.1)).guard.offset_limit
+        0.1
     """
 
     offset_limit: float | tuple[float, ...] = 0.2

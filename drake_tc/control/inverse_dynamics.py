@@ -1,4 +1,7 @@
-"""`InverseDynamics`: the torque that a reference motion and contact force ask of the joints (EQUATIONS A5)."""
+"""`InverseDynamics`: the torque that a reference motion and contact force ask of the joints.
+
+Source: Del Prete et al., 2016, eq. 10 to 14.
+"""
 
 from typing import Any, Literal, NamedTuple, get_args
 
@@ -10,6 +13,7 @@ from drake_tc.control.dynamics_terms import DynamicsTerms
 from drake_tc.control.floating_terms import BaseRotation, FloatingTerms
 from drake_tc.control.gains import TorqueGains
 from drake_tc.errors import ParamsError
+from drake_tc.port_methods import PortMethods
 from drake_tc.robot.robot import Robot
 from drake_tc.types import FloatArray
 
@@ -33,7 +37,7 @@ class _Parts(NamedTuple):
     unmet: FloatArray
 
 
-class InverseDynamics(LeafSystem):
+class InverseDynamics(PortMethods, LeafSystem):
     """tau_d = M qddot_d + h - J^T (f_d + Kf e_f) + Ks e + Kd edot, for a base that is welded or floats.
 
     e = q_d - q, edot = qdot_d - qdot, e_f = f_d - f_hat; M, h (gravity included) and J at the estimated, hence as a
@@ -60,7 +64,14 @@ class InverseDynamics(LeafSystem):
 
     An input that is not finite gives NaN outputs for the tick, which the CommandGuard behind stops.
 
-    Source: EQUATIONS A5. The paper has e from the delayed estimate; `position_error="encoder"` takes away that delay.
+    Source: Del Prete et al., 2016, eq. 12. The paper has e from the delayed estimate; `position_error="encoder"` takes
+    away that delay.
+
+    Example:
+        >>> robot = load_robot(MODELS / "hrp2_like" / "hrp2_like_leg.yaml")
+        >>> gains = TorqueGains.from_servo(load_models(robot.actuators))
+        >>> InverseDynamics(robot, gains, force_task=False).get_desired_torque_output_port().size()
+        6
     """
 
     def __init__(

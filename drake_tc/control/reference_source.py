@@ -5,9 +5,10 @@ from typing import Any
 from pydrake.systems.framework import Context, LeafSystem
 
 from drake_tc.control.references import Path
+from drake_tc.port_methods import PortMethods
 
 
-class ReferenceSource(LeafSystem):
+class ReferenceSource(PortMethods, LeafSystem):
     """What a task follows, as a function of time alone.
 
     Output:

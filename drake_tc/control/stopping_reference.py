@@ -7,6 +7,7 @@ import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem, ValueProducer
 
+from drake_tc.port_methods import PortMethods
 from drake_tc.types import FloatArray
 
 STOP_TIME = 0.3
@@ -15,7 +16,7 @@ LAYOUTS = {9: (3, 6), 10: (4, 7), 19: (7, 13)}
 """Size of a reference to where its velocity and its acceleration begin: of a point, an orientation, a frame."""
 
 
-class StoppingReference(LeafSystem):
+class StoppingReference(PortMethods, LeafSystem):
     """A reference [place; velocity; acceleration] along its own path, at a pace p(t) that a stop takes from 1 to 0.
 
     Input: stop (1), read at the ticks; above 0.5 once, it is told to stop for good.

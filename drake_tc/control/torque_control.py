@@ -1,4 +1,7 @@
-"""`TorqueControl`: wanted link torques to the commands of position, current or voltage drives (EQUATIONS A5)."""
+"""`TorqueControl`: wanted link torques to the commands of position, current or voltage drives.
+
+Source: Del Prete et al., 2016, eq. 10 to 14.
+"""
 
 import math
 from collections.abc import Sequence
@@ -23,6 +26,7 @@ from drake_tc.actuation.joint_values import JointValues, Models, joint_values, m
 from drake_tc.control.gains import TorqueGains
 from drake_tc.effects.thermal_friction import REFERENCE_CELSIUS
 from drake_tc.errors import ParamsError
+from drake_tc.port_methods import PortMethods
 from drake_tc.types import FloatArray
 
 Source = Literal["estimate", "reference"]
@@ -39,7 +43,7 @@ COMPONENTS = (
     "feedback_acceleration",
     "feedback_force",
 )
-"""Names of the rows of `components` (paper A, Fig. 6)."""
+"""Names of the rows of `components` (Del Prete et al., 2016, Fig. 6)."""
 
 
 @dataclass(frozen=True)
@@ -57,6 +61,10 @@ class CompensationSpec:
 
     Raises:
         ParamsError: an unknown key or a number that is not possible.
+
+    Example:
+        >>> CompensationSpec(velocity="reference").wants_reference
+        True
     """
 
     velocity: Source = "estimate"
@@ -97,7 +105,7 @@ class _Solution(NamedTuple):
     commanded: tuple[float, ...]
 
 
-class TorqueControl(LeafSystem):
+class TorqueControl(PortMethods, LeafSystem):
     """Feedforward through the actuator models and proportional-integral feedback of the estimated torque.
 
         u     = tau_d + Kp (tau_d - tau_hat) + Ki s[n]
@@ -127,7 +135,13 @@ class TorqueControl(LeafSystem):
 
     An input that is not finite gives NaN outputs for the tick, which the CommandGuard behind stops; s is held.
 
-    Source: EQUATIONS A5, A6; paper A (10)-(14), where friction is viscous alone.
+    Source: Del Prete et al., 2016, eq. 10 to 14, where friction is viscous alone.
+
+    Example:
+        >>> models = load_models(MODELS / "hrp2_like" / "hrp2_like_leg_actuators.yaml")
+        >>> control = TorqueControl(models, TorqueGains.from_servo(models), torque_limit=100.0)
+        >>> control.get_command_output_port().size()
+        6
     """
 
     def __init__(

@@ -11,6 +11,7 @@ import yaml
 from drake_tc.config.keys import AnyNumber, Keys, Names, Number, key
 from drake_tc.config.quoted import quoted
 from drake_tc.config.validation import validated
+from drake_tc.config.whole_file import write_whole
 from drake_tc.config.yaml_file import read_yaml
 from drake_tc.control.covariance import checked_covariance
 from drake_tc.errors import ParamsError
@@ -192,5 +193,5 @@ def save_torque_uncertainty(uncertainty: TorqueUncertainty, path: Path | str) ->
     )
     body = yaml.safe_dump(document, sort_keys=False, allow_unicode=True, default_flow_style=None, width=10**6)
     path = Path(path)
-    path.write_text(head + body, encoding="utf-8")
+    write_whole(path, head + body)
     return path

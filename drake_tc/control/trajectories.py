@@ -52,6 +52,11 @@ def knot_trajectory(
 
     Raises:
         ParamsError: times that do not increase, shapes that do not agree, or a value that is not finite.
+
+    Example:
+        >>> path = knot_trajectory([0.0, 1.0, 2.0], [[0.0, 0.0], [0.4, -0.2], [0.1, 0.0]])
+        >>> path.value(1.0).ravel()
+        array([ 0.4, -0.2])
     """
     t, x = _checked(times, values, 2)
     nil = np.zeros((2, x.shape[1]))
@@ -60,7 +65,7 @@ def knot_trajectory(
 
 @dataclass(frozen=True)
 class Sinusoid:
-    """x(t) = centre + (a0 + a t) sin(2 pi f t): grows from an amplitude a0 (EQUATIONS A4).
+    """x(t) = centre + (a0 + a t) sin(2 pi f t): grows from an amplitude a0 (Del Prete et al., 2016, section 3).
 
     Attributes:
         centre: (n,) [rad].
@@ -71,6 +76,12 @@ class Sinusoid:
 
     Raises:
         ParamsError: lengths that do not agree, or a number that is not possible.
+
+    Example:
+        >>> swing = Sinusoid(centre=(0.0,), amplitude=(0.2,), growth=(0.0,), frequency_hz=0.5, duration=4.0)
+        >>> position, velocity, acceleration = swing.at(np.array([0.5]))
+        >>> round(float(position[0, 0]), 6)
+        0.2
     """
 
     centre: tuple[float, ...]
@@ -111,6 +122,11 @@ def sinusoid_trajectory(sinusoid: Sinusoid) -> PiecewisePolynomial:
 
     Args:
         sinusoid: What to follow.
+
+    Example:
+        >>> path = sinusoid_trajectory(Sinusoid((0.0,), (0.2,), (0.0,), frequency_hz=0.5, duration=4.0))
+        >>> round(float(path.value(0.5)[0, 0]), 4)
+        0.2
     """
     count = max(2, math.ceil(sinusoid.duration * sinusoid.frequency_hz * SAMPLES_PER_PERIOD) + 1)
     t = np.linspace(0.0, sinusoid.duration, max(count, 8))
@@ -123,6 +139,10 @@ def constant_trajectory(values: FloatArray | Sequence[float]) -> PiecewisePolyno
 
     Raises:
         ParamsError: no value, or one that is not finite.
+
+    Example:
+        >>> constant_trajectory([0.1, 0.2]).value(5.0).ravel()
+        array([0.1, 0.2])
     """
     x = np.asarray(values, dtype=np.float64)
     if x.ndim != 1 or x.size < 1 or not np.all(np.isfinite(x)):

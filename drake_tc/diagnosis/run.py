@@ -14,7 +14,7 @@ from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.problem.sensor_errors import without_errors
 from drake_tc.diagnosis.refinement.stage import refine_joint
 from drake_tc.diagnosis.residual.unexplained import SEVERITY, Verdict
-from drake_tc.diagnosis.result.free_running import FreeRun, load_in_workers, with_free_runs
+from drake_tc.diagnosis.result.free_running import FreeRun, with_free_runs
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagnosis.result.links import FittedLinks
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult, SharedEffect
@@ -37,6 +37,7 @@ def close_loop(
     free_run: FreeRun | None = None,
     progress: Progress = lambda text, share: None,
     executor: Executor | None = None,
+    declared: Path | None = None,
 ) -> CloseLoopResult:
     """Read the rig and its runs, diagnose every joint, and say how long it took.
 
@@ -47,16 +48,28 @@ def close_loop(
         options: SearchThresholds and seed.
         free_run: Simulates the model driven by a recorded command; None leaves the free-run errors out.
         progress: Told how far it is.
-        executor: Runs the free runs beside each other; None runs them here.
+        executor: Runs free runs and the fits of what is left beside each other; None runs them here.
+        declared: File of another simulator whose model is declared (`drake_tc.logs.declared_file`).
 
     Raises:
         RigError, LogError, IdentificationError: input that cannot be used.
+
+    Example:
+        >>> from drake_tc.diagnosis.options import DiagnosisOptions
+        >>> rig = leg_rig_file()
+        >>> found = close_loop(rig, [leg_log()], [leg_log(seed=1)], DiagnosisOptions(effects=(effect("stribeck"),)))
+        >>> found.joints["knee"].verdict
+        'no_missing_effect'
     """
     with threadpool_limits(1):  # thousands of small problems: threads would wait for each other
-        return _close_loop(rig_path, logs, holdout, options or DiagnosisOptions(), free_run, progress, executor)
+        rig = load_rig(rig_path, declared)
+        chosen = options or DiagnosisOptions()
+        result = _close_loop(rig, rig_path, logs, holdout, chosen, free_run, progress, executor)
+    return replace(result, declared_file=None if declared is None else str(declared))
 
 
 def _close_loop(
+    rig: Rig,
     rig_path: Path,
     logs: Sequence[Path],
     holdout: Sequence[Path],
@@ -67,15 +80,12 @@ def _close_loop(
 ) -> CloseLoopResult:
     start = time.perf_counter()
     registered_effects()  # one that cannot be loaded ends the run before it begins
-    rig: Rig = load_rig(rig_path)
     require_two_runs([*logs, *holdout])
     require_different_files(logs, holdout)
     progress("reading", 0.0)
     runs = load_runs([*logs, *holdout], rig)
     require_different_runs(runs)
     train, held = in_order(runs[: len(logs)], rig), in_order(runs[len(logs) :], rig)
-    if free_run is not None and executor is not None:
-        load_in_workers(free_run, executor, 2 * len(held))
     joints: dict[str, JointResult] = {}
     shared: tuple[SharedEffect, ...] = ()
     before: Sequence[Run] | None = None
@@ -88,7 +98,7 @@ def _close_loop(
         held, train = list(robot.held_after), list(robot.train_after)
     for joint in rig.joints:
         if logs_of_robot is None:
-            joints[joint] = diagnose_joint(train, held, rig, joint, options, progress)
+            joints[joint] = diagnose_joint(train, held, rig, joint, options, progress, executor=executor)
         if free_run is not None:
             result = joints[joint]
             own = [without_errors(runs, joint, result.final) for runs in (train, held)]

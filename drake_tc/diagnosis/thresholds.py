@@ -22,6 +22,12 @@ weigh more than the load of a joint that works against its own friction and roto
 MAX_CONDITION = 300.0
 """Condition number of the declared model's scaled columns, above which its parameters cannot be told apart."""
 
+HELD_FROM_PERIOD = 4e-3
+"""Period of a log [s] from which on a position servo's command is taken to hold between samples. On a faster clock half
+a period is less than a drive's own delay, which the effect `delay` tells."""
+HELD_CERTAIN = 0.90
+"""Share of block resamples in which a held command must leave the smaller error."""
+
 # Search: what counts as a real improvement
 
 LEAST_EFFORT = 0.7
@@ -117,6 +123,9 @@ SOFTER_GEAR = 0.97
 RESOLVED = 4.0
 """Standard deviations that a wave of the encoder's error must reach if it is smaller than one step. Chance reaches four
 with probability exp(-8) (Rayleigh's distribution), with a hundred periods tried in 3 % of the searches."""
+MOST_OF_KNOWN_LOAD = 0.5
+"""Share of a curve over the position that may be a multiple of the known load: from there on the curve says less of a
+load that nobody knows than of the scale of the known one."""
 RUN_ACTS = 0.25
 """RMS of an effect's contribution to a run, in noise floors, from which on the run says something about it."""
 HELDOUT_ACTS = 0.1
@@ -124,9 +133,10 @@ HELDOUT_ACTS = 0.1
 RUN_CERTAIN = 0.98
 """Share of block resamples that must agree before a training run speaks against an effect, as in the search."""
 HELDOUT_CERTAIN = 0.90
-"""Share of block resamples of all held-out runs in which an effect that acts in them must lower their error."""
+"""Share of block resamples of each held-out run, and of all together, in which an effect that acts there must lower the
+error."""
 FEW_RUNS = 3
-"""Training runs from which on each is left out in turn."""
+"""Training runs from which on each is left out in turn. Two of them tell an effect beside the model of both."""
 
 # Alternatives, and effects that were not tested
 

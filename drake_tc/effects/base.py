@@ -1,7 +1,8 @@
 """What an effect is: one physical cause, written once, used four ways.
 
-Every effect takes part in the torque balance of one geared joint (EQUATIONS A3, C1), written *forward*, as the
-torque that the drive delivers against the torque that the motion and the load need:
+Every effect takes part in the torque balance of one geared joint (Del Prete et al., 2016, eq. 6; Faraji et al., 2015,
+section II.A). It is written *forward*: the torque that the drive delivers, against the torque that the motion and the
+load need.
 
     y*/K = tau + J qddot + sum_k theta_k phi_k(signals; shape)                                  (balance)
 
@@ -156,6 +157,8 @@ class Effect(ABC):
     """The experiment that shows this effect alone, as an instruction ("let the free joint spin down")."""
     depends_on_position: ClassVar[bool] = False
     """Whether the effect depends on where the joint is, and not on how it moves alone."""
+    free_form: ClassVar[bool] = False
+    """A curve that names no cause: a search takes it only where no set of other effects explains as much."""
     linear: ClassVar[bool] = False
     """Columns are linear (or nearly so) in the signals: what low-passed the signals has low-passed the columns."""
 

@@ -23,7 +23,7 @@ DEADZONE_RANGE = Plausible(
 
 
 class Deadzone(DriveEffect):
-    """y* = sign(y) max(|y| - w, 0) (EQUATIONS A3: the servo of HRP-2)."""
+    """y* = sign(y) max(|y| - w, 0) (the servo of HRP-2: Del Prete et al., 2016, section 3)."""
 
     id = "deadzone"
     title = "dead zone of the drive"

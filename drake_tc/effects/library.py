@@ -95,6 +95,7 @@ LIBRARY: tuple[Effect, ...] = (
     DirectionalEfficiency(),
     PositionDependentLoad(),
 )
+"""Effects that a search looks for unasked, in the order in which ties are broken."""
 
 SPECIAL: tuple[Effect, ...] = (
     LoadStribeck(),
@@ -125,6 +126,13 @@ def register_effect(effect: Effect | type[Effect]) -> None:
 
     Raises:
         ParamsError: its id is taken, it lacks an attribute, or its columns have a wrong shape.
+
+    Example:
+        >>> class Seal(type(effect("viscous"))):
+        ...     id = "seal"
+        >>> register_effect(Seal)
+        >>> effect("seal").id
+        'seal'
     """
     name = getattr(effect, "id", None)
     if not isinstance(name, str) or not name.isidentifier():
@@ -171,6 +179,10 @@ def effect(key: str) -> Effect:
 
     Raises:
         ParamsError: there is no such effect; the message lists those there are.
+
+    Example:
+        >>> effect("stribeck").kind
+        'friction'
     """
     for candidate in BUILT_IN:
         if key in (candidate.key, candidate.id):

@@ -37,6 +37,7 @@ class PositionDependentLoad(TorqueEffect):
     equation = "tau_add = spline(q, curve_start, curve_end, levels)"
     kind = "load"
     depends_on_position = True
+    free_form = True
     coefficients = tuple(Parameter(f"level_{k + 1}", "N*m", plausible=LEVEL_RANGE) for k in range(SIZE))
     given_shapes = (
         Parameter("curve_start", "rad", default=-1.0, description="q_a", plausible=END_RANGE),

@@ -14,7 +14,7 @@ ROTOR_INERTIA_RANGE = Plausible(
 
 
 class RotorInertia(TorqueEffect):
-    """J qddot [N m], J = Jm N^2 on the joint side (EQUATIONS C1)."""
+    """J qddot [N m], J = Jm N^2 on the joint side (Faraji et al., 2015, section II.A)."""
 
     id = "rotor_inertia"
     title = "reflected rotor inertia"

@@ -16,7 +16,7 @@ SWITCH_RANGE = Plausible(
 
 
 class VelocitySignSwitch(DriveEffect):
-    """y* = (1 + s sign(qdot)) y: the two branches of EQUATIONS A3, one for each sign of the velocity.
+    """y* = (1 + s sign(qdot)) y: two branches, one for each sign of the velocity (Del Prete et al., 2016, section 3).
 
     Linear in s/K, so it is looked for as a column.
     """

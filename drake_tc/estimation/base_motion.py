@@ -1,4 +1,4 @@
-"""How the base moves, from an IMU anywhere on the robot (EQUATIONS A2.2).
+"""How the base moves, from an IMU anywhere on the robot (Del Prete et al., 2016, Algorithm 1).
 
 With I the IMU's frame, B the base (whose axes are the world's in `EstimationPlant`), J and b = Jdot v the Jacobian and
 bias acceleration of I over all velocities:

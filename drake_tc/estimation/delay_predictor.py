@@ -1,8 +1,8 @@
 """`DelayPredictor`: the estimates as they are now, with the identified drive model in place of the filters' delay.
 
-The filters see the last N samples and answer for their middle, T = (N - 1)/2 dt ago (EQUATIONS A1: 40 ms). What the
-links got since then the drive model knows: with g its link torque (`DisturbanceObserver`), g_s the same behind a low
-pass of `bandwidth`, and F the same filter with the same delay as the estimate's,
+The filters see the last N samples and answer for their middle, T = (N - 1)/2 dt ago (40 ms in Del Prete et al., 2016).
+The drive model knows what the links got since then: with g its link torque (`DisturbanceObserver`), g_s the same behind
+a low pass of `bandwidth`, and F the same filter with the same delay as the estimate's,
 
     tau_now = g_s + (tau_hat - F g_s)          tau_hat, F g_s: both T old
 
@@ -11,7 +11,7 @@ and it is small, as the observer has corrected g by it already. g holds the comm
 Kp, g without the low pass would put a pole at -Kp, unstable from Kp = 1 on. With it the pole is 1 - (1 + Kp) b,
 b = 1 - exp(-bandwidth dt): 0.71 at 100 rad/s, 1 ms and Kp = 2.
 
-Source: the Smith predictor (1957), as a complementary filter; the delay is an open problem of paper A (EQUATIONS A6).
+Source: the Smith predictor (1957), as a complementary filter; the delay is an open problem of Del Prete et al. (2016).
 """
 
 import math
@@ -23,6 +23,7 @@ from pydrake.common.value import Value
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem, ValueProducer
 
 from drake_tc.errors import ParamsError
+from drake_tc.port_methods import PortMethods
 
 LARGEST = 1e9
 """No input in SI units is as large; one that is counts as not finite."""
@@ -46,7 +47,7 @@ class PredictorSpec:
             raise ParamsError(f"predictor.bandwidth: wanted a positive number [rad/s]; got {self.bandwidth!r}")
 
 
-class DelayPredictor(LeafSystem):
+class DelayPredictor(PortMethods, LeafSystem):
     """tau_now and the joints' motion now, or the delayed ones while the model cannot be trusted.
 
     Inputs:

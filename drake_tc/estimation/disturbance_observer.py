@@ -45,6 +45,7 @@ from drake_tc.actuation.constant_parts import split_parts
 from drake_tc.actuation.joint_values import Models, model_list
 from drake_tc.errors import ParamsError
 from drake_tc.estimation.joint_inertia import JointInertia, known_inertia
+from drake_tc.port_methods import PortMethods
 from drake_tc.robot.plant import joint_limits
 from drake_tc.robot.robot import Robot
 from drake_tc.types import FloatArray
@@ -93,7 +94,7 @@ def observer_gains(bandwidth: float, dt: float) -> tuple[float, float, float]:
     return 1.0 - z**3, 1.5 * (1.0 - z) ** 2 * (1.0 + z) / dt, (1.0 - z) ** 3 / dt**2
 
 
-class DisturbanceObserver(LeafSystem):
+class DisturbanceObserver(PortMethods, LeafSystem):
     """The observer of the module's docstring for all joints of a robot.
 
     Inputs:

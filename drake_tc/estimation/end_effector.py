@@ -1,4 +1,6 @@
-"""Mass and centre of mass beyond an F/T sensor, and the sensor's bias, from static postures (EQUATIONS A2.4).
+"""Mass and centre of mass beyond an F/T sensor, and the sensor's bias, from static postures.
+
+Source: Del Prete et al., 2016, Algorithm 1.
 
 A part of mass m and centre of mass c that hangs free at rest, gravity being g, is read by the sensor (all in S) as
 

@@ -1,4 +1,6 @@
-"""The general form: unknown wrenches on any links, solved together with the torques (EQUATIONS A2.6).
+"""The general form: unknown wrenches on any links, solved together with the torques.
+
+Source: Del Prete et al., 2016, eq. 1 and 2.
 
     M vdot + h - J_m^T f_m - S_k^T tau_k = [J_u^T  S_u^T] [f_u; tau_u]                                (general)
 

@@ -1,4 +1,4 @@
-"""`JointTorqueEstimator`: Algorithm 1 (EQUATIONS A2) as a Drake system."""
+"""`JointTorqueEstimator`: Algorithm 1 of Del Prete et al. (2016) as a Drake system."""
 
 from collections.abc import Callable
 from itertools import pairwise
@@ -9,13 +9,14 @@ from pydrake.common.value import Value
 from pydrake.systems.framework import Context, LeafSystem, ValueProducer
 
 from drake_tc.estimation.torque_model import TorqueModel
+from drake_tc.port_methods import PortMethods
 from drake_tc.types import FloatArray
 
 LARGEST = 1e9
 """No reading in SI units is as large; one that is counts as not finite."""
 
 
-class JointTorqueEstimator(LeafSystem):
+class JointTorqueEstimator(PortMethods, LeafSystem):
     """Joint torques and external wrenches from filtered sensors.
 
     Inputs:
@@ -30,6 +31,11 @@ class JointTorqueEstimator(LeafSystem):
         estimate (n + 6 + 6k + 1): those one behind the other, for one call into Python a tick.
 
         y[n] = TorqueModel.estimate(u[n])
+
+    Example:
+        >>> model = TorqueModel(load_robot(MODELS / "hrp2_like" / "hrp2_like_leg.yaml"))
+        >>> JointTorqueEstimator(model).get_estimated_torque_output_port().size()
+        6
     """
 
     def __init__(self, model: TorqueModel) -> None:

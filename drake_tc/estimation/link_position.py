@@ -6,6 +6,7 @@ import numpy as np
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
 from drake_tc.actuation.gear import CONTACT_DAMPING
+from drake_tc.port_methods import PortMethods
 from drake_tc.types import BoolArray, FloatArray
 
 LARGEST = 1e9
@@ -27,7 +28,7 @@ def spring_times(compliance: FloatArray, motor_inertia: FloatArray, link_inertia
     return times
 
 
-class LinkPosition(LeafSystem):
+class LinkPosition(PortMethods, LeafSystem):
     """Positions of n links behind springs with damping, tau = (d + t_d d')/c of the deflection d = theta - q.
 
     Inputs (n each):

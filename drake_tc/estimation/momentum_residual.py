@@ -39,7 +39,7 @@ class MomentumResidual(LeafSystem):
     An input that is not finite leaves r as it is and starts the difference anew; nothing is raised in the loop.
 
     Source: De Luca and Mattone, "Sensorless robot collision detection and hybrid force/motion control", 2005; with the
-    IMU in place of the floating base's velocity, as in Algorithm 1 of paper A.
+    IMU in place of the floating base's velocity, as in Algorithm 1 of Del Prete et al. (2016).
     """
 
     def __init__(self, model: TorqueModel, gain: float, dt: float) -> None:

@@ -1,4 +1,7 @@
-"""Joint torques from a recorded log: Algorithm 1 without the delay of the filters (EQUATIONS A1, A2, A4)."""
+"""Joint torques from a recorded log: Algorithm 1 without the delay of the filters.
+
+Source: Del Prete et al., 2016, Algorithm 1.
+"""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -27,7 +30,7 @@ class OffLineFilter:
 
     @classmethod
     def of(cls, window: int = 81) -> Self:
-        """All windows of `window` samples, with the orders of EQUATIONS A4: 2 for encoders, 1 for the others."""
+        """All windows of `window` samples, of order 2 for encoders, 1 for the others (Del Prete et al., 2016)."""
         return cls(Window(window, 2), Window(window, 1), Window(window, 1))
 
     @property
@@ -108,7 +111,8 @@ def estimate_log(
             without the IMU that the model needs.
         ParamsError: a window or an order that is not possible.
 
-    Source: EQUATIONS A4: identification uses every signal at t - t_d, so that the filters' delay cancels.
+    Source: Del Prete et al., 2016, section 3.4: identification uses every signal at t - t_d, so that the filters' delay
+    cancels.
     """
     context = model.create_context()
     rows = smoothed(model, log, filters, bias)

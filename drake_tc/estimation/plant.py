@@ -5,7 +5,8 @@ proper acceleration of the sensor moves, body by body, as the robot feels. Neith
 the base enters: its pose is the identity (so base axes are world axes here) and its linear velocity is zero.
 
 The fixed joint that carries a force/torque sensor becomes a joint with six degrees of freedom at rest: inverse
-dynamics then gives, as that joint's force, the wrench that the part beyond needs to move as it does (EQUATIONS A2.4).
+dynamics then gives, as that joint's force, the wrench that the part beyond needs to move as it does (Del Prete et al.,
+2016, Algorithm 1).
 """
 
 from dataclasses import dataclass

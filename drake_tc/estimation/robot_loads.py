@@ -1,7 +1,8 @@
 """Link-side torques of a rig's joints from the model of its robot: encoders, IMU and F/T sensors of a recorded run.
 
 The motion's part passes the off-line filters; the F/T sensors' part is linear in their readings and takes these as they
-are, so that whoever filters the torque afterwards filters them like every other channel (EQUATIONS A2, A4).
+are, so that whoever filters the torque afterwards filters them like every other channel (Del Prete et al., 2016,
+Algorithm 1).
 """
 
 from collections.abc import Iterator, Mapping, Sequence

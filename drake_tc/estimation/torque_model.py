@@ -1,4 +1,4 @@
-"""Joint torques without joint-torque sensors: Algorithm 1 of paper A (EQUATIONS A2), for fixed and floating bases.
+"""Joint torques without joint-torque sensors: Algorithm 1 of Del Prete et al. (2016), for fixed and floating bases.
 
 With every sensor's joint free (see `drake_tc.estimation.plant`) and the base moving as its IMU says:
 
@@ -50,6 +50,10 @@ class TorqueModel:
     """The kernel: `estimate` maps what the sensors say at one instant to torques and wrenches.
 
     It holds constants only; positions and velocities live in the plant's Context that the caller passes.
+
+    Example:
+        >>> TorqueModel(load_robot(MODELS / "hrp2_like" / "hrp2_like_leg.yaml")).size
+        6
     """
 
     def __init__(
@@ -68,7 +72,8 @@ class TorqueModel:
             unknown: Link that takes the unknown wrench; None: the base.
             base: "imu": the base moves as the IMU says; "fixed": it is welded in the robot's `base_pose`, no IMU.
             imu: Name of the IMU; None: the robot's first.
-            angular_acceleration: Of the IMU's link: "gyro": the gyro's derivative; "neglected": 0 (paper A's option);
+            angular_acceleration: Of the IMU's link: "gyro": the gyro's derivative; "neglected": 0 (Del Prete et al.,
+            2016's option);
                 "zero": the base has none (welded), and the link's follows from the joints between them.
 
         Raises:

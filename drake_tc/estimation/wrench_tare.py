@@ -8,10 +8,11 @@ from pydrake.systems.framework import BasicVector, Context, DiscreteValues, Leaf
 
 from drake_tc.errors import ParamsError
 from drake_tc.estimation.torque_model import TorqueModel
+from drake_tc.port_methods import PortMethods
 from drake_tc.types import FloatArray
 
 
-class WrenchTare(LeafSystem):
+class WrenchTare(PortMethods, LeafSystem):
     """Readings less their bias, which is what they show of a robot that nothing touches beyond what its motion needs.
 
     Inputs:

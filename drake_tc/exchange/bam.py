@@ -8,6 +8,7 @@ import json
 from collections.abc import Sequence
 from pathlib import Path
 
+from drake_tc.config.quoted import quoted
 from drake_tc.errors import ParamsError
 from drake_tc.exchange.projection import Projection
 
@@ -65,5 +66,5 @@ def _existing(into: Path | None) -> dict[str, object]:
     except ValueError as error:
         raise ParamsError(f"{into}: not JSON: {error}") from None
     if not isinstance(document, dict):
-        raise ParamsError(f"{into}: expected a BAM parameter file, a mapping; got {type(document).__name__}")
+        raise ParamsError(f"{into}: expected a BAM parameter file, a mapping; got {quoted(document)}")
     return document

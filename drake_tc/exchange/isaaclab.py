@@ -9,8 +9,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from drake_tc.errors import ParamsError
-from drake_tc.exchange.projection import Projection, Terms
+from drake_tc.exchange.projection import Projection
 from drake_tc.exchange.xml_text import number
+from drake_tc.simulator_files.terms import Terms
 
 PHYSICS_STEP = 0.005
 """Of Isaac Lab's examples [s]; a delay is rounded to whole steps."""

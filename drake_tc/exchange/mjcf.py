@@ -6,14 +6,15 @@ takes them for is tested in MuJoCo itself.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from xml.dom import minidom
 
 from drake_tc.errors import ParamsError
-from drake_tc.exchange.projection import Projection, Terms
+from drake_tc.exchange.projection import Projection
 from drake_tc.exchange.xml_text import append, child, named, number, parsed, put, read_xml, to_text, top
 from drake_tc.exchange.xml_text import element as new_element
+from drake_tc.simulator_files.terms import Terms
 
 BENCH = """<mujoco model="drake_tc_bench">
   <compiler angle="radian"/>
@@ -146,47 +147,3 @@ def _timestep(root: minidom.Element) -> float:
 def _degrees(root: minidom.Element) -> bool:
     """Whether angles of the file are in degrees, as they are unless the compiler is told otherwise."""
     return all(each.getAttribute("angle") != "radian" for each in root.getElementsByTagName("compiler"))
-
-
-def joints_of(path: Path) -> Mapping[str, Terms]:
-    """The terms that a file declares, by joint: what its user had before.
-
-    Raises:
-        ParamsError: a file that cannot be used.
-    """
-    document = read_xml(path, "mujoco")
-    found: dict[str, Terms] = {}
-    for name, element in named(document, "joint", path).items():
-        damping = [float(x) for x in (element.getAttribute("damping") or "0").split()]
-        found[name] = Terms(
-            drive="torque",
-            kp=1.0,
-            armature=float(element.getAttribute("armature") or 0.0),
-            damping=damping[0],
-            quadratic=damping[1] if len(damping) > 1 else 0.0,
-            frictionloss=float(element.getAttribute("frictionloss") or 0.0),
-        )
-    for kind in ("position", "motor"):
-        for actuator in document.getElementsByTagName(kind):
-            terms = found.get(actuator.getAttribute("joint"))
-            if terms is not None:
-                found[actuator.getAttribute("joint")] = _driven(actuator, kind, terms)
-    return found
-
-
-def _driven(actuator: minidom.Element, kind: str, terms: Terms) -> Terms:
-    from dataclasses import replace
-
-    if kind == "position":
-        kp, drive = float(actuator.getAttribute("kp") or 1.0), "position_servo"
-    else:
-        kp, drive = float((actuator.getAttribute("gear") or "1").split()[0]), "torque"
-    limit = actuator.getAttribute("forcerange").split()
-    scale = 1.0 if kind == "position" else kp
-    return replace(
-        terms,
-        drive=drive,  # type: ignore[arg-type]
-        kp=kp,
-        delay=float(actuator.getAttribute("delay") or 0.0),
-        torque_limit=scale * float(limit[1]) if len(limit) == 2 else None,
-    )

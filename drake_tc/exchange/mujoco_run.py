@@ -6,6 +6,8 @@ the rig file. Only the recorded command enters; MuJoCo integrates with its own `
 
 import math
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any
 
@@ -16,9 +18,10 @@ from drake_tc.actuation.recorded_run import Link, in_plant, plant_side
 from drake_tc.diagnosis.data.recordings import LONGEST, longest_stretch, recording_of
 from drake_tc.errors import ParamsError
 from drake_tc.exchange.mjcf import to_mjcf
-from drake_tc.exchange.projection import Projection, Terms
+from drake_tc.exchange.projection import Projection
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
+from drake_tc.simulator_files.terms import Terms
 from drake_tc.types import FloatArray
 
 FINEST = 1e-3
@@ -75,7 +78,7 @@ def simulate(
     period: float,
     substeps: int = 1,
 ) -> FloatArray:
-    """(T,) position of one joint in MuJoCo [rad].
+    """(T,) position of one joint in MuJoCo [rad]; NaN from where the simulation is unstable.
 
     Args:
         terms: Of its actuator.
@@ -99,12 +102,15 @@ def simulate(
         raise ParamsError(f"MuJoCo refuses the exported model: {' '.join(str(error).split())}") from None
     data = mujoco.MjData(model)
     data.qpos[0], data.qvel[0] = start
-    position = np.empty(command.size)
-    for i in range(command.size):
-        position[i] = data.qpos[0]
-        data.ctrl[0], data.qfrc_applied[0] = command[i], -load[i]
-        for _ in range(substeps):
-            mujoco.mj_step(model, data)
+    position = np.full(command.size, np.nan)
+    with _warnings(mujoco) as told:
+        for i in range(command.size):
+            position[i] = data.qpos[0]
+            data.ctrl[0], data.qfrc_applied[0] = command[i], -load[i]
+            for _ in range(substeps):
+                mujoco.mj_step(model, data)
+            if told and _is_unstable(mujoco, data):  # it would go on from its initial state
+                break
     return position
 
 
@@ -123,6 +129,25 @@ def _inertial(pendulum: Link | None) -> str:
     own = pendulum.inertia - mass * arm**2
     x, z = arm * math.sin(pendulum.zero), -arm * math.cos(pendulum.zero)
     return f'<inertial pos="{x:.12g} 0 {z:.12g}" mass="{mass:.12g}" diaginertia="{own:.12g} {own:.12g} {own:.12g}"/>'
+
+
+@contextmanager
+def _warnings(mujoco: Any) -> Iterator[list[str]]:
+    """MuJoCo's warnings in the block as a list; without it MuJoCo writes MUJOCO_LOG.TXT into the working directory."""
+    told: list[str] = []
+    before = mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(told.append)
+    try:
+        yield told
+    finally:
+        mujoco.set_mju_user_warning(before)
+
+
+def _is_unstable(mujoco: Any, data: Any) -> bool:
+    """Whether a position, velocity or acceleration was not finite or huge."""
+    kinds = mujoco.mjtWarning
+    bad = (kinds.mjWARN_BADQPOS, kinds.mjWARN_BADQVEL, kinds.mjWARN_BADQACC)
+    return any(data.warning[int(kind)].number > 0 for kind in bad)
 
 
 def _mujoco() -> Any:

@@ -1,9 +1,4 @@
-"""From an actuator model to the few terms that simulators know, and the account of what is lost on the way.
-
-    kp u - (frictionloss sign(v) + damping v + quadratic v |v|) - tau_load = armature vdot
-
-with u = q_d - q of a position servo, or the command of another drive; kp = 1/K.
-"""
+"""From an actuator model to the few terms that simulators know, and the account of what is lost on the way."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -12,7 +7,8 @@ import numpy as np
 from scipy.optimize import nnls
 
 from drake_tc.actuation.model import ActuatorModel
-from drake_tc.effects.base import DriveKind, TorqueEffect, plain_signals
+from drake_tc.effects.base import TorqueEffect, plain_signals
+from drake_tc.simulator_files.terms import Terms
 from drake_tc.types import FloatArray
 
 OF_SPEED = ("viscous", "coulomb", "stribeck", "quadratic_viscous", "static_friction", "viscous_power")
@@ -21,33 +17,6 @@ DRY = ("coulomb", "stribeck", "static_friction")
 """Those that are there however slow the joint is; they are lost as a whole where a target has no dry friction."""
 FASTEST = 2.0
 """Speeds up to here count alike where no log says which occur [rad/s]."""
-
-
-@dataclass(frozen=True)
-class Terms:
-    """What simulators know of an actuator, at the joint.
-
-    Attributes:
-        drive: What the command is.
-        kp: Torque for one unit of effort [N m/rad, N m/A, N m/V or 1].
-        armature: Reflected rotor inertia [kg m^2].
-        damping: [N m s/rad].
-        quadratic: [N m s^2/rad^2].
-        frictionloss: Dry friction [N m].
-        delay: Of the command [s].
-        torque_limit: Largest torque of the drive [N m]; None: none known.
-        backlash: Play of the gear [rad].
-    """
-
-    drive: DriveKind
-    kp: float
-    armature: float = 0.0
-    damping: float = 0.0
-    quadratic: float = 0.0
-    frictionloss: float = 0.0
-    delay: float = 0.0
-    torque_limit: float | None = None
-    backlash: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,7 @@
-"""Weights of a Savitzky–Golay estimate: a polynomial's value and derivatives by least squares (EQUATIONS A1)."""
+"""Weights of a Savitzky–Golay estimate: a polynomial's value and derivatives by least squares.
+
+Source: Del Prete et al., 2016, section 2.
+"""
 
 import numpy as np
 from numpy.polynomial import legendre
@@ -28,7 +31,7 @@ def savgol_weights(
     Raises:
         ParamsError: A window too short for the order, a point outside it, a period that is not positive.
 
-    Source: EQUATIONS A1; Savitzky and Golay, 1964.
+    Source: Savitzky and Golay, 1964.
     """
     at = 0.5 * (window - 1) if at is None else at
     check_window(window, order, at, dt)

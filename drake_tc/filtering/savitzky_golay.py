@@ -1,4 +1,6 @@
-"""Savitzky–Golay estimation: a polynomial fitted to the last N samples, and its derivatives (EQUATIONS A1).
+"""Savitzky–Golay estimation: a polynomial fitted to the last N samples, and its derivatives.
+
+Source: Del Prete et al., 2016, section 2.
 
 Plain functions for logs first, then `SavitzkyGolayFilter`, the same recursion as a Drake system.
 """
@@ -10,10 +12,10 @@ from typing import Any
 
 import numpy as np
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
-from scipy.signal import lfilter, oaconvolve
 
 from drake_tc.errors import ParamsError
 from drake_tc.filtering.savgol_weights import delay, savgol_weights
+from drake_tc.port_methods import PortMethods
 from drake_tc.types import FloatArray
 
 __all__ = ["SavitzkyGolayFilter", "Smoothed", "delay", "savgol_weights", "smooth", "smooth_causal"]
@@ -57,6 +59,8 @@ def smooth(x: FloatArray, window: int, order: int, dt: float) -> Smoothed:
 
 
 def _smooth_one(x: FloatArray, window: int, order: int, derivative: int, dt: float) -> FloatArray:
+    from scipy.signal import oaconvolve
+
     centre = window // 2
     after = window - 1 - centre
     level = x.mean(axis=0)
@@ -88,6 +92,8 @@ def smooth_causal(x: FloatArray, window: int, order: int, dt: float, at: float |
     Raises:
         ParamsError: As `savgol_weights`.
     """
+    from scipy.signal import lfilter
+
     x = np.asarray(x, dtype=np.float64)
     first = x[:1]
     outputs = []
@@ -98,7 +104,7 @@ def smooth_causal(x: FloatArray, window: int, order: int, dt: float, at: float |
     return Smoothed(*outputs)
 
 
-class SavitzkyGolayFilter(LeafSystem):
+class SavitzkyGolayFilter(PortMethods, LeafSystem):
     """Smoothed value and derivatives of n joints, from a polynomial through the last N samples.
 
     Ports:
@@ -123,7 +129,11 @@ class SavitzkyGolayFilter(LeafSystem):
     Until the first finite sample the outputs are 0 and `fault` is 1. An update costs O(N n), an output
     nothing; nothing is raised in the loop.
 
-    Source: EQUATIONS A1 (paper: N = 80, dt = 1 ms, mid-window, order 2 for encoders, 1 for IMU and F/T).
+    Source: Del Prete et al., 2016, section 2 (N = 80, dt = 1 ms, mid-window, order 2 for encoders, 1 for IMU and F/T).
+
+    Example:
+        >>> SavitzkyGolayFilter(7, window=80, order=2, dt=1e-3).get_estimate_output_port().size()
+        21
     """
 
     def __init__(self, size: int, window: int, order: int | Sequence[int], dt: float, at: float | None = None) -> None:

@@ -1,6 +1,8 @@
 """From identified coefficients to an actuator model: gain K, viscous and Coulomb friction in torque, with intervals.
 
-effort = K (tau + b qdot + F sign(qdot)),   K = K_tau,  b = K_v/K_tau,  F = K_c/K_tau        (EQUATIONS A3)
+effort = K (tau + b qdot + F sign(qdot)),   K = K_tau,  b = K_v/K_tau,  F = K_c/K_tau
+
+Source: Del Prete et al., 2016, eq. 3 to 6.
 """
 
 import numpy as np
@@ -56,6 +58,11 @@ def actuator_model(found: Identified, rotor_inertia: float = 0.0) -> ActuatorMod
 
     Raises:
         IdentificationError: a drive gain that is not positive: the torque or the command has the wrong sign.
+
+    Example:
+        >>> rig, runs = leg_rig(), leg_runs()
+        >>> actuator_model(identify(runs, rig), rotor_inertia=0.05).drive.kind
+        'current'
     """
     inertia = (EffectValue("rotor_inertia", {"rotor_inertia": rotor_inertia}),) if rotor_inertia > 0.0 else ()
     if isinstance(found.fit, PiecewiseFit):

@@ -1,4 +1,4 @@
-"""The asymmetric penalty: a friction model that never over-compensates (EQUATIONS A4).
+"""The asymmetric penalty: a friction model that never over-compensates (Del Prete et al., 2016, section 3).
 
 A feedforward that over-estimates friction makes the joint run away; one that under-estimates it is only weaker.
 So residuals on the side of over-estimation cost w times more:
@@ -92,7 +92,7 @@ def asymmetric_least_squares(
     Raises:
         IdentificationError: As `least_squares`; a weight below 1; a search that does not come to rest.
 
-    Source: EQUATIONS A4; Del Prete et al., equation 8 (w = 100). The paper solved the QP below; this is exact.
+    Source: Del Prete et al., 2016, eq. 8 (w = 100). The paper solved the QP below; this is exact.
     """
     a, b, labels = checked(columns, target, names)
     _check_weight(weight)
@@ -172,7 +172,7 @@ def asymmetric_by_qp(columns: FloatArray, target: FloatArray, weight: float = 10
     Raises:
         IdentificationError: As `asymmetric_least_squares`, or a solver that does not succeed.
 
-    Source: EQUATIONS A4; the paper's formulation, whose solvers failed beyond 10⁴ samples.
+    Source: Del Prete et al., 2016, eq. 9; the paper's formulation, whose solvers failed beyond 10⁴ samples.
     """
     a, b, labels = checked(columns, target, None)
     _check_weight(weight)

@@ -1,4 +1,7 @@
-"""Motions that excite a joint for identification, with exact derivatives, inside limits (EQUATIONS A4)."""
+"""Motions that excite a joint for identification, with exact derivatives, inside limits.
+
+Source: Del Prete et al., 2016, section 3.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -70,7 +73,7 @@ def growing_sinusoid(
     Raises:
         IdentificationError: A frequency that is not positive or a centre outside the limits.
 
-    Source: EQUATIONS A4, data (ii).
+    Source: Del Prete et al., 2016, section 3.4.
     """
     if not frequency_hz > 0:
         raise IdentificationError(f"growing sinusoid needs a positive frequency [Hz]; got {frequency_hz:g}")
@@ -184,7 +187,7 @@ def postures_with_pushes(
     Raises:
         IdentificationError: No time left to rest, a posture outside the limits, or no push.
 
-    Source: EQUATIONS A4, data (i).
+    Source: Del Prete et al., 2016, section 3.4.
     """
     _check_targets(postures, limits)
     moves = [trapezoid_duration(d, limits.velocity, limits.acceleration) for d in np.diff(postures)]

@@ -1,4 +1,7 @@
-"""From runs to an actuator: effort = Kτ (τ + J q̈) + Kv q̇ + Kc sign(q̇), by one of four methods (EQUATIONS A3, A4)."""
+"""From runs to an actuator: effort = Kτ (τ + J q̈) + Kv q̇ + Kc sign(q̇), by one of four methods.
+
+Source: Del Prete et al., 2016, section 3.
+"""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -93,6 +96,11 @@ def identify(
 
     Raises:
         IdentificationError: Unknown joint or method, a load that is not known, no usable samples, poor excitation.
+
+    Example:
+        >>> found = identify(leg_runs(), leg_rig())
+        >>> round(found.parameters["K_tau"], 2)
+        0.4
     """
     name = rig.joints[0] if joint is None else joint
     if name not in rig.joints:

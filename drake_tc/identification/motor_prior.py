@@ -1,4 +1,4 @@
-"""A voltage-driven motor from its logs, anchored to its data sheet (EQUATIONS C1).
+"""A voltage-driven motor from its logs, anchored to its data sheet (Faraji et al., 2015, section II.A).
 
 The logs tell, by linear least squares on v = K (tau + F_v theta' + tau_co sign(theta') + J theta''), four numbers
 

@@ -1,10 +1,9 @@
-"""A continuous three-piece line for each direction of motion (EQUATIONS A4)."""
+"""A continuous three-piece line for each direction of motion (Del Prete et al., 2016, section 3)."""
 
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from scipy.optimize import lsq_linear
 
 from drake_tc.errors import IdentificationError
 from drake_tc.types import BoolArray, FloatArray
@@ -84,7 +83,7 @@ def fit_three_pieces(
     Raises:
         IdentificationError: Break points or bounds out of order, or a piece with too few points at the start.
 
-    Source: EQUATIONS A4; Del Prete et al., section on piecewise-linear fitting, which assumes convergence.
+    Source: Del Prete et al., 2016, section 3.3, which assumes that the rounds converge.
     """
     tau, y = np.asarray(torque, dtype=np.float64), np.asarray(effort, dtype=np.float64)
     if tau.shape != y.shape or tau.ndim != 1 or not (np.isfinite(tau).all() and np.isfinite(y).all()):
@@ -181,6 +180,8 @@ def _continuous(
     converged: bool,
     rounds: int,
 ) -> ThreePieces:
+    from scipy.optimize import lsq_linear
+
     a = _hinges(tau, breaks)
     lower, upper = np.full(4, -np.inf), np.full(4, np.inf)
     lower[1], upper[1] = middle

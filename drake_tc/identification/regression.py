@@ -1,4 +1,4 @@
-"""Linear least squares whose confidence intervals account for autocorrelation (EQUATIONS A4).
+"""Linear least squares whose confidence intervals account for autocorrelation.
 
 Robot logs are sampled far faster than their residuals decorrelate: an interval that counts samples as
 independent is too narrow by the square root of the correlation time. Here every interval is Newey–West's.
@@ -8,7 +8,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import lsq_linear
 
 from drake_tc.errors import IdentificationError
 from drake_tc.identification.autocorrelation import (
@@ -54,7 +53,7 @@ def least_squares(
         IdentificationError: Shapes that do not fit, values that are not finite, fewer samples than parameters,
             or an excitation too poor, with the condition number and the parameter that suffers.
 
-    Source: EQUATIONS A4; Newey and West 1987; Kiefer and Vogelsang 2005 for the critical value.
+    Source: Newey and West, 1987; Kiefer and Vogelsang 2005 for the critical value.
     """
     a, b, labels = checked(columns, target, names)
     root = np.sqrt(checked_weights(weights, b.size))
@@ -210,6 +209,8 @@ def _bound_arrays(names: tuple[str, ...], bounds: Bounds | None) -> tuple[FloatA
 
 
 def _solve(r: FloatArray, goal: FloatArray, lower: FloatArray, upper: FloatArray) -> FloatArray:
+    from scipy.optimize import lsq_linear
+
     x = np.linalg.solve(r, goal)
     if np.all((x >= lower) & (x <= upper)):
         return np.asarray(x)

@@ -1,4 +1,7 @@
-"""Two-stage identification: the drive gain from samples at rest, then friction from moving ones (EQUATIONS A4)."""
+"""Two-stage identification: the drive gain from samples at rest, then friction from moving ones.
+
+Source: Del Prete et al., 2016, section 3.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -65,7 +68,7 @@ def fit_two_stage(
     Raises:
         IdentificationError: A threshold that leaves one of the stages without samples, or poor excitation.
 
-    Source: EQUATIONS A4, two stages.
+    Source: Del Prete et al., 2016, section 3.3.
     """
     tau, v, y = (np.asarray(s, dtype=np.float64) for s in (torque, velocity, effort))
     still = np.abs(v) < still_below

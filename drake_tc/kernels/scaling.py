@@ -42,7 +42,8 @@ def scaled(
         D, A, lower, upper, noise (m, r), 1 for each row (m,) that does not err, divisors (m,), how many do not err.
     """
     (m, n), r = matrix.shape, root.shape[1]
-    priced, rows, noise = np.empty(cost.shape), np.empty((m, n)), np.empty((m, r))
+    priced, rows = np.empty(cost.shape), np.empty((m, n))
+    noise = rows if plain else np.empty((m, r))
     for i in range(cost.shape[0]):
         for j in range(n):
             priced[i, j] = cost[i, j] * scale[j]
@@ -72,9 +73,15 @@ def scaled(
         share = 1.0 / divisor[i]
         for j in range(n):
             rows[i, j] *= share
-        for j in range(r):
-            noise[i, j] = 0.0 if certain[i] else rows[i, j] if plain else noise[i, j] * share
+        if not plain:
+            for j in range(r):
+                noise[i, j] = 0.0 if certain[i] else noise[i, j] * share
         low[i], high[i] = lower[i] * share, upper[i] * share
+    if plain and sure:
+        noise = rows.copy()
+        for i in range(m):
+            for j in range(n):
+                noise[i, j] = 0.0 if certain[i] else rows[i, j]
     return priced, rows, low, high, noise, certain, divisor, sure
 
 

@@ -120,20 +120,25 @@ def _resolution(time: FloatArray) -> float:
     return 0.0
 
 
-def uniform_clock(time: FloatArray, enabled: BoolArray, path: Path) -> Clock:
+def uniform_clock(time: FloatArray, enabled: BoolArray, path: Path, stepped: BoolArray | None = None) -> Clock:
     """Lay a uniform grid over strictly increasing times (T,).
 
     The period is that of the rows with the drive on. A step above 5 periods is a gap and starts a new block; shorter
     holes are lost rows, to be interpolated. Rows that lie on the grid within 2 % of a period (or within the rounding
-    of the time stamps) are put on it exactly, so that an undisturbed log passes through unchanged.
+    of the time stamps) are put on it exactly, so that an undisturbed log passes through unchanged. Steps (T - 1,) that
+    are `stepped` start a new block, too.
 
     Raises:
         LogError: A period that makes no sense in seconds.
     """
     steps = np.diff(time)
     on = enabled[1:] & enabled[:-1]
-    period = _period(steps[on] if int(on.sum()) >= MIN_ROWS else steps, path)
-    edges = np.concatenate([[0], np.flatnonzero(steps > GAP_PERIODS * period) + 1, [time.size]])
+    right = np.ones(steps.size, dtype=bool) if stepped is None else ~stepped
+    period = _period(steps[on & right] if int((on & right).sum()) >= MIN_ROWS else steps[right], path)
+    apart = steps > GAP_PERIODS * period
+    if stepped is not None:
+        apart |= stepped
+    edges = np.concatenate([[0], np.flatnonzero(apart) + 1, [time.size]])
     slack = max(0.02 * period, 0.6 * _resolution(time[:: max(1, time.size // 20000)]))
     if slack > 0.3 * period:
         slack = 0.02 * period
@@ -154,10 +159,16 @@ def uniform_clock(time: FloatArray, enabled: BoolArray, path: Path) -> Clock:
             grid = own[0] + np.arange(int((own[-1] - own[0]) / period + 1e-6) + 1) * period
         grids.append(grid)
         blocks.append(np.full(grid.size, number, dtype=np.int64))
-    notes = _notes(steps[steps <= GAP_PERIODS * period], period, lost=lost, worst=worst)
-    gaps = steps[edges[1:-1] - 1]
+    notes = _notes(steps[~apart], period, lost=lost, worst=worst)
+    if stepped is not None and stepped.any():
+        first = int(np.flatnonzero(stepped)[0])
+        notes += (
+            f"The clock steps by {1e3 * steps[first]:.4g} ms at {time[first]:.6g} s although the joints moved on by one"
+            f" period ({int(stepped.sum())} such step{'s' if stepped.sum() > 1 else ''}); the run was split there.",
+        )
+    gaps = steps[steps > GAP_PERIODS * period]
     if gaps.size:
-        at = time[edges[1] - 1]
+        at = time[int(np.argmax(steps > GAP_PERIODS * period))]
         notes += (
             f"{gaps.size} gap{'s' if gaps.size > 1 else ''} of more than {GAP_PERIODS:g} periods split the run "
             f"(the longest {gaps.max():.4g} s, the first at {at:.6g} s).",

@@ -3,6 +3,7 @@
 import difflib
 import re
 from collections.abc import Collection, Iterable, Mapping, Sequence
+from functools import lru_cache
 
 from drake_tc.logs.rig import Rig
 from drake_tc.logs.units import JOINT_SUFFIXES, SENSOR_SUFFIXES
@@ -87,10 +88,11 @@ def same_but_misspelt(name: str, known: str) -> bool:
     )
 
 
-def _words(name: str) -> list[str]:
+@lru_cache(maxsize=2**17)
+def _words(name: str) -> tuple[str, ...]:
     """`ft_Right/fx`, `ftRight.fx` and `ft right fx` are the words ft, right, fx."""
     split = re.sub(r"([a-z])([A-Z])", r"\1 \2", name)
-    return [word.lower() for word in re.split(r"[^0-9A-Za-z]+", split) if word]
+    return tuple(word.lower() for word in re.split(r"[^0-9A-Za-z]+", split) if word)
 
 
 def _sensor_hint(canonical: str, name: str, rig: Rig) -> str:

@@ -8,15 +8,17 @@ Fields of a nested mapping become `outer/inner`; a vector in each sample becomes
 beside the samples are no columns. A value that a record lacks, and `null`, is missing.
 """
 
-import gzip
 import json
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
+from drake_tc.config.quoted import quoted
 from drake_tc.errors import LogError
+from drake_tc.logs.sizes import unpacked_gzip
 
 FORMS = "a mapping of columns {name: [values]}, or a list of records [{name: value}, ...]"
 
@@ -47,8 +49,7 @@ def read_json_lines(path: Path) -> pd.DataFrame:
 
 
 def _text(path: Path) -> str:
-    content = path.read_bytes()
-    content = gzip.decompress(content) if path.name.lower().endswith(".gz") else content
+    content = unpacked_gzip(path) if path.name.lower().endswith(".gz") else path.read_bytes()
     return content.decode("utf-8-sig")
 
 
@@ -56,10 +57,9 @@ def _parsed(text: str, path: Path, line: int | None = None) -> Any:
     def mapping(pairs: Sequence[tuple[str, Any]]) -> dict[str, Any]:
         found = dict(pairs)
         if len(found) < len(pairs):
-            names = [name for name, _ in pairs]
-            twice = next(name for name in names if names.count(name) > 1)
+            twice = next(name for name, count in Counter(name for name, _ in pairs).items() if count > 1)
             raise LogError(
-                f"{path}: {twice!r} stands more than once in one mapping; give each column a name of its own"
+                f"{path}: {quoted(twice)} stands more than once in one mapping; give each column a name of its own"
             )
         return found
 

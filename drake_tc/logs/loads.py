@@ -82,9 +82,9 @@ class RobotLoad:
     """Torques from the model of the whole robot that the rig file names.
 
     Attributes:
-        method: "estimate": encoders, IMU and F/T sensors (EQUATIONS A2); "inverse_dynamics": encoders and, where there
-            is one, the IMU, for a robot that nothing touches or whose F/T sensors are not in the way; "fitted": the
-            same, but the links' inertial parameters are fitted together with the joints' models.
+        method: "estimate": encoders, IMU and F/T sensors (Del Prete et al., 2016, Algorithm 1); "inverse_dynamics":
+            encoders and, where there is one, the IMU, for a robot that nothing touches or whose F/T sensors are not in
+            the way; "fitted": the same, but the links' inertial parameters are fitted together with the joints' models.
         tolerance: Of a fitted robot: standard deviation of a link's mass as a share of the file's; its first moments
             and inertia follow with the link's size (`robot.link_parameters`).
         gain_tolerance: Of a fitted robot: standard deviation of the common relative error of the declared drive gains.

@@ -11,11 +11,12 @@ import numpy as np
 
 from drake_tc.errors import LogError
 from drake_tc.logs import channels
-from drake_tc.logs.clock import MIN_ROWS, rows_in_order, uniform_clock
+from drake_tc.logs.clock import GAP_PERIODS, MIN_ROWS, rows_in_order, uniform_clock
 from drake_tc.logs.columns import RawLog, map_columns
 from drake_tc.logs.exchanged import refuse_exchanged
 from drake_tc.logs.live import require_live
 from drake_tc.logs.loads import Pendulum
+from drake_tc.logs.local_motion import stepped_clock
 from drake_tc.logs.plausible import check_angles, check_speed, check_velocity, lag_notes
 from drake_tc.logs.readers import read_table, run_name
 from drake_tc.logs.record import Run
@@ -42,9 +43,8 @@ def _in_order(raw: RawLog) -> RawLog:
     if keep.all():
         return replace(raw, time=time, notes=raw.notes + notes)
     columns = {name: values[keep] for name, values in raw.columns.items()}
-    return replace(
-        raw, rows=raw.rows[keep], time=time, columns=columns, enabled=raw.enabled[keep], notes=raw.notes + notes
-    )
+    rows, enabled, valid = raw.rows[keep], raw.enabled[keep], raw.valid[keep]
+    return replace(raw, rows=rows, time=time, columns=columns, enabled=enabled, valid=valid, notes=raw.notes + notes)
 
 
 def _check_commands(raw: RawLog, rig: Rig) -> tuple[str, ...]:
@@ -76,12 +76,14 @@ def _motion(raw: RawLog, rig: Rig, name: str) -> FloatArray:
 def _repair_channels(raw: RawLog, rig: Rig) -> tuple[dict[str, FloatArray], BoolArray, tuple[str, ...]]:
     """Fill, release and mask each channel; returns the channels, the rows not to be used, and notes."""
     columns: dict[str, FloatArray] = {}
-    excluded = ~raw.enabled
+    excluded = ~(raw.enabled & raw.valid)
     notes: tuple[str, ...] = ()
     filled_notes: dict[str, list[str]] = {}
     required = {name for joint in rig.joints for name in rig.required_columns(joint)}
-    if excluded.any():
-        notes += (f"{int(excluded.sum())} rows with the drive switched off were left out.",)
+    if not raw.enabled.all():
+        notes += (f"{int((~raw.enabled).sum())} rows with the drive switched off were left out.",)
+    if not raw.valid.all():
+        notes += (f"{int((~raw.valid).sum())} rows were left out because the rig's `valid` does not hold there.",)
     for name, values in raw.columns.items():
         values, holes, note = channels.fill_missing(raw.time, values)
         if name not in required and holes.mean() > MOST_MISSING:
@@ -153,6 +155,13 @@ def _segments(block: IntArray, excluded: BoolArray) -> IntArray:
     return np.repeat(numbers, lengths).astype(np.int64)
 
 
+def _stepped(raw: RawLog, rig: Rig) -> BoolArray:
+    """Steps (T - 1,) over which a joint's position says that the clock is wrong."""
+    positions = (raw.columns[f"{joint}/position"] for joint in rig.joints if joint not in raw.speed_only)
+    found = [stepped_clock(raw.time, position, GAP_PERIODS) for position in positions]
+    return np.any(found, axis=0) if found else np.zeros(raw.time.size - 1, dtype=bool)
+
+
 def _prepare(path: Path, rig: Rig) -> Run:
     """One run, with every repair but the signs, which are decided over all runs of a rig."""
     table = read_table(path)
@@ -162,7 +171,7 @@ def _prepare(path: Path, rig: Rig) -> Run:
     raw = mended(with_positions(_in_order(raw)), rig.joints)
     notes = raw.notes + _check_commands(raw, rig) + require_live(raw, rig)
     columns, excluded, more = _repair_channels(raw, rig)
-    clock = uniform_clock(raw.time, raw.enabled, path)
+    clock = uniform_clock(raw.time, raw.enabled, path, _stepped(raw, rig))
     resampled = {name: clock.resample(values) for name, values in columns.items()}
     segment = _segments(clock.block, clock.resample_mask(excluded))
     usable = segment >= 0
@@ -229,6 +238,10 @@ def load_runs(paths: Sequence[Path | str], rig: Rig) -> list[Run]:
 
     Raises:
         LogError: A file that cannot be used, in one line: file, row and column, and what to do.
+
+    Example:
+        >>> [run.name for run in load_runs([leg_log()], leg_rig())]
+        ['swing']
     """
     runs = _unique_names([_prepare(Path(path), rig) for path in paths])
     require_alike(runs)
@@ -249,5 +262,10 @@ def load_run(path: Path | str, rig: Rig) -> Run:
 
     Raises:
         LogError: The file cannot be used; one line says where and what to do.
+
+    Example:
+        >>> run = load_run(leg_log(), leg_rig())
+        >>> sorted(run.columns)
+        ['knee/current', 'knee/position', 'knee/torque']
     """
     return load_runs([path], rig)[0]

@@ -1,47 +1,59 @@
 """Files to tables: one reader a suffix, in a registry that a user may extend."""
 
 import csv
-import gzip
-import zipfile
+import io
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from types import MappingProxyType
 from typing import IO
 
 import numpy as np
 import pandas as pd
-import scipy.io
+import pyarrow.parquet  # type: ignore[import-untyped]
 
+from drake_tc.config.quoted import quoted
 from drake_tc.errors import LogError
 from drake_tc.logs.bags.reader import SUFFIXES, is_bag, read_bag
 from drake_tc.logs.json_log import read_json, read_json_lines
 from drake_tc.logs.lerobot import without_lists
+from drake_tc.logs.mat_file import Value, read_mat
+from drake_tc.logs.npz_file import read_arrays
+from drake_tc.logs.sizes import check_size, unpacked_gzip
 
 Reader = Callable[[Path], pd.DataFrame]
+Opener = Callable[[], IO[bytes]]
+
+LONGEST_HEADER = 2**24
+"""Of the first line of a CSV file [bytes]."""
 
 
-def _separator(path: Path) -> str:
+def _separator(opened: Opener) -> str:
     """The character that splits the header: a comma unless there is none but a semicolon or a tab."""
-    header = pd.read_csv(path, sep="\x00", header=None, nrows=1, engine="c", dtype=str)
-    text = "" if header.empty else str(header.iat[0, 0])
-    return next((mark for mark in (",", ";", "\t") if mark in text), ",")
+    with opened() as file:
+        header = file.readline(LONGEST_HEADER).decode("utf-8", errors="replace")
+    return next((mark for mark in (",", ";", "\t") if mark in header), ",")
 
 
-def _check_names(path: Path, separator: str) -> None:
+def _check_names(path: Path, opened: Opener, separator: str) -> None:
     """Refuse a header with a name that stands twice; pandas would rename the second in silence.
 
     Raises:
         LogError: names the column.
     """
-    with _opened(path) as file:
-        names = [name.strip() for name in next(csv.reader(file, delimiter=separator), [])]
-    twice = next((name for name in names if name and names.count(name) > 1), None)
+    with opened() as file:
+        names = [name.strip() for name in next(csv.reader(_lines(file), delimiter=separator), [])]
+    _refuse_repeated(path, [name for name in names if name])
+
+
+def _refuse_repeated(path: Path, names: list[str]) -> None:
+    twice = next((name for name, count in Counter(names).items() if count > 1), None)
     if twice is not None:
-        raise LogError(f"{path}: column {twice!r} stands more than once; give each column a name of its own")
+        raise LogError(f"{path}: column {quoted(twice)} stands more than once; give each column a name of its own")
 
 
-def _check_cells(path: Path, separator: str, width: int) -> None:
+def _check_cells(path: Path, opened: Opener, separator: str, width: int) -> None:
     """Refuse single rows with more cells than the others and than the header has names; empty cells do not count.
 
     Where every row has a cell more than the header, the last column has no name, and is not read.
@@ -51,8 +63,8 @@ def _check_cells(path: Path, separator: str, width: int) -> None:
     """
     lengths: Counter[int] = Counter()
     first: dict[int, int] = {}
-    with _opened(path) as file:
-        for row in (rows := csv.reader(file, delimiter=separator)):
+    with opened() as file:
+        for row in (rows := csv.reader(_lines(file), delimiter=separator)):
             filled = max((i + 1 for i, cell in enumerate(row) if cell.strip()), default=0)
             lengths[filled] += 1
             first.setdefault(filled, rows.line_num)
@@ -67,29 +79,54 @@ def _check_cells(path: Path, separator: str, width: int) -> None:
         )
 
 
-def _opened(path: Path) -> IO[str]:
-    """The text of a file, packed or not."""
-    if path.name.lower().endswith(".gz"):
-        return gzip.open(path, "rt", encoding="utf-8", errors="replace", newline="")
-    return path.open(encoding="utf-8", errors="replace", newline="")
+def _lines(file: IO[bytes]) -> IO[str]:
+    return io.TextIOWrapper(file, encoding="utf-8", errors="replace", newline="")
+
+
+def _opener(path: Path) -> Opener:
+    """Opens the content of a file, unpacked where it is packed."""
+    if not path.name.lower().endswith(".gz"):
+        return lambda: path.open("rb")
+    content = unpacked_gzip(path)
+    return lambda: io.BytesIO(content)
 
 
 def _read_csv(path: Path) -> pd.DataFrame:
-    separator = _separator(path)
-    _check_names(path, separator)
+    opened = _opener(path)
+    separator = _separator(opened)
+    _check_names(path, opened, separator)
     try:
-        return pd.read_csv(path, sep=separator, engine="pyarrow")
+        with opened() as file:
+            return _with_texts(pd.read_csv(file, sep=separator, engine="pyarrow"))
     except (pd.errors.ParserError, ValueError):
-        # rows of uneven length: the C parser drops what lies beyond the header
-        width = range(pd.read_csv(path, sep=separator, nrows=0, index_col=False).shape[1])
-        _check_cells(path, separator, len(width))
-        return pd.read_csv(
-            path, sep=separator, skipinitialspace=True, index_col=False, usecols=list(width), low_memory=False
-        )
+        # rows of uneven length, or bytes that are not UTF-8: the C parser drops what lies beyond the header
+        with opened() as file:
+            width = pd.read_csv(file, sep=separator, nrows=0, index_col=False, encoding_errors="replace").shape[1]
+        _check_cells(path, opened, separator, width)
+        columns = list(range(width))
+        with opened() as file:
+            return pd.read_csv(
+                file,
+                sep=separator,
+                skipinitialspace=True,
+                index_col=False,
+                usecols=columns,
+                low_memory=False,
+                encoding_errors="replace",
+            )
+
+
+def _with_texts(table: pd.DataFrame) -> pd.DataFrame:
+    """The table with texts in place of bytes, which Arrow keeps where they are not UTF-8."""
+    for name in table.columns[[pd.api.types.is_object_dtype(kind) for kind in table.dtypes]]:
+        table[name] = [c.decode("utf-8", errors="replace") if isinstance(c, bytes) else c for c in table[name]]
+    return table
 
 
 def _read_parquet(path: Path) -> pd.DataFrame:
-    return without_lists(pd.read_parquet(path), path)
+    about = pyarrow.parquet.read_metadata(path)
+    check_size(path, path.stat().st_size, 8.0 * about.num_rows * about.num_columns)
+    return _with_texts(without_lists(pd.read_parquet(path), path))
 
 
 def _columns_of(name: str, value: np.ndarray) -> dict[str, np.ndarray]:
@@ -123,33 +160,23 @@ def _table(path: Path, columns: Mapping[str, np.ndarray]) -> pd.DataFrame:
 
 def _read_npz(path: Path) -> pd.DataFrame:
     columns: dict[str, np.ndarray] = {}
-    with np.load(path, allow_pickle=False) as archive:
-        for name in archive.files:
-            columns |= _columns_of(name, archive[name])
+    for name, values in read_arrays(path).items():
+        columns |= _columns_of(name, values)
     return _table(path, columns)
 
 
-def _flatten(prefix: str, value: np.ndarray) -> dict[str, np.ndarray]:
+def _flatten(prefix: str, value: Value) -> Iterator[tuple[str, np.ndarray]]:
     """Columns of a MATLAB value: the fields of a struct become `struct/field`, a double underscore a slash."""
-    if value.dtype.names and value.size == 1:
-        columns: dict[str, np.ndarray] = {}
-        for field in value.dtype.names:
-            inner = np.asarray(value[field].item())
-            columns |= _flatten(f"{prefix}/{field}", inner)
-        return columns
-    return _columns_of(prefix.replace("__", "/"), value)
+    if isinstance(value, dict):
+        for field, inner in value.items():
+            yield from _flatten(f"{prefix}/{field}", inner)
+    else:
+        yield from _columns_of(prefix.replace("__", "/"), value).items()
 
 
 def _read_mat(path: Path) -> pd.DataFrame:
-    try:
-        content = scipy.io.loadmat(path)
-    except NotImplementedError:
-        raise LogError(f"{path}: MATLAB 7.3 file; save it with '-v7', or as CSV, Parquet or NPZ") from None
-    columns: dict[str, np.ndarray] = {}
-    for name, value in content.items():
-        if not name.startswith("__"):
-            columns |= _flatten(name, np.asarray(value))
-    return _table(path, columns)
+    found = read_mat(path).items()
+    return _table(path, dict(pair for name, value in found for pair in _flatten(name, value)))
 
 
 READERS: Mapping[str, Reader] = MappingProxyType(
@@ -201,29 +228,43 @@ def read_table(path: Path | str, readers: Mapping[str, Reader] = READERS) -> pd.
     if not suffix:
         ending = "".join(path.suffixes[-2:]) or "no ending"
         raise LogError(f"{path}: unknown kind of log file ({ending}); readable: {', '.join(sorted(readers))}")
-    try:
+    with _refused(path, suffix):
         table = readers[suffix](path)
+    if len(table) == 0:
+        raise LogError(f"{path}: no rows; record at least a few seconds of motion")
+    names = [str(name).strip() for name in table.columns]
+    _refuse_repeated(path, names)
+    table.columns = pd.Index(names)
+    return table
+
+
+@contextmanager
+def _refused(path: Path, suffix: str) -> Iterator[None]:
+    """Whatever the reader of a format says against a file, as one line.
+
+    Parsers raise errors of any kind for a damaged file; none of them is a defect of what called them.
+
+    Raises:
+        LogError: the file cannot be read.
+    """
+    try:
+        yield
     except LogError:
         raise
     except pd.errors.EmptyDataError:
         raise LogError(f"{path}: no rows; record at least a few seconds of motion") from None
-    except (
-        OSError,
-        ValueError,
-        EOFError,
-        KeyError,
-        TypeError,
-        zipfile.BadZipFile,
-        ArithmeticError,
-        csv.Error,
-    ) as error:
-        reason = (str(error).splitlines() or [type(error).__name__])[0]
-        raise LogError(f"{path}: cannot be read as {suffix}: {reason}") from error
-    if len(table) == 0:
-        raise LogError(f"{path}: no rows; record at least a few seconds of motion")
-    names = [str(name).strip() for name in table.columns]
-    twice = sorted({name for name in names if names.count(name) > 1})
-    if twice:
-        raise LogError(f"{path}: column {twice[0]!r} stands more than once; give each column a name of its own")
-    table.columns = pd.Index(names)
-    return table
+    except OSError as error:
+        raise LogError(f"{path}: cannot be read as {suffix}: {_reason(error.strerror or str(error))}") from None
+    except UnicodeDecodeError as error:
+        raise LogError(
+            f"{path}: cannot be read as {suffix}: byte {error.start} is not UTF-8; save the file in UTF-8"
+        ) from None
+    except MemoryError:
+        raise LogError(f"{path}: cannot be read as {suffix}: it does not fit into the memory") from None
+    except Exception as error:
+        raise LogError(f"{path}: cannot be read as {suffix}: {_reason(str(error))}") from error
+
+
+def _reason(text: str) -> str:
+    """The first line of another library's message."""
+    return next((line.strip() for line in text.splitlines() if line.strip()), "it is damaged")

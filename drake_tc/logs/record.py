@@ -28,6 +28,12 @@ class Run:
         steps: Column name to the step of its recorded values, for the columns whose values lie on a grid. It is read
             before the resampling, which hides it.
         speed_only: Joints whose position is the integral of the recorded velocity (`speed_only`).
+
+    Example:
+        >>> time = np.arange(100) * 0.01
+        >>> run = Run("swing", None, time, 0.01, {"knee/position": np.sin(time)}, np.zeros(100, dtype=int))
+        >>> len(run), list(run.segments())
+        (100, [slice(0, 100, None)])
     """
 
     name: str

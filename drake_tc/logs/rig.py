@@ -11,11 +11,14 @@ from typing import Any
 
 import yaml
 
+from drake_tc.config.quoted import quoted
+from drake_tc.config.whole_file import write_whole
 from drake_tc.config.yaml_file import read_yaml
 from drake_tc.errors import RigError
+from drake_tc.logs.declared_file import with_declared_file
 from drake_tc.logs.loads import Load, Pendulum, RobotLoad, UnknownLoad
 from drake_tc.logs.rig_document.by_joint import values_by_joint
-from drake_tc.logs.rig_document.declared import Declared, declared_of
+from drake_tc.logs.rig_document.declared import Declared, declared_of, is_file
 from drake_tc.logs.rig_document.document import DriveKind, RigDocument
 from drake_tc.logs.rig_document.drive_scale import declared_gains
 from drake_tc.logs.rig_document.loads import load_of
@@ -37,6 +40,7 @@ from drake_tc.logs.sensors import (
     JointSensors,
     Tolerance,
 )
+from drake_tc.logs.valid import Condition
 
 COMMAND_COLUMN: Mapping[DriveKind, str] = {
     "position_servo": "position_command",
@@ -67,9 +71,11 @@ class Rig:
         columns: Canonical column name to the name in the log file, where they differ.
         units: Canonical name or suffix to a unit or scale factor, where not SI.
         enabled: Name in the log of the column that is 0 while the drive is off, or None.
+        valid: Conditions that all samples meet which may be used.
         saturation: Known effort limit by joint [rad | A | V | N m], where known.
         drive_gain: Declared gain K_0 by joint [effort/(N m)], where it is declared.
         derivative_gain: Declared damping of a position servo by joint [N m s/rad], where it is declared.
+        command_hold: Whether the command acts unchanged until the next sample; None where the file does not say.
         source: The file it came from, or None.
         robot: The robot file whose model gives the loads, or None.
         sensors: Declared noise and tolerances by joint; see `joint_sensors`.
@@ -77,6 +83,11 @@ class Rig:
         coupled: By joint, turns of its motor for one turn of another joint (`estimation.coupled_gears`).
         tares: Begin and end of the stretch of every run in which an F/T sensor is zeroed [s], by its column name.
         robot_sensors: Column names of the sensors that the robot file lists (`ft_foot`, `imu_trunk`).
+
+    Example:
+        >>> _ = (FOLDER / "rig.yaml").write_text("{joint: knee, drive: current, load: torque}")
+        >>> load_rig(FOLDER / "rig.yaml").joints
+        ('knee',)
     """
 
     joints: tuple[str, ...]
@@ -86,9 +97,11 @@ class Rig:
     columns: Mapping[str, str] = field(default_factory=_empty)
     units: Mapping[str, str | float] = field(default_factory=_empty)
     enabled: str | None = None
+    valid: tuple[Condition, ...] = ()
     saturation: Mapping[str, float] = field(default_factory=_empty)
     drive_gain: Mapping[str, float] = field(default_factory=_empty)
     derivative_gain: Mapping[str, float] = field(default_factory=_empty)
+    command_hold: bool | None = None
     source: Path | None = None
     robot: Path | None = None
     sensors: Mapping[str, JointSensors] = field(default_factory=_empty)
@@ -143,7 +156,7 @@ def parse_rig(document: object, source: Path | str = "rig") -> Rig:
     """
     name = str(source)
     if not isinstance(document, Mapping):
-        raise RigError(f"{name}: expected a mapping, got {type(document).__name__} ({HINT})")
+        raise RigError(f"{name}: expected a mapping, got {quoted(document)} ({HINT})")
     entries = _with_text_keys(document)
     robot = parse_robot(name, entries.get("robot"), source)
     if robot is not None and not {"joint", "joints"} & set(entries):
@@ -155,6 +168,7 @@ def parse_rig(document: object, source: Path | str = "rig") -> Rig:
         rig = _rig_of(read, robot, source if isinstance(source, Path) else None)
     except ValueError as error:
         raise RigError(f"{name}: {error}") from None
+    rig = _with_declared_files(rig, read)
     check_robot_load(name, rig.load, robot, coupled=bool(rig.coupled))
     check_sensors(name, rig.tolerances, rig.robot_sensors, robot)
     check_joint_tolerances(name, (read.sensors or SensorsKeys()).of_joints, rig.load)
@@ -185,6 +199,8 @@ def _rig_of(read: RigDocument, robot: Path | None, source: Path | None) -> Rig:
         columns={name: str(in_log) for name, in_log in (read.columns or {}).items()},
         units=read.units or {},
         enabled=read.enabled,
+        command_hold=read.command_hold,
+        valid=tuple(Condition.of(text) for text in read.valid or ()),
         source=source,
         robot=robot,
         sensors={joint: sensors.of_joint(joint, torque_sensor=load[joint] == "torque") for joint in joints},
@@ -200,14 +216,35 @@ def _rig_of(read: RigDocument, robot: Path | None, source: Path | None) -> Rig:
     )
 
 
-def load_rig(path: Path | str) -> Rig:
+def _with_declared_files(rig: Rig, read: RigDocument) -> Rig:
+    """The rig with what the files that `declared` names say of their joints."""
+    entries = values_by_joint(read.declared, rig.joints)
+    named = {joint: entry for joint, entry in entries.items() if isinstance(entry, str) and is_file(entry)}
+    for file in dict.fromkeys(named.values()):
+        joints = [joint for joint, entry in named.items() if entry == file]
+        path = Path(file) if rig.source is None else rig.source.parent / file
+        rig = with_declared_file(rig, path, joints)
+    return rig
+
+
+def load_rig(path: Path | str, declared: Path | None = None) -> Rig:
     """Read a rig file.
 
+    Args:
+        path: Of the rig file.
+        declared: A file of another simulator that declares what its model has (`drake_tc.logs.declared_file`).
+
     Raises:
-        RigError: No such file, not YAML, or not a rig; names file and key.
+        RigError: No such file, not YAML, or not a rig; names file and key. Or `declared` cannot be used.
+
+    Example:
+        >>> _ = (FOLDER / "rig.yaml").write_text("{joint: knee, drive: current, load: torque}")
+        >>> load_rig(FOLDER / "rig.yaml").drive
+        {'knee': 'current'}
     """
     path = Path(path)
-    return parse_rig(read_yaml(path, "rig file", RigError), path)
+    rig = parse_rig(read_yaml(path, "rig file", RigError), path)
+    return rig if declared is None else with_declared_file(rig, declared)
 
 
 def _load_entry(load: Load) -> object:
@@ -259,8 +296,9 @@ def rig_document(rig: Rig) -> dict[str, Any]:
         for key in ("columns", "units", "saturation", "drive_gain", "derivative_gain", "coupled")
         if getattr(rig, key)
     }
-    if rig.enabled is not None:
-        document["enabled"] = rig.enabled
+    document |= {key: getattr(rig, key) for key in ("enabled", "command_hold") if getattr(rig, key) is not None}
+    if rig.valid:
+        document["valid"] = [condition.text for condition in rig.valid]
     sensors = sensors_entry(rig.sensors, rig.tolerances, rig.tares)
     if sensors:
         document["sensors"] = sensors
@@ -279,5 +317,5 @@ def save_rig(rig: Rig, path: Path | str, comment: str = "") -> Path:
     if rig.robot is not None:
         document["robot"] = os.path.relpath(rig.robot, path.parent)
     body = yaml.safe_dump(document, sort_keys=False, allow_unicode=True)
-    path.write_text(head + body, encoding="utf-8")
+    write_whole(path, head + body)
     return path

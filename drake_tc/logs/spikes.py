@@ -15,6 +15,10 @@ from drake_tc.types import BoolArray, FloatArray
 TURN = 2.0 * np.pi
 NEAR_A_TURN = 0.25
 """Distance of a step from 2 pi n below which it may be turns [rad]."""
+MOST_TURNS = 1000.0
+"""Of one step; a larger one is a wild value."""
+LIKE_OTHERS = 2.0
+"""What is left of a step without its turns is at most so many times the largest other step."""
 NEIGHBOURHOOD = 9
 """Rows of the running median; it passes over spikes of up to four rows."""
 LONGEST_SPIKE = 3
@@ -48,13 +52,15 @@ class Turns:
 def without_turns(values: FloatArray) -> Turns:
     """An angle (T,) [rad] without the whole turns between its rows; NaN stays.
 
-    Steps of 2 pi n +- 0.25 rad are turns if every other step is below a tenth of a turn; a joint that moves
-    faster than that between two samples is left alone.
+    Steps of 2 pi n +- 0.25 rad are turns if what is left without them is like the other steps, and every other step
+    is below a tenth of a turn; a joint that moves faster than that between two samples is left alone.
     """
     at = np.flatnonzero(np.isfinite(values))
     steps = np.diff(values[at])
     turns = np.round(steps / TURN)
-    found = (turns != 0) & (np.abs(steps - TURN * turns) < NEAR_A_TURN)
+    found = (turns != 0) & (np.abs(turns) <= MOST_TURNS) & (np.abs(steps - TURN * turns) < NEAR_A_TURN)
+    largest = float(np.abs(steps[~found]).max(initial=0.0))
+    found &= np.abs(steps - TURN * turns) <= LIKE_OTHERS * largest  # else a wild value that happens to be near one
     if not found.any() or np.abs(steps[~found]).max(initial=0.0) > 0.1 * TURN:
         return Turns(values, ())
     mended = values.copy()

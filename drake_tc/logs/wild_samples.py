@@ -7,10 +7,13 @@ import numpy as np
 
 from drake_tc.errors import LogError
 from drake_tc.logs.columns import RawLog, file_row
+from drake_tc.logs.local_motion import held_rows
 from drake_tc.logs.spikes import MOST_SPIKES, TURN, spikes, without_turns
 from drake_tc.types import FloatArray
 
 ANGLES = ("position", "motor_position", "position_command")
+SLOW = ("temperature", "supply_voltage", "position_gain")
+"""Channels that repeat values by nature."""
 MEASURED = ("position", "motor_position", "torque", "velocity")
 
 
@@ -39,7 +42,27 @@ def mended(raw: RawLog, joints: Sequence[str]) -> RawLog:
             if name in columns:
                 columns[name], note = _without_spikes(columns[name], name, raw)
                 notes += [note] if note else []
+        notes += _without_held(columns, joint, raw)
     return replace(raw, columns=columns, notes=(*raw.notes, *notes)) if notes else raw
+
+
+def _without_held(columns: dict[str, FloatArray], joint: str, raw: RawLog) -> list[str]:
+    """NaN where the joint's position was held in motion, in the position and in what repeats there with it."""
+    position = columns.get(f"{joint}/position")
+    if position is None or not (held := held_rows(position)).any():
+        return []
+    names = []
+    for name, values in columns.items():
+        if np.array_equal(values[held], values[np.flatnonzero(held) - 1], equal_nan=True):
+            columns[name] = np.where(held, np.nan, values)
+            names.append(name)
+    first = int(np.flatnonzero(held)[0])
+    return [
+        f"Column {name} repeats an earlier value in {int(held.sum())} rows in which the joint moved on (the first:"
+        f" {file_row(raw.path, first)}); they were taken out."
+        for name in names
+        if name.rpartition("/")[2] not in SLOW
+    ]
 
 
 def _put_together(columns: dict[str, FloatArray], joint: str) -> None:

@@ -1,7 +1,8 @@
 """What a command needs of a diagram: its scenarios, how it is built, and how it is simulated."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Generic, Literal, Protocol, TypeVar
 
@@ -76,6 +77,28 @@ class DiagramEntry(Generic[ScenarioT, LoopT]):
     simulate: Callable[[ScenarioT, Progress | None, bool], Simulated]
     sliding: Callable[[ScenarioT, Path], ScenarioT] | None = None
 
+    def naming(self, file: Path | None, text: str | None) -> "DiagramEntry[ScenarioT, LoopT]":
+        """The same entry, whose errors of building name where the user's scenario comes from.
+
+        Args:
+            file: The user's scenario file.
+            text: The user's changes.
+        """
+        source = "scenario text" if file is None else str(file)
+        if file is None and text is None:
+            return self
+        build, simulate = self.build, self.simulate
+
+        def named_build(scenario: ScenarioT) -> LoopT:
+            with naming_errors(source):
+                return build(scenario)
+
+        def named_simulate(scenario: ScenarioT, progress: Progress | None, meshcat: bool) -> Simulated:
+            with naming_errors(source):
+                return simulate(scenario, progress, meshcat)
+
+        return replace(self, build=named_build, simulate=named_simulate)
+
     def scenarios(self) -> list[str]:
         """Names of the committed scenarios."""
         names: list[str] = scenario_names(self.scenario_file)
@@ -94,3 +117,12 @@ class DiagramEntry(Generic[ScenarioT, LoopT]):
                 raise ParamsError(f"{path}: expected at least one scenario; the file has none")
             name = names[0]
         return self.load(path, name, text)
+
+
+@contextmanager
+def naming_errors(source: str) -> Iterator[None]:
+    """Put the source before a ParamsError that does not name it."""
+    try:
+        yield
+    except ParamsError as error:
+        raise error if source in str(error) else ParamsError(f"{source}: {error}") from None

@@ -1,7 +1,7 @@
 """A diagram that a function of the user's returns, as commands take it: `module:function` in place of a name."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from inspect import getsourcefile
 from pathlib import Path
@@ -18,6 +18,7 @@ from drake_tc.errors import ParamsError
 from drake_tc.loops.advancing import Progress, advance
 from drake_tc.loops.diagram_entry import DiagramEntry
 from drake_tc.loops.recording import write_log
+from drake_tc.loops.run_panels import RunPlot, TimePanel
 from drake_tc.loops.scenarios.base import ScenarioBase
 from drake_tc.loops.scenarios.files import changes_in
 from drake_tc.loops.simulated import Simulated, Tell
@@ -166,7 +167,23 @@ def _simulated(loop: FunctionLoop, progress: Progress | None) -> Simulated:
             tell("the diagram has no VectorLogSink, so that there is nothing to write")
         return [write_log(_columns(name, *log), folder / f"{name}.{ending}") for name, log in logs.items()]
 
-    return Simulated(summary, TextTable("", ("logged signal", "min", "max", "last"), rows), lines, write)
+    table = TextTable("", ("logged signal", "min", "max", "last"), rows)
+    return Simulated(summary, table, lines, write, lambda: _plot(loop.diagram.get_name(), logs))
+
+
+def _plot(title: str, logs: Mapping[str, tuple[FloatArray, FloatArray]]) -> RunPlot:
+    """A panel for each logged signal.
+
+    Raises:
+        ParamsError: there is none.
+    """
+    if not logs:
+        raise ParamsError("--plot: the diagram has no VectorLogSink, so that there is nothing to draw")
+    panels = [
+        TimePanel(name, "-", time, {f"{name}[{i}]": values[:, i] for i in range(values.shape[1])}, {})
+        for name, (time, values) in logs.items()
+    ]
+    return RunPlot(title, tuple(panels), panels[0].time, {})
 
 
 def _columns(name: str, times: FloatArray, values: FloatArray) -> dict[str, Any]:

@@ -1,14 +1,15 @@
 """`LoopBuilder`: what the stages of a loop share while its diagram is being wired."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Generic, TypeVar
 
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
+from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort, System
 from pydrake.systems.primitives import Multiplexer
 
+from drake_tc.errors import ParamsError
 from drake_tc.filtering.savitzky_golay import SavitzkyGolayFilter
 from drake_tc.loops.ports import first_imu, picked
 from drake_tc.loops.signal_log import SignalLog, add_log
@@ -17,6 +18,8 @@ from drake_tc.sensing.suite import SensorSuite
 ScenarioT = TypeVar("ScenarioT")
 DERIVATIVES = {"joint_estimate": 3, "imu_estimate": 2, "wrench_estimate": 1}
 """How many orders of a filtered signal the torque estimator reads: the value, and its first derivatives."""
+FILTERED = {"joint_estimate": "position", "imu_estimate": "imu", "wrench_estimate": "wrench"}
+"""Filtered signal to the reading that it is made of: the input ports of a filter of the user's own."""
 
 
 @dataclass
@@ -30,6 +33,9 @@ class LoopBuilder(Generic[ScenarioT]):
         period: Of control, sensors and log [s].
         signals: Name to port, of what is recorded.
         flag_names: Of the signal "flags", in order.
+        stages: Stage to the user's own system in its place.
+        between: "stage.port" to the user's own system behind this output port.
+        systems: Stage to the system that was added.
     """
 
     builder: DiagramBuilder
@@ -38,13 +44,97 @@ class LoopBuilder(Generic[ScenarioT]):
     period: float
     signals: dict[str, OutputPort] = field(default_factory=dict)
     flag_names: tuple[str, ...] = ()
+    stages: Mapping[str, System] = field(default_factory=dict)
+    between: Mapping[str, System] = field(default_factory=dict)
+    systems: dict[str, System] = field(default_factory=dict)
+    _behind: dict[str, OutputPort] = field(default_factory=dict)
+    _places: set[str] = field(default_factory=set)
 
     def add(self, name: str, system: Any, **inputs: OutputPort) -> Any:
-        """Add a system and connect its named inputs."""
-        self.builder.AddNamedSystem(name, system)
+        """Add a stage and connect its inputs by name; the user's own system where there is one for this stage.
+
+        Args:
+            name: Of the stage.
+            system: The system, or a function that makes it and is not called where the user has a system.
+            inputs: Input port to its source. The user's own system need not have all of these ports; it may have
+                others that are called as a recorded signal.
+
+        Returns:
+            The system that was added.
+        """
+        own = self.stages.get(name)
+        if own is None:
+            added = system() if callable(system) else system
+        else:
+            added, known = own, {**self.signals, **inputs}
+            names = [own.get_input_port(i).get_name() for i in range(own.num_input_ports())]
+            inputs = {port: known[port] for port in names if port in known}
+        self.builder.AddNamedSystem(name, added)
+        self.systems[name] = added
         for port, source in inputs.items():
+            self.builder.Connect(source, added.GetInputPort(port))
+        return added
+
+    def connect(self, stage: str, port: str, source: OutputPort) -> None:
+        """Connect an input port of a stage; the user's own system need not have it."""
+        system = self.systems[stage]
+        if stage not in self.stages or system.HasInputPort(port):
             self.builder.Connect(source, system.GetInputPort(port))
-        return system
+
+    def output(self, stage: str, port: str) -> OutputPort:
+        """An output port of a stage, behind the user's own system where there is one for "stage.port".
+
+        Raises:
+            ParamsError: the user's own system of this stage has no such port; otherwise as `passed`.
+        """
+        system = self.systems[stage]
+        if not system.HasOutputPort(port):
+            there = [system.get_output_port(i).get_name() for i in range(system.num_output_ports())]
+            raise ParamsError(
+                f"stages: {stage!r}: expected a system with an output port {port!r}; its ports: {', '.join(there)}"
+            )
+        return self.passed(f"{stage}.{port}", system.GetOutputPort(port))
+
+    def passed(self, place: str, port: OutputPort) -> OutputPort:
+        """The port, or that of the user's own system behind it.
+
+        Args:
+            place: "stage.port".
+            port: What the stage has there.
+
+        Raises:
+            ParamsError: a system whose first ports are not of the port's size.
+        """
+        self._places.add(place)
+        own = self.between.get(place)
+        if own is None:
+            return port
+        if place not in self._behind:
+            sizes = [p.size() for p in (own.get_input_port(0), own.get_output_port(0))]
+            if sizes != [port.size()] * 2:
+                raise ParamsError(
+                    f"between: {place!r}: expected a system whose input and output have size {port.size()};"
+                    f" got sizes {sizes[0]} and {sizes[1]}"
+                )
+            self.builder.AddNamedSystem(own.get_name() or place.replace(".", "_"), own)
+            self.builder.Connect(port, own.get_input_port(0))
+            self._behind[place] = own.get_output_port(0)
+        return self._behind[place]
+
+    def check_own_systems(self) -> None:
+        """Every system of the user's own has found its place.
+
+        Raises:
+            ParamsError: a stage or a place between stages that this loop does not have.
+        """
+        for name in self.stages:
+            if name not in self.systems:
+                raise ParamsError(f"stages: no stage {name!r} in this loop; stages: {', '.join(self.systems)}")
+        for place in self.between:
+            if place not in self._behind:
+                raise ParamsError(
+                    f"between: no place {place!r} in this loop; places: {', '.join(sorted(self._places))}"
+                )
 
     def join(self, name: str, ports: Sequence[OutputPort]) -> OutputPort:
         """One port with the values of several, one below the other."""
@@ -74,6 +164,10 @@ class LoopBuilder(Generic[ScenarioT]):
             readings["imu_estimate"] = first_imu(self.builder, sensors.imu.GetOutputPort("reading"))
         if sensors.force_torque is not None:
             readings["wrench_estimate"] = sensors.force_torque.GetOutputPort("reading")
+        if "filter" in self.stages:
+            raw = {FILTERED[name]: port for name, port in readings.items()}
+            self.add("filter", None, **raw)
+            return {name: self.output("filter", name) for name in readings}
         sizes = [port.size() for port in readings.values()]
         n, total = sizes[0], sum(sizes)
         smooth = SavitzkyGolayFilter(total, window, [orders[0]] * n + [orders[1]] * (total - n), self.period)
@@ -83,10 +177,16 @@ class LoopBuilder(Generic[ScenarioT]):
             name: [d * total + first[name] + i for d in range(DERIVATIVES[name]) for i in range(size)]
             for name, size in zip(readings, sizes, strict=True)
         }
-        return picked(self.builder, "estimates", smooth.GetOutputPort("estimate"), places)
+        ports = picked(self.builder, "estimates", smooth.GetOutputPort("estimate"), places)
+        return {name: self.passed(f"filter.{name}", port) for name, port in ports.items()}
 
     def build(self, name: str) -> tuple[Diagram, SignalLog]:
-        """The diagram, which gets this name, and the log of all recorded signals."""
+        """The diagram, which gets this name, and the log of all recorded signals.
+
+        Raises:
+            ParamsError: see `check_own_systems`.
+        """
+        self.check_own_systems()
         log = add_log(self.builder, self.signals, self.period)
         diagram = self.builder.Build()
         diagram.set_name(name)

@@ -1,6 +1,6 @@
 """`Recording`: what a simulated loop leaves behind, and the files that are written of it."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 import yaml
 
+from drake_tc.config.whole_file import whole_file, write_whole
 from drake_tc.errors import LogError
 from drake_tc.types import FloatArray
 
@@ -63,16 +64,17 @@ def write_log(columns: Mapping[str, FloatArray], path: Path) -> Path:
         LogError: another ending, or a file that cannot be written.
     """
     table = pd.DataFrame(dict(columns))
-    writers = {
-        ".csv": lambda: table.to_csv(path, index=False, float_format="%.9g"),
-        ".parquet": lambda: table.to_parquet(path),
-        ".npz": lambda: np.savez_compressed(path, **dict(columns)),  # type: ignore[arg-type]
+    writers: dict[str, Callable[[Path], object]] = {
+        ".csv": lambda place: table.to_csv(place, index=False, float_format="%.9g"),
+        ".parquet": lambda place: table.to_parquet(place),
+        ".npz": lambda place: np.savez_compressed(place, **dict(columns)),  # type: ignore[arg-type]
     }
     if path.suffix not in writers:
         raise LogError(f"{path}: wanted a log that ends in {', '.join(writers)}; got {path.suffix or 'no ending'}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        writers[path.suffix]()
+        with whole_file(path) as scratch:
+            writers[path.suffix](scratch)
     except OSError as error:
         raise LogError(f"{path}: cannot be written: {error.strerror or error}") from None
     return path
@@ -90,7 +92,7 @@ def write_rig(rig: Mapping[str, Any], path: Path) -> Path:
     """
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(yaml.safe_dump(dict(rig), sort_keys=False), encoding="utf-8")
+        write_whole(path, yaml.safe_dump(dict(rig), sort_keys=False))
     except OSError as error:
         raise LogError(f"{path}: cannot be written: {error.strerror or error}") from None
     return path

@@ -6,6 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from drake_tc.loops.advancing import Progress
+from drake_tc.loops.motion import Motion, torque_motion, tsid_motion
+from drake_tc.loops.run_panels import RunPlot, sea_plot, torque_plot, tsid_plot
 from drake_tc.loops.series_elastic.running import simulate_sea, summarise_sea, write_sea
 from drake_tc.loops.series_elastic.scenario import SeaScenario
 from drake_tc.loops.torque.running import simulate_scenario
@@ -28,16 +30,20 @@ class Simulated:
         table: For people.
         lines: Below the table.
         write: Folder, ending of the log and whom to tell why something is left out, to the files written.
+        plot: What a plot of the run shows.
+        motion: How the robot moved; None where there is no robot to show.
     """
 
     summary: dict[str, Any]
     table: TextTable
     lines: tuple[str, ...]
     write: Callable[[Path, str, Tell], list[Path]]
+    plot: Callable[[], RunPlot]
+    motion: Callable[[], Motion] | None = None
 
 
 def simulate_torque_loop(scenario: Scenario, progress: Progress | None = None, meshcat: bool = False) -> Simulated:
-    """The torque loop of paper A: tracking by joint.
+    """The torque loop of Del Prete et al. (2016): tracking by joint.
 
     Raises:
         ParamsError: a scenario that cannot be built.
@@ -52,7 +58,12 @@ def simulate_torque_loop(scenario: Scenario, progress: Progress | None = None, m
     table = TextTable("", ("joint", "rms error [mrad]", "max error [mrad]", "max torque [N m]"), rows)
     lines = [_speed(summary), *(f"fault: {fault['name']} from {fault['first']:.3f} s" for fault in summary["faults"])]
     return Simulated(
-        summary, table, tuple(lines), lambda folder, end, tell: write_results(recording, folder, end, tell)
+        summary,
+        table,
+        tuple(lines),
+        lambda folder, end, tell: write_results(recording, folder, end, tell),
+        lambda: torque_plot(recording),
+        lambda: torque_motion(recording, scenario),
     )
 
 
@@ -82,7 +93,14 @@ def simulate_tsid_loop(scenario: TsidScenario, progress: Progress | None = None,
     ]
     lines += [f"flag: {flag['name']} from {flag['first']:.3f} s" for flag in summary["flags"]]
     table = TextTable("", ("joint", "max torque [N m]", "of its limit [%]"), rows)
-    return Simulated(summary, table, tuple(lines), lambda folder, end, tell: write_tsid(recording, folder, end, tell))
+    return Simulated(
+        summary,
+        table,
+        tuple(lines),
+        lambda folder, end, tell: write_tsid(recording, folder, end, tell),
+        lambda: tsid_plot(recording),
+        lambda: tsid_motion(recording),
+    )
 
 
 def simulate_sea_loop(scenario: SeaScenario, progress: Progress | None = None, meshcat: bool = False) -> Simulated:
@@ -99,7 +117,13 @@ def simulate_sea_loop(scenario: SeaScenario, progress: Progress | None = None, m
     headings = ("joint", "rms error [N m]", "but for the delay", "max error", "max torque", "max voltage [V]")
     table = TextTable("", headings, ((row["joint"], *(f"{row[name]:.3f}" for name in names)),))
     lines = [_speed(summary), *(f"fault: {fault['name']} from {fault['first']:.3f} s" for fault in summary["faults"])]
-    return Simulated(summary, table, tuple(lines), lambda folder, end, tell: write_sea(recording, folder, end, tell))
+    return Simulated(
+        summary,
+        table,
+        tuple(lines),
+        lambda folder, end, tell: write_sea(recording, folder, end, tell),
+        lambda: sea_plot(recording),
+    )
 
 
 def _speed(summary: dict[str, Any]) -> str:

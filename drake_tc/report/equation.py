@@ -60,6 +60,13 @@ def equations(effect: Effect, values: Mapping[str, Estimate]) -> list[str]:
     return [_math(part, values) for part in effect.equation.split(";")] if effect.equation else []
 
 
+def symbolic_equations(effect: Effect) -> list[str]:
+    """`<math>` elements of an effect with the names of its parameters in place of numbers; for documentation."""
+    names = {p.name: p.name for p in (*effect.parameters, *effect.coefficients, *effect.shapes, *effect.given_shapes)}
+    writer = _Symbols(names)
+    return [_display(part, writer) for part in effect.equation.split(";")] if effect.equation else []
+
+
 def model_equations(joint: JointResult) -> list[tuple[str, bool, list[str]]]:
     """(title, whether it was added, `<math>` elements) of the final model: the torque balance, then every effect."""
     values, known = joint.final_parameters, {t.effect.key for t in joint.baseline.terms}
@@ -79,7 +86,11 @@ def balance(gain: Estimate, rotor_inertia: float) -> str:
 
 
 def _math(text: str, values: Mapping[str, Estimate]) -> str:
-    sides = [_Writer(values).piece(ast.parse(side.strip(), mode="eval").body).text for side in text.split(" = ")]
+    return _display(text, _Writer(values))
+
+
+def _display(text: str, writer: "_Writer") -> str:
+    sides = [writer.piece(ast.parse(side.strip(), mode="eval").body).text for side in text.split(" = ")]
     return f'<math display="block"><mrow>{"<mo>=</mo>".join(sides)}</mrow></math>'
 
 
@@ -195,3 +206,19 @@ class _Writer:
         span = f"<mi>q</mi><mo>=</mo>{start}<mo>…</mo>{end}"
         curve = f"<mi>B</mi>{APPLY}<mo>(</mo><mi>q</mi><mo>;</mo>{listed}<mtext>\u00a0{escape(unit)}</mtext><mo>)</mo>"
         return _Piece(f"<mrow>{curve}</mrow><mrow><mo>(</mo>{span}<mo>)</mo></mrow>", _PRODUCT)
+
+
+class _Symbols(_Writer):
+    """Expressions to MathML with the parameters' names."""
+
+    def __init__(self, names: Mapping[str, str]) -> None:
+        super().__init__({})
+        self.names = names
+
+    def _name(self, name: str) -> _Piece:
+        if name in self.names:
+            return _Piece(f"<mtext>{escape(name.replace('_', ' '))}</mtext>")
+        return _Piece(SYMBOLS[name])
+
+    def _spline(self, arguments: list[ast.expr]) -> _Piece:
+        return _Piece(f"<mrow><mi>B</mi>{APPLY}<mo>(</mo><mi>q</mi><mo>;</mo><mtext>levels</mtext><mo>)</mo></mrow>")

@@ -4,6 +4,7 @@ import os
 import sys
 from pathlib import Path
 
+from drake_tc.config.quoted import located
 from drake_tc.errors import ParamsError
 
 _SCHEME = "package://"
@@ -14,6 +15,14 @@ def _package_folders(name: str) -> list[Path]:
     shares = [Path(entry) / "cmeel.prefix" / "share" / name for entry in sys.path if entry]
     roots = [Path(entry) for entry in os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep) if entry]
     return shares + [root / name for root in roots] + [root for root in roots if root.name == name]
+
+
+def _is_file(path: Path) -> bool:
+    """Whether it is one; a name that no file can have, such as one with a zero byte or of 5000 letters, is none."""
+    try:
+        return path.is_file()
+    except (OSError, ValueError):
+        return False
 
 
 def resolve(reference: str, folder: Path) -> Path:
@@ -28,17 +37,22 @@ def resolve(reference: str, folder: Path) -> Path:
     """
     if not reference.startswith(_SCHEME):
         path = folder / reference
-        if not path.is_file():
-            raise ParamsError(f"{reference}: no such file in {folder}")
+        if not _is_file(path):
+            raise ParamsError(f"{located((reference,))}: no such file in {folder}")
         return path
     name, _, rest = reference.removeprefix(_SCHEME).partition("/")
+    if name in ("", ".", ".."):
+        raise ParamsError(f"{located((reference,))}: expected package://NAME/path with the name of a package")
     folders = [candidate for candidate in _package_folders(name) if candidate.is_dir()]
     if not folders:
         raise ParamsError(
-            f"{reference}: package {name!r} is neither installed nor in ROS_PACKAGE_PATH;"
+            f"{located((reference,))}: package {name!r} is neither installed nor in ROS_PACKAGE_PATH;"
             ' robots of example-robot-data: pip install "drake-tc[robots]"'
         )
     for candidate in folders:
-        if rest and (candidate / rest).is_file():
-            return candidate / rest
-    raise ParamsError(f"{reference}: package {name!r} in {folders[0]} has no file {rest!r}")
+        path = candidate / rest
+        if ".." in Path(rest).parts or Path(rest).is_absolute():
+            raise ParamsError(f"{located((reference,))}: expected a path that stays inside the package {name!r}")
+        if rest and _is_file(path):
+            return path
+    raise ParamsError(f"{located((reference,))}: package {name!r} in {folders[0]} has no file {rest!r}")

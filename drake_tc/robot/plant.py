@@ -7,6 +7,7 @@ import numpy as np
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
 
+from drake_tc.errors import ParamsError
 from drake_tc.robot.robot import Robot, position_range
 from drake_tc.robot.rotors import file_rotors
 from drake_tc.robot.urdf import reduced_urdf
@@ -35,6 +36,10 @@ def joint_limits(robot: Robot) -> Limits:
 
     Raises:
         ParamsError: the URDF cannot be read.
+
+    Example:
+        >>> joint_limits(load_robot(MODELS / "hrp2_like" / "hrp2_like_leg.yaml")).effort.shape
+        (6,)
     """
     tree = read_urdf(robot.urdf, robot.splits)
     rows = []
@@ -65,10 +70,21 @@ def add_robot(
         rotors: Give the joints the inertia of their drives.
 
     Raises:
-        ParamsError: the URDF cannot be read, or the actuator file cannot or lacks a joint.
+        ParamsError: the URDF cannot be read or is refused by Drake, or the actuator file cannot or lacks a joint.
+
+    Example:
+        >>> plant = MultibodyPlant(1e-3)
+        >>> add_robot(plant, load_robot(MODELS / "hrp2_like" / "hrp2_like_leg.yaml"))
+        >>> plant.num_actuators()
+        6
     """
     parser = Parser(plant)
-    (model,) = parser.AddModelsFromString(reduced_urdf(robot, visuals=visuals, collisions=collisions), "urdf")
+    text = reduced_urdf(robot, visuals=visuals, collisions=collisions)
+    try:
+        (model,) = parser.AddModelsFromString(text, "urdf")
+    except (RuntimeError, ValueError) as error:
+        reason = " ".join(str(error).partition("error: ")[2].split()) or " ".join(str(error).split())
+        raise ParamsError(f"{robot.urdf}: Drake refuses the robot: {reason}") from None
     body = plant.GetBodyByName(robot.base, model)
     if robot.fixed_base:
         plant.WeldFrames(plant.world_frame(), body.body_frame(), robot.base_pose.transform)

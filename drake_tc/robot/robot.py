@@ -44,6 +44,11 @@ class Robot:
         posture: (n,) where the joints start [rad].
         source: The robot file.
         splits: Links that an F/T sensor inside them divides in two.
+
+    Example:
+        >>> robot = load_robot(MODELS / "hrp2_like" / "hrp2_like_leg.yaml")
+        >>> len(robot.joints), robot.fixed_base
+        (6, True)
     """
 
     name: str
@@ -165,6 +170,10 @@ def load_robot(path: Path | str) -> Robot:
     Raises:
         ParamsError: the file or its URDF cannot be read, a key is unknown, missing or given twice, a joint or link is
             not in the URDF, or a value is not possible; the message names file and field.
+
+    Example:
+        >>> load_robot(MODELS / "hrp2_like" / "hrp2_like_leg.yaml").joints[3]
+        'r_knee'
     """
     source = Path(path)
     read = validated(RobotDocument, read_yaml(source, "robot file (YAML)"), str(source), hint=HINT)

@@ -7,13 +7,19 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from drake_tc.config.quoted import quoted
 from drake_tc.errors import ParamsError
 from drake_tc.robot.mounts import Pose, Triple
 from drake_tc.robot.split_link import LinkSplit
+from drake_tc.robot.urdf_checks import MOVABLE, check_inertials, check_kind, check_names, check_tree, numbers
 
-MOVABLE = ("revolute", "continuous", "prismatic")
-"""Types of one degree of freedom: those that can be driven, or locked at a position."""
+__all__ = ["MOVABLE", "JointTag", "Mimic", "UrdfTree", "read_urdf"]
+
 _WORLD = "world"
+DEEPEST = 50
+"""Levels of elements in each other."""
+LARGEST = 2**26
+"""Size of a file [bytes]."""
 
 
 @dataclass(frozen=True)
@@ -89,10 +95,7 @@ class UrdfTree:
 def _triple(where: str, value: str | None, default: Triple) -> Triple:
     if value is None:
         return default
-    try:
-        x, y, z = (float(part) for part in value.split())
-    except ValueError:
-        raise ParamsError(f"{where}: wanted three numbers; got {value!r}") from None
+    x, y, z = numbers(where, value, 3)
     return x, y, z
 
 
@@ -100,10 +103,7 @@ def _float(where: str, element: ET.Element | None, name: str, default: float) ->
     value = None if element is None else element.get(name)
     if value is None:
         return default
-    try:
-        return float(value)
-    except ValueError:
-        raise ParamsError(f"{where} {name}: wanted a number; got {value!r}") from None
+    return numbers(f"{where} {name}", value, 1)[0]
 
 
 def _origin(where: str, element: ET.Element) -> Pose:
@@ -142,13 +142,18 @@ def _axis(where: str, element: ET.Element, kind: str) -> Triple:
 
 def _joint(path: Path, element: ET.Element) -> JointTag:
     name = element.get("name", "")
-    where = f"{path}: joint {name!r}"
+    where = f"{path}: joint {quoted(name)}"
     kind = element.get("type", "")
     limit = element.find("limit")
     lower, upper = _float(where, limit, "lower", -math.inf), _float(where, limit, "upper", math.inf)
-    if kind == "continuous" or not lower < upper:
+    if lower > upper and kind != "continuous":
+        raise ParamsError(f"{where}: limit: expected lower <= upper; got {lower:g} and {upper:g}")
+    if kind == "continuous" or lower == upper:  # two zeros stand for none
         lower, upper = -math.inf, math.inf
     velocity, effort = _float(where, limit, "velocity", math.inf), _float(where, limit, "effort", math.inf)
+    for what, value in (("velocity", velocity), ("effort", effort)):
+        if value < 0.0:
+            raise ParamsError(f"{where}: limit {what}: expected a number >= 0; got {value:g}")
     return JointTag(
         name=name,
         kind=kind,
@@ -186,19 +191,49 @@ def read_urdf(path: Path, splits: Iterable[LinkSplit] = ()) -> UrdfTree:
     Raises:
         ParamsError: the file cannot be read or is no URDF; the message names file and joint.
     """
-    try:
-        root = ET.fromstring(_with_prefixes_declared(path.read_text(encoding="utf-8")))
-    except (OSError, UnicodeDecodeError, ET.ParseError) as error:
-        raise ParamsError(f"{path}: wanted a URDF; {error}") from error
-    if root.tag != "robot":
-        raise ParamsError(f"{path}: wanted a URDF (<robot>); got <{root.tag}>")
+    root = _root(path)
+    check_names(path, root)
+    check_inertials(path, root)
     for split in splits:
         split.apply(root)
     links = tuple(str(link.get("name")) for link in _elements(root, "link") if link.get("name") != _WORLD)
     joints = {joint.name: joint for joint in (_joint(path, element) for element in _elements(root, "joint"))}
     kept = {name: joint for name, joint in joints.items() if joint.parent != _WORLD}
     for joint in kept.values():
-        for link in (joint.parent, joint.child):
-            if link not in links:
-                raise ParamsError(f"{path}: joint {joint.name!r}: no link {link!r}")
+        check_kind(f"{path}: joint {quoted(joint.name)}", joint.kind)
+    check_tree(path, links, {name: (joint.parent, joint.child) for name, joint in kept.items()})
     return UrdfTree(root, links, kept)
+
+
+def _root(path: Path) -> ET.Element:
+    """The element `robot` of a file.
+
+    Raises:
+        ParamsError: the file cannot be read, or is no URDF.
+    """
+    try:
+        with path.open("rb") as file:
+            content = file.read(LARGEST + 1)
+        if len(content) > LARGEST:
+            raise ParamsError(f"{path}: expected a URDF of at most {LARGEST >> 20} MiB")
+        root = ET.fromstring(_with_prefixes_declared(content.decode("utf-8-sig")))
+    except OSError as error:
+        raise ParamsError(f"{path}: cannot be read: {error.strerror or error}") from None
+    except UnicodeDecodeError as error:
+        raise ParamsError(f"{path}: expected a URDF in UTF-8; byte {error.start} is not") from None
+    except (ET.ParseError, ValueError) as error:  # ValueError: an encoding that is declared and unknown
+        raise ParamsError(f"{path}: not valid XML: {error}") from None
+    if root.tag != "robot":
+        raise ParamsError(f"{path}: expected a URDF (<robot>); got <{quoted(root.tag)[1:-1]}>")
+    deepest = _depth(root)
+    if deepest > DEEPEST:
+        raise ParamsError(f"{path}: expected elements at most {DEEPEST} levels deep; got {deepest}")
+    return root
+
+
+def _depth(root: ET.Element) -> int:
+    """Levels of elements in each other."""
+    depth, level = 0, [root]
+    while level:
+        depth, level = depth + 1, [child for element in level for child in element]
+    return depth

@@ -31,6 +31,11 @@ class SensorFault:
 
     Raises:
         ParamsError: A value that is not possible.
+
+    Example:
+        >>> lost = SensorFault("dropped", start=1.0, duration=0.02)
+        >>> TorqueLoopSpec(faults={"imu": (lost,)}).faults["imu"][0].kind
+        'dropped'
     """
 
     kind: FaultKind

@@ -10,6 +10,7 @@ from pydrake.common.value import Value
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, InputPort, LeafSystem, ValueProducer
 
 from drake_tc.errors import ParamsError
+from drake_tc.port_methods import PortMethods
 from drake_tc.sensing.corruption import BLOCK, Corruption, corrupt
 from drake_tc.sensing.fault import SensorFault
 from drake_tc.sensing.spec import SensorSpec
@@ -34,7 +35,7 @@ def _keep(context: object, value: object) -> None:
     """What is drawn does not age: it is a function of seed and tick."""
 
 
-class SensorBase(LeafSystem):
+class SensorBase(PortMethods, LeafSystem):
     """A truth that becomes a reading; a subclass says where the truth comes from.
 
     Output:

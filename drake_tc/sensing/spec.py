@@ -34,6 +34,10 @@ class SensorSpec:
 
     Raises:
         ParamsError: A value that is not finite or not possible, or channels of different numbers.
+
+    Example:
+        >>> SensorSuiteSpec(encoder=SensorSpec(noise=1e-4, latency=2e-3)).encoder.latency
+        0.002
     """
 
     noise: Channels = 0.0

@@ -36,6 +36,10 @@ class SensorSuiteSpec:
         force: Of the F/T sensors [N]; 1 or 3 values a field.
         torque: Of the F/T sensors [N m]; 1 or 3 values a field.
         joint_torque: [N m]; by default the ground truth, for logs alone.
+
+    Example:
+        >>> SensorSuiteSpec.realistic().encoder.resolution
+        1e-05
     """
 
     encoder: SensorSpec = field(default_factory=SensorSpec)
@@ -164,6 +168,14 @@ def add_sensors(
 
     Raises:
         ParamsError: A fault of an unknown sensor, or of one that the robot does not have; otherwise as `Sensor`.
+
+    Example:
+        >>> robot = load_robot(MODELS / "hrp2_like" / "hrp2_like_leg.yaml")
+        >>> builder = DiagramBuilder()
+        >>> plant = add_robot_plant(builder, robot)
+        >>> sensors = add_sensors(builder, plant, robot, SensorSuiteSpec.realistic(), 1e-3)
+        >>> sensors.encoder.get_reading_output_port().size()
+        6
     """
     failing = dict(faults or {})
     for name in failing:

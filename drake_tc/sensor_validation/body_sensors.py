@@ -6,6 +6,7 @@ import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem, ValueProducer
 
+from drake_tc.port_methods import PortMethods
 from drake_tc.types import BoolArray, FloatArray
 
 LARGEST = 1e5
@@ -38,7 +39,7 @@ class _Solved:
     jumps: bool
 
 
-class ValidatedImu(LeafSystem):
+class ValidatedImu(PortMethods, LeafSystem):
     """An IMU that may be left out: NaN then, on which the base estimator goes by the contacts alone.
 
     Inputs: imu (6) raw [gyro; accel]; flagged (m): any that is up leaves it out; jolt (j): any that is up says that the
@@ -131,7 +132,7 @@ class _Good:
     sensors: BoolArray | None
 
 
-class ValidatedWrench(LeafSystem):
+class ValidatedWrench(PortMethods, LeafSystem):
     """k F/T sensors, each of which may be left out: its last good reading stands in, and its contact is kept.
 
     Inputs:

@@ -11,6 +11,7 @@ from drake_tc.estimation.base_motion import BaseMotion
 from drake_tc.estimation.joint_torque import LARGEST
 from drake_tc.estimation.plant import IMU_SUFFIX, build_plant
 from drake_tc.estimation.torque_model import GRAVITY
+from drake_tc.port_methods import PortMethods
 from drake_tc.robot.plant import joint_limits
 from drake_tc.robot.robot import Robot
 from drake_tc.sensor_validation.monitor_spec import MonitorSpec
@@ -29,11 +30,11 @@ REPEATS = 6
 _NEVER = 1e12
 
 
-class FaultMonitor(LeafSystem):
+class FaultMonitor(PortMethods, LeafSystem):
     """Flags of sensor faults; n joints, k F/T sensors, N = n + 6 + 6k raw channels u.
 
     Inputs:
-        encoder (n): raw positions [rad].
+        position (n): raw readings of the encoders [rad].
         imu (6): raw [gyro; accel] of the robot's first IMU; absent where it has none.
         wrench (6k): raw F/T readings [f; t]; absent where the robot has no sensor.
         reference_velocity (n): [rad/s]; optional.
@@ -60,6 +61,11 @@ class FaultMonitor(LeafSystem):
     x are the IMU of a welded base against gravity and zero rate (where no joint lies between them), the unknown
     wrench, the contact wrench of the free sensors, and the torque residual; what is not finite is left out. A flag is
     up from the tick after its cause. Before the first finite reading the sensor is missing.
+
+    Example:
+        >>> monitor = FaultMonitor(load_robot(MODELS / "hrp2_like" / "hrp2_like_leg.yaml"))
+        >>> monitor.flag_names[0]
+        'encoder/missing'
     """
 
     def __init__(
@@ -133,7 +139,7 @@ class FaultMonitor(LeafSystem):
 
     def _declare(self, n: int, k: int) -> None:
         """Ports, state and event."""
-        raw = [("encoder", n), *([("wrench", 6 * k)] if k else []), *([("imu", 6)] if self._has_imu else [])]
+        raw = [("position", n), *([("wrench", 6 * k)] if k else []), *([("imu", 6)] if self._has_imu else [])]
         derived = [("unknown_wrench", 6), *([("contact_wrench", 6 * k)] if k else []), ("torque_residual", n)]
         ports: dict[str, Any] = {name: self.DeclareVectorInputPort(name, size) for name, size in raw}
         self._reference: Any = self.DeclareVectorInputPort("reference_velocity", n)

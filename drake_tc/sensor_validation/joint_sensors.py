@@ -6,6 +6,7 @@ import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem, ValueProducer
 
+from drake_tc.port_methods import PortMethods
 from drake_tc.sensor_validation.joint_voting import DEFLECTION, ROWS, THETA, JointVoting, Vote
 from drake_tc.types import FloatArray
 
@@ -30,7 +31,7 @@ class _Solved:
     vote: Vote
 
 
-class JointSensors(LeafSystem):
+class JointSensors(PortMethods, LeafSystem):
     """Readings of n joints that can be believed: see `joint_voting` for the equations.
 
     Inputs (n each), raw: motor_angle [rad], torque [N m], link_angle [rad].

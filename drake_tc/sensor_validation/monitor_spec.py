@@ -42,6 +42,10 @@ class MonitorSpec:
             effort limit (of 100 N m where there is none) [-].
         time_constant: Of those filters [s]: an error of three times its threshold is flagged after 0.4 of it.
         hold: Time for which a flag stays up after its cause was last seen [s].
+
+    Example:
+        >>> TorqueLoopSpec(monitor=MonitorSpec(hold=0.2)).monitor.hold
+        0.2
     """
 
     encoder_frozen: Unbounded = 0.02

@@ -7,6 +7,7 @@ import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem, ValueProducer
 
+from drake_tc.port_methods import PortMethods
 from drake_tc.robot.plant import make_plant
 from drake_tc.robot.robot import Robot
 from drake_tc.tsid.contacts import Contact
@@ -39,11 +40,11 @@ def _finite(reading: FloatArray) -> bool:
     return bool(np.count_nonzero(np.isfinite(reading)) == reading.size)
 
 
-class StandingFeet(LeafSystem):
+class StandingFeet(PortMethods, LeafSystem):
     """Soles on a level floor against the base estimate: as their springs let them tilt, and not turning.
 
     Inputs:
-        state (nq + nv): [q; v] of the base estimator, a tick old.
+        estimated_state (nq + nv): [q; v] of the base estimator, a tick old.
         imu (6): [gyro; accel]; NaN where the IMU is left out.
         cop (2c): centres of pressure of the contacts [m], of the base estimator.
         wrench (6k): F/T readings [N, N m].
@@ -91,7 +92,7 @@ class StandingFeet(LeafSystem):
         self._compliance = np.asarray(compliance, dtype=float)[self._which]
         mount = robot.imu[0]
         self._imu_link, self._R_LI = plant.GetBodyByName(mount.link), mount.pose.transform.rotation().matrix()
-        self._state: Any = self.DeclareVectorInputPort("state", plant.num_multibody_states())
+        self._state: Any = self.DeclareVectorInputPort("estimated_state", plant.num_multibody_states())
         self._imu: Any = self.DeclareVectorInputPort("imu", 6)
         self._cop: Any = self.DeclareVectorInputPort("cop", 2 * len(contacts))
         self._wrench: Any = self.DeclareVectorInputPort("wrench", 6 * len(robot.force_torque))

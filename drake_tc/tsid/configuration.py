@@ -44,6 +44,11 @@ def load_law(path: Path | str, changes: Mapping[str, Any] | None = None) -> Law:
     Raises:
         ParamsError: the file, its robot or its torque uncertainty cannot be read, a key is unknown, missing or given
             twice, or a value is not possible; the message names file and field.
+
+    Example:
+        >>> law = load_law(MODELS / "hrp2_like" / "hrp2_like_tsid.yaml", {"tasks": {"posture": {"weight": 0.1}}})
+        >>> [task.name for task in law.tasks][:2]
+        ['com', 'posture']
     """
     source = Path(path)
     document = read_yaml(source, "controller file (YAML)")

@@ -1,4 +1,4 @@
-"""`RobustTsid`: robust task-space inverse dynamics (paper B) as a Drake system."""
+"""`RobustTsid`: robust task-space inverse dynamics (Del Prete and Mansard, 2015) as a Drake system."""
 
 import logging
 from collections.abc import Callable
@@ -10,6 +10,7 @@ from pydrake.common.value import Value
 from pydrake.systems.framework import Context, LeafSystem, ValueProducer
 
 from drake_tc.errors import SimulationError
+from drake_tc.port_methods import PortMethods
 from drake_tc.tsid.law import Before, Law, Status, Tick, lost_tick, solve_tick
 from drake_tc.tsid.model import Scratch
 from drake_tc.tsid.warm_start import WarmStart
@@ -20,7 +21,7 @@ TASK_PORT = "{}_reference"
 """Name of a task's port."""
 
 
-class RobustTsid(LeafSystem):
+class RobustTsid(PortMethods, LeafSystem):
     """Torques by robust TSID, every `period`; between its ticks the outputs are held.
 
     Inputs:
@@ -40,6 +41,11 @@ class RobustTsid(LeafSystem):
     is x's; time that goes back begins a new tick. Nothing raises in the loop and all outputs are finite: what cannot be
     solved gives the safe torque, flagged. An exception inside a task or a limit fades the torque out; it is kept
     (`last_error`), logged once in a context, and raised where `strict` is set.
+
+    Example:
+        >>> controller = RobustTsid(load_law(MODELS / "hrp2_like" / "hrp2_like_tsid.yaml"))
+        >>> controller.get_torque_output_port().size()
+        30
     """
 
     def __init__(self, law: Law, *, strict: bool = False) -> None:

@@ -111,6 +111,11 @@ class Law:
     Raises:
         ParamsError: two names that are equal, an error of another number of joints, priorities that do not fit, a
             number that is not possible, or a task or limit whose rows fail or have a wrong shape at the start.
+
+    Example:
+        >>> law = load_law(MODELS / "hrp2_like" / "hrp2_like_tsid.yaml")
+        >>> law.period
+        0.001
     """
 
     model: TsidModel

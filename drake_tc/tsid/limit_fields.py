@@ -29,6 +29,10 @@ class LimitKind:
         make: Called with the model and the controller's period [s], then with the keys that the file gives as keywords;
             returns the limit.
         required, optional: Key to its reader, as in `drake_tc.tsid.task_fields.TaskKind`.
+
+    Example:
+        >>> LimitKind(lambda model, period, *, watts: None, required={"watts": float}).required["watts"].__name__
+        'float'
     """
 
     make: Callable[..., Limit]
@@ -44,6 +48,9 @@ def register_limit(kind: str, reader: LimitKind) -> None:
 
     Raises:
         ParamsError: the kind is taken, or `reader` is no LimitKind.
+
+    Example:
+        >>> register_limit("watts", LimitKind(lambda model, period, *, watts: None, required={"watts": float}))
     """
     if kind in _KINDS:
         raise ParamsError(f"limit kind {kind!r}: this name is already taken; kinds: {', '.join(_KINDS)}")

@@ -18,6 +18,7 @@ from pydrake.systems.framework import Context, LeafSystem, ValueProducer
 
 from drake_tc.control.rotation import quaternion_of, rotation_matrix, rotation_vector
 from drake_tc.errors import ParamsError
+from drake_tc.port_methods import PortMethods
 from drake_tc.tsid.law import LARGEST
 from drake_tc.tsid.model import Scratch, TsidModel
 from drake_tc.types import BoolArray, FloatArray
@@ -43,15 +44,15 @@ def turned(vector: FloatArray) -> FloatArray:
     return rotation_matrix(np.concatenate(([np.cos(half)], 0.5 * np.sinc(half / np.pi) * vector)))
 
 
-class StandingState(LeafSystem):
+class StandingState(PortMethods, LeafSystem):
     """The state of a robot with a floating base from its joints, its first IMU and the contacts that carry it.
 
     Inputs:
-        joint_position, joint_velocity (n): in the robot's order [rad, rad/s].
+        position, velocity (n): in the robot's order [rad, rad/s].
         imu (6): [gyro; accel] in the IMU's frame [rad/s, m/s^2]; the gyro counts.
         active_contacts (contacts): above 1/2 where one carries; all of them when not connected.
     Output:
-        state (nq + nv): [q; v] in the order of the model; NaN where an input is not finite, or as large as
+        estimated_state (nq + nv): [q; v] in the order of the model; NaN where an input is not finite, or as large as
             `law.LARGEST`.
 
         y[n] = F(u[n], x[n]),  x[n+1] = [corners a (3 c); quaternion of R]
@@ -85,8 +86,8 @@ class StandingState(LeafSystem):
         self._base_q = np.setdiff1d(np.arange(model.nq), model.positions)
         self._base_v = np.setdiff1d(np.arange(model.nv), model.actuated)
         self._owner = np.concatenate([np.full(len(c.corners), i) for i, c in enumerate(model.contacts)])
-        self._position: Any = self.DeclareVectorInputPort("joint_position", model.n)
-        self._velocity: Any = self.DeclareVectorInputPort("joint_velocity", model.n)
+        self._position: Any = self.DeclareVectorInputPort("position", model.n)
+        self._velocity: Any = self.DeclareVectorInputPort("velocity", model.n)
         self._imu: Any = self.DeclareVectorInputPort("imu", 6)
         self._active: Any = self.DeclareVectorInputPort("active_contacts", len(model.contacts))
         start = model.start[self._base_q]
@@ -100,7 +101,7 @@ class StandingState(LeafSystem):
             ValueProducer(allocate=lambda: Value(_Known(model.create_scratch())), calc=self._solve),
             {*(port.ticket() for port in ports), self.discrete_state_ticket(memory)},
         )
-        self.DeclareVectorOutputPort("state", model.nq + model.nv, self._write, {self._solution.ticket()})
+        self.DeclareVectorOutputPort("estimated_state", model.nq + model.nv, self._write, {self._solution.ticket()})
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
 
     def _solve(self, context: Any, value: Any) -> None:

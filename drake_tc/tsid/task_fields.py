@@ -72,6 +72,10 @@ class TaskKind:
         make: Called with the model, then with `name` and the keys that the file gives as keywords; returns the task.
         required, optional: Key to its reader, a function of (place in the file, value) that returns the value or raises
             ParamsError: `numbers`, `mask`, or `number`, `text` and `names` of `drake_tc.robot.fields`.
+
+    Example:
+        >>> TaskKind(lambda model, *, kp, name: None, required={"kp": float}).required["kp"].__name__
+        'float'
     """
 
     make: Callable[..., Task]
@@ -104,6 +108,9 @@ def register_task(kind: str, reader: TaskKind) -> None:
 
     Raises:
         ParamsError: the kind is taken, or `reader` is no TaskKind.
+
+    Example:
+        >>> register_task("mine", TaskKind(lambda model, *, kp, name: None, required={"kp": float}))
     """
     if kind in _KINDS:
         raise ParamsError(f"task kind {kind!r}: this name is already taken; kinds: {', '.join(_KINDS)}")

@@ -31,7 +31,9 @@ class FrameTerms:
 
 @dataclass(frozen=True, eq=False)
 class Terms:
-    """M vdot + h = S^T tau + J^T f at one state (EQUATIONS: dyn); n driven joints, nv velocities, k contact forces.
+    """M vdot + h = S^T tau + J^T f at one state (Del Prete et al., 2016, eq. 1).
+
+    There are n driven joints, nv velocities and k contact forces.
 
     Attributes:
         q, v: (nq,), (nv,) in the plant's order, a floating base first (quaternion, position; omega, velocity).

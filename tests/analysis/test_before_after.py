@@ -17,7 +17,7 @@ from drake_tc.analysis.before_after.held_out_motion import KNOT, RAMP, HeldOutMo
 from drake_tc.analysis.before_after.pendulum_robot import Swing, fitted_swing, write_pendulum_robot
 from drake_tc.analysis.before_after.track import Trace
 from drake_tc.analysis.joint_loop import JointLoop
-from drake_tc.analysis.margins import margins
+from drake_tc.analysis.stability_margins import margins
 from drake_tc.control.trajectories import knot_trajectory
 from drake_tc.errors import ParamsError
 from drake_tc.loops.scenarios.parts import MotionSpec

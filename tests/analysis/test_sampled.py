@@ -15,9 +15,9 @@ from pydrake.systems.primitives import (
 )
 from scipy.linalg import expm
 
-from drake_tc.analysis.margins import margins
 from drake_tc.analysis.release import release
 from drake_tc.analysis.sampled import SampledSystem, linearise, open_loop
+from drake_tc.analysis.stability_margins import margins
 from drake_tc.analysis.state_coordinates import StateCoordinates
 from drake_tc.errors import ParamsError
 from drake_tc.filtering.savgol_weights import savgol_weights

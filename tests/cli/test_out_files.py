@@ -3,6 +3,7 @@
 import errno
 import json
 import os
+import resource
 import signal
 import subprocess
 import sys
@@ -163,11 +164,11 @@ import sys, time
 from pathlib import Path
 import typer
 from drake_tc.analysis.executors import processes
-from drake_tc.cli import main
+from drake_tc.cli import entry, main
 from drake_tc.cli.out_files import result_folder
 
 def long() -> None:
-    with result_folder(Path(sys.argv[1]), "--out") as place, processes(2) as pool:
+    with result_folder(OUT, "--out") as place, processes(2) as pool:
         (place / "a.txt").write_text("cut")
         waiting = [pool.submit(time.sleep, 60) for _ in range(2)]
         print("started", flush=True)
@@ -175,7 +176,8 @@ def long() -> None:
 
 main.app.command("long")(long)
 if __name__ == "__main__":
-    sys.exit(main.run(["long"]))
+    OUT, sys.argv[1:] = Path(sys.argv[1]), ["long"]
+    entry.main()
 """
 
 
@@ -198,3 +200,19 @@ def test_signals_end_workers_too_and_leave_nothing(tmp_path, sent, code, line):
     assert err == f"drake-tc: {line}\n"
     assert not out.exists()
     assert ended(process.pid)
+
+
+def test_a_full_disk_leaves_no_result_cut_and_the_earlier_ones_whole(invoke, bench, tmp_path):
+    out = tmp_path / "model.yaml"
+    call = ["identify", *bench.arguments(), "--out", out]
+    assert invoke(*call).code == 0
+    before = out.read_bytes()
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (len(before) // 2, hard))
+    try:
+        line = invoke(*call).refusal()
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert "--out" in line and "cannot be written: File too large" in line
+    assert out.read_bytes() == before
+    assert sorted(path.name for path in tmp_path.iterdir()) == [".drake-tc.json", "model.yaml"]

@@ -20,6 +20,14 @@ def test_logs_without_a_rig(invoke, bench, tmp_path):
     assert "--rig" in invoke("close-loop", "--log", bench.logs[0], "--out", tmp_path).refusal()
 
 
+def test_a_declared_file_that_cannot_be_used(invoke, bench, tmp_path):
+    robot = tmp_path / "robot.xml"
+    robot.write_text('<mujoco><worldbody><body><joint name="hip"/></body></worldbody></mujoco>', encoding="utf-8")
+    assert "--rig" in invoke("close-loop", "--declared", robot, "--out", tmp_path / "out").refusal()
+    line = invoke("close-loop", *bench.arguments(), "--holdout", bench.holdout, "--declared", robot).refusal()
+    assert f"it has no joint {JOINT}; its joints: hip" in line
+
+
 @pytest.mark.parametrize("command", ["close-loop", "identify"])
 def test_no_such_file(invoke, bench, tmp_path, command):
     gone = tmp_path / "gone.csv"

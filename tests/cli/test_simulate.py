@@ -42,7 +42,8 @@ def test_for_people_a_table_on_stdout_and_progress_on_stderr(invoke, monkeypatch
     outcome = invoke("simulate", "hrp2_leg", *SHORT, "--scenario-text", SERVO)
     assert outcome.code == 0
     assert all(line.startswith("simulate hrp2_leg: ") for line in outcome.err.splitlines())
-    assert "0.3 of 0.3 s" in outcome.err
+    assert len(outcome.err.splitlines()) <= 3  # sparing where there is no terminal
+    assert "of 0.3 s" in outcome.err
     assert all(joint in outcome.out for joint in JOINTS)
     assert "0.3 s simulated at" in outcome.out
     assert "simulate hrp2_leg" not in outcome.out

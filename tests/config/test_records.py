@@ -82,7 +82,7 @@ def test_nested_records():
         ({}, "f: one is missing"),
         ({"one": {"a": 1}, "mani": 2}, "f: unknown key 'mani'; did you mean 'many'[?]; allowed: one, many"),
         ({"one": {"a": 1}, "source": "x"}, "f: unknown key 'source'"),
-        ({"one": {"a": True}}, r"f: one\.a: expected a finite number, got True"),
+        ({"one": {"a": True}}, r"f: one\.a: expected a finite number, got true"),
         ({"one": {"a": "much"}}, r"f: one\.a: expected a finite number, got 'much'"),
         ({"one": {"a": math.nan}}, r"f: one\.a: expected a finite number, got nan"),
         ({"one": {"a": math.inf}}, r"f: one\.a: expected a finite number, got inf"),

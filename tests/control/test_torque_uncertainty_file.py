@@ -69,7 +69,7 @@ def test_it_cannot_be_changed(tmp_path):
         ({"covariance": [[1.0, 0.0], [0.0]]}, "rows of one length"),
         ({"covariance": [[".nan", 0.0], [0.0, 1.0]]}, r"covariance\[0\]\[0\]: expected a finite number, got '.nan'"),
         ({"covariance": [[float("nan"), 0.0], [0.0, 1.0]]}, "finite"),
-        ({"covariance": None}, "covariance: expected a list, got None"),
+        ({"covariance": None}, "covariance: expected a list, got null"),
         ({"joints": ["hip", "hip"]}, "'hip' is listed twice"),
         ({"joints": "hip"}, "joints: expected a list, got 'hip'"),
         ({"joints": []}, "joints: expected at least 1 entry"),

@@ -7,7 +7,16 @@ import pytest
 from numpy.testing import assert_allclose
 from readme_quotes_real import differing_cells
 
-from drake_tc.benchmarks.real_dfki import GOOD, TORQUE_PER_AMPERE, WANTED, claims, good_runs, rows, run_fits
+from drake_tc.benchmarks.real_dfki import (
+    GOOD,
+    TORQUE_PER_AMPERE,
+    WANTED,
+    claims,
+    good_runs,
+    one_effect_more,
+    rows,
+    run_fits,
+)
 from drake_tc.filtering.common_kernel import CommonKernel
 
 MOTOR_TURNS = 6.0  # the gear's ratio: the encoder is on the motor's side
@@ -53,6 +62,20 @@ def test_the_direct_collocation_run_asks_for_another_drive_gain_than_the_other_r
     assert odd.own_share > max(each.own_share for each in fits.values()) + 0.05
     for each in fits.values():  # the other runs are predicted as well as they fit themselves
         assert each.others <= 1.1 * each.own
+
+
+def test_noise_is_not_what_the_fits_leave(data: Path) -> None:
+    for each in run_fits(data).values():
+        assert each.floor < 0.3 * each.own
+
+
+def test_no_effect_that_the_other_runs_know_brings_direct_collocation_to_the_goal(data: Path) -> None:
+    """Although the effect is chosen in view of the run; the other runs are at the goal without one."""
+    found = one_effect_more(data)
+    _, best = found.pop("direct_collocation")
+    assert best[0] > WANTED
+    for plain, best in found.values():
+        assert best[0] < plain[0] < WANTED
 
 
 @pytest.mark.slow

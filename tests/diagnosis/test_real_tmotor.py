@@ -1,13 +1,18 @@
 """The AK80-9 bench: channels one row apart, and the torque of held-out logs against the published model."""
 
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
 from readme_quotes_real import differing_cells
 
-from drake_tc.benchmarks.flexible_fits import offset_of, repeatability
-from drake_tc.benchmarks.real_tmotor import CASES, LOWER_BY, held_out, rows
+from drake_tc.benchmarks.real_log_cases import case_files, import_set
+from drake_tc.benchmarks.real_logs import chosen_sets
+from drake_tc.benchmarks.real_tmotor import CASES, DATA_SET, LOWER_BY, held_out, rows
+from drake_tc.diagnosis.options import DiagnosisOptions
+from drake_tc.diagnosis.run import close_loop
+from drake_tc.errors import IdentificationError
 from drake_tc.logs.importers.tmotor import SESSIONS, convert
 from drake_tc.logs.readers import read_table
 
@@ -45,12 +50,11 @@ def test_what_the_logs_can_tell_and_the_readme_quotes_it(data: Path) -> None:
             assert table[f"{name}/best_fit_ratio"].value > 1.0 - LOWER_BY
 
 
-@pytest.mark.slow
-def test_one_log_has_another_zero_of_the_torque_sensor(data: Path) -> None:
-    logs = {name: each.rows for name, each in held_out(data).items()}
-    offsets = {name: offset_of(log) for name, log in logs.items()}
-    odd = offsets.pop("sysid_torque_rampup")
-    assert odd - max(offsets.values()) > 0.2
-    pool = [log for name, log in logs.items() if name != "sysid_torque_rampup"]
-    within, between = (repeatability(logs["sysid_torque_rampup"], others)[0] for others in ((), pool))
-    assert between > 2.0 * within
+def test_the_log_that_mostly_stalls_is_refused(data: Path) -> None:
+    """Its speed has the spread of its own noise: faster than the sensor resolves for half a second of 25 s."""
+    (chosen,) = chosen_sets([DATA_SET])
+    case = next(case for case in chosen.cases if case.name == "early/rampup_held_out")
+    with TemporaryDirectory() as scratch:
+        files = case_files(chosen, case, import_set(chosen, data, Path(scratch)), Path(scratch))
+        with pytest.raises(IdentificationError, match=r"held-out runs: .*sysid_torque_rampup: too little motion"):
+            close_loop(files.rig, files.log, files.holdout, DiagnosisOptions(assess_residual=False))

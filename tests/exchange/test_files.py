@@ -13,11 +13,12 @@ from drake_tc.actuation.model_file import save_models
 from drake_tc.errors import ParamsError
 from drake_tc.exchange.bam import to_bam
 from drake_tc.exchange.isaaclab import to_isaaclab
-from drake_tc.exchange.mjcf import joints_of, to_mjcf
+from drake_tc.exchange.mjcf import to_mjcf
 from drake_tc.exchange.projection import project
 from drake_tc.exchange.sdf import to_sdf
 from drake_tc.exchange.targets import TARGETS
 from drake_tc.exchange.urdf import to_urdf
+from drake_tc.simulator_files.read import read_joints
 
 MODEL = ActuatorModel(
     "knee",
@@ -41,7 +42,7 @@ def exported(target: str):
 def test_mjcf_gives_the_terms_back(tmp_path):
     path = tmp_path / "bench.xml"
     path.write_text(to_mjcf(exported("mjcf")))
-    found = joints_of(path)["knee"]
+    found = read_joints(path, ParamsError)["knee"].terms
     assert found.armature == 0.31 and found.damping == 32.5 and found.quadratic == 1.5 and found.frictionloss == 6.25
     assert found.kp == pytest.approx(5000.0) and found.torque_limit == pytest.approx(50.0)
     assert found.delay == pytest.approx(0.004, rel=1e-6)

@@ -6,10 +6,11 @@ import pytest
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.actuation.recorded_run import Link
 from drake_tc.exchange.mujoco_run import mujoco_free_run, simulate
-from drake_tc.exchange.projection import Terms, project
+from drake_tc.exchange.projection import project
 from drake_tc.exchange.targets import TARGETS
 from drake_tc.logs.rig import parse_rig
 from drake_tc.loops.joint_bench.rig_free_run import rig_free_run
+from drake_tc.simulator_files.terms import Terms
 
 pytest.importorskip("mujoco")
 
@@ -109,3 +110,10 @@ def test_a_refit_of_stribeck_friction_is_better_than_leaving_it_out():
     assert found.refit is not None and found.refit.effects == ("stribeck",)
     assert found.refit.refitted < 0.7 * found.refit.dropped
     assert found.terms.frictionloss > 1.5 and found.losses == ()
+
+
+def test_mujoco_writes_no_log_and_what_is_unstable_is_nan(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    found = simulate(Terms("torque", 1e12, armature=1e-6), None, np.full(T.size, 1e9), NONE, (0.0, 0.0), H)
+    assert np.isnan(found[-1]) and found[0] == 0.0
+    assert not list(tmp_path.iterdir())

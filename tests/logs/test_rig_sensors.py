@@ -110,7 +110,7 @@ def test_round_trip(tmp_path, sensors):
         ({"knee": 0.1}, "sensors.knee: expected a mapping"),
         ({"torque_noise": "1 rad"}, "units: N*m"),
         ({"torque_noise": "much"}, "such as '0.1 N*m'"),
-        ({"torque_noise": True}, "got True"),
+        ({"torque_noise": True}, "got true"),
         ({"encoder_step": -0.1}, "encoder_step: expected a value >= 0"),
         ({"ft_food": {"gain": 0.01}}, "did you mean 'ft_foot'"),
         ({"imu_trunk": {"biases": [1, 1]}}, "did you mean 'bias'"),

@@ -1,6 +1,7 @@
 """What the report says in words: for each verdict, for what is left, and what must not be overlooked."""
 
 from dataclasses import replace
+from typing import get_args
 
 import pytest
 from hypothesis import given
@@ -11,6 +12,7 @@ from drake_tc.diagnosis.residual.unexplained import SharedBand, TimeStretch, Une
 from drake_tc.diagnosis.result.joint_result import Errors, JointResult, ParameterByCondition, RejectedEffect
 from drake_tc.diagnosis.result.rejection import why_rejected
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult, SharedEffect
+from drake_tc.diagnosis.selection.withdrawal import Withdrawal
 from drake_tc.report.consistency_table import consistency_rows
 from drake_tc.report.words import (
     REASONS,
@@ -130,8 +132,9 @@ def test_a_model_that_does_not_carry_over_is_said_to_be_larger_on_held_out_runs(
 
 def test_every_verdict_and_every_reason_has_words():
     assert set(VERDICTS) == {"effects_found", "no_missing_effect", "unexplained_structure", "unexplained_residual"}
-    assert set(REASONS) == {"implausible", "below_resolution", "training_run_against", "heldout_run_against"}
-    assert len({*VERDICTS.values()}) == len({*REASONS.values()}) == 4
+    assert set(REASONS) == set(get_args(Withdrawal))
+    assert len({*VERDICTS.values()}) == len(VERDICTS)
+    assert len({*REASONS.values()}) == len(REASONS)
 
 
 def test_titles_are_those_of_library_and_shared_causes():

@@ -140,7 +140,7 @@ def feet_of(law, tilt):
     v = np.zeros(plant.num_velocities())
     system = StandingFeet(robot, law.model.contacts, range(k := len(law.model.contacts)), np.full((k, 2), 2e-3), DT)
     context = system.CreateDefaultContext()
-    system.GetInputPort("state").FixValue(context, np.concatenate([q, v]))
+    system.GetInputPort("estimated_state").FixValue(context, np.concatenate([q, v]))
     system.GetInputPort("cop").FixValue(context, np.zeros(2 * k))
     system.GetInputPort("link_angle").FixValue(context, np.array(robot.posture))
     system.GetInputPort("wrench").FixValue(context, np.tile([0.0, 0.0, 150.0, 0.0, 0.0, 0.0], len(robot.force_torque)))
@@ -178,10 +178,10 @@ def test_a_gyro_that_turns_standing_feet_is_flagged_in_time(law):
     system, context = feet_of(law, 0.0)
     system.GetInputPort("imu").FixValue(context, np.zeros(6))
     step(system, context)
-    state = np.array(system.GetInputPort("state").Eval(context))
+    state = np.array(system.GetInputPort("estimated_state").Eval(context))
     joints = len(law.model.robot.joints)
     state[-joints - 4] = np.deg2rad(1.0)  # of the base, about the vertical: [q; omega; v; joints]
-    system.GetInputPort("state").FixValue(context, state)
+    system.GetInputPort("estimated_state").FixValue(context, state)
     flags = []
     for _ in range(8):
         step(system, context)
@@ -190,7 +190,7 @@ def test_a_gyro_that_turns_standing_feet_is_flagged_in_time(law):
     assert flags[6:] == [1.0] * 2
     # a waist that turns is no foot that does; nor is anything said of a robot that moves
     state[-joints - 4] = 0.0
-    system.GetInputPort("state").FixValue(context, state)
+    system.GetInputPort("estimated_state").FixValue(context, state)
     for k in range(60):
         angles = np.array(law.model.robot.posture)
         angles[law.model.robot.joints.index("waist_yaw")] = 2e-4 * k

@@ -20,7 +20,7 @@ from drake_tc.sensor_validation.monitor_spec import MonitorSpec
 
 DT = 1e-3
 N = 3
-RAW = ("encoder", "imu", "wrench")
+RAW = ("position", "imu", "wrench")
 
 
 @pytest.fixture(scope="module")
@@ -63,7 +63,7 @@ def live(steps: int, seed: int = 0) -> dict[str, np.ndarray]:
         (steps, 6)
     )
     return {
-        "encoder": np.round(encoder / resolution) * resolution,
+        "position": np.round(encoder / resolution) * resolution,
         "imu": imu,
         "wrench": wrench,
         "reference_velocity": 0.6 * np.pi * np.cos(2 * np.pi * time + np.arange(N)),
@@ -78,7 +78,7 @@ def run(robot: Robot, signals: dict[str, np.ndarray], spec: MonitorSpec | None =
     monitor = FaultMonitor(robot, spec, DT, free=("ankle",))
     context = monitor.CreateDefaultContext()
     flags = []
-    for row in range(len(signals["encoder"])):
+    for row in range(len(signals["position"])):
         for name, values in signals.items():
             monitor.GetInputPort(name).FixValue(context, values[row])
         context.SetTime(row * DT)
@@ -117,13 +117,13 @@ def biased(size, channel=0):
 
 
 FAULTS = [
-    ("encoder", nan, "encoder/missing", 1),
+    ("position", nan, "encoder/missing", 1),
     ("imu", nan, "imu/missing", 1),
     ("wrench", nan, "ankle/missing", 1),
-    ("encoder", frozen, "encoder/frozen", 25),
+    ("position", frozen, "encoder/frozen", 25),
     ("imu", frozen, "imu/frozen", 15),
     ("wrench", frozen, "ankle/frozen", 15),
-    ("encoder", biased(0.1), "encoder/jump", 1),
+    ("position", biased(0.1), "encoder/jump", 1),
     ("imu", biased(3.0), "imu/jump", 1),
     ("imu", biased(0.2), "imu/inconsistent", 20),
     ("imu", biased(2.0, 4), "imu/inconsistent", 20),
@@ -143,13 +143,13 @@ def test_each_fault_raises_its_flag_in_time(robot, signal, fault, flag, within):
     seen = raised(run(robot, signals))
     assert START <= seen[flag] < START + within
     assert min(seen.values()) >= START
-    if signal in ("encoder", "imu"):
-        assert {name.split("/")[0] for name in seen} == {signal}
+    if signal in ("position", "imu"):
+        assert {name.split("/")[0] for name in seen} == {{"position": "encoder"}.get(signal, signal)}
 
 
 def test_a_gap_of_twenty_ticks_is_missing_and_its_end_no_jump(robot):
     signals = live(START + 300)
-    for name in ("encoder", "imu", "wrench"):
+    for name in ("position", "imu", "wrench"):
         signals[name][START : START + 20] = np.nan
     flags = run(robot, signals)
     assert set(raised(flags)) == {"encoder/missing", "imu/missing", "ankle/missing"}
@@ -167,7 +167,7 @@ def test_a_flag_holds_for_the_hold_time(robot):
 @pytest.mark.parametrize(("back", "up_to"), [(None, 700), (200, 300)])
 def test_an_encoder_that_jumped_stays_flagged_until_it_jumps_back(robot, back, up_to):
     signals = live(START + 700)
-    signals["encoder"][START : None if back is None else START + back, 1] += 0.08
+    signals["position"][START : None if back is None else START + back, 1] += 0.08
     flags = run(robot, signals)
     assert set(raised(flags)) == {"encoder/jump"}
     assert_array_equal(np.flatnonzero(flags["encoder/jump"]), np.arange(START, START + up_to))  # hold: 100 ticks
@@ -175,7 +175,7 @@ def test_an_encoder_that_jumped_stays_flagged_until_it_jumps_back(robot, back, u
 
 def test_a_reading_that_repeats_for_a_few_long_ticks_is_not_frozen(robot):
     signals = {name: values for name, values in live(60).items() if name in (*RAW, "reference_velocity")}
-    for name, repeats in (("encoder", 15), ("imu", 4), ("wrench", 4)):
+    for name, repeats in (("position", 15), ("imu", 4), ("wrench", 4)):
         signals[name][20 : 20 + repeats] = signals[name][20]
     signals["reference_velocity"][:] = 0.0
     monitor = FaultMonitor(robot, dt=0.01)
@@ -189,7 +189,7 @@ def test_a_reading_that_repeats_for_a_few_long_ticks_is_not_frozen(robot):
 
 def test_a_noiseless_encoder_is_frozen_only_where_the_reference_moves(robot):
     signals = live(200)
-    signals["encoder"][:] = 0.1
+    signals["position"][:] = 0.1
     spec = MonitorSpec(encoder_frozen=np.inf)
     assert raised(run(robot, signals, spec)) == {"encoder/frozen": 40}
     signals["reference_velocity"][:] = 0.0
@@ -218,7 +218,7 @@ ANY = st.floats(allow_nan=True, allow_infinity=True, width=64)
 def test_nothing_but_zero_and_one_comes_out(robot, rows):
     table = np.array(rows)
     signals = {
-        "encoder": table[:, :3],
+        "position": table[:, :3],
         "imu": table[:, 3:9],
         "wrench": table[:, 9:],
         "unknown_wrench": table[:, 9:],
@@ -233,8 +233,8 @@ def test_two_contexts_do_not_share_anything(robot):
     assert not monitor.HasAnyDirectFeedthrough()
     contexts = [monitor.CreateDefaultContext() for _ in range(2)]
     signals = live(1)
-    for context, encoder in zip(contexts, (signals["encoder"][0], np.full(N, np.nan)), strict=True):
-        monitor.GetInputPort("encoder").FixValue(context, encoder)
+    for context, encoder in zip(contexts, (signals["position"][0], np.full(N, np.nan)), strict=True):
+        monitor.GetInputPort("position").FixValue(context, encoder)
         monitor.GetInputPort("imu").FixValue(context, signals["imu"][0])
         monitor.GetInputPort("wrench").FixValue(context, signals["wrench"][0])
         context.SetDiscreteState(monitor.EvalUniquePeriodicDiscreteUpdate(context))

@@ -50,7 +50,7 @@ def model() -> TsidModel:
 
 @dataclass(frozen=True)
 class Setup:
-    """The paper's tasks and limits (EQUATIONS B), with any of their numbers changed.
+    """The paper's tasks and limits (Del Prete and Mansard, 2015), with any of their numbers changed.
 
     Attributes:
         force_weight: w_f.

@@ -45,7 +45,7 @@ class Whole:
 
     def y(self, torque):
         """What torques cause."""
-        nv, k, n = self.sizes
+        nv, k, _ = self.sizes
         known = self.equal_right - self.equal[:, nv + k :] @ torque
         return np.concatenate([np.linalg.solve(self.equal[:, : nv + k], known), torque])
 

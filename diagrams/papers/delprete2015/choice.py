@@ -1,4 +1,4 @@
-"""Which motions the tests of paper B take: a rule on the classic controller alone.
+"""Which motions the tests of Del Prete and Mansard (2015) take: a rule on the classic controller alone.
 
 Of all candidates that the classic controller follows (a solution at every state, the task's error below 1e-3 m/s^2),
 the one over whose states p spreads most evenly over 0 to 100: the largest entropy of p in tenths. In tests 1 and 2 the

@@ -1,4 +1,5 @@
-"""Beyond paper B: robust TSID in the full simulator, with floor, geared drives, friction and sensors; four forms.
+"""Beyond Del Prete and Mansard (2015): robust TSID in the full simulator, with floor, geared drives, friction and
+sensors; four forms.
 
 The torque error is what the drives make of the torques, not a noise; the controllers reckon with the Sigma that the
 robot's own torque estimates showed in a run of its own. Runs differ in the masses of the links and in all random

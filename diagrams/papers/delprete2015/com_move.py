@@ -1,4 +1,7 @@
-"""Paper B, tests 1 and 2: the centre of mass sways; how good the approximations of p, how robust five controllers."""
+"""Del Prete and Mansard (2015), tests 1 and 2.
+
+The centre of mass sways; how good the approximations of p, how robust five controllers.
+"""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass

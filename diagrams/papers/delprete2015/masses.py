@@ -1,4 +1,7 @@
-"""Paper B, test 5: the reach of test 3 with controllers whose link masses are wrong, over a hundred of them."""
+"""Del Prete and Mansard (2015), test 5.
+
+The reach of test 3 with controllers whose link masses are wrong, over a hundred of them.
+"""
 
 import os
 from concurrent.futures import Executor

@@ -1,4 +1,7 @@
-"""Paper B, tests 3 and 4: the right hand reaches far under a bound on the capture point; right and wrong sigma."""
+"""Del Prete and Mansard (2015), tests 3 and 4.
+
+The right hand reaches far under a bound on the capture point; right and wrong sigma.
+"""
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass

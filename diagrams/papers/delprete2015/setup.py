@@ -1,4 +1,7 @@
-"""Paper B, section VII: the 30-joint robot on both feet, its limits, the numbers of Table I, five ways to control."""
+"""Del Prete and Mansard (2015), section VII.
+
+The 30-joint robot on both feet, its limits, the numbers of Table I, five ways to control.
+"""
 
 from dataclasses import dataclass
 from functools import cache

@@ -1,4 +1,7 @@
-"""Paper B's simulations: v += dt vdot, q after it on its manifold, vdot from the torques through the held contacts."""
+"""Simulations of Del Prete and Mansard (2015).
+
+V += dt vdot, q after it on its manifold, vdot from the torques through the held contacts.
+"""
 
 import time as wall
 from collections.abc import Callable, Iterator, Sequence

@@ -1,4 +1,7 @@
-"""Beyond paper A, its open problems: the estimates' delay predicted away, a disturbance observer, a floating base."""
+"""Beyond Del Prete et al. (2016), its open problems.
+
+The estimates' delay predicted away, a disturbance observer, a floating base.
+"""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace

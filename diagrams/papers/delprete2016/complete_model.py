@@ -36,7 +36,7 @@ No log of these sensors tells s; K_v = K_tau b does not depend on it."""
 
 @dataclass(frozen=True)
 class DriveEstimate:
-    """One coefficient of EQUATIONS A3 against the truth of the simulation.
+    """One coefficient of the actuator model (Del Prete et al., 2016, eq. 6) against the truth of the simulation.
 
     Attributes:
         joint: Name.

@@ -1,4 +1,7 @@
-"""Paper A, Figs. 5 and 6: a force sine on a rigid object, and what the command is made of in motion and in force."""
+"""Del Prete et al. (2016), Figs. 5 and 6.
+
+A force sine on a rigid object, and what the command is made of in motion and in force.
+"""
 
 from typing import Any
 

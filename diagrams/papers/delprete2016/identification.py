@@ -1,4 +1,4 @@
-"""The identification experiment of paper A (section 3.4; EQUATIONS A4) on the simulated leg, and its two linear fits.
+"""The identification experiment of Del Prete et al. (2016) (section 3.4) on the simulated leg, and its two linear fits.
 
 Under the vendor's servo the leg moves in growing sinusoids, and holds a posture while hands push its foot. A third run
 sways slowly under the same pushes: at rest friction hides any torque within its band, in slow motion it is known.
@@ -25,10 +25,10 @@ from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig, parse_rig
 from drake_tc.loops.recording import write_log, write_rig
 from drake_tc.loops.scenarios.parts import PushSpec, SinusoidSpec
-from drake_tc.loops.torque.parts import sensor_suite
 from drake_tc.loops.torque.recording import TorqueRecording, log_columns, rig_of
 from drake_tc.loops.torque.running import simulate_scenario
 from drake_tc.loops.torque.scenario import Scenario
+from drake_tc.loops.torque.spec import sensor_suite
 from drake_tc.registry import diagram_entry
 from drake_tc.report.reproduction import Progress
 from drake_tc.types import FloatArray
@@ -172,7 +172,9 @@ def off_line_torque(recording: TorqueRecording, dt: float, scale: float | FloatA
 
 
 def linear_models(experiment: Experiment, penalty: Penalty) -> dict[str, ActuatorModel]:
-    """The paper's model effort = K_tau tau + K_v qdot of every joint, by one of its two penalties (EQUATIONS A4).
+    """The paper's model effort = K_tau tau + K_v qdot of every joint, by one of its two penalties.
+
+    Source: Del Prete et al., 2016, section 3.
 
     As in the paper there is no Coulomb column and no rotor inertia, although the simulated joints have both, a dead
     zone and a switch besides: what the two columns cannot say ends up in their coefficients.

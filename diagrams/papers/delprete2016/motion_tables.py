@@ -1,4 +1,7 @@
-"""Paper A, Tables 2 and 3: one stair swing under the vendor's servo and under torque control of falling stiffness."""
+"""Del Prete et al. (2016), Tables 2 and 3.
+
+One stair swing under the vendor's servo and under torque control of falling stiffness.
+"""
 
 from dataclasses import dataclass, replace
 

@@ -1,4 +1,5 @@
-"""Paper A, section 3.2.3: the piecewise-linear model as feedforward, one joint of the leg, the others locked.
+"""Del Prete et al. (2016), section 3.2.3: the piecewise-linear model as feedforward, one joint of the leg, the others
+locked.
 
 The model has one curve for each direction of motion. At a reversal it switches by the *estimated* speed, 40 ms late,
 and its step holds what the drive's damping cost at the speeds of the logs: more than there is to overcome at rest.
@@ -27,10 +28,11 @@ from drake_tc.identification.piecewise import PiecewiseFit, ThreePieces, fit_thr
 from drake_tc.logs.prepare import load_runs
 from drake_tc.logs.rig import parse_rig
 from drake_tc.loops.recording import write_log
-from drake_tc.loops.torque.parts import actuator_models, loop_robot, sensor_suite
+from drake_tc.loops.torque.parts import actuator_models, loop_robot
 from drake_tc.loops.torque.recording import log_columns
 from drake_tc.loops.torque.running import simulate_scenario
 from drake_tc.loops.torque.scenario import Scenario
+from drake_tc.loops.torque.spec import sensor_suite
 from drake_tc.registry import diagram_entry
 from drake_tc.robot.plant import add_robot
 from drake_tc.robot.robot import Robot

@@ -1,4 +1,7 @@
-"""Paper A, sections 3.2.3 and 5.2: which fits' feedforward runs away; predicted by the linear loop, and simulated."""
+"""Del Prete et al. (2016), sections 3.2.3 and 5.2.
+
+Which fits' feedforward runs away; predicted by the linear loop, and simulated.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace

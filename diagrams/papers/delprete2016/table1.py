@@ -1,4 +1,7 @@
-"""Paper A, Table 1: K_tau and K_v of the leg's drives, identified from simulated logs; and the hidden effects found."""
+"""Del Prete et al. (2016), Table 1.
+
+K_tau and K_v of the leg's drives, identified from simulated logs; and the hidden effects found.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -1,4 +1,7 @@
-"""Paper A's open question: which window and which gains, joint by joint; and whether they hold on other plants."""
+"""An open question of Del Prete et al. (2016).
+
+Which window and which gains, joint by joint; and whether they hold on other plants.
+"""
 
 from concurrent.futures import Executor
 from dataclasses import replace

@@ -1,4 +1,7 @@
-"""Paper C, the whole loop on other contacts: on one foot, and on both feet and a hand, pushed for ten seconds."""
+"""Faraji et al. (2015), the whole loop on other contacts.
+
+On one foot, and on both feet and a hand, pushed for ten seconds.
+"""
 
 from collections.abc import Mapping
 from concurrent.futures import Executor

@@ -1,4 +1,7 @@
-"""Paper C's whole loop with sensors that fail: standing, in the 1 Hz turn, and a contact lost without notice."""
+"""The whole loop of Faraji et al. (2015) with sensors that fail.
+
+Standing, in the 1 Hz turn, and a contact lost without notice.
+"""
 
 import os
 from collections.abc import Mapping

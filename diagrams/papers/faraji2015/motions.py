@@ -1,4 +1,7 @@
-"""Paper C, the whole loop in motion: turns of the trunk at 1 and 0.5 Hz, a genuflection, by either base estimator."""
+"""Faraji et al. (2015), the whole loop in motion.
+
+Turns of the trunk at 1 and 0.5 Hz, a genuflection, by either base estimator.
+"""
 
 import math
 from collections.abc import Mapping

@@ -1,4 +1,4 @@
-"""Paper C: the largest push that the standing robot survives, by controller and direction."""
+"""Faraji et al. (2015): the largest push that the standing robot survives, by controller and direction."""
 
 import math
 import os

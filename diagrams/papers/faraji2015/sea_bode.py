@@ -1,4 +1,4 @@
-"""Paper C, Fig. 4a: how the spring's torque follows the wanted one over frequency, law by law."""
+"""Faraji et al. (2015), Fig. 4a: how the spring's torque follows the wanted one over frequency, law by law."""
 
 from collections.abc import Mapping
 from typing import Any

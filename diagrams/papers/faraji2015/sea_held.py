@@ -1,4 +1,7 @@
-"""Paper C, Fig. 4b and c: a joint that is held, law by law; and what a hand feels of a joint that should give way."""
+"""Faraji et al. (2015), Fig. 4b and c.
+
+A joint that is held, law by law; and what a hand feels of a joint that should give way.
+"""
 
 from collections.abc import Mapping
 from typing import Any

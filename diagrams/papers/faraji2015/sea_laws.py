@@ -1,4 +1,4 @@
-"""The torque laws of paper C's figures, tuned by one rule, and their scenarios.
+"""The torque laws in the figures of Faraji et al. (2015), tuned by one rule, and their scenarios.
 
 The rule: as much gain as leaves a sensitivity peak of at most 2 and a delay margin of at least 5 ms (a third of the
 delay that the loop has already), the loop cut at the voltage, the joint clamped, dry friction sliding, the controllers'
@@ -15,9 +15,9 @@ from typing import Any
 import yaml
 
 from drake_tc.analysis.frequency_response import Channel
-from drake_tc.analysis.margins import Margins, frequency_grid, margins
 from drake_tc.analysis.sampled import open_loop
 from drake_tc.analysis.settled import settled_at
+from drake_tc.analysis.stability_margins import Margins, frequency_grid, margins
 from drake_tc.errors import SimulationError
 from drake_tc.loops.series_elastic.scenario import SeaScenario
 from drake_tc.loops.series_elastic.sliding import sliding_sea

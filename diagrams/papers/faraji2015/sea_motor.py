@@ -1,4 +1,7 @@
-"""Paper C, section II.A: motors identified joint by joint from sines and trapezoids under a hand, and a data sheet."""
+"""Faraji et al. (2015), section II.A.
+
+Motors identified joint by joint from sines and trapezoids under a hand, and a data sheet.
+"""
 
 import numpy as np
 from drake_tc.diagrams.papers.expected_values import expectations

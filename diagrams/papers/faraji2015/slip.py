@@ -1,4 +1,4 @@
-"""Paper C, beyond it: the base while feet turn on a floor that is too smooth for the motion."""
+"""Faraji et al. (2015), beyond it: the base while feet turn on a floor that is too smooth for the motion."""
 
 from typing import Any
 

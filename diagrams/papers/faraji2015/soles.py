@@ -1,4 +1,4 @@
-"""Paper C, beyond it: what the base estimator has to know of soles and floor."""
+"""Faraji et al. (2015), beyond it: what the base estimator has to know of soles and floor."""
 
 from typing import Any
 

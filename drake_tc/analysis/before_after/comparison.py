@@ -25,8 +25,8 @@ from drake_tc.analysis.before_after.changed_robot import mass_factors, write_rob
 from drake_tc.analysis.before_after.track import Trace, remarks, simulated
 from drake_tc.analysis.joint_loop import JointLoop
 from drake_tc.analysis.loop_parameters import with_values
-from drake_tc.analysis.margins import Margins
 from drake_tc.analysis.quick_margins import quick_margins
+from drake_tc.analysis.stability_margins import Margins
 from drake_tc.analysis.torque_loop.joint_loops import joint_loops
 from drake_tc.control.guard import GuardSpec
 from drake_tc.diagnosis.result.closed_loop import ClosedLoop, JointClosedLoop, LoopFigures

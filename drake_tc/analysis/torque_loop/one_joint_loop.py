@@ -1,6 +1,6 @@
 """One joint of a scenario in torque control, all others locked, against a spring: the smallest complete loop.
 
-Estimator, inverse dynamics, torque control, monitor and guard are those of the whole robot (`loop.stages`).
+The wiring is that of the whole robot (`add_torque_loop`).
 """
 
 from dataclasses import dataclass, replace
@@ -15,17 +15,15 @@ from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import LogVectorOutput, VectorLogSink
 
 from drake_tc.actuation.model import ActuatorModel
-from drake_tc.actuation.wiring import add_actuators
 from drake_tc.control.guard import GuardMode
 from drake_tc.errors import ParamsError
-from drake_tc.loops.scenarios.parts import PushSpec
-from drake_tc.loops.torque.parts import TorqueLoopBuilder, actuator_models, loop_robot, sensor_suite
-from drake_tc.loops.torque.references import posture, references
+from drake_tc.loops.plant import add_robot_plant
+from drake_tc.loops.torque.parts import actuator_models, loop_robot, torque_gains
+from drake_tc.loops.torque.references import posture, references, table_source
 from drake_tc.loops.torque.scenario import Scenario
-from drake_tc.loops.torque.stages import torque_command
+from drake_tc.loops.torque.wiring import add_torque_loop
 from drake_tc.robot.plant import add_robot
 from drake_tc.robot.robot import Robot
-from drake_tc.sensing.suite import add_sensors
 from drake_tc.types import FloatArray
 
 FASTEST = 50.0
@@ -97,22 +95,27 @@ def one_joint_loop(
     """
     whole = loop_robot(scenario)
     robot = alone(whole, scenario, joint)
-    touched = PushSpec(robot.base, 1e6, 1.0)  # a spring that pulls is no fault
     motion = replace(scenario.motion, posture={joint: float(robot.posture[0])}, knots={}, sinusoids={}, times=())
-    scenario = replace(scenario, motion=motion, force={}, objects=(), pushes=(touched,))
+    scenario = replace(scenario, motion=motion, force={}, objects=(), pushes=(), faults={})
     builder = DiagramBuilder()
-    plant: Any = builder.AddNamedSystem("plant", MultibodyPlant(scenario.plant_step))
-    add_robot(plant, robot)
-    if stiffness:
-        _add_spring(plant, robot, stiffness)
-    plant.SetUseSampledOutputPorts(False)
-    plant.Finalize()
-    sensors = add_sensors(builder, plant, robot, sensor_suite(scenario), scenario.dt, scenario.seed)
-    parts = TorqueLoopBuilder(builder, scenario, plant, scenario.dt, robot=robot, sensors=sensors)
-    command = torque_command(parts, references(scenario, robot))
-    model = actuator_models(scenario, whole)[joint] if drive is None else drive
-    actuators = add_actuators(builder, plant, {joint: model}, scenario.plant_step)
-    builder.Connect(command, actuators.GetInputPort("command"))
+
+    def hold(plant: MultibodyPlant) -> None:
+        if stiffness:
+            _add_spring(plant, robot, stiffness)
+
+    plant = add_robot_plant(builder, robot, scenario.plant_step, prepare=hold)
+    path = references(scenario, robot)
+    source = builder.AddNamedSystem("reference", table_source(path.time, path.motion))
+    add_torque_loop(
+        builder,
+        plant,
+        robot,
+        {joint: actuator_models(scenario, whole)[joint] if drive is None else drive},
+        source.get_output_port(),
+        scenario,
+        gains=torque_gains(scenario, robot),
+        controller_models=actuator_models(scenario, robot, controller=True),
+    )
     log = LogVectorOutput(plant.get_state_output_port(), builder, scenario.dt)
     return OneJointLoop(builder.Build(), plant, log)
 

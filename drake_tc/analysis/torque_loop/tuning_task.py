@@ -16,9 +16,10 @@ from drake_tc.analysis.torque_loop.joint_loops import joint_loops
 from drake_tc.analysis.tracking_error import JointTask
 from drake_tc.control.dynamics_terms import DynamicsTerms
 from drake_tc.errors import ParamsError
-from drake_tc.loops.torque.parts import actuator_models, loop_robot, sensor_suite
+from drake_tc.loops.torque.parts import actuator_models, loop_robot
 from drake_tc.loops.torque.references import references
 from drake_tc.loops.torque.scenario import Scenario
+from drake_tc.loops.torque.spec import sensor_suite
 from drake_tc.loops.torque.summary import SETTLED
 from drake_tc.robot.robot import Robot
 from drake_tc.sensing.spec import SensorSpec

@@ -1,4 +1,7 @@
-"""`SeriesElasticControl`: wanted spring torques to the voltages of series-elastic joints (EQUATIONS C2)."""
+"""`SeriesElasticControl`: wanted spring torques to the voltages of series-elastic joints.
+
+Source: Faraji et al., 2015, section II.B.
+"""
 
 from typing import Any
 
@@ -10,6 +13,7 @@ from drake_tc.actuation.joint_values import Models
 from drake_tc.control.series_elastic.law import Readings, SeriesElasticLaw
 from drake_tc.control.series_elastic.memory import KEPT, Kept
 from drake_tc.control.series_elastic.spec import SeriesElasticSpec
+from drake_tc.port_methods import PortMethods
 from drake_tc.types import FloatArray
 
 LARGEST = 1e9
@@ -24,7 +28,7 @@ class _Solved:
         self.state: FloatArray = np.zeros(0)
 
 
-class SeriesElasticControl(LeafSystem):
+class SeriesElasticControl(PortMethods, LeafSystem):
     """Torque control of n series-elastic joints, sampled every dt. See `law` for the equations.
 
     Inputs (n each):

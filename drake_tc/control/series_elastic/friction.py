@@ -53,10 +53,11 @@ def motor_arrays(models: Models) -> MotorArrays:
 
 
 def observer_weights(motor: MotorArrays, delay: int, step: int, dt: float, length: int) -> FloatArray:
-    """Weights (length, 3, n) on [voltage, angle, torque] whose sum is the Coulomb friction over the last step (C2).
+    """Weights (length, 3, n) on [voltage, angle, torque] whose sum is the Coulomb friction over the last step.
 
-    EQUATIONS C2 inverted for the friction, each term its mean over the same `step` ticks, so that nothing in it is
-    older than the rest: with u[j] = v[j - D] what the motor felt after tick j, w[j] = (theta[j] - theta[j-1])/dt,
+    Faraji et al. (2015), eq. 3, inverted for the friction, each term its mean over the same `step` ticks, so that
+    nothing in it is older than the rest: with u[j] = v[j - D] what the motor felt after tick j, w[j] = (theta[j] -
+    theta[j-1])/dt,
 
         tau_co = 1/n sum_j { u[j-1]/K - F_v w[j] - J (w[j+1] - w[j-1])/(2 dt) - (tau[j] + tau[j-1])/2 },
         j = k - n ... k - 1     (the difference for theta'' needs the sample after)

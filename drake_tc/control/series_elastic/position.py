@@ -8,10 +8,11 @@ from pydrake.systems.framework import BasicVector, Context, LeafSystem
 from drake_tc.actuation.joint_values import Models
 from drake_tc.control.series_elastic.friction import motor_arrays
 from drake_tc.errors import ParamsError
+from drake_tc.port_methods import PortMethods
 from drake_tc.types import FloatArray
 
 
-class MotorPositionControl(LeafSystem):
+class MotorPositionControl(PortMethods, LeafSystem):
     """Position loops of n motors before their springs, as on a drive's own board.
 
     Inputs (n each):

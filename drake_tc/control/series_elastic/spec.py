@@ -13,7 +13,8 @@ WITH_P: tuple[Mode, ...] = ("observer", "last_step_friction", "feedforward_p", "
 
 @dataclass(frozen=True)
 class SeriesElasticSpec:
-    """One torque law (EQUATIONS C2); the same interface for the paper's and for those it is compared with.
+    """One torque law (Faraji et al., 2015, section II.B); the same interface for the paper's and for those it is
+    compared with.
 
     Attributes:
         mode: `observer`: inverse motor model, one-step friction observer that knows reversals in advance, P.

@@ -8,10 +8,17 @@ import numpy as np
 from drake_tc.diagnosis.data.channels import Channels, channels_of
 from drake_tc.diagnosis.data.link_prior import column_name
 from drake_tc.diagnosis.data.load_scale import load_scale
-from drake_tc.diagnosis.data.resolution import NoiseFloor, Resolution, light_width, sample_noise
+from drake_tc.diagnosis.data.resolution import (
+    LEAST_COVER,
+    NoiseFloor,
+    Resolution,
+    final_widths,
+    light_width,
+    sample_noise,
+)
 from drake_tc.diagnosis.data.samples import Samples
 from drake_tc.diagnosis.data.silent_effort import silent_effort
-from drake_tc.diagnosis.data.sliding import choose_rows, direction_of_motion, require_rows
+from drake_tc.diagnosis.data.sliding import choose_rows, covered, direction_of_motion, require_rows
 from drake_tc.effects.base import Context, Signals
 from drake_tc.effects.context import EFFORT_UNIT, LoadKind
 from drake_tc.estimation.coupled_gears import ACCELERATION
@@ -19,7 +26,7 @@ from drake_tc.filtering.common_kernel import CommonKernel
 from drake_tc.logs.loads import Load, Pendulum, RobotLoad, unknown_form
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
-from drake_tc.types import FloatArray, IntArray
+from drake_tc.types import BoolArray, FloatArray, IntArray
 
 SLOWER = 3.0
 LEAST_NOISE = 1e-12
@@ -117,8 +124,32 @@ def _filtered_motion(
     return light.smooth(position), light.derivative(position), acceleration
 
 
+def _final_kernel(
+    moving: BoolArray, segments: Sequence[slice], light: CommonKernel, widths: Sequence[float]
+) -> CommonKernel:
+    """The widest of the kernels under which enough of the moving samples stay usable."""
+    kernels = [CommonKernel(width, light.period) for width in widths]
+    least = LEAST_COVER * covered(moving, segments, kernels[0], light)
+    return next(k for k in reversed(kernels) if covered(moving, segments, k, light) >= least)
+
+
+def held_mean(command: FloatArray, segments: Sequence[slice]) -> FloatArray:
+    """Mean (T,) of a held command over one period around each sample: half of the last value, half of the new one."""
+    out = command.copy()
+    for s in segments:
+        out[s][1:] = 0.5 * (command[s][1:] + command[s][:-1])
+    return out
+
+
 def build_samples(
-    runs: Sequence[Run], rig: Rig, joint: str, width_s: float | None = None, compliance: float = 0.0
+    runs: Sequence[Run],
+    rig: Rig,
+    joint: str,
+    width_s: float | None = None,
+    compliance: float = 0.0,
+    final_s: float | None = None,
+    *,
+    command_held: bool = False,
 ) -> Samples:
     """Filter the runs' channels with common kernels and choose the rows.
 
@@ -128,6 +159,8 @@ def build_samples(
         joint: Which joint.
         width_s: Width of the light kernel [s]; None lets the data choose.
         compliance: Of a soft gear [rad/(N m)]: the motor slides, and its friction turns over, by q + compliance tau.
+        final_s: Width of the final kernel [s]; None lets the data choose.
+        command_held: The command acts unchanged until the next sample; else its samples are points of a smooth curve.
 
     Raises:
         IdentificationError: nothing usable, or the joint does not move long enough at a stretch.
@@ -137,15 +170,18 @@ def build_samples(
     raw_q = channels.raw("position")
     step, noise = _encoder(channels, rig, raw_q)
     light = CommonKernel(_width(channels, raw_q, noise) if width_s is None else width_s, period)
-    final = CommonKernel(light.actual_width_s, period)
     q, v, a = _filtered_motion(channels, light, raw_q)
     raw_command = channels.raw(rig.command_column(joint).rpartition("/")[2])
-    command = light.smooth(raw_command)
+    command = light.smooth(held_mean(raw_command, segments) if command_held else raw_command)
     torque, slow_torque, slope = _load(channels, rig, light, q, a)
     resolution = _resolution(channels, rig, step, noise, light)
     inner = [slice(s.start + light.margin, max(s.stop - light.margin, s.start + light.margin)) for s in segments]
     motor, motor_rate = q + compliance * slow_torque, v + compliance * np.gradient(slow_torque, period)
     direction, travel, moving = direction_of_motion(motor, motor_rate, inner, resolution)
+    order, raw_noise = (1, resolution.raw_velocity_noise) if channels.speed_only else (2, noise)
+    kept = np.concatenate([a[s] for s in inner if s.stop > s.start] or [a])
+    widths = final_widths(kept, raw_noise, light, order=order) if final_s is None else [final_s]
+    final = _final_kernel(moving, segments, light, widths)
     temperature, motor_position, supply = (
         light.smooth(raw) if np.isfinite(raw).any() else raw
         for raw in map(channels.raw, ("temperature", "motor_position", "supply_voltage"))
@@ -197,6 +233,7 @@ def build_samples(
         run_of_sample=channels.run_of_sample,
         notes=(*channels.notes(runs), *silent_effort(channels, rig.command_column(joint), raw_command, moving)),
         load_unknown=unknown_form(load) is not None,
+        command_held=command_held,
         torque_unit=EFFORT_UNIT[rig.drive[joint]] if scale.as_effort else "N*m",
     )
 

@@ -15,6 +15,12 @@ WIDEST_LIGHT = 0.060
 ACCELERATION_NOISE = 0.04
 """Noise of the filtered acceleration, as a share of the acceleration's own spread, that the light kernel leaves."""
 
+WIDEST_FINAL = 0.25
+"""Widest final kernel [s]."""
+MOST_WIDENING = 4.0
+"""Width of the final kernel over the light kernel's, at most."""
+LEAST_COVER = 0.7
+"""Share of the moving samples usable under the narrowest final kernel that a wider one must leave usable."""
 REPLAY_WIDER = 3.0
 """Width of the kernel that frees the position of its steps before they are replayed, over the light kernel's."""
 
@@ -78,6 +84,34 @@ def light_width(values: FloatArray, noise: float, segments: Sequence[slice], per
             break
         width *= 1.25
     return width
+
+
+def final_widths(acceleration: FloatArray, noise: float, light: CommonKernel, *, order: int = 2) -> list[float]:
+    """Widths of the final kernel [s] to try, from the light kernel's own to the one that noise asks for.
+
+    The light kernel is kept short because nonlinear columns are computed from what it lets through. A coarse encoder
+    then leaves noise in the acceleration that covers the balance; the final kernel, which every column passes alike,
+    may be wider. The last width is the narrowest after which the acceleration's noise is below 4 % of its own spread,
+    at most four light kernels and 250 ms.
+
+    Args:
+        acceleration: (T,) after the light kernel [rad/s^2].
+        noise: Standard deviation of one sample of what is differentiated [rad | rad/s].
+        light: First kernel.
+        order: Derivative of the recorded signal that is the acceleration.
+    """
+    first = light.kernels[order]
+    passed = noise * float(np.sqrt(np.sum(first**2)))
+    spread = float(np.sqrt(np.maximum(np.var(acceleration) - passed**2, 0.0)))
+    width = light.actual_width_s
+    widths, widest = [width], min(MOST_WIDENING * width, max(WIDEST_FINAL, width))
+    while width < widest:
+        kernel = np.convolve(first, CommonKernel(width, light.period).kernels[0])
+        if noise * float(np.sqrt(np.sum(kernel**2))) < ACCELERATION_NOISE * spread:
+            break
+        width = min(1.25 * width, widest)
+        widths.append(width)
+    return widths
 
 
 def white_noise(values: FloatArray, segments: Sequence[slice]) -> float:

@@ -53,14 +53,7 @@ def choose_rows(
     moving: BoolArray, segments: Sequence[slice], final: CommonKernel, light: CommonKernel, period: float
 ) -> tuple[IntArray, IntArray]:
     """Rows whose neighbourhood in the final kernel moves throughout, thinned to the kernel's resolution."""
-    reach = _reach(final)
-    usable = np.zeros(moving.size, dtype=bool)
-    edge = final.margin + light.margin
-    for s in segments:
-        inner = minimum_filter1d(moving[s].astype(np.uint8), 2 * reach + 1, mode="nearest").astype(bool)
-        inner[:edge] = False
-        inner[max(0, inner.size - edge) :] = False
-        usable[s] = inner
+    usable = _usable(moving, segments, final, light)
     stride = max(1, final.box // 2)
     stride = max(stride, int(np.ceil(usable.sum() / MAX_ROWS)))
     rows = np.concatenate([np.arange(s.start, s.stop, stride) for s in segments])
@@ -71,6 +64,23 @@ def choose_rows(
     raw = segment_of * 10**7 + (rows - starts[segment_of]) // length
     block = np.unique(raw, return_inverse=True)[1]
     return rows.astype(np.int64), block.astype(np.int64)
+
+
+def covered(moving: BoolArray, segments: Sequence[slice], final: CommonKernel, light: CommonKernel) -> int:
+    """How many samples may become rows under a final kernel."""
+    return int(np.count_nonzero(_usable(moving, segments, final, light)))
+
+
+def _usable(moving: BoolArray, segments: Sequence[slice], final: CommonKernel, light: CommonKernel) -> BoolArray:
+    """(T,) whether the joint moves throughout a sample's neighbourhood in the final kernel."""
+    reach, edge = _reach(final), final.margin + light.margin
+    usable = np.zeros(moving.size, dtype=bool)
+    for s in segments:
+        inner = minimum_filter1d(moving[s].astype(np.uint8), 2 * reach + 1, mode="nearest").astype(bool)
+        inner[:edge] = False
+        inner[max(0, inner.size - edge) :] = False
+        usable[s] = inner
+    return usable
 
 
 def _reach(final: CommonKernel) -> int:

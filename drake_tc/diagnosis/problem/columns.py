@@ -141,10 +141,14 @@ class Columns:
         self._cache: dict[tuple[object, ...], FloatArray] = {}
         self._bytes = 0
         folds = fold_of(samples.block)
-        self._order = np.argsort(folds, kind="stable")
-        self._ends = np.cumsum(np.bincount(folds, minlength=FOLDS))
+        self._order, self._ends = np.argsort(folds, kind="stable"), np.cumsum(np.bincount(folds, minlength=FOLDS))
         self._sorted: dict[tuple[object, ...], FloatArray] = {}
         self._products: dict[tuple[object, ...], FloatArray] = {}
+
+    def __getstate__(self) -> dict[str, object]:
+        """Without what has been computed: who receives the columns computes what he needs."""
+        empty: dict[str, object] = {name: {} for name in ("_cache", "_sorted", "_products")}
+        return self.__dict__ | empty | {"_bytes": 0}
 
     @property
     def effort_is_target(self) -> bool:
@@ -175,7 +179,7 @@ class Columns:
 
     @staticmethod
     def _drives(terms: Sequence[Term]) -> list[Term]:
-        return [t for t in terms if isinstance(t.effect, DriveEffect) and t.effect.shapes]
+        return [t for t in terms if isinstance(t.effect, DriveEffect) and (t.effect.shapes or t.effect.filters)]
 
     def _effort_key(self, terms: Sequence[Term]) -> tuple[object, ...]:
         return ("effort", *(k for t in self._drives(terms) for k in t.cache_key))

@@ -1,19 +1,21 @@
 """A joint ready for a search: both sides filtered (`preparation`), its declared model fitted and known to columns."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import partial
 
 from drake_tc.diagnosis.data.link_prior import LinkPrior
 from drake_tc.diagnosis.data.load_scale import load_scale
 from drake_tc.diagnosis.data.preparation import build_samples, context_of
+from drake_tc.diagnosis.data.samples import Samples
 from drake_tc.diagnosis.problem.columns import BalanceCoefficients, Columns, Term
+from drake_tc.diagnosis.problem.command_hold import command_is_held
 from drake_tc.diagnosis.problem.declared import (
     declared_terms,
     fit_declared,
-    known_values,
+    known_taken_off,
     require_positions,
-    without_known,
 )
 from drake_tc.diagnosis.problem.regression import Fit, fit
 from drake_tc.diagnosis.problem.sensor_errors import errors_of, weighed
@@ -62,6 +64,28 @@ def _naming(split: str) -> Iterator[None]:
         raise IdentificationError(f"{split}: {error}") from None
 
 
+Build = Callable[..., Samples]
+
+
+def _samples(build: Build, train_runs: Sequence[Run], held_runs: Sequence[Run]) -> tuple[Samples, Samples]:
+    """Both splits under the training runs' kernels. A wide final kernel gives way to the narrowest one where it would
+    leave too few rows of held-out runs, whose strokes may be shorter.
+    """
+    with _naming("training runs"):
+        train = build(train_runs)
+    if not held_runs:
+        return train, train
+    same = partial(build, width_s=train.light.width_s)
+    with _naming("held-out runs"):
+        try:
+            return train, same(held_runs, final_s=train.kernel.width_s)
+        except IdentificationError:
+            narrow = train.light.actual_width_s
+            if train.kernel.width_s <= narrow:
+                raise
+            return same(train_runs, final_s=narrow), same(held_runs, final_s=narrow)
+
+
 def prepare_joint(
     train_runs: Sequence[Run],
     held_runs: Sequence[Run],
@@ -70,35 +94,37 @@ def prepare_joint(
     compliance: float = 0.0,
     link_prior: LinkPrior | None = None,
     width_s: float | None = None,
+    common: Sequence[Term] = (),
 ) -> Prepared:
     """Filter one joint's runs, take off what is known of it and fit its declared model.
 
     Args:
         train_runs: To fit.
-        held_runs: To judge by.
+        held_runs: To judge by; where there are none, the training rows stand for them.
         rig: Says drive, load and what is declared.
         joint: Which.
         compliance: As in `build_samples` [rad/(N m)].
         link_prior: Of the links' columns that the runs hold; None where they hold none.
         width_s: Width of the light kernel [s]; None lets the data choose.
+        common: Terms of all joints, which the declared model has besides the joint's own.
 
     Raises:
         IdentificationError: the joint hardly moves in the training or in the held-out runs, or the training runs cannot
             identify the declared model.
     """
-    with _naming("training runs"):
-        train = build_samples(train_runs, rig, joint, width_s, compliance)
-    with _naming("held-out runs"):
-        held = build_samples(held_runs, rig, joint, train.light.width_s, compliance)
+    loads = possible_loads(rig, joint) if link_prior is None else (link_load(link_prior.mean.size),)
+    build = partial(build_samples, rig=rig, joint=joint, width_s=width_s, compliance=compliance)
+    if command_is_held(partial(build, train_runs), rig, joint, link_prior, loads):
+        build = partial(build, command_held=True)
+    train, held = _samples(build, train_runs, held_runs)
     context = context_of(train, rig, joint)
     require_positions(rig, joint, context)
-    known = known_values(rig, joint)
-    train, held = (replace(without_known(each, known), link_prior=link_prior) for each in (train, held))
+    train, held = (known_taken_off(each, rig, joint, link_prior) for each in (train, held))
     servo = context.drive == "position_servo"
     scale = load_scale(rig, joint)
     first, other = (Columns(each, declared_gain=scale.gain) for each in (train, held))
-    loads = possible_loads(rig, joint) if link_prior is None else (link_load(link_prior.mean.size),)
     plain = fit_declared(first, declared_terms(rig, joint), context, loads)
+    plain = fit(first, [*plain.terms, *common]) if common else plain
     if train.load_unknown:
         require_identified_load(first, plain, joint, context)
     elif context.load != "links":

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 
+from drake_tc.diagnosis.data.samples import Samples
 from drake_tc.diagnosis.problem.estimates import Estimate
 from drake_tc.logs.rig import Rig
 
@@ -26,6 +27,17 @@ def drive_notes(rig: Rig, joint: str, found: Parameters, fitted_gain: float) -> 
     if damping is None:
         return ()
     return (_own_friction(found["viscous"]["viscous"], rig.drive_gain[joint] * damping / fitted_gain),)
+
+
+def hold_note(samples: Samples) -> tuple[str, ...]:
+    """That the command was taken to hold between samples."""
+    if not samples.command_held:
+        return ()
+    period = f"{1e3 * samples.signals.period:.3g} ms"
+    return (
+        f"The command is taken to act unchanged from one sample to the next ({period}), as in the free runs; "
+        "declare command_hold: false if the samples are points of a continuous command.",
+    )
 
 
 def _torque_scale(gain: Estimate) -> tuple[str, ...]:

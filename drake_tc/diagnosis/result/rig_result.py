@@ -39,6 +39,7 @@ class CloseLoopResult:
     """The whole call: joints by name, verdict, seconds; causes that no single joint owns; what the loop makes of it.
 
     `links` are the links' inertial parameters where the rig asks for them to be fitted.
+    `declared_file` is the file of another simulator whose model was declared, if one was given beside the rig.
     `hints` point out columns of the logs that seem to be meant and that the rig file does not use; they are among the
     joints' notes too.
     """
@@ -56,3 +57,4 @@ class CloseLoopResult:
     uncertainty: TorqueUncertainty | None = None
     links: FittedLinks | None = None
     hints: tuple[str, ...] = ()
+    declared_file: str | None = None

@@ -3,16 +3,19 @@
 An effect of the chosen set is withdrawn when
   1. its values are physically impossible (`effects.plausibility`),
   2. it corrects the encoder by less than the logs resolve,
-  3. some training run speaks against it: fitted on the other runs, it makes the error of that run larger. With fewer
-     than three training runs the folds of the cross-validation take the place of the runs,
-  4. the held-out runs speak against it.
-A run says something about an effect where the effect acts in it: where its contribution has an RMS of a quarter of
-the noise floor or more. A training run speaks against it when its error is larger with the effect in 98 % of block
-resamples, which is the certainty that the search asks of an improvement. The model of a short run, or of one in which
-other things are missing too, differs from run to run by chance, so a smaller certainty would withdraw true effects. A
-held-out run speaks against it when its error is larger at all; the model without the effect is fitted anew. All
-held-out runs together speak against an effect that acts in them at all and makes their error larger, and against one
-that acts as above and whose gain on them may be chance: less than 90 % of the block resamples have it.
+  3. it is a curve over the position that is mostly a multiple of the known load,
+  4. some training run speaks against it: fitted on the other runs, it makes the error of that run larger. With two
+     training runs the effect alone is fitted on the other run, beside the model of both,
+  5. the held-out runs speak against it,
+  6. another effect was withdrawn, and without that one it no longer lowers the training error.
+A run says something about an effect where it has the rows of a regression and the effect acts in it: where its
+contribution has an RMS of a quarter of the noise floor or more. A training run speaks against it when its error is
+larger with the effect in 98 % of block resamples, which is the certainty that the search asks of an improvement. The
+model of a short run, or of one in which other things are missing too, differs from run to run by chance, so a smaller
+certainty would withdraw true effects. A held-out run speaks against it when its error is larger, or when its gain may
+be chance: less than 90 % of the block resamples have it; the model without the effect is fitted anew. The same is asked
+of all held-out runs together, and they also speak against an effect that acts in them at all and makes their error
+larger.
 """
 
 from collections.abc import Callable, Sequence
@@ -21,11 +24,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from drake_tc.diagnosis.data.samples import Samples
+from drake_tc.diagnosis.data.sliding import LEAST_ROWS
 from drake_tc.diagnosis.problem.bounded import solve_bounded
-from drake_tc.diagnosis.problem.columns import Columns, Term
+from drake_tc.diagnosis.problem.columns import Columns, Term, coefficients_by_term
 from drake_tc.diagnosis.problem.regression import Fit, bounds_of, fit, predict
 from drake_tc.diagnosis.problem.sensor_errors import expected_errors
-from drake_tc.diagnosis.selection.plausible_values import objection_to_values
+from drake_tc.diagnosis.selection.plausible_values import looks_like_known_load, objection_to_values
 from drake_tc.diagnosis.selection.withdrawal import DidNotHold, Withdrawal
 from drake_tc.diagnosis.thresholds import FEW_RUNS, HELDOUT_ACTS, HELDOUT_CERTAIN, RUN_ACTS, RUN_CERTAIN
 from drake_tc.effects.base import Context
@@ -33,6 +37,8 @@ from drake_tc.identification.autocorrelation import correlation_time
 from drake_tc.types import FloatArray, IntArray
 
 RESAMPLES = 400
+KEPT_OF_FIT = 1e-3
+"""Weight of the fitted coefficients against one run's rows when an effect is fitted on the other run."""
 FEWEST_STRETCHES = 4
 """Stretches of blocks that a run is cut into at least when it is resampled."""
 FEWEST_BLOCKS = 24
@@ -53,7 +59,9 @@ Settle = Callable[[Fit], tuple[Columns, Columns, Fit]]
 """A fit to training rows, held-out rows and the fit itself, once the columns know the fit's coefficients."""
 
 
-def confirm(settle: Settle, chosen: Fit, known: frozenset[str], context: Context, floor: float) -> Confirmed:
+def confirm(
+    settle: Settle, chosen: Fit, known: frozenset[str], context: Context, floor: float, least_gain: float
+) -> Confirmed:
     """Withdraw effects one by one until all that are left hold.
 
     Args:
@@ -62,6 +70,8 @@ def confirm(settle: Settle, chosen: Fit, known: frozenset[str], context: Context
         known: Keys of the declared effects, which are not questioned.
         context: What the logs span.
         floor: Noise floor [effort].
+        least_gain: Smallest relative drop of the cross-validated error that the search asks of an effect. It is asked
+            again once an effect was withdrawn, beside which another one was chosen.
     """
     withdrawn: list[DidNotHold] = []
     while True:
@@ -72,11 +82,24 @@ def confirm(settle: Settle, chosen: Fit, known: frozenset[str], context: Context
             continue
         added = [t for t in chosen.terms if t.effect.key not in known]
         failed = [f for t in added if (f := _objection(columns, held, chosen, t, context, floor)) is not None]
+        if withdrawn and not failed:
+            failed = [f for t in added if (f := _no_longer_needed(columns, held, chosen, t, least_gain)) is not None]
         if not failed:
             return Confirmed(columns, held, chosen, tuple(withdrawn))
         worst = min(failed, key=lambda f: (f.reason != "implausible", f.heldout_gain or 0.0))
         withdrawn.append(worst)
         chosen = fit(columns, [t for t in chosen.terms if t.effect.key != worst.key])
+
+
+def _no_longer_needed(columns: Columns, held: Columns, chosen: Fit, term: Term, least_gain: float) -> DidNotHold | None:
+    """Withdraws an effect that lowers the training error no more once another one is gone."""
+    rest = fit(columns, [t for t in chosen.terms if t is not term])
+    gain = 1.0 - chosen.cv_rms / max(rest.cv_rms, 1e-300)
+    if gain >= least_gain:
+        return None
+    heldout = 1.0 - _rms(predict(held, chosen)) / max(_rms(predict(held, rest)), 1e-300)
+    why = f"Without the effects that did not hold, it lowers the cross-validated training error by {100 * gain:.1f} %."
+    return DidNotHold(term.effect.key, term.effect.id, term.effect.title, "no_longer_needed", why, heldout)
 
 
 def _objection(
@@ -94,7 +117,10 @@ def _objection(
     impossible = objection_to_values(chosen, term, context, columns)
     if impossible is not None:
         return withdrawn(*impossible)
-    against = _training_run_against(columns, chosen, without, floor)
+    same = looks_like_known_load(chosen, term, columns)
+    if same:
+        return withdrawn("looks_like_known_load", same)
+    against = _training_run_against(columns, chosen, term, floor)
     if against:
         return withdrawn("training_run_against", f"Fitted on the other runs, it makes the error of {against} larger.")
     against = heldout_against(held.samples, without_it, with_it, floor)
@@ -110,26 +136,78 @@ def heldout_against(samples: Samples, without: FloatArray, with_it: FloatArray, 
         with_it: (N,) with it.
         floor: Noise floor [effort].
     """
-    run = speaks_against(samples, without, with_it, floor, certain=0.0)
-    if run:
-        return f"It makes the held-out error of {run} larger."
+    for r in np.unique(samples.run):
+        rows = samples.run == r
+        run, lost = samples.runs[int(r)], _rms(with_it[rows]) / max(_rms(without[rows]), 1e-300) - 1.0
+        if not _says_something(without[rows], with_it[rows], floor):
+            continue
+        if lost > 0.0:
+            return f"It makes the held-out error of {run} larger."
+        better = _worse_share(samples.block[rows], with_it[rows], without[rows])
+        if better < HELDOUT_CERTAIN:
+            return f"It lowers the held-out error of {run} by {-100 * lost:.1f} %, {_in_resamples(better)}."
     gain, acts = 1.0 - _rms(with_it) / max(_rms(without), 1e-300), _rms(with_it - without)
     if gain <= 0.0 and acts >= HELDOUT_ACTS * floor:
         return f"It changes the held-out error by {-100 * gain:+.1f} %."
     better = _worse_share(samples.block, with_it, without) if acts >= RUN_ACTS * floor else 1.0
     if better < HELDOUT_CERTAIN:
-        return f"It lowers the held-out error by {100 * gain:.1f} %, in {100 * better:.0f} % of the block resamples."
+        return f"It lowers the held-out error by {100 * gain:.1f} %, {_in_resamples(better)}."
     return ""
 
 
-def _training_run_against(columns: Columns, chosen: Fit, without: Sequence[Term], floor: float) -> str:
-    """The training run that speaks against an effect, or ""."""
-    samples = columns.samples
-    if np.unique(samples.run).size < FEW_RUNS:
+def _in_resamples(share: float) -> str:
+    return f"in {100 * share:.0f} % of the block resamples"
+
+
+def _says_something(without: FloatArray, with_it: FloatArray, floor: float) -> bool:
+    """Whether the rows (N,) of a run are enough for a regression and the effect acts in them."""
+    return with_it.size >= LEAST_ROWS and _rms(with_it - without) >= RUN_ACTS * floor
+
+
+def _training_run_against(columns: Columns, chosen: Fit, term: Term, floor: float) -> str:
+    """The training run that speaks against an effect, or ""; noise that the effect lets through is no error of it."""
+    samples, without = columns.samples, [t for t in chosen.terms if t is not term]
+    count = np.unique(samples.run).size
+    if count < 2:
         return ""  # the cross-validated gain in block resamples is a condition of the search
+    rest = fit(columns, without)
+    if count < FEW_RUNS:
+        without_it = columns.target - columns.design(rest.terms) @ rest.beta
+        with_it = exchanged(columns, chosen, term)
+    else:
+        without_it, with_it = (left_out(columns, f.terms) for f in (rest, chosen))
     gain = columns.gain or chosen.gain
-    without_it, with_it = (left_out(columns, terms) * gain for terms in (without, chosen.terms))
-    return speaks_against(samples, without_it, with_it, floor)
+    weights = (gain * columns.noise_ratio(f.beta, f.terms) for f in (rest, chosen))
+    before, after = (weight * left for weight, left in zip(weights, (without_it, with_it), strict=True))
+    return speaks_against(samples, before, after, floor)
+
+
+def exchanged(columns: Columns, chosen: Fit, term: Term) -> FloatArray:
+    """Residual (N,) [N m] of every training run with one effect's coefficients from the other runs.
+
+        theta_r = argmin sum_(k not in r) (e_k + phi_k (theta - theta_fit))^2 + w sum_k (phi_k (theta - theta_fit))^2
+
+    with the residual e of the fit. A small w leaves a level of a curve that the other runs do not reach as fitted. Two
+    short runs identify no whole model each, but an effect beside the model of both.
+
+    Args:
+        columns: Training rows.
+        chosen: Fitted to them.
+        term: One of its effects.
+    """
+    left = columns.target - columns.design(chosen.terms) @ chosen.beta
+    theta = next(theta for t, theta in coefficients_by_term(chosen.terms, chosen.beta) if t is term)
+    if theta.size == 0:
+        return left
+    mine, run = columns.of(term), columns.samples.run
+    held = KEPT_OF_FIT * mine.T @ mine + 1e-12 * np.trace(mine.T @ mine) * np.eye(theta.size)
+    out = left.copy()
+    for r in np.unique(run):
+        rows, others = run == r, run != r
+        gram = mine[others].T @ mine[others] + held
+        change = -np.linalg.solve(gram, mine[others].T @ left[others])  # the residual holds + phi theta
+        out[rows] += mine[rows] @ change
+    return out
 
 
 def left_out(columns: Columns, terms: Sequence[Term]) -> FloatArray:
@@ -154,7 +232,7 @@ def speaks_against(
     worst, name = 0.0, ""
     for r in np.unique(samples.run):
         rows = samples.run == r
-        if _rms(with_it[rows] - without[rows]) < RUN_ACTS * floor:
+        if not _says_something(without[rows], with_it[rows], floor):
             continue
         loss = _rms(with_it[rows]) / max(_rms(without[rows]), 1e-300) - 1.0
         if loss > worst and _worse_share(samples.block[rows], without[rows], with_it[rows]) >= certain:

@@ -1,7 +1,8 @@
 """Which effects one joint lacks: its regression as a problem of the search engine."""
 
 from collections.abc import Hashable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from concurrent.futures import Executor, Future
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -16,13 +17,15 @@ from drake_tc.diagnosis.selection.plausible_values import objection_to_values
 from drake_tc.diagnosis.selection.shapes import ShapeScreen, refine_values
 from drake_tc.diagnosis.selection.withdrawal import DidNotHold
 from drake_tc.diagnosis.thresholds import SearchThresholds
-from drake_tc.effects.base import Context, DriveEffect, Effect
+from drake_tc.effects.base import Context, DriveEffect, Effect, Shape
 from drake_tc.effects.library import place
 from drake_tc.types import FloatArray
 
 Search = Selection[Fit]
 SCREENED = 4
 """Shapes of a long grid that are tried with the filters."""
+EVALUATIONS = 60
+"""Most evaluations of the error in a refinement, for each shape parameter."""
 
 
 def candidates(
@@ -67,26 +70,59 @@ def best_shape(
     return fit(columns, min(tried, key=lambda s: s.cv_rms).terms)
 
 
-def refine(columns: Columns, start: Fit, evaluations: int = 60) -> Fit:
+def refine(columns: Columns, start: Fit, evaluations: int = EVALUATIONS) -> Fit:
     """Refine all shape parameters of a fit together."""
-    free = [(i, p) for i, t in enumerate(start.terms) for p in t.effect.shapes]
+    return _with_shapes(columns, start, refined_shapes(columns, start.terms, start.cv_rms, evaluations))
+
+
+def refined_shapes(columns: Columns, terms: Sequence[Term], least: float, evaluations: int) -> list[Shape] | None:
+    """The shapes of all terms, refined together; None where no other shapes have a smaller error than `least`."""
+    free = [(i, p) for i, t in enumerate(terms) for p in t.effect.shapes]
     if not free:
-        return start
-    best, least = start.terms, start.cv_rms
+        return None
+    best: list[Shape] | None = None
 
     def cost(values: FloatArray) -> float:
         nonlocal best, least
-        shapes = [dict(t.shape) for t in start.terms]
+        shapes = [dict(t.shape) for t in terms]
         for (i, p), value in zip(free, values, strict=True):
             shapes[i][p.name] = float(value)
-        tried = score(columns, [Term(t.effect, s) for t, s in zip(start.terms, shapes, strict=True)])
-        if tried.cv_rms < least:
-            best, least = tried.terms, tried.cv_rms
-        return float(np.log(tried.cv_rms))
+        error = score(columns, [Term(t.effect, s) for t, s in zip(terms, shapes, strict=True)]).cv_rms
+        if error < least:
+            best, least = [*shapes], error
+        return float(np.log(error))
 
-    values = np.array([start.terms[i].shape[p.name] for i, p in free])
+    values = np.array([terms[i].shape[p.name] for i, p in free])
     refine_values([p for _, p in free], values, cost, evaluations)
-    return start if best is start.terms else fit(columns, best)
+    return best
+
+
+def _with_shapes(columns: Columns, start: Fit, shapes: Sequence[Shape] | None) -> Fit:
+    if shapes is None:
+        return start
+    return fit(columns, [Term(t.effect, shape) for t, shape in zip(start.terms, shapes, strict=True)])
+
+
+@dataclass(eq=False)
+class _Refinement:
+    """A fit whose shapes are refined when it is called, or in a worker from when it began."""
+
+    columns: Columns
+    start: Fit
+    executor: Executor | None
+    _found: Future[list[Shape] | None] | None = field(default=None, init=False)
+
+    def begin(self) -> None:
+        """Let a worker refine the shapes, where there are workers and shapes."""
+        if self.executor is not None and any(t.effect.shapes for t in self.start.terms):
+            arguments = (self.columns, self.start.terms, self.start.cv_rms, EVALUATIONS)
+            self._found = self.executor.submit(refined_shapes, *arguments)
+
+    def __call__(self) -> Fit:
+        """The refined fit."""
+        if self._found is None:
+            return refine(self.columns, self.start)
+        return _with_shapes(self.columns, self.start, self._found.result())
 
 
 def share_better(small: Fit, large: Fit, seed: int = 0) -> float:
@@ -101,6 +137,7 @@ class JointProblem:
     Attributes:
         columns: Training rows. effects: candidates. context: what the logs offer.
         known: Keys of the declared effects, whose values are not questioned. noise: noise floor [effort].
+        executor: Refines proposals beside each other; None refines them here.
     """
 
     columns: Columns
@@ -108,6 +145,7 @@ class JointProblem:
     context: Context
     known: frozenset[str]
     noise: float
+    executor: Executor | None = None
 
     @cached_property
     def screen(self) -> ShapeScreen:
@@ -126,7 +164,8 @@ class JointProblem:
             key = frozenset({t.effect.key for t in parent.terms} | {effect.key})
             if effect.id not in taken and key not in known:
                 best = best_shape(self.columns, parent, effect, self.context, self.screen)
-                yield Proposal(key, best.cv_rms, lambda best=best: refine(self.columns, best))  # type: ignore[misc]
+                refinement = _Refinement(self.columns, best, self.executor)
+                yield Proposal(key, best.cv_rms, refinement, refinement.begin)
 
     def errors(self, fitted: Fit) -> FloatArray:
         """(1,) cross-validated RMS [effort]."""
@@ -197,6 +236,7 @@ def search(
     floor: float,
     thresholds: SearchThresholds,
     progress: Progress = lambda text, share: None,
+    executor: Executor | None = None,
 ) -> Search:
     """Look for the effects that a joint's declared model lacks.
 
@@ -208,9 +248,31 @@ def search(
         floor: Noise floor [effort].
         thresholds: What counts as real.
         progress: Told how far it is.
+        executor: Refines shapes beside each other; None refines them here.
     """
     known = frozenset(t.effect.key for t in declared)
-    problem = JointProblem(columns, effects, context, known, floor)
+    problem = JointProblem(columns, effects, context, known, floor, executor)
     found = select(problem, refine(columns, fit(columns, declared)), thresholds, progress)
+    found = _of_simplest_causes(problem, found, thresholds, progress)
     taken = {t.effect.id for t in found.chosen.terms}
     return replace(found, passed_over=tuple(each for each in found.passed_over if each.id not in taken))
+
+
+def _of_simplest_causes(
+    problem: JointProblem, found: Search, thresholds: SearchThresholds, progress: Progress
+) -> Search:
+    """The same search without curves of free form, where that explains as much with no more parameters.
+
+    A curve over the position can explain most of two simpler effects at once, and neither of these enters the beam
+    after it; without it an encoder's eccentricity may do the same. So where a curve was chosen, the search is repeated
+    without curves, and without all effects that depend on the position.
+    """
+    if not any(t.effect.free_form and t.effect.key not in problem.known for t in found.chosen.terms):
+        return found
+    tried = [found]
+    for kind in ("free_form", "depends_on_position"):
+        rest = [effect for effect in problem.effects if not getattr(effect, kind)]
+        tried.append(select(replace(problem, effects=rest), found.baseline, thresholds, progress))
+    most = (1.0 + thresholds.same) * found.chosen.cv_rms
+    as_good = [each for each in tried if each.chosen.cv_rms <= most and each.chosen.size <= found.chosen.size]
+    return min(as_good, key=lambda each: problem.order(each.chosen))

@@ -7,15 +7,16 @@ from dataclasses import replace
 import numpy as np
 
 from drake_tc.diagnosis.data.samples import Samples
-from drake_tc.diagnosis.problem.columns import Columns, Term
+from drake_tc.diagnosis.problem.columns import Columns, Term, coefficients_by_term
 from drake_tc.diagnosis.problem.estimates import estimates
 from drake_tc.diagnosis.problem.parameters import physical_parameters
 from drake_tc.diagnosis.problem.regression import Fit
 from drake_tc.diagnosis.selection.shapes import PERIOD
 from drake_tc.diagnosis.selection.withdrawal import Withdrawal
-from drake_tc.diagnosis.thresholds import RESOLVED
+from drake_tc.diagnosis.thresholds import MOST_OF_KNOWN_LOAD, RESOLVED
 from drake_tc.effects.base import Context
 from drake_tc.effects.plausibility import implausible
+from drake_tc.effects.position_dependent_load import PositionDependentLoad
 
 NORMAL_95 = 1.96
 """Standard deviations in half a 95 % interval."""
@@ -60,6 +61,46 @@ def objection_to_values(fitted: Fit, term: Term, context: Context, columns: Colu
     if size >= least:
         return None
     return "below_resolution", f"amplitude is {size:.2g} rad; these logs resolve {least:.2g} rad."
+
+
+def looks_like_known_load(fitted: Fit, term: Term, columns: Columns) -> str:
+    """Why a curve over the position is no load of its own, in one sentence, or "".
+
+    Args:
+        fitted: To the rows of `columns`.
+        term: One of its effects.
+        columns: Training rows.
+    """
+    if not isinstance(term.effect, PositionDependentLoad):
+        return ""
+    share = share_of_known_load(fitted, term, columns)
+    if share <= MOST_OF_KNOWN_LOAD:
+        return ""
+    return (
+        f"{100 * share:.0f} % of its curve is a multiple of the known load: a wrong scale of that load, of the "
+        "inertia or of the drive would look the same."
+    )
+
+
+def share_of_known_load(fitted: Fit, term: Term, columns: Columns) -> float:
+    """Share of a curve's variance on the rows that the known load explains: R^2 of  curve = a tau + b qddot + c.
+
+    Without its inertial part the load of a pendulum is gravity. 0 where no load is known.
+
+    Args:
+        fitted: To the rows of `columns`.
+        term: The curve.
+        columns: Training rows.
+    """
+    signals = columns.samples.signals
+    load, acceleration = (columns.samples.reduce(x) for x in (signals.load_torque, signals.acceleration))
+    theta = next(theta for t, theta in coefficients_by_term(fitted.terms, fitted.beta) if t is term)
+    curve = columns.of(term) @ theta
+    known = np.column_stack([np.ones(load.size), load, acceleration])
+    if not (np.ptp(load) > 0.0 and np.ptp(curve) > 0.0):
+        return 0.0
+    left = curve - known @ np.linalg.lstsq(known, curve, rcond=None)[0]
+    return 1.0 - float(np.var(left) / np.var(curve))
 
 
 def _is_whole_wave(term: Term, context: Context) -> bool:

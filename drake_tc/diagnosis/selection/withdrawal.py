@@ -3,7 +3,14 @@
 from dataclasses import dataclass
 from typing import Literal
 
-Withdrawal = Literal["implausible", "below_resolution", "training_run_against", "heldout_run_against"]
+Withdrawal = Literal[
+    "implausible",
+    "below_resolution",
+    "looks_like_known_load",
+    "training_run_against",
+    "heldout_run_against",
+    "no_longer_needed",
+]
 """Why an effect that the search chose is not part of the model after."""
 
 

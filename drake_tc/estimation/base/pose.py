@@ -1,4 +1,6 @@
-"""Stage 2: base position and yaw, with the centres of pressure held still in the world (EQUATIONS C3, eqs. 9 to 12).
+"""Stage 2: base position and yaw, with the centres of pressure held still in the world.
+
+Source: Faraji et al., 2015, eq. 9 to 12.
 
 With a_i = R' x_i^b the centre of pressure from the base, in the world's axes but for the yaw D, p_i where it is held,
 and W_i weights:

@@ -9,6 +9,7 @@ from drake_tc.errors import LogError
 from drake_tc.estimation.base.check_log import check_log, check_period
 from drake_tc.estimation.base.log import BaseTrack, SensorLog
 from drake_tc.estimation.base.rig import BaseRig
+from drake_tc.logs.npz_file import read_arrays
 from drake_tc.logs.readers import read_table
 from drake_tc.types import FloatArray
 
@@ -30,11 +31,7 @@ class _Source:
         if path.suffix.lower() == ".npz":
             if not path.is_file():
                 raise LogError(f"{path}: no such log file")
-            try:
-                with np.load(path, allow_pickle=False) as archive:
-                    self._arrays = {name: archive[name] for name in archive.files}
-            except (OSError, ValueError, EOFError) as error:
-                raise LogError(f"{path}: cannot be read as .npz: {error}") from None
+            self._arrays = read_arrays(path)
         else:
             table = read_table(path)
             self._arrays = {str(name): table[name].to_numpy() for name in table.columns}

@@ -12,6 +12,7 @@ from drake_tc.estimation.base.chain import FootCentreEstimator, FootCentreImuEst
 from drake_tc.estimation.base.estimator import CopEstimator
 from drake_tc.estimation.base.spec import BaseEstimatorSpec
 from drake_tc.estimation.base.state import CONTACT_FLAGS, FLAGS, BaseState, Readings, packed, unpacked
+from drake_tc.port_methods import PortMethods
 from drake_tc.robot.robot import Robot
 from drake_tc.types import FloatArray
 
@@ -32,7 +33,7 @@ class _Unpacked:
     state: BaseState
 
 
-class BaseEstimator(LeafSystem):
+class BaseEstimator(PortMethods, LeafSystem):
     """Pose and velocity of a floating base from encoders, IMU and loads; n joints, k contacts.
 
     Inputs, read at the ticks alone:
@@ -44,7 +45,7 @@ class BaseEstimator(LeafSystem):
     Outputs, all of the state alone, never NaN:
         base_pose (7): R_WB as quaternion [w x y z], p_WB [m].
         base_velocity (6): [omega; v] of B in W [rad/s, m/s].
-        state (nq + nv): [q; v] of the robot's plant (`make_plant`), joints included.
+        estimated_state (nq + nv): [q; v] of the robot's plant (`make_plant`), joints included.
         cop (2k): centres of pressure in their contacts' frames [m].
         status (9 + 5k): `flag_names`.
     State: x, a packed `BaseState`; y shows the sample of the last tick, x[n+1] = step(x[n], u[n]), y[n] = read(x[n]).
@@ -105,7 +106,7 @@ class BaseEstimator(LeafSystem):
         for name, width, calc in (
             ("base_pose", 7, self._write_pose),
             ("base_velocity", 6, self._write_velocity),
-            ("state", size, self._write_state),
+            ("estimated_state", size, self._write_state),
             ("cop", 2 * k, self._write_cop),
             ("status", len(self.flag_names), self._write_status),
         ):

@@ -1,4 +1,4 @@
-"""Stage 1: base velocity and centres of pressure (EQUATIONS C3, paper C eqs. 5 to 8).
+"""Stage 1: base velocity and centres of pressure (Faraji et al., 2015, eq. 5 to 8).
 
 Everything in the axes of the base B, but the centre of pressure x_i, which is in its contact's frame C_i. The point of
 foot i at x_i has no velocity, up to delta_i:

@@ -6,35 +6,45 @@ same logs make a second rig with a voltage drive. The supply is the median over 
 ripple of the bridge's pulses (6 to 8.5 V at half duty), which the motor averages.
 """
 
-import gzip
 import json
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from drake_tc.config.quoted import quoted
 from drake_tc.errors import LogError
 from drake_tc.logs.file_names import file_name
-from drake_tc.logs.importers.files import find, write_log, write_rig
+from drake_tc.logs.importers.files import find, read_text, write_log, write_rig
 
 JOINT = "servo"
 FULL_DUTY = 885.0
+LARGEST = 1e12
+"""No number of a run is as large; nan is not below it."""
 POSITION_LOOPS = {"xl330": 4096.0 / (2.0 * np.pi) / (256.0 * FULL_DUTY)}
 """Duty for one unit of the firmware's P gain and one rad of position error, by motor (README of the data set)."""
 
 
 def _load(path: Path) -> dict[str, Any]:
-    opener = gzip.open if path.suffix == ".gz" else open
     try:
-        with opener(path, "rt", encoding="utf-8") as stream:
-            run = json.load(stream)
-        entries = run["entries"]
-        missing = {"mass", "length", "kp", "motor"} - set(run)
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise LogError(f"{path}: not a BAM run ({type(error).__name__}: {error})") from None
-    if missing or not entries:
-        raise LogError(f"{path}: not a BAM run; missing: {', '.join(sorted(missing)) or 'entries'}")
-    return dict(run)
+        run = json.loads(read_text(path))
+    except (ValueError, RecursionError):
+        raise LogError(f"{path}: not a BAM run: not valid JSON") from None
+    if not isinstance(run, dict):
+        raise LogError(f"{path}: not a BAM run: expected a mapping, got {quoted(run)}")
+    if missing := {"mass", "length", "kp", "motor", "entries"} - set(run):
+        raise LogError(f"{path}: not a BAM run; missing: {', '.join(sorted(missing))}")
+    for key in ("mass", "length", "kp"):
+        if not _is_number(run[key]):
+            raise LogError(f"{path}: {key}: expected a number, got {quoted(run[key])}")
+    entries = run["entries"]
+    if not (isinstance(entries, list) and entries and all(isinstance(entry, dict) for entry in entries)):
+        raise LogError(f"{path}: entries: expected a list of mappings, one a sample")
+    return run
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and abs(value) < LARGEST
 
 
 def applied_duty(register: np.ndarray) -> np.ndarray:
@@ -55,17 +65,22 @@ def _columns(path: Path, run: dict[str, Any]) -> dict[str, np.ndarray]:
         LogError: An entry lacks a key, or holds something else than a number.
     """
     entries = run["entries"]
-    try:
-        series = {key: np.array([entry[key] for entry in entries], dtype=np.float64) for key in entries[0]}
-    except (KeyError, TypeError, ValueError) as error:
-        raise LogError(f"{path}: entries: expected the same keys with numbers in each; {error}") from None
+    for number, entry in enumerate(entries, start=1):
+        odd = next((key for key in entries[0] if not _is_number(entry.get(key))), None)
+        if odd is not None:
+            what = quoted(entry[odd]) if odd in entry else "nothing"
+            raise LogError(
+                f"{path}: entries: expected the same keys with numbers in each; entry {number} has {what} as"
+                f" {quoted(odd)}"
+            )
+    series = {key: np.array([entry[key] for entry in entries], dtype=np.float64) for key in entries[0]}
     if missing := sorted(set(NEEDED) - set(series)):
         raise LogError(f"{path}: entries: missing {', '.join(missing)}; present: {', '.join(sorted(series))}")
     columns = {column: series[key] for key, column in (NEEDED | OPTIONAL).items() if key in series}
     if np.any(series.get("load", 0.0)) and "input_volts" in series:
         columns[f"{JOINT}/voltage"] = applied_duty(series["load"]) * float(np.median(series["input_volts"]))
-        if run["motor"] in POSITION_LOOPS:
-            gain = float(run["kp"]) * POSITION_LOOPS[run["motor"]] * float(np.median(series["input_volts"]))
+        if str(run["motor"]) in POSITION_LOOPS:
+            gain = float(run["kp"]) * POSITION_LOOPS[str(run["motor"])] * float(np.median(series["input_volts"]))
             columns[f"{JOINT}/position_gain"] = np.full(len(entries), gain)
     return columns
 

@@ -1,6 +1,5 @@
 """What every importer does with files: find the set's, read a table, write a canonical log or a robot's rig files."""
 
-import gzip
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -12,6 +11,7 @@ import yaml
 from drake_tc.errors import LogError
 from drake_tc.logs.readers import read_table, run_name
 from drake_tc.logs.rig import parse_rig, save_rig
+from drake_tc.logs.sizes import unpacked_gzip
 from drake_tc.types import FloatArray
 
 __all__ = [
@@ -94,10 +94,11 @@ def read_text(path: Path) -> str:
         LogError: It cannot be read as text.
     """
     try:
-        packed = path.read_bytes()
-        return (gzip.decompress(packed) if path.suffix == ".gz" else packed).decode("utf-8")
-    except (OSError, EOFError, UnicodeDecodeError) as error:
-        raise LogError(f"{path}: cannot be read: {error}") from None
+        return (unpacked_gzip(path) if path.suffix == ".gz" else path.read_bytes()).decode("utf-8")
+    except OSError as error:
+        raise LogError(f"{path}: cannot be read: {error.strerror or error}") from None
+    except UnicodeDecodeError as error:
+        raise LogError(f"{path}: byte {error.start} is not UTF-8; save the file in UTF-8") from None
 
 
 def write_robot(urdf: str, name: str, base: str, joints: Sequence[str], out: Path, **more: object) -> Path:

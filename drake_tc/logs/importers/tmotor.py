@@ -1,15 +1,15 @@
 """AK80-9 actuator against a torque sensor (University of Michigan): the set with an independent torque.
 
-The sensor's sign is opposite to the motor's torque. There is no position: the reported speed is integrated (the ripple
-run has an encoder of its own). The scaling of the reported current was changed between sessions, so a session is a rig.
-A row holds the sensor's torque of its own instant but the drive's reply to the row before (in every log the torque
-matches the current of the next row best): current and speed are moved one row up, and the last row is lost.
+The sensor's sign is opposite to the motor's torque. No position was logged, except in the ripple run, which has an
+encoder of its own, and in the runs without a torque sensor. The scaling of the reported current was changed between
+sessions, so a session is a rig. A row holds the sensor's torque of its own instant but the drive's reply to the row
+before (in every log the torque matches the current of the next row best): current and speed are moved one row up, and
+the last row is lost.
 """
 
 from pathlib import Path
 
 import numpy as np
-from scipy.integrate import cumulative_trapezoid
 
 from drake_tc.logs.importers.files import find, floats, read_table, run_name, write_log, write_rig
 from drake_tc.types import FloatArray
@@ -25,19 +25,19 @@ SESSIONS = {
 }
 ANGLE_DELAY = 3.0
 ANGLE_REDUCTION = 50.0
-_INTEGRATED = "position is the integral of the reported speed: good for its rate, not for a place in the turn"
+_NO_POSITION = "no position was logged"
 LATE = "; current and speed moved one row (10 ms) up against the sensor"
 _ENCODER = "position is the outer encoder's, whose clock starts about 3 s after the torque log's"
 
 
-def _position(path: Path, time: FloatArray, velocity: FloatArray) -> FloatArray:
-    """Output angle (T,) [rad]: the ripple run's encoder, NaN outside its time; elsewhere the integral of the speed."""
+def _position(path: Path, time: FloatArray) -> dict[str, FloatArray]:
+    """Column of the output angle (T,) [rad], NaN outside the encoder's time; none for a log without an encoder."""
     angle_file = path.with_name(path.name.replace("_torque", "_angle"))
     if angle_file == path or not angle_file.is_file():
-        return np.asarray(cumulative_trapezoid(velocity, time, initial=0.0))
+        return {}
     table = np.loadtxt(angle_file, delimiter=",")
     clock = table[:, 0] + ANGLE_DELAY
-    return np.interp(time, clock, table[:, 1] / ANGLE_REDUCTION, left=np.nan, right=np.nan)
+    return {f"{JOINT}/position": np.interp(time, clock, table[:, 1] / ANGLE_REDUCTION, left=np.nan, right=np.nan)}
 
 
 def _columns(path: Path, *, sensor: bool) -> dict[str, FloatArray]:
@@ -49,11 +49,11 @@ def _columns(path: Path, *, sensor: bool) -> dict[str, FloatArray]:
             f"{JOINT}/velocity": floats(table, "velocity", path),
             f"{JOINT}/current": floats(table, "current", path),
         }
-    time, velocity = floats(table, "loop_time", path)[:-1], floats(table, "motor_measured_speed", path)[1:]
+    time = floats(table, "loop_time", path)[:-1]
     return {
         "time": time,
-        f"{JOINT}/position": _position(path, time, velocity),
-        f"{JOINT}/velocity": velocity,
+        **_position(path, time),
+        f"{JOINT}/velocity": floats(table, "motor_measured_speed", path)[1:],
         f"{JOINT}/current": floats(table, "motor_measured_current", path)[1:],
         f"{JOINT}/torque": -floats(table, "adc_measured_torque", path)[:-1],
     }
@@ -78,9 +78,9 @@ def convert(src: Path, out: Path) -> tuple[Path, ...]:
                 "joint": JOINT,
                 "drive": "current",
                 "load": "torque" if sensor else "unknown",
-                "units": {"position": "rad"},
+                "units": {"position": "rad"} if session == "ripple" or not sensor else {"velocity": "rad/s"},
             }
-            where = _ENCODER if session == "ripple" else _INTEGRATED if sensor else "no torque sensor in these runs"
+            where = _ENCODER if session == "ripple" else _NO_POSITION if sensor else "no torque sensor in these runs"
             late = LATE if sensor else ""
             comment = f"AK80-9 on a torque bench, session {session}; current as reported in that session\n{where}{late}"
             rigs.append(write_rig(document, out / session / "rig.yaml", comment))

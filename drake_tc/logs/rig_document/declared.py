@@ -10,6 +10,7 @@ from drake_tc.config.near import near
 from drake_tc.config.quoted import quoted
 from drake_tc.extensions import EFFECTS
 from drake_tc.logs.effect_ids import EFFECT_IDS, ROBOT_CAUSES
+from drake_tc.simulator_files.read import ENDINGS
 
 
 def _known_effect(name: str) -> str:
@@ -54,11 +55,22 @@ def _not_negative(values: dict[str, Values]) -> dict[str, Values]:
 def _shape(value: object) -> str | None:
     if isinstance(value, Mapping):
         return "@values"
-    return "@list" if isinstance(value, list) else "@name"
+    if isinstance(value, list):
+        return "@list"
+    return "@file" if isinstance(value, str) and is_file(value) else "@name"
+
+
+def is_file(entry: str) -> bool:
+    """Whether the text names a file of another simulator, and not an effect."""
+    return entry.lower().endswith(ENDINGS)
+
+
+DeclaredFile = Annotated[str, saying("a file of another simulator"), WithJsonSchema({"type": "string"})]
 
 
 DeclaredEntry: TypeAlias = Annotated[
     Annotated[EffectId, Tag("@name")]
+    | Annotated[DeclaredFile, Tag("@file")]
     | Annotated[list[EffectId], Tag("@list")]
     | Annotated[dict[EffectId, Values], AfterValidator(_not_negative), Tag("@values")],
     Discriminator(_shape),
@@ -66,8 +78,13 @@ DeclaredEntry: TypeAlias = Annotated[
 
 
 def declared_of(entry: str | list[str] | dict[str, Values] | None) -> dict[str, float | None]:
-    """`id` and `id.parameter` to the known value, or None; viscous and Coulomb friction are always in it."""
+    """`id` and `id.parameter` to the known value, or None; viscous and Coulomb friction are always in it.
+
+    What a file declares is not in it: `drake_tc.logs.declared_file` adds it to the rig.
+    """
     declared: dict[str, float | None] = {"viscous": None, "coulomb": None}
+    if isinstance(entry, str) and is_file(entry):
+        return declared
     if isinstance(entry, str):
         entry = [entry]
     if isinstance(entry, list):

@@ -13,6 +13,7 @@ from drake_tc.logs.rig_document.columns import ColumnName, LogColumn, Unit, cano
 from drake_tc.logs.rig_document.declared import DeclaredEntry
 from drake_tc.logs.rig_document.loads import LoadEntry
 from drake_tc.logs.rig_document.sensors import SensorsKeys, sorted_by_owner
+from drake_tc.logs.valid import Condition
 
 DriveKind: TypeAlias = Literal["position_servo", "current", "voltage", "torque"]
 Drive = Annotated[DriveKind, one_of(get_args(DriveKind))]
@@ -64,7 +65,8 @@ class RigDocument(Keys):
         absent="`torque`; with the key `robot`, `{robot: estimate}`",
     )
     declared: EntryOrByJoint[DeclaredEntry] | None = key(
-        "Effects that you already model: a list of ids, or id: value. A declared effect is part of the model before "
+        "Effects that you already model: a list of ids, id: value, or a file (URDF, MJCF, or a parameter file of BAM) "
+        "that has them, relative to the rig file. A declared effect is part of the model before "
         "and is not searched for. Viscous and Coulomb friction are always declared.",
         example={"rotor_inertia": 0.31, "stribeck": None},
         absent="viscous and Coulomb friction alone",
@@ -73,6 +75,14 @@ class RigDocument(Keys):
         "Name in the log of a column that is 0 (or false) while the drive is off. Those rows are left out.",
         example="torque_on",
         absent="a column `enabled` or `<joint>/enabled` of the log, where there is one",
+    )
+    valid: list[LogColumn] | None = key(
+        "Which samples may be used: the name of a column in the log that is 0 (or false) where they may not, or a "
+        "comparison of a column with a number in the column's own unit (`<`, `<=`, `>`, `>=`, `==`, `!=`). Of a list, "
+        "all conditions must hold. A missing value does not hold. Use it for samples in which something acts that no "
+        "model knows, such as a hand or a table.",
+        example="tip_height > 0.02",
+        absent="all samples",
     )
     saturation: NumberOrByJoint | None = key(
         "Known limit of the drive's effort.", unit="rad, A, V or N·m", example=12.0, absent="not known"
@@ -111,6 +121,13 @@ class RigDocument(Keys):
         unit="N·m·s/rad",
         example=1.5,
         absent="not known; the viscous friction holds it",
+    )
+    command_hold: bool | None = key(
+        "Whether the recorded command acts unchanged until the next sample (true), as with a position servo whose goal "
+        "is written once a cycle, or whether the samples are points of a continuous command (false). A held command "
+        "is half a period late on average.",
+        example=True,
+        absent="true for a position servo that is logged at 250 Hz or slower and whose training runs confirm it",
     )
     coupled: dict[str, dict[str, Number]] | None = key(
         "Gears that couple joints, with `load: {robot: ...}`. By joint: another joint, and the turns of the first "
@@ -171,6 +188,17 @@ class RigDocument(Keys):
     def _units(cls, value: dict[str, Unit] | None, info: ValidationInfo) -> dict[str, Unit]:
         check_units(value or {}, joints_of(info))
         return value or {}
+
+    @field_validator("valid", mode="before")
+    @classmethod
+    def _conditions(cls, value: object) -> object:
+        conditions = value if isinstance(value, list) else [value]
+        texts = [text for text in conditions if isinstance(text, str) and text.strip()]
+        if not texts or len(texts) < len(conditions):
+            raise ValueError(f"expected a column of the log, or a column compared with a number; got {quoted(value)}")
+        for text in texts:
+            Condition.of(text)
+        return texts
 
     @field_validator("sensors", mode="before")
     @classmethod

@@ -9,7 +9,7 @@ from drake_tc.errors import ParamsError
 
 @dataclass(frozen=True)
 class GainSpec:
-    """Feedback gains, the same for all joints unless `by_joint` says otherwise (EQUATIONS A5).
+    """Feedback gains, the same for all joints unless `by_joint` says otherwise (Del Prete et al., 2016, eq. 10 to 14).
 
     Attributes:
         k6: Position feedback in units of the vendor servo's own: K6 = K_tau (1 + Kp) Ks [-].
@@ -48,12 +48,16 @@ class GainSpec:
 
 @dataclass(frozen=True)
 class FilterSpec:
-    """Savitzky–Golay filters (EQUATIONS A1), evaluated in the middle of the window.
+    """Savitzky–Golay filters (Del Prete et al., 2016, section 2), evaluated in the middle of the window.
 
     Attributes:
         window: Length [samples].
         encoder_order: Order of the polynomial for encoders.
         inertial_order: Order of the polynomial for IMU and F/T sensors.
+
+    Example:
+        >>> TorqueLoopSpec(filters=FilterSpec(window=40)).filters.encoder_order
+        2
     """
 
     window: int = 80

@@ -56,8 +56,8 @@ class SeaRecording(Recording):
     @property
     def delayed_torque_error(self) -> FloatArray:
         """The same against the wanted torque of `delay` ago: what a loop with that delay could have had."""
-        ticks = round(self.scenario.delay / self.scenario.dt)
         wanted = self["reference_torque"]
+        ticks = min(round(self.scenario.delay / self.scenario.dt), wanted.size)
         late = np.concatenate([np.full(ticks, wanted[0]), wanted[: wanted.size - ticks]])
         return np.asarray(late - self["spring_torque"])
 

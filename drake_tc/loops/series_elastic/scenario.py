@@ -88,8 +88,44 @@ class SeaSensors:
     torque: SensorSpec = field(default_factory=SensorSpec)
 
 
+@dataclass(frozen=True, kw_only=True)
+class SeriesElasticLoopSpec:
+    """How voltage-driven series-elastic joints are torque-controlled.
+
+    Attributes:
+        control: The torque law.
+        delay: Of the loop, from voltage computed to voltage at the motor [s]; sensors' latencies come on top.
+        torque_from: What is fed back: the "gauge", or the "deflection" of the spring between the two encoders.
+        sensors: Their errors.
+        dt: Period of control, sensors, motor and link [s].
+        seed: Of all random numbers.
+
+    Raises:
+        ParamsError: a choice that there is not, or a delay that is no multiple of the period.
+
+    Example:
+        >>> SeriesElasticLoopSpec(delay=0.004).dt
+        0.001
+    """
+
+    control: SeriesElasticSpec = field(default_factory=SeriesElasticSpec)
+    delay: float = 0.015
+    torque_from: Literal["gauge", "deflection"] = "gauge"
+    sensors: SeaSensors = field(default_factory=SeaSensors)
+    dt: float = 1e-3
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        check_choices(self)
+        if not 0.0 < self.dt < math.inf:
+            raise ParamsError(f"dt: expected a positive number [s], got {self.dt!r}")
+        ratio = self.delay / self.dt
+        if not 0.0 <= self.delay < math.inf or abs(ratio - round(ratio)) > 1e-6:
+            raise ParamsError(f"delay: wanted a multiple of dt = {self.dt:g} s; got {self.delay:g} s")
+
+
 @dataclass(frozen=True)
-class SeaScenario(ScenarioBase):
+class SeaScenario(ScenarioBase, SeriesElasticLoopSpec):
     """One experiment.
 
     Attributes:
@@ -97,16 +133,10 @@ class SeaScenario(ScenarioBase):
         joint: Which of its joints.
         effects: Laid over that model: effect to its parameters, {} to take it out, as `{torque_ripple: {...}}`.
         believed: `gain`, or an effect of one parameter, to a factor: the controller's error.
-        control: The torque law.
         link: Inertia [kg m^2] and gravity moment [N m] behind the spring.
         hand: Who holds the link; None: nobody.
         wanted: The reference.
-        delay: Of the loop, from voltage computed to voltage at the motor [s]; sensors' latencies come on top.
-        torque_from: What is fed back: the "gauge", or the "deflection" of the spring between the two encoders.
-        sensors: Their errors.
         duration: Length of the simulation [s].
-        dt: Period of control, sensors, motor and link [s].
-        seed: Of all random numbers.
         masses: None here: the link has no name.
         source: Folder that file names are relative to.
     """
@@ -117,24 +147,16 @@ class SeaScenario(ScenarioBase):
     joint: str
     effects: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     believed: Mapping[str, float] = field(default_factory=dict)
-    control: SeriesElasticSpec = field(default_factory=SeriesElasticSpec)
     link: Link = field(default_factory=lambda: Link(0.1))
     hand: HandSpec | None = None
     wanted: WantedSpec = field(default_factory=WantedSpec)
-    delay: float = 0.015
-    torque_from: Literal["gauge", "deflection"] = "gauge"
-    sensors: SeaSensors = field(default_factory=SeaSensors)
     duration: float = 3.0
-    dt: float = 1e-3
-    seed: int = 0
     masses: Mapping[str, float] = field(default_factory=dict)
     source: str = "."
 
     def __post_init__(self) -> None:
-        check_run(self, ("duration", "dt"))
-        ratio = self.delay / self.dt
-        if self.delay < 0.0 or abs(ratio - round(ratio)) > 1e-6:
-            raise ParamsError(f"delay: wanted a multiple of dt = {self.dt:g} s; got {self.delay:g} s")
+        SeriesElasticLoopSpec.__post_init__(self)
+        check_run(self, ("duration",))
 
     @property
     def plant_step(self) -> float:

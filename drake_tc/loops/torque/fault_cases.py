@@ -21,7 +21,8 @@ from drake_tc.errors import ParamsError
 from drake_tc.loops.torque.loop import build_loop
 from drake_tc.loops.torque.recording import TorqueRecording
 from drake_tc.loops.torque.running import run_loop
-from drake_tc.loops.torque.scenario import SENSORS, Scenario
+from drake_tc.loops.torque.scenario import Scenario
+from drake_tc.loops.torque.spec import SENSORS
 from drake_tc.robot.plant import joint_limits
 from drake_tc.robot.robot import Robot
 from drake_tc.sensing.fault import SensorFault

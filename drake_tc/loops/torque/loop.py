@@ -1,36 +1,26 @@
-"""The loop of paper A around any robot file: each stage a system, all wired to a MultibodyPlant.
+"""The torque loop of Del Prete et al. (2016) around any robot file, as a scenario describes it.
 
-    reference --> inverse_dynamics --> torque_control --> guard --> actuators --> plant --> encoder, imu, force_torque
-                       ^                    ^               ^                                      |
-                       |--- torque_estimator|               |-- fault_monitor <---- raw readings --|
-                                 ^--------- filter <-----------------------------------------------|
-
-Between the stages stand blocks of Drake's own that join, split and add signals; a signal that a stage has beside others
-is taken from one port, as every call into Python costs a tick some microseconds. What a table of wanted motions asks of
-the links of a welded robot comes from Drake's InverseDynamics, the block `rigid_torque`.
-
-`controller: servo` leaves out all between the reference and the guard: the vendor's position servo alone.
+The wiring is that of `add_torque_loop` (`drake_tc.loops.torque.wiring`); here stand the scenario's robot, its
+surroundings and its references. `controller: servo` leaves out all between the reference and the guard: the vendor's
+position servo alone.
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
-from pydrake.geometry import Meshcat, MeshcatVisualizer
-from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
+from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import Context, DiagramBuilder, OutputPort
 
 from drake_tc.actuation.model import ActuatorModel
-from drake_tc.actuation.wiring import add_actuators
 from drake_tc.loops.built_loop import BuiltLoop
+from drake_tc.loops.plant import add_robot_plant
+from drake_tc.loops.signal_log import add_log
 from drake_tc.loops.surroundings import add_objects, add_pushes, add_suspension, check_masses, set_masses
-from drake_tc.loops.torque.parts import TorqueLoopBuilder, actuator_models, loop_robot, sensor_suite
-from drake_tc.loops.torque.references import posture, references
+from drake_tc.loops.torque.parts import actuator_models, loop_robot, torque_gains
+from drake_tc.loops.torque.references import References, posture, references, table_source
 from drake_tc.loops.torque.scenario import Scenario
-from drake_tc.loops.torque.stages import servo_command, torque_command
-from drake_tc.robot.plant import add_robot
+from drake_tc.loops.torque.wiring import add_torque_loop
 from drake_tc.robot.robot import Robot
-from drake_tc.sensing.suite import add_sensors
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -72,15 +62,41 @@ def build_loop(scenario: Scenario, *, meshcat: bool = False) -> Loop:
     """
     robot = loop_robot(scenario)
     models = actuator_models(scenario, robot)
-    wanted = references(scenario, robot)
+    path = references(scenario, robot)
     builder = DiagramBuilder()
-    plant = _add_plant(builder, scenario, robot, meshcat=meshcat)
-    suite = sensor_suite(scenario)
-    sensors = add_sensors(builder, plant, robot, suite, scenario.dt, scenario.seed, scenario.faults)
-    parts = TorqueLoopBuilder(builder, scenario, plant, scenario.dt, robot=robot, sensors=sensors)
-    command = torque_command(parts, wanted) if scenario.controller == "torque" else servo_command(parts, wanted)
-    _add_drives(parts, models, command)
-    diagram, log = parts.build(f"{robot.name}_{scenario.controller}_loop")
+
+    def surround(plant: MultibodyPlant) -> None:
+        add_objects(plant, scenario.objects)
+        if scenario.suspension is not None:
+            add_suspension(plant, robot, scenario.suspension)
+
+    touch = bool(scenario.objects)
+    plant = add_robot_plant(builder, robot, scenario.plant_step, collisions=touch, meshcat=meshcat, prepare=surround)
+    check_masses(plant, robot, scenario.masses)
+    add_pushes(builder, plant, scenario.pushes)
+    source = builder.AddNamedSystem("reference", table_source(path.time, path.motion))
+    forces = _force_reference(builder, scenario, robot, path)
+    gains = torque_gains(scenario, robot)
+    asked = bool(scenario.force) or bool(gains.kf.any()) or scenario.log_components
+    loop = add_torque_loop(
+        builder,
+        plant,
+        robot,
+        models,
+        source.get_output_port(),
+        scenario,
+        gains=gains,
+        controller_models=actuator_models(scenario, robot, controller=True),
+        force_reference=forces if asked else None,
+        free=not (scenario.objects or scenario.pushes),
+    )
+    left_out = {"joint_estimate", "unknown_wrench", "fault", *(() if scenario.log_truth else ("joint_torque",))}
+    signals = {name: port for name, port in loop.signals.items() if name not in left_out}
+    if forces is not None:
+        signals["force_reference"] = forces
+    log = add_log(builder, signals, scenario.dt)
+    diagram = builder.Build()
+    diagram.set_name(f"{robot.name}_{scenario.controller}_loop")
     return Loop(
         scenario=scenario,
         robot=robot,
@@ -88,48 +104,14 @@ def build_loop(scenario: Scenario, *, meshcat: bool = False) -> Loop:
         diagram=diagram,
         plant=plant,
         log=log,
-        flag_names=parts.flag_names,
+        flag_names=loop.flag_names,
     )
 
 
-def _add_plant(builder: DiagramBuilder, scenario: Scenario, robot: Robot, *, meshcat: bool) -> MultibodyPlant:
-    """The robot in its surroundings; with geometry only where something is to be touched or seen."""
-    plant: Any
-    if scenario.objects or meshcat:
-        plant, scene_graph = AddMultibodyPlantSceneGraph(builder, scenario.plant_step)
-        add_robot(plant, robot, visuals=meshcat, collisions=bool(scenario.objects))
-        add_objects(plant, scenario.objects)
-        if meshcat:
-            MeshcatVisualizer.AddToBuilder(builder, scene_graph, Meshcat())
-    else:
-        plant = builder.AddNamedSystem("plant", MultibodyPlant(scenario.plant_step))
-        add_robot(plant, robot)
-    if scenario.suspension is not None:
-        add_suspension(plant, robot, scenario.suspension)
-    plant.SetUseSampledOutputPorts(False)
-    plant.Finalize()
-    plant.set_name("plant")
-    check_masses(plant, robot, scenario.masses)
-    add_pushes(builder, plant, scenario.pushes)
-    built: MultibodyPlant = plant
-    return built
-
-
-def _add_drives(parts: TorqueLoopBuilder, models: Mapping[str, ActuatorModel], command: OutputPort) -> None:
-    """The actuators between command and plant, and the signals that every run records."""
-    plant, sensors = parts.plant, parts.sensors
-    actuators = add_actuators(parts.builder, plant, models, parts.scenario.plant_step)
-    parts.builder.Connect(command, actuators.GetInputPort("command"))
-    parts.signals |= {
-        "joint_state": plant.get_state_output_port(),
-        "acceleration": plant.get_generalized_acceleration_output_port(),
-        "actuation": parts.builder.GetSubsystemByName("actuation").get_output_port(0),
-        "command": command,
-        "encoder": sensors.encoder.GetOutputPort("reading"),
-    }
-    if sensors.imu is not None:
-        parts.signals["imu"] = sensors.imu.GetOutputPort("reading")
-    if sensors.force_torque is not None:
-        parts.signals["force_torque"] = sensors.force_torque.GetOutputPort("reading")
-    if parts.scenario.log_truth:
-        parts.signals["joint_torque"] = sensors.joint_torque.GetOutputPort("reading")
+def _force_reference(builder: DiagramBuilder, scenario: Scenario, robot: Robot, path: References) -> OutputPort | None:
+    """The forces that the scenario asks for; None without F/T sensors or without a torque loop."""
+    if scenario.controller == "servo" or not robot.force_torque:
+        return None
+    source = builder.AddNamedSystem("force_reference", table_source(path.time, path.force))
+    port: OutputPort = source.get_output_port()
+    return port

@@ -6,24 +6,21 @@ from typing import Any
 from pydrake.systems.framework import OutputPort
 from pydrake.systems.primitives import Demultiplexer
 
-from drake_tc.actuation.model import ActuatorModel
-from drake_tc.control.torque_control import TorqueControl
 from drake_tc.estimation.delay_predictor import DelayPredictor
 from drake_tc.estimation.disturbance_observer import DisturbanceObserver, ObserverSpec
 from drake_tc.estimation.joint_torque import JointTorqueEstimator
 from drake_tc.filtering.savitzky_golay import SavitzkyGolayFilter
-from drake_tc.loops.torque.parts import TorqueLoopBuilder, believed_robot
+from drake_tc.loops.torque.builder import TorqueLoopBuilder
 from drake_tc.loops.torque.ports import base_now, zeroed
 
 
 def prediction(
-    parts: TorqueLoopBuilder, models: list[ActuatorModel], delayed: Mapping[str, OutputPort]
+    parts: TorqueLoopBuilder, delayed: Mapping[str, OutputPort]
 ) -> tuple[dict[str, OutputPort], DisturbanceObserver | None]:
     """What is known of the joints now, for inverse dynamics and torque control.
 
     Args:
         parts: Of the loop.
-        models: The drives as the controller takes them.
         delayed: `joint_estimate`, `estimated_torque` and `position` as filters, estimator and encoders have them.
 
     Returns:
@@ -37,7 +34,7 @@ def prediction(
     spec = scenario.observer or ObserverSpec()
     forward = scenario.compensation.acceleration == "reference"
     system = DisturbanceObserver(
-        believed_robot(parts), models, spec, dt, rotor_inertia=scenario.rotor_inertia, fed_forward=forward
+        parts.believed_robot, parts.models, spec, dt, rotor_inertia=scenario.rotor_inertia, fed_forward=forward
     )
     observer = parts.add("disturbance_observer", system)
     parts.signals["disturbance"] = observer.GetOutputPort("disturbance")
@@ -57,10 +54,10 @@ def prediction(
 
 def live_torque(parts: TorqueLoopBuilder, observer: DisturbanceObserver) -> JointTorqueEstimator:
     """A torque estimate of this tick, from raw readings (the F/T sensors zeroed) and the observer's motion."""
-    builder, scenario = parts.builder, parts.scenario
+    builder = parts.builder
     delayed: Any = builder.GetSubsystemByName("torque_estimator")
     wires = {"joint_estimate": observer.GetOutputPort("motion")}
-    if scenario.base_from == "imu":
+    if parts.base_from == "imu":
         wires["imu_estimate"] = base_now(parts)
     if parts.sensors.force_torque is not None:
         wires["wrench_estimate"] = parts.sensors.force_torque.GetOutputPort("reading")
@@ -74,8 +71,6 @@ def connect_observer(
     observer: DisturbanceObserver,
     delayed: Mapping[str, OutputPort],
     known: Mapping[str, OutputPort],
-    control: TorqueControl,
-    feedforward: OutputPort,
     reference: OutputPort,
     sent: OutputPort,
 ) -> None:
@@ -86,18 +81,17 @@ def connect_observer(
         observer: From `prediction`.
         delayed: As there.
         known: From there.
-        control: The torque control.
-        feedforward: `feedforward_torque` of the inverse dynamics.
-        reference: Wanted motion.
+        reference: Desired motion.
         sent: What leaves the guard.
     """
     n, builder, scenario = len(parts.robot.joints), parts.builder, parts.scenario
     spec = scenario.observer or ObserverSpec()
-    wires = dict(delayed) | {name: control.GetOutputPort(name) for name in ("commanded_torque", "command")}
+    feedforward = parts.output("inverse_dynamics", "feedforward_torque")
+    wires = dict(delayed) | {name: parts.output("torque_control", name) for name in ("commanded_torque", "command")}
     estimated = scenario.compensation.velocity == "estimate"
     wires["compensated_motion"] = known["joint_estimate"] if estimated else reference
     wires |= {"feedforward_torque": feedforward, "reference": reference, "sent_command": sent}
-    split = builder.AddNamedSystem("wanted_acceleration", Demultiplexer([2 * n, n]))
+    split = builder.AddNamedSystem("reference_acceleration", Demultiplexer([2 * n, n]))
     builder.Connect(reference, split.get_input_port())
     wires["delayed_reference"] = parts.join("model_signals", [feedforward, split.get_output_port(1)])
     estimator: Any = builder.GetSubsystemByName("torque_estimator")

@@ -1,6 +1,6 @@
-"""What a scenario comes to before anything is wired: robot, actuators, sensors, gains; and what the stages share."""
+"""What a scenario comes to before anything is wired: robot, actuators, gains."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -8,23 +8,10 @@ from drake_tc.actuation.model import ActuatorModel, EffectValue
 from drake_tc.actuation.model_file import models_of_joints
 from drake_tc.control.gains import TorqueGains
 from drake_tc.errors import ParamsError
-from drake_tc.loops.loop_builder import LoopBuilder
 from drake_tc.loops.scenarios.parts import ModelFactors
 from drake_tc.loops.torque.scenario import Scenario
+from drake_tc.loops.torque.spec import base_source
 from drake_tc.robot.robot import Robot, load_robot
-from drake_tc.sensing.suite import SensorSuite, SensorSuiteSpec, load_suite
-
-
-@dataclass
-class TorqueLoopBuilder(LoopBuilder[Scenario]):
-    """The torque loop under construction.
-
-    Attributes:
-        robot, sensors: Of the loop.
-    """
-
-    robot: Robot = field(kw_only=True)
-    sensors: SensorSuite = field(kw_only=True)
 
 
 def loop_robot(scenario: Scenario) -> Robot:
@@ -36,20 +23,11 @@ def loop_robot(scenario: Scenario) -> Robot:
     robot = load_robot(scenario.path(scenario.robot))
     if scenario.suspension is not None:
         robot = replace(robot, fixed_base=False)
-    if not robot.fixed_base and scenario.base_from == "imu" and scenario.angular_acceleration == "zero":
-        raise ParamsError(
-            "angular_acceleration: wanted gyro or neglected, as the base of"
-            f" {robot.source} floats; got 'zero' (which base_from: fixed allows)"
-        )
+    base_source(scenario, robot)
     if scenario.joint_stops == "none":
         endless = {"lower": -np.inf, "upper": np.inf}
         robot = replace(robot, limits={joint: {**robot.limits.get(joint, {}), **endless} for joint in robot.joints})
     return robot
-
-
-def believed_robot(parts: TorqueLoopBuilder) -> Robot:
-    """The robot as estimator and controller take it: with `base_from: fixed` a floating base too counts as fixed."""
-    return replace(parts.robot, fixed_base=True) if parts.scenario.base_from == "fixed" else parts.robot
 
 
 def actuator_models(scenario: Scenario, robot: Robot, *, controller: bool = False) -> dict[str, ActuatorModel]:
@@ -80,19 +58,6 @@ def _mistaken(model: ActuatorModel, factors: ModelFactors) -> ActuatorModel:
 
     drive = replace(model.drive, gain=model.drive.gain * factors.k_tau)
     return replace(model, drive=drive, effects=tuple(scaled(value) for value in model.effects))
-
-
-def sensor_suite(scenario: Scenario) -> SensorSuiteSpec:
-    """What the scenario's sensors do; joint torques that are fed back are at least one tick old.
-
-    Raises:
-        ParamsError: an unknown preset or field.
-    """
-    entry = {"preset": scenario.sensors} if isinstance(scenario.sensors, str) else scenario.sensors
-    suite = load_suite("sensors", entry)
-    if scenario.torque_from == "sensor" and suite.joint_torque.latency == 0.0:
-        suite = replace(suite, joint_torque=replace(suite.joint_torque, latency=scenario.dt))
-    return suite
 
 
 def torque_gains(scenario: Scenario, robot: Robot) -> TorqueGains:

@@ -8,7 +8,7 @@ from pydrake.systems.primitives import Adder, MatrixGain
 
 from drake_tc.filtering.savitzky_golay import SavitzkyGolayFilter
 from drake_tc.loops.ports import first_imu, picked
-from drake_tc.loops.torque.parts import TorqueLoopBuilder
+from drake_tc.loops.torque.builder import TorqueLoopBuilder
 
 
 def zeroed(parts: TorqueLoopBuilder, name: str, wrench: OutputPort) -> OutputPort:

@@ -92,7 +92,7 @@ def _motion(spec: MotionSpec, robot: Robot, time: FloatArray) -> FloatArray:
 
 
 def _sinusoid(spec: SinusoidSpec, time: FloatArray) -> FloatArray:
-    """(T, 3) of (start + growth t) sin(2 pi f t) and its derivatives (EQUATIONS A4)."""
+    """(T, 3) of (start + growth t) sin(2 pi f t) and its derivatives (Del Prete et al., 2016, section 3)."""
     omega = 2.0 * np.pi * spec.frequency_hz
     size, sine, cosine = spec.start + spec.growth * time, np.sin(omega * time), np.cos(omega * time)
     return np.stack(

@@ -45,7 +45,9 @@ def summarise(recording: TorqueRecording) -> dict[str, Any]:
 
 
 def estimated(recording: TorqueRecording, window: int = 41) -> TorqueLog:
-    """Link-side torques and contact wrenches from the log's own sensors, without delay (EQUATIONS A2, A4).
+    """Link-side torques and contact wrenches from the log's own sensors, without delay.
+
+    Source: Del Prete et al., 2016, Algorithm 1.
 
     The F/T sensors are zeroed between 0.05 s and a tenth of the run, at most 0.5 s, when nothing touches the robot; a
     run of less than half a second has no such span, and its F/T biases stay in. A robot without IMU is taken to have a

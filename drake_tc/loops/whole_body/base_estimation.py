@@ -1,4 +1,4 @@
-"""The base estimator between sensors and controller (paper C): contacts of the controller, F/T sensors of the robot."""
+"""The base estimator of Faraji et al. (2015) between sensors and controller."""
 
 from dataclasses import replace
 from typing import Any
@@ -12,7 +12,7 @@ from drake_tc.estimation.base.spec import BaseEstimatorSpec, ContactSpec
 from drake_tc.estimation.base.system import BaseEstimator
 from drake_tc.filtering.savitzky_golay import SavitzkyGolayFilter
 from drake_tc.loops.ports import first_imu, picked
-from drake_tc.loops.whole_body.scenario import TsidScenario
+from drake_tc.loops.whole_body.scenario import WholeBodySpec
 from drake_tc.loops.whole_body.sensors import WholeBodyBuilder, sensor_specs
 from drake_tc.loops.whole_body.series_elastic_drives import Start
 from drake_tc.robot.robot import Robot
@@ -48,7 +48,7 @@ def estimator_spec(wiring: WholeBodyBuilder) -> BaseEstimatorSpec:
         raise ParamsError(f"estimator.tuning: {error}") from None
 
 
-def imu_age(scenario: TsidScenario, period: float) -> float:
+def imu_age(scenario: WholeBodySpec, period: float) -> float:
     """How old the IMU's readings are at a tick [s].
 
     Args:
@@ -114,7 +114,7 @@ def base_state(
     if options.beside is not None:
         watching = BaseEstimator(law.model.robot, spec, method=options.beside)
         estimators.append(wiring.add("watching_estimator", watching, **inputs))
-        wiring.signals["beside_state"] = watching.GetOutputPort("state")
+        wiring.signals["beside_state"] = watching.GetOutputPort("estimated_state")
     wiring.signals |= {
         "estimator_status": estimator.GetOutputPort("status"),
         "cop": estimator.GetOutputPort("cop"),
@@ -126,7 +126,7 @@ def base_state(
             after: Any = each.EvalUniquePeriodicDiscreteUpdate(mine)
             mine.SetDiscreteState(np.array(after.value()))
 
-    port: OutputPort = estimator.GetOutputPort("state")
+    port: OutputPort = estimator.GetOutputPort("estimated_state")
     return port, start
 
 

@@ -1,4 +1,4 @@
-"""Series-elastic drives and the base estimator under a whole-body controller, as data (paper C)."""
+"""Series-elastic drives and the base estimator under a whole-body controller, as data (Faraji et al., 2015)."""
 
 import math
 from collections.abc import Mapping

@@ -1,4 +1,4 @@
-"""The drives under the controller: torque control of geared joints without torque sensors (paper A).
+"""The drives under the controller: torque control of geared joints without torque sensors (Del Prete et al., 2016).
 
 torque --> torque_control --> guard --> actuators --> plant
 ^ torque estimate           (position servos, friction, dead zones)
@@ -20,20 +20,22 @@ from drake_tc.control.guard_law import GuardSpec
 from drake_tc.control.torque_control import TorqueControl
 from drake_tc.errors import ParamsError
 from drake_tc.loops.whole_body.desired_motion import WantedMotion
-from drake_tc.loops.whole_body.sensors import WholeBodyBuilder, estimated_torque
+from drake_tc.loops.whole_body.scenario import TsidScenario
+from drake_tc.loops.whole_body.sensors import WholeBodyBuilder, estimated_torque, required_models
 from drake_tc.robot.plant import joint_limits
+from drake_tc.robot.robot import Robot
 from drake_tc.sensing.suite import SensorSuite
 
 
-def drive_models(wiring: WholeBodyBuilder, *, controller: bool = False) -> dict[str, ActuatorModel]:
+def drive_models(scenario: TsidScenario, robot: Robot, *, controller: bool = False) -> dict[str, ActuatorModel]:
     """The simulated drives, or those that the torque control compensates, joint by joint.
 
     Raises:
         ParamsError: no model file at all, or one that lacks a joint.
     """
-    robot, spec = wiring.law.model.robot, wiring.scenario.drives
+    spec = scenario.drives
     named = spec.model if controller and spec.model else spec.actuators
-    path = robot.actuators if named is None else wiring.scenario.path(named)
+    path = robot.actuators if named is None else scenario.path(named)
     if path is None:
         raise ParamsError(f"{robot.source}: wanted `actuators`, here or in the scenario's drives; got neither")
     return models_of_joints(path, robot.joints)
@@ -50,11 +52,11 @@ def add_drives(wiring: WholeBodyBuilder, sensors: SensorSuite, torque: OutputPor
     """
     law, n = wiring.law, wiring.law.model.n
     spec, limits = wiring.scenario.drives, joint_limits(law.model.robot)
-    models = list(drive_models(wiring, controller=True).values())
+    believed, simulated = (required_models(wiring, c) for c in ("controller_models", "models"))
+    models = [believed[joint] for joint in law.model.robot.joints]
     encoder = sensors.encoder.GetOutputPort("reading")
     known = estimated_torque(wiring, sensors)
-    controller: Any = wiring.builder.GetSubsystemByName("tsid")
-    acceleration = controller.GetOutputPort("acceleration")
+    acceleration = wiring.output("tsid", "acceleration")
     wanted = wiring.add("wanted_motion", WantedMotion(law.model, law.period), state=state, acceleration=acceleration)
     nothing: Any = np.zeros(6 * n)
     terms = wiring.builder.AddNamedSystem("no_terms", ConstantVectorSource(nothing)).get_output_port()
@@ -68,16 +70,26 @@ def add_drives(wiring: WholeBodyBuilder, sensors: SensorSuite, torque: OutputPor
     }
     if spec.compensation.wants_reference:
         inputs = {**inputs, "reference": wanted.GetOutputPort("reference")}
-    control = TorqueControl(models, gains, limits.effort, law.period, spec.compensation)
-    wiring.add("torque_control", control, **inputs)
+    wiring.add(
+        "torque_control",
+        lambda: TorqueControl(models, gains, limits.effort, law.period, spec.compensation),
+        **inputs,
+    )
     servo = tuple(model.drive.kind == "position_servo" for model in models)
-    guard = CommandGuard(n, law.period, GuardSpec(start_time=spec.start_time, start_rate=2.0), servo)
-    command = control.GetOutputPort("command")
-    wiring.add("guard", guard, command=command, position=encoder, fault=known["fault"])
-    actuators = add_actuators(wiring.builder, wiring.plant, drive_models(wiring), wiring.scenario.plant_step)
-    wiring.builder.Connect(guard.GetOutputPort("command"), actuators.GetInputPort("command"))
+    start = GuardSpec(start_time=spec.start_time, start_rate=2.0)
+    command = wiring.output("torque_control", "command")
+    wiring.add(
+        "guard",
+        lambda: CommandGuard(n, law.period, start, servo),
+        command=command,
+        position=encoder,
+        fault=known["fault"],
+    )
+    actuators = add_actuators(wiring.builder, wiring.plant, simulated, wiring.plant.time_step() or law.period)
+    wiring.systems["actuators"] = actuators
+    wiring.builder.Connect(wiring.output("guard", "command"), actuators.GetInputPort("command"))
     wiring.signals |= {
         "applied_torque": actuators.GetOutputPort("actuation"),
         "estimated_torque": known["estimated_torque"],
-        "command": guard.GetOutputPort("command"),
+        "command": wiring.output("guard", "command"),
     }

@@ -24,12 +24,13 @@ __all__ = [
     "TorqueErrorSpec",
     "TsidScenario",
     "TurnSpec",
+    "WholeBodySpec",
 ]
 
 
 @dataclass(frozen=True)
 class DrivesSpec:
-    """The drives under the controller and their torque control (paper A).
+    """The drives under the controller and their torque control (Del Prete et al., 2016).
 
     Attributes:
         actuators: Model file of the simulated drives; None takes the robot file's.
@@ -73,15 +74,11 @@ FALLIBLE = ("encoder", "motor_encoder", "gauge", "imu", "force_torque", "contact
 """What a scenario's faults may name."""
 
 
-@dataclass(frozen=True)
-class TsidScenario(ScenarioBase):
-    """One experiment.
+@dataclass(frozen=True, kw_only=True)
+class WholeBodySpec:
+    """What stands between a whole-body controller and its robot.
 
     Attributes:
-        controller: Controller file (drake_tc/tsid/README.md), relative to the scenario file.
-        changes: Laid over the controller file: `{formulation: {measure: classic}}`.
-        duration: Length of the simulation [s].
-        plant_step: Of plant and drives [s]; the controller's period is a whole number of them.
         seed: Of all random numbers.
         state: What the controller knows: the "plant"'s own state, "estimated" from encoders, gyro and soles, or by the
             "base_estimator" from encoders, IMU and F/T sensors.
@@ -91,14 +88,46 @@ class TsidScenario(ScenarioBase):
         drives: Only with `torque: drives`.
         series_elastic: Only with `torque: series_elastic`.
         estimator: Only with `state: base_estimator`.
-        motion: Task to where it goes.
-        lifted: Contact to the times when the controller does without it.
         torque_error: Errors of the torques; None: none.
         ground: The floor, and what else the robot may touch.
-        pushes: Wrenches on links over time.
-        masses: Link to a factor on its mass and inertia in the plant alone.
         faults: Of `FALLIBLE` to when and how it fails (`drake_tc.sensing.fault`); only with `state: base_estimator` and
             `torque: series_elastic`. `contacts` is what the estimator is told of those that the controller stands on.
+
+    Example:
+        >>> WholeBodySpec(state="estimated", torque="drives").drives.kp
+        1.0
+    """
+
+    seed: int = 0
+    state: Literal["plant", "estimated", "base_estimator"] = "plant"
+    torque: Literal["direct", "drives", "series_elastic"] = "direct"
+    sensors: Any = SENSORS
+    drives: DrivesSpec = field(default_factory=DrivesSpec)
+    series_elastic: SpringDrivesSpec = field(default_factory=SpringDrivesSpec)
+    estimator: BaseEstimationSpec = field(default_factory=BaseEstimationSpec)
+    torque_error: TorqueErrorSpec | None = None
+    ground: GroundSpec = field(default_factory=GroundSpec)
+    faults: Mapping[str, tuple[SensorFault, ...]] = field(default_factory=dict)
+
+    @property
+    def validated(self) -> bool:
+        """Whether sensors are checked, and motions stop where they are lost: with base estimator and series springs."""
+        return self.state == "base_estimator" and self.torque == "series_elastic"
+
+
+@dataclass(frozen=True)
+class TsidScenario(ScenarioBase, WholeBodySpec):
+    """One experiment.
+
+    Attributes:
+        controller: Controller file (drake_tc/tsid/README.md), relative to the scenario file.
+        changes: Laid over the controller file: `{formulation: {measure: classic}}`.
+        duration: Length of the simulation [s].
+        plant_step: Of plant and drives [s]; the controller's period is a whole number of them.
+        motion: Task to where it goes.
+        lifted: Contact to the times when the controller does without it.
+        pushes: Wrenches on links over time.
+        masses: Link to a factor on its mass and inertia in the plant alone.
         source: Folder that file names are relative to.
     """
 
@@ -108,20 +137,10 @@ class TsidScenario(ScenarioBase):
     changes: Mapping[str, Any] = field(default_factory=dict)
     duration: float = 2.0
     plant_step: float = 1e-3
-    seed: int = 0
-    state: Literal["plant", "estimated", "base_estimator"] = "plant"
-    torque: Literal["direct", "drives", "series_elastic"] = "direct"
-    sensors: Any = SENSORS
-    drives: DrivesSpec = field(default_factory=DrivesSpec)
-    series_elastic: SpringDrivesSpec = field(default_factory=SpringDrivesSpec)
-    estimator: BaseEstimationSpec = field(default_factory=BaseEstimationSpec)
     motion: Mapping[str, KnotSpec] = field(default_factory=dict)
     lifted: Mapping[str, tuple[SpanSpec, ...]] = field(default_factory=dict)
-    torque_error: TorqueErrorSpec | None = None
-    ground: GroundSpec = field(default_factory=GroundSpec)
     pushes: tuple[PushSpec, ...] = ()
     masses: Mapping[str, float] = field(default_factory=dict)
-    faults: Mapping[str, tuple[SensorFault, ...]] = field(default_factory=dict)
     source: str = "."
 
     def __post_init__(self) -> None:

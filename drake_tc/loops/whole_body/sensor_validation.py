@@ -1,4 +1,5 @@
-"""Sensors that fail in paper C's loop: their faults put in, what stands in for them, and all flags in one signal.
+"""Sensors that fail in the loop of Faraji et al. (2015): their faults put in, what stands in for them, and all flags in
+one signal.
 
     encoders, gauges --> (faults) --> joint_sensors --> link position, torque control
     imu, F/T         --> (faults) --> validated_imu, validated_wrench --> base estimator
@@ -99,7 +100,7 @@ def add_sensor_validation(
     encoder, imu = sensors.encoder.GetOutputPort("reading"), first_imu(builder, sensors.imu.GetOutputPort("reading"))
     wrench = sensors.force_torque.GetOutputPort("reading")
     monitor = FaultMonitor(robot, MONITOR.without_noise(suite), period)
-    wiring.add("fault_monitor", monitor, encoder=encoder, imu=imu, wrench=wrench)
+    wiring.add("fault_monitor", monitor, position=encoder, imu=imu, wrench=wrench)
     raised, names = monitor.GetOutputPort("flags"), monitor.flag_names
     joints = _joint_sensors(wiring, springs, encoder)
 
@@ -206,10 +207,10 @@ def add_flags(wiring: WholeBodyBuilder, validated: ValidatedSensors) -> tuple[st
     known = estimator.flag_names
     named = dict(_OWN) | {name: name for name in known if name.partition("/")[2] in _OF_CONTACT}
     feet: Any = builder.GetSubsystemByName("standing_feet")
-    for name in ("state", "cop"):
+    for name in ("estimated_state", "cop"):
         builder.Connect(estimator.GetOutputPort(name), feet.GetInputPort(name))
     builder.Connect(feet.GetOutputPort("imu_tilt"), estimator.GetInputPort("imu_tilt"))
-    for name in wiring.scenario.motion:
+    for name in wiring.references:
         moving: Any = builder.GetSubsystemByName(reference_port(name))
         builder.Connect(feet.GetOutputPort("lost"), moving.GetInputPort("stop"))
     places = [known.index(name) for name in named]

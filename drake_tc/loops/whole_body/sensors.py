@@ -1,15 +1,19 @@
 """What the controller knows of the robot: the plant's own state, or an estimate from its sensors."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from typing import Literal
 
 from pydrake.systems.framework import OutputPort
 
+from drake_tc.actuation.model import ActuatorModel
+from drake_tc.errors import ParamsError
 from drake_tc.estimation.joint_torque import JointTorqueEstimator
 from drake_tc.estimation.torque_model import TorqueModel
 from drake_tc.filtering.savitzky_golay import SavitzkyGolayFilter
 from drake_tc.loops.loop_builder import LoopBuilder
 from drake_tc.loops.ports import first_imu
-from drake_tc.loops.whole_body.scenario import TsidScenario
+from drake_tc.loops.whole_body.scenario import WholeBodySpec
 from drake_tc.sensing.suite import SENSORS, SensorSuite, SensorSuiteSpec, add_sensors, load_suite
 from drake_tc.tsid.law import Law
 from drake_tc.tsid.standing import StandingState
@@ -18,18 +22,38 @@ QUICK = 15
 """Samples of the filter behind the controller's joint velocities, read at its end: no delay, more noise."""
 _IMU = ("gyro", "accel")
 SLOW, ORDERS = 80, (2, 1)
-"""Samples of the filter behind the torque estimate (EQUATIONS A1), in whose middle it is read: encoders, the rest."""
+"""Samples of the filters behind the torque estimate, in whose middle they are read: of the encoders, of the others."""
 
 
 @dataclass
-class WholeBodyBuilder(LoopBuilder[TsidScenario]):
+class WholeBodyBuilder(LoopBuilder[WholeBodySpec]):
     """The whole-body loop under construction.
 
     Attributes:
         law: Of the controller.
+        models: Of the simulated drives, by joint; None where torques go to the joints directly.
+        controller_models: What their torque control takes them for.
+        references: Tasks whose references move.
     """
 
     law: Law = field(kw_only=True)
+    models: Mapping[str, ActuatorModel] | None = None
+    controller_models: Mapping[str, ActuatorModel] | None = None
+    references: tuple[str, ...] = ()
+
+
+def required_models(
+    wiring: WholeBodyBuilder, which: Literal["models", "controller_models"]
+) -> Mapping[str, ActuatorModel]:
+    """The drives' models.
+
+    Raises:
+        ParamsError: there are none.
+    """
+    models: Mapping[str, ActuatorModel] | None = getattr(wiring, which)
+    if models is None:
+        raise ParamsError(f"models: expected actuator models, as torque: {wiring.scenario.torque} needs them; got none")
+    return models
 
 
 def add_whole_body_sensors(wiring: WholeBodyBuilder) -> SensorSuite:
@@ -45,14 +69,17 @@ def add_whole_body_sensors(wiring: WholeBodyBuilder) -> SensorSuite:
     return add_sensors(wiring.builder, wiring.plant, law.model.robot, suite, law.period, scenario.seed, faults)
 
 
-def sensor_specs(scenario: TsidScenario, period: float) -> SensorSuiteSpec:
+def sensor_specs(scenario: WholeBodySpec, period: float) -> SensorSuiteSpec:
     """What the scenario's sensors do, the IMU a period late at least.
 
     Raises:
         ParamsError: an unknown preset or field.
     """
-    entry = {"preset": scenario.sensors} if isinstance(scenario.sensors, str) else scenario.sensors
-    suite = load_suite("sensors", entry)
+    if isinstance(scenario.sensors, SensorSuiteSpec):
+        suite = scenario.sensors
+    else:
+        entry = {"preset": scenario.sensors} if isinstance(scenario.sensors, str) else scenario.sensors
+        suite = load_suite("sensors", entry)
     late = {name: replace(getattr(suite, name), latency=max(period, getattr(suite, name).latency)) for name in _IMU}
     return replace(suite, **late)
 
@@ -69,24 +96,23 @@ def estimated_state(wiring: WholeBodyBuilder, sensors: SensorSuite, contacts: Ou
     encoder = sensors.encoder.GetOutputPort("reading")
     quick = SavitzkyGolayFilter(n, QUICK, 2, law.period, QUICK - 1)
     wiring.add("quick_filter", quick, signal=encoder)
-    inputs = {"joint_position": encoder, "joint_velocity": quick.GetOutputPort("first_derivative")}
+    inputs = {"position": encoder, "velocity": quick.GetOutputPort("first_derivative")}
     if sensors.imu is not None:
         inputs["imu"] = first_imu(wiring.builder, sensors.imu.GetOutputPort("reading"))
     if contacts is not None:
         inputs["active_contacts"] = contacts
-    state = wiring.add("standing_state", StandingState(law.model, law.period), **inputs)
-    port: OutputPort = state.GetOutputPort("state")
-    return port
+    wiring.add("standing_state", lambda: StandingState(law.model, law.period), **inputs)
+    return wiring.output("standing_state", "estimated_state")
 
 
 def estimated_torque(wiring: WholeBodyBuilder, sensors: SensorSuite) -> dict[str, OutputPort]:
-    """`joint_estimate` (3n), `estimated_torque` (n) and `fault` by paper A's Algorithm 1, half a window late.
+    """`joint_estimate` (3n), `estimated_torque` (n) and `fault` by Algorithm 1 of Del Prete et al. (2016), half a
+    window late.
 
     Raises:
         ParamsError: a robot without IMU.
     """
-    model = TorqueModel(wiring.law.model.robot)
     ports = wiring.filtered_readings(sensors, SLOW, ORDERS)
-    estimator = wiring.add("torque_estimator", JointTorqueEstimator(model), **ports)
+    wiring.add("torque_estimator", lambda: JointTorqueEstimator(TorqueModel(wiring.law.model.robot)), **ports)
     found = {"joint_estimate": ports["joint_estimate"]}
-    return found | {name: estimator.GetOutputPort(name) for name in ("estimated_torque", "fault")}
+    return found | {name: wiring.output("torque_estimator", name) for name in ("estimated_torque", "fault")}

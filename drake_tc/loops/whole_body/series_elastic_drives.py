@@ -1,4 +1,4 @@
-"""Series-elastic drives under the controller (paper C): torque control, voltage, springs.
+"""Series-elastic drives under the controller (Faraji et al., 2015): torque control, voltage, springs.
 
 torque (- damping) --> torque_control --> loop_delay --> actuators (motors, gears, springs) --> plant
                           ^ motor_encoder, torque_gauge --------|
@@ -23,7 +23,9 @@ from drake_tc.control.series_elastic.position import MotorPositionControl
 from drake_tc.errors import ParamsError
 from drake_tc.estimation.link_position import LinkPosition, spring_times
 from drake_tc.loops.ports import picked
-from drake_tc.loops.whole_body.sensors import WholeBodyBuilder
+from drake_tc.loops.whole_body.scenario import TsidScenario
+from drake_tc.loops.whole_body.sensors import WholeBodyBuilder, required_models
+from drake_tc.robot.robot import Robot
 from drake_tc.sensing.sensor import Sensor
 from drake_tc.sensing.suite import sensor_seed
 from drake_tc.types import FloatArray
@@ -49,21 +51,32 @@ class SpringDrives:
     torque: OutputPort
 
 
-def spring_models(wiring: WholeBodyBuilder) -> dict[str, ActuatorModel]:
+def spring_models(scenario: TsidScenario, robot: Robot) -> dict[str, ActuatorModel]:
     """The simulated drives, joint by joint.
 
     Raises:
-        ParamsError: no model file, one that lacks a joint, or a joint without voltage drive or spring.
+        ParamsError: no model file, or one that lacks a joint.
     """
-    robot, named = wiring.law.model.robot, wiring.scenario.series_elastic.actuators
-    path = robot.actuators if named is None else wiring.scenario.path(named)
+    named = scenario.series_elastic.actuators
+    path = robot.actuators if named is None else scenario.path(named)
     if path is None:
         raise ParamsError(f"{robot.source}: wanted `actuators`, here or in the scenario's series_elastic; got neither")
     models: dict[str, ActuatorModel] = models_of_joints(path, robot.joints)
+    check_springs(models, str(path))
+    return models
+
+
+def check_springs(models: Mapping[str, ActuatorModel], source: str = "models") -> None:
+    """Every joint has a voltage drive behind a spring.
+
+    Raises:
+        ParamsError: one has not.
+    """
     for joint, model in models.items():
         if model.drive.kind != "voltage" or all(value.key != _SPRING for value in model.effects):
-            raise ParamsError(f"{path}: {joint}: wanted a voltage drive and an elasticity; the model lacks one of them")
-    return models
+            raise ParamsError(
+                f"{source}: {joint}: wanted a voltage drive and an elasticity; the model lacks one of them"
+            )
 
 
 def believed_models(models: Mapping[str, ActuatorModel], factors: Mapping[str, float]) -> list[ActuatorModel]:
@@ -96,11 +109,13 @@ def add_spring_drives(wiring: WholeBodyBuilder) -> SpringDrives:
     """Motors, gears and springs in front of the plant, with the sensors on both sides of the springs.
 
     Raises:
-        ParamsError: see `spring_models`.
+        ParamsError: see `check_springs`.
     """
     spec, n, builder = wiring.scenario.series_elastic, wiring.law.model.n, wiring.builder
-    models = spring_models(wiring)
-    actuators = add_actuators(builder, wiring.plant, models, wiring.scenario.plant_step)
+    models = required_models(wiring, "models")
+    check_springs(models)
+    actuators = add_actuators(builder, wiring.plant, models, wiring.plant.time_step() or wiring.law.period)
+    wiring.systems["actuators"] = actuators
     angle: Any = np.eye(n, 2 * n)
     pick = builder.AddNamedSystem("motor_angle", MatrixGain(angle))
     builder.Connect(actuators.GetOutputPort("motor_state"), pick.get_input_port())
@@ -160,21 +175,19 @@ def control_springs(wiring: WholeBodyBuilder, drives: SpringDrives, torque: Outp
     spec, law, builder = wiring.scenario.series_elastic, wiring.law, wiring.builder
     held: Any = None
     if spec.position_gain > 0.0:
-        control, held = _hold_motors(wiring, drives)
+        voltage, held = _hold_motors(wiring, drives)
     else:
         if spec.joint_damping > 0.0:
             torque = _damped(wiring, torque)
-        control = _track_torque(wiring, drives, torque)
-    voltage, ticks, late = control.GetOutputPort("voltage"), spec.ticks(law.period), None
+        voltage = _track_torque(wiring, drives, torque)
+    wiring.signals["voltage"] = voltage
+    ticks, late = spec.ticks(law.period), None
     if ticks:
         late = builder.AddNamedSystem("loop_delay", DiscreteTimeDelay(law.period, ticks - 1, law.model.n))
         builder.Connect(voltage, late.get_input_port())
         voltage = late.get_output_port()
     builder.Connect(voltage, drives.actuators.GetInputPort("command"))
-    wiring.signals |= {
-        "applied_torque": drives.actuators.GetOutputPort("transmitted_torque"),
-        "voltage": control.GetOutputPort("voltage"),
-    }
+    wiring.signals["applied_torque"] = drives.actuators.GetOutputPort("transmitted_torque")
     gains = np.array([model.drive.gain for model in drives.models.values()])
 
     def start(root: Context) -> None:
@@ -194,24 +207,26 @@ def control_springs(wiring: WholeBodyBuilder, drives: SpringDrives, torque: Outp
     return start
 
 
-def _track_torque(wiring: WholeBodyBuilder, drives: SpringDrives, torque: OutputPort) -> Any:
-    """The torque law, connected."""
+def _track_torque(wiring: WholeBodyBuilder, drives: SpringDrives, torque: OutputPort) -> OutputPort:
+    """The voltages of the torque law, connected."""
     spec = wiring.scenario.series_elastic
     inputs = {"motor_angle": drives.motor_angle, "torque": drives.torque, "reference_torque": torque}
     if spec.acceleration_bandwidth > 0.0:
         inputs["reference_acceleration"] = _wanted_acceleration(wiring, spec.acceleration_bandwidth)
-    law = SeriesElasticControl(spec.control, believed_models(drives.models, spec.believed), wiring.law.period)
-    return wiring.add("torque_control", law, **inputs)
+    believed = believed_models(drives.models, spec.believed)
+    wiring.add("torque_control", lambda: SeriesElasticControl(spec.control, believed, wiring.law.period), **inputs)
+    return wiring.output("torque_control", "voltage")
 
 
-def _hold_motors(wiring: WholeBodyBuilder, drives: SpringDrives) -> tuple[Any, Any]:
-    """Position loops around the motors, and the constant angles at which they are held, not yet known."""
+def _hold_motors(wiring: WholeBodyBuilder, drives: SpringDrives) -> tuple[OutputPort, Any]:
+    """Voltages of position loops around the motors, and the constant angles at which they are held, not yet known."""
     spec, n = wiring.scenario.series_elastic, wiring.law.model.n
     nothing: Any = np.zeros(n)
     held = wiring.builder.AddNamedSystem("held_angle", ConstantVectorSource(nothing))
     loops = MotorPositionControl(spec.position_gain, believed_models(drives.models, spec.believed))
     inputs = {"motor_angle": drives.motor_angle, "reference_angle": held.get_output_port()}
-    return wiring.add("position_control", loops, **inputs), held
+    wiring.add("position_control", loops, **inputs)
+    return wiring.output("position_control", "voltage"), held
 
 
 def _damped(wiring: WholeBodyBuilder, torque: OutputPort) -> OutputPort:
@@ -237,8 +252,9 @@ def _damped(wiring: WholeBodyBuilder, torque: OutputPort) -> OutputPort:
 def _wanted_acceleration(wiring: WholeBodyBuilder, bandwidth: float) -> OutputPort:
     """(n,) of the links, as the controller expects them [rad/s^2], through a low pass of `bandwidth` [rad/s]."""
     law, builder = wiring.law, wiring.builder
-    acceleration: Any = builder.GetSubsystemByName("tsid").GetOutputPort("acceleration")
-    wanted = picked(builder, "wanted_acceleration", acceleration, {"joints": law.model.actuated.tolist()})["joints"]
+    acceleration = wiring.output("tsid", "acceleration")
+    places = {"joints": law.model.actuated.tolist()}
+    wanted = picked(builder, "wanted_acceleration", acceleration, places)["joints"]
     share, one = -np.expm1(-bandwidth * law.period), np.eye(law.model.n)
     a: Any = (1.0 - share) * one
     b: Any = share * one

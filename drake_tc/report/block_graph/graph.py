@@ -58,6 +58,13 @@ def block_graph(diagram: Diagram, stages: Mapping[str, str] | None = None, depth
 
     Raises:
         ParamsError: not a Diagram, a depth below 1, a stage or block that there is not.
+
+    Example:
+        >>> robot = load_robot(MODELS / "hrp2_like" / "hrp2_like_leg.yaml")
+        >>> builder = DiagramBuilder()
+        >>> loop = add_torque_loop(builder, add_robot_plant(builder, robot), robot, load_models(robot.actuators))
+        >>> "torque_control" in block_graph(builder.Build()).to_mermaid()
+        True
     """
     read = read_diagram(diagram, stages, depth)
     return BlockGraph(read.name, read.blocks, read.edges, read.inputs, read.outputs)

@@ -75,7 +75,7 @@ class CapturePointLimit:
     a xi inside can be kept inside; one that is outside cannot be brought back but by turning the body, and the problem
     may then have no solution: `infeasible` names the edge. No contact, no rows.
 
-    Source: EQUATIONS B (paper: its ref. 34, Ramos, Mansard, Soueres, Humanoids 2014).
+    Source: Del Prete and Mansard, 2015, after Ramos, Mansard and Soueres (Humanoids 2014).
     """
 
     group = "capture_point"

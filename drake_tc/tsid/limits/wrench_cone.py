@@ -53,7 +53,7 @@ class WrenchCones:
     """The cones of all contacts that are active: 11 rows a surface contact, 5 a point contact, the same at all states.
 
     Linear in f; see `cone_rows`. The true twist limit couples tz with the forces off C; the box of `twist` is the
-    paper's (EQUATIONS B: mu, mu_moment, fmin, centre of pressure: 11 a foot).
+    paper's (Del Prete and Mansard, 2015: mu, mu_moment, fmin, centre of pressure: 11 a foot).
     """
 
     group = "force"

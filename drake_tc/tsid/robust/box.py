@@ -1,4 +1,7 @@
-"""p_box: the largest box tau +- s sigma inside the polytope (paper B, eq. 17); a quadratic program."""
+"""p_box: the largest box tau +- s sigma inside the polytope, by a quadratic program.
+
+Source: Del Prete and Mansard, 2015, eq. 17.
+"""
 
 import math
 

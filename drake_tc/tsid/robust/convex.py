@@ -130,7 +130,7 @@ def plain(
 def rectangle(
     cost: LeastSquares, limits: Rows, noise: FloatArray, held: FloatArray, width: float, weight: float
 ) -> ConvexProgram:
-    """||D x - d||^2 + w R_rect over (x, a, b), its box inside limits (paper B, eq. 15 and 16).
+    """||D x - d||^2 + w R_rect over (x, a, b), its box inside limits (Del Prete and Mansard, 2015, eq. 15 and 16).
 
     Args:
         cost: D, d.

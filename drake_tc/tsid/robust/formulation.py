@@ -1,4 +1,4 @@
-"""Robust TSID: one measure of robustness, one use of it (paper B, eq. 4 to 6)."""
+"""Robust TSID: one measure of robustness, one use of it (Del Prete and Mansard, 2015, eq. 4 to 6)."""
 
 import math
 from dataclasses import dataclass, field

@@ -1,4 +1,7 @@
-"""R_ind = -log p_ind: every side of every row by itself (paper B, eq. 7 and 13); see `drake_tc.kernels.programs`."""
+"""R_ind = -log p_ind: every side of every row by itself; see `drake_tc.kernels.programs`.
+
+Source: Del Prete and Mansard, 2015, eq. 7 and 13.
+"""
 
 from dataclasses import dataclass
 

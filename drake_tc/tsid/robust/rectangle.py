@@ -1,4 +1,4 @@
-"""p_rect: the most probable axis-aligned box inside the polytope (paper B, eq. 14 to 16).
+"""p_rect: the most probable axis-aligned box inside the polytope (Del Prete and Mansard, 2015, eq. 14 to 16).
 
 min ||D x - d||^2 + w R_rect(x) inside the limits (eq. 16), and R_rect at a torque (eq. 15). The box is
 -b_j <= zeta_j <= a_j in the axes of e = L zeta (see `TorqueError`), so that its probability is a product for a full

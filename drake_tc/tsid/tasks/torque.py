@@ -10,7 +10,8 @@ from drake_tc.types import FloatArray
 
 
 class TorqueTask:
-    """tau = tau_d, each joint with its weight; with tau_d = 0 paper C's cost of torques, Q_tau = weight^2.
+    """tau = tau_d, each joint with its weight; with tau_d = 0 the cost of torques of Faraji et al. (2015), Q_tau =
+    weight^2.
 
     Reference (n,): tau_d in the robot's order [N m].
     """

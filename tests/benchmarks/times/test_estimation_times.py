@@ -96,6 +96,6 @@ def test_fault_monitor(case):
     n, k = model.size, model.num_sensors
     still = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 9.81])
     for what, imu in (("nothing wrong", still), ("IMU inconsistent", np.ones(6))):
-        values = {"encoder": np.zeros(n), "imu": imu, "wrench": np.ones(6 * k), "torque_residual": np.zeros(n)}
+        values = {"position": np.zeros(n), "imu": imu, "wrench": np.ones(6 * k), "torque_residual": np.zeros(n)}
         seconds = updates(FaultMonitor(robot, dt=TICK), values)
         row(f"FaultMonitor update, {name}, {what}", seconds, 120e-6)

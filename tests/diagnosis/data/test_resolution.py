@@ -105,7 +105,7 @@ def test_the_floor_of_a_whole_log_is_what_its_noise_leaves(servo, stepped):
     joint = Joint(period=PERIOD, duration=20.0, **kind, **noise)
     clean = replace(joint, encoder_step=0.0, encoder_noise=0.0, torque_noise=0.0)
     rig, terms = rig_of(joint), (Term(effect("viscous")), Term(effect("coulomb")))
-    made = [build_samples([record(j, seed=3)], rig, "joint", width_s=0.05) for j in (joint, clean)]
+    made = [build_samples([record(j, seed=3)], rig, "joint", width_s=0.05, final_s=0.05) for j in (joint, clean)]
     beta = np.array([1.0 / joint.gain, joint.viscous, joint.coulomb])
     rows = np.intersect1d(made[0].rows, made[1].rows)
     # the balance's own filter error at reversals is in both logs: the difference is noise alone

@@ -70,7 +70,8 @@ def test_the_held_out_free_run_follows_and_every_output_has_it(
     whole = with_free_runs(replace(result, refinement=found), rig_of(NOISY), held, rig_free_run, None)
     document = joint_json(whole)
     (row,) = document["free_runs"]
-    assert row["refined"]["mean_absolute"] < 0.7 * row["after"]["mean_absolute"]
+    noise = NOISY.encoder_noise * np.sqrt(2.0 / np.pi)  # mean absolute value of what no model can follow
+    assert row["refined"]["mean_absolute"] - noise < 0.5 * (row["after"]["mean_absolute"] - noise)
     assert row["refined"]["rms"] == pytest.approx(document["refinement"]["error"]["free_run_heldout"], rel=1e-12)
     assert document["error"]["after"]["free_run_heldout"] == pytest.approx(row["after"]["rms"], rel=1e-12)
     assert document["refinement"]["model"] == "model_refined.yaml"

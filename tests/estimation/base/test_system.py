@@ -22,7 +22,7 @@ from .constructed import REAL, Motion, construct, spec, walker
 
 PERIOD = 5e-3
 INPUTS = ("position", "velocity", "imu", "imu_tilt", "wrench", "contact_switch")
-OUTPUTS = ("base_pose", "base_velocity", "state", "cop", "status")
+OUTPUTS = ("base_pose", "base_velocity", "estimated_state", "cop", "status")
 
 
 @pytest.fixture(scope="module")
@@ -73,7 +73,7 @@ def test_it_is_the_pure_function(made, tilt):
         assert_allclose(out["status"], [*track.flags[i], *track.contact_flags[i].ravel()], rtol=0, atol=0)
         # through the robot's plant: pose and velocity of the base, and the joints in their places
         plant_context = plant.CreateDefaultContext()
-        plant.SetPositionsAndVelocities(plant_context, out["state"])
+        plant.SetPositionsAndVelocities(plant_context, out["estimated_state"])
         base = plant.GetBodyByName(robot.base)
         X = base.EvalPoseInWorld(plant_context)
         assert_allclose(X.translation(), track.position[i], atol=1e-14)
@@ -94,8 +94,8 @@ def test_outputs_come_from_the_state_alone():
     n, k = 30, 2
     state = system.base_state(context)
     moved = packed(state)
-    for name, port in (("position", "base_pose"), ("velocity", "base_velocity"), ("q", "state"), ("pressure", "cop"),
-                       ("flags", "status")):  # fmt: skip
+    ports = {"position": "base_pose", "velocity": "base_velocity", "q": "estimated_state", "pressure": "cop"}
+    for name, port in (ports | {"flags": "status"}).items():
         values = moved.copy()
         getattr(unpacked(values, n, k), name).flat[0] += 0.1  # a view into the vector
         context.SetDiscreteState(values)
@@ -109,7 +109,7 @@ def test_before_the_first_tick_it_shows_where_the_robot_starts():
     out = outputs(system, system.CreateDefaultContext())
     plant = make_plant(walker(), 0.0)
     context = plant.CreateDefaultContext()
-    plant.SetPositionsAndVelocities(context, out["state"])
+    plant.SetPositionsAndVelocities(context, out["estimated_state"])
     X = plant.GetBodyByName(walker().base).EvalPoseInWorld(context)
     assert_allclose(X.translation(), [1.0, 2.0, 0.6], atol=1e-14)
     assert_allclose(RollPitchYaw(X.rotation()).vector(), [0.0, 0.0, 0.8], atol=1e-12)
@@ -153,7 +153,7 @@ def test_two_contexts_do_not_know_of_each_other(made):
     alone = system.CreateDefaultContext()
     fixed(system, alone, made.log, 0)
     ticked(system, alone)
-    assert_allclose(outputs(system, two)["state"], outputs(system, alone)["state"], rtol=0)
+    assert_allclose(outputs(system, two)["estimated_state"], outputs(system, alone)["estimated_state"], rtol=0)
 
 
 def test_a_state_packs_and_unpacks():
@@ -175,7 +175,7 @@ def test_the_baselines_have_the_same_ports(made, method):
     context = system.CreateDefaultContext()
     fixed(system, context, made.log, 0)
     ticked(system, context)
-    assert np.isfinite(outputs(system, context)["state"]).all()
+    assert np.isfinite(outputs(system, context)["estimated_state"]).all()
 
 
 def test_kinematics_agree_with_jacobians_of_the_whole_robot():

@@ -104,7 +104,7 @@ def test_extends_changes_field_by_field(file):
         (
             "one",
             "{durration: 1.0}",
-            r"s\.yaml: one: unknown key 'durration'; did you mean 'duration'[?]; allowed: robot, controller, duration",
+            r"s\.yaml: one: unknown key 'durration'; did you mean 'duration'[?]; allowed: robot, controller, dt",
         ),
         ("one", "{gains: {k5: 1.0}}", r"one\.gains: unknown key 'k5'; allowed: k6, k7, kp, ki, kf, by_joint"),
         ("one", "{pushes: [{link: foot}]}", r"one\.pushes\[0\]: begin is missing"),
@@ -142,7 +142,7 @@ def test_what_a_scenario_file_cannot_say(file, name, text, message):
         (
             "hrp2_leg",
             "{robot: ../models/hrp2_like/hrp2_like.yaml}",
-            "angular_acceleration: wanted gyro or neglected, as the base",
+            "angular_acceleration: expected gyro or neglected, as the base",
         ),
         ("hrp2_leg", "{actuators: nothing.yaml}", r"nothing\.yaml"),
         ("hrp2_leg", "{sensors: superb}", r"sensors\.preset: expected one of perfect, realistic, got 'superb'"),

@@ -19,7 +19,7 @@ acceleration a of O, the force and moment at O that it needs are
     F = m (a + alpha x c + omega x (omega x c)),   N = c x m a + I alpha + omega x I omega
 
 and joint j, with its axis z through P, bears  z . (N + (p_O - P) x F)  of each link beyond it that no F/T sensor bears,
-less  z . (t + (p_S - P) x f)  of each sensor's reading.  Source: EQUATIONS A2; derived.
+less  z . (t + (p_S - P) x f)  of each sensor's reading.  Source: derived from Del Prete et al., 2016, Algorithm 1.
 """
 
 from collections.abc import Callable

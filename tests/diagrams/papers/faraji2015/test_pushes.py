@@ -12,7 +12,7 @@ from drake_tc.diagrams.papers.faraji2015.motions import vibration
 from numpy.testing import assert_allclose
 
 from drake_tc.actuation.model_file import models_of_joints
-from drake_tc.analysis.margins import margins
+from drake_tc.analysis.stability_margins import margins
 from drake_tc.control.series_elastic.position import MotorPositionControl
 from drake_tc.errors import ParamsError
 from drake_tc.loops.surroundings import Pushes

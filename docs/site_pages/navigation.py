@@ -1,0 +1,74 @@
+"""The navigation of the site. A page that does not exist is left out."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from site_pages.repository import ROOT, SHOWN
+
+Entry = tuple[str, "str | list[Entry]"]
+
+TREE: list[Entry] = [
+    (
+        "Start",
+        [
+            ("drake_tc", "index.md"),
+            ("Installation", "installation.md"),
+            ("Tutorial: from log to controller", "tutorial.md"),
+            ("Reading the report", "report.md"),
+            ("Gallery", "gallery.md"),
+            ("Where things are", "where_things_are.md"),
+            ("Changelog", "changelog.md"),
+        ],
+    ),
+    (
+        "How to",
+        [
+            ("My log format", "your_own_log.md"),
+            ("My robot", "your_own_robot.md"),
+            ("An arm whose links nobody trusts", "whole_arm.md"),
+            ("My effect", "your_own_effect.md"),
+            ("My simulator", "your_own_simulator.md"),
+            ("My controller", "your_own_controller.md"),
+            ("My task and limit", "your_own_task.md"),
+            ("My diagram", "your_own_diagram.md"),
+            ("Torque control of a leg", "torque_control.md"),
+            ("Whole-body control", "whole_body.md"),
+        ],
+    ),
+    ("Effects", "effects/"),
+    ("Input files", "reference/"),
+    ("Commands", "cli/"),
+    ("Python", "api/"),
+    ("Methods", "methods/"),
+    ("Figures", [("Benchmarks", "benchmarks.md"), ("Papers", "papers.md"), ("", "papers/")]),
+]
+"""Title and page, folder of generated pages, or list of these; a folder without a title takes no level of its own."""
+
+
+def navigation(generated: Mapping[str, str]) -> list[Any]:
+    """MkDocs' `nav`: the tree, with the pages that exist."""
+    return _entries(TREE, generated)
+
+
+def _entries(entries: Sequence[Entry], generated: Mapping[str, str]) -> list[Any]:
+    nav: list[Any] = []
+    for title, inside in entries:
+        if isinstance(inside, list):
+            nav.append({title: _entries(inside, generated)})
+        elif inside.endswith("/"):
+            pages = _folder(inside.rstrip("/"), generated)
+            nav += [{title: pages}] if title else pages
+        elif _exists(inside, generated):
+            nav.append({title: inside})
+    return nav
+
+
+def _folder(folder: str, generated: Mapping[str, str]) -> list[Any]:
+    inside = [page for page in generated if page.startswith(f"{folder}/")]
+    inside += [page for page in SHOWN.values() if page.startswith(f"{folder}/") and page not in generated]
+    first = [page for page in inside if page.endswith("/index.md")]
+    return [*first, *(page for page in inside if page not in first)]
+
+
+def _exists(page: str, generated: Mapping[str, str]) -> bool:
+    return page in generated or page in SHOWN.values() or (ROOT / "docs" / page).exists()

@@ -1,0 +1,142 @@
+"""What a rig declares, taken from a file of another simulator (`drake_tc.simulator_files`).
+
+    armature -> rotor_inertia      damping, frictionloss -> viscous, coulomb      quadratic -> quadratic_viscous
+    delay -> delay                 backlash -> backlash                           kp -> drive_gain 1/kp
+    torque_limit/kp -> saturation  kv -> derivative_gain                          friction_stribeck ... -> stribeck
+
+Gain, limit and damping of the drive are taken where the file's drive is of the rig's kind. What the rig file itself
+says stays. A term that is 0 is not declared: the file's model lacks it.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from drake_tc.errors import RigError
+from drake_tc.logs.rig_document.declared import Declared
+from drake_tc.simulator_files.read import ANY_JOINT, read_joints
+from drake_tc.simulator_files.terms import ReadJoint
+
+if TYPE_CHECKING:
+    from drake_tc.logs.rig import Rig
+
+UNITS: Mapping[str, str] = {
+    "rotor_inertia": "kg m^2",
+    "viscous": "N m s/rad",
+    "coulomb": "N m",
+    "quadratic_viscous": "N m s^2/rad^2",
+    "delay": "s",
+    "backlash": "rad",
+}
+EFFORT: Mapping[str, str] = {"position_servo": "rad", "current": "A", "voltage": "V", "torque": "N m"}
+
+
+@dataclass(frozen=True)
+class TakenOver:
+    """What a file declares of one joint of a rig.
+
+    Attributes:
+        joint: Its name.
+        declared: Effect id, or `id.parameter`, to its value; None for a value that is not known.
+        drive_gain: K [effort/(N m)], where the file has a drive of the rig's kind.
+        saturation: Limit of the effort [rad | A | V | N m], where known.
+        derivative_gain: Of a position servo [N m s/rad], where known.
+        unused: What the file has beside these, in words.
+    """
+
+    joint: str
+    declared: Declared
+    drive_gain: float | None = None
+    saturation: float | None = None
+    derivative_gain: float | None = None
+    unused: tuple[str, ...] = ()
+
+    def line(self, drive: str) -> str:
+        """What was taken, as a text for people."""
+        parts = [f"{name} {value:.4g} {UNITS.get(name, '')}".rstrip() for name, value in self.declared.items() if value]
+        parts += [name for name, value in self.declared.items() if value is None]
+        unit = EFFORT[drive]
+        parts += [f"drive_gain {self.drive_gain:.4g} {unit} for 1 N m"] if self.drive_gain else []
+        parts += [f"saturation {self.saturation:.4g} {unit}"] if self.saturation else []
+        parts += [f"derivative_gain {self.derivative_gain:.4g} N m s/rad"] if self.derivative_gain else []
+        rest = f"; not used: {', '.join(self.unused)}" if self.unused else ""
+        return f"{self.joint}: declared: {', '.join(parts) or 'nothing'}{rest}"
+
+
+def taken_over(rig: "Rig", path: Path, joints: Sequence[str] = ()) -> list[TakenOver]:
+    """What the file declares of joints of the rig.
+
+    Args:
+        rig: Names the joints and the kinds of their drives.
+        path: URDF, MJCF or a parameter file of BAM; the last one holds for every joint.
+        joints: Those that must be in the file; none: those of the rig that are in it, at least one.
+
+    Raises:
+        RigError: a file that cannot be used, or that lacks a joint.
+    """
+    read = read_joints(path, RigError)
+    known = [joint for joint in rig.joints if joint in read or ANY_JOINT in read]
+    missing = [joint for joint in joints if joint not in known]
+    if missing or not known:
+        names = ", ".join(missing or rig.joints)
+        raise RigError(f"{path}: it has no joint {names}; its joints: {', '.join(read)}")
+    return [_of_joint(joint, rig.drive[joint], read.get(joint, read.get(ANY_JOINT))) for joint in joints or known]
+
+
+def with_declared_file(rig: "Rig", path: Path, joints: Sequence[str] = ()) -> "Rig":
+    """The rig with what a file declares; what the rig itself says stays.
+
+    Args:
+        rig: As its own file has it.
+        path: See `taken_over`.
+        joints: See `taken_over`.
+
+    Raises:
+        RigError: see `taken_over`.
+    """
+    found = taken_over(rig, path, joints)
+    declared = dict(rig.declared)
+    for each in found:
+        own = {name: value for name, value in declared[each.joint].items() if value is not None or name not in ALWAYS}
+        declared[each.joint] = dict.fromkeys(ALWAYS) | dict(each.declared) | own
+    stated = {
+        name: {each.joint: getattr(each, name) for each in found if getattr(each, name) is not None}
+        for name in ("drive_gain", "saturation", "derivative_gain")
+    }
+    changed = {name: {**values, **getattr(rig, name)} for name, values in stated.items()}
+    return replace(rig, declared=declared, **changed)  # type: ignore[arg-type]
+
+
+ALWAYS = ("viscous", "coulomb")
+"""Part of every declared model, whether a file has values or not."""
+
+
+def _of_joint(joint: str, drive: str, read: ReadJoint | None) -> TakenOver:
+    if read is None:
+        raise RigError(f"no joint {joint}")
+    terms = read.terms
+    values = {
+        "rotor_inertia": terms.armature,
+        "viscous": terms.damping,
+        "coulomb": terms.frictionloss,
+        "quadratic_viscous": terms.quadratic,
+        "delay": terms.delay,
+        "backlash": terms.backlash,
+    }
+    declared: dict[str, float | None] = {name: value for name, value in values.items() if value > 0.0}
+    for effect, parameters in read.effects.items():
+        declared[effect] = None
+        declared |= {f"{effect}.{name}": value for name, value in (parameters or {}).items()}
+    if not read.driven or terms.drive != drive:
+        unused = (*read.unused, *([f"its drive ({terms.drive})"] if read.driven else []))
+        return TakenOver(joint, declared, unused=unused)
+    limit = terms.torque_limit
+    return TakenOver(
+        joint,
+        declared,
+        drive_gain=1.0 / terms.kp if terms.kp > 0.0 else None,
+        saturation=limit / terms.kp if limit is not None and terms.kp > 0.0 else None,
+        derivative_gain=read.derivative_gain if read.derivative_gain > 0.0 else None,
+        unused=read.unused,
+    )

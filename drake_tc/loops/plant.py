@@ -1,0 +1,75 @@
+"""`add_robot_plant`: a robot in its own finalized plant, in a diagram."""
+
+from collections.abc import Callable
+from typing import Any
+
+from pydrake.geometry import Meshcat, MeshcatVisualizer
+from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
+from pydrake.systems.framework import DiagramBuilder
+
+from drake_tc.errors import ParamsError
+from drake_tc.robot.plant import add_robot
+from drake_tc.robot.robot import Robot
+
+
+def add_robot_plant(
+    builder: DiagramBuilder,
+    robot: Robot,
+    step: float = 1e-3,
+    *,
+    scene: bool = False,
+    collisions: bool = False,
+    meshcat: bool = False,
+    prepare: Callable[[MultibodyPlant], None] | None = None,
+) -> MultibodyPlant:
+    """Add a finalized plant with the robot to a diagram, as system `plant` whose ports are live.
+
+    Live means that sensors read the state of the instant (`SetUseSampledOutputPorts(False)`), as the loops need it.
+
+    Args:
+        builder: Takes the plant.
+        robot: From `load_robot`.
+        step: Time step of the plant [s].
+        scene: Add a SceneGraph too, so that the robot can touch what `prepare` adds.
+        collisions: Keep the robot's primitive collision shapes; adds a SceneGraph.
+        meshcat: Show the robot in a browser; adds a SceneGraph.
+        prepare: Gets the plant before it is finalized: add a floor, objects, springs.
+
+    Raises:
+        ParamsError: the URDF or the actuator file cannot be read.
+
+    Example:
+        >>> robot = load_robot(MODELS / "hrp2_like" / "hrp2_like_leg.yaml")
+        >>> add_robot_plant(DiagramBuilder(), robot).num_actuators()
+        6
+    """
+    plant: Any
+    if scene or collisions or meshcat:
+        plant, scene_graph = AddMultibodyPlantSceneGraph(builder, step)
+        if meshcat:
+            MeshcatVisualizer.AddToBuilder(builder, scene_graph, Meshcat())
+    else:
+        plant = builder.AddNamedSystem("plant", MultibodyPlant(step))
+    add_robot(plant, robot, visuals=meshcat, collisions=collisions)
+    if prepare is not None:
+        prepare(plant)
+    plant.SetUseSampledOutputPorts(False)
+    plant.Finalize()
+    plant.set_name("plant")
+    built: MultibodyPlant = plant
+    return built
+
+
+def require_live_ports(plant: MultibodyPlant) -> None:
+    """Refuse a plant whose output ports are sampled: its forces and accelerations lag the encoders by one step.
+
+    Raises:
+        ParamsError: the plant is not finalized, or its ports are sampled.
+    """
+    if not plant.is_finalized():
+        raise ParamsError("plant: expected a finalized plant; call plant.Finalize() first")
+    if plant.has_sampled_output_ports():
+        raise ParamsError(
+            "plant: its output ports are sampled, so that forces and accelerations lag the encoders by one step;"
+            " call plant.SetUseSampledOutputPorts(False) before plant.Finalize(), or use drake_tc.add_robot_plant"
+        )

@@ -1,0 +1,164 @@
+"""`add_series_elastic_loop`: torque control of voltage-driven series-elastic joints around a plant, in one call.
+
+reference torque --> torque_control --> loop_delay --> actuators (motors, gears, springs) --> plant
+^                                |
+|--- motor_encoder, torque ------|
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.systems.framework import DiagramBuilder, OutputPort, System
+from pydrake.systems.primitives import DiscreteTimeDelay, MatrixGain, TrajectorySource
+from pydrake.trajectories import Trajectory
+
+from drake_tc.actuation.joint_values import Models, model_list
+from drake_tc.actuation.model import ActuatorModel
+from drake_tc.actuation.plant import ActuatorPlant
+from drake_tc.actuation.wiring import actuated_joints, add_actuators
+from drake_tc.control.series_elastic.control import SeriesElasticControl
+from drake_tc.loops.loop_builder import LoopBuilder
+from drake_tc.loops.plant import require_live_ports
+from drake_tc.loops.series_elastic.scenario import SeriesElasticLoopSpec, spring_compliance
+from drake_tc.sensing.sensor import Sensor
+from drake_tc.sensing.suite import sensor_seed
+
+OUTPUTS = ("voltage", "friction", "shaped_reference", "fault")
+"""Ports of the torque control that are signals of the loop."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SeriesElasticLoop:
+    """A series-elastic torque loop in a diagram; n joints.
+
+    Attributes:
+        systems: Stage to its system: `torque_control`, `motor_encoder`, `link_encoder`, `torque_sensor`, `actuators`;
+            the user's own where one was given.
+        actuators: Motors, gears and springs.
+        signals: Name to port, n values each where nothing else is said: `link_state` and `motor_state` (2n),
+            `spring_torque`, `measured_torque`, `voltage`, `friction_torque`, the readings of the sensors, and more.
+        period: Of control and sensors [s].
+    """
+
+    systems: Mapping[str, Any]
+    actuators: ActuatorPlant
+    signals: dict[str, OutputPort]
+    period: float
+
+
+def add_series_elastic_loop(
+    builder: DiagramBuilder,
+    plant: MultibodyPlant,
+    models: Models,
+    reference_torque: OutputPort | Trajectory | None = None,
+    spec: SeriesElasticLoopSpec | None = None,
+    *,
+    controller_models: Models | None = None,
+    reference_acceleration: OutputPort | None = None,
+    stages: Mapping[str, System] | None = None,
+    between: Mapping[str, System] | None = None,
+) -> SeriesElasticLoop:
+    """Add motors, springs, sensors and torque control to a plant whose joints are all actuated, and connect them.
+
+    Args:
+        builder: Holds `plant`.
+        plant: Finalized plant with live ports.
+        models: Of the simulated drives: voltage drives with an elasticity, by joint or in the order of the plant.
+        reference_torque: (n) of the springs [N m]; None: the user connects the port of `systems["torque_control"]`.
+        spec: How the loop is controlled; None: the defaults.
+        controller_models: What the controller takes the drives for; None: what they are.
+        reference_acceleration: (n) of the links [rad/s^2]; None: as `reference_torque`, or 0.
+        stages: Stage to a system of your own in its place, as in `add_torque_loop`.
+        between: "stage.port" to a system of your own behind that output port.
+
+    Raises:
+        ParamsError: a plant that is not finalized or whose ports are sampled, a model without spring, or a stage or
+            place that the loop does not have.
+
+    Example:
+        >>> models = load_models(MODELS / "coman_like" / "coman_like_actuators.yaml")
+        >>> builder = DiagramBuilder()
+        >>> plant = add_robot_plant(builder, load_robot(MODELS / "coman_like" / "coman_like.yaml"))
+        >>> loop = add_series_elastic_loop(builder, plant, models)
+        >>> loop.signals["voltage"].size() == plant.num_actuators()
+        True
+    """
+    require_live_ports(plant)
+    spec = SeriesElasticLoopSpec() if spec is None else spec
+    joints = actuated_joints(plant)
+    believed = list(model_list(models if controller_models is None else controller_models, joints))
+    loop = LoopBuilder(builder, spec, plant, spec.dt, stages=stages or {}, between=between or {})
+    simulated = dict(zip(joints, model_list(models, joints), strict=True))
+    actuators = add_actuators(builder, plant, simulated, plant.time_step() or spec.dt)
+    loop.systems["actuators"] = actuators
+    state = plant.get_state_output_port()
+    if builder.HasSubsystemNamed("joint_state"):
+        state = builder.GetSubsystemByName("joint_state").get_output_port(0)
+    loop.signals |= {
+        "link_state": state,
+        "motor_state": actuators.GetOutputPort("motor_state"),
+        "spring_torque": actuators.GetOutputPort("transmitted_torque"),
+    }
+    angle, torque = _add_sensors(loop, believed)
+    loop.add(
+        "torque_control",
+        lambda: SeriesElasticControl(spec.control, believed, spec.dt),
+        motor_angle=angle,
+        torque=torque,
+    )
+    voltage = loop.output("torque_control", "voltage")
+    builder.Connect(_delayed(loop, voltage), actuators.GetInputPort("command"))
+    if isinstance(reference_torque, Trajectory):
+        source = builder.AddNamedSystem("reference", TrajectorySource(reference_torque))
+        reference_torque = source.get_output_port()
+    for name, port in (("reference_torque", reference_torque), ("reference_acceleration", reference_acceleration)):
+        if port is not None:
+            loop.connect("torque_control", name, loop.passed(name, port))
+            loop.signals[name] = port
+    control = loop.systems["torque_control"]
+    loop.signals |= {name: loop.output("torque_control", name) for name in OUTPUTS if control.HasOutputPort(name)}
+    loop.signals |= {"measured_torque": torque, "friction_torque": actuators.GetOutputPort("friction_torque")}
+    loop.check_own_systems()
+    return SeriesElasticLoop(systems=loop.systems, actuators=actuators, signals=loop.signals, period=spec.dt)
+
+
+def _add_sensors(
+    loop: LoopBuilder[SeriesElasticLoopSpec], believed: list[ActuatorModel]
+) -> tuple[OutputPort, OutputPort]:
+    """Encoders before and after the springs and the gauges; what is read as motor angle and torque."""
+    spec, builder, n = loop.scenario, loop.builder, len(believed)
+    first: Any = np.eye(n, 2 * n)
+    for name, source, sensor in (
+        ("motor_encoder", "motor_state", spec.sensors.motor_encoder),
+        ("link_encoder", "link_state", spec.sensors.link_encoder),
+        ("torque_sensor", "spring_torque", spec.sensors.torque),
+    ):
+        port = loop.signals[source]
+        if port.size() == 2 * n:
+            pick = builder.AddNamedSystem(f"{name}_angle", MatrixGain(first))
+            builder.Connect(port, pick.get_input_port())
+            port = pick.get_output_port()
+        loop.add(name, Sensor(n, sensor, spec.dt, (), sensor_seed(spec.seed, name)), truth=port)
+        loop.signals[name] = loop.output(name, "reading")
+    if spec.torque_from == "gauge":
+        return loop.signals["motor_encoder"], loop.signals["torque_sensor"]
+    stiffness = np.diag([1.0 / spring_compliance(model) for model in believed])
+    spring: Any = np.hstack((stiffness, -stiffness))
+    deflection = builder.AddNamedSystem("deflection_torque", MatrixGain(spring))
+    encoders = loop.join("encoders", [loop.signals["motor_encoder"], loop.signals["link_encoder"]])
+    builder.Connect(encoders, deflection.get_input_port())
+    return loop.signals["motor_encoder"], deflection.get_output_port()
+
+
+def _delayed(loop: LoopBuilder[SeriesElasticLoopSpec], voltage: OutputPort) -> OutputPort:
+    """The voltages of tick k, which act from tick k + delay/dt on."""
+    ticks = round(loop.scenario.delay / loop.scenario.dt)
+    if not ticks:
+        return voltage
+    late = loop.builder.AddNamedSystem("loop_delay", DiscreteTimeDelay(loop.scenario.dt, ticks - 1, voltage.size()))
+    loop.builder.Connect(voltage, late.get_input_port())
+    port: OutputPort = late.get_output_port()
+    return port

@@ -1,0 +1,196 @@
+"""`add_torque_loop`: the standard torque loop around a plant, in one call.
+
+    reference --> inverse_dynamics --> torque_control --> guard --> actuators --> plant --> encoder, imu, force_torque
+                       ^                    ^               ^                                      |
+                       |--- torque_estimator|               |-- fault_monitor <---- raw readings --|
+                                 ^--------- filter <-----------------------------------------------|
+
+Between the stages stand blocks of Drake's own that join, split and add signals; a signal that a stage has beside others
+is taken from one port, as every call into Python costs a tick some microseconds. What the reference asks of the links
+of a welded robot comes from Drake's InverseDynamics, the block `rigid_torque`.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.systems.framework import DiagramBuilder, OutputPort, System
+from pydrake.systems.primitives import ConstantVectorSource, TrajectorySource
+from pydrake.trajectories import Trajectory
+
+from drake_tc.actuation.joint_values import Models, model_list
+from drake_tc.actuation.plant import ActuatorPlant
+from drake_tc.actuation.wiring import add_actuators
+from drake_tc.control.gains import TorqueGains
+from drake_tc.control.trajectories import constant_trajectory
+from drake_tc.errors import ParamsError
+from drake_tc.loops.plant import require_live_ports
+from drake_tc.loops.signal_log import SignalLog, add_log
+from drake_tc.loops.torque.builder import TorqueLoopBuilder
+from drake_tc.loops.torque.spec import TorqueLoopSpec, base_source, sensor_suite
+from drake_tc.loops.torque.stages import servo_command, torque_command
+from drake_tc.robot.robot import Robot
+from drake_tc.sensing.suite import SensorSuite, add_sensors
+
+Reference = OutputPort | Trajectory | None
+"""(3n) [q_d; qdot_d; qddot_d] from a port, q_d (n) as a trajectory, or None: the robot's posture."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class TorqueLoop:
+    """A torque loop in a diagram.
+
+    Attributes:
+        systems: Stage to its system: `filter`, `torque_estimator`, `inverse_dynamics`, `torque_control`,
+            `fault_monitor`, `guard` and others; the user's own where one was given.
+        sensors: Encoders, IMU, F/T sensors; each has the port `reading`.
+        actuators: The simulated drives.
+        signals: Name to port: `joint_state` [q; v] of the plant, `reference`, `joint_estimate`, `estimated_torque`,
+            `desired_torque`, `command` (what the drives get), `actuation`, the sensors' readings, and more.
+        flag_names: Of the signal `flags`, in order.
+        period: Of control and sensors [s].
+    """
+
+    systems: Mapping[str, System]
+    sensors: SensorSuite
+    actuators: ActuatorPlant
+    signals: dict[str, OutputPort]
+    flag_names: tuple[str, ...]
+    period: float
+
+    def add_log(self, builder: DiagramBuilder, *names: str) -> SignalLog:
+        """Record signals every period; all of them where none is named.
+
+        Args:
+            builder: The diagram's.
+            names: Of `signals`.
+
+        Raises:
+            ParamsError: a signal that this loop does not have.
+        """
+        for name in names:
+            if name not in self.signals:
+                raise ParamsError(f"no signal {name!r} in this loop; signals: {', '.join(self.signals)}")
+        return add_log(builder, {name: self.signals[name] for name in names or self.signals}, self.period)
+
+
+def add_torque_loop(
+    builder: DiagramBuilder,
+    plant: MultibodyPlant,
+    robot: Robot,
+    models: Models,
+    reference: Reference = None,
+    spec: TorqueLoopSpec | None = None,
+    *,
+    gains: TorqueGains | None = None,
+    controller_models: Models | None = None,
+    force_reference: OutputPort | None = None,
+    free: bool = False,
+    stages: Mapping[str, System] | None = None,
+    between: Mapping[str, System] | None = None,
+) -> TorqueLoop:
+    """Add sensors, estimation, control and drives to a plant, and connect all of them.
+
+    Args:
+        builder: Holds `plant`.
+        plant: Finalized plant of the robot with live ports, from `add_robot_plant` or the user's own.
+        robot: From `load_robot`.
+        models: Of the simulated drives, by joint or in the order of the robot's joints.
+        reference: What the joints shall do.
+        spec: How the loop is controlled; None: the defaults.
+        gains: Feedback gains; None: `TorqueGains.from_servo` of the controller's models.
+        controller_models: What the controller takes the drives for; None: what they are.
+        force_reference: (6k) forces and torques at the F/T sensors' contacts [N, N m]; None: none is asked for, or
+            0 where the gains feed forces back.
+        free: Whether nothing may touch the robot; a contact wrench then counts as a fault.
+        stages: Stage to a system of your own in its place. It needs the stage's output ports that others read; of its
+            input ports those are connected whose names the stage's inputs or the loop's signals have.
+        between: "stage.port" to a system of your own behind that output port, for example a low pass behind
+            "torque_control.command"; its first input and output have the port's size.
+
+    Raises:
+        ParamsError: a plant that is not finalized or whose ports are sampled, models or gains that do not fit the
+            robot, or a stage or place that the loop does not have.
+
+    Example:
+        >>> robot = load_robot(MODELS / "hrp2_like" / "hrp2_like_leg.yaml")
+        >>> builder = DiagramBuilder()
+        >>> plant = add_robot_plant(builder, robot)
+        >>> loop = add_torque_loop(builder, plant, robot, load_models(robot.actuators))
+        >>> loop.signals["command"].size()
+        6
+    """
+    require_live_ports(plant)
+    spec = TorqueLoopSpec() if spec is None else spec
+    base_source(spec, robot)
+    if force_reference is None and gains is not None and gains.kf.any():
+        nothing: Any = np.zeros(6 * len(robot.force_torque))
+        force_reference = builder.AddNamedSystem("force_reference", ConstantVectorSource(nothing)).get_output_port()
+    believed = list(model_list(models if controller_models is None else controller_models, robot.joints))
+    sensors = add_sensors(builder, plant, robot, sensor_suite(spec), spec.dt, spec.seed, spec.faults)
+    parts = TorqueLoopBuilder(
+        builder,
+        spec,
+        plant,
+        spec.dt,
+        stages=stages or {},
+        between=between or {},
+        robot=robot,
+        sensors=sensors,
+        models=believed,
+        gains=TorqueGains.from_servo(believed) if gains is None else gains,
+        force_reference=force_reference,
+        free=free,
+    )
+    _add_readings(parts)
+    desired = parts.passed("reference", _reference(builder, robot, reference))
+    command = torque_command(parts, desired) if spec.controller == "torque" else servo_command(parts, desired)
+    simulated = dict(zip(robot.joints, model_list(models, robot.joints), strict=True))
+    actuators = add_actuators(builder, plant, simulated, plant.time_step() or spec.dt)
+    builder.Connect(command, actuators.GetInputPort("command"))
+    actuation = builder.GetSubsystemByName("actuation").get_output_port(0)
+    parts.signals |= {"command": command, "actuation": actuation}
+    parts.check_own_systems()
+    return TorqueLoop(
+        systems={**parts.systems, "actuators": actuators},
+        sensors=sensors,
+        actuators=actuators,
+        signals=parts.signals,
+        flag_names=parts.flag_names,
+        period=spec.dt,
+    )
+
+
+def _reference(builder: DiagramBuilder, robot: Robot, reference: Reference) -> OutputPort:
+    """The port with [q_d; qdot_d; qddot_d].
+
+    Raises:
+        ParamsError: a reference of another size.
+    """
+    n = len(robot.joints)
+    if not isinstance(reference, OutputPort):
+        path = constant_trajectory(robot.posture) if reference is None else reference
+        reference = builder.AddNamedSystem("reference", TrajectorySource(path, 2)).get_output_port()
+    if reference.size() != 3 * n:
+        raise ParamsError(
+            f"reference: expected a port of size {3 * n}, [q_d; qdot_d; qddot_d] of {n} joints, or a trajectory of"
+            f" {n} positions; got a port of size {reference.size()}"
+        )
+    return reference
+
+
+def _add_readings(parts: TorqueLoopBuilder) -> None:
+    """The signals of plant and sensors."""
+    plant, sensors = parts.plant, parts.sensors
+    parts.signals |= {
+        "joint_state": plant.get_state_output_port(),
+        "acceleration": plant.get_generalized_acceleration_output_port(),
+        "encoder": sensors.encoder.GetOutputPort("reading"),
+        "joint_torque": sensors.joint_torque.GetOutputPort("reading"),
+    }
+    if sensors.imu is not None:
+        parts.signals["imu"] = sensors.imu.GetOutputPort("reading")
+    if sensors.force_torque is not None:
+        parts.signals["force_torque"] = sensors.force_torque.GetOutputPort("reading")

@@ -1,0 +1,1 @@
+"""Files of other simulators (URDF, MJCF, BAM) as terms of actuators: what their users already model."""

@@ -1,0 +1,54 @@
+"""A parameter file of BAM (JSON): one servo on a voltage, friction models m1 to m6.
+
+    kt/R V - kt^2/R v - friction_viscous v - frictionloss sign(v) - tau = armature vdot
+    frictionloss = friction_base + friction_stribeck exp(-|v / dtheta_stribeck|^alpha) + what depends on the load
+
+Source: Duclusaud, Passault, Padois and Ly, "Extended Friction Models for the Physics Simulation of Servo Actuators"
+(2025). The load-dependent terms are those of motor and external torque; this library's effects have another form, so
+they are declared without a value.
+"""
+
+from collections.abc import Mapping
+
+from drake_tc.simulator_files.terms import ReadJoint, Terms
+
+TAKEN = {
+    "model", "actuator", "kt", "R", "armature", "friction_base", "friction_viscous", "friction_stribeck",
+    "dtheta_stribeck", "alpha",
+}  # fmt: skip
+
+
+def bam_servo(document: Mapping[str, object]) -> ReadJoint:
+    """What the file says of its servo.
+
+    Raises:
+        ValueError: a parameter that is missing or no number.
+    """
+    kt, resistance = _number(document, "kt"), _number(document, "R")
+    if kt <= 0.0 or resistance <= 0.0:
+        raise ValueError(f"kt, R: expected positive numbers, got {kt:g} and {resistance:g}")
+    effects: dict[str, Mapping[str, float] | None] = {}
+    if "friction_stribeck" in document:
+        effects["stribeck"] = {
+            "stribeck": _number(document, "friction_stribeck"),
+            "stribeck_velocity": _number(document, "dtheta_stribeck"),
+            "stribeck_exponent": _number(document, "alpha"),
+        }
+    if any(name.startswith("load_friction") for name in document):
+        effects["load_dependent_friction"] = None
+    unused = tuple(sorted(name for name in document if name not in TAKEN and not name.startswith("load_friction")))
+    terms = Terms(
+        drive="voltage",
+        kp=kt / resistance,
+        armature=_number(document, "armature"),
+        damping=_number(document, "friction_viscous") + kt**2 / resistance,
+        frictionloss=_number(document, "friction_base"),
+    )
+    return ReadJoint(terms, driven=True, effects=effects, unused=unused)
+
+
+def _number(document: Mapping[str, object], name: str) -> float:
+    value = document.get(name)
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise ValueError(f"{name}: expected a number, got {value!r}")
+    return float(value)

@@ -1,0 +1,57 @@
+"""Read a file of another simulator, whichever of them it is."""
+
+import json
+import xml.etree.ElementTree as ET
+from collections.abc import Mapping
+from pathlib import Path
+
+from drake_tc.errors import DrakeTcError
+from drake_tc.simulator_files.bam import bam_servo
+from drake_tc.simulator_files.mjcf import mjcf_joints
+from drake_tc.simulator_files.terms import ReadJoint
+from drake_tc.simulator_files.urdf import urdf_joints
+
+ENDINGS = (".urdf", ".xml", ".mjcf", ".json")
+"""Endings of the files that can be read; what is in an XML file decides whether it is a URDF or MJCF."""
+ANY_JOINT = "*"
+"""Key of a file that is of one servo, whatever its joint is called."""
+
+
+def read_joints(path: Path, error: type[DrakeTcError]) -> dict[str, ReadJoint]:
+    """What the file says of each joint, by name; of one servo under `ANY_JOINT`.
+
+    Args:
+        path: URDF, MJCF or a parameter file of BAM.
+        error: Class of what is raised.
+
+    Raises:
+        DrakeTcError: of class `error`: a file that cannot be read or used; names file and reason.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as problem:
+        raise error(f"{path}: cannot be read: {getattr(problem, 'strerror', None) or problem}") from None
+    try:
+        if path.suffix.lower() == ".json":
+            return {ANY_JOINT: bam_servo(_mapping(json.loads(text)))}
+        return _of_xml(ET.fromstring(text))
+    except ET.ParseError as problem:
+        raise error(f"{path}: not XML: {problem}") from None
+    except ValueError as problem:
+        raise error(f"{path}: {problem}") from None
+
+
+def _of_xml(root: ET.Element) -> dict[str, ReadJoint]:
+    readers = {"robot": urdf_joints, "mujoco": mjcf_joints}
+    if root.tag not in readers:
+        raise ValueError(f"expected a URDF (<robot>) or an MJCF (<mujoco>), got <{root.tag}>")
+    found = readers[root.tag](root)
+    if not found:
+        raise ValueError("it has no joint that moves and has a name")
+    return found
+
+
+def _mapping(document: object) -> Mapping[str, object]:
+    if not isinstance(document, dict):
+        raise ValueError(f"expected a parameter file of BAM, a mapping; got {type(document).__name__}")
+    return document

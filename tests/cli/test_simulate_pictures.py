@@ -1,0 +1,102 @@
+"""`simulate --plot`, `--show` and `--html`: what the pictures hold, and sparing progress where there is no terminal."""
+
+import json
+import re
+
+import numpy as np
+import pytest
+
+from drake_tc.cli import progress
+from drake_tc.cli.progress import progress_bar
+from drake_tc.loops.motion import motion_html, torque_motion
+from drake_tc.loops.run_panels import RunPlot, TimePanel, torque_plot
+from drake_tc.loops.torque.running import simulate_scenario
+from drake_tc.registry import diagram_entry
+from drake_tc.report.run_plot import run_figure
+
+DROPPED = "{faults: {encoder: [{kind: nan, start: 0.1, duration: 0.05}]}, duration: 0.3}"
+
+
+@pytest.fixture(scope="module")
+def run():
+    scenario = diagram_entry("hrp2_leg").scenario(text=DROPPED)
+    return scenario, simulate_scenario(scenario)
+
+
+def test_the_plot_shows_tracking_torques_and_flags(run):
+    _, recording = run
+    plot = torque_plot(recording)
+    error = next(panel for panel in plot.panels if panel.title == "tracking error")
+    knee = recording.robot.joints.index("r_knee")
+    np.testing.assert_allclose(error.lines["r_knee"], 1e3 * recording.tracking_error[:, knee])
+    begin = [float(plot.time[up][0]) for name, up in plot.flags.items() if name.startswith("encoder")]
+    assert begin and min(begin) == pytest.approx(0.1, abs=0.03)
+    figure = run_figure(plot)
+    titles = [axes.get_title(loc="left") for axes in figure.axes]
+    assert titles[1:] == ["tracking error", "torque of the drives", "flags"]
+    assert figure.axes[-1].get_yticklabels()[0].get_text() in plot.flags
+
+
+def test_a_flag_is_a_bar_as_long_as_it_was_up():
+    time = np.arange(0.0, 1.0, 0.01)
+    plot = RunPlot("robot", (), time, {"late": (time > 0.295) & (time < 0.495), "never": time < 0.0})
+    (axes,) = run_figure(plot).axes
+    (bar,) = axes.patches
+    assert bar.get_x() == pytest.approx(0.3) and bar.get_width() == pytest.approx(0.2)
+
+
+def test_a_plot_without_flags_has_the_panels_alone():
+    time = np.arange(3.0)
+    panel = TimePanel("torque", "N m", time, {"knee": time}, {})
+    assert len(run_figure(RunPlot("robot", (panel,), time, {})).axes) == 1
+
+
+def test_the_motion_is_one_page_that_fetches_nothing(run):
+    scenario, recording = run
+    text = motion_html(torque_motion(recording, scenario))
+    assert "<html" in text and len(text) > 1e6  # Meshcat's script is part of it
+    assert re.findall(r"<(?:script|link|img)[^>]*(?:src|href)=[\"']?http", text) == []
+    assert "set_animation" in text or "animation" in text
+
+
+def test_the_command_writes_both(invoke, tmp_path):
+    plot, page = tmp_path / "run.svg", tmp_path / "run.html"
+    call = ["simulate", "hrp2_leg", "--duration", 0.2, "--plot", plot, "--html", page, "--json"]
+    outcome = invoke(*call)
+    assert outcome.code == 0 and outcome.err == ""
+    assert json.loads(outcome.out)["files"] == [str(plot), str(page)]
+    assert "tracking error" in plot.read_text("utf-8") or "<svg" in plot.read_text("utf-8")
+    assert page.stat().st_size > 1e6
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("hrp2_leg", "--plot", "run.xyz"), "expected a file that ends in .png, .svg, .pdf"),
+        (("sea_joint", "--html", "run.html"), "sea_joint has no robot to show"),
+    ],
+)
+def test_what_cannot_be_drawn_is_refused_before_the_run(invoke, arguments, message):
+    assert message in invoke("simulate", *arguments).refusal()
+
+
+def test_a_window_shows_the_plot(invoke, monkeypatch):
+    import matplotlib.pyplot as plt
+
+    shown = []
+    monkeypatch.setattr(plt, "show", lambda: shown.append([len(plt.figure(n).axes) for n in plt.get_fignums()]))
+    assert invoke("simulate", "sea_joint", "--duration", 0.1, "--show").code == 0
+    assert shown and shown[0][-1] >= 3
+    plt.close("all")
+
+
+def test_one_stage_is_told_once_in_ten_seconds(capsys, monkeypatch):
+    now = [0.0]
+    monkeypatch.setattr(progress.time, "monotonic", lambda: now[0])
+    with progress_bar("simulate") as report:
+        report("building", 0.0)
+        for step in range(1, 251):
+            now[0] = 0.1 * step
+            report(f"{0.1 * step:.1f} of 25 s", step / 250)
+    told = capsys.readouterr().err.splitlines()
+    assert told == ["simulate: building", *(f"simulate: {t} of 25 s" for t in ("0.1", "10.1", "20.1"))]

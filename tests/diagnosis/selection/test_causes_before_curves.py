@@ -1,0 +1,28 @@
+"""Two causes that a curve of free form explains nearly alone: a rotor's inertia and a ripple, on a pendulum."""
+
+import numpy as np
+from numpy.testing import assert_allclose
+
+from drake_tc.diagnosis.joint import diagnose_joint
+from drake_tc.diagnosis.options import DiagnosisOptions
+
+from ..coarse_pendulum import RIG, ROTOR, pendulum
+
+AMPLITUDE, CYCLES = 0.3, 6.0
+
+
+def ripple(q: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """A cos(6 q + 0.4) [N m]: two periods over the motion, which a spline of four intervals follows too."""
+    return AMPLITUDE * np.cos(CYCLES * q + 0.4) + 0.0 * v
+
+
+def test_a_curve_is_the_last_resort():
+    runs = [pendulum(shift, ripple) for shift in (0.0, 0.4, 0.7)]
+    options = DiagnosisOptions(assess_residual=False)
+    found = diagnose_joint(runs[:2], runs[2:], RIG, "joint", options)
+    values = {each.id: {k: p.value for k, p in each.parameters.items()} for each in found.effects}
+    assert set(values) == {"rotor_inertia", "torque_ripple"}
+    wave = values["torque_ripple"]
+    assert_allclose(wave["cycles_per_turn"], CYCLES, rtol=0.01)
+    assert_allclose(np.hypot(wave["ripple_cosine"], wave["ripple_sine"]), AMPLITUDE, rtol=0.05)
+    assert_allclose(values["rotor_inertia"]["rotor_inertia"], ROTOR, rtol=0.05)

@@ -1,0 +1,46 @@
+"""Stored benchmark results: each belongs to a command of the list, and has what its table needs."""
+
+import json
+
+import pytest
+import yaml
+
+from .conftest import DOCS
+
+benchmarks = pytest.importorskip("site_pages.benchmarks")
+COMMANDS = yaml.safe_load((DOCS / "benchmarks" / "commands.yaml").read_text("utf-8"))
+STORED = sorted((DOCS / "benchmarks").glob("*.json"))
+
+
+@pytest.mark.parametrize("path", STORED, ids=lambda path: path.stem)
+def test_a_stored_result_is_of_a_known_command(path):
+    stored = json.loads(path.read_text("utf-8"))
+    assert stored["command"] == COMMANDS[path.stem]["command"]
+    assert len(stored["commit"]) == 40 and len(stored["date"]) == 10
+    assert stored["result"]["rows"] and set(stored["machine"]) == {"CPUs", "Python", "Drake"}
+
+
+def test_every_command_is_one_of_the_program():
+    from site_pages.commands import arguments_of, commands
+
+    known = commands()
+    for said in COMMANDS.values():
+        words = arguments_of(said["command"])
+        known[" ".join(words[:2])].make_context("bench", words[2:])
+
+
+def test_the_table_shows_every_stored_row(monkeypatch, tmp_path):
+    stored = {
+        "title": "Time of a tick",
+        "about": "",
+        "command": "drake-tc bench leg --json",
+        "commit": "a" * 40,
+        "date": "2026-01-02",
+        "machine": {"CPUs": 2},
+        "result": {"rows": [{"name": "tick", "median": 1.25e-4}, {"name": "whole", "n": 3, "met": False}]},
+    }
+    (tmp_path / "leg.json").write_text(json.dumps(stored), encoding="utf-8")
+    monkeypatch.setattr(benchmarks, "STORE", tmp_path)
+    text = benchmarks.overview()
+    assert "| tick | 0.000125 | – | – |" in text and "| whole | – | 3 | no |" in text
+    assert "`aaaaaaaaaaaa`" in text and "2026-01-02" in text and "drake-tc bench leg" in text

@@ -1,0 +1,45 @@
+"""The reference of the commands: every option has an example, and every example is a line that the command takes."""
+
+import pytest
+
+from .conftest import DOCS  # noqa: F401 - puts docs/ on the path
+
+site_pages = pytest.importorskip("site_pages.commands")
+COMMANDS, EXAMPLES = site_pages.commands(), site_pages.examples()
+LINES = [(name, example["run"]) for name, shown in EXAMPLES.items() for example in shown]
+
+
+def parsed(name, line):
+    """Names of the options that stand on the line, once the command has taken it."""
+    words = site_pages.arguments_of(line)
+    assert words[: len(name.split())] == name.split()
+    rest = words[len(name.split()) :]
+    COMMANDS[name].make_context(name, list(rest))
+    return {word.split("=")[0] for word in rest if word.startswith("--")}
+
+
+def test_every_command_has_examples():
+    assert set(EXAMPLES) == set(COMMANDS)
+
+
+@pytest.mark.parametrize(("name", "line"), LINES)
+def test_an_example_is_taken(name, line):
+    known = {option for p in COMMANDS[name].params for option in (*p.opts, *p.secondary_opts)}
+    assert parsed(name, line) <= known
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_option_has_an_example(name):
+    options = {
+        option
+        for parameter in COMMANDS[name].params
+        if parameter.param_type_name == "option"
+        for option in (*parameter.opts, *parameter.secondary_opts)
+    }
+    shown = set().union(*(parsed(name, example["run"]) for example in EXAMPLES[name]))
+    assert options - shown == set()
+
+
+def test_an_option_that_does_not_exist_is_refused():
+    with pytest.raises(Exception, match="No such option"):
+        parsed("schema", "drake-tc schema rig --no-such-option")

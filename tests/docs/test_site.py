@@ -1,0 +1,109 @@
+"""The documentation site builds without a warning, its links lead somewhere, and it loads nothing from elsewhere."""
+
+import re
+from html.parser import HTMLParser
+from urllib.parse import unquote, urlsplit
+
+import pytest
+
+from .conftest import DOCS, ROOT
+
+FETCHING = {"script": "src", "img": "src", "link": "href", "iframe": "src", "source": "src", "video": "src"}
+"""Elements that make a browser fetch something, and where they say what."""
+
+
+class Page(HTMLParser):
+    """Ids, links, and what a browser fetches, of one page."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.ids, self.links, self.fetched = set(), [], []
+        self.feed(text)
+
+    def handle_starttag(self, tag, attrs):
+        values = dict(attrs)
+        self.ids |= {values[name] for name in ("id", "name") if values.get(name)}
+        if tag == "a" and values.get("href"):
+            self.links.append(values["href"])
+        if tag in FETCHING and values.get(FETCHING[tag]) and values.get("rel") not in ("canonical", "prev", "next"):
+            self.fetched.append(values[FETCHING[tag]])
+
+
+@pytest.fixture(scope="module")
+def pages(site):
+    return {
+        path.relative_to(site.folder).as_posix(): Page(path.read_text("utf-8")) for path in site.folder.rglob("*.html")
+    }
+
+
+def test_it_builds_without_a_warning(site):
+    assert site.code == 0, site.said
+    assert "WARNING" not in site.said
+
+
+def test_it_builds_within_a_minute_of_an_idle_machine(site, processor_seconds):
+    assert processor_seconds < 60.0
+
+
+@pytest.fixture
+def processor_seconds(site):
+    """Processor time of the build: the clock on the wall also counts what else the machine does."""
+    import resource
+
+    children = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return min(site.seconds, children.ru_utime + children.ru_stime)
+
+
+def test_links_lead_to_pages_and_headings(pages, site):
+    broken = []
+    for name, page in pages.items():
+        for link in page.links:
+            parts = urlsplit(link)
+            if parts.scheme or link.startswith("//"):
+                continue
+            target = (site.folder / name).parent / unquote(parts.path) if parts.path else site.folder / name
+            target = target.resolve()
+            if not target.exists():
+                broken.append(f"{name}: {link}")
+            elif parts.fragment and target.suffix == ".html":
+                ids = pages[target.relative_to(site.folder.resolve()).as_posix()].ids
+                if unquote(parts.fragment) not in ids:
+                    broken.append(f"{name}: {link}")
+    assert broken == []
+
+
+def test_nothing_is_fetched_from_elsewhere(pages, site):
+    elsewhere = {f"{name}: {url}" for name, page in pages.items() for url in page.fetched if urlsplit(url).netloc}
+    styles = "".join(path.read_text("utf-8") for path in site.folder.rglob("*.css"))
+    elsewhere |= set(re.findall(r"(?:url\(|@import )['\"]?(?:https?:)?//[^)'\"]+", styles))
+    assert elsewhere == set()
+
+
+@pytest.mark.parametrize("section", ["effects", "reference", "cli", "api", "methods", "papers"])
+def test_every_section_has_pages(pages, section):
+    assert len([name for name in pages if name.startswith(f"{section}/")]) >= 3
+
+
+LONGEST = 900
+"""Words of a text without a heading; tables and code are looked up, not read."""
+OLDER = {"drake_tc/diagnosis/README.md": 2100, "CHANGELOG.md": 3000, "diagrams/README.md": 950}
+"""Pages that have longer parts."""
+
+
+def sources():
+    from site_pages.repository import SHOWN
+
+    return sorted({*DOCS.glob("*.md"), *(ROOT / path for path in SHOWN)})
+
+
+@pytest.mark.parametrize("path", sources(), ids=lambda path: path.relative_to(ROOT).as_posix())
+def test_no_page_is_long_without_headings(path):
+    text = re.sub(r"```.*?```", "", path.read_text("utf-8"), flags=re.S)
+    read = "\n".join(line for line in text.splitlines() if not line.startswith(("|", "    ")))
+    longest = max(len(part.split()) for part in re.split(r"^#{1,6} ", read, flags=re.M))
+    assert longest <= OLDER.get(path.relative_to(ROOT).as_posix(), LONGEST)
+
+
+def test_pages_name_no_path_of_one_machine():
+    for path in sources():
+        assert not re.search(r"/(home|work|tmp|Users|root)/", path.read_text("utf-8")), path

@@ -1,0 +1,204 @@
+"""Files that are damaged, packed to burst, or of another kind: one line, whatever they hold; and never the process."""
+
+import gzip
+import io
+import time
+import zipfile
+
+import numpy as np
+import pandas as pd
+import pytest
+import scipy.io
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as arrays
+from numpy.testing import assert_array_equal
+
+from drake_tc.errors import LogError
+from drake_tc.logs.mat_file import read_mat
+from drake_tc.logs.prepare import load_run
+from drake_tc.logs.readers import read_table
+
+from .conftest import bench, servo_rig
+
+ROWS = 40
+COLUMNS = {"time": 0.01 * np.arange(ROWS), "joint__position": np.sin(np.arange(ROWS))}
+
+
+def refusal(path) -> str:
+    with pytest.raises(LogError) as caught:
+        read_table(path)
+    message = str(caught.value)
+    assert message.startswith(str(path)) and "\n" not in message and len(message) < 500
+    return message
+
+
+def mat(**options) -> bytes:
+    buffer = io.BytesIO()
+    scipy.io.savemat(buffer, COLUMNS, **options)
+    return buffer.getvalue()
+
+
+NUMBERS = st.sampled_from(["f8", "f4", "i1", "u1", "i2", "u2", "i4", "u4", "i8", "u8", "c16", "bool"])
+
+
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(data=st.data(), compressed=st.booleans())
+def test_a_matlab_file_reads_as_scipy_reads_it(tmp_path, data, compressed):
+    dtype = np.dtype(data.draw(NUMBERS))
+    values = data.draw(arrays.arrays(dtype, arrays.array_shapes(min_dims=2, max_dims=3, min_side=0, max_side=5)))
+    path = tmp_path / "x.mat"
+    content = {"a": values, "inner": {"b": values, "c": {"d": values[..., :1]}}, "text": "no number"}
+    scipy.io.savemat(path, content, do_compression=compressed)
+    ours, theirs = read_mat(path), scipy.io.loadmat(path)
+    assert_array_equal(ours["a"], theirs["a"])
+    assert_array_equal(ours["inner"]["b"], theirs["inner"]["b"].item())
+    assert_array_equal(ours["inner"]["c"]["d"], theirs["inner"]["c"].item()["d"].item())
+    assert set(ours) == {"a", "inner"}
+
+
+@pytest.mark.parametrize("dtype", ["f8", "f4", "i4", "i2", "u2", "u1", "c16"])
+def test_a_matlab_file_of_version_4(tmp_path, dtype):
+    values = np.arange(12).reshape(3, 4).astype(dtype)
+    scipy.io.savemat(tmp_path / "x.mat", {"a": values, "b": values.T}, format="4")
+    ours = read_mat(tmp_path / "x.mat")
+    assert_array_equal(ours["a"], values)
+    assert_array_equal(ours["b"], values.T)
+
+
+@pytest.mark.parametrize("options", [{}, {"do_compression": True}, {"format": "4"}])
+def test_a_matlab_file_with_any_byte_changed_or_cut_is_read_or_refused(tmp_path, options):
+    """scipy ends the process on some of these."""
+    sound, path, rng = mat(**options), tmp_path / "x.mat", np.random.default_rng(0)
+    refused = 0
+    for number in range(300):
+        content = bytearray(sound)
+        if number % 3 == 0:
+            content = content[: rng.integers(len(sound))]
+        for place in rng.integers(len(content), size=rng.choice([1, 4])) if content else ():
+            content[place] = rng.integers(256)
+        path.write_bytes(content)
+        try:
+            read_table(path)
+        except LogError as error:
+            refused += 1
+            assert str(error).startswith(str(path))
+    assert refused > 100
+
+
+@pytest.mark.parametrize("content", [b"", b"MATLAB 5.0 MAT-file", b"\0" * 127, b"\x89HDF\r\n\x1a\n" + b"\0" * 600])
+def test_no_matlab_file(tmp_path, content):
+    (tmp_path / "x.mat").write_bytes(content)
+    refusal(tmp_path / "x.mat")
+
+
+def packed(text: bytes = b"time,q\n" + b"1,2\n" * 5000) -> bytes:
+    return gzip.compress(text, mtime=0)
+
+
+@pytest.mark.parametrize(
+    ("content", "says"),
+    [
+        (packed()[:-30], "cut"),
+        (packed()[:40] + b"\xff" * 8 + packed()[48:], "cannot be read as .csv.gz"),
+        (b"time,q\n1,2\n", "cannot be read as .csv.gz"),
+        (b"", "no rows"),
+        (gzip.compress(b"\0" * 2**27), "would unpack to"),
+        (gzip.compress(b"time,q\n" + b"1,2\n" * 2**25), "would unpack to"),
+    ],
+)
+def test_a_packed_csv_that_is_damaged_or_a_bomb(tmp_path, content, says):
+    (tmp_path / "run.csv.gz").write_bytes(content)
+    begin = time.process_time()
+    assert says in refusal(tmp_path / "run.csv.gz")
+    assert time.process_time() - begin < 5.0
+
+
+def test_a_gzip_file_of_several_members_is_read_whole(tmp_path):
+    (tmp_path / "run.csv.gz").write_bytes(packed(b"time,q\n1,2\n") + packed(b"2,3\n") + b"\0" * 512)
+    assert len(read_table(tmp_path / "run.csv.gz")) == 2
+
+
+def npz(path, **members: bytes) -> None:
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, content in members.items():
+            archive.writestr(f"{name}.npy", content)
+
+
+def npy(values) -> bytes:
+    buffer = io.BytesIO()
+    np.save(buffer, values, allow_pickle=True)
+    return buffer.getvalue()
+
+
+def huge_header() -> bytes:
+    """An array of 8 TB by its header, of 8 bytes in fact."""
+    buffer = io.BytesIO()
+    np.lib.format.write_array_header_1_0(buffer, {"descr": "<f8", "fortran_order": False, "shape": (10**12,)})
+    return buffer.getvalue() + b"\0" * 8
+
+
+@pytest.mark.parametrize(
+    ("content", "says"),
+    [
+        (b"time, q", "no array"),
+        (npy(np.arange(9.0))[:-8], "is cut"),
+        (npy(np.array([{}, None], dtype=object)), "holds Python objects"),
+        (huge_header(), "is cut"),
+        (npy(np.zeros(2**24)), "would unpack to"),
+    ],
+)
+def test_an_npz_file_with_an_odd_member(tmp_path, content, says):
+    npz(tmp_path / "run.npz", time=npy(np.arange(9.0)), q=content)
+    assert says in refusal(tmp_path / "run.npz")
+
+
+def test_an_encrypted_npz_file(tmp_path):
+    npz(tmp_path / "run.npz", time=npy(np.arange(9.0)))
+    content = bytearray((tmp_path / "run.npz").read_bytes())
+    content[6] |= 1  # the flag of the member, there and in the directory
+    content[content.index(b"PK\x01\x02") + 8] |= 1
+    (tmp_path / "run.npz").write_bytes(content)
+    assert "encrypted" in refusal(tmp_path / "run.npz")
+
+
+@pytest.mark.parametrize("cut", [0.3, 0.9])
+def test_a_cut_npz_file(tmp_path, cut):
+    np.savez(tmp_path / "run.npz", **COLUMNS)
+    content = (tmp_path / "run.npz").read_bytes()
+    (tmp_path / "run.npz").write_bytes(content[: round(cut * len(content))])
+    assert "cannot be read as .npz" in refusal(tmp_path / "run.npz")
+
+
+def test_cells_that_are_not_utf8_name_their_row(tmp_path):
+    table = bench(1.0)
+    text = table.to_csv(index=False).splitlines()
+    text[7] = text[7].replace(text[7].split(",")[-2], "dr\xf6hnt")
+    (tmp_path / "run.csv").write_bytes("\n".join(text).encode("latin-1"))
+    with pytest.raises(LogError, match=r"'joint/torque' .* is not numeric: row 7 \(file line 8\) holds 'dr.hnt'"):
+        load_run(tmp_path / "run.csv", servo_rig())
+
+
+def test_a_parquet_file_of_very_many_equal_rows(tmp_path):
+    pd.DataFrame({"time": np.zeros(2**24)}).to_parquet(tmp_path / "run.parquet")
+    assert "would unpack to" in refusal(tmp_path / "run.parquet")
+
+
+def test_a_folder_and_a_file_that_cannot_be_opened(tmp_path, monkeypatch):
+    (tmp_path / "run.csv").mkdir()
+    assert "no such log file" in refusal(tmp_path / "run.csv")
+    (tmp_path / "one.csv").write_text("time,q\n1,2\n")
+
+    def refuse(*args, **more):
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr("pathlib.Path.open", refuse)
+    assert refusal(tmp_path / "one.csv").endswith("cannot be read as .csv: Permission denied")
+
+
+def test_sixty_thousand_columns_take_no_longer_than_their_bytes(tmp_path):
+    names = ["time", *(f"c{i}" for i in range(60_000))]
+    (tmp_path / "wide.csv").write_text(",".join(names) + "\n" + (",".join(["1"] * len(names)) + "\n") * 2)
+    begin = time.process_time()
+    assert read_table(tmp_path / "wide.csv").shape == (2, 60_001)
+    assert time.process_time() - begin < 15.0

@@ -1,0 +1,123 @@
+"""A rig takes what it declares from a file of another simulator; an export of a model gives its parameters back."""
+
+import pytest
+import yaml
+
+from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
+from drake_tc.errors import RigError
+from drake_tc.exchange.bam import to_bam
+from drake_tc.exchange.mjcf import to_mjcf
+from drake_tc.exchange.projection import project
+from drake_tc.exchange.targets import TARGETS
+from drake_tc.exchange.urdf import to_urdf
+from drake_tc.logs.declared_file import taken_over, with_declared_file
+from drake_tc.logs.rig import load_rig, parse_rig, save_rig
+
+GAIN = 2e-4
+MODEL = ActuatorModel(
+    "knee",
+    Drive("position_servo", GAIN),
+    (
+        EffectValue("rotor_inertia", {"rotor_inertia": 0.31}),
+        EffectValue("viscous", {"viscous": 32.5}),
+        EffectValue("coulomb", {"coulomb": 6.25}),
+        EffectValue("quadratic_viscous", {"quadratic_viscous": 1.5}),
+        EffectValue("saturation", {"limit": 0.01}),
+        EffectValue("delay.command", {"delay": 0.004}),
+        EffectValue("backlash", {"backlash": 0.002}),
+    ),
+)
+RIG = {"joint": "knee", "drive": "position_servo", "load": "torque"}
+
+
+def exported(tmp_path, target, model=MODEL):
+    writers = {
+        "mjcf": (to_mjcf, "bench.xml"),
+        "urdf": (to_urdf, "bench.urdf"),
+        "drake-urdf": (lambda p: to_urdf(p, drake=True), "bench.urdf"),
+        "bam": (lambda p: to_bam(p, torque_constant=0.5), "bench.json"),
+    }
+    write, name = writers[target]
+    path = tmp_path / name
+    path.write_text(write([project(model, TARGETS[target])]), encoding="utf-8")
+    return path
+
+
+def test_a_model_in_mjcf_gives_its_parameters_back(tmp_path):
+    rig = with_declared_file(parse_rig(RIG), exported(tmp_path, "mjcf"))
+    declared = dict(rig.declared["knee"])
+    wanted = {value.effect.id: next(iter(value.parameters.values())) for value in MODEL.effects}
+    assert rig.saturation["knee"] == pytest.approx(wanted.pop("saturation"), rel=1e-9)
+    assert rig.drive_gain["knee"] == pytest.approx(GAIN, rel=1e-9)
+    assert set(declared) == set(wanted)
+    for name, value in wanted.items():
+        assert declared[name] == pytest.approx(value, rel=1e-8), name  # ten digits in the file; delay 1 - 1e-9
+
+
+def test_a_model_in_a_urdf_for_drake_gives_inertia_and_servo_back(tmp_path):
+    rig = with_declared_file(parse_rig(RIG), exported(tmp_path, "drake-urdf"))
+    assert rig.declared["knee"]["rotor_inertia"] == pytest.approx(0.31, rel=1e-9)
+    assert rig.drive_gain["knee"] == pytest.approx(GAIN, rel=1e-9)
+    assert "quadratic_viscous" not in rig.declared["knee"] and rig.declared["knee"]["coulomb"] is None
+
+
+def test_a_plain_urdf_declares_friction_alone(tmp_path):
+    rig = with_declared_file(parse_rig(RIG), exported(tmp_path, "urdf"))
+    assert set(rig.declared["knee"]) == {"viscous", "coulomb"} and not rig.drive_gain
+    terms = project(MODEL, TARGETS["urdf"]).terms  # the quadratic part was refitted
+    assert rig.declared["knee"]["coulomb"] == pytest.approx(terms.frictionloss, rel=1e-9)
+    assert rig.declared["knee"]["viscous"] == pytest.approx(terms.damping, rel=1e-9)
+
+
+def test_a_servo_in_bams_file_gives_its_parameters_back(tmp_path):
+    effects = tuple(value for value in MODEL.effects if value.effect.id in ("rotor_inertia", "viscous", "coulomb"))
+    model = ActuatorModel("knee", Drive("voltage", 0.5), effects)
+    rig = with_declared_file(parse_rig(RIG | {"drive": "voltage"}), exported(tmp_path, "bam", model))
+    assert rig.drive_gain["knee"] == pytest.approx(0.5, rel=1e-9)
+    assert {name: pytest.approx(value, rel=1e-9) for name, value in rig.declared["knee"].items()} == {
+        "rotor_inertia": 0.31,
+        "viscous": 32.5,
+        "coulomb": 6.25,
+    }
+
+
+def test_a_rig_file_names_the_file(tmp_path):
+    exported(tmp_path, "mjcf")
+    path = tmp_path / "rig.yaml"
+    path.write_text(yaml.safe_dump(RIG | {"declared": "bench.xml", "drive_gain": 3e-4}), encoding="utf-8")
+    rig = load_rig(path)
+    assert rig.declared["knee"]["rotor_inertia"] == pytest.approx(0.31)
+    assert rig.drive_gain["knee"] == 3e-4  # what the rig says itself stays
+    assert load_rig(save_rig(rig, tmp_path / "again.yaml")).declared == rig.declared
+
+
+def test_joints_name_files_of_their_own(tmp_path):
+    exported(tmp_path, "mjcf")
+    document = {"joints": ["knee", "hip"], "drive": "position_servo", "load": "torque"}
+    path = tmp_path / "rig.yaml"
+    path.write_text(
+        yaml.safe_dump(document | {"declared": {"knee": "bench.xml", "hip": ["stribeck"]}}), encoding="utf-8"
+    )
+    rig = load_rig(path)
+    assert rig.declared["hip"] == {"viscous": None, "coulomb": None, "stribeck": None}
+    assert rig.declared["knee"]["rotor_inertia"] == pytest.approx(0.31)
+    path.write_text(yaml.safe_dump(document | {"declared": "bench.xml"}), encoding="utf-8")
+    with pytest.raises(RigError, match=r"bench\.xml: it has no joint hip; its joints: knee"):
+        load_rig(path)
+
+
+def test_the_command_line_takes_the_joints_that_the_file_has(tmp_path):
+    path = exported(tmp_path, "mjcf")
+    rig = parse_rig({"joints": ["knee", "hip"], "drive": "position_servo", "load": "torque"})
+    assert [each.joint for each in taken_over(rig, path)] == ["knee"]
+    with pytest.raises(RigError, match="it has no joint ankle"):
+        taken_over(parse_rig(RIG | {"joint": "ankle"}), path)
+
+
+def test_what_is_taken_is_told_in_one_line(tmp_path):
+    rig = parse_rig(RIG | {"drive": "current"})
+    (found,) = taken_over(rig, exported(tmp_path, "mjcf"))
+    assert found.line("current") == (
+        "knee: declared: rotor_inertia 0.31 kg m^2, viscous 32.5 N m s/rad, coulomb 6.25 N m,"
+        " quadratic_viscous 1.5 N m s^2/rad^2, delay 0.004 s, backlash 0.002 rad; not used: its drive (position_servo)"
+    )

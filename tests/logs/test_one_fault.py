@@ -1,0 +1,133 @@
+"""A sound log with one fault gives a result within the interval of the sound log's, or is refused."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from drake_tc.errors import IdentificationError, LogError
+from drake_tc.identification.identify import identify
+from drake_tc.logs.prepare import load_run
+
+from .conftest import bench, servo_rig, write
+
+RIG = servo_rig(declared={"rotor_inertia": 0.3})
+PER_FAULT = 12
+
+
+def recording() -> pd.DataFrame:
+    """Encoder, command and torque sensor with noise and steps; no velocity, which would give an error away."""
+    rng = np.random.default_rng(5)
+    table = bench(5.0, period=2e-3).drop(columns=["joint/velocity", "joint/voltage", "joint/temperature"])
+    table["joint/position"] = 1e-5 * np.round((table["joint/position"] + 5e-6 * rng.standard_normal(len(table))) / 1e-5)
+    table["joint/torque"] += 0.1 * rng.standard_normal(len(table))
+    return table
+
+
+SIGNALS = ("joint/position", "joint/position_command", "joint/torque")
+MEASURED = ("joint/position", "joint/torque")
+
+
+def spike(table, rng):
+    """One to three rows that are far off."""
+    name, at, width = rng.choice(MEASURED), rng.integers(5, len(table) - 5), rng.integers(1, 4)
+    size = rng.choice([3.0, 30.0, 1e3]) * np.ptp(table[name]) * rng.choice([-1.0, 1.0])
+    table.loc[at : at + width - 1, name] += size
+
+
+def turn(table, rng):
+    """An angle jumps by a turn and stays, or comes back."""
+    at, width = rng.integers(5, len(table) - 5), rng.choice([1, 2, 700, len(table)])
+    name = rng.choice(["joint/position", "joint/position_command"])
+    table.loc[at : at + width - 1, name] += 2.0 * np.pi * rng.choice([-2, -1, 1])
+
+
+def wild(table, rng):
+    """One value that is no number of this world."""
+    value = rng.choice([1e9, -1e30, 1e300, np.inf, -np.inf, np.nan, 65535.0, -32768.0])
+    table.loc[rng.integers(5, len(table) - 5), rng.choice(MEASURED)] = value
+
+
+def moderate(table, rng):
+    """One torque that is off by a tenth of its range to all of it: no repair need see it, no fit may follow it."""
+    table.loc[rng.integers(5, len(table) - 5), "joint/torque"] += rng.uniform(-1.0, 1.0) * np.ptp(table["joint/torque"])
+
+
+def repeated(table, rng):
+    """Rows are there twice."""
+    at, count = rng.integers(5, len(table) - 200), rng.integers(1, 100)
+    return pd.concat([table[: at + count], table[at:]], ignore_index=True)
+
+
+def held(table, rng):
+    """The logger repeats the last values under new times."""
+    at, count = rng.integers(5, len(table) - 200), rng.integers(2, 150)
+    for name in SIGNALS:
+        table.loc[at : at + count, name] = table.loc[at, name]
+
+
+def clock(table, rng):
+    """The clock steps."""
+    table.loc[rng.integers(5, len(table) - 5) :, "time"] += rng.choice([-3.0, -0.1, 0.005, 0.02, 0.5, 60.0, 3600.0])
+
+
+def dropped(table, rng):
+    """Rows are lost."""
+    at, count = rng.integers(5, len(table) - 500), rng.integers(1, 400)
+    return table.drop(index=range(at, at + count)).reset_index(drop=True)
+
+
+def blank(table, rng):
+    """A channel has no values for a while."""
+    at, count = rng.integers(5, len(table) - 500), rng.integers(1, 400)
+    table.loc[at : at + count, rng.choice(SIGNALS)] = np.nan
+
+
+FAULTS: dict[str, Callable] = {
+    each.__name__: each for each in (spike, turn, wild, moderate, repeated, held, clock, dropped, blank)
+}
+
+
+@pytest.fixture(scope="module")
+def sound(tmp_path_factory):
+    path = tmp_path_factory.mktemp("sound") / "run.csv"
+    write(recording(), path)
+    return identify([load_run(path, RIG)], RIG)
+
+
+def test_the_sound_result_is_right(sound):
+    """Within its interval, or within a percent where the smoothing of the sign of the velocity is more."""
+    truth = {"K_tau": 2e-3, "K_v": 4e-3, "K_c": 3e-3}
+    for name, value in truth.items():
+        low, high = sound.intervals[name]
+        slack = 0.02 * value
+        assert low - slack <= value <= high + slack
+
+
+@pytest.mark.parametrize("seed", range(PER_FAULT))
+@pytest.mark.parametrize("fault", FAULTS)
+def test_one_fault_changes_no_result_beyond_its_interval(sound, tmp_path, fault, seed):
+    table, rng = recording(), np.random.default_rng([seed, list(FAULTS).index(fault)])
+    changed = FAULTS[fault](table, rng)
+    write(table if changed is None else changed, tmp_path / "run.csv")
+    try:
+        found = identify([load_run(tmp_path / "run.csv", RIG)], RIG)
+    except (LogError, IdentificationError):
+        return
+    for name, (low, high) in sound.intervals.items():
+        assert low <= found.parameters[name] <= high, (name, found.parameters[name], (low, high))
+
+
+def test_faults_are_repaired_far_more_often_than_refused(sound, tmp_path):
+    """The property above would hold of a library that refuses every log."""
+    refused = 0
+    for number, fault in enumerate(FAULTS.values()):
+        table = recording()
+        changed = fault(table, np.random.default_rng([0, number]))
+        write(table if changed is None else changed, tmp_path / "run.csv")
+        try:
+            load_run(tmp_path / "run.csv", RIG)
+        except LogError:
+            refused += 1
+    assert refused <= len(FAULTS) // 3

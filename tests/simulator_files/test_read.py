@@ -1,0 +1,179 @@
+"""Files of other simulators are read as these simulators read them."""
+
+import json
+
+import numpy as np
+import pytest
+from pydrake.multibody.parsing import Parser
+from pydrake.multibody.plant import MultibodyPlant
+
+from drake_tc.errors import RigError
+from drake_tc.simulator_files.read import ANY_JOINT, read_joints
+
+MJCF = """<mujoco>
+  <compiler angle="radian"/>
+  <default>
+    <joint damping="2" frictionloss="0.5"/>
+    <default class="leg">
+      <joint armature="0.1"/>
+      <position kp="300" kv="4" forcerange="-50 50"/>
+      <default class="foot"> <joint damping="0.3 0.2" armature="0.02"/> </default>
+    </default>
+  </default>
+  <worldbody>
+    <body name="thigh" childclass="leg">
+      <geom size="0.1" mass="1"/>
+      <joint name="hip" axis="0 1 0"/>
+      <body name="shank">
+        <geom size="0.1" mass="1"/>
+        <joint name="knee" axis="0 1 0" frictionloss="1.5"/>
+        <body name="sole">
+          <geom size="0.1" mass="1"/>
+          <joint name="ankle" axis="0 1 0" class="foot"/>
+        </body>
+      </body>
+    </body>
+  </worldbody>
+  <actuator>
+    <position name="h" joint="hip" class="leg"/>
+    <motor name="k" joint="knee" gear="80" forcerange="-2 2"/>
+    <general name="a" joint="ankle" gainprm="120" biastype="affine" biasprm="0 -120 -3" gear="2"/>
+  </actuator>
+</mujoco>
+"""
+
+
+@pytest.fixture
+def mjcf(tmp_path):
+    path = tmp_path / "leg.xml"
+    path.write_text(MJCF, encoding="utf-8")
+    return path
+
+
+def test_defaults_of_classes_are_those_that_mujoco_sees(mjcf):
+    mujoco = pytest.importorskip("mujoco")
+    model = mujoco.MjModel.from_xml_path(str(mjcf))
+    for name, joint in read_joints(mjcf, RigError).items():
+        dof = model.joint(name).dofadr[0]
+        assert joint.terms.armature == model.dof_armature[dof]
+        assert joint.terms.frictionloss == model.dof_frictionloss[dof]
+        damping = np.ravel(model.dof_damping[dof])
+        assert joint.terms.damping == damping[0]
+
+
+def test_actuators_push_as_hard_as_in_mujoco(mjcf):
+    mujoco = pytest.importorskip("mujoco")
+    model = mujoco.MjModel.from_xml_path(str(mjcf))
+    data = mujoco.MjData(model)
+    joints = read_joints(mjcf, RigError)
+    data.ctrl[:] = [0.01, 0.5, 0.0]  # hip: position error; knee: motor
+    data.qpos[2] = -0.01  # the ankle's servo holds 0, behind a gear of 2
+    mujoco.mj_forward(model, data)
+    np.testing.assert_allclose(
+        data.qfrc_actuator,
+        [joints["hip"].terms.kp * 0.01, joints["knee"].terms.kp * 0.5, joints["ankle"].terms.kp * 0.01],
+        rtol=1e-9,
+    )
+    data.qpos[2], data.qvel[0], data.qvel[2] = 0.0, 0.1, 0.1
+    data.ctrl[:] = 0.0
+    mujoco.mj_forward(model, data)
+    np.testing.assert_allclose(data.qfrc_actuator[0], -0.1 * joints["hip"].derivative_gain, rtol=1e-9)
+    np.testing.assert_allclose(data.qfrc_actuator[2], -0.1 * joints["ankle"].derivative_gain, rtol=1e-9)
+
+
+def test_limits_and_kinds_of_drives(mjcf):
+    joints = read_joints(mjcf, RigError)
+    assert [joints[name].terms.drive for name in ("hip", "knee", "ankle")] == [
+        "position_servo",
+        "torque",
+        "position_servo",
+    ]
+    assert joints["hip"].terms.torque_limit == 50.0 and joints["knee"].terms.torque_limit == 160.0
+    assert joints["ankle"].terms.quadratic == 0.2 and joints["ankle"].terms.torque_limit is None
+
+
+URDF = """<robot name="r" xmlns:drake="http://drake.mit.edu">
+  <link name="base"/>
+  <link name="shank">
+    <inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
+  </link>
+  <joint name="knee" type="revolute">
+    <parent link="base"/><child link="shank"/><axis xyz="0 1 0"/>
+    <limit lower="-1" upper="1" effort="60" velocity="5"/>
+    <dynamics damping="1.5" friction="0.7"/>
+  </joint>
+  <transmission name="t">
+    <type>transmission_interface/SimpleTransmission</type>
+    <joint name="knee"/>
+    <actuator name="m">
+      <drake:rotor_inertia value="2e-5"/><drake:gear_ratio value="100"/><drake:controller_gains p="400" d="3"/>
+    </actuator>
+  </transmission>
+</robot>
+"""
+
+
+def test_a_urdf_with_drakes_tags_is_read_as_drake_reads_it(tmp_path):
+    path = tmp_path / "robot.urdf"
+    path.write_text(URDF, encoding="utf-8")
+    (joint,) = read_joints(path, RigError).values()
+    plant = MultibodyPlant(1e-3)
+    Parser(plant).AddModels(str(path))
+    plant.Finalize()
+    actuator = plant.get_joint_actuator(plant.GetJointActuatorIndices()[0])
+    reflected = actuator.default_rotor_inertia() * actuator.default_gear_ratio() ** 2
+    np.testing.assert_allclose(joint.terms.armature, reflected, rtol=1e-12)
+    assert joint.terms.damping == plant.GetJointByName("knee").default_damping_vector()[0] == 1.5
+    assert joint.terms.frictionloss == 0.7 and joint.terms.torque_limit == actuator.effort_limit() == 60.0
+    assert (joint.terms.kp, joint.derivative_gain) == (400.0, 3.0)
+
+
+BAM = {
+    "model": "m3",
+    "kt": 2.0,
+    "R": 4.0,
+    "armature": 0.012,
+    "friction_base": 0.05,
+    "friction_viscous": 0.1,
+    "friction_stribeck": 0.03,
+    "dtheta_stribeck": 0.4,
+    "alpha": 1.2,
+    "load_friction_motor": 0.2,
+    "q_offset": 0.01,
+}
+
+
+def test_a_bam_file_is_a_servo_on_a_voltage(tmp_path):
+    path = tmp_path / "servo.json"
+    path.write_text(json.dumps(BAM), encoding="utf-8")
+    joint = read_joints(path, RigError)[ANY_JOINT]
+    assert joint.terms.drive == "voltage" and joint.terms.kp == 0.5
+    assert joint.terms.damping == pytest.approx(0.1 + 2.0**2 / 4.0)  # the back-EMF brakes too
+    assert joint.effects["stribeck"] == {"stribeck": 0.03, "stribeck_velocity": 0.4, "stribeck_exponent": 1.2}
+    assert joint.effects["load_dependent_friction"] is None and joint.unused == ("q_offset",)
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "message"),
+    [
+        ("robot.xml", "<mujoco", "not XML"),
+        ("robot.xml", "<sdf/>", "expected a URDF"),
+        ("robot.xml", "<mujoco/>", "no joint that moves"),
+        ("robot.xml", "<mujoco><worldbody><body><joint name='a' armature='x'/></body></worldbody></mujoco>", "'x'"),
+        ("servo.json", "[1]", "expected a parameter file of BAM"),
+        ("servo.json", "{", "servo.json: "),
+        ("servo.json", '{"kt": 1.0}', "R: expected a number"),
+        ("servo.json", '{"kt": 1.0, "R": 0}', "expected positive numbers"),
+    ],
+)
+def test_a_file_that_cannot_be_used_is_refused(tmp_path, name, text, message):
+    path = tmp_path / name
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(RigError, match=message) as refused:
+        read_joints(path, RigError)
+    assert str(path) in str(refused.value) and "\n" not in str(refused.value)
+
+
+def test_a_file_that_is_not_there_is_refused(tmp_path):
+    with pytest.raises(RigError, match="cannot be read"):
+        read_joints(tmp_path / "none.xml", RigError)

@@ -1,0 +1,90 @@
+"""The pages of `docs/` that build diagrams: files and scripts run as they stand, on an arm, a leg and a humanoid."""
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from optional import skip_without_robots
+
+import drake_tc
+
+ROOT = Path(drake_tc.__file__).parents[1]
+PAGES = ("your_own_robot", "your_own_diagram", "your_own_controller")
+
+
+def blocks(page: str) -> list[tuple[str, str]]:
+    """(the file that the line before names, or "" for a script, text) of each block of YAML or Python."""
+    text = (ROOT / "docs" / f"{page}.md").read_text("utf-8")
+    return re.findall(r"(?:File `([^`]+)`:\n\n)?```(?:yaml|python)\n(.*?)```", text, flags=re.DOTALL)
+
+
+def scripts(page: str) -> list[str]:
+    return [text for name, text in blocks(page) if not name]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory) -> Path:
+    skip_without_robots()
+    path = tmp_path_factory.mktemp("pages")
+    for page in PAGES:
+        for name, text in blocks(page):
+            if name:
+                (path / name).write_text(text, encoding="utf-8")
+    return path
+
+
+def ran(folder: Path, *arguments: str) -> str:
+    """What Python prints; the folder's files are importable."""
+    path = os.pathsep.join([str(folder), str(ROOT), os.environ.get("PYTHONPATH", "")])
+    environment = {**os.environ, "PYTHONPATH": path, "MPLBACKEND": "Agg"}
+    done = subprocess.run(
+        [sys.executable, *arguments], capture_output=True, text=True, env=environment, cwd=folder, timeout=300
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def numbers(text: str, unit: str) -> list[float]:
+    return [float(value) for value in re.findall(rf"([-+.\d]+) {unit}", text)]
+
+
+def test_robots_load_and_their_models_are_written(folder):
+    first, second = scripts("your_own_robot")
+    found = ran(folder, "-c", first)
+    assert re.findall(r"(\w+): (\d+) joints", found) == [("arm", "7"), ("leg", "6"), ("humanoid", "12")]
+    assert all(1.0 < mass < 120.0 for mass in numbers(found, "kg"))
+    ran(folder, "-c", second)
+    assert (folder / "humanoid_actuators.yaml").exists()
+
+
+@pytest.mark.parametrize("robot", ["arm", "leg"])
+def test_the_diagram_tracks_better_than_the_servo(folder, robot):
+    torque, servo = numbers(ran(folder, "own_loop.py", f"{robot}.yaml"), "mrad")
+    assert torque < 0.5 * servo
+    assert (folder / "own_loop.svg").stat().st_size > 10_000
+
+
+def test_the_script_is_short():
+    """25 lines build the loop, 60 lines are the whole script with its plots."""
+    text = dict(blocks("your_own_diagram"))["own_loop.py"]
+    lines = [line for line in text.splitlines() if line.strip()]
+    assert len(lines) <= 60
+    build = re.search(r"def build.*?\n\n", text, flags=re.DOTALL)[0].splitlines()
+    assert len([line for line in build if line.strip()]) <= 25
+
+
+def test_changes_of_the_diagram_run(folder):
+    for script in scripts("your_own_diagram"):
+        (error,) = numbers(ran(folder, "-c", script), "mrad")
+        assert 0.0 < error < 30.0
+
+
+def test_own_controllers_run(folder):
+    arm, humanoid = scripts("your_own_controller")
+    (deviation,) = numbers(ran(folder, "-c", arm), "mrad")
+    assert deviation < 20.0
+    heights = numbers(ran(folder, "-c", humanoid), "m high")
+    assert len(heights) == 2 and all(0.7 < height < 1.0 for height in heights)
