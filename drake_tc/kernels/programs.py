@@ -7,9 +7,11 @@ PLAIN, over x (n,) or (n + 1,) for the box:
     Hessian A^T diag(kappa_upper + kappa_lower) A of R. Sides farther than SAFE sigmas do not show.
 RECTANGLE, over (x, a, b) (n + 2 r,), K (m, r) the noise of the rows and K+- its positive and negative parts:
     f(x, a, b) = ||D x - d||^2 - w sum_j log(Phi(a_j) - Phi(-b_j))
-    A x + K+ a + K- b <= upper, -A x + K- a + K+ b <= -lower         the worst corner of each side (Del Prete and Mansard, 2015, eq. 15)
+    A x + K+ a + K- b <= upper, -A x + K- a + K+ b <= -lower         the worst corner of each side
     a + b >= width                                                   the paper's epsilon
     sides that x itself is to keep                                   signs (h,) of rows kept (h,)
+
+Source: Del Prete and Mansard, 2015, eq. 7 and 13 to 16.
 """
 
 import math
