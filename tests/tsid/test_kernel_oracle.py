@@ -26,7 +26,11 @@ from .problems import Setup, problem_at, state
 
 QP = solver()
 TORQUE = 1e-8
-"""[N m]; of torques up to 300."""
+"""[N m]."""
+RELATIVE = 1e-10
+"""Of the largest torque: what rounding leaves of the whole program's own answer."""
+ACCURACY = 1e-12
+"""Of R."""
 AGAIN = 4
 """Ticks at one state: a tick ends where the cost is known to `EXACT`, which leaves directions of little cost open to some
 1e-6 N m; each further one is a proximal step from there on."""
@@ -100,7 +104,7 @@ def test_classic_is_the_least_squares_of_the_whole_program(seed, step, speed, sh
     assert excess @ excess <= 2.0 * EXACT * (problem.cost.target @ problem.cost.target)
     for _ in range(AGAIN):
         found = Formulation("classic").solve(problem.cost, problem.polytope, error, QP, found.start)
-    assert_allclose(found.torque, torque, rtol=0, atol=TORQUE)
+    assert_allclose(found.torque, torque, rtol=0, atol=TORQUE + RELATIVE * np.abs(torque).max())
     value = whole.rows @ y
     room = np.minimum(whole.upper - value, value - whole.lower)
     assert room.min() > -1e-6 * max(1.0, np.abs(value).max())
@@ -113,7 +117,7 @@ def test_individual_leaves_no_step_to_newtons_method_on_the_whole_program(seed, 
     rng, setup = np.random.default_rng(seed), Setup()
     problem = problem_at(*state(rng, setup), rng.uniform(-1, 1, 3) * 0.02, setup)
     error = TorqueError(problem.sigma**2)
-    formulation = Formulation("individual", weight=weight, options=Options(accuracy=1e-13))
+    formulation = Formulation("individual", weight=weight, options=Options(accuracy=ACCURACY))
     found = formulation.solve(problem.cost, problem.polytope, error, QP)
     assert (found.outcome, found.converged) == (Outcome.SOLVED, True)
     for _ in range(AGAIN):
@@ -135,7 +139,10 @@ def test_individual_leaves_no_step_to_newtons_method_on_the_whole_program(seed, 
     hessian = basis.T @ (2.0 * whole.cost.T @ whole.cost + (whole.rows.T * bend) @ whole.rows) @ basis
     left = -basis.T @ gradient
     step = np.linalg.solve(hessian, left)
-    # where R is all that a direction of 1 N m changes, and that by less than rounding, no method knows the torque better
-    assert 0.5 * left @ step <= 1e-11 * weight + EXACT * (problem.cost.target @ problem.cost.target)
+    # at w = 1 R alone holds some directions, too flat to know the torque in them: damped as in the kernel, what they
+    # still promise is a millionth of what `Options` leaves by default
+    axes = basis[nv + k :] / error.sigma[:, None]
+    damped = np.linalg.solve(hessian + 1e-6 * weight * axes.T @ axes, left)
+    assert 0.5 * left @ damped <= 1e-12 * weight
     if weight < 1.0:
-        assert_allclose((basis @ step)[nv + k :], 0.0, atol=TORQUE)
+        assert_allclose((basis @ step)[nv + k :], 0.0, atol=TORQUE + RELATIVE * np.abs(found.torque).max())
