@@ -1,4 +1,4 @@
-"""Compiled ticks against the whole program over y = (vdot, f, tau), solved by orthogonal factors and without reduction.
+"""Compiled ticks against the whole program over y = (vdot, f, tau), solved by orthogonal factors without reduction.
 
 The rows that hold the answer are taken from the kernel; that they are the right ones is what the signs of their
 multipliers and the other rows' room show. Nothing of the reduction, of the scaling or of Newton's method takes part.
@@ -32,8 +32,8 @@ RELATIVE = 1e-10
 ACCURACY = 1e-12
 """Of R."""
 AGAIN = 4
-"""Ticks at one state: a tick ends where the cost is known to `EXACT`, which leaves directions of little cost open to some
-1e-6 N m; each further one is a proximal step from there on."""
+"""Ticks at one state: a tick ends where the cost is known to `EXACT`, which leaves directions of little cost open to
+some 1e-6 N m; each further one is a proximal step from there on."""
 
 
 class Whole:
