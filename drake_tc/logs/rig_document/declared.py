@@ -1,5 +1,6 @@
 """The rig file's key `declared`: the effects that the user already models, with values where they are known."""
 
+import re
 from collections.abc import Mapping
 from typing import Annotated, TypeAlias
 
@@ -65,7 +66,11 @@ def is_file(entry: str) -> bool:
     return entry.lower().endswith(ENDINGS)
 
 
-DeclaredFile = Annotated[str, saying("a file of another simulator"), WithJsonSchema({"type": "string"})]
+DeclaredFile = Annotated[
+    str,
+    saying("a file of another simulator"),
+    WithJsonSchema({"type": "string", "pattern": f"({'|'.join(re.escape(ending) for ending in ENDINGS)})$"}),
+]
 
 
 DeclaredEntry: TypeAlias = Annotated[
