@@ -22,6 +22,10 @@ LEAST_LINK = 1e-3
 """Least inertia of the plant's link over that of the rotor: a fitted inertia of the load may be 0."""
 
 
+SMALLEST_INERTIA, LARGEST = 1e-9, 1e9
+"""Of a link, in SI units."""
+
+
 @dataclass(frozen=True)
 class Link:
     """What the joint carries.
@@ -35,6 +39,19 @@ class Link:
     inertia: float
     gravity_moment: float = 0.0
     zero: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Check the values.
+
+        Raises:
+            ParamsError: an inertia that is not positive, a moment below zero, or what is not finite.
+        """
+        if not SMALLEST_INERTIA <= self.inertia <= LARGEST:
+            raise ParamsError(f"inertia: expected a number from {SMALLEST_INERTIA:g} [kg m^2], got {self.inertia!r}")
+        if not 0.0 <= self.gravity_moment <= LARGEST:
+            raise ParamsError(f"gravity_moment: expected a number >= 0 [N m], got {self.gravity_moment!r}")
+        if not abs(self.zero) <= LARGEST:
+            raise ParamsError(f"zero: expected an angle [rad], got {self.zero!r}")
 
 
 @dataclass(frozen=True)

@@ -39,7 +39,7 @@ def check_command(
         else:
             with result_folder(out, "--out", names=FILES, inputs=[rig, *log], force=force, error=LogError) as folder:
                 result = check_rig(rig, log, progress)
-                _write(result, folder)
+                write_check(result, folder)
     if as_json:
         print(json.dumps(check_json(result), indent=1))
     else:
@@ -48,7 +48,8 @@ def check_command(
             print(out / FILES[0])
 
 
-def _write(result: "CheckResult", folder: Path) -> None:
+def write_check(result: "CheckResult", folder: Path) -> None:
+    """check.json and check.html in a folder."""
     from drake_tc.experiments.check.page import check_page
     from drake_tc.experiments.check.to_json import check_json
 

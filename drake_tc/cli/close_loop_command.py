@@ -25,8 +25,10 @@ FILES = (
     "model_after.yaml",
     "model_refined.yaml",
     "torque_uncertainty.yaml",
+    "check.html",
+    "check.json",
 )
-"""What the command writes; the refined model only where refining made free runs better."""
+"""What the command writes; the refined model only where refining made free runs better, the check only with --check."""
 LOADED_BY_WORKERS = (
     "drake_tc.loops.joint_bench.rig_free_run",
     "drake_tc.identification.output_error",
@@ -56,6 +58,9 @@ def close_loop_command(
             help="Simulate the torque loop before and after (an upper bound: the plant is the model after).",
         ),
     ] = True,
+    check: Annotated[
+        bool, typer.Option("--check/--no-check", help="First write what the logs can show: check.html, check.json.")
+    ] = False,
     force: Force = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print report.json to stdout instead of the tables.")] = False,
 ) -> None:
@@ -89,6 +94,11 @@ def close_loop_command(
 
         if rig is None:
             rig, log, holdout = _demo(out / "demo_logs", seed, force, progress)
+        if check:
+            from drake_tc.cli.check_command import write_check
+            from drake_tc.experiments.check.run import check_rig
+
+            write_check(check_rig(rig, log or [], progress), folder)
         options = replace(DiagnosisOptions(), seed=seed)
         result = close_loop(rig, log or [], holdout or [], options, rig_free_run, progress, pool, declared)
         if closed_loop:

@@ -42,6 +42,7 @@ app = typer.Typer(
     help="Torque control of position-controlled robots in Drake, with models that are checked against measured data.",
     add_completion=False,
     pretty_exceptions_enable=False,
+    rich_markup_mode="markdown",  # in which units in brackets are text
 )
 app.command("check")(check_command)
 app.command("close-loop")(close_loop_command)
@@ -104,7 +105,7 @@ def _run(arguments: Sequence[str], *, debug: bool) -> int:
         return 2
     except TyperException as error:
         print(
-            f"drake-tc: {_one_line(error.format_message())} (drake-tc --help lists the commands and their options)",
+            f"drake-tc: {_one_line(error.format_message())} (see drake-tc --help)",
             file=sys.stderr,
         )
         return 2

@@ -111,6 +111,15 @@ SHARED = SearchThresholds(
 )
 """Of causes that no single joint owns: one that a single joint supports is that joint's own."""
 
+COMMON_DELAY = replace(
+    SHARED,
+    least_gain=FITTED_LINKS.least_gain,
+    second_gain=FITTED_LINKS.least_gain,
+    least_removed=FITTED_LINKS.least_removed,
+)
+"""Of a delay that all joints share. Beside fitted links one cause of many lowers an error by less; what guards against
+another cause is that the joints must agree on the delay (`robot.common_delay`), half of them with support."""
+
 LAG_OVER_NOISE = 4.0
 """What a lag must explain, over what the same filter explains backwards in time."""
 BEYOND_TOLERANCE = 3.0
@@ -123,9 +132,9 @@ SOFTER_GEAR = 0.97
 RESOLVED = 4.0
 """Standard deviations that a wave of the encoder's error must reach if it is smaller than one step. Chance reaches four
 with probability exp(-8) (Rayleigh's distribution), with a hundred periods tried in 3 % of the searches."""
-MOST_OF_KNOWN_LOAD = 0.5
-"""Share of a curve over the position that may be a multiple of the known load: from there on the curve says less of a
-load that nobody knows than of the scale of the known one."""
+MOST_OF_KNOWN_LOAD = 0.9
+"""Share of a curve over the position that may be a multiple of the known load: from there on the curve says that the
+scale of that load, of the inertia or of the drive is wrong."""
 RUN_ACTS = 0.25
 """RMS of an effect's contribution to a run, in noise floors, from which on the run says something about it."""
 HELDOUT_ACTS = 0.1

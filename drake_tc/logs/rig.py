@@ -200,7 +200,7 @@ def _rig_of(read: RigDocument, robot: Path | None, source: Path | None) -> Rig:
         units=read.units or {},
         enabled=read.enabled,
         command_hold=read.command_hold,
-        valid=tuple(Condition.of(text) for text in read.valid or ()),
+        valid=read.conditions,
         source=source,
         robot=robot,
         sensors={joint: sensors.of_joint(joint, torque_sensor=load[joint] == "torque") for joint in joints},

@@ -20,7 +20,8 @@ from drake_tc.diagnosis.data.preparation import build_samples, context_of
 from drake_tc.diagnosis.problem.columns import Columns, Term
 from drake_tc.diagnosis.problem.estimates import Estimate, estimates
 from drake_tc.diagnosis.problem.regression import fit
-from drake_tc.diagnosis.selection.joint import best_shape, refine
+from drake_tc.diagnosis.selection.joint import best_shape
+from drake_tc.diagnosis.selection.shape_refinement import refine
 from drake_tc.effects.base import DriveKind, plain_signals
 from drake_tc.effects.library import LIBRARY, SPECIAL, effect
 from drake_tc.logs.rig import parse_rig

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from drake_tc.analysis.executors import processes
 from drake_tc.diagnosis.problem.columns import Columns, Term
 from drake_tc.diagnosis.problem.regression import fit
 from drake_tc.diagnosis.selection.joint import candidates, search
@@ -13,8 +14,9 @@ from drake_tc.diagnosis.thresholds import JOINT
 from drake_tc.effects.library import effect, looked_for
 from drake_tc.experiments.check.contributions import Contribution, ContributionBuilder, explained_by
 from drake_tc.experiments.check.joint import joint_effects, joint_numbers
-from drake_tc.experiments.check.visibility import Noise, confused_with, smallest_sizes
-from drake_tc.experiments.sizes import size_of
+from drake_tc.experiments.check.visibility import Noise, Visibility, confused_with, smallest_sizes
+from drake_tc.experiments.evidence.predicted import compared, predictions
+from drake_tc.experiments.sizes import Size, size_of
 
 
 def linear(values, span=None):
@@ -113,3 +115,22 @@ def test_each_effect_has_a_status_and_what_is_hidden_has_a_reason(prepared):
     assert warm.status == "not_seen" and "temperature not recorded" in warm.reason
     bias = next(each for each in found.effects if each.key == "asymmetric_friction.coulomb")
     assert "torque_sensor_bias" in bias.not_separable_from
+
+
+def test_predictions_compare_the_true_size_with_both_stated_sizes():
+    size = Size("mu", "-", 0.1)
+    seen = Visibility("a", "a", "a", "seen", size, 0.2, 0.1)
+    assert [compared([seen], x)[2] for x in (0.3, 0.15, 0.05)] == ["seen", "between", "not_seen"]
+    limit = Visibility("a", "a", "a", "seen", Size("limit", "A", 1.0, falling=True), 4.0, 5.0)
+    assert [compared([limit], x)[2] for x in (3.0, 4.5, 6.0)] == ["seen", "between", "not_seen"]
+    assert compared([], 1.0)[2] == "not_seen"
+
+
+@pytest.mark.slow
+def test_what_is_predicted_to_be_seen_is_found_on_blind_rigs(tmp_path):
+    """A small version of `drake-tc bench check`: two effects at three strengths each."""
+    with processes(2) as pool:
+        found = predictions(tmp_path, ("load_dependent_friction", "cable_spring"), 5, pool, lambda text, share: None)
+    assert len(found) == 6
+    assert all(each.found for each in found if each.predicted == "seen"), found
+    assert not any(each.found for each in found if each.predicted == "not_seen"), found

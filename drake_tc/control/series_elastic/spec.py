@@ -7,6 +7,8 @@ from typing import Literal, get_args
 from drake_tc.errors import ParamsError
 
 Mode = Literal["observer", "last_step_friction", "feedforward", "feedforward_p", "pi", "momentum_observer"]
+MOST_TICKS = 10_000
+"""Longest time of a spec [control periods]."""
 WITH_P: tuple[Mode, ...] = ("observer", "last_step_friction", "feedforward_p", "pi", "momentum_observer")
 """Laws that feed the torque error back in proportion."""
 
@@ -75,6 +77,10 @@ class SeriesElasticSpec:
             ParamsError: it is no whole number of periods, within 1e-6 of one.
         """
         ticks: float = getattr(self, name) / dt
+        if not abs(ticks) <= MOST_TICKS:
+            raise ParamsError(
+                f"control.{name}: wanted at most {MOST_TICKS} periods of {dt:g} s; got {getattr(self, name):g} s"
+            )
         if abs(ticks - round(ticks)) > 1e-6 or (round(ticks) < 1 and name not in ("delay", "reference_window")):
             raise ParamsError(
                 f"control.{name}: expected a multiple of the period {dt:g} s, got {getattr(self, name):g} s"

@@ -179,6 +179,8 @@ def build_samples(
     motor, motor_rate = q + compliance * slow_torque, v + compliance * np.gradient(slow_torque, period)
     direction, travel, moving = direction_of_motion(motor, motor_rate, inner, resolution)
     order, raw_noise = (1, resolution.raw_velocity_noise) if channels.speed_only else (2, noise)
+    if load == "torque" and "rotor_inertia" not in rig.declared[joint]:
+        raw_noise = 0.0  # no inertia is in the balance, and a wider kernel would hide one that is missing
     kept = np.concatenate([a[s] for s in inner if s.stop > s.start] or [a])
     widths = final_widths(kept, raw_noise, light, order=order) if final_s is None else [final_s]
     final = _final_kernel(moving, segments, light, widths)

@@ -18,7 +18,7 @@ from drake_tc.diagnosis.result.joint_result import Errors, JointResult
 from drake_tc.diagnosis.result.rig_result import SharedEffect
 from drake_tc.diagnosis.result.run_errors import run_errors
 from drake_tc.diagnosis.result.widening import Parameters, spanned
-from drake_tc.diagnosis.selection.joint import refine
+from drake_tc.diagnosis.selection.shape_refinement import refine
 from drake_tc.diagnosis.selection.shared import active, substituted
 from drake_tc.types import FloatArray
 

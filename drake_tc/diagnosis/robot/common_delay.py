@@ -4,7 +4,7 @@ A search of each joint by itself names such a cause in some joints and misses it
 take up what is left of it, as y(t - d) = y - d dy/dt. It is therefore looked for on all joints together, beside the
 links' parameters (`problem.shared.stacked`) and before the joints' own effects. It is found if, on the training runs,
 
-- the thresholds of shared causes hold (`SHARED` in `thresholds`), with the support of at least half of the joints,
+- the thresholds `COMMON_DELAY` hold, with the support of at least half of the joints,
 - the delay that each joint tells by itself (`own_delays`) lies within half of the common one, or within two standard
   deviations: a late encoder of one joint makes the loads of its neighbours late by other times, and
 - the error of no joint grows;
@@ -27,7 +27,7 @@ from drake_tc.diagnosis.problem.shared.stacked import StackedFit, fit_stacked
 from drake_tc.diagnosis.result.rig_result import SharedEffect
 from drake_tc.diagnosis.result.shared_effects import on_held_out
 from drake_tc.diagnosis.selection.comparison import compared
-from drake_tc.diagnosis.thresholds import HELDOUT_CERTAIN, SAME_ERROR, SHARED
+from drake_tc.diagnosis.thresholds import COMMON_DELAY, HELDOUT_CERTAIN, SAME_ERROR
 from drake_tc.effects.common_delay import CommonDelay
 from drake_tc.effects.delay import DELAY_RANGE
 from drake_tc.types import FloatArray
@@ -91,7 +91,7 @@ class DelayProblem:
     def is_real(self, delay: float, fitted: StackedFit) -> bool:
         """Whether the training runs show the delay [s], which `fitted` has: see the module."""
         small, large = self.fitted.cv_rms, fitted.cv_rms
-        thresholds = replace(SHARED, least_joints=max(2, (len(self.rows) + 1) // 2))
+        thresholds = replace(COMMON_DELAY, least_joints=max(2, (len(self.rows) + 1) // 2))
         floor = np.array([p.floor for p in self.prepared.values()])
         over = compared(small, large, fitted.effective * self.counts, 1, 1.0)
         grows = large > (1.0 + SAME_ERROR) * small
@@ -128,7 +128,7 @@ def common_delay(problem: DelayProblem) -> SharedDelay | None:
     grid = np.geomspace(max(5e-4, 0.3 * period), LONGEST, GRID)
     fits = [problem.fit(float(delay)) for delay in grid]
     best = int(np.argmin([problem.error(each) for each in fits]))
-    if problem.error(fits[best]) > problem.error(problem.fitted) + np.log1p(-0.5 * SHARED.second_gain):
+    if problem.error(fits[best]) > problem.error(problem.fitted) + np.log1p(-0.5 * COMMON_DELAY.second_gain):
         return None
     around = grid[max(best - 1, 0)], grid[min(best + 1, GRID - 1)]
     found = minimize_scalar(

@@ -1,7 +1,7 @@
 """Which effects one joint lacks: its regression as a problem of the search engine."""
 
 from collections.abc import Hashable, Iterator, Sequence
-from concurrent.futures import Executor, Future
+from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -14,18 +14,17 @@ from drake_tc.diagnosis.selection.comparison import better_share, effective_samp
 from drake_tc.diagnosis.selection.engine import Progress, Proposal, Selection, select
 from drake_tc.diagnosis.selection.lag_or_noise import NOISE, is_noise
 from drake_tc.diagnosis.selection.plausible_values import objection_to_values
-from drake_tc.diagnosis.selection.shapes import ShapeScreen, refine_values
+from drake_tc.diagnosis.selection.shape_refinement import Known, Refinement, refine, term_keys
+from drake_tc.diagnosis.selection.shapes import ShapeScreen
 from drake_tc.diagnosis.selection.withdrawal import DidNotHold
 from drake_tc.diagnosis.thresholds import SearchThresholds
-from drake_tc.effects.base import Context, DriveEffect, Effect, Shape
+from drake_tc.effects.base import Context, DriveEffect, Effect
 from drake_tc.effects.library import place
 from drake_tc.types import FloatArray
 
 Search = Selection[Fit]
 SCREENED = 4
 """Shapes of a long grid that are tried with the filters."""
-EVALUATIONS = 60
-"""Most evaluations of the error in a refinement, for each shape parameter."""
 
 
 def candidates(
@@ -70,61 +69,6 @@ def best_shape(
     return fit(columns, min(tried, key=lambda s: s.cv_rms).terms)
 
 
-def refine(columns: Columns, start: Fit, evaluations: int = EVALUATIONS) -> Fit:
-    """Refine all shape parameters of a fit together."""
-    return _with_shapes(columns, start, refined_shapes(columns, start.terms, start.cv_rms, evaluations))
-
-
-def refined_shapes(columns: Columns, terms: Sequence[Term], least: float, evaluations: int) -> list[Shape] | None:
-    """The shapes of all terms, refined together; None where no other shapes have a smaller error than `least`."""
-    free = [(i, p) for i, t in enumerate(terms) for p in t.effect.shapes]
-    if not free:
-        return None
-    best: list[Shape] | None = None
-
-    def cost(values: FloatArray) -> float:
-        nonlocal best, least
-        shapes = [dict(t.shape) for t in terms]
-        for (i, p), value in zip(free, values, strict=True):
-            shapes[i][p.name] = float(value)
-        error = score(columns, [Term(t.effect, s) for t, s in zip(terms, shapes, strict=True)]).cv_rms
-        if error < least:
-            best, least = [*shapes], error
-        return float(np.log(error))
-
-    values = np.array([terms[i].shape[p.name] for i, p in free])
-    refine_values([p for _, p in free], values, cost, evaluations)
-    return best
-
-
-def _with_shapes(columns: Columns, start: Fit, shapes: Sequence[Shape] | None) -> Fit:
-    if shapes is None:
-        return start
-    return fit(columns, [Term(t.effect, shape) for t, shape in zip(start.terms, shapes, strict=True)])
-
-
-@dataclass(eq=False)
-class _Refinement:
-    """A fit whose shapes are refined when it is called, or in a worker from when it began."""
-
-    columns: Columns
-    start: Fit
-    executor: Executor | None
-    _found: Future[list[Shape] | None] | None = field(default=None, init=False)
-
-    def begin(self) -> None:
-        """Let a worker refine the shapes, where there are workers and shapes."""
-        if self.executor is not None and any(t.effect.shapes for t in self.start.terms):
-            arguments = (self.columns, self.start.terms, self.start.cv_rms, EVALUATIONS)
-            self._found = self.executor.submit(refined_shapes, *arguments)
-
-    def __call__(self) -> Fit:
-        """The refined fit."""
-        if self._found is None:
-            return refine(self.columns, self.start)
-        return _with_shapes(self.columns, self.start, self._found.result())
-
-
 def share_better(small: Fit, large: Fit, seed: int = 0) -> float:
     """Share of block resamples in which `large` has the smaller squared error."""
     return better_share(small.block_sse - large.block_sse, seed)
@@ -138,6 +82,8 @@ class JointProblem:
         columns: Training rows. effects: candidates. context: what the logs offer.
         known: Keys of the declared effects, whose values are not questioned. noise: noise floor [effort].
         executor: Refines proposals beside each other; None refines them here.
+        best, refined: What was found so far: terms of the best shape of an effect beside a parent's, and refined
+            shapes. Searches of the same rows with other effects (`replace`) share them.
     """
 
     columns: Columns
@@ -146,6 +92,8 @@ class JointProblem:
     known: frozenset[str]
     noise: float
     executor: Executor | None = None
+    best: dict[Hashable, tuple[Term, ...]] = field(default_factory=dict)
+    refined: Known = field(default_factory=dict)
 
     @cached_property
     def screen(self) -> ShapeScreen:
@@ -163,9 +111,18 @@ class JointProblem:
         for effect in self.effects:
             key = frozenset({t.effect.key for t in parent.terms} | {effect.key})
             if effect.id not in taken and key not in known:
-                best = best_shape(self.columns, parent, effect, self.context, self.screen)
-                refinement = _Refinement(self.columns, best, self.executor)
+                best = self._best(parent, effect)
+                refinement = Refinement(self.columns, best, self.refined, self.executor)
                 yield Proposal(key, best.cv_rms, refinement, refinement.begin)
+
+    def _best(self, parent: Fit, effect: Effect) -> Fit:
+        """A parent's terms and an effect at the best point of its shape grid."""
+        key = (*term_keys(parent.terms), effect.key)
+        if key in self.best:
+            return fit(self.columns, self.best[key])
+        found = best_shape(self.columns, parent, effect, self.context, self.screen)
+        self.best[key] = tuple(found.terms)
+        return found
 
     def errors(self, fitted: Fit) -> FloatArray:
         """(1,) cross-validated RMS [effort]."""

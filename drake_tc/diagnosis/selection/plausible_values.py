@@ -15,6 +15,7 @@ from drake_tc.diagnosis.selection.shapes import PERIOD
 from drake_tc.diagnosis.selection.withdrawal import Withdrawal
 from drake_tc.diagnosis.thresholds import MOST_OF_KNOWN_LOAD, RESOLVED
 from drake_tc.effects.base import Context
+from drake_tc.effects.encoder_eccentricity import EncoderEccentricity
 from drake_tc.effects.plausibility import implausible
 from drake_tc.effects.position_dependent_load import PositionDependentLoad
 
@@ -64,20 +65,22 @@ def objection_to_values(fitted: Fit, term: Term, context: Context, columns: Colu
 
 
 def looks_like_known_load(fitted: Fit, term: Term, columns: Columns) -> str:
-    """Why a curve over the position is no load of its own, in one sentence, or "".
+    """Why a curve over the position is no cause of its own, in one sentence, or "".
+
+    A wave of one cycle a turn is gravity's own form where its phase is that of gravity.
 
     Args:
         fitted: To the rows of `columns`.
         term: One of its effects.
         columns: Training rows.
     """
-    if not isinstance(term.effect, PositionDependentLoad):
+    if not isinstance(term.effect, PositionDependentLoad | EncoderEccentricity):
         return ""
     share = share_of_known_load(fitted, term, columns)
     if share <= MOST_OF_KNOWN_LOAD:
         return ""
     return (
-        f"{100 * share:.0f} % of its curve is a multiple of the known load: a wrong scale of that load, of the "
+        f"{100 * share:.0f} % of what it explains is a multiple of the known load: a wrong scale of that load, of the "
         "inertia or of the drive would look the same."
     )
 

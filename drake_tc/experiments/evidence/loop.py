@@ -22,7 +22,7 @@ from drake_tc.experiments.design.goal import Goal
 from drake_tc.experiments.design.known import joint_from_logs
 from drake_tc.experiments.design.limits import JointLimits
 from drake_tc.experiments.design.run import DEFAULT_HZ, DesignOptions, design_joint
-from drake_tc.experiments.rehearsal.twin import SimulatedJoint, TwinRun, on_clock
+from drake_tc.experiments.rehearsal.twin import SimulatedJoint, TwinRun, integrated, on_clock
 from drake_tc.identification.excitation import MotionLimits, growing_sinusoid
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig, parse_rig
@@ -73,36 +73,81 @@ class LoopCase:
     refusal: str = ""
 
 
-def run_case(pair: Pair, swapped: bool, seed: int) -> LoopCase:
-    """One case, from the first logs to both answers."""
+@dataclass(frozen=True, eq=False)
+class _Open:
+    """A case on its way: the joint, its first runs and what they told."""
+
+    truth: str
+    other: str
+    seed: int
+    simulated: SimulatedJoint
+    spec: RigSpec
+    rig: Rig
+    first: tuple[Run, ...] = ()
+    told: bool = False
+    later: tuple[TwinRun, ...] = ()
+    refusal: str = ""
+
+
+def run_cases(pairs: Sequence[Pair], seed: int, progress: Progress = lambda text, share: None) -> list[LoopCase]:
+    """Every pair with each of its effects as the truth; simulations run together, in one time loop each.
+
+    Args:
+        pairs: Of effects.
+        seed: Of the joints, the first motions and the noise.
+        progress: Told how far it is.
+
+    Raises:
+        SimulationError: A joint ran away.
+    """
+    cases = [_drawn(pair, swapped, seed) for pair in pairs for swapped in (False, True)]
+    runs = [_first_runs(np.random.default_rng([seed, 3, i])) for i in range(len(cases))]
+    records = integrated([c.spec for c in cases for _ in range(3)], [run for each in runs for run in each])
+    for i, case in enumerate(cases):
+        made = [
+            case.simulated.measured(records[3 * i + k], runs[i][k], np.random.default_rng([seed, i, k, 5]))
+            for k in range(3)
+        ]
+        cases[i] = _designed(replace(case, first=tuple(made)))
+        progress(f"designed {case.truth} against {case.other}", 0.6 * (i + 1) / len(cases))
+    ready = [case for case in cases if not case.refusal]
+    records = integrated([c.spec for c in ready for _ in c.later], [run for c in ready for run in c.later])
+    out = [LoopCase(c.truth, c.other, c.seed, False, False, False, c.refusal) for c in cases if c.refusal]
+    for i, case in enumerate(ready):
+        answers = []
+        for k, run in enumerate(case.later):
+            more = case.simulated.measured(records[2 * i + k], run, np.random.default_rng([seed, i, k, 6]))
+            answers.append(_told(case.rig, [*case.first[:-1], more], case.first[-1:], case.truth, case.other))
+        out.append(LoopCase(case.truth, case.other, seed, case.told, answers[0], answers[1]))
+        progress(f"answered {case.truth} against {case.other}", 0.6 + 0.4 * (i + 1) / len(ready))
+    return out
+
+
+def _drawn(pair: Pair, swapped: bool, seed: int) -> _Open:
     (truth, size), (other, _) = (pair.second, pair.first) if swapped else (pair.first, pair.second)
-    try:
-        return _run_case(pair.drive, (truth, size), other, seed)
-    except DrakeTcError as error:
-        return LoopCase(truth, other, seed, first=False, designed=False, default=False, refusal=str(error))
-
-
-def _run_case(drive: Drive, cause: tuple[str, float], other: str, seed: int) -> LoopCase:
-    truth, size = cause
     rng = np.random.default_rng([seed, *truth.encode()])
-    spec = _spec(drive, rng)
+    spec = _spec(pair.drive, rng)
     simulated = SimulatedJoint(JOINT, spec, recorded=frozenset({"temperature"}))
     causes = {cause_of(truth).name: cause_values(truth, size, spec.joint, None, rng)}
-    rig = parse_rig({"joint": JOINT, "drive": drive, "declared": {"rotor_inertia": spec.joint.rotor_inertia}})
-    (first,) = simulated.simulated([causes], [seed], _first_runs(rng))
-    train, held = first[:-1], first[-1:]
-    start = _told(rig, train, held, truth, other)
-    joint, _, prepared = joint_from_logs(rig, train, JOINT)
-    options = DesignOptions(duration=LAST_SECONDS, seed=seed)
-    goal = Goal("tell", (truth, other))
-    joint = replace(joint, context=replace(joint.context, position_span=LIMITS.position, max_speed=LIMITS.velocity))
-    design = design_joint(joint, LIMITS, goal, options, prepared)
+    rig = parse_rig({"joint": JOINT, "drive": pair.drive, "declared": {"rotor_inertia": spec.joint.rotor_inertia}})
+    return _Open(truth, other, seed, simulated, simulated.with_causes(causes, seed), rig)
+
+
+def _designed(case: _Open) -> _Open:
+    """What the first runs tell, and the two further runs: the designed motion and the growing sinusoid."""
+    train = case.first[:-1]
+    told = _told(case.rig, train, case.first[-1:], case.truth, case.other)
+    try:
+        joint, _, prepared = joint_from_logs(case.rig, train, JOINT)
+        wide = replace(joint.context, position_span=LIMITS.position, max_speed=LIMITS.velocity)
+        goal = Goal("tell", (case.truth, case.other))
+        options = DesignOptions(duration=LAST_SECONDS, seed=case.seed)
+        design = design_joint(replace(joint, context=wide), LIMITS, goal, options, prepared)
+    except DrakeTcError as error:
+        return replace(case, told=told, refusal=str(error))
     time, motion = design.motion(1.0 / LOG_PERIOD)
-    answers = []
-    for name, reference in (("designed", motion[0]), ("default", _default(time))):
-        (more,) = simulated.simulated([causes], [seed + 1000], [_run(name, time, reference)])
-        answers.append(_told(rig, [*train, *more], held, truth, other))
-    return LoopCase(truth, other, seed, first=start, designed=answers[0], default=answers[1])
+    later = (_run("designed", time, motion[0]), _run("default", time, _default(time)))
+    return replace(case, told=told, later=later)
 
 
 def _spec(drive: Drive, rng: np.random.Generator) -> RigSpec:

@@ -86,23 +86,23 @@ class SimulatedJoint:
             SimulationError: A joint ran away.
         """
         chosen = tuple(runs)
-        specs = [self._spec(each, seed) for each, seed in zip(causes, seeds, strict=True)]
+        specs = [self.with_causes(each, seed) for each, seed in zip(causes, seeds, strict=True)]
         out: list[list[Run]] = [[] for _ in specs]
-        for run in chosen:
-            records = _integrated(specs, run)
+        for number, run in enumerate(chosen):
+            records = integrated(specs, [run] * len(specs))
             for made, record, seed in zip(out, records, seeds, strict=True):
-                rng = np.random.default_rng([seed, chosen.index(run), 5])
-                made.append(self._measured(record, run, rng))
+                made.append(self.measured(record, run, np.random.default_rng([seed, number, 5])))
         return out
 
-    def _spec(self, causes: Mapping[str, Mapping[str, float]], seed: int) -> RigSpec:
+    def with_causes(self, causes: Mapping[str, Mapping[str, float]], seed: int) -> RigSpec:
+        """The joint with causes, and with its sensors' seed."""
         motor = "motor_position" in self.recorded
         joint = self.spec.joint
         if "rotor_inertia" in causes:
             joint = replace(joint, rotor_inertia=joint.rotor_inertia + causes["rotor_inertia"]["inertia"])
         return replace(self.spec, joint=joint, causes=dict(causes), seed=seed, motor_position=motor)
 
-    def _measured(self, record: Record, run: TwinRun, rng: np.random.Generator) -> Run:
+    def measured(self, record: Record, run: TwinRun, rng: np.random.Generator) -> Run:
         """What the user's logger would have written of a simulated run."""
         log = clean_log(record)
         clean = pd.DataFrame({name: np.interp(run.time, log.time, getattr(log, name)) for name in CLEAN_COLUMNS})
@@ -125,23 +125,39 @@ class SimulatedJoint:
         return Run(run.name, None, run.time, period, columns, np.zeros(run.time.size, dtype=np.int64), steps=steps)
 
 
-def _integrated(specs: list[RigSpec], run: TwinRun) -> list[Record]:
-    """One run of every joint, in one time loop."""
-    count = len(specs)
-    specs = [replace(spec, duration=float((run.motion.position.size - 1) * LOG_PERIOD)) for spec in specs]
-    batch = Batch(specs, ["sine"] * count, [run.motion] * count, STEP)
-    batch.state.q[:] = run.motion.position[0]
+def integrated(specs: Sequence[RigSpec], runs: Sequence[TwinRun]) -> list[Record]:
+    """Run i of joint i, all in one time loop; a motion that is shorter than the longest one rests at its end.
+
+    Raises:
+        SimulationError: A joint ran away.
+    """
+    size = max(run.motion.position.size for run in runs)
+    motions = [_held(run.motion, size) for run in runs]
+    lasting = [replace(spec, duration=float((size - 1) * LOG_PERIOD)) for spec in specs]
+    batch = Batch(lasting, ["sine"] * len(lasting), motions, STEP)
+    reference = np.stack([motion.position for motion in motions], axis=1)
+    batch.state.q[:] = reference[0]
     batch.link_q = batch.state.q.copy()
     kept = batch.integrate(round(LOG_PERIOD / STEP), 1)
-    travel = np.max(np.abs(kept[CHANNELS.index("position")] - run.motion.position[:-1, None]), axis=0)
-    span = max(float(np.ptp(run.motion.position)), 0.1)
-    wild = [i for i in range(count) if not travel[i] < FARTHEST * span]
-    if wild:
-        names = ", ".join(sorted({cause for i in wild for cause in specs[i].causes})) or "no effect"
-        raise SimulationError(f"run {run.name}: the simulated joint with {names} runs away; choose a smaller size")
-    return [
-        Record(spec, run.name, {name: kept[k, :, i] for k, name in enumerate(CHANNELS)}) for i, spec in enumerate(specs)
-    ]
+    travel = np.max(np.abs(kept[CHANNELS.index("position")] - reference[:-1]), axis=0)
+    span = np.maximum(np.ptp(reference, axis=0), 0.1)
+    for spec, run, bad in zip(specs, runs, ~(travel < FARTHEST * span), strict=True):
+        if bad:
+            names = ", ".join(sorted(spec.causes)) or "no effect"
+            raise SimulationError(f"run {run.name}: the simulated joint with {names} runs away; choose a smaller size")
+    out = []
+    for i, (spec, run) in enumerate(zip(lasting, runs, strict=True)):
+        count = run.motion.position.size - 1
+        own = replace(spec, duration=float(count * LOG_PERIOD))
+        out.append(Record(own, run.name, {name: kept[k, :count, i] for k, name in enumerate(CHANNELS)}))
+    return out
+
+
+def _held(motion: Motion, size: int) -> Motion:
+    """The motion with its last position and load held until it has `size` samples."""
+    more = size - motion.position.size
+    position, load = (np.pad(x, (0, more), mode="edge") for x in (motion.position, motion.load))
+    return Motion(position, np.pad(motion.velocity, (0, more)), load)
 
 
 @dataclass(frozen=True, eq=False)

@@ -76,7 +76,7 @@ class RigDocument(Keys):
         example="torque_on",
         absent="a column `enabled` or `<joint>/enabled` of the log, where there is one",
     )
-    valid: list[LogColumn] | None = key(
+    valid: LogColumn | list[LogColumn] | None = key(
         "Which samples may be used: the name of a column in the log that is 0 (or false) where they may not, or a "
         "comparison of a column with a number in the column's own unit (`<`, `<=`, `>`, `>=`, `==`, `!=`). Of a list, "
         "all conditions must hold. A missing value does not hold. Use it for samples in which something acts that no "
@@ -198,7 +198,13 @@ class RigDocument(Keys):
             raise ValueError(f"expected a column of the log, or a column compared with a number, got {quoted(value)}")
         for text in texts:
             Condition.of(text)
-        return texts
+        return value
+
+    @property
+    def conditions(self) -> tuple[Condition, ...]:
+        """Those of `valid`."""
+        texts = [self.valid] if isinstance(self.valid, str) else self.valid or []
+        return tuple(Condition.of(text) for text in texts)
 
     @field_validator("sensors", mode="before")
     @classmethod

@@ -46,6 +46,10 @@ class GainSpec:
         return [float(self.by_joint.get(joint, {}).get(name, getattr(self, name))) for joint in joints]
 
 
+LONGEST_WINDOW = 10_000
+"""Of a filter [samples]."""
+
+
 @dataclass(frozen=True)
 class FilterSpec:
     """Savitzky–Golay filters (Del Prete et al., 2016, section 2), evaluated in the middle of the window.
@@ -63,6 +67,10 @@ class FilterSpec:
     window: int = 80
     encoder_order: int = 2
     inertial_order: int = 1
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.window <= LONGEST_WINDOW:
+            raise ParamsError(f"window: expected 1 to {LONGEST_WINDOW} samples, got {self.window}")
 
 
 @dataclass(frozen=True)

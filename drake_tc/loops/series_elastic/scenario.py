@@ -14,7 +14,7 @@ from drake_tc.control.series_elastic.spec import SeriesElasticSpec
 from drake_tc.errors import ParamsError
 from drake_tc.loops.scenarios.base import ScenarioBase
 from drake_tc.loops.scenarios.checks import check_run
-from drake_tc.sensing.spec import SensorSpec
+from drake_tc.sensing.spec import MOST_TICKS, SensorSpec
 
 
 @dataclass(frozen=True)
@@ -120,8 +120,10 @@ class SeriesElasticLoopSpec:
         if not 0.0 < self.dt < math.inf:
             raise ParamsError(f"dt: expected a positive number [s], got {self.dt!r}")
         ratio = self.delay / self.dt
-        if not 0.0 <= self.delay < math.inf or abs(ratio - round(ratio)) > 1e-6:
-            raise ParamsError(f"delay: expected a multiple of dt = {self.dt:g} s, got {self.delay:g} s")
+        if not 0.0 <= ratio <= MOST_TICKS or abs(ratio - round(ratio)) > 1e-6:
+            raise ParamsError(
+                f"delay: expected a multiple of dt = {self.dt:g} s, {MOST_TICKS} of them at most; got {self.delay:g} s"
+            )
 
 
 @dataclass(frozen=True)

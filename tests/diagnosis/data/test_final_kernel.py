@@ -12,6 +12,7 @@ from drake_tc.effects.library import effect
 from drake_tc.filtering.common_kernel import CommonKernel
 
 from ..coarse_pendulum import GAIN, LENGTH, MASS, RIG, ROTOR, STEP, pendulum
+from ..rigs import Joint, record, rig_of
 
 
 def estimate(final_s: float | None) -> tuple[float, dict[str, float], float]:
@@ -56,3 +57,13 @@ def test_short_strokes_keep_the_narrow_kernel():
     assert covered(moving, whole, wide, light) == 0
     rows, _ = choose_rows(moving, whole, narrow, light, period)
     assert covered(moving, whole, narrow, light) >= rows.size > 0
+
+
+def test_a_balance_without_an_inertia_keeps_the_narrow_kernel():
+    """The torque is measured, and only with a rotor inertia does the noise of the acceleration enter the balance."""
+    inertial, free = (
+        build_samples([record(joint)], rig_of(joint), "joint")
+        for joint in (Joint(encoder_step=STEP, period=5e-3, inertia=size) for size in (0.3, 0.0))
+    )
+    assert_allclose(free.kernel.width_s, free.light.actual_width_s, rtol=1e-12)
+    assert inertial.kernel.width_s > 1.2 * free.kernel.width_s

@@ -8,8 +8,10 @@ from mailed import Mailed
 
 from drake_tc.diagnosis.problem.columns import Term
 from drake_tc.diagnosis.problem.regression import fit
-from drake_tc.diagnosis.selection import joint
-from drake_tc.diagnosis.selection.joint import best_shape, candidates, refine, search
+from drake_tc.diagnosis.selection import shape_refinement
+from drake_tc.diagnosis.selection.engine import select
+from drake_tc.diagnosis.selection.joint import JointProblem, best_shape, candidates, search
+from drake_tc.diagnosis.selection.shape_refinement import refine
 from drake_tc.diagnosis.selection.shapes import ShapeScreen
 from drake_tc.diagnosis.thresholds import JOINT
 from drake_tc.effects.base import Context
@@ -138,8 +140,22 @@ def test_an_evaluation_filters_only_the_column_whose_shape_has_changed(monkeypat
 
         return wrapped
 
-    monkeypatch.setattr(joint, "score", counted("score", joint.score))
+    monkeypatch.setattr(shape_refinement, "score", counted("score", shape_refinement.score))
     monkeypatch.setattr(BlockConvolution, "at", counted("reduce", BlockConvolution.at))
     assert refine(p.columns, start).cv_rms < start.cv_rms
     assert 10 < counts["score"] <= 120, "60 evaluations for each of two shape parameters"
     assert counts["reduce"] <= counts["score"]
+
+
+def test_a_second_search_of_the_same_rows_refines_nothing_again(monkeypatch):
+    p = problem(replace(NOISY, extra=PLANTED["torque_ripple"]), runs=2)
+    effects = [e for e in LIBRARY if e.id in FEW and not e.obstacle(p.context)]
+    known = frozenset(t.effect.key for t in p.declared)
+    first = JointProblem(p.columns, effects, p.context, known, floor_of(p))
+    start = fit(p.columns, p.declared)
+    once = select(first, start, JOINT)
+    refined = []
+    monkeypatch.setattr(shape_refinement, "refined_shapes", lambda *args: refined.append(args))
+    again = select(replace(first, effects=effects[:]), start, JOINT)
+    np.testing.assert_array_equal(again.chosen.beta, once.chosen.beta)
+    assert again.chosen.terms == once.chosen.terms and not refined

@@ -12,12 +12,18 @@ from drake_tc.diagnosis.data.resolution import Resolution
 from drake_tc.diagnosis.data.samples import Samples
 from drake_tc.diagnosis.problem.columns import Columns, Term
 from drake_tc.diagnosis.problem.regression import Fit, fit
-from drake_tc.diagnosis.selection.plausible_values import crossed_steps, objection_to_values, share_of_known_load
+from drake_tc.diagnosis.selection.plausible_values import (
+    crossed_steps,
+    looks_like_known_load,
+    objection_to_values,
+    share_of_known_load,
+)
+from drake_tc.diagnosis.thresholds import MOST_OF_KNOWN_LOAD
 from drake_tc.effects.base import Context
 from drake_tc.effects.library import effect
 
 from ..rigs import record, rig_of
-from .runs import DECLARED, PLAIN, QUADRATIC, columns_of, offset
+from .runs import DECLARED, PLAIN, QUADRATIC, columns_of
 
 
 @pytest.fixture(scope="module")
@@ -133,14 +139,16 @@ def test_friction_that_drives_is_impossible(columns, context, value, possible):
     assert (found is None) == possible
 
 
-def test_a_curve_that_is_a_multiple_of_the_known_load_is_withdrawn():
-    """A torque sensor whose scale is wrong, on a joint whose load is a spring: the load is a function of the angle."""
-    load = replace(PLAIN, extra=offset(0.0))
-    columns = columns_of([load] * 2, "train")
-    term = Term(effect("position_dependent_load"), {"curve_start": -1.0, "curve_end": 1.0})
-    design = columns.of(term)
-    known = np.linalg.lstsq(design, columns.samples.reduce(columns.samples.signals.load_torque), rcond=None)[0]
-    for theta, like in ((0.3 * known, True), (np.array([1.0, -1.0, 1.0, -1.0, 1.0, -1.0, 1.0]), False)):
-        made = Fit((*DECLARED, term), np.array([12.5, 6.0, 3.0, *theta]), np.zeros(1), 1.0, 1.0, np.zeros(1))
-        share = share_of_known_load(made, term, columns)
-        assert (share > 0.5) == like, share
+def test_a_curve_that_is_a_multiple_of_the_known_load_is_told_from_one_that_is_not(columns):
+    """A pendulum's load: gravity is a function of the angle, the inertial part is none."""
+    s = columns.samples.signals
+    hung = replace(s, load_torque=8.0 * np.sin(s.position) + 0.3 * s.acceleration)
+    pendulum = Columns(replace(columns.samples, signals=hung))
+    term = Term(effect("position_dependent_load"), {"curve_start": -1.1, "curve_end": 1.1})
+    gravity = pendulum.samples.reduce(8.0 * np.sin(s.position))
+    known = np.linalg.lstsq(pendulum.of(term), gravity, rcond=None)[0]
+    for theta, alike in ((-0.3 * known, True), (np.array([1.0, -1.0, 1.0, -1.0, 1.0, -1.0, 1.0]), False)):
+        fitted = made_fit(term, theta)
+        assert (share_of_known_load(fitted, term, pendulum) > MOST_OF_KNOWN_LOAD) == alike
+        assert bool(looks_like_known_load(fitted, term, pendulum)) == alike
+    assert looks_like_known_load(made_fit(QUADRATIC, [1.0]), QUADRATIC, pendulum) == ""
