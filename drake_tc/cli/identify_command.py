@@ -62,7 +62,7 @@ def identify_command(
         raise LogError("identify: expected at least one --log RUN, got none")
     if (method is MethodName.motor) != (sheet is not None):
         raise IdentificationError(
-            "identify: expected --method motor and --sheet SHEET.yaml together, or neither;"
+            "identify: expected --method motor and --sheet SHEET.yaml together, or neither,"
             f" got --method {method.value} {'without a' if sheet is None else 'and a'} --sheet"
         )
     read_rig = load_rig(rig)

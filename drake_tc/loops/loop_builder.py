@@ -113,7 +113,7 @@ class LoopBuilder(Generic[ScenarioT]):
             sizes = [p.size() for p in (own.get_input_port(0), own.get_output_port(0))]
             if sizes != [port.size()] * 2:
                 raise ParamsError(
-                    f"between: {place!r}: expected a system whose input and output have size {port.size()};"
+                    f"between: {place!r}: expected a system whose input and output have size {port.size()},"
                     f" got sizes {sizes[0]} and {sizes[1]}"
                 )
             self.builder.AddNamedSystem(own.get_name() or place.replace(".", "_"), own)

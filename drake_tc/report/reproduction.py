@@ -33,7 +33,7 @@ class OnRecord:
     def __post_init__(self) -> None:
         if not (np.isfinite(self.reached) and 0.0 <= self.reached_tolerance < np.inf):
             raise ParamsError(
-                f"{self.name}: expected a finite value reached and a finite tolerance of it, not negative;"
+                f"{self.name}: expected a finite value reached and a finite tolerance of it, not negative,"
                 f" got {self.reached} and {self.reached_tolerance}"
             )
 
@@ -69,7 +69,7 @@ class Expectation:
             raise ParamsError(f"{self.name}: how: expected one of {', '.join(get_args(How))}, got {self.how!r}")
         if not (np.isfinite(self.expected) and 0.0 <= self.tolerance < np.inf):
             raise ParamsError(
-                f"{self.name}: expected a finite expected value and tolerance, the latter not negative;"
+                f"{self.name}: expected a finite expected value and tolerance, the latter not negative,"
                 f" got {self.expected} and {self.tolerance}"
             )
         if self.reason and self.reached is None:

@@ -69,7 +69,7 @@ class Contact:
                 raise ParamsError(f"{where}: {key}: expected a finite number >= 0, got {value!r}")
         if not self.maximum_force > self.minimum_force:
             raise ParamsError(
-                f"{where}: maximum_force: expected more than minimum_force {self.minimum_force:g};"
+                f"{where}: maximum_force: expected more than minimum_force {self.minimum_force:g},"
                 f" got {self.maximum_force!r}"
             )
         if self.extents is not None and (self.half_length or self.half_width):

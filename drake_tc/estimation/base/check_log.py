@@ -91,7 +91,7 @@ def _check_positions(path: Path, rig: BaseRig, q: FloatArray) -> None:
             came = float(known[far][0])
             looks = "; it looks like degrees" if least <= came / DEGREES <= most else ""
             raise LogError(
-                f"{path}: position of {name}: expected rad within its limits {lower:.3g} to {upper:.3g};"
+                f"{path}: position of {name}: expected rad within its limits {lower:.3g} to {upper:.3g},"
                 f" got {came:.4g}{looks}"
             )
 

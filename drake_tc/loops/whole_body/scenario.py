@@ -174,6 +174,6 @@ class TsidScenario(ScenarioBase, WholeBodySpec):
             )
         if any(self.faults.values()) and (self.state, self.torque) != ("base_estimator", "series_elastic"):
             raise ParamsError(
-                "faults: expected state: base_estimator and torque: series_elastic beside it;"
+                "faults: expected state: base_estimator and torque: series_elastic beside it,"
                 f" got {self.state} and {self.torque}"
             )

@@ -78,7 +78,7 @@ class JointRange:
             low, high = self.lower[i], self.upper[i]
             if not high - low >= need[i]:
                 raise ParamsError(
-                    f"positions of {joint!r}: expected upper - lower >= {need[i]:.3g} rad, in which it can turn;"
+                    f"positions of {joint!r}: expected upper - lower >= {need[i]:.3g} rad, in which it can turn,"
                     f" got {low:g} and {high:g}"
                 )
 
