@@ -56,6 +56,9 @@ PARTS = {
         (REPRODUCED + "B.test*", "diagrams/papers/delprete2015/test_reproductions.py::*", "tsid/*"),
         alone=True,
     ),
+    "kernels": Part(
+        "the compiled functions run as Python (NUMBA_DISABLE_JIT=1)", ("kernels/test_without_compiler.py::*",)
+    ),
     "closed-loop": Part(
         "paper B: twenty robots in the whole chain (B.closed_loop)", (REPRODUCED + "B.closed_loop?",), alone=True
     ),

@@ -122,6 +122,7 @@ class ActiveContacts:
     Attributes:
         contacts: Those that are active, in the model's order.
         index: Of each among all contacts of the model.
+        places: (a,) the same as an array.
         rows: Of each in f (k,).
         entries: (k,) of f in a vector that holds the forces of all contacts of the model.
         size: k.
@@ -129,6 +130,7 @@ class ActiveContacts:
 
     contacts: tuple[Contact, ...]
     index: tuple[int, ...]
+    places: IntArray
     rows: tuple[slice, ...]
     entries: IntArray
     size: int
@@ -154,4 +156,5 @@ def select(contacts: Sequence[Contact], active: Sequence[bool] | None = None) ->
             entries.extend(range(first, first + contact.size))
             start += contact.size
         first += contact.size
-    return ActiveContacts(tuple(chosen), tuple(index), tuple(rows), np.array(entries, dtype=np.int64), start)
+    places = np.array(index, dtype=np.int64)
+    return ActiveContacts(tuple(chosen), tuple(index), places, tuple(rows), np.array(entries, dtype=np.int64), start)

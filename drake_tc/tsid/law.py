@@ -21,6 +21,7 @@ from typing import NamedTuple
 import numpy as np
 
 from drake_tc.errors import ParamsError
+from drake_tc.kernels.lazy import Kernel
 from drake_tc.tsid.assembly import check_names, ordered
 from drake_tc.tsid.check_rows import check_rows
 from drake_tc.tsid.infeasible import diagnose, safe_torque
@@ -38,6 +39,7 @@ from drake_tc.tsid.tasks.base import Task
 from drake_tc.tsid.terms import Terms
 from drake_tc.types import FloatArray
 
+_RESPONSE = Kernel("reduction", "response")
 LARGEST = 1e6
 """No input in SI units is as large; one that is counts as not finite. A larger R, or an infinite one, is told as it."""
 
@@ -253,7 +255,8 @@ def solve_tick(
         active: One a contact.
         before: The last tick.
     """
-    if not np.abs(np.concatenate((state, *references))).max() < LARGEST:
+    given = np.concatenate((state, *references))
+    if not (given.max() < LARGEST and given.min() > -LARGEST):
         return lost_tick(law, before)
     try:
         problem = problem_at(law, scratch, state, references, active)
@@ -292,9 +295,8 @@ def _held(law: Law, terms: Terms) -> FloatArray | None:
 
 
 def _packed(law: Law, problem: Problem, torque: FloatArray, status: FloatArray, start: Start | None) -> Tick:
-    acceleration, active_force = problem.reduced.full(torque)
-    force = np.zeros(law.model.force_size)
-    force[problem.terms.contacts.entries] = active_force
+    causes, entries = problem.reduced.causes, problem.terms.contacts.entries
+    acceleration, force = _RESPONSE(torque, *causes, entries, law.model.force_size)
     return Tick(torque, acceleration, force, status, start)
 
 

@@ -14,8 +14,8 @@ from drake_tc.tsid.reduction import Reduced
 from drake_tc.tsid.robust.individual import p_ind
 from drake_tc.tsid.robust.options import Options
 from drake_tc.tsid.robust.solution import RobustSolution, Start
-from drake_tc.tsid.robust.step import FREE
 from drake_tc.tsid.robust.torque_error import TorqueError
+from drake_tc.tsid.robust.working import FREE
 from drake_tc.tsid.rows import TaskRows
 
 

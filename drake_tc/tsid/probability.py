@@ -24,8 +24,7 @@ from scipy.stats.qmc import Sobol
 from drake_tc.errors import ParamsError
 from drake_tc.tsid.polytope import Polytope
 from drake_tc.tsid.robust.individual import certain_miss
-from drake_tc.tsid.robust.objective import nothing
-from drake_tc.tsid.robust.scaled import scaled
+from drake_tc.tsid.robust.scaled import nothing, scaled
 from drake_tc.tsid.robust.torque_error import TorqueError
 from drake_tc.types import FloatArray, IntArray
 

@@ -16,7 +16,7 @@ from drake_tc.tsid.qp.choose import solver
 from drake_tc.tsid.qp.problem import Outcome
 from drake_tc.tsid.robust.box import size_of_risk
 from drake_tc.tsid.robust.individual import p_ind
-from drake_tc.tsid.robust.rectangle_program import rectangle_risk
+from drake_tc.tsid.robust.rectangle import rectangle_risk
 from drake_tc.tsid.robust.torque_error import TorqueError
 
 FILE = Path(drake_tc.models.__file__).parent / "hrp2_like" / "hrp2_like_tsid.yaml"

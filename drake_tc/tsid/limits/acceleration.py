@@ -1,11 +1,8 @@
 """How fast joints may speed up and brake, their ranges of position and velocity folded in."""
 
-from typing import Any
-
 import numpy as np
 
 from drake_tc.errors import ParamsError
-from drake_tc.estimation.torque_model import as_slice
 from drake_tc.robot.plant import joint_limits
 from drake_tc.robot.robot import Robot
 from drake_tc.tsid.limits.viability import JointRange, Viability
@@ -36,9 +33,9 @@ class AccelerationLimit:
         """
         self.name = name
         self._labels = tuple(f"{joint} acceleration" for joint in limits.joints)
-        self._actuated: Any = as_slice(np.array(actuated))
+        self._actuated = np.array(actuated, dtype=np.int64)
         self._viability = Viability(limits)
-        self._parts = selection(np.array(actuated), velocities)
+        self._parts = selection(self._actuated, velocities)
 
     @classmethod
     def of(
@@ -76,7 +73,7 @@ class AccelerationLimit:
 
     def rows(self, terms: Terms) -> LimitRows:
         """N rows; a joint's acceleration each [rad/s^2]."""
-        lower, upper, relaxed = self._viability.bounds(terms.joint_position, terms.v[self._actuated])
+        lower, upper, relaxed = self._viability.bounds(terms.joint_position, terms.v, self._actuated)
         return LimitRows(self.name, self.group, self._parts, lower, upper, self._labels, relaxed)
 
 

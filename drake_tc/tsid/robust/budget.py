@@ -48,9 +48,13 @@ class Spending:
         self._clock = budget.clock if math.isfinite(budget.seconds) else None
         self._until = self._clock() + budget.seconds if self._clock is not None else math.inf
 
-    def step(self) -> None:
-        """Count one step."""
-        self._left -= 1
+    def most(self) -> int:
+        """How many steps may be taken until it is asked again whether this is `late`."""
+        return max(self._left, 1) if self._clock is None else 1
+
+    def steps(self, count: int) -> None:
+        """Count steps."""
+        self._left -= count
 
     def late(self) -> bool:
         """Whether nothing is left."""

@@ -55,8 +55,9 @@ class TorqueError:
             "scale": np.where(erring, sigma, largest if largest > 0.0 else 1.0),
         }
         for name, value in values.items():
-            value.setflags(write=False)
-            object.__setattr__(self, name, value)
+            kept = np.ascontiguousarray(value)
+            kept.setflags(write=False)
+            object.__setattr__(self, name, kept)
         object.__setattr__(self, "diagonal", diagonal)
         object.__setattr__(self, "plain", bool(diagonal and erring.all()))
 

@@ -66,19 +66,19 @@ def gains(where: str, value: Gains, size: int) -> FloatArray:
     return full
 
 
-def axes(where: str, mask: Sequence[bool] | None, size: int) -> IntArray | None:
-    """Indices of the wanted axes; None for all of them.
+def axes(where: str, mask: Sequence[bool] | None, size: int) -> IntArray:
+    """Indices of the wanted axes; a mask of None is for all of them.
 
     Raises:
         ParamsError: another size, or no axis at all.
     """
     if mask is None:
-        return None
+        return np.arange(size)
     if len(mask) != size or not all(isinstance(value, (bool, np.bool_)) for value in mask):
         raise ParamsError(f"{where}: expected {size} of true or false, got {list(mask)!r}")
     if not any(mask):
         raise ParamsError(f"{where}: expected at least one axis, got none")
-    return None if all(mask) else np.flatnonzero(mask)
+    return np.flatnonzero(mask)
 
 
 def check_frame(where: str, model: TsidModel, frame: str) -> str:
