@@ -24,6 +24,7 @@ from drake_tc.diagnosis.thresholds import JOINT, SAME_ERROR
 from drake_tc.effects.base import Effect
 from drake_tc.effects.context import EFFORT_UNIT
 from drake_tc.effects.library import effect
+from drake_tc.experiments.check.contributions import is_late
 from drake_tc.experiments.design.joint import BalanceColumns, DesignJoint
 from drake_tc.experiments.sizes import Size, acts_through_shape, directions
 from drake_tc.types import FloatArray
@@ -223,22 +224,25 @@ class Discrimination(Criterion):
             distances: Of `distances`.
         """
         worst = min(float(np.median(each)) for each in distances.values())
-        return told_apart(worst, self.joint.independent_per_second * self.duration)
+        late = all(is_late(form.effect) for form in self.orders[0])
+        return told_apart(worst, self.joint.independent_per_second * self.duration, late=late)
 
 
-def told_apart(distance: float, independent: float) -> float:
+def told_apart(distance: float, independent: float, *, late: bool = False) -> float:
     """Probability that a diagnosis tells two models apart whose distance is T.
 
     The difference of the squared errors is normal with mean T and variance 4 T in units of the noise. A diagnosis lists
-    two effects as indistinguishable unless it is positive in 98 % of the resamples and the error rises by 2 %.
+    two effects as indistinguishable unless it is positive in 98 % of the resamples and the error rises by 2 %; a delay
+    and a lag unless the better one explains half a noise floor more.
 
     Args:
         distance: T.
         independent: Samples n.
+        late: Whether the two are a delay and a lag.
     """
     if distance <= 0.0:
         return 0.0
-    needed = independent * ((1.0 + SAME_ERROR) ** 2 - 1.0)
+    needed = independent * (JOINT.least_removed**2 if late else (1.0 + SAME_ERROR) ** 2 - 1.0)
     spread = 2.0 * np.sqrt(distance)
     return float(min(norm.cdf(distance / spread - CERTAIN), norm.cdf((distance - needed) / spread)))
 
