@@ -10,6 +10,7 @@ from drake_tc.front_door import front_door
 
 if TYPE_CHECKING:
     from drake_tc.actuation.compensation import feedforward_effort
+    from drake_tc.actuation.half_step import simulated_inertia
     from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
     from drake_tc.actuation.model_file import load_models, save_models
     from drake_tc.actuation.plant import ActuatorPlant
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
     from drake_tc.effects.library import LIBRARY, effect, register_effect
     from drake_tc.errors import DrakeTcError
     from drake_tc.estimation.joint_torque import JointTorqueEstimator
+    from drake_tc.estimation.momentum_residual import MomentumResidual
     from drake_tc.estimation.torque_model import TorqueModel
     from drake_tc.filtering.savitzky_golay import SavitzkyGolayFilter
     from drake_tc.identification.actuator import actuator_model
@@ -74,6 +76,7 @@ __all__ = [
     "JointTorqueEstimator",
     "Law",
     "LimitKind",
+    "MomentumResidual",
     "MonitorSpec",
     "Rig",
     "Robot",
@@ -122,6 +125,7 @@ __all__ = [
     "register_limit",
     "register_task",
     "save_models",
+    "simulated_inertia",
     "sinusoid_trajectory",
     "swept_sine",
 ]
@@ -142,6 +146,7 @@ _HOMES = {
     "JointTorqueEstimator": "estimation.joint_torque",
     "Law": "tsid.law",
     "LimitKind": "tsid.limit_fields",
+    "MomentumResidual": "estimation.momentum_residual",
     "MonitorSpec": "sensor_validation.monitor_spec",
     "Rig": "logs.rig",
     "Robot": "robot.robot",
@@ -190,6 +195,7 @@ _HOMES = {
     "register_limit": "tsid.limit_fields",
     "register_task": "tsid.task_fields",
     "save_models": "actuation.model_file",
+    "simulated_inertia": "actuation.half_step",
     "sinusoid_trajectory": "control.trajectories",
     "swept_sine": "analysis.frequency_response",
 }

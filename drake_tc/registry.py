@@ -42,7 +42,7 @@ def loaded(text: str) -> Any:
     """
     module, colon, attribute = text.partition(":")
     if not (module and colon and attribute):
-        raise ParamsError(f"expected module:attribute; got {text!r}")
+        raise ParamsError(f"expected module:attribute, got {text!r}")
     try:
         return getattr(import_module(module), attribute)
     except (ImportError, AttributeError) as error:
@@ -134,10 +134,10 @@ def _named(name: str, kind: "Kind | None") -> "DiagramEntry[Any, Any]":
     entry = found if isinstance(found, DiagramEntry) else function_entry(name, found) if callable(found) else None
     if entry is None:
         raise ParamsError(
-            f"{name}: expected a DiagramEntry or a function that returns a Diagram; got {type(found).__name__}"
+            f"{name}: expected a DiagramEntry or a function that returns a Diagram, got {type(found).__name__}"
         )
     if kind not in (None, entry.kind):
-        raise ParamsError(f"{name}: expected a DiagramEntry of the {kind} loop for this command; got {entry.kind}")
+        raise ParamsError(f"{name}: expected a DiagramEntry of the {kind} loop for this command, got {entry.kind}")
     return entry
 
 

@@ -56,6 +56,9 @@ PARTS = {
         (REPRODUCED + "B.test*", "diagrams/papers/delprete2015/test_reproductions.py::*", "tsid/*"),
         alone=True,
     ),
+    "kernels": Part(
+        "the compiled functions run as Python (NUMBA_DISABLE_JIT=1)", ("kernels/test_without_compiler.py::*",)
+    ),
     "closed-loop": Part(
         "paper B: twenty robots in the whole chain (B.closed_loop)", (REPRODUCED + "B.closed_loop?",), alone=True
     ),
@@ -100,6 +103,7 @@ PARTS = {
             "diagnosis/test_shared_leg_tolerances.py::*",
         ),
     ),
+    "experiments": Part("what checks and designs promise, held against simulated rigs", ("experiments/*",), alone=True),
     "blind-middle": Part(
         "the full blind benchmark: effects of middle strength, and pairs",
         ("diagnosis/test_blind_full.py::*?middle?",),

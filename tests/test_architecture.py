@@ -27,6 +27,7 @@ FLOOR = {
     "simulator_files": 1,
     "logs": 1,
     "filtering": 1,
+    "kernels": 1,
     "effects": 2,
     "actuation": 3,
     "robot": 3,
@@ -43,6 +44,7 @@ FLOOR = {
     "report": 11,
     "registry": 12,
     "benchmarks": 12,
+    "experiments": 12,
     "diagrams": 12,
     "cli": 13,
     "": 14,  # the front door, drake_tc/__init__.py
@@ -54,6 +56,7 @@ ALONE = {
     "simulator_files": {"errors"},
     "logs": {"config", "errors", "types", "extensions", "simulator_files"},
     "filtering": {"errors", "types", "port_methods"},
+    "kernels": {"errors", "types"},
 }
 """Packages that may import nothing but these."""
 

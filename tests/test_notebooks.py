@@ -48,6 +48,15 @@ SAID = {
         "imu/frozen               flagged 10 ms after the fault",
         "the robot stands: True",
     ),
+    "06_experiment_design": (
+        "temperature not recorded",
+        "not separable from torque_sensor_bias",
+        "refused: torque_sensor_bias and encoder_offset are the same function",
+        "the designed motion narrows the intervals: True",
+        "the motion keeps its limits and begins and ends at rest: True",
+        "a spring of 8 N·m/rad is found: True",
+        "a joint without a spring is said to have one: False",
+    ),
 }
 """What a notebook's prose takes for granted, as its cells print it."""
 SHOWN = {
@@ -56,6 +65,7 @@ SHOWN = {
     "03_stability_and_tuning": {"image/png"},
     "04_robust_tsid": {"image/png"},
     "05_coman": {"image/png"},
+    "06_experiment_design": {"image/png"},
 }
 """Plots, and the block graph."""
 

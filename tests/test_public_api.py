@@ -28,6 +28,7 @@ FRONT_DOOR = {
     "JointTorqueEstimator",
     "Law",
     "LimitKind",
+    "MomentumResidual",
     "MonitorSpec",
     "Rig",
     "Robot",
@@ -76,6 +77,7 @@ FRONT_DOOR = {
     "register_limit",
     "register_task",
     "save_models",
+    "simulated_inertia",
     "sinusoid_trajectory",
     "swept_sine",
 }

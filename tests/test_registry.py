@@ -119,7 +119,7 @@ def test_an_entry_of_ones_own_is_taken_as_it_is(own):
     [
         ("nowhere_at_all:build", "cannot be loaded"),
         ("{own}:missing", "missing"),
-        ("{own}:text", "expected a DiagramEntry or a function that returns a Diagram; got str"),
+        ("{own}:text", "expected a DiagramEntry or a function that returns a Diagram, got str"),
         ("{own}:", "expected module:attribute"),
     ],
 )
@@ -129,7 +129,7 @@ def test_what_cannot_be_loaded_is_refused(own, name, message):
 
 
 def test_functions_that_give_no_discrete_diagram_are_refused(own):
-    for name, message in (("number", "returns a Diagram; got float"), ("gain", "with a discrete period")):
+    for name, message in (("number", "returns a Diagram, got float"), ("gain", "with a discrete period")):
         entry = registry.runnable(f"{own}:{name}")
         with pytest.raises(ParamsError, match=message):
             entry.build(entry.scenario())

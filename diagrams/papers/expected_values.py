@@ -18,11 +18,6 @@ def expected_path(file: str) -> Path:
     return Path(__file__).parent / FOLDERS[file[0]] / "expected" / f"{file}.yaml"
 
 
-def expected_paths() -> list[Path]:
-    """Every expected file of every paper."""
-    return sorted(path for name in FOLDERS.values() for path in (Path(__file__).parent / name).glob("expected/*.yaml"))
-
-
 def expectations(file: str) -> dict[str, Expectation]:
     """What each row of a reproduction should be, by name.
 

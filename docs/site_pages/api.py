@@ -23,9 +23,12 @@ PACKAGES = {
     "robot": "Robot files.",
     "loops": "The stages wired to loops.",
     "analysis": "Loops as sampled systems.",
+    "experiments": "What logs can show, and the next experiment.",
     "exchange": "Models of other simulators.",
 }
 """Package to what it is."""
+SHALLOW = ("diagnosis", "logs")
+"""Packages whose inner packages are left out: they are steps of a larger whole."""
 FRONT = "drake_tc"
 
 
@@ -67,9 +70,10 @@ def _homes() -> dict[str, str]:
 
 
 def _modules(package: str) -> Iterator[str]:
-    for path in sorted((ROOT / FRONT / package).glob("*.py")):
+    folder = ROOT / FRONT / package
+    for path in sorted(folder.glob("*.py") if package in SHALLOW else folder.rglob("*.py")):
         if path.stem != "__init__":
-            yield f"{FRONT}.{package}.{path.stem}"
+            yield ".".join((FRONT, package, *path.relative_to(folder).with_suffix("").parts))
 
 
 def _module(name: str) -> str:

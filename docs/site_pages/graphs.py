@@ -19,7 +19,10 @@ def pictures() -> dict[str, str]:
 def overview() -> str:
     """A heading and a picture for each diagram."""
     titles = {name: entry.title for name, entry in diagrams().items()}
-    parts = [
-        f"### {name}\n\n{title}.\n\n![Block graph of {name}](images/graph_{name}.svg)" for name, title in titles.items()
-    ]
-    return "\n\n".join(parts)
+    return "\n\n".join(_part(name, title) for name, title in titles.items())
+
+
+def _part(name: str, title: str) -> str:
+    picture = f"images/graph_{name}.svg"
+    text = f"{title[:1].upper()}{title[1:]}. The picture leads to its full size."
+    return f"### {name}\n\n{text}\n\n[![Block graph of {name}]({picture})]({picture})"

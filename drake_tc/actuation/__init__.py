@@ -6,6 +6,7 @@ from drake_tc.front_door import front_door
 
 if TYPE_CHECKING:
     from drake_tc.actuation.compensation import feedforward_effort
+    from drake_tc.actuation.half_step import simulated_inertia
     from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
     from drake_tc.actuation.model_file import load_models, save_models
     from drake_tc.actuation.plant import ActuatorPlant
@@ -21,6 +22,7 @@ __all__ = [
     "feedforward_effort",
     "load_models",
     "save_models",
+    "simulated_inertia",
 ]
 
 _HOMES = {
@@ -33,6 +35,7 @@ _HOMES = {
     "feedforward_effort": "compensation",
     "load_models": "model_file",
     "save_models": "model_file",
+    "simulated_inertia": "half_step",
 }
 
 __getattr__, __dir__ = front_door(__name__, _HOMES)

@@ -1,4 +1,4 @@
-"""The compensation face: the effort that makes an actuator deliver a wanted link torque.
+"""The compensation face: the effort that makes an actuator deliver a desired link torque.
 
     y = inverse(K (tau_d + sum_k theta_k phi_k)) + twist(tau_d)
 

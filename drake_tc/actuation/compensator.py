@@ -130,10 +130,10 @@ class Compensator:
         """
         models = model_list(models)
         if not (math.isfinite(direction_speed) and direction_speed >= 0.0):
-            raise ParamsError(f"direction_speed: wanted a number >= 0 [rad/s]; got {direction_speed!r}")
+            raise ParamsError(f"direction_speed: expected a number >= 0 [rad/s], got {direction_speed!r}")
         given = joint_values("smoothing", smoothing, [model.joint for model in models])
         if not np.all(np.isfinite(given) & (given >= 0.0)):
-            raise ParamsError(f"smoothing: wanted a number or {len(models)} >= 0 [effort]; got {given.tolist()}")
+            raise ParamsError(f"smoothing: expected a number or {len(models)} >= 0 [effort], got {given.tolist()}")
         widths = given.tolist()
         self._joints = tuple(model.joint for model in models)
         self._gains = tuple(model.drive.gain for model in models)

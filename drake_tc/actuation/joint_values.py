@@ -35,10 +35,10 @@ def model_list(models: Models, joints: Sequence[str] | None = None) -> tuple[Act
     else:
         listed = tuple(models)
         if joints is not None and len(listed) != len(joints):
-            raise ParamsError(f"models: expected {len(joints)}, one per joint; got {len(listed)}")
+            raise ParamsError(f"models: expected {len(joints)}, one per joint, got {len(listed)}")
     for model in listed:
         if not isinstance(model, ActuatorModel):
-            raise ParamsError(f"models: expected actuator models, by joint or in a list; got {model!r}")
+            raise ParamsError(f"models: expected actuator models, by joint or in a list, got {model!r}")
     return listed
 
 
@@ -54,7 +54,7 @@ def models_by_joint(models: Models) -> dict[str, ActuatorModel]:
     listed = model_list(models)
     by_joint = {model.joint: model for model in listed}
     if len(by_joint) < len(listed):
-        raise ParamsError(f"models: expected one model per joint; got joints {', '.join(m.joint for m in listed)}")
+        raise ParamsError(f"models: expected one model per joint, got joints {', '.join(m.joint for m in listed)}")
     return by_joint
 
 
@@ -79,7 +79,7 @@ def joint_values(name: str, values: JointValues, joints: Sequence[str]) -> Float
     try:
         given = np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError):
-        raise ParamsError(f"{name}: expected a number or {len(joints)} of them; got {values!r}") from None
+        raise ParamsError(f"{name}: expected a number or {len(joints)} of them, got {values!r}") from None
     if given.shape not in ((), (len(joints),)):
-        raise ParamsError(f"{name}: expected a number or {len(joints)} of them; got shape {given.shape}")
+        raise ParamsError(f"{name}: expected a number or {len(joints)} of them, got shape {given.shape}")
     return np.broadcast_to(given, (len(joints),)).copy()

@@ -10,6 +10,7 @@ import yaml
 
 from drake_tc.actuation.model import ActuatorModel, EffectValue
 from drake_tc.actuation.model_document import ModelDocument
+from drake_tc.config.quoted import quoted
 from drake_tc.config.validation import validated
 from drake_tc.config.whole_file import write_whole
 from drake_tc.config.yaml_file import read_yaml
@@ -42,6 +43,9 @@ def load_model_file(path: Path | str) -> ModelFile:
     """
     document = read_yaml(Path(path), "model file")
     read = validated(ModelDocument, document, str(path), hint=HINT)
+    odd = next((joint for joint in read.joints if not joint.isprintable() or not joint.strip()), None)
+    if odd is not None:
+        raise ParamsError(f"{path}: joints: expected names of printable characters; got {quoted(odd)}")
     models = {joint: entry.model(joint) for joint, entry in read.joints.items()}
     return ModelFile(models, read.provenance or {}, tuple(read.shared or ()))
 

@@ -68,12 +68,12 @@ class ActuatorPlant(PortMethods, LeafSystem):
         super().__init__()
         models = model_list(models)
         if not (np.isfinite(dt) and dt > 0.0):
-            raise ParamsError(f"dt: wanted a positive period [s]; got {dt!r}")
+            raise ParamsError(f"dt: expected a positive period [s], got {dt!r}")
         size = len(models)
         own = [model.inertia for model in models]
         moved = joint_values("inertias", own if inertias is None else inertias, [model.joint for model in models])
         if not np.all(np.isfinite(moved) & (moved >= 0.0)):
-            raise ParamsError(f"inertias: wanted {size} numbers >= 0 [kg m^2]; got {moved.tolist()}")
+            raise ParamsError(f"inertias: expected {size} numbers >= 0 [kg m^2], got {moved.tolist()}")
         self._joints = tuple(model.joint for model in models)
         self._dt = float(dt)
         self._programs = tuple(

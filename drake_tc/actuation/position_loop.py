@@ -30,9 +30,9 @@ class PositionLoop:
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.gain) and self.gain > 0.0):
-            raise ParamsError(f"position loop: wanted a positive gain [effort/rad]; got {self.gain!r}")
+            raise ParamsError(f"position loop: expected a positive gain [effort/rad], got {self.gain!r}")
         if not self.limit > 0.0:
-            raise ParamsError(f"position loop: wanted a positive limit [effort]; got {self.limit!r}")
+            raise ParamsError(f"position loop: expected a positive limit [effort], got {self.limit!r}")
 
 
 def through_loop(model: ActuatorModel, loop: PositionLoop) -> ActuatorModel:
@@ -46,7 +46,7 @@ def through_loop(model: ActuatorModel, loop: PositionLoop) -> ActuatorModel:
         ParamsError: the model is a position servo already.
     """
     if model.drive.kind == "position_servo":
-        raise ParamsError(f"joint {model.joint!r}: wanted a current or voltage drive to put in a loop; got a servo")
+        raise ParamsError(f"joint {model.joint!r}: expected a current or voltage drive to put in a loop, got a servo")
     scaled = tuple(_scaled(value, loop.gain) for value in model.effects)
     clip = (EffectValue("saturation", {"limit": loop.limit / loop.gain}),) if math.isfinite(loop.limit) else ()
     return replace(model, drive=Drive("position_servo", model.drive.gain / loop.gain), effects=(*clip, *scaled))

@@ -22,6 +22,10 @@ LEAST_LINK = 1e-3
 """Least inertia of the plant's link over that of the rotor: a fitted inertia of the load may be 0."""
 
 
+SMALLEST_INERTIA, LARGEST = 1e-9, 1e9
+"""Of a link, in SI units."""
+
+
 @dataclass(frozen=True)
 class Link:
     """What the joint carries.
@@ -35,6 +39,19 @@ class Link:
     inertia: float
     gravity_moment: float = 0.0
     zero: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Check the values.
+
+        Raises:
+            ParamsError: an inertia that is not positive, a moment below zero, or what is not finite.
+        """
+        if not SMALLEST_INERTIA <= self.inertia <= LARGEST:
+            raise ParamsError(f"inertia: expected a number from {SMALLEST_INERTIA:g} [kg m^2], got {self.inertia!r}")
+        if not 0.0 <= self.gravity_moment <= LARGEST:
+            raise ParamsError(f"gravity_moment: expected a number >= 0 [N m], got {self.gravity_moment!r}")
+        if not abs(self.zero) <= LARGEST:
+            raise ParamsError(f"zero: expected an angle [rad], got {self.zero!r}")
 
 
 @dataclass(frozen=True)
@@ -139,15 +156,15 @@ def plant_side(model: ActuatorModel, recording: Recording) -> PlantSide:
 def _check(model: ActuatorModel, recording: Recording) -> None:
     size = recording.time.size
     if size < 2:
-        raise ParamsError(f"free run: wanted at least 2 samples; got {size}")
+        raise ParamsError(f"free run: expected at least 2 samples, got {size}")
     for name in ("command", "load_torque", "temperature", "supply_voltage"):
         values = getattr(recording, name)
         if values is not None and values.shape != (size,):
-            raise ParamsError(f"free run: wanted {name} of shape ({size},); got {values.shape}")
+            raise ParamsError(f"free run: expected {name} of shape ({size},), got {values.shape}")
     if recording.load_torque is None and recording.pendulum is None:
-        raise ParamsError("free run: wanted a load: load_torque or pendulum; got neither")
+        raise ParamsError("free run: expected a load: load_torque or pendulum, got neither")
     if recording.pendulum is None and model.inertia <= 0.0:
-        raise ParamsError(f"free run: joint {model.joint!r} has no inertia; wanted rotor_inertia > 0 or a pendulum")
+        raise ParamsError(f"free run: joint {model.joint!r} has no inertia; expected rotor_inertia > 0 or a pendulum")
 
 
 def in_plant(model: ActuatorModel, recording: Recording) -> tuple[ActuatorModel, Recording] | None:

@@ -6,23 +6,37 @@ from drake_tc.front_door import front_door
 
 if TYPE_CHECKING:
     from drake_tc.analysis.frequency_response import channel, swept_sine
-    from drake_tc.analysis.limit_cycle import find_limit_cycle
+    from drake_tc.analysis.limit_cycle import (
+        coulomb_gain,
+        deadzone_gain,
+        find_limit_cycle,
+        predicted_limit_cycles,
+        saturation_gain,
+    )
     from drake_tc.analysis.sampled import linearise, open_loop
     from drake_tc.analysis.stability_margins import loop_margins, margins
 
 __all__ = [
     "channel",
+    "coulomb_gain",
+    "deadzone_gain",
     "find_limit_cycle",
     "linearise",
     "loop_margins",
     "margins",
     "open_loop",
+    "predicted_limit_cycles",
+    "saturation_gain",
     "swept_sine",
 ]
 
 _HOMES = {
     "channel": "frequency_response",
+    "coulomb_gain": "limit_cycle",
+    "deadzone_gain": "limit_cycle",
     "find_limit_cycle": "limit_cycle",
+    "predicted_limit_cycles": "limit_cycle",
+    "saturation_gain": "limit_cycle",
     "linearise": "sampled",
     "loop_margins": "stability_margins",
     "margins": "stability_margins",

@@ -1,11 +1,13 @@
 """Where a sweep runs: processes of this machine that come back when one dies, or a Dask cluster."""
 
 import signal
-from collections.abc import Callable, Iterable, Iterator
+import sys
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
-from multiprocessing import active_children, get_context
+from multiprocessing import active_children, forkserver, get_context
+from multiprocessing.context import BaseContext
 from multiprocessing.process import BaseProcess
 from typing import Any, TypeVar
 
@@ -26,20 +28,21 @@ class RestartingProcesses(Executor):
     The pool belongs to the caller's own process and is not part of any result, so it may change.
     """
 
-    def __init__(self, workers: int) -> None:
-        """Start nothing yet; processes come with the first call.
+    def __init__(self, workers: int, preload: Sequence[str] = ()) -> None:
+        """Start no worker yet; workers come with the first call. See `processes` for `preload`.
 
         Raises:
             ParamsError: less than one worker.
         """
         if workers < 1:
-            raise ParamsError(f"workers: wanted at least 1; got {workers}")
+            raise ParamsError(f"workers: expected at least 1, got {workers}")
         self.workers = workers
+        self._preload = tuple(preload)
         self._pool = self._fresh()
 
     def _fresh(self) -> ProcessPoolExecutor:
         return ProcessPoolExecutor(
-            self.workers, mp_context=get_context("spawn"), initializer=threadpool_limits, initargs=(1,)
+            self.workers, mp_context=_context(self._preload), initializer=threadpool_limits, initargs=(1,)
         )
 
     def submit(self, fn: Callable[..., T], /, *args: Any, **kwargs: Any) -> Future[T]:
@@ -64,17 +67,33 @@ class RestartingProcesses(Executor):
         self._pool.shutdown(wait=wait, cancel_futures=cancel_futures)
 
 
+def _context(preload: Sequence[str]) -> BaseContext:
+    """How processes are started: spawned, or, where modules are preloaded, forked from a server that has them."""
+    if not preload or sys.platform != "linux":  # elsewhere system libraries do not survive a fork
+        return get_context("spawn")
+    context = get_context("forkserver")
+    context.set_forkserver_preload(list(preload))
+    with _deaf_to_interrupts():
+        forkserver.ensure_running()
+    return context
+
+
 @contextmanager
-def processes(workers: int) -> Iterator[RestartingProcesses]:
+def processes(workers: int, preload: Sequence[str] = ()) -> Iterator[RestartingProcesses]:
     """Worker processes, ended on the way out; after an exception or an interrupt at once, whatever they compute.
 
-    Spawned, not forked: a script that uses them guards its own start by `if __name__ == "__main__":`.
+    Never forked from the caller: a script that uses them guards its own start by `if __name__ == "__main__":`.
+
+    Args:
+        workers: How many.
+        preload: Modules that all of them need and that take long to import. On Linux one server imports them, once and
+            beside the caller, and every worker is a fork of it; the first server of a process serves all later calls.
 
     Raises:
         ParamsError: less than one worker.
     """
     before = set(active_children())
-    pool = RestartingProcesses(workers)
+    pool = RestartingProcesses(workers, preload)
     try:
         yield pool
     except BaseException:
@@ -117,13 +136,13 @@ def scheduler_executor(address: str) -> Iterator[Executor]:
     try:
         import distributed
     except ImportError:
-        raise ParamsError("scheduler: wanted the package `distributed`; install drake-tc[cluster]") from None
+        raise ParamsError("scheduler: expected the package `distributed`; install drake-tc[cluster]") from None
     dask: Any = distributed
     try:
         client = dask.Client(address, timeout=CONNECT_TIME, set_as_default=False)
     except (OSError, ValueError, TimeoutError) as error:
         raise ParamsError(
-            f"scheduler {address!r}: wanted a Dask scheduler, such as tcp://127.0.0.1:8786; {error or 'no answer'}"
+            f"scheduler {address!r}: expected a Dask scheduler, such as tcp://127.0.0.1:8786; {error or 'no answer'}"
         ) from None
     with client:
         executor: Executor = client.get_executor(pure=False)

@@ -74,12 +74,12 @@ class Sweep:
 
     def __post_init__(self) -> None:
         if not self.frequencies_hz or not all(np.isfinite(f) and f > 0.0 for f in self.frequencies_hz):
-            raise ParamsError(f"sweep: wanted positive frequencies [Hz]; got {self.frequencies_hz!r}")
+            raise ParamsError(f"sweep: expected positive frequencies [Hz], got {self.frequencies_hz!r}")
         for name in ("amplitude", "measure"):
             if not (np.isfinite(getattr(self, name)) and getattr(self, name) > 0.0):
-                raise ParamsError(f"sweep.{name}: wanted a positive number; got {getattr(self, name)!r}")
+                raise ParamsError(f"sweep.{name}: expected a positive number, got {getattr(self, name)!r}")
         if not 0.0 <= self.settle < np.inf:
-            raise ParamsError(f"sweep.settle: wanted a time >= 0 [s]; got {self.settle!r}")
+            raise ParamsError(f"sweep.settle: expected a time >= 0 [s], got {self.settle!r}")
 
     def check(self, dt: float) -> None:
         """Refuse what cannot be sampled every dt [s].
@@ -90,7 +90,7 @@ class Sweep:
         for frequency in self.frequencies_hz:
             if frequency >= FASTEST / dt:
                 raise ParamsError(
-                    f"swept sine: wanted frequencies below {FASTEST / dt:g} Hz at dt = {dt:g} s; got {frequency:g}"
+                    f"swept sine: expected frequencies below {FASTEST / dt:g} Hz at dt = {dt:g} s, got {frequency:g}"
                 )
 
 
@@ -165,7 +165,7 @@ def channel(name: str) -> Channel:
     if not bracket:
         return Channel(name)
     if not (rest.endswith("]") and rest[:-1].isascii() and rest[:-1].isdecimal()):
-        raise ParamsError(f"port {name!r}: wanted SYSTEM:PORT or SYSTEM:PORT[i]")
+        raise ParamsError(f"port {name!r}: expected SYSTEM:PORT or SYSTEM:PORT[i]")
     return Channel(port, int(rest[:-1]))
 
 
@@ -228,7 +228,7 @@ def check_channels(diagram: Diagram, context: Context, ports: Sequence[Channel])
     sizes = (cut_at(diagram, context, into.port).value.size, output_named(diagram, out.port).size())
     for one, size in zip(ports, sizes, strict=True):
         if one.index >= size:
-            raise ParamsError(f"port {one.name!r}: wanted an element 0 to {size - 1}; got {one.index}")
+            raise ParamsError(f"port {one.name!r}: expected an element 0 to {size - 1}, got {one.index}")
 
 
 def _whole_periods(frequency: float, measure: float, dt: float) -> tuple[int, int]:

@@ -96,17 +96,17 @@ class JointLoop:
             value = getattr(self, field.name)
             if isinstance(value, str):
                 if value not in ("estimate", "reference"):
-                    raise ParamsError(f"JointLoop.{field.name}: wanted estimate or reference; got {value!r}")
+                    raise ParamsError(f"JointLoop.{field.name}: expected estimate or reference, got {value!r}")
             elif value is not None and not np.isfinite(value):
-                raise ParamsError(f"JointLoop.{field.name}: wanted a finite number; got {value!r}")
+                raise ParamsError(f"JointLoop.{field.name}: expected a finite number, got {value!r}")
         for name in _POSITIVE:
             if not getattr(self, name) > 0.0:
-                raise ParamsError(f"JointLoop.{name}: wanted a positive number; got {getattr(self, name)!r}")
+                raise ParamsError(f"JointLoop.{name}: expected a positive number, got {getattr(self, name)!r}")
         for name in _NOT_NEGATIVE:
             if getattr(self, name) < 0.0:
-                raise ParamsError(f"JointLoop.{name}: wanted a number >= 0; got {getattr(self, name)!r}")
+                raise ParamsError(f"JointLoop.{name}: expected a number >= 0, got {getattr(self, name)!r}")
         if self.extra_delay < 0 or self.extra_delay != int(self.extra_delay):
-            raise ParamsError(f"JointLoop.extra_delay: wanted a whole number of ticks >= 0; got {self.extra_delay!r}")
+            raise ParamsError(f"JointLoop.extra_delay: expected a whole number of ticks >= 0, got {self.extra_delay!r}")
         self.late_weights(self.order, 0)
 
     @classmethod

@@ -60,7 +60,7 @@ def find_limit_cycle(signal: FloatArray, dt: float, floor: float = 0.0) -> Limit
     """
     x = np.asarray(signal, dtype=np.float64)
     if x.ndim != 1 or x.size < 16 or not np.all(np.isfinite(x)):
-        raise ParamsError(f"limit cycle: wanted at least 16 finite samples in one row; got shape {x.shape}")
+        raise ParamsError(f"limit cycle: expected at least 16 finite samples in one row, got shape {x.shape}")
     late = x[x.size // 2 :]
     late = late - np.polyval(np.polyfit(np.arange(late.size), late, 1), np.arange(late.size))
     amplitude = 0.5 * float(np.ptp(late))
@@ -97,18 +97,32 @@ def deadzone_gain(amplitude: FloatArray, half_width: float) -> FloatArray:
     """N(A) of sign(x) max(|x| - w, 0): from 0 at A = w to 1.
 
     N = 1 - 2/pi (asin(w/A) + w/A sqrt(1 - (w/A)^2)). Source: Gelb and Vander Velde (1968).
+
+    Example:
+        >>> deadzone_gain(np.array([0.5, 1e9]), half_width=1.0).round(6)
+        array([0., 1.])
     """
     share = np.minimum(half_width / np.asarray(amplitude, dtype=np.float64), 1.0)
     return np.asarray(1.0 - 2.0 / np.pi * (np.arcsin(share) + share * np.sqrt(1.0 - share**2)))
 
 
 def saturation_gain(amplitude: FloatArray, limit: float) -> FloatArray:
-    """N(A) of clip(x, -l, l): 1 up to A = l, then less."""
+    """N(A) of clip(x, -l, l): 1 up to A = l, then less.
+
+    Example:
+        >>> saturation_gain(np.array([0.5]), limit=1.0)
+        array([1.])
+    """
     return np.asarray(1.0 - deadzone_gain(amplitude, limit))
 
 
 def coulomb_gain(amplitude: FloatArray, level: float) -> FloatArray:
-    """N(A) of level sign(x): 4 level/(pi A), the damping that dry friction amounts to at a speed amplitude A."""
+    """N(A) of level sign(x): 4 level/(pi A), the damping that dry friction amounts to at a speed amplitude A.
+
+    Example:
+        >>> coulomb_gain(np.array([4.0 / np.pi]), level=2.0)
+        array([2.])
+    """
     return np.asarray(4.0 * level / (np.pi * np.asarray(amplitude, dtype=np.float64)))
 
 
@@ -131,10 +145,16 @@ def predicted_limit_cycles(
 
     Raises:
         ParamsError: amplitudes that do not rise from above zero.
+
+    Example:
+        >>> late = lambda w: 3000.0 * np.exp(-0.01j * w) / (1j * w * (1j * w + 10.0))
+        >>> found = predicted_limit_cycles(late, 1e-3, lambda a: saturation_gain(a, 0.1), np.linspace(0.1, 2.0, 50))
+        >>> [round(cycle.period, 2) for cycle in found]
+        [0.2]
     """
     grid_a = np.asarray(amplitudes, dtype=np.float64)
     if grid_a.ndim != 1 or grid_a.size < 2 or not (grid_a[0] > 0.0 and np.all(np.diff(grid_a) > 0.0)):
-        raise ParamsError("limit cycle: wanted at least two rising amplitudes > 0")
+        raise ParamsError("limit cycle: expected at least two rising amplitudes > 0")
     omega = frequency_grid(dt)
     values = open_loop(omega)
 
@@ -158,5 +178,5 @@ def predicted_limit_cycles(
     return found
 
 
-def _balance(gain: Callable[[FloatArray], FloatArray], wanted: float, low: float, high: float) -> float:
-    return float(brentq(lambda a: float(gain(np.array([a]))[0]) - wanted, low, high))
+def _balance(gain: Callable[[FloatArray], FloatArray], level: float, low: float, high: float) -> float:
+    return float(brentq(lambda a: float(gain(np.array([a]))[0]) - level, low, high))

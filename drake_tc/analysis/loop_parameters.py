@@ -46,7 +46,7 @@ def with_values(loop: JointLoop, values: Mapping[str, float]) -> JointLoop:
     for name in WHOLE:
         if name in plain:
             if plain[name] != round(plain[name]):
-                raise ParamsError(f"JointLoop.{name}: wanted a whole number; got {plain[name]:g}")
+                raise ParamsError(f"JointLoop.{name}: expected a whole number, got {plain[name]:g}")
             plain[name] = round(plain[name])
     if "friction" in values:
         plain["k_v_model"] = values["friction"] * loop.k_v

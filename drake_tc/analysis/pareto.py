@@ -15,7 +15,7 @@ def pareto_front(costs: FloatArray) -> IntArray:
         ParamsError: anything but two dimensions.
     """
     if costs.ndim != 2:
-        raise ParamsError(f"pareto_front: wanted costs of shape (N, m); got {costs.shape}")
+        raise ParamsError(f"pareto_front: expected costs of shape (N, m), got {costs.shape}")
     finite = np.flatnonzero(np.all(np.isfinite(costs), axis=1))
     order = finite[np.lexsort(costs[finite].T[::-1])]
     kept: list[int] = []

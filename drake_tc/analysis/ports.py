@@ -36,7 +36,7 @@ def _split(diagram: Diagram, name: str) -> tuple[Any, str]:
     owner, colon, port = name.rpartition(":")
     systems = dict(leaf_systems(diagram))
     if not (colon and owner and port):
-        raise ParamsError(f"port {name!r}: wanted SYSTEM:PORT")
+        raise ParamsError(f"port {name!r}: expected SYSTEM:PORT")
     if owner not in systems:
         raise ParamsError(f"port {name!r}: no system {owner!r}; systems: {', '.join(systems)}")
     return systems[owner], port
@@ -76,11 +76,11 @@ def output_named(diagram: Diagram, name: str) -> Any:
     if port in outputs:
         return outputs[port]
     if port not in inputs:
-        raise ParamsError(f"port {name!r}: wanted one of {', '.join([*outputs, *inputs])}")
+        raise ParamsError(f"port {name!r}: expected one of {', '.join([*outputs, *inputs])}")
     for reader, source in _wires(diagram):
         if _same(reader, inputs[port]):
             return source
-    raise ParamsError(f"port {name!r}: wanted a port that is connected inside its diagram")
+    raise ParamsError(f"port {name!r}: expected a port that is connected inside its diagram")
 
 
 def cut_at(diagram: Diagram, context: Context, name: str) -> Cut:
@@ -97,6 +97,6 @@ def cut_at(diagram: Diagram, context: Context, name: str) -> Cut:
     else:
         readers = (inputs[port],)
     if not readers:
-        raise ParamsError(f"port {name!r}: wanted a port that something reads")
+        raise ParamsError(f"port {name!r}: expected a port that something reads")
     value = np.array(source.Eval(source.get_system().GetMyContextFromRoot(context)))
     return Cut(name, readers, value)

@@ -64,12 +64,12 @@ class SampledSystem:
         for name, shape in (("a", (n, n)), ("b", (n, m)), ("c", (p, n)), ("d", (p, m))):
             if getattr(self, name).shape != shape:
                 raise ParamsError(
-                    f"SampledSystem.{name}: wanted shape {shape}, as the names say; got {getattr(self, name).shape}"
+                    f"SampledSystem.{name}: expected shape {shape}, as the names say, got {getattr(self, name).shape}"
                 )
             if not np.all(np.isfinite(getattr(self, name))):
-                raise ParamsError(f"SampledSystem.{name}: wanted finite numbers")
+                raise ParamsError(f"SampledSystem.{name}: expected finite numbers")
         if not (np.isfinite(self.dt) and self.dt > 0.0):
-            raise ParamsError(f"SampledSystem.dt: wanted a positive period [s]; got {self.dt!r}")
+            raise ParamsError(f"SampledSystem.dt: expected a positive period [s], got {self.dt!r}")
 
     @cached_property
     def eigenvalues(self) -> ComplexArray:
@@ -116,7 +116,7 @@ class SampledSystem:
             return name
         full = name if isinstance(name, int) or name.endswith("]") else f"{name}[0]"
         if full not in self.inputs:
-            raise ParamsError(f"channel {name!r}: wanted one of {', '.join(self.inputs)}, or its number")
+            raise ParamsError(f"channel {name!r}: expected one of {', '.join(self.inputs)}, or its number")
         return self.inputs.index(full)
 
     def loop_responses(self, omega: FloatArray) -> ComplexArray:
@@ -151,7 +151,7 @@ class SampledSystem:
         left = [i for i in range(len(self.inputs)) if i not in shut]
         around = np.eye(len(shut)) - self.d[np.ix_(shut, shut)]
         if shut and np.linalg.cond(around) > 1e12:
-            raise ParamsError("closed: wanted a loop with one solution; this one is algebraic and singular")
+            raise ParamsError("closed: expected a loop with one solution; this one is algebraic and singular")
         from_x, from_u = np.linalg.solve(around, self.c[shut]), np.linalg.solve(around, self.d[np.ix_(shut, left)])
         rows = [i for i in range(len(self.outputs)) if i not in shut]
         return SampledSystem(
@@ -234,7 +234,9 @@ def linearise(
     """
     tick = round(context.get_time() / dt)
     if abs(context.get_time() / dt - tick) > 1e-6:
-        raise ParamsError(f"linearise: wanted a time that is a multiple of dt = {dt:g} s; got {context.get_time():g} s")
+        raise ParamsError(
+            f"linearise: expected a time that is a multiple of dt = {dt:g} s, got {context.get_time():g} s"
+        )
     cuts = [cut_at(diagram, context, name) for name in inputs]
     ports = [output_named(diagram, name) for name in outputs]
     period = _Period(diagram, context, dt, tick, cuts, ports)

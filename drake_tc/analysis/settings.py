@@ -74,7 +74,7 @@ class Goal:
     def __post_init__(self) -> None:
         if not (self.sensitivity_peak > 1.0 and self.delay_margin >= 0.0 and self.noise >= 0.0):
             raise ParamsError(
-                f"goal: wanted a sensitivity peak > 1, a delay margin >= 0 s and a noise >= 0 N m; got {self}"
+                f"goal: expected a sensitivity peak > 1, a delay margin >= 0 s and a noise >= 0 N m, got {self}"
             )
 
     def met(self, assessed: Assessed) -> bool:
@@ -169,7 +169,7 @@ def default_goals(
         now = present(task)
         if now is None and (peak is None or delay is None):
             raise ParamsError(
-                f"tune: the present setting of {task.joint} is unstable; wanted margins in numbers (--margin, --delay)"
+                f"tune: the present setting of {task.joint} is unstable; give margins in numbers (--margin, --delay)"
             )
         own = Goal() if now is None else Goal(now.sensitivity_peak, now.delay_margin)
         floor = 0.0 if now is None else now.noise

@@ -33,7 +33,7 @@ class Axis:
         if self.name not in parameters():
             raise ParamsError(f"map: no parameter {self.name!r}; possible: {', '.join(parameters())}")
         if not self.values or not np.all(np.isfinite(self.values)):
-            raise ParamsError(f"map: {self.name}: wanted finite values; got {self.values}")
+            raise ParamsError(f"map: {self.name}: expected finite values, got {self.values}")
 
     @classmethod
     def parse(cls, text: str) -> "Axis":
@@ -43,7 +43,7 @@ class Axis:
             ParamsError: another form, or more than a million values.
         """
         name, _, numbers = text.partition("=")
-        wanted = f"map axis {text!r}: wanted NAME=FIRST:LAST:STEP with a step > 0, or NAME=A,B,C"
+        wanted = f"map axis {text!r}: expected NAME=FIRST:LAST:STEP with a step > 0, or NAME=A,B,C"
         try:
             parts = [float(part) for part in numbers.split(":" if ":" in numbers else ",")]
         except ValueError:
@@ -54,7 +54,7 @@ class Axis:
             raise ParamsError(wanted)
         count = int(np.floor((parts[1] - parts[0]) / parts[2] + 1e-9)) + 1
         if count > MOST_POINTS:
-            raise ParamsError(f"map axis {text!r}: wanted at most {MOST_POINTS} values; got {count}")
+            raise ParamsError(f"map axis {text!r}: expected at most {MOST_POINTS} values, got {count}")
         return cls(name, tuple((parts[0] + parts[2] * np.arange(count)).tolist()))
 
 
@@ -133,7 +133,7 @@ def stability_map(
     if figure not in get_args(Figure):
         raise ParamsError(f"map: no figure {figure!r}; possible: {', '.join(get_args(Figure))}")
     if x.name == y.name or len(x.values) * len(y.values) > MOST_POINTS:
-        raise ParamsError(f"map: wanted two parameters and at most {MOST_POINTS} points; got {x.name} and {y.name}")
+        raise ParamsError(f"map: expected two parameters and at most {MOST_POINTS} points, got {x.name} and {y.name}")
     points: Sequence[tuple[JointLoop, dict[str, float], Figure]] = [
         (loop, {x.name: across, y.name: up}, figure) for up in y.values for across in x.values
     ]

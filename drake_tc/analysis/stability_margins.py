@@ -76,11 +76,11 @@ def margins(open_loop: Response, dt: float, grid: FloatArray | None = None) -> M
         20.0
     """
     if not (np.isfinite(dt) and dt > 0.0):
-        raise ParamsError(f"margins: wanted a positive period [s]; got {dt!r}")
+        raise ParamsError(f"margins: expected a positive period [s], got {dt!r}")
     omega = frequency_grid(dt) if grid is None else np.asarray(grid, dtype=np.float64)
     values = np.asarray(open_loop(omega))
     if values.shape != omega.shape or not np.all(np.isfinite(values)):
-        raise ParamsError(f"margins: wanted a finite response of shape {omega.shape}; got shape {values.shape}")
+        raise ParamsError(f"margins: expected a finite response of shape {omega.shape}, got shape {values.shape}")
 
     @cache
     def at(frequency: float) -> complex:

@@ -87,7 +87,7 @@ class StateCoordinates:
         for name, system in leaf_systems(diagram):
             own: Any = system.GetMyContextFromRoot(context)
             if own.num_abstract_states() and not isinstance(system, HasCoordinates):
-                raise ParamsError(f"system {name!r}: wanted a state of numbers, to linearise; it has abstract state")
+                raise ParamsError(f"system {name!r}: expected a state of numbers, to linearise; it has abstract state")
             size = StateBlock(name, system, 0, 0).read(context).size
             if size:
                 blocks.append(StateBlock(name, system, first, size))

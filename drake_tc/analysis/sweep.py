@@ -73,7 +73,7 @@ def sweep(
     items = list(enumerate(points))
     size = max(1, math.ceil(len(items) / CHUNKS)) if chunk is None else chunk
     if size < 1:
-        raise ParamsError(f"chunk: wanted at least 1 point; got {chunk}")
+        raise ParamsError(f"chunk: expected at least 1 point, got {chunk}")
     chunks = [items[first : first + size] for first in range(0, len(items), size)]
     results: list[Any] = [None] * len(items)
     done = 0
@@ -197,7 +197,7 @@ class _Dispatch:
         except (pickle.PicklingError, AttributeError, TypeError) as error:
             name = getattr(self._function, "__qualname__", repr(self._function))
             raise ParamsError(
-                f"sweep: wanted a function, points and results that can be pickled; {name}: {error}"
+                f"sweep: expected a function, points and results that can be pickled; {name}: {error}"
             ) from None
         except Exception as error:
             if type(error).__name__ == "KilledWorker":  # of Dask, which need not be installed

@@ -61,15 +61,15 @@ class JointTask:
 
     def __post_init__(self) -> None:
         if not self.loops:
-            raise ParamsError(f"task of {self.joint}: wanted at least one loop")
+            raise ParamsError(f"task of {self.joint}: expected at least one loop")
         samples = self.position.shape
         for name in ("velocity", "acceleration", "torque", "needed", "extra"):
             if getattr(self, name).shape != samples or len(samples) != 1:
                 raise ParamsError(
-                    f"task of {self.joint}: wanted {name} of shape {samples}; got {getattr(self, name).shape}"
+                    f"task of {self.joint}: expected {name} of shape {samples}, got {getattr(self, name).shape}"
                 )
         if not 0 <= self.begin < max(samples[0], 1):
-            raise ParamsError(f"task of {self.joint}: wanted 0 <= begin < {samples[0]}; got {self.begin}")
+            raise ParamsError(f"task of {self.joint}: expected 0 <= begin < {samples[0]}, got {self.begin}")
 
 
 @dataclass(frozen=True, eq=False)

@@ -40,7 +40,7 @@ class SearchSpace:
     def __post_init__(self) -> None:
         for name in ("windows", "orders", "kp", "ki", "k7"):
             if not getattr(self, name):
-                raise ParamsError(f"search space: wanted at least one value of {name}")
+                raise ParamsError(f"search space: expected at least one value of {name}")
 
 
 @dataclass(frozen=True)
@@ -100,7 +100,7 @@ def tune(
     """
     goals = default_goals(tasks) if goals is None else list(goals)
     if not tasks or len(goals) != len(tasks):
-        raise ParamsError(f"tune: wanted at least one joint, and a goal each; got {len(tasks)} and {len(goals)}")
+        raise ParamsError(f"tune: expected at least one joint, and a goal each, got {len(tasks)} and {len(goals)}")
     space = SearchSpace() if space is None else space
     search = _Search(tasks, goals, executor, progress, 1 + space.rounds)
     filters = list(product(space.windows, space.orders))

@@ -1,10 +1,9 @@
 """`bench close-loop`: time and memory of the whole command `drake-tc close-loop` on simulated logs of one joint."""
 
-import os
+import json
 import subprocess
 import sys
 import tempfile
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,8 +18,6 @@ RUNS = ("one", "two", "held")
 """Two runs to fit and one that is held out."""
 RIG = "joint: joint\ndrive: current\ndeclared: {rotor_inertia: 0.3}\n"
 COMMAND = "from drake_tc.cli.entry import main; main()"
-MAXRSS_UNIT = 1.0 if sys.platform == "darwin" else 1024.0
-"""Bytes in the unit of `ru_maxrss`."""
 
 
 @dataclass(frozen=True)
@@ -82,22 +79,17 @@ def command_cost(case: SpeedCase) -> Cost:
     Raises:
         DrakeTcError: the command failed.
     """
-    with tempfile.TemporaryDirectory() as out, tempfile.TemporaryFile("w+", encoding="utf-8") as messages:
+    with tempfile.TemporaryDirectory() as out:
         arguments = ["close-loop", "--rig", str(case.rig), "--out", out]
         for option, files in (("--log", case.logs), ("--holdout", case.holdout)):
             arguments += [word for file in files for word in (option, str(file))]
-        begin = time.perf_counter()
         command = [sys.executable, "-c", COMMAND, *arguments]
-        process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=messages)
-        _, status, usage = os.wait4(process.pid, 0)
-        wall = time.perf_counter() - begin
-        process.returncode = os.waitstatus_to_exitcode(status)
-        messages.seek(0)
-        said = messages.read().strip().splitlines()
-    if process.returncode != 0:
-        reason = said[-1] if said else "no message"
-        raise DrakeTcError(f"{case.name}: `drake-tc close-loop` ended with {process.returncode}: {reason}")
-    return Cost(wall, usage.ru_utime + usage.ru_stime, usage.ru_maxrss * MAXRSS_UNIT / 2**30)
+        measured = [sys.executable, "-m", "drake_tc.benchmarks.process_usage", *command]
+        done = subprocess.run(measured, capture_output=True, text=True, check=False)
+    if done.returncode != 0:
+        reason = (done.stderr.strip().splitlines() or ["no message"])[-1]
+        raise DrakeTcError(f"{case.name}: `drake-tc close-loop` ended with {done.returncode}: {reason}")
+    return Cost(**json.loads(done.stdout))
 
 
 def cost_rows(cases: Sequence[SpeedCase]) -> list[BenchRow]:

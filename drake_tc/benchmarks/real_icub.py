@@ -81,7 +81,7 @@ def evaluate(data: Path, run: str, progress: Progress, *, ground: str = "level")
     packed = sorted(folder.glob("*.urdf.gz"))
     log = folder / f"{run}.npz"
     if not packed or not log.is_file():
-        raise LogError(f"{folder}: wanted a *.urdf.gz and {run}.npz, as the set has them")
+        raise LogError(f"{folder}: expected a *.urdf.gz and {run}.npz, as the set has them")
     with np.load(log, allow_pickle=False) as archive:
         joints, with_tilt = [str(name) for name in archive["joint_names"]], "imuRot" in archive.files
     with TemporaryDirectory() as scratch:

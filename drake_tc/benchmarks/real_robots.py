@@ -4,6 +4,10 @@ The cases are those of `bench/rigs`. Each joint's held-out error [N m by the dec
 of plain least squares on the same rows in the same filters (`pooled_least_squares`), of the declared model of
 `close-loop`, and of its model after. Least squares has a constant of each joint and no prior. Figures that the sets'
 READMEs give for their own least squares are told beside them; they rest on other filters and other rows.
+
+A ratio's 95 % interval is that of resamples of the held-out half seconds, as a pair of errors on the same rows. The
+error of the model after over that of the model before is given too, and beside it what the sensors' noise alone would
+leave: a share that is far above the noise floor is left for another reason.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -22,13 +26,14 @@ from drake_tc.diagnosis.result.rig_result import CloseLoopResult
 from drake_tc.diagnosis.run import close_loop, in_order
 from drake_tc.logs.prepare import load_runs
 from drake_tc.logs.rig import Rig, load_rig
-from drake_tc.types import FloatArray
+from drake_tc.types import FloatArray, IntArray
 
 WANTED = 0.85
 """Largest error of all joints together, over that of least squares."""
 PAYLOAD = 2.805
 """Known mass of the load [kg]."""
 PAYLOAD_TOLERANCE = 0.03
+RESAMPLES = 1000
 
 Progress = Callable[[str, float], None]
 
@@ -69,7 +74,8 @@ CASES = (
 class HeldOut:
     """One joint on the held-out rows: residuals (N,) [N m] of least squares, of the model before and of that after.
 
-    `effort` is the RMS of the rows' effort over the drive gain [N m]; `found` names the effects.
+    `effort` is the RMS of the rows' effort over the drive gain [N m]; `found` names the effects. `block` (N,) numbers
+    the rows' half seconds; `floor` is what the sensors' noise alone would leave [N m].
     """
 
     joint: str
@@ -78,6 +84,8 @@ class HeldOut:
     before: FloatArray
     after: FloatArray
     found: tuple[str, ...]
+    block: IntArray
+    floor: float
 
 
 def held_out(files: CaseFiles, options: DiagnosisOptions | None = None) -> tuple[CloseLoopResult, list[HeldOut]]:
@@ -98,13 +106,16 @@ def held_out(files: CaseFiles, options: DiagnosisOptions | None = None) -> tuple
 def _joint(result: CloseLoopResult, rig: Rig, joint: str, plain: FloatArray) -> HeldOut:
     found, gain = result.joints[joint], rig.drive_gain[joint]
     samples = found.heldout.samples
+    shared = tuple(f"{cause.id} of {cause.where}" for cause in result.shared)
     return HeldOut(
         joint=joint,
         effort=rms(samples.reduce(samples.signals.effort)) / gain,
         least_squares=plain / gain,
         before=found.heldout.before / gain,
         after=found.heldout.after / gain,
-        found=tuple(effect.id for effect in found.effects),
+        found=(*(effect.id for effect in found.effects), *shared),
+        block=samples.block,
+        floor=found.noise_floor / gain,
     )
 
 
@@ -142,7 +153,7 @@ def rows(
 
 
 def table_rows(case: RobotCase, joints: Sequence[HeldOut]) -> list[RealRow]:
-    """Four figures a joint, and two of all joints together."""
+    """Five figures a joint, and two of all joints together."""
     begin = f"{case.data_set}/{case.case}"
     published: Mapping[str, float] = dict(zip((j.joint for j in joints), case.published, strict=False))
     out = []
@@ -154,7 +165,8 @@ def table_rows(case: RobotCase, joints: Sequence[HeldOut]) -> list[RealRow]:
             RealRow(f"{name}/least_squares", plain, "N*m", note=f"effort of {each.effort:.3g} N*m{told}"),
             RealRow(f"{name}/before", rms(each.before), "N*m"),
             RealRow(f"{name}/after", after, "N*m", note=f"found: {', '.join(each.found) or 'nothing'}"),
-            RealRow(f"{name}/ratio", after / plain, "-", 1.0, "max", note="after over least squares"),
+            RealRow(f"{name}/ratio", after / plain, "-", 1.0, "max", note=f"after over least squares; {_spread(each)}"),
+            RealRow(f"{name}/over_before", after / rms(each.before), "-", note=f"noise floor: {_floor_share(each)}"),
         ]
     mean = float(np.exp(np.mean([np.log(rms(each.after) / rms(each.least_squares)) for each in joints])))
     squares = [sum(float(np.sum(getattr(each, side) ** 2)) for each in joints) for side in ("after", "least_squares")]
@@ -164,6 +176,25 @@ def table_rows(case: RobotCase, joints: Sequence[HeldOut]) -> list[RealRow]:
         RealRow(f"{begin}/all_joints/ratio", together, "-", WANTED, "max", note="of the torque of all rows"),
         RealRow(f"{begin}/all_joints/mean_ratio", mean, "-", note="geometric mean of the joints' ratios"),
     ]
+
+
+def ratio_interval(after: FloatArray, plain: FloatArray, block: IntArray, seed: int = 0) -> tuple[float, float]:
+    """95 % interval of the ratio of two RMS errors (N,) on the same rows, whose blocks (N,) are resampled."""
+    number = np.unique(block, return_inverse=True)[1]
+    squares = np.stack([np.bincount(number, error**2) for error in (after, plain)])
+    draws = np.random.default_rng(seed).integers(0, squares.shape[1], (RESAMPLES, squares.shape[1]))
+    sums = squares[:, draws].sum(axis=2)
+    low, high = np.quantile(np.sqrt(sums[0] / sums[1]), [0.025, 0.975])
+    return float(low), float(high)
+
+
+def _spread(each: HeldOut) -> str:
+    low, high = ratio_interval(each.after, each.least_squares, each.block)
+    return f"95 % of resamples {low:.3f} to {high:.3f}"
+
+
+def _floor_share(each: HeldOut) -> str:
+    return f"{each.floor / rms(each.before):.2f} of the model before"
 
 
 def payload_rows(case: RobotCase, result: CloseLoopResult) -> list[RealRow]:

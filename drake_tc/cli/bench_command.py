@@ -15,6 +15,7 @@ from drake_tc.benchmarks.real_rows import RealRow, rows_json
 from drake_tc.cli.bench_arms_command import bench_arms
 from drake_tc.cli.bench_close_loop_command import bench_close_loop
 from drake_tc.cli.bench_diagnosis_command import bench_diagnosis
+from drake_tc.cli.bench_experiments_command import bench_check, bench_experiments
 from drake_tc.cli.bench_floor_command import bench_floor
 from drake_tc.cli.bench_qp_command import bench_qp
 from drake_tc.cli.bench_real_logs_command import bench_real_logs
@@ -23,8 +24,12 @@ from drake_tc.cli.bench_table import print_times
 from drake_tc.cli.bench_tick_command import bench_tick
 from drake_tc.cli.progress import progress_bar
 
-bench_app = typer.Typer(help="Benchmarks: rows of figures, with --json for programs.", no_args_is_help=True)
+bench_app = typer.Typer(
+    help="Benchmarks: rows of figures, with --json for programs.", no_args_is_help=True, rich_markup_mode="markdown"
+)
 bench_app.command("diagnosis")(bench_diagnosis)
+bench_app.command("check")(bench_check)
+bench_app.command("experiments")(bench_experiments)
 bench_app.command("close-loop")(bench_close_loop)
 bench_app.command("robot")(bench_robot)
 bench_app.command("arms")(bench_arms)

@@ -61,9 +61,9 @@ def bode_command(
     from drake_tc.registry import runnable
 
     if not 0.0 < lowest <= highest < np.inf:
-        raise ParamsError(f"bode: wanted 0 < --from <= --to [Hz]; got {lowest:g} and {highest:g}")
+        raise ParamsError(f"bode: expected 0 < --from <= --to [Hz], got {lowest:g} and {highest:g}")
     if plot is not None and plot.suffix.lower() not in (".png", ".svg", ".pdf"):
-        raise ParamsError(f"bode: wanted --plot FILE.png, .svg or .pdf; got {plot}")
+        raise ParamsError(f"bode: expected --plot FILE.png, .svg or .pdf, got {plot}")
     entry = runnable(diagram).naming(scenario_file, scenario_text)
     scenario = entry.scenario(scenario_name, scenario_file, scenario_text).changed(seed=seed)
     sweep = Sweep(tuple(np.geomspace(lowest, highest, points).tolist()), amplitude, settle, measure)

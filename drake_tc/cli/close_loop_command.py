@@ -3,21 +3,20 @@
 import json
 import sys
 from collections.abc import Callable
+from concurrent.futures import Executor
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from drake_tc.analysis.executors import processes
-from drake_tc.cli.close_loop_summary import print_summary
 from drake_tc.cli.out_files import Force, result_folder
 from drake_tc.cli.progress import progress_bar
-from drake_tc.diagnosis.options import DiagnosisOptions
-from drake_tc.diagnosis.result.rig_result import CloseLoopResult
-from drake_tc.diagnosis.result.to_json import result_json
-from drake_tc.diagnosis.run import close_loop
 from drake_tc.errors import LogError
+
+if TYPE_CHECKING:
+    from drake_tc.diagnosis.result.rig_result import CloseLoopResult
 
 FILES = (
     "report.html",
@@ -26,8 +25,20 @@ FILES = (
     "model_after.yaml",
     "model_refined.yaml",
     "torque_uncertainty.yaml",
+    "check.html",
+    "check.json",
 )
-"""What the command writes; the refined model only where refining made free runs better."""
+"""What the command writes; the refined model only where refining made free runs better, the check only with --check."""
+LOADED_BY_WORKERS = (
+    "drake_tc.loops.joint_bench.rig_free_run",
+    "drake_tc.identification.output_error",
+    "drake_tc.diagnosis.selection.joint",
+    "drake_tc.diagnosis.residual.structure",
+    "sklearn.ensemble",
+    "drake_tc.report.residual_plots",
+    "drake_tc.analysis.before_after.track",
+)
+"""What the worker processes need; loaded beside the imports, the reading and the search of this process."""
 
 
 def close_loop_command(
@@ -47,6 +58,9 @@ def close_loop_command(
             help="Simulate the torque loop before and after (an upper bound: the plant is the model after).",
         ),
     ] = True,
+    check: Annotated[
+        bool, typer.Option("--check/--no-check", help="First write what the logs can show: check.html, check.json.")
+    ] = False,
     force: Force = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print report.json to stdout instead of the tables.")] = False,
 ) -> None:
@@ -58,31 +72,40 @@ def close_loop_command(
         raise LogError("--log and --holdout need --rig RIG.yaml, which says what the logs show")
     if rig is not None and not (log and holdout):
         raise LogError(
-            "expected at least one --log RUN to fit and one --holdout RUN to judge by; got "
+            "expected at least one --log RUN to fit and one --holdout RUN to judge by, got "
             f"{len(log or [])} and {len(holdout or [])}"
         )
     if declared is not None and rig is None:
         raise LogError("--declared needs --rig RIG.yaml, which says what the logs show")
-    from drake_tc.analysis.before_after.comparison import compare_loops
-    from drake_tc.loops.joint_bench.rig_free_run import rig_free_run
-
     if rig is not None and declared is not None:
         _tell_declared(rig, declared)
     read = [rig, declared, *(log or []), *(holdout or [])]
     with (
         result_folder(out, "--out", names=FILES, inputs=read, force=force, error=LogError) as folder,
         progress_bar("close-loop", quiet=as_json) as progress,
-        processes(2) as pool,
+        processes(2, preload=LOADED_BY_WORKERS) as pool,
     ):
+        from drake_tc.analysis.before_after.comparison import compare_loops
+        from drake_tc.cli.close_loop_summary import print_summary
+        from drake_tc.diagnosis.options import DiagnosisOptions
+        from drake_tc.diagnosis.result.to_json import result_json
+        from drake_tc.diagnosis.run import close_loop
+        from drake_tc.loops.joint_bench.rig_free_run import rig_free_run
+
         if rig is None:
             rig, log, holdout = _demo(out / "demo_logs", seed, force, progress)
+        if check:
+            from drake_tc.cli.check_command import write_check
+            from drake_tc.experiments.check.run import check_rig
+
+            write_check(check_rig(rig, log or [], progress), folder)
         options = replace(DiagnosisOptions(), seed=seed)
         result = close_loop(rig, log or [], holdout or [], options, rig_free_run, progress, pool, declared)
         if closed_loop:
             found = compare_loops(result, seed, progress, pool)
             result = replace(result, closed_loop=found, seconds=result.seconds + found.seconds)
         progress("writing the report", 0.95)
-        result = write_results(result, folder)
+        result = write_results(result, folder, pool)
     if as_json:
         print(json.dumps(result_json(result), indent=1))
     else:
@@ -111,13 +134,14 @@ def _demo(
     return folder / rig.name, [folder / path.name for path in log], [folder / path.name for path in holdout]
 
 
-def write_results(result: CloseLoopResult, out: Path) -> CloseLoopResult:
+def write_results(result: "CloseLoopResult", out: Path, executor: Executor | None = None) -> "CloseLoopResult":
     """report.html, report.json, model_before.yaml, model_after.yaml and torque_uncertainty.yaml in `out`.
 
-    And model_refined.yaml, where the refinement on free runs was accepted.
+    And model_refined.yaml, where the refinement on free runs was accepted. `executor` draws plots beside each other.
     """
     from drake_tc.control.torque_uncertainty_file import save_torque_uncertainty
     from drake_tc.diagnosis.result.models import models_of
+    from drake_tc.diagnosis.result.to_json import result_json
     from drake_tc.diagnosis.result.torque_uncertainty import torque_uncertainty
     from drake_tc.report.html import write_report
 
@@ -127,5 +151,5 @@ def write_results(result: CloseLoopResult, out: Path) -> CloseLoopResult:
     save_torque_uncertainty(uncertainty, out / "torque_uncertainty.yaml")
     result = replace(result, model_before_yaml=before, model_after_yaml=after, uncertainty=uncertainty)
     (out / "report.json").write_text(json.dumps(result_json(result), indent=1) + "\n", encoding="utf-8")
-    write_report(result, out / "report.html")
+    write_report(result, out / "report.html", executor)
     return result

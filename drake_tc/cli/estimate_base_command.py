@@ -4,7 +4,7 @@ import json
 import sys
 from contextlib import nullcontext
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 import typer
@@ -14,8 +14,9 @@ from drake_tc.cli.progress import progress_bar
 from drake_tc.cli.wide_table import print_wide
 from drake_tc.config.json_values import json_value
 from drake_tc.errors import LogError
-from drake_tc.estimation.base.evaluate import BaseResult, evaluate_log
-from drake_tc.estimation.base.rig import load_base_rig
+
+if TYPE_CHECKING:
+    from drake_tc.estimation.base.evaluate import BaseResult
 
 _ROWS = ("x, m", "y, m", "z, m", "roll, deg", "pitch, deg", "yaw, deg", "vx, m/s", "vy, m/s", "vz, m/s")
 FILES = ("estimate.csv", "estimate.json")
@@ -29,6 +30,9 @@ def estimate_base_command(
     as_json: Annotated[bool, typer.Option("--json", help="Print the figures as JSON.")] = False,
 ) -> None:
     """Base position, yaw and velocity from encoders, IMU and loads; RMSE where the log holds the truth."""
+    from drake_tc.estimation.base.evaluate import evaluate_log
+    from drake_tc.estimation.base.rig import load_base_rig
+
     what = load_base_rig(rig)
     place = (
         nullcontext()
@@ -51,7 +55,7 @@ def estimate_base_command(
         print(out / FILES[0])
 
 
-def _print(result: BaseResult) -> None:
+def _print(result: "BaseResult") -> None:
     last, angle = result.estimate.position[-1], float(np.degrees(result.estimate.rpy[-1, 2]))
     print(
         f"{len(result.estimate.time)} samples, {result.estimate.time[-1]:.1f} s; base at the end:"

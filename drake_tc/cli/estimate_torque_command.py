@@ -3,23 +3,20 @@
 import json
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
-import pandas as pd
 import typer
 
 from drake_tc.cli.out_files import Force, result_folder
 from drake_tc.cli.progress import progress_bar
 from drake_tc.config.json_values import json_value
 from drake_tc.errors import LogError, RigError
-from drake_tc.estimation.off_line import OffLineFilter
-from drake_tc.estimation.robot_loads import filters_of, robot_logs, with_robot_loads
-from drake_tc.filtering.window_choice import Window
-from drake_tc.logs.file_names import file_name
-from drake_tc.logs.prepare import load_runs
-from drake_tc.logs.record import Run
-from drake_tc.logs.rig import Rig, load_rig
-from drake_tc.logs.told_once import told_once
+
+if TYPE_CHECKING:
+    from drake_tc.estimation.off_line import OffLineFilter
+    from drake_tc.filtering.window_choice import Window
+    from drake_tc.logs.record import Run
+    from drake_tc.logs.rig import Rig
 
 
 def estimate_torque_command(
@@ -35,6 +32,11 @@ def estimate_torque_command(
     readings are filtered too (close-loop filters them later, with all other channels). Rows are those of the log's
     uniform clock; rows that cannot be used have no torque.
     """
+    from drake_tc.estimation.robot_loads import filters_of, robot_logs, with_robot_loads
+    from drake_tc.logs.prepare import load_runs
+    from drake_tc.logs.rig import load_rig
+    from drake_tc.logs.told_once import told_once
+
     what = load_rig(rig)
     place = result_folder(out, "--out", inputs=[rig, *log], force=force, error=LogError)
     with place as folder, progress_bar("estimate-torque", quiet=as_json) as progress:
@@ -61,8 +63,12 @@ def estimate_torque_command(
         print("\n".join(str(entry["file"]) for entry in entries))
 
 
-def _written(run: Run, rig: Rig, filters: OffLineFilter, out: Path) -> dict[str, object]:
+def _written(run: "Run", rig: "Rig", filters: "OffLineFilter", out: Path) -> dict[str, object]:
     """Write one run's torques into the folder `out`; what the JSON says of it."""
+    import pandas as pd
+
+    from drake_tc.logs.file_names import file_name
+
     names = [f"{joint}/torque" for joint in rig.joints]
     table = pd.DataFrame({"time": run.time, **{name: run.columns[name] for name in names}})
     table.loc[run.segment < 0, names] = float("nan")
@@ -73,5 +79,5 @@ def _written(run: Run, rig: Rig, filters: OffLineFilter, out: Path) -> dict[str,
     return {"file": name, "period": run.period, "filters": windows, "range": ranges}
 
 
-def _told(window: Window) -> dict[str, int]:
+def _told(window: "Window") -> dict[str, int]:
     return {"samples": window.samples, "order": window.order}

@@ -59,6 +59,6 @@ def _stages(chosen: list[str]) -> dict[str, str]:
     for entry in chosen:
         block, equals, stage = entry.rpartition("=")
         if not (block and equals and stage):
-            raise ParamsError(f"graph: wanted --stage BLOCK=STAGE, got {entry!r}")
+            raise ParamsError(f"graph: expected --stage BLOCK=STAGE, got {entry!r}")
         stages[block] = stage
     return stages

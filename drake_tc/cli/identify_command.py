@@ -5,23 +5,22 @@ import sys
 from collections.abc import Callable, Sequence
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple, cast
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, cast
 
 import typer
 
-from drake_tc.actuation.model import ActuatorModel
 from drake_tc.cli.identify_motors import motor_row, print_motors
 from drake_tc.cli.out_files import Force, result_file
 from drake_tc.cli.progress import progress_bar
 from drake_tc.cli.wide_table import print_wide
 from drake_tc.config.json_values import json_value
-from drake_tc.effects.base import EFFORT_UNIT
 from drake_tc.errors import IdentificationError, LogError, RigError
-from drake_tc.identification.identify import Identified, Method
-from drake_tc.identification.piecewise import PiecewiseFit
-from drake_tc.logs.record import Run
-from drake_tc.logs.rig import Rig
-from drake_tc.logs.told_once import of_joint, told_once
+
+if TYPE_CHECKING:
+    from drake_tc.actuation.model import ActuatorModel
+    from drake_tc.identification.identify import Identified, Method
+    from drake_tc.logs.record import Run
+    from drake_tc.logs.rig import Rig
 
 
 class MethodName(StrEnum):
@@ -58,12 +57,12 @@ def identify_command(
     from drake_tc.logs.rig import load_rig
 
     if rig is None:
-        raise RigError("identify: wanted --rig RIG.yaml, which says what the logs show; got none")
+        raise RigError("identify: expected --rig RIG.yaml, which says what the logs show, got none")
     if not log:
-        raise LogError("identify: wanted at least one --log RUN; got none")
+        raise LogError("identify: expected at least one --log RUN, got none")
     if (method is MethodName.motor) != (sheet is not None):
         raise IdentificationError(
-            "identify: wanted --method motor and --sheet SHEET.yaml together, or neither;"
+            "identify: expected --method motor and --sheet SHEET.yaml together, or neither;"
             f" got --method {method.value} {'without a' if sheet is None else 'and a'} --sheet"
         )
     read_rig = load_rig(rig)
@@ -104,7 +103,7 @@ def identify_command(
 class _Fits(NamedTuple):
     """What came of each joint: a model and a row of plain data, or a line."""
 
-    models: dict[str, ActuatorModel]
+    models: dict[str, "ActuatorModel"]
     rows: list[dict[str, Any]]
     failed: dict[str, str]
 
@@ -125,8 +124,8 @@ def _provenance(rig: Path, logs: Sequence[Path], sheet: Path | None, fits: _Fits
 
 
 def _fitting(
-    rig: Rig, method: MethodName, sheet: Path | None, joints: Sequence[str]
-) -> Callable[[Sequence[Run], str], tuple[ActuatorModel, dict[str, Any]]]:
+    rig: "Rig", method: MethodName, sheet: Path | None, joints: Sequence[str]
+) -> Callable[[Sequence["Run"], str], tuple["ActuatorModel", dict[str, Any]]]:
     """fit(runs, joint) -> (model, row); what rig and data sheet cannot do for a joint is told before any log is read.
 
     Raises:
@@ -140,7 +139,7 @@ def _fitting(
 
     if sheet is None:
 
-        def fit(runs: Sequence[Run], name: str) -> tuple[ActuatorModel, dict[str, Any]]:
+        def fit(runs: Sequence["Run"], name: str) -> tuple["ActuatorModel", dict[str, Any]]:
             result = identify(runs, rig, cast("Method", method.value), joint=name)
             return actuator_model(result, rig.known(name, "rotor_inertia")), _row(result, _notes(runs, rig, name))
 
@@ -150,7 +149,7 @@ def _fitting(
         check_motor_rig(rig, name)
         told.motor(name)
 
-    def fit_motor(runs: Sequence[Run], name: str) -> tuple[ActuatorModel, dict[str, Any]]:
+    def fit_motor(runs: Sequence["Run"], name: str) -> tuple["ActuatorModel", dict[str, Any]]:
         found = identify_motor(runs, rig, told.motor(name), joint=name, widths=told.widths)
         row = motor_row(found, told, _notes(runs, rig, name), [run.name for run in runs])
         return found.motor.actuator_model(name), row
@@ -158,12 +157,16 @@ def _fitting(
     return fit_motor
 
 
-def _notes(runs: Sequence[Run], rig: Rig, joint: str) -> list[str]:
+def _notes(runs: Sequence["Run"], rig: "Rig", joint: str) -> list[str]:
     """What was repaired in the runs, but for what concerns other joints alone."""
+    from drake_tc.logs.told_once import of_joint, told_once
+
     return list(told_once(of_joint(((run.name, note) for run in runs for note in run.notes), joint, rig.joints)))
 
 
 def _unit(drive: str, name: str) -> str:
+    from drake_tc.effects.base import EFFORT_UNIT
+
     effort = EFFORT_UNIT[drive]
     last = name.rsplit(".", 1)[-1]
     if last in ("tau_1", "tau_2"):
@@ -173,8 +176,11 @@ def _unit(drive: str, name: str) -> str:
     return f"{effort}*s/rad" if last == "K_v" else f"{effort}/(N*m)"
 
 
-def _row(found: Identified, notes: list[str]) -> dict[str, Any]:
+def _row(found: "Identified", notes: list[str]) -> dict[str, Any]:
     """Plain data: for the provenance of the model file, for --json, and for the table."""
+    from drake_tc.effects.base import EFFORT_UNIT
+    from drake_tc.identification.piecewise import PiecewiseFit
+
     parameters: dict[str, Any] = {}
     for name, value in found.parameters.items():
         entry: dict[str, Any] = {"value": float(value), "unit": _unit(found.drive, name)}

@@ -1,11 +1,13 @@
 """`drake-tc identify --method motor`: voltage-driven motors from logs and a data sheet."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from drake_tc.cli.wide_table import print_wide
-from drake_tc.identification.motor_prior import MotorFit
-from drake_tc.identification.motor_sheet import MotorSheet
+
+if TYPE_CHECKING:
+    from drake_tc.identification.motor_prior import MotorFit
+    from drake_tc.identification.motor_sheet import MotorSheet
 
 UNITS: Mapping[str, str] = {
     "torque_constant": "N*m/A",
@@ -20,7 +22,7 @@ MEANING = (
 )
 
 
-def motor_row(found: MotorFit, told: MotorSheet, notes: Sequence[str], runs: Sequence[str]) -> dict[str, Any]:
+def motor_row(found: "MotorFit", told: "MotorSheet", notes: Sequence[str], runs: Sequence[str]) -> dict[str, Any]:
     """Plain data of a motor: parameters with data sheet, interval, the logs' share, and how far off the sheet they are.
 
     Args:

@@ -4,16 +4,17 @@ import json
 import math
 import sys
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-import yaml
 
 from drake_tc.cli.out_files import Force, result_file
 from drake_tc.cli.wide_table import print_wide
 from drake_tc.config.json_values import json_value
 from drake_tc.errors import LogError
-from drake_tc.logs.inspection.inspect import Inspection, inspect_log, trial
+
+if TYPE_CHECKING:
+    from drake_tc.logs.inspection.inspect import Inspection
 
 
 def inspect_command(
@@ -26,6 +27,8 @@ def inspect_command(
 
     With --rig it writes a rig file with these guesses, which `close-loop` reads. Check them: a name can mislead.
     """
+    from drake_tc.logs.inspection.inspect import inspect_log, trial
+
     found = inspect_log(log)
     problem = trial(found)
     if rig is not None and found.rig:
@@ -45,7 +48,7 @@ def inspect_command(
         print(rig)
 
 
-def _print(found: Inspection) -> None:
+def _print(found: "Inspection") -> None:
     print(
         f"{found.path}: {found.rows} rows, {found.duration:.4g} s at {found.rate:.4g} Hz"
         f"{f', {found.gaps} gaps' if found.gaps else ''}"
@@ -71,12 +74,14 @@ def _number(value: float) -> str:
     return "-" if math.isnan(value) else f"{value:.4g}"
 
 
-def _rig_text(found: Inspection) -> str:
+def _rig_text(found: "Inspection") -> str:
+    import yaml
+
     head = f"# Suggested by drake-tc inspect from {found.path.name}: guesses from names and ranges; check them.\n"
     return head + yaml.safe_dump(dict(found.rig), sort_keys=False, allow_unicode=True)
 
 
-def _document(found: Inspection, problem: str, rig: Path | None) -> dict[str, Any]:
+def _document(found: "Inspection", problem: str, rig: Path | None) -> dict[str, Any]:
     keys = ("name", "canonical", "unit", "why", "low", "high", "step", "missing")
     return {
         "name": "inspect",

@@ -12,7 +12,9 @@ from typer.exceptions import TyperException
 from drake_tc import __version__
 from drake_tc.cli.bench_command import bench_app
 from drake_tc.cli.bode_command import bode_command
+from drake_tc.cli.check_command import check_command
 from drake_tc.cli.close_loop_command import close_loop_command
+from drake_tc.cli.design_command import design_command
 from drake_tc.cli.estimate_base_command import estimate_base_command
 from drake_tc.cli.estimate_torque_command import estimate_torque_command
 from drake_tc.cli.export_command import export_command
@@ -20,6 +22,7 @@ from drake_tc.cli.graph_command import graph_command
 from drake_tc.cli.identify_command import identify_command
 from drake_tc.cli.import_logs import import_logs
 from drake_tc.cli.inspect_command import inspect_command
+from drake_tc.cli.rehearse_command import rehearse_command
 from drake_tc.cli.reproduce_command import reproduce_command
 from drake_tc.cli.schema_command import schema_command
 from drake_tc.cli.simulate_command import simulate_command
@@ -39,8 +42,11 @@ app = typer.Typer(
     help="Torque control of position-controlled robots in Drake, with models that are checked against measured data.",
     add_completion=False,
     pretty_exceptions_enable=False,
+    rich_markup_mode="markdown",  # in which units in brackets are text
 )
+app.command("check")(check_command)
 app.command("close-loop")(close_loop_command)
+app.command("design")(design_command)
 app.command("estimate-base")(estimate_base_command)
 app.command("estimate-torque")(estimate_torque_command)
 app.command("identify")(identify_command)
@@ -50,6 +56,7 @@ app.command("inspect")(inspect_command)
 app.command("schema")(schema_command)
 app.command("simulate")(simulate_command)
 app.command("graph")(graph_command)
+app.command("rehearse")(rehearse_command)
 app.command("reproduce")(reproduce_command)
 app.command("stability")(stability_command)
 app.command("stability-map")(stability_map_command)
@@ -98,7 +105,7 @@ def _run(arguments: Sequence[str], *, debug: bool) -> int:
         return 2
     except TyperException as error:
         print(
-            f"drake-tc: {_one_line(error.format_message())} (drake-tc --help lists the commands and their options)",
+            f"drake-tc: {_one_line(error.format_message())} (see drake-tc --help)",
             file=sys.stderr,
         )
         return 2

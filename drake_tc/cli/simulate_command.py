@@ -55,7 +55,7 @@ def simulate_command(
     if log_format not in ("csv", "parquet", "npz"):
         raise typer.BadParameter(f"expected csv, parquet or npz, got {log_format!r}", param_hint="--log-format")
     if plot is not None and plot.suffix.lower() not in PLOTS:
-        raise typer.BadParameter(f"expected a file that ends in {', '.join(PLOTS)}; got {plot}", param_hint="--plot")
+        raise typer.BadParameter(f"expected a file that ends in {', '.join(PLOTS)}, got {plot}", param_hint="--plot")
     entry = runnable(diagram).naming(scenario_file, scenario_text)
     if html is not None and entry.kind not in ("torque", "whole_body"):
         raise typer.BadParameter(f"{diagram} has no robot to show", param_hint="--html")

@@ -79,7 +79,7 @@ def stability_command(
     from drake_tc.registry import runnable
 
     if friction not in ("sliding", "modelled"):
-        raise typer.BadParameter(f"wanted sliding or modelled, got {friction!r}", param_hint="--friction")
+        raise typer.BadParameter(f"expected sliding or modelled, got {friction!r}", param_hint="--friction")
     entry = runnable(diagram).naming(scenario_file, scenario_text)
     if entry.kind == "whole_body":
         raise ParamsError(f"stability: {diagram} stands on contacts, whose linearisation says nothing of its stability")

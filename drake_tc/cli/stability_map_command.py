@@ -57,7 +57,7 @@ def stability_map_command(
         raise ParamsError(f"no joint {joint!r}; joints: {', '.join(loops)}")
     loop = replace(loops[joint], kf=loops[joint].kf if kf is None else kf, environment_stiffness=environment_stiffness)
     if out is not None and out.suffix.lower() not in (".svg", ".png", ".pdf"):
-        raise ParamsError(f"stability-map: expected --out FILE.svg, .png or .pdf; got {out}")
+        raise ParamsError(f"stability-map: expected --out FILE.svg, .png or .pdf, got {out}")
     place = nullcontext() if out is None else result_file(out, "--out", inputs=[scenario_file], force=force)
     with (
         place as file,

@@ -72,7 +72,7 @@ def tune_command(
     from drake_tc.registry import diagram_entry
 
     if margin is not None and not margin > 1.0:
-        raise typer.BadParameter(f"wanted a sensitivity peak above 1, got {margin:g}", param_hint="--margin")
+        raise typer.BadParameter(f"expected a sensitivity peak above 1, got {margin:g}", param_hint="--margin")
     scenario = diagram_entry(diagram).scenario(scenario_name, scenario_file, scenario_text).changed(seed=seed)
     first = min(SETTLED, 0.5 * scenario.duration) if begin is None else begin
     tasks = tasks_of(joint_tasks(scenario, first), joint)

@@ -155,7 +155,7 @@ class _Document:
         mapping: dict[str, Any] = {}
         while not isinstance(event := next(self._events), yaml.MappingEndEvent):
             if not isinstance(event, yaml.ScalarEvent):
-                raise _refused(event, path, "expected a key that is one word or number; got a list, mapping or alias")
+                raise _refused(event, path, "expected a key that is one word or number, got a list, mapping or alias")
             if event.tag not in (None, "!", _TEXT):
                 raise _tag(event, path)
             key = str(event.value)
@@ -177,7 +177,7 @@ def _scalar(event: Any, path: _Path) -> Any:
         return _CONSTANTS[text]
     if _WHOLE.fullmatch(text):
         if len(text) > MOST_DIGITS:
-            raise _refused(event, path, f"expected a number of at most {MOST_DIGITS} digits; got {len(text)}")
+            raise _refused(event, path, f"expected a number of at most {MOST_DIGITS} digits, got {len(text)}")
         return int(text, 16 if text[:2] == "0x" else 8 if text[:2] == "0o" else 10)
     if not _FLOAT.fullmatch(text):
         return text
@@ -185,7 +185,7 @@ def _scalar(event: Any, path: _Path) -> Any:
         return float(text.replace(".", ""))
     value = float(text)
     if math.isinf(value):
-        raise _refused(event, path, f"expected a number below 1.8e308; got {quoted(text)}")
+        raise _refused(event, path, f"expected a number below 1.8e308, got {quoted(text)}")
     return value
 
 

@@ -6,54 +6,79 @@ import numpy as np
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
 from drake_tc.port_methods import PortMethods
+from drake_tc.types import BoolArray
 
 BLIND = 0.15
 """How long a flag is up before nothing is believed [s]: of those 0.1 s are the flag's own."""
 
 
 class BlindStop(PortMethods, LeafSystem):
-    """What the controllers get once `lost` has been up for `BLIND`, for good.
+    """What the controllers get once a joint's `lost` has been up for `BLIND`, for good.
 
-    Inputs: state (m) of the robot; torque (n) of the gauges; lost (1).
+    Inputs: state (m) of the robot; torque (n) of the gauges; wanted (n), torques of the controller; lost (n), by joint.
     Outputs, with feedthrough of the input of that name:
-        state (m): NaN then, with which `RobustTsid` fades its torques by exp(-t/fade).
-        torque (n): faded likewise then, so that torque control sees neither torque nor speed, and asks for no voltage:
-            a motor without voltage brakes its joint by its back-EMF.
-    State: ticks c since `lost` is up, c[n+1] = c[n] + 1 where it is up or c[n] has reached the limit, else 0.
+        state (m): NaN once a joint is lost that the robot stands on, with which `RobustTsid` fades all torques by
+            exp(-t/fade).
+        torque (n): faded likewise for all joints then, and for a lost joint that nothing stands on for that one, so
+            that torque control sees neither torque nor speed, and asks for no voltage: a motor without voltage brakes
+            its joint by its back-EMF.
+        wanted (n): faded for the lost joints alone, where the robot stands on none of them: an arm that is lost hangs,
+            and the robot goes on standing.
+    State, by joint: ticks c since `lost` is up, c[n+1] = c[n] + 1 where it is up or c[n] has reached the limit, else 0.
     """
 
-    def __init__(self, size: int, joints: int, fade: float, dt: float) -> None:
+    def __init__(self, size: int, carrying: BoolArray, fade: float, dt: float) -> None:
         """Declare ports, state and the periodic update.
 
         Args:
             size: m.
-            joints: n.
+            carrying: (n,) which joints the robot stands on.
             fade: Of the torques [s].
             dt: Period [s].
         """
         super().__init__()
         self._limit, self._nothing = float(np.ceil(BLIND / dt)), np.full(size, np.nan)
-        self._rate = dt / fade
+        self._rate, self._carrying = dt / fade, np.array(carrying, dtype=bool)
+        joints = self._carrying.size
         self._known: Any = self.DeclareVectorInputPort("state", size)
         self._torque: Any = self.DeclareVectorInputPort("torque", joints)
-        self._lost: Any = self.DeclareVectorInputPort("lost", 1)
-        state = self.DeclareDiscreteState(1)
+        self._wanted: Any = self.DeclareVectorInputPort("wanted", joints)
+        self._lost: Any = self.DeclareVectorInputPort("lost", joints)
+        state = self.DeclareDiscreteState(joints)
         self._ticks = int(state)
         own = {self.discrete_state_ticket(state)}
         self.DeclareVectorOutputPort("state", size, self._write, own | {self._known.ticket()})
         self.DeclareVectorOutputPort("torque", joints, self._write_torque, own | {self._torque.ticket()})
+        self.DeclareVectorOutputPort("wanted", joints, self._write_wanted, own | {self._wanted.ticket()})
         self.DeclarePeriodicDiscreteUpdateEvent(dt, 0.0, self._update)
 
+    def _is_blind(self, ticks: Any) -> bool:
+        """Whether a joint is lost that the robot stands on."""
+        return bool(np.count_nonzero(ticks[self._carrying] >= self._limit))
+
     def _write(self, context: Context, vector: Any) -> None:
-        blind = context.get_discrete_state(self._ticks).GetAtIndex(0) >= self._limit
-        vector.set_value(self._nothing if blind else self._known.Eval(context))
+        ticks: Any = context.get_discrete_state(self._ticks).value()
+        vector.set_value(self._nothing if self._is_blind(ticks) else self._known.Eval(context))
 
     def _write_torque(self, context: Context, vector: Any) -> None:
-        blind, torque = context.get_discrete_state(self._ticks).GetAtIndex(0) - self._limit, self._torque.Eval(context)
-        vector.set_value(torque if blind <= 0.0 else np.exp(-self._rate * blind) * torque)
+        ticks: Any
+        ticks, torque = context.get_discrete_state(self._ticks).value(), self._torque.Eval(context)
+        if np.count_nonzero(ticks > self._limit):
+            longest = float(ticks[self._carrying].max(initial=0.0))
+            torque = torque * np.exp(-self._rate * np.maximum(np.maximum(ticks, longest) - self._limit, 0.0))
+        vector.set_value(torque)
+
+    def _write_wanted(self, context: Context, vector: Any) -> None:
+        ticks: Any
+        ticks, wanted = context.get_discrete_state(self._ticks).value(), self._wanted.Eval(context)
+        if np.count_nonzero(ticks > self._limit) and not self._is_blind(ticks):
+            wanted = wanted * np.exp(-self._rate * np.maximum(ticks - self._limit, 0.0))
+        vector.set_value(wanted)
 
     def _update(self, context: Context, values: DiscreteValues) -> None:
-        ticks = context.get_discrete_state(self._ticks).GetAtIndex(0)
-        up = ticks >= self._limit or self._lost.Eval(context)[0] > 0.0
-        if ticks or up:
-            values.get_mutable_vector(self._ticks).SetAtIndex(0, ticks + 1.0 if up else 0.0)
+        ticks: Any
+        ticks, lost = context.get_discrete_state(self._ticks).value(), self._lost.Eval(context) > 0.0
+        if np.count_nonzero(ticks) or np.count_nonzero(lost):
+            up = (ticks >= self._limit) | lost
+            after: Any = np.where(up, ticks + 1.0, 0.0)
+            values.set_value(self._ticks, after)

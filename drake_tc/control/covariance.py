@@ -19,14 +19,16 @@ def checked_covariance(covariance: FloatArray) -> FloatArray:
         ParamsError: not finite, not symmetric or not positive semidefinite.
     """
     if not np.isfinite(covariance).all():
-        raise ParamsError("covariance: wanted finite numbers; got NaN or infinity")
+        raise ParamsError("covariance: expected finite numbers, got NaN or infinity")
     largest = float(np.abs(np.diagonal(covariance)).max())
     skewness = float(np.abs(covariance - covariance.T).max())
     if skewness > ROUNDING * largest:
-        raise ParamsError(f"covariance: wanted a symmetric matrix; it differs from its transpose by {skewness:.3g}")
+        raise ParamsError(f"covariance: expected a symmetric matrix; it differs from its transpose by {skewness:.3g}")
     mean: FloatArray = 0.5 * (covariance + covariance.T)
     lowest = float(np.linalg.eigvalsh(mean)[0])
     if lowest < -ROUNDING * largest:
-        raise ParamsError(f"covariance: wanted a positive semidefinite matrix; its smallest eigenvalue is {lowest:.3g}")
+        raise ParamsError(
+            f"covariance: expected a positive semidefinite matrix; its smallest eigenvalue is {lowest:.3g}"
+        )
     np.fill_diagonal(mean, np.maximum(np.diagonal(mean), 0.0))
     return mean

@@ -30,7 +30,7 @@ class DynamicsTerms:
         """
         if not robot.fixed_base:
             raise ParamsError(
-                f"robot {robot.name!r}: wanted a welded base (fixed_base: true); it floats: `FloatingTerms` takes"
+                f"robot {robot.name!r}: expected a welded base (fixed_base: true); it floats: `FloatingTerms` takes"
                 " the base's motion from an IMU"
             )
         plant = MultibodyPlant(0.0)
@@ -50,7 +50,7 @@ class DynamicsTerms:
         self.size, self.wrenches = len(joints), 6 * len(frames)
         if plant.num_velocities() != self.size:
             raise ParamsError(
-                f"robot {robot.name!r}: wanted {self.size} movable joints, those listed; got {plant.num_velocities()}"
+                f"robot {robot.name!r}: expected {self.size} movable joints, those listed, got {plant.num_velocities()}"
             )
         straight = np.arange(self.size)
         self._in_order = np.array_equal(positions, straight) and np.array_equal(velocities, straight)

@@ -42,7 +42,7 @@ class FloatingTerms:
         """
         if not robot.imu:
             raise ParamsError(
-                f"robot {robot.name!r}: wanted an IMU, as its base floats and its motion must be known; it has none"
+                f"robot {robot.name!r}: expected an IMU, as its base floats and its motion must be known; it has none"
             )
         self._model = model = build_plant(robot, cuts=False)
         self._plant: Any = model.plant
@@ -53,7 +53,7 @@ class FloatingTerms:
         nq, self._nv = self._plant.num_positions(), self._plant.num_velocities()
         if self._nv != self.size + 6:
             raise ParamsError(
-                f"robot {robot.name!r}: wanted {self.size} movable joints, those listed; got {self._nv - 6}"
+                f"robot {robot.name!r}: expected {self.size} movable joints, those listed, got {self._nv - 6}"
             )
         self._first = nq
         self._positions, self._velocities = as_slice(model.position_index), as_slice(model.velocity_index)

@@ -1,4 +1,4 @@
-"""The two parametrisations of the torque controller's gains, and the exact way between them.
+"""The gains of the torque controller, and the gains from tracking errors to effort that follow.
 
 Source: Del Prete et al., 2016, eq. 10 to 14.
 
@@ -26,9 +26,6 @@ from drake_tc.types import FloatArray
 
 ArrayLike: TypeAlias = FloatArray | Sequence[float] | float
 
-EXACT = 1e-8
-"""How far, relative to its size, a gain may miss the form that a conversion needs before it is refused."""
-
 
 def _array(name: str, value: object, shape: tuple[int, ...], lowest: float = -np.inf) -> FloatArray:
     """A read-only copy of shape `shape`, a number spread over it."""
@@ -36,10 +33,10 @@ def _array(name: str, value: object, shape: tuple[int, ...], lowest: float = -np
     if array.ndim == 0 and len(shape) == 1:
         array = np.full(shape, float(array))
     if array.shape != shape:
-        raise ParamsError(f"{name}: wanted shape {shape}; got {array.shape}")
+        raise ParamsError(f"{name}: expected shape {shape}, got {array.shape}")
     if not (np.all(np.isfinite(array)) and np.all(array >= lowest)):
         bound = "" if np.isinf(lowest) else f" >= {lowest:g}"
-        raise ParamsError(f"{name}: wanted finite numbers{bound}; got {array.tolist()}")
+        raise ParamsError(f"{name}: expected finite numbers{bound}, got {array.tolist()}")
     array = array.copy()
     array.setflags(write=False)
     return array
@@ -80,7 +77,7 @@ class TorqueGains:
         sizes = [shape for shape in (np.shape(getattr(self, name)) for name in names) if shape]
         if not sizes or len(sizes[0]) != 1 or sizes[0][0] < 1:
             raise ParamsError(
-                f"kp, ki, ks, kd: expected one number per joint, shape (n,), in at least one; got shapes {sizes}"
+                f"kp, ki, ks, kd: expected one number per joint, shape (n,), in at least one, got shapes {sizes}"
             )
         for name in names:
             _freeze(self, name, sizes[0], 0.0)
@@ -153,7 +150,7 @@ class EquivalentGains:
     def __post_init__(self) -> None:
         shape = np.asarray(self.k6).shape
         if len(shape) != 1 or shape[0] < 1:
-            raise ParamsError(f"k6: wanted one number a joint, shape (n,); got shape {shape}")
+            raise ParamsError(f"k6: expected one number a joint, shape (n,), got shape {shape}")
         wrenches = np.asarray(self.k9).shape
         _freeze(self, "k6", shape)
         _freeze(self, "k7", shape)
@@ -167,7 +164,7 @@ def _model(
     """(K_tau, M, J), checked."""
     gain = _array("k_tau", k_tau, (n,))
     if not np.all(gain > 0.0):
-        raise ParamsError(f"k_tau: wanted positive numbers [effort/(N m)]; got {gain.tolist()}")
+        raise ParamsError(f"k_tau: expected positive numbers [effort/(N m)], got {gain.tolist()}")
     return gain, _array("mass", mass, (n, n)), _array("jacobian", jacobian, (m, n))
 
 
@@ -188,65 +185,3 @@ def to_equivalent(gains: TorqueGains, k_tau: ArrayLike, mass: FloatArray, jacobi
     forces = kp * (j.T + j.T @ gains.kf) + j.T @ gains.kf
     total = gain * (1.0 + gains.kp)
     return EquivalentGains(total * gains.ks, total * gains.kd, gain[:, None] * kp * m, -gain[:, None] * forces)
-
-
-def from_equivalent(
-    equivalent: EquivalentGains, k_tau: ArrayLike, mass: FloatArray, jacobian: FloatArray, ki: ArrayLike = 0.0
-) -> TorqueGains:
-    """The gains whose equivalents are K6 .. K9: the inverse of `to_equivalent`.
-
-    Kp is the diagonal of K_tau^-1 K8 M^-1; Ks and Kd follow; Kf solves, by least squares,
-
-        J^T Kf = -(I + Kp)^-1 (K_tau^-1 K9 + Kp J^T).
-
-    Args:
-        equivalent: K6 .. K9.
-        k_tau: (n,) drive gains [effort/(N m)].
-        mass: M (n, n) [kg m^2], link side.
-        jacobian: J (m, n).
-        ki: Integral gain to carry along [1/s].
-
-    Raises:
-        ParamsError: K8 is not K_tau Kp M of any diagonal Kp >= 0; J lacks full row rank, so that Kf is not determined;
-            or K9 is not reached by any Kf.
-    """
-    n, m = equivalent.k9.shape
-    gain, inertia, j = _model(n, m, k_tau, mass, jacobian)
-    try:
-        ratio = np.linalg.solve(inertia.T, (equivalent.k8 / gain[:, None]).T).T
-    except np.linalg.LinAlgError:
-        raise ParamsError("mass: wanted an invertible mass matrix; got a singular one") from None
-    kp = np.diag(ratio).copy()
-    rest = equivalent.k8 - gain[:, None] * kp[:, None] * inertia
-    size = np.max(np.abs(equivalent.k8), initial=0.0)
-    if np.max(np.abs(rest), initial=0.0) > EXACT * size or np.any(kp < -EXACT):
-        raise ParamsError(
-            "k8: wanted K_tau Kp M with a diagonal Kp >= 0; no such Kp gives this k8"
-            f" (nearest Kp {np.round(kp, 6).tolist()}, left over {np.max(np.abs(rest), initial=0.0):.3g})"
-        )
-    kp = np.maximum(kp, 0.0)
-    total = gain * (1.0 + kp)
-    kf = _force_gain(equivalent.k9, gain, kp, j)
-    return TorqueGains(kp, _array("ki", ki, (n,), 0.0), equivalent.k6 / total, equivalent.k7 / total, kf)
-
-
-def _force_gain(k9: FloatArray, gain: FloatArray, kp: FloatArray, jacobian: FloatArray) -> FloatArray:
-    """Kf (m, m) from K9."""
-    m = jacobian.shape[0]
-    if m == 0:
-        return np.zeros((0, 0))
-    rank = int(np.linalg.matrix_rank(jacobian))
-    if rank < m:
-        raise ParamsError(
-            f"k9: wanted a Jacobian of full row rank {m} to find Kf; got rank {rank} of shape {jacobian.shape}:"
-            " give Kf itself, or another configuration"
-        )
-    wanted = -(k9 / gain[:, None] + kp[:, None] * jacobian.T) / (1.0 + kp[:, None])
-    kf = np.linalg.lstsq(jacobian.T, wanted, rcond=None)[0]
-    left = float(np.max(np.abs(jacobian.T @ kf - wanted)))
-    scale = float(np.max(np.abs(wanted), initial=0.0)) + float(np.max(np.abs(jacobian)))
-    if left > EXACT * scale:
-        raise ParamsError(
-            f"k9: wanted -K_tau (Kp J^T (I + Kf) + J^T Kf) of some Kf; the nearest Kf leaves {left:.3g} [N m/N] over"
-        )
-    return np.asarray(kf)

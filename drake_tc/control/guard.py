@@ -69,9 +69,9 @@ class CommandGuard(PortMethods, LeafSystem):
         super().__init__()
         spec = GuardSpec() if spec is None else spec
         if size < 1:
-            raise ParamsError(f"CommandGuard: wanted at least one joint; got {size}")
+            raise ParamsError(f"CommandGuard: expected at least one joint, got {size}")
         if not (np.isfinite(dt) and dt > 0.0):
-            raise ParamsError(f"dt: wanted a positive period [s]; got {dt!r}")
+            raise ParamsError(f"dt: expected a positive period [s], got {dt!r}")
         self._law = GuardLaw(size, float(dt), spec, servo)
         self._size = size
         self._command: Any = self.DeclareVectorInputPort("command", size)
@@ -97,7 +97,7 @@ class CommandGuard(PortMethods, LeafSystem):
         mode = GuardMode(int(memory[3 * self._size]))
         if mode != GuardMode.NORMAL:
             raise ParamsError(
-                f"guard {self.get_name()!r}: wanted the normal mode, to linearise; it is in {mode.name.lower()}:"
+                f"guard {self.get_name()!r}: expected the normal mode, to linearise; it is in {mode.name.lower()}:"
                 " give the loop time to start"
             )
         return np.array(memory[: self._size])

@@ -66,7 +66,9 @@ class GuardSpec:
             strict = not part.name.endswith("_time") or part.name == "damp_time"
             if not np.all(np.isfinite(value) & ((value > 0.0) if strict else (value >= 0.0))):
                 bound = "> 0" if strict else ">= 0"
-                raise ParamsError(f"guard.{part.name}: wanted finite numbers {bound}; got {getattr(self, part.name)!r}")
+                raise ParamsError(
+                    f"guard.{part.name}: expected finite numbers {bound}, got {getattr(self, part.name)!r}"
+                )
 
 
 class GuardLaw:
@@ -84,7 +86,7 @@ class GuardLaw:
         """
         flags = (True,) * size if servo is None else tuple(servo)
         if len(flags) != size:
-            raise ParamsError(f"servo: wanted {size} flags, one a joint; got {len(flags)}")
+            raise ParamsError(f"servo: expected {size} flags, one a joint, got {len(flags)}")
         self._size, self._dt, self._spec = size, dt, spec
         self._servo = np.array(flags, dtype=np.float64)
         self._all_servo = all(flags)
@@ -96,7 +98,7 @@ class GuardLaw:
     def _spread(self, name: str, value: float | tuple[float, ...]) -> FloatArray:
         array = np.asarray(value, dtype=np.float64)
         if array.shape not in ((), (self._size,)):
-            raise ParamsError(f"guard.{name}: wanted one number or {self._size}; got {array.size}")
+            raise ParamsError(f"guard.{name}: expected one number or {self._size}, got {array.size}")
         return np.full(self._size, array)
 
     def initial(self) -> FloatArray:

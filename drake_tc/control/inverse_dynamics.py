@@ -157,12 +157,12 @@ class InverseDynamics(PortMethods, LeafSystem):
         """[Ks; Kd; Kf]."""
         n, m = self._size, self._wrenches
         if gains.size != n:
-            raise ParamsError(f"gains: wanted {n} joints; got {gains.size}")
+            raise ParamsError(f"gains: expected {n} joints, got {gains.size}")
         kf = gains.kf if gains.kf.size else np.zeros((m, m))
         if kf.shape != (m, m):
-            raise ParamsError(f"gains.kf: wanted shape {(m, m)}, six a force/torque sensor; got {kf.shape}")
+            raise ParamsError(f"gains.kf: expected shape {(m, m)}, six a force/torque sensor, got {kf.shape}")
         if not self._force_task and kf.any():
-            raise ParamsError("gains.kf: wanted 0, as this InverseDynamics is built without force task; got another")
+            raise ParamsError("gains.kf: expected 0, as this InverseDynamics is built without force task, got another")
         return np.concatenate([gains.ks, gains.kd, kf.ravel()])
 
     def _write_desired(self, context: Any, vector: Any) -> None:
@@ -238,4 +238,4 @@ class InverseDynamics(PortMethods, LeafSystem):
 
 def _one_of(key: str, value: str, possible: tuple[str, ...]) -> None:
     if value not in possible:
-        raise ParamsError(f"{key}: wanted one of {', '.join(possible)}; got {value!r}")
+        raise ParamsError(f"{key}: expected one of {', '.join(possible)}, got {value!r}")

@@ -18,11 +18,11 @@ def check_times(what: str, numbers: tuple[float, ...], begin: float, duration: f
         ParamsError: as said.
     """
     if not all(map(math.isfinite, (*numbers, begin))):
-        raise ParamsError(f"{what}: wanted finite numbers; got {numbers} and begin {begin!r}")
+        raise ParamsError(f"{what}: expected finite numbers, got {numbers} and begin {begin!r}")
     if not (math.isfinite(duration) and duration > 0.0):
-        raise ParamsError(f"{what}: wanted a positive duration [s]; got {duration!r}")
+        raise ParamsError(f"{what}: expected a positive duration [s], got {duration!r}")
     if duration < SHORTEST:
-        raise ParamsError(f"{what}: wanted a duration of at least {SHORTEST:g} s; got {duration!r}")
+        raise ParamsError(f"{what}: expected a duration of at least {SHORTEST:g} s, got {duration!r}")
 
 
 def check_quaternions(what: str, *quaternions: tuple[float, ...]) -> None:
@@ -33,7 +33,7 @@ def check_quaternions(what: str, *quaternions: tuple[float, ...]) -> None:
     """
     for quaternion in quaternions:
         if len(quaternion) != 4 or not any(quaternion) or not math.isfinite(math.hypot(*quaternion)):
-            raise ParamsError(f"{what}: wanted a quaternion [w x y z] that is not zero; got {quaternion}")
+            raise ParamsError(f"{what}: expected a quaternion [w x y z] that is not zero, got {quaternion}")
 
 
 def meet(one: tuple[float, ...], other: tuple[float, ...], *, turns: bool) -> bool:

@@ -59,7 +59,7 @@ class PointToPoint:
     def __post_init__(self) -> None:
         if len(self.start) != len(self.goal) or not self.start:
             raise ParamsError(
-                f"point to point: wanted start and goal of one length; got {len(self.start)} and {len(self.goal)}"
+                f"point to point: expected start and goal of one length, got {len(self.start)} and {len(self.goal)}"
             )
         check_times("point to point", (*self.start, *self.goal), self.begin, self.duration)
 
@@ -166,9 +166,9 @@ class Swing:
         check_times("swing", (*self.start, *self.axis, self.amplitude), self.begin, self.rise)
         check_quaternions("swing", self.start)
         if not (math.isfinite(self.frequency_hz) and self.frequency_hz > 0.0):
-            raise ParamsError(f"swing: wanted a positive frequency_hz; got {self.frequency_hz!r}")
+            raise ParamsError(f"swing: expected a positive frequency_hz, got {self.frequency_hz!r}")
         if not (any(self.axis) and math.isfinite(math.hypot(*self.axis))):
-            raise ParamsError(f"swing: wanted an axis with a direction; got {self.axis}")
+            raise ParamsError(f"swing: expected an axis with a direction, got {self.axis}")
 
     @property
     def size(self) -> int:
@@ -226,16 +226,16 @@ class Chain:
 
     def __post_init__(self) -> None:
         if not self.pieces or len({piece.size for piece in self.pieces}) > 1:
-            raise ParamsError(f"chain: wanted pieces of one size; got {[piece.size for piece in self.pieces]}")
+            raise ParamsError(f"chain: expected pieces of one size, got {[piece.size for piece in self.pieces]}")
         for one, other in pairwise(self.pieces):
             if other.begin < one.begin + one.duration - 1e-9:
                 raise ParamsError(
-                    f"chain: wanted each piece after the one before; {other.begin:g} s is before"
+                    f"chain: expected each piece after the one before; {other.begin:g} s is before"
                     f" {one.begin + one.duration:g} s"
                 )
             if not meet(one.goal, other.start, turns=isinstance(one, Slerp)):
                 raise ParamsError(
-                    f"chain: wanted each piece where the one before has ended; it ends at {one.goal}, the next begins"
+                    f"chain: expected each piece where the one before has ended; it ends at {one.goal}, the next begins"
                     f" at {other.start}"
                 )
 
@@ -267,7 +267,7 @@ class PosePath:
 
     def __post_init__(self) -> None:
         if len(self.place.start) != 3:
-            raise ParamsError(f"pose: wanted a place of three numbers [m]; got {len(self.place.start)}")
+            raise ParamsError(f"pose: expected a place of three numbers [m], got {len(self.place.start)}")
 
     @property
     def size(self) -> int:

@@ -1,4 +1,4 @@
-"""`TorqueControl`: wanted link torques to the commands of position, current or voltage drives.
+"""`TorqueControl`: desired link torques to the commands of position, current or voltage drives.
 
 Source: Del Prete et al., 2016, eq. 10 to 14.
 """
@@ -81,11 +81,11 @@ class CompensationSpec:
         ):
             if getattr(self, key) not in possible:
                 raise ParamsError(
-                    f"compensation.{key}: wanted one of {', '.join(possible)}; got {getattr(self, key)!r}"
+                    f"compensation.{key}: expected one of {', '.join(possible)}, got {getattr(self, key)!r}"
                 )
         if not (math.isfinite(self.direction_speed) and self.direction_speed > 0.0):
             raise ParamsError(
-                f"compensation.direction_speed: wanted a positive speed [rad/s]; got {self.direction_speed!r}"
+                f"compensation.direction_speed: expected a positive speed [rad/s], got {self.direction_speed!r}"
             )
 
     @property
@@ -176,9 +176,9 @@ class TorqueControl(PortMethods, LeafSystem):
         self._compensator = Compensator(models, spec.direction_speed, spec.smoothing)
         limit = joint_values("torque_limit", torque_limit, names)
         if not np.all(limit > 0.0):
-            raise ParamsError(f"torque_limit: wanted {n} positive numbers [N m]; got {limit.tolist()}")
+            raise ParamsError(f"torque_limit: expected {n} positive numbers [N m], got {limit.tolist()}")
         if not (math.isfinite(dt) and dt > 0.0):
-            raise ParamsError(f"dt: wanted a positive period [s]; got {dt!r}")
+            raise ParamsError(f"dt: expected a positive period [s], got {dt!r}")
         self._size, self._spec, self._dt, self._disturbed = n, spec, float(dt), disturbance
         self._limit, self._nil = limit, [0.0] * n
         self._nothing = _Solution(*((math.nan,) * n for _ in _Solution._fields))
@@ -241,7 +241,7 @@ class TorqueControl(PortMethods, LeafSystem):
         """
         if not self._integrates and np.any(gains.ki > 0.0):
             raise ParamsError(
-                "gains.ki: wanted 0, as when this TorqueControl was built; build it with ki > 0 to tune it"
+                "gains.ki: expected 0, as when this TorqueControl was built; build it with ki > 0 to tune it"
             )
         values: Any = self._flat(gains)
         context.get_mutable_numeric_parameter(self._gains).SetFromVector(values)
@@ -249,7 +249,7 @@ class TorqueControl(PortMethods, LeafSystem):
     def _flat(self, gains: TorqueGains) -> FloatArray:
         """[Kp; Ki]."""
         if gains.size != self._size:
-            raise ParamsError(f"gains: wanted {self._size} joints; got {gains.size}")
+            raise ParamsError(f"gains: expected {self._size} joints, got {gains.size}")
         return np.concatenate([gains.kp, gains.ki])
 
     def _solve(self, context: Any, solution: Any) -> None:

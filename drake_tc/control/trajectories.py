@@ -20,12 +20,12 @@ SAMPLES_PER_PERIOD = 64
 def _checked(times: FloatArray | Sequence[float], values: object, fewest: int) -> tuple[FloatArray, FloatArray]:
     t, x = np.asarray(times, dtype=np.float64), np.asarray(values, dtype=np.float64)
     if t.ndim != 1 or t.size < fewest or not np.all(np.isfinite(t)) or not np.all(np.diff(t) > 0.0):
-        raise ParamsError(f"times: wanted at least {fewest} finite, increasing times [s]; got {t.tolist()}")
+        raise ParamsError(f"times: expected at least {fewest} finite, increasing times [s], got {t.tolist()}")
     if x.ndim != 2 or x.shape[0] != t.size or x.shape[1] < 1:
-        raise ParamsError(f"values: wanted shape ({t.size}, n), a row a time; got {x.shape}")
+        raise ParamsError(f"values: expected shape ({t.size}, n), a row a time, got {x.shape}")
     if not np.all(np.isfinite(x)):
         row = int(np.argmin(np.isfinite(x).all(axis=1)))
-        raise ParamsError(f"values: wanted finite numbers; row {row} has {x[row].tolist()}")
+        raise ParamsError(f"values: expected finite numbers; row {row} has {x[row].tolist()}")
     return t, x
 
 
@@ -93,13 +93,15 @@ class Sinusoid:
     def __post_init__(self) -> None:
         sizes = {name: len(getattr(self, name)) for name in ("centre", "amplitude", "growth")}
         if len(set(sizes.values())) > 1 or not self.centre:
-            raise ParamsError(f"sinusoid: wanted centre, amplitude and growth of one length, one a joint; got {sizes}")
+            raise ParamsError(
+                f"sinusoid: expected centre, amplitude and growth of one length, one a joint, got {sizes}"
+            )
         for name in ("frequency_hz", "duration"):
             value = getattr(self, name)
             if not (math.isfinite(value) and value > 0.0):
-                raise ParamsError(f"sinusoid.{name}: wanted a positive number; got {value!r}")
+                raise ParamsError(f"sinusoid.{name}: expected a positive number, got {value!r}")
         if not np.all(np.isfinite([*self.centre, *self.amplitude, *self.growth])):
-            raise ParamsError("sinusoid: wanted finite centre, amplitude and growth; got one that is not")
+            raise ParamsError("sinusoid: expected finite centre, amplitude and growth, got one that is not")
 
     def at(self, time: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """(x, xdot, xddot), each (T, n), at times (T,) [s]."""
@@ -146,6 +148,6 @@ def constant_trajectory(values: FloatArray | Sequence[float]) -> PiecewisePolyno
     """
     x = np.asarray(values, dtype=np.float64)
     if x.ndim != 1 or x.size < 1 or not np.all(np.isfinite(x)):
-        raise ParamsError(f"values: wanted n finite numbers; got {x.tolist()}")
+        raise ParamsError(f"values: expected n finite numbers, got {x.tolist()}")
     column: Any = x[:, None]
     return PiecewisePolynomial(column)

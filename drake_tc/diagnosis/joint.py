@@ -1,6 +1,7 @@
 """The main job for one joint: declared model, residual, missing effects, refit, errors before and after, verdict."""
 
 from collections.abc import Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -65,7 +66,7 @@ class Stage:
         return self.found.passed_over
 
 
-def _looked_for(prepared: Prepared, options: DiagnosisOptions, progress: Progress) -> Stage:
+def _looked_for(prepared: Prepared, options: DiagnosisOptions, progress: Progress, executor: Executor | None) -> Stage:
     usable, obstacles = candidates(looked_for(prepared.context, options.effects), prepared.context, prepared.declared)
     subsample = columns = prepared.train
     if len(columns.samples.signals) > SEARCHED_SAMPLES:
@@ -75,7 +76,9 @@ def _looked_for(prepared: Prepared, options: DiagnosisOptions, progress: Progres
             columns.floor,
             declared_gain=columns.declared_gain,
         )
-    found = search(subsample, prepared.terms, usable, prepared.context, prepared.floor, options.search, progress)
+    found = search(
+        subsample, prepared.terms, usable, prepared.context, prepared.floor, options.search, progress, executor
+    )
     return Stage(prepared, subsample, tuple(obstacles), found)
 
 
@@ -107,6 +110,7 @@ def diagnose_joint(
     options: DiagnosisOptions,
     progress: Progress = lambda text, share: None,
     link_prior: LinkPrior | None = None,
+    executor: Executor | None = None,
 ) -> JointResult:
     """Diagnose one joint. The held-out runs are looked at only after every choice is made.
 
@@ -118,17 +122,20 @@ def diagnose_joint(
         options: Thresholds and seed.
         progress: Told how far it is.
         link_prior: Of the links' columns that the runs hold; None where they hold none.
+        executor: Refines proposals and assesses what is left in its workers; None does it here.
 
     Raises:
         IdentificationError: the training runs cannot identify even the declared model.
     """
     progress("filtering", 0.0)
-    first = prepare_joint(train_runs, held_runs, rig, joint, 0.0, link_prior, options.width_s)
-    stage = _looked_for(first, options, progress)
+    first = prepare_joint(train_runs, held_runs, rig, joint, 0.0, link_prior, options.width_s, options.common)
+    stage = _looked_for(first, options, progress, executor)
     compliance = _wind_up(stage)
     if compliance > 0.0:
-        second = prepare_joint(train_runs, held_runs, rig, joint, compliance, link_prior, options.width_s)
-        soft = _looked_for(second, options, progress)
+        second = prepare_joint(
+            train_runs, held_runs, rig, joint, compliance, link_prior, options.width_s, options.common
+        )
+        soft = _looked_for(second, options, progress, executor)
         if _has_elasticity(soft.found) and soft.found.chosen.cv_rms < SOFTER_GEAR * stage.found.chosen.cv_rms:
             stage = soft
     prepared, subsample, context = stage.prepared, stage.subsample, stage.prepared.context
@@ -148,7 +155,7 @@ def diagnose_joint(
     progress("what is left", 0.0)
     floor = noise_floor(columns, chosen)
     splits = compared(columns, held, found.baseline, chosen)
-    unexplained, floor, notes = what_is_left(splits, chosen, floor, context, options)
+    unexplained, floor, notes = what_is_left(splits, chosen, floor, context, options, executor)
     final_parameters = parameters_of(columns, chosen, context.drive)
     effects = found_effects(columns, held, chosen, known, final_parameters, stability)
     kept = {e.id for e in effects}

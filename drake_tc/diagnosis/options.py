@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, field
 
+from drake_tc.diagnosis.problem.columns import Term
 from drake_tc.diagnosis.thresholds import JOINT, ResidualThresholds, SearchThresholds
 from drake_tc.effects.base import Effect
 from drake_tc.effects.library import effect
@@ -15,7 +16,7 @@ class DiagnosisOptions:
     `assess_residual`: whether what is left is assessed at all, which costs more than all the rest; False calls nothing
     structured. `width_s`: width of the light kernel [s]; None lets the data choose. `effects`: what the search tries
     in place of the library; a result names effects by their id, so those that are not of the library are registered
-    first (`drake_tc.register_effect`).
+    first (`drake_tc.register_effect`). `common`: terms that every joint's declared model has besides its own.
 
     Raises:
         ParamsError: an effect that is neither of the library nor registered.
@@ -27,6 +28,7 @@ class DiagnosisOptions:
     assess_residual: bool = True
     width_s: float | None = None
     effects: tuple[Effect, ...] | None = None
+    common: tuple[Term, ...] = ()
 
     def __post_init__(self) -> None:
         for given in self.effects or ():

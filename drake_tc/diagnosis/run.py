@@ -14,7 +14,7 @@ from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.problem.sensor_errors import without_errors
 from drake_tc.diagnosis.refinement.stage import refine_joint
 from drake_tc.diagnosis.residual.unexplained import SEVERITY, Verdict
-from drake_tc.diagnosis.result.free_running import FreeRun, load_in_workers, with_free_runs
+from drake_tc.diagnosis.result.free_running import FreeRun, with_free_runs
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagnosis.result.links import FittedLinks
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult, SharedEffect
@@ -48,7 +48,7 @@ def close_loop(
         options: SearchThresholds and seed.
         free_run: Simulates the model driven by a recorded command; None leaves the free-run errors out.
         progress: Told how far it is.
-        executor: Runs the free runs beside each other; None runs them here.
+        executor: Runs free runs and the fits of what is left beside each other; None runs them here.
         declared: File of another simulator whose model is declared (`drake_tc.logs.declared_file`).
 
     Raises:
@@ -86,8 +86,6 @@ def _close_loop(
     runs = load_runs([*logs, *holdout], rig)
     require_different_runs(runs)
     train, held = in_order(runs[: len(logs)], rig), in_order(runs[len(logs) :], rig)
-    if free_run is not None and executor is not None:
-        load_in_workers(free_run, executor, 2 * len(held))
     joints: dict[str, JointResult] = {}
     shared: tuple[SharedEffect, ...] = ()
     before: Sequence[Run] | None = None
@@ -100,7 +98,7 @@ def _close_loop(
         held, train = list(robot.held_after), list(robot.train_after)
     for joint in rig.joints:
         if logs_of_robot is None:
-            joints[joint] = diagnose_joint(train, held, rig, joint, options, progress)
+            joints[joint] = diagnose_joint(train, held, rig, joint, options, progress, executor=executor)
         if free_run is not None:
             result = joints[joint]
             own = [without_errors(runs, joint, result.final) for runs in (train, held)]

@@ -111,6 +111,15 @@ SHARED = SearchThresholds(
 )
 """Of causes that no single joint owns: one that a single joint supports is that joint's own."""
 
+COMMON_DELAY = replace(
+    SHARED,
+    least_gain=FITTED_LINKS.least_gain,
+    second_gain=FITTED_LINKS.least_gain,
+    least_removed=FITTED_LINKS.least_removed,
+)
+"""Of a delay that all joints share. Beside fitted links one cause of many lowers an error by less; what guards against
+another cause is that the joints must agree on the delay (`robot.common_delay`), half of them with support."""
+
 LAG_OVER_NOISE = 4.0
 """What a lag must explain, over what the same filter explains backwards in time."""
 BEYOND_TOLERANCE = 3.0

@@ -29,7 +29,7 @@ def checked_effect(name: str, given: object) -> Effect:
         raise ParamsError(f"effect {name!r}: it is registered under this name, but its key is {effect.key!r}")
     names = [p.name for p in (*effect.coefficients, *effect.shapes, *effect.given_shapes)]
     if len(set(names)) < len(names):
-        raise ParamsError(f"effect {name!r}: expected different names of parameters; got {', '.join(names)}")
+        raise ParamsError(f"effect {name!r}: expected different names of parameters, got {', '.join(names)}")
     _check_columns(name, effect)
     return effect
 
@@ -40,7 +40,7 @@ def _instance(name: str, given: object) -> Effect:
     except TypeError as error:
         raise ParamsError(f"effect {name!r}: its class cannot be made without arguments: {error}") from None
     if not isinstance(made, Effect):
-        raise ParamsError(f"effect {name!r}: expected an instance or a subclass of Effect; got {given!r}")
+        raise ParamsError(f"effect {name!r}: expected an instance or a subclass of Effect, got {given!r}")
     return made
 
 

@@ -4,7 +4,6 @@ import math
 from collections.abc import Mapping
 
 import numpy as np
-from scipy.signal import lfilter
 
 from drake_tc.effects.base import Context, DriveEffect, Parameter, Plausible, Shape, Signals, Signature
 from drake_tc.effects.kernel import DriveKernel, memoryless
@@ -48,6 +47,8 @@ class CurrentLag(DriveEffect):
 
     def transform(self, effort: FloatArray, signals: Signals, shape: Shape) -> FloatArray:
         """Exact for an effort that is linear between samples (first-order hold)."""
+        from scipy.signal import lfilter
+
         if shape["lag"] <= 0.0:
             return effort
         pole, new, old = hold_coefficients(shape["lag"], signals.period)

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping
+from typing import ClassVar
 
 import numpy as np
 
@@ -36,7 +37,7 @@ class Delay(DriveEffect):
     kind = "drive"
     form = "loop"
     filters = True
-    shapes = (Parameter("delay", "s", 0.0, 0.2, plausible=DELAY_RANGE),)
+    shapes: ClassVar[tuple[Parameter, ...]] = (Parameter("delay", "s", 0.0, 0.2, plausible=DELAY_RANGE),)
     signature = Signature(
         x="acceleration", split="direction", look_for="loops: the residual follows the rate of the effort"
     )

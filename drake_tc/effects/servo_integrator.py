@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 
 import numpy as np
-from scipy.signal import lfilter
 
 from drake_tc.effects.base import Context, DriveEffect, Parameter, Plausible, Shape, Signals, Signature
 from drake_tc.effects.kernel import DriveKernel
@@ -42,6 +41,8 @@ class ServoIntegrator(DriveEffect):
 
     def columns(self, signals: Signals, shape: Shape) -> FloatArray:
         """-int y dt (T, 1)."""
+        from scipy.signal import lfilter
+
         y = signals.effort
         integral = lfilter([0.5, 0.5], [1.0, -1.0], y, zi=[-0.5 * y[0]])[0] * signals.period
         return -np.asarray(integral)[:, None]

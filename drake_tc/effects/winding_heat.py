@@ -4,7 +4,6 @@ import math
 from collections.abc import Mapping
 
 import numpy as np
-from scipy.signal import lfilter
 
 from drake_tc.effects.base import Context, DriveEffect, Parameter, Plausible, Shape, Signals, Signature
 from drake_tc.effects.kernel import DriveKernel
@@ -63,6 +62,8 @@ class WindingHeat(DriveEffect):
 
     def transform(self, effort: FloatArray, signals: Signals, shape: Shape) -> FloatArray:
         """Over one stretch; exact for an effort that is held from sample to sample."""
+        from scipy.signal import lfilter
+
         pole = math.exp(-signals.period / shape["warm_time"])
         warmth = lfilter([0.0, 1.0 - pole], [1.0, -pole], (effort / shape["warm_effort"]) ** 2)
         return np.asarray(effort / (1.0 + warmth))

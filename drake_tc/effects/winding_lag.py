@@ -4,7 +4,6 @@ from collections.abc import Mapping
 from math import isnan, nan
 
 import numpy as np
-from scipy.signal import lfilter
 
 from drake_tc.effects.base import Context, Parameter, Plausible, Shape, Signals, Signature
 from drake_tc.effects.current_lag import LAG_RANGE, CurrentLag, hold_coefficients
@@ -67,6 +66,8 @@ class WindingLag(CurrentLag):
         return np.asarray(self._lagged(signals.velocity, signals, shape) - signals.velocity)[:, None]
 
     def _lagged(self, values: FloatArray, signals: Signals, shape: Shape) -> FloatArray:
+        from scipy.signal import lfilter
+
         if shape["lag"] <= 0.0 or signals.period <= 0.0:
             return values
         pole, new, old = hold_coefficients(shape["lag"], signals.period)

@@ -44,7 +44,7 @@ class PredictorSpec:
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.bandwidth) and self.bandwidth > 0.0):
-            raise ParamsError(f"predictor.bandwidth: wanted a positive number [rad/s]; got {self.bandwidth!r}")
+            raise ParamsError(f"predictor.bandwidth: expected a positive number [rad/s], got {self.bandwidth!r}")
 
 
 class DelayPredictor(PortMethods, LeafSystem):
@@ -80,9 +80,9 @@ class DelayPredictor(PortMethods, LeafSystem):
         """
         super().__init__()
         if size < 1:
-            raise ParamsError(f"DelayPredictor: wanted at least one joint; got {size}")
+            raise ParamsError(f"DelayPredictor: expected at least one joint, got {size}")
         if not (math.isfinite(dt) and dt > 0.0):
-            raise ParamsError(f"dt: wanted a positive period [s]; got {dt!r}")
+            raise ParamsError(f"dt: expected a positive period [s], got {dt!r}")
         n = self._size = size
         self._blend = -math.expm1(-spec.bandwidth * dt)
         sizes = {"estimated_torque": n, "joint_estimate": 3 * n, "delayed_model_torque": n}

@@ -81,11 +81,11 @@ class ObserverSpec:
     def __post_init__(self) -> None:
         for name in ("bandwidth", "limit"):
             if not (math.isfinite(getattr(self, name)) and getattr(self, name) > 0.0):
-                raise ParamsError(f"observer.{name}: wanted a positive number; got {getattr(self, name)!r}")
+                raise ParamsError(f"observer.{name}: expected a positive number, got {getattr(self, name)!r}")
         if self.torque not in ("filtered", "live"):
-            raise ParamsError(f"observer.torque: wanted one of live, filtered; got {self.torque!r}")
+            raise ParamsError(f"observer.torque: expected one of live, filtered, got {self.torque!r}")
         if self.delay is not None and not (math.isfinite(self.delay) and self.delay >= 0.0):
-            raise ParamsError(f"observer.delay: wanted a time >= 0 [s]; got {self.delay!r}")
+            raise ParamsError(f"observer.delay: expected a time >= 0 [s], got {self.delay!r}")
 
 
 def observer_gains(bandwidth: float, dt: float) -> tuple[float, float, float]:
@@ -147,7 +147,7 @@ class DisturbanceObserver(PortMethods, LeafSystem):
         n = len(robot.joints)
         models = model_list(models, robot.joints)
         if not (math.isfinite(dt) and dt > 0.0):
-            raise ParamsError(f"dt: wanted a positive period [s]; got {dt!r}")
+            raise ParamsError(f"dt: expected a positive period [s], got {dt!r}")
         own = np.array([model.inertia for model in models])
         self._rotor = known_inertia(robot.joints, own, dict(rotor_inertia or {}))
         self._modelled = own if fed_forward else np.zeros(n)

@@ -72,19 +72,19 @@ def identify_end_effector(gravity: FloatArray, wrench: FloatArray) -> EndEffecto
     postures = gravity.shape[0]
     if gravity.shape != (postures, 3) or wrench.shape != (postures, 6):
         raise IdentificationError(
-            f"end-effector: wanted gravity (T, 3) and wrench (T, 6); got {gravity.shape} and {wrench.shape}"
+            f"end-effector: expected gravity (T, 3) and wrench (T, 6), got {gravity.shape} and {wrench.shape}"
         )
     if not (np.all(np.isfinite(gravity)) and np.all(np.isfinite(wrench))):
-        raise IdentificationError("end-effector: wanted finite gravity and wrench; some are not")
+        raise IdentificationError("end-effector: expected finite gravity and wrench; some are not")
     if postures < 3:
-        raise IdentificationError(f"end-effector: wanted at least 3 static postures; got {postures}")
+        raise IdentificationError(f"end-effector: expected at least 3 static postures, got {postures}")
     bias = np.tile(np.eye(3), (postures, 1))
     forces = _fit(np.column_stack([gravity.ravel(), bias]), wrench[:, :3].ravel(), "mass and force bias")
     turning = np.concatenate([_minus_skew(g) for g in gravity])
     torques = _fit(np.column_stack([turning, bias]), wrench[:, 3:].ravel(), "centre of mass and torque bias")
     mass, moment = float(forces.value[0]), torques.value[:3]
     if not mass > 0.0:
-        raise IdentificationError(f"end-effector: wanted a positive mass; the postures give {mass:.3g} kg")
+        raise IdentificationError(f"end-effector: expected a positive mass; the postures give {mass:.3g} kg")
     com = moment / mass
     return EndEffectorFit(
         mass=mass,
@@ -115,7 +115,9 @@ def sensor_gravity(rotations: FloatArray, accel: FloatArray) -> FloatArray:
     """
     size = np.linalg.norm(accel, axis=1)
     if not np.all(size > 0.0):
-        raise IdentificationError("end-effector: wanted accelerometer readings of gravity; some are zero or not finite")
+        raise IdentificationError(
+            "end-effector: expected accelerometer readings of gravity; some are zero or not finite"
+        )
     return np.asarray(-GRAVITY * np.einsum("tij,tj->ti", rotations, accel / size[:, None]))
 
 
@@ -134,7 +136,7 @@ def _fit(matrix: FloatArray, target: FloatArray, what: str) -> _Fit:
     condition = float(np.linalg.cond(scaled))
     if not condition < WORST_CONDITION:
         raise IdentificationError(
-            f"end-effector: the postures do not tell {what} apart (condition number {condition:.3g}, wanted below "
+            f"end-effector: the postures do not tell {what} apart (condition number {condition:.3g}, expected below "
             f"{WORST_CONDITION:g}): turn the sensor further against gravity, about two axes"
         )
     solution: Any = np.linalg.lstsq(scaled, target, rcond=None)[0]

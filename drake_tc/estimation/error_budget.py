@@ -270,7 +270,7 @@ def _check(model: TorqueModel, run: Run, filters: Filters) -> None:
     }
     for name, shape in wanted.items():
         if getattr(run, name).shape != shape:
-            raise ParamsError(f"error budget: {name}: wanted shape {shape}; got {getattr(run, name).shape}")
+            raise ParamsError(f"error budget: {name}: expected shape {shape}, got {getattr(run, name).shape}")
     longest = max(filters.encoder, filters.other)
     if samples <= 2 * longest:
-        raise ParamsError(f"error budget: wanted more than {2 * longest} samples, two windows; got {samples}")
+        raise ParamsError(f"error budget: expected more than {2 * longest} samples, two windows, got {samples}")

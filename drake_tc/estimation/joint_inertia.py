@@ -62,12 +62,12 @@ def known_inertia(joints: tuple[str, ...], own: FloatArray, given: dict[str, flo
         if joint not in joints:
             raise ParamsError(f"rotor_inertia: no joint {joint!r}; joints: {', '.join(joints)}")
         if not (np.isfinite(value) and value > 0.0):
-            raise ParamsError(f"rotor_inertia.{joint}: wanted a positive number [kg m^2]; got {value!r}")
+            raise ParamsError(f"rotor_inertia.{joint}: expected a positive number [kg m^2], got {value!r}")
     inertia = np.array([given.get(joint, value) for joint, value in zip(joints, own.tolist(), strict=True)])
     for joint, value in zip(joints, inertia.tolist(), strict=True):
         if not value > 0.0:
             raise ParamsError(
-                f"rotor_inertia: wanted that of {joint!r} [kg m^2], reflected to the joint and right within a factor of"
+                f"rotor_inertia: expected that of {joint!r} [kg m^2], reflected to the joint, right within a factor of"
                 " two: its drive's model has none; take it from the motor's and the gear's data sheets"
             )
     return inertia

@@ -10,10 +10,11 @@ from pydrake.systems.framework import BasicVector, Context, DiscreteValues, Leaf
 from drake_tc.errors import ParamsError
 from drake_tc.estimation.joint_torque import LARGEST
 from drake_tc.estimation.torque_model import TorqueModel
+from drake_tc.port_methods import PortMethods
 from drake_tc.types import FloatArray
 
 
-class MomentumResidual(LeafSystem):
+class MomentumResidual(PortMethods, LeafSystem):
     r"""External generalized forces on n joints and the base, filtered by K, without joint accelerations.
 
     Inputs:
@@ -38,8 +39,15 @@ class MomentumResidual(LeafSystem):
     which answers a force that is constant over ticks exactly as the first-order filter K/(s + K), one tick late.
     An input that is not finite leaves r as it is and starts the difference anew; nothing is raised in the loop.
 
+    Connect it beside a loop to see contacts: `torque` is the loop's `estimated_torque`, or the torque of the drives.
+
     Source: De Luca and Mattone, "Sensorless robot collision detection and hybrid force/motion control", 2005; with the
     IMU in place of the floating base's velocity, as in Algorithm 1 of Del Prete et al. (2016).
+
+    Example:
+        >>> model = TorqueModel(load_robot(MODELS / "hrp2_like" / "hrp2_like_leg.yaml"))
+        >>> MomentumResidual(model, gain=30.0, dt=1e-3).get_residual_output_port().size()
+        6
     """
 
     def __init__(self, model: TorqueModel, gain: float, dt: float) -> None:
@@ -56,7 +64,7 @@ class MomentumResidual(LeafSystem):
         super().__init__()
         for name, value in (("gain", gain), ("dt", dt)):
             if not (np.isfinite(value) and value > 0.0):
-                raise ParamsError(f"MomentumResidual: {name}: wanted a positive number; got {value!r}")
+                raise ParamsError(f"MomentumResidual: {name}: expected a positive number, got {value!r}")
         n, k = model.size, model.num_sensors
         self._model, self._n, self._dt = model, n, float(dt)
         self._blend = float(-np.expm1(-gain * dt))

@@ -137,7 +137,7 @@ def wrench_bias(
     """
     rows = list(smoothed(model, log, filters, None))[untouched]
     if not rows:
-        raise LogError(f"wrench bias: wanted samples within 0 to {len(log.position)}; got {untouched}")
+        raise LogError(f"wrench bias: expected samples within 0 to {len(log.position)}, got {untouched}")
     context = model.create_context()
     return np.asarray(np.mean([model.reading_error(context, *row) for row in rows], axis=0))
 
@@ -149,9 +149,9 @@ def smoothed(
     spec = OffLineFilter.of() if filters is None else filters
     samples = log.position.shape[0]
     if samples < spec.longest:
-        raise LogError(f"wanted at least {spec.longest} samples, one window; the log has {samples}")
+        raise LogError(f"expected at least {spec.longest} samples, one window; the log has {samples}")
     if log.imu is None and _reads_imu(model):
-        raise LogError(f"imu: wanted readings, as the model of {model.robot.name} takes the base's motion from them")
+        raise LogError(f"imu: expected readings, as the model of {model.robot.name} takes the base's motion from them")
     inertial = np.zeros((samples, 6)) if log.imu is None else log.imu
     for name, values, width in (
         ("position", log.position, model.size),
@@ -159,16 +159,16 @@ def smoothed(
         ("wrench", log.wrench, 6 * model.num_sensors),
     ):
         if values.shape != (samples, width):
-            raise LogError(f"{name}: wanted shape {(samples, width)} for {model.robot.name}; got {values.shape}")
+            raise LogError(f"{name}: expected shape {(samples, width)} for {model.robot.name}, got {values.shape}")
         if not np.isfinite(values).all():
             row = int(np.argmin(np.isfinite(values).all(axis=1)))
-            raise LogError(f"{name}: wanted finite readings; sample {row} is not")
+            raise LogError(f"{name}: expected finite readings; sample {row} is not")
     joint = smooth(log.position, spec.encoder.samples, spec.encoder.order, log.dt)
     base = smooth(inertial, spec.inertial.samples, spec.inertial.order, log.dt)
     felt = smooth(log.wrench, spec.wrench.samples, spec.wrench.order, log.dt).value
     if bias is not None:
         if bias.shape != felt.shape[1:]:
-            raise LogError(f"bias: wanted shape {felt.shape[1:]} for {model.robot.name}; got {bias.shape}")
+            raise LogError(f"bias: expected shape {felt.shape[1:]} for {model.robot.name}, got {bias.shape}")
         felt = felt - bias
     rate = base.first_derivative[:, :3]
     motion = (joint.value, joint.first_derivative, joint.second_derivative)

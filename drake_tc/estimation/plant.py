@@ -106,10 +106,10 @@ def build_plant(robot: Robot, *, cuts: bool = True) -> EstimationPlant:
     for mount in robot.force_torque:
         where = f"{robot.name}: force_torque {mount.name}"
         if not plant.HasJointNamed(mount.joint):
-            raise ParamsError(f"{where}: wanted a fixed joint of the URDF; there is no joint {mount.joint!r}")
+            raise ParamsError(f"{where}: expected a fixed joint of the URDF; there is no joint {mount.joint!r}")
         weld = plant.GetJointByName(mount.joint)
         if weld.num_velocities() != 0:
-            raise ParamsError(f"{where}: wanted a fixed joint; {mount.joint!r} moves")
+            raise ParamsError(f"{where}: expected a fixed joint; {mount.joint!r} moves")
         parent, child = weld.frame_on_parent(), weld.frame_on_child()
         if cuts:
             plant.RemoveJoint(weld)
@@ -124,7 +124,7 @@ def build_plant(robot: Robot, *, cuts: bool = True) -> EstimationPlant:
 def _add_mount(plant: MultibodyPlant, where: str, name: str, mount: Mount) -> Any:
     """The frame of a mount on its link."""
     if not plant.HasBodyNamed(mount.link):
-        raise ParamsError(f"{where}: wanted a link of the URDF; there is no link {mount.link!r}")
+        raise ParamsError(f"{where}: expected a link of the URDF; there is no link {mount.link!r}")
     return plant.AddFrame(FixedOffsetFrame(name, plant.GetFrameByName(mount.link), mount.pose.transform))
 
 

@@ -264,7 +264,7 @@ class TorqueModel:
                 raise ParamsError(f"{self.robot.name}: base 'fixed' wants a welded base; the robot's floats: use 'imu'")
             return None
         if not names:
-            raise ParamsError(f"{self.robot.name}: wanted an IMU; the robot has none (base 'fixed' needs none)")
+            raise ParamsError(f"{self.robot.name}: expected an IMU; the robot has none (base 'fixed' needs none)")
         name = names[0] if imu is None else imu
         if name not in names:
             raise ParamsError(f"{self.robot.name}: no IMU {name!r}; there are {names}")
@@ -281,7 +281,7 @@ class TorqueModel:
             if frame.body().index() in self._plant.GetBodiesKinematicallyAffectedBy([joint.index()]):
                 raise ParamsError(
                     f"{self.robot.name}: unknown wrench: {name!r} is beyond the F/T sensor {cut.name!r}, where the"
-                    " external wrench is the contact wrench; wanted a link between the base and the sensors"
+                    " external wrench is the contact wrench; expected a link between the base and the sensors"
                 )
         if not self.model.welded_to_base(frame):
             return frame, np.zeros((3, 3))

@@ -43,10 +43,12 @@ class WrenchTare(PortMethods, LeafSystem):
         """
         super().__init__()
         if not 0.0 <= begin < end < np.inf or not period > 0.0:
-            raise ParamsError(f"tare: wanted 0 <= begin < end and a positive period [s]; got {begin}, {end}, {period}")
+            raise ParamsError(
+                f"tare: expected 0 <= begin < end and a positive period [s], got {begin}, {end}, {period}"
+            )
         if end - begin < period * (1.0 - 1e-9):
             raise ParamsError(
-                f"tare: wanted at least one period of {period} s between begin and end; got {begin}, {end}"
+                f"tare: expected at least one period of {period} s between begin and end, got {begin}, {end}"
             )
         if not model.num_sensors:
             raise ParamsError(f"tare: {model.robot.name} has no force/torque sensor")

@@ -26,7 +26,7 @@ def to_bam(projections: Sequence[Projection], into: Path | None = None, torque_c
     """
     if len(projections) != 1:
         names = ", ".join(projection.joint for projection in projections)
-        raise ParamsError(f"export --to bam: expected one joint, choose it with --joint; got {names}")
+        raise ParamsError(f"export --to bam: expected one joint, choose it with --joint, got {names}")
     terms = projections[0].terms
     if terms.drive != "voltage":
         raise ParamsError(
@@ -66,5 +66,5 @@ def _existing(into: Path | None) -> dict[str, object]:
     except ValueError as error:
         raise ParamsError(f"{into}: not JSON: {error}") from None
     if not isinstance(document, dict):
-        raise ParamsError(f"{into}: expected a BAM parameter file, a mapping; got {quoted(document)}")
+        raise ParamsError(f"{into}: expected a BAM parameter file, a mapping, got {quoted(document)}")
     return document

@@ -22,7 +22,7 @@ def read_xml(path: Path, root: str) -> minidom.Document:
     found = document.documentElement
     if found is None or found.tagName != root:
         raise ParamsError(
-            f"{path}: expected <{root}> at the top; got <{'nothing' if found is None else found.tagName}>"
+            f"{path}: expected <{root}> at the top, got <{'nothing' if found is None else found.tagName}>"
         )
     return document
 
@@ -63,7 +63,7 @@ def top(document: minidom.Document) -> minidom.Element:
     """The document's root."""
     root = document.documentElement
     if root is None:
-        raise ParamsError("expected an XML document with an element; got none")
+        raise ParamsError("expected an XML document with an element, got none")
     return root
 
 

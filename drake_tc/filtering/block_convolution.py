@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
 
-from drake_tc.types import FloatArray
+from drake_tc.types import FloatArray, IntArray
 
 _BLOCK_PER_KERNEL = 16
 """Length of a block over that of the kernel; the cost changes by a few per cent between 4 and 64."""
@@ -36,9 +36,23 @@ class BlockConvolution:
         return np.asarray(rfft(self.weights, self._size))
 
     def inner(self, x: FloatArray) -> FloatArray:
-        """The convolution where all of the kernel lies on the signal, (T,) to (T - 2 m,).
+        """The convolution where all of the kernel lies on the signal, (T,) to (T - 2 m,)."""
+        return self.at(x, self.places(np.arange(max(x.size - self.weights.size + 1, 0))))
+
+    def places(self, rows: IntArray) -> IntArray:
+        """Where `at` finds samples (N,) of the convolution, counted from the first one that `inner` gives."""
+        lost = self.weights.size - 1
+        block, within = np.divmod(rows, self._size - lost)
+        return np.asarray(block * self._size + lost + within)
+
+    def at(self, x: FloatArray, places: IntArray) -> FloatArray:
+        """The convolution (N,) of a signal (T,) at some of its samples alone.
 
         The mean is taken off first, so that rounding errors are relative to what varies.
+
+        Args:
+            x: (T,) signal.
+            places: (N,) of the samples, from `places`.
         """
         lost = self.weights.size - 1
         count = x.size - lost
@@ -51,4 +65,4 @@ class BlockConvolution:
         np.subtract(x, level, out=padded[: x.size])
         spectrum = rfft(np.lib.stride_tricks.sliding_window_view(padded, self._size)[::step], axis=1)
         spectrum *= self._spectrum
-        return np.asarray(irfft(spectrum, self._size, axis=1)[:, lost:].ravel()[:count] + level)
+        return np.asarray(irfft(spectrum, self._size, axis=1).reshape(-1)[places] + level)

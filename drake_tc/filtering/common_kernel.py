@@ -6,8 +6,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.interpolate import BSpline
-from scipy.signal import oaconvolve
 
 from drake_tc.errors import ParamsError
 from drake_tc.types import BoolArray, FloatArray
@@ -76,6 +74,8 @@ class CommonKernel:
     @cached_property
     def kernels(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """k, k', k'' on the samples -margin ... margin: weights of the three convolutions."""
+        from scipy.interpolate import BSpline
+
         knots = (np.arange(_SPLINE_ORDER + 1) - 0.5 * _SPLINE_ORDER) * self.box
         spline = BSpline.basis_element(knots, extrapolate=False)
         # basis_element sums to 1 over shifts of one box: divide by b for a unit integral.
@@ -121,6 +121,8 @@ class CommonKernel:
 
     def _convolve(self, x: FloatArray, derivative: int) -> FloatArray:
         """Convolve one stretch, extended by odd reflection (2 x_end − x), its mean taken off first."""
+        from scipy.signal import oaconvolve
+
         if x.size == 0:
             return x.copy()
         level = float(x.mean())

@@ -36,7 +36,7 @@ def savgol_weights(
     at = 0.5 * (window - 1) if at is None else at
     check_window(window, order, at, dt)
     if derivative < 0:
-        raise ParamsError(f"Savitzky–Golay derivative must be 0, 1, 2, ...; got {derivative}")
+        raise ParamsError(f"Savitzky–Golay derivative must be 0, 1, 2, ..., got {derivative}")
     if derivative > order:
         return np.zeros(window)
     half = max(0.5 * (window - 1), 0.5)
@@ -71,6 +71,6 @@ def check_window(window: int, order: int, at: float, dt: float) -> None:
             f"got order {order}, window {window}"
         )
     if not 0 <= at <= window - 1:
-        raise ParamsError(f"Savitzky–Golay point must lie in the window, 0 to {window - 1}; got {at:g}")
+        raise ParamsError(f"Savitzky–Golay point must lie in the window, 0 to {window - 1}, got {at:g}")
     if not (np.isfinite(dt) and dt > 0):
-        raise ParamsError(f"Savitzky–Golay period must be positive and finite [s]; got {dt:g}")
+        raise ParamsError(f"Savitzky–Golay period must be positive and finite [s], got {dt:g}")

@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
-from scipy.signal import lfilter, oaconvolve
 
 from drake_tc.errors import ParamsError
 from drake_tc.filtering.savgol_weights import delay, savgol_weights
@@ -55,11 +54,15 @@ def smooth(x: FloatArray, window: int, order: int, dt: float) -> Smoothed:
     """
     x = np.asarray(x, dtype=np.float64)
     if x.shape[0] < window:
-        raise ParamsError(f"Savitzky–Golay window of {window} samples wanted; the stretch has only {x.shape[0]}")
+        raise ParamsError(
+            f"Savitzky–Golay window: expected at least {window} samples; the stretch has only {x.shape[0]}"
+        )
     return Smoothed(*(_smooth_one(x, window, order, derivative, dt) for derivative in range(3)))
 
 
 def _smooth_one(x: FloatArray, window: int, order: int, derivative: int, dt: float) -> FloatArray:
+    from scipy.signal import oaconvolve
+
     centre = window // 2
     after = window - 1 - centre
     level = x.mean(axis=0)
@@ -91,6 +94,8 @@ def smooth_causal(x: FloatArray, window: int, order: int, dt: float, at: float |
     Raises:
         ParamsError: As `savgol_weights`.
     """
+    from scipy.signal import lfilter
+
     x = np.asarray(x, dtype=np.float64)
     first = x[:1]
     outputs = []
@@ -148,10 +153,10 @@ class SavitzkyGolayFilter(PortMethods, LeafSystem):
         """
         super().__init__()
         if size < 1:
-            raise ParamsError(f"SavitzkyGolayFilter needs at least one joint; got size {size}")
+            raise ParamsError(f"SavitzkyGolayFilter needs at least one joint, got size {size}")
         orders = (order,) * size if isinstance(order, int) else tuple(order)
         if len(orders) != size:
-            raise ParamsError(f"SavitzkyGolayFilter needs one order, or one a joint ({size}); got {len(orders)}")
+            raise ParamsError(f"SavitzkyGolayFilter needs one order, or one a joint ({size}), got {len(orders)}")
         self._size, self._window = size, window
         self._delay = delay(window, dt, at)
         distinct = sorted(set(orders))

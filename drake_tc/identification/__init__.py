@@ -1,7 +1,6 @@
 """Identification of geared joints from logs: excitation, regressions and their confidence intervals."""
 
 from drake_tc.identification.asymmetric import AsymmetricFit, asymmetric_by_qp, asymmetric_least_squares
-from drake_tc.identification.bootstrap import BootstrapFit, block_bootstrap
 from drake_tc.identification.excitation import (
     Motion,
     MotionLimits,
@@ -18,7 +17,6 @@ from drake_tc.identification.two_stage import TwoStageFit, fit_two_stage
 
 __all__ = [
     "AsymmetricFit",
-    "BootstrapFit",
     "Identified",
     "JointSamples",
     "LinearFit",
@@ -29,7 +27,6 @@ __all__ = [
     "TwoStageFit",
     "asymmetric_by_qp",
     "asymmetric_least_squares",
-    "block_bootstrap",
     "fit_piecewise",
     "fit_three_pieces",
     "fit_two_stage",

@@ -113,7 +113,7 @@ def piecewise_actuator(found: Identified, fit: PiecewiseFit) -> tuple[Drive, tup
 def _positive(found: Identified, gain: float) -> float:
     if not gain > 0.0:
         raise IdentificationError(
-            f"{found.joint}: wanted a positive drive gain; got {gain:.4g}: the torque or the command column has the"
+            f"{found.joint}: expected a positive drive gain, got {gain:.4g}: the torque or the command column has the"
             " wrong sign, or the logs hold no load (try another --method, or record pushes)"
         )
     return gain

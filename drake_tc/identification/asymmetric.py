@@ -206,4 +206,4 @@ def asymmetric_by_qp(columns: FloatArray, target: FloatArray, weight: float = 10
 
 def _check_weight(weight: float) -> None:
     if not (np.isfinite(weight) and weight >= 1):
-        raise IdentificationError(f"asymmetric weight must be finite and >= 1; got {weight:g}")
+        raise IdentificationError(f"asymmetric weight must be finite and >= 1, got {weight:g}")

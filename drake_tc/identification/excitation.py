@@ -31,7 +31,7 @@ class MotionLimits:
     def __post_init__(self) -> None:
         if not (self.position[0] < self.position[1] and self.velocity > 0 and self.acceleration > 0):
             raise IdentificationError(
-                f"motion limits need lowest < highest position and positive velocity and acceleration; got {self}"
+                f"motion limits need lowest < highest position and positive velocity and acceleration, got {self}"
             )
 
 
@@ -76,7 +76,7 @@ def growing_sinusoid(
     Source: Del Prete et al., 2016, section 3.4.
     """
     if not frequency_hz > 0:
-        raise IdentificationError(f"growing sinusoid needs a positive frequency [Hz]; got {frequency_hz:g}")
+        raise IdentificationError(f"growing sinusoid needs a positive frequency [Hz], got {frequency_hz:g}")
     omega = 2 * np.pi * frequency_hz
     amplitude, sine, cosine = start + growth * time, np.sin(omega * time), np.cos(omega * time)
     shape = (
@@ -114,7 +114,7 @@ def multisine(
     Source: Schroeder, IEEE Transactions on Information Theory 16 (1970).
     """
     if time.size < 2 or tones < 1:
-        raise IdentificationError(f"multisine needs two samples and one tone; got {time.size} and {tones}")
+        raise IdentificationError(f"multisine needs two samples and one tone, got {time.size} and {tones}")
     period = (time[-1] - time[0]) * time.size / (time.size - 1)
     low, high = int(np.ceil(band_hz[0] * period - 1e-9)), int(np.floor(band_hz[1] * period + 1e-9))
     low = max(low, 1)
@@ -150,7 +150,7 @@ def trapezoids(time: FloatArray, targets: Sequence[float], limits: MotionLimits,
     """
     _check_targets(targets, limits)
     if dwell_s < 0:
-        raise IdentificationError(f"trapezoids need a rest >= 0 s; got {dwell_s:g}")
+        raise IdentificationError(f"trapezoids need a rest >= 0 s, got {dwell_s:g}")
     q = np.full(time.size, float(targets[0]))
     v, a = np.zeros(time.size), np.zeros(time.size)
     begin = float(time[0]) + dwell_s
@@ -194,7 +194,7 @@ def postures_with_pushes(
     rest = (float(time[-1] - time[0]) - sum(moves)) / len(postures)
     if pushes < 1 or rest <= 0:
         raise IdentificationError(
-            f"postures need at least one push and time to rest; got {pushes} pushes, moves of {sum(moves):g} s "
+            f"postures need at least one push and time to rest, got {pushes} pushes, moves of {sum(moves):g} s "
             f"in {float(time[-1] - time[0]):g} s"
         )
     motion = trapezoids(time, postures, limits, dwell_s=rest)
@@ -213,7 +213,7 @@ def _check_targets(targets: Sequence[float], limits: MotionLimits) -> None:
     low, high = limits.position
     outside = [float(t) for t in targets if not low <= t <= high]
     if outside or not targets:
-        raise IdentificationError(f"targets wanted in {low:g} to {high:g} rad; outside: {outside or 'none given'}")
+        raise IdentificationError(f"targets expected in {low:g} to {high:g} rad; outside: {outside or 'none given'}")
 
 
 def _scaled(
@@ -222,7 +222,7 @@ def _scaled(
     """Centre + s shape, with the largest s inside the limits, at most 1 unless it is to fill them."""
     low, high = limits.position
     if not low < centre < high:
-        raise IdentificationError(f"centre wanted in {low:g} to {high:g} rad; got {centre:g}")
+        raise IdentificationError(f"centre expected in {low:g} to {high:g} rad, got {centre:g}")
     rooms = (
         (high - centre, shape[0].max()),
         (centre - low, -shape[0].min()),

@@ -111,7 +111,7 @@ def check_motor_rig(rig: Rig, joint: str) -> None:
         raise IdentificationError(f"no joint {joint!r} in the rig; joints here: {', '.join(rig.joints)}")
     if rig.drive[joint] != "voltage" or rig.load[joint] != "torque":
         raise IdentificationError(
-            f"{joint}: wanted drive voltage and load torque; got {rig.drive[joint]} and {rig.load[joint]}"
+            f"{joint}: expected drive voltage and load torque, got {rig.drive[joint]} and {rig.load[joint]}"
         )
 
 
@@ -180,7 +180,7 @@ def _samples(
         raise IdentificationError(f"no stretch of {joint}'s runs is longer than the smoothing kernel of {width_s:g} s")
     if travel < LEAST_TRAVEL:
         raise IdentificationError(
-            f"{joint}: excitation too poor: wanted a motion of at least {LEAST_TRAVEL:g} rad and {FEWEST_STEPS} steps"
+            f"{joint}: excitation too poor: expected a motion of at least {LEAST_TRAVEL:g} rad and {FEWEST_STEPS} steps"
             " of the encoder; the position stands still; record richer motion"
         )
     if not pulled:
@@ -212,7 +212,7 @@ def _with_prior(joint: str, fit: LinearFit, sheet: VoltageMotor, widths: PriorWi
     z = np.asarray(fit.coefficients)
     if not np.all(z[[0, 1, 3]] > 0.0):
         told = ", ".join(f"{name}: {value:.4g}" for name, value in zip(NAMES, z, strict=True) if value <= 0.0)
-        raise IdentificationError(f"{joint}: wanted positive numbers; the logs give {told}")
+        raise IdentificationError(f"{joint}: expected positive numbers; the logs give {told}")
     covariance = np.asarray(fit.hac_covariance) + np.diag((widths.model * z) ** 2)
     white = np.linalg.inv(np.linalg.cholesky(covariance))
     logs = np.log([sheet.torque_constant, sheet.resistance, sheet.rotor_inertia])

@@ -30,7 +30,7 @@ class MotorSheet:
 
     def __post_init__(self) -> None:
         if not self.motors:
-            raise ParamsError(f"motors: expected a mapping of joint, or {ALL!r}, to a motor; got none")
+            raise ParamsError(f"motors: expected a mapping of joint, or {ALL!r}, to a motor, got none")
 
     def motor(self, joint: str) -> VoltageMotor:
         """The motor of a joint.

@@ -19,7 +19,6 @@ from concurrent.futures import Executor
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from drake_tc.actuation.free_run import simulate
 from drake_tc.actuation.model import ActuatorModel
@@ -130,7 +129,7 @@ def refine_on_free_runs(
     free = errors.free
     if not chosen or not free.entries:
         raise IdentificationError(
-            f"output error: expected a trial and a free parameter; got {len(chosen)} and {len(free.entries)}"
+            f"output error: expected a trial and a free parameter, got {len(chosen)} and {len(free.entries)}"
         )
     x = free.start
     for _ in range(options.rounds):
@@ -151,6 +150,8 @@ def _search(
     def rows(points: Sequence[FloatArray]) -> list[FloatArray]:
         made = errors.at(points, chosen)
         return [np.concatenate([weight * _soft(e, scale), _pull(free, x)]) for e, x in zip(made, points, strict=True)]
+
+    from scipy.optimize import least_squares
 
     low, high = free.bounds
 

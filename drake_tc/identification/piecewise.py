@@ -4,7 +4,6 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from scipy.optimize import lsq_linear
 
 from drake_tc.errors import IdentificationError
 from drake_tc.types import BoolArray, FloatArray
@@ -88,9 +87,9 @@ def fit_three_pieces(
     """
     tau, y = np.asarray(torque, dtype=np.float64), np.asarray(effort, dtype=np.float64)
     if tau.shape != y.shape or tau.ndim != 1 or not (np.isfinite(tau).all() and np.isfinite(y).all()):
-        raise IdentificationError(f"finite torque and effort (T,) wanted; got {tau.shape} and {y.shape}")
+        raise IdentificationError(f"expected finite torque and effort (T,), got {tau.shape} and {y.shape}")
     if not (breaks[0] < breaks[1] and middle_slope[0] < middle_slope[1]):
-        raise IdentificationError(f"break points and slope bounds must be rising; got {breaks}, {middle_slope}")
+        raise IdentificationError(f"break points and slope bounds must be rising, got {breaks}, {middle_slope}")
     if not _populated(tau, breaks):
         counts = [int(m.sum()) for m in _pieces(tau, breaks)]
         raise IdentificationError(
@@ -181,6 +180,8 @@ def _continuous(
     converged: bool,
     rounds: int,
 ) -> ThreePieces:
+    from scipy.optimize import lsq_linear
+
     a = _hinges(tau, breaks)
     lower, upper = np.full(4, -np.inf), np.full(4, np.inf)
     lower[1], upper[1] = middle

@@ -8,7 +8,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import lsq_linear
 
 from drake_tc.errors import IdentificationError
 from drake_tc.identification.autocorrelation import (
@@ -128,7 +127,7 @@ def checked(
     """A (T, p), b (T,) and the names, or an IdentificationError that says what does not fit."""
     a, b = np.asarray(columns, dtype=np.float64), np.asarray(target, dtype=np.float64)
     if a.ndim != 2 or b.shape != a.shape[:1] or a.shape[1] == 0:
-        raise IdentificationError(f"columns (T, p) and target (T,) wanted; got {a.shape} and {b.shape}")
+        raise IdentificationError(f"expected columns (T, p) and target (T,), got {a.shape} and {b.shape}")
     labels = tuple(names) if names is not None else tuple(f"x{i}" for i in range(a.shape[1]))
     if len(labels) != a.shape[1]:
         raise IdentificationError(f"{a.shape[1]} columns but {len(labels)} names: {list(labels)}")
@@ -137,7 +136,7 @@ def checked(
     bad = [label for label, column in zip(labels, a.T, strict=True) if not np.isfinite(column).all()]
     if bad or not np.isfinite(b).all():
         where = f"columns {bad}" if bad else "target"
-        raise IdentificationError(f"finite samples wanted; {where} of the fit hold NaN or infinity")
+        raise IdentificationError(f"expected finite samples; {where} of the fit hold NaN or infinity")
     return a, b, labels
 
 
@@ -204,12 +203,14 @@ def _bound_arrays(names: tuple[str, ...], bounds: Bounds | None) -> tuple[FloatA
         if name not in names:
             raise IdentificationError(f"bounds for {name!r}, which is not fitted; parameters: {list(names)}")
         if not low < high:
-            raise IdentificationError(f"bounds of {name} must be lower < upper; got {low:g}, {high:g}")
+            raise IdentificationError(f"bounds of {name} must be lower < upper, got {low:g}, {high:g}")
         lower[names.index(name)], upper[names.index(name)] = low, high
     return lower, upper
 
 
 def _solve(r: FloatArray, goal: FloatArray, lower: FloatArray, upper: FloatArray) -> FloatArray:
+    from scipy.optimize import lsq_linear
+
     x = np.linalg.solve(r, goal)
     if np.all((x >= lower) & (x <= upper)):
         return np.asarray(x)

@@ -100,7 +100,7 @@ def _period(steps: FloatArray, path: Path) -> float:
         unit = "ms" if median <= 1000 * LONGEST_PERIOD else "us" if median <= 1e6 * LONGEST_PERIOD else "ns"
         hint = f"it looks like {unit}: set units: {{time: {unit}}}" if median > LONGEST_PERIOD else "check its unit"
         raise LogError(
-            f"{path}: column 'time' has a median step of {median:.6g} s, wanted {SHORTEST_PERIOD:g} to "
+            f"{path}: column 'time' has a median step of {median:.6g} s, expected {SHORTEST_PERIOD:g} to "
             f"{LONGEST_PERIOD:g} s; {hint}"
         )
     near = steps[steps < GAP_PERIODS * median]

@@ -25,6 +25,7 @@ class RawLog:
         time: (T,) [s], as recorded; NaN where the file has none.
         columns: Canonical name to (T,) SI values, NaN where the file has none.
         enabled: (T,) False where the drive was off.
+        valid: (T,) False where the rig's `valid` forbids the use of a sample.
         notes: What was done so far.
         hints: Those of them that point out a column which seems to be meant and is not used.
         speed_only: Joints of which the file has the velocity and no position.
@@ -35,6 +36,7 @@ class RawLog:
     time: FloatArray
     columns: Mapping[str, FloatArray]
     enabled: BoolArray
+    valid: BoolArray
     notes: tuple[str, ...] = ()
     hints: tuple[str, ...] = ()
     speed_only: tuple[str, ...] = ()
@@ -87,10 +89,10 @@ def _missing(table: pd.DataFrame, wanted: str, canonical: str, path: Path) -> Lo
     hint = f"; near matches: {', '.join(repr(lowered[name]) for name in close[:3])}" if close else ""
     shown = ", ".join(have[:20]) + (f", ... ({len(have)} in all)" if len(have) > 20 else "")
     known_as = "" if wanted == canonical else f" (for {canonical})"
-    return LogError(
-        f"{path}: no column {wanted!r}{known_as}{hint}; columns here: {shown}; "
-        f"map it in the rig file: columns: {{{canonical}: NAME_IN_FILE}}"
-    )
+    remedy = f"map it in the rig file: columns: {{{canonical}: NAME_IN_FILE}}"
+    if canonical in ("enabled", "valid"):
+        remedy = f"correct the key `{canonical}` of the rig file"
+    return LogError(f"{path}: no column {wanted!r}{known_as}{hint}; columns here: {shown}; {remedy}")
 
 
 def _candidates(rig: Rig, table: pd.DataFrame) -> dict[str, str]:
@@ -140,6 +142,16 @@ def _enabled(table: pd.DataFrame, rig: Rig, path: Path) -> tuple[BoolArray, list
     return on, wanted
 
 
+def _valid(table: pd.DataFrame, rig: Rig, path: Path) -> BoolArray:
+    """Where all of the rig's conditions hold."""
+    holds = np.ones(len(table), dtype=bool)
+    for condition in rig.valid:
+        if condition.column not in table.columns:
+            raise _missing(table, condition.column, "valid", path)
+        holds &= condition.holds(_numeric(table, condition.column, "valid", path))
+    return holds
+
+
 def map_columns(table: pd.DataFrame, rig: Rig, path: Path) -> RawLog:
     """Canonical columns in SI units from a table in the file's own names and units.
 
@@ -178,7 +190,7 @@ def map_columns(table: pd.DataFrame, rig: Rig, path: Path) -> RawLog:
     time = columns.pop("time")
     rows = np.arange(1, len(table) + 1, dtype=np.float64)
     enabled, switches = _enabled(table, rig, path)
+    switches += [condition.column for condition in rig.valid]
     hints = column_hints(list(map(str, table.columns)), found, rig, switches)
-    return RawLog(
-        path, rows, time, columns, enabled, (*table.attrs.get("notes", ()), *notes, *hints), hints, speed_only
-    )
+    told = (*table.attrs.get("notes", ()), *notes, *hints)
+    return RawLog(path, rows, time, columns, enabled, _valid(table, rig, path), told, hints, speed_only)

@@ -34,7 +34,7 @@ def read_json(path: Path) -> pd.DataFrame:
     if records is not None:
         return _of_records(records, path)
     if not isinstance(document, dict):
-        raise LogError(f"{path}: expected {FORMS}; got {_kind(document)}")
+        raise LogError(f"{path}: expected {FORMS}, got {_kind(document)}")
     return _of_columns(document, path)
 
 
@@ -69,7 +69,7 @@ def _parsed(text: str, path: Path, line: int | None = None) -> Any:
         where = f"line {line or error.lineno}, column {error.colno}"
         raise LogError(f"{path}: not valid JSON at {where}: {error.msg}; write the file anew") from None
     except RecursionError:
-        raise LogError(f"{path}: expected {FORMS}; got mappings or lists inside each other without end") from None
+        raise LogError(f"{path}: expected {FORMS}, got mappings or lists inside each other without end") from None
 
 
 def _records_inside(document: object) -> list[Any] | None:
@@ -114,7 +114,7 @@ def _of_columns(document: Mapping[str, Any], path: Path) -> pd.DataFrame:
                 raise LogError(f"{path}: column {name!r}: row {row} holds {_kind(value)}; expected {wanted}")
         columns |= {f"{name}_{number}": [value[number] for value in values] for number in range(width)}
     if not columns and document:
-        raise LogError(f"{path}: expected {FORMS}; got a mapping without a list: {', '.join(list(document)[:5])}")
+        raise LogError(f"{path}: expected {FORMS}, got a mapping without a list: {', '.join(list(document)[:5])}")
     return pd.DataFrame(_one_length(columns, path))
 
 

@@ -22,7 +22,8 @@ def without_lists(table: pd.DataFrame, path: Path) -> pd.DataFrame:
     Raises:
         LogError: lists of different lengths in one column, or more than one episode.
     """
-    lists = [name for name in table.columns if table[name].map(_is_list).all() and len(table)]
+    objects = [name for name in table.columns if pd.api.types.is_object_dtype(table[name])]
+    lists = [name for name in objects if table[name].map(_is_list).all() and len(table)]
     if not lists:
         return table
     if "episode_index" in table and table["episode_index"].nunique() > 1:

@@ -43,9 +43,8 @@ def _in_order(raw: RawLog) -> RawLog:
     if keep.all():
         return replace(raw, time=time, notes=raw.notes + notes)
     columns = {name: values[keep] for name, values in raw.columns.items()}
-    return replace(
-        raw, rows=raw.rows[keep], time=time, columns=columns, enabled=raw.enabled[keep], notes=raw.notes + notes
-    )
+    rows, enabled, valid = raw.rows[keep], raw.enabled[keep], raw.valid[keep]
+    return replace(raw, rows=rows, time=time, columns=columns, enabled=enabled, valid=valid, notes=raw.notes + notes)
 
 
 def _check_commands(raw: RawLog, rig: Rig) -> tuple[str, ...]:
@@ -77,12 +76,14 @@ def _motion(raw: RawLog, rig: Rig, name: str) -> FloatArray:
 def _repair_channels(raw: RawLog, rig: Rig) -> tuple[dict[str, FloatArray], BoolArray, tuple[str, ...]]:
     """Fill, release and mask each channel; returns the channels, the rows not to be used, and notes."""
     columns: dict[str, FloatArray] = {}
-    excluded = ~raw.enabled
+    excluded = ~(raw.enabled & raw.valid)
     notes: tuple[str, ...] = ()
     filled_notes: dict[str, list[str]] = {}
     required = {name for joint in rig.joints for name in rig.required_columns(joint)}
-    if excluded.any():
-        notes += (f"{int(excluded.sum())} rows with the drive switched off were left out.",)
+    if not raw.enabled.all():
+        notes += (f"{int((~raw.enabled).sum())} rows with the drive switched off were left out.",)
+    if not raw.valid.all():
+        notes += (f"{int((~raw.valid).sum())} rows were left out because the rig's `valid` does not hold there.",)
     for name, values in raw.columns.items():
         values, holes, note = channels.fill_missing(raw.time, values)
         if name not in required and holes.mean() > MOST_MISSING:

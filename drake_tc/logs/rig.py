@@ -40,6 +40,7 @@ from drake_tc.logs.sensors import (
     JointSensors,
     Tolerance,
 )
+from drake_tc.logs.valid import Condition
 
 COMMAND_COLUMN: Mapping[DriveKind, str] = {
     "position_servo": "position_command",
@@ -70,6 +71,7 @@ class Rig:
         columns: Canonical column name to the name in the log file, where they differ.
         units: Canonical name or suffix to a unit or scale factor, where not SI.
         enabled: Name in the log of the column that is 0 while the drive is off, or None.
+        valid: Conditions that all samples meet which may be used.
         saturation: Known effort limit by joint [rad | A | V | N m], where known.
         drive_gain: Declared gain K_0 by joint [effort/(N m)], where it is declared.
         derivative_gain: Declared damping of a position servo by joint [N m s/rad], where it is declared.
@@ -95,6 +97,7 @@ class Rig:
     columns: Mapping[str, str] = field(default_factory=_empty)
     units: Mapping[str, str | float] = field(default_factory=_empty)
     enabled: str | None = None
+    valid: tuple[Condition, ...] = ()
     saturation: Mapping[str, float] = field(default_factory=_empty)
     drive_gain: Mapping[str, float] = field(default_factory=_empty)
     derivative_gain: Mapping[str, float] = field(default_factory=_empty)
@@ -197,6 +200,7 @@ def _rig_of(read: RigDocument, robot: Path | None, source: Path | None) -> Rig:
         units=read.units or {},
         enabled=read.enabled,
         command_hold=read.command_hold,
+        valid=read.conditions,
         source=source,
         robot=robot,
         sensors={joint: sensors.of_joint(joint, torque_sensor=load[joint] == "torque") for joint in joints},
@@ -293,6 +297,8 @@ def rig_document(rig: Rig) -> dict[str, Any]:
         if getattr(rig, key)
     }
     document |= {key: getattr(rig, key) for key in ("enabled", "command_hold") if getattr(rig, key) is not None}
+    if rig.valid:
+        document["valid"] = [condition.text for condition in rig.valid]
     sensors = sensors_entry(rig.sensors, rig.tolerances, rig.tares)
     if sensors:
         document["sensors"] = sensors

@@ -19,7 +19,7 @@ def require_two_runs(runs: Sequence[Run | Path | str], what: str = "runs") -> No
     if len(runs) < 2:
         came = ", ".join(str(run.source or run.name) if isinstance(run, Run) else str(run) for run in runs) or "none"
         raise LogError(
-            f"wanted at least two {what}, one to fit and one held out, got {len(runs)} ({came}); record another run"
+            f"expected at least two {what}, one to fit and one held out, got {len(runs)} ({came}); record another run"
         )
 
 

@@ -121,8 +121,15 @@ class DiagramEntry(Generic[ScenarioT, LoopT]):
 
 @contextmanager
 def naming_errors(source: str) -> Iterator[None]:
-    """Put the source before a ParamsError that does not name it."""
+    """Put the source before a ParamsError that does not name it; what Drake itself refuses becomes one.
+
+    Raises:
+        ParamsError: the diagram cannot be built.
+    """
     try:
         yield
     except ParamsError as error:
         raise error if source in str(error) else ParamsError(f"{source}: {error}") from None
+    except (RuntimeError, OverflowError, MemoryError) as error:
+        reason = " ".join(str(error).split()) or "a number is too large"
+        raise ParamsError(f"{source}: the diagram cannot be built or run: {reason}") from error

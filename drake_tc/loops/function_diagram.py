@@ -43,9 +43,9 @@ class FunctionScenario(ScenarioBase):
 
     def __post_init__(self) -> None:
         if not 0.0 < self.duration < np.inf:
-            raise ParamsError(f"duration: expected a positive number [s]; got {self.duration!r}")
+            raise ParamsError(f"duration: expected a positive number [s], got {self.duration!r}")
         if self.seed < 0:
-            raise ParamsError(f"seed: expected a whole number from 0; got {self.seed}")
+            raise ParamsError(f"seed: expected a whole number from 0, got {self.seed}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,7 +98,7 @@ def function_entry(name: str, function: Callable[[], Diagram]) -> FunctionEntry:
     def build(scenario: FunctionScenario) -> FunctionLoop:
         diagram = function()
         if not isinstance(diagram, Diagram):
-            raise ParamsError(f"{name}: expected a function that returns a Diagram; got {type(diagram).__name__}")
+            raise ParamsError(f"{name}: expected a function that returns a Diagram, got {type(diagram).__name__}")
         return FunctionLoop(scenario, diagram, _period(name, diagram))
 
     def load(path: Path, which: str, text: str | None) -> FunctionScenario:
@@ -132,7 +132,7 @@ def _period(name: str, diagram: Diagram) -> float:
     longest = periods[-1]
     for period in periods:
         if abs(longest / period - round(longest / period)) > 1e-6:
-            raise ParamsError(f"{name}: expected periods that divide the longest, {longest:g} s; got {period:g} s")
+            raise ParamsError(f"{name}: expected periods that divide the longest, {longest:g} s, got {period:g} s")
     return float(longest)
 
 

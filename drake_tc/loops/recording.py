@@ -70,7 +70,7 @@ def write_log(columns: Mapping[str, FloatArray], path: Path) -> Path:
         ".npz": lambda place: np.savez_compressed(place, **dict(columns)),  # type: ignore[arg-type]
     }
     if path.suffix not in writers:
-        raise LogError(f"{path}: wanted a log that ends in {', '.join(writers)}; got {path.suffix or 'no ending'}")
+        raise LogError(f"{path}: expected a log that ends in {', '.join(writers)}, got {path.suffix or 'no ending'}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with whole_file(path) as scratch:

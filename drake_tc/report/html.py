@@ -3,6 +3,7 @@
 import json
 import re
 from collections.abc import Mapping, Sequence
+from concurrent.futures import Executor
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -48,13 +49,19 @@ from drake_tc.report.words import (
 )
 
 
-def write_report(result: CloseLoopResult, path: Path) -> None:
-    """Write the report of a whole call to `path`: one HTML file (UTF-8) that needs nothing else."""
-    write_whole(path, render(result))
+def write_report(result: CloseLoopResult, path: Path, executor: Executor | None = None) -> None:
+    """Write the report of a whole call to `path`: one HTML file (UTF-8) that needs nothing else.
+
+    Args:
+        result: Of the call.
+        path: File to write.
+        executor: Draws panels beside each other; None draws them here.
+    """
+    write_whole(path, render(result, executor))
 
 
-def render(result: CloseLoopResult) -> str:
-    """The report's HTML."""
+def render(result: CloseLoopResult, executor: Executor | None = None) -> str:
+    """The report's HTML; `executor` as in `write_report`."""
     environment = Environment(
         loader=DictLoader(_templates()),
         autoescape=True,
@@ -64,7 +71,7 @@ def render(result: CloseLoopResult) -> str:
     )
     environment.filters |= {"svg": Markup, "percent": percent, "significant": significant}
     budget = _budget(result)
-    joints = [_joint(joint, f"j{i}", budget) for i, joint in enumerate(result.joints.values())]
+    joints = [_joint(joint, f"j{i}", budget, executor) for i, joint in enumerate(result.joints.values())]
     plots = [plot for j in joints for plot in (j["effort_plot"], j["position_plot"]) if plot is not None]
     return environment.get_template("report.html.jinja").render(
         style=Markup(_file("report.css")),
@@ -115,8 +122,12 @@ def _short(path: str) -> str:
     return re.split(r"[\\/]", path)[-1]
 
 
-def _joint(joint: JointResult, prefix: str, budget: PageBudget) -> dict[str, Any]:
+def _joint(joint: JointResult, prefix: str, budget: PageBudget, executor: Executor | None) -> dict[str, Any]:
     """What the template shows of one joint."""
+    held = residual_cards(joint, joint.heldout, f"{prefix}-held", budget.held, executor)
+    train = (
+        [] if budget.train is None else residual_cards(joint, joint.train, f"{prefix}-train", budget.train, executor)
+    )
     tried, barred = rejected_rows(joint.rejected)
     scale = scale_for(joint.after.heldout, joint.unit)
     left = joint.unexplained
@@ -142,10 +153,6 @@ def _joint(joint: JointResult, prefix: str, budget: PageBudget) -> dict[str, Any
         "errors": error_table(joint),
         "run_errors": run_error_rows(joint),
         "signatures": signature_plots(joint, prefix, budget.held),
-        "held_cards": residual_cards(joint, joint.heldout, f"{prefix}-held", budget.held),
-        "train_cards": []
-        if budget.train is None
-        else residual_cards(joint, joint.train, f"{prefix}-train", budget.train),
         "spectrum": spectrum_plot(joint, prefix),
         "correlations": correlation_plots(joint.heldout, prefix),
         "effort_plot": effort_plot(joint, prefix, budget.trace_samples),
@@ -177,4 +184,6 @@ def _joint(joint: JointResult, prefix: str, budget: PageBudget) -> dict[str, Any
         "notes": joint.notes,
         "runs": [*data_rows(joint.train, "training"), *data_rows(joint.heldout, "held-out")],
         "facts": data_facts(joint),
+        "held_cards": [drawing.card() for drawing in held],
+        "train_cards": [drawing.card() for drawing in train],
     }

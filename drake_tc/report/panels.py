@@ -1,7 +1,9 @@
 """All residual panels of a joint: one card a quantity, before beside after."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -9,7 +11,7 @@ from drake_tc.diagnosis.residual.unexplained import DataSplit
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.report.numbers import Scale, fold, scale_for
 from drake_tc.report.residual_plots import Cloud, CloudLook, cloud_svg
-from drake_tc.report.rows import Quantity, modulo, quantity, rows_of
+from drake_tc.report.rows import Quantity, Rows, modulo, quantity, rows_of
 from drake_tc.report.signature_plots import cycles_of
 from drake_tc.types import FloatArray
 
@@ -40,8 +42,31 @@ def quantities(joint: JointResult, split: DataSplit) -> Sequence[Quantity]:
     return out
 
 
-def residual_cards(joint: JointResult, split: DataSplit, prefix: str, look: CloudLook) -> Sequence[Card]:
-    """One card a quantity; each of the two panels has its own scale, the noise floor's band ties them together."""
+@dataclass(frozen=True)
+class CardDrawing:
+    """A card that is being drawn: its panels come when they are asked for."""
+
+    title: str
+    before: Callable[[], str]
+    after: Callable[[], str] | None
+
+    def card(self) -> Card:
+        """The finished card."""
+        return Card(self.title, self.before(), "" if self.after is None else self.after())
+
+
+def residual_cards(
+    joint: JointResult, split: DataSplit, prefix: str, look: CloudLook, executor: Executor | None = None
+) -> Sequence[CardDrawing]:
+    """One card a quantity; each of the two panels has its own scale, the noise floor's band ties them together.
+
+    Args:
+        joint: Whose residual is drawn.
+        split: Of its runs.
+        prefix: Of the plots' names.
+        look: Of the clouds.
+        executor: Draws the panels beside the caller; None draws each when it is asked for.
+    """
     rows = rows_of(split)
     same = bool(np.array_equal(split.before, split.after))
     coarse, fine = _scale(split.before, joint.unit), _scale(split.after, joint.unit)
@@ -53,10 +78,15 @@ def residual_cards(joint: JointResult, split: DataSplit, prefix: str, look: Clou
         title = "before and after: nothing was added" if same else "before"
         before = Cloud(f"{name}-before", title, split.before, coarse, joint.noise_floor, look=look)
         after = Cloud(f"{name}-after", finer, split.after, fine, joint.noise_floor, look=look)
-        cards.append(
-            Card(against.title, cloud_svg(before, against, rows), "" if same else cloud_svg(after, against, rows))
-        )
+        drawn = [_drawing(cloud, against, rows, executor) for cloud in ((before,) if same else (before, after))]
+        cards.append(CardDrawing(against.title, drawn[0], None if same else drawn[1]))
     return cards
+
+
+def _drawing(cloud: Cloud, against: Quantity, rows: Rows, executor: Executor | None) -> Callable[[], str]:
+    if executor is None:
+        return partial(cloud_svg, cloud, against, rows)
+    return executor.submit(cloud_svg, cloud, against, rows).result
 
 
 def _reach(residual: FloatArray) -> float:

@@ -66,10 +66,10 @@ class Expectation:
 
     def __post_init__(self) -> None:
         if self.how not in get_args(How):
-            raise ParamsError(f"{self.name}: how: wanted one of {', '.join(get_args(How))}; got {self.how!r}")
+            raise ParamsError(f"{self.name}: how: expected one of {', '.join(get_args(How))}, got {self.how!r}")
         if not (np.isfinite(self.expected) and 0.0 <= self.tolerance < np.inf):
             raise ParamsError(
-                f"{self.name}: wanted a finite expected value and tolerance, the latter not negative;"
+                f"{self.name}: expected a finite expected value and tolerance, the latter not negative;"
                 f" got {self.expected} and {self.tolerance}"
             )
         if self.reason and self.reached is None:
@@ -181,7 +181,7 @@ def _read(path: Path) -> tuple[list[object], list[object]]:
     lists = [document.get("rows"), document.get("quoted", [None])]
     if not set(document) <= {"rows", "quoted"} or not all(isinstance(rows, list) and rows for rows in lists):
         raise ParamsError(
-            f"{path}: wanted a list of expected values under `rows`, perhaps one of values on record under `quoted`,"
+            f"{path}: expected a list of expected values under `rows`, perhaps one of values on record under `quoted`,"
             " and no other key"
         )
     return document["rows"], document.get("quoted", [])

@@ -49,7 +49,6 @@ class Quantity:
 class Rows:
     """Rows of one split: direction (N,) in {-1, 0, 1}, and whether a reversal is within 0.1 s (N,)."""
 
-    split: DataSplit
     direction: FloatArray
     reversal: BoolArray
 
@@ -58,7 +57,7 @@ def rows_of(split: DataSplit) -> Rows:
     """Direction of motion and nearness to a reversal on the rows of `split`."""
     samples = split.samples
     direction = np.sign(samples.signals.direction[samples.rows])
-    return Rows(split, np.asarray(direction), near_reversal(samples, REVERSAL_SECONDS))
+    return Rows(np.asarray(direction), near_reversal(samples, REVERSAL_SECONDS))
 
 
 def near_reversal(samples: Samples, seconds: float) -> BoolArray:

@@ -14,6 +14,7 @@ MEANING = {
     "ft_bias": "what the sensor adds to every reading, along its own axes",
     "ft_gain": "what the sensor adds in proportion to its reading",
     "imu_bias": "what the IMU adds to every reading, along its own axes",
+    "delay": "by how much later every drive acts than it was asked to; it is part of each joint's model",
 }
 LEAST_GAIN = 0.01
 

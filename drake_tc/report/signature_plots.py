@@ -47,7 +47,7 @@ def contribution(split: DataSplit, fitted: Fit, key: str) -> FloatArray:
         if term.effect.key == key:
             if theta.size:
                 share = share - fitted.gain * (columns.of(term) @ theta)
-            if isinstance(term.effect, DriveEffect) and term.effect.shapes:
+            if isinstance(term.effect, DriveEffect) and (term.effect.shapes or term.effect.filters):
                 rest = [t for t in fitted.terms if t is not term]
                 share = share + columns.effort(fitted.terms) - columns.effort(rest)
     return np.asarray(share)

@@ -167,7 +167,7 @@ class RobotDocument(Keys):
     def check_together(cls, value: Mapping[str, object]) -> None:
         """Rotors are said once."""
         if value.get("rotor_inertia") and value.get("actuators") is not None:
-            raise ValueError("rotor_inertia: it belongs to a robot without `actuators`, whose file says it; got both")
+            raise ValueError("rotor_inertia: it belongs to a robot without `actuators`, whose file says it, got both")
 
     @field_validator("rotor_inertia", "limits", "posture", mode="before")
     @classmethod

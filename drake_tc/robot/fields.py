@@ -1,4 +1,4 @@
-"""Strict reading of YAML fields: every error names the file, the field, what was wanted and what came."""
+"""Strict reading of YAML fields: every error names the file, the field, what was expected and what came."""
 
 import math
 from collections.abc import Iterable
@@ -19,7 +19,7 @@ def mapping(
     entry = {} if entry is None else entry
     required = sorted(required)
     if not isinstance(entry, dict):
-        raise ParamsError(f"{where}: wanted a mapping; got {entry!r}")
+        raise ParamsError(f"{where}: expected a mapping, got {entry!r}")
     if optional is not None:
         known = sorted({*required, *optional})
         for key in entry:
@@ -27,7 +27,7 @@ def mapping(
                 raise ParamsError(f"{where}: unknown key {key!r}; possible: {', '.join(known)}")
     for key in required:
         if key not in entry:
-            raise ParamsError(f"{where}: missing key {key!r}; wanted: {', '.join(required)}")
+            raise ParamsError(f"{where}: missing key {key!r}; expected: {', '.join(required)}")
     return dict(zip(different(where, entry), entry.values(), strict=True))
 
 
@@ -40,7 +40,7 @@ def different(where: str, keys: Iterable[object]) -> list[str]:
     texts: dict[str, object] = {}
     for key in keys:
         if str(key) in texts:
-            raise ParamsError(f"{where}: wanted different keys; got both {texts[str(key)]!r} and {key!r}")
+            raise ParamsError(f"{where}: expected different keys, got both {texts[str(key)]!r} and {key!r}")
         texts[str(key)] = key
     return list(texts)
 
@@ -53,7 +53,7 @@ def text(where: str, value: object) -> str:
     """
     if isinstance(value, str) and value:
         return value
-    raise ParamsError(f"{where}: wanted a text; got {value!r}")
+    raise ParamsError(f"{where}: expected a text, got {value!r}")
 
 
 def names(where: str, value: object) -> tuple[str, ...]:
@@ -63,7 +63,7 @@ def names(where: str, value: object) -> tuple[str, ...]:
         ParamsError: something else.
     """
     if not isinstance(value, list) or not value:
-        raise ParamsError(f"{where}: wanted a list of names; got {value!r}")
+        raise ParamsError(f"{where}: expected a list of names, got {value!r}")
     listed = tuple(text(where, item) for item in value)
     twice = [name for i, name in enumerate(listed) if name in listed[:i]]
     if twice:
@@ -84,7 +84,7 @@ def number(where: str, value: object, *, infinite: bool = False) -> float:
             result = math.nan
         if math.isfinite(result) or (infinite and math.isinf(result)):
             return result
-    raise ParamsError(f"{where}: wanted a {'' if infinite else 'finite '}number; got {value!r}")
+    raise ParamsError(f"{where}: expected a {'' if infinite else 'finite '}number, got {value!r}")
 
 
 def triple(where: str, value: object) -> Triple:
@@ -94,7 +94,7 @@ def triple(where: str, value: object) -> Triple:
         ParamsError: something else.
     """
     if not isinstance(value, list) or len(value) != 3:
-        raise ParamsError(f"{where}: wanted three numbers; got {value!r}")
+        raise ParamsError(f"{where}: expected three numbers, got {value!r}")
     x, y, z = (number(where, item) for item in value)
     return x, y, z
 

@@ -60,7 +60,9 @@ def link_tree(plant: MultibodyPlant) -> LinkTree:
     moving = [j for j in free if has_axis(j)]
     odd = [j.name() for j in free if not has_axis(j)]
     if odd:
-        raise IdentificationError(f"rigid-body regressor: wanted joints that turn or slide, got also {', '.join(odd)}")
+        raise IdentificationError(
+            f"rigid-body regressor: expected joints that turn or slide, got also {', '.join(odd)}"
+        )
     above = {int(j.child_body().index()): j for j in joints}
     owner = {int(j.child_body().index()): i for i, j in enumerate(moving)}
     rotation, origin, axis, parent = [], [], [], []
@@ -110,7 +112,7 @@ def regressor(tree: LinkTree, q: FloatArray, v: FloatArray, vdot: FloatArray) ->
     n = len(tree.joints)
     if any(x.ndim != 2 or x.shape != q.shape or x.shape[1] != n for x in (q, v, vdot)):
         raise IdentificationError(
-            f"regressor: wanted q, v, vdot of shape (T, {n}); got {q.shape}, {v.shape}, {vdot.shape}"
+            f"regressor: expected q, v, vdot of shape (T, {n}), got {q.shape}, {v.shape}, {vdot.shape}"
         )
     motion = _Motion.of(tree, q, v, vdot)
     out = np.zeros((q.shape[0], n, 10 * n))

@@ -31,7 +31,7 @@ def numbers(where: str, text: str | None, count: int) -> tuple[float, ...]:
         values = ()
     if len(values) != count or not all(map(math.isfinite, values)):
         what = "a finite number" if count == 1 else f"{count} finite numbers"
-        raise ParamsError(f"{where}: expected {what}; got {'none' if text is None else quoted(text)}")
+        raise ParamsError(f"{where}: expected {what}, got {'none' if text is None else quoted(text)}")
     return values
 
 
@@ -63,7 +63,7 @@ def check_inertials(path: Path, root: ET.Element) -> None:
         if mass is not None:
             (value,) = numbers(f"{where} mass", mass.get("value"), 1)
             if value < 0.0:
-                raise ParamsError(f"{where} mass: expected a number >= 0 [kg]; got {value:g}")
+                raise ParamsError(f"{where} mass: expected a number >= 0 [kg], got {value:g}")
         if inertia is not None:
             _check_inertia(where, inertia)
         origin = inertial.find("origin")
@@ -82,7 +82,7 @@ def _check_inertia(where: str, element: ET.Element) -> None:
     matrix = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     scale = float(np.max(np.abs(matrix)))
     if scale > _NOTHING and float(np.linalg.eigvalsh(matrix / scale)[0]) < -_SLACK:
-        raise ParamsError(f"{where} inertia: expected moments of inertia >= 0 about every axis; got {quoted(given)}")
+        raise ParamsError(f"{where} inertia: expected moments of inertia >= 0 about every axis, got {quoted(given)}")
 
 
 def check_kind(where: str, kind: str) -> None:

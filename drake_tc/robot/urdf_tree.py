@@ -118,7 +118,7 @@ def _link_of(where: str, element: ET.Element, tag: str) -> str:
     found = element.find(tag)
     name = None if found is None else found.get("link")
     if not name:
-        raise ParamsError(f"{where}: wanted <{tag} link=...>; got none")
+        raise ParamsError(f"{where}: expected <{tag} link=...>, got none")
     return name
 
 
@@ -136,7 +136,7 @@ def _axis(where: str, element: ET.Element, kind: str) -> Triple:
     if kind not in MOVABLE:
         return axis
     if not length > 0.0:
-        raise ParamsError(f"{where} axis: wanted a vector of some length; got {axis}")
+        raise ParamsError(f"{where} axis: expected a vector of some length, got {axis}")
     return axis[0] / length, axis[1] / length, axis[2] / length
 
 
@@ -147,13 +147,13 @@ def _joint(path: Path, element: ET.Element) -> JointTag:
     limit = element.find("limit")
     lower, upper = _float(where, limit, "lower", -math.inf), _float(where, limit, "upper", math.inf)
     if lower > upper and kind != "continuous":
-        raise ParamsError(f"{where}: limit: expected lower <= upper; got {lower:g} and {upper:g}")
+        raise ParamsError(f"{where}: limit: expected lower <= upper, got {lower:g} and {upper:g}")
     if kind == "continuous" or lower == upper:  # two zeros stand for none
         lower, upper = -math.inf, math.inf
     velocity, effort = _float(where, limit, "velocity", math.inf), _float(where, limit, "effort", math.inf)
     for what, value in (("velocity", velocity), ("effort", effort)):
         if value < 0.0:
-            raise ParamsError(f"{where}: limit {what}: expected a number >= 0; got {value:g}")
+            raise ParamsError(f"{where}: limit {what}: expected a number >= 0, got {value:g}")
     return JointTag(
         name=name,
         kind=kind,
@@ -224,10 +224,10 @@ def _root(path: Path) -> ET.Element:
     except (ET.ParseError, ValueError) as error:  # ValueError: an encoding that is declared and unknown
         raise ParamsError(f"{path}: not valid XML: {error}") from None
     if root.tag != "robot":
-        raise ParamsError(f"{path}: expected a URDF (<robot>); got <{quoted(root.tag)[1:-1]}>")
+        raise ParamsError(f"{path}: expected a URDF (<robot>), got <{quoted(root.tag)[1:-1]}>")
     deepest = _depth(root)
     if deepest > DEEPEST:
-        raise ParamsError(f"{path}: expected elements at most {DEEPEST} levels deep; got {deepest}")
+        raise ParamsError(f"{path}: expected elements at most {DEEPEST} levels deep, got {deepest}")
     return root
 
 

@@ -54,11 +54,11 @@ class Corruption:
 
     def __post_init__(self) -> None:
         if self.size < 1:
-            raise ParamsError(f"sensor: wanted at least one channel; got size {self.size}")
+            raise ParamsError(f"sensor: expected at least one channel, got size {self.size}")
         if not (np.isfinite(self.dt) and self.dt > 0.0):
-            raise ParamsError(f"sensor: wanted a positive period dt [s]; got {self.dt!r}")
+            raise ParamsError(f"sensor: expected a positive period dt [s], got {self.dt!r}")
         if not (isinstance(self.seed, int) and 0 <= self.seed <= LARGEST_SEED):
-            raise ParamsError(f"sensor: wanted a whole number 0 to 2^63 - 1 as seed; got {self.seed!r}")
+            raise ParamsError(f"sensor: expected a whole number 0 to 2^63 - 1 as seed, got {self.seed!r}")
         for name in ("noise", "bias", "scale", "resolution", "dropout"):
             self.spec.channels(name, self.size)
         self.spec.ticks(self.dt)
@@ -147,7 +147,7 @@ def corrupt(
     """
     truth = np.asarray(truth, dtype=np.float64)
     if truth.ndim != 2 or truth.shape[0] == 0:
-        raise ParamsError(f"corrupt: wanted truth (T, n) with T > 0; got shape {truth.shape}")
+        raise ParamsError(f"corrupt: expected truth (T, n) with T > 0, got shape {truth.shape}")
     samples, size = truth.shape
     sensor = Corruption(size, spec, dt, tuple(faults), seed)
     blocks = range(-(-samples // BLOCK))

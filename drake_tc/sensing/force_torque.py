@@ -71,7 +71,7 @@ class ForceTorque(SensorBase):
         """
         super().__init__()
         if not robot.force_torque:
-            raise ParamsError(f"{robot.source}: force_torque: wanted at least one; the robot file has none")
+            raise ParamsError(f"{robot.source}: force_torque: expected at least one; the robot file has none")
         model = plant.GetModelInstanceByName(robot.name)
         self._joints: list[int] = []
         count = len(robot.force_torque)

@@ -79,7 +79,7 @@ def add_imu(
         ParamsError: A robot without IMU; otherwise as `Sensor` and `imu_spec`.
     """
     if not robot.imu:
-        raise ParamsError(f"{robot.source}: imu: wanted at least one; the robot file has none")
+        raise ParamsError(f"{robot.source}: imu: expected at least one; the robot file has none")
     ports = [port for mount in robot.imu for port in _add_mount(builder, plant, robot, mount)]
     truth = builder.AddNamedSystem("imu_truth", Multiplexer([3] * len(ports)))
     for index, port in enumerate(ports):

@@ -130,7 +130,7 @@ class SensorBase(PortMethods, LeafSystem):
         """
         if self._corruption.changes or self._steps_any:
             raise ParamsError(
-                f"sensor {self.get_name()!r}: wanted neither noise, quantisation, drop-outs nor faults, to linearise;"
+                f"sensor {self.get_name()!r}: expected neither noise, quantisation, drop-outs nor faults, to linearise;"
                 " take perfect sensors"
             )
         if not self._delay:

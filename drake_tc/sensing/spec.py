@@ -13,6 +13,8 @@ from drake_tc.types import FloatArray
 Channels: TypeAlias = float | tuple[float, ...]
 """One value for all channels, or one a channel."""
 
+MOST_TICKS = 10_000
+"""Longest latency or delay [ticks]."""
 _TICK_TOLERANCE = 1e-6
 
 
@@ -85,6 +87,8 @@ class SensorSpec:
             ParamsError: It is no whole number of ticks, within 1e-6 of a tick.
         """
         ticks = self.latency / dt
+        if ticks > MOST_TICKS:
+            raise ParamsError(f"latency: expected at most {MOST_TICKS} periods of {dt:g} s, got {self.latency:g} s")
         if abs(ticks - round(ticks)) > _TICK_TOLERANCE:
             below, above = math.floor(ticks) * dt, math.ceil(ticks) * dt
             raise ParamsError(

@@ -13,6 +13,9 @@ LARGEST = 1e5
 """No reading in SI units is as large."""
 SETTLED = 0.1
 """Before, soles take their load, which no sensor is blamed for [s]."""
+LOAD_JUMP, LOADS_AGREE = 50.0, 0.15
+"""A force that changes by so much in a tick [N] is believed once all sensors together carry what they carried before,
+to this share: a load goes over from one foot to another, or comes with an impact that is soon over."""
 _MEAN, _LEAST, _SOON = 0.05, 0.1, 0.02
 """Time over which an IMU is averaged, the least for which one that jumped and stayed is left out, and within which it
 has jumped back, or the jolt that made it jump is felt in the feet [s]."""
@@ -127,9 +130,13 @@ class _Good:
 
     Attributes:
         sensors: (k,) which can be believed; None: all.
+        doubted: (k,) which jumped, and no load says why; None: none.
+        total: Sum of the forces' sizes [N]; NaN where a sensor is left out.
     """
 
     sensors: BoolArray | None
+    doubted: BoolArray | None
+    total: float
 
 
 class ValidatedWrench(PortMethods, LeafSystem):
@@ -143,7 +150,13 @@ class ValidatedWrench(PortMethods, LeafSystem):
         reading (6k): always finite.
         contacts (c): the input, with 2 for 1 where the contact's sensor is left out: it carries, whatever that says; 1,
             by its load, where the input is not finite.
-    State: the last good reading (6k), 0 before any. A sensor with one axis that is not finite is left out as a whole.
+    State: the last good reading (6k), 0 before any; the raw one (6k); the mean of the total load; (k,) which are
+        doubted. A sensor with one axis that is not finite is left out as a whole. One whose force jumps,
+
+        |f[n] - f[n-1]| > `LOAD_JUMP`,
+
+        is left out from that tick on, until the loads agree: | sum |f| - mean | < `LOADS_AGREE` mean, with the mean of
+        50 ms before the jump. An offset of 150 N on one foot never does. Nothing counts as a jump before `SETTLED`.
     """
 
     def __init__(self, sensors: int, flags: int, sensor_of: tuple[int, ...], dt: float) -> None:
@@ -160,10 +173,14 @@ class ValidatedWrench(PortMethods, LeafSystem):
         self._wrench: Any = self.DeclareVectorInputPort("wrench", 6 * sensors)
         self._flagged: Any = self.DeclareVectorInputPort("flagged", flags * sensors)
         self._contacts: Any = self.DeclareVectorInputPort("contacts", len(sensor_of))
-        state = self.DeclareDiscreteState(6 * sensors)
+        self._raw, self._mean = slice(6 * sensors, 12 * sensors), 12 * sensors
+        self._blend = -np.expm1(-dt / _MEAN)
+        start: Any = np.zeros(13 * sensors + 1)
+        start[self._raw], start[self._mean] = np.nan, np.nan
+        state = self.DeclareDiscreteState(start)
         self._state = int(state)
         self._all = np.ones(len(sensor_of))
-        own = {self._wrench.ticket(), self._flagged.ticket()}
+        own = {self._wrench.ticket(), self._flagged.ticket(), self.discrete_state_ticket(state), self.time_ticket()}
         self._good: Any = self.DeclareCacheEntry(
             "good", ValueProducer(allocate=Value(_Good()).Clone, calc=self._judge), own
         )
@@ -176,18 +193,30 @@ class ValidatedWrench(PortMethods, LeafSystem):
 
     def _judge(self, context: Any, box: Any) -> None:
         wrench, flagged = self._wrench.Eval(context), self._flagged.Eval(context)
-        good = None
+        judged, good, doubted = box.get_mutable_value(), None, None
+        held = context.get_discrete_state(self._state).value()
+        readings = wrench.reshape(self._k, 6)
         if np.count_nonzero(flagged) or not _finite(wrench):
-            finite = (np.abs(wrench.reshape(self._k, 6)) < LARGEST).all(axis=1)
-            good = finite & ~flagged.reshape(self._k, -1).any(axis=1)
-        box.get_mutable_value().sensors = good
+            good = (np.abs(readings) < LARGEST).all(axis=1) & ~flagged.reshape(self._k, -1).any(axis=1)
+        sizes = np.linalg.norm(readings[:, :3], axis=1)
+        steps = np.abs(readings[:, :3] - held[self._raw].reshape(self._k, 6)[:, :3]).max(axis=1)
+        doubt = held[self._mean + 1 :] > 0.0
+        if context.get_time() >= SETTLED and (np.count_nonzero(doubt) or np.count_nonzero(steps > LOAD_JUMP)):
+            there = np.ones(self._k, dtype=bool) if good is None else good
+            last = np.linalg.norm(held[: 6 * self._k].reshape(self._k, 6)[:, :3], axis=1)
+            total, before = float(np.where(there, sizes, last).sum()), float(held[self._mean])
+            doubt = (doubt | (steps > LOAD_JUMP)) & there
+            if doubt.any() and abs(total - before) >= LOADS_AGREE * before:
+                doubted, good = doubt, there & ~doubt
+        judged.total = float(sizes.sum()) if good is None else np.nan
+        judged.sensors, judged.doubted = good, doubted
 
     def _readings(self, context: Context) -> FloatArray:
         judged: Any = self._good.Eval(context)
         good, wrench = judged.sensors, self._wrench.Eval(context)
         if good is None:
             return np.asarray(wrench)
-        return np.where(np.repeat(good, 6), wrench, context.get_discrete_state(self._state).value())
+        return np.where(np.repeat(good, 6), wrench, context.get_discrete_state(self._state).value()[: 6 * self._k])
 
     def _write(self, context: Context, vector: Any) -> None:
         vector.set_value(self._readings(context))
@@ -200,5 +229,11 @@ class ValidatedWrench(PortMethods, LeafSystem):
         vector.set_value(stood if good is None else np.where(~good[self._sensor_of] & (stood > 0.5), 2.0, stood))
 
     def _update(self, context: Context, values: DiscreteValues) -> None:
-        after: Any = self._readings(context)
-        values.set_value(self._state, after)
+        judged: Any = self._good.Eval(context)
+        held: Any = values.get_mutable_value(self._state)
+        held[: 6 * self._k] = self._readings(context)
+        held[self._raw] = self._wrench.Eval(context)
+        mean = held[self._mean]
+        if judged.total == judged.total:  # nothing is left out
+            held[self._mean] = judged.total if mean != mean else mean + self._blend * (judged.total - mean)
+        held[self._mean + 1 :] = 0.0 if judged.doubted is None else judged.doubted

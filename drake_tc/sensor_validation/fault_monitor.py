@@ -85,7 +85,7 @@ class FaultMonitor(PortMethods, LeafSystem):
         super().__init__()
         spec = MonitorSpec() if spec is None else spec
         if not (np.isfinite(dt) and dt > 0.0):
-            raise ParamsError(f"FaultMonitor: dt: wanted a positive period [s]; got {dt!r}")
+            raise ParamsError(f"FaultMonitor: dt: expected a positive period [s], got {dt!r}")
         sensors = tuple(mount.name for mount in robot.force_torque)
         for name in free:
             if name not in sensors:

@@ -38,9 +38,10 @@ class JointSensors(PortMethods, LeafSystem):
     Outputs: the same three, always finite, with direct feedthrough of every input; with it too
         position (n): of the links, theta - d [rad], as `LinkPosition` has it;
     and, of the state alone,
-        flags (7): 1 up, 0 down, `FLAGS`, from the tick after the cause.
-    State x: memory of the vote (ROWS, n), whether there was a tick; ticks that each flag stays up; the flags. With V
-    the vote,
+        flags (7): 1 up, 0 down, `FLAGS`, from the tick after the cause;
+        lost (n): 1 for `HOLD` after the joint had two of its three sensors wrong.
+    State x: memory of the vote (ROWS, n), whether there was a tick; ticks that each flag, and each joint's loss, stays
+    up; the flags. With V the vote,
 
         x[n+1], y[n] = V(x[n], u[n])
 
@@ -66,7 +67,8 @@ class JointSensors(PortMethods, LeafSystem):
         self._inputs: list[Any] = [self.DeclareVectorInputPort(name, n) for name in names]
         state = self.DeclareDiscreteState(ROWS * n + 1)
         left, flags = self.DeclareDiscreteState(len(FLAGS)), self.DeclareDiscreteState(len(FLAGS))
-        self._state, self._left, self._flags = int(state), int(left), int(flags)
+        lost = self.DeclareDiscreteState(n)
+        self._state, self._left, self._flags, self._lost = int(state), int(left), int(flags), int(lost)
         tickets = {self.discrete_state_ticket(state), *(port.ticket() for port in self._inputs)}
         self._solved: Any = self.DeclareCacheEntry(
             "solved", ValueProducer(allocate=Value(_Solved()).Clone, calc=self._solve), tickets
@@ -75,6 +77,7 @@ class JointSensors(PortMethods, LeafSystem):
             self.DeclareVectorOutputPort(name, n, self._writer(row), {self._solved.ticket()})
         self.DeclareVectorOutputPort("position", n, self._write_position, {self._solved.ticket()})
         self.DeclareStateOutputPort("flags", flags)
+        self.DeclareVectorOutputPort("lost", n, self._write_lost, {self.discrete_state_ticket(lost)})
         self.DeclarePeriodicDiscreteUpdateEvent(dt, 0.0, self._update)
 
     def _solve(self, context: Any, box: Any) -> None:
@@ -94,14 +97,20 @@ class JointSensors(PortMethods, LeafSystem):
         solved: Any = self._solved.Eval(context)
         vector.set_value(solved.vote.given[THETA] - solved.vote.memory[DEFLECTION])
 
+    def _write_lost(self, context: Context, vector: Any) -> None:
+        ticks: Any = context.get_discrete_state(self._lost).value()
+        vector.set_value((ticks > 0.0).astype(float))
+
     def _update(self, context: Context, values: DiscreteValues) -> None:
         solved: Any = self._solved.Eval(context)
         vote: Vote = solved.vote
         memory: Any = values.get_mutable_value(self._state)
         memory[:-1], memory[-1] = vote.memory.ravel(), 1.0
         left: Any = values.get_mutable_value(self._left)
+        lost: Any = values.get_mutable_value(self._lost)
         if vote.well and not np.count_nonzero(left):
             return
+        lost[:] = np.where(vote.lost, self._hold, np.maximum(lost - 1.0, 0.0))
         left -= 1.0
         np.maximum(left, 0.0, out=left)
         missing, frozen, odd = (np.any(rows, axis=1) for rows in (vote.missing, vote.frozen, vote.odd))

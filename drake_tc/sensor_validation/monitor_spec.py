@@ -85,7 +85,7 @@ class MonitorSpec:
         for item in fields(self):
             value = getattr(self, item.name)
             if not (isinstance(value, int | float) and value > 0.0):
-                raise ParamsError(f"MonitorSpec: {item.name}: wanted a positive number; got {value!r}")
+                raise ParamsError(f"MonitorSpec: {item.name}: expected a positive number, got {value!r}")
         for name in ("time_constant", "hold"):
             if not np.isfinite(getattr(self, name)):
-                raise ParamsError(f"MonitorSpec: {name}: wanted a finite time [s]; got {getattr(self, name)!r}")
+                raise ParamsError(f"MonitorSpec: {name}: expected a finite time [s], got {getattr(self, name)!r}")

@@ -14,8 +14,12 @@ from drake_tc.simulator_files.terms import ReadJoint, Terms
 
 TAKEN = {
     "model", "actuator", "kt", "R", "armature", "friction_base", "friction_viscous", "friction_stribeck",
-    "dtheta_stribeck", "alpha",
+    "dtheta_stribeck", "alpha", "command_delay",
 }  # fmt: skip
+STRIBECK, LOADED = ("m2", "m4", "m5", "m6"), ("m3", "m4", "m5", "m6")
+"""Models whose friction has a Stribeck peak, and those whose friction depends on the load."""
+EXPONENTS = (0.5, 2.0)
+"""Of Stribeck peaks that this library's effect can have; of another peak only the kind is declared."""
 
 
 def bam_servo(document: Mapping[str, object]) -> ReadJoint:
@@ -28,13 +32,15 @@ def bam_servo(document: Mapping[str, object]) -> ReadJoint:
     if kt <= 0.0 or resistance <= 0.0:
         raise ValueError(f"kt, R: expected positive numbers, got {kt:g} and {resistance:g}")
     effects: dict[str, Mapping[str, float] | None] = {}
-    if "friction_stribeck" in document:
-        effects["stribeck"] = {
+    model = document.get("model")
+    if model in STRIBECK:
+        peak = {
             "stribeck": _number(document, "friction_stribeck"),
             "stribeck_velocity": _number(document, "dtheta_stribeck"),
             "stribeck_exponent": _number(document, "alpha"),
         }
-    if any(name.startswith("load_friction") for name in document):
+        effects["stribeck"] = peak if EXPONENTS[0] <= peak["stribeck_exponent"] <= EXPONENTS[1] else None
+    if model in LOADED:
         effects["load_dependent_friction"] = None
     unused = tuple(sorted(name for name in document if name not in TAKEN and not name.startswith("load_friction")))
     terms = Terms(
@@ -43,6 +49,7 @@ def bam_servo(document: Mapping[str, object]) -> ReadJoint:
         armature=_number(document, "armature"),
         damping=_number(document, "friction_viscous") + kt**2 / resistance,
         frictionloss=_number(document, "friction_base"),
+        delay=_number(document, "command_delay") if "command_delay" in document else 0.0,
     )
     return ReadJoint(terms, driven=True, effects=effects, unused=unused)
 

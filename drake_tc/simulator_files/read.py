@@ -53,5 +53,5 @@ def _of_xml(root: ET.Element) -> dict[str, ReadJoint]:
 
 def _mapping(document: object) -> Mapping[str, object]:
     if not isinstance(document, dict):
-        raise ValueError(f"expected a parameter file of BAM, a mapping; got {type(document).__name__}")
+        raise ValueError(f"expected a parameter file of BAM, a mapping, got {type(document).__name__}")
     return document

@@ -1,17 +1,21 @@
-"""Rows of many tasks and limits as whole matrices, over y or over the torques alone.
-
-With y = C tau + c (by its parts), a row A y is (A_v C_v + A_f C_f + A_tau) tau + A_v c_v + A_f c_f.
-"""
+"""Rows of many tasks and limits as whole matrices over the torques (`drake_tc.kernels.reduction`)."""
 
 from collections.abc import Sequence
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
 
 from drake_tc.errors import ParamsError
+from drake_tc.kernels.lazy import Kernel
 from drake_tc.tsid.polytope import LeastSquares, Polytope
 from drake_tc.tsid.rows import LimitRows, Parts, TaskRows, identity
-from drake_tc.types import FloatArray
+from drake_tc.types import FloatArray, IntArray
+
+_COST_ROWS, _LIMIT_ROWS = Kernel("reduction", "cost_rows"), Kernel("reduction", "limit_rows")
+_KINDS = {kinds: np.array(kinds, dtype=np.int64) for kinds in product(range(3), repeat=3)}
+_NONE: FloatArray = np.zeros((0, 0))
+_NOWHERE: IntArray = np.zeros(0, dtype=np.int64)
 
 
 class Map(NamedTuple):
@@ -80,76 +84,49 @@ def check_names(names: Sequence[str]) -> None:
         first = plain.index(plain[i])
         if first < i:
             how = "comes twice" if names[first] == name else f"is the same as {names[first]!r} in a name of a port"
-            raise ParamsError(f"tasks and limits: wanted different names; {name!r} {how}")
+            raise ParamsError(f"tasks and limits: expected different names; {name!r} {how}")
 
 
-def _fill(parts: Parts, causes: Map, out: FloatArray) -> None:
-    """[matrix over tau, value at tau = 0] of one set of rows into out (r, n + 1)."""
-    started = True
-    if parts.picks is not None:
-        out[:] = causes.motion[parts.picks]
-    elif parts.vdot is not None:
-        np.dot(parts.vdot, causes.motion, out=out)
-    else:
-        started = False
-    if parts.force is not None:
-        if started:
-            out += parts.force.dot(causes.push)
-        elif parts.force is identity(out.shape[0]):
-            out[:] = causes.push
-        else:
-            np.dot(parts.force, causes.push, out=out)
-        started = True
-    if parts.torque is None:
-        if not started:
-            out[:] = 0.0
-    elif started:
-        out[:, :-1] += parts.torque
-    else:
-        out[:, :-1], out[:, -1] = parts.torque, 0.0
+def _given(parts: Parts) -> tuple[FloatArray | IntArray, ...]:
+    """How each part is given, and the parts, as the compiled functions take them."""
+    vdot, force, torque, picks = parts.vdot, parts.force, parts.torque, parts.picks
+    kinds = _KINDS[
+        0 if vdot is None else 1 if picks is None else 2,
+        0 if force is None else 2 if force is identity(force.shape[0]) else 1,
+        0 if torque is None else 2 if torque is identity(torque.shape[0]) else 1,
+    ]
+    return (
+        kinds,
+        _NONE if vdot is None else vdot,
+        _NOWHERE if picks is None else picks,
+        _NONE if force is None else force,
+        _NONE if torque is None else torque,
+    )
 
 
 def cost_of(tasks: Sequence[TaskRows], causes: Map) -> LeastSquares:
     """||D tau - d||^2 with the weights in the rows."""
-    size = sum(rows.target.size for rows in tasks)
-    whole = np.empty((size, causes.motion.shape[1]))
-    matrix, offset = whole[:, :-1], whole[:, -1]
-    start = 0
+    size, start = sum(rows.target.size for rows in tasks), 0
+    matrix, target = np.empty((size, causes.motion.shape[1] - 1)), np.empty(size)
     for rows in tasks:
-        stop = start + rows.target.size
-        _fill(rows.matrix, causes, whole[start:stop])
-        start = stop
-    if not tasks:
-        return LeastSquares(matrix, offset)
-    weight = np.concatenate([rows.weight for rows in tasks])
-    target = np.concatenate([rows.target for rows in tasks])
-    target -= offset
-    target *= weight
-    matrix *= weight[:, None]
+        _COST_ROWS(*_given(rows.matrix), *causes, rows.target, rows.weight, start, matrix, target)
+        start += rows.target.size
     return LeastSquares(matrix, target)
 
 
 def polytope_of(limits: Sequence[LimitRows], causes: Map) -> Polytope:
     """The polytope lower <= G tau <= upper, the torques' bounds first where there are some."""
     limits = ordered(limits)
-    size = sum(rows.lower.size for rows in limits)
-    whole = np.empty((size, causes.motion.shape[1]))
-    matrix, offset = whole[:, :-1], whole[:, -1]
+    size, start = sum(rows.lower.size for rows in limits), 0
+    matrix, lower, upper = np.empty((size, causes.motion.shape[1] - 1)), np.empty(size), np.empty(size)
     groups: dict[str, slice] = {}
     labels: tuple[str, ...] = ()
-    start = 0
     for rows in limits:
         stop = start + rows.lower.size
-        _fill(rows.matrix, causes, whole[start:stop])
+        _LIMIT_ROWS(*_given(rows.matrix), *causes, rows.lower, rows.upper, start, matrix, lower, upper)
         first = groups[rows.group].start if rows.group in groups else start
         groups[rows.group] = slice(first, stop)
         labels += rows.labels
         start = stop
     bounds = limits[0].lower.size if limits and is_bounds(limits[0]) else 0
-    if not limits:
-        return Polytope(matrix, offset, offset.copy(), groups, labels, 0)
-    lower = np.concatenate([rows.lower for rows in limits])
-    upper = np.concatenate([rows.upper for rows in limits])
-    lower -= offset
-    upper -= offset
     return Polytope(matrix, lower, upper, groups, labels, bounds)

@@ -38,7 +38,7 @@ def _check_task(who: str, task: Task, terms: Terms) -> None:
     _expect(f"{who}: rest", reference, (task.reference_size,))
     rows = _evaluated(f"{who}: rows", lambda: task.rows(terms, reference))
     if not isinstance(rows, TaskRows):
-        raise ParamsError(f"{who}: rows must return TaskRows; got {type(rows).__name__}")
+        raise ParamsError(f"{who}: rows must return TaskRows, got {type(rows).__name__}")
     count = _length(f"{who}: target", rows.target)
     _expect(f"{who}: weight", rows.weight, (count,))
     _check_parts(who, rows.matrix, count, terms)
@@ -50,19 +50,19 @@ def _check_task(who: str, task: Task, terms: Terms) -> None:
 def _check_limit(who: str, limit: Limit, terms: Terms) -> None:
     rows = _evaluated(f"{who}: rows", lambda: limit.rows(terms))
     if not isinstance(rows, LimitRows):
-        raise ParamsError(f"{who}: rows must return LimitRows; got {type(rows).__name__}")
+        raise ParamsError(f"{who}: rows must return LimitRows, got {type(rows).__name__}")
     count = _length(f"{who}: lower", rows.lower)
     _expect(f"{who}: upper", rows.upper, (count,))
     _check_parts(who, rows.matrix, count, terms)
     if len(rows.labels) != count:
-        raise ParamsError(f"{who}: expected {count} labels, one a row; got {len(rows.labels)}")
+        raise ParamsError(f"{who}: expected {count} labels, one a row, got {len(rows.labels)}")
     if np.isnan(rows.lower).any() or np.isnan(rows.upper).any():
         raise ParamsError(f"{who}: lower or upper is NaN at the robot's starting posture; infinite means no limit")
 
 
 def _check_parts(who: str, matrix: Parts, count: int, terms: Terms) -> None:
     if not isinstance(matrix, Parts):
-        raise ParamsError(f"{who}: matrix must be Parts(vdot=..., force=..., torque=...); got {type(matrix).__name__}")
+        raise ParamsError(f"{who}: matrix must be Parts(vdot=..., force=..., torque=...), got {type(matrix).__name__}")
     columns = {"vdot": terms.bias.size, "force": terms.contact_bias.size, "torque": terms.actuated.size}
     for name, width in columns.items():
         part = getattr(matrix, name)
@@ -81,10 +81,10 @@ def _evaluated(what: str, call: Callable[[], T]) -> T:
 
 def _length(what: str, values: FloatArray) -> int:
     if not (isinstance(values, np.ndarray) and values.ndim == 1):
-        raise ParamsError(f"{what} must be an array of one dimension; got shape {np.shape(values)}")
+        raise ParamsError(f"{what} must be an array of one dimension, got shape {np.shape(values)}")
     return int(values.size)
 
 
 def _expect(what: str, values: FloatArray, shape: tuple[int, ...]) -> None:
     if not (isinstance(values, np.ndarray) and values.shape == shape):
-        raise ParamsError(f"{what}: expected an array of shape {shape}; got shape {np.shape(values)}")
+        raise ParamsError(f"{what}: expected an array of shape {shape}, got shape {np.shape(values)}")

@@ -59,21 +59,21 @@ class Contact:
     def __post_init__(self) -> None:
         where = f"contact {self.name!r}"
         if self.kind not in get_args(Kind):
-            raise ParamsError(f"{where}: wanted a kind of {', '.join(get_args(Kind))}; got {self.kind!r}")
+            raise ParamsError(f"{where}: expected a kind of {', '.join(get_args(Kind))}, got {self.kind!r}")
         possible = get_args(Axes)[: 1 if self.kind == "surface" else 2]
         if self.axes is not None and self.axes not in possible:
-            raise ParamsError(f"{where}: axes: wanted {' or '.join(possible)} for a {self.kind}; got {self.axes!r}")
+            raise ParamsError(f"{where}: axes: expected {' or '.join(possible)} for a {self.kind}, got {self.axes!r}")
         for key in ("friction", "moment_friction", "minimum_force"):
             value = getattr(self, key)
             if not (math.isfinite(value) and value >= 0.0):
-                raise ParamsError(f"{where}: {key}: wanted a finite number >= 0; got {value!r}")
+                raise ParamsError(f"{where}: {key}: expected a finite number >= 0, got {value!r}")
         if not self.maximum_force > self.minimum_force:
             raise ParamsError(
-                f"{where}: maximum_force: wanted more than minimum_force {self.minimum_force:g};"
+                f"{where}: maximum_force: expected more than minimum_force {self.minimum_force:g};"
                 f" got {self.maximum_force!r}"
             )
         if self.extents is not None and (self.half_length or self.half_width):
-            raise ParamsError(f"{where}: wanted either half_length and half_width or extents; got both")
+            raise ParamsError(f"{where}: expected either half_length and half_width or extents, got both")
         if self.kind == "surface":
             self._check_sole(where)
 
@@ -81,12 +81,12 @@ class Contact:
         x_min, x_max, y_min, y_max = self.sole
         if not (all(math.isfinite(edge) for edge in self.sole) and x_max > x_min and y_max > y_min):
             raise ParamsError(
-                f"{where}: wanted a sole of positive size (half_length and half_width, or extents x_min x_max y_min"
-                f" y_max) [m]; got {', '.join(f'{edge:g}' for edge in self.sole)}"
+                f"{where}: expected a sole of positive size (half_length and half_width, or extents x_min x_max y_min"
+                f" y_max) [m], got {', '.join(f'{edge:g}' for edge in self.sole)}"
             )
         if not (x_min <= 0.0 <= x_max and y_min <= 0.0 <= y_max):
             raise ParamsError(
-                f"{where}: extents: wanted the frame's origin on the sole; got {', '.join(map(str, self.sole))}"
+                f"{where}: extents: expected the frame's origin on the sole, got {', '.join(map(str, self.sole))}"
             )
 
     @property
@@ -122,6 +122,7 @@ class ActiveContacts:
     Attributes:
         contacts: Those that are active, in the model's order.
         index: Of each among all contacts of the model.
+        places: (a,) the same as an array.
         rows: Of each in f (k,).
         entries: (k,) of f in a vector that holds the forces of all contacts of the model.
         size: k.
@@ -129,6 +130,7 @@ class ActiveContacts:
 
     contacts: tuple[Contact, ...]
     index: tuple[int, ...]
+    places: IntArray
     rows: tuple[slice, ...]
     entries: IntArray
     size: int
@@ -142,7 +144,7 @@ def select(contacts: Sequence[Contact], active: Sequence[bool] | None = None) ->
     """
     mask = tuple(active) if active is not None else (True,) * len(contacts)
     if len(mask) != len(contacts):
-        raise ParamsError(f"active: wanted one value a contact ({len(contacts)}); got {len(mask)}")
+        raise ParamsError(f"active: expected one value a contact ({len(contacts)}), got {len(mask)}")
     chosen, index, rows = [], [], []
     entries: list[int] = []
     start = first = 0
@@ -154,4 +156,5 @@ def select(contacts: Sequence[Contact], active: Sequence[bool] | None = None) ->
             entries.extend(range(first, first + contact.size))
             start += contact.size
         first += contact.size
-    return ActiveContacts(tuple(chosen), tuple(index), tuple(rows), np.array(entries, dtype=np.int64), start)
+    places = np.array(index, dtype=np.int64)
+    return ActiveContacts(tuple(chosen), tuple(index), places, tuple(rows), np.array(entries, dtype=np.int64), start)

@@ -139,7 +139,7 @@ class FormulationKeys(Keys):
         if value.get("measure") == "classic" and use != Formulation.use:
             raise ValueError(f"use: expected a measure of robustness beside {use}; `measure: classic` has none")
         if value.get("minimum") is not None and use != "constraint":
-            raise ValueError(f"minimum: it belongs to `use: constraint`; got use: {use}")
+            raise ValueError(f"minimum: it belongs to `use: constraint`, got use: {use}")
 
 
 def _sigma(value: object) -> object:

@@ -15,13 +15,11 @@ import numpy as np
 from drake_tc.errors import ParamsError
 from drake_tc.tsid.polytope import LeastSquares, Polytope
 from drake_tc.tsid.qp.problem import Outcome, QpSolver
-from drake_tc.tsid.robust.gaussian_tail import curvature
-from drake_tc.tsid.robust.individual import IndividualRisk
+from drake_tc.tsid.robust.convex import Value, plain
 from drake_tc.tsid.robust.measures import Found, Guess, Means, individual, least_cost
 from drake_tc.tsid.robust.null_space import RANK, null_basis
-from drake_tc.tsid.robust.objective import nothing
 from drake_tc.tsid.robust.options import Options
-from drake_tc.tsid.robust.scaled import ScaledProblem, scaled
+from drake_tc.tsid.robust.scaled import ScaledProblem, nothing, scaled
 from drake_tc.tsid.robust.torque_error import TorqueError
 from drake_tc.types import FloatArray
 
@@ -85,7 +83,7 @@ def hierarchy(
         ParamsError: no levels, or more than one robustness.
     """
     if not levels or sum(isinstance(level, Robustness) for level in levels) > 1:
-        raise ParamsError(f"levels: wanted one or more, robustness at most once; got {len(levels)}")
+        raise ParamsError(f"levels: expected one or more, robustness at most once, got {len(levels)}")
     n = error.joints
     problem = scaled(nothing(n), polytope, error)
     means = Means(qp, options.accuracy, options.budget.started())
@@ -122,9 +120,7 @@ def _solve(
         return least_cost(inside, guess, means), inside.cost.matrix
     inside = problem.along(x, basis)
     found = individual(inside, 1.0, guess, means)
-    risk = IndividualRisk(inside.erring)
-    bend = risk.bend(curvature(risk.margins(found.x)))
-    return found, inside.limits.matrix[bend > BENT]
+    return found, inside.limits.matrix[_risk_at(inside, found.x).bend > BENT]
 
 
 def _free(inside: ScaledProblem, whole: ScaledProblem) -> ScaledProblem:
@@ -138,5 +134,9 @@ def _free(inside: ScaledProblem, whole: ScaledProblem) -> ScaledProblem:
 def _value(level: Level, torque: FloatArray, problem: ScaledProblem) -> float:
     if isinstance(level, LeastSquares):
         return level(torque)
-    risk = IndividualRisk(problem.erring)
-    return risk.value(risk.margins(torque / problem.scale))
+    return _risk_at(problem, torque / problem.scale).risk
+
+
+def _risk_at(problem: ScaledProblem, x: FloatArray) -> Value:
+    rows = problem.erring
+    return plain(nothing(len(x)), rows, risk=rows, weight=1.0).at(x)

@@ -21,6 +21,7 @@ from typing import NamedTuple
 import numpy as np
 
 from drake_tc.errors import ParamsError
+from drake_tc.kernels.lazy import Kernel
 from drake_tc.tsid.assembly import check_names, ordered
 from drake_tc.tsid.check_rows import check_rows
 from drake_tc.tsid.infeasible import diagnose, safe_torque
@@ -38,6 +39,7 @@ from drake_tc.tsid.tasks.base import Task
 from drake_tc.tsid.terms import Terms
 from drake_tc.types import FloatArray
 
+_RESPONSE = Kernel("reduction", "response")
 LARGEST = 1e6
 """No input in SI units is as large; one that is counts as not finite. A larger R, or an infinite one, is told as it."""
 
@@ -131,7 +133,7 @@ class Law:
     def __post_init__(self) -> None:
         check_names([*(task.name for task in self.tasks), *(limit.name for limit in self.limits)])
         if self.error.joints != self.model.n:
-            raise ParamsError(f"sigma: wanted {self.model.n} joints, the robot's; got {self.error.joints}")
+            raise ParamsError(f"sigma: expected {self.model.n} joints, the robot's, got {self.error.joints}")
         if self.priorities is not None:
             self._check_priorities(self.priorities)
         if isinstance(self.solver, ProgramSolver):
@@ -141,11 +143,11 @@ class Law:
         for name in ("period", "fade"):
             value = getattr(self, name)
             if not (np.isfinite(value) and value > 0.0):
-                raise ParamsError(f"{name}: wanted a positive number [s]; got {value!r}")
+                raise ParamsError(f"{name}: expected a positive number [s], got {value!r}")
         for name in ("contact_damping", "fallback_damping"):
             value = getattr(self, name)
             if not (np.isfinite(value) and value >= 0.0):
-                raise ParamsError(f"{name}: wanted a finite number >= 0; got {value!r}")
+                raise ParamsError(f"{name}: expected a finite number >= 0, got {value!r}")
         check_rows(self.starting_terms(), self.tasks, self.limits)
 
     def with_tasks(self, *tasks: Task, priority: int | None = None) -> "Law":
@@ -184,11 +186,11 @@ class Law:
 
     def _check_priorities(self, priorities: Priorities) -> None:
         if len(priorities.tasks) != len(self.tasks):
-            raise ParamsError(f"priorities: wanted one a task, {len(self.tasks)}; got {len(priorities.tasks)}")
+            raise ParamsError(f"priorities: expected one a task, {len(self.tasks)}, got {len(priorities.tasks)}")
         measure = self.formulation.measure
         if (priorities.robustness is not None) != (measure == "individual") or measure in ("box", "rectangle"):
             raise ParamsError(
-                f"priorities: wanted individual, with a level of its own, or classic, without one; got {measure}"
+                f"priorities: expected individual, with a level of its own, or classic, without one, got {measure}"
             )
 
     def starting_terms(self) -> Terms:
@@ -253,7 +255,8 @@ def solve_tick(
         active: One a contact.
         before: The last tick.
     """
-    if not np.abs(np.concatenate((state, *references))).max() < LARGEST:
+    given = np.concatenate((state, *references))
+    if not (given.max() < LARGEST and given.min() > -LARGEST):
         return lost_tick(law, before)
     try:
         problem = problem_at(law, scratch, state, references, active)
@@ -292,9 +295,8 @@ def _held(law: Law, terms: Terms) -> FloatArray | None:
 
 
 def _packed(law: Law, problem: Problem, torque: FloatArray, status: FloatArray, start: Start | None) -> Tick:
-    acceleration, active_force = problem.reduced.full(torque)
-    force = np.zeros(law.model.force_size)
-    force[problem.terms.contacts.entries] = active_force
+    causes, entries = problem.reduced.causes, problem.terms.contacts.entries
+    acceleration, force = _RESPONSE(torque, *causes, entries, law.model.force_size)
     return Tick(torque, acceleration, force, status, start)
 
 

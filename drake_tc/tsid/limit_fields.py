@@ -105,7 +105,7 @@ def _acceleration(
     arrays: dict[str, Any] = {key: np.array(value) for key, value in values.items()}
     for key, value in arrays.items():
         if value.ndim and value.size != n:
-            raise ParamsError(f"{key}: wanted a number or {n} of them, one a joint; got {value.size}")
+            raise ParamsError(f"{key}: expected a number or {n} of them, one a joint, got {value.size}")
     held = _held(period, tick)
     return AccelerationLimit.of(model.robot, model.actuated, model.nv, period=held, margin=margin, **arrays)
 
@@ -118,7 +118,7 @@ def _held(period: float | None, tick: float) -> float:
     """How long an acceleration is taken to last: the controller's period or more, as it decides no earlier."""
     held = tick if period is None else period
     if held < (1.0 - 1e-9) * tick:
-        raise ParamsError(f"period: wanted the controller's period, {tick:g} s, or more; got {held:g}")
+        raise ParamsError(f"period: expected the controller's period, {tick:g} s, or more, got {held:g}")
     return held
 
 

@@ -1,9 +1,9 @@
-"""The robot as the controller knows it: its own plant, its contacts, and the terms of the dynamics at one state.
+"""The robot as the controller knows it: its tree, its contacts, and the terms of the dynamics at one state.
 
-The plant's base always floats, also that of a robot whose base is welded, which is then held where it is. The base's
-rows of M and of C v are momentum and its rate, seen from the base's origin Bo, so they give the rest without a call:
+Drake's plant says what the robot is made of; the terms themselves are those of `drake_tc.kernels.dynamics`. With c =
+p_BoG and the base's rows of M and C v, which are momentum and its rate about the base's origin Bo,
 
-    mass m, m S(c) from M's first six columns, c = p_BoG;  A_G = X M[:6],  Adot_G v = X (C v)[:6],  X = [1 -S(c); 0 1]
+    A_G = X M[:6],  Adot_G v = X (C v)[:6],  X = [1 -S(c); 0 1]
     h = C v - M a_g,  a_g = [0; gravity] of the base, as no joint needs a torque where all of the robot falls freely
 """
 
@@ -13,23 +13,22 @@ from typing import Any
 import numpy as np
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import JacobianWrtVariable, QuaternionFloatingJoint
+from pydrake.multibody.tree import QuaternionFloatingJoint
 
 from drake_tc.errors import ParamsError
-from drake_tc.estimation.torque_model import as_slice
+from drake_tc.kernels.lazy import Kernel
 from drake_tc.robot.mounts import Mount
 from drake_tc.robot.plant import make_plant
 from drake_tc.robot.robot import Robot
 from drake_tc.robot.rotors import file_rotors
 from drake_tc.robot.urdf import reduced_urdf
 from drake_tc.tsid.contacts import ActiveContacts, Contact, select
-from drake_tc.tsid.model_parts import add_frames, add_rotors
-from drake_tc.tsid.rows import identity
+from drake_tc.tsid.model_parts import add_frames, checked_rotors
 from drake_tc.tsid.terms import FrameTerms, Pose, Terms
+from drake_tc.tsid.tree import tree_of
 from drake_tc.types import FloatArray, IntArray
 
-_ORIGIN: Any = np.zeros(3)
-_SAME = identity(6)
+_TERMS, _FRAME = Kernel("terms", "terms"), Kernel("terms", "frame_terms")
 _LEAST_MASS = 1e-12
 """Smallest eigenvalue of M, its diagonal scaled to ones."""
 _SHORTEST = 1e-12
@@ -46,6 +45,7 @@ class TsidModel:
         actuated: (n,) index in v of each joint.
         positions: (n,) index in q of each joint.
         force_size: K, of the forces of all contacts.
+        mass: [kg].
         start: (nq,) q in the robot's posture, its base where the robot file says.
     """
 
@@ -72,55 +72,53 @@ class TsidModel:
         """
         self.robot, self.contacts = robot, tuple(contacts)
         self.force_size = sum(contact.size for contact in self.contacts)
-        self._plant: Any = MultibodyPlant(0.0)
-        (model,) = Parser(self._plant).AddModelsFromString(reduced_urdf(robot), "urdf")
-        base = self._plant.GetBodyByName(robot.base, model)
-        self._plant.AddJoint(QuaternionFloatingJoint("base_of_tsid", self._plant.world_frame(), base.body_frame()))
-        add_rotors(self._plant, robot, file_rotors(robot) if rotor_inertia is None else rotor_inertia)
-        self._frames = add_frames(self._plant, model, self.contacts, frames)
-        self._plant.Finalize()
-        self._world = self._plant.world_frame()
-        self._set_order()
-        gravity = self._plant.gravity_field().gravity_vector()
-        self._gravity: FloatArray = np.concatenate([np.zeros(3), gravity])
+        plant: Any = MultibodyPlant(0.0)
+        (model,) = Parser(plant).AddModelsFromString(reduced_urdf(robot), "urdf")
+        base = plant.GetBodyByName(robot.base, model)
+        plant.AddJoint(QuaternionFloatingJoint("base_of_tsid", plant.world_frame(), base.body_frame()))
+        rotors = checked_rotors(robot, file_rotors(robot) if rotor_inertia is None else rotor_inertia)
+        named = add_frames(plant, model, self.contacts, frames)
+        plant.Finalize()
+        self._set_order(plant.num_velocities())
+        self._frames = {name: number for number, name in enumerate(named)}
+        self._tree = tree = tree_of(plant, base, robot.joints, self.positions, self.actuated, named, rotors)
+        self.mass = float(tree.trunk[0] + tree.constants[:, 15].sum())
+        pose = robot.base_pose.transform
+        self._held: FloatArray = np.array([*pose.rotation().ToQuaternion().wxyz(), *pose.translation()])
+        contacts_table = [(self._frames[contact.name], contact.upright, contact.size) for contact in self.contacts]
+        self._tree_arguments = (
+            self._held,
+            self._floating,
+            tree.places,
+            tree.constants,
+            tree.trunk,
+            np.array(plant.gravity_field().gravity_vector()),
+            tree.frames,
+            tree.frame_bodies,
+            np.array(contacts_table, dtype=np.int64).reshape(-1, 3),
+        )
         self._check_mass()
 
-    def _set_order(self) -> None:
-        """Where the public q and v stand in the plant's."""
-        plant, robot = self._plant, self.robot
+    def _set_order(self, velocities: int) -> None:
+        """Where the joints and the base stand in q and v."""
+        robot = self.robot
         public: Any = make_plant(robot, 0.0)
         self.nq, self.nv, self.n = public.num_positions(), public.num_velocities(), len(robot.joints)
         fixed = 0 if robot.fixed_base else 6
-        if self.nv != self.n + fixed or plant.num_velocities() != self.n + 6:
+        if self.nv != self.n + fixed or velocities != self.n + 6:
             raise ParamsError(
-                f"robot {robot.name!r}: wanted {self.n} movable joints, those listed; got {self.nv - fixed}"
+                f"robot {robot.name!r}: expected {self.n} movable joints, those listed, got {self.nv - fixed}"
             )
         self.start: FloatArray = public.GetPositions(public.CreateDefaultContext())
         self.start.setflags(write=False)
         theirs = [public.GetJointByName(name) for name in robot.joints]
         self.actuated: IntArray = np.array([joint.velocity_start() for joint in theirs], dtype=np.int64)
         self.positions: IntArray = np.array([joint.position_start() for joint in theirs], dtype=np.int64)
-        base = plant.GetJointByName("base_of_tsid")
-        ours = [plant.GetJointByName(name) for name in robot.joints]
-        q_index, v_index = np.empty(self.nq, dtype=np.int64), np.empty(self.nv, dtype=np.int64)
-        q_index[self.positions] = [joint.position_start() for joint in ours]
-        v_index[self.actuated] = [joint.velocity_start() for joint in ours]
-        state = np.zeros(plant.num_positions() + plant.num_velocities())
-        pose = robot.base_pose.transform
-        q_base = base.position_start()
-        state[q_base : q_base + 4] = pose.rotation().ToQuaternion().wxyz()
-        state[q_base + 4 : q_base + 7] = pose.translation()
-        self._base = slice(base.velocity_start(), base.velocity_start() + 6)
+        places = [-1, -1]
         if not robot.fixed_base:
             body = public.GetBodyByName(robot.base)
-            q_first, v_first = body.floating_positions_start(), body.floating_velocities_start_in_v()
-            q_index[q_first : q_first + 7] = np.arange(q_base, q_base + 7)
-            v_index[v_first : v_first + 6] = np.arange(self._base.start, self._base.stop)
-        self._template = state
-        self._state_index = as_slice(np.concatenate([q_index, plant.num_positions() + v_index]))
-        self._columns: Any = as_slice(v_index)
-        self._quaternion = slice(q_base, q_base + 4)
-        self._base_position = slice(q_base + 4, q_base + 7)
+            places = [body.floating_positions_start(), body.floating_velocities_start_in_v()]
+        self._floating: IntArray = np.array(places, dtype=np.int64)
 
     def _check_mass(self) -> None:
         """Refuse joints that move nothing: no torque has an answer there."""
@@ -130,14 +128,14 @@ class TsidModel:
         scale = 1.0 / np.sqrt(np.maximum(inertia, np.finfo(float).tiny))
         if np.linalg.eigvalsh(terms.mass_matrix * scale * scale[:, None])[0] < _LEAST_MASS:
             raise ParamsError(
-                f"robot {self.robot.name!r}: wanted a mass matrix that is positive definite; joint"
+                f"robot {self.robot.name!r}: expected a mass matrix that is positive definite; joint"
                 f" {self.robot.joints[least]!r} moves {inertia[self.actuated][least]:.3g} kg m^2 (or kg): give it a"
                 " rotor_inertia, or lock it"
             )
 
     def create_scratch(self) -> "Scratch":
         """Scratch memory for `terms`."""
-        return Scratch(self._plant, self.contacts)
+        return Scratch(self.contacts)
 
     def frame_names(self) -> tuple[str, ...]:
         """What `Terms.frame` knows."""
@@ -147,7 +145,7 @@ class TsidModel:
         """The terms at a state; all NaN where the state is not finite or the base's quaternion is zero.
 
         Args:
-            scratch: From `create_scratch`; keeps the state for `Terms.frame` and `Terms.pose`.
+            scratch: From `create_scratch`.
             q: (nq,).
             v: (nv,).
             active: Which contacts carry; None for all.
@@ -156,39 +154,51 @@ class TsidModel:
             ParamsError: a mask of another length than the contacts.
         """
         contacts = scratch.select(active)
-        plant, context, columns, base = self._plant, scratch.context, self._columns, self._base
-        state = self._template.copy()
-        state[self._state_index] = np.concatenate((q, v))
-        turn = state[self._quaternion]
-        if not (turn.dot(turn) > _SHORTEST and state.dot(state) < np.inf):
+        if not self._is_state(q, v):
             return self._lost(q, v, contacts)
-        plant.SetPositionsAndVelocities(context, state)
-        mass_matrix, coriolis = plant.CalcMassMatrix(context), plant.CalcBiasTerm(context)
-        rows = mass_matrix[base]
-        mass, offset, to_com = _about_com(rows[:, base])
-        momentum = to_com.dot(rows[:, columns])
-        bias = coriolis - mass_matrix[:, base].dot(self._gravity)
-        jacobian, contact_bias = self._contact_rows(context, contacts)
-        in_order = isinstance(columns, slice)
+        bodies, mass_matrix, bias, jacobian, drift, slip, com, com_velocity, momentum, rate = _TERMS(
+            q, v, *self._tree_arguments, contacts.places
+        )
+        frames = _Frames(self, q, bodies)
         return Terms(
             q=q,
             v=v,
-            mass_matrix=mass_matrix[columns, columns] if in_order else mass_matrix[np.ix_(columns, columns)],
-            bias=bias[columns],
+            mass_matrix=mass_matrix,
+            bias=bias,
             actuated=self.actuated,
             joint_position=q[self.positions],
             contact_jacobian=jacobian,
-            contact_bias=contact_bias,
-            contact_velocity=jacobian.dot(v),
-            mass=mass,
-            com=state[self._base_position] + offset,
-            com_velocity=momentum[3:].dot(v) / mass,
+            contact_bias=drift,
+            contact_velocity=slip,
+            mass=self.mass,
+            com=com,
+            com_velocity=com_velocity,
             momentum_matrix=momentum,
-            momentum_bias=to_com.dot(coriolis[base]),
-            frame=_Frames(self, context),
-            pose=lambda name: self.pose(context, name),
+            momentum_bias=rate,
+            frame=frames,
+            pose=frames.pose,
             contacts=contacts,
         )
+
+    def _is_state(self, q: FloatArray, v: FloatArray) -> bool:
+        """Whether it is finite and the base's quaternion says something."""
+        first = self._floating[0]
+        turn = self._held[:4] if first < 0 else q[first : first + 4]
+        return bool(turn.dot(turn) > _SHORTEST and q.dot(q) + v.dot(v) < np.inf)
+
+    def frame(self, q: FloatArray, bodies: FloatArray, name: str) -> FrameTerms:
+        """All of a frame at a state.
+
+        Args:
+            q: (nq,).
+            bodies: Of `drake_tc.kernels.terms.terms` at this state.
+            name: One of `frame_names`.
+        """
+        index, tree = self._frames[name], self._tree
+        body = int(tree.frame_bodies[index])
+        found = _FRAME(q, self._held, self._floating, tree.places, bodies, tree.frames[index], body, self.nv)
+        rotation, position, velocity, jacobian, bias = found
+        return FrameTerms(rotation, position, velocity, jacobian, bias)
 
     def _lost(self, q: FloatArray, v: FloatArray, contacts: ActiveContacts) -> Terms:
         """Terms of NaN."""
@@ -217,65 +227,34 @@ class TsidModel:
             contacts=contacts,
         )
 
-    def _contact_rows(self, context: Any, contacts: ActiveContacts) -> tuple[FloatArray, FloatArray]:
-        """J (k, nv) and Jdot v (k,), in each contact's `axes`."""
-        plant, columns = self._plant, self._columns
-        jacobian, bias = np.empty((contacts.size, self.nv)), np.empty(contacts.size)
-        for contact, rows in zip(contacts.contacts, contacts.rows, strict=True):
-            frame, force = self._frames[contact.name], slice(rows.start, rows.start + 3)
-            axes = self._world if contact.upright else frame
-            args = (context, JacobianWrtVariable.kV, frame, _ORIGIN, self._world, axes)
-            twist = plant.CalcJacobianSpatialVelocity(*args)[:, columns]
-            drift = plant.CalcBiasSpatialAcceleration(*args).get_coeffs()
-            jacobian[force], bias[force] = twist[3:], drift[3:]
-            if contact.size == 6:
-                moment = slice(force.stop, rows.stop)
-                jacobian[moment], bias[moment] = twist[:3], drift[:3]
-        return jacobian, bias
-
-    def pose(self, context: Any, name: str) -> Pose:
-        """R_WF, p_WF of a frame where a scratch's context stands."""
-        matrix = self._frames[name].CalcPoseInWorld(context).GetAsMatrix34()
-        return matrix[:, :3], matrix[:, 3]
-
-    def frame(self, context: Any, name: str) -> FrameTerms:
-        """All of a frame where a scratch's context stands."""
-        plant, frame = self._plant, self._frames[name]
-        args = (context, JacobianWrtVariable.kV, frame, _ORIGIN, self._world, self._world)
-        rotation, position = self.pose(context, name)
-        return FrameTerms(
-            rotation=rotation,
-            position=position,
-            velocity=frame.CalcSpatialVelocityInWorld(context).get_coeffs(),
-            jacobian=plant.CalcJacobianSpatialVelocity(*args)[:, self._columns],
-            bias=plant.CalcBiasSpatialAcceleration(*args).get_coeffs(),
-        )
-
 
 class _Frames:
-    """`Terms.frame`: each frame once."""
+    """`Terms.frame` and `Terms.pose`: each frame once."""
 
-    def __init__(self, model: TsidModel, context: Any) -> None:
-        self._model, self._context = model, context
+    def __init__(self, model: TsidModel, q: FloatArray, bodies: FloatArray) -> None:
+        self._model, self._q, self._bodies = model, q, bodies
         self._known: dict[str, FrameTerms] = {}
 
     def __call__(self, name: str) -> FrameTerms:
         known = self._known.get(name)
         if known is None:
-            known = self._known[name] = self._model.frame(self._context, name)
+            known = self._known[name] = self._model.frame(self._q, self._bodies, name)
         return known
+
+    def pose(self, name: str) -> Pose:
+        frame = self(name)
+        return frame.rotation, frame.position
 
 
 class Scratch:
-    """Where a TsidModel stands; a copy is a new one, for another Context."""
+    """Layouts of contact masks, each made once; a copy is a new one, for another Context."""
 
-    def __init__(self, plant: Any, contacts: tuple[Contact, ...]) -> None:
-        self._plant, self._contacts = plant, contacts
-        self.context = plant.CreateDefaultContext()
+    def __init__(self, contacts: tuple[Contact, ...]) -> None:
+        self._contacts = contacts
         self._selections: dict[tuple[bool, ...] | None, ActiveContacts] = {}
 
     def __deepcopy__(self, memo: object) -> "Scratch":
-        return Scratch(self._plant, self._contacts)
+        return Scratch(self._contacts)
 
     def select(self, active: tuple[bool, ...] | None) -> ActiveContacts:
         """The active contacts, each mask laid out once."""
@@ -283,13 +262,3 @@ class Scratch:
         if known is None:
             known = self._selections[active] = select(self._contacts, active)
         return known
-
-
-def _about_com(block: FloatArray) -> tuple[float, FloatArray, FloatArray]:
-    """m, c = p_BoG and X (6, 6) from the base's own block (6, 6) of M: [I_Bo, m S(c); -m S(c), m 1]."""
-    mass = block.item(5, 5)
-    x, y, z = block.item(2, 4) / mass, block.item(0, 5) / mass, block.item(1, 3) / mass
-    to_com = _SAME.copy()
-    to_com[0, 4], to_com[0, 5], to_com[1, 5] = z, -y, x
-    to_com[1, 3], to_com[2, 3], to_com[2, 4] = -z, y, -x
-    return mass, np.array([x, y, z]), to_com

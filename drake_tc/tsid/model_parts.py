@@ -1,4 +1,4 @@
-"""What a TsidModel adds to the links of its plant before that is finalized: reflected inertias and named frames."""
+"""What a TsidModel adds to the links of its plant before that is finalized: named frames; and its rotors, checked."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -14,13 +14,8 @@ from drake_tc.tsid.contacts import Contact
 _SUFFIX = "_of_tsid"
 
 
-def add_rotors(plant: Any, robot: Robot, rotor_inertia: Mapping[str, float]) -> None:
-    """Give the joints' actuators their reflected inertia, before the plant is finalized.
-
-    Args:
-        plant: With the robot.
-        robot: Of the plant.
-        rotor_inertia: By joint [kg m^2]; a joint that is not there has none.
+def checked_rotors(robot: Robot, rotor_inertia: Mapping[str, float]) -> Mapping[str, float]:
+    """Reflected inertias by joint [kg m^2], as given; a joint that is not there has none.
 
     Raises:
         ParamsError: an unknown joint, or an inertia that is negative or not finite.
@@ -29,10 +24,8 @@ def add_rotors(plant: Any, robot: Robot, rotor_inertia: Mapping[str, float]) -> 
         if name not in robot.joints:
             raise ParamsError(f"rotor_inertia: no joint {name!r}; joints: {', '.join(robot.joints)}")
         if not (np.isfinite(inertia) and inertia >= 0.0):
-            raise ParamsError(f"rotor_inertia: {name}: wanted a number >= 0 [kg m^2]; got {inertia!r}")
-        actuator = plant.AddJointActuator(name, plant.GetJointByName(name))
-        actuator.set_default_rotor_inertia(float(inertia))
-        actuator.set_default_gear_ratio(1.0)
+            raise ParamsError(f"rotor_inertia: {name}: expected a number >= 0 [kg m^2], got {inertia!r}")
+    return rotor_inertia
 
 
 def add_frames(plant: Any, model: Any, contacts: Sequence[Contact], more: Sequence[Mount]) -> dict[str, Any]:
@@ -54,7 +47,7 @@ def add_frames(plant: Any, model: Any, contacts: Sequence[Contact], more: Sequen
         if mount.link not in links:
             raise ParamsError(f"{kind} {name!r}: no link {mount.link!r}; links: {', '.join(links)}")
         if name in frames:
-            raise ParamsError(f"{kind} {name!r}: wanted a name that no link, contact or frame has; it is taken")
+            raise ParamsError(f"{kind} {name!r}: expected a name that no link, contact or frame has; it is taken")
         offset = FixedOffsetFrame(name + _SUFFIX, links[mount.link].body_frame(), mount.pose.transform)
         frames[name] = plant.AddFrame(offset)
     return frames

@@ -14,8 +14,8 @@ from drake_tc.tsid.reduction import Reduced
 from drake_tc.tsid.robust.individual import p_ind
 from drake_tc.tsid.robust.options import Options
 from drake_tc.tsid.robust.solution import RobustSolution, Start
-from drake_tc.tsid.robust.step import FREE
 from drake_tc.tsid.robust.torque_error import TorqueError
+from drake_tc.tsid.robust.working import FREE
 from drake_tc.tsid.rows import TaskRows
 
 
@@ -37,10 +37,10 @@ class Priorities:
     def __post_init__(self) -> None:
         for level in (*self.tasks, *(() if self.robustness is None else (self.robustness,))):
             if level < 1:
-                raise ParamsError(f"priority: wanted 1, 2, ...; got {level}")
+                raise ParamsError(f"priority: expected 1, 2, ..., got {level}")
         if self.robustness in self.tasks:
             raise ParamsError(
-                f"priority: wanted a level of its own for robustness, unlike those of tasks; got {self.robustness}"
+                f"priority: expected a level of its own for robustness, unlike those of tasks, got {self.robustness}"
             )
 
     def levels(self, tasks: Sequence[TaskRows], reduced: Reduced) -> list[Level]:

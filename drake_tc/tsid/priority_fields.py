@@ -32,7 +32,7 @@ def read_priorities(
     idle = [key for key in _BY_WEIGHT if formulation.get(key) is not None]
     if idle:
         raise ParamsError(
-            f"formulation.{idle[0]}: wanted none (null) beside strict priorities; got {formulation[idle[0]]!r}"
+            f"formulation.{idle[0]}: expected none (null) beside strict priorities, got {formulation[idle[0]]!r}"
         )
     levels = tuple(_level(f"tasks.{name}.{KEY}", given.get(name, 1)) for name, _ in tasks)
     robustness = _level(f"formulation.{KEY}", formulation[KEY]) if formulation.get(KEY) is not None else None
@@ -52,5 +52,5 @@ def without_priorities(tasks: Sequence[tuple[str, Any]]) -> list[tuple[str, Any]
 def _level(where: str, value: object) -> int:
     number = fields.number(where, value)
     if number != round(number) or number < 1:
-        raise ParamsError(f"{where}: wanted 1, 2, ...; got {value!r}")
+        raise ParamsError(f"{where}: expected 1, 2, ..., got {value!r}")
     return round(number)

@@ -24,8 +24,7 @@ from scipy.stats.qmc import Sobol
 from drake_tc.errors import ParamsError
 from drake_tc.tsid.polytope import Polytope
 from drake_tc.tsid.robust.individual import certain_miss
-from drake_tc.tsid.robust.objective import nothing
-from drake_tc.tsid.robust.scaled import scaled
+from drake_tc.tsid.robust.scaled import nothing, scaled
 from drake_tc.tsid.robust.torque_error import TorqueError
 from drake_tc.types import FloatArray, IntArray
 
@@ -95,10 +94,10 @@ def probability(
     """
     if group is not None:
         if group not in polytope.groups:
-            raise ParamsError(f"group: wanted one of {sorted(polytope.groups)}; got {group!r}")
+            raise ParamsError(f"group: expected one of {sorted(polytope.groups)}, got {group!r}")
         polytope = polytope.group(group)
     if samples < REPLICATES:
-        raise ParamsError(f"samples: wanted at least {REPLICATES}; got {samples}")
+        raise ParamsError(f"samples: expected at least {REPLICATES}, got {samples}")
     problem = scaled(nothing(error.joints), polytope, error)
     x = torque / problem.scale
     if certain_miss(problem.limits, problem.certain, x):

@@ -85,7 +85,7 @@ class ProgramSolver:
             ParamsError: a use other than `trade_off`.
         """
         if formulation.use != "trade_off":
-            raise ParamsError(f"solver: program knows use: trade_off alone; got {formulation.use}")
+            raise ParamsError(f"solver: program knows use: trade_off alone, got {formulation.use}")
 
     def solution(
         self,

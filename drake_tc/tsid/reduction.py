@@ -17,20 +17,17 @@ free in the reduced form as they are in the full one: make a sole one surface co
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from scipy.linalg.blas import dgemm
-from scipy.linalg.lapack import dpotrf, dtrtri
 
+from drake_tc.kernels.lazy import Kernel
 from drake_tc.tsid.assembly import Map, cost_of, polytope_of
 from drake_tc.tsid.polytope import LeastSquares, Polytope
 from drake_tc.tsid.rows import LimitRows, TaskRows
 from drake_tc.tsid.terms import Terms
 from drake_tc.types import FloatArray
 
-RANK_LOST, RANK_KEPT = 1e-8, 1e-6
-"""Relative eigenvalues of the scaled J M^-1 J^T: below the first a direction is dropped, above the second kept."""
+_CAUSES = Kernel("reduction", "causes")
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,55 +82,5 @@ def reduce(
 
 def causes_of(terms: Terms, contact_acceleration: FloatArray | None = None) -> Map:
     """C and c of y = C tau + c, by its parts; NaN where the terms have some."""
-    n, k, nv = terms.actuated.size, terms.contact_bias.size, terms.bias.size
-    inverse = _inverse_factor(terms.mass_matrix)
-    if inverse is None:
-        return Map(np.full((nv, n + 1), np.nan), np.full((k, n + 1), np.nan))
-    free = np.empty((nv, n + 1), order="F")  # [Z, -z]
-    np.take(inverse.T, terms.actuated, axis=0, out=free.T[:n], mode="clip")
-    free[:, n] = -inverse.dot(terms.bias)
-    if k:
-        pushes = dgemm(1.0, inverse, terms.contact_jacobian.T)
-        wanted = dgemm(-1.0, pushes, free, trans_a=1)
-        wanted[:, n] -= terms.contact_bias
-        if contact_acceleration is not None:
-            wanted[:, n] += contact_acceleration
-        force = _solve(dgemm(1.0, pushes, pushes, trans_a=1), wanted)
-        free = dgemm(1.0, pushes, force, 1.0, free, overwrite_c=1)
-    else:
-        force = np.zeros((0, n + 1))
-    return Map(dgemm(1.0, inverse, free, trans_a=1), force)
-
-
-def _inverse_factor(matrix: FloatArray) -> FloatArray | None:
-    """L^-1 of matrix = L L^T; None where it is not positive definite or not a number."""
-    factor, failed = dpotrf(matrix, lower=1)
-    if failed:
-        return None
-    inverse, failed = dtrtri(factor, lower=1, overwrite_c=1)
-    return None if failed else np.asarray(inverse)
-
-
-def _solve(matrix: FloatArray, right: FloatArray) -> FloatArray:
-    """Solution x of matrix x = right for a positive semidefinite matrix, as the module says."""
-    diagonal = matrix.diagonal()
-    inverse = _inverse_factor(matrix)
-    if inverse is not None:
-        # Scaled to a diagonal of ones, the largest eigenvalue is at most k and the smallest at least 1 / trace(inverse)
-        whole = dgemm(1.0, inverse, inverse, trans_a=1)
-        if diagonal.dot(whole.diagonal()) * diagonal.size * RANK_KEPT < 1.0:
-            return np.asarray(dgemm(1.0, whole, right))
-    if not np.isfinite(matrix).all():
-        return np.full_like(right, np.nan)
-    scale = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))[:, None]
-    return _filtered(matrix * scale * scale.T, right * scale) * scale
-
-
-def _filtered(matrix: FloatArray, right: FloatArray) -> FloatArray:
-    """The same for a scaled matrix that loses rank."""
-    values, vectors = np.linalg.eigh(matrix)
-    relative = np.maximum(values / values[-1], 1e-300)
-    step = np.clip(np.log(relative / RANK_LOST) / np.log(RANK_KEPT / RANK_LOST), 0.0, 1.0)
-    gain: Any = step * step * (3.0 - 2.0 * step)
-    inverse = np.divide(gain, values, out=np.zeros_like(values), where=gain > 0.0)
-    return np.asarray((vectors * inverse) @ (vectors.T @ right))
+    drift = terms.contact_bias if contact_acceleration is None else terms.contact_bias - contact_acceleration
+    return Map(*_CAUSES(terms.mass_matrix, terms.bias, terms.actuated, terms.contact_jacobian, drift))

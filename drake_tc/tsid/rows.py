@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from drake_tc.estimation.torque_model import as_slice
 from drake_tc.types import FloatArray, IntArray
 
 
@@ -18,21 +17,32 @@ def identity(n: int) -> FloatArray:
     return matrix
 
 
+def _keep_plain(rows: Any, *names: str) -> None:
+    """Arrays as compiled functions take them: C-contiguous, of doubles."""
+    for name in names:
+        values = getattr(rows, name)
+        if isinstance(values, np.ndarray) and not (values.flags.c_contiguous and values.dtype == np.float64):
+            object.__setattr__(rows, name, np.ascontiguousarray(values, dtype=np.float64))
+
+
 @dataclass(frozen=True, eq=False)
 class Parts:
-    """A matrix over y by its parts; a part that is None is zero.
+    """A matrix over y by its parts; a part that is None is zero. Each is kept C-contiguous, of doubles.
 
     Attributes:
         vdot: (r, nv).
         force: (r, k), k over all contacts that are active.
         torque: (r, n), joints in the robot's order.
-        picks: Where vdot is rows of the identity, which: an index or a slice, so that a product with it is a lookup.
+        picks: (r,) where vdot is rows of the identity, which, so that a product with it is a lookup.
     """
 
     vdot: FloatArray | None = None
     force: FloatArray | None = None
     torque: FloatArray | None = None
-    picks: Any = None
+    picks: IntArray | None = None
+
+    def __post_init__(self) -> None:
+        _keep_plain(self, "vdot", "force", "torque")
 
 
 def selection(index: IntArray, velocities: int) -> Parts:
@@ -40,7 +50,7 @@ def selection(index: IntArray, velocities: int) -> Parts:
     matrix = np.zeros((index.size, velocities))
     matrix[np.arange(index.size), index] = 1.0
     matrix.setflags(write=False)
-    return Parts(vdot=matrix, picks=as_slice(index))
+    return Parts(vdot=matrix, picks=index)
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,6 +68,9 @@ class TaskRows:
     matrix: Parts
     target: FloatArray
     weight: FloatArray
+
+    def __post_init__(self) -> None:
+        _keep_plain(self, "target", "weight")
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,3 +93,6 @@ class LimitRows:
     upper: FloatArray
     labels: tuple[str, ...]
     relaxed: int = 0
+
+    def __post_init__(self) -> None:
+        _keep_plain(self, "lower", "upper")

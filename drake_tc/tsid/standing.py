@@ -76,11 +76,11 @@ class StandingState(PortMethods, LeafSystem):
         robot = model.robot
         for lacks, what in ((robot.fixed_base, "a floating base"), (not model.contacts, "contacts")):
             if lacks:
-                raise ParamsError(f"state of {robot.name!r}: wanted {what}; it has none")
+                raise ParamsError(f"state of {robot.name!r}: expected {what}; it has none")
         if not robot.imu:
-            raise ParamsError(f"state of {robot.name!r}: wanted an IMU in {robot.source}; it has none")
+            raise ParamsError(f"state of {robot.name!r}: expected an IMU in {robot.source}; it has none")
         if not (np.isfinite([period, trust]).all() and 0.0 < period <= trust):
-            raise ParamsError(f"state: wanted 0 < period <= trust [s]; got {period!r} and {trust!r}")
+            raise ParamsError(f"state: expected 0 < period <= trust [s], got {period!r} and {trust!r}")
         self._model, self._period, self._trust, self._imu_mount = model, period, trust, robot.imu[0]
         self._turn = np.array(robot.imu[0].pose.transform.rotation().matrix())
         self._base_q = np.setdiff1d(np.arange(model.nq), model.positions)

@@ -29,7 +29,7 @@ def checked_kind(name: str, given: object, expected: type[KindT]) -> KindT:
         ParamsError: it is no `expected`.
     """
     if not isinstance(given, expected):
-        raise ParamsError(f"kind {name!r}: expected a {expected.__name__}; got {given!r}")
+        raise ParamsError(f"kind {name!r}: expected a {expected.__name__}, got {given!r}")
     return given
 
 
@@ -49,7 +49,7 @@ def number_list(where: str, value: object) -> list[float]:
         ParamsError: something else.
     """
     if not isinstance(value, list):
-        raise ParamsError(f"{where}: wanted a list of numbers; got {value!r}")
+        raise ParamsError(f"{where}: expected a list of numbers, got {value!r}")
     return [fields.number(f"{where}[{i}]", item) for i, item in enumerate(value)]
 
 
@@ -61,7 +61,7 @@ def mask(where: str, value: object) -> list[bool]:
     """
     if isinstance(value, list) and value and all(isinstance(item, bool) for item in value):
         return value
-    raise ParamsError(f"{where}: wanted a list of true and false; got {value!r}")
+    raise ParamsError(f"{where}: expected a list of true and false, got {value!r}")
 
 
 @dataclass(frozen=True)
@@ -132,7 +132,7 @@ def read_task(where: str, name: str, entry: object, model: TsidModel) -> Task:
     kind = fields.text(f"{where}.kind", fields.mapping(where, entry, ("kind",), None)["kind"])
     possible = (*_KINDS, *TASKS.names())
     if kind not in possible:
-        raise ParamsError(f"{where}.kind: wanted one of {', '.join(possible)}; got {kind!r}")
+        raise ParamsError(f"{where}.kind: expected one of {', '.join(possible)}, got {kind!r}")
     reader = _KINDS[kind] if kind in _KINDS else TASKS.get(kind, lambda n, made: checked_kind(n, made, TaskKind))
     given = fields.mapping(where, entry, ("kind", *reader.required), reader.optional)
     readers = {**reader.required, **reader.optional}

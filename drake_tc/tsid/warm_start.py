@@ -3,7 +3,7 @@
 import numpy as np
 
 from drake_tc.tsid.robust.solution import Start
-from drake_tc.tsid.robust.step import FREE, Working
+from drake_tc.tsid.robust.working import FREE, Working
 from drake_tc.types import FloatArray
 
 _HEAD = 5

@@ -1,4 +1,4 @@
-"""Feedforward: the effort it asks for makes the simulated actuator deliver the wanted torque."""
+"""Feedforward: the effort it asks for makes the simulated actuator deliver the expected torque."""
 
 import numpy as np
 import pytest

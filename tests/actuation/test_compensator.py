@@ -166,7 +166,7 @@ def test_names_and_gains():
     ("arguments", "words"),
     [
         (([],), "models is empty; expected one actuator model per joint"),
-        (([ActuatorModel("j", Drive("current", 1.0))], -1.0), r"direction_speed: wanted a number >= 0 \[rad/s\]"),
+        (([ActuatorModel("j", Drive("current", 1.0))], -1.0), r"direction_speed: expected a number >= 0 \[rad/s\]"),
         (([ActuatorModel("j", Drive("current", 1.0))], 0.0, [1.0, 2.0]), "smoothing: expected a number or 1 of them"),
         (([ActuatorModel("j", Drive("current", 1.0))], 0.0, np.nan), "smoothing"),
     ],

@@ -328,5 +328,5 @@ def test_joint_actuators_of_joints_that_are_not_there():
 
 def test_two_models_of_one_joint_are_refused():
     model = ActuatorModel("hinge", Drive("current", 0.01))
-    with pytest.raises(ParamsError, match="expected one model per joint; got joints hinge, hinge"):
+    with pytest.raises(ParamsError, match="expected one model per joint, got joints hinge, hinge"):
         add_joint_actuators(parsed_pendulum(), [model, model])

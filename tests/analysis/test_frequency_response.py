@@ -133,22 +133,22 @@ def test_a_port_that_is_not_there_says_what_is():
     good = channel("source:y0")
     for name, says in (
         ("lagg:y0", "no system 'lagg'; systems: source, lag"),
-        ("lag:y", "wanted one of y0"),
-        ("lag:y0[2]", "wanted an element 0 to 0; got 2"),
+        ("lag:y", "expected one of y0"),
+        ("lag:y0[2]", "expected an element 0 to 0, got 2"),
     ):
         with pytest.raises(ParamsError, match=says.replace("[", r"\[")):
             swept_sine(diagram, context, DT, (good, channel(name)), Sweep((5.0,)))
-    with pytest.raises(ParamsError, match=r"wanted SYSTEM:PORT or SYSTEM:PORT\[i\]"):
+    with pytest.raises(ParamsError, match=r"expected SYSTEM:PORT or SYSTEM:PORT\[i\]"):
         channel("lag:y0[x]")
-    with pytest.raises(ParamsError, match=r"wanted SYSTEM:PORT or SYSTEM:PORT\[i\]"):
+    with pytest.raises(ParamsError, match=r"expected SYSTEM:PORT or SYSTEM:PORT\[i\]"):
         channel("lag:y0[\N{SUPERSCRIPT TWO}]")
 
 
 @pytest.mark.parametrize(
     ("fields", "says"),
     [
-        ({"frequencies_hz": ()}, "wanted positive frequencies"),
-        ({"frequencies_hz": (1.0, -2.0)}, "wanted positive frequencies"),
+        ({"frequencies_hz": ()}, "expected positive frequencies"),
+        ({"frequencies_hz": (1.0, -2.0)}, "expected positive frequencies"),
         ({"frequencies_hz": (1.0,), "amplitude": 0.0}, "sweep.amplitude"),
         ({"frequencies_hz": (1.0,), "settle": -1.0}, "sweep.settle"),
     ],
@@ -161,10 +161,10 @@ def test_an_impossible_sweep_is_refused(fields, says):
 def test_what_is_too_fast_or_grows_out_of_numbers_is_refused():
     diagram, context = chain(("lag", sampled(2.0)))
     ports = (channel("source:y0"), channel("lag:y0"))
-    with pytest.raises(ParamsError, match="wanted frequencies below 400 Hz"):
+    with pytest.raises(ParamsError, match="expected frequencies below 400 Hz"):
         swept_sine(diagram, context, DT, ports, Sweep((450.0,)))
     done = []
-    with pytest.raises(ParamsError, match="wanted frequencies below 400 Hz"):
+    with pytest.raises(ParamsError, match="expected frequencies below 400 Hz"):
         swept_sine(diagram, context, DT, ports, Sweep((5.0, 450.0)), lambda *told: done.append(told))
     assert done == []  # before the first sine
     with pytest.raises(SimulationError, match="not finite at"):

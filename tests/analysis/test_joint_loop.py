@@ -157,18 +157,18 @@ def test_loops_of_a_scenario():
 )
 def test_another_loop_than_the_closed_form_is_refused(text, differs):
     scenario = diagram_entry("hrp2_leg").scenario("brisk_swing", text=text)
-    with pytest.raises(ParamsError, match=f"wanted a scenario in torque control .* it differs in {differs}$"):
+    with pytest.raises(ParamsError, match=f"expected a scenario in torque control .* it differs in {differs}$"):
         joint_loops(scenario)
 
 
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"inertia": 0.0}, r"JointLoop.inertia: wanted a positive number"),
-        ({"kp": -1.0}, r"JointLoop.kp: wanted a number >= 0"),
-        ({"kf": np.nan}, r"JointLoop.kf: wanted a finite number"),
-        ({"extra_delay": 1.5}, r"JointLoop.extra_delay: wanted a whole number"),
-        ({"gravity_at": "moon"}, r"JointLoop.gravity_at: wanted estimate or reference"),
+        ({"inertia": 0.0}, r"JointLoop.inertia: expected a positive number"),
+        ({"kp": -1.0}, r"JointLoop.kp: expected a number >= 0"),
+        ({"kf": np.nan}, r"JointLoop.kf: expected a finite number"),
+        ({"extra_delay": 1.5}, r"JointLoop.extra_delay: expected a whole number"),
+        ({"gravity_at": "moon"}, r"JointLoop.gravity_at: expected estimate or reference"),
         ({"window": 2}, r"window of at least order \+ 1"),
     ],
 )

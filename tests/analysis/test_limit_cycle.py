@@ -75,7 +75,7 @@ def test_a_saturated_delayed_integrator_oscillates_as_predicted():
 
 
 def test_refusals():
-    with pytest.raises(ParamsError, match="wanted at least 16 finite samples"):
+    with pytest.raises(ParamsError, match="expected at least 16 finite samples"):
         find_limit_cycle(np.zeros(5), DT)
-    with pytest.raises(ParamsError, match="wanted at least two rising amplitudes"):
+    with pytest.raises(ParamsError, match="expected at least two rising amplitudes"):
         predicted_limit_cycles(lambda w: 1.0 / (1j * w), DT, lambda a: a, np.array([1.0, 0.5]))

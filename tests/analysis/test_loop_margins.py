@@ -61,7 +61,7 @@ def test_channels_are_named_as_in_bode_plots():
     omega = np.array([1.0, 10.0])
     assert_allclose(cut.loop_response("control:torque")(omega), cut.loop_response(0)(omega))
     for name in ("control:torque[3]", "control:speed", 3, -1):
-        with pytest.raises(ParamsError, match=r"wanted one of control:torque\[0\], .*or its number"):
+        with pytest.raises(ParamsError, match=r"expected one of control:torque\[0\], .*or its number"):
             loop_margins(cut, [name])
 
 

@@ -27,5 +27,5 @@ def test_every_parameter_can_be_read_and_set():
 
 
 def test_half_a_sample_is_refused():
-    with pytest.raises(ParamsError, match=r"JointLoop.window: wanted a whole number; got 20.5"):
+    with pytest.raises(ParamsError, match=r"JointLoop.window: expected a whole number, got 20.5"):
         with_values(LOOP, {"window": 20.5})

@@ -78,8 +78,8 @@ def test_a_loop_that_never_crosses_has_no_margins():
 
 
 def test_refusals():
-    with pytest.raises(ParamsError, match="wanted a positive period"):
+    with pytest.raises(ParamsError, match="expected a positive period"):
         margins(lambda omega: 1.0 / omega, 0.0)
-    with pytest.raises(ParamsError, match="wanted a finite response"):
+    with pytest.raises(ParamsError, match="expected a finite response"):
         margins(lambda omega: np.full(omega.shape, np.nan + 0j), DT)
     assert frequency_grid(DT)[-1] == pytest.approx(np.pi / DT)

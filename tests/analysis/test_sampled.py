@@ -182,23 +182,23 @@ def noisy(spec):
 def test_refusals():
     for spec in (SensorSpec(noise=1e-3), SensorSpec(resolution=1e-3)):
         diagram = noisy(spec)
-        with pytest.raises(ParamsError, match="sensor 'sensor': wanted neither noise, quantisation"):
+        with pytest.raises(ParamsError, match="sensor 'sensor': expected neither noise, quantisation"):
             linearise(diagram, diagram.CreateDefaultContext(), DT)
     late = noisy(SensorSpec(latency=3 * DT))
     assert StateCoordinates(late, late.CreateDefaultContext()).size == 2 + 3
     diagram = servo()
     context = diagram.CreateDefaultContext()
     for port, message in (
-        ("control", "wanted SYSTEM:PORT"),
+        ("control", "expected SYSTEM:PORT"),
         ("nobody:y0", "no system 'nobody'; systems: plant, control, hold"),
-        ("control:x", "wanted one of y0, u0"),
+        ("control:x", "expected one of y0, u0"),
     ):
         with pytest.raises(ParamsError, match=message):
             open_loop(diagram, context, DT, port)
     context.SetTime(0.5 * DT)
-    with pytest.raises(ParamsError, match="wanted a time that is a multiple of dt"):
+    with pytest.raises(ParamsError, match="expected a time that is a multiple of dt"):
         linearise(diagram, context, DT)
-    with pytest.raises(ParamsError, match=r"SampledSystem.b: wanted shape \(1, 2\)"):
+    with pytest.raises(ParamsError, match=r"SampledSystem.b: expected shape \(1, 2\)"):
         SampledSystem(np.eye(1), np.eye(1), np.eye(1), np.eye(1), DT, ("x",), ("u", "v"), ("y",))
 
 

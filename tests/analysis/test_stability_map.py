@@ -56,20 +56,20 @@ def test_points_that_cannot_be_are_left_out_and_named():
     "text", ["window", "window=a:b:c", "window=1:2", "window=5:1:1", "window=1:5:0", "kp=", "kp=1:inf:1"]
 )
 def test_an_axis_in_another_form_is_refused(text):
-    with pytest.raises(ParamsError, match=r"wanted NAME=FIRST:LAST:STEP"):
+    with pytest.raises(ParamsError, match=r"expected NAME=FIRST:LAST:STEP"):
         Axis.parse(text)
 
 
 def test_other_refusals():
     with pytest.raises(ParamsError, match=r"no parameter 'gain'; possible: inertia, .*friction"):
         Axis("gain", (1.0,))
-    with pytest.raises(ParamsError, match="wanted finite values"):
+    with pytest.raises(ParamsError, match="expected finite values"):
         Axis("kp", (np.inf,))
     with pytest.raises(ParamsError, match="at most 1000000 values"):
         Axis.parse("kp=0:1:1e-9")
     with pytest.raises(ParamsError, match="no figure 'colour'; possible: spectral_radius"):
         stability_map(LOOP, Axis("kp", (1.0,)), Axis("window", (20,)), "colour")
-    with pytest.raises(ParamsError, match="wanted two parameters"):
+    with pytest.raises(ParamsError, match="expected two parameters"):
         stability_map(LOOP, Axis("kp", (1.0,)), Axis("kp", (1.0,)))
 
 

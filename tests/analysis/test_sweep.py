@@ -142,9 +142,9 @@ def test_progress_ends_at_one_and_never_falls(pool):
 
 def test_nothing_to_do_and_bad_numbers():
     assert sweep(functions.square, []) == []
-    with pytest.raises(ParamsError, match="chunk: wanted at least 1"):
+    with pytest.raises(ParamsError, match="chunk: expected at least 1"):
         sweep(functions.square, [1], chunk=0)
-    with pytest.raises(ParamsError, match="workers: wanted at least 1; got 0"), processes(0):
+    with pytest.raises(ParamsError, match="workers: expected at least 1, got 0"), processes(0):
         pass
 
 
@@ -181,7 +181,7 @@ def test_a_scheduler_that_is_not_there_is_one_line(monkeypatch):
 @pytest.mark.slow
 def test_nobody_answers_at_the_address():
     pytest.importorskip("distributed")
-    with pytest.raises(ParamsError, match="wanted a Dask scheduler"), scheduler_executor("tcp://127.0.0.1:1"):
+    with pytest.raises(ParamsError, match="expected a Dask scheduler"), scheduler_executor("tcp://127.0.0.1:1"):
         pass
 
 

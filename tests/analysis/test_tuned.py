@@ -97,7 +97,7 @@ def test_tasks_say_what_the_scenario_says():
     assert all(task.begin == 300 and len(task.loops) == 3 for task in tasks)
     least, most = (np.array([task.loops[k].link_inertia for task in tasks]) for k in (1, 2))
     assert np.all(least <= [task.loops[0].link_inertia for task in tasks]) and np.all(least <= most)
-    with pytest.raises(ParamsError, match="wanted a scenario in torque control"):
+    with pytest.raises(ParamsError, match="expected a scenario in torque control"):
         joint_tasks(LEG.scenario("stairs_swing_servo"))
 
 
@@ -106,7 +106,7 @@ def test_only_position_servos_are_tuned(tmp_path):
     models = actuator_models(scenario, loop_robot(scenario))
     knee = models["r_knee"]
     save_models(models | {"r_knee": replace(knee, drive=replace(knee.drive, kind="current"))}, tmp_path / "drives.yaml")
-    with pytest.raises(ParamsError, match="wanted position servos; r_knee is a current drive"):
+    with pytest.raises(ParamsError, match="expected position servos; r_knee is a current drive"):
         joint_tasks(replace(scenario, actuators=str(tmp_path / "drives.yaml")))
 
 

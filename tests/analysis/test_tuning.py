@@ -182,11 +182,11 @@ def test_what_cannot_be_tuned_is_refused_in_one_line():
         tune([])
     with pytest.raises(ParamsError, match="sensitivity peak > 1"):
         Goal(sensitivity_peak=0.9)
-    with pytest.raises(ParamsError, match="wanted at least one value of kp"):
+    with pytest.raises(ParamsError, match="expected at least one value of kp"):
         SearchSpace(kp=())
     wild = replace(task, loops=(replace(LOOP, ks=0.0, k_v_model=5.0 * LOOP.k_v),))
     assert present(wild) is None and assess(wild, setting_of(wild.loops[0])) is None
     with pytest.raises(ParamsError, match="present setting of joint is unstable"):
         default_goals([wild])
-    with pytest.raises(ParamsError, match=r"wanted velocity of shape \(1200,\)"):
+    with pytest.raises(ParamsError, match=r"expected velocity of shape \(1200,\)"):
         replace(task, velocity=np.zeros(3))

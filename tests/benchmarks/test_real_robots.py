@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 
 from drake_tc.benchmarks.pooled_least_squares import PlainRows, fit_and_predict
 from drake_tc.benchmarks.real_logs import chosen_sets
-from drake_tc.benchmarks.real_robots import CASES, HeldOut, RobotCase, payload_rows, table_rows
+from drake_tc.benchmarks.real_robots import CASES, HeldOut, RobotCase, payload_rows, ratio_interval, table_rows
 from drake_tc.diagnosis.problem.estimates import Estimate
 from drake_tc.diagnosis.result.links import FittedLinks
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult
@@ -46,7 +46,8 @@ def test_least_squares_weighs_a_noisy_joint_less() -> None:
 
 
 def joint(name: str, plain: float, after: float) -> HeldOut:
-    return HeldOut(name, 1.0, np.full(4, plain), np.full(4, plain), np.full(4, after), ())
+    block = np.array([0, 0, 1, 1])
+    return HeldOut(name, 1.0, np.full(4, plain), np.full(4, plain), np.full(4, after), (), block, 0.25 * plain)
 
 
 def test_the_table_pools_torque_and_flags_a_joint_above_least_squares() -> None:
@@ -57,6 +58,20 @@ def test_the_table_pools_torque_and_flags_a_joint_above_least_squares() -> None:
     assert rows["set/case/all_joints/ratio"].met is True
     assert_allclose(rows["set/case/all_joints/mean_ratio"].value, np.sqrt(0.75 * 2.0))
     assert "README, in its own filter: 9" in rows["set/case/a/least_squares"].note
+    assert rows["set/case/a/over_before"].value == 0.75 and "0.25 of" in rows["set/case/a/over_before"].note
+
+
+def test_the_interval_of_a_ratio_holds_the_ratio_of_the_spreads_in_19_of_20_draws() -> None:
+    held = 0
+    for seed in range(60):
+        rng = np.random.default_rng(seed)
+        common = rng.normal(size=400)
+        plain = common + 0.3 * rng.normal(size=400)
+        after = 0.9 * common + 0.3 * rng.normal(size=400)
+        low, high = ratio_interval(after, plain, np.arange(400) // 4 + 7)
+        held += low <= np.sqrt((0.81 + 0.09) / 1.09) <= high
+    assert held >= 52  # fewer have a probability of 1 % at 95 %
+    assert ratio_interval(plain, plain, np.arange(400) // 4) == (1.0, 1.0)
 
 
 def test_the_payload_is_met_within_three_percent() -> None:

@@ -8,7 +8,7 @@ VERDICTS = ("effects_found", "no_missing_effect", "unexplained_structure", "unex
 
 
 def number(where: str, value: Any) -> None:
-    assert isinstance(value, (int, float)) and not isinstance(value, bool), f"{where}: wanted a number, got {value!r}"
+    assert isinstance(value, (int, float)) and not isinstance(value, bool), f"{where}: expected a number, got {value!r}"
 
 
 def number_or_null(where: str, value: Any) -> None:
@@ -17,7 +17,7 @@ def number_or_null(where: str, value: Any) -> None:
 
 
 def text(where: str, value: Any) -> None:
-    assert isinstance(value, str) and value, f"{where}: wanted text, got {value!r}"
+    assert isinstance(value, str) and value, f"{where}: expected text, got {value!r}"
 
 
 def text_or_null(where: str, value: Any) -> None:
@@ -26,12 +26,12 @@ def text_or_null(where: str, value: Any) -> None:
 
 
 def flag(where: str, value: Any) -> None:
-    assert isinstance(value, bool), f"{where}: wanted true or false, got {value!r}"
+    assert isinstance(value, bool), f"{where}: expected true or false, got {value!r}"
 
 
 def each(check: Check) -> Check:
     def walk(where: str, value: Any) -> None:
-        assert isinstance(value, list), f"{where}: wanted a list, got {value!r}"
+        assert isinstance(value, list), f"{where}: expected a list, got {value!r}"
         for i, entry in enumerate(value):
             check(f"{where}[{i}]", entry)
 
@@ -40,7 +40,7 @@ def each(check: Check) -> Check:
 
 def named(check: Check) -> Check:
     def walk(where: str, value: Any) -> None:
-        assert isinstance(value, dict), f"{where}: wanted a mapping, got {value!r}"
+        assert isinstance(value, dict), f"{where}: expected a mapping, got {value!r}"
         for key, entry in value.items():
             check(f"{where}.{key}", entry)
 
@@ -51,7 +51,7 @@ def fields(wanted: Mapping[str, Check]) -> Check:
     """Every wanted key is there; more may be."""
 
     def walk(where: str, value: Any) -> None:
-        assert isinstance(value, dict), f"{where}: wanted a mapping, got {value!r}"
+        assert isinstance(value, dict), f"{where}: expected a mapping, got {value!r}"
         missing = sorted(set(wanted) - set(value))
         assert not missing, f"{where}: missing {missing}"
         for key, check in wanted.items():
@@ -70,16 +70,16 @@ def or_null(check: Check) -> Check:
 
 def one_of(*possible: str) -> Check:
     def walk(where: str, value: Any) -> None:
-        assert value in possible, f"{where}: wanted one of {possible}, got {value!r}"
+        assert value in possible, f"{where}: expected one of {possible}, got {value!r}"
 
     return walk
 
 
 def interval(where: str, value: Any) -> None:
     each(number_or_null)(where, value)
-    assert len(value) == 2, f"{where}: wanted [low, high]"
+    assert len(value) == 2, f"{where}: expected [low, high]"
     if None not in value:
-        assert value[0] <= value[1], f"{where}: wanted low <= high, got {value}"
+        assert value[0] <= value[1], f"{where}: expected low <= high, got {value}"
 
 
 PARAMETER = fields({"value": number_or_null, "unit": text, "ci95": interval, "at_bound": flag})

@@ -78,7 +78,7 @@ def test_a_plot_that_cannot_be_written_and_a_frequency_too_high_are_told_before_
     (tmp_path / "file").write_text("")
     for more, says in (
         (["--plot", str(tmp_path / "file" / "bode.png")], "cannot be written"),
-        (["--to", "600"], "wanted frequencies below 400 Hz"),
+        (["--to", "600"], "expected frequencies below 400 Hz"),
     ):
         assert run(["bode", "sea_joint", *PORTS, *more]) == 2
         told = capsys.readouterr()
@@ -91,10 +91,10 @@ def test_a_plot_that_cannot_be_written_and_a_frequency_too_high_are_told_before_
     ("arguments", "says"),
     [
         (["--input", "nothing:y0", "--output", "plant:state"], "no system 'nothing'; systems: plant, actuators"),
-        (["--input", "reference:y7", "--output", "plant:state"], "port 'reference:y7': wanted one of y0"),
-        (["--input", "reference:y0", "--output", "reference"], "wanted SYSTEM:PORT"),
-        ([*PORTS, "--from", "9", "--to", "2"], "wanted 0 < --from <= --to"),
-        ([*PORTS, "--plot", "bode.txt"], "wanted --plot FILE.png"),
+        (["--input", "reference:y7", "--output", "plant:state"], "port 'reference:y7': expected one of y0"),
+        (["--input", "reference:y0", "--output", "reference"], "expected SYSTEM:PORT"),
+        ([*PORTS, "--from", "9", "--to", "2"], "expected 0 < --from <= --to"),
+        ([*PORTS, "--plot", "bode.txt"], "expected --plot FILE.png"),
         ([*PORTS, "--amplitude", "0"], "sweep.amplitude"),
     ],
 )

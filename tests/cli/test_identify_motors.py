@@ -70,7 +70,7 @@ def test_no_motion_is_too_poor_an_excitation(invoke, bench):
 
 def test_what_rig_and_files_cannot_be_is_told_before_a_log_is_read(invoke, bench, tmp_path):
     line = invoke(*bench(drive="current")).refusal()
-    assert "elbow: wanted drive voltage and load torque; got current and torque" in line
+    assert "elbow: expected drive voltage and load torque, got current and torque" in line
     call = bench()
     (tmp_path / "run.csv").unlink()  # not looked at before what follows is refused
     (tmp_path / "plain").write_text("")

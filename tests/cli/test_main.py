@@ -6,7 +6,7 @@ import pytest
 
 import drake_tc
 
-COMMANDS = ["close-loop", "identify", "import", "schema", "bench"]
+COMMANDS = ["close-loop", "check", "design", "rehearse", "identify", "import", "schema", "bench"]
 
 
 def test_version(invoke):

@@ -181,12 +181,13 @@ if __name__ == "__main__":
 """
 
 
+@pytest.mark.parametrize("preload", [(), ("colorsys",)])
 @pytest.mark.parametrize(
     ("sent", "code", "line"), [(signal.SIGINT, 130, "interrupted"), (signal.SIGTERM, 143, "terminated")]
 )
-def test_signals_end_workers_too_and_leave_nothing(tmp_path, sent, code, line):
+def test_signals_end_workers_too_and_leave_nothing(tmp_path, sent, code, line, preload):
     script = tmp_path / "busy.py"
-    script.write_text(BUSY)
+    script.write_text(BUSY.replace("processes(2)", f"processes(2, {preload!r})"))
     out = tmp_path / "out"
     process = subprocess.Popen(
         [sys.executable, script, out], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True

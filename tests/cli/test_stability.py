@@ -23,14 +23,14 @@ def test_verdict_and_simulation_of_a_stable_leg(capsys):
 @pytest.mark.parametrize(
     ("more", "message"),
     [
-        (["--open-at", "torque_control"], "wanted SYSTEM:PORT"),
+        (["--open-at", "torque_control"], "expected SYSTEM:PORT"),
         (["--open-at", "nobody:command"], "no system 'nobody'; systems: plant"),
         (["--open-at", "guard:command[9]", "--at", "0.1"], "has 6 channels, none of element 9"),
-        (["--open-at", "torque_control:command[x]"], "wanted SYSTEM:PORT or SYSTEM:PORT[i]"),
-        (["--open-at", "guard:x"], "wanted one of command, mode"),
+        (["--open-at", "torque_control:command[x]"], "expected SYSTEM:PORT or SYSTEM:PORT[i]"),
+        (["--open-at", "guard:x"], "expected one of command, mode"),
         (["--joint", "r_elbow"], "no joint 'r_elbow'; joints: r_hip_yaw"),
-        (["--at", "0.0"], "wanted the normal mode, to linearise; it is in start"),
-        (["--friction", "none"], "wanted sliding or modelled"),
+        (["--at", "0.0"], "expected the normal mode, to linearise; it is in start"),
+        (["--friction", "none"], "expected sliding or modelled"),
     ],
 )
 def test_refusals_are_one_line(more, message, capsys):

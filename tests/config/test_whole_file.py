@@ -50,7 +50,7 @@ def test_a_rig_file_of_before_is_whole_after_a_full_disk(tmp_path):
 @pytest.mark.parametrize("suffix", [".csv", ".parquet", ".npz"])
 def test_a_log_on_a_full_disk_is_told_and_not_there(tmp_path, suffix):
     columns = {f"c{i}": [float(i * k % 97) for k in range(4000)] for i in range(4)}
-    with full_disk(2000), pytest.raises(LogError, match="cannot be written: .*File too large"):
+    with full_disk(2000), pytest.raises(LogError, match=r"cannot be written: .*File too large"):
         write_log(columns, tmp_path / f"log{suffix}")
     assert not list(tmp_path.iterdir())
 

@@ -233,18 +233,18 @@ def test_the_mass_matrix_is_lagranges(robot):
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda robot: ObserverSpec(bandwidth=0.0), "observer.bandwidth: wanted a positive number"),
-        (lambda robot: ObserverSpec(limit=np.inf), "observer.limit: wanted a positive number"),
-        (lambda robot: ObserverSpec(delay=-1.0), "observer.delay: wanted a time >= 0"),
-        (lambda robot: ObserverSpec(torque="none"), "observer.torque: wanted one of live, filtered; got 'none'"),
+        (lambda robot: ObserverSpec(bandwidth=0.0), "observer.bandwidth: expected a positive number"),
+        (lambda robot: ObserverSpec(limit=np.inf), "observer.limit: expected a positive number"),
+        (lambda robot: ObserverSpec(delay=-1.0), "observer.delay: expected a time >= 0"),
+        (lambda robot: ObserverSpec(torque="none"), "observer.torque: expected one of live, filtered, got 'none'"),
         (
             lambda robot: DisturbanceObserver(robot, models()[:1], ObserverSpec()),
             "models: expected 2, one per joint",
         ),
-        (lambda robot: DisturbanceObserver(robot, models(), ObserverSpec(), 0.0), "dt: wanted a positive period"),
+        (lambda robot: DisturbanceObserver(robot, models(), ObserverSpec(), 0.0), "dt: expected a positive period"),
         (
             lambda robot: DisturbanceObserver(robot, models(rotor=False), ObserverSpec()),
-            "rotor_inertia: wanted that of 'shoulder'",
+            "rotor_inertia: expected that of 'shoulder'",
         ),
         (
             lambda robot: DisturbanceObserver(robot, models(), ObserverSpec(), rotor_inertia={"hip": 1.0}),
@@ -252,7 +252,7 @@ def test_the_mass_matrix_is_lagranges(robot):
         ),
         (
             lambda robot: DisturbanceObserver(robot, models(), ObserverSpec(), rotor_inertia={"elbow": -1.0}),
-            "rotor_inertia.elbow: wanted a positive number",
+            "rotor_inertia.elbow: expected a positive number",
         ),
     ],
 )

@@ -117,5 +117,5 @@ def test_the_system_reads_the_imu_and_stops_at_one_that_is_lost(tmp_path):
 
 
 def test_a_floating_base_wants_an_imu(tmp_path):
-    with pytest.raises(ParamsError, match="'pendulum': wanted an IMU, as its base floats"):
+    with pytest.raises(ParamsError, match="'pendulum': expected an IMU, as its base floats"):
         FloatingTerms(pendulum(tmp_path, fixed=False))

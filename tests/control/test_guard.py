@@ -241,17 +241,17 @@ def test_poking_an_input_or_the_state_moves_the_outputs(name):
 
 
 def test_refusals():
-    with pytest.raises(ParamsError, match=r"guard\.offset_limit: wanted finite numbers > 0"):
+    with pytest.raises(ParamsError, match=r"guard\.offset_limit: expected finite numbers > 0"):
         GuardSpec(offset_limit=0.0)
-    with pytest.raises(ParamsError, match=r"guard\.start_rate: wanted finite numbers > 0"):
+    with pytest.raises(ParamsError, match=r"guard\.start_rate: expected finite numbers > 0"):
         GuardSpec(start_rate=0.0)
     with pytest.raises(ParamsError, match=r"guard\.hold_time"):
         GuardSpec(hold_time=-1.0)
-    with pytest.raises(ParamsError, match=r"guard\.rate_limit: wanted one number or 2; got 3"):
+    with pytest.raises(ParamsError, match=r"guard\.rate_limit: expected one number or 2, got 3"):
         CommandGuard(2, DT, GuardSpec(rate_limit=(1.0, 2.0, 3.0)))
-    with pytest.raises(ParamsError, match="servo: wanted 2 flags"):
+    with pytest.raises(ParamsError, match="servo: expected 2 flags"):
         CommandGuard(2, DT, SPEC, (True,))
-    with pytest.raises(ParamsError, match="dt: wanted a positive period"):
+    with pytest.raises(ParamsError, match="dt: expected a positive period"):
         CommandGuard(2, 0.0)
     with pytest.raises(ParamsError, match="at least one joint"):
         CommandGuard(0, DT)

@@ -183,15 +183,15 @@ def test_without_force_task_nothing_pushes(tmp_path):
 
 def test_refusals(tmp_path):
     robot = pendulum(tmp_path)
-    with pytest.raises(ParamsError, match="inertial: wanted one of own, port; got 'here'"):
+    with pytest.raises(ParamsError, match="inertial: expected one of own, port, got 'here'"):
         InverseDynamics(robot, GAINS, inertial="here")
-    with pytest.raises(ParamsError, match=r"gains\.kf: wanted shape \(6, 6\)"):
+    with pytest.raises(ParamsError, match=r"gains\.kf: expected shape \(6, 6\)"):
         InverseDynamics(robot, TorqueGains(*np.ones((4, 2)), np.eye(3)))
-    with pytest.raises(ParamsError, match="gains: wanted 2 joints; got 3"):
+    with pytest.raises(ParamsError, match="gains: expected 2 joints, got 3"):
         InverseDynamics(robot, TorqueGains(*np.ones((4, 3)), np.eye(6)))
-    with pytest.raises(ParamsError, match="configuration: wanted one of estimate, reference"):
+    with pytest.raises(ParamsError, match="configuration: expected one of estimate, reference"):
         InverseDynamics(robot, GAINS, configuration="here")
-    with pytest.raises(ParamsError, match="position_error: wanted one of estimate, encoder"):
+    with pytest.raises(ParamsError, match="position_error: expected one of estimate, encoder"):
         InverseDynamics(robot, GAINS, position_error="here")
-    with pytest.raises(ParamsError, match="wanted a welded base"):
+    with pytest.raises(ParamsError, match="expected a welded base"):
         DynamicsTerms(pendulum(tmp_path, fixed=False))

@@ -263,12 +263,12 @@ def test_an_acceleration_that_is_not_connected_is_nil():
 @pytest.mark.parametrize(
     ("changes", "says"),
     [
-        ({"mode": "magic"}, "control.mode: wanted one of observer"),
+        ({"mode": "magic"}, "control.mode: expected one of observer"),
         ({"kp": -1.0}, "control.kp"),
         ({"leak": 1.2}, "control.leak"),
         ({"step": 0.0}, "control.step"),
         ({"momentum_gain": np.nan}, "control.momentum_gain"),
-        ({"horizon": 0.005, "reference_window": 0.0}, "control.horizon: wanted a reference_window > 0"),
+        ({"horizon": 0.005, "reference_window": 0.0}, "control.horizon: expected a reference_window > 0"),
     ],
 )
 def test_a_spec_that_is_not_possible_is_refused(changes, says):
@@ -277,11 +277,11 @@ def test_a_spec_that_is_not_possible_is_refused(changes, says):
 
 
 def test_times_are_whole_ticks_and_drives_take_volts():
-    with pytest.raises(ParamsError, match=r"control\.delay: wanted a multiple of the period 0\.001 s; got 0\.0153 s"):
+    with pytest.raises(ParamsError, match=r"control\.delay: expected a multiple of the period 0\.001 s, got 0\.0153 s"):
         SeriesElasticLaw(SeriesElasticSpec(delay=0.0153), models(MOTOR), DT)
     with pytest.raises(ParamsError, match="models is empty; expected one actuator model per joint"):
         SeriesElasticLaw(SeriesElasticSpec(), [], DT)
     servo = MOTOR.actuator_model("knee")
     object.__setattr__(servo, "drive", type(servo.drive)("current", 0.1))
-    with pytest.raises(ParamsError, match="'knee': wanted a voltage drive; got current"):
+    with pytest.raises(ParamsError, match="'knee': expected a voltage drive, got current"):
         SeriesElasticLaw(SeriesElasticSpec(), [servo], DT)

@@ -228,19 +228,19 @@ def test_where_the_friction_looks():
 
 
 def test_refusals():
-    with pytest.raises(ParamsError, match="torque_limit: wanted 2 positive"):
+    with pytest.raises(ParamsError, match="torque_limit: expected 2 positive"):
         TorqueControl(SERVOS, GAINS, np.zeros(2))
-    with pytest.raises(ParamsError, match="dt: wanted a positive period"):
+    with pytest.raises(ParamsError, match="dt: expected a positive period"):
         TorqueControl(SERVOS, GAINS, NO_LIMIT, dt=0.0)
-    with pytest.raises(ParamsError, match=r"compensation\.velocity: wanted one of"):
+    with pytest.raises(ParamsError, match=r"compensation\.velocity: expected one of"):
         CompensationSpec(velocity="none")
     with pytest.raises(ParamsError, match="direction_speed"):
         CompensationSpec(direction_speed=0.0)
     still = TorqueGains(GAINS.kp, np.zeros(2), GAINS.ks, GAINS.kd, GAINS.kf)
     system = TorqueControl(SERVOS, still, NO_LIMIT)
-    with pytest.raises(ParamsError, match=r"gains\.ki: wanted 0"):
+    with pytest.raises(ParamsError, match=r"gains\.ki: expected 0"):
         system.set_gains(system.CreateDefaultContext(), GAINS)
-    with pytest.raises(ParamsError, match="gains: wanted 2 joints; got 3"):
+    with pytest.raises(ParamsError, match="gains: expected 2 joints, got 3"):
         TorqueControl(SERVOS, TorqueGains(*np.ones((4, 3)), np.eye(6)), NO_LIMIT)
 
 
@@ -262,11 +262,11 @@ def test_models_and_limits_by_joint_in_a_list_or_as_one_number_are_the_same():
     ("models", "limit", "joints", "message"),
     [
         ({}, 6.0, None, "models is empty; expected one actuator model per joint"),
-        (["a", "b"], 6.0, None, "models: expected actuator models, by joint or in a list; got 'a'"),
+        (["a", "b"], 6.0, None, "models: expected actuator models, by joint or in a list, got 'a'"),
         ({"a": SERVOS[0]}, 6.0, ("a", "b"), "models: no model of joint 'b'; joints there: a"),
         (SERVOS, {"a": 6.0, "knee": 6.0}, None, "torque_limit: no joint 'knee'; joints: a, b"),
         (SERVOS, {"a": 6.0}, None, "torque_limit: no value of joint 'b'; joints: a, b"),
-        (SERVOS, [6.0], None, r"torque_limit: expected a number or 2 of them; got shape \(1,\)"),
+        (SERVOS, [6.0], None, r"torque_limit: expected a number or 2 of them, got shape \(1,\)"),
     ],
 )
 def test_arguments_that_do_not_fit_are_named(models, limit, joints, message):

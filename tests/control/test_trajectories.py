@@ -63,11 +63,11 @@ def test_a_trajectory_source_takes_them():
 
 
 def test_refusals():
-    with pytest.raises(ParamsError, match="times: wanted at least 2 finite, increasing"):
+    with pytest.raises(ParamsError, match="times: expected at least 2 finite, increasing"):
         knot_trajectory([0.0, 0.0], [[1.0], [2.0]])
     with pytest.raises(ParamsError, match="times"):
         knot_trajectory([0.0, np.nan], [[1.0], [2.0]])
-    with pytest.raises(ParamsError, match=r"values: wanted shape \(2, n\)"):
+    with pytest.raises(ParamsError, match=r"values: expected shape \(2, n\)"):
         knot_trajectory([0.0, 1.0], [[1.0], [2.0], [3.0]])
     with pytest.raises(ParamsError, match="row 1 has"):
         knot_trajectory([0.0, 1.0], [[1.0], [np.nan]])

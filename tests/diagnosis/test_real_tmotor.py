@@ -47,7 +47,7 @@ def test_what_the_logs_can_tell_and_the_readme_quotes_it(data: Path) -> None:
     for name in CASES:
         if name != "sysid_opposing_motor_2":
             assert table[f"{name}/found_model"].met
-    # no fit on the other logs reaches the third, although chosen in view of it: its sensor has another zero
+    # no fit on the other logs reaches the third, though it is chosen in view of this log: its sensor has another zero
     assert table["sysid_opposing_motor_2/best_fit_ratio"].value > 1.0 - LOWER_BY
     assert (
         table["sysid_opposing_motor_2/found_model_zeroed"].value <= table["sysid_opposing_motor_2/found_model"].expected

@@ -211,45 +211,48 @@ def test_link_position_undoes_a_damped_spring():
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: BaseEstimationSpec(method="guess"), "estimator.method: wanted one of cop, foot_centre, .*'guess'"),
+        (lambda: BaseEstimationSpec(method="guess"), "estimator.method: expected one of cop, foot_centre, .*'guess'"),
         (
             lambda: BaseEstimationSpec(tuning={"period": 0.01}),
-            "estimator.tuning.period: wanted fields that are a matter",
+            "estimator.tuning.period: expected fields that are a matter",
         ),
         (
             lambda: BaseEstimationSpec(tuning={"quick_start": 1}),
-            "estimator.tuning.quick_start: wanted true or false; got 1",
+            "estimator.tuning.quick_start: expected true or false, got 1",
         ),
-        (lambda: BaseEstimationSpec(tuning={"yaw_time": True}), "estimator.tuning.yaw_time: wanted a number"),
+        (lambda: BaseEstimationSpec(tuning={"yaw_time": True}), "estimator.tuning.yaw_time: expected a number"),
         (
             lambda: scenario("stand", "{faults: {contacts: [{kind: nan}]}}"),
-            "faults.contacts: wanted `lifted` beside it",
+            "faults.contacts: expected `lifted` beside it",
         ),
         (
             lambda: scenario("genuflection", "{series_elastic: {position_gain: 5800.0}}"),
-            "series_elastic.position_gain: wanted neither motion nor lifted",
+            "series_elastic.position_gain: expected neither motion nor lifted",
         ),
-        (lambda: BaseEstimationSpec(make=0.01), "wanted 0 < break_ <= make < 1; got break_ 0.02, make 0.01"),
-        (lambda: BaseEstimationSpec(sole_points=(5, 3, 2)), "estimator.sole_points: wanted two numbers; got .5, 3, 2."),
-        (lambda: BaseEstimationSpec(velocity_window=3), "estimator.velocity_window: wanted 4 samples or more; got 3"),
-        (lambda: SpringDrivesSpec(link_from="air"), "series_elastic.link_from: wanted motor or link; got 'air'"),
-        (lambda: SpringDrivesSpec(delay=-1.0), "series_elastic.delay: wanted a time >= 0"),
-        (lambda: SpringDrivesSpec(believed={"gain": -1.0}), "series_elastic.believed.gain: wanted a factor >= 0"),
+        (lambda: BaseEstimationSpec(make=0.01), "expected 0 < break_ <= make < 1, got break_ 0.02, make 0.01"),
+        (
+            lambda: BaseEstimationSpec(sole_points=(5, 3, 2)),
+            "estimator.sole_points: expected two numbers, got .5, 3, 2.",
+        ),
+        (lambda: BaseEstimationSpec(velocity_window=3), "estimator.velocity_window: expected 4 samples or more, got 3"),
+        (lambda: SpringDrivesSpec(link_from="air"), "series_elastic.link_from: expected motor or link, got 'air'"),
+        (lambda: SpringDrivesSpec(delay=-1.0), "series_elastic.delay: expected a time >= 0"),
+        (lambda: SpringDrivesSpec(believed={"gain": -1.0}), "series_elastic.believed.gain: expected a factor >= 0"),
         (
             lambda: TsidScenario("x.yaml", estimator=BaseEstimationSpec("foot_centre")),
-            "estimator: wanted state: base_estimator beside it; with state: plant there are none",
+            "estimator: expected state: base_estimator beside it; with state: plant there are none",
         ),
         (
             lambda: TsidScenario("x.yaml", series_elastic=SpringDrivesSpec(delay=0.0)),
-            "series_elastic: wanted torque: series_elastic beside it; with torque: direct there are none",
+            "series_elastic: expected torque: series_elastic beside it; with torque: direct there are none",
         ),
         (
             lambda: TsidScenario("x.yaml", torque="series_elastic", sensors="perfect"),
-            "sensors: wanted state: estimated or torque: drives beside it; with neither nothing is sensed",
+            "sensors: expected state: estimated or torque: drives beside it; with neither nothing is sensed",
         ),
         (
             lambda: build_tsid(scenario("stand", "{series_elastic: {delay: 0.0005}}")),
-            "series_elastic.delay: wanted a multiple of the period 0.001 s; got 0.0005 s",
+            "series_elastic.delay: expected a multiple of the period 0.001 s, got 0.0005 s",
         ),
         (
             lambda: build_tsid(scenario("stand", "{series_elastic: {believed: {ripple: 1.0}}}")),

@@ -1,9 +1,9 @@
 """The documentation site, built once for all tests of it."""
 
 import os
+import resource
 import subprocess
 import sys
-import time
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -28,10 +28,14 @@ class Site:
 def site(tmp_path_factory) -> Site:
     pytest.importorskip("mkdocs")
     folder = tmp_path_factory.mktemp("site")
-    begin = time.monotonic()
     environment = {**os.environ, "NO_MKDOCS_2_WARNING": "1"}
-    arguments = ["-m", "mkdocs", "build", "--quiet", "--strict", "--site-dir", str(folder)]
-    ran = subprocess.run(
-        [sys.executable, *arguments], cwd=ROOT, env=environment, capture_output=True, text=True, timeout=500
-    )
-    return Site(folder, ran.stderr + ran.stdout, ran.returncode, time.monotonic() - begin)
+    command = [sys.executable, "-m", "mkdocs", "build", "--quiet", "--strict", "--site-dir", str(folder)]
+    before = _children_seconds()
+    ran = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=570)
+    return Site(folder, ran.stderr + ran.stdout, ran.returncode, _children_seconds() - before)
+
+
+def _children_seconds() -> float:
+    """Processor time of processes that ended [s]: the clock on the wall also counts what else the machine does."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime

@@ -40,6 +40,13 @@ def test_every_option_has_an_example(name):
     assert options - shown == set()
 
 
+def test_units_in_brackets_are_not_taken_for_markup(capsys):
+    from drake_tc.cli.main import run
+
+    assert run(["bode", "--help"]) == 0
+    assert "[Hz]" in capsys.readouterr().out
+
+
 def test_an_option_that_does_not_exist_is_refused():
     with pytest.raises(Exception, match="No such option"):
         parsed("schema", "drake-tc schema rig --no-such-option")

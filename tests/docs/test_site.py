@@ -31,9 +31,9 @@ class Page(HTMLParser):
 
 @pytest.fixture(scope="module")
 def pages(site):
-    return {
-        path.relative_to(site.folder).as_posix(): Page(path.read_text("utf-8")) for path in site.folder.rglob("*.html")
-    }
+    named = {path.relative_to(site.folder).as_posix(): path for path in site.folder.rglob("*.html")}
+    named.pop("404.html", None)  # a server shows it at any depth, so its links begin at the root
+    return {name: Page(path.read_text("utf-8")) for name, path in named.items()}
 
 
 def test_it_builds_without_a_warning(site):
@@ -41,17 +41,8 @@ def test_it_builds_without_a_warning(site):
     assert "WARNING" not in site.said
 
 
-def test_it_builds_within_a_minute_of_an_idle_machine(site, processor_seconds):
-    assert processor_seconds < 60.0
-
-
-@pytest.fixture
-def processor_seconds(site):
-    """Processor time of the build: the clock on the wall also counts what else the machine does."""
-    import resource
-
-    children = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return min(site.seconds, children.ru_utime + children.ru_stime)
+def test_it_builds_within_a_minute_of_an_idle_processor(site):
+    assert site.seconds < 60.0
 
 
 def test_links_lead_to_pages_and_headings(pages, site):

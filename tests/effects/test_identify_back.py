@@ -20,7 +20,8 @@ from drake_tc.diagnosis.data.preparation import build_samples, context_of
 from drake_tc.diagnosis.problem.columns import Columns, Term
 from drake_tc.diagnosis.problem.estimates import Estimate, estimates
 from drake_tc.diagnosis.problem.regression import fit
-from drake_tc.diagnosis.selection.joint import best_shape, refine
+from drake_tc.diagnosis.selection.joint import best_shape
+from drake_tc.diagnosis.selection.shape_refinement import refine
 from drake_tc.effects.base import DriveKind, plain_signals
 from drake_tc.effects.library import LIBRARY, SPECIAL, effect
 from drake_tc.logs.rig import parse_rig
@@ -201,7 +202,7 @@ def test_simulate_then_identify_back_within_the_stated_interval(key):
         estimate = found[key][name]
         low, high = estimate.ci95
         room = (STEP + case.bias) * abs(true)
-        where = f"{key}.{name}: wanted {true:g}, got {estimate.value:g} in [{low:g}, {high:g}]"
+        where = f"{key}.{name}: expected {true:g}, got {estimate.value:g} in [{low:g}, {high:g}]"
         assert low - room <= true <= high + room, where
         # an interval that says nothing would hold anything; backlash is seen at the torque's few sign changes only
         assert high - low < (0.6 if key == "backlash" else 0.2) * abs(true), where

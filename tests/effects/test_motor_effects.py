@@ -91,7 +91,7 @@ def test_model_through_a_loop_gives_the_torque_of_the_clipped_voltage():
 
 
 def test_a_servo_goes_in_no_loop_and_a_loop_needs_a_gain():
-    with pytest.raises(ParamsError, match="wanted a current or voltage drive"):
+    with pytest.raises(ParamsError, match="expected a current or voltage drive"):
         through_loop(ActuatorModel("servo", Drive("position_servo", 1.0)), PositionLoop(1.0))
     with pytest.raises(ParamsError, match="positive gain"):
         PositionLoop(0.0)

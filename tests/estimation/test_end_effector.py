@@ -77,7 +77,7 @@ def test_statics_of_drake_give_the_mass_and_centre_of_a_foot(tmp_path):
 REFUSED = [
     (np.tile([0.0, 0.0, -9.81], (8, 1)), np.zeros((8, 6)), "do not tell mass and force bias apart"),
     (np.zeros((2, 3)), np.zeros((2, 6)), "at least 3 static postures"),
-    (np.zeros((4, 2)), np.zeros((4, 6)), r"wanted gravity \(T, 3\)"),
+    (np.zeros((4, 2)), np.zeros((4, 6)), r"expected gravity \(T, 3\)"),
     (np.full((4, 3), np.nan), np.zeros((4, 6)), "finite"),
 ]
 

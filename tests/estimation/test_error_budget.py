@@ -148,7 +148,7 @@ def test_each_imperfection_stands_alone():
 def test_refusals(robot):
     model = TorqueModel(robot, base="fixed")
     run = run_of(model, 0.1)
-    with pytest.raises(ParamsError, match=r"torque: wanted shape \(1500, 2\)"):
+    with pytest.raises(ParamsError, match=r"torque: expected shape \(1500, 2\)"):
         error_budget(model, replace(run, torque=run.torque[:, :1]), SensorSuiteSpec.perfect())
     short = Run(run.position[:80], run.imu[:80], run.wrench[:80], run.torque[:80], DT)
     with pytest.raises(ParamsError, match="more than 160 samples"):

@@ -7,10 +7,10 @@ import pytest
 from numpy.testing import assert_allclose
 
 from drake_tc.errors import ParamsError
-from drake_tc.estimation.general_form import Columns, GeneralModel, UnknownWrench, general_wrench_estimate
 from drake_tc.estimation.torque_model import TorqueModel
 from drake_tc.robot.robot import Mount, Pose
 
+from .general_form import Columns, GeneralModel, UnknownWrench, general_wrench_estimate
 from .machines import Push, Truth, random_robot
 
 ROUND_OFF = {"rtol": 1e-8, "atol": 1e-8}
@@ -87,5 +87,5 @@ def test_refusals(tmp_path):
         GeneralModel(robot, [UnknownWrench(Mount("nose", "nose"))])
     with pytest.raises(ParamsError, match="known torque: no joint 'nose'; joints"):
         GeneralModel(robot, [base], known_torque=("nose",))
-    with pytest.raises(ParamsError, match="wanted some of"):
+    with pytest.raises(ParamsError, match="expected some of"):
         GeneralModel(robot, [replace(base, components=("fw",))])

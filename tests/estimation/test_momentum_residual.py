@@ -157,7 +157,7 @@ def test_a_known_contact_is_taken_out(tmp_path):
 
 def test_refusals(tmp_path):
     model = TorqueModel(random_robot(tmp_path, np.random.default_rng(0), fixed_base=True), base="fixed")
-    with pytest.raises(ParamsError, match="gain: wanted a positive number"):
+    with pytest.raises(ParamsError, match="gain: expected a positive number"):
         MomentumResidual(model, 0.0, DT)
-    with pytest.raises(ParamsError, match="dt: wanted a positive number"):
+    with pytest.raises(ParamsError, match="dt: expected a positive number"):
         MomentumResidual(model, GAIN, np.nan)

@@ -109,7 +109,7 @@ def test_a_welded_base_needs_no_imu(swing):
     assert_allclose(without, estimate_log(TorqueModel(robot, base="fixed"), with_imu, FILTER).torque, atol=1e-12)
     seen = estimate_log(TorqueModel(robot, angular_acceleration="zero"), with_imu, FILTER).torque
     assert_allclose(without, seen, atol=1e-6)  # a perfect IMU on a base at rest says nothing else
-    with pytest.raises(LogError, match="imu: wanted readings, as the model of hrp2_like_leg"):
+    with pytest.raises(LogError, match="imu: expected readings, as the model of hrp2_like_leg"):
         estimate_log(TorqueModel(robot), log, FILTER)
 
 
@@ -127,23 +127,23 @@ def test_logs_that_cannot_be_used_are_refused(tree):
     model, truth, rng = tree
     log = polynomial_log(truth.instant(rng))
     cases = [
-        (changed(log, position=spoilt(log.position, 7, np.nan)), "position: wanted finite readings; sample 7 is not"),
-        (changed(log, imu=spoilt(log.imu, 60, np.inf)), "imu: wanted finite readings; sample 60 is not"),
-        (changed(log, wrench=spoilt(log.wrench, 0, np.nan)), "wrench: wanted finite readings; sample 0 is not"),
-        (changed(log, position=log.position[:, 1:]), r"position: wanted shape \(61, \d+\) for tree; got \(61, \d+\)"),
-        (changed(log, imu=log.imu[:60]), r"imu: wanted shape \(61, 6\) for tree; got \(60, 6\)"),
-        (changed(log, wrench=log.wrench[:, :6]), r"wrench: wanted shape \(61, 12\) for tree; got \(61, 6\)"),
-        (changed(log, imu=None), "imu: wanted readings, as the model of tree"),
-        (polynomial_log(truth.instant(rng), 20), "wanted at least 21 samples, one window; the log has 20"),
+        (changed(log, position=spoilt(log.position, 7, np.nan)), "position: expected finite readings; sample 7 is not"),
+        (changed(log, imu=spoilt(log.imu, 60, np.inf)), "imu: expected finite readings; sample 60 is not"),
+        (changed(log, wrench=spoilt(log.wrench, 0, np.nan)), "wrench: expected finite readings; sample 0 is not"),
+        (changed(log, position=log.position[:, 1:]), r"position: expected shape \(61, \d+\) for tree, got \(61, \d+\)"),
+        (changed(log, imu=log.imu[:60]), r"imu: expected shape \(61, 6\) for tree, got \(60, 6\)"),
+        (changed(log, wrench=log.wrench[:, :6]), r"wrench: expected shape \(61, 12\) for tree, got \(61, 6\)"),
+        (changed(log, imu=None), "imu: expected readings, as the model of tree"),
+        (polynomial_log(truth.instant(rng), 20), "expected at least 21 samples, one window; the log has 20"),
     ]
     for broken, message in cases:
         with pytest.raises(LogError, match=message):
             estimate_log(model, broken, FILTER)
         with pytest.raises(LogError, match=message):
             wrench_bias(model, broken, slice(0, 10), FILTER)
-    with pytest.raises(LogError, match=r"bias: wanted shape \(12,\) for tree; got \(6,\)"):
+    with pytest.raises(LogError, match=r"bias: expected shape \(12,\) for tree, got \(6,\)"):
         estimate_log(model, log, FILTER, np.zeros(6))
-    with pytest.raises(LogError, match="wrench bias: wanted samples within 0 to 61"):
+    with pytest.raises(LogError, match="wrench bias: expected samples within 0 to 61"):
         wrench_bias(model, log, slice(61, 80), FILTER)
     with pytest.raises(ParamsError, match="window of at least order"):
         estimate_log(model, log, OffLineFilter.of(2))

@@ -167,8 +167,8 @@ def test_refusals(tmp_path, arguments, message):
 
 def test_refuses_a_robot_without_imu_and_a_sensor_on_a_moving_joint(tmp_path):
     robot = random_robot(tmp_path, np.random.default_rng(7), fixed_base=False)
-    with pytest.raises(ParamsError, match="wanted an IMU"):
+    with pytest.raises(ParamsError, match="expected an IMU"):
         TorqueModel(replace(robot, imu=()))
     moving = replace(robot.force_torque[0], joint=robot.joints[0])
-    with pytest.raises(ParamsError, match="wanted a fixed joint"):
+    with pytest.raises(ParamsError, match="expected a fixed joint"):
         TorqueModel(replace(robot, force_torque=(moving,)))

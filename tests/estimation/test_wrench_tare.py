@@ -151,10 +151,10 @@ def test_contexts_are_independent(moving):
 @pytest.mark.parametrize(
     ("times", "message"),
     [
-        ((-0.1, 0.2), "wanted 0 <= begin < end"),
-        ((0.2, 0.2), "wanted 0 <= begin < end"),
-        ((0.2, np.inf), "wanted 0 <= begin < end"),
-        ((np.nan, 1.0), "wanted 0 <= begin < end"),
+        ((-0.1, 0.2), "expected 0 <= begin < end"),
+        ((0.2, 0.2), "expected 0 <= begin < end"),
+        ((0.2, np.inf), "expected 0 <= begin < end"),
+        ((np.nan, 1.0), "expected 0 <= begin < end"),
         ((0.1, 0.2, 0.0), "a positive period"),
         ((0.101, 0.105), "at least one period of 0.01 s"),
     ],

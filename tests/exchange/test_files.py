@@ -125,7 +125,7 @@ def test_a_urdf_of_the_users(tmp_path):
     text = to_urdf(exported("urdf"), mine)
     assert "<!-- mine -->" in text and 'velocity="2"' in text and 'effort="50"' in text
     assert '<dynamics damping="' in text
-    with pytest.raises(ParamsError, match=r"robot\.urdf: expected <sdf> at the top; got <robot>"):
+    with pytest.raises(ParamsError, match=r"robot\.urdf: expected <sdf> at the top, got <robot>"):
         to_sdf(exported("sdf"), mine)
 
 

@@ -31,3 +31,11 @@ def test_two_kernels_in_one_pass_give_what_two_passes_give():
 
 def test_a_signal_shorter_than_the_kernel_has_no_result():
     assert BlockConvolution(np.full(9, 1.0 / 9.0)).inner(np.ones(8)).size == 0
+
+
+def test_some_rows_have_what_all_rows_have():
+    kernel = CommonKernel(0.02, 1e-3)
+    filter_ = BlockConvolution(kernel.kernels[0])
+    x = np.cumsum(np.random.default_rng(0).standard_normal(5000))
+    rows = np.array([0, 3, 718, 719, 720, 4000, 5000 - 2 * filter_.margin - 1])
+    np.testing.assert_array_equal(filter_.at(x, filter_.places(rows)), filter_.inner(x)[rows])

@@ -164,7 +164,7 @@ def test_a_clone_goes_its_own_way():
 
 
 @pytest.mark.parametrize(
-    ("size", "order", "message"), [(0, 2, "at least one joint"), (3, (2, 1), "one a joint \\(3\\); got 2")]
+    ("size", "order", "message"), [(0, 2, "at least one joint"), (3, (2, 1), "one a joint \\(3\\), got 2")]
 )
 def test_bad_systems_are_refused(size, order, message):
     with pytest.raises(ParamsError, match=message):

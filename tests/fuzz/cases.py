@@ -137,7 +137,9 @@ def _analysed(sound: Sound, folder: Path, rng: Random) -> list[Any]:
 def _scenario(sound: Sound, folder: Path, rng: Random) -> list[Any]:
     """A scenario file or text with odd fields."""
     name = rng.choice(list(sound.scenarios))
-    document = sound.scenarios[name]
+    ((scenario, own),) = sound.scenarios[name].items()
+    more = MORE_FIELDS[name]
+    document = {scenario: own | {key: more[key] for key in rng.sample(list(more), 3)}}
     command = ["graph", name, "--format", "json"]
     if rng.random() < 0.5:
         command = ["simulate", name, "--duration", "0.01", "--json"]
@@ -273,6 +275,38 @@ def _words(sound: Sound, folder: Path, rng: Random) -> list[Any]:
         words[at : at + 1] = rng.choice(([odd], [], [words[at], odd], [words[at]] * 2, [words[at][:-1]], [odd]))
     return words
 
+
+_SENSOR = {"noise": 1e-4, "latency": 2e-3, "resolution": 1e-5, "bias": 0.0}
+MORE_FIELDS: Mapping[str, dict[str, Any]] = {
+    "hrp2_leg": {
+        "filters": {"window": 40, "encoder_order": 2, "inertial_order": 1},
+        "sensors": {"encoder": _SENSOR},
+        "dt": 1e-3,
+        "plant_step": 2.5e-4,
+        "model_factors": {"k_tau": 1.1, "k_v": 0.9},
+        "pushes": [{"link": "r_foot", "begin": 0.0, "duration": 0.01, "force": [1.0, 2.0, 3.0]}],
+        "masses": {"r_foot": 1.1},
+        "monitor": {"hold": 0.1, "encoder_jump": 1e-3},
+        "faults": {"encoder": [{"kind": "biased", "start": 0.0, "value": 0.1, "channels": [1]}]},
+    },
+    "sea_joint": {
+        "dt": 1e-3,
+        "delay": 2e-3,
+        "seed": 3,
+        "torque_from": "deflection",
+        "link": {"inertia": 0.1, "gravity_moment": 1.0},
+    },
+    "humanoid_tsid": {
+        "state": "estimated",
+        "torque": "drives",
+        "plant_step": 5e-4,
+        "masses": {"torso": 1.1},
+        "torque_error": {"hold": 5e-3, "scale": 1.0},
+        "motion": {"com": {"times": [0.1, 0.2], "offsets": [[0.0, 0.0, 0.0], [0.0, 0.01, 0.0]]}},
+        "ground": {"friction": 0.8},
+    },
+}
+"""Fields of scenarios of which some are there in a case."""
 
 KINDS: Mapping[str, tuple[int, Callable[[Sound, Path, Random], list[Any]]]] = {
     "log": (28, _joint_log),

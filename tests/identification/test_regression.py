@@ -5,6 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from bootstrap import block_bootstrap
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
@@ -19,7 +20,6 @@ from drake_tc.identification.autocorrelation import (
     critical_value_95,
     long_run_covariance,
 )
-from drake_tc.identification.bootstrap import block_bootstrap
 from drake_tc.identification.regression import least_squares
 
 TRUTH = np.array([1.0, 2.0, 3.0])

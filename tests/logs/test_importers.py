@@ -212,7 +212,7 @@ def test_wrong_sources_are_refused(tmp_path):
     for name, convert in IMPORTERS.items():
         with pytest.raises(LogError, match="none of the set's files"):
             convert(tmp_path, tmp_path / "out")
-        with pytest.raises(LogError, match="wanted the folder"):
+        with pytest.raises(LogError, match="expected the folder"):
             convert(tmp_path / name, tmp_path / "out")
     with gzip.open(tmp_path / "run.json.gz", "wt") as stream:
         json.dump({"entries": []}, stream)

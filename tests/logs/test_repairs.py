@@ -5,6 +5,7 @@ import pandas as pd
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
+from drake_tc.errors import LogError
 from drake_tc.logs.channels import hold_factor
 from drake_tc.logs.prepare import load_run, load_runs
 
@@ -114,6 +115,28 @@ def test_drive_switched_off(tmp_path, table, off):
     run = load(table, tmp_path, enabled="power")
     assert noted(run, "500 rows with the drive switched off")
     assert_array_equal(np.flatnonzero(run.segment < 0), np.arange(2000, 2500))
+
+
+@pytest.mark.parametrize("condition", ["clear", "height > 0.02", ["height >= -1", "height > 0.02"]])
+def test_samples_that_are_not_valid(tmp_path, table, condition):
+    table["height"] = np.where((table.index >= 2000) & (table.index < 2500), 0.02, 0.1)
+    table["clear"] = (table["height"] > 0.02).astype(float)
+    run = load(table, tmp_path, valid=condition)
+    assert run.notes == ("500 rows were left out because the rig's `valid` does not hold there.",)
+    assert_array_equal(np.flatnonzero(run.segment < 0), np.arange(2000, 2500))
+    assert_allclose(run.columns["joint/position"], table["joint/position"], rtol=1e-15, atol=1e-15)
+
+
+def test_a_missing_value_is_not_valid(tmp_path, table):
+    table["height"] = 0.1
+    table.loc[100:199, "height"] = np.nan
+    run = load(table, tmp_path, valid="height < 0.2")
+    assert_array_equal(np.flatnonzero(run.segment < 0), np.arange(100, 200))
+
+
+def test_a_column_of_valid_that_the_log_does_not_have(tmp_path, table):
+    with pytest.raises(LogError, match=r"no column 'tip' \(for valid\).*correct the key `valid`"):
+        load(table, tmp_path, valid="tip > 0")
 
 
 def test_command_that_copies_the_position_is_torque_off(tmp_path, table):

@@ -48,7 +48,7 @@ def test_several_joints_each_with_its_own(tmp_path):
     assert rig.required_columns("knee") == ("knee/position", "knee/voltage", "knee/torque")
     assert rig.load["hip"] == Pendulum(2.0, 0.5, 0.5)
     again = load_rig(save_rig(rig, tmp_path / "again.yaml", comment="two joints"))
-    for name in ("joints", "drive", "load", "declared", "columns", "units", "enabled", "saturation"):
+    for name in ("joints", "drive", "load", "declared", "columns", "units", "enabled", "valid", "saturation"):
         assert getattr(again, name) == getattr(rig, name), name
 
 
@@ -58,12 +58,13 @@ def test_several_joints_each_with_its_own(tmp_path):
         {"declared": {"stribeck": {"velocity": 0.1}, "rotor_inertia": 0.2}, "load": "unknown", "enabled": "on"},
         {"columns": {"position": "q"}, "units": {"knee/position": "deg", "torque": "-N*m", "current": 0.01}},
         {"load": {"pendulum": {"mass": 1, "length": 0.2, "inertia": 0.05, "zero": 0.3}}, "saturation": 0.2},
+        {"valid": ["free", "tip height > -0.02", "mode == 3"]},
     ],
 )
 def test_round_trip(tmp_path, more):
     rig = parse_rig({**BASE, **more})
     again = load_rig(save_rig(rig, tmp_path / "rig.yaml"))
-    for name in ("joints", "drive", "load", "declared", "columns", "units", "enabled", "saturation"):
+    for name in ("joints", "drive", "load", "declared", "columns", "units", "enabled", "valid", "saturation"):
         assert getattr(again, name) == getattr(rig, name), name
 
 
@@ -118,6 +119,8 @@ def test_a_joint_may_be_called_pendulum():
         ({**BASE, "load": {"robot": "estimat"}}, "load.robot: expected one of estimate, inverse_dynamics"),
         ({**BASE, "unit": {}}, "`drake-tc schema rig --page` explains every key"),
         ({**BASE, "enabled": 3}, "name of a column"),
+        ({**BASE, "valid": 3}, "a column compared with a number, got 3"),
+        ({**BASE, "valid": "height > low"}, "and a number, got 'height > low'"),
         ({**BASE, "saturation": -1}, "positive number"),
         ({**BASE, "saturation": {"hip": 1}}, "'hip' is not a joint"),
     ],

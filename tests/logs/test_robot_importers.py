@@ -17,6 +17,7 @@ from drake_tc.logs.importers.so101 import tip_height
 from drake_tc.logs.loads import RobotLoad
 from drake_tc.logs.prepare import load_runs
 from drake_tc.logs.rig import load_rig
+from drake_tc.logs.valid import Condition
 from drake_tc.robot.robot import load_robot
 
 MJCF = """<mujoco model="small">
@@ -182,8 +183,8 @@ def test_so101_reads_commands_and_locks_the_jaw(tmp_path: Path) -> None:
     log = pd.read_parquet(out / "sweep.parquet")
     assert_allclose(log["wrist_roll/position_command"], table["cmd_5"], rtol=0)
     height = tip_height(urdf_of(names), {joint: log[f"{joint}/position"].to_numpy() for joint in names[:5]}, "")
-    assert load_rig(free).enabled == "free"
-    assert_allclose(log["free"], height > -0.02)
+    assert load_rig(free).valid == (Condition("tip_height", ">", -0.02),)
+    assert_allclose(log["tip_height"], height, atol=1e-12)
 
 
 def test_go2_makes_its_robot_from_the_mjcf(tmp_path: Path) -> None:

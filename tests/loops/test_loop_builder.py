@@ -96,5 +96,5 @@ def test_files_that_cannot_be_written_are_refused(tmp_path):
     (tmp_path / "taken").write_text("")
     with pytest.raises(LogError, match="cannot be written"):
         write_rig({}, tmp_path / "taken" / "rig.yaml")
-    with pytest.raises(LogError, match=r"ends in \.csv, \.parquet, \.npz; got \.doc"):
+    with pytest.raises(LogError, match=r"ends in \.csv, \.parquet, \.npz, got \.doc"):
         write_log({}, tmp_path / "log.doc")

@@ -115,7 +115,7 @@ def test_a_system_between_two_stages_changes_what_passes():
     [
         ({"stages": {"guards": Pusher(1.0)}}, r"stages: no stage 'guards' in this loop; stages: filter, "),
         ({"between": {"guard.comand": scaled(N, 1.0)}}, r"between: no place 'guard.comand' in this loop; places: "),
-        ({"between": {"guard.command": scaled(2, 1.0)}}, r"'guard.command': expected a system .* size 6; got sizes 2"),
+        ({"between": {"guard.command": scaled(2, 1.0)}}, r"'guard.command': expected a system .* size 6, got sizes 2"),
         ({"stages": {"guard": scaled(N, 1.0)}}, r"stages: 'guard': expected a system with an output port 'command'"),
         ({"controller_models": {}}, "models is empty"),
         ({"spec": TorqueLoopSpec(sensors="noisy")}, "noisy"),

@@ -62,7 +62,7 @@ def test_the_yaml_kinds_of_an_installed_package_act(python):
 
 REFUSED = [
     ({"tasks": {"knees": {"kind": "mirror", "kp": 1.0, "kd": 1.0}}}, "tasks.knees: missing key 'joints'"),
-    ({"limits": {"joint_power": {"watts": -1.0}}}, "limits.joint_power: watts: expected a number > 0; got -1"),
+    ({"limits": {"joint_power": {"watts": -1.0}}}, "limits.joint_power: watts: expected a number > 0, got -1"),
     ({"limits": {"joint_power": {"volts": 1.0}}}, "limits.joint_power: unknown key 'volts'"),
 ]
 
@@ -92,5 +92,5 @@ def test_the_command_line_simulates_with_them(command):
     ran = command(*arguments)
     assert ran.returncode == 0, ran.stderr
     assert json.loads(ran.stdout)["diagram"] == "humanoid_tsid"
-    with pytest.raises(ParamsError, match=r"tasks\.knees\.kind: wanted one of com"):
+    with pytest.raises(ParamsError, match=r"tasks\.knees\.kind: expected one of com"):
         load_law(FILE, {"tasks": {"knees": MIRROR}})

@@ -259,7 +259,7 @@ def test_odd_names_come_back_from_every_format():
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        ({"diagram": Gain(1.0, 1)}, "wanted a Drake Diagram, got Gain"),
+        ({"diagram": Gain(1.0, 1)}, "expected a Drake Diagram, got Gain"),
         ({"depth": 0}, "depth of at least 1, got 0"),
         ({"stages": {"hold": "holding"}}, "'holding'; stages: reference, control"),
         ({"stages": {"holt": "control"}}, "no block 'holt'.*reference, level_2, hold"),

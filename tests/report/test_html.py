@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from mailed import Mailed
 
 from drake_tc.diagnosis.residual.unexplained import TimeStretch
 from drake_tc.diagnosis.result.joint_result import Errors, JointResult
@@ -183,6 +184,12 @@ def test_it_is_quick(result: CloseLoopResult, tmp_path: Path) -> None:
     start = time.process_time()
     write_report(result, tmp_path / "report.html")
     assert time.process_time() - start < 6.0  # 4 s on an idle core; some margin for a shared one
+
+
+def test_workers_draw_the_same_page(result: CloseLoopResult, html: str) -> None:
+    workers = Mailed()
+    assert render(result, workers) == html
+    assert set(workers.sent) == {"cloud_svg"} and len(workers.sent) > 8
 
 
 def test_it_is_small_and_the_same_bytes_again(result: CloseLoopResult, html: str, tmp_path: Path) -> None:

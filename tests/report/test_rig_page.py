@@ -124,6 +124,8 @@ GOOD = (
     {**BASE, "load": {"knee": "unknown"}, "declared": {"knee": {"stribeck": None, "viscous": {"viscous": 1.0}}}},
     {**BASE, "declared": "stribeck", "sensors": {"knee": {"encoder_step": "0.1 deg"}, "torque_noise": 0.1}},
     {**BASE, "columns": {"position": 3}, "units": {"position": 0.1, "time": "ms"}, "drive": {"knee": "voltage"}},
+    {**BASE, "valid": "height > 0.02"},
+    {**BASE, "valid": ["free", "height > 0.02"]},
 )
 BAD = (
     {"drive": "current"},
@@ -140,6 +142,7 @@ BAD = (
     {**BASE, "sensors": {"encoder_step": "much"}},
     {**BASE, "sensors": {"ft_foot": {"bias": [1.0]}}},
     {**BASE, "columns": {"position": [1]}},
+    {**BASE, "valid": 3},
 )
 
 

@@ -133,7 +133,7 @@ def test_base_parameters_of_the_planar_double_pendulum():
 
 
 def test_refusals():
-    with pytest.raises(IdentificationError, match=r"wanted q, v, vdot of shape \(T, 2\)"):
+    with pytest.raises(IdentificationError, match=r"expected q, v, vdot of shape \(T, 2\)"):
         regressor(planar_tree(0.3), np.zeros((4, 3)), np.zeros((4, 3)), np.zeros((4, 3)))
     plant = MultibodyPlant(0.0)
     plant.AddRigidBody("free", inertia(np.random.default_rng(0)))

@@ -212,8 +212,8 @@ def test_a_robot_without_the_sensor_is_refused():
     plant, robot = rigs.slider(0.0, 1.0)
     builder = DiagramBuilder()
     builder.AddNamedSystem("plant", plant)
-    with pytest.raises(ParamsError, match=r"rig\.yaml: imu: wanted at least one"):
+    with pytest.raises(ParamsError, match=r"rig\.yaml: imu: expected at least one"):
         add_imu(builder, plant, robot, SensorSpec(), SensorSpec(), DT)
-    with pytest.raises(ParamsError, match=r"rig\.yaml: force_torque: wanted at least one"):
+    with pytest.raises(ParamsError, match=r"rig\.yaml: force_torque: expected at least one"):
         ForceTorque(plant, robot, SensorSpec(), DT)
     assert add_encoder(builder, plant, robot, SensorSpec(), DT).GetInputPort("truth").size() == 1

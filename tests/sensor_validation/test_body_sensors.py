@@ -207,9 +207,68 @@ def test_a_gyro_that_turns_standing_feet_is_flagged_in_time(law):
             {"lidar": ()},
             "faults: no sensor 'lidar'; possible: encoder, motor_encoder, gauge, imu, force_torque, contacts",
         ),
-        ({"imu": (SensorFault("nan"),)}, "faults: wanted state: base_estimator and torque: series_elastic beside it"),
+        ({"imu": (SensorFault("nan"),)}, "faults: expected state: base_estimator and torque: series_elastic beside it"),
     ],
 )
 def test_faults_that_cannot_be_are_refused(faults, message):
     with pytest.raises(ParamsError, match=message):
         TsidScenario("x.yaml", faults=faults)
+
+
+def wrench_run(samples):
+    """(T, 12) readings given for raw ones that begin `SETTLED` after the start, and the contacts (T, 2)."""
+    system = ValidatedWrench(2, 1, (0, 1), DT)
+    context, found, contacts = system.CreateDefaultContext(), [], []
+    context.SetTime(SETTLED)
+    system.GetInputPort("flagged").FixValue(context, np.zeros(2))
+    for sample in samples:
+        system.GetInputPort("wrench").FixValue(context, sample)
+        found.append(system.GetOutputPort("reading").Eval(context).copy())
+        contacts.append(system.GetOutputPort("contacts").Eval(context).copy())
+        step(system, context)
+    return np.array(found), np.array(contacts)
+
+
+def standing_wrench(ticks):
+    """Two feet with 135 N each."""
+    samples = np.random.default_rng(5).normal(size=(ticks, 12)) * 0.3
+    samples[:, [2, 8]] += 135.0
+    return samples
+
+
+@pytest.mark.parametrize("jump", [150.0, -120.0])
+def test_a_force_that_jumps_without_the_other_foot_is_left_out_for_good(jump):
+    samples = standing_wrench(1500)
+    samples[200:, 2] += jump
+    found, contacts = wrench_run(samples)
+    assert_array_equal(found[:200], samples[:200])
+    assert_array_equal(found[200:, :6], np.tile(samples[199, :6], (1300, 1)))
+    assert_array_equal(found[200:, 6:], samples[200:, 6:])
+    assert_array_equal(contacts[200:], np.tile([2.0, 1.0], (1300, 1)))
+
+
+def test_a_force_that_jumps_back_is_believed_at_once():
+    samples = standing_wrench(600)
+    samples[200:300, 2] += 150.0
+    found, _ = wrench_run(samples)
+    assert_array_equal(found[300:], samples[300:])
+
+
+def test_a_load_that_goes_over_to_the_other_foot_is_believed():
+    samples = standing_wrench(600)
+    samples[200:, 2] += 100.0
+    samples[200:, 8] -= 100.0
+    found, contacts = wrench_run(samples)
+    assert_array_equal(found, samples)
+    assert (contacts == 1.0).all()
+
+
+def test_a_landing_is_believed_when_its_impact_is_over():
+    """One foot carries all; the other lands with 300 N in a tick, and 8 ms later both share the weight."""
+    samples = standing_wrench(600)
+    samples[:200, 2] += 135.0
+    samples[:200, 8] -= 135.0
+    samples[200:208, 8] += 300.0
+    found, _ = wrench_run(samples)
+    assert (found[200:208, 8] < 10.0).all()
+    assert_array_equal(found[208:], samples[208:])

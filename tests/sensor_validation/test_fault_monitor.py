@@ -242,9 +242,9 @@ def test_two_contexts_do_not_share_anything(robot):
 
 
 def test_refusals(robot):
-    with pytest.raises(ParamsError, match="hold: wanted a finite time"):
+    with pytest.raises(ParamsError, match="hold: expected a finite time"):
         MonitorSpec(hold=np.inf)
-    with pytest.raises(ParamsError, match="gyro_jump: wanted a positive number"):
+    with pytest.raises(ParamsError, match="gyro_jump: expected a positive number"):
         MonitorSpec(gyro_jump=0.0)
     with pytest.raises(ParamsError, match="no F/T sensor 'wrist'; there are"):
         FaultMonitor(robot, free=("wrist",))

@@ -209,3 +209,24 @@ def test_link_position_holds_the_last_good_one():
     position, fault = given_to([0.5, 1.2], [4.0, np.inf])
     assert_allclose(position, [0.5 - C[0] * 4.0 * DT / (DT + TIME[0]), 0.9], rtol=1e-12)  # d was 0
     assert_array_equal(fault, [0.0, 1.0])
+
+
+def test_the_joint_that_has_lost_two_sensors_is_named_and_no_other():
+    system = JointSensors(C, TIME, DT)
+    context = system.CreateDefaultContext()
+    y = readings(
+        joints(0.5),
+        motor_encoder=(SensorFault("dropped", 0.2, channels=(1,)),),
+        encoder=(SensorFault("dropped", 0.3, channels=(1,)),),
+    )
+    lost = []
+    for row in y:
+        for name, values in zip(("motor_angle", "torque", "link_angle"), row, strict=True):
+            system.GetInputPort(name).FixValue(context, values)
+        lost.append(system.GetOutputPort("lost").Eval(context).copy())
+        after = system.EvalUniquePeriodicDiscreteUpdate(context)
+        for group in range(after.num_groups()):
+            context.SetDiscreteState(group, np.array(after.value(group)))
+    lost = np.array(lost)
+    assert_array_equal(lost[:, 0], np.zeros(len(y)))
+    assert_array_equal(lost[:, 1], np.arange(len(y)) > 300)

@@ -129,7 +129,7 @@ def test_a_urdf_with_drakes_tags_is_read_as_drake_reads_it(tmp_path):
 
 
 BAM = {
-    "model": "m3",
+    "model": "m4",
     "kt": 2.0,
     "R": 4.0,
     "armature": 0.012,
@@ -138,7 +138,9 @@ BAM = {
     "friction_stribeck": 0.03,
     "dtheta_stribeck": 0.4,
     "alpha": 1.2,
-    "load_friction_motor": 0.2,
+    "load_friction_base": 0.2,
+    "load_friction_stribeck": 0.1,
+    "command_delay": 0.01,
     "q_offset": 0.01,
 }
 
@@ -151,6 +153,21 @@ def test_a_bam_file_is_a_servo_on_a_voltage(tmp_path):
     assert joint.terms.damping == pytest.approx(0.1 + 2.0**2 / 4.0)  # the back-EMF brakes too
     assert joint.effects["stribeck"] == {"stribeck": 0.03, "stribeck_velocity": 0.4, "stribeck_exponent": 1.2}
     assert joint.effects["load_dependent_friction"] is None and joint.unused == ("q_offset",)
+    assert joint.terms.delay == 0.01
+
+
+@pytest.mark.parametrize(
+    ("change", "effects"),
+    [
+        ({"model": "m1"}, {}),
+        ({"model": "m3"}, {"load_dependent_friction": None}),
+        ({"model": "m2", "alpha": 6.0}, {"stribeck": None}),
+    ],
+)
+def test_a_bam_file_declares_what_its_model_has(tmp_path, change, effects):
+    path = tmp_path / "servo.json"
+    path.write_text(json.dumps(BAM | change), encoding="utf-8")
+    assert read_joints(path, RigError)[ANY_JOINT].effects == effects
 
 
 @pytest.mark.parametrize(

@@ -120,13 +120,13 @@ def test_rotor_inertias_are_laid_over_the_robots_own(load):
 def test_a_limit_may_look_as_far_ahead_as_a_tick_or_farther(load):
     for period in (1e-3, 0.1 * 0.01, 7e-3):
         load(limits={"acceleration": {"period": period}, "capture_point": {"period": period}})
-    with pytest.raises(ParamsError, match=r"limits\.acceleration: period: wanted the controller's period, 0\.01 s"):
+    with pytest.raises(ParamsError, match=r"limits\.acceleration: period: expected the controller's period, 0\.01 s"):
         load(period=0.01, limits={"acceleration": {"period": 5e-3}})
 
 
 def test_a_capture_point_without_contacts_is_refused(load):
     posture = {"posture": {"kind": "posture", "kp": 1.0, "kd": 1.0}}
-    with pytest.raises(ParamsError, match=r"limits\.capture_point: capture point: wanted contacts"):
+    with pytest.raises(ParamsError, match=r"limits\.capture_point: capture point: expected contacts"):
         load(contacts=None, tasks=posture, limits={"capture_point": {}})
 
 
@@ -186,48 +186,48 @@ REFUSED = [
     (("colour",), "red", "unknown key 'colour'; allowed: robot, tasks"),
     (("tasks",), {}, "tasks: expected at least 1 entry, got {}"),
     (("tasks", "com"), {"kp": 1.0}, "tasks.com: missing key 'kind'"),
-    (("tasks", "com", "kind"), "mass", "tasks.com.kind: wanted one of com, posture, frame"),
-    (("tasks", "com", "kp"), -1.0, r"tasks.com: .*kp: wanted finite numbers >= 0"),
-    (("tasks", "com", "kp"), [1.0, 2.0], r"tasks.com: .*kp: wanted a number or 3 of them"),
-    (("tasks", "com", "mask"), [1, 0, 1], "tasks.com.mask: wanted a list of true and false"),
+    (("tasks", "com", "kind"), "mass", "tasks.com.kind: expected one of com, posture, frame"),
+    (("tasks", "com", "kp"), -1.0, r"tasks.com: .*kp: expected finite numbers >= 0"),
+    (("tasks", "com", "kp"), [1.0, 2.0], r"tasks.com: .*kp: expected a number or 3 of them"),
+    (("tasks", "com", "mask"), [1, 0, 1], "tasks.com.mask: expected a list of true and false"),
     (("tasks", "com", "kq"), 1.0, "tasks.com: unknown key 'kq'"),
     (("tasks", "hand"), {"kind": "frame", "frame": "hand", "kp": 1.0, "kd": 1.0}, "tasks.hand: .*no frame 'hand'"),
     (("tasks", "posture", "joints"), ["elbow"], "tasks.posture: .*no joint 'elbow'"),
-    (("tasks", "force", "components"), 1.0, "tasks.force.components: wanted a list of numbers"),
+    (("tasks", "force", "components"), 1.0, "tasks.force.components: expected a list of numbers"),
     (("contacts", "left_sole", "link"), "paw", "contact 'left_sole': no link 'paw'"),
-    (("contacts", "left_sole", "half_length"), 0.0, "contact 'left_sole': wanted a sole of positive size"),
-    (("contacts", "left_sole", "friction"), -0.1, "contact 'left_sole': friction: wanted a finite number >= 0"),
-    (("contacts", "left_sole", "axes"), "world", "contact 'left_sole': axes: wanted link for a surface; got 'world'"),
+    (("contacts", "left_sole", "half_length"), 0.0, "contact 'left_sole': expected a sole of positive size"),
+    (("contacts", "left_sole", "friction"), -0.1, "contact 'left_sole': friction: expected a finite number >= 0"),
+    (("contacts", "left_sole", "axes"), "world", "contact 'left_sole': axes: expected link for a surface, got 'world'"),
     (("contacts", "left_sole", "axes"), 3, "contacts.left_sole.axes: expected one of link, world, got 3"),
     (("contacts", "left_sole", "colour"), "red", "contacts.left_sole: unknown key 'colour'"),
     (("contacts", "left_sole", "extents"), [0.0, 1.0], "contacts.left_sole.extents: expected a list of 4 numbers"),
     (("frames", "right_palm", "link"), "paw", "frame 'right_palm': no link 'paw'"),
-    (("limits", "acceleration", "velocity"), [1.0], "limits.acceleration: velocity: wanted a number or 30 of them"),
-    (("limits", "acceleration", "acceleration"), 0.0, "limits.acceleration: acceleration of .*wanted a positive"),
-    (("limits", "torque"), {"share": -1.0}, "limits.torque: .*wanted a positive share"),
-    (("limits", "contact"), {"pyramid": "round"}, "limits.contact: pyramid: wanted one of inner, outer"),
+    (("limits", "acceleration", "velocity"), [1.0], "limits.acceleration: velocity: expected a number or 30 of them"),
+    (("limits", "acceleration", "acceleration"), 0.0, "limits.acceleration: acceleration of .*expected a positive"),
+    (("limits", "torque"), {"share": -1.0}, "limits.torque: .*expected a positive share"),
+    (("limits", "contact"), {"pyramid": "round"}, "limits.contact: pyramid: expected one of inner, outer"),
     (("limits", "speed"), {}, "limits: unknown key 'speed'; possible: acceleration, capture_point, contact, torque"),
     (("formulation", "measure"), "best", "formulation.measure: expected one of classic, individual"),
     (("formulation", "use"), "always", "formulation.use: expected one of trade_off"),
-    (("formulation", "weight"), 0.0, "formulation.weight: wanted a finite number > 0"),
+    (("formulation", "weight"), 0.0, "formulation.weight: expected a finite number > 0"),
     (("sigma",), [1.0, 2.0], "sigma: expected 30 numbers, one for each joint, got 2"),
     (("sigma",), -0.1, "sigma: expected finite numbers >= 0"),
     (("sigma",), {"r_knee": 1.0}, "sigma: r_hip_yaw is missing; expected a number"),
     (("sigma",), "lost.yaml", "lost.yaml: no such file"),
     (("solver",), "simplex", "solver: expected one of daqp, quadprog"),
-    (("period",), 0.0, "period: wanted a positive number"),
+    (("period",), 0.0, "period: expected a positive number"),
     (("period",), "soon", "period: expected a finite number, got 'soon'"),
-    (("contact_damping",), -1.0, "contact_damping: wanted a finite number >= 0"),
+    (("contact_damping",), -1.0, "contact_damping: expected a finite number >= 0"),
     (("rotor_inertia",), {"r_knee": -1.0}, "rotor_inertia.r_knee: expected a number >= 0, got -1.0"),
     (
         ("limits", "acceleration", "period"),
         9e-4,
-        "limits.acceleration: period: wanted the controller's period",
+        "limits.acceleration: period: expected the controller's period",
     ),
-    (("limits", "acceleration", "margin"), -1.0, "limits.acceleration: margin: wanted a finite number >= 0"),
-    (("limits", "capture_point"), {"period": 1e-4}, "limits.capture_point: period: wanted the controller's period"),
-    (("limits", "capture_point"), {"margin": -0.01}, "limits.capture_point: capture point: margin: wanted a finite"),
-    (("limits", "torque"), {"share": 7.0}, "limits.torque: .*wanted a positive share, 1 at most; got 7"),
+    (("limits", "acceleration", "margin"), -1.0, "limits.acceleration: margin: expected a finite number >= 0"),
+    (("limits", "capture_point"), {"period": 1e-4}, "limits.capture_point: period: expected the controller's period"),
+    (("limits", "capture_point"), {"margin": -0.01}, "limits.capture_point: capture point: margin: expected a finite"),
+    (("limits", "torque"), {"share": 7.0}, "limits.torque: .*expected a positive share, 1 at most, got 7"),
     (
         ("formulation",),
         {"measure": "classic", "use": "constraint"},
@@ -239,7 +239,7 @@ REFUSED = [
         "formulation.use: expected a measure of robustness",
     ),
     (("formulation",), {"measure": "classic", "minimum": 0.1}, "formulation.minimum: it belongs to `use: constraint`"),
-    (("formulation",), {"minimum": 0.1}, "formulation.minimum: it belongs to `use: constraint`; got use: trade_off"),
+    (("formulation",), {"minimum": 0.1}, "formulation.minimum: it belongs to `use: constraint`, got use: trade_off"),
     (("formulation",), {"use": "null_space", "minimum": 0.1}, "formulation.minimum: it belongs to `use: constraint`"),
     (("formulation", "iterations"), 0.6, "formulation.iterations: expected a whole number >= 1, got 0.6"),
     (("formulation", "iterations"), 2.4, "formulation.iterations: expected a whole number >= 1, got 2.4"),
@@ -267,7 +267,7 @@ def test_what_cannot_be_is_refused_with_file_and_field(tmp_path, path, value, me
 
 
 def test_a_robot_without_feet_where_contacts_are_wanted(load):
-    with pytest.raises(ParamsError, match=r"tasks.force: .*wanted a model with contacts; robot 'hrp2_like' has none"):
+    with pytest.raises(ParamsError, match=r"tasks.force: .*expected a model with contacts; robot 'hrp2_like' has none"):
         load(contacts=None)
     law = load(contacts=None, tasks={"posture": {"kind": "posture", "kp": 1.0, "kd": 1.0}})
     assert law.model.force_size == 0
@@ -276,7 +276,7 @@ def test_a_robot_without_feet_where_contacts_are_wanted(load):
 
 def test_tasks_whose_ports_would_be_called_the_same_are_refused(load):
     com = {"kind": "com", "kp": 1.0, "kd": 1.0}
-    with pytest.raises(ParamsError, match="wanted different names; 'a_b' is the same as 'a b' in a name of a port"):
+    with pytest.raises(ParamsError, match="expected different names; 'a_b' is the same as 'a b' in a name of a port"):
         load({"tasks": {"a b": com, "a_b": com}})
     law = load({"tasks": {"a b": com, "ab": com}})
     ports = {RobustTsid(law).get_input_port(i).get_name() for i in range(RobustTsid(law).num_input_ports())}

@@ -28,22 +28,22 @@ def test_a_sole_by_its_halves_or_by_its_edges():
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({}, "wanted a sole of positive size"),
-        ({"half_length": 0.1}, "wanted a sole of positive size"),
-        ({"half_length": -0.1, "half_width": 0.1}, "wanted a sole of positive size"),
-        ({"half_length": math.nan, "half_width": 0.1}, "wanted a sole of positive size"),
-        ({"extents": (0.1, -0.1, -0.1, 0.1)}, "wanted a sole of positive size"),
-        ({"extents": (0.1, 0.2, -0.1, 0.1)}, "wanted the frame's origin on the sole"),
-        ({"extents": (-0.1, 0.2, -0.1, 0.1), "half_width": 0.1}, "half_length and half_width or extents; got both"),
-        ({"kind": "line"}, "wanted a kind of surface, point; got 'line'"),
-        ({"kind": "point", "axes": "up"}, "axes: wanted link or world for a point; got 'up'"),
-        ({"axes": "world", "half_length": 0.1, "half_width": 0.1}, "axes: wanted link for a surface; got 'world'"),
-        ({"kind": "point", "friction": -0.1}, "friction: wanted a finite number >= 0; got -0.1"),
-        ({"kind": "point", "friction": math.nan}, "friction: wanted a finite number >= 0"),
-        ({"kind": "point", "moment_friction": -1.0}, "moment_friction: wanted a finite number >= 0"),
-        ({"kind": "point", "minimum_force": -1.0}, "minimum_force: wanted a finite number >= 0"),
-        ({"kind": "point", "maximum_force": 0.5}, "maximum_force: wanted more than minimum_force 1; got 0.5"),
-        ({"kind": "point", "maximum_force": math.nan}, "maximum_force: wanted more than minimum_force 1; got nan"),
+        ({}, "expected a sole of positive size"),
+        ({"half_length": 0.1}, "expected a sole of positive size"),
+        ({"half_length": -0.1, "half_width": 0.1}, "expected a sole of positive size"),
+        ({"half_length": math.nan, "half_width": 0.1}, "expected a sole of positive size"),
+        ({"extents": (0.1, -0.1, -0.1, 0.1)}, "expected a sole of positive size"),
+        ({"extents": (0.1, 0.2, -0.1, 0.1)}, "expected the frame's origin on the sole"),
+        ({"extents": (-0.1, 0.2, -0.1, 0.1), "half_width": 0.1}, "half_length and half_width or extents, got both"),
+        ({"kind": "line"}, "expected a kind of surface, point, got 'line'"),
+        ({"kind": "point", "axes": "up"}, "axes: expected link or world for a point, got 'up'"),
+        ({"axes": "world", "half_length": 0.1, "half_width": 0.1}, "axes: expected link for a surface, got 'world'"),
+        ({"kind": "point", "friction": -0.1}, "friction: expected a finite number >= 0, got -0.1"),
+        ({"kind": "point", "friction": math.nan}, "friction: expected a finite number >= 0"),
+        ({"kind": "point", "moment_friction": -1.0}, "moment_friction: expected a finite number >= 0"),
+        ({"kind": "point", "minimum_force": -1.0}, "minimum_force: expected a finite number >= 0"),
+        ({"kind": "point", "maximum_force": 0.5}, "maximum_force: expected more than minimum_force 1, got 0.5"),
+        ({"kind": "point", "maximum_force": math.nan}, "maximum_force: expected more than minimum_force 1, got nan"),
     ],
 )
 def test_what_is_refused(changes, message):
@@ -62,5 +62,5 @@ def test_masks():
     assert_array_equal(some.entries, [3, 4, 5, 6, 7, 8, 9, 10, 11])
     assert select(contacts, (False,) * 3).size == 0
     assert select([], ()).size == 0
-    with pytest.raises(ParamsError, match=r"active: wanted one value a contact \(3\); got 2"):
+    with pytest.raises(ParamsError, match=r"active: expected one value a contact \(3\), got 2"):
         select(contacts, (True, True))

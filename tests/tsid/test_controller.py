@@ -386,9 +386,9 @@ def test_one_solve_a_tick_however_many_read_it_and_however_fine_the_plant(law):
 def test_a_law_refuses_what_cannot_be(law):
     with pytest.raises(ParamsError, match="'com' comes twice"):
         replace(law, tasks=(*law.tasks, law.tasks[0]))
-    with pytest.raises(ParamsError, match="period: wanted a positive number"):
+    with pytest.raises(ParamsError, match="period: expected a positive number"):
         replace(law, period=0.0)
-    with pytest.raises(ParamsError, match="contact_damping: wanted a finite number >= 0"):
+    with pytest.raises(ParamsError, match="contact_damping: expected a finite number >= 0"):
         replace(law, contact_damping=-1.0)
-    with pytest.raises(ParamsError, match="sigma: wanted 30 joints"):
+    with pytest.raises(ParamsError, match="sigma: expected 30 joints"):
         replace(law, error=type(law.error)(np.ones(4)))

@@ -145,11 +145,11 @@ def test_a_state_that_is_no_number_gives_rows_that_are_none():
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"period": 0.0}, "period: wanted a positive number"),
-        ({"gravity": np.inf}, "gravity: wanted a positive number"),
-        ({"margin": np.nan}, "margin: wanted a finite number >= 0"),
-        ({"margin": -0.01}, "margin: wanted a finite number >= 0"),
-        ({"contacts": ()}, "capture point: wanted contacts"),
+        ({"period": 0.0}, "period: expected a positive number"),
+        ({"gravity": np.inf}, "gravity: expected a positive number"),
+        ({"margin": np.nan}, "margin: expected a finite number >= 0"),
+        ({"margin": -0.01}, "margin: expected a finite number >= 0"),
+        ({"contacts": ()}, "capture point: expected contacts"),
     ],
 )
 def test_refusals(change, message):

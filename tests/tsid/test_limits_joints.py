@@ -76,9 +76,9 @@ def test_torque_rows_are_the_effort_limits(robot_model):
 @pytest.mark.parametrize(
     ("lower", "upper", "message"),
     [
-        ([0.0, 1.0], [1.0, 1.0], "of 'b': wanted lower < upper"),
-        ([0.0, np.nan], [1.0, 1.0], "of 'b': wanted lower < upper"),
-        ([0.0], [1.0, 1.0], "wanted 2 values a side"),
+        ([0.0, 1.0], [1.0, 1.0], "of 'b': expected lower < upper"),
+        ([0.0, np.nan], [1.0, 1.0], "of 'b': expected lower < upper"),
+        ([0.0], [1.0, 1.0], "expected 2 values a side"),
     ],
 )
 def test_refused_torques(lower, upper, message):
@@ -88,19 +88,19 @@ def test_refused_torques(lower, upper, message):
 
 @pytest.mark.parametrize("share", [0.0, -1.0, 1.001, 7.0, np.nan])
 def test_refused_share(robot_model, share):
-    with pytest.raises(ParamsError, match="wanted a positive share, 1 at most"):
+    with pytest.raises(ParamsError, match="expected a positive share, 1 at most"):
         TorqueLimit.of(robot_model.robot, share=share)
 
 
 @pytest.mark.parametrize("margin", [-1.0, -1e-6, np.nan, np.inf])
 def test_refused_margin(robot_model, margin):
-    with pytest.raises(ParamsError, match="margin: wanted a finite number >= 0"):
+    with pytest.raises(ParamsError, match="margin: expected a finite number >= 0"):
         AccelerationLimit.of(robot_model.robot, robot_model.actuated, robot_model.nv, period=1e-3, margin=margin)
 
 
 @pytest.mark.parametrize("key", ["acceleration", "velocity"])
 def test_refused_number_of_values(robot_model, key):
-    with pytest.raises(ParamsError, match=f"{key}: wanted a number or {robot_model.n} of them"):
+    with pytest.raises(ParamsError, match=f"{key}: expected a number or {robot_model.n} of them"):
         AccelerationLimit.of(
             robot_model.robot, robot_model.actuated, robot_model.nv, period=1e-3, **{key: np.ones(robot_model.n + 1)}
         )

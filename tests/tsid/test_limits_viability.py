@@ -203,10 +203,10 @@ def test_a_number_that_is_none_stays_one():
         ({"lower": [np.nan]}, "upper - lower >="),
         ({"velocity_upper": [0.0]}, "lower < 0 < upper"),
         ({"velocity_lower": [np.nan]}, "lower < 0 < upper"),
-        ({"acceleration": [0.0]}, "acceleration of 'knee': wanted a positive number"),
-        ({"acceleration": [np.inf]}, "acceleration of 'knee': wanted a positive number"),
-        ({"period": 0.0}, "period: wanted a positive number"),
-        ({"upper": [1.0, 2.0]}, "wanted 1 values"),
+        ({"acceleration": [0.0]}, "acceleration of 'knee': expected a positive number"),
+        ({"acceleration": [np.inf]}, "acceleration of 'knee': expected a positive number"),
+        ({"period": 0.0}, "period: expected a positive number"),
+        ({"upper": [1.0, 2.0]}, "expected 1 values"),
     ],
 )
 def test_refusals(change, message):

@@ -104,5 +104,5 @@ def test_rows_follow_the_contacts_that_are_active():
 
 
 def test_refusal():
-    with pytest.raises(ParamsError, match="pyramid: wanted one of inner, outer; got 'round'"):
+    with pytest.raises(ParamsError, match="pyramid: expected one of inner, outer, got 'round'"):
         WrenchCones(SOLES, pyramid="round")

@@ -185,7 +185,7 @@ def test_contacts_come_and_go_without_a_new_plant(tmp_path):
         assert_allclose(some.contact_jacobian, both.contact_jacobian[rows], atol=0)
         assert_allclose(some.contact_bias, both.contact_bias[rows], atol=0)
         assert_allclose(some.contacts.entries, np.arange(9)[rows], atol=0)
-    with pytest.raises(ParamsError, match=r"active: wanted one value a contact \(2\); got 3"):
+    with pytest.raises(ParamsError, match=r"active: expected one value a contact \(2\), got 3"):
         model.terms(scratch, q, v, (True, False, True))
 
 
@@ -268,7 +268,7 @@ def test_a_joint_that_moves_nothing_is_refused(tmp_path):
     text = robot.urdf.read_text()
     start, stop = text.index('<link name="hand">') + len('<link name="hand">'), text.index("<joint")
     robot.urdf.write_text(text[:start] + "</link>" + text[stop:])
-    with pytest.raises(ParamsError, match=r"robot 'arm': wanted a mass matrix .* joint 'wrist' moves 0 kg m\^2"):
+    with pytest.raises(ParamsError, match=r"robot 'arm': expected a mass matrix .* joint 'wrist' moves 0 kg m\^2"):
         TsidModel(robot, rotor_inertia={})
     model = TsidModel(robot, rotor_inertia={"wrist": 0.01})
     assert np.isfinite(model.terms(model.create_scratch(), *random_state(model, 1)).mass_matrix).all()
@@ -278,12 +278,12 @@ def test_a_joint_that_moves_nothing_is_refused(tmp_path):
     ("contacts", "more", "message"),
     [
         ([Contact("a", Mount("a", "elbow"), "point")], {}, r"contact 'a': no link 'elbow'; links: base, upper"),
-        ([Contact("a", Mount("a", "hand"), "point")] * 2, {}, r"contact 'a': wanted a name that no link"),
-        ([Contact("hand", Mount("hand", "hand"), "point")], {}, r"contact 'hand': wanted a name that no link"),
+        ([Contact("a", Mount("a", "hand"), "point")] * 2, {}, r"contact 'a': expected a name that no link"),
+        ([Contact("hand", Mount("hand", "hand"), "point")], {}, r"contact 'hand': expected a name that no link"),
         ([], {"frames": [Mount("eye", "head")]}, r"frame 'eye': no link 'head'"),
         ([], {"rotor_inertia": {"knee": 1.0}}, r"rotor_inertia: no joint 'knee'; joints: wrist, shoulder"),
-        ([], {"rotor_inertia": {"wrist": -1.0}}, r"rotor_inertia: wrist: wanted a number >= 0"),
-        ([], {"rotor_inertia": {"wrist": np.nan}}, r"rotor_inertia: wrist: wanted a number >= 0"),
+        ([], {"rotor_inertia": {"wrist": -1.0}}, r"rotor_inertia: wrist: expected a number >= 0"),
+        ([], {"rotor_inertia": {"wrist": np.nan}}, r"rotor_inertia: wrist: expected a number >= 0"),
     ],
 )
 def test_what_is_refused(tmp_path, contacts, more, message):

@@ -74,12 +74,12 @@ def test_robustness_stands_below_all_tasks_unless_told_otherwise():
 @pytest.mark.parametrize(
     ("tasks", "formulation", "wanted"),
     [
-        ({"posture": 0}, BY_LEVEL, r"tasks\.posture\.priority: wanted 1, 2, \.\.\.; got 0"),
-        ({"posture": 1.5}, BY_LEVEL, r"tasks\.posture\.priority: wanted 1, 2"),
-        ({"posture": 2}, {}, r"formulation\.use: wanted none \(null\) beside strict priorities; got 'trade_off'"),
-        ({"posture": 2}, {**BY_LEVEL, "priority": 2}, "wanted a level of its own for robustness"),
-        ({"posture": 2}, {**BY_LEVEL, "measure": "box"}, "priorities: wanted individual"),
-        ({"posture": 2}, {**BY_LEVEL, "measure": "classic", "priority": 3}, "priorities: wanted individual"),
+        ({"posture": 0}, BY_LEVEL, r"tasks\.posture\.priority: expected 1, 2, \.\.\., got 0"),
+        ({"posture": 1.5}, BY_LEVEL, r"tasks\.posture\.priority: expected 1, 2"),
+        ({"posture": 2}, {}, r"formulation\.use: expected none \(null\) beside strict priorities, got 'trade_off'"),
+        ({"posture": 2}, {**BY_LEVEL, "priority": 2}, "expected a level of its own for robustness"),
+        ({"posture": 2}, {**BY_LEVEL, "measure": "box"}, "priorities: expected individual"),
+        ({"posture": 2}, {**BY_LEVEL, "measure": "classic", "priority": 3}, "priorities: expected individual"),
     ],
 )
 def test_what_does_not_go_together_is_refused_in_one_line(tasks, formulation, wanted):

@@ -129,7 +129,7 @@ def test_groups_and_their_whole():
     whole = probability(polytope, inside, error).value
     assert whole <= min(parts.values()) + 1e-3
     assert_allclose(parts["torque"], 1.0, atol=1e-12)
-    with pytest.raises(ParamsError, match=r"wanted one of \['other', 'torque'\]"):
+    with pytest.raises(ParamsError, match=r"expected one of \['other', 'torque'\]"):
         probability(polytope, inside, error, group="force")
     with pytest.raises(ParamsError, match="samples"):
         probability(polytope, inside, error, samples=3)

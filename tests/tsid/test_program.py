@@ -117,9 +117,9 @@ def test_drakes_own_solver_agrees():
 def test_two_of_one_name_are_refused():
     terms, tasks, limits = rows_at(0)
     for build in (build_full, build_reduced):
-        with pytest.raises(ParamsError, match="wanted different names; 'com' comes twice"):
+        with pytest.raises(ParamsError, match="expected different names; 'com' comes twice"):
             build(terms, [*tasks, tasks[0]], limits)
-        with pytest.raises(ParamsError, match="wanted different names; 'contact cones' comes twice"):
+        with pytest.raises(ParamsError, match="expected different names; 'contact cones' comes twice"):
             build(terms, tasks, [*limits, limits[1]])
 
 

@@ -16,7 +16,7 @@ from drake_tc.tsid.qp.choose import solver
 from drake_tc.tsid.qp.problem import Outcome
 from drake_tc.tsid.robust.box import size_of_risk
 from drake_tc.tsid.robust.individual import p_ind
-from drake_tc.tsid.robust.rectangle_program import rectangle_risk
+from drake_tc.tsid.robust.rectangle import rectangle_risk
 from drake_tc.tsid.robust.torque_error import TorqueError
 
 FILE = Path(drake_tc.models.__file__).parent / "hrp2_like" / "hrp2_like_tsid.yaml"
@@ -129,7 +129,7 @@ def test_limits_that_conflict_are_diagnosed(law):
 
 
 def test_what_the_program_does_not_know_is_refused():
-    with pytest.raises(ParamsError, match="solver: program knows use: trade_off alone; got constraint"):
+    with pytest.raises(ParamsError, match="solver: program knows use: trade_off alone, got constraint"):
         load_law(FILE, {"solver": "program", "formulation": {"use": "constraint", "weight": None}})
     levels = {"com": {"priority": 1}, "posture": {"priority": 2}, "force": {"priority": 2}}
     with pytest.raises(ParamsError, match="program weighs tasks and knows no strict priorities"):

@@ -50,4 +50,4 @@ def test_the_command_prints_rows(capsys):
     assert printed["name"] == "qp" and len(printed["rows"]) == 2 * 3 * len(MOTIONS)
     assert {"name", "unit", "median", "p99", "n"} == set(printed["rows"][0])
     assert run(["bench", "qp", "--solver", "simplex", "--ticks", "20"]) == 2
-    assert "wanted one of" in capsys.readouterr().err
+    assert "expected one of" in capsys.readouterr().err

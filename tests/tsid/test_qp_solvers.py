@@ -166,7 +166,7 @@ def test_how_arrays_lie_in_memory_does_not_matter_and_none_is_changed(name, made
 
 def test_the_default_is_there_and_others_are_asked_for_by_name(monkeypatch):
     assert DEFAULT in SOLVERS and type(solver()) is type(solver(DEFAULT))
-    with pytest.raises(ParamsError, match=r"solver: wanted one of daqp, .*clarabel.*; got 'simplex'"):
+    with pytest.raises(ParamsError, match=r"solver: expected one of daqp, .*clarabel.*, got 'simplex'"):
         solver("simplex")
     monkeypatch.setitem(choose.SOLVERS, "piqp", ("drake_tc.tsid.qp.not_there", "Piqp"))
     with pytest.raises(ParamsError, match=r"solver 'piqp' is not available: .*not_there.*drake-tc\[solvers\]"):

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from drake_tc.kernels.reduction import RANK_KEPT, RANK_LOST
 from drake_tc.robot.mounts import Mount, Pose
 from drake_tc.tsid.contacts import Contact
 from drake_tc.tsid.model import TsidModel
-from drake_tc.tsid.reduction import RANK_KEPT, RANK_LOST, causes_of, reduce
+from drake_tc.tsid.reduction import causes_of, reduce
 from drake_tc.tsid.rows import LimitRows, Parts, TaskRows, identity
 from drake_tc.tsid.tasks.com import ComTask
 from drake_tc.tsid.tasks.posture import PostureTask

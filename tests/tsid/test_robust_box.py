@@ -9,71 +9,22 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from scipy.integrate import quad
 from scipy.optimize import linprog, minimize
-from scipy.special import erf, log_ndtr, ndtr
+from scipy.special import erf, ndtr
 
 from drake_tc.tsid.polytope import LeastSquares, Polytope
 from drake_tc.tsid.probability import probability
 from drake_tc.tsid.qp.choose import solver
 from drake_tc.tsid.qp.problem import Outcome, QuadraticProgram
-from drake_tc.tsid.robust.box import BoxRows, box_risk, p_box, size_of_risk
+from drake_tc.tsid.robust.box import box_risk, box_rows, p_box, size_of_risk
+from drake_tc.tsid.robust.convex import rectangle
 from drake_tc.tsid.robust.formulation import Formulation
-from drake_tc.tsid.robust.interval import interval_risk, interval_slopes
-from drake_tc.tsid.robust.objective import nothing
-from drake_tc.tsid.robust.rectangle import RectangleObjective, RectangleRows
-from drake_tc.tsid.robust.rectangle_program import p_rect, rectangle_risk
-from drake_tc.tsid.robust.scaled import scaled
+from drake_tc.tsid.robust.rectangle import p_rect, rectangle_risk
+from drake_tc.tsid.robust.scaled import nothing, scaled
 from drake_tc.tsid.robust.torque_error import TorqueError
 
 from .robust_problems import random_covariance, random_polytope, random_problem
 
 QP = solver()
-
-
-def test_interval_risk_where_plain_arithmetic_does():
-    above, below = (g.ravel() for g in np.meshgrid(np.linspace(-4.0, 8.0, 25), np.linspace(-3.9, 8.1, 25)))
-    keep = above + below > 0.05
-    above, below = above[keep], below[keep]
-    # Phi(a) - Phi(-b) by the two lower tails, or the two upper ones where those are smaller: 1e-16 over 4e-4 at worst
-    mass = np.where(above > below, ndtr(below) - ndtr(-above), ndtr(above) - ndtr(-below))
-    assert_allclose(interval_risk(above, below), -np.log(mass), rtol=1e-9, atol=1e-12)
-
-
-def test_interval_risk_far_out_and_very_narrow():
-    for above, below in ((-38.0, 41.0), (40.0, -37.0), (-200.0, 201.0)):
-        # all but 1e-16 of the mass is that of the half line
-        assert_allclose(interval_risk(np.array([above]), np.array([below])), -log_ndtr(min(above, below)), rtol=1e-10)
-    narrow = interval_risk(np.array([1.0 + 1e-9]), np.array([-1.0]))
-    assert_allclose(narrow, 0.5 + 0.5 * np.log(2.0 * np.pi) - np.log(1e-9), rtol=1e-8)
-    wide = interval_risk(np.array([9.0]), np.array([10.0]))
-    assert_allclose(wide, ndtr(-9.0) + ndtr(-10.0), rtol=1e-10)
-    assert np.all(np.isinf(interval_risk(np.array([-1.0, 2.0, 0.0]), np.array([1.0, -3.0, 0.0]))))
-
-
-def test_interval_slopes():
-    rng = np.random.default_rng(0)
-    above = rng.uniform(-3.0, 6.0, 200)
-    below = -above + rng.uniform(0.3, 6.0, 200)
-    risk = interval_risk
-    got = interval_slopes(above, below, risk(above, below))
-    h = 1e-5
-    by_a = (risk(above + h, below) - risk(above - h, below)) / (2 * h)
-    by_b = (risk(above, below + h) - risk(above, below - h)) / (2 * h)
-    assert_allclose(got[0], by_a, rtol=1e-6, atol=1e-8)
-    assert_allclose(got[1], by_b, rtol=1e-6, atol=1e-8)
-    ahead, behind = (interval_slopes(above + s, below, risk(above + s, below)) for s in (h, -h))
-    assert_allclose(got[2], (ahead[0] - behind[0]) / (2 * h), rtol=1e-6, atol=1e-6)
-    assert_allclose(got[3], (ahead[1] - behind[1]) / (2 * h), rtol=1e-6, atol=1e-6)
-    ahead, behind = (interval_slopes(above, below + s, risk(above, below + s)) for s in (h, -h))
-    assert_allclose(got[4], (ahead[1] - behind[1]) / (2 * h), rtol=1e-6, atol=1e-6)
-
-
-@settings(max_examples=100, deadline=None)
-@given(st.lists(st.floats(-8.0, 8.0), min_size=4, max_size=4), st.floats(0.0, 1.0))
-def test_interval_risk_is_convex(ends, share):
-    (a, b), (c, d) = (ends[0], abs(ends[1]) + 0.1 - ends[0]), (ends[2], abs(ends[3]) + 0.1 - ends[2])
-    one, other = interval_risk(np.array([a, c]), np.array([b, d]))
-    between = interval_risk(np.array([share * a + (1 - share) * c]), np.array([share * b + (1 - share) * d]))[0]
-    assert between <= share * one + (1 - share) * other + 1e-9 * (1.0 + one + other)
 
 
 @pytest.mark.parametrize("full", [False, True])
@@ -85,43 +36,36 @@ def test_rows_of_box_and_rectangle_are_the_worst_corners(full):
     x, sides = inside / problem.scale, rng.uniform(0.1, 2.0, 8)
     held = np.zeros(len(polytope.lower))
     held[[1, 5]] = 1.0, -1.0
-    rows = RectangleRows(problem.limits, problem.noise, held, 0.01)
-    box = BoxRows(problem.limits, problem.noise)
+    program = rectangle(problem.cost, problem.limits, problem.noise, held, 0.01, 1.0)
     corners = np.array(np.meshgrid(*[(-b, a) for a, b in zip(sides[:4], sides[4:], strict=True)])).reshape(4, -1)
     value = problem.limits.matrix @ x
     reached = value[:, None] + problem.noise @ corners
-    got = rows.times(np.concatenate((x, sides)))
+    got = program.rows().matrix @ np.concatenate((x, sides))
     expected = np.concatenate(
         (reached.max(axis=1), -reached.min(axis=1), -sides[:4] - sides[4:], value[[1]], -value[[5]])
     )
     assert_allclose(got, expected, rtol=1e-12, atol=1e-9)
+    limits = problem.limits
+    ends = (limits.upper, -limits.lower, np.full(4, -0.01), limits.upper[[1]], -limits.lower[[5]])
+    assert_allclose(program.rows().upper, np.concatenate(ends), rtol=0)
     reached = value[:, None] + problem.noise @ np.array(np.meshgrid(*[(-1.3, 1.3)] * 4)).reshape(4, -1)
-    got_box = box.times(np.append(x, 1.3))
+    got_box = box_rows(problem)[0].matrix @ np.append(x, 1.3)
     assert_allclose(got_box[:-1], np.concatenate((reached.max(axis=1), -reached.min(axis=1))), rtol=1e-12, atol=1e-9)
-    for kind, point in ((rows, np.concatenate((x, sides))), (box, np.append(x, 1.3))):
-        assert_allclose(kind.dense().matrix @ point, kind.times(point), rtol=1e-12, atol=1e-9)
-        some = np.array([3, 9, len(kind.upper) - 1, 0, len(kind.upper) - 3])
-        assert_allclose(kind.take(some), kind.dense().matrix[some], rtol=1e-15)
 
 
-def test_rectangle_factor_is_that_of_its_hessian():
+def test_derivatives_of_the_rectangles_objective():
     cost, polytope, error = random_problem(1)
     problem = scaled(cost, polytope, error)
-    objective = RectangleObjective(problem.cost, 6, 0.3)
+    held = np.zeros(len(polytope.lower))
+    program = rectangle(problem.cost, problem.limits, problem.noise, held, 0.01, 0.3)
     rng = np.random.default_rng(0)
     at = np.concatenate((rng.normal(size=6), rng.uniform(0.2, 3.0, 12)))
-    point, h = objective.at(at), 1e-5
-    gradient = point.gradient()
+    point, h = program.at(at), 1e-5
     steps = h * np.eye(18)
-    values = [(objective.at(at + s).value - objective.at(at - s).value) / (2 * h) for s in steps]
-    assert_allclose(gradient, values, rtol=1e-6, atol=1e-7 * np.abs(values).max())
-    slopes = [(objective.at(at + s).gradient() - objective.at(at - s).gradient()) / (2 * h) for s in steps]
-    hessian = point.factor().hessian()
-    assert_allclose(hessian, slopes, rtol=1e-5, atol=1e-5 * np.abs(hessian).max())
-    right = rng.normal(size=(18, 3))
-    white = point.factor().whiten(right)
-    assert_allclose(white.T @ white, right.T @ np.linalg.solve(hessian, right), rtol=1e-9)
-    assert_allclose(point.factor().solve(right[:, 0]), np.linalg.solve(hessian, right[:, 0]), rtol=1e-9)
+    values = [(program.at(at + s).value - program.at(at - s).value) / (2 * h) for s in steps]
+    assert_allclose(point.gradient, values, rtol=1e-6, atol=1e-7 * np.abs(values).max())
+    slopes = [(program.at(at + s).gradient - program.at(at - s).gradient) / (2 * h) for s in steps]
+    assert_allclose(point.hessian, slopes, rtol=1e-5, atol=1e-5 * np.abs(point.hessian).max())
 
 
 def test_box_risk_and_its_inverse():

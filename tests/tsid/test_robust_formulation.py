@@ -276,8 +276,8 @@ def test_change_of_formulation_between_ticks():
 @pytest.mark.parametrize(
     ("change", "why"),
     [
-        ({"measure": "all"}, "measure: wanted one of"),
-        ({"use": "none"}, "use: wanted one of"),
+        ({"measure": "all"}, "measure: expected one of"),
+        ({"use": "none"}, "use: expected one of"),
         ({"weight": 0.0}, "weight"),
         ({"weight": math.nan}, "weight"),
         ({"minimum": -1.0}, "minimum"),

@@ -8,18 +8,16 @@ from scipy.optimize import minimize
 from drake_tc.tsid.polytope import LeastSquares
 from drake_tc.tsid.qp.choose import solver
 from drake_tc.tsid.qp.problem import Outcome, QuadraticProgram
-from drake_tc.tsid.robust.factor import DenseFactor
-from drake_tc.tsid.robust.individual import IndividualRisk
+from drake_tc.tsid.robust.budget import Budget
+from drake_tc.tsid.robust.convex import plain
 from drake_tc.tsid.robust.newton import minimise
 from drake_tc.tsid.robust.null_space import null_basis
-from drake_tc.tsid.robust.objective import Objective, nothing
-from drake_tc.tsid.robust.scaled import Rows, scaled
-from drake_tc.tsid.robust.step import FREE, Stepper, Working
+from drake_tc.tsid.robust.scaled import Rows, nothing, scaled
+from drake_tc.tsid.robust.working import FREE, Working
 
 from .robust_problems import random_problem
 
 QP = solver()
-NO_ROWS = Rows(np.zeros((0, 6)), np.zeros(0), np.zeros(0))
 
 
 class Forbidden:
@@ -33,21 +31,22 @@ def test_risk_is_minimised_from_far_outside(seed, far):
     """Without limits, sides up to 1e4 sigmas away on the wrong side; scipy finds the same minimum from nearby."""
     _, polytope, error = random_problem(seed, n=6, rows=10, near=4.0)
     problem = scaled(nothing(6), polytope, error)
-    risk = IndividualRisk(problem.erring)
-    objective = Objective(nothing(6), risk=risk, weight=1.0)
+    rows = problem.erring
+    free = Rows(rows.matrix, np.full(rows.lower.size, -np.inf), np.full(rows.lower.size, np.inf))
+    objective = plain(nothing(6), free, risk=rows, weight=1.0)
     begin = far * np.random.default_rng(seed).normal(size=6)
     if far >= 60.0:
-        assert risk.margins(begin).min() < -40.0
-    found = minimise(objective, NO_ROWS, Forbidden(), begin, accuracy=1e-9)
+        assert rows.miss(begin) > 40.0
+    found = minimise(objective, Forbidden(), begin, accuracy=1e-9)
     assert found.converged
     assert found.iterations < 60
 
     def value(x):
         point = objective.at(x)
-        return point.value, point.gradient()
+        return point.value, point.gradient
 
-    other = minimize(value, found.point.x + 0.1, jac=True, method="BFGS", options={"gtol": 1e-7})
-    assert_allclose(found.point.risk, other.fun, rtol=1e-6)
+    other = minimize(value, found.x + 0.1, jac=True, method="BFGS", options={"gtol": 1e-7})
+    assert_allclose(found.risk, other.fun, rtol=1e-6)
 
 
 @pytest.mark.parametrize("far", [60.0, 1e4])
@@ -55,58 +54,62 @@ def test_risk_is_minimised_from_far_outside(seed, far):
 def test_limits_are_reached_from_far_outside(seed, far):
     cost, polytope, error = random_problem(seed, n=6, rows=10)
     problem = scaled(cost, polytope, error)
-    objective = Objective(problem.cost, risk=IndividualRisk(problem.erring), weight=1e-2)
+    objective = plain(problem.cost, problem.limits, risk=problem.erring, weight=1e-2)
     begin = far * np.random.default_rng(seed).normal(size=6)
-    found = minimise(objective, problem.limits, QP, begin, accuracy=1e-10)
-    near = minimise(objective, problem.limits, QP, np.zeros(6), accuracy=1e-10)
+    found = minimise(objective, QP, begin, accuracy=1e-10)
+    near = minimise(objective, QP, np.zeros(6), accuracy=1e-10)
     assert found.outcome is Outcome.SOLVED
     assert found.converged
-    assert problem.limits.miss(found.point.x) < 1e-6
-    assert_allclose(found.point.value, near.point.value, rtol=1e-7)
+    assert problem.limits.miss(found.x) < 1e-6
+    assert_allclose(found.value, near.value, rtol=1e-7)
 
 
 def test_no_program_where_the_newton_step_stays_inside():
     _, polytope, error = random_problem(0)
     problem = scaled(nothing(6), polytope, error)
-    objective = Objective(nothing(6), risk=IndividualRisk(problem.erring), weight=1.0)
-    inside = minimise(objective, problem.limits, QP, np.zeros(6), accuracy=1e-6).point.x
-    found = minimise(objective, problem.limits, Forbidden(), inside + 0.01, accuracy=1e-9)
+    objective = plain(nothing(6), problem.limits, risk=problem.erring, weight=1.0)
+    inside = minimise(objective, QP, np.zeros(6), accuracy=1e-6).x
+    found = minimise(objective, Forbidden(), inside + 0.01, accuracy=1e-9)
     assert found.converged
     assert found.programs == 0
 
 
 @pytest.mark.parametrize("seed", range(10))
 def test_step_is_that_of_another_solver(seed):
+    """A quadratic objective takes one step."""
     rng = np.random.default_rng(seed)
     n, m = 7, 15
-    root = rng.normal(size=(n, n))
-    hessian, gradient = root @ root.T + 0.1 * np.eye(n), 3.0 * rng.normal(size=n)
+    cost = LeastSquares(rng.normal(size=(n, n)), 3.0 * rng.normal(size=n))
     rows = Rows(rng.normal(size=(m, n)), -rng.uniform(0.0, 1.0, m), rng.uniform(0.0, 1.0, m))
     wrong = Working(np.array([1, 5]), np.array([1, -1]), np.zeros(2))
-    program = QuadraticProgram(hessian, gradient, rows.matrix, rows.lower, rows.upper)
-    reference = solver("clarabel").solve(program)
+    program = plain(cost, rows, damping=0.1)
+    hessian, gradient = program.at(np.zeros(n)).hessian, program.at(np.zeros(n)).gradient
+    assert_allclose(gradient, -2.0 * cost.matrix.T @ cost.target)
+    reference = solver("clarabel").solve(QuadraticProgram(hessian, gradient, rows.matrix, rows.lower, rows.upper))
     for working in (FREE, wrong):
-        step = Stepper(DenseFactor(hessian), rows, QP).step(gradient, rows.lower, rows.upper, working)
+        spending = Budget(1).started()
+        step = minimise(program, QP, np.zeros(n), working=working, spending=spending)
         assert step.outcome is Outcome.SOLVED
-        assert_allclose(step.d, reference.x, atol=1e-5)
-        assert_allclose(step.along, rows.matrix @ step.d, atol=1e-12)
+        assert step.iterations == 1
+        assert_allclose(step.x, reference.x, atol=1e-5)
         force = np.zeros(m)
         force[step.working.rows] = step.working.multipliers
-        balance = hessian @ step.d + gradient + rows.matrix.T @ force
+        balance = hessian @ step.x + gradient + rows.matrix.T @ force
         assert_allclose(balance, 0.0, atol=1e-9 * np.abs(gradient).max())
         assert np.all(step.working.multipliers * step.working.sides >= 0.0)
         ends = np.where(step.working.sides > 0, rows.upper[step.working.rows], rows.lower[step.working.rows])
-        assert_allclose(step.along[step.working.rows], ends, atol=1e-8)
-        assert rows.miss(step.d) < 2e-8
+        assert_allclose((rows.matrix @ step.x)[step.working.rows], ends, atol=1e-8)
+        assert rows.miss(step.x) < 2e-8
 
 
 def test_flat_risk_ends():
     """Rows on one side only: R falls for ever, ever less."""
     rows = Rows(np.eye(3), np.zeros(3), np.full(3, np.inf))
-    objective = Objective(nothing(3), risk=IndividualRisk(rows), weight=1.0)
-    found = minimise(objective, Rows(np.zeros((0, 3)), np.zeros(0), np.zeros(0)), QP, -50.0 * np.ones(3), accuracy=1e-8)
+    free = Rows(rows.matrix, np.full(3, -np.inf), np.full(3, np.inf))
+    objective = plain(nothing(3), free, risk=rows, weight=1.0)
+    found = minimise(objective, QP, -50.0 * np.ones(3), accuracy=1e-8)
     assert found.converged
-    assert 0.0 <= found.point.risk < 1e-6
+    assert 0.0 <= found.risk < 1e-6
 
 
 def test_null_basis():
@@ -123,8 +126,8 @@ def test_gradient_of_the_objective():
     cost, polytope, error = random_problem(3)
     problem = scaled(cost, polytope, error)
     linear = np.arange(6.0)
-    objective = Objective(problem.cost, linear=linear, risk=IndividualRisk(problem.erring), weight=0.7)
+    objective = plain(problem.cost, problem.limits, linear=linear, risk=problem.erring, weight=0.7)
     x, h = np.random.default_rng(0).normal(size=6), 1e-6
     by_difference = [(objective.at(x + s).value - objective.at(x - s).value) / (2 * h) for s in h * np.eye(6)]
-    assert_allclose(objective.at(x).gradient(), by_difference, rtol=1e-6, atol=1e-6)
+    assert_allclose(objective.at(x).gradient, by_difference, rtol=1e-6, atol=1e-6)
     assert LeastSquares(problem.cost.matrix, problem.cost.target)(x) <= objective.at(x).value - linear @ x

@@ -156,7 +156,7 @@ def test_rotations_come_back_from_points():
 
 
 def test_what_it_cannot_do_without_is_asked_for():
-    with pytest.raises(ParamsError, match="wanted contacts; it has none"):
+    with pytest.raises(ParamsError, match="expected contacts; it has none"):
         StandingState(TsidModel(robot()), PERIOD)
-    with pytest.raises(ParamsError, match="wanted 0 < period <= trust"):
+    with pytest.raises(ParamsError, match="expected 0 < period <= trust"):
         StandingState(model(), 0.0)

@@ -91,12 +91,12 @@ def test_pressure_is_the_distance_times_the_normal_force(model):
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda m: ForceTask(m, weight=-1.0), r"task 'force': weight: wanted finite numbers >= 0"),
-        (lambda m: ForceTask(m, components=[1, 2]), r"task 'force': components: wanted a number or 9 of them"),
-        (lambda m: ForceTask(m, components=[np.nan] * 6), r"task 'force': components: wanted finite numbers"),
+        (lambda m: ForceTask(m, weight=-1.0), r"task 'force': weight: expected finite numbers >= 0"),
+        (lambda m: ForceTask(m, components=[1, 2]), r"task 'force': components: expected a number or 9 of them"),
+        (lambda m: ForceTask(m, components=[np.nan] * 6), r"task 'force': components: expected finite numbers"),
         (lambda m: CopTask(m, "heel"), r"task 'heel pressure': no surface contact 'heel'; possible: sole"),
         (lambda m: CopTask(m, "tip"), r"task 'tip pressure': no surface contact 'tip'; possible: sole"),
-        (lambda m: CopTask(m, "sole", weight=[1, -1]), r"task 'sole pressure': weight: wanted finite numbers >= 0"),
+        (lambda m: CopTask(m, "sole", weight=[1, -1]), r"task 'sole pressure': weight: expected finite numbers >= 0"),
     ],
 )
 def test_what_is_refused(model, make, message):
@@ -106,7 +106,7 @@ def test_what_is_refused(model, make, message):
 
 def test_a_robot_without_contacts_is_told_so(tmp_path):
     model = TsidModel(arm(tmp_path))
-    with pytest.raises(ParamsError, match=r"task 'force': wanted a model with contacts; robot 'arm' has none here"):
+    with pytest.raises(ParamsError, match=r"task 'force': expected a model with contacts; robot 'arm' has none here"):
         ForceTask(model)
     with pytest.raises(ParamsError, match=r"no surface contact 'sole'; possible: none"):
         CopTask(model, "sole")

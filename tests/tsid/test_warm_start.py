@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_array_equal
 
 from drake_tc.tsid.robust.solution import Start
-from drake_tc.tsid.robust.step import FREE, Working
+from drake_tc.tsid.robust.working import FREE, Working
 from drake_tc.tsid.warm_start import WarmStart
 
 

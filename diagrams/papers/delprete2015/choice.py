@@ -15,9 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 from drake_tc.diagrams.papers.delprete2015.com_move import Sway, tenths
 from drake_tc.diagrams.papers.delprete2015.judge import SAMPLES
-from drake_tc.diagrams.papers.delprete2015.reach import Goal, reach_scene
-from drake_tc.diagrams.papers.delprete2015.setup import CLASSIC, W_REACH, torque_error
-from drake_tc.diagrams.papers.delprete2015.simulation import Moment, follow
+from drake_tc.diagrams.papers.delprete2015.reach import Goal
+from drake_tc.diagrams.papers.delprete2015.setup import torque_error
+from drake_tc.diagrams.papers.delprete2015.simulation import Moment
 
 from drake_tc.tsid.probability import probability
 from drake_tc.tsid.robust.individual import p_ind
@@ -69,11 +69,6 @@ def candidates() -> list[Sway]:
 def goals() -> list[Goal]:
     """Of the reach."""
     return [Goal(*numbers) for numbers in itertools.product(OFFSETS, RISES, MARGINS)]
-
-
-def coverage_of_goal(goal: Goal) -> Coverage:
-    """Of one reach."""
-    return coverage(follow(reach_scene(goal=goal), CLASSIC, W_REACH, torque_error(), goal.duration))
 
 
 def coverage(moments: Iterable[Moment], seed: int = 0) -> Coverage:

@@ -33,7 +33,7 @@ from drake_tc.tsid.probability import probability
 from drake_tc.tsid.qp.choose import solver
 from drake_tc.tsid.robust.box import p_box
 from drake_tc.tsid.robust.individual import p_ind
-from drake_tc.tsid.robust.rectangle_program import p_rect
+from drake_tc.tsid.robust.rectangle import p_rect
 from drake_tc.tsid.tasks.com import ComTask
 from drake_tc.types import FloatArray
 

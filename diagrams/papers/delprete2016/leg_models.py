@@ -1,5 +1,9 @@
-"""The leg's identified models as committed data: the paper's two linear fits, and the complete model."""
+"""The leg's identified models as committed data: the paper's two linear fits, and the complete model.
 
+python -m drake_tc.diagrams.papers.delprete2016.leg_models models/hrp2_like    # writes them anew
+"""
+
+import sys
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -9,7 +13,6 @@ from drake_tc.diagrams.papers.delprete2016.table1 import Table1, identify_table1
 from drake_tc.actuation.model import ActuatorModel
 from drake_tc.actuation.model_file import save_models
 from drake_tc.diagnosis.result.models import model_of
-from drake_tc.report.reproduction import Progress
 
 STEM = "hrp2_like_leg"
 EXPERIMENT = "diagrams/papers/delprete2016/identification.py"
@@ -26,15 +29,6 @@ HOW: Mapping[str, tuple[str, str, tuple[str, ...]]] = {
     ),
 }
 """Name to method, note and the runs it was fitted to."""
-
-
-def identify_leg(seed: int = 0, progress: Progress | None = None) -> dict[str, dict[str, ActuatorModel]]:
-    """Record the experiment anew and identify "symmetric", "asymmetric" and "identified" of every joint.
-
-    Raises:
-        DrakeTcError: see `identify_table1`.
-    """
-    return leg_models(identify_table1(seed, progress, hidden=("deadzone",)))
 
 
 def leg_models(data: Table1) -> dict[str, dict[str, ActuatorModel]]:
@@ -57,3 +51,14 @@ def write_leg_models(models: Mapping[str, Mapping[str, ActuatorModel]], folder: 
         paths.append(folder / f"{STEM}_{name}.yaml")
         save_models(by_joint, paths[-1], provenance=provenance)
     return paths
+
+
+def main() -> None:
+    """Record the experiment anew, identify every joint, and write the files into the folder that is named."""
+    folder = Path(sys.argv[1])
+    for path in write_leg_models(leg_models(identify_table1(0, hidden=("deadzone",))), folder):
+        print(path)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,4 +1,4 @@
-"""Faraji et al. (2015), Fig. 4a: how the spring's torque follows the wanted one over frequency, law by law."""
+"""Faraji et al. (2015), Fig. 4a: how the spring's torque follows the desired one over frequency, law by law."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -101,7 +101,7 @@ def bode(seed: int = 0, progress: Progress | None = None) -> Reproduction:
     curves = {name: one.unwrapped() for name, one in responses.items()}
 
     def draw(figure: Any) -> None:
-        draw_bode(figure, curves, "spring torque over wanted torque, clamped joint", delay=scenario.delay)
+        draw_bode(figure, curves, "spring torque over desired torque, clamped joint", delay=scenario.delay)
 
     return Reproduction("C.bode", judged(values, expectations("c_bode")), tables, NOTES, {"c_bode": draw})
 

@@ -27,18 +27,18 @@ CORRECTIONS = (20.0, 30.0)
 """How fast the measured speed corrects the planned one of a link that is held against its motion [rad/s]."""
 NOTES = (
     "Simulated. Held: the knee of the robot file, output clamped, 4 N m at 1 Hz, 3 N m of dry friction, 15 ms of delay;"
-    " RMS of wanted less true spring torque over three periods. Laws tuned by one rule: see C.bode.",
-    "`but for the delay`: against the wanted torque of 15 ms ago. A law that follows 4 N m at 1 Hz exactly, 15 ms late,"
+    " RMS of desired less true spring torque over three periods. Laws tuned by one rule: see C.bode.",
+    "`but for the delay`: against the desired torque of 15 ms ago. A law that follows 4 N m at 1 Hz exactly, 15 ms late"
     " has 0.27 N m of RMS error. The momentum observer does not know of the delay: it integrates against the present"
     " torque and overshoots ahead of it, which at 1 Hz is nearer to the present than an exact copy that is late.",
-    "The predictor carries the wanted torque over the whole delay here, as a sine of 1 Hz lets it; C.bode takes 8 ms.",
-    "Transparency: no torque wanted, a hand of 300 N m/rad takes the joint to and fro at 0.5 rad/s; its mean torque"
+    "The predictor carries the desired torque over the whole delay here, as a sine of 1 Hz lets it; C.bode takes 8 ms.",
+    "Transparency: no torque desired, a hand of 300 N m/rad takes the joint to and fro at 0.5 rad/s; its mean torque"
     " while the speed is constant, over the motor's friction at that speed without its back-EMF (3.75 N m). The turns"
     " are left out there: every law with an integrator has next to nothing at a constant speed. Over the whole motion,"
     " turns at 5 rad/s^2 included, the RMS of the hand's torque is above 10 % of that friction for every law.",
     "Not tuned by the rule, in a table of their own: a law nearer to the printed one (the last step's friction, the"
     " measured speed, no spring terms, kp = 0.3; but it knows the delay), and the momentum observer at half its gain.",
-    "Caught: a free link's planned motion, and a hand of 40 N m/rad that holds it; RMS of wanted less true torque.",
+    "Caught: a free link's planned motion, and a hand of 40 N m/rad that holds it; RMS of desired less true torque.",
 )
 
 

@@ -95,5 +95,5 @@ def margins_of(name: str, factor: float = 1.0) -> Margins:
     loop, context = settled_at(sea_entry(), plain, 0.2, (INPUT, OUTPUT))
     cut = open_loop(loop.diagram, context, plain.dt, "torque_control:voltage")
     if not cut.closed().radius_but_for_drift() < 1.0:
-        raise SimulationError(f"law {name!r}: wanted a stable loop; its spectral radius is not below 1")
+        raise SimulationError(f"law {name!r}: expected a stable loop; its spectral radius is not below 1")
     return margins(cut.loop_response(0), plain.dt, frequency_grid(plain.dt, 0.5, 400))

@@ -70,7 +70,7 @@ def loop_case(result: CloseLoopResult, folder: Path, seed: int = 0) -> LoopCase:
         raise ParamsError("the joints' held-out rows count different samples, so there is no common motion")
     motion = held_out_motion(sides, LONGEST_PENDULUM if rig.robot is None else LONGEST, LEAD)
     if motion is None:
-        raise ParamsError("wanted a held-out stretch of at least one second to follow")
+        raise ParamsError("expected a held-out stretch of at least one second to follow")
     before, after = ({n: model_of(j, final=final) for n, j in result.joints.items()} for final in (False, True))
     if rig.robot is not None:
         path, plant = rig.robot, f"the robot of {rig.robot.name}"

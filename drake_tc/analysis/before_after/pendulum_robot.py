@@ -29,7 +29,7 @@ class Swing:
 
     def __post_init__(self) -> None:
         if not (0.0 < self.inertia < math.inf and 0.0 <= self.weight < math.inf and math.isfinite(self.zero)):
-            raise ParamsError(f"pendulum: wanted inertia > 0, weight >= 0 and a finite zero; got {self}")
+            raise ParamsError(f"pendulum: expected inertia > 0, weight >= 0 and a finite zero, got {self}")
 
 
 def swing_of(pendulum: Pendulum) -> Swing:

@@ -69,7 +69,7 @@ def _check_loop(scenario: Scenario) -> None:
     others = [name for name, value in wanted.items() if getattr(scenario, name) != value]
     if others:
         raise ParamsError(
-            "joint loops: wanted a scenario in torque control (`controller: torque`, `torque_from: estimate`)"
+            "joint loops: expected a scenario in torque control (`controller: torque`, `torque_from: estimate`)"
             f" without predictor and observer; it differs in {', '.join(others)}"
         )
 

@@ -44,7 +44,7 @@ def joint_tasks(scenario: Scenario, begin: float | None = None) -> list[JointTas
     true, model = (list(actuator_models(scenario, robot, controller=c).values()) for c in (False, True))
     for drive in (*true, *model):
         if drive.drive.kind != "position_servo":
-            raise ParamsError(f"tune: wanted position servos; {drive.joint} is a {drive.drive.kind} drive")
+            raise ParamsError(f"tune: expected position servos; {drive.joint} is a {drive.drive.kind} drive")
     n = len(robot.joints)
     wanted = references(scenario, robot)
     motion = wanted.motion.reshape(-1, 3, n)

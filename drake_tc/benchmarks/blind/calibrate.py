@@ -1,4 +1,4 @@
-"""Sets each cause's amplitude so that it changes the torque balance by the wanted RMS, by coarse pilot runs."""
+"""Sets each cause's amplitude so that it changes the torque balance by the requested RMS, by coarse pilot runs."""
 
 from dataclasses import replace
 

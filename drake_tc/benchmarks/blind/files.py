@@ -33,7 +33,7 @@ def write_rig(records: list[Record], out_dir: Path) -> Path:
     """
     spec = records[0].spec
     if sorted(r.run for r in records) != sorted(RUNS):
-        raise BlindError(f"{spec.name}: wanted the runs {', '.join(RUNS)}, got {', '.join(r.run for r in records)}")
+        raise BlindError(f"{spec.name}: expected the runs {', '.join(RUNS)}, got {', '.join(r.run for r in records)}")
     folder, hidden = out_dir / "rigs" / spec.name, out_dir / "truth" / spec.name
     folder.mkdir(parents=True, exist_ok=True)
     hidden.mkdir(parents=True, exist_ok=True)

@@ -4,22 +4,13 @@ import numpy as np
 import pandas as pd
 
 from drake_tc.benchmarks.blind.balance import CleanLog
+from drake_tc.benchmarks.blind.physics import CHANNELS
 from drake_tc.benchmarks.blind.random_signals import BandNoise
 from drake_tc.benchmarks.blind.reference import LOG_PERIOD
 from drake_tc.benchmarks.blind.spec import RigSpec, Sensors
 from drake_tc.types import BoolArray, FloatArray
 
-CLEAN_COLUMNS = (
-    "position",
-    "velocity",
-    "acceleration",
-    "motor_position",
-    "command",
-    "effort",
-    "torque",
-    "bristle",
-    "temperature",
-)
+CLEAN_COLUMNS = tuple(name for name in CHANNELS if name != "motor_velocity")
 COMMAND_COLUMN = {"position_servo": "position_command", "current": "current", "voltage": "voltage"}
 
 

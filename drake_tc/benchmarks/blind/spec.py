@@ -65,7 +65,7 @@ class Joint:
     def __post_init__(self) -> None:
         if self.gain <= 0 or self.rotor_inertia <= 0 or self.link_inertia <= 0:
             raise BlindError(
-                f"a joint wants positive gain and inertias; got {self.gain}, {self.rotor_inertia}, {self.link_inertia}"
+                f"a joint wants positive gain and inertias, got {self.gain}, {self.rotor_inertia}, {self.link_inertia}"
             )
 
 

@@ -181,7 +181,7 @@ def _add_hinge(plant: Any, robot: Robot) -> None:
 def _add_mat(plant: Any, robot: Robot) -> None:
     """A soft mat, as high as the resting sole less the depth that it is to sink in."""
     if not robot.force_torque:
-        raise ParamsError(f"{robot.source}: wanted an F/T sensor, at whose contact the mat lies; got none")
+        raise ParamsError(f"{robot.source}: expected an F/T sensor, at whose contact the mat lies, got none")
     mount = robot.force_torque[0].contact
     model = make_plant(robot, 0.0)
     context = model.CreateDefaultContext()

@@ -1,4 +1,4 @@
-"""`SeriesElasticControl`: wanted spring torques to the voltages of series-elastic joints.
+"""`SeriesElasticControl`: desired spring torques to the voltages of series-elastic joints.
 
 Source: Faraji et al., 2015, section II.B.
 """

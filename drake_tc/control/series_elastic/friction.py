@@ -40,9 +40,9 @@ def motor_arrays(models: Models) -> MotorArrays:
     rows = []
     for model in model_list(models):
         if model.drive.kind != "voltage":
-            raise ParamsError(f"joint {model.joint!r}: wanted a voltage drive; got {model.drive.kind}")
+            raise ParamsError(f"joint {model.joint!r}: expected a voltage drive, got {model.drive.kind}")
         if not model.inertia > 0.0:
-            raise ParamsError(f"joint {model.joint!r}: wanted rotor_inertia > 0 in the model")
+            raise ParamsError(f"joint {model.joint!r}: expected rotor_inertia > 0 in the model")
         known = {value.key: value.parameters for value in model.effects}
         damping = known.get("viscous", {}).get("viscous", 0.0)
         dry = known.get("coulomb", {}).get("coulomb", 0.0)

@@ -3,7 +3,7 @@
 With D the loop delay in ticks, K = Rm/(kt N), F_v = tau_v + ke kt N^2/Rm, J = Jm N^2 (the printed law drops N^2):
 
     v[k]     = K ( F_v y[k] + tau_f + J theta''_ref + r + kp (r~ - tau[k]) )                           (inverse)
-    r        = wanted torque, shaped: its cubic `horizon` and half a tick ahead, the middle of the voltage's hold
+    r        = desired torque, shaped: its cubic `horizon` and half a tick ahead, the middle of the voltage's hold
     theta''_ref = q''_ref + r''/Ks, r'' `spring_time` earlier: the link's, and that of winding a spring with damping
     r~       = (r[k-D] + r[k-D-1])/2
     y[k]     = (1 - a) (y[k-1] + g[k]) + a theta'+,   a = 1 - exp(-speed_bandwidth dt)                 (speed)

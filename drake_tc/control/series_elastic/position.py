@@ -38,7 +38,7 @@ class MotorPositionControl(PortMethods, LeafSystem):
         """
         super().__init__()
         if not 0.0 < gain < np.inf:
-            raise ParamsError(f"position_gain: wanted a positive number [N m/rad]; got {gain:g}")
+            raise ParamsError(f"position_gain: expected a positive number [N m/rad], got {gain:g}")
         arrays = motor_arrays(motors)
         n = len(arrays.limit)
         self._gain: FloatArray = gain / arrays.torque_per_volt

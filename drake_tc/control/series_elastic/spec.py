@@ -7,6 +7,8 @@ from typing import Literal, get_args
 from drake_tc.errors import ParamsError
 
 Mode = Literal["observer", "last_step_friction", "feedforward", "feedforward_p", "pi", "momentum_observer"]
+MOST_TICKS = 10_000
+"""Longest time of a spec [control periods]."""
 WITH_P: tuple[Mode, ...] = ("observer", "last_step_friction", "feedforward_p", "pi", "momentum_observer")
 """Laws that feed the torque error back in proportion."""
 
@@ -56,17 +58,17 @@ class SeriesElasticSpec:
 
     def __post_init__(self) -> None:
         if self.mode not in get_args(Mode):
-            raise ParamsError(f"control.mode: wanted one of {', '.join(get_args(Mode))}; got {self.mode!r}")
+            raise ParamsError(f"control.mode: expected one of {', '.join(get_args(Mode))}, got {self.mode!r}")
         for name in ("step", "momentum_gain", "speed_step", "speed_bandwidth", "friction_speed"):
             if not (math.isfinite(getattr(self, name)) and getattr(self, name) > 0.0):
-                raise ParamsError(f"control.{name}: wanted a positive number; got {getattr(self, name)!r}")
+                raise ParamsError(f"control.{name}: expected a positive number, got {getattr(self, name)!r}")
         for name in ("kp", "ki", "delay", "horizon", "reference_window", "spring_time"):
             if not (math.isfinite(getattr(self, name)) and getattr(self, name) >= 0.0):
-                raise ParamsError(f"control.{name}: wanted a number >= 0; got {getattr(self, name)!r}")
+                raise ParamsError(f"control.{name}: expected a number >= 0, got {getattr(self, name)!r}")
         if not 0.0 <= self.leak <= 1.0:
-            raise ParamsError(f"control.leak: wanted a factor from 0 to 1; got {self.leak!r}")
+            raise ParamsError(f"control.leak: expected a factor from 0 to 1, got {self.leak!r}")
         if self.horizon > 0.0 and self.reference_window == 0.0:
-            raise ParamsError("control.horizon: wanted a reference_window > 0 to extrapolate from")
+            raise ParamsError("control.horizon: expected a reference_window > 0 to extrapolate from")
 
     def ticks(self, name: str, dt: float) -> int:
         """A time of the spec in control periods, one at least but for delay and window.
@@ -75,8 +77,12 @@ class SeriesElasticSpec:
             ParamsError: it is no whole number of periods, within 1e-6 of one.
         """
         ticks: float = getattr(self, name) / dt
+        if not abs(ticks) <= MOST_TICKS:
+            raise ParamsError(
+                f"control.{name}: wanted at most {MOST_TICKS} periods of {dt:g} s; got {getattr(self, name):g} s"
+            )
         if abs(ticks - round(ticks)) > 1e-6 or (round(ticks) < 1 and name not in ("delay", "reference_window")):
             raise ParamsError(
-                f"control.{name}: wanted a multiple of the period {dt:g} s; got {getattr(self, name):g} s"
+                f"control.{name}: expected a multiple of the period {dt:g} s, got {getattr(self, name):g} s"
             )
         return round(ticks)

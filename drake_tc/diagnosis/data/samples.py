@@ -1,7 +1,7 @@
 """The rows of a regression: one joint's filtered signals, and which of them take part."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 
 import numpy as np
@@ -62,6 +62,10 @@ class Samples:
     link_prior: LinkPrior | None = None
     sensor_prior: SensorPrior | None = None
 
+    def __getstate__(self) -> dict[str, object]:
+        """The fields alone, without what has been computed from them."""
+        return {each.name: getattr(self, each.name) for each in fields(self)}
+
     def reduce(self, values: FloatArray, *, fresh: bool = False) -> FloatArray:
         """Low-pass (T,) or (T, k) values and keep the rows: (N,) or (N, k).
 
@@ -71,8 +75,8 @@ class Samples:
         if values.ndim == 2:
             kept = [self.reduce(values[:, k], fresh=fresh) for k in range(values.shape[1])]
             return np.stack(kept, axis=-1) if kept else np.zeros((self.rows.size, 0))
-        low_pass = self._both if fresh else self._final
-        return np.asarray(low_pass.inner(values)[self.rows - low_pass.margin])
+        low_pass, places = self._both if fresh else self._final
+        return low_pass.at(values, places)
 
     def rate(self, values: FloatArray) -> FloatArray:
         """Time derivative of values (N,) of the rows from neighbouring rows; 0 of a row that has none [1/s]."""
@@ -91,13 +95,17 @@ class Samples:
         return tuple(self.signals.take(segment) for segment in self.segments)
 
     @cached_property
-    def _final(self) -> BlockConvolution:
-        return BlockConvolution(self.kernel.kernels[0])
+    def _final(self) -> tuple[BlockConvolution, IntArray]:
+        return self._on_rows(BlockConvolution(self.kernel.kernels[0]))
 
     @cached_property
-    def _both(self) -> BlockConvolution:
+    def _both(self) -> tuple[BlockConvolution, IntArray]:
         """Both kernels in one: rows lie inside the margins of the two, where one pass gives what two passes give."""
-        return BlockConvolution(np.convolve(self.light.kernels[0], self.kernel.kernels[0]))
+        return self._on_rows(BlockConvolution(np.convolve(self.light.kernels[0], self.kernel.kernels[0])))
+
+    def _on_rows(self, low_pass: BlockConvolution) -> tuple[BlockConvolution, IntArray]:
+        """A low-pass and where it finds the rows."""
+        return low_pass, low_pass.places(self.rows - low_pass.margin)
 
     def passed_noise(self, filters: Sequence[tuple[DriveEffect, Shape]]) -> float:
         """Share of the variance of white noise, after both kernels, that passes linear filters (`DriveEffect`) too."""

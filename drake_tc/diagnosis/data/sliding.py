@@ -107,7 +107,7 @@ def require_rows(rows: IntArray, moving: BoolArray, resolution: Resolution, fina
     raise IdentificationError(
         f"{label}: too little motion; expected at least {LEAST_ROWS} filter windows of {1e3 * window:.0f} ms in all of "
         f"which the joint moves faster than {SPEED_OF_NOISE * resolution.velocity_noise:.2g} rad/s, which the sensor "
-        f"resolves; got {rows.size} (such motion lasts {np.count_nonzero(moving) * final.period:.2g} s in all); "
+        f"resolves, got {rows.size} (such motion lasts {np.count_nonzero(moving) * final.period:.2g} s in all); "
         "record runs with longer or faster strokes"
     )
 

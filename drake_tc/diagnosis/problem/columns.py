@@ -133,18 +133,20 @@ class Columns:
         self.samples = samples
         self.gain = gain
         self.floor = floor
-        signals = samples.signals
-        inertial = signals.rotor_inertia * signals.acceleration
+        s = samples.signals
         if target is None:
-            target = samples.reduce(signals.load_torque + inertial + signals.known_torque)
+            target = samples.reduce(s.load_torque + s.rotor_inertia * s.acceleration + s.known_torque)
         self.target = target
         self._cache: dict[tuple[object, ...], FloatArray] = {}
         self._bytes = 0
         folds = fold_of(samples.block)
-        self._order = np.argsort(folds, kind="stable")
-        self._ends = np.cumsum(np.bincount(folds, minlength=FOLDS))
+        self._order, self._ends = np.argsort(folds, kind="stable"), np.cumsum(np.bincount(folds, minlength=FOLDS))
         self._sorted: dict[tuple[object, ...], FloatArray] = {}
         self._products: dict[tuple[object, ...], FloatArray] = {}
+
+    def __getstate__(self) -> dict[str, object]:
+        """Without what has been computed."""
+        return self.__dict__ | {"_cache": {}, "_sorted": {}, "_products": {}, "_bytes": 0}
 
     @property
     def effort_is_target(self) -> bool:
@@ -175,7 +177,7 @@ class Columns:
 
     @staticmethod
     def _drives(terms: Sequence[Term]) -> list[Term]:
-        return [t for t in terms if isinstance(t.effect, DriveEffect) and t.effect.shapes]
+        return [t for t in terms if isinstance(t.effect, DriveEffect) and (t.effect.shapes or t.effect.filters)]
 
     def _effort_key(self, terms: Sequence[Term]) -> tuple[object, ...]:
         return ("effort", *(k for t in self._drives(terms) for k in t.cache_key))
@@ -191,9 +193,8 @@ class Columns:
     def _remember(self, key: tuple[object, ...], value: FloatArray) -> None:
         self._bytes += 2 * value.nbytes
         if self._bytes > CACHE_BYTES:
-            self._cache.clear()
-            self._sorted.clear()
-            self._products.clear()
+            for computed in (self._cache, self._sorted, self._products):
+                computed.clear()
             self._bytes = 2 * value.nbytes
         self._cache[key] = value
 
@@ -215,8 +216,8 @@ class Columns:
                 product = self._product(key, x, keys[j], sorted_[j])
                 grams[:, mine, other] = product
                 grams[:, other, mine] = product.transpose(0, 2, 1)
-        squares = self._product(("target",), target, ("target",), target)[:, 0, 0]
-        return Normal(grams, moments, squares, self.prior(terms))
+        squares = self._product(("target",), target, ("target",), target)
+        return Normal(grams, moments, squares[:, 0, 0], self.prior(terms))
 
     def prior(self, terms: Sequence[Term], variance: float | None = None) -> Prior:
         """What is known beforehand of the coefficients of these terms: of the links' parameters and sensor errors.
@@ -224,9 +225,8 @@ class Columns:
         `variance`: of the residual [N^2 m^2]; None takes that of the declared model.
         """
         known, sensors = self.samples.link_prior, self.samples.sensor_prior
-        size = 1 + sum(len(t.effect.coefficients) for t in terms)
+        at, size = 1, 1 + sum(len(t.effect.coefficients) for t in terms)
         out = Prior(np.zeros(size), np.zeros(size))
-        at = 1
         for term in terms:
             mine = slice(at, at + len(term.effect.coefficients))
             at = mine.stop
@@ -279,8 +279,7 @@ class Columns:
         if self.floor is None or self.gain is None:
             return 1.0
         found = BalanceCoefficients.of(terms, beta, self.samples.signals.rotor_inertia)
-        passed = self._effort_noise(terms)
-        own = self.floor.torque(found.stiffness, found.viscous, found.inertia, passed)
+        own = self.floor.torque(found.stiffness, found.viscous, found.inertia, self._effort_noise(terms))
         declared = self.floor.torque(1.0 / self.gain, self.samples.signals.viscous)
         return float(np.clip(declared / max(own, 1e-300), 0.5, 2.0))
 

@@ -73,6 +73,8 @@ def _samples(build: Build, train_runs: Sequence[Run], held_runs: Sequence[Run]) 
     """
     with _naming("training runs"):
         train = build(train_runs)
+    if not held_runs:
+        return train, train
     same = partial(build, width_s=train.light.width_s)
     with _naming("held-out runs"):
         try:
@@ -92,17 +94,19 @@ def prepare_joint(
     compliance: float = 0.0,
     link_prior: LinkPrior | None = None,
     width_s: float | None = None,
+    common: Sequence[Term] = (),
 ) -> Prepared:
     """Filter one joint's runs, take off what is known of it and fit its declared model.
 
     Args:
         train_runs: To fit.
-        held_runs: To judge by.
+        held_runs: To judge by; where there are none, the training rows stand for them.
         rig: Says drive, load and what is declared.
         joint: Which.
         compliance: As in `build_samples` [rad/(N m)].
         link_prior: Of the links' columns that the runs hold; None where they hold none.
         width_s: Width of the light kernel [s]; None lets the data choose.
+        common: Terms of all joints, which the declared model has besides the joint's own.
 
     Raises:
         IdentificationError: the joint hardly moves in the training or in the held-out runs, or the training runs cannot
@@ -120,6 +124,7 @@ def prepare_joint(
     scale = load_scale(rig, joint)
     first, other = (Columns(each, declared_gain=scale.gain) for each in (train, held))
     plain = fit_declared(first, declared_terms(rig, joint), context, loads)
+    plain = fit(first, [*plain.terms, *common]) if common else plain
     if train.load_unknown:
         require_identified_load(first, plain, joint, context)
     elif context.load != "links":

@@ -22,7 +22,8 @@ from drake_tc.diagnosis.problem.columns import FOLDS, Columns, Term, coefficient
 from drake_tc.diagnosis.problem.estimates import Estimate, estimates
 from drake_tc.diagnosis.problem.regression import Fit, bounds_of
 from drake_tc.diagnosis.problem.shared.covariance import covariance, own_response
-from drake_tc.diagnosis.problem.shared.stacked import JointRows, StackedFit
+from drake_tc.diagnosis.problem.shared.rows import JointRows
+from drake_tc.diagnosis.problem.shared.stacked import StackedFit
 from drake_tc.diagnosis.selection.comparison import effective_samples
 from drake_tc.diagnosis.thresholds import BEYOND_TOLERANCE
 from drake_tc.effects.base import Context, plain_signals

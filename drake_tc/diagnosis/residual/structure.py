@@ -6,11 +6,13 @@ The features are therefore the command, the motion after a kernel three times as
 model expects from these two.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-from sklearn.ensemble import HistGradientBoostingRegressor
+from threadpoolctl import threadpool_limits
 
 from drake_tc.diagnosis.data.samples import Samples
 from drake_tc.diagnosis.problem.columns import BalanceCoefficients
@@ -20,6 +22,9 @@ from drake_tc.diagnosis.thresholds import ResidualThresholds
 from drake_tc.filtering.common_kernel import CommonKernel
 from drake_tc.identification.autocorrelation import correlation_time
 from drake_tc.types import BoolArray, FloatArray, IntArray
+
+if TYPE_CHECKING:
+    from sklearn.ensemble import HistGradientBoostingRegressor
 
 MOST_ROWS = 12_000
 GROUP_SECONDS = 1.5
@@ -62,20 +67,46 @@ def inside_range(train: FloatArray, held: FloatArray, margin: float = 0.05) -> B
     return np.asarray(inside)
 
 
-def cross_predict(x: FloatArray, y: FloatArray, group: IntArray, seed: int, folds: int = 4) -> FloatArray:
-    """Out-of-fold predictions (N,) of a gradient-boosted tree; samples of one group share a fold."""
-    out = np.zeros_like(y)
+def cross_predict(
+    features: Sequence[FloatArray],
+    y: FloatArray,
+    group: IntArray,
+    seed: int,
+    executor: Executor | None = None,
+    folds: int = 4,
+) -> list[FloatArray]:
+    """Out-of-fold predictions (N,) of gradient-boosted trees from each set of features (N, k).
+
+    Args:
+        features: One set for each of the predictions.
+        y: (N,) what is predicted.
+        group: (N,) samples of one group share a fold.
+        seed: Of the folds and of the trees.
+        executor: Fits the trees beside each other; None fits them here.
+        folds: Number of folds.
+    """
     fold = np.random.default_rng(seed).permutation(int(group.max()) + 1)[group] % folds
-    for f in range(folds):
-        model = _trees(seed, max_leaf_nodes=24, l2_regularization=1.0)
-        held = fold == f
-        if held.any() and (~held).sum() > 100:
-            model.fit(x[~held], y[~held])
-            out[held] = model.predict(x[held])
+    held = [rows for f in range(folds) if (rows := fold == f).any() and (~rows).sum() > 100]
+    jobs = [(x[~rows], y[~rows], x[rows], seed) for x in features for rows in held]
+    made: Iterator[FloatArray] = map(_predicted, jobs) if executor is None else executor.map(_predicted, jobs)
+    out = [np.zeros_like(y) for _ in features]
+    for each in out:
+        for rows in held:
+            each[rows] = next(made)
     return out
 
 
-def _trees(seed: int, **more: float) -> HistGradientBoostingRegressor:
+def _predicted(job: tuple[FloatArray, FloatArray, FloatArray, int]) -> FloatArray:
+    """Trees of features (N, k) and values (N,), at other features (M, k): (M,)."""
+    x, y, there, seed = job
+    model = _trees(seed, max_leaf_nodes=24, l2_regularization=1.0)
+    with threadpool_limits(1):
+        return np.asarray(model.fit(x, y).predict(there))
+
+
+def _trees(seed: int, **more: float) -> "HistGradientBoostingRegressor":
+    from sklearn.ensemble import HistGradientBoostingRegressor
+
     return HistGradientBoostingRegressor(
         max_iter=80, learning_rate=0.12, min_samples_leaf=40, random_state=seed, **more
     )
@@ -129,11 +160,9 @@ class _Dependence:
     needs_time: bool
 
 
-def _dependence(rows: _Rows, seed: int) -> _Dependence:
-    by_signals = cross_predict(rows.x, rows.y, rows.group, seed)
-    by_both = cross_predict(np.hstack([rows.x, rows.clock]), rows.y, rows.group, seed)
-    by_time = cross_predict(rows.clock, rows.y, rows.group, seed)
-    y, held = rows.y, rows.held
+def _dependence(rows: _Rows, seed: int, executor: Executor | None) -> _Dependence:
+    y, held, both_kinds = rows.y, rows.held, np.hstack([rows.x, rows.clock])
+    by_signals, by_both, by_time = cross_predict((rows.x, both_kinds, rows.clock), y, rows.group, seed, executor)
     signals = share_explained(y[held], by_signals[held])
     both = share_explained(y, by_both)
     interplay = both - share_explained(y, by_time)
@@ -154,6 +183,7 @@ def assess_residual(
     floor: float,
     options: ResidualThresholds,
     seed: int = 0,
+    executor: Executor | None = None,
 ) -> Unexplained:
     """What is left of both splits after the final model, and whether it is structure or simply more than noise.
 
@@ -164,13 +194,14 @@ def assess_residual(
         floor: Noise floor [effort].
         options: SearchThresholds.
         seed: Of the folds.
+        executor: Fits the regressors beside each other; None fits them here.
     """
     rms, train_rms = (float(np.sqrt(np.mean(s.after**2))) for s in (held, train))
     before = float(np.sqrt(np.mean(held.before**2)))
     floors = rms / floor if floor > 0.0 else np.inf
     most = max(rms, train_rms) / floor if floor > 0.0 else np.inf
     rows = _rows(train, held, x)
-    found = _dependence(rows, seed)
+    found = _dependence(rows, seed, executor)
     least = max(options.least_rms * floor, options.least_of_before * before)
     enough = least if rows.carried else max(least, options.least_growth * before)
     functional = (
@@ -226,7 +257,8 @@ def depends_on(x: FloatArray, y: FloatArray, group: IntArray, seed: int) -> list
     """Signals whose shuffling costs the flexible regressor at least 15 % of what the most important one costs."""
     rng = np.random.default_rng(seed)
     first = group % 2 == 0
-    model = _trees(seed).fit(x[first], y[first])
+    with threadpool_limits(1):
+        model = _trees(seed).fit(x[first], y[first])
     base = float(np.mean((y[~first] - model.predict(x[~first])) ** 2))
     cost = np.zeros(x.shape[1])
     for j in range(x.shape[1]):

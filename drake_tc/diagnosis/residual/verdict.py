@@ -1,5 +1,6 @@
 """What the final model leaves, held against the noise floor, and the verdict that follows from it."""
 
+from concurrent.futures import Executor
 from dataclasses import replace
 
 import numpy as np
@@ -35,7 +36,12 @@ def compared(columns: Columns, held: Columns, baseline: Fit, chosen: Fit) -> tup
 
 
 def what_is_left(
-    splits: tuple[DataSplit, DataSplit], chosen: Fit, floor: float, context: Context, options: DiagnosisOptions
+    splits: tuple[DataSplit, DataSplit],
+    chosen: Fit,
+    floor: float,
+    context: Context,
+    options: DiagnosisOptions,
+    executor: Executor | None = None,
 ) -> tuple[Unexplained, float, tuple[str, ...]]:
     """What is left, the noise floor [effort] with correlated noise of the torque sensor in it, and notes."""
     if not options.assess_residual:
@@ -44,7 +50,7 @@ def what_is_left(
     known = BalanceCoefficients.of(chosen.terms, chosen.beta)
     x = (features(splits[0].samples, known, servo=servo), features(splits[1].samples, known, servo=servo))
     thresholds = _residual_options(options.residual, chosen)
-    left = assess_residual(*splits, x, floor, thresholds, options.seed)
+    left = assess_residual(*splits, x, floor, thresholds, options.seed, executor)
     if left.structured or context.load != "torque":
         return left, floor, ()
     noise = [correlated_noise(s.samples, s.after / chosen.gain) for s in splits]

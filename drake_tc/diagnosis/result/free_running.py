@@ -18,12 +18,6 @@ FreeRun = Callable[[ActuatorModel, Rig, str, Run], tuple[FloatArray, FloatArray,
 """(model, rig, joint, run) -> (time, recorded, simulated position), or None where it cannot run."""
 
 
-def load_in_workers(free_run: FreeRun, executor: Executor, runs: int) -> None:
-    """Let the workers of an executor load Drake and all else that `runs` free runs need, beside the diagnosis."""
-    for _ in range(runs):
-        executor.submit(callable, free_run)  # a function is sent by its name: whoever receives it imports its module
-
-
 def with_free_runs(
     result: JointResult,
     rig: Rig,

@@ -9,7 +9,8 @@ from scipy.stats import t as student
 from drake_tc.diagnosis.problem.estimates import Estimate
 from drake_tc.diagnosis.problem.shared.causes import LINK_PARAMETERS_ID, PAYLOAD_ID, Cause, CauseColumns
 from drake_tc.diagnosis.problem.shared.covariance import covariance
-from drake_tc.diagnosis.problem.shared.stacked import JointRows, StackedFit
+from drake_tc.diagnosis.problem.shared.rows import JointRows
+from drake_tc.diagnosis.problem.shared.stacked import StackedFit
 from drake_tc.identification.base_parameters import base_combinations
 from drake_tc.robot.link_parameters import LinkModel
 from drake_tc.types import BoolArray, FloatArray

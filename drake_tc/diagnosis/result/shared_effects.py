@@ -4,23 +4,22 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.stats import norm
 
-from drake_tc.diagnosis.problem.columns import Term, prior_coefficients
+from drake_tc.diagnosis.problem.columns import Term
 from drake_tc.diagnosis.problem.estimates import Estimate, estimates
 from drake_tc.diagnosis.problem.prepared import Prepared
 from drake_tc.diagnosis.problem.regression import fit
 from drake_tc.diagnosis.problem.shared.causes import TITLES, Cause, CauseColumns
-from drake_tc.diagnosis.problem.shared.covariance import covariance, intervals, own_response
-from drake_tc.diagnosis.problem.shared.gain_dilution import dilution
-from drake_tc.diagnosis.problem.shared.stacked import JointRows, StackedFit, fit_stacked, stack
+from drake_tc.diagnosis.problem.shared.covariance import intervals
+from drake_tc.diagnosis.problem.shared.rows import JointRows, stack
+from drake_tc.diagnosis.problem.shared.stacked import StackedFit, fit_stacked
 from drake_tc.diagnosis.residual.unexplained import DataSplit
 from drake_tc.diagnosis.result.joint_result import Errors, JointResult
 from drake_tc.diagnosis.result.rig_result import SharedEffect
 from drake_tc.diagnosis.result.run_errors import run_errors
-from drake_tc.diagnosis.result.widening import widened
-from drake_tc.diagnosis.selection.joint import refine
-from drake_tc.diagnosis.selection.shared import active
+from drake_tc.diagnosis.result.widening import Parameters, spanned
+from drake_tc.diagnosis.selection.shape_refinement import refine
+from drake_tc.diagnosis.selection.shared import active, substituted
 from drake_tc.types import FloatArray
 
 RESAMPLES = 400
@@ -72,21 +71,22 @@ def shared_effects(
     if not chosen:
         return ()
     fitted = fit_stacked(train, *active(causes.causes, chosen))
-    half = intervals(train, fitted)
+    models = [_parameters(train, chosen, fitted)]
+    models += [
+        _parameters(train, a, fit_stacked(train, *active(causes.causes, a))) for a in substituted(chosen, alternatives)
+    ]
     out = []
-    at = 0
     for number, cause in enumerate(chosen):
-        part = slice(at, at + cause.size)
-        at += cause.size
         others = [c for c in chosen if c is not cause]
+        own = [{cause.key: model[cause.key]} for model in models if cause.key in model]
         without = fit_stacked(train, *active(causes.causes, others))
-        gain, stability, by_joint = _on_held(held, fitted, without)
+        gain, stability, by_joint = on_held_out((held, fitted), (held, without))
         out.append(
             SharedEffect(
                 id=cause.id,
                 where=cause.where,
                 title=TITLES[cause.id],
-                parameters=_parameters(cause, fitted.delta[part], half[part]),
+                parameters=spanned(own)[cause.key],
                 heldout_gain=gain,
                 stability=stability,
                 joints={r.joint: each for r, each in zip(held, by_joint, strict=True)},
@@ -104,86 +104,39 @@ def both_sides(
     return train, stack({joint: p.held for joint, p in prepared.items()}, terms, causes)
 
 
-def with_shared_uncertainty(
-    joints: Mapping[str, JointResult],
-    before: tuple[Sequence[JointRows], StackedFit],
-    after: tuple[Sequence[JointRows], StackedFit],
-) -> dict[str, JointResult]:
-    """The joints' results with intervals that know what is not known of the shared causes.
-
-    Args:
-        joints: Results on loads at the estimate of the shared causes.
-        before: Training rows with the declared models, and the fit with no cause named.
-        after: The same with the final models.
-    """
-    spread = [covariance(rows, fitted)[0] for rows, fitted in (before, after)]
-    out = {}
-    for number, (name, joint) in enumerate(joints.items()):
-        of_beta = []
-        for (rows, fitted), each, model in zip((before, after), spread, (joint.baseline, joint.final), strict=True):
-            response = own_response(rows[number], fitted)
-            shapes = sum(len(t.effect.shapes) for t in model.terms)
-            own = np.concatenate([~prior_coefficients(model.terms), np.ones(shapes, dtype=np.bool_)])
-            place = np.flatnonzero(own)[: len(response)]  # rows without the shapes' slopes say nothing of the shapes
-            of_beta.append(np.zeros((own.size, own.size)))
-            of_beta[-1][np.ix_(place, place)] = response @ each @ response.T
-        final = widened(joint.final_parameters, joint.final, of_beta[1])
-        out[name] = replace(
-            joint,
-            baseline_parameters=widened(joint.baseline_parameters, joint.baseline, of_beta[0]),
-            final_parameters=final,
-            effects=tuple(replace(e, parameters=final[e.key]) for e in joint.effects),
-        )
+def _parameters(rows: Sequence[JointRows], causes: Sequence[Cause], fitted: StackedFit) -> Parameters:
+    """The causes' parameters by key, with 95 % intervals; the fit's first columns are those of the causes."""
+    half, out, at = intervals(rows, fitted), {}, 0
+    for cause in causes:
+        part = slice(at, at + cause.size)
+        at += cause.size
+        delta, width = fitted.delta[part], half[part]
+        value = cause.physical(delta)
+        ends = np.sort(np.stack([cause.physical(delta - width), cause.physical(delta + width)]), axis=0)
+        out[cause.key] = {
+            name: Estimate(float(value[i]), unit, (float(ends[0, i]), float(ends[1, i])), False)
+            for i, (name, unit) in enumerate(zip(cause.parameters, cause.units, strict=True))
+        }
     return out
 
 
-def with_uncertain_gains(
-    joints: Mapping[str, JointResult], rows: Sequence[JointRows], fitted: StackedFit, tolerance: float
-) -> dict[str, JointResult]:
-    """The joints' results with intervals that know how far 1/K may be off, and all torques with it.
-
-    A gain that is fitted may have been shrunk by noise of the effort (`gain_dilution`); declared gains have a
-    tolerance.
+def on_held_out(
+    larger: tuple[Sequence[JointRows], StackedFit], smaller: tuple[Sequence[JointRows], StackedFit]
+) -> tuple[float, float, list[float]]:
+    """Gain of all joints together, share of resamples in which it helps, gain by joint.
 
     Args:
-        joints: Results of a robot whose links are fitted.
-        rows: Training rows with the final models.
-        fitted: All joints together.
-        tolerance: Standard deviation of the common relative error of the declared drive gains.
+        larger: Held-out rows with a cause, and the fit with it to the training rows.
+        smaller: The same without it.
     """
-    out = {}
-    for number, (name, joint) in enumerate(joints.items()):
-        own = tolerance if rows[number].held is not None else 0.0
-        relative = np.hypot(dilution(rows[number], fitted, number) / float(norm.ppf(0.975)), own)
-        links = prior_coefficients(joint.final.terms)
-        shapes = sum(len(t.effect.shapes) for t in joint.final.terms)
-        scaled = np.concatenate([np.where(links, 0.0, joint.final.beta), np.zeros(shapes)])
-        spread = relative**2 * np.outer(scaled, scaled)
-        final = widened(joint.final_parameters, joint.final, spread)
-        effects = tuple(replace(e, parameters=final[e.key]) for e in joint.effects)
-        out[name] = replace(joint, final_parameters=final, effects=effects)
-    return out
-
-
-def _parameters(cause: Cause, delta: FloatArray, half: FloatArray) -> dict[str, Estimate]:
-    value = cause.physical(delta)
-    ends = np.sort(np.stack([cause.physical(delta - half), cause.physical(delta + half)]), axis=0)
-    return {
-        name: Estimate(float(value[i]), unit, (float(ends[0, i]), float(ends[1, i])), False)
-        for i, (name, unit) in enumerate(zip(cause.parameters, cause.units, strict=True))
-    }
-
-
-def _on_held(held: Sequence[JointRows], fitted: StackedFit, without: StackedFit) -> tuple[float, float, list[float]]:
-    """Gain of all joints together, share of resamples in which it helps, gain by joint."""
-    count = int(max(int(r.block.max()) for r in held)) + 1
+    count = max(int(r.block.max()) for r in larger[0]) + 1
     blocks = np.zeros((2, count))
     by_joint = []
-    for j, rows in enumerate(held):
-        squares = [f.residual(rows, j) ** 2 for f in (fitted, without)]
+    for j, (rows, others) in enumerate(zip(larger[0], smaller[0], strict=True)):
+        squares = [larger[1].residual(rows, j) ** 2, smaller[1].residual(others, j) ** 2]
         by_joint.append(1.0 - float(np.sqrt(squares[0].mean() / max(squares[1].mean(), 1e-300))))
         for side, square in zip(blocks, squares, strict=True):
-            side += np.bincount(rows.block, square, count) / fitted.sigma[j] ** 2
+            side += np.bincount(rows.block, square, count) / larger[1].sigma[j] ** 2
     total = blocks.sum(axis=1)
     draws = np.random.default_rng(0).integers(0, count, (RESAMPLES, count))
     better = (blocks[1] - blocks[0])[draws].sum(axis=1) > 0.0

@@ -9,7 +9,7 @@ with the first term from the joint's own fit (`drake_tc.diagnosis.problem.estima
 sensors within tolerance are treated alike (`drake_tc.diagnosis.problem.sensor_errors`).
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -55,9 +55,9 @@ def widened(parameters: Parameters, fitted: Fit, spread: FloatArray) -> Paramete
     }
     for k in range(point.size):
         step = 1e-6 * abs(point[k]) + 1e-12
-        moved = point.copy()
-        moved[k] += step
-        changed = physical_parameters(fitted, moved[:size], moved[size:])
+        changed_point = point.copy()
+        changed_point[k] += step
+        changed = physical_parameters(fitted, changed_point[:size], changed_point[size:])
         for (key, name), slope in slopes.items():
             slope[k] = (changed[key][name] - named[key][name]) / step
     return {
@@ -72,6 +72,44 @@ def _wider(estimate: Estimate, slope: FloatArray, spread: FloatArray) -> Estimat
     low, high = (abs(estimate.value - end) for end in estimate.ci95)
     ends = (estimate.value - np.hypot(low, np.sqrt(more)), estimate.value + np.hypot(high, np.sqrt(more)))
     return replace(estimate, ci95=(float(ends[0]), float(ends[1])))
+
+
+def moved(parameters: Parameters, values: Mapping[str, Mapping[str, float]]) -> Parameters:
+    """The parameters at other values, each with an interval as wide as it was."""
+    return {
+        key: {name: _shifted(e, values.get(key, {}).get(name, e.value) - e.value) for name, e in group.items()}
+        for key, group in parameters.items()
+    }
+
+
+def _shifted(estimate: Estimate, by: float) -> Estimate:
+    low, high = estimate.ci95
+    return replace(estimate, value=estimate.value + by, ci95=(low + by, high + by))
+
+
+def spanned(models: Sequence[Parameters]) -> Parameters:
+    """The first model's parameters with intervals that span those of all models."""
+    first, *others = models
+    return {
+        key: {name: spanning(e, [other[key][name] for other in others]) for name, e in group.items()}
+        for key, group in first.items()
+    }
+
+
+def spanning(estimate: Estimate, others: Sequence[Estimate]) -> Estimate:
+    """The estimate with the interval that spans its own, those of others, and that of their average.
+
+    The average of M models of equal weight has the variance sum_m (s_m^2 + (x_m - x)^2)/M (Buckland, Burnham and
+    Augustin, 1997, equation 9, squared), with x the mean of the estimates x_m.
+    """
+    models = (estimate, *others)
+    if not others:
+        return estimate
+    value = np.array([each.value for each in models])
+    ends = np.array([each.ci95 for each in models])
+    half = np.hypot(np.diff(ends, axis=1)[:, 0] / 2.0, float(norm.ppf(0.975)) * (value - value.mean()))
+    averaged = value.mean() + np.array([-1.0, 1.0]) * float(np.sqrt(np.mean(half**2)))
+    return replace(estimate, ci95=(float(min(averaged[0], *ends[:, 0])), float(max(averaged[1], *ends[:, 1]))))
 
 
 def robot_gains(joints: Mapping[str, JointResult], sigma: Mapping[str, float]) -> dict[tuple[str, str], float]:

@@ -148,7 +148,7 @@ def _searched(
     link_prior: LinkPrior | None,
 ) -> OwnModel:
     with threadpool_limits(1):
-        prepared = prepare_joint(train, held, rig, joint, 0.0, link_prior, options.width_s)
+        prepared = prepare_joint(train, held, rig, joint, 0.0, link_prior, options.width_s, options.common)
         return OwnModel.of(prepared.train, own_search(prepared, options).chosen)
 
 

@@ -2,10 +2,11 @@
 
 1. All joints together, with the declared models: the links' parameters at the tolerance that the rig file declares
    (`problem.shared.stacked`). Where much of an effort is left, wider filters are tried.
-2. Each joint's own effects, searched on loads at that estimate, beside what the other joints leave open of the links
+2. A delay that all joints share (`common_delay`); where there is one, it is part of each joint's model from here on.
+3. Each joint's own effects, searched on loads at that estimate, beside what the other joints leave open of the links
    (`problem.shared.open_directions`).
-3. The links anew beside these effects; steps 2 and 3 until the effects no longer change.
-4. Each joint's whole diagnosis on these loads, and the links beside what was confirmed.
+4. The links anew beside these effects; steps 3 and 4 until the effects no longer change.
+5. Each joint's whole diagnosis on these loads, and the links beside what was confirmed.
 
 The model before is that of step 1.
 """
@@ -16,16 +17,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from drake_tc.diagnosis.data.link_prior import LinkPrior
-from drake_tc.diagnosis.problem.columns import Columns
+from drake_tc.diagnosis.problem.columns import Columns, Term
 from drake_tc.diagnosis.problem.prepared import Prepared
 from drake_tc.diagnosis.problem.shared.causes import CauseColumns
 from drake_tc.diagnosis.problem.shared.gain_dilution import TOLD, shared_variance, stiffness_to_hold
 from drake_tc.diagnosis.problem.shared.open_directions import open_directions, with_open_directions
-from drake_tc.diagnosis.problem.shared.stacked import JointRows, StackedFit, fit_stacked, stack
+from drake_tc.diagnosis.problem.shared.rows import JointRows, stack
+from drake_tc.diagnosis.problem.shared.stacked import StackedFit, fit_stacked
 from drake_tc.diagnosis.result.links import fitted_links
-from drake_tc.diagnosis.result.shared_effects import original_baseline, with_shared_uncertainty, with_uncertain_gains
+from drake_tc.diagnosis.result.shared_effects import original_baseline
+from drake_tc.diagnosis.result.shared_uncertainty import with_shared_uncertainty, with_uncertain_gains
 from drake_tc.diagnosis.result.widening import robot_gains
 from drake_tc.diagnosis.robot.case import OwnModel, RobotCase
+from drake_tc.diagnosis.robot.common_delay import DelayProblem, SharedDelay, common_delay
 from drake_tc.diagnosis.robot.result import RobotResult
 from drake_tc.diagnosis.selection.shared import active
 from drake_tc.errors import IdentificationError
@@ -100,10 +104,12 @@ def diagnose_fitted(case: RobotCase, model: LinkModel) -> RobotResult:
     """
     joints = case.rig.joints
     start = _in_wide_enough_band(case)
-    case, raw, first = start.case, start.prepared, start.links
-    links = _searched(case, raw, first)
+    case, first = start.case, start.links
+    delay = _common_delay(start)
+    late, raw = (case, start.prepared) if delay is None else _with_term(start, delay.term)
+    links = _searched(late, raw, first if delay is None else _declared(raw, case.causes))
     train, held, priors = links.sides(case)
-    made = links.held_at(case).diagnose(train, held, joints, priors)
+    made = links.held_at(late).diagnose(train, held, joints, priors)
     own = {joint: OwnModel.of(Columns(result.train.samples), result.final) for joint, result in made.items()}
     links = _fitted(raw, own, case.causes)
     before = case.without(first.fitted)
@@ -116,13 +122,36 @@ def diagnose_fitted(case: RobotCase, model: LinkModel) -> RobotResult:
     train_after, held_after = case.without(links.fitted)
     return RobotResult(
         joints=results,
-        shared=(),
+        shared=() if delay is None else (delay.effect,),
         held=case.at_motors(before[1]),
         held_after=case.at_motors(held_after),
         train_after=case.at_motors(train_after),
         robot_gains=robot_gains(results, dict(zip(joints, map(float, links.fitted.sigma), strict=True))),
         links=fitted_links(model, case.causes, links.rows, links.fitted, tolerance),
     )
+
+
+def _common_delay(start: _Start) -> SharedDelay | None:
+    """The delay that all joints share, or None."""
+    held = {joint: p.held for joint, p in start.prepared.items()}
+    terms = {joint: p.terms for joint, p in start.prepared.items()}
+    rows = stack(held, terms, start.case.causes)
+    return common_delay(DelayProblem(start.prepared, start.links.rows, rows, start.links.fitted))
+
+
+def _with_term(start: _Start, term: Term) -> tuple[RobotCase, dict[str, Prepared]]:
+    """The case and its joints with a term more in each declared model."""
+    options = replace(start.case.options, common=(*start.case.options.common, term))
+    raw = {
+        joint: replace(p, terms=(*p.terms, term), declared=(*p.declared, term.effect.id))
+        for joint, p in start.prepared.items()
+    }
+    return replace(start.case, options=options), raw
+
+
+def _declared(raw: Mapping[str, Prepared], causes: CauseColumns) -> _Links:
+    """All joints together with their declared models."""
+    return _fitted(raw, {joint: OwnModel(p.terms, p.train.design(p.terms)) for joint, p in raw.items()}, causes)
 
 
 def _in_wide_enough_band(case: RobotCase) -> _Start:
@@ -148,8 +177,7 @@ def _in_wide_enough_band(case: RobotCase) -> _Start:
 def _at_width(case: RobotCase) -> _Start:
     """The declared models at the width of the filters that the case's options have."""
     prepared = case.prepared(case.train, case.held)
-    own = {joint: OwnModel(p.terms, p.train.design(p.terms)) for joint, p in prepared.items()}
-    links = _fitted(prepared, own, case.causes)
+    links = _declared(prepared, case.causes)
     efforts = np.array([float(np.std(p.train.effort(()))) for p in prepared.values()])
     left = links.fitted.cv_rms / efforts
     # An effort that is nearly all friction tells hardly anything of the drive gain: 1/K comes out near 0, and what is

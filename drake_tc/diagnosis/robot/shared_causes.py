@@ -18,20 +18,21 @@ import numpy as np
 
 from drake_tc.diagnosis.problem.columns import Term
 from drake_tc.diagnosis.problem.prepared import Prepared, prepare_joint
-from drake_tc.diagnosis.problem.shared.stacked import StackedFit, fit_stacked, stack
+from drake_tc.diagnosis.problem.shared.rows import stack
+from drake_tc.diagnosis.problem.shared.stacked import StackedFit, fit_stacked
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagnosis.result.shared_effects import (
     both_sides,
     original_baseline,
     shared_effects,
-    with_shared_uncertainty,
 )
+from drake_tc.diagnosis.result.shared_uncertainty import with_shared_uncertainty
 from drake_tc.diagnosis.result.widening import robot_gains
 from drake_tc.diagnosis.robot.case import RobotCase, own_search
 from drake_tc.diagnosis.robot.result import RobotResult
 from drake_tc.diagnosis.selection.comparison import effective_samples
 from drake_tc.diagnosis.selection.joint import Search
-from drake_tc.diagnosis.selection.shared import SharedSearch, active, search_shared
+from drake_tc.diagnosis.selection.shared import SharedSearch, active, search_shared, substituted
 from drake_tc.diagnosis.thresholds import SHARED, SearchThresholds
 from drake_tc.logs.record import Run
 from drake_tc.types import FloatArray
@@ -130,7 +131,9 @@ def _settled(case: RobotCase, before: _Before, found: SharedSearch, thresholds: 
     declared = stack(
         {j: p.train for j, p in before.raw.items()}, {j: p.terms for j, p in before.raw.items()}, case.causes
     )
-    results = with_shared_uncertainty(results, (declared, before.fitted), (train, fitted))
+    sets = substituted(found.chosen, found.alternatives)
+    alternatives = [fit_stacked(train, *active(case.causes.causes, each)) for each in sets]
+    results = with_shared_uncertainty(results, (declared, before.fitted), (train, fitted), alternatives)
     train_after, held_after = case.without(found.fit)
     return RobotResult(
         joints=results,

@@ -6,6 +6,7 @@ how well they do; `selection.joint` and `selection.shared` are the two kinds.
 
 from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
+from itertools import islice
 from typing import Generic, Protocol, TypeVar
 
 import numpy as np
@@ -30,11 +31,13 @@ class Proposal(Generic[F]):
         key: Proposals of one key are the same model; the first one counts.
         error: Its cross-validated error before its shapes are refined, or an estimate that orders proposals alike.
         refined: Fits it with its shapes refined.
+        begin: Starts the refinement beside the caller, where there is who computes it; `refined` then waits for it.
     """
 
     key: Hashable
     error: float
     refined: Callable[[], F]
+    begin: Callable[[], None] = lambda: None
 
 
 class Problem(Protocol[F]):
@@ -222,6 +225,9 @@ def _refined(
     fits: list[F] = []
     possible: list[int] = []
     least = np.inf
+    waiting = iter([p for p in proposals if p.error <= thresholds.near * proposals[0].error])
+    for proposal in islice(waiting, thresholds.refined):  # those are refined whatever comes of the others
+        proposal.begin()
     for proposal in proposals:
         if len(possible) == thresholds.refined or proposal.error > thresholds.near * least:
             break
@@ -231,6 +237,8 @@ def _refined(
         if thresholds.beam == 1 or problem.is_possible(fits[-1]):
             possible.append(len(fits) - 1)
             least = min(least, proposal.error)
+        elif (another := next(waiting, None)) is not None:
+            another.begin()
     return fits, possible
 
 

@@ -6,7 +6,8 @@ import numpy as np
 
 from drake_tc.diagnosis.problem.columns import Columns
 from drake_tc.diagnosis.problem.regression import Fit, fit
-from drake_tc.diagnosis.selection.joint import Search, best_shape, refine, shape_screen, share_better
+from drake_tc.diagnosis.selection.joint import Search, best_shape, shape_screen, share_better
+from drake_tc.diagnosis.selection.shape_refinement import refine
 from drake_tc.diagnosis.thresholds import CERTAINLY_BETTER, JOINT, SAME_ERROR
 from drake_tc.effects.base import Context, Effect
 from drake_tc.effects.library import looked_for

@@ -1,7 +1,8 @@
 """Which effects one joint lacks: its regression as a problem of the search engine."""
 
 from collections.abc import Hashable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from concurrent.futures import Executor
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -13,7 +14,8 @@ from drake_tc.diagnosis.selection.comparison import better_share, effective_samp
 from drake_tc.diagnosis.selection.engine import Progress, Proposal, Selection, select
 from drake_tc.diagnosis.selection.lag_or_noise import NOISE, is_noise
 from drake_tc.diagnosis.selection.plausible_values import objection_to_values
-from drake_tc.diagnosis.selection.shapes import ShapeScreen, refine_values
+from drake_tc.diagnosis.selection.shape_refinement import Known, Refinement, refine, term_keys
+from drake_tc.diagnosis.selection.shapes import ShapeScreen
 from drake_tc.diagnosis.selection.withdrawal import DidNotHold
 from drake_tc.diagnosis.thresholds import SearchThresholds
 from drake_tc.effects.base import Context, DriveEffect, Effect
@@ -67,28 +69,6 @@ def best_shape(
     return fit(columns, min(tried, key=lambda s: s.cv_rms).terms)
 
 
-def refine(columns: Columns, start: Fit, evaluations: int = 60) -> Fit:
-    """Refine all shape parameters of a fit together."""
-    free = [(i, p) for i, t in enumerate(start.terms) for p in t.effect.shapes]
-    if not free:
-        return start
-    best, least = start.terms, start.cv_rms
-
-    def cost(values: FloatArray) -> float:
-        nonlocal best, least
-        shapes = [dict(t.shape) for t in start.terms]
-        for (i, p), value in zip(free, values, strict=True):
-            shapes[i][p.name] = float(value)
-        tried = score(columns, [Term(t.effect, s) for t, s in zip(start.terms, shapes, strict=True)])
-        if tried.cv_rms < least:
-            best, least = tried.terms, tried.cv_rms
-        return float(np.log(tried.cv_rms))
-
-    values = np.array([start.terms[i].shape[p.name] for i, p in free])
-    refine_values([p for _, p in free], values, cost, evaluations)
-    return start if best is start.terms else fit(columns, best)
-
-
 def share_better(small: Fit, large: Fit, seed: int = 0) -> float:
     """Share of block resamples in which `large` has the smaller squared error."""
     return better_share(small.block_sse - large.block_sse, seed)
@@ -101,6 +81,9 @@ class JointProblem:
     Attributes:
         columns: Training rows. effects: candidates. context: what the logs offer.
         known: Keys of the declared effects, whose values are not questioned. noise: noise floor [effort].
+        executor: Refines proposals beside each other; None refines them here.
+        best, refined: What was found so far: terms of the best shape of an effect beside a parent's, and refined
+            shapes. Searches of the same rows with other effects (`replace`) share them.
     """
 
     columns: Columns
@@ -108,6 +91,9 @@ class JointProblem:
     context: Context
     known: frozenset[str]
     noise: float
+    executor: Executor | None = None
+    best: dict[Hashable, tuple[Term, ...]] = field(default_factory=dict)
+    refined: Known = field(default_factory=dict)
 
     @cached_property
     def screen(self) -> ShapeScreen:
@@ -125,8 +111,18 @@ class JointProblem:
         for effect in self.effects:
             key = frozenset({t.effect.key for t in parent.terms} | {effect.key})
             if effect.id not in taken and key not in known:
-                best = best_shape(self.columns, parent, effect, self.context, self.screen)
-                yield Proposal(key, best.cv_rms, lambda best=best: refine(self.columns, best))  # type: ignore[misc]
+                best = self._best(parent, effect)
+                refinement = Refinement(self.columns, best, self.refined, self.executor)
+                yield Proposal(key, best.cv_rms, refinement, refinement.begin)
+
+    def _best(self, parent: Fit, effect: Effect) -> Fit:
+        """A parent's terms and an effect at the best point of its shape grid."""
+        key = (*term_keys(parent.terms), effect.key)
+        if key in self.best:
+            return fit(self.columns, self.best[key])
+        found = best_shape(self.columns, parent, effect, self.context, self.screen)
+        self.best[key] = tuple(found.terms)
+        return found
 
     def errors(self, fitted: Fit) -> FloatArray:
         """(1,) cross-validated RMS [effort]."""
@@ -197,6 +193,7 @@ def search(
     floor: float,
     thresholds: SearchThresholds,
     progress: Progress = lambda text, share: None,
+    executor: Executor | None = None,
 ) -> Search:
     """Look for the effects that a joint's declared model lacks.
 
@@ -208,9 +205,10 @@ def search(
         floor: Noise floor [effort].
         thresholds: What counts as real.
         progress: Told how far it is.
+        executor: Refines shapes beside each other; None refines them here.
     """
     known = frozenset(t.effect.key for t in declared)
-    problem = JointProblem(columns, effects, context, known, floor)
+    problem = JointProblem(columns, effects, context, known, floor, executor)
     found = select(problem, refine(columns, fit(columns, declared)), thresholds, progress)
     found = _of_simplest_causes(problem, found, thresholds, progress)
     taken = {t.effect.id for t in found.chosen.terms}

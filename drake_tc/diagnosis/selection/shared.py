@@ -11,7 +11,8 @@ import numpy as np
 
 from drake_tc.diagnosis.problem.shared.causes import TITLES, Cause
 from drake_tc.diagnosis.problem.shared.covariance import covariance
-from drake_tc.diagnosis.problem.shared.stacked import JointRows, StackedFit, effective_rows, fit_stacked
+from drake_tc.diagnosis.problem.shared.rows import JointRows
+from drake_tc.diagnosis.problem.shared.stacked import StackedFit, effective_rows, fit_stacked
 from drake_tc.diagnosis.selection.engine import Proposal, Selection, select
 from drake_tc.diagnosis.selection.withdrawal import DidNotHold
 from drake_tc.diagnosis.thresholds import BEYOND_TOLERANCE, SHARED, SearchThresholds
@@ -54,6 +55,21 @@ def active(causes: Sequence[Cause], chosen: Sequence[Cause]) -> tuple[IntArray, 
                 columns.append(cause.columns.start + place)
                 tolerance.append(size)
     return np.array(columns, dtype=np.int64), np.array(tolerance, dtype=np.float64)
+
+
+def substituted(chosen: Sequence[Cause], alternatives: Sequence[Sequence[Cause]]) -> list[tuple[Cause, ...]]:
+    """Sets of causes that do as well as the chosen ones: each with one alternative in the place of one of them.
+
+    Args:
+        chosen: Causes.
+        alternatives: By chosen cause, those that do as well in its place.
+    """
+    return [
+        (*chosen[:number], other, *chosen[number + 1 :])
+        for number, others in enumerate(alternatives)
+        for other in others
+        if other not in chosen
+    ]
 
 
 @dataclass(frozen=True, eq=False)

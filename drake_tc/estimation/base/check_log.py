@@ -38,7 +38,7 @@ def check_period(path: Path, period: float) -> None:
         return
     fits = [unit for unit, scale in (("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9)) if SHORTEST < period * scale < LONGEST]
     looks = f"; it looks like {fits[0]}: convert it to s" if fits else ""
-    raise LogError(f"{path}: time: wanted a period of {SHORTEST:g} to {LONGEST:g} s; got {period:.4g} s{looks}")
+    raise LogError(f"{path}: time: expected a period of {SHORTEST:g} to {LONGEST:g} s, got {period:.4g} s{looks}")
 
 
 def check_log(path: Path, rig: BaseRig, log: SensorLog, *, has_tilt: bool) -> None:
@@ -59,11 +59,11 @@ def check_log(path: Path, rig: BaseRig, log: SensorLog, *, has_tilt: bool) -> No
     for what, values in groups.items():
         columns = values.reshape(len(values), -1)
         if not np.isfinite(columns).any(axis=0).all():
-            raise LogError(f"{path}: {what}: wanted numbers; a column has none in all {len(columns)} rows")
+            raise LogError(f"{path}: {what}: expected numbers; a column has none in all {len(columns)} rows")
     _check_accel(path, log.accel)
     _check_positions(path, rig, log.q)
     if has_tilt and np.nanmax(np.abs(log.tilt)) > 1.01 * np.pi:
-        raise LogError(f"{path}: roll_pitch: wanted angles within pi rad; it looks like degrees")
+        raise LogError(f"{path}: roll_pitch: expected angles within pi rad; it looks like degrees")
     period = float(log.time[-1]) / (len(log.time) - 1)
     _check_velocities(path, rig, log, period)
     _check_gyro(path, log, period)
@@ -76,7 +76,7 @@ def _check_accel(path: Path, accel: FloatArray) -> None:
     units = (("g", GRAVITY), ("mg", 1e-3 * GRAVITY), ("mm/s^2", 1e-3), ("cm/s^2", 1e-2))
     fits = [unit for unit, scale in units if abs(size * scale / GRAVITY - 1.0) <= OFF]
     looks = f"; it looks like {fits[0]}" if fits else "; gravity must be in it"
-    raise LogError(f"{path}: accel: wanted a median size near {GRAVITY} m/s^2; got {size:.3g}{looks}")
+    raise LogError(f"{path}: accel: expected a median size near {GRAVITY} m/s^2, got {size:.3g}{looks}")
 
 
 def _check_positions(path: Path, rig: BaseRig, q: FloatArray) -> None:
@@ -91,7 +91,7 @@ def _check_positions(path: Path, rig: BaseRig, q: FloatArray) -> None:
             came = float(known[far][0])
             looks = "; it looks like degrees" if least <= came / DEGREES <= most else ""
             raise LogError(
-                f"{path}: position of {name}: wanted rad within its limits {lower:.3g} to {upper:.3g};"
+                f"{path}: position of {name}: expected rad within its limits {lower:.3g} to {upper:.3g};"
                 f" got {came:.4g}{looks}"
             )
 
@@ -108,7 +108,7 @@ def _check_velocities(path: Path, rig: BaseRig, log: SensorLog, period: float) -
         for unit, factor in (("deg/s", DEGREES), ("rpm", 30.0 / np.pi)):
             if 0.7 * factor < ratio < 1.4 * factor:
                 raise LogError(
-                    f"{path}: velocity of {name}: wanted rad/s; got {ratio:.3g} times the position's rate;"
+                    f"{path}: velocity of {name}: expected rad/s, got {ratio:.3g} times the position's rate;"
                     f" it looks like {unit}"
                 )
 
@@ -130,4 +130,6 @@ def _check_gyro(path: Path, log: SensorLog, period: float) -> None:
     scale = float(turned @ predicted) / power
     spread = float(np.sqrt(np.mean((turned - scale * predicted) ** 2) / power))
     if CERTAIN * spread < scale < 0.2 - CERTAIN * spread:
-        raise LogError(f"{path}: gyro: wanted rad/s; gravity turns by {scale:.3g} of what it says; it looks like deg/s")
+        raise LogError(
+            f"{path}: gyro: expected rad/s; gravity turns by {scale:.3g} of what it says; it looks like deg/s"
+        )

@@ -80,9 +80,9 @@ class BaseKinematics:
             ParamsError: a fixed base, no IMU, or a contact whose link or sensor is not there.
         """
         if robot.fixed_base:
-            raise ParamsError(f"base estimator: wanted a floating base; {robot.name} has a fixed one")
+            raise ParamsError(f"base estimator: expected a floating base; {robot.name} has a fixed one")
         if not robot.imu:
-            raise ParamsError(f"base estimator: wanted an IMU; {robot.name} has none in its robot file")
+            raise ParamsError(f"base estimator: expected an IMU; {robot.name} has none in its robot file")
         self.robot, self.contacts = robot, contacts
         plant = MultibodyPlant(0.0)
         Parser(plant).AddModelsFromString(reduced_urdf(robot), "urdf")
@@ -169,7 +169,7 @@ def _weighs(load: _Load) -> FloatArray:
 
 def _frame(plant: MultibodyPlant, name: str, mount: Mount) -> Any:
     if not plant.HasBodyNamed(mount.link):
-        raise ParamsError(f"base estimator: {mount.name}: wanted a link of the URDF; there is no link {mount.link!r}")
+        raise ParamsError(f"base estimator: {mount.name}: expected a link of the URDF; there is no link {mount.link!r}")
     return plant.AddFrame(FixedOffsetFrame(name, plant.GetFrameByName(mount.link), mount.pose.transform))
 
 

@@ -47,31 +47,31 @@ class _Source:
         """(T, width) numbers: an array of that width or more, or one column each."""
         if not isinstance(name, str):
             if len(name) != width:
-                raise LogError(f"{self.path}: {what}: wanted {width} columns; the rig file names {len(name)}")
+                raise LogError(f"{self.path}: {what}: expected {width} columns; the rig file names {len(name)}")
             return np.column_stack([self._column(what, item) for item in name])
         if name not in self._arrays and f"{name}_0" in self._arrays:
             return np.column_stack([self._column(what, f"{name}_{i}") for i in range(width)])
         array = self._found(name)
         array = array[:, None] if array.ndim == 1 else array
         if array.ndim != 2 or array.shape[1] < width:
-            raise LogError(f"{self.path}: {what}: wanted {width} columns in {name!r}; its shape is {array.shape}")
+            raise LogError(f"{self.path}: {what}: expected {width} columns in {name!r}; its shape is {array.shape}")
         return self._floats(what, array[:, :width])
 
     def _column(self, what: str, name: str) -> FloatArray:
         array = self._found(name)
         if array.ndim != 1:
-            raise LogError(f"{self.path}: {what}: wanted one column in {name!r}; its shape is {array.shape}")
+            raise LogError(f"{self.path}: {what}: expected one column in {name!r}; its shape is {array.shape}")
         return self._floats(what, array)
 
     def _floats(self, what: str, array: np.ndarray) -> FloatArray:
         if self.rows is not None and len(array) != self.rows:
-            raise LogError(f"{self.path}: {what}: wanted {self.rows} rows, as many as times; got {len(array)}")
+            raise LogError(f"{self.path}: {what}: expected {self.rows} rows, as many as times, got {len(array)}")
         if np.iscomplexobj(array):
-            raise LogError(f"{self.path}: {what}: wanted numbers; got {array.dtype}")
+            raise LogError(f"{self.path}: {what}: expected numbers, got {array.dtype}")
         try:
             return np.asarray(array, dtype=float)
         except (TypeError, ValueError):
-            raise LogError(f"{self.path}: {what}: wanted numbers; got {array.dtype}") from None
+            raise LogError(f"{self.path}: {what}: expected numbers, got {array.dtype}") from None
 
     def _found(self, name: str) -> np.ndarray:
         if name not in self._arrays:
@@ -157,10 +157,10 @@ def _differences(time: FloatArray, q: FloatArray) -> FloatArray:
 
 def _period(path: Path, time: FloatArray) -> float:
     if len(time) < 10:
-        raise LogError(f"{path}: time: wanted at least ten samples; got {len(time)}")
+        raise LogError(f"{path}: time: expected at least ten samples, got {len(time)}")
     if not np.isfinite(time).all():
         row = int(np.argmin(np.isfinite(time))) + 1
-        raise LogError(f"{path}: time: wanted numbers; row {row} has none; leave such rows out")
+        raise LogError(f"{path}: time: expected numbers; row {row} has none; leave such rows out")
     steps = np.diff(time)
     if not (steps > 0.0).all():
         row = int(np.argmin(steps > 0.0)) + 2

@@ -53,7 +53,7 @@ class ContactSpec:
             half_planes(where, self.polygon)
         if self.sole_stiffness is not None:
             if self.polygon is None:
-                raise ParamsError(f"{where}: sole_stiffness: wanted a sole beside it; this contact is a point")
+                raise ParamsError(f"{where}: sole_stiffness: expected a sole beside it; this contact is a point")
             if not 0.0 < self.sole_stiffness < np.inf:
                 raise ParamsError(
                     f"{where}: sole_stiffness: expected a number above 0 [N/m], got {self.sole_stiffness!r}"

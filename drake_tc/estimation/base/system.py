@@ -74,7 +74,7 @@ class BaseEstimator(PortMethods, LeafSystem):
         """
         super().__init__()
         if method not in METHODS:
-            raise ParamsError(f"BaseEstimator: method: wanted one of {', '.join(METHODS)}; got {method!r}")
+            raise ParamsError(f"BaseEstimator: method: expected one of {', '.join(METHODS)}, got {method!r}")
         self._estimator = METHODS[method](robot, spec)
         n, k = self._estimator.num_joints, self._estimator.num_contacts
         self._n, self._k = n, k
@@ -82,7 +82,7 @@ class BaseEstimator(PortMethods, LeafSystem):
         place = np.array(start.xyz if position is None else position, dtype=float)
         heading = start.rpy[2] if yaw is None else float(yaw)
         if place.shape != (3,) or not (np.isfinite(place).all() and np.isfinite(heading)):
-            raise ParamsError(f"BaseEstimator: wanted a finite start; got position {place.tolist()}, yaw {heading}")
+            raise ParamsError(f"BaseEstimator: expected a finite start, got position {place.tolist()}, yaw {heading}")
         self._position: Any = self.DeclareVectorInputPort("position", n)
         self._velocity: Any = self.DeclareVectorInputPort("velocity", n)
         self._imu: Any = self.DeclareVectorInputPort("imu", 6)

@@ -42,10 +42,10 @@ def find(src: Path, *patterns: str) -> list[Path]:
         LogError: Not a folder, or nothing in it matches.
     """
     if not src.is_dir():
-        raise LogError(f"{src}: wanted the folder of a data set, and there is none")
+        raise LogError(f"{src}: expected the folder of a data set, and there is none")
     found = sorted({path for pattern in patterns for path in src.glob(pattern)})
     if not found:
-        raise LogError(f"{src}: none of the set's files is here; wanted {' or '.join(patterns)}")
+        raise LogError(f"{src}: none of the set's files is here; expected {' or '.join(patterns)}")
     return found
 
 

@@ -6,7 +6,8 @@ sign and its velocity register no resolution: neither is read. The jaw is a frac
 
 In about half of the runs the gripper comes down on the table: where the URDF puts its tip more than 25 mm below the
 plane of the base, the efforts of joints 2 to 4 change by up to 0.15 rad, whatever the direction; above -20 mm they
-depend on the direction alone. The column `free` is 0 below `TABLE`, and `rig_free.yaml` leaves those rows out.
+depend on the direction alone. The column `tip_height` has that height, and `rig_free.yaml` leaves out the rows below
+`TABLE` by its key `valid`.
 """
 
 import xml.etree.ElementTree as ET
@@ -45,16 +46,21 @@ def convert(src: Path, out: Path) -> tuple[Path, ...]:
         for key, name in CHANNELS.items()
     }
     for run, columns in read_logs(src, "*.csv*", names):
-        height = tip_height(urdf, {joint: columns[f"{joint}/position"] for joint in JOINTS}, str(model))
-        columns["free"] = (height > TABLE).astype(np.float64)
+        angles = {joint: columns[f"{joint}/position"] for joint in JOINTS}
+        columns["tip_height"] = tip_height(urdf, angles, str(model))
         write_log(columns, out / f"{run}.parquet")
     write_robot(urdf, "so101", "base_link", JOINTS, out, locked={JAW: 0.0})
-    document = {**FITTED_ROBOT, "drive": "position_servo", "drive_gain": DRIVE_GAIN}
+    document = {
+        **FITTED_ROBOT,
+        "drive": "position_servo",
+        "declared": ["rotor_inertia", "asymmetric_friction"],
+        "drive_gain": DRIVE_GAIN,
+    }
     comment = "SO-101 follower arm, the jaw locked\ndrive_gain [rad/(N m)]: proportional law of the STS3215 at P 16"
     free = f"{comment}\nrows in which the gripper may touch the table are left out"
     return (
         write_rig(document, out / "rig.yaml", comment),
-        write_rig(document | {"enabled": "free"}, out / "rig_free.yaml", free),
+        write_rig(document | {"valid": f"tip_height > {TABLE}"}, out / "rig_free.yaml", free),
     )
 
 

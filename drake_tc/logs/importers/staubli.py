@@ -44,7 +44,9 @@ def convert(src: Path, out: Path) -> tuple[Path, ...]:
         motor.append(np.column_stack([floats(table, f"Joint_{i}", path) for i in range(1, 7)]))
     angles, torques = motor
     if angles.shape != torques.shape:
-        raise LogError(f"{src}: {len(angles)} rows of positions and {len(torques)} of torques; wanted as many of each")
+        raise LogError(
+            f"{src}: {len(angles)} rows of positions and {len(torques)} of torques; expected as many of each"
+        )
     to_motor = RATIOS.copy()
     to_motor[5, 4] = COUPLING
     position = _averaged(np.linalg.solve(to_motor, angles.T).T + OFFSETS)

@@ -38,7 +38,7 @@ def convert(src: Path, out: Path) -> tuple[Path, ...]:
         table = read_table(path)
         time = floats(table, "t", path)
         if "time" in columns and not np.array_equal(columns["time"], time):
-            raise LogError(f"{path}: its times differ from those of the other files; wanted three files of one run")
+            raise LogError(f"{path}: its times differ from those of the other files; expected three files of one run")
         columns["time"] = time
         for name in table.columns:
             if name.endswith(f"_{file_name}"):
@@ -46,7 +46,7 @@ def convert(src: Path, out: Path) -> tuple[Path, ...]:
                 columns[f"{joint}/{suffix}"] = floats(table, name, path)
                 joints += [joint] if joint not in joints else []
     if not joints:
-        raise LogError(f"{src}: no column ends in _position, _velocity or _effort; wanted the TIAGo files")
+        raise LogError(f"{src}: no column ends in _position, _velocity or _effort; expected the TIAGo files")
     write_log(columns, out / "identification.parquet")
     document = {"joints": joints, "drive": "current", "load": "unknown", "units": {"position": "rad"}}
     comment = "TIAGo torso and arm\ncurrent [A] as reported; the torso's position is in m and its effort force-like"

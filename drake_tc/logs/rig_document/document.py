@@ -13,6 +13,7 @@ from drake_tc.logs.rig_document.columns import ColumnName, LogColumn, Unit, cano
 from drake_tc.logs.rig_document.declared import DeclaredEntry
 from drake_tc.logs.rig_document.loads import LoadEntry
 from drake_tc.logs.rig_document.sensors import SensorsKeys, sorted_by_owner
+from drake_tc.logs.valid import Condition
 
 DriveKind: TypeAlias = Literal["position_servo", "current", "voltage", "torque"]
 Drive = Annotated[DriveKind, one_of(get_args(DriveKind))]
@@ -74,6 +75,14 @@ class RigDocument(Keys):
         "Name in the log of a column that is 0 (or false) while the drive is off. Those rows are left out.",
         example="torque_on",
         absent="a column `enabled` or `<joint>/enabled` of the log, where there is one",
+    )
+    valid: LogColumn | list[LogColumn] | None = key(
+        "Which samples may be used: the name of a column in the log that is 0 (or false) where they may not, or a "
+        "comparison of a column with a number in the column's own unit (`<`, `<=`, `>`, `>=`, `==`, `!=`). Of a list, "
+        "all conditions must hold. A missing value does not hold. Use it for samples in which something acts that no "
+        "model knows, such as a hand or a table.",
+        example="tip_height > 0.02",
+        absent="all samples",
     )
     saturation: NumberOrByJoint | None = key(
         "Known limit of the drive's effort.", unit="rad, A, V or N·m", example=12.0, absent="not known"
@@ -179,6 +188,23 @@ class RigDocument(Keys):
     def _units(cls, value: dict[str, Unit] | None, info: ValidationInfo) -> dict[str, Unit]:
         check_units(value or {}, joints_of(info))
         return value or {}
+
+    @field_validator("valid", mode="before")
+    @classmethod
+    def _conditions(cls, value: object) -> object:
+        conditions = value if isinstance(value, list) else [value]
+        texts = [text for text in conditions if isinstance(text, str) and text.strip()]
+        if not texts or len(texts) < len(conditions):
+            raise ValueError(f"expected a column of the log, or a column compared with a number, got {quoted(value)}")
+        for text in texts:
+            Condition.of(text)
+        return value
+
+    @property
+    def conditions(self) -> tuple[Condition, ...]:
+        """Those of `valid`."""
+        texts = [self.valid] if isinstance(self.valid, str) else self.valid or []
+        return tuple(Condition.of(text) for text in texts)
 
     @field_validator("sensors", mode="before")
     @classmethod

@@ -38,7 +38,7 @@ def free_run(
         ParamsError: nothing that has inertia, no load, or arrays that do not fit.
     """
     if substeps is not None and substeps < 1:
-        raise ParamsError(f"free run: wanted at least 1 substep; got {substeps}")
+        raise ParamsError(f"free run: expected at least 1 substep, got {substeps}")
     model = with_declared_inertia(model, rotor_inertia)
     side = plant_side(model, recording)
     period = recording.period

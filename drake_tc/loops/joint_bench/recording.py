@@ -45,14 +45,14 @@ class BenchScenario(ScenarioBase):
     def __post_init__(self) -> None:
         for name in ("duration", "log_period", "step", "link_inertia"):
             if not (np.isfinite(getattr(self, name)) and getattr(self, name) > 0.0):
-                raise ParamsError(f"scenario.{name}: wanted a positive number; got {getattr(self, name)!r}")
+                raise ParamsError(f"scenario.{name}: expected a positive number, got {getattr(self, name)!r}")
         for name in ("gravity_moment", "encoder_resolution", "torque_noise", "seed"):
             if not (np.isfinite(getattr(self, name)) and getattr(self, name) >= 0.0):
-                raise ParamsError(f"scenario.{name}: wanted a number >= 0; got {getattr(self, name)!r}")
+                raise ParamsError(f"scenario.{name}: expected a number >= 0, got {getattr(self, name)!r}")
         ratio = self.log_period / self.step
         if abs(ratio - round(ratio)) > 1e-6 or round(ratio) < 1:
             raise ParamsError(
-                f"scenario.step: wanted log_period {self.log_period} over a whole number; got {self.step}"
+                f"scenario.step: expected log_period {self.log_period} over a whole number, got {self.step}"
             )
 
 
@@ -70,7 +70,8 @@ def record_bench(
 ) -> Run:
     """Run the bench and measure it, with the model's sensor errors, the encoder's steps and the torque sensor's noise.
 
-    Starts at rest where a servo is commanded to be, or hanging for the other drives.
+    Starts at rest where a servo is commanded to be, or hanging for the other drives. The rotor inertia that its rig
+    file declares is `simulated_inertia(model, scenario.step)`, which is what the log shows.
 
     Args:
         model: The actuator.

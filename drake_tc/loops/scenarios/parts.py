@@ -29,7 +29,7 @@ class GainSpec:
 
     def __post_init__(self) -> None:
         if isinstance(self.kf, tuple) and len(self.kf) != 6:
-            raise ParamsError(f"gains.kf: wanted one number or six [fx fy fz tx ty tz]; got {len(self.kf)}")
+            raise ParamsError(f"gains.kf: expected one number or six [fx fy fz tx ty tz], got {len(self.kf)}")
 
     def of(self, name: str, joints: tuple[str, ...]) -> list[float]:
         """The gain `name` of every joint.
@@ -44,6 +44,10 @@ class GainSpec:
                 if gain not in ("k6", "k7", "kp", "ki"):
                     raise ParamsError(f"gains.by_joint.{joint}: no gain {gain!r}; possible: k6, k7, kp, ki")
         return [float(self.by_joint.get(joint, {}).get(name, getattr(self, name))) for joint in joints]
+
+
+LONGEST_WINDOW = 10_000
+"""Of a filter [samples]."""
 
 
 @dataclass(frozen=True)
@@ -64,6 +68,10 @@ class FilterSpec:
     encoder_order: int = 2
     inertial_order: int = 1
 
+    def __post_init__(self) -> None:
+        if not 1 <= self.window <= LONGEST_WINDOW:
+            raise ParamsError(f"window: expected 1 to {LONGEST_WINDOW} samples, got {self.window}")
+
 
 @dataclass(frozen=True)
 class ModelFactors:
@@ -79,7 +87,7 @@ class ModelFactors:
 
     def __post_init__(self) -> None:
         if not (0.0 < self.k_tau < math.inf and 0.0 <= self.k_v < math.inf):
-            raise ParamsError(f"model_factors: wanted k_tau > 0 and k_v >= 0, both finite; got {self}")
+            raise ParamsError(f"model_factors: expected k_tau > 0 and k_v >= 0, both finite, got {self}")
 
 
 @dataclass(frozen=True)
@@ -104,9 +112,9 @@ class SuspensionSpec:
         for name in ("stiffness", "damping", "turn_stiffness", "turn_damping", "point"):
             value = getattr(self, name)
             if len(value) != 3 or not _finite(*value) or (name != "point" and min(value) < 0.0):
-                raise ParamsError(f"suspension.{name}: wanted three finite numbers, none negative; got {value}")
+                raise ParamsError(f"suspension.{name}: expected three finite numbers, none negative, got {value}")
         if self.stiffness[2] <= 0.0:
-            raise ParamsError("suspension.stiffness: wanted a positive one along z, which carries the weight; got 0")
+            raise ParamsError("suspension.stiffness: expected a positive one along z, which carries the weight, got 0")
 
 
 @dataclass(frozen=True)
@@ -125,7 +133,7 @@ class SinusoidSpec:
 
     def __post_init__(self) -> None:
         if not (0.0 < self.frequency_hz < math.inf and _finite(self.start, self.growth)):
-            raise ParamsError(f"sinusoid: wanted a positive frequency_hz and finite start and growth; got {self}")
+            raise ParamsError(f"sinusoid: expected a positive frequency_hz and finite start and growth, got {self}")
 
 
 @dataclass(frozen=True)
@@ -165,13 +173,13 @@ class ForceSpec:
 
     def __post_init__(self) -> None:
         if len(self.offset) != 6 or len(self.amplitude) != 6:
-            raise ParamsError("force: wanted six numbers [fx fy fz tx ty tz] for offset and amplitude")
+            raise ParamsError("force: expected six numbers [fx fy fz tx ty tz] for offset and amplitude")
         if not (0.0 < self.frequency_hz < math.inf and 0.0 < self.ramp < math.inf):
             raise ParamsError(
-                f"force: wanted a positive frequency_hz and ramp; got {self.frequency_hz} and {self.ramp}"
+                f"force: expected a positive frequency_hz and ramp, got {self.frequency_hz} and {self.ramp}"
             )
         if not _finite(*self.offset, *self.amplitude, self.begin):
-            raise ParamsError("force: wanted finite numbers for offset, amplitude and begin")
+            raise ParamsError("force: expected finite numbers for offset, amplitude and begin")
 
 
 @dataclass(frozen=True)
@@ -198,9 +206,9 @@ class PushSpec:
         for name in ("force", "torque", "point"):
             value = getattr(self, name)
             if len(value) != 3 or not _finite(*value):
-                raise ParamsError(f"push on {self.link}: {name}: wanted three finite numbers; got {value}")
+                raise ParamsError(f"push on {self.link}: {name}: expected three finite numbers, got {value}")
         if not (0.0 < self.duration < math.inf and _finite(self.begin)):
-            raise ParamsError(f"push on {self.link}: wanted a finite begin and a positive duration [s]")
+            raise ParamsError(f"push on {self.link}: expected a finite begin and a positive duration [s]")
 
 
 @dataclass(frozen=True)
@@ -223,11 +231,11 @@ class ObjectSpec:
         for name in ("size", "xyz", "rpy"):
             value = getattr(self, name)
             if len(value) != 3 or not _finite(*value):
-                raise ParamsError(f"object: {name}: wanted three finite numbers; got {value}")
+                raise ParamsError(f"object: {name}: expected three finite numbers, got {value}")
         if min(self.size) <= 0.0:
-            raise ParamsError(f"object: size: wanted positive lengths [m]; got {self.size}")
+            raise ParamsError(f"object: size: expected positive lengths [m], got {self.size}")
         if not 0.0 <= self.friction < math.inf:
-            raise ParamsError(f"object: friction: wanted a number >= 0; got {self.friction}")
+            raise ParamsError(f"object: friction: expected a number >= 0, got {self.friction}")
 
 
 def _finite(*numbers: float) -> bool:

@@ -14,7 +14,7 @@ from drake_tc.control.series_elastic.spec import SeriesElasticSpec
 from drake_tc.errors import ParamsError
 from drake_tc.loops.scenarios.base import ScenarioBase
 from drake_tc.loops.scenarios.checks import check_run
-from drake_tc.sensing.spec import SensorSpec
+from drake_tc.sensing.spec import MOST_TICKS, SensorSpec
 
 
 @dataclass(frozen=True)
@@ -37,11 +37,11 @@ class HandSpec:
 
     def __post_init__(self) -> None:
         if not (0.0 <= self.stiffness < math.inf and 0.0 <= self.damping < math.inf and self.rounding > 0.0):
-            raise ParamsError("hand: wanted finite stiffness and damping >= 0, and rounding > 0")
+            raise ParamsError("hand: expected finite stiffness and damping >= 0, and rounding > 0")
         if len(self.times) != len(self.knots) or len(self.times) == 1:
-            raise ParamsError(f"hand: wanted as many knots as times, none or two at least; got {len(self.knots)}")
+            raise ParamsError(f"hand: expected as many knots as times, none or two at least, got {len(self.knots)}")
         if any(b <= a for a, b in zip(self.times, self.times[1:], strict=False)):
-            raise ParamsError("hand.times: wanted rising times [s]")
+            raise ParamsError("hand.times: expected rising times [s]")
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ class WantedSpec:
         check_choices(self)
         numbers = (self.offset, self.amplitude, self.begin, self.stiffness, self.damping)
         if not all(map(math.isfinite, numbers)) or not (0.0 < self.frequency_hz < math.inf and self.ramp > 0.0):
-            raise ParamsError("wanted: wanted finite numbers, frequency_hz > 0 and ramp > 0")
+            raise ParamsError("wanted: expected finite numbers, frequency_hz > 0 and ramp > 0")
 
 
 @dataclass(frozen=True)
@@ -120,8 +120,10 @@ class SeriesElasticLoopSpec:
         if not 0.0 < self.dt < math.inf:
             raise ParamsError(f"dt: expected a positive number [s], got {self.dt!r}")
         ratio = self.delay / self.dt
-        if not 0.0 <= self.delay < math.inf or abs(ratio - round(ratio)) > 1e-6:
-            raise ParamsError(f"delay: wanted a multiple of dt = {self.dt:g} s; got {self.delay:g} s")
+        if not 0.0 <= ratio <= MOST_TICKS or abs(ratio - round(ratio)) > 1e-6:
+            raise ParamsError(
+                f"delay: expected a multiple of dt = {self.dt:g} s, {MOST_TICKS} of them at most; got {self.delay:g} s"
+            )
 
 
 @dataclass(frozen=True)
@@ -202,4 +204,4 @@ def spring_compliance(model: ActuatorModel) -> float:
     for value in model.effects:
         if value.key == "elasticity":
             return value.parameters["compliance"]
-    raise ParamsError(f"joint {model.joint!r}: wanted an elasticity in its model, the series spring; got none")
+    raise ParamsError(f"joint {model.joint!r}: expected an elasticity in its model, the series spring, got none")

@@ -39,7 +39,7 @@ def actuator_models(scenario: Scenario, robot: Robot, *, controller: bool = Fals
     named = scenario.actuators if not (controller and scenario.model) else scenario.model
     path = robot.actuators if named is None else scenario.path(named)
     if path is None:
-        raise ParamsError(f"{robot.source}: wanted `actuators`, here or in the scenario; got neither")
+        raise ParamsError(f"{robot.source}: expected `actuators`, here or in the scenario, got neither")
     chosen = models_of_joints(path, robot.joints)
     return (
         {joint: _mistaken(model, scenario.model_factors) for joint, model in chosen.items()} if controller else chosen

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from drake_tc.actuation.half_step import simulated_inertia
 from drake_tc.actuation.model import ActuatorModel
 from drake_tc.logs.rig import COMMAND_COLUMN
 from drake_tc.loops.recording import Recording
@@ -23,10 +24,12 @@ class TorqueRecording(Recording):
     Attributes:
         robot: Whose.
         models: Joint to the simulated actuator.
+        plant_step: Of plant and actuators [s], for the rig file.
     """
 
     robot: Robot
     models: Mapping[str, ActuatorModel]
+    plant_step: float = 1e-3
 
     @property
     def size(self) -> int:
@@ -75,7 +78,7 @@ def log_columns(recording: TorqueRecording, torque: FloatArray | None = None) ->
 
 
 def rig_of(recording: TorqueRecording, *, torque: bool = True) -> dict[str, Any]:
-    """The rig file of such a log: joints, drives, known rotor inertias.
+    """The rig file of such a log: joints, drives, known rotor inertias as the simulated log has them.
 
     Args:
         recording: The simulation.
@@ -83,7 +86,8 @@ def rig_of(recording: TorqueRecording, *, torque: bool = True) -> dict[str, Any]
     """
     joints = list(recording.robot.joints)
     drives = {joint: recording.models[joint].drive.kind for joint in joints}
-    inertia = {joint: {"rotor_inertia": recording.models[joint].inertia} for joint in joints}
+    step = recording.plant_step
+    inertia = {joint: {"rotor_inertia": simulated_inertia(recording.models[joint], step)} for joint in joints}
     same = set(drives.values())
     return {
         "joints": joints,

@@ -59,7 +59,7 @@ def posture(motion: MotionSpec, robot: Robot) -> FloatArray:
         i = _index(joint, robot, "motion.posture")
         if not limits.lower[i] <= position <= limits.upper[i]:
             raise ParamsError(
-                f"motion.posture.{joint}: wanted {limits.lower[i]:g} to {limits.upper[i]:g} rad; got {position:g}"
+                f"motion.posture.{joint}: expected {limits.lower[i]:g} to {limits.upper[i]:g} rad, got {position:g}"
             )
         rest[i] = position
     return rest
@@ -78,7 +78,7 @@ def _motion(spec: MotionSpec, robot: Robot, time: FloatArray) -> FloatArray:
     for joint, positions in spec.knots.items():
         i = _index(joint, robot, "motion.knots")
         if len(positions) != len(spec.times):
-            raise ParamsError(f"motion.knots.{joint}: wanted {len(spec.times)} positions; got {len(positions)}")
+            raise ParamsError(f"motion.knots.{joint}: expected {len(spec.times)} positions, got {len(positions)}")
         path = knot_trajectory(np.array(spec.times), np.array(positions)[:, None])
         inside = np.clip(time, path.start_time(), path.end_time())
         for order in range(3):

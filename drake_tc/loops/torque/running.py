@@ -58,7 +58,9 @@ def run_loop(loop: Loop, progress: Progress | None = None, *, allow_runaway: boo
         signals["base_state"] = np.delete(states, np.concatenate([places, order + loop.plant.num_positions()]), axis=1)
     signals["joint_state"] = states[:, np.concatenate([places, order + loop.plant.num_positions()])]
     signals["acceleration"] = signals["acceleration"][:, order]
-    return TorqueRecording(**vars(found) | {"signals": signals}, robot=loop.robot, models=loop.models)
+    return TorqueRecording(
+        **vars(found) | {"signals": signals}, robot=loop.robot, models=loop.models, plant_step=loop.plant.time_step()
+    )
 
 
 def joint_order(loop: Loop) -> IntArray:

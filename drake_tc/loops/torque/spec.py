@@ -93,7 +93,7 @@ def base_source(spec: TorqueLoopSpec, robot: Robot) -> BaseSource:
     if not robot.fixed_base and source == "imu" and spec.angular_acceleration == "zero":
         raise ParamsError(
             "angular_acceleration: expected gyro or neglected, as the base of"
-            f" {robot.source} floats; got 'zero' (which base_from: fixed allows)"
+            f" {robot.source} floats, got 'zero' (which base_from: fixed allows)"
         )
     return source
 

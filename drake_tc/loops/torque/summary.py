@@ -63,7 +63,7 @@ def estimated(recording: TorqueRecording, window: int = 41) -> TorqueLog:
     """
     robot, samples = recording.robot, recording.time.size
     if samples < window:
-        raise LogError(f"torque column: wanted at least {window} samples; the log has {samples}")
+        raise LogError(f"torque column: expected at least {window} samples; the log has {samples}")
     model = _torque_model(robot)
     period = float(recording.time[1] - recording.time[0])
     wrench = recording["force_torque"] if robot.force_torque else np.zeros((samples, 0))

@@ -176,7 +176,7 @@ def _reference(builder: DiagramBuilder, robot: Robot, reference: Reference) -> O
     if reference.size() != 3 * n:
         raise ParamsError(
             f"reference: expected a port of size {3 * n}, [q_d; qdot_d; qddot_d] of {n} joints, or a trajectory of"
-            f" {n} positions; got a port of size {reference.size()}"
+            f" {n} positions, got a port of size {reference.size()}"
         )
     return reference
 

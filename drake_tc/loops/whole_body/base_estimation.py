@@ -69,8 +69,8 @@ def sensor_of(robot: Robot, contact: Contact) -> int:
         if sensor.contact.link == contact.frame.link:
             return number
     raise ParamsError(
-        f"{robot.source}: force_torque: wanted one whose contact is on {contact.frame.link!r}, the link of contact"
-        f" {contact.name!r}; got none"
+        f"{robot.source}: force_torque: expected one whose contact is on {contact.frame.link!r}, the link of contact"
+        f" {contact.name!r}, got none"
     )
 
 
@@ -96,7 +96,7 @@ def base_state(
     options = wiring.scenario.estimator
     spec = estimator_spec(wiring)
     if sensors.imu is None or sensors.force_torque is None:
-        raise ParamsError(f"{law.model.robot.source}: wanted an IMU and F/T sensors; one of them is missing")
+        raise ParamsError(f"{law.model.robot.source}: expected an IMU and F/T sensors; one of them is missing")
     filtered = SavitzkyGolayFilter(n, options.velocity_window, 2, law.period, options.velocity_window - 1)
     wiring.add("velocity_filter", filtered, signal=position)
     numbers = [sensor_of(law.model.robot, contact) for contact in law.model.contacts]

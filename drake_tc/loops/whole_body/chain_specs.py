@@ -47,7 +47,7 @@ class SpringDrivesSpec:
 
     def __post_init__(self) -> None:
         if self.link_from not in ("motor", "link"):
-            raise ParamsError(f"series_elastic.link_from: wanted motor or link; got {self.link_from!r}")
+            raise ParamsError(f"series_elastic.link_from: expected motor or link, got {self.link_from!r}")
         for name, value, unit in (
             ("delay", self.delay, "a time >= 0 [s]"),
             ("acceleration_bandwidth", self.acceleration_bandwidth, "a number >= 0 [rad/s]"),
@@ -55,15 +55,15 @@ class SpringDrivesSpec:
             ("position_gain", self.position_gain, "a number >= 0 [N m/rad]"),
         ):
             if not 0.0 <= value < math.inf:
-                raise ParamsError(f"series_elastic.{name}: wanted {unit}; got {value:g}")
+                raise ParamsError(f"series_elastic.{name}: expected {unit}, got {value:g}")
         if self.damped_joints and not self.joint_damping:
-            raise ParamsError("series_elastic.damped_joints: wanted a joint_damping > 0 beside it; got none")
+            raise ParamsError("series_elastic.damped_joints: expected a joint_damping > 0 beside it, got none")
         for name in ("joint_damping", "acceleration_bandwidth"):
             if self.position_gain and getattr(self, name):
-                raise ParamsError(f"series_elastic.{name}: wanted 0 beside a position_gain, which tracks no torque")
+                raise ParamsError(f"series_elastic.{name}: expected 0 beside a position_gain, which tracks no torque")
         for name, factor in self.believed.items():
             if not 0.0 <= factor < math.inf:
-                raise ParamsError(f"series_elastic.believed.{name}: wanted a factor >= 0; got {factor!r}")
+                raise ParamsError(f"series_elastic.believed.{name}: expected a factor >= 0, got {factor!r}")
 
     def ticks(self, period: float) -> int:
         """The delay in the controller's periods.
@@ -74,7 +74,7 @@ class SpringDrivesSpec:
         ticks = self.delay / period
         if abs(ticks - round(ticks)) > 1e-6:
             raise ParamsError(
-                f"series_elastic.delay: wanted a multiple of the period {period:g} s; got {self.delay:g} s"
+                f"series_elastic.delay: expected a multiple of the period {period:g} s, got {self.delay:g} s"
             )
         return round(ticks)
 
@@ -110,21 +110,21 @@ class BaseEstimationSpec:
     def __post_init__(self) -> None:
         for name, method in (("method", self.method), ("beside", self.beside or self.method)):
             if method not in METHODS:
-                raise ParamsError(f"estimator.{name}: wanted one of {', '.join(METHODS)}; got {method!r}")
+                raise ParamsError(f"estimator.{name}: expected one of {', '.join(METHODS)}, got {method!r}")
         if not 0.0 < self.break_ <= self.make < 1.0:
             raise ParamsError(
-                f"estimator: wanted 0 < break_ <= make < 1; got break_ {self.break_:g}, make {self.make:g}"
+                f"estimator: expected 0 < break_ <= make < 1, got break_ {self.break_:g}, make {self.make:g}"
             )
         if strange := sorted(set(self.tuning) & _NOT_TUNING):
             raise ParamsError(
-                f"estimator.tuning.{strange[0]}: wanted fields that are a matter of taste; contacts, the period and the"
+                f"estimator.tuning.{strange[0]}: expected fields that are a matter of taste; contacts, period and the"
                 " IMU's age are those of robot, controller and sensors"
             )
         for name, value in self.tuning.items():
             if isinstance(value, bool) != (name in _SWITCHES):
                 kind = "true or false" if name in _SWITCHES else "a number or a word"
-                raise ParamsError(f"estimator.tuning.{name}: wanted {kind}; got {value!r}")
+                raise ParamsError(f"estimator.tuning.{name}: expected {kind}, got {value!r}")
         if self.velocity_window < 4:
-            raise ParamsError(f"estimator.velocity_window: wanted 4 samples or more; got {self.velocity_window}")
+            raise ParamsError(f"estimator.velocity_window: expected 4 samples or more, got {self.velocity_window}")
         if len(self.sole_points) != 2:
-            raise ParamsError(f"estimator.sole_points: wanted two numbers; got {list(self.sole_points)}")
+            raise ParamsError(f"estimator.sole_points: expected two numbers, got {list(self.sole_points)}")

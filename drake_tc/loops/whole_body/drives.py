@@ -37,7 +37,7 @@ def drive_models(scenario: TsidScenario, robot: Robot, *, controller: bool = Fal
     named = spec.model if controller and spec.model else spec.actuators
     path = robot.actuators if named is None else scenario.path(named)
     if path is None:
-        raise ParamsError(f"{robot.source}: wanted `actuators`, here or in the scenario's drives; got neither")
+        raise ParamsError(f"{robot.source}: expected `actuators`, here or in the scenario's drives, got neither")
     return models_of_joints(path, robot.joints)
 
 

@@ -77,7 +77,7 @@ def touching_points(contact: Contact, spec: GroundSpec) -> FloatArray:
     least = reach.min(initial=np.inf)
     if not least + spec.margin > 0.0:
         raise ParamsError(
-            f"ground.margin: wanted more than {-least:g} m, where nothing is left of contact {contact.name!r};"
+            f"ground.margin: expected more than {-least:g} m, where nothing is left of contact {contact.name!r};"
             f" got {spec.margin:g}"
         )
     if spec.sole is None or contact.kind == "point":

@@ -34,11 +34,11 @@ class SoleSpec:
 
     def __post_init__(self) -> None:
         if not 0.0 < self.stiffness < math.inf:
-            raise ParamsError(f"ground.sole.stiffness: wanted a positive number [N/m]; got {self.stiffness:g}")
+            raise ParamsError(f"ground.sole.stiffness: expected a positive number [N/m], got {self.stiffness:g}")
         if len(self.points) != 2 or min(self.points) < 2:
-            raise ParamsError(f"ground.sole.points: wanted two numbers, 2 or more each; got {list(self.points)}")
+            raise ParamsError(f"ground.sole.points: expected two numbers, 2 or more each, got {list(self.points)}")
         if not 0.0 <= self.dissipation < math.inf:
-            raise ParamsError(f"ground.sole.dissipation: wanted a finite number >= 0; got {self.dissipation:g}")
+            raise ParamsError(f"ground.sole.dissipation: expected a finite number >= 0, got {self.dissipation:g}")
 
 
 @dataclass(frozen=True)
@@ -72,22 +72,22 @@ class GroundSpec:
 
     def __post_init__(self) -> None:
         if not (0.0 <= self.friction < math.inf and 0.0 <= self.dissipation < math.inf):
-            raise ParamsError("ground: wanted finite friction and dissipation >= 0")
+            raise ParamsError("ground: expected finite friction and dissipation >= 0")
         if not 0.0 < self.radius <= LONG:
-            raise ParamsError(f"ground.radius: wanted a length above 0, {LONG:g} m at most; got {self.radius:g}")
+            raise ParamsError(f"ground.radius: expected a length above 0, {LONG:g} m at most, got {self.radius:g}")
         if not -LONG <= self.margin <= LONG:
-            raise ParamsError(f"ground.margin: wanted a length of {-LONG:g} to {LONG:g} m; got {self.margin:g}")
+            raise ParamsError(f"ground.margin: expected a length of {-LONG:g} to {LONG:g} m, got {self.margin:g}")
         if self.stiffness is not None and not 0.0 < self.stiffness < math.inf:
-            raise ParamsError(f"ground.stiffness: wanted a positive number [N/m]; got {self.stiffness:g}")
+            raise ParamsError(f"ground.stiffness: expected a positive number [N/m], got {self.stiffness:g}")
         if self.stiffness is not None and self.sole is not None:
-            raise ParamsError("ground: wanted either stiffness, of hard soles, or sole; got both")
+            raise ParamsError("ground: expected either stiffness, of hard soles, or sole, got both")
         if not 0.0 < self.stiction_tolerance < math.inf:
             raise ParamsError(
-                f"ground.stiction_tolerance: expected a positive speed [m/s]; got {self.stiction_tolerance:g}"
+                f"ground.stiction_tolerance: expected a positive speed [m/s], got {self.stiction_tolerance:g}"
             )
         if self.approximation is not None and self.approximation not in APPROXIMATIONS:
             raise ParamsError(
-                f"ground.approximation: expected one of {', '.join(APPROXIMATIONS)}; got {self.approximation!r}"
+                f"ground.approximation: expected one of {', '.join(APPROXIMATIONS)}, got {self.approximation!r}"
             )
 
     @property

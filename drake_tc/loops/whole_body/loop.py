@@ -135,9 +135,11 @@ def _law(scenario: TsidScenario) -> Law:
     steps = law.period / scenario.plant_step
     if not (steps > 0.5 and abs(steps - round(steps)) < 1e-6):
         raise ParamsError(
-            f"plant_step: wanted the controller's period, {law.period:g} s, or a whole part of it;"
+            f"plant_step: expected the controller's period, {law.period:g} s, or a whole part of it;"
             f" got {scenario.plant_step:g}"
         )
     if not law.model.contacts:
-        raise ParamsError(f"{scenario.path(scenario.controller)}: contacts: wanted at least one to stand on; got none")
+        raise ParamsError(
+            f"{scenario.path(scenario.controller)}: contacts: expected at least one to stand on, got none"
+        )
     return law

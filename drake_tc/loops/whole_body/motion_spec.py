@@ -31,16 +31,16 @@ class TurnSpec:
 
     def __post_init__(self) -> None:
         if len(self.axis) != 3:
-            raise ParamsError(f"turn.axis: wanted three numbers; got {len(self.axis)}")
+            raise ParamsError(f"turn.axis: expected three numbers, got {len(self.axis)}")
         if len(self.times) == 1 or len(self.angles) != len(self.times):
             raise ParamsError(
-                f"turn: wanted no times, or two or more and as many angles; got {len(self.times)} and"
+                f"turn: expected no times, or two or more and as many angles, got {len(self.times)} and"
                 f" {len(self.angles)}"
             )
         if self.times and self.amplitude:
-            raise ParamsError("turn: wanted either times and angles or an amplitude; got both")
+            raise ParamsError("turn: expected either times and angles or an amplitude, got both")
         if not all(later > earlier for earlier, later in pairwise(self.times)):
-            raise ParamsError(f"turn.times: wanted increasing times [s]; got {list(self.times)}")
+            raise ParamsError(f"turn.times: expected increasing times [s], got {list(self.times)}")
 
 
 @dataclass(frozen=True)
@@ -61,13 +61,13 @@ class KnotSpec:
         if self.turn is not None and not self.times and not self.offsets:
             return
         if self.turn is not None:
-            raise ParamsError("motion: wanted either times and offsets or a turn; got both")
+            raise ParamsError("motion: expected either times and offsets or a turn, got both")
         if len(self.times) < 2 or len(self.offsets) != len(self.times):
             raise ParamsError(
-                f"motion: wanted two times or more and as many offsets; got {len(self.times)} and {len(self.offsets)}"
+                f"motion: expected two times or more and as many offsets, got {len(self.times)} and {len(self.offsets)}"
             )
         if any(len(offset) != 3 for offset in self.offsets):
-            raise ParamsError("motion: wanted offsets of three numbers [x, y, z]")
+            raise ParamsError("motion: expected offsets of three numbers [x, y, z]")
 
 
 @dataclass(frozen=True)
@@ -84,4 +84,4 @@ class SpanSpec:
 
     def __post_init__(self) -> None:
         if not self.begin < self.end:
-            raise ParamsError(f"span: wanted begin < end [s]; got {self.begin:g} and {self.end:g}")
+            raise ParamsError(f"span: expected begin < end [s], got {self.begin:g} and {self.end:g}")

@@ -41,12 +41,12 @@ def task_source(law: Law, name: str, spec: KnotSpec) -> TrajectorySource | Refer
         turning = [key for key, task in tasks.items() if isinstance(task, OrientationTask)]
         if name not in turning:
             raise ParamsError(
-                f"motion: turn: wanted one of the tasks of orientation: {', '.join(turning) or 'none'}; got {name!r}"
+                f"motion: turn: expected one of the tasks of orientation: {', '.join(turning) or 'none'}, got {name!r}"
             )
         return ReferenceSource(_turned(tasks[name].rest(law.starting_terms())[:4], spec.turn))
     movable = [key for key, task in tasks.items() if type(task) in POSITION]
     if name not in movable:
-        raise ParamsError(f"motion: wanted one of the tasks {', '.join(movable)}; got {name!r}")
+        raise ParamsError(f"motion: expected one of the tasks {', '.join(movable)}, got {name!r}")
     task: Task = tasks[name]
     rest = task.rest(law.starting_terms())
     try:
@@ -64,7 +64,7 @@ def _turned(rest: FloatArray, turn: TurnSpec) -> Path:
         return Swing(start, (x, y, z), turn.amplitude, turn.frequency_hz, turn.begin, turn.rise)
     length = np.linalg.norm(axis)
     if not length > 0.0:
-        raise ParamsError("motion: turn.axis: wanted a direction; got zero")
+        raise ParamsError("motion: turn.axis: expected a direction, got zero")
     first = rotation_matrix(rest)
     half = [0.5 * angle for angle in turn.angles]
     turns = [rotation_matrix(np.array([np.cos(a), *(np.sin(a) * axis / length)])) for a in half]

@@ -48,7 +48,7 @@ class DrivesSpec:
 
     def __post_init__(self) -> None:
         if not (0.0 <= self.kp < math.inf and 0.0 < self.start_time < math.inf):
-            raise ParamsError(f"drives: wanted kp >= 0 and start_time > 0; got {self.kp:g} and {self.start_time:g}")
+            raise ParamsError(f"drives: expected kp >= 0 and start_time > 0, got {self.kp:g} and {self.start_time:g}")
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ class TorqueErrorSpec:
 
     def __post_init__(self) -> None:
         if not (0.0 <= self.scale < math.inf and 0.0 < self.hold < math.inf):
-            raise ParamsError(f"torque_error: wanted scale >= 0 and hold > 0; got {self.scale:g} and {self.hold:g}")
+            raise ParamsError(f"torque_error: expected scale >= 0 and hold > 0, got {self.scale:g} and {self.hold:g}")
 
 
 SENSORS = "realistic"
@@ -147,7 +147,7 @@ class TsidScenario(ScenarioBase, WholeBodySpec):
         check_run(self, ("duration", "plant_step"))
         if self.torque_error is not None and self.torque_error.hold < self.plant_step:
             raise ParamsError(
-                f"torque_error.hold: wanted plant_step {self.plant_step:g} s or more; got {self.torque_error.hold:g}"
+                f"torque_error.hold: expected plant_step {self.plant_step:g} s or more, got {self.torque_error.hold:g}"
             )
         for name, default, choice, needed in (
             ("drives", DrivesSpec(), self.torque, "drives"),
@@ -156,22 +156,24 @@ class TsidScenario(ScenarioBase, WholeBodySpec):
         ):
             if choice != needed and getattr(self, name) != default:
                 key = "state" if name == "estimator" else "torque"
-                raise ParamsError(f"{name}: wanted {key}: {needed} beside it; with {key}: {choice} there are none")
+                raise ParamsError(f"{name}: expected {key}: {needed} beside it; with {key}: {choice} there are none")
         if self.torque != "drives" and self.state == "plant" and self.sensors != SENSORS:
             raise ParamsError(
-                "sensors: wanted state: estimated or torque: drives beside it; with neither nothing is sensed"
+                "sensors: expected state: estimated or torque: drives beside it; with neither nothing is sensed"
             )
         for name in self.faults:
             if name not in FALLIBLE:
                 raise ParamsError(f"faults: no sensor {name!r}; possible: {', '.join(FALLIBLE)}")
         if self.faults.get("contacts") and not any(self.lifted.values()):
-            raise ParamsError("faults.contacts: wanted `lifted` beside it; a controller that stands on all tells none")
+            raise ParamsError(
+                "faults.contacts: expected `lifted` beside it; a controller that stands on all tells none"
+            )
         if self.series_elastic.position_gain > 0.0 and (self.motion or self.lifted):
             raise ParamsError(
-                "series_elastic.position_gain: wanted neither motion nor lifted; motors stay where they are"
+                "series_elastic.position_gain: expected neither motion nor lifted; motors stay where they are"
             )
         if any(self.faults.values()) and (self.state, self.torque) != ("base_estimator", "series_elastic"):
             raise ParamsError(
-                "faults: wanted state: base_estimator and torque: series_elastic beside it;"
+                "faults: expected state: base_estimator and torque: series_elastic beside it;"
                 f" got {self.state} and {self.torque}"
             )

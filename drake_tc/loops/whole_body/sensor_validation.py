@@ -7,12 +7,13 @@ one signal.
 
 What stands in for
     one of motor encoder, gauge, link encoder    the other two of its joint (`joint_voting`)
-    two of them                                  their last good values; after 150 ms torques fade, and the motors'
-                                                 back-EMF brakes the joints (`blind_stop`)
+    two of them                                  their last good values; after 150 ms the joint's torque fades, and its
+                                                 motor's back-EMF brakes it; all torques where it is one that the robot
+                                                 stands on (`blind_stop`)
     an IMU missing, frozen, or after a jump      feet: their rates against the base and soles that tilt as their load
     that no F/T sensor feels too                 says (`standing_feet`); after 30 ms the motion stops where it is
-    an F/T sensor missing or frozen              its last good reading; its contact carries as long as the controller
-                                                 stands on it
+    an F/T sensor missing or frozen, or after    its last good reading; its contact carries as long as the controller
+    a jump that the other loads belie            stands on it
     `contacts`, what the estimator is told of the controller's contacts: loads, and slip
 """
 
@@ -28,6 +29,7 @@ from drake_tc.loops.ports import first_imu, picked
 from drake_tc.loops.whole_body.base_estimation import sensor_of
 from drake_tc.loops.whole_body.sensors import WholeBodyBuilder, sensor_specs
 from drake_tc.loops.whole_body.series_elastic_drives import SpringDrives, believed_springs
+from drake_tc.robot.urdf_tree import read_urdf
 from drake_tc.sensing.sensor import Sensor
 from drake_tc.sensing.spec import SensorSpec
 from drake_tc.sensing.suite import SensorSuite, sensor_seed
@@ -37,7 +39,8 @@ from drake_tc.sensor_validation.joint_sensors import FLAGS, JointSensors
 from drake_tc.sensor_validation.monitor_spec import MonitorSpec
 from drake_tc.sensor_validation.standing_feet import StandingFeet
 from drake_tc.tsid.controller import reference_port
-from drake_tc.types import FloatArray
+from drake_tc.tsid.law import Law
+from drake_tc.types import BoolArray, FloatArray
 
 MONITOR = MonitorSpec(gyro_jump=0.3, accel_jump=1.5, force_jump=8.0, moment_jump=1.0)
 """Twice to six times the largest steps in a tick of a robot that stands, turns at 1 Hz or bows, once its soles are
@@ -95,7 +98,7 @@ def add_sensor_validation(
     law, builder = wiring.law, wiring.builder
     robot, period = law.model.robot, law.period
     if sensors.imu is None or sensors.force_torque is None:
-        raise ParamsError(f"{robot.source}: wanted an IMU and F/T sensors; one of them is missing")
+        raise ParamsError(f"{robot.source}: expected an IMU and F/T sensors; one of them is missing")
     suite = sensor_specs(wiring.scenario, period)
     encoder, imu = sensors.encoder.GetOutputPort("reading"), first_imu(builder, sensors.imu.GetOutputPort("reading"))
     wrench = sensors.force_torque.GetOutputPort("reading")
@@ -183,15 +186,23 @@ def sole_compliance(wiring: WholeBodyBuilder) -> FloatArray:
 
 
 def stopped(
-    wiring: WholeBodyBuilder, validated: ValidatedSensors, state: OutputPort
-) -> tuple[OutputPort, SpringDrives]:
-    """State and gauges for the controllers: see `blind_stop`."""
-    builder, flags = wiring.builder, wiring.builder.GetSubsystemByName("joint_sensors").GetOutputPort("flags")
-    lost = picked(builder, "joint_lost", flags, {"lost": [FLAGS.index("joint/lost")]})["lost"]
-    law = wiring.law
-    system = BlindStop(state.size(), law.model.n, law.fade, law.period)
-    wiring.add("blind_stop", system, state=state, torque=validated.springs.torque, lost=lost)
-    return system.GetOutputPort("state"), replace(validated.springs, torque=system.GetOutputPort("torque"))
+    wiring: WholeBodyBuilder, validated: ValidatedSensors, state: OutputPort, torque: OutputPort
+) -> tuple[OutputPort, SpringDrives, OutputPort]:
+    """State and gauges for the controllers, and their torque for the drives: see `blind_stop`."""
+    senses, law = wiring.builder.GetSubsystemByName("joint_sensors"), wiring.law
+    system = BlindStop(state.size(), carrying_joints(law), law.fade, law.period)
+    gauges = validated.springs.torque
+    wiring.add("blind_stop", system, state=state, torque=gauges, wanted=torque, lost=senses.GetOutputPort("lost"))
+    springs = replace(validated.springs, torque=system.GetOutputPort("torque"))
+    return system.GetOutputPort("state"), springs, system.GetOutputPort("wanted")
+
+
+def carrying_joints(law: Law) -> BoolArray:
+    """(n,) which joints lie between the robot's base and one of its contacts."""
+    robot = law.model.robot
+    tree = read_urdf(robot.urdf, robot.splits)
+    links = {contact.frame.link for contact in law.model.contacts}
+    return np.array([bool(tree.beyond(tree.joints[name].child) & links) for name in robot.joints])
 
 
 def add_flags(wiring: WholeBodyBuilder, validated: ValidatedSensors) -> tuple[str, ...]:

@@ -52,7 +52,7 @@ def required_models(
     """
     models: Mapping[str, ActuatorModel] | None = getattr(wiring, which)
     if models is None:
-        raise ParamsError(f"models: expected actuator models, as torque: {wiring.scenario.torque} needs them; got none")
+        raise ParamsError(f"models: expected actuator models, as torque: {wiring.scenario.torque} needs them, got none")
     return models
 
 

@@ -60,7 +60,9 @@ def spring_models(scenario: TsidScenario, robot: Robot) -> dict[str, ActuatorMod
     named = scenario.series_elastic.actuators
     path = robot.actuators if named is None else scenario.path(named)
     if path is None:
-        raise ParamsError(f"{robot.source}: wanted `actuators`, here or in the scenario's series_elastic; got neither")
+        raise ParamsError(
+            f"{robot.source}: expected `actuators`, here or in the scenario's series_elastic, got neither"
+        )
     models: dict[str, ActuatorModel] = models_of_joints(path, robot.joints)
     check_springs(models, str(path))
     return models
@@ -75,7 +77,7 @@ def check_springs(models: Mapping[str, ActuatorModel], source: str = "models") -
     for joint, model in models.items():
         if model.drive.kind != "voltage" or all(value.key != _SPRING for value in model.effects):
             raise ParamsError(
-                f"{source}: {joint}: wanted a voltage drive and an elasticity; the model lacks one of them"
+                f"{source}: {joint}: expected a voltage drive and an elasticity; the model lacks one of them"
             )
 
 

@@ -33,9 +33,9 @@ class TorqueNoise(LeafSystem):
         """
         super().__init__()
         if not (np.isfinite(period) and period > 0.0):
-            raise ParamsError(f"torque noise: wanted a positive period [s]; got {period!r}")
+            raise ParamsError(f"torque noise: expected a positive period [s], got {period!r}")
         if not 0 <= seed < SEEDS:
-            raise ParamsError(f"torque noise: wanted a seed from 0 to 2^64 - 1; got {seed}")
+            raise ParamsError(f"torque noise: expected a seed from 0 to 2^64 - 1, got {seed}")
         self._root, self._seed = scale * error.root, seed
         first: Any = self._draw(0)
         now = self.DeclareDiscreteState(first)

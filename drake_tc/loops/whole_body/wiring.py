@@ -162,10 +162,10 @@ def _close(
     elif springs is not None and sensors is not None:
         position = link_position(wiring, springs, sensors.encoder.GetOutputPort("reading"))
     state, starts = _known_state(wiring, sensors, position, contacts)
-    if validated is not None:
-        state, springs = stopped(wiring, validated, state)
-    wiring.connect("tsid", "estimated_state", state)
     torque = _with_error(wiring, wiring.output("tsid", "torque"))
+    if validated is not None:
+        state, springs, torque = stopped(wiring, validated, state, torque)
+    wiring.connect("tsid", "estimated_state", state)
     starts += _apply_torque(wiring, sensors, springs, torque, state)
     tsid = wiring.systems["tsid"]
     wiring.signals |= {name: wiring.output("tsid", name) for name in OUTPUTS if tsid.HasOutputPort(name)}

@@ -29,9 +29,9 @@ def read_diagram(diagram: Diagram, stages: Mapping[str, str] | None = None, dept
         ParamsError: not a Diagram, a depth below 1, a stage or block that there is not.
     """
     if not isinstance(diagram, Diagram):
-        raise ParamsError(f"wanted a Drake Diagram, got {type(diagram).__name__}")
+        raise ParamsError(f"expected a Drake Diagram, got {type(diagram).__name__}")
     if depth is not None and depth < 1:
-        raise ParamsError(f"wanted a depth of at least 1, got {depth}")
+        raise ParamsError(f"expected a depth of at least 1, got {depth}")
     ends = _Ends({place.system: place for place in _places(diagram, "", depth)})
     leaves = ends.leaves()
     edges = tuple(_edges(diagram, ends))

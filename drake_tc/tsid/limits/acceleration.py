@@ -1,11 +1,8 @@
 """How fast joints may speed up and brake, their ranges of position and velocity folded in."""
 
-from typing import Any
-
 import numpy as np
 
 from drake_tc.errors import ParamsError
-from drake_tc.estimation.torque_model import as_slice
 from drake_tc.robot.plant import joint_limits
 from drake_tc.robot.robot import Robot
 from drake_tc.tsid.limits.viability import JointRange, Viability
@@ -36,9 +33,9 @@ class AccelerationLimit:
         """
         self.name = name
         self._labels = tuple(f"{joint} acceleration" for joint in limits.joints)
-        self._actuated: Any = as_slice(np.array(actuated))
+        self._actuated = np.array(actuated, dtype=np.int64)
         self._viability = Viability(limits)
-        self._parts = selection(np.array(actuated), velocities)
+        self._parts = selection(self._actuated, velocities)
 
     @classmethod
     def of(
@@ -67,7 +64,7 @@ class AccelerationLimit:
             ParamsError: a margin that is negative or not finite; else see `JointRange`.
         """
         if not (np.isfinite(margin) and margin >= 0.0):
-            raise ParamsError(f"margin: wanted a finite number >= 0 [rad]; got {margin!r}")
+            raise ParamsError(f"margin: expected a finite number >= 0 [rad], got {margin!r}")
         known, n = joint_limits(robot), len(robot.joints)
         speed = _each("velocity", known.velocity if velocity is None else velocity, n)
         most = _each("acceleration", acceleration, n)
@@ -76,7 +73,7 @@ class AccelerationLimit:
 
     def rows(self, terms: Terms) -> LimitRows:
         """N rows; a joint's acceleration each [rad/s^2]."""
-        lower, upper, relaxed = self._viability.bounds(terms.joint_position, terms.v[self._actuated])
+        lower, upper, relaxed = self._viability.bounds(terms.joint_position, terms.v, self._actuated)
         return LimitRows(self.name, self.group, self._parts, lower, upper, self._labels, relaxed)
 
 
@@ -84,5 +81,5 @@ def _each(where: str, value: float | FloatArray, n: int) -> FloatArray:
     """(n,) from one number for all or one a joint."""
     given = np.asarray(value, dtype=float)
     if given.shape not in ((), (n,)):
-        raise ParamsError(f"{where}: wanted a number or {n} of them, one a joint; got shape {given.shape}")
+        raise ParamsError(f"{where}: expected a number or {n} of them, one a joint, got shape {given.shape}")
     return np.broadcast_to(given, (n,))

@@ -104,11 +104,11 @@ class CapturePointLimit:
         """
         for key, value in (("period", period), ("gravity", gravity)):
             if not (math.isfinite(value) and value > 0.0):
-                raise ParamsError(f"{name}: {key}: wanted a positive number; got {value!r}")
+                raise ParamsError(f"{name}: {key}: expected a positive number, got {value!r}")
         if not (math.isfinite(margin) and margin >= 0.0):
-            raise ParamsError(f"{name}: margin: wanted a finite number >= 0 [m]; got {margin!r}")
+            raise ParamsError(f"{name}: margin: expected a finite number >= 0 [m], got {margin!r}")
         if not contacts:
-            raise ParamsError(f"{name}: wanted contacts, over which it is kept; got none")
+            raise ParamsError(f"{name}: expected contacts, over which it is kept, got none")
         self.name = name
         self._period, self._margin, self._gravity = period, margin, gravity
         self._places = tuple((contact.name, contact.corners[:, :2].tolist()) for contact in contacts)

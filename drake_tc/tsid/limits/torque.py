@@ -33,10 +33,10 @@ class TorqueLimit:
         """
         low, high = np.array(lower, dtype=float), np.array(upper, dtype=float)
         if low.shape != (len(joints),) or high.shape != low.shape:
-            raise ParamsError(f"{name}: wanted {len(joints)} values a side; got {low.shape} and {high.shape}")
+            raise ParamsError(f"{name}: expected {len(joints)} values a side, got {low.shape} and {high.shape}")
         for joint, a, b in zip(joints, low, high, strict=True):
             if not a < b:
-                raise ParamsError(f"{name} of {joint!r}: wanted lower < upper [N m]; got {a:g} and {b:g}")
+                raise ParamsError(f"{name} of {joint!r}: expected lower < upper [N m], got {a:g} and {b:g}")
         self.name = name
         labels = tuple(f"{joint} torque" for joint in joints)
         self._rows = LimitRows(name, self.group, Parts(torque=identity(len(joints))), low, high, labels)
@@ -49,7 +49,7 @@ class TorqueLimit:
             ParamsError: a share that is not positive, or above 1.
         """
         if not 0.0 < share <= 1.0:
-            raise ParamsError(f"torque limits: wanted a positive share, 1 at most; got {share:g}")
+            raise ParamsError(f"torque limits: expected a positive share, 1 at most, got {share:g}")
         effort = share * joint_limits(robot).effort
         return cls(robot.joints, -effort, effort)
 

@@ -26,10 +26,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from drake_tc.errors import ParamsError
-from drake_tc.types import FloatArray
+from drake_tc.kernels.lazy import Kernel
+from drake_tc.types import FloatArray, IntArray
 
-NEGLIGIBLE = 1e-9
-"""What rounding may add to a position or a velocity [rad, rad/s]."""
+_BOUNDS = Kernel("rows", "viable")
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,22 +61,24 @@ class JointRange:
         for key in ("lower", "upper", "velocity_lower", "velocity_upper", "acceleration"):
             value = np.array(getattr(self, key), dtype=float)
             if value.shape != (n,):
-                raise ParamsError(f"{key}: wanted {n} values, one a joint; got shape {value.shape}")
+                raise ParamsError(f"{key}: expected {n} values, one a joint, got shape {value.shape}")
             value.setflags(write=False)
             object.__setattr__(self, key, value)
         if not (np.isfinite(self.period) and self.period > 0.0):
-            raise ParamsError(f"period: wanted a positive number [s]; got {self.period:g}")
+            raise ParamsError(f"period: expected a positive number [s], got {self.period:g}")
         need = np.maximum(_turn(self, upper=True), _turn(self, upper=False))
         for i, joint in enumerate(self.joints):
             if not (np.isfinite(self.acceleration[i]) and self.acceleration[i] > 0.0):
-                raise ParamsError(f"acceleration of {joint!r}: wanted a positive number; got {self.acceleration[i]:g}")
+                raise ParamsError(
+                    f"acceleration of {joint!r}: expected a positive number, got {self.acceleration[i]:g}"
+                )
             low, high = self.velocity_lower[i], self.velocity_upper[i]
             if not low < 0.0 < high:
-                raise ParamsError(f"velocities of {joint!r}: wanted lower < 0 < upper; got {low:g} and {high:g}")
+                raise ParamsError(f"velocities of {joint!r}: expected lower < 0 < upper, got {low:g} and {high:g}")
             low, high = self.lower[i], self.upper[i]
             if not high - low >= need[i]:
                 raise ParamsError(
-                    f"positions of {joint!r}: wanted upper - lower >= {need[i]:.3g} rad, in which it can turn;"
+                    f"positions of {joint!r}: expected upper - lower >= {need[i]:.3g} rad, in which it can turn;"
                     f" got {low:g} and {high:g}"
                 )
 
@@ -107,58 +109,26 @@ class Viability:
     """
 
     def __init__(self, limits: JointRange) -> None:
-        """Prepare the constants; both ends of all joints in one vector, [upper; lower mirrored]."""
-        n, h = len(limits.joints), limits.period
-        self._n, self._h = n, h
-        self._end = np.concatenate((limits.upper, -limits.lower))
-        self._fastest = np.concatenate((limits.velocity_upper, -limits.velocity_lower))
-        self._most = np.concatenate((limits.acceleration, limits.acceleration))
-        self._least = -self._most
-        braking = np.concatenate(_braking(limits))
-        self._twice = 2.0 * braking
-        self._drop = 0.5 * h * braking
-        self._drop_squared = self._drop**2
+        """Keep the constants.
 
-    def bounds(self, q: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray, int]:
-        """(lower, upper) for the next period at positions q and velocities v (n,) [rad, rad/s].
-
-        The third is the number of joints of which a limit gave way.
+        Args:
+            limits: Of n joints.
         """
-        n, rate, most = self._n, 1.0 / self._h, self._most
-        speed = np.concatenate((v, -v))
-        given = np.concatenate((q, -q))
-        np.subtract(self._end, given, out=given)
-        stop = self._stop(speed)
-        beyond = stop - given
-        np.maximum(given, stop, out=given)
-        rest = given - (0.5 * self._h) * speed
-        turns = not rest.min(initial=0.0) >= 0.0
-        if turns:
-            late = rest < 0.0
-            np.maximum(rest, 0.0, out=rest)
-        rest *= self._twice
-        rest += self._drop_squared
-        ceiling = np.sqrt(rest, out=rest)
-        ceiling -= self._drop
-        ceiling -= speed
-        ceiling *= rate
-        if turns:
-            ceiling[late] = -(speed[late] ** 2) / (2.0 * given[late])
-        slower = self._fastest - speed
-        slower *= rate
-        late_by = self._least - slower
-        np.maximum(slower, self._least, out=slower)
-        np.minimum(ceiling, slower, out=ceiling)
-        np.minimum(ceiling, most, out=ceiling)
-        upper, relaxed = ceiling[:n], 0
-        if np.maximum(beyond, late_by).max(initial=0.0) > NEGLIGIBLE:
-            gave = (beyond > NEGLIGIBLE) | (late_by > NEGLIGIBLE * rate)
-            relaxed = int(np.count_nonzero(gave[:n] | gave[n:]))
-        return np.minimum(-ceiling[n:], upper), upper, relaxed
+        ends = limits.lower, limits.upper, limits.velocity_lower, limits.velocity_upper, limits.acceleration
+        self._limits = *ends, np.concatenate(_braking(limits)), limits.period
+        self._all = np.arange(len(limits.joints))
 
-    def _stop(self, speed: FloatArray) -> FloatArray:
-        """(2n,) how much further a joint goes that brakes."""
-        forward = np.maximum(speed, 0.0)
-        forward *= forward
-        forward /= self._twice
-        return forward
+    def bounds(
+        self, q: FloatArray, v: FloatArray, places: IntArray | None = None
+    ) -> tuple[FloatArray, FloatArray, int]:
+        """(lower, upper) (n,) for the next period, and the number of joints of which a limit gave way.
+
+        Args:
+            q: (n,) positions [rad].
+            v: Velocities [rad/s].
+            places: (n,) where those of the joints stand in v; None for the joints' own (n,).
+        """
+        bounds: tuple[FloatArray, FloatArray, int] = _BOUNDS(
+            q, v, self._all if places is None else places, *self._limits
+        )
+        return bounds

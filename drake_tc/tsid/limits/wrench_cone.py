@@ -70,7 +70,7 @@ class WrenchCones:
             ParamsError: an unknown pyramid.
         """
         if pyramid not in get_args(Pyramid):
-            raise ParamsError(f"pyramid: wanted one of {', '.join(get_args(Pyramid))}; got {pyramid!r}")
+            raise ParamsError(f"pyramid: expected one of {', '.join(get_args(Pyramid))}, got {pyramid!r}")
         self.name = name
         blocks = tuple(cone_rows(contact, pyramid) for contact in contacts)
 

@@ -41,7 +41,7 @@ def solver(name: str = DEFAULT) -> QpSolver:
         made: QpSolver = import_module("drake_tc.tsid.program_solver").ProgramSolver()
         return made
     if name not in SOLVERS:
-        raise ParamsError(f"solver: wanted one of {', '.join((*SOLVERS, *OF_DRAKE, PROGRAM))}; got {name!r}")
+        raise ParamsError(f"solver: expected one of {', '.join((*SOLVERS, *OF_DRAKE, PROGRAM))}, got {name!r}")
     module, kind = SOLVERS[name]
     try:
         found = import_module(module)

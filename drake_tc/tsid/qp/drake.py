@@ -43,7 +43,7 @@ class DrakeSolver:
             ParamsError: an unknown name, or a solver without a licence here.
         """
         if name not in _SOLVERS:
-            raise ParamsError(f"solver of Drake: wanted one of {', '.join(_SOLVERS)}; got {name!r}")
+            raise ParamsError(f"solver of Drake: expected one of {', '.join(_SOLVERS)}, got {name!r}")
         make, options = _SOLVERS[name]
         self._solver = make()
         if not (self._solver.available() and self._solver.enabled()):

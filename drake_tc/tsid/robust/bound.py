@@ -5,12 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from drake_tc.tsid.polytope import LeastSquares
 from drake_tc.tsid.qp.problem import Outcome
 from drake_tc.tsid.robust import measures
 from drake_tc.tsid.robust.measures import Found, Guess, Means, Measure
 from drake_tc.tsid.robust.null_space import null_basis
-from drake_tc.tsid.robust.scaled import ScaledProblem
+from drake_tc.tsid.robust.scaled import ScaledProblem, nothing
 
 MET = 1e-6
 """How near to R_min an active constraint is met, of R_min."""
@@ -38,7 +37,7 @@ def in_null_space(program: Measure, problem: ScaledProblem, guess: Guess, means:
         return classic
     basis = null_basis(problem.cost.matrix)
     inside = problem.along(classic.x, basis)
-    inside = replace(inside, cost=LeastSquares(np.zeros((0, basis.shape[1])), np.zeros(0)))
+    inside = replace(inside, cost=nothing(basis.shape[1]))
     last = basis.T @ (guess.x - classic.x)
     if inside.limits.miss(last) > 1.0:
         last = np.zeros(basis.shape[1])
@@ -57,7 +56,7 @@ def in_null_space(program: Measure, problem: ScaledProblem, guess: Guess, means:
 def most_robust(program: Measure, problem: ScaledProblem, guess: Guess, means: Means) -> Found:
     """Min R inside the limits, whatever it costs."""
     n = len(guess.x)
-    return program(replace(problem, cost=LeastSquares(np.zeros((0, n)), np.zeros(0))), 1.0, guess, means)
+    return program(replace(problem, cost=nothing(n)), 1.0, guess, means)
 
 
 def within_risk(

@@ -26,11 +26,11 @@ class Budget:
 
     def __post_init__(self) -> None:
         if self.iterations < 1:
-            raise ParamsError(f"iterations: wanted at least 1; got {self.iterations}")
+            raise ParamsError(f"iterations: expected at least 1, got {self.iterations}")
         if not self.seconds > 0.0:
-            raise ParamsError(f"seconds: wanted more than 0; got {self.seconds:g}")
+            raise ParamsError(f"seconds: expected more than 0, got {self.seconds:g}")
         if math.isfinite(self.seconds) and self.clock is None:
-            raise ParamsError("budget: wanted a clock, as seconds is finite; time.perf_counter is one")
+            raise ParamsError("budget: expected a clock, as seconds is finite; time.perf_counter is one")
 
     def started(self) -> "Spending":
         """The budget with its time running from now on."""
@@ -48,9 +48,13 @@ class Spending:
         self._clock = budget.clock if math.isfinite(budget.seconds) else None
         self._until = self._clock() + budget.seconds if self._clock is not None else math.inf
 
-    def step(self) -> None:
-        """Count one step."""
-        self._left -= 1
+    def most(self) -> int:
+        """How many steps may be taken until it is asked again whether this is `late`."""
+        return max(self._left, 1) if self._clock is None else 1
+
+    def steps(self, count: int) -> None:
+        """Count steps."""
+        self._left -= count
 
     def late(self) -> bool:
         """Whether nothing is left."""

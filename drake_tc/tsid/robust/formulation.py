@@ -7,21 +7,21 @@ from typing import Literal, get_args
 import numpy as np
 
 from drake_tc.errors import ParamsError
+from drake_tc.kernels.lazy import Kernel
 from drake_tc.tsid.polytope import LeastSquares, Polytope
 from drake_tc.tsid.qp.problem import Outcome, QpSolver
 from drake_tc.tsid.robust import measures
 from drake_tc.tsid.robust.bound import in_null_space, within_risk
 from drake_tc.tsid.robust.box import size_of_risk
-from drake_tc.tsid.robust.gaussian_tail import log_cdf
-from drake_tc.tsid.robust.individual import SAFE
 from drake_tc.tsid.robust.measures import Found, Guess, Means, Measure
 from drake_tc.tsid.robust.options import Options
-from drake_tc.tsid.robust.rectangle_program import rectangle
-from drake_tc.tsid.robust.scaled import FEASIBLE, ScaledProblem, scaled
+from drake_tc.tsid.robust.rectangle import rectangle
+from drake_tc.tsid.robust.scaled import ScaledProblem, scaled
 from drake_tc.tsid.robust.solution import RobustSolution, Start
-from drake_tc.tsid.robust.step import FREE
 from drake_tc.tsid.robust.torque_error import TorqueError
-from drake_tc.types import BoolArray, FloatArray
+from drake_tc.tsid.robust.working import FREE
+
+_JUDGED = Kernel("scaling", "judged")
 
 MeasureName = Literal["classic", "individual", "rectangle", "box"]
 Use = Literal["trade_off", "null_space", "constraint"]
@@ -63,11 +63,11 @@ class Formulation:
             ("use", self.use, get_args(Use)),
         ):
             if value not in names:
-                raise ParamsError(f"{name}: wanted one of {sorted(names)}; got {value!r}")
+                raise ParamsError(f"{name}: expected one of {sorted(names)}, got {value!r}")
         if not (self.weight > 0.0 and np.isfinite(self.weight)):
-            raise ParamsError(f"weight: wanted a finite number > 0; got {self.weight}")
+            raise ParamsError(f"weight: expected a finite number > 0, got {self.weight}")
         if not (self.minimum >= LEAST and np.isfinite(self.minimum)):
-            raise ParamsError(f"minimum: wanted a finite number >= {LEAST:g}; got {self.minimum}")
+            raise ParamsError(f"minimum: expected a finite number >= {LEAST:g}, got {self.minimum}")
 
     def solve(
         self,
@@ -101,7 +101,7 @@ class Formulation:
             found, weight = self._found(problem, guess, weight, means, known)
         except (np.linalg.LinAlgError, ArithmeticError, LookupError, ValueError):
             found = Found(np.full(len(error.scale), np.nan), np.nan, FREE, Outcome.FAILED, False, 0, 0)
-        return _packed(found, weight, problem, cost)
+        return _packed(found, weight, problem)
 
     def _found(
         self, problem: ScaledProblem, guess: Guess, weight: float, means: Means, known: bool
@@ -127,30 +127,20 @@ class Formulation:
 _MEASURES: dict[str, Measure] = {"individual": measures.individual, "box": measures.box, "rectangle": rectangle}
 
 
-def _packed(found: Found, weight: float, problem: ScaledProblem, cost: LeastSquares) -> RobustSolution:
-    torque, limits = found.x * problem.scale, problem.limits
-    counts = found.iterations, found.programs
-    if not math.isfinite(float(torque.sum())):
-        zero = np.zeros_like(torque)
-        active = np.zeros(len(limits.lower), dtype=np.int64)
+def _packed(found: Found, weight: float, problem: ScaledProblem) -> RobustSolution:
+    counts, limits, cost = (found.iterations, found.programs), problem.limits, problem.cost
+    if not math.isfinite(float(found.x.sum())):
+        zero, active = np.zeros(len(problem.scale)), np.zeros(len(limits.lower), dtype=np.int64)
         return RobustSolution(zero, math.inf, 0.0, math.inf, active, Outcome.FAILED, False, *counts, None)
-    value = limits.times(found.x)
-    room = np.concatenate((limits.upper - value, value - limits.lower))
-    sides = (room <= FEASIBLE).view(np.int8)
-    active = np.subtract(sides[: len(value)], sides[len(value) :], dtype=np.int64)
-    start = Start(torque, len(value), found.working, weight, found.inner)
-    chance = _p_ind(room, problem.certain)
-    return RobustSolution(
-        torque, found.risk, chance, cost(torque), active, found.outcome, found.converged, *counts, start
+    torque, active, chance, price = _JUDGED(
+        found.x,
+        problem.scale,
+        limits.matrix,
+        limits.lower,
+        limits.upper,
+        problem.certain,
+        cost.matrix,
+        cost.target,
     )
-
-
-def _p_ind(room: FloatArray, certain: BoolArray | None) -> float:
-    """From the distances (2 m,) to both sides of each row [sigma]."""
-    if certain is not None:
-        sure = np.concatenate((certain, certain))
-        if room[sure].min() < -FEASIBLE:
-            return 0.0
-        room = room[~sure]
-    near = room[room < SAFE]
-    return math.exp(float(log_cdf(near).sum())) if near.size else 1.0
+    start = Start(torque, len(active), found.working, weight, found.inner)
+    return RobustSolution(torque, found.risk, chance, price, active, found.outcome, found.converged, *counts, start)

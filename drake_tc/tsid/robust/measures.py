@@ -6,13 +6,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from drake_tc.tsid.qp.problem import Outcome, QpSolver
-from drake_tc.tsid.robust.box import BoxRows, box_risk, box_size, with_size
+from drake_tc.tsid.robust.box import box_risk, box_rows, box_size
 from drake_tc.tsid.robust.budget import Spending
-from drake_tc.tsid.robust.individual import IndividualRisk
+from drake_tc.tsid.robust.convex import plain
 from drake_tc.tsid.robust.newton import Minimum, minimise
-from drake_tc.tsid.robust.objective import Objective, nothing
-from drake_tc.tsid.robust.scaled import ScaledProblem
-from drake_tc.tsid.robust.step import FREE, Working
+from drake_tc.tsid.robust.scaled import ScaledProblem, nothing
+from drake_tc.tsid.robust.working import FREE, Working
 from drake_tc.types import FloatArray
 
 EXACT = 1e-14
@@ -73,33 +72,29 @@ def minimum_of(minimum: Minimum, x: FloatArray, risk: float, inner: FloatArray |
 
 def least_cost(problem: ScaledProblem, guess: Guess, means: Means) -> Found:
     """Classic TSID (eq. 11): R counts as 0."""
-    objective = Objective(problem.cost)
+    target = problem.cost.target
     minimum = minimise(
-        objective,
-        problem.limits,
+        plain(problem.cost, problem.limits),
         means.qp,
         guess.x,
         working=guess.working,
-        accuracy=EXACT * float(problem.cost.target @ problem.cost.target),
+        accuracy=EXACT * float(target.dot(target)),
         spending=means.spending,
     )
-    return minimum_of(minimum, minimum.point.x, 0.0)
+    return minimum_of(minimum, minimum.x, 0.0)
 
 
 def individual(problem: ScaledProblem, weight: float, guess: Guess, means: Means) -> Found:
     """R_ind (eq. 13)."""
-    risk = IndividualRisk(problem.erring)
-    objective = Objective(problem.cost, risk=risk, weight=weight)
     minimum = minimise(
-        objective,
-        problem.limits,
+        plain(problem.cost, problem.limits, risk=problem.erring, weight=weight),
         means.qp,
         guess.x,
         working=guess.working,
         accuracy=means.accuracy * weight,
         spending=means.spending,
     )
-    return minimum_of(minimum, minimum.point.x, minimum.point.risk)
+    return minimum_of(minimum, minimum.x, minimum.risk)
 
 
 def box(problem: ScaledProblem, weight: float, guess: Guess, means: Means) -> Found:
@@ -107,19 +102,17 @@ def box(problem: ScaledProblem, weight: float, guess: Guess, means: Means) -> Fo
     n = len(guess.x)
     linear = np.zeros(n + 1)
     linear[n] = -weight
-    rows = BoxRows(problem.limits, problem.noise)
+    rows, cost = box_rows(problem)
     minimum = minimise(
-        Objective(with_size(problem.cost), linear=linear, damping=BOX_DAMPING * weight),
-        rows,
+        plain(cost, rows, linear=linear, damping=BOX_DAMPING * weight),
         means.qp,
         np.concatenate((guess.x, guess.inner if guess.inner is not None and len(guess.inner) == 1 else np.zeros(1))),
         working=guess.working,
         accuracy=means.accuracy * weight,
         spending=means.spending,
     )
-    x = minimum.point.x[:n]
-    size = rows.size(x) if problem.certain is None else box_size(problem, x)
-    return minimum_of(minimum, x, box_risk(size, problem.noise.shape[1]), minimum.point.x[n:])
+    x = minimum.x[:n]
+    return minimum_of(minimum, x, box_risk(box_size(problem, x), problem.noise.shape[1]), minimum.x[n:])
 
 
 def shrunk_box(problem: ScaledProblem, size: float, guess: Guess, means: Means) -> Found:

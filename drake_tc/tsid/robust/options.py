@@ -23,4 +23,4 @@ class Options:
 
     def __post_init__(self) -> None:
         if not self.accuracy > 0.0:
-            raise ParamsError(f"accuracy: wanted > 0; got {self.accuracy:g}")
+            raise ParamsError(f"accuracy: expected > 0, got {self.accuracy:g}")

@@ -1,207 +1,136 @@
 """p_rect: the most probable axis-aligned box inside the polytope (Del Prete and Mansard, 2015, eq. 14 to 16).
 
-The box is -b_j <= zeta_j <= a_j in the axes of e = L zeta (see `TorqueError`), so that its probability is a product for
-a full Sigma too. With a diagonal Sigma these are the joints: s_j = a_j sigma_j, s_(j+n) = -b_j sigma_j.
+min ||D x - d||^2 + w R_rect(x) inside the limits (eq. 16), and R_rect at a torque (eq. 15). The box is
+-b_j <= zeta_j <= a_j in the axes of e = L zeta (see `TorqueError`), so that its probability is a product for a full
+Sigma too. With a diagonal Sigma these are the joints: s_j = a_j sigma_j, s_(j+n) = -b_j sigma_j.
 """
 
 import math
+from dataclasses import replace
 
 import numpy as np
-from scipy.linalg.lapack import dpotrf, dtrtrs
 
-from drake_tc.tsid.polytope import LeastSquares
-from drake_tc.tsid.robust.factor import Factor
-from drake_tc.tsid.robust.interval import interval_risk, interval_slopes
-from drake_tc.tsid.robust.objective import DAMPING
-from drake_tc.tsid.robust.scaled import Rows
-from drake_tc.types import FloatArray, IntArray
+from drake_tc.tsid.polytope import Polytope
+from drake_tc.tsid.qp.problem import Outcome, QpSolver
+from drake_tc.tsid.robust import convex
+from drake_tc.tsid.robust.budget import Budget
+from drake_tc.tsid.robust.individual import certain_miss
+from drake_tc.tsid.robust.measures import Found, Guess, Means, box, minimum_of
+from drake_tc.tsid.robust.newton import Minimum, minimise
+from drake_tc.tsid.robust.scaled import FEASIBLE, Rows, ScaledProblem, nothing, scaled
+from drake_tc.tsid.robust.torque_error import TorqueError
+from drake_tc.tsid.robust.working import FREE, Working
+from drake_tc.types import FloatArray
 
-SIDE_DAMPING = 1e-6
-"""Curvature, over w, of a side that nothing holds and that gains nothing any more."""
+SMALL = 1e-9
+"""Half width [sigma] below which a box counts as none."""
+
+WIDTH = 1e-2
+"""Least width of a box along each axis, in sigmas or, where it begins narrower than one, of its first width."""
+
+SHARES = (1.0, 0.7, 0.4, 0.2, 0.1, 0.05, 0.02, 0.01, 1e-3, 1e-4, 1e-6)
+"""Of the way from the torque without a box to the largest box, at which a cold start looks."""
+
+ROUNDS = 5
+"""Programs at most, each with the sides that x missed in the one before."""
 
 
-class RectangleRows:
-    """Rows over (x, a, b): the corner that is worst for each side stays inside (eq. 15); 2 m, r and h rows.
+def rectangle(problem: ScaledProblem, weight: float, guess: Guess, means: Means) -> Found:
+    """R_rect with the cost not halved as in eq. 16: from the box of the last solution, else from the largest of all.
 
-        A x + K+ a + K- b <= upper, -A x + K- a + K+ b <= -lower, K+- the positive and negative parts of the noise K
-        a + b >= width                                            the paper's epsilon
-
-    As K+ a + K- b = |K| (a + b) / 2 + K (a - b) / 2, a product costs three of half the height and no copies.
-
-    Attributes:
-        lower: None.
-        upper: (2 m + r + h,).
+    The most probable box need not be around x, so x itself is held inside the limits too, by the sides it would miss.
     """
-
-    lower = None
-
-    def __init__(self, limits: Rows, noise: FloatArray, held: FloatArray, width: float) -> None:
-        """Prepare.
-
-        Args:
-            limits: A (m, n), lower, upper.
-            noise: (m, r) K.
-            held: (m,) sides that x itself is to keep: 1 the upper, -1 the lower, 0 none; h are not 0.
-            width: Least width of the box along each axis [sigma].
-        """
-        self._matrix, self._noise, self._size = limits.matrix, noise, np.abs(noise)
-        self._kept = np.flatnonzero(held)
-        self._sign = held[self._kept]
-        ends = np.where(self._sign > 0.0, limits.upper[self._kept], -limits.lower[self._kept])
-        widths = np.full(noise.shape[1], -width)
-        self.upper: FloatArray = np.concatenate((limits.upper, -limits.lower, widths, ends))
-
-    def times(self, x: FloatArray) -> FloatArray:
-        """See `RowProduct`."""
-        n, r = self._matrix.shape[1], self._noise.shape[1]
-        above, below = x[n : n + r], x[n + r :]
-        own, width = self._matrix @ x[:n], above + below
-        value = self._noise @ (0.5 * (above - below))
-        value += own
-        room = self._size @ (0.5 * width)
-        return np.concatenate((room + value, room - value, -width, self._sign * own[self._kept]))
-
-    def take(self, rows: IntArray) -> FloatArray:
-        """See `RowProduct`."""
-        (m, n), r = self._matrix.shape, self._noise.shape[1]
-        below = rows >= m
-        index, sign = rows - m * below, 1.0 - 2.0 * below
-        beyond = np.flatnonzero(rows >= 2 * m)
-        index[beyond] = 0
-        some = np.empty((len(rows), n + 2 * r))
-        np.multiply(self._matrix[index], sign[:, None], out=some[:, :n])
-        noise = some[:, :n] if self._noise is self._matrix else self._noise[index] * sign[:, None]
-        np.maximum(noise, 0.0, out=some[:, n : n + r])
-        np.subtract(some[:, n : n + r], noise, out=some[:, n + r :])
-        for i in beyond:
-            some[i] = 0.0
-            row = int(rows[i]) - 2 * m
-            if row < r:
-                some[i, [n + row, n + r + row]] = -1.0
-            else:
-                some[i, :n] = self._sign[row - r] * self._matrix[self._kept[row - r]]
-        return some
-
-    def dense(self) -> Rows:
-        """See `RowProduct`."""
-        count = len(self.upper)
-        return Rows(self.take(np.arange(count)), np.full(count, -np.inf), self.upper)
+    sides = 2 * problem.noise.shape[1]
+    if guess.inner is not None and len(guess.inner) == sides + len(problem.limits.lower):
+        start = np.concatenate((guess.x, guess.inner[:sides]))
+        found = _from(start, guess.inner[sides:], guess.working, problem, weight, means)
+        if found.outcome is Outcome.SOLVED:
+            return found
+    begin = _largest(problem, guess.x, means)
+    if begin is None:
+        outcome = Outcome.SOLVED if problem.limits.miss(guess.x) <= FEASIBLE else Outcome.INFEASIBLE
+        return Found(guess.x, math.inf, FREE, outcome, False, 1, 1)
+    begin = _towards(guess.x, begin, problem, weight)
+    return _from(begin, np.zeros(len(problem.limits.lower)), FREE, problem, weight, means)
 
 
-class RectangleObjective:
-    """f(x, a, b) = ||D x - d||^2 - w sum_j log(Phi(a_j) - Phi(-b_j)), convex.
-
-    Attributes:
-        cost: D, d.
-        axes: r.
-        weight: w.
-        rounding: About the error of f by rounding.
-        bends: True.
-    """
-
-    bends = True
-
-    def __init__(self, cost: LeastSquares, axes: int, weight: float) -> None:
-        self.cost, self.axes, self.weight = cost, axes, weight
-        self.rounding = 1e-15 * float(cost.target @ cost.target) + 1e-12 * weight
-        quadratic = cost.matrix.T @ cost.matrix
-        quadratic += quadratic
-        diagonal = quadratic.ravel()[:: quadratic.shape[0] + 1]
-        diagonal += SIDE_DAMPING * weight + DAMPING * float(diagonal.max(initial=0.0))
-        self.quadratic: FloatArray = quadratic
-        self.lower: FloatArray
-        self.lower, failed = dpotrf(quadratic, lower=1) if len(quadratic) else (quadratic, 0)
-        self.failed = bool(failed)
-
-    def at(self, x: FloatArray) -> "RectanglePoint":
-        """F and what its derivatives need."""
-        return RectanglePoint(self, x)
+def _towards(x: FloatArray, begin: FloatArray, problem: ScaledProblem, weight: float) -> FloatArray:
+    """The best of a few points between (x, no box) and the largest box; limits are convex, so all are inside."""
+    noise, kept = problem.noise, np.zeros(len(problem.limits.lower))
+    objective = convex.rectangle(problem.cost, problem.limits, noise, kept, 0.0, weight)
+    end = np.concatenate((x, np.zeros(len(begin) - len(x))))
+    if len(x) == 0 or problem.limits.miss(x) > FEASIBLE:
+        return begin
+    points = [end + share * (begin - end) for share in SHARES]
+    return min(points, key=lambda point: objective.at(point).value)
 
 
-class RectanglePoint:
-    """The objective at one (x, a, b).
-
-    Attributes:
-        x: (n + 2 r,).
-        value: f; inf for a box that is empty.
-        risk: -log of the box's probability.
-    """
-
-    __slots__ = ("_objective", "_residual", "_risks", "_slopes", "risk", "value", "x")
-
-    def __init__(self, objective: RectangleObjective, x: FloatArray) -> None:
-        self.x, self._objective = x, objective
-        r = objective.axes
-        n = len(x) - 2 * r
-        self._residual = objective.cost.matrix @ x[:n] - objective.cost.target
-        self._risks = interval_risk(x[n : n + r], x[n + r :])
-        self._slopes: tuple[FloatArray, ...] | None = None
-        self.risk = float(self._risks.sum())
-        self.value = float(self._residual @ self._residual) + objective.weight * self.risk
-
-    def gradient(self) -> FloatArray:
-        """(n + 2 r,)."""
-        by_a, by_b = self._derivatives()[:2]
-        objective = self._objective
-        by_x = 2.0 * (self._residual @ objective.cost.matrix)
-        return np.concatenate((by_x, objective.weight * by_a, objective.weight * by_b))
-
-    def factor(self) -> Factor:
-        """Of the Hessian with a little damping: a block for x, and one of 2 by 2 for each axis."""
-        return RectangleFactor(self._objective, *self._derivatives()[2:])
-
-    def _derivatives(self) -> tuple[FloatArray, ...]:
-        if self._slopes is None:
-            r = self._objective.axes
-            n = len(self.x) - 2 * r
-            self._slopes = interval_slopes(self.x[n : n + r], self.x[n + r :], self._risks)
-        return self._slopes
+def _from(
+    start: FloatArray, held: FloatArray, working: Working, problem: ScaledProblem, weight: float, means: Means
+) -> Found:
+    """From (x, a, b); held (m,) are the sides that x itself is to keep, see `RectangleRows`."""
+    axes, limits = problem.noise.shape[1], problem.limits
+    n = len(start) - 2 * axes
+    accuracy = means.accuracy * weight
+    begin, width = start, min(WIDTH, WIDTH * float((start[n : n + axes] + start[n + axes :]).min(initial=1.0)))
+    steps = programs = 0
+    for _ in range(ROUNDS):
+        program = convex.rectangle(problem.cost, limits, problem.noise, held, width, weight)
+        minimum = minimise(program, means.qp, start, working=working, accuracy=accuracy, spending=means.spending)
+        start, working = minimum.x, minimum.working
+        steps, programs = steps + minimum.iterations, programs + minimum.programs
+        value = limits.matrix @ start[:n]
+        missed = (value > limits.upper + FEASIBLE) * 1.0 - (value < limits.lower - FEASIBLE)
+        if minimum.outcome is not Outcome.SOLVED or n == 0 or not missed.any():
+            break
+        start, working = begin, _without(working, 2 * len(limits.lower) + axes)
+        held = np.where(held == 0.0, missed, held)
+    else:
+        inside = Outcome.SOLVED if limits.miss(begin[:n]) <= FEASIBLE else Outcome.FAILED
+        here = program.at(begin)
+        minimum = Minimum(begin, here.value, here.risk, FREE, inside, False, steps, programs)
+    found = minimum_of(minimum, start[:n], minimum.risk)
+    return replace(found, working=working, iterations=steps, programs=programs, inner=np.concatenate((start[n:], held)))
 
 
-class RectangleFactor:
-    """See `Factor`; the axes cost r divisions instead of a factorisation of 2 r columns."""
+def _without(working: Working, first: int) -> Working:
+    """The working set without rows from `first` on."""
+    keep = working.rows < first
+    return Working(working.rows[keep], working.sides[keep], working.multipliers[keep])
 
-    def __init__(self, objective: RectangleObjective, aa: FloatArray, ab: FloatArray, bb: FloatArray) -> None:
-        self._objective = objective
-        weight = objective.weight
-        self._first = np.sqrt(weight * (np.maximum(aa, 0.0) + SIDE_DAMPING))
-        self._mixed = weight * ab / self._first
-        rest = weight * (bb + SIDE_DAMPING) - self._mixed * self._mixed
-        self._second = np.sqrt(np.maximum(rest, SIDE_DAMPING * weight))
-        self.failed = objective.failed or not math.isfinite(float(self._second.sum() + self._first.sum()))
 
-    def solve(self, vector: FloatArray) -> FloatArray:
-        """See `Factor`."""
-        return self.colour(self.whiten(vector[:, None])[:, 0])
+def _largest(problem: ScaledProblem, x: FloatArray, means: Means) -> FloatArray | None:
+    """(x, a, b) of the largest box with equal sides: around the x where it is largest of all, or else beside x."""
+    n, axes = len(x), problem.noise.shape[1]
+    if n:
+        around = box(replace(problem, cost=nothing(n)), 1.0, Guess(x), means)
+        if around.outcome is Outcome.SOLVED and around.inner is not None and around.inner[0] > SMALL:
+            return np.concatenate((around.x, np.full(2 * axes, around.inner[0])))
+    value = problem.limits.matrix @ x
+    rows = Rows(problem.noise, problem.limits.lower - value, problem.limits.upper - value)
+    beside = box(replace(problem, cost=nothing(axes), limits=rows), 1.0, Guess(np.zeros(axes)), means)
+    if beside.outcome is not Outcome.SOLVED or beside.inner is None or not beside.inner[0] > SMALL:
+        return None
+    return np.concatenate((x, beside.inner[0] + beside.x, beside.inner[0] - beside.x))
 
-    def whiten(self, columns: FloatArray) -> FloatArray:
-        """See `Factor`."""
-        r, n = self._objective.axes, len(self._objective.quadratic)
-        whitened = np.empty(columns.shape)
-        if n:
-            whitened[:n] = dtrtrs(self._objective.lower, columns[:n], lower=1)[0]
-        first = whitened[n : n + r]
-        np.divide(columns[n : n + r], self._first[:, None], out=first)
-        np.divide(columns[n + r :] - self._mixed[:, None] * first, self._second[:, None], out=whitened[n + r :])
-        return whitened
 
-    def colour(self, vector: FloatArray) -> FloatArray:
-        """See `Factor`."""
-        r, n = self._objective.axes, len(self._objective.quadratic)
-        coloured = np.empty(vector.shape)
-        if n:
-            coloured[:n] = dtrtrs(self._objective.lower, vector[:n], lower=1, trans=1)[0]
-        np.divide(vector[n + r :], self._second, out=coloured[n + r :])
-        np.divide(vector[n : n + r] - self._mixed * coloured[n + r :], self._first, out=coloured[n : n + r])
-        return coloured
+def rectangle_risk(
+    polytope: Polytope, torque: FloatArray, error: TorqueError, qp: QpSolver, accuracy: float = 1e-6
+) -> float:
+    """R_rect(tau) = -log p_rect (eq. 15); inf where no box fits."""
+    n = error.joints
+    problem = scaled(nothing(n), polytope, error)
+    x = torque / problem.scale
+    if certain_miss(problem.limits, problem.certain, x):
+        return math.inf
+    fixed = problem.along(x, np.zeros((n, 0)))
+    if problem.sure:
+        erring = problem.erring.along(x, np.zeros((n, 0)))
+        fixed = replace(fixed, limits=erring, certain=np.zeros_like(problem.certain), sure=0)
+    found = rectangle(fixed, 1.0, Guess(np.zeros(0)), Means(qp, accuracy, Budget().started()))
+    return found.risk if found.outcome is Outcome.SOLVED else math.inf
 
-    def hessian(self) -> FloatArray:
-        """See `Factor`."""
-        r, n = self._objective.axes, len(self._objective.quadratic)
-        hessian = np.zeros((n + 2 * r, n + 2 * r))
-        hessian[:n, :n] = self._objective.quadratic
-        first, second = np.arange(n, n + r), np.arange(n + r, n + 2 * r)
-        hessian[first, first] = self._first * self._first
-        hessian[first, second] = hessian[second, first] = self._first * self._mixed
-        hessian[second, second] = self._second * self._second + self._mixed * self._mixed
-        return hessian
+
+def p_rect(polytope: Polytope, torque: FloatArray, error: TorqueError, qp: QpSolver) -> float:
+    """Probability of the most probable axis-aligned box (eq. 14): a lower bound of p; 0 where none fits."""
+    return math.exp(-rectangle_risk(polytope, torque, error, qp))

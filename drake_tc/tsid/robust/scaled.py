@@ -1,47 +1,18 @@
 """A reduced problem in units of its own uncertainty: torques over sigma, rows over sigma_G."""
 
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 import numpy as np
 
+from drake_tc.kernels.lazy import Kernel
 from drake_tc.tsid.polytope import LeastSquares, Polytope
-from drake_tc.tsid.robust.torque_error import CERTAIN, TorqueError
-from drake_tc.types import BoolArray, FloatArray, IntArray
+from drake_tc.tsid.robust.torque_error import TorqueError
+from drake_tc.types import FloatArray, IntArray
+
+_SCALED = Kernel("scaling", "scaled")
 
 FEASIBLE = 1e-6
 """In units of a row (one sigma): what a point may miss and still count as feasible."""
-
-
-class RowProduct(Protocol):
-    """lower <= A x <= upper, A known by what it does.
-
-    Attributes:
-        lower: (m,), or None where no row has a lower side.
-        upper: (m,).
-    """
-
-    @property
-    def lower(self) -> FloatArray | None:
-        """See the class."""
-        ...
-
-    @property
-    def upper(self) -> FloatArray:
-        """See the class."""
-        ...
-
-    def times(self, x: FloatArray) -> FloatArray:
-        """(m,) A x."""
-        ...
-
-    def take(self, rows: IntArray) -> FloatArray:
-        """(a, n) some rows of A."""
-        ...
-
-    def dense(self) -> "Rows":
-        """With A written out."""
-        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,19 +30,6 @@ class Rows:
     upper: FloatArray
     bounds: int = 0
 
-    def times(self, x: FloatArray) -> FloatArray:
-        """(m,) A x."""
-        value: FloatArray = self.matrix.dot(x)
-        return value
-
-    def take(self, rows: IntArray) -> FloatArray:
-        """(a, n) some rows of A."""
-        return self.matrix[rows]
-
-    def dense(self) -> "Rows":
-        """Itself; rows of other kinds write out their matrix."""
-        return self
-
     def miss(self, x: FloatArray) -> float:
         """By how much the worst row is missed at x; negative inside."""
         value = self.matrix @ x
@@ -80,7 +38,7 @@ class Rows:
     def along(self, origin: FloatArray, basis: FloatArray) -> "Rows":
         """The same rows over y, with x = origin + basis y."""
         shift = self.matrix @ origin
-        return Rows(self.matrix @ basis, self.lower - shift, self.upper - shift)
+        return Rows(np.ascontiguousarray(self.matrix @ basis), self.lower - shift, self.upper - shift)
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +48,8 @@ class ScaledProblem:
     Attributes:
         cost: D diag(scale), d.
         limits: Every row of the polytope, over its sigma_G; a row that does not err over its own length instead.
-        certain: (m,) rows that do not err; None where there are none.
+        certain: (m,) 1 for a row that does not err, else 0.
+        sure: How many do not err.
         noise: (m, r) of limits.matrix e: G L over the same divisors.
         scale: (n,) [N m].
         row_scale: (m,) divisors, in each row's unit.
@@ -98,50 +57,40 @@ class ScaledProblem:
 
     cost: LeastSquares
     limits: Rows
-    certain: BoolArray | None
+    certain: IntArray
+    sure: int
     noise: FloatArray
     scale: FloatArray
     row_scale: FloatArray
 
     def along(self, origin: FloatArray, basis: FloatArray) -> "ScaledProblem":
         """The same problem over y, with x = origin + basis y; its `scale` stays that of x."""
-        cost = LeastSquares(self.cost.matrix @ basis, self.cost.target - self.cost.matrix @ origin)
+        cost = LeastSquares(
+            np.ascontiguousarray(self.cost.matrix @ basis), self.cost.target - self.cost.matrix @ origin
+        )
         return replace(self, cost=cost, limits=self.limits.along(origin, basis))
 
     @property
     def erring(self) -> Rows:
         """The limits without those of the rows that do not err: what probabilities are about."""
-        if self.certain is None:
+        if not self.sure:
             return self.limits
-        lower = np.where(self.certain, -np.inf, self.limits.lower)
-        return Rows(self.limits.matrix, lower, np.where(self.certain, np.inf, self.limits.upper))
+        sure = self.certain > 0
+        lower = np.where(sure, -np.inf, self.limits.lower)
+        return Rows(self.limits.matrix, lower, np.where(sure, np.inf, self.limits.upper))
 
 
 def scaled(cost: LeastSquares, polytope: Polytope, error: TorqueError) -> ScaledProblem:
     """Both over sigma; see `ScaledProblem`."""
-    scale = error.scale
-    matrix = polytope.matrix * scale
-    plain = error.plain
-    noise = matrix if plain else polytope.matrix @ error.root
-    divisor = np.sqrt(np.einsum("ij,ij->i", noise, noise))
-    certain: BoolArray | None = None
-    if not (plain and divisor.all()):
-        length = divisor if plain else np.sqrt(np.einsum("ij,ij->i", matrix, matrix))
-        some = divisor <= CERTAIN * length
-        certain = some if some.any() else None
-    if certain is not None:
-        divisor = np.where(certain, np.where(length > 0.0, length, 1.0), divisor)
-        noise = np.where(certain[:, None], 0.0, noise)
-    inverse = 1.0 / divisor
-    column = inverse[:, None]
-    noise = matrix if plain and certain is None else noise * column
-    matrix *= column
-    limits = Rows(matrix, polytope.lower * inverse, polytope.upper * inverse, polytope.bounds)
-    return ScaledProblem(
-        LeastSquares(cost.matrix * scale, cost.target),
-        limits,
-        certain,
-        noise,
-        scale,
-        divisor,
+    matrix, target = np.ascontiguousarray(polytope.matrix), cost.target
+    sides = np.ascontiguousarray(polytope.lower), np.ascontiguousarray(polytope.upper)
+    priced, rows, lower, upper, noise, certain, divisor, sure = _SCALED(
+        np.ascontiguousarray(cost.matrix), matrix, *sides, error.scale, error.root, error.plain
     )
+    limits = Rows(rows, lower, upper, polytope.bounds)
+    return ScaledProblem(LeastSquares(priced, target), limits, certain, sure, noise, error.scale, divisor)
+
+
+def nothing(n: int) -> LeastSquares:
+    """A cost that is 0."""
+    return LeastSquares(np.zeros((0, n)), np.zeros(0))

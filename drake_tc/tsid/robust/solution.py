@@ -3,7 +3,7 @@
 from typing import NamedTuple
 
 from drake_tc.tsid.qp.problem import Outcome
-from drake_tc.tsid.robust.step import Working
+from drake_tc.tsid.robust.working import Working
 from drake_tc.types import FloatArray, IntArray
 
 

@@ -55,8 +55,9 @@ class TorqueError:
             "scale": np.where(erring, sigma, largest if largest > 0.0 else 1.0),
         }
         for name, value in values.items():
-            value.setflags(write=False)
-            object.__setattr__(self, name, value)
+            kept = np.ascontiguousarray(value)
+            kept.setflags(write=False)
+            object.__setattr__(self, name, kept)
         object.__setattr__(self, "diagonal", diagonal)
         object.__setattr__(self, "plain", bool(diagonal and erring.all()))
 
@@ -75,13 +76,13 @@ class TorqueError:
 def _checked(covariance: FloatArray) -> FloatArray:
     """(n, n) of what was given; raises ParamsError."""
     if covariance.ndim not in (1, 2) or covariance.size == 0 or covariance.shape[0] != covariance.shape[-1]:
-        raise ParamsError(f"covariance: wanted (n,) variances or (n, n), n >= 1; got shape {covariance.shape}")
+        raise ParamsError(f"covariance: expected (n,) variances or (n, n), n >= 1, got shape {covariance.shape}")
     if covariance.ndim == 2:
         return checked_covariance(covariance)
     if not np.all(np.isfinite(covariance)):
-        raise ParamsError("covariance: wanted finite numbers; got NaN or infinity")
+        raise ParamsError("covariance: expected finite numbers, got NaN or infinity")
     if covariance.min() < 0.0:
-        raise ParamsError(f"covariance: wanted variances >= 0; the smallest is {covariance.min():g}")
+        raise ParamsError(f"covariance: expected variances >= 0; the smallest is {covariance.min():g}")
     return np.diag(covariance)
 
 

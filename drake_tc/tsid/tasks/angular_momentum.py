@@ -41,7 +41,7 @@ class AngularMomentumTask:
         self._kp = gains(f"task {name!r}: kp", kp, 3)
         self._axes = axes(f"task {name!r}: mask", mask, 3)
         weights = gains(f"task {name!r}: weight", weight, 3)
-        self.weight = weights if self._axes is None else weights[self._axes]
+        self.weight = weights[self._axes]
 
     def rest(self, terms: Terms) -> FloatArray:
         """The reference that asks for nothing at this state."""
@@ -51,6 +51,4 @@ class AngularMomentumTask:
         """The rows at this state."""
         matrix = terms.momentum_matrix[:3]
         target = reference[3:] + self._kp * (reference[:3] - matrix.dot(terms.v)) - terms.momentum_bias[:3]
-        if self._axes is not None:
-            matrix, target = matrix[self._axes], target[self._axes]
-        return TaskRows(self.name, Parts(vdot=matrix), target, self.weight)
+        return TaskRows(self.name, Parts(vdot=matrix[self._axes]), target[self._axes], self.weight)

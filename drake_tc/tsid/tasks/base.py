@@ -56,29 +56,29 @@ def gains(where: str, value: Gains, size: int) -> FloatArray:
     try:
         given = np.asarray(value, dtype=float)
     except (TypeError, ValueError):
-        raise ParamsError(f"{where}: wanted a number or {size} of them; got {value!r}") from None
+        raise ParamsError(f"{where}: expected a number or {size} of them, got {value!r}") from None
     if given.ndim > 1 or (given.ndim == 1 and given.size != size):
-        raise ParamsError(f"{where}: wanted a number or {size} of them; got shape {given.shape}")
+        raise ParamsError(f"{where}: expected a number or {size} of them, got shape {given.shape}")
     if not (np.isfinite(given).all() and (given >= 0.0).all()):
-        raise ParamsError(f"{where}: wanted finite numbers >= 0; got {given.tolist()}")
+        raise ParamsError(f"{where}: expected finite numbers >= 0, got {given.tolist()}")
     full = np.full(size, given) if given.ndim == 0 else given.copy()
     full.setflags(write=False)
     return full
 
 
-def axes(where: str, mask: Sequence[bool] | None, size: int) -> IntArray | None:
-    """Indices of the wanted axes; None for all of them.
+def axes(where: str, mask: Sequence[bool] | None, size: int) -> IntArray:
+    """Indices of the wanted axes; a mask of None is for all of them.
 
     Raises:
         ParamsError: another size, or no axis at all.
     """
     if mask is None:
-        return None
+        return np.arange(size)
     if len(mask) != size or not all(isinstance(value, (bool, np.bool_)) for value in mask):
-        raise ParamsError(f"{where}: wanted {size} of true or false; got {list(mask)!r}")
+        raise ParamsError(f"{where}: expected {size} of true or false, got {list(mask)!r}")
     if not any(mask):
-        raise ParamsError(f"{where}: wanted at least one axis; got none")
-    return None if all(mask) else np.flatnonzero(mask)
+        raise ParamsError(f"{where}: expected at least one axis, got none")
+    return np.flatnonzero(mask)
 
 
 def check_frame(where: str, model: TsidModel, frame: str) -> str:

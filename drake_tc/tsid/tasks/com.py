@@ -4,10 +4,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from drake_tc.kernels.lazy import Kernel
 from drake_tc.tsid.rows import Parts, TaskRows
 from drake_tc.tsid.tasks.base import Gains, axes, gains
 from drake_tc.tsid.terms import Terms
 from drake_tc.types import FloatArray
+
+_ROWS = Kernel("rows", "com")
 
 
 class ComTask:
@@ -37,7 +40,7 @@ class ComTask:
         self._kp, self._kd = gains(f"task {name!r}: kp", kp, 3), gains(f"task {name!r}: kd", kd, 3)
         self._axes = axes(f"task {name!r}: mask", mask, 3)
         weights = gains(f"task {name!r}: weight", weight, 3)
-        self.weight = weights if self._axes is None else weights[self._axes]
+        self.weight = weights[self._axes]
 
     def rest(self, terms: Terms) -> FloatArray:
         """The reference that asks for nothing at this state."""
@@ -45,11 +48,6 @@ class ComTask:
 
     def rows(self, terms: Terms, reference: FloatArray) -> TaskRows:
         """The rows at this state."""
-        target = self._kp * (reference[:3] - terms.com)
-        target += self._kd * (reference[3:6] - terms.com_velocity)
-        target += reference[6:]
-        target -= terms.com_bias
-        matrix = terms.com_jacobian
-        if self._axes is not None:
-            matrix, target = matrix[self._axes], target[self._axes]
+        state = terms.momentum_matrix, terms.momentum_bias, terms.mass, terms.com, terms.com_velocity
+        matrix, target = _ROWS(*state, self._kp, self._kd, reference, self._axes)
         return TaskRows(self.name, Parts(vdot=matrix), target, self.weight)

@@ -36,7 +36,9 @@ class ForceTask:
             ParamsError: a model without contacts; weights that are negative, not finite or of another size.
         """
         if not model.contacts:
-            raise ParamsError(f"task {name!r}: wanted a model with contacts; robot {model.robot.name!r} has none here")
+            raise ParamsError(
+                f"task {name!r}: expected a model with contacts; robot {model.robot.name!r} has none here"
+            )
         whole: Gains = 1.0 if components is None else np.asarray(components, dtype=float)
         if components is not None and len(components) == 6 != model.force_size:
             whole = np.concatenate([np.asarray(components, dtype=float)[: contact.size] for contact in model.contacts])

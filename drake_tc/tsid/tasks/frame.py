@@ -5,16 +5,17 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from drake_tc.control.cartesian import Turning, relative_turn
-from drake_tc.control.rotation import cross, quaternion_of, rotation_matrix, rotation_vector
+from drake_tc.control.rotation import quaternion_of
 from drake_tc.errors import ParamsError
+from drake_tc.kernels.lazy import Kernel
 from drake_tc.tsid.model import TsidModel
 from drake_tc.tsid.rows import Parts, TaskRows
 from drake_tc.tsid.tasks.base import Gains, axes, check_frame, gains
-from drake_tc.tsid.terms import FrameTerms, Terms
+from drake_tc.tsid.terms import Terms
 from drake_tc.types import FloatArray
 
 Axes = Literal["world", "frame", "reference"]
+_ROWS = Kernel("rows", "frame")
 
 
 class FrameTask:
@@ -59,14 +60,12 @@ class FrameTask:
         self.name = frame if name is None else name
         where = f"task {self.name!r}"
         if axes_of not in get_args(Axes):
-            raise ParamsError(f"{where}: axes_of: wanted one of {', '.join(get_args(Axes))}; got {axes_of!r}")
-        self._frame, self._turned = check_frame(where, model, frame), axes_of == "frame"
-        self._seen_from_reference = axes_of == "reference"
+            raise ParamsError(f"{where}: axes_of: expected one of {', '.join(get_args(Axes))}, got {axes_of!r}")
+        self._frame, self._axes_of = check_frame(where, model, frame), get_args(Axes).index(axes_of)
         self._kp, self._kd = gains(f"{where}: kp", kp, 6), gains(f"{where}: kd", kd, 6)
         self._axes = axes(f"{where}: mask", mask, 6)
-        self._turns_only = self._axes is not None and int(self._axes[-1]) < 3
         weights = gains(f"{where}: weight", weight, 6)
-        self.weight = weights if self._axes is None else weights[self._axes]
+        self.weight = weights[self._axes]
 
     def rest(self, terms: Terms) -> FloatArray:
         """The reference that asks for nothing at this state."""
@@ -76,33 +75,6 @@ class FrameTask:
     def rows(self, terms: Terms, reference: FloatArray) -> TaskRows:
         """The rows at this state."""
         frame = terms.frame(self._frame)
-        if self._seen_from_reference:
-            return self._rows_in_reference(frame, reference)
-        turned = rotation_vector(rotation_matrix(reference[:4]).dot(frame.rotation.T))
-        error = np.concatenate((turned, reference[4:7] - frame.position))
-        lag, wanted, matrix = reference[7:13] - frame.velocity, reference[13:] - frame.bias, frame.jacobian
-        if self._turned:
-            into = frame.rotation.T
-            error, lag, wanted = (into.dot(x.reshape(2, 3).T).T.ravel() for x in (error, lag, wanted))
-            matrix = np.concatenate((into.dot(matrix[:3]), into.dot(matrix[3:])))
-        return self._chosen(matrix, wanted + self._kp * error + self._kd * lag)
-
-    def _rows_in_reference(self, frame: FrameTerms, reference: FloatArray) -> TaskRows:
-        """Angular rows in the reference's axes, linear rows in the world's."""
-        wanted = Turning(rotation_matrix(reference[:4]), reference[7:10], reference[13:16])
-        back, turn = wanted.rotation.T, relative_turn(wanted, frame.rotation, frame.velocity[:3])
-        carried = wanted.acceleration + cross(wanted.velocity, frame.velocity[:3]) - frame.bias[:3]
-        if self._turns_only:
-            target = back.dot(carried) - self._kp[:3] * turn.angles - self._kd[:3] * turn.velocity
-            return self._chosen(back.dot(frame.jacobian[:3]), target)
-        error = np.concatenate((-turn.angles, reference[4:7] - frame.position))
-        lag = np.concatenate((-turn.velocity, reference[10:13] - frame.velocity[3:]))
-        free = np.concatenate((back.dot(carried), reference[16:] - frame.bias[3:]))
-        matrix = np.concatenate((back.dot(frame.jacobian[:3]), frame.jacobian[3:]))
-        return self._chosen(matrix, free + self._kp * error + self._kd * lag)
-
-    def _chosen(self, matrix: FloatArray, target: FloatArray) -> TaskRows:
-        """The rows that are wanted."""
-        if self._axes is not None and self._axes.size < target.size:
-            matrix, target = matrix[self._axes], target[self._axes]
+        pose = frame.rotation, frame.position, frame.velocity, frame.jacobian, frame.bias
+        matrix, target = _ROWS(*pose, self._kp, self._kd, reference, self._axes, self._axes_of)
         return TaskRows(self.name, Parts(vdot=matrix), target, self.weight)

@@ -53,7 +53,7 @@ class OrientationTask:
         where, still = f"task {name!r}", np.zeros(3)
         wanted = axes(f"{where}: mask", mask, 3)
         rows = np.zeros(6, dtype=bool)
-        rows[np.arange(3) if wanted is None else wanted] = True
+        rows[wanted] = True
         whole = (
             np.concatenate((gains(f"{where}: {key}", value, 3), still))
             for key, value in (("kp", kp), ("kd", kd), ("weight", weight))

@@ -5,12 +5,14 @@ from collections.abc import Sequence
 import numpy as np
 
 from drake_tc.errors import ParamsError
-from drake_tc.estimation.torque_model import as_slice
+from drake_tc.kernels.lazy import Kernel
 from drake_tc.tsid.model import TsidModel
 from drake_tc.tsid.rows import TaskRows, selection
 from drake_tc.tsid.tasks.base import Gains, gains
 from drake_tc.tsid.terms import Terms
 from drake_tc.types import FloatArray
+
+_TARGET = Kernel("rows", "posture")
 
 
 class PostureTask:
@@ -51,14 +53,13 @@ class PostureTask:
             if joint in wanted[:i]:
                 raise ParamsError(f"task {name!r}: joint {joint!r} is named twice")
         if not wanted:
-            raise ParamsError(f"task {name!r}: wanted at least one joint; got none")
+            raise ParamsError(f"task {name!r}: expected at least one joint, got none")
         self.name, self.reference_size = name, 3 * model.n
         self.weight = gains(f"task {name!r}: weight", weight, len(wanted))
         self._kp = gains(f"task {name!r}: kp", kp, len(wanted))
         self._kd = gains(f"task {name!r}: kd", kd, len(wanted))
-        chosen = np.array([names.index(joint) for joint in wanted])
-        self._velocity, self._position = as_slice(model.actuated[chosen]), as_slice(model.positions[chosen])
-        self._wanted = tuple(as_slice(order * model.n + chosen) for order in range(3))
+        self._wanted = chosen = np.array([names.index(joint) for joint in wanted], dtype=np.int64)
+        self._velocity, self._position = model.actuated[chosen], model.positions[chosen]
         self._parts = selection(model.actuated[chosen], model.nv)
 
     def rest(self, terms: Terms) -> FloatArray:
@@ -67,8 +68,6 @@ class PostureTask:
 
     def rows(self, terms: Terms, reference: FloatArray) -> TaskRows:
         """The rows at this state."""
-        q_d, qd_d, qdd_d = (reference[places] for places in self._wanted)
-        target = self._kp * (q_d - terms.q[self._position])
-        target += self._kd * (qd_d - terms.v[self._velocity])
-        target += qdd_d
+        gains_of = self._kp, self._kd
+        target = _TARGET(terms.q, terms.v, self._position, self._velocity, *gains_of, reference, self._wanted)
         return TaskRows(self.name, self._parts, target, self.weight)

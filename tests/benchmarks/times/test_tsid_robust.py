@@ -6,14 +6,9 @@ import numpy as np
 import pytest
 from tsid.problems import Setup, problem_at, state
 
-from drake_tc.tsid.polytope import LeastSquares
 from drake_tc.tsid.qp.choose import solver
 from drake_tc.tsid.qp.problem import Outcome
 from drake_tc.tsid.robust.formulation import Formulation
-from drake_tc.tsid.robust.individual import IndividualRisk
-from drake_tc.tsid.robust.objective import Objective
-from drake_tc.tsid.robust.scaled import scaled
-from drake_tc.tsid.robust.step import FREE, Stepper
 from drake_tc.tsid.robust.torque_error import TorqueError
 
 from .machine import slowness
@@ -81,24 +76,3 @@ def test_solve(motion, measure, weight, budget):
     slow = slowness()
     best = row(f"TSID, 30 joints, {measure}, w = {weight:g}", *ticks(motion, Formulation(measure, weight=weight)))
     assert best < budget * max(slow, slowness())
-
-
-def test_newton_iteration(motion):
-    """Gradient, Hessian, its factors, the step, its check against all limits, and the objective at its end."""
-    problems, error = motion
-    cost, polytope = problems[0]
-    qp, seconds, slow = solver(), [], slowness()
-    problem = scaled(cost, polytope, error)
-    priced = LeastSquares(problem.cost.matrix, problem.cost.target)
-    objective = Objective(priced, risk=IndividualRisk(problem.erring), weight=1e-3)
-    x = Formulation("individual", weight=1e-3).solve(cost, polytope, error, qp).torque / problem.scale
-    value = problem.limits.times(x)
-    lower, upper = problem.limits.lower - value, problem.limits.upper - value
-    for _ in range(2000):
-        point = objective.at(x)
-        begin = time.perf_counter()
-        gradient = point.gradient()
-        step = Stepper(point.factor(), problem.limits, qp).step(gradient, lower, upper, FREE)
-        objective.at(x + step.d)
-        seconds.append(time.perf_counter() - begin)
-    assert row("R_ind, one iteration of Newton's method", seconds) < 70 * max(slow, slowness())

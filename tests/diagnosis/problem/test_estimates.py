@@ -11,7 +11,7 @@ from drake_tc.diagnosis.problem.columns import Term
 from drake_tc.diagnosis.problem.estimates import block_lengths, estimates, physical_parameters, shape_slopes
 from drake_tc.diagnosis.problem.regression import fit
 from drake_tc.diagnosis.result.widening import widened
-from drake_tc.diagnosis.selection.joint import refine
+from drake_tc.diagnosis.selection.shape_refinement import refine
 from drake_tc.effects.library import effect
 
 from ..rigs import Joint, problem

@@ -10,7 +10,8 @@ from numpy.testing import assert_allclose
 from drake_tc.diagnosis.problem.columns import FOLDS
 from drake_tc.diagnosis.problem.shared import open_directions as module
 from drake_tc.diagnosis.problem.shared.open_directions import NEGLIGIBLE, open_directions
-from drake_tc.diagnosis.problem.shared.stacked import JointRows, fit_stacked
+from drake_tc.diagnosis.problem.shared.rows import JointRows
+from drake_tc.diagnosis.problem.shared.stacked import fit_stacked
 
 N, P, JOINTS = 400, 5, 3
 TOLERANCE = np.array([0.5, 0.3, 1.0, 0.7, 0.4])

@@ -11,7 +11,8 @@ from drake_tc.diagnosis.problem.columns import FOLDS
 from drake_tc.diagnosis.problem.shared.causes import Cause
 from drake_tc.diagnosis.problem.shared.covariance import intervals
 from drake_tc.diagnosis.problem.shared.gain_dilution import dilution, shared_variance, stiffness_to_hold
-from drake_tc.diagnosis.problem.shared.stacked import JointRows, fit_stacked
+from drake_tc.diagnosis.problem.shared.rows import JointRows
+from drake_tc.diagnosis.problem.shared.stacked import fit_stacked
 from drake_tc.diagnosis.selection.shared import SharedProblem, search_shared
 
 N, P = 1500, 6

@@ -12,7 +12,8 @@ from scipy.signal import lfilter
 from drake_tc.diagnosis.problem.columns import FOLDS
 from drake_tc.diagnosis.problem.shared.causes import Cause, column_filter
 from drake_tc.diagnosis.problem.shared.covariance import covariance, intervals
-from drake_tc.diagnosis.problem.shared.stacked import CUT_OFF, JointRows, fit_stacked
+from drake_tc.diagnosis.problem.shared.rows import JointRows
+from drake_tc.diagnosis.problem.shared.stacked import CUT_OFF, fit_stacked
 from drake_tc.diagnosis.selection.shared import active, search_shared
 from drake_tc.estimation.off_line import OffLineFilter
 

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from mailed import Mailed
 from numpy.testing import assert_allclose
 from scipy.signal import lfilter
 
@@ -12,7 +13,7 @@ from drake_tc.diagnosis.data.samples import Samples
 from drake_tc.diagnosis.problem.columns import BalanceCoefficients, Columns, Term
 from drake_tc.diagnosis.problem.regression import fit
 from drake_tc.diagnosis.residual.stretches import spectral_line
-from drake_tc.diagnosis.residual.structure import FEATURES, assess_residual, features, share_explained
+from drake_tc.diagnosis.residual.structure import FEATURES, assess_residual, cross_predict, features, share_explained
 from drake_tc.diagnosis.residual.unexplained import DataSplit
 from drake_tc.diagnosis.thresholds import ResidualThresholds
 from drake_tc.effects.library import effect
@@ -179,3 +180,15 @@ def test_noise_on_one_channel_is_no_structure(drive, channel, rms, band):
     found = assess_residual(*splits, tuple(x), floor, OPTIONS)
     assert not found.structured, found
     assert found.excess  # four floors are left: that is said, but not called structure
+
+
+def test_workers_predict_what_this_process_predicts():
+    rng = np.random.default_rng(0)
+    x = rng.standard_normal((900, 3))
+    y = np.sin(2.0 * x[:, 0]) + 0.1 * rng.standard_normal(900)
+    group, workers = np.arange(900) // 30, Mailed()
+    alone, beside = (cross_predict((x, x[:, 1:]), y, group, 0, executor) for executor in (None, workers))
+    assert len(workers.sent) == 8, "four folds of two sets of features"
+    np.testing.assert_array_equal(beside, alone)
+    assert share_explained(y, alone[0]) > 0.9
+    assert share_explained(y, alone[1]) < 0.05, "without the signal that it depends on"

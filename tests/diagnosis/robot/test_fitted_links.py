@@ -63,14 +63,24 @@ def torques(robot, q, v, vdot, payload):
     return out
 
 
-def record(folder, robot, name, seed, payload=0.0):
+def record(folder, robot, name, seed, payload=0.0, late=(0.0, 0.0, 0.0)):
+    """A run in which each drive acts `late` [s]: the current is that of the torque so much later."""
     rng = np.random.default_rng(seed)
     time = np.arange(0.0, SECONDS, PERIOD)
     omega = 2.0 * np.pi * np.array([0.15, 0.35, 0.8])
     angle = time[:, None, None] * omega + rng.uniform(0.0, 2.0 * np.pi, (3, 3))
     size = np.array([0.5, 0.3, 0.08])
-    q, v, a = np.sin(angle) @ size, np.cos(angle) @ (size * omega), -np.sin(angle) @ (size * omega**2)
-    drive = torques(robot, q, v, a, payload) + ROTOR * a + VISCOUS * v + COULOMB * np.tanh(v / 1e-3)
+
+    def motion(shift):
+        later = angle + shift * omega
+        return np.sin(later) @ size, np.cos(later) @ (size * omega), -np.sin(later) @ (size * omega**2)
+
+    q = motion(0.0)[0]
+    drive = np.empty_like(q)
+    for shift in set(late):
+        at, v, a = motion(shift)
+        asked = torques(robot, at, v, a, payload) + ROTOR * a + VISCOUS * v + COULOMB * np.tanh(v / 1e-3)
+        drive[:, np.array(late) == shift] = asked[:, np.array(late) == shift]
     columns = {"time": time}
     for i, joint in enumerate(JOINTS):
         columns[f"{joint}/position"] = np.round(q[:, i] / STEP) * STEP
@@ -234,3 +244,25 @@ def test_columns_of_the_links_give_the_load_at_every_sample(arm, tmp_path):
         assert_allclose(
             found, run.columns[f"{joint}/torque"], atol=1e-6 * float(np.std(run.columns[f"{joint}/torque"]))
         )
+
+
+@pytest.mark.parametrize("late", [(0.02, 0.02, 0.02), (0.0, 0.02, 0.0)])
+def test_a_delay_of_all_joints_is_named_once_and_that_of_one_joint_is_its_own(tmp_path, late):
+    loaded = load_robot(write_robot(tmp_path, URDF, JOINTS))
+    runs = [record(tmp_path, loaded, name, k, late=late) for k, name in enumerate(("one", "two", "held"))]
+    found = close_loop(rig_file(tmp_path), runs[:2], runs[2:], DiagnosisOptions(assess_residual=False))
+    own = {name: [effect.id for effect in joint.effects] for name, joint in found.joints.items()}
+    if len(set(late)) > 1:
+        assert found.shared == () and own == {"turn": [], "lift": ["delay"], "fold": []}
+        return
+    (delay,) = found.shared
+    assert (delay.id, delay.where) == ("delay", "all joints") and own == {joint: [] for joint in JOINTS}
+    low, high = delay.parameters["delay"].ci95
+    assert low <= 0.02 <= high and high - low < 0.25 * PERIOD
+    for joint in found.joints.values():
+        assert joint.after.heldout < 0.5 * joint.before.heldout
+        assert [t.shape for t in joint.final.terms if t.effect.id == "delay"] == [delay_shape(delay)]
+
+
+def delay_shape(delay):
+    return {"delay": delay.parameters["delay"].value}

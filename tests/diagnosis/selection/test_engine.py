@@ -104,3 +104,25 @@ def test_the_largest_number_of_effects_is_kept():
     errors = {"": 1.0, "a": 0.6, "ab": 0.3, "abc": 0.1, "abcd": 0.01}
     for most in range(4):
         assert select(Letters(errors), "", replace(PLAIN, most=most)).chosen == "abcd"[:most]
+
+
+@pytest.mark.parametrize("impossible", ["", "a", "ab"])
+def test_what_is_begun_beside_the_search_is_what_the_search_refines(impossible):
+    begun, refined = [], []
+
+    class Watched(Letters):
+        def proposals(self, parent, known):
+            for each in super().proposals(parent, known):
+
+                def finished(each=each):
+                    refined.append(each.key)
+                    return each.refined()
+
+                yield replace(each, refined=finished, begin=lambda each=each: begun.append(each.key))
+
+    errors = {"": 1.0, "a": 0.3, "b": 0.31, "c": 0.35, "d": 0.9, "bc": 0.2}
+    select(Watched(errors, impossible), "", replace(PLAIN, refined=2))
+    assert begun and set(begun) <= set(refined), "a worker computed what nobody asked for"
+    assert len(begun) == len(set(begun))
+    assert begun[:2] == ["a", "b"], "the best proposals come first"
+    assert ("c" in begun) == bool(impossible), "one more for each that cannot be"

@@ -4,14 +4,19 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from mailed import Mailed
 
 from drake_tc.diagnosis.problem.columns import Term
 from drake_tc.diagnosis.problem.regression import fit
-from drake_tc.diagnosis.selection.joint import best_shape, candidates, refine, search
+from drake_tc.diagnosis.selection import shape_refinement
+from drake_tc.diagnosis.selection.engine import select
+from drake_tc.diagnosis.selection.joint import JointProblem, best_shape, candidates, search
+from drake_tc.diagnosis.selection.shape_refinement import refine
 from drake_tc.diagnosis.selection.shapes import ShapeScreen
 from drake_tc.diagnosis.thresholds import JOINT
 from drake_tc.effects.base import Context
 from drake_tc.effects.library import LIBRARY, effect
+from drake_tc.filtering.block_convolution import BlockConvolution
 
 from ..rigs import Joint, Problem, floor_of, problem
 
@@ -106,3 +111,51 @@ def test_a_motion_of_a_hundredth_of_a_radian_leaves_effects_without_shapes_out()
     usable, obstacles = candidates(LIBRARY, still, [])
     assert all(member.shape_grid(still) for member in usable)
     assert "position_dependent_friction" in dict(obstacles)
+
+
+def test_workers_refine_to_the_same_model():
+    p = problem(replace(NOISY, extra=PLANTED["stribeck"]), runs=2)
+    effects = [e for e in LIBRARY if e.id in FEW and not e.obstacle(p.context)]
+    workers = Mailed()
+    alone, beside = (
+        search(p.columns, p.declared, effects, p.context, floor_of(p), JOINT, executor=executor)
+        for executor in (None, workers)
+    )
+    assert set(workers.sent) == {"refined_shapes"}
+    assert [t.shape for t in beside.chosen.terms] == [t.shape for t in alone.chosen.terms]
+    np.testing.assert_array_equal(beside.chosen.beta, alone.chosen.beta)
+    assert [f.cv_rms for f in beside.alternatives] == [f.cv_rms for f in alone.alternatives]
+
+
+def test_an_evaluation_filters_only_the_column_whose_shape_has_changed(monkeypatch):
+    p = problem(replace(NOISY, extra=PLANTED["stribeck"]), runs=2)
+    shape = {"stribeck_velocity": 0.1, "stribeck_exponent": 1.0}
+    start = fit(p.columns, [*p.declared, Term(effect("torque_sensor_bias")), Term(effect("stribeck"), shape)])
+    counts = dict.fromkeys(("reduce", "score"), 0)
+
+    def counted(name, call):
+        def wrapped(*args, **kwargs):
+            counts[name] += 1
+            return call(*args, **kwargs)
+
+        return wrapped
+
+    monkeypatch.setattr(shape_refinement, "score", counted("score", shape_refinement.score))
+    monkeypatch.setattr(BlockConvolution, "at", counted("reduce", BlockConvolution.at))
+    assert refine(p.columns, start).cv_rms < start.cv_rms
+    assert 10 < counts["score"] <= 120, "60 evaluations for each of two shape parameters"
+    assert counts["reduce"] <= counts["score"]
+
+
+def test_a_second_search_of_the_same_rows_refines_nothing_again(monkeypatch):
+    p = problem(replace(NOISY, extra=PLANTED["torque_ripple"]), runs=2)
+    effects = [e for e in LIBRARY if e.id in FEW and not e.obstacle(p.context)]
+    known = frozenset(t.effect.key for t in p.declared)
+    first = JointProblem(p.columns, effects, p.context, known, floor_of(p))
+    start = fit(p.columns, p.declared)
+    once = select(first, start, JOINT)
+    refined = []
+    monkeypatch.setattr(shape_refinement, "refined_shapes", lambda *args: refined.append(args))
+    again = select(replace(first, effects=effects[:]), start, JOINT)
+    np.testing.assert_array_equal(again.chosen.beta, once.chosen.beta)
+    assert again.chosen.terms == once.chosen.terms and not refined

@@ -7,11 +7,13 @@ import pytest
 from drake_tc.diagrams.papers import expected_values, record_reached
 from drake_tc.diagrams.papers.catalogue import REPRODUCTIONS
 from drake_tc.diagrams.papers.departures import departures
-from drake_tc.diagrams.papers.expected_values import expectations, expected_file, expected_paths, on_record
+from drake_tc.diagrams.papers.expected_values import expectations, expected_file, on_record
 from drake_tc.diagrams.papers.record_reached import recorded_text
 
 from drake_tc.errors import ParamsError
 from drake_tc.report.reproduction import Expectation, OnRecord, Row
+
+from .expected_files import expected_files
 
 REACHED = OnRecord("x", 1.5, 0.1)
 KNOWN_MISS = Expectation("x", 1.0, "max", reason="too warm", reached=1.5, reached_tolerance=0.1)
@@ -95,7 +97,7 @@ def test_every_judged_row_is_on_record_and_the_record_agrees_with_itself(id_):
 
 
 def test_every_expected_file_belongs_to_a_reproduction():
-    assert {path.stem for path in expected_paths()} == {expected_file(id_) for id_ in REPRODUCTIONS}
+    assert {path.stem for path in expected_files()} == {expected_file(id_) for id_ in REPRODUCTIONS}
 
 
 def test_a_name_is_judged_or_quoted_and_not_both(tmp_path, monkeypatch):

@@ -12,7 +12,7 @@ from drake_tc.diagrams.papers.delprete2016.contact_stability import ContactBorde
 from drake_tc.diagrams.papers.delprete2016.piecewise_loop import Reversal
 from drake_tc.diagrams.papers.delprete2016.sliding_prediction import predicted
 from drake_tc.diagrams.papers.departures import departures
-from drake_tc.diagrams.papers.expected_values import expectations, expected_file, expected_paths, on_record
+from drake_tc.diagrams.papers.expected_values import expectations, expected_file, on_record
 from numpy.testing import assert_allclose
 from pydrake.multibody.tree import JacobianWrtVariable
 
@@ -22,6 +22,8 @@ from drake_tc.loops.torque.running import simulate_scenario
 from drake_tc.registry import diagram_entry, reproductions
 from drake_tc.report.reproduction import Expectation, Row, judged
 from drake_tc.robot.plant import make_plant
+
+from .expected_files import expected_files
 
 JOINTS = ("r_hip_yaw", "r_hip_roll", "r_hip_pitch", "r_knee", "r_ankle_pitch", "r_ankle_roll")
 
@@ -79,7 +81,7 @@ def test_an_expectation_without_a_value_is_refused():
         judged({"a": 2.0}, wanted)
 
 
-@pytest.mark.parametrize("path", expected_paths(), ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", expected_files(), ids=lambda path: path.stem)
 def test_expected_files_are_read_and_name_their_sources(path):
     for row in expectations(path.stem).values():
         assert row.source, row.name
@@ -88,13 +90,13 @@ def test_expected_files_are_read_and_name_their_sources(path):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("{}", "wanted a list of expected values under `rows`"),
-        ("row: []", "wanted a list of expected values under `rows`"),
-        ("rows: []", "wanted a list of expected values under `rows`"),
-        ("rows: {a: 1}", "wanted a list of expected values under `rows`"),
+        ("{}", "expected a list of expected values under `rows`"),
+        ("row: []", "expected a list of expected values under `rows`"),
+        ("rows: []", "expected a list of expected values under `rows`"),
+        ("rows: {a: 1}", "expected a list of expected values under `rows`"),
         ("rows: [{name: a, expected: 1.0, how: atleast}]", "how: expected one of min, max, within, got 'atleast'"),
         ("rows: [{name: a, expected: .nan, how: min}]", "expected: expected a finite number, got nan"),
-        ("rows: [{name: a, expected: 1.0, how: min, tolerance: -1.0}]", "a: wanted a finite expected value"),
+        ("rows: [{name: a, expected: 1.0, how: min, tolerance: -1.0}]", "a: expected a finite expected value"),
         ("rows: [{name: a, expected: 1.0}]", "how is missing"),
         ("rows: [{name: a, expected: 1.0, how: min, sauce: x}]", "unknown key 'sauce'; did you mean 'source'"),
         ("rows: [{name: a, expected: 1.0, how: min}, {name: a, expected: 2.0, how: max}]", "a name is given twice"),

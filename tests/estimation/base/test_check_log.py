@@ -29,14 +29,14 @@ DEG = 180.0 / np.pi
 @pytest.mark.parametrize(
     ("part", "factor", "says"),
     [
-        ("time", 1e3, "time: wanted a period of .* got 10 s; it looks like ms"),
-        ("/position", DEG, "position of .*: wanted rad within its limits .*; it looks like degrees"),
-        ("/velocity", DEG, r"velocity of .*; got 5\d.* times the position's rate; it looks like deg/s"),
-        ("gyro", DEG, "gyro: wanted rad/s; gravity turns by 0.02.*; it looks like deg/s"),
-        ("accel", 1.0 / 9.81, "accel: wanted a median size near 9.81 .* it looks like g"),
+        ("time", 1e3, "time: expected a period of .* got 10 s; it looks like ms"),
+        ("/position", DEG, "position of .*: expected rad within its limits .*; it looks like degrees"),
+        ("/velocity", DEG, r"velocity of .*, got 5\d.* times the position's rate; it looks like deg/s"),
+        ("gyro", DEG, "gyro: expected rad/s; gravity turns by 0.02.*; it looks like deg/s"),
+        ("accel", 1.0 / 9.81, "accel: expected a median size near 9.81 .* it looks like g"),
         ("accel", 1e3, "accel: .* it looks like mm/s"),
-        ("l_knee/position", np.nan, "position of l_knee: wanted numbers; a column has none in all 200 rows"),
-        ("ft_left_ankle/tz", np.nan, "wrench of left: wanted numbers; a column has none"),
+        ("l_knee/position", np.nan, "position of l_knee: expected numbers; a column has none in all 200 rows"),
+        ("ft_left_ankle/tz", np.nan, "wrench of left: expected numbers; a column has none"),
     ],
 )
 def test_another_unit_is_refused_with_its_name(tmp_path, made, part, factor, says):
@@ -51,7 +51,7 @@ def test_a_time_without_a_number_names_its_row(tmp_path, made):
     table = canonical(made)
     table.loc[50, "time"] = np.nan
     table.to_parquet(tmp_path / "run.parquet", index=False)
-    with pytest.raises(LogError, match="time: wanted numbers; row 51 has none"):
+    with pytest.raises(LogError, match="time: expected numbers; row 51 has none"):
         read_base_log(load_base_rig(written(tmp_path)), tmp_path / "run.parquet")
 
 
@@ -110,7 +110,7 @@ def test_a_sensor_that_the_robot_lacks_and_complex_numbers_are_refused(tmp_path,
     with pytest.raises(RigError, match=r"contacts.left.sensor: no F/T sensor 'toe' in the robot file; there: right_an"):
         load_base_rig(written(tmp_path, contacts=contacts))
     np.savez(tmp_path / "run.npz", **as_arrays(made, np.arange(30)) | {"acc": made.log.accel + 0j})
-    with pytest.raises(LogError, match="accel: wanted numbers; got complex128"):
+    with pytest.raises(LogError, match="accel: expected numbers, got complex128"):
         read_base_log(load_base_rig(npz_rig(tmp_path)), tmp_path / "run.npz")
 
 

@@ -185,7 +185,7 @@ def test_logs_that_cannot_be_used(tmp_path, made):
     refused(table.iloc[::-1], "does not increase at row 2")
     refused(table.drop(index=range(50, 90)), "a gap of 0.41 s before row 51")
     refused(table.iloc[:5], "at least ten")
-    refused(table.assign(**{"l_knee/position": "bent"}), "wanted numbers")
+    refused(table.assign(**{"l_knee/position": "bent"}), "expected numbers")
     with pytest.raises(LogError, match="no such log file"):
         read_base_log(rig, tmp_path / "none.npz")
     (tmp_path / "broken.npz").write_bytes(b"PK nothing")
@@ -200,12 +200,12 @@ def test_logs_that_cannot_be_used(tmp_path, made):
         short = as_arrays(made, np.arange(30))
         short[name] = short[name][:-3]
         np.savez(tmp_path / "short.npz", **short)
-        with pytest.raises(LogError, match=f"{what}: wanted 200 rows, as many as times; got 197"):
+        with pytest.raises(LogError, match=f"{what}: expected 200 rows, as many as times, got 197"):
             read_base_log(load_base_rig(npz_rig(tmp_path)), tmp_path / "short.npz")
     narrow = as_arrays(made, np.arange(30))
     narrow["acc"] = narrow["acc"][:, :2]
     np.savez(tmp_path / "narrow.npz", **narrow)
-    with pytest.raises(LogError, match="accel: wanted 3 columns in 'acc'"):
+    with pytest.raises(LogError, match="accel: expected 3 columns in 'acc'"):
         read_base_log(load_base_rig(npz_rig(tmp_path)), tmp_path / "narrow.npz")
 
 

@@ -236,7 +236,7 @@ def test_impossible_contacts_are_refused(mount, sensor, polygon, message):
 def test_a_start_that_is_not_finite_and_an_unknown_method_are_refused():
     with pytest.raises(ParamsError, match="finite start"):
         BaseEstimator(walker(), spec(PERIOD), position=np.array([0.0, np.nan, 0.0]))
-    with pytest.raises(ParamsError, match="method: wanted one of cop, foot_centre"):
+    with pytest.raises(ParamsError, match="method: expected one of cop, foot_centre"):
         BaseEstimator(walker(), spec(PERIOD), method="ekf")
 
 

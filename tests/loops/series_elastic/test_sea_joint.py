@@ -95,13 +95,13 @@ def test_a_run_comes_to_a_summary_and_to_files_that_close_loop_reads(tmp_path):
     [
         ("{joint: elbow}", "no model of joint 'elbow'"),
         ("{believed: {ripple: 1.0}}", "believed: no 'ripple' in the model of 'r_knee'; there: gain"),
-        ("{delay: 0.0153}", "delay: wanted a multiple of dt"),
+        ("{delay: 0.0153}", "delay: expected a multiple of dt"),
         ("{torque_from: guess}", "torque_from: expected one of gauge, deflection, got 'guess'; did you mean 'gauge'"),
-        ("{hand: {stiffness: -1.0}}", "hand: wanted finite stiffness"),
+        ("{hand: {stiffness: -1.0}}", "hand: expected finite stiffness"),
         ("{hand: {stiffness: 1.0, times: [0.0, 1.0], knots: [0.0]}}", "as many knots as times"),
         ("{wanted: {of: force}}", "wanted.of: expected one of torque, position, got 'force'"),
         ("{control: {kp: -1.0}}", "control.kp"),
-        ("{effects: {elasticity: {}}}", "wanted an elasticity in its model"),
+        ("{effects: {elasticity: {}}}", "expected an elasticity in its model"),
     ],
 )
 def test_a_scenario_that_cannot_be_is_refused_in_one_line(text, says):
@@ -190,7 +190,7 @@ def test_identification_refuses_what_it_cannot_use(excited):
     with pytest.raises(IdentificationError, match="no joint 'hip' in the rig; joints here: r_knee"):
         identify_motor(trained(runs), rig, SHEET, joint="hip")
     servo = parse_rig({"joint": "r_knee", "drive": "current", "load": "torque"})
-    with pytest.raises(IdentificationError, match="wanted drive voltage and load torque; got current and torque"):
+    with pytest.raises(IdentificationError, match="expected drive voltage and load torque, got current and torque"):
         identify_motor(trained(runs), servo, SHEET)
     with pytest.raises(IdentificationError, match="viscous: expected a positive number"):
         PriorWidths(viscous=0.0)

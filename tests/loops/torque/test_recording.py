@@ -92,5 +92,5 @@ def test_views_of_a_recording(recording):
     assert_allclose(np.diff(q, axis=0) * 1e3, v[1:], atol=1e-9)
     with pytest.raises(LogError, match="no signal 'smell' recorded; recorded: acceleration, actuation"):
         recording["smell"]
-    with pytest.raises(LogError, match=r"wanted a log that ends in \.csv, \.parquet, \.npz; got \.doc"):
+    with pytest.raises(LogError, match=r"expected a log that ends in \.csv, \.parquet, \.npz, got \.doc"):
         write_log({}, recording.robot.source.with_suffix(".doc"))

@@ -20,23 +20,23 @@ from drake_tc.tsid.robust.torque_error import TorqueError
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("{torque_error: {hold: 1.0e-9}}", "torque_error.hold: wanted plant_step 0.001 s or more; got 1e-09"),
+        ("{torque_error: {hold: 1.0e-9}}", "torque_error.hold: expected plant_step 0.001 s or more, got 1e-09"),
         ("{ground: {margin: .nan}}", "ground.margin: expected a finite number, got nan"),
-        ("{ground: {margin: 1.0}}", "ground.margin: wanted a length of -0.1 to 0.1 m; got 1"),
-        ("{ground: {margin: -0.055}}", "ground.margin: wanted more than -0.055 m, where nothing is left of contact"),
-        ("{ground: {radius: 10.0}}", "ground.radius: wanted a length above 0, 0.1 m at most; got 10"),
+        ("{ground: {margin: 1.0}}", "ground.margin: expected a length of -0.1 to 0.1 m, got 1"),
+        ("{ground: {margin: -0.055}}", "ground.margin: expected more than -0.055 m, where nothing is left of contact"),
+        ("{ground: {radius: 10.0}}", "ground.radius: expected a length above 0, 0.1 m at most, got 10"),
         ("{ground: {radius: .nan}}", "ground.radius: expected a finite number, got nan"),
         (
             "{plant_step: 7.0e-4}",
-            "plant_step: wanted the controller's period, 0.001 s, or a whole part of it; got 0.0007",
+            "plant_step: expected the controller's period, 0.001 s, or a whole part of it, got 0.0007",
         ),
-        ("{plant_step: 3.0e-3}", "plant_step: wanted the controller's period, 0.001 s"),
-        ("{plant_step: 2.0e-3, changes: {period: 0.005}}", "plant_step: wanted the controller's period, 0.005 s"),
-        ("{changes: {period: 0.0015}}", "plant_step: wanted the controller's period, 0.0015 s"),
+        ("{plant_step: 3.0e-3}", "plant_step: expected the controller's period, 0.001 s"),
+        ("{plant_step: 2.0e-3, changes: {period: 0.005}}", "plant_step: expected the controller's period, 0.005 s"),
+        ("{changes: {period: 0.0015}}", "plant_step: expected the controller's period, 0.0015 s"),
         ("{seed: 99999999999999999999, torque_error: {}}", r"seed: expected a whole number from 0 to 2\^64 - 1"),
         ("{seed: 18446744073709551616}", r"seed: expected a whole number from 0 to 2\^64 - 1"),
-        ("{drives: {kp: 3.0}}", "drives: wanted torque: drives beside it"),
-        ("{sensors: perfect}", "sensors: wanted state: estimated or torque: drives beside it"),
+        ("{drives: {kp: 3.0}}", "drives: expected torque: drives beside it"),
+        ("{sensors: perfect}", "sensors: expected state: estimated or torque: drives beside it"),
         ("{sensors: anything, state: estimated}", "sensors.*anything"),
         ("{motion: {5: {times: [0, 1]}, '5': {times: [0, 1]}}}", "motion: key '5' is given twice"),
     ],
@@ -51,7 +51,7 @@ def test_the_largest_seed_and_steps_that_divide_the_period_run():
     recording = simulate_tsid(tsid_entry().scenario("balance", text=text))
     assert recording.time.size == 11
     assert np.isfinite(recording["estimated_state"]).all()
-    with pytest.raises(ParamsError, match="wanted a seed from 0 to"):
+    with pytest.raises(ParamsError, match="expected a seed from 0 to"):
         TorqueNoise(TorqueError(np.ones(2)), 1e-3, seed=2**64)
 
 

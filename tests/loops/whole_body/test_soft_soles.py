@@ -119,10 +119,13 @@ def test_a_robot_stands_on_soft_soles():
 @pytest.mark.parametrize(
     ("fields", "message"),
     [
-        ({"stiffness": 0.0}, "ground.sole.stiffness: wanted a positive number"),
-        ({"stiffness": 1e5, "points": (5, 1)}, r"ground.sole.points: wanted two numbers, 2 or more each; got \[5, 1\]"),
-        ({"stiffness": 1e5, "points": (5,)}, "ground.sole.points: wanted two numbers"),
-        ({"stiffness": 1e5, "dissipation": -1.0}, "ground.sole.dissipation: wanted a finite number >= 0"),
+        ({"stiffness": 0.0}, "ground.sole.stiffness: expected a positive number"),
+        (
+            {"stiffness": 1e5, "points": (5, 1)},
+            r"ground.sole.points: expected two numbers, 2 or more each, got \[5, 1\]",
+        ),
+        ({"stiffness": 1e5, "points": (5,)}, "ground.sole.points: expected two numbers"),
+        ({"stiffness": 1e5, "dissipation": -1.0}, "ground.sole.dissipation: expected a finite number >= 0"),
     ],
 )
 def test_impossible_soles_are_refused(fields, message):
@@ -131,5 +134,5 @@ def test_impossible_soles_are_refused(fields, message):
 
 
 def test_either_hard_or_soft():
-    with pytest.raises(ParamsError, match="wanted either stiffness, of hard soles, or sole; got both"):
+    with pytest.raises(ParamsError, match="expected either stiffness, of hard soles, or sole, got both"):
         GroundSpec(stiffness=1e6, sole=SoleSpec(1e5))

@@ -71,19 +71,19 @@ def test_the_torso_follows(law):
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda law: TurnSpec((1.0, 0.0)), "turn.axis: wanted three numbers; got 2"),
-        (lambda law: TurnSpec((1.0, 0.0, 0.0), times=(0.0,), angles=(1.0,)), "two or more and as many angles; got 1"),
-        (lambda law: TurnSpec((1.0, 0.0, 0.0), times=(0.0, 1.0), angles=(1.0,)), "as many angles; got 2 and 1"),
-        (lambda law: TurnSpec((1.0, 0.0, 0.0), times=(1.0, 0.0), angles=(1.0, 0.0)), "turn.times: wanted increasing"),
+        (lambda law: TurnSpec((1.0, 0.0)), "turn.axis: expected three numbers, got 2"),
+        (lambda law: TurnSpec((1.0, 0.0, 0.0), times=(0.0,), angles=(1.0,)), "two or more and as many angles, got 1"),
+        (lambda law: TurnSpec((1.0, 0.0, 0.0), times=(0.0, 1.0), angles=(1.0,)), "as many angles, got 2 and 1"),
+        (lambda law: TurnSpec((1.0, 0.0, 0.0), times=(1.0, 0.0), angles=(1.0, 0.0)), "turn.times: expected increasing"),
         (
             lambda law: TurnSpec((1.0, 0.0, 0.0), times=(0.0, 1.0), angles=(1.0, 0.0), amplitude=0.1),
-            "either times and angles or an amplitude; got both",
+            "either times and angles or an amplitude, got both",
         ),
-        (lambda law: KnotSpec(times=(0.0, 1.0), turn=SWING.turn), "either times and offsets or a turn; got both"),
-        (lambda law: task_source(law, "com", SWING), "wanted one of the tasks of orientation: torso; got 'com'"),
+        (lambda law: KnotSpec(times=(0.0, 1.0), turn=SWING.turn), "either times and offsets or a turn, got both"),
+        (lambda law: task_source(law, "com", SWING), "expected one of the tasks of orientation: torso, got 'com'"),
         (
             lambda law: task_source(law, "torso", KnotSpec(turn=TurnSpec((0.0, 0.0, 0.0), (0.0, 1.0), (0.0, 1.0)))),
-            "turn.axis: wanted a direction; got zero",
+            "turn.axis: expected a direction, got zero",
         ),
     ],
 )

@@ -25,7 +25,8 @@ from dataclasses import replace
 import numpy as np
 from scipy.stats import t as student
 
-from drake_tc.diagnosis.problem.shared.stacked import JointRows, StackedFit, fit_stacked, inverse
+from drake_tc.diagnosis.problem.shared.rows import JointRows
+from drake_tc.diagnosis.problem.shared.stacked import StackedFit, fit_stacked, inverse
 from drake_tc.types import FloatArray
 
 LAGS = 3

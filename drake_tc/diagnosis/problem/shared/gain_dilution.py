@@ -10,7 +10,8 @@ torques of the joint scale with it. A joint whose effort is nearly all friction 
 import numpy as np
 from scipy.stats import norm
 
-from drake_tc.diagnosis.problem.shared.stacked import JointRows, StackedFit
+from drake_tc.diagnosis.problem.shared.rows import JointRows
+from drake_tc.diagnosis.problem.shared.stacked import StackedFit
 
 LEAST_SHARED = 1e-6
 """r^2, at least: below it nothing is known of the drive gain."""

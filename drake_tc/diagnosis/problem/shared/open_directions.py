@@ -14,7 +14,8 @@ import numpy as np
 
 from drake_tc.diagnosis.data.link_prior import LinkPrior, column_name
 from drake_tc.diagnosis.problem.shared.causes import CauseColumns
-from drake_tc.diagnosis.problem.shared.stacked import JointRows, StackedFit, from_others
+from drake_tc.diagnosis.problem.shared.rows import JointRows
+from drake_tc.diagnosis.problem.shared.stacked import StackedFit, from_others
 from drake_tc.logs.record import Run
 from drake_tc.types import FloatArray
 

@@ -26,18 +26,15 @@ that only the few delta are solved for together. Cross-validation: folds of neig
 instants for all joints.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from drake_tc.diagnosis.data.samples import Samples
-from drake_tc.diagnosis.data.sliding import BLOCK_SECONDS
-from drake_tc.diagnosis.problem.columns import FOLDS, Columns, Term
-from drake_tc.diagnosis.problem.shared.causes import CauseColumns
+from drake_tc.diagnosis.problem.columns import FOLDS
+from drake_tc.diagnosis.problem.shared.rows import JointRows, kept_gram
 from drake_tc.diagnosis.selection.comparison import effective_samples
-from drake_tc.effects.servo_gain import ServoGain
-from drake_tc.types import BoolArray, FloatArray, IntArray
+from drake_tc.types import FloatArray, IntArray
 
 MOST_ROUNDS = 20
 """Of weighting and Gauss-Newton steps: the noise of each joint follows from the fit."""
@@ -49,51 +46,6 @@ LEAST_NOISE = 1e-6
 """Of a joint's own fit's residual, at least: no joint weighs more than this lets it."""
 CUT_OFF = 3.0
 """Tolerances that a parameter with a prior reaches at most."""
-
-
-@dataclass(frozen=True, eq=False)
-class JointRows:
-    """One joint's rows.
-
-    Attributes:
-        joint: Name.
-        samples: Where the rows come from.
-        own: (N, k) X, the effort first unless the drive's gain is held. shared: (N, P) C of all causes.
-        target: (N,) z, less y*/K where the gain is held.
-        block: (N,) half seconds, numbered alike for all joints.
-        grams: (FOLDS, m, m) of [X, C, z] by fold, m = k + P + 1.
-        scaling: (P,) columns that hold the noise of z; None: all.
-        held: 1/K where the drive's gain is declared [N m/effort]; None: fitted, the first coefficient.
-        opposite: (P,) `scaling` under the opposite assumption, where it is not certain; None: none.
-    """
-
-    joint: str
-    samples: Samples
-    own: FloatArray
-    shared: FloatArray
-    target: FloatArray
-    block: IntArray
-    grams: FloatArray
-    scaling: BoolArray | None = None
-    held: float | None = None
-    opposite: BoolArray | None = None
-
-    def stiffness(self, beta: FloatArray) -> float:
-        """1/K, with its own coefficients beta (k,)."""
-        return float(beta[0]) if self.held is None else self.held
-
-    def stiffness_response(self, response: FloatArray) -> FloatArray:
-        """(...,) by how much 1/K moves, of how much the own coefficients (k, ...) do."""
-        return np.asarray(response[0] if self.held is None else np.zeros(response.shape[1:]))
-
-    def scales(self, columns: IntArray) -> FloatArray:
-        """(p,) 1.0 where these columns hold the noise of z, else 0.0."""
-        return np.ones(columns.size) if self.scaling is None else self.scaling[columns].astype(np.float64)
-
-    @property
-    def width(self) -> int:
-        """Number of own columns k."""
-        return int(self.own.shape[1])
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,64 +77,6 @@ class StackedFit:
         return np.asarray(rows.target - explained)
 
 
-def _block_keys(samples: Samples) -> IntArray:
-    time = samples.signals.time[samples.rows]
-    return np.asarray(samples.run.astype(np.int64) * 10**7 + np.floor(time / BLOCK_SECONDS).astype(np.int64))
-
-
-def stack(
-    columns: Mapping[str, Columns],
-    terms: Mapping[str, Sequence[Term]],
-    causes: CauseColumns,
-    designs: Mapping[str, FloatArray] | None = None,
-) -> tuple[JointRows, ...]:
-    """The rows of all joints.
-
-    Args:
-        columns: By joint, the training rows.
-        terms: By joint, what its own model holds.
-        causes: Columns over the same runs.
-        designs: By joint, the columns (N, 1 + k) of its terms at loads of an earlier estimate, for effects that depend
-            on the load; not used where a soft gear has changed the rows.
-    """
-    keys = {joint: _block_keys(c.samples) for joint, c in columns.items()}
-    known = np.unique(np.concatenate(list(keys.values())))
-    scaling = np.concatenate([np.full(c.size, c.scales) for c in causes.causes])
-    opposite = np.concatenate([np.full(c.size, c.may_scale and not c.scales) for c in causes.causes])
-    stacked = []
-    for joint, each in columns.items():
-        shared = each.samples.reduce(over_samples(each.samples, joint, causes), fresh=True)
-        given = None if designs is None else designs[joint]
-        design = given if given is not None and len(given) == each.target.size else each.design(terms[joint])
-        own, target, held = _drive_held(design, each, terms[joint])
-        block = np.searchsorted(known, keys[joint])
-        fold = (block // 2) % FOLDS
-        every = np.column_stack([own, shared, target])
-        grams = np.stack([every[fold == f].T @ every[fold == f] for f in range(FOLDS)])
-        stacked.append(JointRows(joint, each.samples, own, shared, target, block, grams, scaling, held, opposite))
-    return tuple(stacked)
-
-
-def _drive_held(
-    own: FloatArray, columns: Columns, terms: Sequence[Term]
-) -> tuple[FloatArray, FloatArray, float | None]:
-    """Own columns, target and held 1/K of one joint: see `JointRows`."""
-    if columns.declared_gain is None or any(isinstance(t.effect, ServoGain) for t in terms):
-        return own, columns.target, None
-    held = 1.0 / columns.declared_gain
-    return own[:, 1:], columns.target - held * own[:, 0], held
-
-
-def over_samples(samples: Samples, joint: str, causes: CauseColumns) -> FloatArray:
-    """(T, P) of one joint on the samples' own clock."""
-    time, run = samples.signals.time, samples.run_of_sample
-    out = np.zeros((time.size, causes.causes[-1].columns.stop))
-    for number, name in enumerate(samples.runs):
-        inside = run == number
-        out[inside] = causes.of(name, joint, time[inside])
-    return out
-
-
 @dataclass(frozen=True, eq=False)
 class _Problem:
     """Which causes are fitted, what the rows weigh, and where the next step starts."""
@@ -211,13 +105,13 @@ def fit_stacked(
         effective: (n,) n_j/N_j to weigh by; None: from the residuals.
     """
     nobody = np.zeros(0, dtype=np.int64)
-    own = [_own(r, _kept(r, nobody)) for r in rows]
+    own = [_own(r, kept_gram(r, nobody)) for r in rows]
     alone = np.array([_rms(r, beta, nobody, np.zeros(0)) for r, beta in zip(rows, own, strict=True)])
     prior = np.full(columns.size, np.inf) if tolerance is None else tolerance
     start = np.ones(len(rows)) if effective is None else effective
     zero = np.zeros(columns.size)
     problem = _Problem(columns, prior, alone if sigma is None else sigma, start, zero)
-    totals = [_kept(r, columns) for r in rows]
+    totals = [kept_gram(r, columns) for r in rows]
     for _ in range(MOST_ROUNDS if columns.size else 0):
         delta = _solve_delta(rows, totals, problem)
         moved = _torque_change(rows, totals, delta - problem.delta) / problem.sigma
@@ -258,12 +152,12 @@ def _counts(rows: Sequence[JointRows]) -> FloatArray:
 
 def _fit(rows: Sequence[JointRows], problem: _Problem) -> StackedFit:
     columns = problem.columns
-    totals = [_kept(r, columns) for r in rows]
+    totals = [kept_gram(r, columns) for r in rows]
     delta = _solve_delta(rows, totals, problem)
     beta = tuple(_own(r, g, delta) for r, g in zip(rows, totals, strict=True))
     held = np.zeros(len(rows))
     for f in range(FOLDS):
-        parts = [_kept(r, columns, f) for r in rows]
+        parts = [kept_gram(r, columns, f) for r in rows]
         rest = [g - p for g, p in zip(totals, parts, strict=True)]
         without = _solve_delta(rows, rest, replace(problem, delta=delta))
         for j, (r, g, p) in enumerate(zip(rows, rest, parts, strict=True)):
@@ -273,14 +167,6 @@ def _fit(rows: Sequence[JointRows], problem: _Problem) -> StackedFit:
     stiffness = np.array([max(r.stiffness(b), 1e-9) for r, b in zip(rows, beta, strict=True)])
     error = np.sqrt(held / _counts(rows)) / stiffness
     return StackedFit(columns, problem.tolerance, delta, beta, spread, problem.effective, error)
-
-
-def _kept(rows: JointRows, columns: IntArray, fold: int | None = None) -> FloatArray:
-    """Gram of [X, C of these columns, z]."""
-    gram = rows.grams.sum(axis=0) if fold is None else rows.grams[fold]
-    k = rows.width
-    index = np.concatenate([np.arange(k), k + columns, [gram.shape[0] - 1]])
-    return np.asarray(gram[np.ix_(index, index)])
 
 
 def inverse(gram: FloatArray) -> FloatArray:
@@ -327,7 +213,7 @@ def from_others(rows: Sequence[JointRows], fitted: StackedFit, number: int) -> t
     left, right = np.diag(1.0 / fitted.tolerance**2), np.zeros(fitted.delta.size)
     for j, r in enumerate(rows):
         if j != number:
-            more, towards = _normal(r, _kept(r, fitted.columns), fitted.columns, fitted.delta)
+            more, towards = _normal(r, kept_gram(r, fitted.columns), fitted.columns, fitted.delta)
             weight = fitted.effective[j] / fitted.sigma[j] ** 2
             left += weight * more
             right += weight * towards

@@ -9,7 +9,7 @@ from drake_tc.diagrams.papers.delprete2015 import closed_loop as tsid_closed_loo
 from drake_tc.diagrams.papers.delprete2015 import com_move as tsid_com_move
 from drake_tc.diagrams.papers.delprete2015 import masses as tsid_masses
 from drake_tc.diagrams.papers.delprete2015 import reach as tsid_reach
-from drake_tc.diagrams.papers.delprete2015.choice import candidates, coverage, coverage_of_goal, goals
+from drake_tc.diagrams.papers.delprete2015.choice import candidates, coverage, goals
 from drake_tc.diagrams.papers.delprete2015.com_move import Sway
 from drake_tc.diagrams.papers.delprete2015.judge import judge, miss, wilson
 from drake_tc.diagrams.papers.delprete2015.setup import (
@@ -20,13 +20,14 @@ from drake_tc.diagrams.papers.delprete2015.setup import (
     RECTANGLE,
     SOLES,
     W_COM,
+    W_REACH,
     make_model,
     model,
     robot,
     standing_limits,
     torque_error,
 )
-from drake_tc.diagrams.papers.delprete2015.simulation import DT, solve_again
+from drake_tc.diagrams.papers.delprete2015.simulation import DT, follow, solve_again
 from drake_tc.diagrams.papers.expected_values import expectations
 from numpy.testing import assert_allclose
 from scipy.stats import binom
@@ -244,6 +245,10 @@ def test_the_sway_was_chosen_by_its_rule():
     best = coverage(chosen.classic()).entropy
     assert best > 0.0
     assert all(coverage(other.classic()).entropy <= best for other in beside(chosen, candidates()))
+
+
+def coverage_of_goal(goal):
+    return coverage(follow(tsid_reach.reach_scene(goal=goal), CLASSIC, W_REACH, torque_error(), goal.duration))
 
 
 @pytest.mark.slow

@@ -82,13 +82,13 @@ def test_model_factors_change_the_controllers_model_alone():
 @pytest.mark.parametrize(
     ("name", "text", "message"),
     [
-        ("stairs_swing", "{predictor: {}}", "rotor_inertia: wanted that of 'r_hip_yaw'"),
+        ("stairs_swing", "{predictor: {}}", "rotor_inertia: expected that of 'r_hip_yaw'"),
         ("stairs_swing", "{observer: {}, rotor_inertia: {knee: 1.0}}", "rotor_inertia: no joint 'knee'"),
         ("stairs_swing", "{observer: {bandwith: 1.0}}", r"observer: unknown key 'bandwith'; did you mean 'bandwidth'"),
-        ("stairs_swing", "{predictor: {bandwidth: -1.0}}", r"predictor\.bandwidth: wanted a positive number"),
-        ("stairs_swing", "{model_factors: {k_tau: 0.0}}", "model_factors: wanted k_tau > 0"),
-        ("suspended_swing", "{angular_acceleration: zero}", "angular_acceleration: wanted gyro or neglected"),
-        ("suspended_swing", "{suspension: {stiffness: [1.0, 1.0]}}", r"suspension\.stiffness: wanted three"),
+        ("stairs_swing", "{predictor: {bandwidth: -1.0}}", r"predictor\.bandwidth: expected a positive number"),
+        ("stairs_swing", "{model_factors: {k_tau: 0.0}}", "model_factors: expected k_tau > 0"),
+        ("suspended_swing", "{angular_acceleration: zero}", "angular_acceleration: expected gyro or neglected"),
+        ("suspended_swing", "{suspension: {stiffness: [1.0, 1.0]}}", r"suspension\.stiffness: expected three"),
         ("suspended_swing", "{suspension: {stiffness: [1.0, 1.0, 0.0]}}", "a positive one along z"),
     ],
 )

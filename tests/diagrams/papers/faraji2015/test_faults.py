@@ -18,6 +18,7 @@ from drake_tc.loops.whole_body.running import simulate_tsid
 from drake_tc.loops.whole_body.scenario import FALLIBLE, TsidScenario
 from drake_tc.sensing.fault import SensorFault
 from drake_tc.sensor_validation.standing_feet import LOST
+from drake_tc.tsid.configuration import load_law
 
 FILE = Path(__file__).resolve().parents[4] / "diagrams" / "coman.scenario.yaml"
 DT = 1e-3
@@ -93,14 +94,15 @@ def test_a_motion_that_stops_keeps_to_its_path_and_its_rates_are_those_of_its_pl
 
 
 def test_torques_fade_once_a_joint_is_lost_for_good():
-    system = BlindStop(3, 2, 0.1, DT)
+    system = BlindStop(3, np.array([True, False]), 0.1, DT)
     context = system.CreateDefaultContext()
     system.GetInputPort("state").FixValue(context, [1.0, 2.0, 3.0])
     system.GetInputPort("torque").FixValue(context, [4.0, -2.0])
+    system.GetInputPort("wanted").FixValue(context, [3.0, 5.0])
     lost = system.GetInputPort("lost")
 
     def ticks(count, value):
-        lost.FixValue(context, [value])
+        lost.FixValue(context, [value, 0.0])
         for _ in range(count):
             context.SetDiscreteState(np.array(system.EvalUniquePeriodicDiscreteUpdate(context).value()))
         return [system.GetOutputPort(name).Eval(context) for name in ("state", "torque")]
@@ -115,6 +117,20 @@ def test_torques_fade_once_a_joint_is_lost_for_good():
     state, torque = ticks(100, 0.0)  # for good
     assert np.isnan(state).all()
     assert_allclose(torque, np.array([4.0, -2.0]) / np.e**2, rtol=1e-9)
+
+
+def test_a_lost_joint_that_nothing_stands_on_fades_alone():
+    system = BlindStop(3, np.array([True, False]), 0.1, DT)
+    context = system.CreateDefaultContext()
+    for name, value in (("state", [1.0, 2.0, 3.0]), ("torque", [4.0, -2.0]), ("wanted", [3.0, 5.0])):
+        system.GetInputPort(name).FixValue(context, value)
+    system.GetInputPort("lost").FixValue(context, [0.0, 1.0])
+    for _ in range(round(BLIND / DT) + 100):
+        context.SetDiscreteState(np.array(system.EvalUniquePeriodicDiscreteUpdate(context).value()))
+    state, torque, wanted = (system.GetOutputPort(name).Eval(context) for name in ("state", "torque", "wanted"))
+    assert_array_equal(state, [1.0, 2.0, 3.0])
+    assert_allclose(torque, [4.0, -2.0 / np.e], rtol=1e-9)
+    assert_allclose(wanted, [3.0, 5.0 / np.e], rtol=1e-9)
 
 
 def test_all_sensors_lost_at_once_leave_finite_numbers(lost):
@@ -157,6 +173,36 @@ def test_a_fault_is_flagged_by_its_name_and_the_robot_stands_as_it_did(sound, na
     assert found.base < 3e-3
     assert found.joint < 0.02
     assert max(found.wanted, found.torque) < 0.5
+
+
+@pytest.mark.slow
+def test_an_elbow_that_is_lost_hangs_and_the_robot_stands_on():
+    scenario = TsidScenario.load(FILE, "stand", "{duration: 1.6}")
+    joints = load_law(scenario.path(scenario.controller), scenario.changes).model.robot.joints
+    elbow = joints.index("r_elbow")
+    gone = (SensorFault("dropped", 0.6, channels=(elbow,)),)
+    recording = simulate_tsid(scenario.changed(faults={"motor_encoder": gone, "encoder": gone}))
+    assert recording.fell is None and "joint/lost" in [item["name"] for item in recording.raised_flags()]
+    assert all(np.isfinite(values).all() for values in recording.signals.values())
+    late, before = recording.time > 1.4, (recording.time > 0.4) & (recording.time < 0.6)
+    legs = [i for i, name in enumerate(joints) if "knee" in name or "hip_pitch" in name]
+    held = np.abs(recording["applied_torque"][:, legs])
+    assert_allclose(held[late].mean(axis=0), held[before].mean(axis=0), rtol=0.2, atol=1.0)
+    places = recording["state"][:, 4:7]
+    assert np.linalg.norm(places[late] - places[before].mean(axis=0), axis=1).max() < 0.02
+
+
+@pytest.mark.slow
+def test_a_foot_that_jumps_by_150_n_stays_left_out():
+    scenario = TsidScenario.load(FILE, "stand", "{duration: 1.2}")
+    fault = SensorFault("biased", 0.6, channels=(2,), value=150.0)
+    recording = simulate_tsid(scenario.changed(faults={"force_torque": (fault,)}))
+    first = {item["name"]: item["first"] for item in recording.raised_flags()}
+    assert 0.6 < first["right_ankle/jump"] <= 0.602
+    assert recording.fell is None
+    sound = simulate_tsid(scenario)
+    places = slice(4, 7)
+    assert np.linalg.norm(recording["state"][:, places] - sound["state"][:, places], axis=1).max() < 2e-3
 
 
 @pytest.mark.slow

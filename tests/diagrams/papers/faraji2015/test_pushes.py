@@ -223,25 +223,25 @@ def test_damping_of_all_joints_shakes_the_arms():
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: SpringDrivesSpec(joint_damping=-1.0), "series_elastic.joint_damping: wanted a number >= 0"),
-        (lambda: SpringDrivesSpec(position_gain=np.nan), "series_elastic.position_gain: wanted a number >= 0"),
+        (lambda: SpringDrivesSpec(joint_damping=-1.0), "series_elastic.joint_damping: expected a number >= 0"),
+        (lambda: SpringDrivesSpec(position_gain=np.nan), "series_elastic.position_gain: expected a number >= 0"),
         (
             lambda: SpringDrivesSpec(damped_joints=("r_knee",)),
-            "series_elastic.damped_joints: wanted a joint_damping > 0 beside it",
+            "series_elastic.damped_joints: expected a joint_damping > 0 beside it",
         ),
         (
             lambda: SpringDrivesSpec(position_gain=1.0, joint_damping=1.0),
-            "series_elastic.joint_damping: wanted 0 beside a position_gain",
+            "series_elastic.joint_damping: expected 0 beside a position_gain",
         ),
         (
             lambda: SpringDrivesSpec(position_gain=1.0, acceleration_bandwidth=1.0),
-            "series_elastic.acceleration_bandwidth: wanted 0 beside a position_gain",
+            "series_elastic.acceleration_bandwidth: expected 0 beside a position_gain",
         ),
         (
             lambda: build_tsid(scenario("stand", "{series_elastic: {joint_damping: 1.0, damped_joints: [tail]}}")),
             "series_elastic.damped_joints: no joint 'tail'; there: r_hip_pitch",
         ),
-        (lambda: MotorPositionControl(0.0, [knee()[0]]), "position_gain: wanted a positive number"),
+        (lambda: MotorPositionControl(0.0, [knee()[0]]), "position_gain: expected a positive number"),
     ],
 )
 def test_what_is_refused(make, message):

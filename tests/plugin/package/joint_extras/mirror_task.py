@@ -21,7 +21,7 @@ class MirrorTask:
     ) -> None:
         known = model.robot.joints
         if len(joints) != 2 or not set(joints) <= set(known):
-            raise ParamsError(f"joints: expected two of {', '.join(known)}; got {', '.join(joints)}")
+            raise ParamsError(f"joints: expected two of {', '.join(known)}, got {', '.join(joints)}")
         self.name, self.weight = name, np.array([weight])
         self._kp, self._kd = kp, kd
         first, second = (known.index(joint) for joint in joints)

@@ -17,7 +17,7 @@ class PowerLimit:
 
     def __init__(self, model: TsidModel, period: float, *, watts: float) -> None:
         if watts <= 0.0:
-            raise ParamsError(f"watts: expected a number > 0; got {watts:g}")
+            raise ParamsError(f"watts: expected a number > 0, got {watts:g}")
         self._watts, self._joints = watts, model.actuated
         self._labels = tuple(f"{joint} power" for joint in model.robot.joints)
 

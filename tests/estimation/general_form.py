@@ -132,7 +132,7 @@ class GeneralModel:
             odd = [name for name in wrench.components if name not in COMPONENTS]
             if odd or not wrench.components:
                 raise ParamsError(
-                    f"unknown wrench {wrench.mount.name}: wanted some of {COMPONENTS}; got {wrench.components}"
+                    f"unknown wrench {wrench.mount.name}: expected some of {COMPONENTS}, got {wrench.components}"
                 )
         for mount in (*self._measured, *(wrench.mount for wrench in unknown)):
             if not self._model.model.plant.HasBodyNamed(mount.link):

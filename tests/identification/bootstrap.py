@@ -67,7 +67,7 @@ def block_bootstrap(
     """
     a, b, labels = checked(columns, target, names)
     if count < 40:
-        raise IdentificationError(f"block bootstrap needs at least 40 draws; got {count}")
+        raise IdentificationError(f"block bootstrap needs at least 40 draws, got {count}")
     scale = column_scale(a, labels)
     rows = a / scale
     estimate: FloatArray = np.asarray(np.linalg.lstsq(rows, b, rcond=None)[0])

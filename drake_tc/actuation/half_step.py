@@ -1,0 +1,35 @@
+"""The half step between a sampled simulation and the continuous joint that its log is read as.
+
+A plant that steps by symplectic Euler, with friction at the end of the step, obeys with its step h
+
+    J (v[n+1] - v[n])/h + f_v v[n+1] + ... = tau[n],      q[n+1] = q[n] + h v[n+1].
+
+The second difference of the positions around q[n] is (v[n+1] - v[n])/h, their central difference (v[n] + v[n+1])/2. In
+these,
+
+    (J + f_v h/2) qddot + f_v qdot + ... = tau[n]:
+
+the log looks like that of a joint with a larger inertia. This holds for commands that change at every step; one that is
+held for several steps makes the acceleration a saw tooth, of which a log at the command's own ticks sees the peaks.
+"""
+
+from drake_tc.actuation.constant_parts import split_parts
+from drake_tc.actuation.model import ActuatorModel
+
+
+def simulated_inertia(model: ActuatorModel, step: float) -> float:
+    """J + f_v h/2 [kg m^2]: the reflected inertia that a log shows which was simulated with this step.
+
+    Declare it in the rig file of such a log. Of friction, the parts count whose damping is constant.
+
+    Args:
+        model: The simulated actuator.
+        step: h of plant and actuators [s].
+
+    Example:
+        >>> viscous = EffectValue("viscous", {"viscous": 30.0})
+        >>> simulated_inertia(ActuatorModel("knee", Drive("current", 0.4), (viscous,)), step=1e-3)
+        0.015
+    """
+    (_, damping, _), _ = split_parts(model)
+    return model.inertia + 0.5 * step * damping

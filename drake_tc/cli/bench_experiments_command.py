@@ -1,0 +1,77 @@
+"""`drake-tc bench check` and `bench experiments`: promises of checks and designs held against simulated truth."""
+
+import json
+from dataclasses import asdict
+from typing import Annotated
+
+import typer
+
+from drake_tc.cli.bench_seeds import ALL_CORES, AsJson, Jobs, Out, Seeds, by_seed
+from drake_tc.cli.progress import progress_bar
+
+
+def bench_check(
+    kind: Annotated[list[str] | None, typer.Option(help="Effect, such as stribeck; repeat. Default: all.")] = None,
+    out: Out = None,
+    seed: Seeds = None,
+    jobs: Jobs = ALL_CORES,
+    as_json: AsJson = False,
+) -> None:
+    """Whether effects that a check predicts to be seen are found by the diagnosis, and others not."""
+    from drake_tc.experiments.evidence.predicted import prediction_rows, predictions
+
+    found = by_seed(
+        "bench check",
+        seed,
+        out,
+        jobs,
+        lambda folder, number, pool, report: predictions(folder, kind or (), number, pool, report),
+        quiet=as_json,
+    )
+    every = [each for part in found.values() for each in part]
+    rows = prediction_rows(every)
+    if as_json:
+        print(json.dumps({"name": "check", "rows": rows, "rigs": [asdict(each) for each in every]}))
+        return
+    _print_rows(rows)
+    for each in every:
+        if (each.predicted == "seen") != each.found and each.predicted != "between":
+            named = ", ".join(each.named) or "nothing"
+            print(f"{each.name}: {each.size:.3g}, found from {each.smallest:.3g}; named: {named}")
+
+
+def bench_experiments(
+    seed: Annotated[int, typer.Option(help="Of the joints, motions and noise.")] = 1,
+    pair: Annotated[list[int] | None, typer.Option(help="Number of a pair, from 0; repeat. Default: all.")] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Pairs that first logs leave open: how often a designed run tells them apart, and how often a sinusoid does."""
+    from drake_tc.experiments.evidence.loop import PAIRS, run_cases, shares
+
+    pairs = [PAIRS[i] for i in pair] if pair else list(PAIRS)
+    with progress_bar("bench experiments", quiet=as_json) as progress:
+        cases = run_cases(pairs, seed, progress)
+    count = len([c for c in cases if not c.first and not c.refusal])
+    goals = {"designed": ">= 0.9", "growing sinusoid": "<= 0.5"}
+    rows: list[dict[str, object]] = [
+        {"name": name, "unit": "share" if name in goals else "-", "median": value, "p99": value, "n": count,
+         "goal": goals.get(name, ""), "met": _met(name, value)}
+        for name, value in shares(cases).items()
+    ]  # fmt: skip
+    if as_json:
+        print(json.dumps({"name": "experiments", "rows": rows, "cases": [asdict(case) for case in cases]}))
+        return
+    _print_rows(rows)
+    for case in cases:
+        words = case.refusal or f"first {case.first}, designed {case.designed}, sinusoid {case.default}"
+        print(f"{case.truth} against {case.other}: {words}")
+
+
+def _met(name: str, value: float) -> bool:
+    return (name != "designed" or value >= 0.9) and (name != "growing sinusoid" or value <= 0.5)
+
+
+def _print_rows(rows: list[dict[str, object]]) -> None:
+    for row in rows:
+        value = "-" if row["median"] is None else f"{row['median']:.3g}"
+        print(f"{row['name']}: {value} (n = {row['n']}) {row['goal']}{'' if row['met'] else '  missed'}".rstrip())

@@ -1,0 +1,122 @@
+"""`drake-tc design`: the next experiment, within limits."""
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from drake_tc.cli.out_files import Force, result_folder
+from drake_tc.cli.progress import progress_bar
+from drake_tc.errors import LogError, ParamsError
+
+if TYPE_CHECKING:
+    from drake_tc.experiments.design.run import JointDesign
+
+
+def design_command(
+    rig: Annotated[Path, typer.Option(help="Rig file (YAML).")],
+    log: Annotated[
+        list[Path] | None, typer.Option(help="A run recorded so far: tells noise, load, limits; repeat.")
+    ] = None,
+    model: Annotated[Path | None, typer.Option(help="Model file (YAML), such as model_after.yaml.")] = None,
+    goal: Annotated[
+        str | None, typer.Option(help="parameters, parameters:EFFECT,..., tell:A,B, or all (default: parameters).")
+    ] = None,
+    after: Annotated[
+        Path | None, typer.Option(help="report.json of close-loop: the experiment that it names, with its runs.")
+    ] = None,
+    joint: Annotated[list[str] | None, typer.Option(help="Joint; repeat. Default: all joints of the rig.")] = None,
+    duration: Annotated[float, typer.Option(help="Length of the experiment [s].")] = 30.0,
+    rate: Annotated[float, typer.Option(help="Rate of trajectory.csv [Hz].")] = 200.0,
+    position: Annotated[tuple[float, float] | None, typer.Option(help="Position limits LOW HIGH [rad].")] = None,
+    velocity: Annotated[float | None, typer.Option(help="Velocity limit [rad/s].")] = None,
+    acceleration: Annotated[float | None, typer.Option(help="Acceleration limit [rad/s^2].")] = None,
+    jerk: Annotated[float | None, typer.Option(help="Jerk limit [rad/s^3].")] = None,
+    torque: Annotated[float | None, typer.Option(help="Motor torque limit [N m].")] = None,
+    bandwidth: Annotated[float | None, typer.Option(help="Highest frequency that the drive follows [Hz].")] = None,
+    basis: Annotated[str, typer.Option(help="Functions of the motion: fourier or bspline.")] = "fourier",
+    criterion: Annotated[str, typer.Option(help="For goal parameters: D or E.")] = "D",
+    distance: Annotated[float, typer.Option(help="Least distance between the links of a robot [m].")] = 0.01,
+    starts: Annotated[int, typer.Option(help="Starts of the solver.")] = 2,
+    seed: Annotated[int, typer.Option(help="Seed of the starts.")] = 0,
+    out: Annotated[Path, typer.Option(help="Folder for the trajectory and the page.")] = Path("design"),
+    force: Force = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print design.json to stdout.")] = False,
+) -> None:
+    """Compute a motion that measures a joint's parameters well, or that tells two missing effects apart.
+
+    For a rig whose robot's model gives the loads, the goal parameters without --joint makes one motion of all joints.
+    The motion keeps the limits and begins and ends at rest. Two effects that no motion separates are refused with the
+    identity that proves it.
+    """
+    from drake_tc.experiments.design.output import FILES, design_json, robot_json, write_design, write_robot_design
+
+    _require(basis, criterion, duration, rate)
+    given: dict[str, Any] = {
+        "position": position,
+        "velocity": velocity,
+        "acceleration": acceleration,
+        "jerk": jerk,
+        "torque": torque,
+        "bandwidth_hz": bandwidth,
+    }
+    read = [rig, *(log or []), *(path for path in (model, after) if path is not None)]
+    with (
+        result_folder(out, "--out", names=FILES, inputs=read, force=force, error=ParamsError) as folder,
+        progress_bar("design", quiet=as_json) as progress,
+    ):
+        from drake_tc.experiments.design.request import DesignRequest, designed, designed_robot, whole_robot
+        from drake_tc.experiments.design.robot import RobotOptions
+        from drake_tc.experiments.design.run import DesignOptions
+
+        options = DesignOptions(
+            duration=duration,
+            basis="fourier" if basis == "fourier" else "bspline",
+            smallest=criterion == "E",
+            starts=starts,
+            seed=seed,
+        )
+        request = DesignRequest(rig, tuple(log or ()), model, goal, after, tuple(joint or ()), given)
+        if whole_robot(request):
+            whole = RobotOptions(duration, options.basis, options.smallest, starts=starts, seed=seed, distance=distance)
+            robot = designed_robot(request, whole, progress)
+            write_robot_design(robot, folder, rate)
+            document, lines = robot_json(robot), list(robot.sentences)
+        else:
+            designs = designed(request, options, progress)
+            write_design(designs, folder, rate)
+            document, lines = design_json(designs), design_lines(designs)
+    if as_json:
+        print(json.dumps(document, indent=1))
+    else:
+        print("\n".join(lines))
+        print(out / FILES[3])
+
+
+def _require(basis: str, criterion: str, duration: float, rate: float) -> None:
+    if basis not in ("fourier", "bspline"):
+        raise ParamsError(f"--basis: expected fourier or bspline, got {basis!r}")
+    if criterion not in ("D", "E"):
+        raise ParamsError(f"--criterion: expected D or E, got {criterion!r}")
+    if not 1.0 <= duration <= 600.0:
+        raise ParamsError(f"--duration: expected 1 to 600 s, got {duration:g}")
+    if not 10.0 <= rate <= 10_000.0:
+        raise LogError(f"--rate: expected 10 to 10000 Hz, got {rate:g}")
+
+
+def design_lines(designs: "dict[str, JointDesign]") -> list[str]:
+    """What each joint's motion is expected to bring, as lines of text."""
+    out = []
+    for name, design in designs.items():
+        out.append(f"{name}: goal {design.goal.text}")
+        out += [f"  {sentence}" for sentence in design.sentences]
+        for each in design.expected:
+            values = ", ".join(
+                f"{label} {value:.3g}"
+                for label, value in (("logs", each.before), ("sinusoid", each.default), ("designed", each.after))
+                if value == value
+            )
+            unit = f" [{each.unit}]" if each.unit not in ("", "-") else ""
+            out.append(f"  {each.name}{unit}: {values}")
+    return out

@@ -1,0 +1,175 @@
+"""A delay that all joints of a robot share: a controller, a bus or a clock that is late for all drives alike.
+
+A search of each joint by itself names such a cause in some joints and misses it in others, and the links' inertias
+take up what is left of it, as y(t - d) = y - d dy/dt. It is therefore looked for on all joints together, beside the
+links' parameters (`problem.shared.stacked`) and before the joints' own effects. It is found if, on the training runs,
+
+- the thresholds `COMMON_DELAY` hold, with the support of at least half of the joints,
+- the delay that each joint tells by itself (`own_delays`) lies within half of the common one, or within two standard
+  deviations: a late encoder of one joint makes the loads of its neighbours late by other times, and
+- the error of no joint grows;
+
+and if it lowers the error of the held-out runs in nearly all of their block resamples.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import minimize_scalar
+from scipy.stats import norm
+
+from drake_tc.diagnosis.problem.columns import Term
+from drake_tc.diagnosis.problem.estimates import Estimate
+from drake_tc.diagnosis.problem.prepared import Prepared
+from drake_tc.diagnosis.problem.shared.rows import JointRows, with_terms
+from drake_tc.diagnosis.problem.shared.stacked import StackedFit, fit_stacked
+from drake_tc.diagnosis.result.rig_result import SharedEffect
+from drake_tc.diagnosis.result.shared_effects import on_held_out
+from drake_tc.diagnosis.selection.comparison import compared
+from drake_tc.diagnosis.thresholds import COMMON_DELAY, HELDOUT_CERTAIN, SAME_ERROR
+from drake_tc.effects.common_delay import CommonDelay
+from drake_tc.effects.delay import DELAY_RANGE
+from drake_tc.types import FloatArray
+
+GRID = 8
+"""Delays that are tried before the best one is refined."""
+LONGEST = DELAY_RANGE.upper
+ALIKE = 0.5
+"""By how much a joint's own delay may differ from the common one, relative to that."""
+OF_SAMPLE = 0.05
+"""Standard deviation of a delay, in samples, by what interpolation between samples does: it takes noise out of an
+effort, more of it between samples than on them, and thus draws the estimate away from whole samples."""
+WHERE = "all joints"
+
+
+@dataclass(frozen=True, eq=False)
+class SharedDelay:
+    """A delay that was found.
+
+    Attributes:
+        term: Part of every joint's model from here on. effect: what is told of it.
+    """
+
+    term: Term
+    effect: SharedEffect
+
+
+@dataclass(frozen=True, eq=False)
+class DelayProblem:
+    """All joints with their declared models.
+
+    Attributes:
+        prepared: Joints. rows: training rows of all. held: held-out rows. fitted: to `rows`, without a delay.
+    """
+
+    prepared: Mapping[str, Prepared]
+    rows: Sequence[JointRows]
+    held: Sequence[JointRows]
+    fitted: StackedFit
+
+    def late(self, delay: float, *, held: bool = False) -> list[JointRows]:
+        """The rows with efforts that act `delay` [s] late."""
+        return [
+            with_terms(rows, p.held if held else p.train, (*p.terms, term_of(delay)))
+            for rows, p in zip(self.held if held else self.rows, self.prepared.values(), strict=True)
+        ]
+
+    def fit(self, delay: float) -> StackedFit:
+        """All joints together with this delay [s]."""
+        return fit_stacked(self.late(delay), self.fitted.columns, self.fitted.tolerance)
+
+    def error(self, fitted: StackedFit) -> float:
+        """Mean logarithm of the joints' cross-validated errors, weighted by their rows."""
+        return float(self.counts @ np.log(fitted.cv_rms) / self.counts.sum())
+
+    @property
+    def counts(self) -> FloatArray:
+        """(n,) training rows of each joint."""
+        return np.array([rows.target.size for rows in self.rows], dtype=np.float64)
+
+    def is_real(self, delay: float, fitted: StackedFit) -> bool:
+        """Whether the training runs show the delay [s], which `fitted` has: see the module."""
+        small, large = self.fitted.cv_rms, fitted.cv_rms
+        thresholds = replace(COMMON_DELAY, least_joints=max(2, (len(self.rows) + 1) // 2))
+        floor = np.array([p.floor for p in self.prepared.values()])
+        over = compared(small, large, fitted.effective * self.counts, 1, 1.0)
+        grows = large > (1.0 + SAME_ERROR) * small
+        if grows.any() or not over.is_real(floor, np.zeros(small.size), thresholds):
+            return False
+        own, spread = self.own_delays(delay, fitted)
+        return bool((np.abs(own - delay) <= np.maximum(ALIKE * delay, 2.0 * spread)).all())
+
+    def own_delays(self, delay: float, fitted: StackedFit) -> tuple[FloatArray, FloatArray]:
+        """(n,) the delay that each joint tells by itself beside the common links, and its standard deviation [s].
+
+        The squared error is a parabola over the delay. With S_0 and S_d the sums of squares without and with the
+        delay d, and D that of the difference of the two residuals, its minimum is at d (1 + (S_0 - S_d)/D)/2, with the
+        standard deviation d sqrt(S_d/(n D)), n the rows that are independent.
+        """
+        own = []
+        for j, (rows, late) in enumerate(zip(self.rows, self.late(delay), strict=True)):
+            before, after = self.fitted.residual(rows, j), fitted.residual(late, j)
+            change = max(float(np.sum((before - after) ** 2)), 1e-300)
+            squares = float(np.sum(before**2)), float(np.sum(after**2))
+            spread = delay * np.sqrt(squares[1] / (fitted.effective[j] * before.size * change))
+            own.append((0.5 * delay * (1.0 + (squares[0] - squares[1]) / change), spread))
+        return np.array([each[0] for each in own]), np.array([each[1] for each in own])
+
+
+def term_of(delay: float) -> Term:
+    """The term of a common delay [s]."""
+    return Term(CommonDelay(), {"delay": delay})
+
+
+def common_delay(problem: DelayProblem) -> SharedDelay | None:
+    """The delay that all joints share, or None."""
+    period = next(iter(problem.prepared.values())).context.period
+    grid = np.geomspace(max(5e-4, 0.3 * period), LONGEST, GRID)
+    fits = [problem.fit(float(delay)) for delay in grid]
+    best = int(np.argmin([problem.error(each) for each in fits]))
+    if problem.error(fits[best]) > problem.error(problem.fitted) + np.log1p(-0.5 * COMMON_DELAY.second_gain):
+        return None
+    around = grid[max(best - 1, 0)], grid[min(best + 1, GRID - 1)]
+    found = minimize_scalar(
+        lambda delay: problem.error(problem.fit(float(delay))),
+        bounds=around,
+        method="bounded",
+        options={"xatol": 1e-3 * grid[best], "maxiter": 16},
+    )
+    delay = float(found.x) if found.fun < problem.error(fits[best]) else float(grid[best])
+    fitted = problem.fit(delay)
+    if not problem.is_real(delay, fitted):
+        return None
+    effect = _told(problem, delay, fitted)
+    return SharedDelay(term_of(delay), effect) if effect.stability >= HELDOUT_CERTAIN else None
+
+
+def _told(problem: DelayProblem, delay: float, fitted: StackedFit) -> SharedEffect:
+    late = problem.late(delay, held=True)
+    gain, stability, by_joint = on_held_out((late, fitted), (problem.held, problem.fitted))
+    half = _half_width(problem, delay, fitted)
+    value = Estimate(delay, "s", (delay - half, delay + half), at_bound=delay >= 0.999 * LONGEST)
+    return SharedEffect(
+        id=CommonDelay.id,
+        where=WHERE,
+        title="delay of all joints",
+        parameters={"delay": value},
+        heldout_gain=gain,
+        stability=stability,
+        joints={rows.joint: each for rows, each in zip(late, by_joint, strict=True)},
+    )
+
+
+def _half_width(problem: DelayProblem, delay: float, fitted: StackedFit) -> float:
+    """Half width [s] of the 95 % interval: by the curvature of the log likelihood -sum_j n_j log sigma_j(delay).
+
+    n_j are the effective rows of joint j. The links' and joints' own parameters are fitted anew at each delay. What
+    interpolation does (`OF_SAMPLE`) is in it.
+    """
+    period = max(p.context.period for p in problem.prepared.values())
+    count, step = fitted.effective * problem.counts, 0.1 * delay
+    spreads = [np.log(each.sigma) for each in (problem.fit(delay - step), fitted, problem.fit(delay + step))]
+    curvature = float(count @ (spreads[0] - 2.0 * spreads[1] + spreads[2])) / step**2
+    variance = 1.0 / curvature if curvature > 0.0 else float("inf")
+    return float(norm.ppf(0.975) * np.sqrt(variance + (OF_SAMPLE * period) ** 2))

@@ -1,0 +1,1 @@
+"""What logs can and cannot show, before any effect is looked for."""

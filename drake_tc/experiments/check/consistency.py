@@ -1,0 +1,252 @@
+"""Whether a joint's columns can belong together: quantisation, limits, temperature, clocks, energy and gravity."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from drake_tc.diagnosis.problem.prepared import Prepared
+from drake_tc.diagnosis.problem.regression import Fit
+from drake_tc.effects.context import EFFORT_UNIT
+from drake_tc.effects.delay import shift
+from drake_tc.experiments.sizes import JointNumbers
+from drake_tc.types import FloatArray
+
+Level = Literal["good", "note", "warning"]
+LONGEST_SHIFT = 0.03
+"""Shift of the clocks that is tried, in both directions [s]."""
+CLEAR_SHIFT = 0.9
+"""Residual with shifted clocks over that without, below which a shift is told."""
+COARSE = 0.05
+"""Step of a column over its standard deviation, above which it is told to be coarse."""
+AT_LIMIT = 0.01
+"""Share of the samples at the largest effort, above which the drive is told to saturate."""
+DRIFT = 5.0
+"""Rise of the temperature [K] from which on friction may change with it."""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One property of the columns.
+
+    Attributes:
+        name: Of the property.
+        level: good, note (something to know) or warning (the columns may not belong together).
+        value: The figure that was computed; NaN where there is none.
+        unit: Of the value.
+        text: One sentence.
+    """
+
+    name: str
+    level: Level
+    value: float
+    unit: str
+    text: str
+
+
+def findings(prepared: Prepared, declared: Fit, numbers: JointNumbers) -> tuple[Finding, ...]:
+    """All findings about one prepared joint.
+
+    Args:
+        prepared: One joint; its training rows are looked at.
+        declared: Its declared model, fitted to them.
+        numbers: Of the declared model.
+    """
+    made = [
+        _position_step(prepared),
+        _effort_step(prepared),
+        _limit(prepared),
+        _temperature(prepared),
+        _lead(prepared),
+        _clock(prepared, declared),
+        _signs(declared, prepared),
+        _energy(prepared, numbers),
+        _gravity(prepared),
+    ]
+    return tuple(each for each in made if each is not None)
+
+
+def _position_step(prepared: Prepared) -> Finding | None:
+    resolution, samples = prepared.train.samples.resolution, prepared.train.samples
+    if resolution.position_step <= 0.0:
+        return None
+    share = resolution.position_step / max(float(np.std(samples.signals.position)), 1e-300)
+    level: Level = "note" if share > 0.2 * COARSE else "good"
+    text = f"The position has steps of {resolution.position_step:.3g} rad"
+    text += (
+        f"; speeds below {5.0 * resolution.velocity_noise:.2g} rad/s are not resolved, and samples there take no part."
+    )
+    return Finding("position step", level, resolution.position_step, "rad", text)
+
+
+def _effort_step(prepared: Prepared) -> Finding | None:
+    samples, unit = prepared.train.samples, EFFORT_UNIT[prepared.context.drive]
+    step, spread = samples.resolution.effort_step, float(np.std(samples.signals.effort[samples.rows]))
+    if step <= 0.0:
+        return None
+    coarse = step > COARSE * spread
+    text = f"The command has steps of {step:.3g} {unit}"
+    text += f", {100.0 * step / max(spread, 1e-300):.0f} % of the effort's spread: record it finer." if coarse else "."
+    return Finding("command step", "warning" if coarse else "good", step, unit, text)
+
+
+def _limit(prepared: Prepared) -> Finding:
+    effort, unit = prepared.train.samples.signals.effort, EFFORT_UNIT[prepared.context.drive]
+    largest = float(np.max(np.abs(effort)))
+    share = float(np.mean(np.abs(effort) > 0.995 * largest))
+    if share < AT_LIMIT:
+        return Finding(
+            "largest effort", "good", largest, unit, f"The effort rarely reaches its maximum of {largest:.3g} {unit}."
+        )
+    text = f"The effort stays at its maximum of {largest:.3g} {unit} in {100.0 * share:.1f} % of the samples."
+    return Finding("largest effort", "note", largest, unit, text)
+
+
+def _temperature(prepared: Prepared) -> Finding:
+    low, high = prepared.context.temperature_span
+    if not np.isfinite(high - low):
+        text = (
+            "No temperature was recorded: friction that changes as the joint warms up cannot be told from other drifts."
+        )
+        return Finding("temperature", "note", float("nan"), "K", text)
+    level: Level = "note" if high - low > DRIFT else "good"
+    return Finding("temperature", level, high - low, "K", f"The temperature changes by {high - low:.3g} K.")
+
+
+def _lead(prepared: Prepared) -> Finding | None:
+    """A servo's command leads the motion that it causes."""
+    if prepared.context.drive != "position_servo":
+        return None
+    samples = prepared.train.samples
+    s, longest = samples.signals, max(samples.segments, key=lambda part: part.stop - part.start)
+    command, position = s.command[longest], s.position[longest]
+    most = max(1, round(0.5 / s.period))
+    shifts = np.unique(np.round(np.linspace(-most, most, 101)).astype(int))
+    errors = [_apart(command, position, int(k)) for k in shifts]
+    best = float(shifts[int(np.argmin(errors))]) * s.period
+    if best < -s.period:
+        text = f"The position leads its command by {-1e3 * best:.3g} ms: the columns may be exchanged or on two clocks."
+        return Finding("lead of the command", "warning", best, "s", text)
+    return Finding("lead of the command", "good", best, "s", f"The command leads the position by {1e3 * best:.3g} ms.")
+
+
+def _apart(first: FloatArray, second: FloatArray, lead: int) -> float:
+    """RMS difference of two channels (T,) when the first leads the second by so many samples."""
+    size = first.size - abs(lead)
+    a, b = (first[:size], second[lead:]) if lead >= 0 else (first[-lead:], second[:size])
+    return float(np.sqrt(np.mean((a - b) ** 2))) if size > 10 else float("inf")
+
+
+def _clock(prepared: Prepared, declared: Fit) -> Finding:
+    """The shift of the effort against all other columns at which the declared model fits best."""
+    columns, samples = prepared.train, prepared.train.samples
+    design, target = columns.design(declared.terms), columns.target
+    period = samples.signals.period
+    shifts = np.unique(np.round(np.linspace(-LONGEST_SHIFT, LONGEST_SHIFT, 25) / period)) * period
+    errors = []
+    for late in shifts:
+        values = np.zeros(len(samples.signals))
+        for part in samples.segments:
+            values[part] = _shifted(samples.signals.effort[part], late / period)
+        moved = np.column_stack([samples.reduce(values), design[:, 1:]])
+        solution = np.linalg.lstsq(moved, target, rcond=None)[0]
+        errors.append(float(np.linalg.norm(target - moved @ solution)))
+    best = int(np.argmin(errors))
+    late = float(shifts[best])
+    now = errors[int(np.argmin(np.abs(shifts)))]
+    if errors[best] > CLEAR_SHIFT * now or abs(late) < 1.5 * period:
+        return Finding(
+            "clocks", "good", late, "s", "No shift of the effort against the other columns fits clearly better."
+        )
+    share = 100.0 * (1.0 - errors[best] / max(now, 1e-300))
+    if late > 0.0:
+        text = (
+            f"The effort fits best {1e3 * late:.3g} ms later ({share:.0f} % less is left): a delay or a lag is missing."
+        )
+        return Finding("clocks", "note", late, "s", text)
+    text = (
+        f"The effort fits best {-1e3 * late:.3g} ms earlier ({share:.0f} % less is left): the position or the "
+        "torque comes late, by a filter or another clock."
+    )
+    return Finding("clocks", "warning", late, "s", text)
+
+
+def _shifted(values: FloatArray, samples: float) -> FloatArray:
+    """values(t - d) (T,), d in samples of either sign."""
+    return shift(values, samples) if samples >= 0.0 else shift(values[::-1], -samples)[::-1]
+
+
+def _signs(declared: Fit, prepared: Prepared) -> Finding:
+    """The declared friction takes power."""
+    names = [
+        f"{p.name} {'friction' if t.effect.kind == 'friction' else ''}".strip()
+        for t in declared.terms
+        for p in t.effect.coefficients
+        if t.effect.key in ("viscous", "coulomb")
+    ]
+    at, values = 1, []
+    for term in declared.terms:
+        if term.effect.key in ("viscous", "coulomb"):
+            values += [float(declared.beta[at])]
+        at += len(term.effect.coefficients)
+    wrong = [name for name, value in zip(names, values, strict=True) if value < 0.0]
+    gain, unit = declared.gain, EFFORT_UNIT[prepared.context.drive]
+    if wrong:
+        text = (
+            f"The declared model fits with a negative {' and '.join(wrong)}: a column has the wrong sign, or an effect "
+            "is missing."
+        )
+        return Finding("declared model", "warning", gain, f"{unit}/(N*m)", text)
+    text = f"The declared model fits with positive friction and a drive gain of {gain:.3g} {unit}/(N*m)."
+    return Finding("declared model", "good", gain, f"{unit}/(N*m)", text)
+
+
+def _energy(prepared: Prepared, numbers: JointNumbers) -> Finding | None:
+    """Of the work that the motor does on a closed motion, friction keeps a part: it never gives any."""
+    samples = prepared.train.samples
+    if samples.load_unknown:
+        return None
+    s, rows = samples.signals, samples.rows
+    power = s.effort[rows] / numbers.gain * s.velocity[rows]
+    into_load = (s.load_torque[rows] + s.rotor_inertia * s.acceleration[rows]) * s.velocity[rows]
+    spent = float(np.mean(np.abs(power)))
+    share = float(np.mean(power - into_load)) / max(spent, 1e-300)
+    if share < 0.0:
+        text = (
+            f"The joint gives {-100.0 * share:.1f} % more work than the motor puts in: signs, units or clocks of "
+            "torque and command do not belong together."
+        )
+        return Finding("energy", "warning", share, "-", text)
+    return Finding("energy", "good", share, "-", f"Friction takes {100.0 * share:.1f} % of the motor's work.")
+
+
+def _gravity(prepared: Prepared) -> Finding | None:
+    """Of a measured load, what follows the angle as gravity does."""
+    if prepared.context.load != "torque":
+        return None
+    s, rows = prepared.train.samples.signals, prepared.train.samples.rows
+    q, tau = s.position[rows], s.load_torque[rows]
+    basis = np.column_stack([np.sin(q), np.cos(q), s.acceleration[rows], np.ones(rows.size)])
+    if np.linalg.cond(basis[:, [0, 1, 3]]) > 300.0:
+        return Finding(
+            "gravity", "note", float("nan"), "N*m", "The travel is too small to see gravity in the load torque."
+        )
+    beta = np.linalg.lstsq(basis, tau, rcond=None)[0]
+    moment = float(np.hypot(beta[0], beta[1]))
+    left = 1.0 - float(np.var(tau - basis @ beta) / max(np.var(tau), 1e-300))
+    inertia = float(beta[2])
+    if inertia < 0.0 and left > 0.9:
+        text = f"The load torque falls with the acceleration ({inertia:.2g} kg*m^2): its sign, or its clock, is wrong."
+        return Finding("gravity", "warning", moment, "N*m", text)
+    text = (
+        f"Gravity (m g l = {moment:.3g} N*m) and inertia explain {100.0 * left:.0f} % of the load torque; the rest is "
+        "other loads."
+    )
+    return Finding("gravity", "good", moment, "N*m", text)
+
+
+def worst(found: Sequence[Finding]) -> Level:
+    """The most serious level among findings."""
+    levels = {each.level for each in found}
+    return "warning" if "warning" in levels else "note" if "note" in levels else "good"

@@ -1,0 +1,102 @@
+"""`check.html`: what the logs contain and what they can show, for a person."""
+
+import math
+
+from drake_tc.experiments.check.run import CheckResult, JointCheck
+from drake_tc.experiments.check.visibility import Visibility
+from drake_tc.report.numbers import percent, pretty_unit, significant
+from drake_tc.report.plain_page import PageSection, PageTable, plain_page
+
+WORDS = {"seen": "seen", "weakly": "weakly seen", "not_seen": "not seen", "not_separable": "not separable"}
+
+
+def check_page(result: CheckResult) -> str:
+    """The HTML of a check."""
+    sections = [section for name, joint in result.joints.items() for section in _joint(name, joint)]
+    runs = PageTable(
+        ("run", "length", "rate", "usable", "stretches", "repairs on reading"),
+        [
+            (
+                run.name,
+                f"{significant(run.seconds)} s",
+                f"{significant(run.rate, 4)} Hz",
+                percent(run.usable),
+                str(run.stretches),
+                " ".join(run.notes) or "none",
+            )
+            for run in result.runs
+        ],
+        ("length", "rate", "usable", "stretches"),
+    )
+    columns = PageTable(
+        ("run", "column", "from", "to", "step"),
+        [
+            (c.run, c.column, significant(c.low), significant(c.high), significant(c.step) if c.step else "none")
+            for c in result.columns
+        ],
+        ("from", "to", "step"),
+    )
+    sections.append(PageSection("Runs and columns", aside="in SI units", tables=(runs, columns)))
+    lead = [summary(name, joint) for name, joint in result.joints.items()]
+    return plain_page("What these logs can show", f"check · rig {result.rig_file.rpartition('/')[2]}", lead, sections)
+
+
+def summary(name: str, joint: JointCheck) -> str:
+    """One sentence: how many effects would be found, and what speaks against the columns."""
+    if joint.effects is None:
+        return f"{name}: the declared model cannot be fitted. {joint.refusal}"
+    shown = [e for e in joint.effects.effects if e.status == "seen"]
+    blurred = [e for e in joint.effects.effects if e.status == "not_separable"]
+    doubts = sum(f.level == "warning" for f in joint.findings)
+    text = (
+        f"{name}: of {len(joint.effects.effects)} effects these logs would show {len(shown)} of typical size, and "
+        f"{len(blurred)} that they cannot separate from another effect."
+    )
+    if not doubts:
+        return text
+    return text + (
+        " One property of the columns is doubtful." if doubts == 1 else f" {doubts} properties are doubtful."
+    )
+
+
+def _joint(name: str, joint: JointCheck) -> list[PageSection]:
+    if joint.effects is None:
+        return [PageSection(name, warnings=(joint.refusal,))]
+    good = [f.text for f in joint.findings if f.level != "warning"]
+    doubtful = [f.text for f in joint.findings if f.level == "warning"]
+    noise = joint.effects.noise
+    explain = (
+        f"Noise leaves {significant(noise.floor)} N·m of the torque balance; the best model of all effects leaves "
+        f"{significant(noise.left)} N·m with {significant(noise.independent)} independent samples. An effect is found "
+        "from the size on at which it explains enough beside that, whatever most of its other parameters are. "
+        "“Seen” compares this size with the typical size, from which on an effect matters to the user of a model."
+    )
+    table = PageTable(
+        ("effect", "these logs", "found from", "typical", "unit", "why"),
+        [_row(each) for each in joint.effects.effects],
+        ("found from", "typical"),
+    )
+    aside = f"{joint.drive}, {significant(joint.seconds)} s in motion"
+    return [
+        PageSection(f"{name}: columns", good, doubtful, aside=aside),
+        PageSection(f"{name}: effects", (explain,), tables=(table,)),
+    ]
+
+
+def _row(found: Visibility) -> tuple[str, ...]:
+    why = found.reason
+    if found.not_separable_from:
+        why = f"At these motions it is not separable from {', '.join(found.not_separable_from)}."
+    label = found.title if found.key == found.id else f"{found.title} ({found.key})"
+    return (
+        label,
+        WORDS[found.status],
+        _size(found.smallest),
+        _size(found.size.typical),
+        pretty_unit(found.size.unit),
+        why,
+    )
+
+
+def _size(value: float) -> str:
+    return significant(value) if 0.0 < value < math.inf else "–"

@@ -1,0 +1,127 @@
+"""Why an effect cannot show in logs, in one sentence that an engineer can act on."""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+from drake_tc.experiments.check.facts import MotionFacts
+from drake_tc.experiments.sizes import Size
+
+IMITATED = 0.25
+"""Share of a contribution that the declared model must leave, below which it is said to imitate the effect."""
+Reason = Callable[[MotionFacts], str]
+"""A sentence where the motion explains why the effect does not show; empty where it does not."""
+
+
+def _load_sign(f: MotionFacts) -> str:
+    if f.load_crosses:
+        return ""
+    return (
+        f"The load torque never changes its sign in motion: it stays between {f.load[0]:.3g} and {f.load[1]:.3g} N*m."
+    )
+
+
+def _load_change(f: MotionFacts) -> str:
+    if f.load_change > 0.35:
+        return ""
+    return f"The load torque hardly changes its size: it varies by {100 * f.load_change:.0f} % about its mean."
+
+
+def _never_slow(f: MotionFacts) -> str:
+    if f.slow > 0.05:
+        return ""
+    return f"The joint is hardly ever slow: {100 * f.slow:.0f} % of the rows are below a tenth of {f.speed:.3g} rad/s."
+
+
+def _temperature(f: MotionFacts) -> str:
+    return "" if not f.rise < 5.0 else f"The recorded temperature changes by {f.rise:.2g} K only."
+
+
+def _effort_sign(f: MotionFacts) -> str:
+    return "" if f.effort_crosses else "The effort never changes its sign, so that it never crosses the dead zone."
+
+
+def _few_reversals(f: MotionFacts) -> str:
+    return "" if f.reversals >= 8 else f"The motion turns over {f.reversals} times only."
+
+
+def _slow_accelerations(f: MotionFacts) -> str:
+    largest = max(abs(f.load[0]), abs(f.load[1]), 1e-12)
+    if f.inertial > 0.15 * largest:
+        return ""
+    return f"The accelerations are slow: inertia accounts for {f.inertial:.2g} N*m of torques up to {largest:.3g} N*m."
+
+
+def _small_travel(f: MotionFacts) -> str:
+    return "" if f.span > 0.5 else f"The joint travels over {f.span:.2g} rad only."
+
+
+def _short(f: MotionFacts) -> str:
+    return "" if f.duration > 60.0 else f"The longest run lasts {f.duration:.3g} s."
+
+
+def _limit(f: MotionFacts) -> str:
+    return f"A limit shows only where the effort reaches it; the largest effort is {f.effort:.3g}."
+
+
+REASONS: Mapping[str, Reason] = {
+    "backlash": _load_sign,
+    "load_dependent_friction": _load_change,
+    "directional_efficiency": _load_change,
+    "stribeck": _never_slow,
+    "thermal_friction": _temperature,
+    "winding_temperature": _temperature,
+    "deadzone": _effort_sign,
+    "presliding_hysteresis": _few_reversals,
+    "rotor_inertia": _slow_accelerations,
+    "torque_sensor_gain": _slow_accelerations,
+    "payload": _slow_accelerations,
+    "elasticity": _slow_accelerations,
+    "delay": _slow_accelerations,
+    "current_lag": _slow_accelerations,
+    "cable_spring": _small_travel,
+    "torque_ripple": _small_travel,
+    "position_dependent_friction": _small_travel,
+    "position_dependent_load": _small_travel,
+    "encoder_eccentricity": _small_travel,
+    "torque_sensor_drift": _short,
+    "servo_integrator": _short,
+    "saturation": _limit,
+}
+"""By effect id, the property of the motion that usually hides it."""
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What is known of an effect that does not show.
+
+    Attributes:
+        facts: Of the motion.
+        size: Of the effect.
+        kept: Share of its contribution that the declared model leaves. imitators: titles of what imitates it.
+        remainder: RMS that it leaves at its typical size [N m]. least: that it would need [N m].
+    """
+
+    facts: MotionFacts
+    size: Size
+    kept: float
+    imitators: Sequence[str]
+    remainder: float
+    least: float
+
+
+def sentence(effect_id: str, evidence: Evidence) -> str:
+    """Why the effect is not seen, or only weakly: the motion first, then what imitates it, then the noise."""
+    found = REASONS.get(effect_id)
+    by_motion = found(evidence.facts) if found is not None else ""
+    if by_motion:
+        return by_motion
+    size = "" if not math.isfinite(evidence.size.typical) else f" of {evidence.size.typical:.2g} {evidence.size.unit}"
+    size = size.removesuffix(" -")
+    if evidence.kept < IMITATED and evidence.imitators:
+        share = min(99.9, 100.0 * (1.0 - evidence.kept**2))
+        return f"At these motions {' and '.join(evidence.imitators)} imitate {share:.3g} % of what it does."
+    return (
+        f"An effect{size} changes the torque by {evidence.remainder:.2g} N*m, and the noise asks for "
+        f"{evidence.least:.2g} N*m."
+    )

@@ -1,0 +1,241 @@
+"""A joint as a design needs it: the torque balance of a motion that has not been recorded yet.
+
+    y = K (tau + J qddot + F_v qdot + F_c d + tau_effects),  tau = J_l qddot + m g l sin(q - zero) + c
+
+d: direction of motion, smoothed over a small speed so that a solver sees a differentiable function.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from typing import Protocol
+
+import numpy as np
+from scipy.ndimage import minimum_filter1d
+
+from drake_tc.diagnosis.data.sliding import LEAST_TRAVEL
+from drake_tc.diagnosis.problem.columns import Columns, Term
+from drake_tc.effects.base import Context, DriveEffect, Signals, TorqueEffect, plain_signals
+from drake_tc.effects.library import effect
+from drake_tc.experiments.sizes import JointNumbers
+from drake_tc.filtering.common_kernel import CommonKernel
+from drake_tc.types import FloatArray
+
+REACH = 0.6
+"""Half of the filter's window that must lie in motion, over the filter's width."""
+EDGE = 0.5
+"""Time at both ends of a motion that is not periodic, in which nothing is counted [s]."""
+SLOW = 0.02
+"""Speed over which the weight of a sample vanishes, at least, as a share of the largest speed: a passage that is longer
+than a sample keeps the criterion differentiable."""
+TURN_SPEED = 0.04
+"""Speed over which the direction turns over, as a share of the largest speed."""
+
+
+@dataclass(frozen=True)
+class DesignJoint:
+    """What is known of a joint before the next experiment.
+
+    Attributes:
+        name: Of the joint.
+        numbers: Its declared model.
+        context: What its logs offer to effects; the next run offers the same.
+        rotor_inertia: J [kg m^2] in the declared model.
+        link_inertia, gravity, zero, constant: Of the load: J_l [kg m^2], m g l [N m], angle at which it hangs [rad], c
+            [N m].
+        declared: Terms of the declared model that every fit has.
+        present: Effects that the model lists beyond these, with their numbers.
+        noise: What noise leaves of the balance [N m].
+        independent_per_second: Independent samples in it [1/s].
+        slowest: Speed below which samples take no part [rad/s].
+        kernel_width: Of the first filter that a diagnosis applies [s]. final_width: of the second one.
+    """
+
+    name: str
+    numbers: JointNumbers
+    context: Context
+    rotor_inertia: float
+    link_inertia: float
+    gravity: float
+    zero: float
+    constant: float
+    declared: tuple[Term, ...]
+    noise: float
+    independent_per_second: float
+    slowest: float
+    kernel_width: float
+    final_width: float
+    present: tuple[tuple[str, dict[str, float]], ...] = field(default=())
+
+    @property
+    def inertia(self) -> float:
+        """Rotor and link together [kg m^2]."""
+        return self.rotor_inertia + self.link_inertia
+
+    def load(self, position: FloatArray, acceleration: FloatArray) -> FloatArray:
+        """Load torque (T,) [N m]."""
+        return np.asarray(
+            self.link_inertia * acceleration + self.gravity * np.sin(position - self.zero) + self.constant
+        )
+
+    def largest_load(self, low: float, high: float) -> float:
+        """Largest load torque at rest between two positions [N m]."""
+        grid = np.linspace(low, high, 181)
+        return float(np.max(np.abs(self.load(grid, np.zeros_like(grid)))))
+
+    def signals(self, motion: FloatArray, step: float) -> Signals:
+        """What the next log would show, free of noise, for a motion (4, T)."""
+        q, v, a, _ = motion
+        n, servo = self.numbers, self.context.drive == "position_servo"
+        tau = self.load(q, a)
+        direction = np.tanh(v / (TURN_SPEED * max(n.speed, 1e-9)))
+        pendulum = self.context.load == "pendulum"
+        known = {
+            "time": np.arange(q.size) * step,
+            "position": q,
+            "velocity": v,
+            "acceleration": a,
+            "load_torque": tau,
+            "expected_torque": tau,
+            "slow_torque": tau,
+            "direction": direction,
+            "travel": _travel(q, v, a),
+            "load_slope": self.gravity * np.cos(q - self.zero) if pendulum else np.zeros_like(q),
+            "temperature": np.full_like(q, np.nan),
+            "motor_position": np.full_like(q, np.nan),
+            "supply_voltage": np.full_like(q, np.nan),
+        }
+        signals = replace(
+            plain_signals(q.size, known),
+            rotor_inertia=self.rotor_inertia,
+            link_inertia=self.link_inertia if pendulum else 0.0,
+            viscous=n.viscous,
+            stiffness=1.0 / n.gain if servo else 0.0,
+            period=step,
+        )
+        torque = tau + self.rotor_inertia * a + n.viscous * v + n.coulomb * direction
+        for key, parameters in self.present:
+            member = effect(key)
+            if isinstance(member, TorqueEffect):
+                torque = torque + member.torque(signals, parameters)
+        effort = n.gain * torque
+        return replace(signals, effort=effort, command=q + effort if servo else effort)
+
+
+def _travel(q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
+    """Distance since the last reversal (T,), whose place between two samples is q - v^2/(2 a) of the next sample."""
+    turned = np.concatenate([[0], np.flatnonzero(np.diff(np.sign(v)) != 0.0) + 1])
+    start = turned[np.searchsorted(turned, np.arange(q.size), side="right") - 1]
+    back = np.where(np.abs(a) > 1e-9, 0.5 * v**2 / np.where(np.abs(a) > 1e-9, a, 1.0), 0.0)
+    return np.asarray(np.abs(q - (q - back)[start]))
+
+
+def _sliding(joint: DesignJoint, signals: Signals, step: float) -> FloatArray:
+    """(T,) weight of each sample: 1 where a diagnosis takes it, 0 near reversals, with a smooth passage."""
+    slow = max(joint.slowest, SLOW * joint.numbers.speed)
+    speed, travel = signals.velocity**2, signals.travel**2
+    moving = speed / (speed + slow**2) * travel / (travel + LEAST_TRAVEL**2)
+    reach = max(1, round(REACH * joint.final_width / step))
+    return np.asarray(minimum_filter1d(moving, 2 * reach + 1, mode="nearest"))
+
+
+@lru_cache(maxsize=8)
+def _filter_gain(light: float, final: float, step: float, size: int) -> FloatArray:
+    """Gain of both kernels of a diagnosis at the frequencies of a real Fourier transform of `size` samples."""
+    frequency: FloatArray = np.asarray(np.fft.rfftfreq(size, step), dtype=np.float64)
+    first, second = (CommonKernel(max(width, 1.01 * step), step) for width in (light, final))
+    return np.asarray(first.gain(frequency) * second.gain(frequency))
+
+
+class BalanceColumns(Protocol):
+    """Columns of the balance, of a log or of a designed motion, all filtered alike.
+
+    Attributes:
+        joint: The joint.
+        weight: (T,) of the rows, 0 where the joint does not slide.
+        seconds: Length of the motion [s].
+    """
+
+    joint: DesignJoint
+    weight: FloatArray
+    seconds: float
+
+    def effort(self, terms: Sequence[Term]) -> FloatArray:
+        """y* (T,) after the drive effects among the terms."""
+
+    def of(self, term: Term) -> FloatArray:
+        """Phi (T, k) of one term."""
+
+    def design(self, terms: Sequence[Term]) -> FloatArray:
+        """[y*, -phi ...] (T, 1 + sum k)."""
+
+
+class LogColumns:
+    """The same of recorded runs."""
+
+    def __init__(self, joint: DesignJoint, columns: Columns) -> None:
+        """Over the training rows of a prepared joint."""
+        self.joint, self._columns = joint, columns
+        self.weight = np.ones(columns.target.size)
+        self.seconds = float(np.count_nonzero(columns.samples.moving)) * columns.samples.signals.period
+
+    def effort(self, terms: Sequence[Term]) -> FloatArray:
+        """y* (N,)."""
+        return self._columns.effort(terms)
+
+    def of(self, term: Term) -> FloatArray:
+        """Phi (N, k)."""
+        return self._columns.of(term)
+
+    def design(self, terms: Sequence[Term]) -> FloatArray:
+        """[y*, -phi ...] (N, 1 + sum k)."""
+        return self._columns.design(terms)
+
+
+class MotionColumns:
+    """Columns of the balance over one period of a designed motion, filtered as a diagnosis filters a log.
+
+    Of a periodic motion two periods are computed and the second is kept, so that filters and hysteresis are settled; of
+    another one the first and the last half second take no part.
+    """
+
+    def __init__(self, joint: DesignJoint, motion: FloatArray, step: float, *, periodic: bool = True) -> None:
+        """Columns of the motion (4, T) sampled every `step` [s]."""
+        self.joint, self.step = joint, step
+        self.seconds = motion.shape[1] * step
+        self._size = motion.shape[1]
+        self._signals = joint.signals(np.tile(motion, (1, 2)) if periodic else motion, step)
+        self._gain = _filter_gain(joint.kernel_width, joint.final_width, step, self._size)
+        self.weight = _sliding(joint, self._signals, step)[-self._size :]
+        if not periodic:
+            edge = round(EDGE / step)
+            self.weight[:edge] = self.weight[-edge:] = 0.0
+
+    @property
+    def signals(self) -> Signals:
+        """Two periods."""
+        return self._signals
+
+    def _reduce(self, values: FloatArray) -> FloatArray:
+        kept = values[-self._size :]
+        if not np.isfinite(kept).all():
+            return np.full_like(kept, np.nan)
+        shaped = np.fft.rfft(kept, axis=0) * (self._gain if kept.ndim == 1 else self._gain[:, None])
+        return np.asarray(np.fft.irfft(shaped, self._size, axis=0))
+
+    def effort(self, terms: Sequence[Term]) -> FloatArray:
+        """y* (T,) after the drive effects among the terms."""
+        values = self._signals.effort
+        for term in terms:
+            if isinstance(term.effect, DriveEffect) and term.effect.shapes:
+                values = term.effect.transform(values, self._signals, term.shape)
+        return self._reduce(values)
+
+    def of(self, term: Term) -> FloatArray:
+        """Phi (T, k) of one term."""
+        return self._reduce(term.effect.columns(self._signals, term.shape))
+
+    def design(self, terms: Sequence[Term]) -> FloatArray:
+        """[y*, -phi ...] (T, 1 + sum k)."""
+        blocks = [self.effort(terms)[:, None]] + [-self.of(t) for t in terms if t.effect.coefficients]
+        return np.concatenate(blocks, axis=1)

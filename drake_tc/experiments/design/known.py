@@ -1,0 +1,189 @@
+"""What is known of a joint before the next experiment: from its logs, or from its model and rig file alone."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from drake_tc.actuation.model import ActuatorModel
+from drake_tc.diagnosis.problem.columns import Term
+from drake_tc.diagnosis.problem.prepared import Prepared, prepare_joint
+from drake_tc.effects.base import Context, TorqueEffect
+from drake_tc.effects.library import effect
+from drake_tc.errors import ParamsError
+from drake_tc.experiments.check.joint import joint_effects
+from drake_tc.experiments.check.run import with_loads
+from drake_tc.experiments.design.joint import DesignJoint
+from drake_tc.experiments.design.limits import JointLimits
+from drake_tc.experiments.sizes import JointNumbers
+from drake_tc.logs.loads import Pendulum
+from drake_tc.logs.record import Run
+from drake_tc.logs.rig import Rig
+
+DECLARED = ("viscous", "coulomb", "rotor_inertia")
+NOISE_OF_TORQUE = 0.002
+"""Noise of the balance over the largest torque, where no log tells it."""
+PER_SECOND = 20.0
+"""Independent samples a second, where no log tells them."""
+LIMIT_NAMES = ("position", "velocity", "acceleration", "jerk", "torque", "bandwidth_hz")
+
+
+def joint_from_logs(
+    rig: Rig, runs: Sequence[Run], joint: str, model: ActuatorModel | None = None
+) -> tuple[DesignJoint, JointLimits, Prepared]:
+    """A joint as its logs show it, the limits that its motions kept so far, and its prepared rows.
+
+    Args:
+        rig: Of the logs.
+        runs: Read.
+        joint: Which.
+        model: Numbers in place of those that the logs give; its effects are part of the joint.
+
+    Raises:
+        IdentificationError: Runs that cannot identify the declared model.
+    """
+    loaded, rig_used = with_loads(rig, runs)
+    prepared = prepare_joint(loaded, [], rig_used, joint)
+    found = joint_effects(prepared)
+    samples = prepared.train.samples
+    s, rows = samples.signals, samples.rows
+    moving = max(float(np.count_nonzero(samples.moving)) * s.period, 1e-9)
+    inertia, gravity, zero, constant = _load(prepared, rig_used, joint)
+    declared = tuple(Term(t.effect, t.shape) for t in prepared.terms)
+    made = DesignJoint(
+        name=joint,
+        numbers=found.numbers,
+        context=prepared.context,
+        rotor_inertia=s.rotor_inertia,
+        link_inertia=inertia,
+        gravity=gravity,
+        zero=zero,
+        constant=constant,
+        declared=declared,
+        noise=found.noise.left,
+        independent_per_second=found.noise.independent / moving,
+        slowest=5.0 * samples.resolution.velocity_noise,
+        kernel_width=samples.light.actual_width_s,
+        final_width=samples.kernel.actual_width_s,
+    )
+    made = made if model is None else with_model(made, model)
+    low, high = prepared.context.position_span
+    limits = JointLimits(
+        position=(low, high),
+        velocity=float(np.percentile(np.abs(s.velocity[rows]), 99.9)),
+        acceleration=float(np.percentile(np.abs(s.acceleration[rows]), 99.9)),
+        torque=1.05 * found.numbers.torque,
+    )
+    return made, limits, prepared
+
+
+def _load(prepared: Prepared, rig: Rig, joint: str) -> tuple[float, float, float, float]:
+    """(J_l, m g l, zero, c) of the load: declared, or least squares of the measured torque."""
+    load = rig.load[joint]
+    if isinstance(load, Pendulum):
+        return load.inertia, load.weight, load.zero, 0.0
+    s, rows = prepared.train.samples.signals, prepared.train.samples.rows
+    q, tau = s.position[rows], s.load_torque[rows]
+    basis = np.column_stack([s.acceleration[rows], np.sin(q), np.cos(q), np.ones(rows.size)])
+    if np.linalg.cond(basis / np.linalg.norm(basis, axis=0)) > 300.0:  # a small travel tells no gravity
+        basis = basis[:, [0, 3]]
+        beta = np.linalg.lstsq(basis, tau, rcond=None)[0]
+        return max(float(beta[0]), 0.0), 0.0, 0.0, float(beta[1])
+    inertia, sine, cosine, constant = (float(b) for b in np.linalg.lstsq(basis, tau, rcond=None)[0])
+    return max(inertia, 0.0), float(np.hypot(sine, cosine)), float(np.arctan2(-cosine, sine)), constant
+
+
+def with_model(joint: DesignJoint, model: ActuatorModel) -> DesignJoint:
+    """The joint with the numbers and the effects of an actuator model."""
+    values = {value.key: value.parameters for value in model.effects}
+    numbers = replace(
+        joint.numbers,
+        gain=model.drive.gain,
+        viscous=values.get("viscous", {}).get("viscous", joint.numbers.viscous),
+        coulomb=values.get("coulomb", {}).get("coulomb", joint.numbers.coulomb),
+    )
+    present = tuple((key, dict(each)) for key, each in values.items() if key not in DECLARED)
+    rotor = values.get("rotor_inertia", {}).get("rotor_inertia", joint.rotor_inertia)
+    added = tuple(
+        Term(effect(key), {p.name: each[p.name] for p in (*effect(key).shapes, *effect(key).given_shapes)})
+        for key, each in present
+        if isinstance(effect(key), TorqueEffect)
+    )
+    taken = {t.effect.key for t in joint.declared}
+    declared = (*joint.declared, *(t for t in added if t.effect.key not in taken))
+    return replace(joint, numbers=numbers, rotor_inertia=rotor, present=present, declared=declared)
+
+
+def joint_from_model(rig: Rig, joint: str, model: ActuatorModel, limits: JointLimits) -> DesignJoint:
+    """A joint of which no log exists: its model, a pendulum, and typical noise.
+
+    Raises:
+        ParamsError: The rig file does not say what the joint carries.
+    """
+    load = rig.load[joint]
+    if not isinstance(load, Pendulum):
+        raise ParamsError(
+            f"joint {joint}: without --log the load must be a pendulum whose mass and length the rig file gives; "
+            "name the runs recorded so far with --log"
+        )
+    values = {value.key: value.parameters for value in model.effects}
+    rotor = values.get("rotor_inertia", {}).get("rotor_inertia", rig.known(joint, "rotor_inertia"))
+    torque = load.weight + (load.inertia + rotor) * limits.acceleration
+    numbers = JointNumbers(
+        gain=model.drive.gain,
+        viscous=values.get("viscous", {}).get("viscous", 0.0),
+        coulomb=values.get("coulomb", {}).get("coulomb", 0.0),
+        inertia=rotor + load.inertia,
+        torque=torque,
+        effort=torque * model.drive.gain,
+        speed=limits.velocity,
+        span=limits.position[1] - limits.position[0],
+    )
+    effort = torque * model.drive.gain
+    context = Context(
+        drive=rig.drive[joint],
+        load="pendulum",
+        recorded=frozenset(),
+        declared={"rotor_inertia": rotor} if rotor else {},
+        link_inertia=load.inertia,
+        max_speed=limits.velocity,
+        position_span=limits.position,
+        effort_span=(-effort, effort),
+        torque_span=(-torque, torque),
+    )
+    made = DesignJoint(
+        name=joint,
+        numbers=numbers,
+        context=context,
+        rotor_inertia=rotor,
+        link_inertia=load.inertia,
+        gravity=load.weight,
+        zero=load.zero,
+        constant=0.0,
+        declared=(Term(effect("viscous")), Term(effect("coulomb"))),
+        noise=NOISE_OF_TORQUE * torque,
+        independent_per_second=PER_SECOND,
+        slowest=0.005 * limits.velocity,
+        kernel_width=0.02,
+        final_width=0.02,
+    )
+    return with_model(made, model)
+
+
+def limits_with(found: JointLimits | None, given: Mapping[str, Any], joint: str) -> JointLimits:
+    """The limits that were given, and for the others those of the logs.
+
+    Raises:
+        ParamsError: A limit that neither gives, or limits that are not possible.
+    """
+    values = {name: given[name] for name in LIMIT_NAMES if given.get(name) is not None}
+    if found is not None:
+        return replace(found, **values)
+    missing = [name for name in ("position", "velocity", "acceleration") if name not in values]
+    if missing:
+        raise ParamsError(
+            f"joint {joint}: no limit for {', '.join(missing)}; give --{missing[0]}, or --log RUN, whose motions are "
+            "then the limits"
+        )
+    return JointLimits(**values)

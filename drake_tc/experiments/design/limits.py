@@ -1,0 +1,67 @@
+"""What a designed motion may do, and whether that is possible at all."""
+
+import math
+from dataclasses import dataclass
+
+from drake_tc.errors import ParamsError
+
+
+@dataclass(frozen=True)
+class JointLimits:
+    """Limits of one joint's motion.
+
+    Attributes:
+        position: (lowest, highest) [rad].
+        velocity: Largest speed [rad/s].
+        acceleration: Largest acceleration [rad/s^2].
+        jerk: Largest rate of the acceleration [rad/s^3]; infinite where it does not matter.
+        torque: Largest torque of the motor [N m]; infinite where it does not matter.
+        bandwidth_hz: Highest frequency of the motion that the drive follows [Hz].
+
+    Raises:
+        ParamsError: Limits that are not positive, or that contradict each other; one line.
+    """
+
+    position: tuple[float, float]
+    velocity: float
+    acceleration: float
+    jerk: float = math.inf
+    torque: float = math.inf
+    bandwidth_hz: float = 4.0
+
+    def __post_init__(self) -> None:
+        low, high = self.position
+        if not (math.isfinite(low) and math.isfinite(high) and low < high):
+            raise ParamsError(f"position limits: expected LOW < HIGH [rad], got {low:g} and {high:g}")
+        for name in ("velocity", "acceleration", "jerk", "torque", "bandwidth_hz"):
+            value = getattr(self, name)
+            if not value > 0.0:
+                raise ParamsError(f"{name}: expected a positive limit, got {value:g}")
+        if not (math.isfinite(self.velocity) and math.isfinite(self.acceleration)):
+            raise ParamsError("velocity and acceleration: expected finite limits")
+
+    def require(self, gravity: float, friction: float, joint: str) -> None:
+        """Refuse a torque limit that cannot even move the joint slowly.
+
+        Args:
+            gravity: Largest torque of the load at rest inside the position limits [N m].
+            friction: Of the joint at low speed [N m].
+            joint: For the message.
+
+        Raises:
+            ParamsError: The limits contradict each other.
+        """
+        needed = gravity + friction
+        if self.torque < needed:
+            raise ParamsError(
+                f"joint {joint}: the limits contradict each other: holding the load within {self.position[0]:.3g} to "
+                f"{self.position[1]:.3g} rad and overcoming friction needs {needed:.3g} N*m, and the torque limit is "
+                f"{self.torque:.3g} N*m; raise the torque limit or narrow the position limits"
+            )
+
+    def with_margin(self, share: float) -> "JointLimits":
+        """The same limits a share narrower, so that a motion between samples keeps the true ones."""
+        low, high = self.position
+        middle, half = 0.5 * (low + high), 0.5 * (high - low) * (1.0 - share)
+        rest = (1.0 - share) * self.velocity, (1.0 - share) * self.acceleration, (1.0 - share) * self.jerk
+        return JointLimits((middle - half, middle + half), *rest, (1.0 - share) * self.torque, self.bandwidth_hz)

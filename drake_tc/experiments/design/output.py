@@ -1,0 +1,205 @@
+"""A designed experiment as files: CSV at a rate, a ROS JointTrajectory, a Drake trajectory, JSON and a page."""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import yaml
+
+from drake_tc.config.json_values import json_value
+from drake_tc.experiments.design.limits import JointLimits
+from drake_tc.experiments.design.robot import RobotDesign
+from drake_tc.experiments.design.run import JointDesign
+from drake_tc.report.numbers import significant
+from drake_tc.report.plain_page import PageSection, PageTable, plain_page
+from drake_tc.report.svg import BACKWARD, FORWARD, new_figure, page_style, to_svg
+from drake_tc.types import FloatArray
+
+FILES = ("trajectory.csv", "trajectory.yaml", "design.json", "design.html")
+MOST_POINTS = 4000
+"""Points of a ROS trajectory; a controller interpolates between them."""
+
+
+def write_design(designs: Mapping[str, JointDesign], folder: Path, rate_hz: float) -> None:
+    """Write every file of an experiment of one joint or of several that move together."""
+    time, motions = motions_of(designs, rate_hz)
+    trajectory_table(time, motions).to_csv(folder / FILES[0], index=False)
+    (folder / FILES[1]).write_text(joint_trajectory(time, motions), encoding="utf-8")
+    (folder / FILES[2]).write_text(json.dumps(design_json(designs), indent=1) + "\n", encoding="utf-8")
+    (folder / FILES[3]).write_text(design_page(designs), encoding="utf-8")
+
+
+def motions_of(designs: Mapping[str, JointDesign], rate_hz: float) -> tuple[FloatArray, dict[str, FloatArray]]:
+    """(time (T,), joint to motion (4, T)) at a rate [Hz]."""
+    made = {joint: design.motion(rate_hz) for joint, design in designs.items()}
+    time = next(iter(made.values()))[0]
+    return time, {joint: motion for joint, (_, motion) in made.items()}
+
+
+def trajectory_table(time: FloatArray, motions: Mapping[str, FloatArray]) -> pd.DataFrame:
+    """Columns `time`, `<joint>/position_command`, `/velocity_command`, `/acceleration_command` in SI units."""
+    table: dict[str, FloatArray] = {"time": np.round(time, 9)}
+    for joint, motion in motions.items():
+        for row, name in enumerate(("position_command", "velocity_command", "acceleration_command")):
+            table[f"{joint}/{name}"] = np.round(motion[row], 9)
+    return pd.DataFrame(table)
+
+
+def joint_trajectory(time: FloatArray, motions: Mapping[str, FloatArray]) -> str:
+    """A trajectory_msgs/JointTrajectory as YAML, as `ros2 topic pub` reads it."""
+    every = max(1, -(-time.size // MOST_POINTS))
+    picked = np.unique(np.append(np.arange(0, time.size, every), time.size - 1))
+    points = []
+    for k in picked:
+        seconds = int(time[k] + 1e-9)
+        rows = [[round(float(m[row, k]), 9) for m in motions.values()] for row in range(3)]
+        points.append(
+            {
+                "positions": rows[0],
+                "velocities": rows[1],
+                "accelerations": rows[2],
+                "time_from_start": {"sec": seconds, "nanosec": round((float(time[k]) - seconds) * 1e9)},
+            }
+        )
+    document = {"joint_names": list(motions), "points": points}
+    return str(yaml.safe_dump(document, sort_keys=False, default_flow_style=None, width=10**9))
+
+
+def design_json(designs: Mapping[str, JointDesign]) -> dict[str, Any]:
+    """The whole design as plain data."""
+    out: dict[str, Any] = json_value(
+        {"name": "design", "schema": 1, "joints": {name: _joint_json(each) for name, each in designs.items()}}
+    )
+    return out
+
+
+def write_robot_design(design: RobotDesign, folder: Path, rate_hz: float) -> None:
+    """Write every file of an experiment of a whole robot."""
+    time, motions = design.motion(rate_hz)
+    trajectory_table(time, motions).to_csv(folder / FILES[0], index=False)
+    (folder / FILES[1]).write_text(joint_trajectory(time, motions), encoding="utf-8")
+    (folder / FILES[2]).write_text(json.dumps(robot_json(design), indent=1) + "\n", encoding="utf-8")
+    (folder / FILES[3]).write_text(robot_page(design), encoding="utf-8")
+
+
+def robot_json(design: RobotDesign) -> dict[str, Any]:
+    """The design of a whole robot as plain data."""
+    out: dict[str, Any] = json_value(
+        {
+            "name": "design",
+            "schema": 1,
+            "goal": "parameters",
+            "robot": {
+                "joints": list(design.joints),
+                "limits": {name: asdict(each) for name, each in zip(design.joints, design.limits, strict=True)},
+                "period": design.bases[0].period,
+                "repeats": design.repeats,
+                "parameters": design.x.tolist(),
+                "criterion": {"random": design.start_value, "designed": design.value},
+                "collision_pairs": design.pairs,
+                "least_distance": design.distance,
+                "expected": [asdict(each) for each in design.expected],
+                "sentences": list(design.sentences),
+            },
+        }
+    )
+    return out
+
+
+def robot_page(design: RobotDesign) -> str:
+    """The page of a whole robot."""
+    headings = ("quantity", "growing sinusoids", "designed motion")
+    table = PageTable(headings, [(e.name, _number(e.default), _number(e.after)) for e in design.expected], headings[1:])
+    distance = (
+        f"{design.pairs} pairs of collision shapes keep a distance of {design.distance:g} m."
+        if design.pairs
+        else "The URDF has no pair of primitive collision shapes, so that no distance between links was kept."
+    )
+    plots = [
+        _plot_of(basis.motion(x), basis.step, limits, name, f"m{number}")
+        for number, (name, basis, x, limits) in enumerate(
+            zip(design.joints, design.bases, design.x, design.limits, strict=True)
+        )
+    ]
+    section = PageSection("All joints", (*design.sentences, distance), plots=plots, tables=(table,), aside="SI units")
+    return plain_page("The next experiment", "design", (), (section,))
+
+
+def _joint_json(design: JointDesign) -> dict[str, Any]:
+    best = design.optimum
+    return {
+        "goal": design.goal.text,
+        "limits": asdict(design.limits),
+        "basis": design.basis.kind,
+        "period": design.basis.period,
+        "repeats": design.repeats,
+        "parameters": [float(x) for x in best.x],
+        "criterion": {"random": best.start_value, "designed": best.value},
+        "solver": {"name": best.solver, "starts": best.starts, "converged": best.solved},
+        "expected": [asdict(each) for each in design.expected],
+        "sentences": list(design.sentences),
+    }
+
+
+def design_page(designs: Mapping[str, JointDesign]) -> str:
+    """The page: the motion, and what it is expected to bring."""
+    sections = []
+    for number, (name, design) in enumerate(designs.items()):
+        table = PageTable(
+            ("quantity", "unit", "logs so far", "growing sinusoid", "designed motion"),
+            [
+                (e.name, e.unit.removesuffix("-"), _number(e.before), _number(e.default), _number(e.after))
+                for e in design.expected
+            ],
+            ("logs so far", "growing sinusoid", "designed motion"),
+        )
+        time, motion = design.motion(100.0)
+        how = (
+            f"Move the joint to {motion[0, 0]:.4g} rad and let it rest. The motion begins and ends at rest and lasts "
+            f"{time[-1]:.4g} s: {design.repeats} times a period of {design.basis.period:.4g} s, with a lead-in and a "
+            "lead-out."
+        )
+        sections.append(
+            PageSection(
+                name,
+                (*design.sentences, how),
+                plots=(_plot(design, f"m{number}"),),
+                tables=(table,),
+                aside=f"goal {design.goal.text}",
+            )
+        )
+    return plain_page("The next experiment", "design", (), sections)
+
+
+def _number(value: float) -> str:
+    return "–" if np.isnan(value) else significant(value)
+
+
+def _plot(design: JointDesign, name: str) -> str:
+    """Position, velocity and acceleration over one period, with their limits."""
+    motion = design.basis.motion(design.optimum.x)
+    return _plot_of(motion, design.basis.step, design.limits, design.joint.name, name)
+
+
+def _plot_of(motion: FloatArray, step: float, limits: JointLimits, joint: str, name: str) -> str:
+    """The same of a motion (4, T)."""
+    time = np.arange(motion.shape[1]) * step
+    labels: Sequence[tuple[str, tuple[float, float]]] = (
+        ("q [rad]", limits.position),
+        ("velocity [rad/s]", (-limits.velocity, limits.velocity)),
+        ("acceleration [rad/s²]", (-limits.acceleration, limits.acceleration)),
+    )
+    with page_style(name):
+        figure = new_figure(9.0, 5.0)
+        for row, (label, bounds) in enumerate(labels):
+            axes = figure.add_subplot(3, 1, row + 1)
+            axes.plot(time, motion[row], color=FORWARD)
+            for bound in bounds:
+                axes.axhline(bound, color=BACKWARD, linewidth=0.8, linestyle="--")
+            axes.set_ylabel(label)
+        axes.set_xlabel("time [s], one period")
+        return to_svg(figure, f"designed motion of {joint}")

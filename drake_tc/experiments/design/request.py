@@ -1,0 +1,189 @@
+"""A design as the command line asks for it: which runs, which model, which joints and which goal."""
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from threadpoolctl import threadpool_limits
+
+from drake_tc.actuation.model import ActuatorModel
+from drake_tc.actuation.model_file import load_models
+from drake_tc.config.near import near
+from drake_tc.errors import ParamsError
+from drake_tc.experiments.design.goal import Goal, parse_goal
+from drake_tc.experiments.design.known import joint_from_logs, joint_from_model, limits_with
+from drake_tc.experiments.design.robot import RobotDesign, RobotOptions, design_robot, robot_limits
+from drake_tc.experiments.design.run import DesignOptions, JointDesign, design_joint
+from drake_tc.logs.prepare import load_runs
+from drake_tc.logs.record import Run
+from drake_tc.logs.rig import Rig, load_rig
+from drake_tc.robot.robot import load_robot
+
+Progress = Callable[[str, float], None]
+
+
+@dataclass(frozen=True)
+class DesignRequest:
+    """What is asked for.
+
+    Attributes:
+        rig: Rig file.
+        logs: Runs recorded so far.
+        model: Model file, or None.
+        goal: Text of the goal; None for that of the report, or parameters.
+        after: report.json, or None.
+        joints: Which; empty for all.
+        limits: Given limits by name; None for those of the runs.
+    """
+
+    rig: Path
+    logs: tuple[Path, ...]
+    model: Path | None
+    goal: str | None
+    after: Path | None
+    joints: tuple[str, ...]
+    limits: Mapping[str, Any]
+
+
+def designed(
+    request: DesignRequest, options: DesignOptions, progress: Progress = lambda text, share: None
+) -> dict[str, JointDesign]:
+    """The designed motion of each joint.
+
+    Raises:
+        DrakeTcError: Input that cannot be used, limits that contradict each other, or a goal that cannot be reached.
+    """
+    rig = load_rig(request.rig)
+    logs, models, goals = list(request.logs), _models(request, rig), _goals(request, rig)
+    if request.after is not None and not logs:
+        logs = _logs_of(request.after)
+    with threadpool_limits(1):
+        progress("reading", 0.0)
+        runs = load_runs(logs, rig) if logs else []
+        out = {}
+        for number, (joint, goal) in enumerate(goals.items()):
+            share = number / len(goals)
+            out[joint] = _designed_joint(
+                request,
+                rig,
+                runs,
+                (joint, goal, models.get(joint)),
+                options,
+                lambda text, part, joint=joint, share=share: progress(f"{joint}, {text}", share + part / len(goals)),  # type: ignore[misc]
+            )
+        return out
+
+
+def whole_robot(request: DesignRequest) -> bool:
+    """Whether the request is for one motion of all joints: for parameters, on a rig with a robot."""
+    if request.joints or request.after is not None or not parse_goal(request.goal or "parameters").whole:
+        return False
+    return load_rig(request.rig).robot is not None
+
+
+def designed_robot(
+    request: DesignRequest, options: RobotOptions, progress: Progress = lambda text, share: None
+) -> RobotDesign:
+    """The designed motion of all joints of the rig's robot.
+
+    Raises:
+        DrakeTcError: As `designed`; a robot whose links touch in its posture.
+    """
+    rig = load_rig(request.rig)
+    if rig.robot is None:
+        raise ParamsError(f"{request.rig}: no robot; a motion of all joints needs the key `robot: FILE`")
+    if request.limits.get("position") is not None:
+        raise ParamsError("--position: a robot's position limits are those of its robot file and URDF")
+    robot = load_robot(rig.robot)
+    names = ("velocity", "acceleration", "jerk", "torque", "bandwidth_hz")
+    limits = robot_limits(robot, **{name: request.limits.get(name) for name in names})
+    with threadpool_limits(1):
+        return design_robot(robot, limits, options, progress)
+
+
+def _designed_joint(
+    request: DesignRequest,
+    rig: Rig,
+    runs: Sequence[Run],
+    what: tuple[str, Goal, ActuatorModel | None],
+    options: DesignOptions,
+    progress: Progress,
+) -> JointDesign:
+    name, goal, model = what
+    if runs:
+        joint, found, prepared = joint_from_logs(rig, runs, name, model)
+        return design_joint(joint, limits_with(found, request.limits, name), goal, options, prepared, progress)
+    if model is None:
+        raise ParamsError(f"joint {name}: nothing is known of it; give --log RUN, --after report.json, or --model FILE")
+    limits = limits_with(None, request.limits, name)
+    return design_joint(joint_from_model(rig, name, model, limits), limits, goal, options, None, progress)
+
+
+def _models(request: DesignRequest, rig: Rig) -> dict[str, ActuatorModel]:
+    """Of --model, or the model before of the report: the tied effects are what the design shall separate."""
+    if request.model is None:
+        return {}
+    models = load_models(request.model)
+    missing = [joint for joint in request.joints or rig.joints if joint not in models]
+    if missing:
+        raise ParamsError(f"{request.model}: no joint {missing[0]!r}; joints here: {', '.join(models)}")
+    return models
+
+
+def _goals(request: DesignRequest, rig: Rig) -> dict[str, Goal]:
+    """The goal of each joint; of a report, the joints that have an open question."""
+    for joint in request.joints:
+        if joint not in rig.joints:
+            raise ParamsError(
+                f"no joint {joint!r} in the rig{near(joint, rig.joints)}; joints: {', '.join(rig.joints)}"
+            )
+    joints = request.joints or rig.joints
+    if request.after is None or request.goal is not None:
+        return dict.fromkeys(joints, parse_goal(request.goal or "parameters"))
+    entries = _report(request.after).get("joints", {})
+    out = {}
+    for joint in joints:
+        entry = entries.get(joint)
+        if entry is None:
+            raise ParamsError(f"{request.after}: no joint {joint!r}; joints here: {', '.join(entries) or 'none'}")
+        goal = _goal_of(entry)
+        if goal is not None:
+            out[joint] = goal
+    if not out:
+        raise ParamsError(
+            f"{request.after}: no joint has effects that could not be told apart, and none that were found; give --goal"
+        )
+    return out
+
+
+def _goal_of(entry: Mapping[str, Any]) -> Goal | None:
+    """Two effects that were not told apart; else narrower intervals of the effects that were found."""
+    ties = entry.get("indistinguishable") or []
+    if ties:
+        return parse_goal(f"tell:{ties[0][0]},{ties[0][1]}")
+    found = [e["id"] for e in entry.get("effects", [])]
+    return parse_goal("parameters:" + ",".join(found)) if found else None
+
+
+def _report(path: Path) -> dict[str, Any]:
+    try:
+        read = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
+        raise ParamsError(f"{path}: expected the report.json of close-loop; {error}") from None
+    if not isinstance(read, dict) or not isinstance(read.get("joints"), dict):
+        raise ParamsError(f"{path}: expected the report.json of close-loop; it has no joints")
+    return read
+
+
+def _logs_of(path: Path) -> list[Path]:
+    """The runs that the report was fitted to, as named there or beside it."""
+    out = []
+    for name in _report(path).get("logs", []):
+        candidates = [Path(name), path.parent / name, path.parent / Path(name).name]
+        found = next((each for each in candidates if each.is_file()), None)
+        if found is None:
+            raise ParamsError(f"{path}: its run {name} is not there any more; name the runs with --log")
+        out.append(found)
+    return out

@@ -1,0 +1,255 @@
+"""`design` for one joint: from what is known to the best motion, and what it is expected to tell."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from drake_tc.diagnosis.problem.prepared import Prepared
+from drake_tc.experiments.design.basis import BasisKind, MotionBasis, motion_basis, scaled
+from drake_tc.experiments.design.criteria import Criterion, Discrimination, Everything, Parameters
+from drake_tc.experiments.design.goal import Goal, criterion_of
+from drake_tc.experiments.design.joint import BalanceColumns, DesignJoint, LogColumns, MotionColumns
+from drake_tc.experiments.design.lead import lead_in, quintic
+from drake_tc.experiments.design.limits import JointLimits
+from drake_tc.experiments.design.solve import Optimum, optimise
+from drake_tc.identification.excitation import MotionLimits, growing_sinusoid
+from drake_tc.types import FloatArray
+
+Progress = Callable[[str, float], None]
+PERIOD = 10.0
+"""Period of the motion [s], about: the experiment holds a whole number of them."""
+STEP = 0.005
+"""Time between the samples of a design [s]."""
+DEFAULT_HZ = 0.4
+"""Frequency of the growing sinusoid with which a design is compared [Hz]."""
+
+
+@dataclass(frozen=True)
+class DesignOptions:
+    """How a motion is looked for.
+
+    Attributes:
+        duration: Of the experiment [s].
+        basis: Functions of the motion.
+        smallest: E- instead of D-optimality of parameters.
+        starts: Of the solver. iterations: from each of them.
+        seed: Of the random starts.
+    """
+
+    duration: float = 30.0
+    basis: BasisKind = "fourier"
+    smallest: bool = False
+    starts: int = 2
+    iterations: int = 20
+    seed: int = 0
+
+
+@dataclass(frozen=True)
+class Expected:
+    """What one quantity is worth before the experiment, with a growing sinusoid, and with the designed motion.
+
+    Attributes:
+        name, unit: Of the quantity.
+        before: With the logs so far; NaN without logs.
+        default: With a growing sinusoid of the same length and limits alone.
+        after: With the designed motion alone.
+    """
+
+    name: str
+    unit: str
+    before: float
+    default: float
+    after: float
+
+
+@dataclass(frozen=True, eq=False)
+class JointDesign:
+    """The designed motion of one joint.
+
+    Attributes:
+        joint: The joint. goal: What it is for. limits: That it keeps. basis, optimum: The motion.
+        repeats: Periods in the experiment.
+        expected: What it is expected to bring.
+        sentences: The same in words.
+    """
+
+    joint: DesignJoint
+    goal: Goal
+    limits: JointLimits
+    basis: MotionBasis
+    optimum: Optimum
+    repeats: int
+    expected: tuple[Expected, ...]
+    sentences: tuple[str, ...]
+
+    def motion(self, rate_hz: float) -> tuple[FloatArray, FloatArray]:
+        """(time (T,), motion (4, T)) of the whole experiment at a rate [Hz]; it begins and ends at rest."""
+        one = _from_reversal(self.basis.motion(self.optimum.x))
+        state = one[:3, 0]
+        rest, length = lead_in(state, self.limits, self.joint.name)
+        whole = self.repeats * self.basis.period
+        time = np.arange(round((whole + 2.0 * length) * rate_hz) + 1) / rate_hz
+        grid = np.arange(one.shape[1] + 1) * self.basis.step
+        closed = np.concatenate([one, one[:, :1]], axis=1)
+        place = np.mod(time - length, self.basis.period)
+        out = np.stack([np.interp(place, grid, row) for row in closed])
+        begin, end = time < length, time > length + whole
+        start = np.array([rest, 0.0, 0.0])
+        out[:, begin] = quintic(start, state, length, time[begin])
+        # the same polynomial backwards in time: odd derivatives change their sign
+        turned = np.array([1.0, -1.0, 1.0, -1.0])[:, None]
+        backwards = state * np.array([1.0, -1.0, 1.0])
+        rest, _ = lead_in(backwards, self.limits, self.joint.name)
+        left = np.maximum(whole + 2.0 * length - time[end], 0.0)
+        out[:, end] = turned * quintic(np.array([rest, 0.0, 0.0]), backwards, length, left)
+        return time, out
+
+
+def _from_reversal(motion: FloatArray) -> FloatArray:
+    """The periodic motion (4, T), begun at the reversal with the smallest acceleration."""
+    turns = np.flatnonzero(np.diff(np.sign(motion[1])) != 0.0)
+    if not turns.size:
+        return motion
+    first = int(turns[np.argmin(np.abs(motion[2, turns]))])
+    return np.roll(motion, -first, axis=1)
+
+
+def design_joint(
+    joint: DesignJoint,
+    limits: JointLimits,
+    goal: Goal,
+    options: DesignOptions,
+    logs: Prepared | None = None,
+    progress: Progress = lambda text, share: None,
+) -> JointDesign:
+    """The best motion for a goal within limits.
+
+    Args:
+        joint: What is known of the joint.
+        limits: Of the motion.
+        goal: What it is for.
+        options: How it is looked for.
+        logs: The runs so far, with which the designed one will be fitted together; None where there are none.
+        progress: Told how far it is.
+
+    Raises:
+        ParamsError: Limits that no motion keeps, or a goal that no motion reaches.
+    """
+    criterion = criterion_of(goal, joint, options.duration, smallest=options.smallest)
+    repeats = max(1, round(options.duration / PERIOD))
+    basis = scaled(motion_basis(options.basis, options.duration / repeats, STEP, limits.bandwidth_hz), limits)
+    found = optimise(
+        joint,
+        basis,
+        limits,
+        criterion,
+        np.random.default_rng(options.seed),
+        starts=options.starts,
+        iterations=options.iterations,
+        progress=progress,
+    )
+    designed = MotionColumns(joint, basis.motion(found.x), basis.step)
+    default = MotionColumns(joint, default_motion(limits, options.duration), STEP, periodic=False)
+    before = None if logs is None else LogColumns(joint, logs.train)
+    expected, sentences = _expected(criterion, before, default, designed)
+    return JointDesign(joint, goal, limits, basis, found, repeats, expected, sentences)
+
+
+def default_motion(limits: JointLimits, duration: float) -> FloatArray:
+    """(4, T) growing sinusoid of the same length and limits, which fills them at its end."""
+    time: FloatArray = np.asarray(np.arange(round(duration / STEP)) * STEP, dtype=np.float64)
+    low, high = limits.position
+    bounds = MotionLimits(limits.position, limits.velocity, limits.acceleration)
+    half = 0.5 * (high - low)
+    made = growing_sinusoid(time, DEFAULT_HZ, 0.05 * half, 0.95 * half / duration, bounds, 0.5 * (low + high))
+    jerk = np.gradient(made.acceleration, STEP)
+    return np.stack([made.position, made.velocity, made.acceleration, jerk])
+
+
+def _expected(
+    criterion: Criterion, before: BalanceColumns | None, default: BalanceColumns, designed: BalanceColumns
+) -> tuple[tuple[Expected, ...], tuple[str, ...]]:
+    if isinstance(criterion, Discrimination):
+        return _of_discrimination(criterion, before, default, designed)
+    if isinstance(criterion, Parameters):
+        return _of_parameters(criterion, before, default, designed)
+    if isinstance(criterion, Everything):
+        return _of_everything(criterion, before, default, designed)
+    return (), ()
+
+
+def _of_discrimination(
+    criterion: Discrimination, before: BalanceColumns | None, default: BalanceColumns, designed: BalanceColumns
+) -> tuple[tuple[Expected, ...], tuple[str, ...]]:
+    distances = [None if c is None else criterion.distances(c) for c in (before, default, designed)]
+    chances = [float("nan") if d is None else criterion.probability(d) for d in distances]
+    rows = [Expected("probability of being told apart by these runs alone", "-", *chances)]
+    for truth, other in criterion.orders:
+        key = truth.effect.key, other.effect.key
+        values = [float("nan") if d is None else float(np.sqrt(np.median(d[key]))) for d in distances]
+        rows.append(Expected(f"{key[0]} fitted by {key[1]}: distance in standard deviations", "-", *values))
+    names = " and ".join(
+        f"{form.effect.key} ({form.strength:.3g} {form.size.unit})".replace(" -)", ")")
+        for form in (criterion.orders[0][0], criterion.orders[0][1])
+    )
+    text = f"The designed motion alone tells {names} apart with a probability of {100.0 * rows[0].after:.0f} %"
+    text += f"; a growing sinusoid of the same length and limits does so with {100.0 * rows[0].default:.0f} %."
+    more: tuple[str, ...] = ()
+    if rows[0].after < 0.5:
+        more = (
+            "Within these limits no motion that was found separates the two well: the limits, and not the search, are "
+            "what is missing. Wider limits of acceleration and speed help most.",
+        )
+    return tuple(rows), (text, *more)
+
+
+def _of_parameters(
+    criterion: Parameters, before: BalanceColumns | None, default: BalanceColumns, designed: BalanceColumns
+) -> tuple[tuple[Expected, ...], tuple[str, ...]]:
+    none = np.full(len(criterion.names), np.nan)
+    own = none
+    if before is not None:  # of the logs' own length instead of the experiment's
+        own = _spread(criterion.information(before) * before.seconds / criterion.duration) * criterion.units
+    spreads = [own, *(_spread(criterion.information(c)) * criterion.units for c in (default, designed))]
+    rows = tuple(
+        Expected(f"{name}, half 95 % interval", unit, *(1.96 * float(s[i]) for s in spreads))
+        for i, (name, unit) in enumerate(zip(criterion.names, criterion.unit_names, strict=True))
+    )
+    ratio = float(np.median(spreads[2] / spreads[1]))
+    text = (
+        f"The 95 % intervals after the designed motion are {ratio:.2f} times as wide as those after a growing sinusoid "
+        "of the same length and limits (median over the parameters)."
+    )
+    return rows, (text,)
+
+
+def _spread(information: FloatArray) -> FloatArray:
+    """(p,) standard deviations of the parameters (Cramer and Rao); infinite where nothing is known."""
+    eigen, vectors = np.linalg.eigh(information)
+    with np.errstate(divide="ignore"):
+        inverse = np.where(eigen > 1e-12 * max(float(eigen[-1]), 1e-300), 1.0 / eigen, np.inf)
+    return np.asarray(np.sqrt(np.sum(np.where(vectors**2 > 1e-12, vectors**2 * inverse, 0.0), axis=1)))
+
+
+def _of_everything(
+    criterion: Everything, before: BalanceColumns | None, default: BalanceColumns, designed: BalanceColumns
+) -> tuple[tuple[Expected, ...], tuple[str, ...]]:
+    nothing = np.full(len(criterion.forms), np.nan)
+    ratios = [nothing if c is None else criterion.ratios(c) for c in (before, default, designed)]
+    rows = tuple(
+        Expected(
+            f"smallest {form.effect.key} that is found", form.size.unit, *(_found(form.strength, r[i]) for r in ratios)
+        )
+        for i, form in enumerate(criterion.forms)
+    )
+    count = [int(np.sum(r >= 1.0)) for r in ratios]
+    text = (
+        f"Of {len(rows)} effects of typical size the designed motion shows {count[2]}, a growing sinusoid of the same "
+        f"length and limits {count[1]}."
+    )
+    return rows, (text,)
+
+
+def _found(size: float, ratio: float) -> float:
+    return size / ratio if ratio > 0.0 else float("inf")

@@ -1,0 +1,242 @@
+"""The best motion of a criterion within limits, by Drake's MathematicalProgram from several starts.
+
+    max_x f(x)   s.t.   q_low <= P x <= q_high, |V x| <= v, |A x| <= a, |J x| <= j, |y(x)|/K <= torque  at samples
+
+Linear constraints but the last. The gradient of f is a forward difference: f is a function of a few tens of numbers.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from pydrake.autodiffutils import AutoDiffXd, ExtractGradient, ExtractValue
+from pydrake.solvers import IpoptSolver, MathematicalProgram, SnoptSolver, SolverOptions
+
+from drake_tc.errors import ParamsError
+from drake_tc.experiments.design.basis import MotionBasis
+from drake_tc.experiments.design.criteria import Criterion
+from drake_tc.experiments.design.joint import DesignJoint, MotionColumns
+from drake_tc.experiments.design.limits import JointLimits
+from drake_tc.types import FloatArray
+
+Progress = Callable[[str, float], None]
+MARGIN = 0.01
+"""Share by which the limits are narrowed, for what the motion does between two constrained samples."""
+RANDOM_STARTS = 16
+"""Random motions among which the best are taken as starts."""
+DIFFERENCE = 1e-3
+"""Step of the forward difference, as a share of the amplitude that the limits allow each function."""
+
+
+@dataclass(frozen=True, eq=False)
+class Optimum:
+    """The best motion found.
+
+    Attributes:
+        x: (n,) its parameters.
+        value: Of the criterion.
+        start_value: Best value among the random motions inside the limits.
+        solver: Name of the solver.
+        starts: Number of starts. solved: of them, those that the solver ended by itself.
+    """
+
+    x: FloatArray
+    value: float
+    start_value: float
+    solver: str
+    starts: int
+    solved: int
+
+
+def optimise(
+    joint: DesignJoint,
+    basis: MotionBasis,
+    limits: JointLimits,
+    criterion: Criterion,
+    rng: np.random.Generator,
+    *,
+    starts: int = 2,
+    iterations: int = 40,
+    progress: Progress = lambda text, share: None,
+) -> Optimum:
+    """Maximise a criterion over the motions of a basis.
+
+    Args:
+        joint: The joint.
+        basis: Of the motion.
+        limits: That it keeps.
+        criterion: What is maximised.
+        rng: Of the starts.
+        starts: Number of starts of the solver.
+        iterations: Of the solver, from each start.
+        progress: Told how far it is.
+
+    Raises:
+        ParamsError: No motion of the basis keeps the limits.
+    """
+    limits.require(joint.largest_load(*limits.position), joint.numbers.coulomb, joint.name)
+    tight = limits.with_margin(MARGIN)
+
+    def value(x: FloatArray) -> float:
+        return criterion.value(MotionColumns(joint, basis.motion(x), basis.step))
+
+    tried = []
+    for number in range(RANDOM_STARTS):
+        x = random_start(joint, basis, tight, rng)
+        tried.append((value(x), x))
+        progress("random motions", 0.2 * (number + 1) / RANDOM_STARTS)
+    tried.sort(key=lambda pair: -pair[0])
+    best, solved, name = tried[0], 0, ""
+    for number, (_, start) in enumerate(tried[:starts]):
+        x, ended, name = _solve(joint, basis, tight, value, start, iterations)
+        solved += ended
+        x = within(joint, basis, tight, x)
+        found = value(x)
+        if found > best[0]:
+            best = (found, x)
+        progress(f"start {number + 1} of {starts}", 0.2 + 0.8 * (number + 1) / starts)
+    return Optimum(best[1], best[0], tried[0][0], name, starts, solved)
+
+
+def random_start(joint: DesignJoint, basis: MotionBasis, limits: JointLimits, rng: np.random.Generator) -> FloatArray:
+    """A random motion that fills the limits: amplitudes fall with a random power of the frequency."""
+    power = rng.uniform(0.3, 1.8)
+    scale = np.where(basis.frequency_hz > 0.0, (basis.frequency_hz + 1e-9) ** -power, 0.0)
+    x = scale * rng.normal(size=basis.size) / basis.scale
+    span = basis.matrices[0] @ x
+    low, high = limits.position
+    middle = rng.uniform(-0.5, 0.5) * 0.5 * (high - low) + 0.5 * (low + high)
+    x = x / max(float(np.ptp(span)), 1e-12)
+    return within(joint, basis, limits, _centred(basis, x * (high - low), middle))
+
+
+def _constant(basis: MotionBasis) -> FloatArray:
+    """(n,) parameters of the constant motion 1."""
+    one = np.zeros(basis.size)
+    if basis.kind == "fourier":
+        one[0] = 1.0
+    else:
+        one[:] = 1.0
+    return np.asarray(one / basis.scale)
+
+
+def _centred(basis: MotionBasis, x: FloatArray, middle: float) -> FloatArray:
+    span = basis.matrices[0] @ x
+    return np.asarray(x + (middle - 0.5 * (float(span.max()) + float(span.min()))) * _constant(basis))
+
+
+def within(joint: DesignJoint, basis: MotionBasis, limits: JointLimits, x: FloatArray) -> FloatArray:
+    """The motion scaled about its mean position until it keeps the limits.
+
+    Raises:
+        ParamsError: Not even a motion without amplitude keeps them.
+    """
+    low, high = limits.position
+    one = _constant(basis)
+    mean = float(np.mean(basis.matrices[0] @ x))
+    mean = float(np.clip(mean, low + 0.02 * (high - low), high - 0.02 * (high - low)))
+    swing = x - float(np.mean(basis.matrices[0] @ x)) * one
+    q, v, a, j = (basis.matrices[order] @ swing for order in range(4))
+    rooms = [
+        ((high - mean), float(q.max())),
+        ((mean - low), float(-q.min())),
+        (limits.velocity, float(np.abs(v).max())),
+        (limits.acceleration, float(np.abs(a).max())),
+        (limits.jerk, float(np.abs(j).max())),
+    ]
+    share = min([1.0, *(room / size for room, size in rooms if size > 0.0)])
+    for _ in range(60):
+        motion = basis.motion(mean * one + share * swing)
+        torque = np.abs(joint.signals(motion, basis.step).effort) / joint.numbers.gain
+        if float(torque.max()) <= limits.torque * (1.0 + 1e-9):
+            return np.asarray(mean * one + share * swing)
+        share *= 0.93
+    raise ParamsError(
+        f"joint {joint.name}: no motion about {mean:.3g} rad keeps the torque limit of {limits.torque:.3g} N*m; raise "
+        "it or move the position limits"
+    )
+
+
+def _solve(
+    joint: DesignJoint,
+    basis: MotionBasis,
+    limits: JointLimits,
+    value: Callable[[FloatArray], float],
+    start: FloatArray,
+    iterations: int,
+) -> tuple[FloatArray, bool, str]:
+    """(x, whether the solver ended by itself, its name) from one start."""
+    program: Any = MathematicalProgram()
+    x = program.NewContinuousVariables(basis.size, "x")
+    _add_limits(program, basis, limits, x)
+    if np.isfinite(limits.torque):
+        _add_torque(program, joint, basis, limits.torque, x)
+    program.AddCost(differentiable(lambda at: -value(at)), vars=x)
+    solver: Any = SnoptSolver() if SnoptSolver().available() else IpoptSolver()
+    options = SolverOptions()
+    options.SetOption(SnoptSolver.id(), "Major iterations limit", iterations)
+    options.SetOption(SnoptSolver.id(), "Major optimality tolerance", 1e-4)
+    options.SetOption(SnoptSolver.id(), "Timing level", 0)
+    options.SetOption(IpoptSolver.id(), "max_iter", iterations)
+    result = solver.Solve(program, start, options)
+    found = np.asarray(result.GetSolution(x))
+    if not np.isfinite(found).all():
+        return start, False, str(result.get_solver_id().name())
+    return found, bool(result.is_success()), str(result.get_solver_id().name())
+
+
+def _add_limits(program: Any, basis: MotionBasis, limits: JointLimits, x: Any) -> None:
+    """Linear constraints at samples, eight for each wave of the highest frequency."""
+    highest = float(basis.frequency_hz.max())
+    every = max(1, int(1.0 / (8.0 * highest * basis.step)))
+    low, high = limits.position
+    bounds = [
+        (low, high),
+        (-limits.velocity, limits.velocity),
+        (-limits.acceleration, limits.acceleration),
+        (-limits.jerk, limits.jerk),
+    ]
+    for order, (lower, upper) in enumerate(bounds):
+        if np.isfinite(upper):
+            rows = basis.matrices[order, ::every]
+            program.AddLinearConstraint(rows, np.full(len(rows), lower), np.full(len(rows), upper), x)
+
+
+def _add_torque(program: Any, joint: DesignJoint, basis: MotionBasis, torque: float, x: Any) -> None:
+    """|y|/K at a hundred samples, with the exact slopes by position, velocity and acceleration at each."""
+    at = np.linspace(0, basis.matrices.shape[1] - 1, 100).astype(int)
+    rows = basis.matrices[:, at]
+
+    def effort(motion: FloatArray) -> FloatArray:
+        return joint.signals(motion, basis.step).effort / (joint.numbers.gain * torque)
+
+    def values(point: Any) -> Any:
+        if point.dtype != object:
+            return effort(rows @ point)
+        plain = ExtractValue(point).ravel()
+        motion = rows @ plain
+        here = effort(motion)
+        jacobian = np.zeros((at.size, plain.size))
+        for order in range(3):
+            moved = motion.copy()
+            moved[order] += 1e-6
+            jacobian += ((effort(moved) - here) / 1e-6)[:, None] * rows[order]
+        slopes = jacobian @ ExtractGradient(point)
+        return np.array([AutoDiffXd(v, s) for v, s in zip(here, slopes, strict=True)])
+
+    program.AddConstraint(values, lb=-np.ones(at.size), ub=np.ones(at.size), vars=x)
+
+
+def differentiable(value: Callable[[FloatArray], float]) -> Callable[[Any], Any]:
+    """A cost for Drake with forward differences for its gradient."""
+
+    def cost(at: Any) -> Any:
+        if at.dtype != object:
+            return value(at)
+        plain = ExtractValue(at).ravel()
+        here = value(plain)
+        slope = np.array([(value(plain + DIFFERENCE * unit) - here) / DIFFERENCE for unit in np.eye(plain.size)])
+        return AutoDiffXd(here, slope @ ExtractGradient(at))
+
+    return cost

@@ -1,0 +1,1 @@
+"""How far the experiments keep what they promise, measured on simulated rigs."""

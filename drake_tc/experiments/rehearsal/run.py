@@ -1,0 +1,250 @@
+"""`rehearse`: how often a diagnosis finds an effect that was put into the user's own runs, by size.
+
+For each size and each repeat the twin is simulated with the effect, its training runs are diagnosed blind, and the
+answer is compared with the truth. Size 0 tells how often an effect is named that is not there.
+"""
+
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Executor, as_completed
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import beta as beta_distribution
+from threadpoolctl import threadpool_limits
+
+from drake_tc.diagnosis.joint import diagnose_joint
+from drake_tc.diagnosis.options import DiagnosisOptions
+from drake_tc.effects.base import Effect
+from drake_tc.effects.library import effect
+from drake_tc.errors import DrakeTcError, IdentificationError, ParamsError
+from drake_tc.experiments.causes import cause_of, cause_values
+from drake_tc.experiments.rehearsal.twin import Twin
+from drake_tc.experiments.sizes import Size, size_of
+from drake_tc.logs.record import Run
+from drake_tc.logs.rig import Rig
+from drake_tc.types import FloatArray
+
+Progress = Callable[[str, float], None]
+FACTORS = (0.125, 0.25, 0.5, 1.0, 2.0)
+"""Sizes that are tried, in units of the given or the typical one."""
+NOTHING = "(nothing)"
+REFUSED = "(refused)"
+RAN_AWAY = "(ran away)"
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One simulated joint and what the diagnosis said of it.
+
+    Attributes:
+        size: Of the effect; 0 for none.
+        seed: Of the noise.
+        named: Effect ids, in the order of the report; `(refused)` where the runs were refused, `(ran away)` where the
+            joint did.
+        found: Whether the effect is among them, or among the alternatives of one of them.
+        alone: Whether nothing else is named.
+        verdict: Of the report.
+    """
+
+    size: float
+    seed: int
+    named: tuple[str, ...]
+    found: bool
+    alone: bool
+    verdict: str
+
+
+@dataclass(frozen=True)
+class PowerPoint:
+    """What came out at one size.
+
+    Attributes:
+        size: Of the effect; 0 for none.
+        trials: Number of joints. found: of them, those whose effect was found. alone: ... and no other named.
+        interval: 95 % interval of the share found (Clopper and Pearson, 1934).
+        others: Other names that came first, with their counts.
+    """
+
+    size: float
+    trials: int
+    found: int
+    alone: int
+    interval: tuple[float, float]
+    others: Mapping[str, int]
+
+
+@dataclass(frozen=True)
+class Rehearsal:
+    """The power curve of one effect on one joint.
+
+    Attributes:
+        joint: Name. effect: Its id. size: What tells its strength.
+        predicted: Smallest size that `check` expects to be found.
+        points: By size, size 0 first.
+        trials: All of them.
+    """
+
+    joint: str
+    effect: str
+    size: Size
+    predicted: float
+    points: tuple[PowerPoint, ...]
+    trials: tuple[Trial, ...]
+
+
+def parse_effect(text: str) -> tuple[str, float | None]:
+    """(effect id, size or None) of EFFECT or EFFECT=SIZE.
+
+    Raises:
+        ParamsError: No such effect, none that can be simulated, or no positive number.
+    """
+    name, _, number = text.partition("=")
+    known = cause_of(name.strip())
+    if not number:
+        return effect(name.strip()).id, None
+    try:
+        size = float(number)
+    except ValueError:
+        raise ParamsError(f"--with {text}: expected EFFECT=SIZE with a number, got {number!r}") from None
+    if not (np.isfinite(size) and size > 0.0):
+        raise ParamsError(f"--with {text}: expected a positive size of {known.name}, got {number}")
+    return effect(name.strip()).id, size
+
+
+def rehearse(
+    twin: Twin,
+    effect_id: str,
+    size: float | None,
+    held: Sequence[str],
+    *,
+    repeats: int = 4,
+    seed: int = 0,
+    factors: Sequence[float] = FACTORS,
+    executor: Executor | None = None,
+    progress: Progress = lambda text, share: None,
+) -> Rehearsal:
+    """The power curve of an effect.
+
+    Args:
+        twin: Of the joint.
+        effect_id: The effect.
+        size: Around which sizes are tried; None takes the typical size.
+        held: Names of the runs that are held out.
+        repeats: Joints at each size, with other noise and other phases.
+        seed: Of all that is drawn.
+        factors: Sizes in units of `size`; 0 is always tried too.
+        executor: Diagnoses beside each other; None: one after the other, here.
+        progress: Told how far it is.
+
+    Raises:
+        ParamsError: An effect that cannot act on this joint, or no run left to fit or to judge by.
+    """
+    member = _member(twin, effect_id)
+    told = size_of(member, twin.effects.numbers, twin.prepared.context)
+    typical = told.typical if size is None else size
+    names = [run.name for run in twin.runs]
+    if not set(held) or not set(names) - set(held):
+        raise ParamsError(f"expected runs to fit and runs to judge by; runs: {', '.join(names)}; held out: {held}")
+    _require_possible(twin, member.id)
+    jobs = [(0.0, seed + k) for k in range(repeats)]
+    jobs += [(float(factor * typical), seed + k) for factor in factors for k in range(repeats)]
+    work = [(twin, effect_id, each, number, tuple(held)) for each, number in jobs]
+    trials = []
+    for done, trial in enumerate(_each(work, executor)):
+        trials.append(trial)
+        progress(f"trial {done + 1} of {len(work)}", (done + 1) / len(work))
+    trials.sort(key=lambda t: (t.size, t.seed))
+    sizes = sorted({t.size for t in trials})
+    visible = [e for e in twin.effects.effects if e.id == member.id]
+    predicted = min((e.smallest for e in visible), default=float("inf"))
+    points = tuple(_point([t for t in trials if t.size == each], member.id) for each in sizes)
+    return Rehearsal(twin.joint, member.id, told, predicted, points, tuple(trials))
+
+
+def _member(twin: Twin, effect_id: str) -> Effect:
+    """The form of the effect that these logs can show, else its first form."""
+    for each in twin.effects.effects:
+        if each.id == effect(effect_id).id and "cannot be looked for" not in each.reason:
+            return effect(each.key)
+    return effect(effect_id)
+
+
+def _require_possible(twin: Twin, effect_id: str) -> None:
+    reasons = [e.reason for e in twin.effects.effects if e.id == effect_id]
+    if reasons and all("cannot be looked for" in reason for reason in reasons):
+        raise ParamsError(f"joint {twin.joint}: {effect_id}: {reasons[0]} A rehearsal would never find it")
+    declared = twin.rig.declared[twin.joint]
+    if effect_id in declared:
+        raise ParamsError(f"joint {twin.joint}: {effect_id} is declared in the rig file, and is part of every model")
+
+
+def _each(work: Sequence[tuple[Twin, str, float, int, tuple[str, ...]]], executor: Executor | None) -> Iterator[Trial]:
+    if executor is None:
+        for each in work:
+            yield trial_of(*each)
+        return
+    futures = [executor.submit(trial_of, *each) for each in work]
+    for future in as_completed(futures):
+        yield future.result()
+
+
+def trial_of(twin: Twin, effect_id: str, size: float, seed: int, held: tuple[str, ...]) -> Trial:
+    """Simulate and diagnose one joint."""
+    causes: dict[str, Mapping[str, float]] = {}
+    if size > 0.0:
+        rng = np.random.default_rng([seed, 9])
+        values = cause_values(effect_id, size, twin.spec.joint, twin.spec.pendulum, rng)
+        causes[cause_of(effect_id).name] = values
+    try:
+        (runs,) = twin.simulated([causes], [seed])
+    except DrakeTcError:
+        return Trial(size, seed, (RAN_AWAY,), found=False, alone=False, verdict="")
+    return diagnosed(runs, twin.rig, twin.joint, effect(effect_id).id, size, seed, held)
+
+
+def diagnosed(
+    runs: Sequence[Run], rig: Rig, joint: str, effect_id: str, size: float, seed: int, held: tuple[str, ...]
+) -> Trial:
+    """The answer to simulated runs."""
+    train = [run for run in runs if run.name not in held]
+    judge = [run for run in runs if run.name in held]
+    try:
+        with threadpool_limits(1):
+            report = diagnose_joint(train, judge, rig, joint, DiagnosisOptions())
+    except IdentificationError:
+        return Trial(size, seed, (REFUSED,), found=False, alone=False, verdict="")
+    named = tuple(dict.fromkeys(e.id for e in report.effects))
+    ties = [pair for pair in report.indistinguishable if effect_id in pair]
+    found = effect_id in named or any(set(pair) & set(named) for pair in ties)
+    return Trial(size, seed, named, found=found, alone=found and len(named) == 1, verdict=report.verdict)
+
+
+def _point(trials: Sequence[Trial], effect_id: str) -> PowerPoint:
+    found = sum(t.found for t in trials)
+    firsts = Counter(t.named[0] if t.named else NOTHING for t in trials if not t.found)
+    return PowerPoint(
+        size=trials[0].size,
+        trials=len(trials),
+        found=found,
+        alone=sum(t.alone for t in trials),
+        interval=share_interval(found, len(trials)),
+        others=dict(firsts.most_common()),
+    )
+
+
+def share_interval(found: int, trials: int) -> tuple[float, float]:
+    """95 % interval of a share (Clopper and Pearson, Biometrika 26, 1934)."""
+    low = 0.0 if found == 0 else float(beta_distribution.ppf(0.025, found, trials - found + 1))
+    high = 1.0 if found == trials else float(beta_distribution.ppf(0.975, found + 1, trials - found))
+    return low, high
+
+
+def half_power(points: Sequence[PowerPoint]) -> float:
+    """Smallest size from which on at least half of the joints are found; infinite where there is none."""
+    sizes: FloatArray = np.array([p.size for p in points if p.size > 0.0])
+    enough = np.array([p.found >= 0.5 * p.trials for p in points if p.size > 0.0])
+    for at in range(sizes.size):
+        if enough[at:].all():
+            return float(sizes[at])
+    return float("inf")

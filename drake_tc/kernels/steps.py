@@ -1,0 +1,235 @@
+"""One step of Newton's method inside linear limits: min 1/2 d^T H d + g^T d, lower <= A (x + d) <= upper.
+
+A set of held rows that satisfies all conditions of optimality is the answer, so guesses from the last step come first:
+each drops what pulls the wrong way and takes in the row that is missed most.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from drake_tc.kernels.compiling import helper
+from drake_tc.kernels.linear_algebra import (
+    colour_vector,
+    factor_into,
+    whiten_columns,
+    whiten_vector,
+)
+from drake_tc.kernels.programs import RECTANGLE, Program, row_into, times_into
+from drake_tc.types import FloatArray, IntArray
+
+GUESSES = 6
+"""How many working sets are tried before a QP solver is asked; each costs a fifth of it or less."""
+INSIDE = 1e-8
+"""In units of a row: what counts as met."""
+
+
+class Factor(NamedTuple):
+    """U of H = U^T U; of a rectangle its block for x and [first, mixed, second] (r, 3) of each axis, [1 m; 0 2]."""
+
+    upper: FloatArray
+    axes: FloatArray
+
+
+class Held(NamedTuple):
+    """Rows held at one of their sides (1 the upper, -1 the lower), and their multipliers; the first used[0] of each.
+
+    Multipliers are >= 0 at the upper, <= 0 at the lower side.
+    """
+
+    rows: IntArray
+    sides: IntArray
+    multipliers: FloatArray
+    used: IntArray
+
+
+class Step(NamedTuple):
+    """What a step is: d (N,) and A d (m,)."""
+
+    d: FloatArray
+    along: FloatArray
+
+
+@helper
+def held_rows(size: int) -> Held:
+    """Memory for `size` rows."""
+    return Held(
+        np.zeros(size, dtype=np.int64), np.zeros(size, dtype=np.int64), np.zeros(size), np.zeros(1, dtype=np.int64)
+    )
+
+
+@helper
+def copy_held(to: Held, source: Held) -> None:
+    """One over the other."""
+    count = source.used[0]
+    to.used[0] = count
+    for k in range(count):
+        to.rows[k], to.sides[k], to.multipliers[k] = source.rows[k], source.sides[k], source.multipliers[k]
+
+
+@helper
+def factor_of(program: Program, hessian: FloatArray, factor: Factor) -> bool:
+    """Factor H; False where it is not positive definite or not a number."""
+    if program.kind != RECTANGLE:
+        return factor_into(factor.upper, hessian)
+    n, r = program.quadratic.shape[0], factor.axes.shape[0]
+    if not factor_into(factor.upper, hessian[:n, :n]):
+        return False
+    for j in range(r):
+        first = np.sqrt(hessian[n + j, n + j])
+        mixed = hessian[n + j, n + r + j] / first
+        second = np.sqrt(hessian[n + r + j, n + r + j] - mixed * mixed)
+        factor.axes[j, 0], factor.axes[j, 1], factor.axes[j, 2] = first, mixed, second
+        if not first + second < np.inf:
+            return False
+    return True
+
+
+@helper
+def whiten(factor: Factor, vector: FloatArray) -> None:
+    """U^-T b in place."""
+    n, r = factor.upper.shape[0], factor.axes.shape[0]
+    whiten_vector(factor.upper, vector[:n])
+    for j in range(r):
+        vector[n + j] /= factor.axes[j, 0]
+        vector[n + r + j] = (vector[n + r + j] - factor.axes[j, 1] * vector[n + j]) / factor.axes[j, 2]
+
+
+@helper
+def colour(factor: Factor, vector: FloatArray) -> None:
+    """U^-1 b in place."""
+    n, r = factor.upper.shape[0], factor.axes.shape[0]
+    colour_vector(factor.upper, vector[:n])
+    for j in range(r):
+        vector[n + r + j] /= factor.axes[j, 2]
+        vector[n + j] = (vector[n + j] - factor.axes[j, 1] * vector[n + r + j]) / factor.axes[j, 0]
+
+
+@helper
+def solve_with(factor: Factor, vector: FloatArray) -> None:
+    """H^-1 b in place."""
+    whiten(factor, vector)
+    colour(factor, vector)
+
+
+@helper
+def whitened_rows(program: Program, factor: Factor, held: Held, columns: FloatArray) -> None:
+    """U^-T of the held rows, each a column of (N, a)."""
+    n, r = factor.upper.shape[0], factor.axes.shape[0]
+    row = np.empty(columns.shape[0])
+    for k in range(columns.shape[1]):
+        row_into(program, held.rows[k], row)
+        for j in range(row.size):
+            columns[j, k] = row[j]
+    whiten_columns(factor.upper, columns[:n])
+    for j in range(r):
+        first, mixed, second = factor.axes[j, 0], factor.axes[j, 1], factor.axes[j, 2]
+        for k in range(columns.shape[1]):
+            columns[n + j, k] /= first
+            columns[n + r + j, k] = (columns[n + r + j, k] - mixed * columns[n + j, k]) / second
+
+
+@helper
+def promise(program: Program, factor: Factor, gradient: FloatArray, held: Held) -> float:
+    """Descent that the gradient r that the rows' forces do not balance promises, without limits: r^T H^-1 r / 2."""
+    rest, row = gradient.copy(), np.empty(gradient.size)
+    for k in range(held.used[0]):
+        row_into(program, held.rows[k], row)
+        for j in range(row.size):
+            rest[j] += held.multipliers[k] * row[j]
+    whiten(factor, rest)
+    total = 0.0
+    for j in range(rest.size):
+        total += rest[j] * rest[j]
+    return 0.5 * total
+
+
+@helper
+def guess(
+    program: Program,
+    factor: Factor,
+    newton: FloatArray,
+    free: FloatArray,
+    lower: FloatArray,
+    upper: FloatArray,
+    held: Held,
+    step: Step,
+) -> bool:
+    """The step that rows near `held` end on, which `held` becomes; False where some guesses do not find it.
+
+    Args:
+        program: Whose rows.
+        factor: Of its Hessian.
+        newton: (N,) the step without limits.
+        free: (m,) A times it.
+        lower: (m,) of A d.
+        upper: (m,) of A d.
+        held: First guess; where none succeeds, it is whatever was tried last.
+        step: The answer.
+    """
+    for _ in range(GUESSES):
+        step.d[:] = newton
+        step.along[:] = free
+        count = held.used[0]
+        if count and not _held_step(program, factor, free, lower, upper, held, step):
+            return False
+        worst, miss, above = -1, -np.inf, True
+        for i in range(upper.size):
+            over, under = step.along[i] - upper[i], lower[i] - step.along[i]
+            if not (over <= miss and under <= miss):
+                worst, miss, above = i, max(over, under), over >= under
+            if over != over or under != under:
+                worst, miss = i, np.nan
+                break
+        met = worst < 0 or miss <= INSIDE
+        kept, known = 0, False
+        for k in range(count):
+            if held.multipliers[k] * held.sides[k] < 0.0:
+                continue
+            held.rows[kept], held.sides[kept], held.multipliers[kept] = (
+                held.rows[k],
+                held.sides[k],
+                held.multipliers[k],
+            )
+            known = known or held.rows[k] == worst
+            kept += 1
+        held.used[0] = kept
+        if kept == count and met:
+            return True
+        if not met:
+            if known or kept >= held.rows.size:
+                return False
+            held.rows[kept], held.sides[kept], held.multipliers[kept] = worst, 1 if above else -1, 0.0
+            held.used[0] = kept + 1
+    return False
+
+
+@helper
+def _held_step(
+    program: Program,
+    factor: Factor,
+    free: FloatArray,
+    lower: FloatArray,
+    upper: FloatArray,
+    held: Held,
+    step: Step,
+) -> bool:
+    """The step with all `held` rows at their ends, and their multipliers; False where they depend on each other."""
+    count = held.used[0]
+    columns = np.empty((step.d.size, count))
+    whitened_rows(program, factor, held, columns)
+    small, force = np.empty((count, count)), np.empty(count)
+    for k in range(count):
+        row = held.rows[k]
+        force[k] = free[row] - (upper[row] if held.sides[k] > 0 else lower[row])
+    if not factor_into(small, np.dot(columns.T, columns)) or not np.abs(force).max() < np.inf:
+        return False
+    whiten_vector(small, force)
+    colour_vector(small, force)
+    pulled = np.dot(columns, force)
+    colour(factor, pulled)
+    for j in range(step.d.size):
+        step.d[j] -= pulled[j]
+    held.multipliers[:count] = force
+    times_into(program, step.d, step.along)
+    return True

@@ -1,0 +1,102 @@
+"""The tables of a robot's tree (`drake_tc.kernels.dynamics`), read from a plant of Drake that holds the robot alone."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from drake_tc.types import FloatArray, IntArray
+
+
+class Tree(NamedTuple):
+    """See `drake_tc.kernels.dynamics`; frames as a table, a row a name in `frame_names`' order."""
+
+    places: IntArray
+    constants: FloatArray
+    trunk: FloatArray
+    frames: FloatArray
+    frame_bodies: IntArray
+
+
+def tree_of(
+    plant: Any,
+    base: Any,
+    joints: Sequence[str],
+    places_q: IntArray,
+    places_v: IntArray,
+    frames: Mapping[str, Any],
+    rotors: Mapping[str, float],
+) -> Tree:
+    """Walk from the base over the joints, whichever way round each of them stands.
+
+    Args:
+        plant: Finalized; its joints are those named, welds, and one that lets the base float.
+        base: Body.
+        joints: Names.
+        places_q: (n,) index of each joint in q.
+        places_v: The same in v.
+        frames: Of the plant, by name.
+        rotors: Reflected inertia by joint [kg m^2, or kg of a slide].
+    """
+    context = plant.CreateDefaultContext()
+    rows = {int(body.index()): 0 for body in plant.GetBodiesWeldedTo(base)}
+    poses = [base.EvalPoseInWorld(context)]
+    places, constants = [], []
+    left = dict(zip(joints, zip(places_q.tolist(), places_v.tolist(), strict=True), strict=True))
+    while left:
+        name = next(name for name in left if any(row is not None for row in _known(plant, name, rows)))
+        joint, known, (in_q, in_v) = plant.GetJointByName(name), _known(plant, name, rows), left.pop(name)
+        ends = joint.frame_on_parent(), joint.frame_on_child()
+        turned = known[0] is None
+        inner, outer = ends[::-1] if turned else ends
+        parent = next(row for row in known if row is not None)
+        X_PI = poses[parent].inverse() @ inner.CalcPoseInWorld(context)
+        slides = joint.type_name() == "prismatic"
+        axis = (joint.translation_axis() if slides else joint.revolute_axis()) * (-1.0 if turned else 1.0)
+        places.append((parent, int(slides), in_q, in_v))
+        pose = outer.CalcPoseInWorld(context)
+        body = _body(plant, context, outer.body(), pose)
+        turning = [*X_PI.rotation().matrix().ravel(), *X_PI.translation(), *axis]
+        constants.append([*turning, *body, rotors.get(name, 0.0)])
+        poses.append(pose)
+        rows.update({int(welded.index()): len(poses) - 1 for welded in plant.GetBodiesWeldedTo(outer.body())})
+    table, bodies = [], []
+    for frame in frames.values():
+        row = rows[int(frame.body().index())]
+        X_BF = poses[row].inverse() @ frame.CalcPoseInWorld(context)
+        table.append([*X_BF.rotation().matrix().ravel(), *X_BF.translation()])
+        bodies.append(row)
+    return Tree(
+        np.array(places, dtype=np.int64).reshape(-1, 4),
+        np.array(constants, dtype=np.float64).reshape(-1, 26),
+        np.array(_body(plant, context, base, poses[0])),
+        np.array(table, dtype=np.float64).reshape(-1, 12),
+        np.array(bodies, dtype=np.int64),
+    )
+
+
+def _known(plant: Any, name: str, rows: Mapping[int, int]) -> list[int | None]:
+    """Rows of the bodies at a joint's two ends, as far as the walk has come."""
+    joint = plant.GetJointByName(name)
+    return [rows.get(int(frame.body().index())) for frame in (joint.frame_on_parent(), joint.frame_on_child())]
+
+
+def _body(plant: Any, context: Any, body: Any, pose: Any) -> list[float]:
+    """Mass, centre of mass and inertia about it of a body with all that is welded to it, in the axes of `pose`."""
+    mass, first, second = 0.0, np.zeros(3), np.zeros((3, 3))
+    parts = []
+    for welded in plant.GetBodiesWeldedTo(body):
+        inertia = welded.CalcSpatialInertiaInBodyFrame(context)
+        if inertia.get_mass() == 0.0:
+            continue
+        X = pose.inverse() @ welded.EvalPoseInWorld(context)
+        turn, centre = X.rotation().matrix(), X.translation() + X.rotation().matrix() @ inertia.get_com()
+        own = inertia.Shift(inertia.get_com()).CalcRotationalInertia().CopyToFullMatrix3()
+        parts.append((inertia.get_mass(), centre, turn @ own @ turn.T))
+    for m, centre, _ in parts:
+        mass, first = mass + m, first + m * centre
+    middle = first / mass if mass else first
+    for m, centre, own in parts:
+        arm = centre - middle
+        second += own + m * (arm @ arm * np.eye(3) - np.outer(arm, arm))
+    return [mass, *middle, *np.diagonal(second), second[0, 1], second[0, 2], second[1, 2]]

@@ -1,0 +1,48 @@
+"""`drake-tc check`."""
+
+import json
+
+import pandas as pd
+
+
+def test_it_prints_a_table_of_effects_and_writes_page_and_json(invoke, bench, tmp_path):
+    done = invoke("check", *bench.arguments(), "--out", tmp_path / "out")
+    assert done.code == 0
+    assert "stribeck" in done.out and "It cannot be looked for" in done.out
+    page = (tmp_path / "out" / "check.html").read_text(encoding="utf-8")
+    assert "Stribeck friction" in page and "What these logs can show" in page
+    written = json.loads((tmp_path / "out" / "check.json").read_text(encoding="utf-8"))
+    assert written["name"] == "check"
+
+
+def test_its_json_names_each_effect_with_the_smallest_size_that_would_be_found(invoke, bench):
+    done = invoke("check", *bench.arguments(), "--json")
+    assert done.code == 0 and done.err == ""
+    document = json.loads(done.out)
+    (joint,) = document["joints"].values()
+    stribeck = next(e for e in joint["effects"] if e["id"] == "stribeck")
+    assert set(stribeck) == {"id", "key", "status", "size", "not_separable_from", "kept", "reason"}
+    assert 0.0 < stribeck["size"]["smallest"] < 4.0 and stribeck["size"]["unit"] == "N*m"
+    names = {finding["name"] for finding in joint["findings"]}
+    assert {"position step", "lead of the command", "clocks", "energy", "gravity"} <= names
+
+
+def test_a_torque_column_that_comes_late_is_told(invoke, bench, tmp_path):
+    rows = 10  # 20 ms
+    logs = []
+    for path in bench.logs:
+        table = pd.read_parquet(path)
+        name = next(c for c in table.columns if c.endswith("/torque"))
+        position = next(c for c in table.columns if c.endswith("/position"))
+        table[name] = table[name].shift(rows).bfill()
+        table[position] = table[position].shift(rows).bfill()
+        logs.append(tmp_path / path.name)
+        table.to_parquet(logs[-1], index=False)
+    done = invoke("check", "--rig", bench.rig, *(a for p in logs for a in ("--log", p)), "--json")
+    (joint,) = json.loads(done.out)["joints"].values()
+    clocks = next(f for f in joint["findings"] if f["name"] == "clocks")
+    assert clocks["level"] == "note" and 0.010 < clocks["value"] < 0.030
+
+
+def test_input_that_cannot_be_used_is_one_line(invoke, bench, tmp_path):
+    assert "no such" in invoke("check", "--rig", bench.rig, "--log", tmp_path / "none.csv").refusal().lower()

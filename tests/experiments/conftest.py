@@ -1,0 +1,21 @@
+"""A short recording of the demo's rig: a servo joint whose owner declares its rotor's inertia and its friction."""
+
+from pathlib import Path
+
+import pytest
+
+from drake_tc.cli.demo import DemoLength, record_demo
+from drake_tc.diagnosis.problem.prepared import Prepared, prepare_joint
+from drake_tc.logs.prepare import load_runs
+from drake_tc.logs.rig import load_rig
+
+
+@pytest.fixture(scope="session")
+def demo(tmp_path_factory) -> tuple[Path, list[Path], list[Path]]:
+    return record_demo(tmp_path_factory.mktemp("demo"), 0, DemoLength(duration=8.0, period=2e-3, step=2.5e-4), jobs=1)
+
+
+@pytest.fixture(scope="session")
+def prepared(demo) -> Prepared:
+    rig = load_rig(demo[0])
+    return prepare_joint(load_runs(demo[1], rig), [], rig, rig.joints[0])

@@ -1,0 +1,136 @@
+"""From which size on an effect would be found: closed forms, and a search that finds it there and not below."""
+
+import math
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from drake_tc.analysis.executors import processes
+from drake_tc.diagnosis.problem.columns import Columns, Term
+from drake_tc.diagnosis.problem.regression import fit
+from drake_tc.diagnosis.selection.joint import candidates, search
+from drake_tc.diagnosis.thresholds import JOINT
+from drake_tc.effects.library import effect, looked_for
+from drake_tc.experiments.check.contributions import Contribution, ContributionBuilder, explained_by
+from drake_tc.experiments.check.joint import joint_effects, joint_numbers
+from drake_tc.experiments.check.visibility import Noise, Visibility, confused_with, smallest_sizes
+from drake_tc.experiments.evidence.predicted import compared, predictions
+from drake_tc.experiments.sizes import Size, size_of
+
+
+def linear(values, span=None):
+    values = np.asarray(values, dtype=float)
+    rms = float(np.sqrt(np.mean(values**2)))
+    own = values[:, None] if span is None else span
+    return Contribution(effect("stribeck"), {}, np.ones(1), values[None, None], np.array([rms]), values, own)
+
+
+def test_the_least_explained_torque_meets_each_condition_of_the_search():
+    noise = Noise(floor=0.1, left=0.1, independent=500.0)
+    price = JOINT.least_log_evidence + 0.5 * 2 * math.log(500.0)
+    r = noise.least(2)
+    evidence = 500.0 * math.log(math.hypot(0.1, r) / 0.1) - 0.5 * 2 * math.log(500.0)
+    gain = 1.0 - 0.1 / math.hypot(0.1, r)
+    assert r >= JOINT.least_removed * 0.1 and gain >= JOINT.least_gain and evidence >= JOINT.least_log_evidence
+    few = Noise(floor=1e-6, left=0.1, independent=50.0).least(2)
+    assert_allclose(50.0 * math.log(math.hypot(0.1, few) / 0.1), price - math.log(500.0) + math.log(50.0), rtol=1e-9)
+
+
+def test_the_smallest_size_is_in_proportion_to_the_noise():
+    rng = np.random.default_rng(1)
+    values = rng.normal(size=400)
+    own = [linear(values)]
+    rms = float(np.sqrt(np.mean(values**2)))
+    assert_allclose(smallest_sizes(own, 0.3, falling=False), (0.3 / rms, 0.3 / rms), rtol=1e-12)
+    assert smallest_sizes([linear(np.zeros(400))], 0.3, falling=False) == (math.inf, math.inf)
+
+
+def test_a_size_that_is_a_shape_is_found_between_two_of_its_grid():
+    sizes = np.array([1e-3, 2e-3, 4e-3])
+    unit = np.ones(50)
+    remainders = np.stack([size * 100.0 * unit for size in sizes])[:, None, :]
+    each = Contribution(effect("delay.loop"), {}, sizes, remainders, sizes, unit, remainders[:, 0].T)
+    assert_allclose(smallest_sizes([each], 0.3, falling=False)[0], 3e-3, rtol=1e-9)
+
+
+def test_a_remainder_is_what_no_change_of_the_declared_model_imitates(prepared):
+    builder = ContributionBuilder(prepared, joint_numbers(prepared))
+    values = np.random.default_rng(0).normal(size=(builder.rows, 2))
+    left = builder.remainder(values)
+    # orthogonal to every declared column, up to the rounding of a QR decomposition
+    assert_allclose(builder.design.T @ left, 0.0, atol=1e-9 * builder.rows)
+    expected = values - builder.design @ np.linalg.lstsq(builder.design, values, rcond=None)[0]
+    assert_allclose(left, expected, atol=1e-9)
+
+
+def test_an_effect_explains_itself_and_keeps_its_sign():
+    target = np.random.default_rng(2).normal(size=300)
+    assert explained_by(target, linear(target), [0.0]) < 1e-12
+    rms = float(np.sqrt(np.mean(target**2)))
+    assert_allclose(explained_by(target, linear(-target), [0.0]), rms, rtol=1e-12)
+
+
+@pytest.mark.parametrize("key", ["load_dependent_friction", "torque_ripple", "cable_spring"])
+def test_a_search_finds_an_effect_above_its_smallest_size_and_not_far_below(prepared, key):
+    """The balance of the demo's rows with white noise as large as its floor, and an effect at one shape."""
+    builder = ContributionBuilder(prepared, joint_numbers(prepared))
+    columns, context = prepared.train, prepared.context
+    member = effect(key)
+    size = size_of(member, joint_numbers(prepared), context)
+    own = builder.of(member, size)
+    middle = own[len(own) // 2]
+    rows = columns.target.size
+    floor = prepared.floor / columns.gain
+    clean = columns.design(prepared.terms) @ fit(columns, prepared.terms).beta
+    noise = np.random.default_rng(3).normal(scale=floor, size=rows)
+    phi = columns.of(Term(member, middle.shape))
+    least = Noise(floor, floor, float(rows)).least(member.degrees_of_freedom)
+    smallest = smallest_sizes([middle], least, falling=False)[0]
+    theta = np.zeros(phi.shape[1])
+    theta[0] = smallest
+    usable, _ = candidates(looked_for(context), context, prepared.declared)
+    numbers = joint_numbers(prepared)
+    others = {e.key: builder.of(e, size_of(e, numbers, context)) for e in usable}
+    as_good = confused_with([middle], others, 2.0 * smallest, Noise(floor, floor, float(rows)))
+
+    def named(factor: float) -> set[str]:
+        target = clean - factor * phi @ theta + noise
+        made = Columns(columns.samples, columns.gain, columns.floor, target, columns.declared_gain)
+        found = search(made, prepared.terms, usable, context, prepared.floor, JOINT)
+        return {t.effect.id for t in found.chosen.terms} - {t.effect.id for t in prepared.terms}
+
+    assert named(2.0) & {key, *as_good}
+    assert not named(0.3) & {key, *as_good}
+
+
+def test_each_effect_has_a_status_and_what_is_hidden_has_a_reason(prepared):
+    found = joint_effects(prepared)
+    assert {each.key for each in found.effects} >= {"stribeck", "backlash", "thermal_friction", "delay.command"}
+    for each in found.effects:
+        assert each.status in ("seen", "weakly", "not_seen", "not_separable")
+        assert bool(each.reason) == (each.status in ("weakly", "not_seen")), each
+        assert bool(each.not_separable_from) == (each.status == "not_separable")
+    warm = next(each for each in found.effects if each.key == "thermal_friction")
+    assert warm.status == "not_seen" and "temperature not recorded" in warm.reason
+    bias = next(each for each in found.effects if each.key == "asymmetric_friction.coulomb")
+    assert "torque_sensor_bias" in bias.not_separable_from
+
+
+def test_predictions_compare_the_true_size_with_both_stated_sizes():
+    size = Size("mu", "-", 0.1)
+    seen = Visibility("a", "a", "a", "seen", size, 0.2, 0.1)
+    assert [compared([seen], x)[2] for x in (0.3, 0.15, 0.05)] == ["seen", "between", "not_seen"]
+    limit = Visibility("a", "a", "a", "seen", Size("limit", "A", 1.0, falling=True), 4.0, 5.0)
+    assert [compared([limit], x)[2] for x in (3.0, 4.5, 6.0)] == ["seen", "between", "not_seen"]
+    assert compared([], 1.0)[2] == "not_seen"
+
+
+@pytest.mark.slow
+def test_what_is_predicted_to_be_seen_is_found_on_blind_rigs(tmp_path):
+    """A small version of `drake-tc bench check`: two effects at three strengths each."""
+    with processes(2) as pool:
+        found = predictions(tmp_path, ("load_dependent_friction", "cable_spring"), 5, pool, lambda text, share: None)
+    assert len(found) == 6
+    assert all(each.found for each in found if each.predicted == "seen"), found
+    assert not any(each.found for each in found if each.predicted == "not_seen"), found

@@ -1,0 +1,217 @@
+"""Designed motions keep their limits, beat the random ones, and refuse what cannot be reached."""
+
+import math
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from drake_tc.diagnosis.problem.columns import Term
+from drake_tc.effects.base import Context
+from drake_tc.effects.library import effect
+from drake_tc.errors import ParamsError
+from drake_tc.experiments.design.basis import motion_basis, scaled
+from drake_tc.experiments.design.criteria import Discrimination, Parameters, form_of, remainder, told_apart
+from drake_tc.experiments.design.goal import criterion_of, identity, parse_goal
+from drake_tc.experiments.design.joint import DesignJoint, MotionColumns
+from drake_tc.experiments.design.lead import lead_in, quintic
+from drake_tc.experiments.design.limits import JointLimits
+from drake_tc.experiments.design.run import DesignOptions, default_motion, design_joint
+from drake_tc.experiments.design.solve import random_start
+from drake_tc.experiments.sizes import JointNumbers, size_of
+from drake_tc.filtering.common_kernel import CommonKernel
+
+LIMITS = JointLimits((-0.7, 0.9), 2.0, 9.0, jerk=300.0, torque=120.0, bandwidth_hz=2.0)
+QUICK = DesignOptions(duration=10.0, starts=1, iterations=6)
+
+
+@pytest.fixture(scope="module")
+def joint() -> DesignJoint:
+    numbers = JointNumbers(2e-4, 30.0, 5.0, 1.2, 100.0, 0.02, 2.0, 1.6)
+    context = Context(
+        drive="position_servo",
+        load="torque",
+        recorded=frozenset(),
+        declared={"rotor_inertia": 0.3},
+        max_speed=2.0,
+        position_span=(-0.7, 0.9),
+        effort_span=(-0.02, 0.02),
+        period=1e-3,
+        torque_span=(-30.0, 30.0),
+        duration=30.0,
+    )
+    declared = (Term(effect("viscous")), Term(effect("coulomb")))
+    return DesignJoint("joint", numbers, context, 0.3, 0.9, 18.0, 0.1, 0.0, declared, 0.1, 60.0, 2e-3, 0.02, 0.02)
+
+
+def form(joint, key):
+    return form_of(joint, key, size_of(effect(key), joint.numbers, joint.context))
+
+
+@pytest.mark.parametrize("kind", ["fourier", "bspline"])
+def test_the_derivatives_of_a_basis_are_those_of_its_position(kind):
+    basis = scaled(motion_basis(kind, 5.0, 2e-4, 2.0), LIMITS)
+    motion = basis.motion(np.random.default_rng(0).normal(size=basis.size))
+    closed = np.concatenate([motion, motion[:, :1]], axis=1)
+    for order in range(3):
+        slope = np.diff(closed[order]) / basis.step
+        middle = 0.5 * (closed[order + 1, 1:] + closed[order + 1, :-1])
+        # the trapezoidal rule errs by step^2/12 times the third derivative: 1.3e-5 of it at 10 Hz
+        assert_allclose(slope, middle, atol=2e-5 * np.abs(motion[order + 1]).max())
+
+
+def test_the_effort_of_a_motion_is_that_of_the_torque_balance(joint):
+    basis = scaled(motion_basis("fourier", 5.0, 5e-3, 2.0), LIMITS)
+    q, v, a, _ = motion = basis.motion(random_start(joint, basis, LIMITS, np.random.default_rng(1)))
+    signals = joint.signals(motion, 5e-3)
+    n = joint.numbers
+    torque = 0.9 * a + 18.0 * np.sin(q - 0.1) + 0.3 * a + n.viscous * v + n.coulomb * signals.direction
+    assert_allclose(signals.effort, n.gain * torque, rtol=1e-12, atol=1e-15)
+    assert_allclose(signals.command - signals.position, signals.effort, atol=1e-14)
+    assert np.abs(torque).max() <= LIMITS.torque
+
+
+def test_the_declared_columns_give_the_load_back(joint):
+    """[y*, -phi] beta = tau + J qddot for beta of the joint itself, after the filters."""
+    basis = scaled(motion_basis("fourier", 5.0, 5e-3, 2.0), LIMITS)
+    motion = basis.motion(random_start(joint, basis, LIMITS, np.random.default_rng(2)))
+    columns = MotionColumns(joint, motion, 5e-3)
+    n = joint.numbers
+    design = columns.design(joint.declared) @ np.array([1.0 / n.gain, n.viscous, n.coulomb])
+    target = joint.load(motion[0], motion[2]) + 0.3 * motion[2]
+    gain = CommonKernel(joint.kernel_width, 5e-3).gain(np.fft.rfftfreq(target.size, 5e-3)) ** 2
+    assert_allclose(design, np.fft.irfft(np.fft.rfft(target) * gain, target.size), atol=1e-9 * np.abs(target).max())
+
+
+def test_information_is_that_of_the_jacobian_by_finite_differences(joint):
+    basis = scaled(motion_basis("fourier", 5.0, 5e-3, 2.0), LIMITS)
+    motion = basis.motion(random_start(joint, basis, LIMITS, np.random.default_rng(3)))
+    columns = MotionColumns(joint, motion, 5e-3)
+    criterion = Parameters(joint, (), 10.0)
+    beta = np.array([1.0 / joint.numbers.gain, 30.0, 5.0])
+
+    def predicted(at):
+        return columns.design(joint.declared) @ at
+
+    steps = criterion.units
+    jacobian = np.stack([predicted(beta + s * e) - predicted(beta) for s, e in zip(steps, np.eye(3), strict=True)], -1)
+    expected = jacobian.T @ (columns.weight[:, None] * jacobian) * 60.0 * 10.0 / (len(jacobian) * 0.1**2)
+    assert_allclose(criterion.information(columns), expected, rtol=1e-9)
+
+
+def test_the_distance_of_two_models_is_the_least_over_all_parameters(joint):
+    basis = scaled(motion_basis("fourier", 5.0, 5e-3, 2.0), LIMITS)
+    motion = basis.motion(random_start(joint, basis, LIMITS, np.random.default_rng(4)))
+    columns = MotionColumns(joint, motion, 5e-3)
+    truth, other = form(joint, "load_dependent_friction"), form(joint, "quadratic_viscous")
+    found = Discrimination(joint, ((truth, other),), 10.0).distances(columns)[truth.effect.key, other.effect.key]
+    root = np.sqrt(columns.weight)[:, None]
+    spans = np.hstack([columns.design(joint.declared), columns.of(Term(other.effect))])
+    target = root[:, 0] * truth.change(columns, {})[:, 0]
+    beta = np.linalg.lstsq(root * spans, target, rcond=None)[0]
+    rest = target - (root * spans) @ beta
+    assert_allclose(found, [rest @ rest * 60.0 * 10.0 / (rest.size * 0.1**2)], rtol=1e-6)
+
+
+def test_a_remainder_ignores_columns_that_are_alike():
+    rng = np.random.default_rng(5)
+    basis = rng.normal(size=(50, 2))
+    doubled = np.column_stack([basis, basis[:, 0], np.zeros(50)])
+    values = rng.normal(size=(50, 1))
+    assert_allclose(remainder(doubled, values), remainder(basis, values), atol=1e-12)
+
+
+def test_the_probability_of_being_told_apart_is_that_of_simulated_fits():
+    """Differences of squared errors of two models at distance T in unit noise, by Monte Carlo."""
+    rng = np.random.default_rng(6)
+    for distance in (4.0, 16.0, 40.0):
+        apart = np.sqrt(distance) * rng.normal(size=200_000) * 2.0 + distance
+        # the share of resamples in which the better model wins is the normal distribution of difference over spread
+        sure = np.mean(apart / (2.0 * np.sqrt(distance)) > 2.0537)
+        assert_allclose(told_apart(distance, 1e-9), sure, atol=5e-3)
+    assert told_apart(0.0, 100.0) == 0.0
+
+
+@pytest.mark.parametrize("goal", ["parameters", "tell:load_dependent_friction,quadratic_viscous", "all"])
+def test_a_designed_motion_keeps_every_limit_and_is_no_worse_than_any_random_one(joint, goal):
+    design = design_joint(joint, LIMITS, parse_goal(goal), QUICK)
+    assert design.optimum.value >= design.optimum.start_value
+    time, motion = design.motion(500.0)
+    assert time[0] == 0.0 and time[-1] >= 10.0
+    assert_allclose(motion[1:3, [0, -1]], 0.0, atol=1e-6)  # at rest at both ends
+    slack = 1.0 + 1e-6
+    assert LIMITS.position[0] - 1e-6 <= motion[0].min() and motion[0].max() <= LIMITS.position[1] + 1e-6
+    assert np.abs(motion[1]).max() <= LIMITS.velocity * slack
+    assert np.abs(motion[2]).max() <= LIMITS.acceleration * slack
+    assert np.abs(motion[3]).max() <= LIMITS.jerk * slack
+    assert np.abs(np.diff(motion[0])).max() <= LIMITS.velocity / 500.0 * slack
+    torque = joint.signals(design.basis.motion(design.optimum.x), design.basis.step).effort / joint.numbers.gain
+    assert np.abs(torque).max() <= LIMITS.torque
+
+
+def test_the_same_seed_gives_the_same_motion(joint):
+    first, second = (design_joint(joint, LIMITS, parse_goal("parameters"), QUICK).optimum.x for _ in range(2))
+    assert_allclose(first, second, rtol=0.0, atol=0.0)
+
+
+def test_a_designed_motion_separates_better_than_a_growing_sinusoid(joint):
+    design = design_joint(joint, LIMITS, parse_goal("tell:load_dependent_friction,quadratic_viscous"), QUICK)
+    distances = design.expected[1:]
+    assert min(each.after for each in distances) > min(each.default for each in distances), distances
+
+
+def test_two_effects_that_are_one_function_are_refused_with_the_identity(joint):
+    with pytest.raises(ParamsError, match=r"same function.*column of bias = .*offset.*random states") as found:
+        criterion_of(parse_goal("tell:torque_sensor_bias,encoder_offset"), joint, 30.0)
+    assert "\n" not in str(found.value)
+
+
+def test_an_effect_that_contains_another_is_told_from_it_in_one_order(joint):
+    criterion = criterion_of(parse_goal("tell:torque_sensor_bias,asymmetric_friction"), joint, 30.0)
+    assert isinstance(criterion, Discrimination)
+    assert [pair[0].effect.id for pair in criterion.orders] == ["asymmetric_friction"]
+    assert identity(joint, form(joint, "torque_sensor_bias"), form(joint, "asymmetric_friction")) is not None
+
+
+@pytest.mark.parametrize(
+    ("goal", "words"),
+    [
+        ("faster", "expected parameters, tell:A,B or all"),
+        ("tell:stribeck", "two different effects"),
+        ("tell:stribeck,nonsense", "no effect"),
+        ("all:stribeck", "expected parameters"),
+    ],
+)
+def test_a_goal_that_is_none_is_one_line(goal, words):
+    with pytest.raises(ParamsError, match=words):
+        parse_goal(goal)
+
+
+def test_an_effect_that_the_logs_cannot_show_is_refused(joint):
+    with pytest.raises(ParamsError, match="temperature not recorded"):
+        criterion_of(parse_goal("tell:thermal_friction,stribeck"), joint, 30.0)
+
+
+def test_limits_that_contradict_each_other_are_refused(joint):
+    with pytest.raises(ParamsError, match="contradict each other"):
+        design_joint(joint, JointLimits((-0.7, 0.9), 2.0, 9.0, torque=10.0), parse_goal("parameters"), QUICK)
+    with pytest.raises(ParamsError, match="LOW < HIGH"):
+        JointLimits((0.5, -0.5), 2.0, 9.0)
+    with pytest.raises(ParamsError, match="velocity"):
+        JointLimits((-0.5, 0.5), -2.0, 9.0)
+
+
+def test_a_lead_in_joins_rest_and_motion_within_the_limits():
+    state = np.array([0.3, 0.4, -2.0])
+    rest, length = lead_in(state, LIMITS, "joint")
+    motion = quintic(np.array([rest, 0.0, 0.0]), state, length, np.linspace(0.0, length, 1001))
+    assert_allclose(motion[:3, -1], state, atol=1e-9)
+    assert_allclose(motion[1:3, 0], 0.0, atol=1e-12)
+    assert np.abs(motion[2]).max() <= LIMITS.acceleration
+    assert math.isfinite(rest)
+
+
+def test_the_default_motion_fills_the_limits():
+    motion = default_motion(LIMITS, 30.0)
+    assert np.abs(motion[1]).max() <= LIMITS.velocity and np.abs(motion[2]).max() <= LIMITS.acceleration
+    assert motion[0].max() > 0.6 * LIMITS.position[1]

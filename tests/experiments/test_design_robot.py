@@ -1,0 +1,101 @@
+"""A robot's motion keeps its limits and the distance between its links, and identifies more than sinusoids do."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from pydrake.geometry import SceneGraph
+from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
+from pydrake.systems.framework import DiagramBuilder
+
+from drake_tc.errors import ParamsError
+from drake_tc.experiments.design.collisions import SelfCollision
+from drake_tc.experiments.design.robot import RobotOptions, design_robot, robot_limits
+from drake_tc.robot.plant import add_robot, joint_limits
+from drake_tc.robot.robot import load_robot
+
+QUICK = RobotOptions(duration=10.0, starts=1, iterations=3, distance=0.02)
+
+
+def link(name, mass, length):
+    return f"""<link name="{name}"><inertial><origin xyz="0 0 {length / 2}"/><mass value="{mass}"/>
+<inertia ixx="0.02" iyy="0.02" izz="0.004" ixy="0" ixz="0" iyz="0"/></inertial>
+<collision><origin xyz="0 0 {length / 2}"/><geometry>
+<box size="0.06 0.06 {length - 0.1}"/></geometry></collision></link>"""
+
+
+def joint(name, parent, child, axis, height):
+    return f"""<joint name="{name}" type="revolute"><parent link="{parent}"/><child link="{child}"/>
+<origin xyz="0 0 {height}"/><axis xyz="{axis}"/><limit lower="-2.6" upper="2.6" velocity="2" effort="60"/></joint>"""
+
+
+@pytest.fixture
+def arm(tmp_path):
+    """Three links that can fold back onto the first one."""
+    parts = [
+        link("base", 5.0, 0.4), link("upper", 3.0, 0.4), link("fore", 2.0, 0.4), link("hand", 1.0, 0.4),
+        joint("turn", "base", "upper", "0 0 1", 0.4), joint("bend", "upper", "fore", "0 1 0", 0.4),
+        joint("fold", "fore", "hand", "0 1 0", 0.4),
+    ]  # fmt: skip
+    (tmp_path / "arm.urdf").write_text(f'<robot name="arm">{"".join(parts)}</robot>', encoding="utf-8")
+    (tmp_path / "arm.yaml").write_text(
+        "name: arm\nurdf: arm.urdf\nbase: base\nfixed_base: true\njoints: [turn, bend, fold]\n", encoding="utf-8"
+    )
+    return load_robot(tmp_path / "arm.yaml")
+
+
+def distance(robot, q):
+    """Smallest signed distance of all candidate pairs, straight from Drake's geometry queries."""
+    builder = DiagramBuilder()
+    plant, graph = AddMultibodyPlantSceneGraph(builder, 0.0)
+    add_robot(plant, robot, collisions=True, rotors=False)
+    plant.Finalize()
+    diagram = builder.Build()
+    context = diagram.CreateDefaultContext()
+    plant.SetPositions(plant.GetMyContextFromRoot(context), q)
+    assert isinstance(graph, SceneGraph)
+    query = graph.get_query_output_port().Eval(graph.GetMyContextFromRoot(context))
+    return min(pair.distance for pair in query.ComputeSignedDistancePairwiseClosestPoints(10.0))
+
+
+def test_the_distance_constraint_agrees_with_the_geometry(arm):
+    constraint = SelfCollision(arm, 0.02)
+    assert constraint.active
+    for q in (np.zeros(3), np.array([0.3, 1.0, -0.5]), np.array([0.0, 2.5, 2.5])):
+        assert constraint.allows(q[None]) == (distance(arm, q) >= 0.02)
+
+
+def test_the_slope_of_the_distance_is_that_of_finite_differences(arm):
+    constraint = SelfCollision(arm, 0.3)
+    q = np.array([0.2, 1.6, 1.2])
+    value, slope = constraint.gradient(q)
+    assert_allclose(value, constraint.value(q), rtol=1e-9)
+    step = 1e-6
+    expected = [(constraint.value(q + step * e) - constraint.value(q - step * e)) / (2 * step) for e in np.eye(3)]
+    assert_allclose(slope, expected, atol=1e-4 * max(1.0, float(np.abs(expected).max())))
+
+
+def test_a_designed_motion_keeps_limits_and_distances_and_identifies_more(arm):
+    design = design_robot(arm, robot_limits(arm), QUICK)
+    time, motions = design.motion(50.0)
+    assert set(motions) == {"turn", "bend", "fold"} and time[-1] > 10.0
+    limits = joint_limits(arm)
+    for i, name in enumerate(arm.joints):
+        motion = motions[name]
+        assert limits.lower[i] <= motion[0].min() and motion[0].max() <= limits.upper[i]
+        assert np.abs(motion[1]).max() <= limits.velocity[i] * (1.0 + 1e-6)
+        assert_allclose(motion[1:3, [0, -1]], 0.0, atol=1e-6)
+        assert np.abs(np.diff(motion[0])).max() <= limits.velocity[i] / 50.0 * 1.02  # no step where the parts join
+    q = np.stack([motions[name][0] for name in arm.joints], axis=-1)
+    lead = np.flatnonzero((time > 5.0) & (time < time[-1] - 5.0))[::7]
+    assert min(distance(arm, each) for each in q[lead]) > 0.0
+    ratio = np.median([e.after / e.default for e in design.expected])
+    assert ratio < 0.8, ratio
+    assert design.value >= design.start_value - 1e-9
+
+
+def test_a_posture_in_which_links_touch_is_refused(arm, tmp_path):
+    text = (tmp_path / "arm.yaml").read_text(encoding="utf-8") + "posture: {bend: 2.55, fold: 2.55}\n"
+    (tmp_path / "folded.yaml").write_text(text, encoding="utf-8")
+    folded = load_robot(tmp_path / "folded.yaml")
+    with pytest.raises(ParamsError, match="links are closer than"):
+        design_robot(folded, robot_limits(folded), QUICK)

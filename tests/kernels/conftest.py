@@ -1,0 +1,35 @@
+"""A few ticks of robust TSID of the humanoid, so that its kernels have run in a loop."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import drake_tc.models
+import numpy as np
+import pytest
+
+from drake_tc.tsid.configuration import load_law
+from drake_tc.tsid.law import Before, Status, solve_tick
+from drake_tc.tsid.qp.problem import Outcome
+
+
+@dataclass(frozen=True)
+class Ticks:
+    """What came of them."""
+
+    solved: bool
+
+
+@pytest.fixture(scope="session")
+def humanoid_ticks():
+    law = load_law(Path(drake_tc.models.__file__).parent / "hrp2_like" / "hrp2_like_tsid.yaml")
+    model, before = law.model, Before(np.zeros(law.model.n), None)
+    scratch, references = model.create_scratch(), [task.rest(law.starting_terms()) for task in law.tasks]
+    state = np.concatenate((model.start, np.zeros(model.nv)))
+    for array in (state, *references):
+        array.setflags(write=False)
+    for active in ((True, True), (True, False), (True, True)):
+        tick = solve_tick(law, scratch, state, references, active, before)
+        before = Before(tick.torque, tick.start)
+        if tick.error is not None or tick.status[Status.OUTCOME] == Outcome.FAILED:
+            return Ticks(False)
+    return Ticks(True)

@@ -1,0 +1,42 @@
+"""The kernels as plain Python, which coverage and debuggers see: the same tests, with Numba's compiler switched off."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+TESTS = Path(__file__).parents[1]
+FILES = (
+    "kernels/test_dynamics.py",
+    "kernels/test_gaussian.py",
+    "kernels/test_compiling.py",
+    "tsid/test_robust_newton.py",
+    "tsid/test_robust_box.py",
+    "tsid/test_robust_individual.py",
+    "tsid/test_limits_viability.py",
+    "tsid/test_tasks_motion.py",
+    "tsid/test_reduction.py",
+)
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(3000)
+@pytest.mark.parametrize("file", FILES)
+def test_the_kernels_as_python(file):
+    environment = {**os.environ, "NUMBA_DISABLE_JIT": "1"}
+    command = [
+        sys.executable,
+        "-m",
+        "pytest",
+        "-q",
+        "-x",
+        "-p",
+        "no:cacheprovider",
+        "-m",
+        "not slow",
+        str(TESTS / file),
+    ]
+    found = subprocess.run(command, env=environment, capture_output=True, text=True, cwd=TESTS.parent, check=False)
+    assert found.returncode == 0, found.stdout[-4000:]

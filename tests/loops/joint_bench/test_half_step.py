@@ -1,0 +1,62 @@
+"""A rig that lacks nothing, simulated at 1 ms and at 0.1 ms: the step of the simulation is no missing effect."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from drake_tc.actuation.half_step import simulated_inertia
+from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
+from drake_tc.diagnosis.run import close_loop
+from drake_tc.loops.joint_bench.diagram import Table
+from drake_tc.loops.joint_bench.recording import BenchScenario, record_bench
+from drake_tc.loops.recording import write_log, write_rig
+
+VISCOUS, ROTOR, LINK, GRAVITY, DURATION = 30.0, 0.3, 0.6, 12.0, 8.0
+
+
+def model():
+    effects = {"viscous": VISCOUS, "coulomb": 2.0, "rotor_inertia": ROTOR}
+    values = tuple(EffectValue(key, {key: value}) for key, value in effects.items())
+    return ActuatorModel("knee", Drive("current", 0.4), values)
+
+
+def record(step, seed):
+    rng = np.random.default_rng(seed)
+    time = np.arange(round(DURATION / step) + 1) * step
+    w, size = 2.0 * np.pi * np.array([0.2, 0.5, 1.1, 1.9]), np.array([0.5, 0.3, 0.12, 0.05])
+    angle = np.outer(time, w) + rng.uniform(0.0, 2.0 * np.pi, 4)
+    q, v, a = np.sin(angle) @ size, np.cos(angle) @ (size * w), -np.sin(angle) @ (size * w**2)
+    torque = (LINK + ROTOR) * a + GRAVITY * np.sin(q) + VISCOUS * v + 2.0 * np.tanh(v / 0.01)
+    command = 0.4 * torque * np.clip(time, 0.0, 1.0)
+    rates = {"log_period": 1e-3, "step": step, "torque_noise": 0.02, "encoder_resolution": 1e-5}
+    scenario = BenchScenario(DURATION, link_inertia=LINK, gravity_moment=GRAVITY, seed=seed, **rates)
+    return record_bench(model(), Table(time, command), scenario)
+
+
+@pytest.mark.parametrize("step", [1e-3, 1e-4])
+def test_nothing_is_named_on_a_simulated_rig_that_lacks_nothing(tmp_path, step):
+    logs = []
+    for seed in range(3):
+        run = record(step, seed)
+        logs.append(write_log({"time": run.time, **run.columns}, tmp_path / f"run_{seed}.csv"))
+    declared = {"rotor_inertia": simulated_inertia(model(), step)}
+    rig = write_rig(
+        {"joint": "knee", "drive": "current", "load": "torque", "declared": declared}, tmp_path / "rig.yaml"
+    )
+    found = close_loop(rig, logs[:2], logs[2:]).joints["knee"]
+    assert (found.verdict, found.effects) == ("no_missing_effect", ())
+
+
+def test_the_log_of_a_simulation_shows_a_larger_inertia():
+    """(J + f_v h/2) qddot + f_v qdot, of central differences, is what symplectic Euler with implicit friction obeys."""
+    assert simulated_inertia(model(), 1e-3) == pytest.approx(ROTOR + 0.5e-3 * VISCOUS)
+    h, j, q, v = 1e-3, ROTOR, 0.0, 0.4
+    positions = [q]
+    for n in range(50):
+        v = (v + h / j * np.sin(0.1 * n)) / (1.0 + h / j * VISCOUS)
+        q += h * v
+        positions.append(q)
+    x = np.array(positions)
+    acceleration, velocity = np.diff(x, 2) / h**2, (x[2:] - x[:-2]) / (2.0 * h)
+    shown = simulated_inertia(model(), h)
+    assert_allclose(shown * acceleration + VISCOUS * velocity, np.sin(0.1 * np.arange(1, 50)), atol=1e-8)
