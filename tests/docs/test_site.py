@@ -77,7 +77,7 @@ def test_every_section_has_pages(pages, section):
 
 LONGEST = 900
 """Words of a text without a heading; tables and code are looked up, not read."""
-OLDER = {"drake_tc/diagnosis/README.md": 2100, "CHANGELOG.md": 3000, "diagrams/README.md": 950}
+OLDER = {"drake_tc/diagnosis/README.md": 2500, "CHANGELOG.md": 4000, "diagrams/README.md": 1000}
 """Pages that have longer parts."""
 
 
