@@ -220,6 +220,7 @@ def test_what_is_imported_is_declared():
     everything = library | {distribution_name(name) for extra in extras.values() for name in extra}
     installed = modules_of_distributions() | {module: {name} for module, name in DISTRIBUTIONS.items()}
     ours = {"drake_tc", *(path.stem for folder in ("tests", "docs") for path in (ROOT / folder).iterdir())}
+    ours |= {path.stem for path in (ROOT / "tests").rglob("*.py")}
     missing = {}
     for path in every_source():
         declared = library if path in sources() else everything

@@ -15,7 +15,7 @@ MOVABLE = ("revolute", "continuous", "prismatic")
 """Types of one degree of freedom: those that can be driven, or locked at a position."""
 KINDS = (*MOVABLE, "fixed")
 _MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
-_SLACK, _NOTHING = 1e-6, 1e-20
+_SLACK, _NOTHING = 1e-6, 1e-15
 """Of the largest moment of inertia, as files round; and an inertia that is none [kg m^2]."""
 
 

@@ -36,7 +36,9 @@ def scenario(name=None, file=None):
 def entry(name):
     if name != "small":
         raise ParamsError(f"no diagram {name!r}; diagrams: small")
-    return SimpleNamespace(build=small, scenario=scenario)
+    made = SimpleNamespace(build=small, scenario=scenario)
+    made.naming = lambda file, text: made
+    return made
 
 
 @pytest.fixture

@@ -180,7 +180,7 @@ def test_a_voltage_motor_by_its_data_sheet(invoke, volts, tmp_path):
         ),
         (
             f"motors: {{all: {{{MOTOR.format(kt=-1)}, {REST}}}}}",
-            "sheet.yaml: motors.all.torque_constant: expected a positive number",
+            "sheet.yaml: motors.all.torque_constant: expected a number from 1e-12 to 1e+09",
         ),
         (
             f"motors: {{all: {{{MOTOR.format(kt=0.04)}, {REST}}}}}\nwidths: {{coulomb: 0}}",

@@ -19,7 +19,7 @@ SCENARIOS = {
     "a duplicate key": ("sea_joint", "{duration: 1, duration: 2}", "'duration' is given twice"),
     "a date": ("sea_joint", "{duration: 2001-99-99}", "'2001-99-99'"),
     "a tag": ("sea_joint", "{duration: !!float abc}", "the tag '!!float' is not read"),
-    "digits": ("sea_joint", f"{{duration: {'9' * 5000}}}", "at most 40 digits; got 5000"),
+    "digits": ("sea_joint", f"{{duration: {'9' * 5000}}}", "at most 40 digits, got 5000"),
     "deep": ("sea_joint", "{a: " * 90 + "1" + "}" * 90, "at most 50 levels"),
 }
 

@@ -9,6 +9,7 @@ import pytest
 from drake_tc.control.torque_control import CompensationSpec
 from drake_tc.estimation.delay_predictor import PredictorSpec
 from drake_tc.estimation.disturbance_observer import ObserverSpec
+from drake_tc.loops.scenarios.parts import FilterSpec
 from drake_tc.loops.torque import scenario as data
 from drake_tc.registry import diagrams
 from drake_tc.sensing.fault import SensorFault
@@ -18,7 +19,7 @@ from drake_tc.sensing.suite import SensorSuiteSpec
 PAGE = (Path(__file__).resolve().parents[2] / "diagrams" / "README.md").read_text("utf-8")
 PARTS = {
     "gains": data.GainSpec,
-    "filters": data.FilterSpec,
+    "filters": FilterSpec,
     "compensation": CompensationSpec,
     "motion": data.MotionSpec,
     "force": data.ForceSpec,

@@ -276,7 +276,7 @@ def test_a_foot_is_lifted_and_put_down():
         ("{controller: nowhere.yaml}", "nowhere.yaml: no such controller file"),
         ("{changes: {contacts: null, tasks: {force: null}}}", "contacts: expected at least one to stand on, got none"),
         ("{changes: {formulation: {measure: best}}}", "hrp2_like_tsid.yaml: formulation.measure: expected one of"),
-        ("{gains: 1.0}", "unknown key 'gains'; allowed: controller, changes"),
+        ("{gains: 1.0}", "unknown key 'gains'; allowed: controller, seed"),
     ],
 )
 def test_what_cannot_be_simulated_is_refused(text, message):

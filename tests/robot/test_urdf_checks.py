@@ -18,9 +18,9 @@ REFUSED = {
     "mass is text": (SOUND.replace('mass value="1.5"', 'mass value="abc"', 1), "'upper' mass: .* got 'abc'"),
     "mass is nan": (SOUND.replace('mass value="1.5"', 'mass value="nan"', 1), "'upper' mass: expected a finite"),
     "mass below 0": (SOUND.replace('mass value="1.5"', 'mass value="-3.2"', 1), "mass: expected a number >= 0"),
-    "mass missing": (SOUND.replace('mass value="1.5"', "mass", 1), "mass: expected a finite number; got none"),
+    "mass missing": (SOUND.replace('mass value="1.5"', "mass", 1), "mass: expected a finite number, got none"),
     "inertia below 0": (SOUND.replace('ixx="0.02"', 'ixx="-1"', 1), "'upper' inertia: expected moments of inertia"),
-    "inertia is text": (SOUND.replace('iyy="0.02"', 'iyy=""', 1), "'upper' iyy: expected a finite number; got ''"),
+    "inertia is text": (SOUND.replace('iyy="0.02"', 'iyy=""', 1), "'upper' iyy: expected a finite number, got ''"),
     "products too large": (SOUND.replace('ixy="0"', 'ixy="0.5"', 1), "'upper' inertia: expected moments"),
     "centre of mass": (SOUND.replace('xyz="0 0 -0.1"', 'xyz="0 nan 1"', 1), "inertial xyz: expected 3 finite"),
     "loop": (urdf(UPPER, LOWER, KNEE, OTHER), "closes a loop"),
@@ -30,13 +30,13 @@ REFUSED = {
     "joint twice": (urdf(UPPER, LOWER, HIP, KNEE, KNEE), "joint 'knee' is there twice"),
     "effort below 0": (SOUND.replace('effort="50"', 'effort="-5"', 1), "'hip': limit effort: .* got -5"),
     "velocity below 0": (SOUND.replace('velocity="5"', 'velocity="-5"', 1), "'hip': limit velocity: .* got -5"),
-    "lower above upper": (SOUND.replace('lower="-3"', 'lower="4"', 1), "'hip': limit: expected lower <= upper; got 4"),
+    "lower above upper": (SOUND.replace('lower="-3"', 'lower="4"', 1), "'hip': limit: expected lower <= upper, got 4"),
     "type": (SOUND.replace('type="revolute"', 'type="ball"', 1), "'hip': type 'ball' cannot be simulated"),
     "floating": (SOUND.replace('type="revolute"', 'type="floating"', 1), "expected one of revolute, continuous"),
     "no type": (SOUND.replace(' type="revolute"', "", 1), "'hip': type '' cannot be simulated"),
     "deep": (
         SOUND.replace("</robot>", "<a>" * 90 + "</a>" * 90 + "</robot>"),
-        "levels deep; got 91",
+        "levels deep, got 91",
     ),
     "bomb": (
         '<!DOCTYPE r [<!ENTITY a "aaaaaaaaaa">'

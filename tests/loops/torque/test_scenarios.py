@@ -122,7 +122,7 @@ def test_extends_changes_field_by_field(file):
             "{faults: {imu: [{kind: gone}]}}",
             r"faults\.imu\[0\]\.kind: expected one of frozen, dropped, biased, nan",
         ),
-        ("one", "{force: {a: {offset: [1.0]}}}", r"force\.a: force: expected six numbers"),
+        ("one", "{force: {a: {offset: [1.0]}}}", r"force\.a\.force: expected six numbers"),
         ("one", "{guard: {start_rate: 0.0}}", r"guard\.start_rate: expected finite numbers > 0"),
         ("one", "{monitor: {hold: 0.0}}", "hold: expected a positive number"),
         ("one", "[1, 2]", r"scenario text: expected a mapping of fields, got '\[1, 2\]'"),

@@ -61,7 +61,7 @@ def test_damping_of_all_joints_goes_by_the_velocities_that_the_controller_has():
     wires = loop.diagram.connection_map().items()
     sources = [source for target, source in wires if target[0].get_name() == "joint_damping"]
     assert [(source[0].get_name(), source[1]) for source in sources] == [
-        ("base_estimator", estimator.GetOutputPort("state").get_index())
+        ("base_estimator", estimator.GetOutputPort("estimated_state").get_index())
     ]
     wanted = np.zeros((loop.law.model.n, loop.plant.num_multibody_states()))
     for row, joint in enumerate(loop.robot.joints):
