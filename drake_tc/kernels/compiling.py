@@ -159,4 +159,5 @@ def _is_cached(function: Callable[..., Any], folder: Path) -> bool:
 
 @cache
 def _tell_once() -> None:
-    print("Compiling kernels (once) ...", file=sys.stderr, flush=True)
+    sys.stderr.write("Compiling kernels (once) ...\n")
+    sys.stderr.flush()
