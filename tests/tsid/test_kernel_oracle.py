@@ -27,7 +27,7 @@ from .problems import Setup, problem_at, state
 QP = solver()
 TORQUE = 1e-8
 """[N m]."""
-RELATIVE = 1e-10
+RELATIVE = 1e-9
 """Of the largest torque: what rounding leaves of the whole program's own answer."""
 ACCURACY = 1e-12
 """Of R."""

@@ -228,7 +228,7 @@ def test_orientation_comes_home_from_far_away():
         (lambda m: ComTask(1, 1, weight=np.inf), r"task 'com': weight: expected finite numbers"),
         (lambda m: ComTask(1, 1, mask=[False] * 3), r"task 'com': mask: expected at least one axis"),
         (lambda m: ComTask(1, 1, mask=[True, True]), r"task 'com': mask: expected 3 of true or false"),
-        (lambda m: AngularMomentumTask(-1), r"task 'angular momentum': kp: wanted"),
+        (lambda m: AngularMomentumTask(-1), r"task 'angular momentum': kp: expected"),
         (lambda m: PostureTask(m, 1, 1, joints=["knee"]), r"task 'posture': no joint 'knee'; joints: wrist"),
         (lambda m: PostureTask(m, 1, 1, joints=["wrist"] * 2), r"task 'posture': joint 'wrist' is named twice"),
         (lambda m: PostureTask(m, 1, 1, joints=[]), r"task 'posture': expected at least one joint"),
