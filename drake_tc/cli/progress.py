@@ -27,7 +27,7 @@ class _Lines:
 
     def report(self, text: str, share: float) -> None:
         stage, now = re.sub(r"\d+(\.\d+)?", "#", text), time.monotonic()
-        if stage != self._stage or now - self._told >= PAUSE:
+        if stage != self._stage or now - self._told >= PAUSE or share >= 1.0:
             print(f"{self._title}: {text}", file=sys.stderr)
             self._stage, self._told = stage, now
 
@@ -37,7 +37,7 @@ def progress_bar(title: str, *, quiet: bool = False) -> Iterator[Callable[[str, 
     """Yield report(text, share in [0, 1]).
 
     In a terminal it moves a bar; a narrow one keeps the text and drops the bar. Elsewhere it prints a line when a new
-    stage begins, and another one of the same stage after `PAUSE` at the earliest.
+    stage begins, another one of the same stage after `PAUSE` at the earliest, and the last one (a share of 1).
     """
     if quiet or not sys.stderr.isatty():
         yield _silent if quiet else _Lines(title).report

@@ -30,6 +30,9 @@ def test_without_a_folder_files_go_to_a_scratch_folder_that_is_removed():
     assert not folder.exists()
 
 
+STAGE = {4: "reading", 5: "fitting"}
+
+
 def test_progress_of_all_seeds_together_is_told_on_stderr(capsys):
-    by_seed("bench x", [4, 5], None, 1, lambda folder, seed, pool, report: report("half", 0.5), quiet=False)
-    assert capsys.readouterr().err.splitlines() == ["bench x: seed 4: half", "bench x: seed 5: half"]
+    by_seed("bench x", [4, 5], None, 1, lambda folder, seed, pool, report: report(STAGE[seed], 0.5), quiet=False)
+    assert capsys.readouterr().err.splitlines() == ["bench x: seed 4: reading", "bench x: seed 5: fitting"]
