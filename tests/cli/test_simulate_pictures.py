@@ -90,7 +90,7 @@ def test_a_window_shows_the_plot(invoke, monkeypatch):
     plt.close("all")
 
 
-def test_one_stage_is_told_once_in_ten_seconds(capsys, monkeypatch):
+def test_one_stage_is_told_once_in_ten_seconds_and_at_its_end(capsys, monkeypatch):
     now = [0.0]
     monkeypatch.setattr(progress.time, "monotonic", lambda: now[0])
     with progress_bar("simulate") as report:
@@ -99,4 +99,4 @@ def test_one_stage_is_told_once_in_ten_seconds(capsys, monkeypatch):
             now[0] = 0.1 * step
             report(f"{0.1 * step:.1f} of 25 s", step / 250)
     told = capsys.readouterr().err.splitlines()
-    assert told == ["simulate: building", *(f"simulate: {t} of 25 s" for t in ("0.1", "10.1", "20.1"))]
+    assert told == ["simulate: building", *(f"simulate: {t} of 25 s" for t in ("0.1", "10.1", "20.1", "25.0"))]
