@@ -4,7 +4,7 @@
 class DrakeTcError(Exception):
     """Root of every error that drake_tc raises on purpose.
 
-    The message is one line that says what was wanted, what came, and what is possible.
+    The message is one line that says what was expected, what came, and what is possible.
 
     Example:
         >>> try:

@@ -1,4 +1,4 @@
-"""Figures of paper C's whole loop that README tables quote: contacts, sensors that fail, errors of the base."""
+"""Figures of Faraji et al. (2015)'s whole loop that README tables quote: contacts, sensors that fail, errors of the base."""
 
 from readme_quotes import MILLI, PAPER_C, Quote, Values, each, recorded
 

@@ -227,7 +227,7 @@ OTHER_PAGES: list[Quote] = [
             *each("A.tune", "perturbed plants: ran away"),
         ],
     ),
-    # --- the whole loop of paper C
+    # --- the whole loop of Faraji et al. (2015)
     *(
         (
             PAPER_C,

@@ -33,7 +33,7 @@ class Part:
 
 PARTS = {
     "leg": Part(
-        "paper A: the leg's torque loop, its faults and stress, what it is tuned to, its command line",
+        "Del Prete et al. (2016): the leg's torque loop, its faults and stress, what it is tuned to, its command line",
         (
             REPRODUCED + "A.fig*",
             REPRODUCED + "A.t[ao]*",
@@ -47,12 +47,12 @@ PARTS = {
         ),
     ),
     "leg-sweeps": Part(
-        "paper A: stability, its grid, tuning, and what goes beyond the paper",
+        "Del Prete et al. (2016): stability, its grid, tuning, and what goes beyond the paper",
         (REPRODUCED + "A.stability*", REPRODUCED + "A.tune?", REPRODUCED + "A.beyond?"),
         alone=True,
     ),
     "tsid": Part(
-        "paper B: its five tests, how their motions were chosen, quadratic programs",
+        "Del Prete and Mansard (2015): its five tests, how their motions were chosen, quadratic programs",
         (REPRODUCED + "B.test*", "diagrams/papers/delprete2015/test_reproductions.py::*", "tsid/*"),
         alone=True,
     ),
@@ -60,13 +60,13 @@ PARTS = {
         "the compiled functions run as Python (NUMBA_DISABLE_JIT=1)", ("kernels/test_without_compiler.py::*",)
     ),
     "closed-loop": Part(
-        "paper B: twenty robots in the whole chain (B.closed_loop)", (REPRODUCED + "B.closed_loop?",), alone=True
+        "Del Prete and Mansard (2015): twenty robots in the whole chain (B.closed_loop)", (REPRODUCED + "B.closed_loop?",), alone=True
     ),
     "humanoid": Part(
         "humanoids of several makers on a floor under robust TSID", ("diagrams/test_humanoid_tsid.py::*",)
     ),
     "series-elastic": Part(
-        "paper C: one series-elastic joint, its laws and its motor",
+        "Faraji et al. (2015): one series-elastic joint, its laws and its motor",
         (
             *(REPRODUCED + id_ for id_ in ("C.bode?", "C.held?", "C.motor?")),
             "loops/series_elastic/*",
@@ -75,7 +75,7 @@ PARTS = {
         ),
     ),
     "coman-motions": Part(
-        "paper C: the whole loop turns, bows and slips; the base's estimate",
+        "Faraji et al. (2015): the whole loop turns, bows and slips; the base's estimate",
         (
             *(REPRODUCED + id_ for id_ in ("C.turn*", "C.genuflection?", "C.slip?", "C.soles?")),
             "diagrams/test_coman_loop.py::*",
@@ -83,7 +83,7 @@ PARTS = {
         ),
     ),
     "coman-disturbed": Part(
-        "paper C: the whole loop is pushed, stands on one foot and on three contacts, loses sensors",
+        "Faraji et al. (2015): the whole loop is pushed, stands on one foot and on three contacts, loses sensors",
         (
             *(REPRODUCED + id_ for id_ in ("C.pushes?", "C.one_foot?", "C.three_contacts?", "C.faults?")),
             "diagrams/papers/faraji2015/test_pushes.py::*",

@@ -75,10 +75,10 @@ def record(result: Mapping[str, Any], share: float = SHARE) -> list[str]:
     path = expected_path(file)
     values = {row["name"]: row["value"] for row in [*result["rows"], *result["others"]]}
     path.write_text(recorded_text(path.read_text("utf-8"), values, share), encoding="utf-8")
-    recorded, wanted = on_record(file), expectations(file)
-    if left := sorted(set(wanted) - set(recorded)):
+    recorded, expected = on_record(file), expectations(file)
+    if left := sorted(set(expected) - set(recorded)):
         raise ParamsError(f"{path}: expected one row a line, with its name in double quotes: {', '.join(left)}")
-    rows = [Row(name, item.reached, wanted.get(name)) for name, item in recorded.items()]
+    rows = [Row(name, item.reached, expected.get(name)) for name, item in recorded.items()]
     contradicted: list[str] = departures(rows, recorded)
     return contradicted
 

@@ -25,7 +25,7 @@ TREE: list[Entry] = [
         [
             ("My log format", "your_own_log.md"),
             ("My robot", "your_own_robot.md"),
-            ("An arm whose links nobody trusts", "whole_arm.md"),
+            ("An arm with uncertain links", "whole_arm.md"),
             ("My effect", "your_own_effect.md"),
             ("My simulator", "your_own_simulator.md"),
             ("My controller", "your_own_controller.md"),

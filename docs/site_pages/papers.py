@@ -57,14 +57,14 @@ def _section(id_: str) -> str:
     return "\n\n".join(parts)
 
 
-def _rows(wanted: Iterable[Expectation]) -> list[Row]:
-    return [Row(each.name, each.reached, each) for each in wanted if each.reached is not None]
+def _rows(expected: Iterable[Expectation]) -> list[Row]:
+    return [Row(each.name, each.reached, each) for each in expected if each.reached is not None]
 
 
-def _expected_table(wanted: Sequence[Expectation]) -> str:
+def _expected_table(expected: Sequence[Expectation]) -> str:
     signs = {"min": "≥", "max": "≤", "within": "="}
     rows = []
-    for each in wanted:
+    for each in expected:
         value = "–" if each.reached is None else f"{OnRecord(each.name, each.reached).reached:.4g}"
         missed = each.reached is not None and Row(each.name, each.reached, each).met is False
         slack = f" ± {each.tolerance:.4g}" if each.tolerance else ""

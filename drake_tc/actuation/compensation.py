@@ -65,7 +65,7 @@ def feedforward_effort(model: ActuatorModel, tau_d: FloatArray, motion: Motion) 
 
     Args:
         model: The joint's actuator.
-        tau_d: Wanted torque on the link side.
+        tau_d: Desired torque on the link side.
         motion: What the joint does meanwhile.
 
     Returns:
@@ -78,9 +78,9 @@ def feedforward_effort(model: ActuatorModel, tau_d: FloatArray, motion: Motion) 
         >>> feedforward_effort(knee, np.array([3.0]), motion)
         array([2.5])
     """
-    wanted = np.atleast_1d(np.asarray(tau_d, float))
-    signals = _signals(wanted, motion)
-    torque = wanted.copy()
+    desired = np.atleast_1d(np.asarray(tau_d, float))
+    signals = _signals(desired, motion)
+    torque = desired.copy()
     for effect, parameters in model.torque_effects:
         torque += effect.torque(signals, parameters)
     effort = torque * model.drive.gain
@@ -88,5 +88,5 @@ def feedforward_effort(model: ActuatorModel, tau_d: FloatArray, motion: Motion) 
         effort = drive.inverse(effort, signals.direction, parameters)
     if model.drive.kind == "position_servo":
         for transmission, parameters in model.transmission_effects:
-            effort = effort + transmission.twist(wanted, parameters)
+            effort = effort + transmission.twist(desired, parameters)
     return effort

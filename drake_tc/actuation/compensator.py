@@ -25,7 +25,7 @@ from drake_tc.types import FloatArray
 JointLaw: TypeAlias = Callable[[float, float, float, float, float, float], float]
 """(tau, velocity, direction, position, acceleration, temperature) of one joint to its effort."""
 Inverse: TypeAlias = Callable[[float, float], float]
-"""(wanted effort, direction) to the effort to ask for."""
+"""(desired effort, direction) to the effort to ask for."""
 
 
 def undone(model: ActuatorModel) -> list[tuple[DriveEffect, Mapping[str, float]]]:
@@ -123,7 +123,7 @@ class Compensator:
                 inverse of a dead zone of half width w jumps by 2 w at zero effort, and so does the lead over a
                 backlash; within +/- delta the jump becomes a straight line, y + w clip(y/delta, -1, 1). A feedback
                 loop around zero effort then sees the gain 1 + w/delta rather than an infinite one, and does not
-                chatter. The wanted torque is missed by at most w/K, within delta only. 0: the exact inverse.
+                chatter. The desired torque is missed by at most w/K, within delta only. 0: the exact inverse.
 
         Raises:
             ParamsError: no joint, or a speed or smoothing that is not possible.
@@ -173,7 +173,7 @@ class Compensator:
         """Effort (n,) [rad | A | V | N m] for the link torques `tau`; a servo's command is q plus this.
 
         Args:
-            tau: Wanted torques on the link side (n,) [N m].
+            tau: Desired torques on the link side (n,) [N m].
             velocity: (n,) [rad/s].
             direction: (n,) in [-1, 1], what dry friction is scaled with; None: see `direction`.
             position: (n,) [rad]; None: 0.

@@ -35,10 +35,10 @@ def simulate(model: ActuatorModel, recording: Recording, step: float) -> FloatAr
     side = plant_side(model, recording)
     link = recording.pendulum or Link(1e-6 * side.model.inertia)
     inertia = link.inertia + side.model.inertia
-    wanted = recording.period / step
+    requested = recording.period / step
     if model.drive.kind == "position_servo":
-        wanted = max(wanted, recording.period / math.sqrt(model.drive.gain * inertia) / RESOLUTION)
-    substeps = min(max(1, math.ceil(wanted - 1e-6)), MOST_SUBSTEPS)
+        requested = max(requested, recording.period / math.sqrt(model.drive.gain * inertia) / RESOLUTION)
+    substeps = min(max(1, math.ceil(requested - 1e-6)), MOST_SUBSTEPS)
     with np.errstate(all="ignore"):
         return side.shown(_positions(side, recording, link, substeps))
 

@@ -117,7 +117,7 @@ def add_actuators(
     """Add an ActuatorPlant to the builder and wire it to a plant that is already in it.
 
     Sets the plant's rotor inertias (`apply_rotor_inertia`), connects the joints' state and the actuation. Left to the
-    caller: `command`, and where they are wanted `temperature`, `supply_voltage` and `load_torque`.
+    caller: `command`, and where they are desired `temperature`, `supply_voltage` and `load_torque`.
 
     Args:
         builder: Holds `plant`.

@@ -61,7 +61,7 @@ class Sweep:
         amplitude: a [unit of the input].
         settle: Time before the measurement [s]; two periods at least.
         measure: Time that is measured [s]; two periods at least.
-        frequencies_hz: Wanted; the nearest that close after a whole number of ticks are taken.
+        frequencies_hz: Requested; the nearest that close after a whole number of ticks are taken.
 
     Raises:
         ParamsError: no frequency, or numbers that are not positive.
@@ -203,8 +203,8 @@ def swept_sine(
     check_channels(diagram, context, ports)
     sweep.check(dt)
     rows = []
-    for number, wanted in enumerate(sweep.frequencies_hz):
-        periods, ticks = _whole_periods(wanted, sweep.measure, dt)
+    for number, requested in enumerate(sweep.frequencies_hz):
+        periods, ticks = _whole_periods(requested, sweep.measure, dt)
         frequency = periods / (ticks * dt)
         settle = round(max(sweep.settle, 2.0 / frequency) / dt)
         u = sweep.amplitude * np.sin(2.0 * np.pi * frequency * dt * np.arange(settle + ticks))

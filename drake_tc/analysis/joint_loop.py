@@ -167,11 +167,11 @@ class JointLoop:
         """(q_d - q)/q_d (W,) at omega [rad/s], for a reference that gives its own derivatives."""
         omega = np.asarray(omega, dtype=np.float64)
         shift, s = np.exp(-1j * omega * self.dt), 1j * omega
-        wanted = self.ks + self.kd * s + self.link_inertia * s**2
+        requested = self.ks + self.kd * s + self.link_inertia * s**2
         if self.gravity_at == "reference":
-            wanted = wanted + self.gravity_stiffness
+            requested = requested + self.gravity_stiffness
         integral = self.ki * self.dt * shift / (1.0 - shift) if self.ki else 0.0
-        effort = self.k_tau_model * ((1.0 + self.kp + integral) * wanted + self.rotor_model * s**2)
+        effort = self.k_tau_model * ((1.0 + self.kp + integral) * requested + self.rotor_model * s**2)
         if self.velocity_from == "reference":
             effort = effort + self.k_v_model * s
         closed = _at(self.plant, shift) - self.drive_gain * shift * _at(self.feedback, shift) / _at(

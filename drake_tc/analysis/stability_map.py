@@ -43,15 +43,15 @@ class Axis:
             ParamsError: another form, or more than a million values.
         """
         name, _, numbers = text.partition("=")
-        wanted = f"map axis {text!r}: expected NAME=FIRST:LAST:STEP with a step > 0, or NAME=A,B,C"
+        expected = f"map axis {text!r}: expected NAME=FIRST:LAST:STEP with a step > 0, or NAME=A,B,C"
         try:
             parts = [float(part) for part in numbers.split(":" if ":" in numbers else ",")]
         except ValueError:
-            raise ParamsError(wanted) from None
+            raise ParamsError(expected) from None
         if ":" not in numbers:
             return cls(name, tuple(parts))
         if len(parts) != 3 or not np.all(np.isfinite(parts)) or parts[2] <= 0.0 or parts[1] < parts[0]:
-            raise ParamsError(wanted)
+            raise ParamsError(expected)
         count = int(np.floor((parts[1] - parts[0]) / parts[2] + 1e-9)) + 1
         if count > MOST_POINTS:
             raise ParamsError(f"map axis {text!r}: expected at most {MOST_POINTS} values, got {count}")

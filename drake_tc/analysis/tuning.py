@@ -140,7 +140,7 @@ class _Search:
         self.tried += len(gains)
 
     def run(self) -> None:
-        """Try what is wanted."""
+        """Try what is requested."""
         results = sweep(assess_batch, self._batches, executor=self._executor, chunk=1, progress=self._told)
         for batch, found in zip(self._batches, results, strict=True):
             self._found[batch.task.joint] += found

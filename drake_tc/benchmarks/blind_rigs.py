@@ -124,13 +124,13 @@ def _simulated(specs: Sequence[RigSpec], folder: Path, executor: Executor) -> It
 def _claim(folder: Path, scale: Scale, seed: int) -> None:
     """Note in the folder whose rigs it holds."""
     stamp = folder / "catalogue.json"
-    wanted = {"scale": scale, "seed": seed, "rigs": len(catalogue(scale, seed))}
+    expected = {"scale": scale, "seed": seed, "rigs": len(catalogue(scale, seed))}
     if stamp.exists():
         found = json.loads(stamp.read_text(encoding="utf-8"))
-        if found != wanted:
-            raise BlindError(f"{folder}: it holds rigs of {found}, not of {wanted}; choose another folder")
+        if found != expected:
+            raise BlindError(f"{folder}: it holds rigs of {found}, not of {expected}; choose another folder")
     folder.mkdir(parents=True, exist_ok=True)
-    stamp.write_text(json.dumps(wanted), encoding="utf-8")
+    stamp.write_text(json.dumps(expected), encoding="utf-8")
 
 
 def _diagnosed(rigs: list[Path], reports: Path, executor: Executor) -> Iterable[str]:

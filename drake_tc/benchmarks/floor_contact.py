@@ -157,7 +157,7 @@ def rocking(spec: GroundSpec, x: float, z: float, times: FloatArray) -> FloatArr
         spec: A floor with a soft sole.
         x: Of the centre of mass at the start, at rest [m].
         z: The same, above the floor [m].
-        times: (T,) at which the tilt is wanted, from 0 on [s].
+        times: (T,) at which the tilt is desired, from 0 on [s].
     """
     sole = spec.sole or SOFT
     points = touching_points(SOLE, spec)[:, 0]

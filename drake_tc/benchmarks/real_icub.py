@@ -25,7 +25,7 @@ SHORT, LONG = "walk_short", "walk_front_and_back"
 PUBLISHED = {"x": 0.078, "y": 0.090, "z": 0.014, "yaw": 3.9}
 """RMSE of the data set's leg odometry on the long log [m, deg]."""
 SHARE = 0.6
-"""Of it, what is wanted."""
+"""Of it, what is expected."""
 IMU = {"link": "root_link", "xyz": [0.0852, -0.011, -0.1123], "rpy": [-2.0944, 0.0, -1.5708]}
 SOLE = [-0.06, 0.1, -0.04, 0.04]
 """Assumed: the centres of pressure that the short log shows, and about a centimetre around them [m]."""
@@ -101,7 +101,7 @@ def rows(data: Path, progress: Progress = lambda text, share: None) -> list[Real
         result = evaluate(data, run, progress, ground=ground)
         if result.errors is None:
             raise LogError(f"{run}: no truth in the log")
-        wanted = run == LONG and ground == "level"
+        expected = run == LONG and ground == "level"
         for which, error in zip(("estimate", "foot_centre"), result.errors, strict=True):
             if which == "foot_centre" and ground != "level":
                 continue  # knows of no ground
@@ -110,7 +110,7 @@ def rows(data: Path, progress: Progress = lambda text, share: None) -> list[Real
             values |= dict(zip(("roll", "pitch", "yaw"), np.degrees(error.angle).tolist(), strict=True))
             for what, value in values.items():
                 unit = "m" if what in "xyz" else "deg"
-                target = SHARE * PUBLISHED[what] if wanted and which == "estimate" and what in PUBLISHED else None
+                target = SHARE * PUBLISHED[what] if expected and which == "estimate" and what in PUBLISHED else None
                 note = f"published odometry {PUBLISHED[what]:g}" if target is not None else _NOTES.get(which, "")
                 how = "max" if target is not None else "info"
                 out.append(RealRow(f"{run}/{prefix}{what}", value, unit, target, how, note=note))  # type: ignore[arg-type]

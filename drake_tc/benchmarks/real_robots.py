@@ -28,7 +28,7 @@ from drake_tc.logs.prepare import load_runs
 from drake_tc.logs.rig import Rig, load_rig
 from drake_tc.types import FloatArray, IntArray
 
-WANTED = 0.85
+GOAL = 0.85
 """Largest error of all joints together, over that of least squares."""
 PAYLOAD = 2.805
 """Known mass of the load [kg]."""
@@ -173,7 +173,7 @@ def table_rows(case: RobotCase, joints: Sequence[HeldOut]) -> list[RealRow]:
     together = float(np.sqrt(squares[0] / squares[1]))
     return [
         *out,
-        RealRow(f"{begin}/all_joints/ratio", together, "-", WANTED, "max", note="of the torque of all rows"),
+        RealRow(f"{begin}/all_joints/ratio", together, "-", GOAL, "max", note="of the torque of all rows"),
         RealRow(f"{begin}/all_joints/mean_ratio", mean, "-", note="geometric mean of the joints' ratios"),
     ]
 

@@ -1,4 +1,4 @@
-"""One figure of a table on real data: what came out, what was wanted, whether it was met."""
+"""One figure of a table on real data: what came out, what was expected, whether it was met."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -31,7 +31,7 @@ class RealRow:
 
     @property
     def met(self) -> bool | None:
-        """Whether the figure is reached; None when nothing is wanted of it."""
+        """Whether the figure is reached; None when nothing is expected of it."""
         if self.expected is None or self.how == "info":
             return None
         if self.how == "max":

@@ -79,13 +79,13 @@ def rows(data: Path) -> list[RealRow]:
         for joint, (loaded, unloaded) in zip(stand.held, stand.published, strict=True):
             name = f"{stand.folder}/{joint}"
             report = reports[name]
-            for what, span, wanted in (
+            for what, span, expected in (
                 ("loaded_span", report.loaded_span, loaded),
                 ("unloaded_span", report.unloaded_span, unloaded),
             ):
-                tolerance = max(WITHIN * wanted, 0.5 * ENCODER_STEP)
+                tolerance = max(WITHIN * expected, 0.5 * ENCODER_STEP)
                 value = float(np.degrees(span.value))
-                out.append(RealRow(f"{name}/{what}", value, "deg", wanted, "within", tolerance, _told(span)))
+                out.append(RealRow(f"{name}/{what}", value, "deg", expected, "within", tolerance, _told(span)))
             out += _causes(name, report)
     return out
 

@@ -145,14 +145,14 @@ def robot_benchmark(
     Raises:
         DrakeTcError: A folder that holds cases of another seed or other tolerances.
     """
-    wanted: Any = seed if tolerance_scale == 1.0 else {"seed": seed, "tolerance_scale": tolerance_scale}
+    expected: Any = seed if tolerance_scale == 1.0 else {"seed": seed, "tolerance_scale": tolerance_scale}
     run = partial(run_case, seed=seed, tolerance_scale=tolerance_scale)
-    return [score_report(*case) for case in run_cases(folder, wanted, run, cases, executor, progress)]
+    return [score_report(*case) for case in run_cases(folder, expected, run, cases, executor, progress)]
 
 
 def run_cases(
     folder: Path,
-    wanted: Any,
+    expected: Any,
     run: Callable[[Path, int], str],
     cases: Sequence[int],
     executor: Executor,
@@ -162,7 +162,7 @@ def run_cases(
 
     Args:
         folder: Gets rigs/, truth/ and reports/; what is there with the same stamp is used again.
-        wanted: What the cases depend on, kept in `seed.json`.
+        expected: What the cases depend on, kept in `seed.json`.
         run: Records and diagnoses a case, given the folder and its number; returns its name.
         cases: Their numbers.
         executor: Runs them.
@@ -172,10 +172,10 @@ def run_cases(
         DrakeTcError: A folder that holds cases of another stamp.
     """
     stamp = folder / "seed.json"
-    if stamp.exists() and json.loads(stamp.read_text(encoding="utf-8")) != wanted:
+    if stamp.exists() and json.loads(stamp.read_text(encoding="utf-8")) != expected:
         raise DrakeTcError(f"{folder}: it holds cases of another seed or other tolerances; choose another folder")
     folder.mkdir(parents=True, exist_ok=True)
-    stamp.write_text(json.dumps(wanted), encoding="utf-8")
+    stamp.write_text(json.dumps(expected), encoding="utf-8")
     futures = [executor.submit(run, folder, number) for number in cases]
     names = []
     for done, future in enumerate(as_completed(futures), start=1):
@@ -218,10 +218,10 @@ def summary_rows(scores: Sequence[RobotScore], nulls: float = 98.0) -> list[dict
             "name": name,
             "unit": "%",
             "value": 100.0 * float(np.mean(hits)),
-            "expected": wanted,
+            "expected": expected,
             "at_most": 99.0 if name in INTERVALS else None,
             "n": len(hits),
         }
-        for name, (hits, wanted) in groups.items()
+        for name, (hits, expected) in groups.items()
         if hits
     ]

@@ -73,11 +73,11 @@ def _stages(recording: TsidRecording, references: Sequence[Sequence[FloatArray]]
     law, model = recording.law, recording.law.model
     scratch, active = model.create_scratch(), (True,) * len(model.contacts)
     terms, problem = [], []
-    for state, wanted in zip(recording["state"], references, strict=True):
+    for state, desired in zip(recording["state"], references, strict=True):
         begin = time.thread_time()
         model.terms(scratch, state[: model.nq], state[model.nq :], active)
         known = time.thread_time()
-        problem_at(law, scratch, state, wanted, active)
+        problem_at(law, scratch, state, desired, active)
         problem.append(time.thread_time() - known)
         terms.append(known - begin)
     return [timing_row("terms of the dynamics", terms), timing_row("terms, rows and reduction to the torques", problem)]
@@ -87,9 +87,9 @@ def _ticks(name: str, law: Law, recording: TsidRecording, references: Sequence[S
     model = law.model
     scratch, active = model.create_scratch(), (True,) * len(model.contacts)
     before, seconds = Before(np.zeros(model.n), None), []
-    for state, wanted in zip(recording["state"], references, strict=True):
+    for state, desired in zip(recording["state"], references, strict=True):
         begin = time.thread_time()
-        tick = solve_tick(law, scratch, state, wanted, active, before)
+        tick = solve_tick(law, scratch, state, desired, active, before)
         seconds.append(time.thread_time() - begin)
         before = Before(tick.torque, tick.start)
     return timing_row(f"a tick, everything: {name}", seconds[1:])

@@ -68,12 +68,12 @@ def _real(name: str, rows: list[RealRow], as_json: bool) -> None:
         print(json.dumps(rows_json(name, rows)))
         return
     shown = Table(title=f"{name}: figures on real data")
-    for heading in ("figure", "value", "wanted", "met", "note"):
+    for heading in ("figure", "value", "expected", "met", "note"):
         shown.add_column(heading, justify="right" if heading == "value" else "left", overflow="fold")
     for row in rows:
-        wanted = "" if row.met is None else f"{'<=' if row.how == 'max' else '~'} {row.expected:.3g}"
+        expected = "" if row.met is None else f"{'<=' if row.how == 'max' else '~'} {row.expected:.3g}"
         met = {None: "", True: "yes", False: "NO"}[row.met]
-        shown.add_row(row.name, f"{row.value:.4g} {row.unit}", wanted, met, row.note)
+        shown.add_row(row.name, f"{row.value:.4g} {row.unit}", expected, met, row.note)
     Console(file=sys.stdout, highlight=False).print(shown)
 
 

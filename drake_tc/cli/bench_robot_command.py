@@ -93,11 +93,11 @@ def _missed(scores: Mapping[int, Sequence["RobotScore"]]) -> list[dict[str, Any]
 def _table(rows: list[dict[str, Any]]) -> Table:
     table = Table(box=None, padding=(0, 2))
     table.add_column("figure")
-    for heading in ("reached", "wanted", "n"):
+    for heading in ("reached", "expected", "n"):
         table.add_column(heading, justify="right")
     for row in rows:
-        wanted = "" if row["expected"] is None else f">= {row['expected']:.0f} %"
+        expected = "" if row["expected"] is None else f">= {row['expected']:.0f} %"
         if row["at_most"] is not None:
-            wanted = f"{row['expected']:.0f} to {row['at_most']:.0f} %"
-        table.add_row(str(row["name"]), f"{row['value']:.1f} %", wanted, str(row["n"]))
+            expected = f"{row['expected']:.0f} to {row['at_most']:.0f} %"
+        table.add_row(str(row["name"]), f"{row['value']:.1f} %", expected, str(row["n"]))
     return table

@@ -57,7 +57,7 @@ def bode_command(
     turn a phase is: without it phases are in (-180, 180]. Notes name what is no steady sine, and unstable loops.
     """
     from drake_tc.analysis.frequency_response import Sweep, channel
-    from drake_tc.cli.bode_found import BodeWanted, find
+    from drake_tc.cli.bode_found import BodeRequest, find
     from drake_tc.registry import runnable
 
     if not 0.0 < lowest <= highest < np.inf:
@@ -67,10 +67,10 @@ def bode_command(
     entry = runnable(diagram).naming(scenario_file, scenario_text)
     scenario = entry.scenario(scenario_name, scenario_file, scenario_text).changed(seed=seed)
     sweep = Sweep(tuple(np.geomspace(lowest, highest, points).tolist()), amplitude, settle, measure)
-    wanted = BodeWanted(entry, scenario, (channel(input), channel(output)), at, sweep, prediction)
+    request = BodeRequest(entry, scenario, (channel(input), channel(output)), at, sweep, prediction)
     place = nullcontext() if plot is None else result_file(plot, "--plot", inputs=[scenario_file], force=force)
     with place as drawn, progress_bar(f"bode {diagram}", quiet=as_json) as progress:
-        found = find(wanted, progress)
+        found = find(request, progress)
         if drawn is not None:
             _plot(found, f"{diagram}: {output} over {input}", drawn)
     if as_json:

@@ -68,7 +68,7 @@ class BodeFound:
 
 
 @dataclass(frozen=True)
-class BodeWanted:
+class BodeRequest:
     """What is to be measured.
 
     Attributes:
@@ -88,33 +88,33 @@ class BodeWanted:
     prediction: bool
 
 
-def find(wanted: BodeWanted, progress: Callable[[str, float], None]) -> BodeFound:
+def find(request: BodeRequest, progress: Callable[[str, float], None]) -> BodeFound:
     """Measure and predict.
 
     Raises:
         ParamsError: ports or frequencies that cannot be.
         SimulationError: the diagram failed on its way or under a sine.
     """
-    if dt := getattr(wanted.scenario, "dt", None):
-        wanted.sweep.check(dt)
-    progress(f"on its way to t = {wanted.at:g} s", 0.0)
-    loop, context = settled_at(wanted.entry, wanted.scenario, wanted.at, wanted.channels)
-    measured = swept_sine(loop.diagram, context, loop.period, wanted.channels, wanted.sweep, progress)
+    if dt := getattr(request.scenario, "dt", None):
+        request.sweep.check(dt)
+    progress(f"on its way to t = {request.at:g} s", 0.0)
+    loop, context = settled_at(request.entry, request.scenario, request.at, request.channels)
+    measured = swept_sine(loop.diagram, context, loop.period, request.channels, request.sweep, progress)
     notes = _unsteady(measured)
-    if not wanted.prediction:
+    if not request.prediction:
         return BodeFound(measured, None, notes)
     try:
         with TemporaryDirectory() as folder:
             progress("linearising", 1.0)
-            sliding = wanted.entry.sliding
-            plain = wanted.scenario if sliding is None else sliding(wanted.scenario, Path(folder))
-            predicted, radius = _predicted(wanted, plain, measured.frequency_hz)
+            sliding = request.entry.sliding
+            plain = request.scenario if sliding is None else sliding(request.scenario, Path(folder))
+            predicted, radius = _predicted(request, plain, measured.frequency_hz)
     except DrakeTcError as error:
         return BodeFound(measured, None, (*notes, f"no prediction: {error}"))
     stable = radius <= 1.0 + UNSTABLE
     if not stable:
-        lasts = max(wanted.sweep.settle, 2.0 / measured.frequency_hz[0])
-        lasts += max(wanted.sweep.measure, 2.0 / measured.frequency_hz[0])
+        lasts = max(request.sweep.settle, 2.0 / measured.frequency_hz[0])
+        lasts += max(request.sweep.measure, 2.0 / measured.frequency_hz[0])
         exponent = np.log(radius) * lasts / loop.period
         growth = float(np.exp(min(exponent, 20.0)))
         notes += (
@@ -138,10 +138,10 @@ def _unsteady(measured: FrequencyResponse) -> tuple[str, ...]:
     )
 
 
-def _predicted(wanted: BodeWanted, scenario: Any, frequency_hz: FloatArray) -> tuple[FrequencyResponse, float]:
+def _predicted(request: BodeRequest, scenario: Any, frequency_hz: FloatArray) -> tuple[FrequencyResponse, float]:
     """The linearisation's response, and the spectral radius of its loop."""
-    into, out = wanted.channels
-    loop, context = settled_at(wanted.entry, scenario, wanted.at, wanted.channels)
+    into, out = request.channels
+    loop, context = settled_at(request.entry, scenario, request.at, request.channels)
     system = linearise(loop.diagram, context, loop.period, inputs=(into.port,), outputs=(out.port,))
 
     def response(hz: FloatArray) -> Any:

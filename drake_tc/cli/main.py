@@ -65,8 +65,8 @@ app.command("bode")(bode_command)
 app.add_typer(bench_app, name="bench")
 
 
-def _print_version(wanted: bool) -> None:
-    if wanted:
+def _print_version(requested: bool) -> None:
+    if requested:
         print(__version__)
         raise typer.Exit
 

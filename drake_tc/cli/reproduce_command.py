@@ -68,11 +68,11 @@ def _print(result: "Reproduction") -> None:
     for text in result.tables:
         _print_table(console, text)
     table = Table(title=f"{result.id}: expected values", title_justify="left", box=None, padding=(0, 1))
-    for heading in ("figure", "value", "wanted", "met"):
+    for heading in ("figure", "value", "expected", "met"):
         table.add_column(heading, justify="left" if heading == "figure" else "right", overflow="fold")
     for row in result.rows:
         if row.expectation is not None:
-            table.add_row(escape(row.name), f"{row.value:.4g}", _wanted(row.expectation), "yes" if row.met else "NO")
+            table.add_row(escape(row.name), f"{row.value:.4g}", _expected(row.expectation), "yes" if row.met else "NO")
     console.print(table)
     for row in result.rows:
         if row.expectation is not None and not row.met:
@@ -103,7 +103,7 @@ def _print_table(console: Console, text: "TextTable") -> None:
     console.print()
 
 
-def _wanted(expectation: Any) -> str:
+def _expected(expectation: Any) -> str:
     sign = {"min": ">=", "max": "<=", "within": "~"}[expectation.how]
     slack = f" +/- {expectation.tolerance:g}" if expectation.how == "within" else ""
     unit = "" if expectation.unit == "-" else expectation.unit

@@ -131,14 +131,14 @@ def _analyse(
     loop, context = settled_at(entry, scenario, at)
     place = _channel(loop, joint)
     progress("linearising", 0.15)
-    wanted = channel(open_at)
-    if joint is not None and open_at != wanted.port:
+    requested = channel(open_at)
+    if joint is not None and open_at != requested.port:
         raise ParamsError(f"--joint: {open_at} is one channel already; give --joint or an index, not both")
-    cut = open_loop(loop.diagram, context, loop.period, wanted.port)
-    index = wanted.index if joint is None else place
+    cut = open_loop(loop.diagram, context, loop.period, requested.port)
+    index = requested.index if joint is None else place
     if index >= len(cut.inputs):
         which = f"element {index}" if joint is None else f"joint {joint!r}"
-        raise ParamsError(f"--open-at: {wanted.port} has {len(cut.inputs)} channels, none of {which}")
+        raise ParamsError(f"--open-at: {requested.port} has {len(cut.inputs)} channels, none of {which}")
     progress("eigenvalues", 0.6)
     closed = cut.closed()
     radius = closed.radius_but_for_drift()

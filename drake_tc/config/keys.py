@@ -48,8 +48,8 @@ class Keys(BaseModel):
                 raise ValueError(unknown_key(name, allowed))
         for name, field in fields.items():
             if field.is_required() and name not in value:
-                wanted = expected(field)
-                raise ValueError(f"{name} is missing{f'; expected {wanted}' if wanted else ''}")
+                shape = expected(field)
+                raise ValueError(f"{name} is missing{f'; expected {shape}' if shape else ''}")
         return value
 
     @classmethod
@@ -94,7 +94,7 @@ def unknown_key(name: object, allowed: Iterable[str]) -> str:
 
 
 def expected(field: FieldInfo) -> str:
-    """What a required key wants, as `key` was told."""
+    """Description of the value that a required key takes, as declared with `key`."""
     return _told(field, "expected")
 
 

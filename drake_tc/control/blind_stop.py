@@ -15,14 +15,14 @@ BLIND = 0.15
 class BlindStop(PortMethods, LeafSystem):
     """What the controllers get once a joint's `lost` has been up for `BLIND`, for good.
 
-    Inputs: state (m) of the robot; torque (n) of the gauges; wanted (n), torques of the controller; lost (n), by joint.
+    Inputs: state (m) of the robot; torque (n) of the gauges; desired (n) torques of the controller; lost (n), by joint.
     Outputs, with feedthrough of the input of that name:
         state (m): NaN once a joint is lost that the robot stands on, with which `RobustTsid` fades all torques by
             exp(-t/fade).
         torque (n): faded likewise for all joints then, and for a lost joint that nothing stands on for that one, so
             that torque control sees neither torque nor speed, and asks for no voltage: a motor without voltage brakes
             its joint by its back-EMF.
-        wanted (n): faded for the lost joints alone, where the robot stands on none of them: an arm that is lost hangs,
+        desired (n): faded for the lost joints alone, where the robot stands on none of them: an arm that is lost hangs,
             and the robot goes on standing.
     State, by joint: ticks c since `lost` is up, c[n+1] = c[n] + 1 where it is up or c[n] has reached the limit, else 0.
     """
@@ -42,14 +42,14 @@ class BlindStop(PortMethods, LeafSystem):
         joints = self._carrying.size
         self._known: Any = self.DeclareVectorInputPort("state", size)
         self._torque: Any = self.DeclareVectorInputPort("torque", joints)
-        self._wanted: Any = self.DeclareVectorInputPort("wanted", joints)
+        self._desired: Any = self.DeclareVectorInputPort("desired", joints)
         self._lost: Any = self.DeclareVectorInputPort("lost", joints)
         state = self.DeclareDiscreteState(joints)
         self._ticks = int(state)
         own = {self.discrete_state_ticket(state)}
         self.DeclareVectorOutputPort("state", size, self._write, own | {self._known.ticket()})
         self.DeclareVectorOutputPort("torque", joints, self._write_torque, own | {self._torque.ticket()})
-        self.DeclareVectorOutputPort("wanted", joints, self._write_wanted, own | {self._wanted.ticket()})
+        self.DeclareVectorOutputPort("desired", joints, self._write_desired, own | {self._desired.ticket()})
         self.DeclarePeriodicDiscreteUpdateEvent(dt, 0.0, self._update)
 
     def _is_blind(self, ticks: Any) -> bool:
@@ -68,12 +68,12 @@ class BlindStop(PortMethods, LeafSystem):
             torque = torque * np.exp(-self._rate * np.maximum(np.maximum(ticks, longest) - self._limit, 0.0))
         vector.set_value(torque)
 
-    def _write_wanted(self, context: Context, vector: Any) -> None:
+    def _write_desired(self, context: Context, vector: Any) -> None:
         ticks: Any
-        ticks, wanted = context.get_discrete_state(self._ticks).value(), self._wanted.Eval(context)
+        ticks, desired = context.get_discrete_state(self._ticks).value(), self._desired.Eval(context)
         if np.count_nonzero(ticks > self._limit) and not self._is_blind(ticks):
-            wanted = wanted * np.exp(-self._rate * np.maximum(ticks - self._limit, 0.0))
-        vector.set_value(wanted)
+            desired = desired * np.exp(-self._rate * np.maximum(ticks - self._limit, 0.0))
+        vector.set_value(desired)
 
     def _update(self, context: Context, values: DiscreteValues) -> None:
         ticks: Any

@@ -33,7 +33,7 @@ class _Parts(NamedTuple):
 
     inertial: FloatArray
     feedback: FloatArray
-    wanted: FloatArray
+    desired: FloatArray
     unmet: FloatArray
 
 
@@ -47,7 +47,7 @@ class InverseDynamics(PortMethods, LeafSystem):
     Inputs:
         joint_estimate (3n): [q; qdot; qddot] as filtered [rad, rad/s, rad/s^2].
         reference (3n): [q_d; qdot_d; qddot_d].
-        force_reference (6k): f_d, the wrench [f; t] wanted on each contact body at its contact frame, axes of the base.
+        force_reference (6k): f_d, the desired wrench [f; t] on each contact body at its contact frame, base axes.
         contact_wrench (6k): f_hat, the same as measured.
             Both only with `force_task`.
         position (n): q as the encoders read it now [rad]; only with `position_error="encoder"`.
@@ -95,7 +95,7 @@ class InverseDynamics(PortMethods, LeafSystem):
             angular_acceleration: Of a base that floats: from the "gyro", or "neglected".
             inertial: "own": M qddot_d + h is computed here; "port": it comes from a block of Drake's own
                 on `terms`, at the configuration that this block has.
-            force_task: Whether a contact force is wanted or fed back; False leaves out the two ports, f_d = e_f = 0.
+            force_task: Whether a contact force is desired or fed back; False leaves out the two ports, f_d = e_f = 0.
 
         Raises:
             ParamsError: a floating base without IMU, gains of another size, or an unknown key.
@@ -175,7 +175,7 @@ class InverseDynamics(PortMethods, LeafSystem):
         torque = parts.inertial + parts.feedback[:n]
         torque += parts.feedback[n:]
         if self._forces:
-            torque -= self._joint_torque(context, parts.wanted + self._kf(context).dot(parts.unmet))
+            torque -= self._joint_torque(context, parts.desired + self._kf(context).dot(parts.unmet))
         vector.set_value(torque)
 
     def _write_feedforward(self, context: Any, vector: Any) -> None:
@@ -183,7 +183,7 @@ class InverseDynamics(PortMethods, LeafSystem):
         if parts is None:
             vector.set_value(self._lost)
             return
-        vector.set_value(parts.inertial - self._joint_torque(context, parts.wanted))
+        vector.set_value(parts.inertial - self._joint_torque(context, parts.desired))
 
     def _write_terms(self, context: Any, vector: Any) -> None:
         """The rows of TERMS; computed where they are asked for, in a log as a rule."""
@@ -192,7 +192,7 @@ class InverseDynamics(PortMethods, LeafSystem):
             vector.set_value(np.full(6 * n, np.nan))
             return
         terms = np.empty((6, n))
-        terms[0] = parts.inertial - self._joint_torque(context, parts.wanted)
+        terms[0] = parts.inertial - self._joint_torque(context, parts.desired)
         terms[1:3] = parts.feedback.reshape(2, n)
         terms[3] = -self._joint_torque(context, self._kf(context).dot(parts.unmet))
         terms[4] = parts.inertial - self._model.forces(self._placed(context), self._estimate.Eval(context)[2 * n :])
@@ -223,17 +223,17 @@ class InverseDynamics(PortMethods, LeafSystem):
         """What all outputs need; None where an input is not finite."""
         n = self._size
         estimate, reference = self._estimate.Eval(context), self._reference.Eval(context)
-        wanted, felt = (port.Eval(context) for port in self._forces) if self._forces else (self._no_wrench,) * 2
+        desired, felt = (port.Eval(context) for port in self._forces) if self._forces else (self._no_wrench,) * 2
         error = reference - estimate  # [e; edot; eddot]
         if self._position is not None:
             error[:n] = reference[:n] - self._position.Eval(context)
         given = () if self._inertial is None else (self._inertial.Eval(context),)
-        seen = np.concatenate((estimate, error, wanted, felt, *given, *(port.Eval(context) for port in self._base)))
+        seen = np.concatenate((estimate, error, desired, felt, *given, *(port.Eval(context) for port in self._base)))
         if not np.maximum.reduce(np.abs(seen)) <= LARGEST:  # also where one is NaN
             return None
         gains = context.get_numeric_parameter(self._gains).value()
         inertial = given[0] if given else self._model.forces(self._placed(context), reference[2 * n :])
-        return _Parts(inertial, gains[: 2 * n] * error[: 2 * n], wanted, wanted - felt)
+        return _Parts(inertial, gains[: 2 * n] * error[: 2 * n], desired, desired - felt)
 
 
 def _one_of(key: str, value: str, possible: tuple[str, ...]) -> None:

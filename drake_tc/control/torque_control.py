@@ -53,11 +53,13 @@ class CompensationSpec:
     Estimates are delayed, and compensating friction with them feeds back; references are neither.
 
     Attributes:
-        velocity: Of viscous friction and its like; the paper has the estimate.
-        direction: Of dry friction and of drives that switch, tanh(v/direction_speed).
-        acceleration: Of rotor inertia; `none` leaves it to the feedback.
-        direction_speed: v_s [rad/s], > 0: dry friction is compensated to 76 % at v_s.
-        smoothing: Of the inverse of dead zones and play, one number or one a joint [effort] (`Compensator`).
+        velocity: Velocity for viscous friction and similar effects; Del Prete et al. (2016) use the estimate.
+        direction: Direction for dry friction and for drives whose gain depends on the direction,
+            tanh(v/direction_speed).
+        acceleration: Acceleration for the rotor inertia; `none`: not compensated.
+        direction_speed: Speed v_s > 0 [rad/s] at which 76 % of the dry friction are compensated.
+        smoothing: Smoothing of the inverse of dead zones and play, one number or one per joint [effort]
+            (`Compensator`).
 
     Raises:
         ParamsError: an unknown key or a number that is not possible.

@@ -34,7 +34,7 @@ class PredictorSpec:
     """What the predictor is set to.
 
     Attributes:
-        bandwidth: Of the low pass on the drive model's torque [rad/s].
+        bandwidth: Bandwidth of the low pass on the torque of the drive model [rad/s].
 
     Raises:
         ParamsError: not a positive number.

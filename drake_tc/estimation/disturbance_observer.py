@@ -4,7 +4,7 @@ With A = M_jj(q) + J (links and rotors), u the torque that the drives were asked
 and p the link torque that the reference needs beside M qddot_d,
 
     A qddot = u - p - w - d                  d: friction, dead zone, gain errors ... that the drive's model lacks
-    p = tau_ff - M qddot_d                   of the inverse dynamics at the reference: gravity, Coriolis, wanted force
+    p = tau_ff - M qddot_d                   of the inverse dynamics at the reference: gravity, Coriolis, desired force
     w = (tau_hat - F tau_ff) + M (F qddot_d - qddot_hat)
 
 w is what the links feel besides p, contact and wrong masses, as F/T sensors and IMU have it: the torque estimate and
@@ -59,15 +59,15 @@ class ObserverSpec:
     """What the observer is set to.
 
     Attributes:
-        bandwidth: Of d^ [rad/s].
-        limit: Largest |d^|, as a share of the joint's effort limit [-] (of 100 N m where it has none). Above 1: a wrong
-            gain or a late encoder looks like more friction than the drive has torque.
-        torque: Where w comes from: "live", a second torque estimate, from the sensors' raw readings and the observer's
-            own motion, without delay (F is then 1); or "filtered", the estimate that the controller has, old as it is,
-            for a robot that touches nothing. In a rigid contact w follows u at once, so that a w that is T old makes a
-            loop of Q (1 - exp(-T s)), with a gain of up to 2 |Q|: 40 ms are unstable above some 60 rad/s of bandwidth.
-        delay: Age of the filtered estimate that it reckons with [s]; None: that of the filters, which is right unless
-            the sensors are late themselves.
+        bandwidth: Bandwidth of the disturbance estimate d^ [rad/s].
+        limit: Largest |d^| relative to the effort limit of the joint [-] (to 100 N m where it has none). It may exceed
+            1, because a wrong gain or a late encoder looks like more friction than the torque of the drive.
+        torque: Source of the torque w: "live", a second torque estimate from raw readings and from the observer's own
+            motion, without delay (F is then 1); or "filtered", the delayed estimate of the controller, for a robot that
+            touches nothing. In a rigid contact w follows u at once, so that a delay T of w makes a loop of Q (1 -
+            exp(-T s)) with a gain of up to 2 |Q|: with 40 ms it is unstable above a bandwidth of about 60 rad/s.
+        delay: Assumed delay of the filtered estimate [s]; None: that of the filters, which is right unless the sensors
+            themselves are late.
 
     Raises:
         ParamsError: a number that is not possible.
@@ -206,9 +206,9 @@ class DisturbanceObserver(PortMethods, LeafSystem):
 
     def _write_compensation(self, context: Context, vector: Any) -> None:
         n, held = self._size, self._held(context)
-        wanted = self._reference.Eval(context)[2 * n :]
-        sound = held[-1] == 0.0 and np.abs(wanted).max() < LARGEST
-        vector.set_value(held[3 * n : 4 * n] + self._missing * wanted if sound else np.zeros(n))
+        desired = self._reference.Eval(context)[2 * n :]
+        sound = held[-1] == 0.0 and np.abs(desired).max() < LARGEST
+        vector.set_value(held[3 * n : 4 * n] + self._missing * desired if sound else np.zeros(n))
 
     def _write_fault(self, context: Context, vector: Any) -> None:
         vector.set_value(self._held(context)[-1:])
@@ -231,17 +231,17 @@ class DisturbanceObserver(PortMethods, LeafSystem):
         """One tick of the recursion, in place; x = [q^; v^; a; d^; link torque; fault]."""
         n, dt = self._size, self._dt
         q, asked, command, sent, feedforward, reference, delayed, estimate, torque, used = seen
-        wanted = reference[2 * n :]
+        desired = reference[2 * n :]
         mass = self._inertia.mass(scratch, q)
         total = mass.copy()
         total.flat[:: n + 1] += self._rotor
         # p + w, with M times all accelerations at once
-        load = feedforward + torque - delayed[:n] + mass.dot(delayed[n:] - estimate[2 * n :] - wanted)
+        load = feedforward + torque - delayed[:n] + mass.dot(delayed[n:] - estimate[2 * n :] - desired)
         r = q - x[:n]
         l1, l2, l3 = self._gains
         here = x[:n] + l1 * r
         speed = x[n : 2 * n] + l2 * r
-        u = asked + self._modelled * wanted + (sent - command) * self._per_gain
+        u = asked + self._modelled * desired + (sent - command) * self._per_gain
         u += self._damping * (used[n : 2 * n] - speed)
         lost = np.minimum(np.maximum(x[3 * n : 4 * n] - l3 * total.dot(r), -self._limit), self._limit)
         rate = np.linalg.solve(total, u - load - lost)

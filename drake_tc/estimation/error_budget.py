@@ -262,13 +262,13 @@ def _rms(error: FloatArray) -> FloatArray:
 def _check(model: TorqueModel, run: Run, filters: Filters) -> None:
     """The arrays' shapes."""
     samples = run.position.shape[0]
-    wanted = {
+    expected = {
         "position": (samples, model.size),
         "imu": (samples, 6),
         "wrench": (samples, 6 * model.num_sensors),
         "torque": (samples, model.size),
     }
-    for name, shape in wanted.items():
+    for name, shape in expected.items():
         if getattr(run, name).shape != shape:
             raise ParamsError(f"error budget: {name}: expected shape {shape}, got {getattr(run, name).shape}")
     longest = max(filters.encoder, filters.other)

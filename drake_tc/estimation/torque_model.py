@@ -261,7 +261,9 @@ class TorqueModel:
         names = [mount.name for mount in self.robot.imu]
         if base == "fixed":
             if not self.robot.fixed_base:
-                raise ParamsError(f"{self.robot.name}: base 'fixed' wants a welded base; the robot's floats: use 'imu'")
+                raise ParamsError(
+                    f"{self.robot.name}: base 'fixed' requires a welded base; the base of this robot floats: use 'imu'"
+                )
             return None
         if not names:
             raise ParamsError(f"{self.robot.name}: expected an IMU; the robot has none (base 'fixed' needs none)")

@@ -31,7 +31,7 @@ class CommonKernel:
     is cut off.
 
     Attributes:
-        width_s: Wanted width [s]: that of the Savitzky–Golay window of order 2 with the same −3 dB frequency
+        width_s: Requested width [s]: that of the Savitzky–Golay window of order 2 with the same −3 dB frequency
             (about 1.06/width). It is rounded to whole boxes; `actual_width_s` tells the result.
         period: Sampling period [s].
 

@@ -57,7 +57,7 @@ def choose_window(channels: Sequence[tuple[FloatArray, int]], period: float) -> 
     has, and the sum of these over the groups is least.
 
     Args:
-        channels: Groups (values, derivative that is wanted), each of (T, n) finite values of one unit and one uniform
+        channels: Groups (values, requested derivative), each of (T, n) finite values of one unit and one uniform
             stretch; 0 is the value itself. T is at least 20.
         period: [s].
     """

@@ -104,8 +104,8 @@ def automatic_bandwidth(x: FloatArray, lengths: Sequence[int] | None = None) -> 
     total, moment = correlation_sums(x, lengths)
     free = (moment / max(total, 1e-3)) ** 2 if moment > 0 and total > 0 else 0.0
     longest = max(p.stop - p.start for p in parts)
-    wanted = 1.1447 * (max(first_order, free) * x.size) ** (1 / 3)
-    return int(np.clip(np.ceil(wanted), 1, max(longest // 2, 1)))
+    requested = 1.1447 * (max(first_order, free) * x.size) ** (1 / 3)
+    return int(np.clip(np.ceil(requested), 1, max(longest // 2, 1)))
 
 
 def long_run_covariance(scores: FloatArray, bandwidth: int, lengths: Sequence[int] | None = None) -> FloatArray:

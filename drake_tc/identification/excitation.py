@@ -43,7 +43,7 @@ class Motion:
         position: q [rad].
         velocity: q̇ [rad/s], the exact derivative.
         acceleration: q̈ [rad/s²], the exact second derivative.
-        scale: By how much the wanted amplitude was scaled to stay inside the limits.
+        scale: By how much the desired amplitude was scaled to stay inside the limits.
     """
 
     position: FloatArray
@@ -103,7 +103,7 @@ def multisine(
     Args:
         time: (T,) [s], uniform.
         band_hz: (lowest, highest) frequency [Hz], below half the sampling rate.
-        tones: Number of frequencies wanted; fewer when the band does not hold as many multiples.
+        tones: Number of frequencies desired; fewer when the band does not hold as many multiples.
         limits: Limits of the joint; the largest scale that respects all of them is taken.
         rng: Source of t0.
         centre: c [rad], inside the position limits.

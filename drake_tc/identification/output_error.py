@@ -93,10 +93,10 @@ class FreeRunErrors:
 
     def at(self, points: Sequence[FloatArray], chosen: Sequence[int]) -> list[FloatArray]:
         """(sum of T,) over the chosen trials, for each point x (k,)."""
-        wanted = [(i, x) for x in points for i in chosen if (i, x.tobytes()) not in self.known]
-        jobs = [(self.free.write(x), self.trials[i], self.step) for i, x in wanted]
+        requested = [(i, x) for x in points for i in chosen if (i, x.tobytes()) not in self.known]
+        jobs = [(self.free.write(x), self.trials[i], self.step) for i, x in requested]
         made = map(_job, jobs) if self.executor is None else self.executor.map(_job, jobs, chunksize=4)
-        for (i, x), error in zip(wanted, made, strict=True):
+        for (i, x), error in zip(requested, made, strict=True):
             self.known[i, x.tobytes()] = error
         return [np.concatenate([self.known[i, x.tobytes()] for i in chosen]) for x in points]
 

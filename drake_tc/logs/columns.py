@@ -79,20 +79,20 @@ def _numeric(table: pd.DataFrame, name: str, canonical: str, path: Path) -> Floa
     return values
 
 
-def _missing(table: pd.DataFrame, wanted: str, canonical: str, path: Path) -> LogError:
+def _missing(table: pd.DataFrame, requested: str, canonical: str, path: Path) -> LogError:
     """The refusal for a column that is not there, with near matches and what the file has."""
     have = [str(name) for name in table.columns]
     lowered = {name.lower(): name for name in have}
-    tail = wanted.rsplit("/", 1)[-1].lower()
-    close = difflib.get_close_matches(wanted.lower(), list(lowered), n=3, cutoff=0.6)
+    tail = requested.rsplit("/", 1)[-1].lower()
+    close = difflib.get_close_matches(requested.lower(), list(lowered), n=3, cutoff=0.6)
     close += [name for name in lowered if tail in name and name not in close]
     hint = f"; near matches: {', '.join(repr(lowered[name]) for name in close[:3])}" if close else ""
     shown = ", ".join(have[:20]) + (f", ... ({len(have)} in all)" if len(have) > 20 else "")
-    known_as = "" if wanted == canonical else f" (for {canonical})"
+    known_as = "" if requested == canonical else f" (for {canonical})"
     remedy = f"map it in the rig file: columns: {{{canonical}: NAME_IN_FILE}}"
     if canonical in ("enabled", "valid"):
         remedy = f"correct the key `{canonical}` of the rig file"
-    return LogError(f"{path}: no column {wanted!r}{known_as}{hint}; columns here: {shown}; {remedy}")
+    return LogError(f"{path}: no column {requested!r}{known_as}{hint}; columns here: {shown}; {remedy}")
 
 
 def _candidates(rig: Rig, table: pd.DataFrame) -> dict[str, str]:
@@ -122,14 +122,14 @@ def _is_speed_only(joint: str, found: Mapping[str, str], rig: Rig) -> bool:
 
 def _enabled(table: pd.DataFrame, rig: Rig, path: Path) -> tuple[BoolArray, list[str]]:
     """Where every drive of the rig is on, by the rig's `enabled` column or the canonical ones, and these columns."""
-    wanted = [rig.enabled] if rig.enabled is not None else []
-    wanted += [name for key, name in rig.columns.items() if key.rsplit("/", 1)[-1] == "enabled"]
-    for name in wanted:
+    requested = [rig.enabled] if rig.enabled is not None else []
+    requested += [name for key, name in rig.columns.items() if key.rsplit("/", 1)[-1] == "enabled"]
+    for name in requested:
         if name not in table.columns:
             raise _missing(table, name, "enabled", path)
-    wanted += [name for name in ("enabled", *(f"{j}/enabled" for j in rig.joints)) if name in table.columns]
+    requested += [name for name in ("enabled", *(f"{j}/enabled" for j in rig.joints)) if name in table.columns]
     on = np.ones(len(table), dtype=bool)
-    for name in wanted:
+    for name in requested:
         values = table[name]
         if pd.api.types.is_bool_dtype(values):
             on &= values.to_numpy(dtype=bool)
@@ -139,7 +139,7 @@ def _enabled(table: pd.DataFrame, rig: Rig, path: Path) -> tuple[BoolArray, list
             on &= ~values.astype("string").str.strip().str.lower().isin(
                 ["false", "off", "0", "0.0", "no", ""]
             ).to_numpy(bool)
-    return on, wanted
+    return on, requested
 
 
 def _valid(table: pd.DataFrame, rig: Rig, path: Path) -> BoolArray:

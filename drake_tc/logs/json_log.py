@@ -110,8 +110,8 @@ def _of_columns(document: Mapping[str, Any], path: Path) -> pd.DataFrame:
         width = len(values[0]) if isinstance(values[0], list) else 0
         for row, value in enumerate(values, start=1):
             if isinstance(value, dict) or (len(value) if isinstance(value, list) else 0) != width:
-                wanted = f"{width} values as in row 1" if width else "one value, or a list of values in every row"
-                raise LogError(f"{path}: column {name!r}: row {row} holds {_kind(value)}; expected {wanted}")
+                expected = f"{width} values as in row 1" if width else "one value, or a list of values in every row"
+                raise LogError(f"{path}: column {name!r}: row {row} holds {_kind(value)}; expected {expected}")
         columns |= {f"{name}_{number}": [value[number] for value in values] for number in range(width)}
     if not columns and document:
         raise LogError(f"{path}: expected {FORMS}, got a mapping without a list: {', '.join(list(document)[:5])}")

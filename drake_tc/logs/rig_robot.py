@@ -51,12 +51,12 @@ def check_robot_load(source: str, load: Mapping[str, Load], robot: Path | None, 
     """
     taken = [joint for joint, entry in load.items() if isinstance(entry, RobotLoad)]
     if taken and robot is None:
-        raise RigError(f"{source}: load: {{robot: ...}} wants the key `robot: FILE`")
+        raise RigError(f"{source}: load: {{robot: ...}} requires the key `robot: FILE`")
     if coupled and not taken:
-        raise RigError(f"{source}: coupled: wants load: {{robot: ...}}, which tells the torques of all joints")
+        raise RigError(f"{source}: coupled: requires load: {{robot: ...}}, which gives the torques of all joints")
     if taken and (len(taken) < len(load) or len({load[joint] for joint in taken}) > 1):
         others = [joint for joint in load if joint not in taken] or taken[1:]
-        raise RigError(f"{source}: load: {{robot: ...}} wants to be that of all joints; {others[0]!r} has another")
+        raise RigError(f"{source}: load: {{robot: ...}} must be the load of all joints; {others[0]!r} has another one")
 
 
 def check_joint_tolerances(source: str, sensors: Mapping[str, JointSensorKeys], load: Mapping[str, Load]) -> None:

@@ -113,6 +113,6 @@ def _quiet_meshcat() -> Any:
 def _frames(time: FloatArray, frames_per_second: float) -> list[int]:
     """Rows of the frames."""
     count = max(2, int(np.ceil((time[-1] - time[0]) * frames_per_second)) + 1)
-    wanted = np.linspace(time[0], time[-1], count)
-    rows = np.clip(np.searchsorted(time, wanted), 0, time.size - 1)
+    requested = np.linspace(time[0], time[-1], count)
+    rows = np.clip(np.searchsorted(time, requested), 0, time.size - 1)
     return sorted({int(row) for row in rows})

@@ -8,7 +8,7 @@ from pydrake.systems.primitives import Demultiplexer, Selector, SelectorParams
 
 
 def picked(
-    builder: DiagramBuilder, name: str, source: OutputPort, wanted: Mapping[str, list[int]]
+    builder: DiagramBuilder, name: str, source: OutputPort, requested: Mapping[str, list[int]]
 ) -> dict[str, OutputPort]:
     """Ports with some elements of another one each, by name."""
     params = SelectorParams()
@@ -18,11 +18,11 @@ def picked(
         SelectorParams.OutputPortParams(
             name=port, selections=[pick(input_port_index=0, input_offset=i) for i in elements]
         )
-        for port, elements in wanted.items()
+        for port, elements in requested.items()
     ]
     selector = builder.AddNamedSystem(name, Selector(params))
     builder.Connect(source, selector.get_input_port(0))
-    return {port: selector.GetOutputPort(port) for port in wanted}
+    return {port: selector.GetOutputPort(port) for port in requested}
 
 
 def first_imu(builder: DiagramBuilder, reading: OutputPort) -> OutputPort:

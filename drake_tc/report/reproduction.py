@@ -44,7 +44,7 @@ class Expectation:
 
     Attributes:
         name: Of the row.
-        expected: The printed or wanted value.
+        expected: The value that the paper prints, or our own goal.
         how: "min": at least `expected`; "max": at most; "within": off by at most `tolerance`.
         tolerance: In the value's unit; allowed beyond `expected` for "min" and "max" too.
         unit: Of value, expected and tolerance.
@@ -99,21 +99,26 @@ class Row:
         """Whether the value is as expected; a value that is not finite is not."""
         if self.expectation is None:
             return None
-        wanted, slack = self.expectation.expected, self.expectation.tolerance
+        expected, slack = self.expectation.expected, self.expectation.tolerance
         if not np.isfinite(self.value):
             return False
         if self.expectation.how == "min":
-            return bool(self.value >= wanted - slack)
+            return bool(self.value >= expected - slack)
         if self.expectation.how == "max":
-            return bool(self.value <= wanted + slack)
-        return bool(abs(self.value - wanted) <= slack)
+            return bool(self.value <= expected + slack)
+        return bool(abs(self.value - expected) <= slack)
 
     def to_json(self) -> dict[str, Any]:
         """Plain data; a value that is not finite is None; the expectation's fields only where there is one."""
         data: dict[str, Any] = {"name": self.name, "value": float(self.value) if np.isfinite(self.value) else None}
-        if wanted := self.expectation:
-            data |= {"unit": wanted.unit, "expected": wanted.expected, "how": wanted.how, "tolerance": wanted.tolerance}
-            data |= {"met": self.met, "reason": "" if self.met else wanted.reason}
+        if expected := self.expectation:
+            data |= {
+                "unit": expected.unit,
+                "expected": expected.expected,
+                "how": expected.how,
+                "tolerance": expected.tolerance,
+            }
+            data |= {"met": self.met, "reason": "" if self.met else expected.reason}
         return data
 
 
@@ -200,13 +205,13 @@ def _by_name(kind: type[Named], listed: list[object], path: Path, key: str) -> d
     return named
 
 
-def judged(values: Mapping[str, float], wanted: Mapping[str, Expectation]) -> tuple[Row, ...]:
+def judged(values: Mapping[str, float], expected: Mapping[str, Expectation]) -> tuple[Row, ...]:
     """Rows of `values`, in order, each with its expectation where there is one.
 
     Raises:
         ParamsError: an expectation that no value answers: it would silently count as met.
     """
-    missing = sorted(set(wanted) - set(values))
+    missing = sorted(set(expected) - set(values))
     if missing:
         raise ParamsError(f"expected values without a computed one: {', '.join(missing)}")
-    return tuple(Row(name, value, wanted.get(name)) for name, value in values.items())
+    return tuple(Row(name, value, expected.get(name)) for name, value in values.items())

@@ -11,7 +11,7 @@ from drake_tc.robot.mounts import Pose, Triple
 def mapping(
     where: str, entry: object, required: Iterable[str] = (), optional: Iterable[str] | None = ()
 ) -> dict[str, Any]:
-    """`entry` as a mapping whose keys are as wanted; `optional` None allows any; an absent entry is empty.
+    """`entry` as a mapping whose keys are as expected; `optional` None allows any; an absent entry is empty.
 
     Raises:
         ParamsError: no mapping, an unknown key, a missing one, or two that are the same text.

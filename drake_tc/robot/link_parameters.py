@@ -76,8 +76,8 @@ def link_model(robot: Robot) -> LinkModel:
     """
     if not robot.fixed_base:
         raise ParamsError(
-            f"{robot.source or robot.name}: fixed_base: load: {{robot: fitted}} wants a robot whose base is fixed to "
-            "the ground, got a floating one"
+            f"{robot.source or robot.name}: fixed_base: load: {{robot: fitted}} requires a robot whose base is fixed "
+            "to the ground, got a floating one"
         )
     plant = make_plant(robot, 0.0)
     tree = link_tree(plant)

@@ -63,7 +63,7 @@ def add_robot(
     instance has the robot's name.
 
     Args:
-        plant: Not finalized; registered with a SceneGraph where geometry is wanted.
+        plant: Not finalized; registered with a SceneGraph where geometry is requested.
         robot: From `load_robot`.
         visuals: Keep primitive visuals (meshes never).
         collisions: Keep primitive collisions.

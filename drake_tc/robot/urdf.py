@@ -79,8 +79,8 @@ def _link_tag(link: ET.Element, *, visuals: bool, collisions: bool) -> ET.Elemen
     inertial = link.find("inertial")
     if inertial is not None and inertial.find("mass") is not None:
         tag.append(copy.deepcopy(inertial))
-    for name, wanted in (("visual", visuals), ("collision", collisions)):
-        if wanted:
+    for name, requested in (("visual", visuals), ("collision", collisions)):
+        if requested:
             tag.extend(copy.deepcopy(geometry) for geometry in link.findall(name) if _solid(geometry))
     return tag
 

@@ -20,14 +20,14 @@ class SensorFault:
     """What fails, when, on which channels. Active at the ticks n with start <= n dt < start + duration.
 
     Attributes:
-        kind: `frozen` repeats the last finite reading, noise included; `dropped` and `nan` read NaN (the sample does
-            not come; it comes as NaN); `biased` adds `value` to the reading before quantisation, `spikes` adds or
-            takes it off at single samples of a channel, drawn from the sensor's seed.
-        start: When it begins, in the time of the scenario [s].
-        duration: How long it lasts [s]; infinite for good.
-        channels: Indices; None for all.
-        value: Size of the bias, or of the spikes [unit of the signal].
-        chance: Of a sample to be a spike [-]; 0.05 where it is not given.
+        kind: `frozen` repeats the last finite reading, noise included; `dropped` and `nan` give NaN (no sample, or a
+            sample that is NaN); `biased` adds `value` to the reading before quantisation; `spikes` adds or subtracts it
+            at random single samples of a channel.
+        start: Start of the fault in the time of the scenario [s].
+        duration: Duration [s]; infinite by default.
+        channels: Indices of the channels; None: all.
+        value: Size of the bias or of the spikes [unit of the signal].
+        chance: Probability of a spike per sample [-]; default 0.05.
 
     Raises:
         ParamsError: A value that is not possible.

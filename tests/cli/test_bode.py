@@ -12,7 +12,8 @@ from drake_tc.cli.main import run
 
 PORTS = ["--input", "reference:y0", "--output", "actuators:transmitted_torque"]
 QUIET = (
-    "{wanted: {amplitude: 0.0}, effects: {coulomb: {}}, sensors: {motor_encoder: {resolution: 0}, torque: {noise: 0}}}"
+    "{reference: {amplitude: 0.0}, effects: {coulomb: {}}, "
+    "sensors: {motor_encoder: {resolution: 0}, torque: {noise: 0}}}"
 )
 SHORT = ["--from", "4", "--to", "9", "--points", "2", "--at", "0.1", "--settle", "0.2", "--measure", "0.4"]
 
@@ -61,7 +62,7 @@ def test_a_narrow_terminal_cuts_no_figure(capsys, monkeypatch):
 
 def test_an_unstable_loop_has_no_prediction_and_no_steady_sine(capsys):
     """Ten times the gain that keeps the rule: what is measured is the limit cycle, not an answer."""
-    text = "{wanted: {amplitude: 0.0}, control: {kp: 40.0}}"
+    text = "{reference: {amplitude: 0.0}, control: {kp: 40.0}}"
     brief = ["--from", "5", "--to", "5", "--points", "1", "--at", "0.3", "--settle", "0.2", "--measure", "0.4"]
     assert run(["bode", "sea_joint", *PORTS, *brief, "--scenario-text", text, "--json"]) == 0
     told = capsys.readouterr()

@@ -27,9 +27,9 @@ def test_the_cubic_is_exact_for_cubics_also_ahead_of_the_samples():
     polynomial = np.polynomial.Polynomial([0.3, -20.0, 4e3, -5e5])
     for ahead in (0.0, 0.5, 8.0):
         for derivative in (0, 1, 2):
-            wanted = polynomial.deriv(derivative)(ahead * DT) if derivative else polynomial(ahead * DT)
+            desired = polynomial.deriv(derivative)(ahead * DT) if derivative else polynomial(ahead * DT)
             found = cubic_weights(11, ahead, derivative, DT) @ polynomial(time)
-            assert_allclose(found, wanted, rtol=1e-7, err_msg=f"{ahead}, {derivative}")
+            assert_allclose(found, desired, rtol=1e-7, err_msg=f"{ahead}, {derivative}")
 
 
 @pytest.mark.parametrize("delay", [0, 1, 15])
@@ -68,7 +68,7 @@ def test_the_momentum_observer_lags_by_its_gain():
             assert_allclose(friction, [dry * (1.0 - np.exp(-gain * tick * DT))], rtol=0.03)
 
 
-def clamped(spec, wanted, motor=MOTOR, believed=None, dry=0.0, ticks=600):
+def clamped(spec, desired, motor=MOTOR, believed=None, dry=0.0, ticks=600):
     """(T,) torque of a clamped joint in 20 fine steps a tick of its own equation, `delay` ticks after the law."""
     law = SeriesElasticLaw(spec, models(believed or motor), DT)
     delay, fine = round(spec.delay / DT), 20
@@ -77,7 +77,7 @@ def clamped(spec, wanted, motor=MOTOR, believed=None, dry=0.0, ticks=600):
     for k in range(ticks):
         torque = motor.stiffness * angle
         out.append(torque)
-        now = Readings(*(np.array([x]) for x in (angle, torque, wanted(k * DT), 0.0)))
+        now = Readings(*(np.array([x]) for x in (angle, torque, desired(k * DT), 0.0)))
         if kept is None:
             kept, integral = law.at_rest(now), np.zeros((3, 1))
         answer = law.step(kept, integral, now)
@@ -94,47 +94,47 @@ def clamped(spec, wanted, motor=MOTOR, believed=None, dry=0.0, ticks=600):
 
 
 def sine(amplitude, frequency_hz):
-    def wanted(t):
+    def desired(t):
         rise = min(t / 0.1, 1.0)
         return amplitude * rise**3 * (10.0 - 15.0 * rise + 6.0 * rise**2) * np.sin(2.0 * np.pi * frequency_hz * t)
 
-    return wanted
+    return desired
 
 
 @pytest.mark.parametrize("mode", ["observer", "last_step_friction", "feedforward", "feedforward_p"])
 @pytest.mark.parametrize("frequency_hz", [3.0, 9.0])
-def test_with_the_right_model_the_torque_is_the_wanted_one_a_delay_later(mode, frequency_hz):
+def test_with_the_right_model_the_torque_is_the_desired_one_a_delay_later(mode, frequency_hz):
     motor = VoltageMotor(0.04, 0.04, 0.6, 1.2e-5, 100.0, 0.0, 1.5, 200.0, 24.0)
-    wanted = sine(2.0, frequency_hz)
-    found = clamped(SeriesElasticSpec(mode=mode, kp=1.0, leak=1.0), wanted, motor)
-    late = np.array([wanted(max(k * DT - 0.015, 0.0)) for k in range(found.size)])
+    desired = sine(2.0, frequency_hz)
+    found = clamped(SeriesElasticSpec(mode=mode, kp=1.0, leak=1.0), desired, motor)
+    late = np.array([desired(max(k * DT - 0.015, 0.0)) for k in range(found.size)])
     assert np.abs(found - late)[150:].max() < 0.02 * 2.0
 
 
 def test_without_delay_too():
     motor = VoltageMotor(0.04, 0.04, 0.6, 1.2e-5, 100.0, 0.0, 1.5, 200.0, 24.0)
-    wanted = sine(2.0, 9.0)
-    found = clamped(SeriesElasticSpec(delay=0.0, kp=0.5), wanted, motor)
-    now = np.array([wanted(k * DT) for k in range(found.size)])
+    desired = sine(2.0, 9.0)
+    found = clamped(SeriesElasticSpec(delay=0.0, kp=0.5), desired, motor)
+    now = np.array([desired(k * DT) for k in range(found.size)])
     assert np.abs(found - now)[150:].max() < 0.04
 
 
 def test_the_horizon_takes_as_much_off_the_delay():
     motor = VoltageMotor(0.04, 0.04, 0.6, 1.2e-5, 100.0, 0.0, 1.5, 200.0, 24.0)
-    wanted = sine(2.0, 3.0)
-    found = clamped(SeriesElasticSpec(horizon=0.008), wanted, motor)
-    late = np.array([wanted(max(k * DT - 0.007, 0.0)) for k in range(found.size)])
+    desired = sine(2.0, 3.0)
+    found = clamped(SeriesElasticSpec(horizon=0.008), desired, motor)
+    late = np.array([desired(max(k * DT - 0.007, 0.0)) for k in range(found.size)])
     assert np.abs(found - late)[150:].max() < 0.05
 
 
 def test_observers_undo_friction_that_the_model_does_not_have():
     """Of 3 N m of dry friction and a believed 0: what remains of each law's error, late by the delay."""
-    wanted, believed = sine(4.0, 1.0), VoltageMotor(0.04, 0.04, 0.6, 1.2e-5, 100.0, 0.0, 1.5, 200.0, 24.0)
+    desired, believed = sine(4.0, 1.0), VoltageMotor(0.04, 0.04, 0.6, 1.2e-5, 100.0, 0.0, 1.5, 200.0, 24.0)
     error = {}
     for mode in ("feedforward", "observer", "momentum_observer"):
         spec = SeriesElasticSpec(mode=mode, kp=0.0, momentum_gain=40.0)
-        found = clamped(spec, wanted, MOTOR, believed, dry=3.0, ticks=1500)
-        late = np.array([wanted(max(k * DT - 0.015, 0.0)) for k in range(found.size)])
+        found = clamped(spec, desired, MOTOR, believed, dry=3.0, ticks=1500)
+        late = np.array([desired(max(k * DT - 0.015, 0.0)) for k in range(found.size)])
         error[mode] = np.sqrt(np.mean((found - late)[500:] ** 2))
     assert error["feedforward"] > 1.5
     assert error["observer"] < 0.25 * error["feedforward"]
@@ -142,11 +142,11 @@ def test_observers_undo_friction_that_the_model_does_not_have():
 
 
 def test_a_reversal_that_is_known_in_advance_is_not_waited_for():
-    wanted = sine(4.0, 1.0)
+    desired = sine(4.0, 1.0)
     error = []
     for mode in ("observer", "last_step_friction"):
-        found = clamped(SeriesElasticSpec(mode=mode, kp=0.0), wanted, MOTOR, dry=3.0, ticks=1500)
-        late = np.array([wanted(max(k * DT - 0.015, 0.0)) for k in range(found.size)])
+        found = clamped(SeriesElasticSpec(mode=mode, kp=0.0), desired, MOTOR, dry=3.0, ticks=1500)
+        late = np.array([desired(max(k * DT - 0.015, 0.0)) for k in range(found.size)])
         error.append(np.sqrt(np.mean((found - late)[500:] ** 2)))
     assert error[0] < 0.4 * error[1]
 

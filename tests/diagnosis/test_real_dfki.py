@@ -8,9 +8,9 @@ from numpy.testing import assert_allclose
 from readme_quotes_real import differing_cells
 
 from drake_tc.benchmarks.real_dfki import (
+    GOAL,
     GOOD,
     TORQUE_PER_AMPERE,
-    WANTED,
     claims,
     good_runs,
     one_effect_more,
@@ -50,14 +50,14 @@ def test_close_loop_reaches_the_ddp_run_in_the_band_that_the_training_runs_choos
     (joint,) = claims(data, ("ddp_alone_held_out",))["ddp_alone_held_out"].joints
     (run,) = joint.heldout
     assert 3.0 <= run.band_hz <= 8.0  # by 5 Hz torque and motion share less than half of their power
-    assert run.in_band * TORQUE_PER_AMPERE <= WANTED
+    assert run.in_band * TORQUE_PER_AMPERE <= GOAL
     assert run.in_band < run.after
 
 
 def test_the_direct_collocation_run_asks_for_another_drive_gain_than_the_other_runs(data: Path) -> None:
     fits = run_fits(data)
     odd = fits.pop("direct_collocation")
-    assert odd.own >= WANTED  # not even its own fit reaches what is expected
+    assert odd.own >= GOAL  # not even its own fit reaches what is expected
     assert odd.others >= 1.25 * odd.own
     assert odd.own_share > max(each.own_share for each in fits.values()) + 0.05
     for each in fits.values():  # the other runs are predicted as well as they fit themselves
@@ -73,9 +73,9 @@ def test_no_effect_that_the_other_runs_know_brings_direct_collocation_to_the_goa
     """Although the effect is chosen in view of the run; the other runs are at the goal without one."""
     found = one_effect_more(data)
     _, best = found.pop("direct_collocation")
-    assert best[0] > WANTED
+    assert best[0] > GOAL
     for plain, best in found.values():
-        assert best[0] < plain[0] < WANTED
+        assert best[0] < plain[0] < GOAL
 
 
 @pytest.mark.slow

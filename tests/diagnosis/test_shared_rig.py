@@ -45,7 +45,7 @@ def test_joints_and_load_follow_from_the_robot(folder):
     ("text", "message"),
     [
         ("{robot: nothing.yaml, drive: current}", "no such robot file"),
-        ("{joint: turn, drive: current, load: {robot: estimate}}", "wants the key `robot: FILE`"),
+        ("{joint: turn, drive: current, load: {robot: estimate}}", "requires the key `robot: FILE`"),
         ("{robot: arm.yaml, drive: current, load: {robot: guess}}", "expected one of estimate, inverse_dynamics"),
         ("{robot: arm.yaml, drive: current, load: {turn: torque, push: {robot: estimate}}}", "of all joints"),
         ("{robot: arm.urdf, drive: current}", "robot"),

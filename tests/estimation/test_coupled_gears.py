@@ -41,7 +41,7 @@ def test_motors_that_turn_alike_are_refused():
 
 @pytest.mark.parametrize(
     ("coupled", "message"),
-    [({"b": {"d": 1.0}}, "'d' is not a joint"), ({"b": {"a": 1.0}}, "wants load: {robot: ...}")],
+    [({"b": {"d": 1.0}}, "'d' is not a joint"), ({"b": {"a": 1.0}}, "requires load: {robot: ...}")],
 )
 def test_a_rig_that_cannot_be_coupled_is_refused(coupled, message):
     with pytest.raises(RigError, match=message):

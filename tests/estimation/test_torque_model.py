@@ -154,7 +154,7 @@ def pendulum(folder, l1, l2, m1, m2) -> Robot:
 REFUSED = [
     ({"unknown": "nose"}, "no link 'nose'"),
     ({"imu": "nose"}, "no IMU 'nose'; there are"),
-    ({"base": "fixed"}, "'fixed' wants a welded base"),
+    ({"base": "fixed"}, "'fixed' requires a welded base"),
 ]
 
 

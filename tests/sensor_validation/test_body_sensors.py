@@ -1,4 +1,4 @@
-"""What stands in for an IMU, for F/T sensors and contacts in paper C's loop."""
+"""What stands in for an IMU, for F/T sensors and contacts in Faraji et al. (2015)'s loop."""
 
 from pathlib import Path
 

@@ -95,7 +95,7 @@ def sway(
 
 
 def identified_sigma(seed: int) -> tuple[float, ...]:
-    """(n,) RMS of what the robot's sensors say of each joint's torque minus what was wanted, classic form [N m]."""
+    """(n,) RMS of what the robot's sensors say of each joint's torque minus what was desired, classic form [N m]."""
     recording = simulate_tsid(sway("classic", None, seed, {}, AMPLITUDES[0]))
     late = recording.time >= BEGIN
     error = (recording["estimated_torque"] - recording["torque"])[late]

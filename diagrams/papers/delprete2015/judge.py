@@ -59,7 +59,7 @@ def judge(
         seed: Of the quasi-Monte Carlo; the same points at every state.
         rows: Of the main task.
         every: p at each so many ticks only; the rest at all of them, and p repeated.
-        groups: Whether p of each group is wanted.
+        groups: Whether p of each group is requested.
     """
     lines: list[tuple[float, ...]] = []
     apart: dict[str, list[float]] = {}

@@ -115,10 +115,10 @@ def reach_scene(of: TsidModel | None = None, goal: Goal = GOAL) -> Scene:
     path = knot_trajectory([0.0, goal.rise], np.array([start[4:7], start[4:7] + goal.offset]))
 
     def reference(time: float) -> FloatArray:
-        wanted = start.copy()
+        desired = start.copy()
         for order, first in enumerate((4, 10, 16)):
-            wanted[first : first + 3] = path.EvalDerivative(min(time, goal.rise), order).ravel()
-        return wanted
+            desired[first : first + 3] = path.EvalDerivative(min(time, goal.rise), order).ravel()
+        return desired
 
     limits = (*standing_limits(), CapturePointLimit(SOLES, period=DT, margin=goal.margin))
     return Scene(robot, ((hand, reference), (posture, lambda time: rest)), limits)

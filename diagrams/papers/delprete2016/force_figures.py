@@ -34,24 +34,24 @@ def fig5(seed: int = 0, progress: Progress | None = None) -> Reproduction:
     """A.fig5: how well the vertical force follows its sine, and what leaks to the other axes."""
     recording = _run("hrp2_leg_contact", "force_sine", seed, progress)
     late = recording.time >= SETTLED
-    time, wanted = recording.time[late], recording["force_reference"][late, :3]
+    time, desired = recording.time[late], recording["force_reference"][late, :3]
     force = estimated(recording).contact_wrench[late, :3]
-    amplitude = 0.5 * float(np.ptp(wanted[:, 2]))
-    error = force - wanted
+    amplitude = 0.5 * float(np.ptp(desired[:, 2]))
+    error = force - desired
     values = {
         "overshoot of fz beyond its peaks": float(
-            max(force[:, 2].max() - wanted[:, 2].max(), wanted[:, 2].min() - force[:, 2].min()) / amplitude
+            max(force[:, 2].max() - desired[:, 2].max(), desired[:, 2].min() - force[:, 2].min()) / amplitude
         ),
         "coupling to fx": float(np.abs(error[:, 0]).max() / amplitude),
         "coupling to fy": float(np.abs(error[:, 1]).max() / amplitude),
-        "delay of fz": _delay(time, wanted[:, 2], force[:, 2]),
+        "delay of fz": _delay(time, desired[:, 2], force[:, 2]),
         "rms error of fz": float(np.sqrt(np.mean(error[:, 2] ** 2)) / amplitude),
     }
 
     def draw(figure: Any) -> None:
         axes = figure.subplots(3, 1, sharex=True)
         for i, (name, axis) in enumerate(zip(AXES, axes, strict=True)):
-            axis.plot(time, wanted[:, i], "--", color="0.4", label="reference")
+            axis.plot(time, desired[:, i], "--", color="0.4", label="reference")
             axis.plot(time, force[:, i], label="on the foot")
             axis.set_ylabel(f"{name} [N]")
         axes[0].legend(loc="upper right")
@@ -60,11 +60,11 @@ def fig5(seed: int = 0, progress: Progress | None = None) -> Reproduction:
     return Reproduction("A.fig5", judged(values, expectations("a_fig5")), (), FIG5_NOTES, {"fig5": draw})
 
 
-def _delay(time: FloatArray, wanted: FloatArray, force: FloatArray) -> float:
-    """Lag [s] of `force` behind `wanted`, whose cross-correlation is largest within half a second."""
+def _delay(time: FloatArray, desired: FloatArray, force: FloatArray) -> float:
+    """Lag [s] of `force` behind `desired`, whose cross-correlation is largest within half a second."""
     tick = time[1] - time[0]
     reach = round(0.5 / tick)
-    a, b = wanted[reach:-reach] - wanted.mean(), force - force.mean()
+    a, b = desired[reach:-reach] - desired.mean(), force - force.mean()
     lags = np.arange(-reach, reach + 1)
     products = [float(a @ b[reach + lag : reach + lag + a.size]) for lag in lags]
     return float(lags[int(np.argmax(products))] * tick)

@@ -71,7 +71,7 @@ class Outcome:
 
     Attributes:
         time: (S,) [s].
-        com: (S,) distance of the centre of mass from where it is wanted [m].
+        com: (S,) distance of the centre of mass from where it is desired [m].
         load: (S,) normal force at the watched contact [N]. least: That of the feet that stand, at worst [N].
         height: Of the watched contact's frame, the least [m].
         moved: Farthest that it got from where it was first [m].

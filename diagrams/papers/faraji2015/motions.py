@@ -107,30 +107,30 @@ def vibration(run: TsidRecording) -> float:
 
 
 def trunk_orientations(run: TsidRecording) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Instants (S,) [s] from `SINCE` on, and the trunk's orientations then, wanted and true, (S, 3, 3)."""
+    """Instants (S,) [s] from `SINCE` on, and the trunk's orientations then, desired and true, (S, 3, 3)."""
     law = run.law
     source = task_source(law, TRUNK, run.scenario.motion[TRUNK])
     context, scratch, nq = source.CreateDefaultContext(), law.model.create_scratch(), law.model.nq
-    times, wanted, true = [], [], []
+    times, desired, true = [], [], []
     for now, state in zip(run.time[::EVERY], run["state"][::EVERY], strict=True):
         if now <= SINCE:
             continue
         context.SetTime(now)
         times.append(now)
         reference = np.asarray(source.get_output_port().Eval(context))
-        wanted.append(rotation_matrix(reference[:4]))
+        desired.append(rotation_matrix(reference[:4]))
         true.append(law.model.terms(scratch, state[:nq], state[nq:]).pose(TRUNK)[0])
-    return np.array(times), np.array(wanted), np.array(true)
+    return np.array(times), np.array(desired), np.array(true)
 
 
 def trunk_errors(run: TsidRecording) -> FloatArray:
-    """(S,) angle between the wanted and the true orientation of the trunk [rad], from `SINCE` on."""
-    _, wanted, true = trunk_orientations(run)
-    return np.array([np.linalg.norm(rotation_vector(w.T @ t)) for w, t in zip(wanted, true, strict=True)])
+    """(S,) angle between the desired and the true orientation of the trunk [rad], from `SINCE` on."""
+    _, desired, true = trunk_orientations(run)
+    return np.array([np.linalg.norm(rotation_vector(w.T @ t)) for w, t in zip(desired, true, strict=True)])
 
 
 def turn_gain(run: TsidRecording) -> float:
-    """Amplitude of the trunk's turn to and fro over the wanted one, once that is full; NaN if it moves otherwise."""
+    """Amplitude of the trunk's turn to and fro over the desired one, once that is full; NaN if it moves otherwise."""
     turn = run.scenario.motion[TRUNK].turn
     if turn is None or turn.times or run.fell is not None:
         return math.nan
@@ -139,11 +139,11 @@ def turn_gain(run: TsidRecording) -> float:
     basis = np.stack([np.ones_like(times), waves.real, waves.imag], axis=1)
     axis = np.array(turn.axis) / np.linalg.norm(turn.axis)
     late = times > turn.begin + turn.rise
-    wanted, true = (
+    desired, true = (
         np.linalg.lstsq(basis[late], np.array([rotation_vector(R) @ axis for R in all_[late]]), rcond=None)[0]
         for all_ in orientations
     )
-    return float(np.hypot(*true[1:]) / np.hypot(*wanted[1:]))
+    return float(np.hypot(*true[1:]) / np.hypot(*desired[1:]))
 
 
 def motion(scenario: str, id_: str, seed: int, progress: Progress | None, *, damped: bool) -> Reproduction:
@@ -184,8 +184,8 @@ def motion(scenario: str, id_: str, seed: int, progress: Progress | None, *, dam
         values |= {
             "trunk RMS, joint damping over none": _rms(tracking[DAMPED]) / _rms(tracking[OURS]),
             "vibration above 5 Hz, joint damping over none": shaking[DAMPED] / shaking[OURS],
-            "amplitude of the turn over the wanted, no damping": turn_gain(runs[OURS]),
-            "amplitude of the turn over the wanted, joint damping": turn_gain(runs[DAMPED]),
+            "amplitude of the turn over the desired, no damping": turn_gain(runs[OURS]),
+            "amplitude of the turn over the desired, joint damping": turn_gain(runs[DAMPED]),
         }
     table = TextTable(
         "the whole loop by estimator and joint damping",

@@ -33,7 +33,7 @@ BAND = (2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0)
 ABOVE = (12.0, 14.0, 17.0, 22.0, 30.0, 38.0, 44.0, 50.0)
 """For the bandwidth [Hz]."""
 AMPLITUDE = 2.0
-"""Of the wanted torque [N m]; at 50 Hz the motor needs 22 of its 24 V for it."""
+"""Of the desired torque [N m]; at 50 Hz the motor needs 22 of its 24 V for it."""
 AT = 0.3
 """When the sines begin [s]."""
 SHOWN = (OBSERVER, "feedforward", "feedforward + P", "momentum observer", PI, PREDICTED)
@@ -54,7 +54,7 @@ NOTES = (
 
 
 def measured(scenario: SeaScenario, frequencies: tuple[float, ...]) -> FrequencyResponse:
-    """Torque over wanted torque, with friction and noise."""
+    """Torque over desired torque, with friction and noise."""
     resting = at_rest(scenario)
     loop, context = settled_at(sea_entry(), resting, AT, (INPUT, OUTPUT))
     sweep = Sweep(frequencies, AMPLITUDE, 0.4, 0.5)

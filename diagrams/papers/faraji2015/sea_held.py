@@ -128,7 +128,7 @@ def held(seed: int = 0, progress: Progress | None = None) -> Reproduction:
         axes = figure.subplots(3, 1, sharex=True, sharey=True)
         for axis, name in zip(axes, (OBSERVER, WHOLE, MOMENTUM), strict=True):
             run = runs[name]
-            axis.plot(run.time, run["reference_torque"], "k--", label="wanted")
+            axis.plot(run.time, run["reference_torque"], "k--", label="desired")
             axis.plot(run.time, run["spring_torque"], label=name)
             axis.set_xlim(1.0, 4.0)
             axis.set_ylabel("torque [N m]")

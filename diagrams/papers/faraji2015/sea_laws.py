@@ -76,8 +76,8 @@ def with_law(name: str, scenario: str, seed: int = 0, **changes: Any) -> SeaScen
 
 
 def at_rest(scenario: SeaScenario) -> SeaScenario:
-    """The scenario with no torque wanted: where responses are measured from."""
-    return replace(scenario, wanted=replace(scenario.wanted, offset=0.0, amplitude=0.0))
+    """The scenario with a reference of zero: where responses are measured from."""
+    return replace(scenario, reference=replace(scenario.reference, offset=0.0, amplitude=0.0))
 
 
 def margins_of(name: str, factor: float = 1.0) -> Margins:

@@ -65,8 +65,8 @@ def joint_loops(scenario: Scenario, direction: float = 0.0) -> dict[str, JointLo
 
 def _check_loop(scenario: Scenario) -> None:
     """Refuse what `JointLoop` does not have."""
-    wanted = {"controller": "torque", "torque_from": "estimate", "predictor": None, "observer": None}
-    others = [name for name, value in wanted.items() if getattr(scenario, name) != value]
+    expected = {"controller": "torque", "torque_from": "estimate", "predictor": None, "observer": None}
+    others = [name for name, value in expected.items() if getattr(scenario, name) != value]
     if others:
         raise ParamsError(
             "joint loops: expected a scenario in torque control (`controller: torque`, `torque_from: estimate`)"

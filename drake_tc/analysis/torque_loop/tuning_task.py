@@ -46,14 +46,14 @@ def joint_tasks(scenario: Scenario, begin: float | None = None) -> list[JointTas
         if drive.drive.kind != "position_servo":
             raise ParamsError(f"tune: expected position servos; {drive.joint} is a {drive.drive.kind} drive")
     n = len(robot.joints)
-    wanted = references(scenario, robot)
-    motion = wanted.motion.reshape(-1, 3, n)
+    desired = references(scenario, robot)
+    motion = desired.motion.reshape(-1, 3, n)
     torque, inertias, torque_noise = _dynamics(robot, motion, scenario)
     needed = _efforts(true, torque, motion, 0.0, rotor=True)
     spec = scenario.compensation
     given = _efforts(model, torque, motion, spec.direction_speed, rotor=spec.acceleration != "none")
     first = min(SETTLED, 0.5 * scenario.duration) if begin is None else begin
-    row = int(np.searchsorted(wanted.time, first - 1e-9))
+    row = int(np.searchsorted(desired.time, first - 1e-9))
     noise = _noise(sensor_suite(scenario).encoder, n)
     tasks = []
     for i, joint in enumerate(robot.joints):

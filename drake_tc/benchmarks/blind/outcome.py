@@ -108,11 +108,11 @@ class Outcome:
         """Whether the missing effects are named, and no other."""
         return self.answered and self.all_found and len(self.named) == len(self.truth)
 
-    def _assigned(self, wanted: list[str], said: list[str]) -> bool:
-        if not wanted:
+    def _assigned(self, expected: list[str], said: list[str]) -> bool:
+        if not expected:
             return True
-        matches = [i for i, name in enumerate(said) if self.stands_for(name, wanted[0])]
-        return any(self._assigned(wanted[1:], said[:i] + said[i + 1 :]) for i in matches)
+        matches = [i for i, name in enumerate(said) if self.stands_for(name, expected[0])]
+        return any(self._assigned(expected[1:], said[:i] + said[i + 1 :]) for i in matches)
 
 
 def read_outcome(truth_path: Path, report_path: Path) -> Outcome:

@@ -72,10 +72,12 @@ def simulate(specs: list[RigSpec], runs: list[str], step: float = 1e-4, record_e
         DivergedError: A joint left +-1.6 rad, or is not a number any more.
     """
     if len(specs) != len(runs) or len({spec.duration for spec in specs}) != 1:
-        raise BlindError(f"simulate wants one run a rig and one duration, got {len(specs)} rigs, {len(runs)} runs")
+        raise BlindError(
+            f"simulate: expected one run per rig and one duration, got {len(specs)} rigs, {len(runs)} runs"
+        )
     substeps = round(LOG_PERIOD / step)
     if abs(substeps * step - LOG_PERIOD) > 1e-12:
-        raise BlindError(f"step wants a divisor of {LOG_PERIOD} s, got {step}")
+        raise BlindError(f"step: expected a divisor of {LOG_PERIOD} s, got {step}")
     motions = [make_motion(spec, run) for spec, run in zip(specs, runs, strict=True)]
     batch = Batch(specs, runs, motions, step)
     kept = batch.integrate(substeps, record_every)

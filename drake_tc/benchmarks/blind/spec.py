@@ -65,7 +65,7 @@ class Joint:
     def __post_init__(self) -> None:
         if self.gain <= 0 or self.rotor_inertia <= 0 or self.link_inertia <= 0:
             raise BlindError(
-                f"a joint wants positive gain and inertias, got {self.gain}, {self.rotor_inertia}, {self.link_inertia}"
+                f"expected positive gain and inertias, got {self.gain}, {self.rotor_inertia}, {self.link_inertia}"
             )
 
 
@@ -107,7 +107,7 @@ class Sensors:
 
     def __post_init__(self) -> None:
         if self.rate_hz < 1 or 1000 % self.rate_hz:
-            raise BlindError(f"rate_hz wants a divisor of 1000, got {self.rate_hz}")
+            raise BlindError(f"rate_hz: expected a divisor of 1000, got {self.rate_hz}")
 
 
 @dataclass(frozen=True)

@@ -39,7 +39,7 @@ class SeriesElasticControl(PortMethods, LeafSystem):
     Outputs (n each), with direct feedthrough of every input:
         voltage: v [V], within the motors' limits.
         friction: the friction that it overcomes [N m].
-        shaped_reference: r, the wanted torque as it is asked of the motor [N m].
+        shaped_reference: r, the desired torque as it is asked of the motor [N m].
         fault: 1 where an input is not finite (or beyond `LARGEST`): its last good value stands in.
 
     State x: the memory of the law (ticks, 8, n), its integral (3, n), whether it has started. With L the law,
@@ -86,7 +86,7 @@ class SeriesElasticControl(PortMethods, LeafSystem):
         rows = np.array([p.Eval(context) if p.HasValue(context) else np.zeros(n) for p in self._inputs])
         if np.abs(rows).max() < LARGEST:
             return Readings(*rows), np.zeros(n)
-        good = np.zeros((4, n)) if last is None else last[[Kept.ANGLE, Kept.TORQUE, Kept.WANTED, Kept.LINK]]
+        good = np.zeros((4, n)) if last is None else last[[Kept.ANGLE, Kept.TORQUE, Kept.DESIRED, Kept.LINK]]
         good = np.array(good)
         good[3] = 0.0
         lost = ~(np.abs(rows) < LARGEST)

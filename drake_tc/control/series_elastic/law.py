@@ -35,21 +35,21 @@ from drake_tc.control.series_elastic.memory import KEPT, Kept, cubic_weights, pa
 from drake_tc.control.series_elastic.spec import WITH_P, SeriesElasticSpec
 from drake_tc.types import FloatArray
 
-VOLTAGE, ANGLE, TORQUE, WANTED, SHAPED, LINK, FASTER, DRY = map(int, Kept)
+VOLTAGE, ANGLE, TORQUE, DESIRED, SHAPED, LINK, FASTER, DRY = map(int, Kept)
 """As plain numbers: numpy takes twice as long over an index that is an IntEnum."""
 
 
 class Readings(NamedTuple):
-    """Of one tick, (n,) each: motor angle, torque, wanted torque, wanted acceleration of the link."""
+    """Of one tick, (n,) each: motor angle, torque, desired torque, desired acceleration of the link."""
 
     angle: FloatArray
     torque: FloatArray
-    wanted: FloatArray
+    desired: FloatArray
     acceleration: FloatArray
 
 
 class Answer(NamedTuple):
-    """Of one tick, (n,) each: voltage, friction taken for it, wanted torque as shaped; and the next memory."""
+    """Of one tick, (n,) each: voltage, friction taken for it, desired torque as shaped; and the next memory."""
 
     voltage: FloatArray
     friction: FloatArray
@@ -101,10 +101,10 @@ class SeriesElasticLaw:
         return len(self.motors)
 
     def at_rest(self, now: Readings) -> FloatArray:
-        """Memory (length, KEPT, n) of joints that have stood as they stand now, and wanted the same."""
+        """Memory (length, KEPT, n) of joints that have stood as they stand now, and desired the same."""
         kept = np.zeros((self.length, KEPT, self.size))
         kept[:, ANGLE], kept[:, TORQUE] = now.angle, now.torque
-        kept[:, WANTED] = kept[:, SHAPED] = now.wanted
+        kept[:, DESIRED] = kept[:, SHAPED] = now.desired
         return kept
 
     def step(self, before: FloatArray, integral: FloatArray, now: Readings) -> Answer:
@@ -118,7 +118,7 @@ class SeriesElasticLaw:
         kept = np.empty((self.length, KEPT, self.size))
         kept[:-1], last = before[1:], kept[-1]
         last[:] = 0.0
-        last[ANGLE], last[TORQUE], last[WANTED] = now.angle, now.torque, now.wanted
+        last[ANGLE], last[TORQUE], last[DESIRED] = now.angle, now.torque, now.desired
         if self.spec.mode == "pi":
             return self._proportional_integral(kept, integral, now)
         last[SHAPED], winding, faster = self._shaped(kept)
@@ -142,9 +142,9 @@ class SeriesElasticLaw:
     def _shaped(self, kept: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """R (n,) of the newest tick, and what winding the spring adds to theta''_ref and to g."""
         if self._plain:
-            return kept[-1, WANTED], self._none, self._none
-        wanted, soft = kept[:, WANTED], self._motor.compliance
-        return self._shape @ wanted, soft * (self._curve @ wanted), soft * (self._faster @ wanted)
+            return kept[-1, DESIRED], self._none, self._none
+        desired, soft = kept[:, DESIRED], self._motor.compliance
+        return self._shape @ desired, soft * (self._curve @ desired), soft * (self._faster @ desired)
 
     def _friction(self, kept: FloatArray, integral: FloatArray, speed: FloatArray) -> tuple[FloatArray, FloatArray]:
         """The dry friction (n,) that the voltage is to overcome, and the law's integral with the observer's in it."""
@@ -163,11 +163,11 @@ class SeriesElasticLaw:
         return dry, integral
 
     def _proportional_integral(self, kept: FloatArray, integral: FloatArray, now: Readings) -> Answer:
-        error = now.wanted - now.torque
+        error = now.desired - now.torque
         total = integral[0] + self.dt * error
         wish = (self.spec.kp * error + self.spec.ki * total) / self._motor.torque_per_volt
         volts = np.clip(wish, -self._motor.limit, self._motor.limit)
         held = (wish != volts) & (np.sign(wish) == np.sign(error))
-        kept[-1, VOLTAGE], kept[-1, SHAPED] = volts, now.wanted
+        kept[-1, VOLTAGE], kept[-1, SHAPED] = volts, now.desired
         none = np.zeros(self.size)
-        return Answer(volts, none, now.wanted, kept, np.stack([np.where(held, integral[0], total), none, none]))
+        return Answer(volts, none, now.desired, kept, np.stack([np.where(held, integral[0], total), none, none]))

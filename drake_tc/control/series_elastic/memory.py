@@ -8,18 +8,18 @@ from drake_tc.types import FloatArray
 
 
 class Kept(IntEnum):
-    """Rows of one tick: what was sent, read, wanted."""
+    """Rows of one tick: what was sent, read, desired."""
 
     VOLTAGE = 0
     ANGLE = 1
     TORQUE = 2
-    WANTED = 3
+    DESIRED = 3
     SHAPED = 4
     LINK = 5
     FASTER = 6
     DRY = 7
-    """Voltage sent [V]; motor angle [rad] and torque [N m] as read; wanted torque [N m]; the same as it was asked of
-    the motor; the link's wanted acceleration [rad/s^2]; growth of the motor's wanted speed in a tick [rad/s]; its dry
+    """Voltage sent [V]; motor angle [rad] and torque [N m] as read; desired torque [N m]; the same as it was asked of
+    the motor; the link's desired acceleration [rad/s^2]; growth of the motor's desired speed in a tick [rad/s]; its dry
     friction by the model, in the direction in which it will move [N m]."""
 
 

@@ -44,11 +44,11 @@ class MotorPositionControl(PortMethods, LeafSystem):
         self._gain: FloatArray = gain / arrays.torque_per_volt
         self._limit = arrays.limit
         self._angle: Any = self.DeclareVectorInputPort("motor_angle", n)
-        self._wanted: Any = self.DeclareVectorInputPort("reference_angle", n)
-        self.DeclareVectorOutputPort("voltage", n, self._write, {self._angle.ticket(), self._wanted.ticket()})
+        self._desired: Any = self.DeclareVectorInputPort("reference_angle", n)
+        self.DeclareVectorOutputPort("voltage", n, self._write, {self._angle.ticket(), self._desired.ticket()})
 
     def _write(self, context: Context, vector: BasicVector) -> None:
-        short = np.asarray(self._wanted.Eval(context) - self._angle.Eval(context))
+        short = np.asarray(self._desired.Eval(context) - self._angle.Eval(context))
         volts = np.clip(self._gain * short, -self._limit, self._limit)
         sound: Any = np.where(np.isfinite(volts), volts, 0.0)
         vector.SetFromVector(sound)

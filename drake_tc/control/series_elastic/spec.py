@@ -29,13 +29,13 @@ class SeriesElasticSpec:
         step: Length of the step whose friction they take for the next [s].
         momentum_gain: K of `momentum_observer` [rad/s].
         delay: Time from a voltage being computed to it reaching the motor, plus the age of the readings [s].
-        horizon: How far ahead the wanted torque is extrapolated [s]; 0: to the middle of the tick, for which a voltage
+        horizon: Time by which the desired torque is extrapolated [s]; 0: to the middle of the tick, for which a voltage
             is held.
-        spring_time: Damping of the spring over its stiffness [s], as far as it is known.
-        reference_window: Length of the stretch of wanted torque whose cubic gives its derivatives [s]; 0: it is taken
-            as it comes, and the spring's winding is not fed forward, as suits a torque with feedback's noise in it.
-        speed_step: Motor speed is the travel over this time [s].
-        speed_bandwidth: How fast the measured speed corrects the one that was asked for [rad/s].
+        spring_time: Assumed damping of the spring over its stiffness [s].
+        reference_window: Length of the stretch of the desired torque to which a cubic is fitted for its derivatives
+            [s]; 0: no derivatives, for a torque that contains noisy feedback.
+        speed_step: Time over which the travel of the motor gives its speed [s].
+        speed_bandwidth: Bandwidth with which the measured speed corrects the desired one [rad/s].
         friction_speed: v_s [rad/s] of tanh(v/v_s) where friction is taken from the parameters.
 
     Raises:
@@ -79,7 +79,7 @@ class SeriesElasticSpec:
         ticks: float = getattr(self, name) / dt
         if not abs(ticks) <= MOST_TICKS:
             raise ParamsError(
-                f"control.{name}: wanted at most {MOST_TICKS} periods of {dt:g} s; got {getattr(self, name):g} s"
+                f"control.{name}: expected at most {MOST_TICKS} periods of {dt:g} s; got {getattr(self, name):g} s"
             )
         if abs(ticks - round(ticks)) > 1e-6 or (round(ticks) < 1 and name not in ("delay", "reference_window")):
             raise ParamsError(

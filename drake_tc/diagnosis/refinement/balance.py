@@ -36,15 +36,15 @@ def equation_errors(
         found = physical_parameters(fitted, x[:size], x[size:])
         return np.array([found[key][name] for key, group in named.items() for name in group])
 
-    wanted = np.array([value for group in named.values() for value in group.values()])
-    finite = np.isfinite(wanted)
-    size_of = np.maximum(np.abs(wanted), 1e-9)[finite]
+    desired = np.array([value for group in named.values() for value in group.values()])
+    finite = np.isfinite(desired)
+    size_of = np.maximum(np.abs(desired), 1e-9)[finite]
 
     # What has a prior is not among the numbers and stays as it is.
     step_of = np.diag(scale)[:, ~np.append(prior_coefficients(fitted.terms), np.zeros(start.size - size, np.bool_))]
 
     def miss(step: np.ndarray) -> np.ndarray:
-        difference = (numbers(start + step_of @ step)[finite] - wanted[finite]) / size_of
+        difference = (numbers(start + step_of @ step)[finite] - desired[finite]) / size_of
         return np.asarray(np.nan_to_num(difference, nan=1e3, posinf=1e3, neginf=-1e3))
 
     found = least_squares(miss, np.zeros(step_of.shape[1]), xtol=1e-12, ftol=1e-15, gtol=1e-15, max_nfev=50)

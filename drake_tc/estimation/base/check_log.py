@@ -51,7 +51,7 @@ def check_log(path: Path, rig: BaseRig, log: SensorLog, *, has_tilt: bool) -> No
         has_tilt: Whether the log has roll and pitch.
 
     Raises:
-        LogError: one line: what was wanted, what came, which unit fits.
+        LogError: one line: what was expected, what came, which unit fits.
     """
     groups = {f"position of {name}": log.q[:, i] for i, name in enumerate(rig.robot.joints)}
     groups |= {"gyro": log.gyro, "accel": log.accel} | ({"roll_pitch": log.tilt} if has_tilt else {})

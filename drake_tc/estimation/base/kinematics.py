@@ -187,7 +187,7 @@ def _load(plant: MultibodyPlant, robot: Robot, contact: ContactSpec, frame: Any)
     if child.index() not in rigid or _moves_beyond(plant, robot, sensor):
         if contact.polygon is not None:
             raise ParamsError(
-                f"contact {contact.mount.name!r}: a sole wants its sensor {sensor.name!r} rigidly above it;"
+                f"contact {contact.mount.name!r}: the sole requires its sensor {sensor.name!r} rigidly above it;"
                 " a joint lies between"
             )
         return _Load(np.eye(6), 0.0, np.zeros(3))  # of a point only the force's length is looked at

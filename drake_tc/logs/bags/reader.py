@@ -45,9 +45,9 @@ def read_streams(path: Path) -> dict[tuple[str, tuple[str, ...]], Stream]:
     """
     found: dict[tuple[str, tuple[str, ...]], Stream] = {}
     with _opened(path) as reader:
-        wanted = [connection for connection in reader.connections if connection.msgtype in EXTRACT]
-        if wanted:
-            for connection, received, raw in reader.messages(connections=wanted):
+        requested = [connection for connection in reader.connections if connection.msgtype in EXTRACT]
+        if requested:
+            for connection, received, raw in reader.messages(connections=requested):
                 message = reader.deserialize(raw, connection.msgtype)
                 for row in EXTRACT[connection.msgtype](connection.topic, message):
                     _add(found, connection.topic, int(received), row)

@@ -65,8 +65,8 @@ def convert(src: Path, out: Path) -> tuple[Path, ...]:
     Raises:
         LogError: No such files in `src`, or one with other columns.
     """
-    wanted = [name for names in SESSIONS.values() for name in names]
-    paths = {run_name(path): path for path in find(src, *(f"{name}.csv*" for name in wanted))}
+    requested = [name for names in SESSIONS.values() for name in names]
+    paths = {run_name(path): path for path in find(src, *(f"{name}.csv*" for name in requested))}
     rigs = []
     for session, names in SESSIONS.items():
         members = [name for name in names if name in paths]

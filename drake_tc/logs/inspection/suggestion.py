@@ -41,8 +41,8 @@ def suggested_rig(columns: Sequence[Column], meanings: Mapping[str, Meaning], no
     commands = dict(DRIVES)
     used = [time] if time else []
     for joint, drive in drives.items():
-        wanted = ("position", commands[drive], "torque", *OPTIONAL)
-        used += [by_joint[joint][name] for name in wanted if name in by_joint[joint]]
+        requested = ("position", commands[drive], "torque", *OPTIONAL)
+        used += [by_joint[joint][name] for name in requested if name in by_joint[joint]]
     doubtful = [column.name for column in used if not column.unit]
     if doubtful:
         notes.append(f"The unit of {', '.join(map(repr, doubtful))} is not clear: say it under `units:`.")

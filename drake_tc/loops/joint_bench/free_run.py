@@ -58,11 +58,11 @@ def free_run(
 
 def _substeps(model: ActuatorModel, recording: Recording, period: float) -> int:
     """Enough for `COARSEST`, and for a position servo's own oscillation."""
-    wanted = period / COARSEST
+    requested = period / COARSEST
     if model.drive.kind == "position_servo":
         inertia = model.inertia + (recording.pendulum.inertia if recording.pendulum else 0.0)
-        wanted = max(wanted, period / np.sqrt(model.drive.gain * inertia) / RESOLUTION)
-    return int(np.clip(np.ceil(wanted - 1e-6), 1, 60))
+        requested = max(requested, period / np.sqrt(model.drive.gain * inertia) / RESOLUTION)
+    return int(np.clip(np.ceil(requested - 1e-6), 1, 60))
 
 
 def _bench(side: PlantSide, recording: Recording, step: float) -> Bench:

@@ -27,7 +27,7 @@ class BenchScenario(ScenarioBase):
         gravity_moment: m g l [N m]; 0 for a joint about a vertical axis. The link hangs at q = 0.
         encoder_resolution: Step of the encoder [rad]; 0 for a perfect one.
         torque_noise: Standard deviation of the torque sensor [N m], white.
-        seed: Of the one generator.
+        seed: Seed of all random numbers.
 
     Raises:
         ParamsError: a value that is not possible.

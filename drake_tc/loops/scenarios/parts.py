@@ -12,12 +12,12 @@ class GainSpec:
     """Feedback gains, the same for all joints unless `by_joint` says otherwise (Del Prete et al., 2016, eq. 10 to 14).
 
     Attributes:
-        k6: Position feedback in units of the vendor servo's own: K6 = K_tau (1 + Kp) Ks [-].
+        k6: Position feedback relative to the stiffness of the vendor's servo: K6 = K_tau (1 + Kp) Ks [-].
         k7: Velocity feedback K7 = K_tau (1 + Kp) Kd [s].
         kp: Torque feedback Kp [-].
         ki: Integral of the torque error [1/s].
-        kf: Force feedback Kf [-], one for all or six [fx fy fz tx ty tz].
-        by_joint: Joint to {k6: ...} and so on, for single joints (kf has no joint).
+        kf: Force feedback Kf [-], one number or six [fx fy fz tx ty tz].
+        by_joint: Gains of single joints, `{JOINT: {k6: ...}}` (kf has no joint).
     """
 
     k6: float = 1.0
@@ -78,8 +78,8 @@ class ModelFactors:
     """Factors on what the controller believes of every drive: an error of the model, on purpose.
 
     Attributes:
-        k_tau: On the drive gain K_tau [-].
-        k_v: On K_v = K_tau x viscous friction [-].
+        k_tau: Factor on the drive gain K_tau [-].
+        k_v: Factor on K_v = K_tau x viscous friction [-].
     """
 
     k_tau: float = 1.0
@@ -97,9 +97,9 @@ class SuspensionSpec:
     At the base's pose in the robot file the springs carry the robot's weight; the rest of the balance it finds itself.
 
     Attributes:
-        stiffness, damping: Along the world's axes [N/m, N s/m].
-        turn_stiffness, turn_damping: About roll, pitch and yaw [N m/rad, N m s/rad].
-        point: Of the base link, where it is held [m].
+        stiffness, damping: Stiffness and damping along the world's axes [N/m, N s/m].
+        turn_stiffness, turn_damping: The same about roll, pitch and yaw [N m/rad, N m s/rad].
+        point: Point of the base link at which the springs act [m].
     """
 
     stiffness: tuple[float, ...]
@@ -122,7 +122,7 @@ class SinusoidSpec:
     """q(t) = centre + (start + growth t) sin(2 pi f t).
 
     Attributes:
-        frequency_hz: f [Hz].
+        frequency_hz: Frequency f [Hz].
         start: Amplitude at t = 0 [rad].
         growth: Growth of the amplitude [rad/s].
     """
@@ -141,10 +141,10 @@ class MotionSpec:
     """Where the joints are to be: the posture, knots over it, sinusoids over that.
 
     Attributes:
-        posture: Joint to position [rad]; the robot file's posture where not given.
-        times: Of the knots [s], the first is 0.
-        knots: Joint to one position a time [rad]; joints not named keep the posture.
-        sinusoids: Joint to a growing sinusoid added to it.
+        posture: Positions [rad] by joint. Default: the posture of the robot file.
+        times: Times of the knots [s]; the first one is 0.
+        knots: Positions at these times [rad], by joint; other joints keep the posture.
+        sinusoids: Growing sinusoids that are added, by joint.
     """
 
     posture: Mapping[str, float] = field(default_factory=dict)
@@ -160,9 +160,9 @@ class ForceSpec:
     Attributes:
         offset: Constant part [fx fy fz tx ty tz] [N, N m].
         amplitude: Amplitude of the sine [fx fy fz tx ty tz] [N, N m].
-        frequency_hz: f [Hz].
-        begin: When it begins [s].
-        ramp: How long it rises [s].
+        frequency_hz: Frequency f [Hz].
+        begin: Start [s].
+        ramp: Duration of the rise [s].
     """
 
     offset: tuple[float, ...] = (0.0,) * 6
@@ -187,9 +187,9 @@ class PushSpec:
     """A wrench on a link in world axes, risen and fallen as sin^2 within [begin, begin + duration].
 
     Attributes:
-        link: The link.
-        begin: When it begins [s].
-        duration: How long it lasts [s].
+        link: Name of the link.
+        begin: Start [s].
+        duration: Duration [s].
         force: Largest force [fx fy fz] [N].
         torque: Largest torque [tx ty tz] [N m].
         point: Where the force acts, in the link's frame [m].
@@ -216,8 +216,8 @@ class ObjectSpec:
     """A rigid box, fixed to the world.
 
     Attributes:
-        size: Lengths of its edges [m].
-        xyz: Position of its centre [m].
+        size: Lengths of the edges [m].
+        xyz: Position of the centre [m].
         rpy: Roll, pitch and yaw [rad].
         friction: Coefficient of friction [-].
     """

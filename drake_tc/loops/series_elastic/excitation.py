@@ -86,8 +86,8 @@ def _record(scenario: SeaScenario, how: Excitation, name: str, time: FloatArray,
     gains: Any = [np.array([how.stiffness]), np.array([0.0]), np.array([how.damping])]
     loop = PidController(*gains)
     builder.AddNamedSystem("position_loop", loop)
-    wanted = _line(time, np.stack([motion.position, motion.velocity]))
-    source = builder.AddNamedSystem("reference", TrajectorySource(wanted))
+    desired = _line(time, np.stack([motion.position, motion.velocity]))
+    source = builder.AddNamedSystem("reference", TrajectorySource(desired))
     pull = how.pull * np.sin(2.0 * np.pi * 0.31 * time) * np.clip(time, 0.0, 1.0)
     hand = builder.AddNamedSystem("hand", TrajectorySource(_line(time, pull[None, :])))
     builder.Connect(source.get_output_port(), loop.get_input_port_desired_state())

@@ -1,8 +1,8 @@
 """One voltage-driven series-elastic joint under torque control (Faraji et al., 2015): held, moved by a hand, or free.
 
-The wiring is that of `add_series_elastic_loop` (`drake_tc.loops.series_elastic.wiring`); here stand the link, the hand
-and the reference. `wanted: {of: position}` puts a soft position loop around it, whose link speed comes from the motor's
-encoder less the spring's deflection.
+The wiring is that of `add_series_elastic_loop` (`drake_tc.loops.series_elastic.wiring`); this file adds the link, the hand
+and the reference. `reference: {of: position}` puts a soft position loop around it, whose link speed comes from
+the motor's encoder minus the spring's deflection.
 """
 
 from dataclasses import dataclass, replace
@@ -15,7 +15,7 @@ from drake_tc.loops.built_loop import BuiltLoop
 from drake_tc.loops.joint_bench.diagram import JOINT, make_plant
 from drake_tc.loops.loop_builder import LoopBuilder
 from drake_tc.loops.series_elastic.scenario import HandSpec, SeaScenario, spring_compliance
-from drake_tc.loops.series_elastic.surroundings import Hand, LinkState, PositionLoop, hand_path, wanted_path
+from drake_tc.loops.series_elastic.surroundings import Hand, LinkState, PositionLoop, hand_path, reference_path
 from drake_tc.loops.series_elastic.wiring import add_series_elastic_loop
 
 
@@ -62,8 +62,8 @@ def build_sea(scenario: SeaScenario, *, meshcat: bool = False) -> SeaLoop:
 def _add_reference(loop: LoopBuilder[SeaScenario], control: SeriesElasticControl) -> OutputPort:
     """The reference torque, and with a position loop the reference acceleration of the link."""
     scenario, builder = loop.scenario, loop.builder
-    spec = scenario.wanted
-    path = wanted_path(spec, scenario.duration, scenario.dt)
+    spec = scenario.reference
+    path = reference_path(spec, scenario.duration, scenario.dt)
     if spec.of == "torque":
         torque: OutputPort = builder.AddNamedSystem("reference", TrajectorySource(path)).get_output_port()
         builder.Connect(torque, control.GetInputPort("reference_torque"))

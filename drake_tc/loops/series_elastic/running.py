@@ -55,10 +55,10 @@ class SeaRecording(Recording):
 
     @property
     def delayed_torque_error(self) -> FloatArray:
-        """The same against the wanted torque of `delay` ago: what a loop with that delay could have had."""
-        wanted = self["reference_torque"]
-        ticks = min(round(self.scenario.delay / self.scenario.dt), wanted.size)
-        late = np.concatenate([np.full(ticks, wanted[0]), wanted[: wanted.size - ticks]])
+        """The same against the desired torque of `delay` ago: what a loop with that delay could have had."""
+        desired = self["reference_torque"]
+        ticks = min(round(self.scenario.delay / self.scenario.dt), desired.size)
+        late = np.concatenate([np.full(ticks, desired[0]), desired[: desired.size - ticks]])
         return np.asarray(late - self["spring_torque"])
 
     def rms(self, values: FloatArray) -> float:

@@ -1,4 +1,4 @@
-"""An experiment on one series-elastic joint as data: motor, link, hand, sensors, torque law, what is wanted."""
+"""An experiment on one series-elastic joint as data: motor, link, hand, sensors, torque law, reference."""
 
 import math
 from collections.abc import Mapping
@@ -22,10 +22,10 @@ class HandSpec:
     """A hand on the link: a spring and a damper to where it holds.
 
     Attributes:
-        stiffness: Of the spring [N m/rad].
-        damping: Of the damper [N m s/rad].
-        times: Of the knots of its path [s]; none: it rests.
-        knots: Where it is at these times [rad], in straight lines, rounded over `rounding`.
+        stiffness: Stiffness of the hand [N m/rad].
+        damping: Damping of the hand [N m s/rad].
+        times: Times of the knots of its path [s]; empty: the hand rests.
+        knots: Positions at these times [rad], joined by straight lines that are rounded over `rounding`.
         rounding: Time over which corners of the path are rounded [s].
     """
 
@@ -45,16 +45,17 @@ class HandSpec:
 
 
 @dataclass(frozen=True)
-class WantedSpec:
-    """What is wanted of the joint: a torque, or a motion of the link under a soft position loop.
+class ReferenceSpec:
+    """Reference of the joint: a torque, or a motion of the link under a soft position loop.
 
     Attributes:
-        offset, amplitude: Of the torque [N m], or of the link's angle [rad] with `of: position`.
-        frequency_hz: Of its sine [Hz].
-        begin: When it begins [s].
-        ramp: How long it rises [s].
+        offset, amplitude: Offset and amplitude of the torque [N m], or of the angle of the link [rad] with `of:
+            position`.
+        frequency_hz: Frequency of the sine [Hz].
+        begin: Start of the motion [s].
+        ramp: Duration of the rise [s].
         of: "torque", or "position": tau_ref = M q''_d + m g l sin q_d + stiffness (q_d - q) + damping (q'_d - q').
-        stiffness, damping: Of the position loop [N m/rad, N m s/rad].
+        stiffness, damping: Gains of the position loop [N m/rad, N m s/rad].
     """
 
     offset: float = 0.0
@@ -70,7 +71,7 @@ class WantedSpec:
         check_choices(self)
         numbers = (self.offset, self.amplitude, self.begin, self.stiffness, self.damping)
         if not all(map(math.isfinite, numbers)) or not (0.0 < self.frequency_hz < math.inf and self.ramp > 0.0):
-            raise ParamsError("wanted: expected finite numbers, frequency_hz > 0 and ramp > 0")
+            raise ParamsError("reference: expected finite numbers, frequency_hz > 0 and ramp > 0")
 
 
 @dataclass(frozen=True)
@@ -78,8 +79,8 @@ class SeaSensors:
     """The joint's sensors.
 
     Attributes:
-        motor_encoder: Before the spring [rad].
-        link_encoder: After the spring, coarse [rad].
+        motor_encoder: Encoder before the spring [rad].
+        link_encoder: Coarse encoder after the spring [rad].
         torque: Strain gauge [N m].
     """
 
@@ -94,11 +95,13 @@ class SeriesElasticLoopSpec:
 
     Attributes:
         control: The torque law.
-        delay: Of the loop, from voltage computed to voltage at the motor [s]; sensors' latencies come on top.
-        torque_from: What is fed back: the "gauge", or the "deflection" of the spring between the two encoders.
-        sensors: Their errors.
+        delay: Delay of the loop between the computation of a voltage and its effect at the motor [s], without the
+            latencies of the sensors.
+        torque_from: Torque that is fed back: that of the "gauge", or the "deflection" of the spring between the
+            encoders.
+        sensors: Errors of the sensors.
         dt: Period of control, sensors, motor and link [s].
-        seed: Of all random numbers.
+        seed: Seed of all random numbers.
 
     Raises:
         ParamsError: a choice that there is not, or a delay that is no multiple of the period.
@@ -132,12 +135,13 @@ class SeaScenario(ScenarioBase, SeriesElasticLoopSpec):
 
     Attributes:
         actuators: Model file of the simulated motor, gear and spring, relative to the scenario file.
-        joint: Which of its joints.
-        effects: Laid over that model: effect to its parameters, {} to take it out, as `{torque_ripple: {...}}`.
-        believed: `gain`, or an effect of one parameter, to a factor: the controller's error.
+        joint: Name of the joint in that file.
+        effects: Effects that are added to that model or replaced in it, with their parameters, as
+            `{torque_ripple: {...}}`; `{}` in place of the parameters removes an effect.
+        believed: Factor on `gain`, or on an effect of one parameter, in the controller's model.
         link: Inertia [kg m^2] and gravity moment [N m] behind the spring.
-        hand: Who holds the link; None: nobody.
-        wanted: The reference.
+        hand: A spring and a damper that hold the link; None: the link is not held.
+        reference: Torque or motion that the joint follows.
         duration: Length of the simulation [s].
         masses: None here: the link has no name.
         source: Folder that file names are relative to.
@@ -151,7 +155,7 @@ class SeaScenario(ScenarioBase, SeriesElasticLoopSpec):
     believed: Mapping[str, float] = field(default_factory=dict)
     link: Link = field(default_factory=lambda: Link(0.1))
     hand: HandSpec | None = None
-    wanted: WantedSpec = field(default_factory=WantedSpec)
+    reference: ReferenceSpec = field(default_factory=ReferenceSpec)
     duration: float = 3.0
     masses: Mapping[str, float] = field(default_factory=dict)
     source: str = "."

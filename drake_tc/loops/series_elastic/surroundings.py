@@ -1,4 +1,4 @@
-"""What acts on the joint from outside: the hand, and what is wanted."""
+"""What acts on the joint from outside: the hand, and the reference."""
 
 from typing import Any
 
@@ -7,7 +7,7 @@ from pydrake.systems.framework import BasicVector, Context, LeafSystem
 from pydrake.trajectories import PiecewisePolynomial
 
 from drake_tc.actuation.recorded_run import Link
-from drake_tc.loops.series_elastic.scenario import HandSpec, WantedSpec
+from drake_tc.loops.series_elastic.scenario import HandSpec, ReferenceSpec
 from drake_tc.types import FloatArray
 
 
@@ -88,8 +88,8 @@ class LinkState(LeafSystem):
         values.set_value(self._last, np.array([*self._now(context), 1.0]))
 
 
-def wanted_path(spec: WantedSpec, duration: float, dt: float) -> PiecewisePolynomial:
-    """The wanted torque or angle (1), exact at the ticks, with two derivatives."""
+def reference_path(spec: ReferenceSpec, duration: float, dt: float) -> PiecewisePolynomial:
+    """The reference torque or angle (1), exact at the ticks, with two derivatives."""
     time = np.arange(round(duration / dt) + 3, dtype=np.float64) * dt
     rise = smooth_step((time - spec.begin) / spec.ramp)
     phase = 2.0 * np.pi * spec.frequency_hz * (time - spec.begin)

@@ -34,5 +34,5 @@ def base_now(parts: TorqueLoopBuilder) -> OutputPort:
     smooth = SavitzkyGolayFilter(6, window, order, parts.scenario.dt, window - 1)
     imu: Any = parts.sensors.imu
     parts.add("base_predictor", smooth, signal=first_imu(parts.builder, imu.GetOutputPort("reading")))
-    wanted = {"imu_estimate": list(range(12))}
-    return picked(parts.builder, "base_now", smooth.GetOutputPort("estimate"), wanted)["imu_estimate"]
+    requested = {"imu_estimate": list(range(12))}
+    return picked(parts.builder, "base_now", smooth.GetOutputPort("estimate"), requested)["imu_estimate"]

@@ -28,19 +28,21 @@ class Scenario(ScenarioBase, TorqueLoopSpec):
     """One experiment: how the loop is controlled, and what it runs.
 
     Attributes:
-        robot: Robot YAML, relative to the scenario file.
+        robot: Robot file, relative to the scenario file.
         duration: Length of the simulation [s].
-        plant_step: Of plant and actuators [s]; divides dt.
-        actuators: Model file of the simulated actuators; None takes the robot file's.
-        model: Model file that the controller compensates with; None takes the simulated actuators themselves.
-        model_factors: Errors of that model, on purpose.
+        plant_step: Step of plant and actuators [s]; it divides dt.
+        actuators: Model file of the simulated actuators; None: the one that the robot file names.
+        model: Model file that the controller compensates with; None: the simulated actuators, so that the controller
+            knows its plant exactly.
+        model_factors: Deliberate errors of the controller's model.
         gains: Feedback gains.
-        motion: Where the joints are to be.
-        suspension: Springs that carry the base, which then floats; None: it is as the robot file has it.
-        force: F/T sensor to force reference at its contact.
-        pushes, objects: Surroundings.
-        masses: Link to a factor on its mass and inertia in the simulated plant only: the model is then wrong.
-        joint_stops: "none" takes the stops away from plant and model, to see where an unstable joint would go.
+        motion: Reference positions of the joints.
+        suspension: Springs that carry a floating base; None: the base is as in the robot file.
+        force: Force reference at the contact of an F/T sensor, by sensor.
+        pushes, objects: Wrenches on links over time, and boxes that are fixed to the world.
+        masses: Factor on the mass and the inertia of a link in the simulated plant, by link. The controller's model
+            keeps the value of the robot file.
+        joint_stops: "none" removes the stops from plant and model, for example to simulate an unstable joint.
         log_truth: Record the true joint torques.
         source: Folder that file names are relative to.
     """

@@ -25,25 +25,30 @@ class TorqueLoopSpec:
     """How a torque loop is controlled.
 
     Attributes:
-        controller: "torque" (the whole chain), "servo" (the vendor's position servo alone).
+        controller: "torque": the whole chain; "servo": the reference is the command of the vendor's position servos.
         dt: Period of control and sensors [s].
-        seed: Of the one generator.
-        torque_from: "estimate" (F/T, IMU and encoders) or "sensor" (joint-torque sensors that this robot lacks).
-        base_from: "imu" or "fixed": where estimator and controller take the base's motion from; "fixed": it has none.
-            Where not given, it is "imu" for a robot that has one.
-        angular_acceleration: Of the IMU's link: differentiated from the "gyro", "neglected", or "zero" at the base.
-        tare: How long the F/T sensors are zeroed before anything may touch the robot [s]; 0: not at all.
+        seed: Seed of all random numbers.
+        torque_from: Torque that is fed back: the "estimate" from F/T sensors, IMU and encoders, or the reading of a
+            joint-torque "sensor".
+        base_from: Source of the motion of the base: the "imu", or "fixed" for a base at rest. Default: "imu" for a
+            robot that has one.
+        angular_acceleration: Angular acceleration of the IMU's link: differentiated from the "gyro", "neglected", or
+            "zero" for a welded base.
+        tare: Time during which the F/T sensors are zeroed [s]; nothing may touch the robot until then. 0: they are not
+            zeroed.
         sensors: "perfect", "realistic" or a mapping (`drake_tc.sensing.suite`).
-        configuration: Where the inverse dynamics takes M, h and J: the delayed "estimate" or the "reference".
-        compensation: Which motion the drives' effects are compensated for.
+        configuration: State at which the inverse dynamics computes M, h and J: the delayed "estimate" or the
+            "reference".
+        compensation: Motion for which the effects of the drives are compensated.
         filters: Filters of the sensors.
-        guard: What limits the command when something fails.
-        monitor: What watches the sensors.
-        predictor: Undoes the delay of the estimates with the drives' models; None: off.
-        observer: Compensates what those models lack, as encoders show it; None: off.
-        rotor_inertia: Joint to what those two know of it [kg m^2]; that of the controller's model where not given.
-        faults: "encoder", "imu" or "force_torque" to what goes wrong with it, and when.
-        log_components: Record the six components of the command.
+        guard: Limits of the command, and what happens after a fault.
+        monitor: Thresholds of the fault monitor.
+        predictor: Compensates the delay of the estimates with the models of the drives; None: off.
+        observer: Estimates and compensates what these models lack; None: off.
+        rotor_inertia: Reflected rotor inertia by joint that predictor and observer use [kg m^2]. Default: that of the
+            controller's model.
+        faults: Faults of the sensors "encoder", "imu" or "force_torque", by sensor.
+        log_components: Also record the six components of the command.
 
     Raises:
         ParamsError: a choice or a sensor that there is not, or a period that is not positive.

@@ -16,21 +16,22 @@ class SpringDrivesSpec:
     """Voltage-driven series-elastic joints, their sensors and their torque control.
 
     Attributes:
-        actuators: Model file of the simulated drives; None takes the robot file's.
-        believed: `gain`, or an effect, to a factor on what the controller takes every motor for; 1 where absent.
-        control: The torque law; its `delay` should be the loop's.
-        delay: From a voltage computed to the voltage at the motor [s].
-        acceleration_bandwidth: Of the low pass through which the law is told the links' wanted accelerations [rad/s];
-            0: it is not told, and motors follow their links by feedback alone.
-        joint_damping: Times each joint's velocity, as the controller knows it, it is taken off the wanted torques
-            [N m s/rad]; the controller is not told.
-        damped_joints: Those that have it; none named: all.
-        position_gain: In place of torque control [N m/rad]: a voltage loop around each motor's own encoder holds the
-            robot as it starts; `control` then is not used. 0: torque control.
-        link_from: The joints' positions: the fine encoder before the spring less what the gauge says of its
-            deflection ("motor"), or the coarse one behind it ("link"), which is the scenario's `sensors.encoder`.
-        motor_encoder: Before the spring [rad].
-        gauge: Of the spring's torque [N m].
+        actuators: Model file of the simulated drives; None: the one that the robot file names.
+        believed: Factor on `gain` or on an effect in the controller's model of the motors; 1 where absent.
+        control: The torque law. Its `delay` should be that of the loop.
+        delay: Delay between the computation of a voltage and its effect at the motor [s].
+        acceleration_bandwidth: Bandwidth of the low pass for the desired accelerations of the links, which the law
+            feeds forward [rad/s]; 0: no feedforward, so that motors follow their links by feedback alone.
+        joint_damping: Damping that is subtracted from the desired torques, times the estimated velocity [N m s/rad].
+            The controller does not know of it.
+        damped_joints: Joints with this damping; empty: all joints.
+        position_gain: Gain of a voltage loop that holds the initial position with each motor's own encoder [N m/rad];
+            `control` is then not used. 0: torque control.
+        link_from: Source of the joint positions: the fine encoder before the spring minus the deflection that the gauge
+            gives ("motor"), or the coarse encoder behind the spring ("link"), which is `sensors.encoder` of the
+            scenario.
+        motor_encoder: Encoder before the spring [rad].
+        gauge: Torque sensor of the spring [N m].
     """
 
     actuators: str | None = None
@@ -89,12 +90,13 @@ class BaseEstimationSpec:
 
     Attributes:
         method: "cop", or a baseline: "foot_centre" without the IMU, "foot_centre_imu" with it.
-        beside: Another method that sees the same, for logs alone: the signal "beside_state"; None: none.
+        beside: Second method that receives the same readings and is only recorded, as "beside_state"; None: no second
+            method.
         make, break_: Load of a contact above which it is made and below which it is lost, as a share of the robot's
             weight [-].
-        velocity_window: Samples of the filter behind the joints' velocities, read at its end.
-        sole_stiffness: Of a whole sole, as the robot's maker knows it [N/m]; None: it is taken for rigid.
-        sole_points: Springs that it acts like, along x and y.
+        velocity_window: Length of the filter for the joint velocities [samples], evaluated at its end.
+        sole_stiffness: Stiffness of a whole sole that the estimator assumes [N/m]; None: rigid.
+        sole_points: Number of springs that represent the sole, along x and y.
         tuning: Fields of `BaseEstimatorSpec`: `{velocity_time: 0.01}`.
     """
 

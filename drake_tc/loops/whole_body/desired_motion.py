@@ -8,7 +8,7 @@ from pydrake.systems.framework import Context, LeafSystem
 from drake_tc.tsid.model import TsidModel
 
 
-class WantedMotion(LeafSystem):
+class DesiredMotion(LeafSystem):
     """The motion of the joints that the controller's accelerations lead to, half a period ahead.
 
     Inputs:

@@ -19,7 +19,7 @@ from drake_tc.control.guard import CommandGuard
 from drake_tc.control.guard_law import GuardSpec
 from drake_tc.control.torque_control import TorqueControl
 from drake_tc.errors import ParamsError
-from drake_tc.loops.whole_body.desired_motion import WantedMotion
+from drake_tc.loops.whole_body.desired_motion import DesiredMotion
 from drake_tc.loops.whole_body.scenario import TsidScenario
 from drake_tc.loops.whole_body.sensors import WholeBodyBuilder, estimated_torque, required_models
 from drake_tc.robot.plant import joint_limits
@@ -47,7 +47,7 @@ def add_drives(wiring: WholeBodyBuilder, sensors: SensorSuite, torque: OutputPor
     Args:
         wiring: Of the diagram.
         sensors: From `add_whole_body_sensors`.
-        torque: What is wanted of the joints.
+        torque: What is desired of the joints.
         state: What the controller knows of the robot.
     """
     law, n = wiring.law, wiring.law.model.n
@@ -57,7 +57,7 @@ def add_drives(wiring: WholeBodyBuilder, sensors: SensorSuite, torque: OutputPor
     encoder = sensors.encoder.GetOutputPort("reading")
     known = estimated_torque(wiring, sensors)
     acceleration = wiring.output("tsid", "acceleration")
-    wanted = wiring.add("wanted_motion", WantedMotion(law.model, law.period), state=state, acceleration=acceleration)
+    desired = wiring.add("desired_motion", DesiredMotion(law.model, law.period), state=state, acceleration=acceleration)
     nothing: Any = np.zeros(6 * n)
     terms = wiring.builder.AddNamedSystem("no_terms", ConstantVectorSource(nothing)).get_output_port()
     gains = TorqueGains(np.full(n, spec.kp), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros((0, 0)))
@@ -69,7 +69,7 @@ def add_drives(wiring: WholeBodyBuilder, sensors: SensorSuite, torque: OutputPor
         "position": encoder,
     }
     if spec.compensation.wants_reference:
-        inputs = {**inputs, "reference": wanted.GetOutputPort("reference")}
+        inputs = {**inputs, "reference": desired.GetOutputPort("reference")}
     wiring.add(
         "torque_control",
         lambda: TorqueControl(models, gains, limits.effort, law.period, spec.compensation),

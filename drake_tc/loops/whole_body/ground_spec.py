@@ -23,9 +23,10 @@ class SoleSpec:
     the like along y, as long as all points touch: |c| < r^2/a. Farther out it rolls onto its edge.
 
     Attributes:
-        stiffness: k of a whole sole [N/m]; E A/h of a layer of modulus E, area A, thickness h.
-        points: nx, ny, along the sole's x and y, the outermost at its corners; a point foot has one.
-        dissipation: Of Hunt and Crossley [s/m]: a foot under F has F times it for a damper; "sap" has a time instead.
+        stiffness: Stiffness k of a whole sole [N/m]; E A/h for a layer of modulus E, area A and thickness h.
+        points: Number of contact points along x and y of the sole, the outermost at its corners; a point foot has one.
+        dissipation: Hunt and Crossley dissipation [s/m]: under a load F the damping is F times this value. "sap" uses a
+            relaxation time instead.
     """
 
     stiffness: float
@@ -46,18 +47,18 @@ class GroundSpec:
     """The floor z = 0 and how soles and points touch it: a sphere at each corner, point contact.
 
     Attributes:
-        friction: Coulomb's, of the pair of surfaces.
-        stiffness: Of each sphere [N/m]; None for as stiff as the step allows.
-        dissipation: Of Hunt and Crossley [s/m].
-        radius: Of the spheres [m], `LONG` at most.
-        margin: How far the soles reach beyond what the controller takes for them [m], `LONG` at most; less than they
-            do where it is negative.
+        friction: Coulomb friction coefficient of the pair of surfaces.
+        stiffness: Stiffness of each sphere [N/m]; None: as stiff as the step allows.
+        dissipation: Hunt and Crossley dissipation [s/m].
+        radius: Radius of the spheres [m], at most `LONG`.
+        margin: Distance by which the soles are larger than the controller assumes [m], at most `LONG`; negative:
+            smaller.
         approximation: How the discrete plant solves for contact forces. None: "sap" for hard soles, which stand best
             on it, and "lagged" for soft ones, which rock and slide best on it (`drake-tc bench floor`).
-        stiction_tolerance: Speed v_s [m/s] of the regularised friction mu f_n v/sqrt(v^2 + v_s^2): a foot that sticks
-            creeps by less. Used by "lagged" and "similar"; "sap" has a tolerance of its own.
-        sole: A soft layer in place of the corners' spheres, with a stiffness and dissipation of its own; None: none.
-        supports: Boxes beside the floor, as hard as it is: a wall, a table.
+        stiction_tolerance: Speed v_s [m/s] of the regularised friction mu f_n v/sqrt(v^2 + v_s^2): a sticking foot
+            creeps more slowly than this. Used by "lagged" and "similar"; "sap" has a tolerance of its own.
+        sole: Soft layer under each sole in place of the spheres at the corners; None: no layer.
+        supports: Boxes beside the floor that are as hard as the floor, for example a wall or a table.
     """
 
     friction: float = 0.8

@@ -33,11 +33,13 @@ class DrivesSpec:
     """The drives under the controller and their torque control (Del Prete et al., 2016).
 
     Attributes:
-        actuators: Model file of the simulated drives; None takes the robot file's.
-        model: Model file that the torque control compensates with; None takes the simulated drives themselves.
-        kp: Feedback of the estimated torque [-].
-        compensation: Which motion the drives' effects are compensated for; "reference" is the controller's own.
-        start_time: From standing under the drives' own servos to the controller's torques [s].
+        actuators: Model file of the simulated drives; None: the one that the robot file names.
+        model: Model file that the torque control compensates with; None: the simulated drives.
+        kp: Gain of the torque feedback [-].
+        compensation: Motion for which the effects of the drives are compensated; "reference" is the desired motion of
+            the controller.
+        start_time: Duration of the transition from the drives' own position servos to the torques of the controller
+            [s].
     """
 
     actuators: str | None = None
@@ -56,8 +58,9 @@ class TorqueErrorSpec:
     """e ~ N(0, Sigma) that is added to the torques of the plant.
 
     Attributes:
-        scale: On the controller's sigma, which has its Sigma from its file: 1.0 when the controller knows the truth.
-        hold: How long a draw lasts [s].
+        scale: Factor on the standard deviations of the controller file; 1.0: the controller knows the distribution of
+            the errors.
+        hold: Time for which a random error is held [s].
     """
 
     scale: float = 1.0
@@ -79,19 +82,20 @@ class WholeBodySpec:
     """What stands between a whole-body controller and its robot.
 
     Attributes:
-        seed: Of all random numbers.
-        state: What the controller knows: the "plant"'s own state, "estimated" from encoders, gyro and soles, or by the
-            "base_estimator" from encoders, IMU and F/T sensors.
-        torque: Where its torques go: "direct" to the joints, through "drives" with friction under torque control, or
-            through "series_elastic" ones driven by voltage.
-        sensors: "perfect", "realistic" or a mapping (`drake_tc.sensing.suite`); only where something is estimated.
+        seed: Seed of all random numbers.
+        state: Source of the state: that of the "plant", "estimated" from encoders, gyro and soles, or the
+            "base_estimator" with encoders, IMU and F/T sensors.
+        torque: Path of the torques: "direct" to the joints, through "drives" with friction under torque control, or
+            through voltage-driven "series_elastic" joints.
+        sensors: "perfect", "realistic" or a mapping (`drake_tc.sensing.suite`); used only where the state or the torque
+            is estimated.
         drives: Only with `torque: drives`.
         series_elastic: Only with `torque: series_elastic`.
         estimator: Only with `state: base_estimator`.
-        torque_error: Errors of the torques; None: none.
-        ground: The floor, and what else the robot may touch.
-        faults: Of `FALLIBLE` to when and how it fails (`drake_tc.sensing.fault`); only with `state: base_estimator` and
-            `torque: series_elastic`. `contacts` is what the estimator is told of those that the controller stands on.
+        torque_error: Random errors of the torques; None: no errors.
+        ground: The floor and other bodies that the robot may touch.
+        faults: Faults by sensor (`drake_tc.sensing.fault`); only with `state: base_estimator` and `torque:
+            series_elastic`. The entry `contacts` corrupts the contact switches that the estimator receives.
 
     Example:
         >>> WholeBodySpec(state="estimated", torque="drives").drives.kp
@@ -121,13 +125,13 @@ class TsidScenario(ScenarioBase, WholeBodySpec):
 
     Attributes:
         controller: Controller file (drake_tc/tsid/README.md), relative to the scenario file.
-        changes: Laid over the controller file: `{formulation: {measure: classic}}`.
+        changes: Changes that are merged into the controller file: `{formulation: {measure: classic}}`.
         duration: Length of the simulation [s].
-        plant_step: Of plant and drives [s]; the controller's period is a whole number of them.
-        motion: Task to where it goes.
-        lifted: Contact to the times when the controller does without it.
+        plant_step: Step of plant and drives [s]; it divides the period of the controller.
+        motion: Reference motion, by task.
+        lifted: Intervals in which the controller does not use a contact, by contact.
         pushes: Wrenches on links over time.
-        masses: Link to a factor on its mass and inertia in the plant alone.
+        masses: Factor on the mass and the inertia of a link in the plant alone, by link.
         source: Folder that file names are relative to.
     """
 

@@ -110,9 +110,9 @@ def add_sensor_validation(
     def of(sensor: str) -> list[int]:
         return [names.index(f"{sensor}/{kind}") for kind in _BELIEVED_NOT]
 
-    wanted = {"imu": [names.index("imu/frozen")], "wrench": [i for mount in robot.force_torque for i in of(mount.name)]}
-    wanted["jolt"] = [names.index(f"{mount.name}/jump") for mount in robot.force_torque]
-    doubts = picked(builder, "doubts", raised, wanted)
+    chosen = {"imu": [names.index("imu/frozen")], "wrench": [i for mount in robot.force_torque for i in of(mount.name)]}
+    chosen["jolt"] = [names.index(f"{mount.name}/jump") for mount in robot.force_torque]
+    doubts = picked(builder, "doubts", raised, chosen)
     limit = np.repeat([MONITOR.gyro_jump, MONITOR.accel_jump], 3)
     validated_imu = ValidatedImu(limit, 1, len(robot.force_torque), period)
     wiring.add("validated_imu", validated_imu, imu=imu, flagged=doubts["imu"], jolt=doubts["jolt"])
@@ -192,9 +192,9 @@ def stopped(
     senses, law = wiring.builder.GetSubsystemByName("joint_sensors"), wiring.law
     system = BlindStop(state.size(), carrying_joints(law), law.fade, law.period)
     gauges = validated.springs.torque
-    wiring.add("blind_stop", system, state=state, torque=gauges, wanted=torque, lost=senses.GetOutputPort("lost"))
+    wiring.add("blind_stop", system, state=state, torque=gauges, desired=torque, lost=senses.GetOutputPort("lost"))
     springs = replace(validated.springs, torque=system.GetOutputPort("torque"))
-    return system.GetOutputPort("state"), springs, system.GetOutputPort("wanted")
+    return system.GetOutputPort("state"), springs, system.GetOutputPort("desired")
 
 
 def carrying_joints(law: Law) -> BoolArray:

@@ -165,7 +165,7 @@ def control_springs(wiring: WholeBodyBuilder, drives: SpringDrives, torque: Outp
     Args:
         wiring: Of the diagram.
         drives: From `add_spring_drives`.
-        torque: What is wanted of the joints.
+        torque: What is desired of the joints.
 
     Returns:
         What winds the springs for the torque that the controller wants first, as a robot that has stood for long has
@@ -214,7 +214,7 @@ def _track_torque(wiring: WholeBodyBuilder, drives: SpringDrives, torque: Output
     spec = wiring.scenario.series_elastic
     inputs = {"motor_angle": drives.motor_angle, "torque": drives.torque, "reference_torque": torque}
     if spec.acceleration_bandwidth > 0.0:
-        inputs["reference_acceleration"] = _wanted_acceleration(wiring, spec.acceleration_bandwidth)
+        inputs["reference_acceleration"] = _desired_acceleration(wiring, spec.acceleration_bandwidth)
     believed = believed_models(drives.models, spec.believed)
     wiring.add("torque_control", lambda: SeriesElasticControl(spec.control, believed, wiring.law.period), **inputs)
     return wiring.output("torque_control", "voltage")
@@ -251,19 +251,19 @@ def _damped(wiring: WholeBodyBuilder, torque: OutputPort) -> OutputPort:
     return port
 
 
-def _wanted_acceleration(wiring: WholeBodyBuilder, bandwidth: float) -> OutputPort:
+def _desired_acceleration(wiring: WholeBodyBuilder, bandwidth: float) -> OutputPort:
     """(n,) of the links, as the controller expects them [rad/s^2], through a low pass of `bandwidth` [rad/s]."""
     law, builder = wiring.law, wiring.builder
     acceleration = wiring.output("tsid", "acceleration")
     places = {"joints": law.model.actuated.tolist()}
-    wanted = picked(builder, "wanted_acceleration", acceleration, places)["joints"]
+    desired = picked(builder, "desired_acceleration", acceleration, places)["joints"]
     share, one = -np.expm1(-bandwidth * law.period), np.eye(law.model.n)
     a: Any = (1.0 - share) * one
     b: Any = share * one
     c: Any = one
     d: Any = 0.0 * one
     smooth: Any = builder.AddNamedSystem("smooth_acceleration", LinearSystem(a, b, c, d, law.period))
-    builder.Connect(wanted, smooth.get_input_port())
+    builder.Connect(desired, smooth.get_input_port())
     port: OutputPort = smooth.get_output_port()
     return port
 

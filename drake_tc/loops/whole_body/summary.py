@@ -15,7 +15,7 @@ from drake_tc.types import FloatArray
 
 
 def task_errors(recording: TsidRecording, every: int = 10) -> dict[str, FloatArray]:
-    """Wanted minus true place (S, 3) [m] of the centre of mass and of every frame that is followed, by task.
+    """Desired minus true place (S, 3) [m] of the centre of mass and of every frame that is followed, by task.
 
     Args:
         recording: Of the run.
@@ -24,7 +24,7 @@ def task_errors(recording: TsidRecording, every: int = 10) -> dict[str, FloatArr
     law, nq = recording.law, recording.law.model.nq
     scratch, rest = law.model.create_scratch(), law.starting_terms()
     followed = {task.name: (task, POSITION[type(task)][0]) for task in law.tasks if type(task) in POSITION}
-    wanted: dict[str, list[FloatArray]] = {name: [] for name in followed}
+    desired: dict[str, list[FloatArray]] = {name: [] for name in followed}
     found: dict[str, list[FloatArray]] = {name: [] for name in followed}
     sources = {name: task_source(law, name, spec) for name, spec in recording.scenario.motion.items()}
     contexts = {name: source.CreateDefaultContext() for name, source in sources.items()}
@@ -35,9 +35,9 @@ def task_errors(recording: TsidRecording, every: int = 10) -> dict[str, FloatArr
             if name in sources:
                 contexts[name].SetTime(instant)
                 reference = np.asarray(sources[name].get_output_port().Eval(contexts[name]))
-            wanted[name].append(reference[place : place + 3])
+            desired[name].append(reference[place : place + 3])
             found[name].append(task.rest(terms)[place : place + 3])
-    return {name: np.array(wanted[name]) - np.array(found[name]) for name in followed}
+    return {name: np.array(desired[name]) - np.array(found[name]) for name in followed}
 
 
 def summarise_tsid(recording: TsidRecording) -> dict[str, Any]:

@@ -73,11 +73,11 @@ def heights_in_row(row: Row, boxes: Mapping[int, Box], picture: View) -> dict[in
     wishes = _neighbours(row, boxes, picture.nets)
     for sweep in range(SWEEPS):
         for column in row.columns[::1] if (sweep % 2 == 0) == (row.flow > 0) else row.columns[::-1]:
-            wanted = []
+            requested = []
             for key in column:
                 levels = sorted(tops[other] + shift for other, shift in wishes.get(key, ()))
-                wanted.append((levels[(len(levels) - 1) // 2], 1.0) if levels else (stacked[key], 0.01))
-            tops.update(zip(column, _stacked(wanted, [boxes[key].height for key in column]), strict=True))
+                requested.append((levels[(len(levels) - 1) // 2], 1.0) if levels else (stacked[key], 0.01))
+            tops.update(zip(column, _stacked(requested, [boxes[key].height for key in column]), strict=True))
     for column in row.columns:
         _close_up(column, tops, boxes, wishes)
     highest = min(tops.values())
@@ -110,11 +110,11 @@ def _neighbours(row: Row, boxes: Mapping[int, Box], nets: Sequence[Net]) -> dict
     return near
 
 
-def _stacked(wanted: Sequence[tuple[float, float]], sizes: Sequence[float]) -> list[float]:
-    """Tops nearest to the wanted (top, weight) in least squares that keep order and distance: pooled violators."""
+def _stacked(requested: Sequence[tuple[float, float]], sizes: Sequence[float]) -> list[float]:
+    """Tops nearest to the requested (top, weight) in least squares that keep order and distance: pooled violators."""
     offsets = [sum(sizes[:i]) + STACK * i for i in range(len(sizes))]
     pools: list[list[float]] = []
-    for (top, weight), offset in zip(wanted, offsets, strict=True):
+    for (top, weight), offset in zip(requested, offsets, strict=True):
         pools.append([(top - offset) * weight, weight, 1.0])
         while len(pools) > 1 and pools[-2][0] / pools[-2][1] >= pools[-1][0] / pools[-1][1]:
             last = pools.pop()

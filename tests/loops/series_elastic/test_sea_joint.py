@@ -68,7 +68,7 @@ def test_the_spring_passes_what_its_deflection_says():
 
 def test_the_voltage_comes_as_late_as_the_delay_says():
     """A voltage that does not depend on the readings: the motor hears nothing of it for 15 ms."""
-    wanted = "wanted: {amplitude: 0.0, offset: 2.0, begin: 0.05, ramp: 0.001}"
+    wanted = "reference: {amplitude: 0.0, offset: 2.0, begin: 0.05, ramp: 0.001}"
     text = f"{{duration: 0.2, control: {{mode: pi, kp: 3.0, ki: 0.0}}, {wanted}}}"
     recording = simulate_sea(ENTRY.scenario("held", text=text))
     sent = int(np.flatnonzero(np.abs(recording["voltage"]) > 0.3)[0])
@@ -99,7 +99,7 @@ def test_a_run_comes_to_a_summary_and_to_files_that_close_loop_reads(tmp_path):
         ("{torque_from: guess}", "torque_from: expected one of gauge, deflection, got 'guess'; did you mean 'gauge'"),
         ("{hand: {stiffness: -1.0}}", "hand: expected finite stiffness"),
         ("{hand: {stiffness: 1.0, times: [0.0, 1.0], knots: [0.0]}}", "as many knots as times"),
-        ("{wanted: {of: force}}", "wanted.of: expected one of torque, position, got 'force'"),
+        ("{reference: {of: force}}", "reference.of: expected one of torque, position, got 'force'"),
         ("{control: {kp: -1.0}}", "control.kp"),
         ("{effects: {elasticity: {}}}", "expected an elasticity in its model"),
     ],

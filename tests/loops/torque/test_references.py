@@ -17,10 +17,10 @@ def built(diagram, name, text=None):
 
 @pytest.mark.parametrize("name", ["stairs_swing", "identify_motion"])
 def test_velocity_and_acceleration_are_the_derivatives(name):
-    _, robot, wanted = built("hrp2_leg", name)
-    n, dt = len(robot.joints), wanted.time[1]
-    q, v, a = np.split(wanted.motion, 3, axis=1)
-    assert q.shape == (wanted.time.size, n)
+    _, robot, desired = built("hrp2_leg", name)
+    n, dt = len(robot.joints), desired.time[1]
+    q, v, a = np.split(desired.motion, 3, axis=1)
+    assert q.shape == (desired.time.size, n)
     middle = slice(1, -1)
     # central differences: error dt^2/6 of the third (1e4 rad/s^3 at most) and fourth (1e6) derivative
     assert_allclose((q[2:] - q[:-2]) / (2 * dt), v[middle], atol=2e-3)
@@ -29,40 +29,40 @@ def test_velocity_and_acceleration_are_the_derivatives(name):
 
 
 def test_through_the_knots_and_at_rest_outside():
-    scenario, robot, wanted = built("hrp2_leg", "stairs_swing")
+    scenario, robot, desired = built("hrp2_leg", "stairs_swing")
     n = len(robot.joints)
     for joint, positions in scenario.motion.knots.items():
         i = robot.joints.index(joint)
         rows = np.rint(np.array(scenario.motion.times) / scenario.dt).astype(int)
-        assert_allclose(wanted.motion[rows, i], positions, atol=1e-9)
-        assert_allclose(wanted.motion[: rows[0], i], positions[0], atol=1e-12)
-        assert_allclose(wanted.motion[rows[-1] :, i], positions[-1], atol=1e-12)
-    outside = (wanted.time < 0.8 - 1e-9) | (wanted.time > 2.0 + 1e-9)
-    assert_allclose(wanted.motion[outside, n:], 0.0, atol=1e-12)
+        assert_allclose(desired.motion[rows, i], positions, atol=1e-9)
+        assert_allclose(desired.motion[: rows[0], i], positions[0], atol=1e-12)
+        assert_allclose(desired.motion[rows[-1] :, i], positions[-1], atol=1e-12)
+    outside = (desired.time < 0.8 - 1e-9) | (desired.time > 2.0 + 1e-9)
+    assert_allclose(desired.motion[outside, n:], 0.0, atol=1e-12)
     assert (
-        np.abs(np.diff(wanted.motion[:, n:], axis=0)).max() < 0.5
+        np.abs(np.diff(desired.motion[:, n:], axis=0)).max() < 0.5
     )  # no step in velocity or acceleration (a tick: 1 ms)
 
 
 def test_posture_is_the_robots_unless_the_motion_says_otherwise():
-    scenario, robot, wanted = built("hrp2_leg", "hanging", "{motion: {posture: {r_knee: 1.25}}}")
+    scenario, robot, desired = built("hrp2_leg", "hanging", "{motion: {posture: {r_knee: 1.25}}}")
     rest = posture(scenario.motion, robot)
     assert rest[robot.joints.index("r_knee")] == 1.25
     assert rest[robot.joints.index("r_hip_pitch")] == -0.45
     assert rest[robot.joints.index("r_hip_yaw")] == robot.posture[0]
-    assert_allclose(wanted.motion[:, : rest.size], np.tile(rest, (wanted.time.size, 1)))
+    assert_allclose(desired.motion[:, : rest.size], np.tile(rest, (desired.time.size, 1)))
     assert robot.posture[robot.joints.index("r_knee")] == 0.8727  # not changed in place
 
 
 def test_force_is_zero_then_ramped_then_offset_and_sine():
-    scenario, _, wanted = built("hrp2_leg_contact", "force_sine")
+    scenario, _, desired = built("hrp2_leg_contact", "force_sine")
     spec = scenario.force["right_ankle"]
-    late = wanted.time >= spec.begin + spec.ramp
-    sine = np.sin(2 * np.pi * spec.frequency_hz * (wanted.time[late] - spec.begin))
-    assert_allclose(wanted.force[late, 2], 100.0 + 50.0 * sine, atol=1e-9)
-    assert_allclose(wanted.force[wanted.time <= spec.begin], 0.0, atol=1e-12)
-    assert_allclose(np.delete(wanted.force, 2, axis=1), 0.0)
-    assert np.abs(np.diff(wanted.force[:, 2])).max() < 1.0  # the ramp has no step
+    late = desired.time >= spec.begin + spec.ramp
+    sine = np.sin(2 * np.pi * spec.frequency_hz * (desired.time[late] - spec.begin))
+    assert_allclose(desired.force[late, 2], 100.0 + 50.0 * sine, atol=1e-9)
+    assert_allclose(desired.force[desired.time <= spec.begin], 0.0, atol=1e-12)
+    assert_allclose(np.delete(desired.force, 2, axis=1), 0.0)
+    assert np.abs(np.diff(desired.force[:, 2])).max() < 1.0  # the ramp has no step
 
 
 def test_a_table_is_held_around_its_ticks():

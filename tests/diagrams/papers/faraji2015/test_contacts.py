@@ -1,4 +1,4 @@
-"""Paper C's loop on one foot and on three contacts: walls to lean on, the hand's load, the figures of a run."""
+"""Faraji et al. (2015)'s loop on one foot and on three contacts: walls to lean on, the hand's load, the figures of a run."""
 
 from dataclasses import replace
 from pathlib import Path

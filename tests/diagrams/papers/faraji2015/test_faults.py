@@ -1,4 +1,4 @@
-"""Paper C's whole loop with sensors that fail: what the reproduction makes of runs, and some runs."""
+"""Faraji et al. (2015)'s whole loop with sensors that fail: what the reproduction makes of runs, and some runs."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -50,7 +50,7 @@ def test_rows_count_what_fell_and_what_was_flagged():
     first, second = [i for i in range(len(found)) if i != sinks][:2]
     found[sinks] = replace(GOOD, fell=2.0, torque=0.7, base=9.0)
     found[first] = replace(GOOD, fell=1.0, torque=9.0, flagged=0.06)
-    found[second] = replace(GOOD, finite=False, wanted=1.01)
+    found[second] = replace(GOOD, finite=False, desired=1.01)
     rows = {row.name: row for row in reproduction(found, {"stand": ("imu/jump",), "turn_1hz": ()}).rows}
     assert rows["cases that fell"].value == 1.0
     assert rows["cases flagged within 50 ms"].value == len(found) - 1
@@ -98,7 +98,7 @@ def test_torques_fade_once_a_joint_is_lost_for_good():
     context = system.CreateDefaultContext()
     system.GetInputPort("state").FixValue(context, [1.0, 2.0, 3.0])
     system.GetInputPort("torque").FixValue(context, [4.0, -2.0])
-    system.GetInputPort("wanted").FixValue(context, [3.0, 5.0])
+    system.GetInputPort("desired").FixValue(context, [3.0, 5.0])
     lost = system.GetInputPort("lost")
 
     def ticks(count, value):
@@ -122,15 +122,15 @@ def test_torques_fade_once_a_joint_is_lost_for_good():
 def test_a_lost_joint_that_nothing_stands_on_fades_alone():
     system = BlindStop(3, np.array([True, False]), 0.1, DT)
     context = system.CreateDefaultContext()
-    for name, value in (("state", [1.0, 2.0, 3.0]), ("torque", [4.0, -2.0]), ("wanted", [3.0, 5.0])):
+    for name, value in (("state", [1.0, 2.0, 3.0]), ("torque", [4.0, -2.0]), ("desired", [3.0, 5.0])):
         system.GetInputPort(name).FixValue(context, value)
     system.GetInputPort("lost").FixValue(context, [0.0, 1.0])
     for _ in range(round(BLIND / DT) + 100):
         context.SetDiscreteState(np.array(system.EvalUniquePeriodicDiscreteUpdate(context).value()))
-    state, torque, wanted = (system.GetOutputPort(name).Eval(context) for name in ("state", "torque", "wanted"))
+    state, torque, desired = (system.GetOutputPort(name).Eval(context) for name in ("state", "torque", "desired"))
     assert_array_equal(state, [1.0, 2.0, 3.0])
     assert_allclose(torque, [4.0, -2.0 / np.e], rtol=1e-9)
-    assert_allclose(wanted, [3.0, 5.0 / np.e], rtol=1e-9)
+    assert_allclose(desired, [3.0, 5.0 / np.e], rtol=1e-9)
 
 
 def test_all_sensors_lost_at_once_leave_finite_numbers(lost):
@@ -172,7 +172,7 @@ def test_a_fault_is_flagged_by_its_name_and_the_robot_stands_as_it_did(sound, na
     assert found.finite and found.early == ()
     assert found.base < 3e-3
     assert found.joint < 0.02
-    assert max(found.wanted, found.torque) < 0.5
+    assert max(found.desired, found.torque) < 0.5
 
 
 @pytest.mark.slow

@@ -1,4 +1,4 @@
-"""Joint damping, position loops and the largest pushes of paper C's whole loop."""
+"""Joint damping, position loops and the largest pushes of Faraji et al. (2015)'s whole loop."""
 
 from dataclasses import replace
 from pathlib import Path
