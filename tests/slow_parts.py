@@ -60,7 +60,9 @@ PARTS = {
         "the compiled functions run as Python (NUMBA_DISABLE_JIT=1)", ("kernels/test_without_compiler.py::*",)
     ),
     "closed-loop": Part(
-        "Del Prete and Mansard (2015): twenty robots in the whole chain (B.closed_loop)", (REPRODUCED + "B.closed_loop?",), alone=True
+        "Del Prete and Mansard (2015): twenty robots in the whole chain (B.closed_loop)",
+        (REPRODUCED + "B.closed_loop?",),
+        alone=True,
     ),
     "humanoid": Part(
         "humanoids of several makers on a floor under robust TSID", ("diagrams/test_humanoid_tsid.py::*",)

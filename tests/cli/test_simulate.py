@@ -104,7 +104,7 @@ def test_identify_reads_them_and_finds_the_simulated_gain(invoke, motion, tmp_pa
     outcome = invoke("identify", *call)
     assert outcome.code == 0
     found = json.loads(outcome.out)["joints"]["r_hip_pitch"]["parameters"]
-    # Table 1 of Del Prete et al. (2016), which is what is simulated; a dead zone, which three linear terms lack, biases the fit
+    # simulated is Table 1 of Del Prete et al. (2016); a dead zone, which three linear terms lack, biases the fit
     assert found["K_tau"]["value"] == pytest.approx(0.12e-3, rel=0.3)
     assert found["K_v"]["value"] == pytest.approx(7.0e-3, rel=0.2)
     assert model.exists()

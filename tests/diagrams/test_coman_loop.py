@@ -1,4 +1,4 @@
-"""The whole loop of Faraji et al. (2015): base estimator, whole-body controller, torque control, voltage, springs, soft soles."""
+"""The whole loop of Faraji et al. (2015): estimator, controller, torque control, springs, soft soles."""
 
 from dataclasses import replace
 from pathlib import Path

@@ -227,7 +227,7 @@ def test_no_other_robot_falls(name):
 
 @pytest.mark.slow
 def test_robust_torques_keep_the_contact_cones_where_classic_ones_miss_them():
-    """Del Prete and Mansard (2015), test 3, in closed loop: the true contact forces of the robust form stay in the controller's cones."""
+    """Test 3 of Del Prete and Mansard (2015): contact forces of the robust form stay in the controller's cones."""
     robust, classic = (
         simulate_tsid(tsid_entry().scenario("far_reach", text=f"{{changes: {{formulation: {{measure: {measure}}}}}}}"))
         for measure in ("individual", "classic")

@@ -1,4 +1,4 @@
-"""A guard against a slower whole loop of Faraji et al. (2015) on one core, logs included; its real-time factor is printed (-s).
+"""The whole loop of Faraji et al. (2015) becomes no slower on one core, logs included; -s prints its real-time factor.
 
 Base estimator, whole-body control, torque control, drives, sensors and the plant on soft soles, at 1 kHz; half of real
 time is wanted. A machine that others use too is slower now and then, so the figure is the fastest of many short chunks,

@@ -1,4 +1,4 @@
-"""Reproductions of Del Prete et al. (2016): what they make of known signals, their expected files, one real check of each claim."""
+"""Reproductions of Del Prete et al. (2016): known signals, expected files, one real check of each claim."""
 
 from dataclasses import replace
 from types import SimpleNamespace

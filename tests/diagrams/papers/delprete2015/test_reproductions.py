@@ -1,4 +1,4 @@
-"""Reproductions of Del Prete and Mansard (2015): the simulation against Drake, the judge against closed forms, short runs of each claim."""
+"""Reproductions of Del Prete and Mansard (2015): simulation against Drake, closed forms, short runs."""
 
 import dataclasses
 import math

@@ -1,4 +1,4 @@
-"""Table 1 of Del Prete et al. (2016): logs give back what was simulated, and the committed models are what they give."""
+"""Table 1 of Del Prete et al. (2016): logs give back what was simulated; the committed models agree."""
 
 from pathlib import Path
 

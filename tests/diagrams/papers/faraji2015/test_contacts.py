@@ -1,4 +1,4 @@
-"""Faraji et al. (2015)'s loop on one foot and on three contacts: walls to lean on, the hand's load, the figures of a run."""
+"""One foot and three contacts (Faraji et al., 2015): walls to lean on, the hand's load, the figures of a run."""
 
 from dataclasses import replace
 from pathlib import Path
