@@ -45,7 +45,12 @@ def on_page_markdown(markdown: str, page: Any, config: Any, files: Files) -> str
     return text
 
 
-PARTS = {"papers": papers.overview, "benchmarks": benchmarks.overview, "graphs": graphs.overview}
+PARTS = {
+    "papers": papers.overview,
+    "benchmarks": benchmarks.overview,
+    "graphs": graphs.overview,
+    "comparison": graphs.comparison,
+}
 """Name in a comment `<!-- generated: NAME -->` of a page to what stands there on the site."""
 
 

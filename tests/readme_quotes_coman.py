@@ -1,4 +1,4 @@
-"""Figures of the loop of Faraji et al. (2015) that README tables quote: contacts, failing sensors, errors of the base."""
+"""Figures of the loop of Faraji et al. (2015) in README tables: contacts, failing sensors, errors of the base."""
 
 from readme_quotes import MILLI, PAPER_C, Quote, Values, each, recorded
 

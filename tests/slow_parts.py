@@ -94,6 +94,11 @@ PARTS = {
         ),
         alone=True,
     ),
+    "newcomer": Part(
+        "a newcomer's path from the wheel to a report, and a bag of 1 GiB",
+        ("test_newcomer.py::*", "logs/bags/test_large_bag.py::*"),
+        alone=True,
+    ),
     "fuzz": Part("twenty thousand damaged inputs for the commands", ("fuzz/*",), alone=True),
     "diagnosis": Part(
         "small blind benchmarks, of single joints and of a leg",

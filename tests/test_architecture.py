@@ -20,6 +20,7 @@ FLOOR = {
     "types": 0,
     "port_methods": 0,
     "front_door": 0,
+    "inner_stages": 0,
     "extensions": 0,
     "system_libraries": 0,
     "text_table": 0,

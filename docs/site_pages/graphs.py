@@ -26,3 +26,17 @@ def _part(name: str, title: str) -> str:
     picture = f"images/graph_{name}.svg"
     text = f"{title[:1].upper()}{title[1:]}. The picture leads to its full size."
     return f"### {name}\n\n{text}\n\n[![Block graph of {name}]({picture})]({picture})"
+
+
+COMPARED = ("hrp2_leg", "humanoid_tsid")
+"""Diagrams of which docs/images has Graphviz's picture too."""
+
+
+def comparison() -> str:
+    """Our picture and Graphviz's, below each other, of each compared diagram."""
+    drawn = (("own layout", "graph"), ("Graphviz", "graphviz"))
+    return "\n\n".join(
+        f"### {name}, {layout}\n\n[![{name}, {layout}](images/{kind}_{name}.svg)](images/{kind}_{name}.svg)"
+        for name in COMPARED
+        for layout, kind in drawn
+    )

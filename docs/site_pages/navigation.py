@@ -16,6 +16,7 @@ TREE: list[Entry] = [
             ("Tutorial: from log to controller", "tutorial.md"),
             ("Reading the report", "report.md"),
             ("Gallery", "gallery.md"),
+            ("Block graphs", "block_graphs.md"),
             ("Where things are", "where_things_are.md"),
             ("Changelog", "changelog.md"),
         ],

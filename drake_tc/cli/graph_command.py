@@ -31,13 +31,15 @@ def graph_command(
     scenario: Annotated[str | None, typer.Option(help="Scenario to build; the diagram's first when left out.")] = None,
     scenario_file: Annotated[Path | None, typer.Option(help="File of scenarios (YAML) in place of its own.")] = None,
     depth: Annotated[int, typer.Option(min=0, help="Levels of nested diagrams to open; 0 opens all.")] = 1,
-    everything: Annotated[bool, typer.Option("--all", help="Show logs and unconnected ports too.")] = False,
+    everything: Annotated[
+        bool, typer.Option("--all", help="Show logs, systems that only logs read, and unconnected ports too.")
+    ] = False,
     stage: Annotated[list[str] | None, typer.Option(help="BLOCK=STAGE puts a block elsewhere; repeat.")] = None,
     force: Force = False,
 ) -> None:
     """Draw a diagram: blocks grouped by stage, ports named, signals with their width, discrete periods, feedthrough.
 
-    Logs, signals that only logs read and unconnected ports are left out of pictures without --all; JSON has them all.
+    Logs, systems that only logs read, and unconnected ports are left out of pictures without --all; JSON has them all.
     """
     from drake_tc.registry import runnable
     from drake_tc.report.block_graph.graph import block_graph

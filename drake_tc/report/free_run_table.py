@@ -1,10 +1,12 @@
 """Position errors of the free runs, by run and by model, as a reader sees them."""
 
+import math
 from dataclasses import dataclass
 
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagnosis.result.refinement_json import MODELS, position_errors
 from drake_tc.report.numbers import scale_for
+from drake_tc.report.words import natural
 
 
 @dataclass(frozen=True)
@@ -24,13 +26,13 @@ def free_run_table(joint: JointResult) -> FreeRunTable:
     """The table of one joint; no rows where no free run was made."""
     traces = joint.free_run
     models = tuple(name for name in MODELS if any(name in trace for trace in traces.values()))
+    held = set(joint.heldout.samples.runs)
+    runs = sorted(traces, key=lambda run: (run in held, natural(run)))
+    errors = {run: [position_errors(traces[run], name) for name in models] for run in runs}
+    sizes = [value for found in errors.values() for pair in found if pair is not None for value in pair]
+    scale = scale_for(max((value for value in sizes if math.isfinite(value)), default=0.0), "rad")
     rows = []
-    for run, trace in traces.items():
-        role = "held-out" if run in joint.heldout.samples.runs else "training"
-        errors = [position_errors(trace, name) for name in models]
-        rms, absolute = (
-            tuple("–" if e is None else scale_for(e[which], "rad").quantity(e[which]) for e in errors)
-            for which in (0, 1)
-        )
-        rows.append((run, role, rms, absolute))
+    for run in runs:
+        rms, absolute = (tuple("–" if e is None else scale.quantity(e[which]) for e in errors[run]) for which in (0, 1))
+        rows.append((run, "held-out" if run in held else "training", rms, absolute))
     return FreeRunTable(models, tuple(rows))

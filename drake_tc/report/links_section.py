@@ -1,11 +1,16 @@
 """The report's section on links whose inertial parameters were fitted."""
 
+import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from drake_tc.diagnosis.problem.estimates import Estimate
 from drake_tc.diagnosis.result.links import FittedLinks
 from drake_tc.report.numbers import interval, percent, pretty_unit, significant
+from drake_tc.report.words import natural
+
+ROUNDING = 1e-12
+"""Share of the largest end of an interval below which a value of the robot file is rounding."""
 
 
 @dataclass(frozen=True)
@@ -41,9 +46,9 @@ def links_section(links: FittedLinks | None) -> LinksSection | None:
         return None
     by_link: dict[str, list[LinkRow]] = {}
     for p in links.parameters:
-        row = _row(p.name, significant(p.declared), p.estimate, percent(p.narrowed))
+        row = _row(p.name, _declared(p.declared, p.estimate), p.estimate, percent(p.narrowed))
         by_link.setdefault(p.link, []).append(row)
-    base = [_row(p.name, significant(p.declared), p.estimate) for p in links.base]
+    base = [_row(p.name, _declared(p.declared, p.estimate), p.estimate) for p in links.base]
     payloads = [(run, [_row(n, "", e) for n, e in parameters.items()]) for run, parameters in links.payloads.items()]
     return LinksSection(links_sentence(links), list(by_link.items()), base, payloads)
 
@@ -68,5 +73,30 @@ def payload_sentences(links: FittedLinks) -> Iterable[str]:
 
 def _row(name: str, declared: str, estimate: Estimate, left: str = "") -> LinkRow:
     value, spread = interval(estimate.value, *estimate.ci95)
-    shown = name.replace("/", " ").replace(" -", " −")
-    return LinkRow(shown, declared, value, spread, pretty_unit(estimate.unit), left)
+    return LinkRow(combination(name), declared, value, spread, pretty_unit(estimate.unit), left)
+
+
+def combination(name: str) -> str:
+    """A combination of parameters as an equation has it: equal coefficients are factored out, in the links' order.
+
+    `a/mx +0.2 c/m +0.2 b/m -1 d/mz` becomes `a mx + 0.2 (b m + c m) − d mz`.
+    """
+    first, *rest = re.split(r" (?=[+-]\d)", name)
+    by_factor: dict[str, list[str]] = {}
+    for term in rest:
+        factor, _, member = term.partition(" ")
+        by_factor.setdefault(factor, []).append(member.replace("/", " "))
+    shown = first.replace("/", " ")
+    for factor, members in by_factor.items():
+        sign, size = "−" if factor[0] == "-" else "+", factor[1:]
+        joined = " + ".join(sorted(members, key=natural))
+        if len(members) > 1 and (size != "1" or sign == "−"):
+            joined = f"({joined})"
+        shown += f" {sign} {joined}" if size == "1" else f" {sign} {size} {joined}"
+    return shown
+
+
+def _declared(value: float, estimate: Estimate) -> str:
+    """The robot file's value; what is left of it by rounding counts as zero."""
+    reach = max(abs(end) for end in (estimate.value, *estimate.ci95))
+    return "0" if abs(value) < ROUNDING * reach else significant(value)

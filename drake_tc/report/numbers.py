@@ -127,9 +127,14 @@ def interval(value: float, low: float, high: float) -> tuple[str, str]:
     exponent = math.floor(math.log10(largest))
     if -4 <= exponent < 6:
         places = max(digits - 1 - exponent, 0)
-        shown = [f"{v:.{places}f}".replace("-", "−") for v in (value, low, high)]
+        shown = [_signed(f"{v:.{places}f}") for v in (value, low, high)]
     else:
         power = str(exponent).translate(_SUPERSCRIPT)
-        shown = [f"{v / 10.0**exponent:.{digits - 1}f}".replace("-", "−") for v in (value, low, high)]
+        shown = [_signed(f"{v / 10.0**exponent:.{digits - 1}f}") for v in (value, low, high)]
         return f"{shown[0]}·10{power}", f"[{shown[1]}, {shown[2]}]·10{power}"
     return shown[0], f"[{shown[1]}, {shown[2]}]"
+
+
+def _signed(digits: str) -> str:
+    """A real minus sign, but none before zeros."""
+    return digits.replace("-", "−" if digits.strip("-0.") else "")

@@ -48,7 +48,10 @@ def refinement_sentence(refinement: Refinement) -> str:
 
 def _fall(pair: tuple[float, float] | None) -> str:
     """`20 mrad → 5 mrad`: with the model after, and refined."""
-    return "" if pair is None else " → ".join(scale_for(value, "rad").quantity(value) for value in pair)
+    if pair is None:
+        return ""
+    scale = scale_for(max(pair), "rad")
+    return " → ".join(scale.quantity(value) for value in pair)
 
 
 def refinement_section(joint: JointResult) -> RefinementSection | None:

@@ -13,7 +13,7 @@ from drake_tc.diagnosis.result.plausible_ranges import PlausibleRange
 from drake_tc.diagnosis.result.rejection import why_rejected
 from drake_tc.report.numbers import UNKNOWN, Scale, fold, interval, percent, pretty_unit, scale_for, significant
 from drake_tc.report.run_spread import run_spreads
-from drake_tc.report.words import title_of
+from drake_tc.report.words import natural, title_of
 
 
 @dataclass(frozen=True)
@@ -48,20 +48,21 @@ def error_table(joint: JointResult) -> ErrorTable:
     Effort becomes torque by the final drive gain, on both sides, so that ratios agree.
     """
     gain = joint.final.gain
-    largest = max(
-        (v for v in (joint.before.train, joint.before.heldout, joint.after.heldout) if np.isfinite(v)), default=0.0
-    )
-    scale, torque = scale_for(largest, joint.unit), scale_for(largest / gain, "N*m")
+    errors = (joint.before.train, joint.before.heldout, joint.after.heldout)
+    free = (joint.before.free_run_heldout, joint.after.free_run_heldout)
+    largest = max((v for v in errors if np.isfinite(v)), default=0.0)
+    of_free = max((v for v in free if v is not None and np.isfinite(v)), default=0.0)
+    scale = scale_for(max(largest, of_free) if joint.unit == "rad" else largest, joint.unit)
+    torque = scale_for(largest / gain, "N*m")
     pairs = (
         ("training runs", joint.before.train, joint.after.train),
         ("held-out runs", joint.before.heldout, joint.after.heldout),
     )
     rows = [_error_row(name, b, a, scale, torque, gain, largest) for name, b, a in pairs]
-    before, after = joint.before.free_run_heldout, joint.after.free_run_heldout
-    if before is not None or after is not None:
-        b, a = (float("nan") if v is None else v for v in (before, after))
-        high = float(np.nanmax([b, a, 0.0]))
-        rows.append(_error_row("free run, held-out", b, a, scale_for(high, "rad"), None, gain, high))
+    if any(v is not None for v in free):
+        b, a = (float("nan") if v is None else v for v in free)
+        position = scale if joint.unit == "rad" else scale_for(of_free, "rad")
+        rows.append(_error_row("free run, held-out", b, a, position, None, gain, of_free))
     explainable = joint.unexplained.explainable_rms
     return ErrorTable(
         rows=rows,
@@ -105,7 +106,7 @@ class RunErrorRow:
 
 
 def run_error_rows(joint: JointResult) -> Sequence[RunErrorRow]:
-    """One row a run, training runs first."""
+    """One row a run, training runs first, each group in the order of the names (run2 before run10)."""
     scale = scale_for(max((r.before for r in joint.runs), default=0.0), joint.unit)
     return [
         RunErrorRow(
@@ -117,7 +118,7 @@ def run_error_rows(joint: JointResult) -> Sequence[RunErrorRow]:
             absolute_after=scale.quantity(r.mean_absolute_after),
             floors=significant(r.after / joint.noise_floor, 2) if joint.noise_floor > 0.0 else UNKNOWN,
         )
-        for r in joint.runs
+        for r in sorted(joint.runs, key=lambda r: (r.heldout, natural(r.run)))
     ]
 
 
@@ -217,23 +218,27 @@ class DataRow:
 
 
 def data_rows(split: DataSplit, role: str) -> Sequence[DataRow]:
-    """One row a run: duration, rows of the regression, share of the samples in resolved motion, spans."""
+    """One row a run in the order of the names: duration, rows, share of samples in resolved motion, spans."""
     samples = split.samples
     signals = samples.signals
+    rows_of = [samples.rows[samples.run == k] for k in range(len(samples.runs))]
+    speeds, loads = (
+        [float(np.max(np.abs(values[rows]), initial=0.0)) for rows in rows_of]
+        for values in (signals.velocity, signals.load_torque)
+    )
+    of_speed, of_load = scale_for(max(speeds, default=0.0), "rad/s"), scale_for(max(loads, default=0.0), "N*m")
     out = []
-    for k, run in enumerate(samples.runs):
-        mine, rows = samples.run_of_sample == k, samples.rows[samples.run == k]
-        speed = float(np.max(np.abs(signals.velocity[rows]), initial=0.0))
-        load = float(np.max(np.abs(signals.load_torque[rows]), initial=0.0))
+    for k in sorted(range(len(samples.runs)), key=lambda k: natural(samples.runs[k])):
+        mine, rows = samples.run_of_sample == k, rows_of[k]
         out.append(
             DataRow(
-                run=run,
+                run=samples.runs[k],
                 role=role,
                 duration=f"{significant(float(mine.sum()) * signals.period)} s",
                 rows=f"{rows.size}",
                 moving=percent(float(np.mean(samples.moving[mine])) if mine.any() else None),
-                speed=scale_for(speed, "rad/s").quantity(speed),
-                load=scale_for(load, "N*m").quantity(load),
+                speed=of_speed.quantity(speeds[k]),
+                load=of_load.quantity(loads[k]),
             )
         )
     return out

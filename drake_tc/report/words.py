@@ -1,5 +1,6 @@
 """The verdict as an engineer would say it."""
 
+import re
 from collections.abc import Sequence
 
 import numpy as np
@@ -35,6 +36,11 @@ def joined(words: Sequence[str]) -> str:
     return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)
 
 
+def natural(name: str) -> tuple[tuple[int, int, str], ...]:
+    """Sorting key of a name in which numbers count by their value: run2 comes before run10."""
+    return tuple((0, int(part), "") if part.isdigit() else (1, 0, part) for part in re.findall(r"\d+|\D+", name))
+
+
 def title_of(effect_id: str) -> str:
     """An effect's title by its id; the id itself, in words, when the library does not know it."""
     if effect_id in TITLES:
@@ -53,16 +59,15 @@ def signal_name(name: str) -> str:
 def headline(joint: JointResult) -> str:
     """One or two sentences: what was missing, what it did to the held-out error, what that leaves."""
     before, after, floor = joint.before.heldout, joint.after.heldout, joint.noise_floor
-    scale = scale_for(before, joint.unit)
-    fine = scale_for(after, joint.unit)
+    scale = scale_for(max((e for e in (before, after) if np.isfinite(e)), default=0.0), joint.unit)
     names = joined([e.title for e in joint.effects])
     above = f"{significant(after / floor)} times the noise floor" if floor > 0.0 else "the noise floor unknown"
     change = (
-        f"the held-out error goes from {scale.quantity(before)} to {fine.quantity(after)} ({times(before, after)}), "
+        f"the held-out error goes from {scale.quantity(before)} to {scale.quantity(after)} ({times(before, after)}), "
         f"{above}"
     )
     if joint.verdict == "no_missing_effect":
-        return f"The declared model explains the data: its held-out error of {fine.quantity(after)} is {above}."
+        return f"The declared model explains the data: its held-out error of {scale.quantity(after)} is {above}."
     with_them = "With it" if len(joint.effects) == 1 else "With them"
     found = f"Missing in the model: {names}. {with_them}, {change}." if joint.effects else ""
     if joint.verdict == "effects_found":

@@ -10,7 +10,9 @@ from pydrake.common.value import Value
 from pydrake.systems.framework import Context, LeafSystem, ValueProducer
 
 from drake_tc.errors import SimulationError
+from drake_tc.inner_stages import InnerStage
 from drake_tc.port_methods import PortMethods
+from drake_tc.tsid.inner_blocks import inner_blocks
 from drake_tc.tsid.law import Before, Law, Status, Tick, lost_tick, solve_tick
 from drake_tc.tsid.model import Scratch
 from drake_tc.tsid.warm_start import WarmStart
@@ -101,6 +103,12 @@ class RobustTsid(PortMethods, LeafSystem):
     def law(self) -> Law:
         """What it solves."""
         return self._law
+
+    @property
+    def inner_stages(self) -> tuple[InnerStage, ...]:
+        """What a tick computes, in the order of computation, for block graphs."""
+        references = {task.name: reference_port(task.name) for task in self._law.tasks}
+        return inner_blocks(self._law, references, tuple(self._places))
 
     @property
     def constraints(self) -> tuple[str, ...]:

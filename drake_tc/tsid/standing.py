@@ -61,6 +61,8 @@ class StandingState(PortMethods, LeafSystem):
     output is NaN, x stays as it is.
     """
 
+    graph_stage = "estimation"
+
     def __init__(self, model: TsidModel, period: float, trust: float = 0.5) -> None:
         """Declare the ports; the robot starts in its robot file's posture, every contact where that puts it.
 

@@ -18,7 +18,7 @@ from drake_tc.report.block_graph.svg import label_box, texts
 from drake_tc.report.block_graph.text import shortened, text_width
 from drake_tc.report.block_graph.view import view
 
-from .block_graph_diagrams import DIAGRAMS, ODD, N, nested, odd, torque_loop
+from .block_graph_diagrams import DIAGRAMS, ODD, N, Stage, chain, nested, odd, staged, torque_loop
 
 
 @pytest.fixture(scope="module", params=DIAGRAMS)
@@ -88,6 +88,62 @@ def test_stages_of_the_loop():
     chosen = block_graph(torque_loop(), stages={"positions": "plant", "Filter": "estimation"})
     stages = {b.name: b.stage for b in chosen.blocks}
     assert (stages["positions"], stages["joint_filter"], stages["imu_filter"]) == ("plant", "estimation", "estimation")
+
+
+def forward_filter(kind, name, **attributes):
+    """The stage of a block of a class between torque control and guard."""
+    builder = DiagramBuilder()
+    last = None
+    for own, made in (
+        ("before", staged("TorqueControl", "control.torque_control", {"u": N}, {"y": N})),
+        (name, type(kind, (Stage,), {"__module__": "my_package", **attributes})({"u": N}, {"y": N})),
+        ("after", staged("CommandGuard", "control.guard", {"u": N}, {"y": N})),
+    ):
+        system = builder.AddNamedSystem(own, made)
+        if last is not None:
+            builder.Connect(last.get_output_port(0), system.get_input_port(0))
+        last = system
+    return {b.name: b.stage for b in block_graph(builder.Build()).blocks}[name]
+
+
+@pytest.mark.parametrize("name", ["offset", "filter", "torque_sensor", "monitor", "drive"])
+def test_a_name_has_no_influence_on_the_stage(name):
+    assert forward_filter("OffsetFilter", name) == "control"
+    assert forward_filter("Clipping", name) == "control"
+
+
+def test_a_tag_names_the_stage():
+    assert forward_filter("OffsetFilter", "offset", graph_stage="filtering") == "filtering"
+    with pytest.raises(ParamsError, match="block 'offset': no stage 'filter'; stages: reference, control"):
+        forward_filter("OffsetFilter", "offset", graph_stage="filter")
+
+
+def test_the_class_of_a_sensor_in_the_feedback_path_counts():
+    builder = DiagramBuilder()
+    plant = builder.AddNamedSystem("plant", chain(N))
+    sensor = builder.AddNamedSystem("q", type("MySensor", (Stage,), {"__module__": "mine"})({"u": 2 * N}, {"y": N}))
+    control = builder.AddNamedSystem("c", type("MyController", (Stage,), {"__module__": "mine"})({"u": N}, {"y": N}))
+    builder.Connect(plant.get_state_output_port(), sensor.get_input_port(0))
+    builder.Connect(sensor.get_output_port(0), control.get_input_port(0))
+    builder.Connect(control.get_output_port(0), plant.get_actuation_input_port())
+    stages = {b.name: b.stage for b in block_graph(builder.Build()).blocks}
+    assert stages == {"plant": "plant", "q": "sensing", "c": "control"}
+
+
+def test_systems_that_only_logs_read_leave_no_dead_ends():
+    builder = DiagramBuilder()
+    source = builder.AddNamedSystem("source", ConstantVectorSource(np.ones(N)))
+    control = builder.AddNamedSystem("control", staged("Guard", "control.guard", {"u": N}, {"y": N}))
+    plant = builder.AddNamedSystem("plant", chain(N))
+    scaled, seen = (builder.AddNamedSystem(name, Gain(2.0, N)) for name in ("scaled", "seen"))
+    for start, end in ((source, control), (control, scaled), (scaled, seen)):
+        builder.Connect(start.get_output_port(0), end.get_input_port(0))
+    builder.Connect(control.get_output_port(0), plant.get_actuation_input_port())
+    LogVectorOutput(seen.get_output_port(0), builder)
+    LogVectorOutput(plant.get_state_output_port(), builder)
+    graph = block_graph(builder.Build())
+    assert [shape.title for shape in view(graph).shapes] == ["source", "control", "plant"]
+    assert {"scaled", "seen"} <= {shape.title for shape in view(graph, everything=True).shapes}
 
 
 def test_a_multiplexer_that_only_a_log_reads_is_of_the_log():

@@ -118,3 +118,7 @@ def test_percent(share: float, text: str) -> None:
 
 def test_units_for_people() -> None:
     assert [pretty_unit(u) for u in ("N*m*s^2/rad^2", "-", "rad/(N*m)")] == ["N·m·s²/rad²", "", "rad/(N·m)"]
+
+
+def test_no_minus_sign_before_zeros() -> None:
+    assert interval(-0.0002, -0.086, 0.086) == ("0.000", "[−0.086, 0.086]")

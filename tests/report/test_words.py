@@ -21,6 +21,7 @@ from drake_tc.report.words import (
     dependence_words,
     headline,
     joined,
+    natural,
     ranked_effects,
     structure_words,
     title_of,
@@ -249,3 +250,19 @@ def test_why_an_effect_was_not_added(rejected, said):
 def test_the_facts_on_what_is_left_do_not_contradict_each_other(fraction, structured, names, structure, depends):
     left = Unexplained(1.9, 1.9, False, 0.001, fraction, structured, names)
     assert (structure_words(left), dependence_words(left)) == (structure, depends)
+
+
+def test_the_headline_has_one_unit(joint):
+    said = plain(headline(replace(with_errors(joint, 2.5e-3, 14.5e-6, 7.65e-6), unit="rad", verdict="effects_found")))
+    assert "from 2.50 mrad to 0.0145 mrad" in said and "µrad" not in said
+
+
+def test_numbers_in_names_count_by_their_value():
+    assert sorted(["run10", "run2", "a", "run", "2b", "run2b"], key=natural) == [
+        "2b",
+        "a",
+        "run",
+        "run2",
+        "run2b",
+        "run10",
+    ]

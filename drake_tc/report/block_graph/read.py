@@ -10,15 +10,17 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import Diagram, InputPortIndex, OutputPortIndex, PortDataType
 
 from drake_tc.errors import ParamsError
+from drake_tc.inner_stages import ATTRIBUTE, InnerStage
 from drake_tc.report.block_graph.data import VECTOR, Block, Edge, GraphData, Port, Terminal, Update
-from drake_tc.report.block_graph.stages import Candidate, assign_stages, certain_stage
+from drake_tc.report.block_graph.inner import with_inner_stages
+from drake_tc.report.block_graph.stages import TAG, Candidate, assign_stages, certain_stage
 
 _UNNAMED = re.compile(r"@[0-9a-f]{8,}$")
 """Drake names a system without a name after its address, which is another one each time."""
 
 
 def read_diagram(diagram: Diagram, stages: Mapping[str, str] | None = None, depth: int | None = 1) -> GraphData:
-    """A diagram's systems and connections.
+    """A diagram's systems and connections; a system with inner stages is shown by these.
 
     Args:
         diagram: Any Drake Diagram.
@@ -41,13 +43,14 @@ def read_diagram(diagram: Diagram, stages: Mapping[str, str] | None = None, dept
     blocks = tuple(_block(leaf, found[leaf.path], carried) for leaf in leaves)
     inputs = [(diagram.get_input_port(i), ends.targets(diagram, i)) for i in range(diagram.num_input_ports())]
     outputs = [(diagram.get_output_port(i), (ends.source(diagram, i),)) for i in range(diagram.num_output_ports())]
-    return GraphData(
+    graph = GraphData(
         "diagram" if _UNNAMED.search(diagram.get_name()) else diagram.get_name() or "diagram",
         blocks,
         edges,
         tuple(Terminal(Port(p.get_name(), p.size(), _input_type(p)), to) for p, to in inputs),
         tuple(Terminal(Port(p.get_name(), p.size(), _output_type(p)), of) for p, of in outputs),
     )
+    return with_inner_stages(graph, {leaf.path: inside for leaf in leaves if (inside := _inner(leaf.system))})
 
 
 @dataclass(frozen=True)
@@ -141,8 +144,14 @@ def _candidate(place: _Place) -> Candidate:
         type(system).__module__,
         system.num_input_ports() == 0,
         system.num_output_ports() == 0,
+        getattr(system, TAG, None),
         parts,
     )
+
+
+def _inner(system: Any) -> tuple[InnerStage, ...]:
+    """The stages that a system itself names; most name none."""
+    return tuple(getattr(system, ATTRIBUTE, ()))
 
 
 def _block(place: _Place, stage: str, carried: Mapping[tuple[str, int], str]) -> Block:

@@ -60,8 +60,8 @@ class View:
 
 
 def view(graph: GraphData, *, everything: bool = False) -> View:
-    """What to show of a graph; `everything` adds logs and ports that nothing is connected to."""
-    shown = [b for b in graph.blocks if everything or b.stage != "logging"]
+    """What to show of a graph; `everything` adds logs, systems that only logs read, and unconnected ports."""
+    shown = list(graph.blocks) if everything else _without_logs(graph)
     number = {block.path: i for i, block in enumerate(shown)}
     links: list[tuple[tuple[int, int], tuple[int, int], Port]] = []
     for e in graph.edges:
@@ -90,6 +90,20 @@ def view(graph: GraphData, *, everything: bool = False) -> View:
     )
     shapes = blocks + tuple(terminals)
     return View(graph.name, shapes, _nets(shapes, links))
+
+
+def _without_logs(graph: GraphData) -> list[Block]:
+    """The blocks but for logs and systems that only logs read, directly or through others; a plant always stays."""
+    systems = [b for b in graph.blocks if b.stage != "logging"]
+    exported = {path for terminal in graph.outputs for path, _ in terminal.ends}
+    kept = {b.path for b in systems}
+    stays = exported | {b.path for b in systems if b.stage in ("plant", "supervision")}
+    read: dict[str, set[str]] = {}
+    for edge in graph.edges:
+        read.setdefault(edge.source, set()).add(edge.target)
+    while dropped := {path for path in kept - stays if path in read and not read[path] & (kept - {path})}:
+        kept -= dropped
+    return [b for b in systems if b.path in kept] or systems
 
 
 def _shape(key: int, block: Block, reads: set[int], makes: set[int], everything: bool) -> Shape:
