@@ -95,8 +95,8 @@ PARTS = {
         alone=True,
     ),
     "newcomer": Part(
-        "a newcomer's path from the wheel to a report, and a bag of 1 GiB",
-        ("test_newcomer.py::*", "logs/bags/test_large_bag.py::*"),
+        "a newcomer's path from the wheel to a report; bags to a verdict; a bag of 1 GiB",
+        ("test_newcomer.py::*", "logs/bags/*"),
         alone=True,
     ),
     "fuzz": Part("twenty thousand damaged inputs for the commands", ("fuzz/*",), alone=True),

@@ -97,11 +97,6 @@ class JointProgram:
         """Places in the memory that are state at a tick: not the flag, nor what is computed anew or only held."""
         return [at for at in range(self.size) if at not in (STARTED, LOAD, COMMAND)]
 
-    @property
-    def has_gear(self) -> bool:
-        """Whether the motor has a position of its own."""
-        return self._gear is not None
-
     def initial(self, velocity: float = 0.0) -> list[float]:
         """Memory of a joint that has moved at `velocity` [rad/s] for long, or rested for 0."""
         memory = [0.0] * self.size

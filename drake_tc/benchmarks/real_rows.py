@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from drake_tc.config.json_values import json_value
+from drake_tc.report.reproduction import is_met
 
 How = Literal["max", "within", "info"]
 
@@ -16,8 +17,8 @@ class RealRow:
 
     Attributes:
         name: `<what>/<where>`. value: what came out, in `unit`.
-        expected: The figure to reach; None for a figure that is only told.
-        how: "max": at most `expected`; "within": no further from it than `tolerance`; "info": only told.
+        expected: The figure to reach; None for a figure that is only reported.
+        how: "max": at most `expected`; "within": no further from it than `tolerance`; "info": only reported.
         note: What the figure rests on, in a few words.
     """
 
@@ -34,9 +35,7 @@ class RealRow:
         """Whether the figure is reached; None when nothing is expected of it."""
         if self.expected is None or self.how == "info":
             return None
-        if self.how == "max":
-            return bool(self.value <= self.expected)
-        return bool(abs(self.value - self.expected) <= self.tolerance)
+        return is_met(self.value, self.expected, self.how, self.tolerance)
 
     def to_json(self) -> dict[str, Any]:
         """As `drake-tc bench` prints it."""

@@ -86,6 +86,24 @@ class Expectation:
 Named = TypeVar("Named", OnRecord, Expectation)
 
 
+def is_met(value: float, expected: float, how: How, tolerance: float) -> bool:
+    """Whether a value is as expected; one that is not finite is not.
+
+    Args:
+        value: The figure.
+        expected: What it should be.
+        how: "min": at least `expected`; "max": at most; "within": off by at most `tolerance`.
+        tolerance: Allowed beyond `expected` for "min" and "max" too.
+    """
+    if not np.isfinite(value):
+        return False
+    if how == "min":
+        return bool(value >= expected - tolerance)
+    if how == "max":
+        return bool(value <= expected + tolerance)
+    return bool(abs(value - expected) <= tolerance)
+
+
 @dataclass(frozen=True)
 class Row:
     """One figure against what is expected of it; `met` is None where nothing is."""
@@ -99,14 +117,7 @@ class Row:
         """Whether the value is as expected; a value that is not finite is not."""
         if self.expectation is None:
             return None
-        expected, slack = self.expectation.expected, self.expectation.tolerance
-        if not np.isfinite(self.value):
-            return False
-        if self.expectation.how == "min":
-            return bool(self.value >= expected - slack)
-        if self.expectation.how == "max":
-            return bool(self.value <= expected + slack)
-        return bool(abs(self.value - expected) <= slack)
+        return is_met(self.value, self.expectation.expected, self.expectation.how, self.expectation.tolerance)
 
     def to_json(self) -> dict[str, Any]:
         """Plain data; a value that is not finite is None; the expectation's fields only where there is one."""

@@ -1,11 +1,14 @@
 """Strict reading of YAML fields: every error names the file, the field, what was expected and what came."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 from drake_tc.errors import ParamsError
 from drake_tc.robot.mounts import Pose, Triple
+
+Reader = Callable[[str, object], Any]
+"""(Place of a value in its file, value as YAML has it) to the value that is used; raises ParamsError."""
 
 
 def mapping(
@@ -85,6 +88,50 @@ def number(where: str, value: object, *, infinite: bool = False) -> float:
         if math.isfinite(result) or (infinite and math.isinf(result)):
             return result
     raise ParamsError(f"{where}: expected a {'' if infinite else 'finite '}number, got {value!r}")
+
+
+def number_list(where: str, value: object) -> list[float]:
+    """A list of finite numbers.
+
+    Raises:
+        ParamsError: something else.
+    """
+    if not isinstance(value, list):
+        raise ParamsError(f"{where}: expected a list of numbers, got {value!r}")
+    return [number(f"{where}[{i}]", item) for i, item in enumerate(value)]
+
+
+def numbers(where: str, value: object) -> float | list[float]:
+    """A finite number, or a list of them.
+
+    Raises:
+        ParamsError: something else.
+    """
+    return number_list(where, value) if isinstance(value, list) else number(where, value)
+
+
+def flags(where: str, value: object) -> list[bool]:
+    """A non-empty list of true and false.
+
+    Raises:
+        ParamsError: something else.
+    """
+    if isinstance(value, list) and value and all(isinstance(item, bool) for item in value):
+        return value
+    raise ParamsError(f"{where}: expected a list of true and false, got {value!r}")
+
+
+def read_keys(
+    where: str, entry: object, required: Mapping[str, Reader], optional: Mapping[str, Reader]
+) -> dict[str, Any]:
+    """The values of a mapping, each by the reader of its key.
+
+    Raises:
+        ParamsError: as `mapping`, or a value that its reader refuses.
+    """
+    readers = {**required, **optional}
+    given = mapping(where, entry, required, optional)
+    return {key: readers[key](f"{where}.{key}", value) for key, value in given.items()}
 
 
 def triple(where: str, value: object) -> Triple:

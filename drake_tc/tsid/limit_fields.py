@@ -9,13 +9,14 @@ import numpy as np
 from drake_tc.errors import ParamsError
 from drake_tc.extensions import LIMITS
 from drake_tc.robot import fields
+from drake_tc.robot.fields import Reader
 from drake_tc.tsid.limits.acceleration import AccelerationLimit
 from drake_tc.tsid.limits.base import Limit
 from drake_tc.tsid.limits.capture_point import CapturePointLimit
 from drake_tc.tsid.limits.torque import TorqueLimit
 from drake_tc.tsid.limits.wrench_cone import WrenchCones
 from drake_tc.tsid.model import TsidModel
-from drake_tc.tsid.task_fields import Reader, checked_kind, numbers
+from drake_tc.tsid.task_fields import checked_kind
 
 NEVER_LEFT_OUT = ("torque", "contact", "acceleration")
 """Kinds that a controller has with their defaults unless its file says null."""
@@ -81,9 +82,7 @@ def read_limits(where: str, entry: object, model: TsidModel, period: float) -> t
 
 def _limit(where: str, kind: str, keys: object, model: TsidModel, period: float) -> Limit:
     reader = _KINDS[kind] if kind in _KINDS else LIMITS.get(kind, lambda n, made: checked_kind(n, made, LimitKind))
-    given = fields.mapping(where, keys, reader.required, reader.optional)
-    readers = {**reader.required, **reader.optional}
-    values = {key: readers[key](f"{where}.{key}", value) for key, value in given.items()}
+    values = fields.read_keys(where, keys, reader.required, reader.optional)
     try:
         return reader.make(model, period, **values)
     except ParamsError as error:
@@ -126,6 +125,8 @@ _HELD: Mapping[str, Reader] = {"period": fields.number, "margin": fields.number}
 _KINDS: Mapping[str, LimitKind] = {
     "torque": LimitKind(_torque, optional={"share": fields.number}),
     "contact": LimitKind(_contact, optional={"pyramid": fields.text}),
-    "acceleration": LimitKind(_acceleration, optional={**_HELD, "acceleration": numbers, "velocity": numbers}),
+    "acceleration": LimitKind(
+        _acceleration, optional={**_HELD, "acceleration": fields.numbers, "velocity": fields.numbers}
+    ),
     "capture_point": LimitKind(_capture_point, optional=_HELD),
 }

@@ -2,11 +2,12 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from drake_tc.errors import ParamsError
 from drake_tc.extensions import TASKS
 from drake_tc.robot import fields
+from drake_tc.robot.fields import Reader
 from drake_tc.tsid.model import TsidModel
 from drake_tc.tsid.tasks.angular_momentum import AngularMomentumTask
 from drake_tc.tsid.tasks.base import Task
@@ -18,7 +19,6 @@ from drake_tc.tsid.tasks.orientation import OrientationTask
 from drake_tc.tsid.tasks.posture import PostureTask
 from drake_tc.tsid.tasks.torque import TorqueTask
 
-Reader = Callable[[str, object], Any]
 KindT = TypeVar("KindT")
 
 
@@ -33,37 +33,6 @@ def checked_kind(name: str, given: object, expected: type[KindT]) -> KindT:
     return given
 
 
-def numbers(where: str, value: object) -> float | list[float]:
-    """A number, or a list of them.
-
-    Raises:
-        ParamsError: something else.
-    """
-    return number_list(where, value) if isinstance(value, list) else fields.number(where, value)
-
-
-def number_list(where: str, value: object) -> list[float]:
-    """A list of numbers.
-
-    Raises:
-        ParamsError: something else.
-    """
-    if not isinstance(value, list):
-        raise ParamsError(f"{where}: expected a list of numbers, got {value!r}")
-    return [fields.number(f"{where}[{i}]", item) for i, item in enumerate(value)]
-
-
-def mask(where: str, value: object) -> list[bool]:
-    """A list of true and false.
-
-    Raises:
-        ParamsError: something else.
-    """
-    if isinstance(value, list) and value and all(isinstance(item, bool) for item in value):
-        return value
-    raise ParamsError(f"{where}: expected a list of true and false, got {value!r}")
-
-
 @dataclass(frozen=True)
 class TaskKind:
     """A kind of task as a controller file writes it: `kind: NAME` with the keys below.
@@ -71,7 +40,7 @@ class TaskKind:
     Attributes:
         make: Called with the model, then with `name` and the keys that the file gives as keywords; returns the task.
         required, optional: Key to its reader, a function of (place in the file, value) that returns the value or raises
-            ParamsError: `numbers`, `mask`, or `number`, `text` and `names` of `drake_tc.robot.fields`.
+            ParamsError, such as `number`, `numbers`, `text`, `names` and `flags` of `drake_tc.robot.fields`.
 
     Example:
         >>> TaskKind(lambda model, *, kp, name: None, required={"kp": float}).required["kp"].__name__
@@ -83,18 +52,18 @@ class TaskKind:
     optional: Mapping[str, Reader] = field(default_factory=dict)
 
 
-_GAINS: Mapping[str, Reader] = {"kp": numbers, "kd": numbers}
-_WEIGHT: Mapping[str, Reader] = {"weight": numbers}
-_FRAME: Mapping[str, Reader] = {**_WEIGHT, "mask": mask, "axes_of": fields.text}
+_GAINS: Mapping[str, Reader] = {"kp": fields.numbers, "kd": fields.numbers}
+_WEIGHT: Mapping[str, Reader] = {"weight": fields.numbers}
+_FRAME: Mapping[str, Reader] = {**_WEIGHT, "mask": fields.flags, "axes_of": fields.text}
 _KINDS: Mapping[str, TaskKind] = {
-    "com": TaskKind(lambda model, **keys: ComTask(**keys), _GAINS, {**_WEIGHT, "mask": mask}),
+    "com": TaskKind(lambda model, **keys: ComTask(**keys), _GAINS, {**_WEIGHT, "mask": fields.flags}),
     "posture": TaskKind(PostureTask, _GAINS, {**_WEIGHT, "joints": fields.names}),
     "frame": TaskKind(FrameTask, {"frame": fields.text, **_GAINS}, _FRAME),
     "orientation": TaskKind(OrientationTask, {"frame": fields.text, **_GAINS}, _FRAME),
     "angular_momentum": TaskKind(
-        lambda model, **keys: AngularMomentumTask(**keys), {"kp": numbers}, {**_WEIGHT, "mask": mask}
+        lambda model, **keys: AngularMomentumTask(**keys), {"kp": fields.numbers}, {**_WEIGHT, "mask": fields.flags}
     ),
-    "force": TaskKind(ForceTask, {}, {"weight": fields.number, "components": number_list}),
+    "force": TaskKind(ForceTask, {}, {"weight": fields.number, "components": fields.number_list}),
     "cop": TaskKind(CopTask, {"contact": fields.text}, _WEIGHT),
     "torque": TaskKind(TorqueTask, {}, _WEIGHT),
 }
@@ -134,9 +103,8 @@ def read_task(where: str, name: str, entry: object, model: TsidModel) -> Task:
     if kind not in possible:
         raise ParamsError(f"{where}.kind: expected one of {', '.join(possible)}, got {kind!r}")
     reader = _KINDS[kind] if kind in _KINDS else TASKS.get(kind, lambda n, made: checked_kind(n, made, TaskKind))
-    given = fields.mapping(where, entry, ("kind", *reader.required), reader.optional)
-    readers = {**reader.required, **reader.optional}
-    values = {key: readers[key](f"{where}.{key}", value) for key, value in given.items() if key != "kind"}
+    values = fields.read_keys(where, entry, {"kind": fields.text, **reader.required}, reader.optional)
+    del values["kind"]
     try:
         return reader.make(model, **values, name=name)
     except ParamsError as error:

@@ -117,10 +117,6 @@ class BaseState:
         """Whether a flag of `FLAGS` is up."""
         return bool(self.flags[FLAGS.index(name)])
 
-    def contact_flag(self, contact: int, name: str) -> bool:
-        """Whether a flag of `CONTACT_FLAGS` is up."""
-        return bool(self.contact_flags[contact, CONTACT_FLAGS.index(name)])
-
 
 ARRAYS = tuple(item.name for item in fields(BaseState))[len(SCALARS) :]
 _scalars, _arrays = attrgetter(*SCALARS), attrgetter(*ARRAYS)
