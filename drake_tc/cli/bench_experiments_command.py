@@ -41,7 +41,7 @@ def bench_check(
 
 
 def bench_experiments(
-    seed: Annotated[int, typer.Option(help="Of the joints, motions and noise.")] = 1,
+    seed: Annotated[int, typer.Option(help="Seed of the joints, motions and noise.")] = 1,
     pair: Annotated[list[int] | None, typer.Option(help="Number of a pair, from 0; repeat. Default: all.")] = None,
     as_json: AsJson = False,
 ) -> None:

@@ -19,7 +19,7 @@ Out = Annotated[
     Path | None, typer.Option(help="Folder that keeps logs and reports. Results that are found there are reused.")
 ]
 Seeds = Annotated[list[int] | None, typer.Option(help="Seed of the cases, 0 by default; may be repeated.")]
-Jobs = Annotated[int, typer.Option(min=1, help="Cases diagnosed side by side.")]
+Jobs = Annotated[int, typer.Option(min=1, help="Number of cases in parallel.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print the rows as JSON.")]
 ALL_CORES = os.cpu_count() or 1
 

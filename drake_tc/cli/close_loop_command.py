@@ -59,7 +59,7 @@ def close_loop_command(
         ),
     ] = True,
     check: Annotated[
-        bool, typer.Option("--check/--no-check", help="First write what the logs can show: check.html, check.json.")
+        bool, typer.Option("--check/--no-check", help="Also write a check of the logs: check.html, check.json.")
     ] = False,
     force: Force = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print report.json to stdout instead of the tables.")] = False,

@@ -17,14 +17,14 @@ if TYPE_CHECKING:
 def design_command(
     rig: Annotated[Path, typer.Option(help="Rig file (YAML).")],
     log: Annotated[
-        list[Path] | None, typer.Option(help="A run recorded so far: tells noise, load, limits; repeat.")
+        list[Path] | None, typer.Option(help="A recorded run, for noise, load and limits; repeat for more.")
     ] = None,
     model: Annotated[Path | None, typer.Option(help="Model file (YAML), such as model_after.yaml.")] = None,
     goal: Annotated[
         str | None, typer.Option(help="parameters, parameters:EFFECT,..., tell:A,B, or all (default: parameters).")
     ] = None,
     after: Annotated[
-        Path | None, typer.Option(help="report.json of close-loop: the experiment that it names, with its runs.")
+        Path | None, typer.Option(help="report.json of close-loop: design the experiment that it names.")
     ] = None,
     joint: Annotated[list[str] | None, typer.Option(help="Joint; repeat. Default: all joints of the rig.")] = None,
     duration: Annotated[float, typer.Option(help="Length of the experiment [s].")] = 30.0,
@@ -36,9 +36,9 @@ def design_command(
     torque: Annotated[float | None, typer.Option(help="Motor torque limit [N m].")] = None,
     bandwidth: Annotated[float | None, typer.Option(help="Highest frequency that the drive follows [Hz].")] = None,
     basis: Annotated[str, typer.Option(help="Functions of the motion: fourier or bspline.")] = "fourier",
-    criterion: Annotated[str, typer.Option(help="For goal parameters: D or E.")] = "D",
+    criterion: Annotated[str, typer.Option(help="Criterion of the goal parameters: D or E.")] = "D",
     distance: Annotated[float, typer.Option(help="Least distance between the links of a robot [m].")] = 0.01,
-    starts: Annotated[int, typer.Option(help="Starts of the solver.")] = 2,
+    starts: Annotated[int, typer.Option(help="Number of initial guesses.")] = 2,
     seed: Annotated[int, typer.Option(help="Seed of the starts.")] = 0,
     out: Annotated[Path, typer.Option(help="Folder for the trajectory and the page.")] = Path("design"),
     force: Force = False,

@@ -44,7 +44,9 @@ def export_command(
     holdout: Annotated[
         list[Path] | None, typer.Option(help="A run to try the export on in MuJoCo (mjcf); repeat for more.")
     ] = None,
-    torque_constant: Annotated[float | None, typer.Option(help="kt of the data sheet [N m/A], for bam.")] = None,
+    torque_constant: Annotated[
+        float | None, typer.Option(help="Torque constant of the data sheet [N m/A], for --to bam.")
+    ] = None,
     force: Force = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print terms, losses and errors as JSON.")] = False,
 ) -> None:

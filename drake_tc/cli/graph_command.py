@@ -34,7 +34,9 @@ def graph_command(
     everything: Annotated[
         bool, typer.Option("--all", help="Show logs, systems that only logs read, and unconnected ports too.")
     ] = False,
-    stage: Annotated[list[str] | None, typer.Option(help="BLOCK=STAGE puts a block elsewhere; repeat.")] = None,
+    stage: Annotated[
+        list[str] | None, typer.Option(help="BLOCK=STAGE: put a block into another stage; repeat.")
+    ] = None,
     force: Force = False,
 ) -> None:
     """Draw a diagram: blocks grouped by stage, ports named, signals with their width, discrete periods, feedthrough.

@@ -36,9 +36,9 @@ class MethodName(StrEnum):
 def identify_command(
     rig: Annotated[Path | None, typer.Option(help="Rig file (YAML): joint, drive, what is declared.")] = None,
     log: Annotated[list[Path] | None, typer.Option(help="A run to fit; repeat for more.")] = None,
-    method: Annotated[MethodName, typer.Option(help="How to fit.")] = MethodName.least_squares,
+    method: Annotated[MethodName, typer.Option(help="Method of the fit.")] = MethodName.least_squares,
     sheet: Annotated[
-        Path | None, typer.Option(help="Data sheet of the motors (YAML); method motor needs it, no other does.")
+        Path | None, typer.Option(help="Data sheet of the motors (YAML), for --method motor only.")
     ] = None,
     joint: Annotated[str | None, typer.Option(help="Only this joint of the rig; all of them when left out.")] = None,
     out: Annotated[Path, typer.Option(help="Model file (YAML) to write.")] = Path("model.yaml"),

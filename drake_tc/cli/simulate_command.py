@@ -37,7 +37,7 @@ def simulate_command(
     out: Annotated[
         Path | None, typer.Option(help="Folder for log.csv, and for rig.yaml where close-loop can read them.")
     ] = None,
-    log_format: Annotated[str, typer.Option(help="csv, parquet or npz.")] = "csv",
+    log_format: Annotated[str, typer.Option(help="Format of the log: csv, parquet or npz.")] = "csv",
     meshcat: Annotated[bool, typer.Option(help="Show the robot in a browser while it runs.")] = False,
     plot: Annotated[
         Path | None, typer.Option(help="File for a plot of tracking, torques and flags over time: PNG, SVG or PDF.")
