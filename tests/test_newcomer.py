@@ -14,8 +14,8 @@ import pytest
 ROOT = Path(__file__).resolve().parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 LONGEST = 180.0
-"""From the installed packages to the report of one's own log, processor time of all processes [s], which is an upper bound
-of the wall time on an idle machine; downloads are not counted."""
+"""From the installed packages to the report of one's own log: processor time of all processes [s], about the wall time
+of an idle machine or more; downloads are not counted."""
 RIG = re.search(r"```yaml\n(.*?)```", README, re.S)[1]
 AS_RECORDED = """
 import numpy as np, pandas as pd, sys
