@@ -151,8 +151,8 @@ def _means(found: Sequence[HeldOutRun]) -> Iterator[RealRow]:
         expected = TO_REACH if mine[0].data_set == XL330 else published
         for name in MODELS:
             mean = float(np.mean([run.errors[name] for run in mine]))
-            expected = (expected, "max") if name == "refined" else (None, "info")
-            yield RealRow(f"{folder}/{name}", mean, "rad", expected[0], expected[1], note=note)  # type: ignore[arg-type]
+            goal = (expected, "max") if name == "refined" else (None, "info")
+            yield RealRow(f"{folder}/{name}", mean, "rad", goal[0], goal[1], note=note)  # type: ignore[arg-type]
 
 
 def _single(found: Sequence[HeldOutRun]) -> Iterator[RealRow]:

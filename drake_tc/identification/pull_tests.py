@@ -106,7 +106,7 @@ def find_pulls(run: Run, held: str, pullers: Sequence[str]) -> tuple[Pull, ...]:
             )
     if not pulls:
         raise IdentificationError(
-            f"{run.name}: no complete pull on {held} by {', '.join(pullers)}: rest, pull, rest requested"
+            f"{run.name}: no complete pull on {held} by {', '.join(pullers)}; expected rest, pull, rest"
         )
     return tuple(sorted(pulls, key=lambda p: p.start))
 
