@@ -3,7 +3,6 @@
 from dataclasses import replace
 from pathlib import Path
 
-import drake_tc.models
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
@@ -13,8 +12,8 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import LogVectorOutput
 
+import drake_tc.models
 from drake_tc.errors import ParamsError
-from drake_tc.report.block_graph.graph import block_graph
 from drake_tc.robot.plant import joint_limits, make_plant
 from drake_tc.robot.rotors import file_rotors
 from drake_tc.tsid.configuration import load_law
@@ -393,18 +392,3 @@ def test_a_law_refuses_what_cannot_be(law):
         replace(law, contact_damping=-1.0)
     with pytest.raises(ParamsError, match="sigma: expected 30 joints"):
         replace(law, error=type(law.error)(np.ones(4)))
-
-
-def test_the_block_graph_shows_what_a_tick_computes(law):
-    builder = DiagramBuilder()
-    builder.AddNamedSystem("tsid", RobustTsid(law))
-    graph = block_graph(builder.Build())
-    paths = [block.path.removeprefix("tsid::") for block in graph.blocks]
-    rows = [f"task {task.name}" for task in law.tasks] + [f"limit {limit.name}" for limit in law.limits]
-    assert paths == ["terms", *rows, "reduction", "program"]
-    assert {edge.source for edge in graph.edges if edge.target == "tsid::reduction"} == {
-        "tsid::terms",
-        *(f"tsid::{name}" for name in rows),
-    }
-    assert [port.name for port in graph.blocks[-1].outputs] == list(OUTPUTS)
-    assert {block.stage for block in graph.blocks} == {"control"}
