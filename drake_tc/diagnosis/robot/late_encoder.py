@@ -63,8 +63,8 @@ class EncoderProblem:
     def late(self, joint: str, delay: float, *, held: bool = False) -> list[JointRows]:
         """The rows where the encoder of `joint` comes `delay` [s] late.
 
-        Its own balance holds at the time of its readings: there the effort acts late, and the motion of the others comes
-        early in its load. So Coulomb friction changes its sign when the readings do, which no first order tells.
+        Its own balance holds at the time of its readings: there the effort acts late, and the motion of the others
+        comes early in its load. So Coulomb friction changes its sign when the readings do, which no first order tells.
         """
         return [
             self._own(rows, delay, held=held) if rows.joint == joint else self._other(rows, joint, delay)

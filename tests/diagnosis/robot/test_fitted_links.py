@@ -64,8 +64,9 @@ def torques(robot, q, v, vdot, payload):
 
 
 def record(folder, robot, name, seed, payload=0.0, late=(0.0, 0.0, 0.0), behind=(0.0, 0.0, 0.0)):
-    """A run in which each drive acts `late` [s]: the current is that of the torque so much later; and each encoder tells
-    the angle that was `behind` [s] ago.
+    """A run in which each drive acts `late` [s]: the current is that of the torque so much later.
+
+    Each encoder tells the angle of `behind` [s] ago.
     """
     rng = np.random.default_rng(seed)
     time = np.arange(0.0, SECONDS, PERIOD)
