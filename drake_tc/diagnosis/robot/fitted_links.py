@@ -132,8 +132,7 @@ def diagnose_fitted(case: RobotCase, logs: RobotLogs, model: LinkModel) -> Robot
     late, raw = (case, start.prepared) if delay is None else _with_term(start, delay.term)
     links = _searched(late, raw, start.links if delay is None else _declared(raw, case.causes))
     made, links = _confirmed(late, raw, links)
-    before = declared.case.without(first.fitted)
-    prepared = declared.case.prepared(*before)
+    prepared = declared.case.prepared(*declared.case.without(first.fitted))
     results = {joint: original_baseline(made[joint], prepared[joint]) for joint in joints}
     results = with_shared_uncertainty(results, (first.rows, first.fitted), (links.rows, links.fitted))
     load = next(iter(case.rig.load.values()))
@@ -143,7 +142,7 @@ def diagnose_fitted(case: RobotCase, logs: RobotLogs, model: LinkModel) -> Robot
     return RobotResult(
         joints=results,
         shared=tuple(each for each in (encoder, None if delay is None else delay.effect) if each is not None),
-        held=case.at_motors(before[1]),
+        held=case.at_motors(case.without(first.fitted)[1]),
         held_after=case.at_motors(held_after),
         train_after=case.at_motors(train_after),
         robot_gains=robot_gains(results, dict(zip(joints, map(float, links.fitted.sigma), strict=True))),
