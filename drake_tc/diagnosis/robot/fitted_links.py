@@ -54,6 +54,8 @@ LITTLE_LEFT = 0.25
 """Share of an effort's RMS, left by the declared model, below which no wider filters are tried."""
 AS_WELL = 1.25
 """Share that may be left, over the smallest one, at filters that are taken."""
+MOVES = 2
+"""Of a late encoder's readings: its delay is known better once they have been moved."""
 MOST_ROUNDS = 3
 """Of searching the joints' effects and fitting the links."""
 
@@ -125,8 +127,9 @@ def diagnose_fitted(case: RobotCase, logs: RobotLogs, model: LinkModel) -> Robot
     first, delay = declared.links, _common_delay(declared)
     encoder = _late_encoder(declared, delay, logs, model)
     if encoder is not None:
-        start = _in_time(declared, encoder, logs)
-        encoder = told_again(encoder, _encoders(start, logs, model))
+        for _ in range(MOVES):
+            start = _in_time(declared, encoder, logs)
+            encoder = told_again(encoder, _encoders(start, logs, model))
         delay = _common_delay(start)
     case = start.case
     late, raw = (case, start.prepared) if delay is None else _with_term(start, delay.term)
