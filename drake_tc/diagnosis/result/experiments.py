@@ -28,6 +28,7 @@ ISOLATES: Mapping[str, str] = {
     "delay": "step the command and record at the fastest rate",
     "current_lag": "step the command with the joint locked and record at the fastest rate",
     "torque_sensor_bias": "unload and release the joint, drive off, and read the torque sensor",
+    "effort_bias": "hold the joint at rest, unloaded, the drive off, and read the current or voltage",
     "torque_sensor_gain": "hang known weights on the link and read the torque sensor",
     "torque_sensor_drift": "leave the joint at rest, unloaded, for several minutes",
     "encoder_offset": "let the link hang freely, drive off, and read the encoder",
