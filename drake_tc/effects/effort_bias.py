@@ -26,7 +26,7 @@ class EffortBias(TorqueEffect):
 
     id = "effort_bias"
     title = "offset of the recorded effort"
-    equation = "y_meas = y + K * bias_torque"
+    equation = "tau_add = bias_torque"
     kind = "sensor"
     linear = True
     coefficients = (Parameter("bias_torque", "N*m", description="b", plausible=EFFORT_BIAS_RANGE),)

@@ -2,12 +2,21 @@
 
 from collections.abc import Mapping
 
-from drake_tc.diagnosis.data.samples import Samples
+from drake_tc.diagnosis.data.samples import HELD, Samples
 from drake_tc.diagnosis.problem.estimates import Estimate
+from drake_tc.effects.base import DriveKind
 from drake_tc.logs.rig import Rig
 
 NEAR_ONE = 0.02
 """Departure of a torque drive's gain from 1 that is not worth a sentence."""
+
+RECORDED: Mapping[DriveKind, str] = {
+    "position_servo": "command",
+    "current": "current",
+    "voltage": "voltage",
+    "torque": "torque of the drive",
+}
+"""What is recorded of the effort."""
 
 Parameters = Mapping[str, Mapping[str, Estimate]]
 
@@ -29,11 +38,18 @@ def drive_notes(rig: Rig, joint: str, found: Parameters, fitted_gain: float) -> 
     return (_own_friction(found["viscous"]["viscous"], rig.drive_gain[joint] * damping / fitted_gain),)
 
 
-def hold_note(samples: Samples) -> tuple[str, ...]:
-    """That the command was taken to hold between samples."""
-    if not samples.command_held:
+def age_note(samples: Samples, drive: DriveKind) -> tuple[str, ...]:
+    """That the command was taken to hold between samples, or that the effort is older than its sample."""
+    period, age = f"{1e3 * samples.signals.period:.3g} ms", samples.effort_age
+    if age == 0.0:
         return ()
-    period = f"{1e3 * samples.signals.period:.3g} ms"
+    if age != HELD or drive != "position_servo":
+        late = f"{1e3 * age * samples.signals.period:.3g} ms"
+        return (
+            f"The {RECORDED[drive]} that acts is {late} older than its sample on average. The instants of sampling "
+            f"within one period ({period}) explain this, so no delay is named; only a faster log can tell a delay of "
+            "this size.",
+        )
     return (
         f"The command is taken to act unchanged from one sample to the next ({period}), as in the free runs; "
         "declare command_hold: false if the samples are points of a continuous command.",
