@@ -9,6 +9,7 @@ import numpy as np
 
 from drake_tc.diagnosis.data.link_prior import LinkPrior
 from drake_tc.diagnosis.data.load_scale import load_scale
+from drake_tc.diagnosis.data.samples import HELD
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.problem.columns import Columns, Term, coefficients_by_term
 from drake_tc.diagnosis.problem.prepared import Prepared, prepare_joint
@@ -21,6 +22,7 @@ from drake_tc.diagnosis.result.break_away_note import sticking
 from drake_tc.diagnosis.result.consistency import consistency
 from drake_tc.diagnosis.result.drive_notes import age_note, drive_notes
 from drake_tc.diagnosis.result.experiments import next_experiment
+from drake_tc.diagnosis.result.gear_note import gear_between_encoders
 from drake_tc.diagnosis.result.joint_result import Errors, JointResult
 from drake_tc.diagnosis.result.outcome import found_effects, rejected_effects, stabilities
 from drake_tc.diagnosis.result.plausible_ranges import plausible_ranges
@@ -31,7 +33,7 @@ from drake_tc.diagnosis.selection.engine import Progress
 from drake_tc.diagnosis.selection.indistinguishable import indistinguishable
 from drake_tc.diagnosis.selection.joint import Search, candidates, search
 from drake_tc.diagnosis.selection.lag_or_noise import LATE
-from drake_tc.diagnosis.selection.sampling_instants import sampled_late
+from drake_tc.diagnosis.selection.sampling_instants import effort_is_held, may_be_held, sampled_late
 from drake_tc.diagnosis.selection.withdrawal import DidNotHold
 from drake_tc.diagnosis.thresholds import SOFTER_GEAR
 from drake_tc.effects.base import EFFORT_UNIT, Context
@@ -152,6 +154,10 @@ def diagnose_joint(
             stage, prepare = soft, partial(prepare, compliance=compliance)
     if (late := sampled_late(stage.prepared, stage.found.chosen.terms)) > 0.0:
         stage = _looked_for(prepare(sampled_late=late), options, progress, executor, without=LATE)
+    elif may_be_held(stage.prepared.context, stage.found.chosen.terms):
+        held = prepare(sampled_late=HELD)
+        if effort_is_held(rig.command_hold, stage.prepared, held, stage.found.chosen.terms):
+            stage = _looked_for(held, options, progress, executor, without=LATE)
     prepared, subsample, context = stage.prepared, stage.subsample, stage.prepared.context
     ties = indistinguishable(subsample, stage.found, context, prepared.floor, options.effects)
     stability = stabilities(stage.found, options.seed)
@@ -177,6 +183,7 @@ def diagnose_joint(
         *load_scale(rig, joint).notes,
         *drive_notes(rig, joint, final_parameters, chosen.gain),
         *age_note(columns.samples, context.drive),
+        *_gear(columns, context),
     )
     ties = tuple(pair for pair in ties if pair[0] in kept)
     return JointResult(
@@ -218,6 +225,12 @@ def diagnose_joint(
 def _sticking(columns: Columns, chosen: Fit, context: Context) -> tuple[str, ...]:
     found = None if context.load in ("robot", "links", "unknown") else sticking(columns, chosen)
     return () if found is None else (found.sentence(),)
+
+
+def _gear(columns: Columns, context: Context) -> tuple[str, ...]:
+    found = None if context.drive == "position_servo" else gear_between_encoders(columns)
+    told = "" if found is None else found.sentence(columns.samples.resolution.position_step)
+    return (told,) if told else ()
 
 
 def _refitted(stage: Stage) -> Search:

@@ -43,7 +43,7 @@ def age_note(samples: Samples, drive: DriveKind) -> tuple[str, ...]:
     period, age = f"{1e3 * samples.signals.period:.3g} ms", samples.effort_age
     if age == 0.0:
         return ()
-    if age != HELD or drive != "position_servo":
+    if age != HELD:
         late = f"{1e3 * age * samples.signals.period:.3g} ms"
         return (
             f"The {RECORDED[drive]} that acts is {late} older than its sample on average. The instants of sampling "
@@ -51,8 +51,8 @@ def age_note(samples: Samples, drive: DriveKind) -> tuple[str, ...]:
             "this size.",
         )
     return (
-        f"The command is taken to act unchanged from one sample to the next ({period}), as in the free runs; "
-        "declare command_hold: false if the samples are points of a continuous command.",
+        f"The {RECORDED[drive]} is taken to act unchanged from one sample to the next ({period}); declare "
+        "command_hold: false if the samples are points of a continuous curve.",
     )
 
 
