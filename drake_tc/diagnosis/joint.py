@@ -155,9 +155,9 @@ def diagnose_joint(
     if (late := sampled_late(stage.prepared, stage.found.chosen.terms)) > 0.0:
         stage = _looked_for(prepare(sampled_late=late), options, progress, executor, without=LATE)
     elif may_be_held(stage.prepared.context, stage.found.chosen.terms):
-        held = prepare(sampled_late=HELD)
-        if effort_is_held(rig.command_hold, stage.prepared, held, stage.found.chosen.terms):
-            stage = _looked_for(held, options, progress, executor, without=LATE)
+        older = prepare(sampled_late=HELD)
+        if effort_is_held(rig.command_hold, stage.prepared, older, stage.found.chosen.terms):
+            stage = _looked_for(older, options, progress, executor, without=LATE)
     prepared, subsample, context = stage.prepared, stage.subsample, stage.prepared.context
     ties = indistinguishable(subsample, stage.found, context, prepared.floor, options.effects)
     stability = stabilities(stage.found, options.seed)
