@@ -20,7 +20,7 @@ from drake_tc.diagnosis.residual.band import shared_band
 from drake_tc.diagnosis.residual.verdict import compared, noise_floor, verdict_of, what_is_left
 from drake_tc.diagnosis.result.break_away_note import sticking
 from drake_tc.diagnosis.result.consistency import consistency
-from drake_tc.diagnosis.result.drive_notes import age_note, drive_notes
+from drake_tc.diagnosis.result.drive_notes import age_note, drive_notes, gain_note
 from drake_tc.diagnosis.result.experiments import next_experiment
 from drake_tc.diagnosis.result.gear_note import gear_between_encoders
 from drake_tc.diagnosis.result.joint_result import Errors, JointResult
@@ -182,6 +182,7 @@ def diagnose_joint(
     load_notes = (
         *load_scale(rig, joint).notes,
         *drive_notes(rig, joint, final_parameters, chosen.gain),
+        *gain_note(final_parameters, context.drive),
         *age_note(columns.samples, context.drive),
         *_gear(columns, context),
     )

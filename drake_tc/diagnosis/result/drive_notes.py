@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 from drake_tc.diagnosis.data.samples import HELD, Samples
 from drake_tc.diagnosis.problem.estimates import Estimate
-from drake_tc.effects.base import DriveKind
+from drake_tc.effects.base import EFFORT_UNIT, DriveKind
 from drake_tc.logs.rig import Rig
 
 NEAR_ONE = 0.02
@@ -36,6 +36,22 @@ def drive_notes(rig: Rig, joint: str, found: Parameters, fitted_gain: float) -> 
     if damping is None:
         return ()
     return (_own_friction(found["viscous"]["viscous"], rig.drive_gain[joint] * damping / fitted_gain),)
+
+
+def gain_note(found: Parameters, drive: DriveKind) -> tuple[str, ...]:
+    """What an error of the declared drive gain is in the terms of the rig file.
+
+    An effort that acts as (1 + e) y at the declared gain K makes the torque of a drive of gain K/(1 + e).
+    """
+    if "servo_gain" not in found:
+        return ()
+    declared, factor = found["drive"]["gain"].value, 1.0 + found["servo_gain"]["gain_error"].value
+    unit = f"{EFFORT_UNIT[drive]} per N*m"
+    keys = "proportional_gain" if drive == "position_servo" else "gear_ratio and torque_constant"
+    return (
+        f"The logs show a drive gain of {declared / factor:.4g} {unit} where the rig file declares {declared:.4g}: "
+        f"each unit of effort makes {factor:.3g} times the declared torque. Check {keys}.",
+    )
 
 
 def age_note(samples: Samples, drive: DriveKind) -> tuple[str, ...]:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from drake_tc.diagnosis.problem.columns import Columns
-from drake_tc.types import FloatArray
+from drake_tc.types import FloatArray, IntArray
 
 CLEARLY_LOADED = 0.2
 """Load over its RMS, from which on the gear lies on one side of its play."""
@@ -70,7 +70,7 @@ def gear_between_encoders(columns: Columns, seed: int = 0) -> Gear | None:
     return Gear(float(play), (float(low[1]), float(high[1])), float(compliance), (float(low[2]), float(high[2])))
 
 
-def _resampled(design: FloatArray, target: FloatArray, block: FloatArray, seed: int) -> FloatArray:
+def _resampled(design: FloatArray, target: FloatArray, block: IntArray, seed: int) -> FloatArray:
     """(R, 3) least-squares solutions of resampled blocks."""
     count = int(block.max()) + 1
     normal = np.zeros((count, 3, 3))
