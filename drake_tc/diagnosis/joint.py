@@ -9,7 +9,6 @@ import numpy as np
 
 from drake_tc.diagnosis.data.link_prior import LinkPrior
 from drake_tc.diagnosis.data.load_scale import load_scale
-from drake_tc.diagnosis.data.samples import HELD
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.problem.columns import Columns, Term, coefficients_by_term
 from drake_tc.diagnosis.problem.prepared import Prepared, prepare_joint
@@ -33,7 +32,7 @@ from drake_tc.diagnosis.selection.engine import Progress
 from drake_tc.diagnosis.selection.indistinguishable import indistinguishable
 from drake_tc.diagnosis.selection.joint import Search, candidates, search
 from drake_tc.diagnosis.selection.lag_or_noise import LATE
-from drake_tc.diagnosis.selection.sampling_instants import effort_is_held, may_be_held, sampled_late
+from drake_tc.diagnosis.selection.sampling_instants import age_of_samples, sampled_late
 from drake_tc.diagnosis.selection.withdrawal import DidNotHold
 from drake_tc.diagnosis.thresholds import SOFTER_GEAR
 from drake_tc.effects.base import EFFORT_UNIT, Context
@@ -154,10 +153,10 @@ def diagnose_joint(
             stage, prepare = soft, partial(prepare, compliance=compliance)
     if (late := sampled_late(stage.prepared, stage.found.chosen.terms)) > 0.0:
         stage = _looked_for(prepare(sampled_late=late), options, progress, executor, without=LATE)
-    elif may_be_held(stage.prepared.context, stage.found.chosen.terms):
-        older = prepare(sampled_late=HELD)
-        if effort_is_held(rig.command_hold, stage.prepared, older, stage.found.chosen.terms):
-            stage = _looked_for(older, options, progress, executor, without=LATE)
+    elif older := age_of_samples(
+        rig.command_hold, lambda age: prepare(sampled_late=age), stage.prepared, stage.found.chosen.terms
+    ):
+        stage = _looked_for(older, options, progress, executor, without=LATE)
     prepared, subsample, context = stage.prepared, stage.subsample, stage.prepared.context
     ties = indistinguishable(subsample, stage.found, context, prepared.floor, options.effects)
     stability = stabilities(stage.found, options.seed)

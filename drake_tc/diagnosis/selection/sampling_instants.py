@@ -8,11 +8,11 @@ of it, which adds up to T/2. A log does not tell how its columns lie within one 
     T/2 beyond the hold of a position servo's command, beside a torque sensor
 
 is taken for the age of the recorded effort and no cause is named. Where no delay was found, the effort of a current or
-voltage drive is taken to be held if the model then fits better in 90 % of the block resamples: otherwise half a period
-would bias the viscous friction by y_dot T/2.
+voltage drive is taken to be older if the model then fits better in 90 % of the block resamples: half a period that is
+not taken into account biases friction and inertia, and other effects imitate it.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from drake_tc.diagnosis.data.samples import HELD, Samples
 from drake_tc.diagnosis.problem.columns import Term
@@ -25,6 +25,8 @@ from drake_tc.effects.base import Context
 
 BESIDE_TORQUE_SENSOR = 1.0
 OF_HELD_EFFORT = 0.6
+AGES = (0.25, 0.5, 0.75, 1.0)
+"""Ages that are tried [sampling periods]; a controller that runs faster than the log holds its effort for less."""
 
 
 def most_of_sampling(context: Context, samples: Samples) -> float:
@@ -48,24 +50,24 @@ def sampled_late(prepared: Prepared, chosen: Sequence[Term]) -> float:
     return periods if periods <= most_of_sampling(prepared.context, samples) else 0.0
 
 
-def effort_is_held(stated: bool | None, plain: Prepared, held: Prepared, chosen: Sequence[Term]) -> bool:
-    """Whether the effort of a drive that is no position servo acts unchanged from one sample to the next.
+def age_of_samples(
+    stated: bool | None, prepare: Callable[[float], Prepared], plain: Prepared, chosen: Sequence[Term]
+) -> Prepared | None:
+    """The joint with an effort that is older than its samples, where the model then certainly fits better.
 
     Args:
-        stated: What the rig file says; None where it does not.
+        stated: `command_hold` of the rig file; None where it does not say. `prepare` does as it says.
+        prepare: The joint whose effort is so many sampling periods older.
         plain: The joint with the effort as recorded.
-        held: The same with an effort that is half a sampling period older.
         chosen: Terms of the model that was found.
     """
-    if stated is not None:
-        return False  # `prepare_joint` does as the rig file says
-    without, with_hold = (fit(each.train, chosen).block_sse for each in (plain, held))
-    if without.size != with_hold.size:
-        return False
-    return better_share(without - with_hold) >= HELD_CERTAIN
-
-
-def may_be_held(context: Context, chosen: Sequence[Term]) -> bool:
-    """Whether the drive's recorded effort may be held, and nothing that was found is a delay itself."""
+    context = plain.context
     late = any(t.effect.id in LATE for t in chosen)
-    return context.drive != "position_servo" and context.load not in ("robot", "links") and not late
+    if stated is not None or late or context.drive == "position_servo" or context.load in ("robot", "links"):
+        return None
+    without = fit(plain.train, chosen)
+    aged = (prepare(age) for age in AGES if age <= most_of_sampling(context, plain.train.samples))
+    best, joint = min(((fit(each.train, chosen), each) for each in aged), key=lambda pair: pair[0].cv_rms)
+    if best.block_sse.size != without.block_sse.size:
+        return None
+    return joint if better_share(without.block_sse - best.block_sse) >= HELD_CERTAIN else None
