@@ -202,7 +202,9 @@ def diagnose_joint(
             columns, held, chosen, context, options.search, stage.obstacles, floor, options.effects
         ),
         indistinguishable=ties,
-        next_experiment=next_experiment(ties, unexplained, stage.obstacles),
+        next_experiment=next_experiment(
+            ties, unexplained, stage.obstacles, [each.reason for each in (*stage.passed_over, *confirmed.withdrawn)]
+        ),
         unexplained=unexplained,
         verdict=verdict_of(unexplained, found=bool(effects)),
         train=splits[0],

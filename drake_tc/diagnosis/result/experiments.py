@@ -1,8 +1,9 @@
 """The next experiment: what to record so that two effects, or an unknown one, can be told apart."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 from drake_tc.diagnosis.residual.unexplained import Unexplained
+from drake_tc.diagnosis.selection.withdrawal import Withdrawal
 from drake_tc.effects.library import effect
 
 ISOLATES: Mapping[str, str] = {
@@ -44,13 +45,18 @@ ISOLATES: Mapping[str, str] = {
 
 
 def next_experiment(
-    ties: Sequence[tuple[str, str]], unexplained: Unexplained, obstacles: Sequence[tuple[str, str]]
+    ties: Sequence[tuple[str, str]],
+    unexplained: Unexplained,
+    obstacles: Sequence[tuple[str, str]],
+    reasons: Collection[Withdrawal] = (),
 ) -> str | None:
     """One or two sentences, or None when nothing is open."""
     if ties:
         first, second = ties[0]
         shows = f"{_isolates(first)} (shows {first} alone); {_isolates(second)} (shows {second} alone)"
         return f"To tell {first} from {second}: {shows}."
+    if "looks_like_known_load" in reasons:
+        return "Check the declared load (mass, length, zero) and drive gain first: what is left has their form."
     if unexplained.confined_to:
         s = unexplained.confined_to[0]
         when = f"between {s.start:.1f} and {s.end:.1f} s"
