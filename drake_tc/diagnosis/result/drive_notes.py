@@ -10,6 +10,8 @@ from drake_tc.logs.rig import Rig
 NEAR_ONE = 0.02
 """Departure of a torque drive's gain from 1 that is not worth a sentence."""
 
+WORTH_SAYING = 0.05
+"""Sampling period over a delay, from which on it is said how much of the delay the instants of sampling may be."""
 RECORDED: Mapping[DriveKind, str] = {
     "position_servo": "command",
     "current": "current",
@@ -51,6 +53,23 @@ def gain_note(found: Parameters, drive: DriveKind) -> tuple[str, ...]:
     return (
         f"The logs show a drive gain of {declared / factor:.4g} {unit} where the rig file declares {declared:.4g}: "
         f"each unit of effort makes {factor:.3g} times the declared torque. Check {keys}.",
+    )
+
+
+def late_note(found: Parameters, samples: Samples) -> tuple[str, ...]:
+    """How much of a delay or lag that was found the instants of sampling may be, where that is worth saying."""
+    period = samples.signals.period
+    values = [
+        (name, numbers[name].value)
+        for key, numbers in found.items()
+        for name in ("delay", "lag")
+        if key.partition(".")[0] in ("delay", "current_lag") and name in numbers
+    ]
+    return tuple(
+        f"Of the {name} of {1e3 * value:.3g} ms, up to {1e3 * period:.3g} ms (one sampling period) may be due to the "
+        "instants at which the columns were sampled; its interval does not contain this."
+        for name, value in values
+        if period >= WORTH_SAYING * value
     )
 
 
