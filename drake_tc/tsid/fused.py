@@ -21,7 +21,7 @@ from drake_tc.tsid.terms import Terms
 from drake_tc.types import FloatArray, IntArray
 
 _PROBLEM = Kernel("problem", "problem")
-FOUND, LOST = 0, 2
+NO_POSE, LOST = 1, 2
 """As `drake_tc.kernels.problem` has them."""
 
 
@@ -29,7 +29,7 @@ class Found(NamedTuple):
     """Of one tick.
 
     Attributes:
-        code: FOUND, LOST where an input is not finite or too large, else a state that has no terms.
+        code: LOST where an input is not finite or too large, NO_POSE where a base's quaternion says nothing, else 0.
         causes: Accelerations and forces that torques cause.
         scaled: The problem over the torques.
         relaxed: For how many rows of limits one gave way.

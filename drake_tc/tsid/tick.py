@@ -21,7 +21,7 @@ import numpy as np
 from drake_tc.kernels.lazy import Kernel
 from drake_tc.tsid.assembly import Map, names_of
 from drake_tc.tsid.contacts import ActiveContacts
-from drake_tc.tsid.fused import FOUND, NO_ROWS, Found
+from drake_tc.tsid.fused import LOST, NO_POSE, NO_ROWS, Found
 from drake_tc.tsid.infeasible import diagnose, safe_torque
 from drake_tc.tsid.law import LARGEST, Law, Status
 from drake_tc.tsid.model import Scratch
@@ -102,11 +102,14 @@ def solve_tick(
         active: One a contact.
         before: The last tick.
     """
-    given = np.concatenate((state, *references), dtype=np.float64)
-    if not (given.max() < LARGEST and given.min() > -LARGEST):
+    given, fused = np.concatenate((state, *references), dtype=np.float64), law.fused
+    told = fused is not None and not fused.asks  # the call itself looks whether a number is none
+    if not told and not (given.max() < LARGEST and given.min() > -LARGEST):
         return lost_tick(law, before)
     try:
         found = _found(law, scratch, given, references, active)
+        if found is not None and found.code == LOST:
+            return lost_tick(law, before)
         if found is not None:
             solution = law.formulation.solve_scaled(found.scaled, law.solver, before.start)
             if solution.outcome not in (Outcome.INFEASIBLE, Outcome.FAILED):
@@ -132,7 +135,7 @@ def _found(
         terms = model.terms(scratch, given[: model.nq], given[model.nq : model.nq + model.nv], active)
         written = fused.written_out(terms, references)
     found = fused.problem(given, scratch.select(active), written)
-    return found if found.code == FOUND else None
+    return None if found.code == NO_POSE else found
 
 
 def _solution(law: Law, problem: Problem, before: Before) -> RobustSolution:
