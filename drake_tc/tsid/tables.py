@@ -53,10 +53,10 @@ class Tables(NamedTuple):
 
 def entry_of(item: Any, contacts: ActiveContacts) -> Entry | None:
     """Numbers of a task or limit; None where it has none, or where a subclass gives other rows than they say."""
-    mine, theirs = _definer(item, "entry"), _definer(item, "rows")
+    mine, theirs = _definer(item, "compiled_entry"), _definer(item, "rows")
     if mine is None or theirs is None or "rows" in getattr(item, "__dict__", {}) or not issubclass(mine, theirs):
         return None
-    entry: Entry = item.entry(contacts)
+    entry: Entry = item.compiled_entry(contacts)
     return entry
 
 

@@ -73,7 +73,7 @@ class AccelerationLimit:
         ends = known.lower + margin, known.upper - margin
         return cls(JointRange(robot.joints, *ends, -speed, speed, most, period), actuated, velocities)
 
-    def entry(self, contacts: ActiveContacts) -> Entry:
+    def compiled_entry(self, contacts: ActiveContacts) -> Entry:
         """Its numbers for the compiled tick."""
         return Entry("viable", self._actuated.size, (self._actuated,), self._viability.numbers)
 

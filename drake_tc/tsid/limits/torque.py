@@ -55,7 +55,7 @@ class TorqueLimit:
         effort = share * joint_limits(robot).effort
         return cls(robot.joints, -effort, effort)
 
-    def entry(self, contacts: ActiveContacts) -> Entry:
+    def compiled_entry(self, contacts: ActiveContacts) -> Entry:
         """Its numbers for the compiled tick."""
         rows = self._rows
         return Entry("bounds", rows.lower.size, (), (rows.lower, rows.upper))

@@ -89,7 +89,7 @@ class WrenchCones:
 
         self._of = of
 
-    def entry(self, contacts: ActiveContacts) -> Entry:
+    def compiled_entry(self, contacts: ActiveContacts) -> Entry:
         """Its numbers for the compiled tick."""
         rows = self._of(contacts.index)
         return Entry("forces", rows.lower.size, (), (rows.matrix.force, rows.lower, rows.upper))

@@ -52,7 +52,7 @@ class AngularMomentumTask:
         """The reference that asks for nothing at this state."""
         return np.zeros(self.reference_size)
 
-    def entry(self, contacts: ActiveContacts) -> Entry:
+    def compiled_entry(self, contacts: ActiveContacts) -> Entry:
         """Its numbers for the compiled tick."""
         return Entry("momentum", self._axes.size, (self._axes,), (self._kp, self.weight))
 

@@ -48,7 +48,7 @@ class ComTask:
         """The reference that asks for nothing at this state."""
         return np.concatenate((terms.com, np.zeros(6)))
 
-    def entry(self, contacts: ActiveContacts) -> Entry:
+    def compiled_entry(self, contacts: ActiveContacts) -> Entry:
         """Its numbers for the compiled tick."""
         return Entry("com", self._axes.size, (self._axes,), (self._kp, self._kd, self.weight))
 

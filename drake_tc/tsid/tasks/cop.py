@@ -51,7 +51,7 @@ class CopTask:
         """The reference that asks for nothing at this state."""
         return np.zeros(self.reference_size)
 
-    def entry(self, contacts: ActiveContacts) -> Entry:
+    def compiled_entry(self, contacts: ActiveContacts) -> Entry:
         """Its numbers for the compiled tick."""
         if self._index not in contacts.index:
             return Entry("pressure", 0, (0,), ())

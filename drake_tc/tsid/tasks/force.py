@@ -52,7 +52,7 @@ class ForceTask:
         """The reference that asks for nothing at this state."""
         return np.zeros(self.reference_size)
 
-    def entry(self, contacts: ActiveContacts) -> Entry:
+    def compiled_entry(self, contacts: ActiveContacts) -> Entry:
         """Its numbers for the compiled tick."""
         entries = contacts.entries
         return Entry("force", entries.size, (entries,), (self.weight[entries],))

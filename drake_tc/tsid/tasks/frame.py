@@ -75,7 +75,7 @@ class FrameTask:
         rotation, position = terms.pose(self._frame)
         return np.concatenate((quaternion_of(rotation), position, np.zeros(12)))
 
-    def entry(self, contacts: ActiveContacts) -> Entry:
+    def compiled_entry(self, contacts: ActiveContacts) -> Entry:
         """Its numbers for the compiled tick."""
         integers = self._index, self._axes_of, self._axes
         return Entry("frame", self._axes.size, integers, (self._kp, self._kd, self.weight))

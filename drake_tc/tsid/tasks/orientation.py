@@ -77,9 +77,9 @@ class OrientationTask:
         reference: FloatArray = self._task.rest(terms)[_PLACES]
         return reference
 
-    def entry(self, contacts: ActiveContacts) -> Entry:
+    def compiled_entry(self, contacts: ActiveContacts) -> Entry:
         """Its numbers for the compiled tick."""
-        return self._task.entry(contacts)._replace(kind="orientation")
+        return self._task.compiled_entry(contacts)._replace(kind="orientation")
 
     def rows(self, terms: Terms, reference: FloatArray) -> TaskRows:
         """The rows at this state."""

@@ -68,7 +68,7 @@ class PostureTask:
         """The reference that asks for nothing at this state."""
         return np.concatenate((terms.joint_position, np.zeros(2 * terms.joint_position.size)))
 
-    def entry(self, contacts: ActiveContacts) -> Entry:
+    def compiled_entry(self, contacts: ActiveContacts) -> Entry:
         """Its numbers for the compiled tick."""
         places = self._wanted, self._position, self._velocity
         return Entry("posture", self._wanted.size, places, (self._kp, self._kd, self.weight))

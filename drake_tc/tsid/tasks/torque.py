@@ -37,7 +37,7 @@ class TorqueTask:
         """The reference that asks for nothing at this state."""
         return np.zeros(self.reference_size)
 
-    def entry(self, contacts: ActiveContacts) -> Entry:
+    def compiled_entry(self, contacts: ActiveContacts) -> Entry:
         """Its numbers for the compiled tick."""
         return Entry("torque", self.weight.size, (), (self.weight,))
 
