@@ -23,6 +23,7 @@ from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
 from drake_tc.logs.signs import wrong_signs
 from drake_tc.logs.speed_only import require_alike, with_positions
+from drake_tc.logs.torque_unit import check_torque_unit
 from drake_tc.logs.wild_samples import mended
 from drake_tc.types import BoolArray, FloatArray, IntArray
 
@@ -254,6 +255,7 @@ def load_runs(paths: Sequence[Path | str], rig: Rig) -> list[Run]:
             notes = tuple(f"Column {name} has the wrong sign and was turned: {why}." for name, why in flips.items())
             run = replace(run, columns=columns, notes=run.notes + notes)
         result.append(run)
+    check_torque_unit(result, rig)
     return result
 
 

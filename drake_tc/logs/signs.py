@@ -1,12 +1,13 @@
-"""Wrong signs: a torque or command column that runs against what the joint's balance demands.
+"""Wrong signs: a torque, command or position column that runs against what the joint's balance demands.
 
 In the balance  y = (tau + J qddot + f_v qdot + f_c sign(qdot)) / K  every coefficient is positive (K > 0, friction
 takes power). The effort is regressed on all of them; what is left of the load torque's share (its partial correlation
-with the effort) tells the sign. A turned command turns every coefficient, a turned torque only the load's.
+with the effort) tells the sign. A turned command turns every coefficient, a turned torque only the load's, a turned
+position all but the load's. Two turned columns of three are told as the third: the model is the same.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,6 +19,8 @@ from drake_tc.types import FloatArray
 
 CLEAR = 0.5
 TELLING = 0.04
+TURNED = 0.15
+"""Share of friction and of inertia that must both be negative for a position of the wrong sign; a delay makes one so."""
 MAX_ROWS = 60_000
 
 
@@ -28,6 +31,7 @@ class SignEvidence:
     Attributes:
         load: Partial correlation of the effort with the load torque, in [-1, 1].
         friction: Share of the effort that goes with the velocity as friction does, in [-1, 1]; negative feeds power.
+        inertia: Partial correlation of the effort with the acceleration, in [-1, 1].
         following: Correlation of command and position (position servo), 0 for other drives.
         weight: Usable samples.
         steady: Whether each third of the run agrees with the sign of `load`.
@@ -35,6 +39,7 @@ class SignEvidence:
 
     load: float
     friction: float
+    inertia: float
     following: float
     weight: int
     steady: bool
@@ -79,17 +84,18 @@ def sign_evidence(run: Run, rig: Rig, joint: str) -> SignEvidence | None:
     friction = float(np.clip(drag @ qd / power, -1.0, 1.0)) if power > 0 else 0.0
     following = float(np.corrcoef(command[pick], q[pick])[0, 1]) if servo and np.ptp(q[pick]) > 0 else 0.0
     steady = all(np.sign(third) == np.sign(correlation) for third in thirds)
-    return SignEvidence(correlation, friction, following, int(pick.size), steady)
+    inertia = _partial(y, qdd, np.column_stack([others[:, 1:], tau]))
+    return SignEvidence(correlation, friction, inertia, following, int(pick.size), steady)
 
 
 def _verdict(evidence: SignEvidence, load: object, *, servo: bool) -> str:
-    """Which channel is turned: "command", "torque", "either" of them, "" (none) or "?" (not clear)."""
+    """Which channel is turned: "command", "torque", "either" of them, "position", "" (none) or "?" (not clear)."""
     if servo and evidence.following < -0.9:
         return "command"
     if abs(evidence.load) < CLEAR or not evidence.steady:
         return "?"
     if evidence.load > 0:
-        return ""
+        return "" if servo or max(evidence.friction, evidence.inertia) > -TURNED else "position"
     if isinstance(load, Pendulum):
         return "?" if servo else "command"
     return "torque" if servo else "either"
@@ -118,22 +124,45 @@ def wrong_signs(runs: Sequence[Run], rig: Rig) -> Sequence[Mapping[str, str]]:
     for joint in rig.joints:
         servo = rig.drive[joint] == "position_servo"
         found = [sign_evidence(run, rig, joint) for run in runs]
-        verdicts = ["?" if e is None else _verdict(e, rig.load[joint], servo=servo) for e in found]
+        verdicts = [_told(run, evidence, rig, joint) for run, evidence in zip(runs, found, strict=True)]
         which, doubt = _torque_or_command([e for e in found if e is not None and e.load < 0])
         verdicts = [which if verdict == "either" else verdict for verdict in verdicts]
         clear = [verdict for verdict in verdicts if verdict != "?"]
         common = max(set(clear), key=clear.count) if clear else ""
-        for flip, evidence, verdict in zip(flips, found, verdicts, strict=True):
+        for run, flip, evidence, verdict in zip(runs, flips, found, verdicts, strict=True):
             turned = common if verdict == "?" else verdict
-            name = {"command": rig.command_column(joint), "torque": f"{joint}/torque"}.get(turned)
-            if name is None:
+            if not turned:
                 continue
             if verdict == "?" or evidence is None:
                 reason = "as in the other runs of this rig"
-            elif turned == "command" and servo:
-                reason = f"its correlation with the position is {evidence.following:.2f}"
+            elif turned in ("command", "position") and servo:
+                reason = f"its correlation with the {'position' if turned == 'command' else 'command'} is"
+                reason += f" {evidence.following:.2f}"
+            elif turned == "position":
+                reason = "friction and inertia would drive the joint"
             else:
                 reason = f"partial correlation of effort and load torque {evidence.load:.2f}, which should be positive"
                 reason += "" if servo or isinstance(rig.load[joint], Pendulum) else doubt
-            flip[name] = reason
+            flip |= dict.fromkeys(_columns(turned, run, rig, joint), reason)
     return flips
+
+
+def _told(run: Run, evidence: SignEvidence | None, rig: Rig, joint: str) -> str:
+    """The verdict on one run; of a servo whose angles run against each other, the one that the load torque blames."""
+    if evidence is None:
+        return "?"
+    servo, load = rig.drive[joint] == "position_servo", rig.load[joint]
+    verdict = _verdict(evidence, load, servo=servo)
+    if verdict != "command" or not servo or isinstance(load, Pendulum):
+        return verdict
+    command = rig.command_column(joint)
+    turned = sign_evidence(replace(run, columns={**run.columns, command: -run.columns[command]}), rig, joint)
+    return "position" if turned is not None and turned.load < -CLEAR and turned.steady else "command"
+
+
+def _columns(turned: str, run: Run, rig: Rig, joint: str) -> list[str]:
+    """The channels that have the sign of a turned one; velocity and motor position are those of the position."""
+    if turned == "command":
+        return [rig.command_column(joint)]
+    suffixes = ("torque",) if turned == "torque" else ("position", "velocity", "motor_position")
+    return [name for name in (f"{joint}/{suffix}" for suffix in suffixes) if name in run.columns]
