@@ -13,7 +13,7 @@ from drake_tc.errors import IdentificationError
 from drake_tc.filtering.common_kernel import CommonKernel
 from drake_tc.identification.asymmetric import AsymmetricFit, asymmetric_least_squares
 from drake_tc.identification.linear_fit import LinearFit
-from drake_tc.identification.physical import require_alike_runs, require_physical
+from drake_tc.identification.physical import require_physical
 from drake_tc.identification.piecewise import PiecewiseFit, fit_piecewise
 from drake_tc.identification.regression import least_squares
 from drake_tc.identification.two_stage import TwoStageFit, fit_two_stage
@@ -96,8 +96,8 @@ def identify(
         width_s: Width of the common smoothing kernel [s].
 
     Raises:
-        IdentificationError: Unknown joint or method, a load that is not known, no usable samples, poor excitation, a
-            result that no joint has, or runs that are not of one joint.
+        IdentificationError: Unknown joint or method, a load that is not known, no usable samples, poor excitation, or a
+            result that no joint has.
 
     Example:
         >>> found = identify(leg_runs(), leg_rig())
@@ -110,19 +110,9 @@ def identify(
     samples = prepare(runs, rig, name, width_s)
     parameters, intervals, residual, fit = identify_arrays(samples, method)
     require_physical(name, parameters, intervals, samples.velocity, samples.direction)
-    if len(runs) > 1 and "K_tau" in parameters:
-        require_alike_runs(name, {run.name: _gain(run, rig, name, width_s) for run in runs})
     rms = float(np.sqrt(np.mean(residual**2)))
     names = tuple(run.name for run in runs)
     return Identified(name, rig.drive[name], method, parameters, intervals, rms, residual, fit, names)
-
-
-def _gain(run: Run, rig: Rig, joint: str, width_s: float) -> tuple[float, float] | None:
-    """The 95 % interval of one run's own K_tau by least squares; None where the run alone cannot tell."""
-    try:
-        return _linear(prepare([run], rig, joint, width_s))[1]["K_tau"]
-    except IdentificationError:
-        return None
 
 
 def prepare(runs: Sequence[Run], rig: Rig, joint: str, width_s: float = 0.05) -> JointSamples:

@@ -1,4 +1,4 @@
-"""Results that no joint has: what they say is that the columns, signs or runs are not what the rig file says."""
+"""Results that no joint has: what they say is that the columns or their signs are not what the rig file says."""
 
 from collections.abc import Mapping
 
@@ -8,9 +8,6 @@ from drake_tc.errors import IdentificationError
 from drake_tc.types import FloatArray
 
 Interval = tuple[float, float]
-
-MOST_APART = 2.0
-"""Factor between the drive gains of two runs of one joint."""
 
 
 def require_physical(
@@ -49,29 +46,4 @@ def require_physical(
         raise IdentificationError(
             f"{joint}: friction would drive the joint (K_v at most {intervals['K_v'][1]:.4g}, K_c at most"
             f" {intervals['K_c'][1]:.4g}); check the signs, the clocks and the order of the columns"
-        )
-
-
-def require_alike_runs(joint: str, gains: Mapping[str, Interval | None]) -> None:
-    """Refuse runs of which the intervals of K_tau are more than a factor of two apart.
-
-    A drive's gain does not change between runs; friction and loads do, and are not compared.
-
-    Args:
-        joint: For the message.
-        gains: Name of the run to its interval; None where it cannot tell.
-
-    Raises:
-        IdentificationError: names the two runs that are farthest apart.
-    """
-    known = {name: gain for name, gain in gains.items() if gain is not None and gain[0] > 0.0}
-    if len(known) < 2:
-        return
-    lowest = min(known, key=lambda name: known[name][1])
-    highest = max(known, key=lambda name: known[name][0])
-    if known[highest][0] > MOST_APART * known[lowest][1]:
-        shown = " and ".join(f"[{known[n][0]:.4g}, {known[n][1]:.4g}] in {n}" for n in (lowest, highest))
-        raise IdentificationError(
-            f"{joint}: the runs are not of one joint: K_tau is {shown}; leave out the run of another joint, drive or"
-            " setting"
         )

@@ -24,11 +24,12 @@ LEAST_NOISE = 1e-4
 """Of the channel's range: what is less is no noise that plateaus contradict."""
 NOISE_STEPS = 0.3
 """Noise in steps of the sensor's grid, above which its last digit flickers."""
-STRAINED = 2.0
-"""A servo's command goes on beyond a plateau by so many 99th percentiles of its distance from the position elsewhere."""
+STRAINED, FAR = 1.5, 3.0
+"""A servo's command goes on beyond most plateaus, or beyond one, by so many 99th percentiles of its distance from the
+position elsewhere."""
 STRAIN_STEPS = 20.0
 """And by so many steps of the encoder: a joint that rests by friction is strained by a few."""
-MOST = 0.5
+MOST = 0.9
 """Share of the rows above which an extreme value is where the channel rests."""
 EDGE = 5
 """Rows beside a plateau that are left out too: noise at a limit is cut on one side."""
@@ -115,11 +116,11 @@ def _noise(values: FloatArray, spans: Sequence[Span]) -> float:
 
 
 def _is_strained(strain: FloatArray, spans: Sequence[Span], usual: float) -> bool:
-    """Whether a servo's command goes on in most plateaus, farther from the position than it is elsewhere."""
+    """Whether a servo's command goes on in plateaus, farther from the position than it is elsewhere."""
     middle = float(np.nanmedian(strain))
     parts = [strain[begin:end] - middle for begin, end in spans]
-    strained = [np.nanmax(np.abs(part), initial=0.0) > STRAINED * usual and _range(part) > usual for part in parts]
-    return 2 * sum(strained) > len(spans)
+    strains = [min(np.nanmax(np.abs(part), initial=0.0) / STRAINED, _range(part)) / usual for part in parts]
+    return 2 * sum(each > 1.0 for each in strains) > len(spans) or max(strains) > FAR / STRAINED
 
 
 def _has_corners(values: FloatArray, spans: Sequence[Span], limits: Sequence[Sequence[Span]], step: float) -> bool:

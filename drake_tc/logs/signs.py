@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from drake_tc.errors import LogError
 from drake_tc.logs.loads import Pendulum, RobotLoad, unknown_form
 from drake_tc.logs.plausible import derivative
 from drake_tc.logs.record import Run
@@ -33,6 +34,7 @@ class SignEvidence:
         friction: Share of the effort that goes with the velocity as friction does, in [-1, 1]; negative feeds power.
         inertia: Partial correlation of the effort with the acceleration, in [-1, 1].
         following: Correlation of command and position (position servo), 0 for other drives.
+        gain: Least and largest effort for 1 N m of load torque, of the whole run and of its thirds.
         weight: Usable samples.
         steady: Whether each third of the run agrees with the sign of `load`.
     """
@@ -41,6 +43,7 @@ class SignEvidence:
     friction: float
     inertia: float
     following: float
+    gain: tuple[float, float]
     weight: int
     steady: bool
 
@@ -77,25 +80,29 @@ def sign_evidence(run: Run, rig: Rig, joint: str) -> SignEvidence | None:
     resolved = float(np.percentile(np.abs(qd), 75)) * 0.2 + 1e-9
     others = np.column_stack([qdd, qd, np.tanh(qd / resolved), np.ones(pick.size)])
     correlation = _partial(y, tau, others)
-    thirds = [_partial(y[part], tau[part], others[part]) for part in np.array_split(np.arange(pick.size), 3)]
-    coefficients = np.linalg.lstsq(np.column_stack([others, tau]), y, rcond=None)[0]
+    parts = np.array_split(np.arange(pick.size), 3)
+    thirds = [_partial(y[part], tau[part], others[part]) for part in parts]
+    columns = np.column_stack([others, tau])
+    coefficients = np.linalg.lstsq(columns, y, rcond=None)[0]
+    gains = [coefficients[4], *(np.linalg.lstsq(columns[part], y[part], rcond=None)[0][4] for part in parts)]
     drag = others[:, 1:3] @ coefficients[1:3]
     power = np.linalg.norm(y - y.mean()) * np.linalg.norm(qd)
     friction = float(np.clip(drag @ qd / power, -1.0, 1.0)) if power > 0 else 0.0
     following = float(np.corrcoef(command[pick], q[pick])[0, 1]) if servo and np.ptp(q[pick]) > 0 else 0.0
     steady = all(np.sign(third) == np.sign(correlation) for third in thirds)
     inertia = _partial(y, qdd, np.column_stack([others[:, 1:], tau]))
-    return SignEvidence(correlation, friction, inertia, following, int(pick.size), steady)
+    gain = float(min(gains)), float(max(gains))
+    return SignEvidence(correlation, friction, inertia, following, gain, int(pick.size), steady)
 
 
 def _verdict(evidence: SignEvidence, load: object, *, servo: bool) -> str:
-    """Which channel is turned: "command", "torque", "either" of them, "position", "" (none) or "?" (not clear)."""
+    """Which channel is turned: "command", "torque", "either" of them, "" (none) or "?" (not clear)."""
     if servo and evidence.following < -0.9:
         return "command"
     if abs(evidence.load) < CLEAR or not evidence.steady:
         return "?"
     if evidence.load > 0:
-        return "" if servo or max(evidence.friction, evidence.inertia) > -TURNED else "position"
+        return ""
     if isinstance(load, Pendulum):
         return "?" if servo else "command"
     return "torque" if servo else "either"
@@ -120,6 +127,7 @@ def wrong_signs(runs: Sequence[Run], rig: Rig) -> Sequence[Mapping[str, str]]:
     A run that is clear decides for itself; one that is not follows the others of the same rig. Which of torque and
     current (or voltage) is turned is asked of all turned runs together: friction must take power.
     """
+    _require_friction(runs, rig)
     flips: list[dict[str, str]] = [{} for _ in runs]
     for joint in rig.joints:
         servo = rig.drive[joint] == "position_servo"
@@ -138,13 +146,34 @@ def wrong_signs(runs: Sequence[Run], rig: Rig) -> Sequence[Mapping[str, str]]:
             elif turned in ("command", "position") and servo:
                 reason = f"its correlation with the {'position' if turned == 'command' else 'command'} is"
                 reason += f" {evidence.following:.2f}"
-            elif turned == "position":
-                reason = "friction and inertia would drive the joint"
             else:
                 reason = f"partial correlation of effort and load torque {evidence.load:.2f}, which should be positive"
                 reason += "" if servo or isinstance(rig.load[joint], Pendulum) else doubt
             flip |= dict.fromkeys(_columns(turned, run, rig, joint), reason)
     return flips
+
+
+def _require_friction(runs: Sequence[Run], rig: Rig) -> None:
+    """Refuse a current's or voltage's run in which the load is right and all that the position makes is turned.
+
+    The position has the wrong sign then, or effort and torque are exchanged, which gives another model.
+
+    Raises:
+        LogError: names file, column and both ways out.
+    """
+    for joint in (joint for joint in rig.joints if rig.drive[joint] != "position_servo"):
+        for run in runs:
+            e = sign_evidence(run, rig, joint)
+            turned = e is not None and max(e.friction, e.inertia) < -TURNED and abs(e.load) > CLEAR and e.steady
+            if e is None or not turned or e.load < 0.0:
+                continue
+            names = (f"{joint}/position", rig.command_column(joint), f"{joint}/torque")
+            position, command, torque = (repr(rig.columns.get(name, name)) for name in names)
+            raise LogError(
+                f"{run.source or run.name}: friction and inertia of {joint} would drive it: column {position} has the"
+                f" wrong sign, or {command} and {torque} are exchanged; set units: {{position: -rad}}, or exchange them"
+                " under `columns:` in the rig file"
+            )
 
 
 def _told(run: Run, evidence: SignEvidence | None, rig: Rig, joint: str) -> str:
