@@ -2,10 +2,12 @@
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from drake_tc.errors import LogError
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
-from drake_tc.logs.signs import CLEAR, sign_evidence
+from drake_tc.logs.signs import CLEAR, TURNED, sign_evidence
 
 MOST_APART = 2.0
 """Factor between the ranges of the gains of two runs of one joint."""
@@ -15,22 +17,30 @@ def require_one_joint(runs: Sequence[Run], rig: Rig) -> None:
     """Refuse runs whose drive gains are more than a factor of two apart: of another joint, unit or setting.
 
     With the effort  y = (tau + J qddot + f_v qdot + f_c sign(qdot)) / K  of each run, 1/K of the whole run and of its
-    thirds make a range. Friction and load may change between runs and are not compared; runs in which the load
-    torque's share of the effort is not clear are not either.
+    thirds make a range; runs in which the load torque's share of the effort is not clear are not compared. Friction
+    may change between runs, but it does not drive the joint in one and brake it in another: columns are exchanged then.
 
     Raises:
         LogError: names the two runs that are farthest apart.
     """
     for joint in rig.joints:
         found = [(run, sign_evidence(run, rig, joint)) for run in runs]
+        driven = [run for run, e in found if e is not None and e.friction < -TURNED]
+        if driven and any(e is not None and e.friction > TURNED for _, e in found):
+            raise LogError(
+                f"{driven[0].source or driven[0].name}: friction would drive {joint} in this run, and brakes it in"
+                " others; check the signs and the names of its columns"
+            )
         clear = [(run, e.gain) for run, e in found if e is not None and e.steady and e.load > CLEAR and e.gain[0] > 0.0]
         if len(clear) < 2:
             continue
         lowest = min(clear, key=lambda each: each[1][1])
         highest = max(clear, key=lambda each: each[1][0])
         if highest[1][0] > MOST_APART * lowest[1][1]:
-            told = " and ".join(f"{low:.4g} to {high:.4g} in {run.name}" for run, (low, high) in (lowest, highest))
+            usual = float(np.median([np.log(sum(gain)) for _, gain in clear]))
+            odd, other = sorted((highest, lowest), key=lambda each: -abs(np.log(sum(each[1])) - usual))
+            told = " and ".join(f"{low:.4g} to {high:.4g} in {run.name}" for run, (low, high) in (odd, other))
             raise LogError(
-                f"{highest[0].source or highest[0].name}: the runs are not of one {joint}: the effort for 1 N m of"
-                f" load is {told}; leave out the run of another joint or setting, or state its units"
+                f"{odd[0].source or odd[0].name}: the runs are not of one {joint}: the effort for 1 N m of load is"
+                f" {told}; leave out the run of another joint or setting, or state its units"
             )

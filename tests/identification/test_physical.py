@@ -33,4 +33,3 @@ def test_a_drive_gain_below_zero_and_friction_that_drives():
 
 def test_results_without_intervals_pass():
     require_physical("knee", {"forward.k_1": -1.0}, {}, V, S)
-

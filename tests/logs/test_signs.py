@@ -37,7 +37,9 @@ def test_wrong_signs_change_no_result(sound, tmp_path, turned, velocity):
     path = write(table, tmp_path / "run.csv")
     if drive == "voltage" and turned in ((0,), (1, 2)):
         # the same columns mean exchanged ones, with another model
-        with pytest.raises(LogError, match=r"run\.csv: friction and inertia of joint would drive it: column 'joint/pos"):
+        with pytest.raises(
+            LogError, match=r"run\.csv: friction and inertia of joint would drive it: column 'joint/pos"
+        ):
             load_run(path, rig)
         return
     run = load_run(path, rig)
