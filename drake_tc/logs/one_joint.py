@@ -38,7 +38,7 @@ def require_one_joint(runs: Sequence[Run], rig: Rig) -> None:
         highest = max(clear, key=lambda each: each[1][0])
         if highest[1][0] > MOST_APART * lowest[1][1]:
             usual = float(np.median([np.log(sum(gain)) for _, gain in clear]))
-            odd, other = sorted((highest, lowest), key=lambda each: -abs(np.log(sum(each[1])) - usual))
+            odd, other = sorted((highest, lowest), key=lambda each: -round(abs(np.log(sum(each[1])) - usual), 6))
             told = " and ".join(f"{low:.4g} to {high:.4g} in {run.name}" for run, (low, high) in (odd, other))
             raise LogError(
                 f"{odd[0].source or odd[0].name}: the runs are not of one {joint}: the effort for 1 N m of load is"

@@ -120,7 +120,7 @@ def _is_strained(strain: FloatArray, spans: Sequence[Span], usual: float) -> boo
     middle = float(np.nanmedian(strain))
     parts = [strain[begin:end] - middle for begin, end in spans]
     strains = [min(np.nanmax(np.abs(part), initial=0.0) / STRAINED, _range(part)) / usual for part in parts]
-    return 2 * sum(each > 1.0 for each in strains) > len(spans) or max(strains) > FAR / STRAINED
+    return bool(2 * sum(each > 1.0 for each in strains) > len(spans) or max(strains) > FAR / STRAINED)
 
 
 def _has_corners(values: FloatArray, spans: Sequence[Span], limits: Sequence[Sequence[Span]], step: float) -> bool:

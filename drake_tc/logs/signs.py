@@ -21,7 +21,7 @@ from drake_tc.types import FloatArray
 CLEAR = 0.5
 TELLING = 0.04
 TURNED = 0.15
-"""Share of friction and of inertia that must both be negative for a position of the wrong sign; a delay makes one so."""
+"""Share of friction and of inertia, both negative, of a position of the wrong sign; a delay makes only one so."""
 MAX_ROWS = 60_000
 
 

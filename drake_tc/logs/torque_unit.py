@@ -39,10 +39,11 @@ def check_torque_unit(runs: Sequence[Run], rig: Rig) -> None:
             continue
         units = {_unit_of(run, rig, joint) for run in runs}
         if len(units) == 1 and (unit := units.pop()):
+            shown = f"units of {unit} N*m" if unit[0].isdigit() else unit
             raise LogError(
                 f"{runs[0].source}: column {rig.columns.get(name, name)!r}: with the declared rotor inertia of"
                 f" {inertia:.4g} kg m^2 of {joint}, inertia and load torque balance if the torque is in"
-                f" {f'units of {unit} N*m' if unit[0].isdigit() else unit}; set units: {{torque: {unit}}} in the rig file"
+                f" {shown}; set units: {{torque: {unit}}} in the rig file"
                 " (or torque: N*m if it is right)"
             )
 

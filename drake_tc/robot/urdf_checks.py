@@ -19,7 +19,7 @@ _SLACK, _NOTHING = 1e-6, 1e-15
 """Of the largest moment of inertia, as files round; and an inertia that is none [kg m^2]."""
 
 HEAVIEST = 1e9
-"""Mass [kg] and moments of inertia [kg m^2] of links stay below it; products of larger ones leave the range of numbers."""
+"""Mass [kg] and moments of inertia [kg m^2] of links stay below it: products of larger ones may overflow."""
 
 
 def numbers(where: str, text: str | None, count: int) -> tuple[float, ...]:

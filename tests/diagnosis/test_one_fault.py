@@ -1,4 +1,4 @@
-"""Close-loop on logs of which one has a fault: the effect and its value are those of the sound logs, or one is refused."""
+"""Close-loop on logs of which one has a fault: effect and value are those of the sound logs, or it is refused."""
 
 from collections.abc import Callable
 from dataclasses import replace
