@@ -7,10 +7,12 @@ import numpy as np
 from drake_tc.errors import LogError
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
-from drake_tc.logs.signs import CLEAR, TURNED, sign_evidence
+from drake_tc.logs.signs import TURNED, SignEvidence, sign_evidence
 
 MOST_APART = 2.0
 """Factor between the ranges of the gains of two runs of one joint."""
+PROPORTIONAL = 0.95
+"""Partial correlation of effort and load torque above which their ratio is the gain: a drive at its limit has less."""
 
 
 def require_one_joint(runs: Sequence[Run], rig: Rig) -> None:
@@ -31,7 +33,7 @@ def require_one_joint(runs: Sequence[Run], rig: Rig) -> None:
                 f"{driven[0].source or driven[0].name}: friction would drive {joint} in this run, and brakes it in"
                 " others; check the signs and the names of its columns"
             )
-        clear = [(run, e.gain) for run, e in found if e is not None and e.steady and e.load > CLEAR and e.gain[0] > 0.0]
+        clear = [(run, e.gain) for run, e in found if e is not None and _is_proportional(e)]
         if len(clear) < 2:
             continue
         lowest = min(clear, key=lambda each: each[1][1])
@@ -44,3 +46,8 @@ def require_one_joint(runs: Sequence[Run], rig: Rig) -> None:
                 f"{odd[0].source or odd[0].name}: the runs are not of one {joint}: the effort for 1 N m of load is"
                 f" {told}; leave out the run of another joint or setting, or state its units"
             )
+
+
+def _is_proportional(evidence: SignEvidence) -> bool:
+    """Whether effort and load torque of a run have a ratio."""
+    return evidence.steady and evidence.load > PROPORTIONAL and evidence.gain[0] > 0.0

@@ -68,7 +68,7 @@ def saturated_position(values: FloatArray, command: FloatArray | None, step: flo
     if not limits or resting.mean() > MOST:
         return np.zeros(values.size, dtype=bool)
     usual = float(np.percentile(np.abs(strain[~resting] - np.median(strain[~resting])), 99))
-    usual = max(usual, STRAIN_STEPS * step / STRAINED)
+    usual = max(usual, STRAIN_STEPS * step / STRAINED, np.finfo(np.float64).tiny)
     return _rows(values.size, [spans for spans in limits if _is_strained(strain, spans, usual)])
 
 
