@@ -3,6 +3,7 @@
 import math
 import os
 import pickle
+import reprlib
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Executor, Future, wait
@@ -130,7 +131,7 @@ class _Dispatch:
                 broken = False
                 for future in finished:
                     part = running.pop(future)
-                    values, died = self._outcome(future)
+                    values, died = self._outcome(future, part)
                     if died is None:
                         self._keep(part, values)
                     else:
@@ -150,7 +151,7 @@ class _Dispatch:
         lost = []
         wait(running)
         for future, part in running.items():
-            values, died = self._outcome(future)
+            values, died = self._outcome(future, part)
             if died is None:
                 self._keep(part, values)
             else:
@@ -160,7 +161,7 @@ class _Dispatch:
     def _alone(self, item: Item) -> None:
         """One point while nothing else runs."""
         for _ in range(TRIES):
-            values, died = self._outcome(self._submit([item]))
+            values, died = self._outcome(self._submit([item]), [item])
             if died is None:
                 self._keep([item], values)
                 return
@@ -184,14 +185,20 @@ class _Dispatch:
                 ' `if __name__ == "__main__":` around its start'
             ) from None
 
-    def _outcome(self, future: Future[list[Any]]) -> tuple[list[Any], BaseException | None]:
+    def _outcome(self, future: Future[list[Any]], part: Sequence[Item]) -> tuple[list[Any], BaseException | None]:
         """(values, None), or ([], what killed the worker).
 
         Raises:
-            ParamsError: the chunk could not be sent, or its results not sent back.
+            ParamsError: the chunk could not be sent, or its results not sent back, or what came back is none.
         """
         try:
-            return future.result(), None
+            values: Any = future.result()
+            if isinstance(values, list) and len(values) == len(part):
+                return values, None
+            raise ParamsError(
+                f"sweep: a worker sent {reprlib.repr(values)} for {len(part)} points; expected a list of as many"
+                " results: is the same version of drake_tc installed there?"
+            )
         except (BrokenExecutor, CancelledError) as error:
             return [], error
         except (pickle.PicklingError, AttributeError, TypeError) as error:
@@ -202,4 +209,10 @@ class _Dispatch:
         except Exception as error:
             if type(error).__name__ == "KilledWorker":  # of Dask, which need not be installed
                 return [], error
-            raise
+            if isinstance(error, ParamsError):
+                raise
+            # what a function raises comes back as a FailedPoint: this one is of the way there or back
+            raise ParamsError(
+                f"sweep: what a worker sent cannot be read ({type(error).__name__}: {reprlib.repr(str(error))});"
+                " is the same version of drake_tc installed there?"
+            ) from error

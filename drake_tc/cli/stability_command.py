@@ -86,7 +86,8 @@ def stability_command(
     scenario = entry.scenario(scenario_name, scenario_file, scenario_text)
     with progress_bar(f"stability {diagram}", quiet=as_json) as progress, TemporaryDirectory() as folder:
         if friction == "sliding":
-            scenario = _in_sliding(entry, scenario, Path(folder), direction)
+            with naming_errors(f"stability {diagram}" if scenario_file is None else str(scenario_file)):
+                scenario = _in_sliding(entry, scenario, Path(folder), direction)
         if entry.kind == "torque":
             scenario = replace(scenario, sensors="perfect")
         with naming_errors(f"stability {diagram}"):

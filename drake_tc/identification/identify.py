@@ -13,6 +13,7 @@ from drake_tc.errors import IdentificationError
 from drake_tc.filtering.common_kernel import CommonKernel
 from drake_tc.identification.asymmetric import AsymmetricFit, asymmetric_least_squares
 from drake_tc.identification.linear_fit import LinearFit
+from drake_tc.identification.physical import require_physical
 from drake_tc.identification.piecewise import PiecewiseFit, fit_piecewise
 from drake_tc.identification.regression import least_squares
 from drake_tc.identification.two_stage import TwoStageFit, fit_two_stage
@@ -95,7 +96,8 @@ def identify(
         width_s: Width of the common smoothing kernel [s].
 
     Raises:
-        IdentificationError: Unknown joint or method, a load that is not known, no usable samples, poor excitation.
+        IdentificationError: Unknown joint or method, a load that is not known, no usable samples, poor excitation, or a
+            result that no joint has.
 
     Example:
         >>> found = identify(leg_runs(), leg_rig())
@@ -107,6 +109,7 @@ def identify(
         raise IdentificationError(f"no joint {name!r} in the rig; joints here: {', '.join(rig.joints)}")
     samples = prepare(runs, rig, name, width_s)
     parameters, intervals, residual, fit = identify_arrays(samples, method)
+    require_physical(name, parameters, intervals, samples.velocity, samples.direction)
     rms = float(np.sqrt(np.mean(residual**2)))
     names = tuple(run.name for run in runs)
     return Identified(name, rig.drive[name], method, parameters, intervals, rms, residual, fit, names)

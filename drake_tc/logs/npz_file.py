@@ -2,6 +2,7 @@
 
 import io
 import math
+import struct
 import zipfile
 import zlib
 from pathlib import Path
@@ -15,6 +16,17 @@ from drake_tc.logs.sizes import check_size
 ENCRYPTED = 0x1
 """Flag of a member of a zip file."""
 
+DAMAGED = (
+    zipfile.BadZipFile,
+    zlib.error,
+    struct.error,
+    EOFError,
+    NotImplementedError,
+    RuntimeError,
+    UnicodeDecodeError,
+)
+"""What Python's zip reader raises for damaged files."""
+
 
 def read_arrays(path: Path) -> dict[str, np.ndarray]:
     """The arrays of an .npz file by name.
@@ -27,7 +39,9 @@ def read_arrays(path: Path) -> dict[str, np.ndarray]:
         with zipfile.ZipFile(path) as archive:
             check_size(path, path.stat().st_size, sum(info.file_size for info in archive.infolist()))
             return {info.filename.removesuffix(".npy"): _array(archive, info, path) for info in archive.infolist()}
-    except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, UnicodeDecodeError) as error:
+    except OSError as error:  # a damaged directory points outside of the file
+        raise LogError(f"{path}: cannot be read as .npz: {error.strerror or 'it is damaged'}; save it anew") from None
+    except DAMAGED as error:
         raise LogError(f"{path}: cannot be read as .npz: {error}; save it anew") from None
 
 

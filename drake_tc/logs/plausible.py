@@ -27,10 +27,20 @@ def derivative(values: FloatArray, period: float, order: int = 1) -> FloatArray:
     return np.asarray(savgol_filter(values, window, 3, deriv=order, delta=period))
 
 
-def top_speed(position: FloatArray, period: float) -> float:
-    """Speed that one sample in a thousand exceeds, by differences over 20 ms [unit of position/s]."""
-    w = min(max(1, round(0.02 / period)), position.size - 1)
-    return float(np.percentile(np.abs(position[w:] - position[:-w]), 99.9) / (w * period))
+def top_speed(position: FloatArray, period: float, usable: BoolArray | None = None) -> float:
+    """Speed that one sample in a thousand exceeds, by differences over 20 ms [unit of position/s].
+
+    Args:
+        position: (T,).
+        period: [s].
+        usable: (T,) rows to look at; no difference reaches over those that are left out. None for all.
+    """
+    rows = np.arange(position.size) if usable is None else np.flatnonzero(usable)
+    w = min(max(1, round(0.02 / period)), rows.size - 1)
+    together = rows[w:] - rows[:-w] == w
+    if not together.any():
+        return 0.0
+    return float(np.percentile(np.abs(position[rows[w:]] - position[rows[:-w]])[together], 99.9) / (w * period))
 
 
 def _looks_like_degrees(span: float, speed: float, *, servo: bool, stated: bool) -> bool:
@@ -60,7 +70,7 @@ def check_angles(columns: Mapping[str, FloatArray], usable: BoolArray, rig: Rig,
                 continue
             values = columns[name]
             span = float(np.ptp(values[usable]))
-            speed = top_speed(values[usable], period) if suffix == "position" else 0.0
+            speed = top_speed(values, period, usable) if suffix == "position" else 0.0
             stated = scale_of(name, rig.units).stated
             if _looks_like_degrees(span, speed, servo=servo, stated=stated):
                 what = f"spans {span:.4g} rad" + (f" at up to {speed:.4g} rad/s" if speed else "")

@@ -17,12 +17,14 @@ from drake_tc.logs.exchanged import refuse_exchanged
 from drake_tc.logs.live import require_live
 from drake_tc.logs.loads import Pendulum
 from drake_tc.logs.local_motion import stepped_clock
+from drake_tc.logs.one_joint import require_one_joint
 from drake_tc.logs.plausible import check_angles, check_speed, check_velocity, lag_notes
 from drake_tc.logs.readers import read_table, run_name
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
 from drake_tc.logs.signs import wrong_signs
 from drake_tc.logs.speed_only import require_alike, with_positions
+from drake_tc.logs.torque_unit import check_torque_unit
 from drake_tc.logs.wild_samples import mended
 from drake_tc.types import BoolArray, FloatArray, IntArray
 
@@ -258,6 +260,8 @@ def load_runs(paths: Sequence[Path | str], rig: Rig) -> list[Run]:
             )
             run = replace(run, columns=columns, notes=run.notes + notes, hints=run.hints + notes)
         result.append(run)
+    check_torque_unit(result, rig)
+    require_one_joint(result, rig)
     return result
 
 

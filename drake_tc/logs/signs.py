@@ -1,15 +1,17 @@
-"""Wrong signs: a torque or command column that runs against what the joint's balance demands.
+"""Wrong signs: a torque, command or position column that runs against what the joint's balance demands.
 
 In the balance  y = (tau + J qddot + f_v qdot + f_c sign(qdot)) / K  every coefficient is positive (K > 0, friction
 takes power). The effort is regressed on all of them; what is left of the load torque's share (its partial correlation
-with the effort) tells the sign. A turned command turns every coefficient, a turned torque only the load's.
+with the effort) tells the sign. A turned command turns every coefficient, a turned torque only the load's, a turned
+position all but the load's. Two turned columns of three are told as the third: the model is the same.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from drake_tc.errors import LogError
 from drake_tc.logs.loads import Pendulum, RobotLoad, unknown_form
 from drake_tc.logs.plausible import derivative
 from drake_tc.logs.record import Run
@@ -18,6 +20,8 @@ from drake_tc.types import FloatArray
 
 CLEAR = 0.5
 TELLING = 0.04
+TURNED = 0.15
+"""Share of friction and of inertia, both negative, of a position of the wrong sign; a delay makes only one so."""
 MAX_ROWS = 60_000
 
 
@@ -28,14 +32,18 @@ class SignEvidence:
     Attributes:
         load: Partial correlation of the effort with the load torque, in [-1, 1].
         friction: Share of the effort that goes with the velocity as friction does, in [-1, 1]; negative feeds power.
+        inertia: Partial correlation of the effort with the acceleration, in [-1, 1].
         following: Correlation of command and position (position servo), 0 for other drives.
+        gain: Least and largest effort for 1 N m of load torque, of the whole run and of its thirds.
         weight: Usable samples.
         steady: Whether each third of the run agrees with the sign of `load`.
     """
 
     load: float
     friction: float
+    inertia: float
     following: float
+    gain: tuple[float, float]
     weight: int
     steady: bool
 
@@ -72,14 +80,19 @@ def sign_evidence(run: Run, rig: Rig, joint: str) -> SignEvidence | None:
     resolved = float(np.percentile(np.abs(qd), 75)) * 0.2 + 1e-9
     others = np.column_stack([qdd, qd, np.tanh(qd / resolved), np.ones(pick.size)])
     correlation = _partial(y, tau, others)
-    thirds = [_partial(y[part], tau[part], others[part]) for part in np.array_split(np.arange(pick.size), 3)]
-    coefficients = np.linalg.lstsq(np.column_stack([others, tau]), y, rcond=None)[0]
+    parts = np.array_split(np.arange(pick.size), 3)
+    thirds = [_partial(y[part], tau[part], others[part]) for part in parts]
+    columns = np.column_stack([others, tau])
+    coefficients = np.linalg.lstsq(columns, y, rcond=None)[0]
+    gains = [coefficients[4], *(np.linalg.lstsq(columns[part], y[part], rcond=None)[0][4] for part in parts)]
     drag = others[:, 1:3] @ coefficients[1:3]
     power = np.linalg.norm(y - y.mean()) * np.linalg.norm(qd)
     friction = float(np.clip(drag @ qd / power, -1.0, 1.0)) if power > 0 else 0.0
     following = float(np.corrcoef(command[pick], q[pick])[0, 1]) if servo and np.ptp(q[pick]) > 0 else 0.0
     steady = all(np.sign(third) == np.sign(correlation) for third in thirds)
-    return SignEvidence(correlation, friction, following, int(pick.size), steady)
+    inertia = _partial(y, qdd, np.column_stack([others[:, 1:], tau]))
+    gain = float(min(gains)), float(max(gains))
+    return SignEvidence(correlation, friction, inertia, following, gain, int(pick.size), steady)
 
 
 def _verdict(evidence: SignEvidence, load: object, *, servo: bool) -> str:
@@ -114,26 +127,71 @@ def wrong_signs(runs: Sequence[Run], rig: Rig) -> Sequence[Mapping[str, str]]:
     A run that is clear decides for itself; one that is not follows the others of the same rig. Which of torque and
     current (or voltage) is turned is asked of all turned runs together: friction must take power.
     """
+    _require_friction(runs, rig)
     flips: list[dict[str, str]] = [{} for _ in runs]
     for joint in rig.joints:
         servo = rig.drive[joint] == "position_servo"
         found = [sign_evidence(run, rig, joint) for run in runs]
-        verdicts = ["?" if e is None else _verdict(e, rig.load[joint], servo=servo) for e in found]
+        verdicts = [_told(run, evidence, rig, joint) for run, evidence in zip(runs, found, strict=True)]
         which, doubt = _torque_or_command([e for e in found if e is not None and e.load < 0])
         verdicts = [which if verdict == "either" else verdict for verdict in verdicts]
         clear = [verdict for verdict in verdicts if verdict != "?"]
         common = max(set(clear), key=clear.count) if clear else ""
-        for flip, evidence, verdict in zip(flips, found, verdicts, strict=True):
+        for run, flip, evidence, verdict in zip(runs, flips, found, verdicts, strict=True):
             turned = common if verdict == "?" else verdict
-            name = {"command": rig.command_column(joint), "torque": f"{joint}/torque"}.get(turned)
-            if name is None:
+            if not turned:
                 continue
             if verdict == "?" or evidence is None:
                 reason = "as in the other runs of this rig"
-            elif turned == "command" and servo:
-                reason = f"its correlation with the position is {evidence.following:.2f}"
+            elif turned in ("command", "position") and servo:
+                reason = f"its correlation with the {'position' if turned == 'command' else 'command'} is"
+                reason += f" {evidence.following:.2f}"
             else:
                 reason = f"partial correlation of effort and load torque {evidence.load:.2f}, which should be positive"
                 reason += "" if servo or isinstance(rig.load[joint], Pendulum) else doubt
-            flip[name] = reason
+            flip |= dict.fromkeys(_columns(turned, run, rig, joint), reason)
     return flips
+
+
+def _require_friction(runs: Sequence[Run], rig: Rig) -> None:
+    """Refuse a current's or voltage's run in which the load is right and all that the position makes is turned.
+
+    The position has the wrong sign then, or effort and torque are exchanged, which gives another model.
+
+    Raises:
+        LogError: names file, column and both ways out.
+    """
+    for joint in (joint for joint in rig.joints if rig.drive[joint] != "position_servo"):
+        for run in runs:
+            e = sign_evidence(run, rig, joint)
+            turned = e is not None and max(e.friction, e.inertia) < -TURNED and abs(e.load) > CLEAR and e.steady
+            if e is None or not turned or e.load < 0.0:
+                continue
+            names = (f"{joint}/position", rig.command_column(joint), f"{joint}/torque")
+            position, command, torque = (repr(rig.columns.get(name, name)) for name in names)
+            raise LogError(
+                f"{run.source or run.name}: friction and inertia of {joint} would drive it: column {position} has the"
+                f" wrong sign, or {command} and {torque} are exchanged; set units: {{position: -rad}}, or exchange them"
+                " under `columns:` in the rig file"
+            )
+
+
+def _told(run: Run, evidence: SignEvidence | None, rig: Rig, joint: str) -> str:
+    """The verdict on one run; of a servo whose angles run against each other, the one that the load torque blames."""
+    if evidence is None:
+        return "?"
+    servo, load = rig.drive[joint] == "position_servo", rig.load[joint]
+    verdict = _verdict(evidence, load, servo=servo)
+    if verdict != "command" or not servo or isinstance(load, Pendulum):
+        return verdict
+    command = rig.command_column(joint)
+    turned = sign_evidence(replace(run, columns={**run.columns, command: -run.columns[command]}), rig, joint)
+    return "position" if turned is not None and turned.load < -CLEAR and turned.steady else "command"
+
+
+def _columns(turned: str, run: Run, rig: Rig, joint: str) -> list[str]:
+    """The channels that have the sign of a turned one; velocity and motor position are those of the position."""
+    if turned == "command":
+        return [rig.command_column(joint)]
+    suffixes = ("torque",) if turned == "torque" else ("position", "velocity", "motor_position")
+    return [name for name in (f"{joint}/{suffix}" for suffix in suffixes) if name in run.columns]

@@ -1,4 +1,4 @@
-"""Repair of the angles and measurements of a log: turns undone, spikes taken out; each with one sentence."""
+"""Repair of the angles and measurements of a log: turns undone, what no sensor read taken out; a sentence for each."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -6,22 +6,27 @@ from dataclasses import replace
 import numpy as np
 
 from drake_tc.errors import LogError
+from drake_tc.logs.channels import grid_step
 from drake_tc.logs.columns import RawLog, file_row
+from drake_tc.logs.dropouts import unanswered_zeros, zero_rows
 from drake_tc.logs.local_motion import held_rows
+from drake_tc.logs.saturated_sensor import saturated_position, saturated_torque
 from drake_tc.logs.spikes import MOST_SPIKES, TURN, spikes, without_turns
-from drake_tc.types import FloatArray
+from drake_tc.types import BoolArray, FloatArray
 
 ANGLES = ("position", "motor_position", "position_command")
 SLOW = ("temperature", "supply_voltage", "position_gain")
 """Channels that repeat values by nature."""
 MEASURED = ("position", "motor_position", "torque", "velocity")
+DROPPING = (*MEASURED, "current")
 
 
 def mended(raw: RawLog, joints: Sequence[str]) -> RawLog:
-    """The log with the turns of its angles undone, and NaN in place of its spikes; the notes say where.
+    """The log with the turns of its angles undone, and NaN where a sensor did not read; the notes say where.
 
-    Angles of one joint that differ by whole turns after that are put together. Commands have no spikes: what was
-    commanded was commanded. Currents and voltages are left alone, as switching makes real ones.
+    A sensor did not read in spikes, where it dropped out to 0, at the end of its range, and where it repeated a value
+    in motion. Angles of one joint that differ by whole turns are put together. Commands have no spikes: what was
+    commanded was commanded. Spikes of currents and voltages are left alone, as switching makes real ones.
 
     Raises:
         LogError: spikes in more than one row in a hundred of a channel.
@@ -29,6 +34,7 @@ def mended(raw: RawLog, joints: Sequence[str]) -> RawLog:
     columns = dict(raw.columns)
     notes: list[str] = []
     for joint in joints:
+        notes += _without_dropouts(columns, joint, raw)
         for name in (f"{joint}/{suffix}" for suffix in ANGLES):
             if name in columns and (turns := without_turns(columns[name])).rows:
                 columns[name] = turns.values
@@ -42,8 +48,49 @@ def mended(raw: RawLog, joints: Sequence[str]) -> RawLog:
             if name in columns:
                 columns[name], note = _without_spikes(columns[name], name, raw)
                 notes += [note] if note else []
+        notes += _without_saturation(columns, joint, raw)
         notes += _without_held(columns, joint, raw)
     return replace(raw, columns=columns, notes=(*raw.notes, *notes)) if notes else raw
+
+
+def _without_dropouts(columns: dict[str, FloatArray], joint: str, raw: RawLog) -> list[str]:
+    """NaN where a channel dropped out to 0; a position command only where the joint did not answer."""
+    command, position = columns.get(f"{joint}/position_command"), columns.get(f"{joint}/position")
+    notes = []
+    for name in (f"{joint}/{suffix}" for suffix in DROPPING):
+        if name in columns and (rows := zero_rows(columns[name])).any():
+            columns[name] = np.where(rows, np.nan, columns[name])
+            notes.append(_taken_out(name, "drops out to 0", rows, raw))
+    if command is not None and position is not None and (rows := unanswered_zeros(command, position)).any():
+        columns[f"{joint}/position_command"] = np.where(rows, np.nan, command)
+        notes.append(_taken_out(f"{joint}/position_command", "drops out to 0, and the joint moves on,", rows, raw))
+    return notes
+
+
+def _without_saturation(columns: dict[str, FloatArray], joint: str, raw: RawLog) -> list[str]:
+    """NaN where the position or the torque of a joint rests at the end of its sensor's range."""
+    notes = []
+    for name in (f"{joint}/position", f"{joint}/torque"):
+        if name not in columns:
+            continue
+        values, step = columns[name], grid_step(columns[name])
+        command = columns.get(f"{joint}/position_command")
+        torque = name.endswith("/torque")
+        rows = saturated_torque(values, step) if torque else saturated_position(values, command, step)
+        if not rows.any():
+            continue
+        reached = float(np.nanmax(np.abs(columns[name][rows])))
+        columns[name] = np.where(rows, np.nan, columns[name])
+        what = f"stops at an extreme value (up to {reached:.4g}), as at the end of the sensor's range,"
+        notes.append(_taken_out(name, what, rows, raw))
+    return notes
+
+
+def _taken_out(name: str, what: str, rows: BoolArray, raw: RawLog) -> str:
+    """The sentence about rows (T,) in which a channel was not read."""
+    count, first = int(rows.sum()), int(np.flatnonzero(rows)[0])
+    where = f"{count} row{'s' if count > 1 else ''} (the first: {file_row(raw.path, first)})"
+    return f"Column {name} {what} in {where}; they were taken out."
 
 
 def _without_held(columns: dict[str, FloatArray], joint: str, raw: RawLog) -> list[str]:

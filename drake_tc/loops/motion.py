@@ -1,15 +1,15 @@
 """The motion of a recorded run as one HTML file: Meshcat's recording, which opens without a network."""
 
-import logging
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from pydrake.geometry import Meshcat, MeshcatVisualizer
+from pydrake.geometry import MeshcatVisualizer
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
 from pydrake.systems.framework import DiagramBuilder
 
+from drake_tc.loops.meshcat_server import start_meshcat
 from drake_tc.loops.surroundings import add_objects
 from drake_tc.loops.torque.recording import TorqueRecording
 from drake_tc.loops.torque.scenario import Scenario
@@ -77,7 +77,7 @@ def motion_html(motion: Motion, frames_per_second: float = FRAMES_PER_SECOND) ->
     add_robot(plant, motion.robot, visuals=True)
     motion.surroundings(plant)
     plant.Finalize()
-    meshcat = _quiet_meshcat()
+    meshcat = start_meshcat(quiet=True)
     shown = MeshcatVisualizer.AddToBuilder(builder, scene_graph, meshcat)
     diagram = builder.Build()
     context = diagram.CreateDefaultContext()
@@ -97,17 +97,6 @@ def motion_html(motion: Motion, frames_per_second: float = FRAMES_PER_SECOND) ->
     meshcat.PublishRecording()
     text: str = meshcat.StaticHtml()
     return text
-
-
-def _quiet_meshcat() -> Any:
-    """A Meshcat that does not tell its address: nobody needs to open it."""
-    log = logging.getLogger("drake")
-    level = log.level
-    log.setLevel(logging.WARNING)
-    try:
-        return Meshcat()
-    finally:
-        log.setLevel(level)
 
 
 def _frames(time: FloatArray, frames_per_second: float) -> list[int]:

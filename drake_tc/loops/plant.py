@@ -3,11 +3,12 @@
 from collections.abc import Callable
 from typing import Any
 
-from pydrake.geometry import Meshcat, MeshcatVisualizer
+from pydrake.geometry import MeshcatVisualizer
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
 from pydrake.systems.framework import DiagramBuilder
 
 from drake_tc.errors import ParamsError
+from drake_tc.loops.meshcat_server import start_meshcat
 from drake_tc.robot.plant import add_robot
 from drake_tc.robot.robot import Robot
 
@@ -47,7 +48,7 @@ def add_robot_plant(
     if scene or collisions or meshcat:
         plant, scene_graph = AddMultibodyPlantSceneGraph(builder, step)
         if meshcat:
-            MeshcatVisualizer.AddToBuilder(builder, scene_graph, Meshcat())
+            MeshcatVisualizer.AddToBuilder(builder, scene_graph, start_meshcat())
     else:
         plant = builder.AddNamedSystem("plant", MultibodyPlant(step))
     add_robot(plant, robot, visuals=meshcat, collisions=collisions)

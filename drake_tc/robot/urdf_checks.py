@@ -18,6 +18,9 @@ _MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 _SLACK, _NOTHING = 1e-6, 1e-15
 """Of the largest moment of inertia, as files round; and an inertia that is none [kg m^2]."""
 
+HEAVIEST = 1e9
+"""Mass [kg] and moments of inertia [kg m^2] of links stay below it: products of larger ones may overflow."""
+
 
 def numbers(where: str, text: str | None, count: int) -> tuple[float, ...]:
     """The finite numbers in an attribute.
@@ -62,8 +65,8 @@ def check_inertials(path: Path, root: ET.Element) -> None:
         mass, inertia = inertial.find("mass"), inertial.find("inertia")
         if mass is not None:
             (value,) = numbers(f"{where} mass", mass.get("value"), 1)
-            if value < 0.0:
-                raise ParamsError(f"{where} mass: expected a number >= 0 [kg], got {value:g}")
+            if not 0.0 <= value < HEAVIEST:
+                raise ParamsError(f"{where} mass: expected a number from 0 to {HEAVIEST:g} [kg], got {value:g}")
         if inertia is not None:
             _check_inertia(where, inertia)
         origin = inertial.find("origin")
@@ -81,6 +84,8 @@ def _check_inertia(where: str, element: ET.Element) -> None:
     xx, yy, zz, xy, xz, yz = (given[name] for name in _MOMENTS)
     matrix = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     scale = float(np.max(np.abs(matrix)))
+    if scale >= HEAVIEST:
+        raise ParamsError(f"{where} inertia: expected moments below {HEAVIEST:g} [kg m^2], got {scale:g}")
     if scale > _NOTHING and float(np.linalg.eigvalsh(matrix / scale)[0]) < -_SLACK:
         raise ParamsError(f"{where} inertia: expected moments of inertia >= 0 about every axis, got {quoted(given)}")
 

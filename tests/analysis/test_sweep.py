@@ -2,7 +2,7 @@ import os
 import subprocess
 import sys
 import threading
-from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from multiprocessing import get_context
 
 import numpy as np
@@ -191,3 +191,27 @@ def test_the_benchmark_of_sweeps_has_its_rows():
     assert [row.unit for row in rows] == ["-", "-", "s", "ms"] and all(row.median > 0.0 for row in rows)
     assert "8 points" in rows[0].name and "3 x 3" in rows[2].name
     assert told == sorted(told) and told[-1] == 1.0
+
+
+class Rubbish(Executor):
+    """A cluster whose workers send something else."""
+
+    def __init__(self, sent):
+        self.sent = sent
+
+    def submit(self, function, /, *arguments, **more):
+        future = Future()
+        if isinstance(self.sent, BaseException):
+            future.set_exception(self.sent)
+        else:
+            future.set_result(self.sent)
+        return future
+
+
+@pytest.mark.parametrize(
+    "sent", [None, [], [1.0] * 99, b"\x80\x04rubbish", {"a": 1}, ValueError("bad magic"), EOFError(), OSError(5, "x")]
+)
+def test_a_worker_that_sends_rubbish_is_told_in_one_line(sent):
+    with pytest.raises(ParamsError, match=r"^sweep: .*is the same version of drake_tc installed there\?$") as caught:
+        sweep(functions.drawn, [0.0, 1.0], executor=Rubbish(sent))
+    assert "\n" not in str(caught.value)

@@ -17,7 +17,9 @@ OTHER = joint_tag("other", "lower", "upper", axis=(0, 1, 0))
 REFUSED = {
     "mass is text": (SOUND.replace('mass value="1.5"', 'mass value="abc"', 1), "'upper' mass: .* got 'abc'"),
     "mass is nan": (SOUND.replace('mass value="1.5"', 'mass value="nan"', 1), "'upper' mass: expected a finite"),
-    "mass below 0": (SOUND.replace('mass value="1.5"', 'mass value="-3.2"', 1), "mass: expected a number >= 0"),
+    "mass below 0": (SOUND.replace('mass value="1.5"', 'mass value="-3.2"', 1), "mass: expected a number from 0 to"),
+    "mass too large": (SOUND.replace('mass value="1.5"', 'mass value="1e308"', 1), "mass: .* 1e.09 .*got 1e.308"),
+    "inertia too large": (SOUND.replace('ixx="0.02"', 'ixx="1e200"', 1), "inertia: expected moments below 1e.09"),
     "mass missing": (SOUND.replace('mass value="1.5"', "mass", 1), "mass: expected a finite number, got none"),
     "inertia below 0": (SOUND.replace('ixx="0.02"', 'ixx="-1"', 1), "'upper' inertia: expected moments of inertia"),
     "inertia is text": (SOUND.replace('iyy="0.02"', 'iyy=""', 1), "'upper' iyy: expected a finite number, got ''"),

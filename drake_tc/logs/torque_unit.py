@@ -1,0 +1,74 @@
+"""The unit of a torque column, by the declared rotor inertia.
+
+In the balance  y = (tau + J qddot + f_v qdot + f_c sign(qdot)) / K  the drive gain K takes up any unit of the torque,
+but the ratio of the coefficients of qddot and tau is the rotor inertia J in the torque's unit. Where J is declared and
+the ratio is 1000 times as large, the column is in mN*m.
+"""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from drake_tc.errors import LogError
+from drake_tc.logs.plausible import derivative
+from drake_tc.logs.record import Run
+from drake_tc.logs.rig import Rig
+from drake_tc.logs.units import scale_of
+from drake_tc.types import IntArray
+
+UNITS: Mapping[str, float] = {"mN*m": 1e3, "kN*m": 1e-3, "kgf*cm": 10.1972, "9.80665": 0.101972, "0.112985": 8.85075}
+"""What a rig file may say of the column (a number is the factor to N*m) and how much of it is one N*m."""
+NEAR = 0.07
+"""Relative distance from such a factor."""
+PARTS = 3
+"""Parts of a run that must all say so, too."""
+ALIKE = 1.6
+"""Factor within which each part does."""
+LEAST_ROWS = 50
+
+
+def check_torque_unit(runs: Sequence[Run], rig: Rig) -> None:
+    """Refuse torque columns of an unstated unit that the declared rotor inertia contradicts in every run.
+
+    Raises:
+        LogError: names file, column and unit.
+    """
+    for joint in rig.joints:
+        inertia, name = rig.known(joint, "rotor_inertia"), f"{joint}/torque"
+        if inertia <= 0.0 or rig.load[joint] != "torque" or scale_of(name, rig.units).stated:
+            continue
+        units = {_unit_of(run, rig, joint) for run in runs}
+        if len(units) == 1 and (unit := units.pop()):
+            shown = f"units of {unit} N*m" if unit[0].isdigit() else unit
+            raise LogError(
+                f"{runs[0].source}: column {rig.columns.get(name, name)!r}: with the declared rotor inertia of"
+                f" {inertia:.4g} kg m^2 of {joint}, inertia and load torque balance if the torque is in"
+                f" {shown}; set units: {{torque: {unit}}} in the rig file"
+                " (or torque: N*m if it is right)"
+            )
+
+
+def _unit_of(run: Run, rig: Rig, joint: str) -> str:
+    """The unit that a run points to, as a whole and in each of its parts; an empty string for none."""
+    usable = np.flatnonzero(run.segment >= 0)
+    if usable.size < PARTS * LEAST_ROWS:
+        return ""
+    declared = rig.known(joint, "rotor_inertia")
+    ratio, *parts = [_inertia(run, rig, joint, rows) / declared for rows in (usable, *np.array_split(usable, PARTS))]
+    unit = next((unit for unit, factor in UNITS.items() if abs(ratio / factor - 1.0) < NEAR), "")
+    return unit if all(ratio / ALIKE < part < ratio * ALIKE for part in parts) else ""
+
+
+def _inertia(run: Run, rig: Rig, joint: str, rows: IntArray) -> float:
+    """Coefficient of qddot over that of tau, of some rows of a run."""
+    q = run.columns[f"{joint}/position"]
+    rate, second = derivative(q, run.period)[rows], derivative(q, run.period, 2)[rows]
+    command = run.columns[rig.command_column(joint)]
+    effort = (command - q if rig.drive[joint] == "position_servo" else command)[rows]
+    slow = float(np.percentile(np.abs(rate), 75)) * 0.2 + 1e-9
+    torque = run.columns[f"{joint}/torque"][rows]
+    columns = np.column_stack([second, torque, rate, np.tanh(rate / slow), np.ones(rows.size)])
+    scale = np.linalg.norm(columns, axis=0)
+    scale = np.where(scale > 0.0, scale, 1.0)
+    inertial, load = (np.linalg.lstsq(columns / scale, effort, rcond=None)[0] / scale)[:2].tolist()
+    return inertial / load if load else 0.0

@@ -1,0 +1,54 @@
+"""Plateaus at the end of a sensor's range are told from those that a joint makes."""
+
+import numpy as np
+import pytest
+
+from drake_tc.logs.saturated_sensor import EDGE, saturated_position, saturated_torque
+
+T = 2e-3 * np.arange(4000)
+SMOOTH = 0.6 * np.sin(2.0 * T) + 0.1 * np.sin(5.0 * T)
+EFFORT = 0.02 * np.sin(3.1 * T)
+
+
+def encoder(values, step=1e-4, noise=5e-5):
+    rng = np.random.default_rng(1)
+    return np.round((values + noise * rng.standard_normal(values.size)) / step) * step
+
+
+@pytest.mark.parametrize("limit", [0.2, 0.4, 0.55])
+@pytest.mark.parametrize("servo", [True, False])
+def test_an_encoder_that_ends_is_found(limit, servo):
+    values = encoder(SMOOTH).clip(-limit, limit)
+    found = saturated_position(values, SMOOTH + EFFORT if servo else None, 1e-4)
+    cut = np.abs(SMOOTH) > limit + 1e-3
+    assert (found[cut]).all()
+    kept = np.abs(SMOOTH) < limit - 1.5 * 2e-3 * (EDGE + 3)
+    assert not found[kept].any()
+
+
+@pytest.mark.parametrize("limit", [2.0, 5.0, 9.0])
+def test_a_torque_sensor_that_ends_is_found_by_its_noise(limit):
+    torque = 10.0 * np.sin(3.1 * T) + 0.1 * np.random.default_rng(2).standard_normal(T.size)
+    found = saturated_torque(torque.clip(-limit, limit))
+    assert found[np.abs(torque) > limit + 0.3].all()
+    assert not found[np.abs(torque) < limit - 2.0].any()
+    assert not saturated_torque(torque).any()
+
+
+def test_joints_that_turn_rest_or_stick_are_left_alone():
+    sticking = np.maximum.accumulate(SMOOTH[:800])
+    cases = {
+        "turns on a coarse grid": encoder(SMOOTH, 0.01, 0.0),
+        "rests at its largest": np.concatenate([SMOOTH[:400], np.full(1500, SMOOTH[:400].max()), SMOOTH[400:2000]]),
+        "sticks where it turned": np.concatenate([sticking, SMOOTH[800:3000]]),
+        "does not move": np.full(T.size, 0.3),
+    }
+    for name, values in cases.items():
+        command = values + 0.02 * np.sin(3.1 * T[: values.size])
+        assert not saturated_position(encoder(values), command, 1e-4).any(), name
+
+
+def test_a_torque_that_rests_at_its_largest_is_no_end_of_a_range():
+    """A simulated joint that holds a weight, without noise: it comes to rest smoothly."""
+    s = np.clip((T - 1.0) / 3.0, 0.0, 1.0)
+    assert not saturated_torque(5.0 * (10.0 * s**3 - 15.0 * s**4 + 6.0 * s**5)).any()

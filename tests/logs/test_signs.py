@@ -1,0 +1,69 @@
+"""Of position, command and torque any may have the wrong sign: the model is the sound one, and the notes say which."""
+
+from itertools import chain, combinations
+
+import pytest
+
+from drake_tc.errors import LogError
+from drake_tc.identification.identify import identify
+from drake_tc.logs.prepare import load_run, load_runs
+
+from .conftest import bench, servo_rig, write
+
+COMMANDS = {"position_servo": "joint/position_command", "voltage": "joint/voltage"}
+NUMBERS = range(3)
+SETS = tuple(chain.from_iterable(combinations(NUMBERS, count) for count in range(1, 4)))
+
+
+def columns_of(drive: str) -> list[str]:
+    return ["joint/position", COMMANDS[drive], "joint/torque"]
+
+
+@pytest.fixture(scope="module", params=COMMANDS)
+def sound(request, tmp_path_factory):
+    rig = servo_rig(drive=request.param, declared={"rotor_inertia": 0.3})
+    path = write(bench(5.0, 2e-3), tmp_path_factory.mktemp("sound") / "run.csv")
+    return request.param, rig, identify([load_run(path, rig)], rig).parameters
+
+
+@pytest.mark.parametrize("velocity", [False, True])
+@pytest.mark.parametrize("turned", SETS)
+def test_wrong_signs_change_no_result(sound, tmp_path, turned, velocity):
+    drive, rig, parameters = sound
+    table = bench(5.0, 2e-3)
+    table = table if velocity else table.drop(columns="joint/velocity")
+    for number in turned:
+        table[columns_of(drive)[number]] *= -1.0
+    path = write(table, tmp_path / "run.csv")
+    if drive == "voltage" and turned in ((0,), (1, 2)):
+        # the same columns mean exchanged ones, with another model
+        with pytest.raises(
+            LogError, match=r"run\.csv: friction and inertia of joint would drive it: column 'joint/pos"
+        ):
+            load_run(path, rig)
+        return
+    run = load_run(path, rig)
+    assert identify([run], rig).parameters == pytest.approx(parameters, rel=1e-9)
+    told = [name for name in columns_of(drive) if any(f"{name} has the wrong sign" in note for note in run.notes)]
+    left = [columns_of(drive)[number] for number in NUMBERS if number not in turned]
+    named = {1: [columns_of(drive)[turned[0]]], 2: left, 3: []}[len(turned)]
+    assert told == named
+
+
+def test_the_velocity_is_turned_with_its_position(tmp_path):
+    table = bench(5.0, 2e-3)
+    table["joint/position"] *= -1.0
+    rig = servo_rig()
+    run = load_run(write(table, tmp_path / "run.csv"), rig)
+    truth = bench(5.0, 2e-3)
+    for name in ("joint/position", "joint/velocity"):
+        assert run.columns[name] == pytest.approx(truth[name].to_numpy(), abs=1e-12)
+
+
+def test_a_delay_is_not_taken_for_a_turned_position(tmp_path):
+    """A command that is logged late makes friction seem to drive the joint; inertia keeps its sign."""
+    for rows in (3, 10, 25):
+        table = bench(5.0, 2e-3)
+        table["joint/voltage"] = table["joint/voltage"].shift(rows)
+        (run,) = load_runs([write(table.iloc[rows:], tmp_path / "run.csv")], servo_rig(drive="voltage"))
+        assert not any("wrong sign" in note for note in run.notes)
