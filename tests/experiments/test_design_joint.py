@@ -11,7 +11,9 @@ from drake_tc.effects.base import Context
 from drake_tc.effects.library import effect
 from drake_tc.errors import ParamsError
 from drake_tc.experiments.design.basis import motion_basis, scaled
-from drake_tc.experiments.design.criteria import Discrimination, Parameters, form_of, remainder, told_apart
+from drake_tc.experiments.design.criteria import Parameters
+from drake_tc.experiments.design.discrimination import Discrimination, told_apart
+from drake_tc.experiments.design.forms import form_of, remainder
 from drake_tc.experiments.design.goal import criterion_of, identity, parse_goal
 from drake_tc.experiments.design.joint import DesignJoint, MotionColumns
 from drake_tc.experiments.design.lead import lead_in, quintic

@@ -5,12 +5,13 @@
 d: direction of motion, smoothed over a small speed so that a solver sees a differentiable function.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.ndimage import minimum_filter1d
 
 from drake_tc.diagnosis.data.sliding import LEAST_TRAVEL
@@ -147,13 +148,23 @@ def _filter_gain(light: float, final: float, step: float, size: int) -> FloatArr
     return np.asarray(first.gain(frequency) * second.gain(frequency))
 
 
+def _late_response(key: str, shape: Mapping[str, float], size: int, step: float) -> NDArray[np.complex128] | None:
+    """Frequency response of a delay, exp(-i w d), or of a lag, 1/(1 + i w T); None for another effect."""
+    turn = 2j * np.pi * np.fft.rfftfreq(size, step)
+    if key in ("delay.loop", "delay.command"):
+        return np.asarray(np.exp(-turn * shape["delay"]))
+    if key == "current_lag":
+        return np.asarray(1.0 / (1.0 + turn * shape["lag"]))
+    return None
+
+
 class BalanceColumns(Protocol):
     """Columns of the balance, of a log or of a designed motion, all filtered alike.
 
     Attributes:
         joint: The joint.
         weight: (T,) of the rows, 0 where the joint does not slide.
-        seconds: Length of the motion [s].
+        seconds: Length of the rows [s].
     """
 
     joint: DesignJoint
@@ -201,7 +212,7 @@ class MotionColumns:
 
     def __init__(self, joint: DesignJoint, motion: FloatArray, step: float, *, periodic: bool = True) -> None:
         """Columns of the motion (4, T) sampled every `step` [s]."""
-        self.joint, self.step = joint, step
+        self.joint, self.step, self._periodic = joint, step, periodic
         self.seconds = motion.shape[1] * step
         self._size = motion.shape[1]
         self._signals = joint.signals(np.tile(motion, (1, 2)) if periodic else motion, step)
@@ -228,8 +239,21 @@ class MotionColumns:
         values = self._signals.effort
         for term in terms:
             if isinstance(term.effect, DriveEffect) and term.effect.shapes:
-                values = term.effect.transform(values, self._signals, term.shape)
+                values = self._transformed(values, term.effect, term.shape)
         return self._reduce(values)
+
+    def _transformed(self, values: FloatArray, member: DriveEffect, shape: Mapping[str, float]) -> FloatArray:
+        """The effort after one drive effect.
+
+        A delay and a lag of a few milliseconds differ by less than what a linear interpolation between the samples of a
+        design loses; of a periodic motion they are computed exactly, by their frequency response.
+        """
+        late = _late_response(member.key, shape, self._size, self.step) if self._periodic else None
+        if late is None:
+            return member.transform(values, self._signals, shape)
+        moved = (self._signals.command if member.key == "delay.command" else values)[-self._size :]
+        changed = np.fft.irfft(np.fft.rfft(moved) * (late - 1.0), self._size)
+        return np.asarray(values + np.tile(changed, 2))
 
     def of(self, term: Term) -> FloatArray:
         """Phi (T, k) of one term."""

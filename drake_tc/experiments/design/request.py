@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -11,11 +11,13 @@ from threadpoolctl import threadpool_limits
 from drake_tc.actuation.model import ActuatorModel
 from drake_tc.actuation.model_file import load_models
 from drake_tc.config.near import near
+from drake_tc.effects.library import LIBRARY
 from drake_tc.errors import ParamsError
 from drake_tc.experiments.design.goal import Goal, parse_goal
 from drake_tc.experiments.design.known import joint_from_logs, joint_from_model, limits_with
 from drake_tc.experiments.design.robot import RobotDesign, RobotOptions, design_robot, robot_limits
 from drake_tc.experiments.design.run import DesignOptions, JointDesign, design_joint
+from drake_tc.experiments.sizes import size_name
 from drake_tc.logs.prepare import load_runs
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig, load_rig
@@ -162,9 +164,20 @@ def _goal_of(entry: Mapping[str, Any]) -> Goal | None:
     """Two effects that were not told apart; else narrower intervals of the effects that were found."""
     ties = entry.get("indistinguishable") or []
     if ties:
-        return parse_goal(f"tell:{ties[0][0]},{ties[0][1]}")
+        return replace(parse_goal(f"tell:{ties[0][0]},{ties[0][1]}"), strengths=_sizes(entry))
     found = [e["id"] for e in entry.get("effects", [])]
     return parse_goal("parameters:" + ",".join(found)) if found else None
+
+
+def _sizes(entry: Mapping[str, Any]) -> dict[str, float]:
+    """Sizes of the effects that a report found, by id: each by the parameter that tells its size."""
+    out = {}
+    for found in entry.get("effects", []):
+        for name in {size_name(form)[0] for form in LIBRARY if form.id == found["id"]}:
+            value = found["parameters"].get(name, {}).get("value")
+            if value:
+                out[str(found["id"])] = abs(float(value))
+    return out
 
 
 def _report(path: Path) -> dict[str, Any]:

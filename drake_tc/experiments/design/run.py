@@ -7,7 +7,8 @@ import numpy as np
 
 from drake_tc.diagnosis.problem.prepared import Prepared
 from drake_tc.experiments.design.basis import BasisKind, MotionBasis, motion_basis, scaled
-from drake_tc.experiments.design.criteria import Criterion, Discrimination, Everything, Parameters
+from drake_tc.experiments.design.criteria import Criterion, Everything, Parameters
+from drake_tc.experiments.design.discrimination import Discrimination, together
 from drake_tc.experiments.design.goal import Goal, criterion_of
 from drake_tc.experiments.design.joint import BalanceColumns, DesignJoint, LogColumns, MotionColumns
 from drake_tc.experiments.design.lead import lead_in, quintic
@@ -21,6 +22,8 @@ PERIOD = 10.0
 """Period of the motion [s], about: the experiment holds a whole number of them."""
 STEP = 0.005
 """Time between the samples of a design [s]."""
+FINE = 1e-3
+"""The same of the motion with which it is compared, which is computed once [s]."""
 DEFAULT_HZ = 0.4
 """Frequency of the growing sinusoid with which a design is compared [Hz]."""
 
@@ -150,20 +153,20 @@ def design_joint(
         progress=progress,
     )
     designed = MotionColumns(joint, basis.motion(found.x), basis.step)
-    default = MotionColumns(joint, default_motion(limits, options.duration), STEP, periodic=False)
+    default = MotionColumns(joint, default_motion(limits, options.duration, FINE), FINE, periodic=False)
     before = None if logs is None else LogColumns(joint, logs.train)
     expected, sentences = _expected(criterion, before, default, designed)
     return JointDesign(joint, goal, limits, basis, found, repeats, expected, sentences)
 
 
-def default_motion(limits: JointLimits, duration: float) -> FloatArray:
+def default_motion(limits: JointLimits, duration: float, step: float = STEP) -> FloatArray:
     """(4, T) growing sinusoid of the same length and limits, which fills them at its end."""
-    time: FloatArray = np.asarray(np.arange(round(duration / STEP)) * STEP, dtype=np.float64)
+    time: FloatArray = np.asarray(np.arange(round(duration / step)) * step, dtype=np.float64)
     low, high = limits.position
     bounds = MotionLimits(limits.position, limits.velocity, limits.acceleration)
     half = 0.5 * (high - low)
     made = growing_sinusoid(time, DEFAULT_HZ, 0.05 * half, 0.95 * half / duration, bounds, 0.5 * (low + high))
-    jerk = np.gradient(made.acceleration, STEP)
+    jerk = np.gradient(made.acceleration, step)
     return np.stack([made.position, made.velocity, made.acceleration, jerk])
 
 
@@ -182,19 +185,26 @@ def _expected(
 def _of_discrimination(
     criterion: Discrimination, before: BalanceColumns | None, default: BalanceColumns, designed: BalanceColumns
 ) -> tuple[tuple[Expected, ...], tuple[str, ...]]:
-    distances = [None if c is None else criterion.distances(c) for c in (before, default, designed)]
-    chances = [float("nan") if d is None else criterion.probability(d) for d in distances]
-    rows = [Expected("probability of being told apart by these runs alone", "-", *chances)]
+    chances, rows = [float("nan")], []
+    found = [criterion.distances(columns) for columns in (default, designed)]
+    moving = [criterion.duration * float(np.mean(columns.weight)) for columns in (default, designed)]
+    own = None if before is None else criterion.distances(before, before.seconds)
+    if before is not None and own is not None:
+        chances = [criterion.probability(own, before.seconds)]
+        found, moving = [together(own, each) for each in found], [before.seconds + each for each in moving]
+    chances += [criterion.probability(each, seconds) for each, seconds in zip(found, moving, strict=True)]
+    rows = [Expected("probability of being told apart", "-", *chances)]
     for truth, other in criterion.orders:
         key = truth.effect.key, other.effect.key
-        values = [float("nan") if d is None else float(np.sqrt(np.median(d[key]))) for d in distances]
+        values = [float("nan") if d is None else float(np.sqrt(np.min(d[key]))) for d in (own, *found)]
         rows.append(Expected(f"{key[0]} fitted by {key[1]}: distance in standard deviations", "-", *values))
     names = " and ".join(
         f"{form.effect.key} ({form.strength:.3g} {form.size.unit})".replace(" -)", ")")
         for form in (criterion.orders[0][0], criterion.orders[0][1])
     )
-    text = f"The designed motion alone tells {names} apart with a probability of {100.0 * rows[0].after:.0f} %"
-    text += f"; a growing sinusoid of the same length and limits does so with {100.0 * rows[0].default:.0f} %."
+    runs = "The designed motion" if before is None else "The runs so far with the designed motion"
+    text = f"{runs} would tell {names} apart with a probability of {100.0 * rows[0].after:.0f} %"
+    text += f"; with a growing sinusoid of the same length and limits it would be {100.0 * rows[0].default:.0f} %."
     more: tuple[str, ...] = ()
     if rows[0].after < 0.5:
         more = (
