@@ -91,7 +91,7 @@ def design_command(
         print(json.dumps(document, indent=1))
     else:
         print("\n".join(lines))
-        print(out / FILES[3])
+        print(out / FILES[-1])
 
 
 def _require(basis: str, criterion: str, duration: float, rate: float) -> None:

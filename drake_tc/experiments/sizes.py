@@ -12,6 +12,7 @@ import numpy as np
 
 from drake_tc.effects.base import Context, DriveEffect, Effect
 from drake_tc.effects.context import EFFORT_UNIT
+from drake_tc.effects.library import LIBRARY
 from drake_tc.types import FloatArray
 
 PAYLOAD_ARM = 0.035
@@ -85,6 +86,16 @@ def size_name(effect: Effect) -> tuple[str, str]:
     """Name and unit of the number that tells how strong an effect is."""
     parameter = effect.parameters[0] if effect.parameters else None
     return NAMES.get(effect.key, (parameter.name, parameter.unit) if parameter else ("size", "-"))
+
+
+def sizes_found(parameters: Mapping[str, Mapping[str, float | None]]) -> dict[str, float]:
+    """Sizes of effects by id, without their signs, from their parameters as a report lists them by id."""
+    out = {}
+    for member in LIBRARY:
+        value = parameters.get(member.id, {}).get(size_name(member)[0])
+        if value:
+            out[member.id] = abs(float(value))
+    return out
 
 
 def size_of(effect: Effect, numbers: JointNumbers, context: Context) -> Size:

@@ -38,11 +38,18 @@ class Discrimination(Criterion):
         joint: The joint.
         orders: (truth, other) of both orders; of one where the other model contains the truth.
         duration: Of the experiment [s].
+        contained: (truth, other, proof) of an order in which the other model contains the truth.
     """
 
     joint: DesignJoint
     orders: tuple[tuple[EffectForm, EffectForm], ...]
     duration: float
+    contained: tuple[tuple[str, str, str], ...] = ()
+
+    @property
+    def late(self) -> bool:
+        """Whether the two are a delay and a lag, which one run must tell apart by itself."""
+        return all(is_late(form.effect) for form in self.orders[0])
 
     def distances(self, columns: BalanceColumns, duration: float | None = None) -> Distances:
         """T of both orders, over `duration` [s] of rows like these; None for that of the experiment."""
@@ -76,8 +83,7 @@ class Discrimination(Criterion):
             seconds: Length of all those runs together [s].
         """
         worst = min(float(np.min(each)) for each in distances.values())
-        late = all(is_late(form.effect) for form in self.orders[0])
-        return told_apart(worst, self.joint.independent_per_second * seconds, late=late)
+        return told_apart(worst, self.joint.independent_per_second * seconds, late=self.late)
 
 
 def together(first: Distances, second: Distances) -> Distances:
@@ -90,7 +96,7 @@ def told_apart(distance: float, independent: float, *, late: bool = False) -> fl
 
     The difference of the squared errors is normal with mean T and variance 4 T in units of the noise. A diagnosis lists
     two effects as indistinguishable unless it is positive in 98 % of the resamples and the error rises by 2 %; a delay
-    and a lag unless the better one explains half a noise floor more.
+    and a lag unless the better one explains half a noise floor more of a run.
 
     Args:
         distance: T.

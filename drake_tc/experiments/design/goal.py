@@ -89,10 +89,10 @@ def criterion_of(goal: Goal, joint: DesignJoint, duration: float, *, smallest: b
     if goal.kind == "tell":
         forms = _alike_late([_form(joint, key, goal) for key in goal.effects], goal)
         require_different(joint, forms[0], forms[1])
-        pairs = ((forms[0], forms[1]), (forms[1], forms[0]))
         # of two models one of which contains the other, only the larger one can be told from the other
+        pairs = ((forms[0], forms[1]), (forms[1], forms[0]))
         orders = tuple(pair for pair in pairs if identity(joint, *pair) is None)
-        return Discrimination(joint, orders, duration)
+        return Discrimination(joint, orders, duration, tuple(each for pair in pairs for each in _ties(joint, *pair)))
     if goal.kind == "parameters":
         return Parameters(joint, tuple(_form(joint, key, goal) for key in goal.effects), duration, smallest)
     taken = {t.effect.id for t in joint.declared} | set(joint.context.declared)
@@ -159,6 +159,22 @@ def require_different(joint: DesignJoint, first: EffectForm, second: EffectForm)
             f"{first.effect.key} and {second.effect.key} are the same function while the joint slides, so no motion "
             f"tells them apart: {proof}; {_isolated(first.effect.id)}, or {_isolated(second.effect.id)}"
         )
+
+
+def _ties(joint: DesignJoint, truth: EffectForm, other: EffectForm) -> list[tuple[str, str, str]]:
+    """(truth, form, proof) for the forms of the other effect that contain the truth with no more parameters.
+
+    A diagnosis takes the model with fewer parameters, so that a larger one that contains the truth is no rival.
+    """
+    out = []
+    for member in looked_for(joint.context):
+        small = member.degrees_of_freedom <= truth.effect.degrees_of_freedom
+        if member.id != other.effect.id or not small or member.unavailable(joint.context):
+            continue
+        proof = identity(joint, truth, form_of(joint, member.key, size_of(member, joint.numbers, joint.context)))
+        if proof is not None:
+            out.append((truth.effect.key, member.key, proof))
+    return out
 
 
 def identity(joint: DesignJoint, truth: EffectForm, other: EffectForm) -> str | None:

@@ -11,13 +11,12 @@ from threadpoolctl import threadpool_limits
 from drake_tc.actuation.model import ActuatorModel
 from drake_tc.actuation.model_file import load_models
 from drake_tc.config.near import near
-from drake_tc.effects.library import LIBRARY
 from drake_tc.errors import ParamsError
 from drake_tc.experiments.design.goal import Goal, parse_goal
 from drake_tc.experiments.design.known import joint_from_logs, joint_from_model, limits_with
 from drake_tc.experiments.design.robot import RobotDesign, RobotOptions, design_robot, robot_limits
 from drake_tc.experiments.design.run import DesignOptions, JointDesign, design_joint
-from drake_tc.experiments.sizes import size_name
+from drake_tc.experiments.sizes import sizes_found
 from drake_tc.logs.prepare import load_runs
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig, load_rig
@@ -170,14 +169,13 @@ def _goal_of(entry: Mapping[str, Any]) -> Goal | None:
 
 
 def _sizes(entry: Mapping[str, Any]) -> dict[str, float]:
-    """Sizes of the effects that a report found, by id: each by the parameter that tells its size."""
-    out = {}
-    for found in entry.get("effects", []):
-        for name in {size_name(form)[0] for form in LIBRARY if form.id == found["id"]}:
-            value = found["parameters"].get(name, {}).get("value")
-            if value:
-                out[str(found["id"])] = abs(float(value))
-    return out
+    """Sizes of the effects that a report found, by id."""
+    return sizes_found(
+        {
+            found["id"]: {name: each.get("value") for name, each in found.get("parameters", {}).items()}
+            for found in entry.get("effects", [])
+        }
+    )
 
 
 def _report(path: Path) -> dict[str, Any]:

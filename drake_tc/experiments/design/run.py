@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.interpolate import BPoly
 
 from drake_tc.diagnosis.problem.prepared import Prepared
 from drake_tc.experiments.design.basis import BasisKind, MotionBasis, motion_basis, scaled
@@ -14,6 +15,7 @@ from drake_tc.experiments.design.joint import BalanceColumns, DesignJoint, LogCo
 from drake_tc.experiments.design.lead import lead_in, quintic
 from drake_tc.experiments.design.limits import JointLimits
 from drake_tc.experiments.design.solve import Optimum, optimise
+from drake_tc.experiments.design.wider import what_limits
 from drake_tc.identification.excitation import MotionLimits, growing_sinusoid
 from drake_tc.types import FloatArray
 
@@ -24,6 +26,8 @@ STEP = 0.005
 """Time between the samples of a design [s]."""
 FINE = 1e-3
 """The same of the motion with which it is compared, which is computed once [s]."""
+TOLD = 0.8
+"""Probability of being told apart, below which the page says which limit stands in the way."""
 DEFAULT_HZ = 0.4
 """Frequency of the growing sinusoid with which a design is compared [Hz]."""
 
@@ -75,6 +79,7 @@ class JointDesign:
         repeats: Periods in the experiment.
         expected: What it is expected to bring.
         sentences: The same in words.
+        contained: (truth, other, proof) of an effect that the other one contains: no motion rules that other out.
     """
 
     joint: DesignJoint
@@ -85,6 +90,7 @@ class JointDesign:
     repeats: int
     expected: tuple[Expected, ...]
     sentences: tuple[str, ...]
+    contained: tuple[tuple[str, str, str], ...] = ()
 
     def motion(self, rate_hz: float) -> tuple[FloatArray, FloatArray]:
         """(time (T,), motion (4, T)) of the whole experiment at a rate [Hz]; it begins and ends at rest."""
@@ -96,7 +102,8 @@ class JointDesign:
         grid = np.arange(one.shape[1] + 1) * self.basis.step
         closed = np.concatenate([one, one[:, :1]], axis=1)
         place = np.mod(time - length, self.basis.period)
-        out = np.stack([np.interp(place, grid, row) for row in closed])
+        spline = BPoly.from_derivatives(grid, closed[:3].T)
+        out = np.stack([spline(place, order) for order in range(4)])
         begin, end = time < length, time > length + whole
         start = np.array([rest, 0.0, 0.0])
         out[:, begin] = quintic(start, state, length, time[begin])
@@ -156,7 +163,10 @@ def design_joint(
     default = MotionColumns(joint, default_motion(limits, options.duration, FINE), FINE, periodic=False)
     before = None if logs is None else LogColumns(joint, logs.train)
     expected, sentences = _expected(criterion, before, default, designed)
-    return JointDesign(joint, goal, limits, basis, found, repeats, expected, sentences)
+    if isinstance(criterion, Discrimination) and expected[0].after < TOLD:
+        sentences = (*sentences, what_limits(joint, limits, criterion, basis, options.seed))
+    contained = criterion.contained if isinstance(criterion, Discrimination) else ()
+    return JointDesign(joint, goal, limits, basis, found, repeats, expected, sentences, contained)
 
 
 def default_motion(limits: JointLimits, duration: float, step: float = STEP) -> FloatArray:
@@ -191,7 +201,8 @@ def _of_discrimination(
     own = None if before is None else criterion.distances(before, before.seconds)
     if before is not None and own is not None:
         chances = [criterion.probability(own, before.seconds)]
-        found, moving = [together(own, each) for each in found], [before.seconds + each for each in moving]
+        if not criterion.late:
+            found, moving = [together(own, each) for each in found], [before.seconds + each for each in moving]
     chances += [criterion.probability(each, seconds) for each, seconds in zip(found, moving, strict=True)]
     rows = [Expected("probability of being told apart", "-", *chances)]
     for truth, other in criterion.orders:
@@ -205,12 +216,11 @@ def _of_discrimination(
     runs = "The designed motion" if before is None else "The runs so far with the designed motion"
     text = f"{runs} would tell {names} apart with a probability of {100.0 * rows[0].after:.0f} %"
     text += f"; with a growing sinusoid of the same length and limits it would be {100.0 * rows[0].default:.0f} %."
-    more: tuple[str, ...] = ()
-    if rows[0].after < 0.5:
-        more = (
-            "Within these limits no motion that was found separates the two well: the limits, and not the search, are "
-            "what is missing. Wider limits of acceleration and speed help most.",
-        )
+    more = [
+        f"Where {truth} alone is the cause, no motion rules {other} out, which is the same function while the joint "
+        f"slides: {proof}."
+        for truth, other, proof in criterion.contained
+    ]
     return tuple(rows), (text, *more)
 
 
