@@ -113,7 +113,8 @@ def run_cases(pairs: Sequence[Pair], seed: int, progress: Progress = lambda text
         cases[i] = _designed(replace(case, first=tuple(made)))
         progress(f"designed {case.truth} against {case.other}", 0.6 * (i + 1) / len(cases))
     ready = [case for case in cases if not case.refusal]
-    records = integrated([c.spec for c in ready for _ in c.later], [run for c in ready for run in c.later])
+    later = [run for c in ready for run in c.later]
+    records = integrated([c.spec for c in ready for _ in c.later], later) if later else []
     out = [LoopCase(c.truth, c.other, c.seed, False, False, False, c.refusal) for c in cases if c.refusal]
     for i, case in enumerate(ready):
         answers = []
