@@ -50,9 +50,8 @@ class EffectForm:
 
     def _at_sizes(self, columns: BalanceColumns, sizes: FloatArray) -> FloatArray:
         """(T, g) contribution [N m] of an effect whose size is its shape, at several sizes."""
-        before, name = columns.effort(()), self.size.name
-        made = [columns.effort([Term(self.effect, {name: float(size)})]) - before for size in sizes]
-        return np.stack(made, axis=-1) / columns.joint.numbers.gain
+        terms = [Term(self.effect, {self.size.name: float(size)}) for size in sizes]
+        return np.asarray(columns.changes(terms) / columns.joint.numbers.gain)
 
     def left(self, declared: "Projection", columns: BalanceColumns, targets: FloatArray) -> FloatArray:
         """(p,) smallest sums of squares that a fit with this effect leaves of targets (T, p), over all its parameters.

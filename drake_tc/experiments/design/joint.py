@@ -5,7 +5,7 @@
 d: direction of motion, smoothed over a small speed so that a solver sees a differentiable function.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Protocol
@@ -148,14 +148,12 @@ def _filter_gain(light: float, final: float, step: float, size: int) -> FloatArr
     return np.asarray(first.gain(frequency) * second.gain(frequency))
 
 
-def _late_response(key: str, shape: Mapping[str, float], size: int, step: float) -> NDArray[np.complex128] | None:
-    """Frequency response of a delay, exp(-i w d), or of a lag, 1/(1 + i w T); None for another effect."""
-    turn = 2j * np.pi * np.fft.rfftfreq(size, step)
-    if key in ("delay.loop", "delay.command"):
-        return np.asarray(np.exp(-turn * shape["delay"]))
-    if key == "current_lag":
-        return np.asarray(1.0 / (1.0 + turn * shape["lag"]))
-    return None
+LATE_RESPONSES: Mapping[str, Callable[[NDArray[np.complex128], float], NDArray[np.complex128]]] = {
+    "delay.loop": lambda turn, delay: np.exp(-turn * delay),
+    "delay.command": lambda turn, delay: np.exp(-turn * delay),
+    "current_lag": lambda turn, lag: 1.0 / (1.0 + turn * lag),
+}
+"""Frequency responses of delays, exp(-i w d), and of a lag, 1/(1 + i w T), by effect key."""
 
 
 class BalanceColumns(Protocol):
@@ -174,11 +172,20 @@ class BalanceColumns(Protocol):
     def effort(self, terms: Sequence[Term]) -> FloatArray:
         """y* (T,) after the drive effects among the terms."""
 
+    def changes(self, terms: Sequence[Term]) -> FloatArray:
+        """(T, g) change of y* by each of several drive effects alone."""
+
     def of(self, term: Term) -> FloatArray:
         """Phi (T, k) of one term."""
 
     def design(self, terms: Sequence[Term]) -> FloatArray:
         """[y*, -phi ...] (T, 1 + sum k)."""
+
+
+def _changes(columns: BalanceColumns, terms: Sequence[Term]) -> FloatArray:
+    """(T, g) change of y* by each term alone, one after the other."""
+    before = columns.effort(())
+    return np.stack([columns.effort([term]) - before for term in terms], axis=-1)
 
 
 class LogColumns:
@@ -193,6 +200,10 @@ class LogColumns:
     def effort(self, terms: Sequence[Term]) -> FloatArray:
         """y* (N,)."""
         return self._columns.effort(terms)
+
+    def changes(self, terms: Sequence[Term]) -> FloatArray:
+        """(N, g)."""
+        return _changes(self, terms)
 
     def of(self, term: Term) -> FloatArray:
         """Phi (N, k)."""
@@ -239,21 +250,23 @@ class MotionColumns:
         values = self._signals.effort
         for term in terms:
             if isinstance(term.effect, DriveEffect) and term.effect.shapes:
-                values = self._transformed(values, term.effect, term.shape)
+                values = term.effect.transform(values, self._signals, term.shape)
         return self._reduce(values)
 
-    def _transformed(self, values: FloatArray, member: DriveEffect, shape: Mapping[str, float]) -> FloatArray:
-        """The effort after one drive effect.
+    def changes(self, terms: Sequence[Term]) -> FloatArray:
+        """(T, g) change of y* by each of several drive effects alone.
 
         A delay and a lag of a few milliseconds differ by less than what a linear interpolation between the samples of a
         design loses; of a periodic motion they are computed exactly, by their frequency response.
         """
-        late = _late_response(member.key, shape, self._size, self.step) if self._periodic else None
-        if late is None:
-            return member.transform(values, self._signals, shape)
-        moved = (self._signals.command if member.key == "delay.command" else values)[-self._size :]
-        changed = np.fft.irfft(np.fft.rfft(moved) * (late - 1.0), self._size)
-        return np.asarray(values + np.tile(changed, 2))
+        first = terms[0].effect.key
+        if not self._periodic or first not in LATE_RESPONSES or any(t.effect.key != first for t in terms):
+            return _changes(self, terms)
+        moved = (self._signals.command if first == "delay.command" else self._signals.effort)[-self._size :]
+        turn = 2j * np.pi * np.fft.rfftfreq(self._size, self.step)
+        late = np.stack([LATE_RESPONSES[first](turn, *term.shape.values()) for term in terms])
+        changed = np.fft.irfft(np.fft.rfft(moved) * self._gain * (late - 1.0), self._size)
+        return np.asarray(changed.T)
 
     def of(self, term: Term) -> FloatArray:
         """Phi (T, k) of one term."""

@@ -2,8 +2,9 @@
 
 For each pair of effects and each of the two as the truth, a joint is drawn and simulated by the independent simulator
 with short, slow first runs. A diagnosis of these is followed by one more run of 30 s within the same limits: the
-designed motion, or a growing sinusoid. Both are judged by the same rule: the true effect is named, the other one is
-not, and the report does not list the two as indistinguishable.
+designed motion, or a growing sinusoid. That run is fitted and a first run is held out: fitted together, the first runs
+would be asked to predict what only the new one shows. Both are judged by the same rule: the true effect is named, the
+other one is not, and the report does not list the two as indistinguishable.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -120,7 +121,7 @@ def run_cases(pairs: Sequence[Pair], seed: int, progress: Progress = lambda text
         answers = []
         for k, run in enumerate(case.later):
             more = case.simulated.measured(records[2 * i + k], run, np.random.default_rng([seed, i, k, 6]))
-            answers.append(_told(case.rig, [*case.first[:-1], more], case.first[-1:], case.truth, case.other)[0])
+            answers.append(_told(case.rig, [more], case.first[-1:], case.truth, case.other)[0])
         out.append(LoopCase(case.truth, case.other, seed, case.told, answers[0], answers[1]))
         progress(f"answered {case.truth} against {case.other}", 0.6 + 0.4 * (i + 1) / len(ready))
     return out
