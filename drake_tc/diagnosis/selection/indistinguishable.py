@@ -86,7 +86,8 @@ def _within_resolution(chosen: FloatArray, other: FloatArray, floor: float) -> b
     residual is such noise is known roughly, and an order that rests on it tells nothing.
 
     Args:
-        chosen: Errors (1 + r, 2) of `_errors`. other: of the fit with the other effect.
+        chosen: Errors (1 + r, 2) of `_errors`.
+        other: The same of the fit with the other effect.
         floor: Noise floor [effort].
     """
     enough = other**2 - chosen**2 >= (JOINT.least_removed * floor) ** 2

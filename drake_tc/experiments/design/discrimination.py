@@ -46,11 +46,6 @@ class Discrimination(Criterion):
     duration: float
     contained: tuple[tuple[str, str, str], ...] = ()
 
-    @property
-    def late(self) -> bool:
-        """Whether the two are a delay and a lag, which one run must tell apart by itself."""
-        return all(is_late(form.effect) for form in self.orders[0])
-
     def distances(self, columns: BalanceColumns, duration: float | None = None) -> Distances:
         """T of both orders, over `duration` [s] of rows like these; None for that of the experiment."""
         declared = Projection(columns.design(self.joint.declared), columns.weight)
@@ -79,16 +74,12 @@ class Discrimination(Criterion):
         """That a diagnosis tells the true effect from the other one, for the worst order, sign and shape.
 
         Args:
-            distances: Of `distances`, or sums of them over several runs.
-            seconds: Length of all those runs together [s].
+            distances: Of `distances`.
+            seconds: Length of the rows that they come from [s].
         """
         worst = min(float(np.min(each)) for each in distances.values())
-        return told_apart(worst, self.joint.independent_per_second * seconds, late=self.late)
-
-
-def together(first: Distances, second: Distances) -> Distances:
-    """T of two experiments, at least: the parameters that imitate best in the one may not do so in the other."""
-    return {key: first[key] + second[key] for key in first}
+        late = all(is_late(form.effect) for form in self.orders[0])
+        return told_apart(worst, self.joint.independent_per_second * seconds, late=late)
 
 
 def told_apart(distance: float, independent: float, *, late: bool = False) -> float:

@@ -17,8 +17,8 @@ import numpy as np
 
 from drake_tc.effects.library import effect, looked_for
 from drake_tc.errors import ParamsError
-from drake_tc.experiments.check.visibility import Noise
 from drake_tc.experiments.check.contributions import is_late
+from drake_tc.experiments.check.visibility import Noise
 from drake_tc.experiments.design.criteria import Criterion, Everything, Parameters
 from drake_tc.experiments.design.discrimination import Discrimination
 from drake_tc.experiments.design.forms import EffectForm, form_of

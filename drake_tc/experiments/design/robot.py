@@ -109,7 +109,13 @@ def _with_leads(
 
 @dataclass(frozen=True)
 class RobotOptions:
-    """How a robot's motion is looked for: see `design.run.DesignOptions`. distance: between links, at least [m]. scene: around it."""
+    """How a robot's motion is looked for: see `design.run.DesignOptions`.
+
+    Attributes:
+        duration, basis, smallest, starts, iterations, seed: As there.
+        distance: Between links, and from the scene, at least [m].
+        scene: File of what stands around the robot.
+    """
 
     duration: float = 30.0
     basis: BasisKind = "fourier"

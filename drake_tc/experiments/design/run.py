@@ -9,7 +9,7 @@ from scipy.interpolate import BPoly
 from drake_tc.diagnosis.problem.prepared import Prepared
 from drake_tc.experiments.design.basis import BasisKind, MotionBasis, motion_basis, scaled
 from drake_tc.experiments.design.criteria import Criterion, Everything, Parameters
-from drake_tc.experiments.design.discrimination import Discrimination, together
+from drake_tc.experiments.design.discrimination import Discrimination
 from drake_tc.experiments.design.goal import Goal, criterion_of
 from drake_tc.experiments.design.joint import BalanceColumns, DesignJoint, LogColumns, MotionColumns
 from drake_tc.experiments.design.lead import lead_in, quintic
@@ -28,6 +28,10 @@ FINE = 1e-3
 """The same of the motion with which it is compared, which is computed once [s]."""
 TOLD = 0.8
 """Probability of being told apart, below which the page says which limit stands in the way."""
+REFIT = (
+    "Give the new run as --log and the earlier ones as --holdout: fitted together, earlier runs would have to predict "
+    "what only the new one shows."
+)
 DEFAULT_HZ = 0.4
 """Frequency of the growing sinusoid with which a design is compared [Hz]."""
 
@@ -195,16 +199,12 @@ def _expected(
 def _of_discrimination(
     criterion: Discrimination, before: BalanceColumns | None, default: BalanceColumns, designed: BalanceColumns
 ) -> tuple[tuple[Expected, ...], tuple[str, ...]]:
-    chances, rows = [float("nan")], []
-    found = [criterion.distances(columns) for columns in (default, designed)]
-    moving = [criterion.duration * float(np.mean(columns.weight)) for columns in (default, designed)]
     own = None if before is None else criterion.distances(before, before.seconds)
-    if before is not None and own is not None:
-        chances = [criterion.probability(own, before.seconds)]
-        if not criterion.late:
-            found, moving = [together(own, each) for each in found], [before.seconds + each for each in moving]
-    chances += [criterion.probability(each, seconds) for each, seconds in zip(found, moving, strict=True)]
-    rows = [Expected("probability of being told apart", "-", *chances)]
+    chances = [float("nan") if before is None or own is None else criterion.probability(own, before.seconds)]
+    found = [criterion.distances(columns) for columns in (default, designed)]
+    for columns, each in zip((default, designed), found, strict=True):
+        chances.append(criterion.probability(each, criterion.duration * float(np.mean(columns.weight))))
+    rows = [Expected("probability of being told apart by these runs alone", "-", *chances)]
     for truth, other in criterion.orders:
         key = truth.effect.key, other.effect.key
         values = [float("nan") if d is None else float(np.sqrt(np.min(d[key]))) for d in (own, *found)]
@@ -213,10 +213,10 @@ def _of_discrimination(
         f"{form.effect.key} ({form.strength:.3g} {form.size.unit})".replace(" -)", ")")
         for form in (criterion.orders[0][0], criterion.orders[0][1])
     )
-    runs = "The designed motion" if before is None else "The runs so far with the designed motion"
-    text = f"{runs} would tell {names} apart with a probability of {100.0 * rows[0].after:.0f} %"
-    text += f"; with a growing sinusoid of the same length and limits it would be {100.0 * rows[0].default:.0f} %."
-    more = [
+    text = f"The designed motion tells {names} apart with a probability of {100.0 * rows[0].after:.0f} %"
+    text += f"; a growing sinusoid of the same length and limits does so with {100.0 * rows[0].default:.0f} %."
+    more = [] if before is None else [REFIT]
+    more += [
         f"Where {truth} alone is the cause, no motion rules {other} out, which is the same function while the joint "
         f"slides: {proof}."
         for truth, other, proof in criterion.contained

@@ -19,7 +19,8 @@ def what_limits(joint: DesignJoint, limits: JointLimits, criterion: Criterion, b
     """One sentence: the limit whose doubling brings most, by the best of the same random motions and single waves.
 
     Args:
-        joint: The joint. limits: That were kept.
+        joint: The joint.
+        limits: That were kept.
         criterion: log of a squared distance.
         basis: Kind, period and step of the motion.
         seed: Of the random motions.

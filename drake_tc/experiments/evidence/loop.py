@@ -190,9 +190,7 @@ def _clock(seconds: float) -> FloatArray:
     return np.asarray(np.arange(round(seconds / LOG_PERIOD) + 1) * LOG_PERIOD, dtype=np.float64)
 
 
-def _told(
-    rig: Rig, train: Sequence[Run], held: Sequence[Run], truth: str, other: str
-) -> tuple[bool, dict[str, float]]:
+def _told(rig: Rig, train: Sequence[Run], held: Sequence[Run], truth: str, other: str) -> tuple[bool, dict[str, float]]:
     """Whether a diagnosis names the true effect, not the other one, and does not call the two indistinguishable.
 
     Also the sizes of those of the two that it names, from which a design starts.
