@@ -104,7 +104,8 @@ def test_a_posture_in_which_links_touch_is_refused(arm, tmp_path):
 
 
 TABLE = """<sdf version="1.7"><model name="table"><static>{static}</static><pose>0.6 0 {height} 0 0 0</pose>
-<link name="top"><collision name="c"><geometry><box><size>0.8 2 0.04</size></box></geometry></collision></link></model></sdf>"""
+<link name="top"><collision name="c">
+<geometry><box><size>0.8 2 0.04</size></box></geometry></collision></link></model></sdf>"""
 
 
 @pytest.mark.parametrize("static", ["true", "false"])

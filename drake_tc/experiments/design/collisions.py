@@ -93,7 +93,7 @@ def _add_scene(plant: Any, scene: Path) -> None:
     """The models of a file, fixed to the world."""
     before = plant.num_collision_geometries()
     try:
-        models = Parser(plant).AddModels(str(scene))
+        models = Parser(plant).AddModels(scene)
     except (RuntimeError, ValueError) as error:
         reason = " ".join(str(error).partition("error: ")[2].split()) or " ".join(str(error).split())
         raise ParamsError(f"--scene {scene}: expected a URDF, SDF or MJCF that Drake reads; {reason}") from None

@@ -112,7 +112,7 @@ def _least_in_box(span: FloatArray, targets: FloatArray, low: FloatArray, high: 
     gram, moments = span.T @ span, span.T @ targets
     out = np.sum(targets**2, axis=0)
     if not gram.any():
-        return out
+        return np.asarray(out)
     for j in range(targets.shape[1]):
         theta = solve_bounded(gram, moments[:, j], low, high)
         out[j] += theta @ gram @ theta - 2.0 * moments[:, j] @ theta
