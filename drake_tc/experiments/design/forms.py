@@ -110,9 +110,9 @@ def _least_on_path(path: FloatArray, targets: FloatArray) -> FloatArray:
 def _least_in_box(span: FloatArray, targets: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
     """(p,) smallest squared distance of targets (T, p) from span (T, k) times coefficients between bounds."""
     gram, moments = span.T @ span, span.T @ targets
-    out = np.sum(targets**2, axis=0)
+    out: FloatArray = np.asarray(np.sum(targets**2, axis=0))
     if not gram.any():
-        return np.asarray(out)
+        return out
     for j in range(targets.shape[1]):
         theta = solve_bounded(gram, moments[:, j], low, high)
         out[j] += theta @ gram @ theta - 2.0 * moments[:, j] @ theta

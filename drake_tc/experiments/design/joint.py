@@ -263,7 +263,7 @@ class MotionColumns:
         if not self._periodic or first not in LATE_RESPONSES or any(t.effect.key != first for t in terms):
             return _changes(self, terms)
         moved = (self._signals.command if first == "delay.command" else self._signals.effort)[-self._size :]
-        turn = 2j * np.pi * np.fft.rfftfreq(self._size, self.step)
+        turn: NDArray[np.complex128] = np.asarray(2j * np.pi * np.fft.rfftfreq(self._size, self.step), np.complex128)
         late = np.stack([LATE_RESPONSES[first](turn, *term.shape.values()) for term in terms])
         changed = np.fft.irfft(np.fft.rfft(moved) * self._gain * (late - 1.0), self._size)
         return np.asarray(changed.T)
