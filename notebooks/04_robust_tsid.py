@@ -48,10 +48,11 @@ from drake_tc.registry import tsid_entry
 from drake_tc.robot.plant import joint_limits
 from drake_tc.tsid.configuration import load_law
 from drake_tc.tsid.infeasible import diagnose
-from drake_tc.tsid.law import Status, problem_at
+from drake_tc.tsid.law import Status
 from drake_tc.tsid.probability import probability
 from drake_tc.tsid.qp.choose import solver
 from drake_tc.tsid.robust.formulation import Formulation
+from drake_tc.tsid.tick import problem_at
 
 folder = Path(tempfile.mkdtemp())
 humanoid = tsid_entry()
@@ -331,7 +332,7 @@ print(f"the robust controller stands: {reached['individual'].fell is None}")
 # %%
 rows = tick_timings(humanoid.scenario("com_move", text="{duration: 0.5}"), lambda what, share: None)
 print(f"{'own time of a tick, on this machine [us]':<72}{'median':>8}{'99 %':>8}")
-for row in rows:
+for row in (row for row in rows if row.unit == "us"):
     print(f"{row.name:<72}{row.median:8.0f}{row.p99:8.0f}")
 by_name = {row.name.rpartition(": ")[2]: row.median for row in rows}
 for measure, wanted in (("classic", 350), ("individual", 500), ("box", 500)):

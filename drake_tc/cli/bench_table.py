@@ -11,7 +11,7 @@ from drake_tc.report.bench_row import BenchRow
 
 
 def print_times(name: str, rows: Sequence[BenchRow], *, as_json: bool) -> None:
-    """Rows of times [us] on stdout, as a table for people or as one JSON document."""
+    """Rows of times [us] and of ratios on stdout, as a table for people or as one JSON document."""
     if as_json:
         print(json.dumps({"name": name, "rows": [row.to_json() for row in rows]}))
         return
@@ -20,5 +20,6 @@ def print_times(name: str, rows: Sequence[BenchRow], *, as_json: bool) -> None:
     for heading in ("median us", "99 % us", "n"):
         table.add_column(heading, justify="right", no_wrap=True)
     for row in rows:
-        table.add_row(row.name, f"{row.median:.0f}", f"{row.p99:.0f}", str(row.n))
+        digits = 0 if row.unit == "us" else 2
+        table.add_row(row.name, f"{row.median:.{digits}f}", f"{row.p99:.{digits}f}", str(row.n))
     Console(file=sys.stdout, highlight=False).print(table)

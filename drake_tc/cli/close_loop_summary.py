@@ -59,7 +59,8 @@ def _print_robot(console: Console, result: CloseLoopResult) -> None:
     for cause in result.shared:
         values = ", ".join(_value(n, p) for n, p in cause.parameters.items())
         gain = f"held-out gain of all joints {100 * cause.heldout_gain:.0f} %"
-        _say(console, f"[bold]all joints[/bold]: + [bold]{cause.id}[/bold] of {cause.where}  {values}  ({gain})")
+        where = f"the encoder of {cause.where}" if cause.where in result.joints else cause.where
+        _say(console, f"[bold]all joints[/bold]: + [bold]{cause.id}[/bold] of {where}  {values}  ({gain})")
         for other, where in cause.indistinguishable:
             _say(console, f"  ? {other} of {where} cannot be told apart from it by these logs")
     if result.links is not None:

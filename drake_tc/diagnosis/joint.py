@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -18,8 +19,9 @@ from drake_tc.diagnosis.residual.band import shared_band
 from drake_tc.diagnosis.residual.verdict import compared, noise_floor, verdict_of, what_is_left
 from drake_tc.diagnosis.result.break_away_note import sticking
 from drake_tc.diagnosis.result.consistency import consistency
-from drake_tc.diagnosis.result.drive_notes import drive_notes, hold_note
+from drake_tc.diagnosis.result.drive_notes import age_note, drive_notes, gain_note, late_note
 from drake_tc.diagnosis.result.experiments import next_experiment
+from drake_tc.diagnosis.result.gear_note import gear_between_encoders
 from drake_tc.diagnosis.result.joint_result import Errors, JointResult
 from drake_tc.diagnosis.result.outcome import found_effects, rejected_effects, stabilities
 from drake_tc.diagnosis.result.plausible_ranges import plausible_ranges
@@ -29,6 +31,8 @@ from drake_tc.diagnosis.selection.confirmation import confirm
 from drake_tc.diagnosis.selection.engine import Progress
 from drake_tc.diagnosis.selection.indistinguishable import indistinguishable
 from drake_tc.diagnosis.selection.joint import Search, candidates, search
+from drake_tc.diagnosis.selection.lag_or_noise import LATE
+from drake_tc.diagnosis.selection.sampling_instants import age_of_samples, sampled_late
 from drake_tc.diagnosis.selection.withdrawal import DidNotHold
 from drake_tc.diagnosis.thresholds import SOFTER_GEAR
 from drake_tc.effects.base import EFFORT_UNIT, Context
@@ -66,8 +70,15 @@ class Stage:
         return self.found.passed_over
 
 
-def _looked_for(prepared: Prepared, options: DiagnosisOptions, progress: Progress, executor: Executor | None) -> Stage:
-    usable, obstacles = candidates(looked_for(prepared.context, options.effects), prepared.context, prepared.declared)
+def _looked_for(
+    prepared: Prepared,
+    options: DiagnosisOptions,
+    progress: Progress,
+    executor: Executor | None,
+    without: frozenset[str] = frozenset(),
+) -> Stage:
+    library = [each for each in looked_for(prepared.context, options.effects) if each.id not in without]
+    usable, obstacles = candidates(library, prepared.context, prepared.declared)
     subsample = columns = prepared.train
     if len(columns.samples.signals) > SEARCHED_SAMPLES:
         subsample = Columns(
@@ -128,16 +139,24 @@ def diagnose_joint(
         IdentificationError: the training runs cannot identify even the declared model.
     """
     progress("filtering", 0.0)
-    first = prepare_joint(train_runs, held_runs, rig, joint, 0.0, link_prior, options.width_s, options.common)
-    stage = _looked_for(first, options, progress, executor)
-    compliance = _wind_up(stage)
-    if compliance > 0.0:
-        second = prepare_joint(
-            train_runs, held_runs, rig, joint, compliance, link_prior, options.width_s, options.common
-        )
-        soft = _looked_for(second, options, progress, executor)
+    prepare = partial(
+        prepare_joint,
+        *(train_runs, held_runs, rig, joint),
+        link_prior=link_prior,
+        width_s=options.width_s,
+        common=options.common,
+    )
+    stage = _looked_for(prepare(), options, progress, executor)
+    if (compliance := _wind_up(stage)) > 0.0:
+        soft = _looked_for(prepare(compliance=compliance), options, progress, executor)
         if _has_elasticity(soft.found) and soft.found.chosen.cv_rms < SOFTER_GEAR * stage.found.chosen.cv_rms:
-            stage = soft
+            stage, prepare = soft, partial(prepare, compliance=compliance)
+    if (late := sampled_late(stage.prepared, stage.found.chosen.terms)) > 0.0:
+        stage = _looked_for(prepare(sampled_late=late), options, progress, executor, without=LATE)
+    elif older := age_of_samples(
+        rig.command_hold, lambda age: prepare(sampled_late=age), stage.prepared, stage.found.chosen.terms
+    ):
+        stage = _looked_for(older, options, progress, executor, without=LATE)
     prepared, subsample, context = stage.prepared, stage.subsample, stage.prepared.context
     ties = indistinguishable(subsample, stage.found, context, prepared.floor, options.effects)
     stability = stabilities(stage.found, options.seed)
@@ -162,7 +181,10 @@ def diagnose_joint(
     load_notes = (
         *load_scale(rig, joint).notes,
         *drive_notes(rig, joint, final_parameters, chosen.gain),
-        *hold_note(columns.samples),
+        *gain_note(final_parameters, context.drive),
+        *age_note(columns.samples, context.drive),
+        *late_note(final_parameters, columns.samples),
+        *_gear(columns, context),
     )
     ties = tuple(pair for pair in ties if pair[0] in kept)
     return JointResult(
@@ -181,7 +203,9 @@ def diagnose_joint(
             columns, held, chosen, context, options.search, stage.obstacles, floor, options.effects
         ),
         indistinguishable=ties,
-        next_experiment=next_experiment(ties, unexplained, stage.obstacles),
+        next_experiment=next_experiment(
+            ties, unexplained, stage.obstacles, [each.reason for each in (*stage.passed_over, *confirmed.withdrawn)]
+        ),
         unexplained=unexplained,
         verdict=verdict_of(unexplained, found=bool(effects)),
         train=splits[0],
@@ -204,6 +228,12 @@ def diagnose_joint(
 def _sticking(columns: Columns, chosen: Fit, context: Context) -> tuple[str, ...]:
     found = None if context.load in ("robot", "links", "unknown") else sticking(columns, chosen)
     return () if found is None else (found.sentence(),)
+
+
+def _gear(columns: Columns, context: Context) -> tuple[str, ...]:
+    found = None if context.drive == "position_servo" else gear_between_encoders(columns)
+    told = "" if found is None else found.sentence(columns.samples.resolution.position_step)
+    return (told,) if told else ()
 
 
 def _refitted(stage: Stage) -> Search:

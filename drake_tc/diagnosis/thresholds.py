@@ -120,6 +120,13 @@ COMMON_DELAY = replace(
 """Of a delay that all joints share. Beside fitted links one cause of many lowers an error by less; what guards against
 another cause is that the joints must agree on the delay (`robot.common_delay`), half of them with support."""
 
+LATE_ENCODER = replace(
+    COMMON_DELAY,
+    least_joints=1,
+)
+"""Of an encoder that comes late, over the declared models and over a delay of its joint's drive, which leaves the other
+joints as they are."""
+
 LAG_OVER_NOISE = 4.0
 """What a lag must explain, over what the same filter explains backwards in time."""
 BEYOND_TOLERANCE = 3.0

@@ -35,9 +35,10 @@ class Backlash(TransmissionEffect):
     signature = Signature(x="load_torque", split="", look_for="a step where the load torque changes its sign")
 
     def obstacle(self, context: Context) -> str:
-        """Visible in a servo's effort, or between two encoders."""
-        if context.drive != "position_servo" and "motor_position" not in context.recorded:
-            return "needs a second encoder, or a servo that closes on the motor's side"
+        """Visible in a servo's effort; between two encoders it shows too, but not in the balance."""
+        if context.drive != "position_servo":
+            two = "motor_position" in context.recorded
+            return "see the note on the two encoders" if two else "needs a servo that closes on the motor's side"
         return super().obstacle(context)
 
     def columns(self, signals: Signals, shape: Shape) -> FloatArray:

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from drake_tc.effects.base import Context, Parameter, Plausible, SensorEffect, Shape, Signals, Signature
+from drake_tc.effects.encoder_wave import encoder_wave
 from drake_tc.types import FloatArray
 
 DISC_ERROR_RANGE = Plausible(
@@ -19,8 +20,8 @@ DISC_ERROR_RANGE = Plausible(
 class EncoderEccentricity(SensorEffect):
     """q_meas = q + e_s sin q + e_c cos q [rad], once a turn.
 
-    To first order the balance misses F_v and J times the derivatives of the error, and a position servo that does not
-    see this encoder also misses stiffness times the error.
+    To first order the balance misses what `encoder_wave` says for one cycle a turn; with a position servo that does not
+    see this encoder it also misses stiffness times the error.
     """
 
     id = "encoder_eccentricity"
@@ -47,11 +48,7 @@ class EncoderEccentricity(SensorEffect):
 
     def columns(self, signals: Signals, shape: Shape) -> FloatArray:
         """Phi (T, 2): see the class."""
-        q, v, a = signals.position, signals.velocity, signals.acceleration
-        inertia, viscous = signals.rotor_inertia, signals.viscous
-        sine = inertia * (a * np.cos(q) - v**2 * np.sin(q)) + viscous * v * np.cos(q)
-        cosine = -inertia * (a * np.sin(q) + v**2 * np.cos(q)) - viscous * v * np.sin(q)
-        return -np.stack([sine, cosine], axis=-1)
+        return encoder_wave(signals, 1.0)
 
     def corrupt(self, signals: Signals, parameters: Mapping[str, FloatArray | float]) -> Signals:
         """Add the wave to the logged position."""

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from drake_tc.effects.base import Context, Parameter, Plausible, SensorEffect, Shape, Signals, Signature
+from drake_tc.effects.encoder_wave import encoder_wave
 from drake_tc.types import FloatArray
 
 WAVE_RANGE = Plausible(
@@ -68,16 +69,7 @@ class EncoderRipple(SensorEffect):
 
     def columns(self, signals: Signals, shape: Shape) -> FloatArray:
         """Phi (T, 2): see the class."""
-        n = shape["cycles_per_turn"]
-        q, v, a = signals.position, signals.velocity, signals.acceleration
-        sine, cosine = np.sin(n * q), np.cos(n * q)
-        inertia = signals.rotor_inertia + signals.link_inertia
-        waves = (
-            inertia * (n * a * cosine - (n * v) ** 2 * sine) + signals.viscous * n * v * cosine,
-            -inertia * (n * a * sine + (n * v) ** 2 * cosine) - signals.viscous * n * v * sine,
-        )
-        slope = signals.load_slope
-        return -np.stack([waves[0] + slope * sine, waves[1] + slope * cosine], axis=-1)
+        return encoder_wave(signals, shape["cycles_per_turn"])
 
     def corrupt(self, signals: Signals, parameters: Mapping[str, FloatArray | float]) -> Signals:
         """Add the wave to the logged position."""

@@ -15,6 +15,7 @@ from drake_tc.effects.deadzone import Deadzone
 from drake_tc.effects.delay import CommandDelay, Delay
 from drake_tc.effects.directional_efficiency import DirectionalEfficiency
 from drake_tc.effects.drive_compression import DriveCompression
+from drake_tc.effects.effort_bias import EffortBias
 from drake_tc.effects.elasticity import Elasticity
 from drake_tc.effects.encoder_eccentricity import EncoderEccentricity, SeparateEncoderEccentricity
 from drake_tc.effects.encoder_offset import EncoderOffset
@@ -82,6 +83,7 @@ LIBRARY: tuple[Effect, ...] = (
     CableSpring(),
     AsymmetricFriction(),
     CoulombAsymmetry(),
+    EffortBias(),
     ThermalFriction(),
     WindingTemperature(),
     PreslidingHysteresis(),

@@ -149,6 +149,7 @@ LOST = {
     "torque_sensor_bias": "an error of the sensor, not of the actuator",
     "torque_sensor_gain": "an error of the sensor, not of the actuator",
     "torque_sensor_drift": "an error of the sensor, not of the actuator",
+    "effort_bias": "an error of the sensor, not of the actuator",
     "encoder_offset": "an error of the sensor, not of the actuator",
     "encoder_eccentricity": "an error of the sensor, not of the actuator",
     "encoder_ripple": "an error of the sensor, not of the actuator",

@@ -123,6 +123,7 @@ def _typical(key: str, n: JointNumbers, context: Context) -> float:
         "stribeck": 2.0 * friction,
         "quadratic_viscous": max(part, 0.2 * n.viscous * speed) / speed**2,
         "torque_sensor_bias": friction,
+        "effort_bias": friction,
         "encoder_offset": n.gain * part if context.drive == "position_servo" else 0.01,
         "deadzone": 0.05 * n.effort,
         "saturation": 0.8 * n.effort,

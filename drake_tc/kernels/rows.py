@@ -57,6 +57,36 @@ def com(
     return matrix, target
 
 
+@kernel(MATRIX, VECTOR, VECTOR, VECTOR, VECTOR, INDEX)
+def momentum(
+    matrix: FloatArray,
+    rate: FloatArray,
+    v: FloatArray,
+    stiffness: FloatArray,
+    reference: FloatArray,
+    axes: IntArray,
+) -> tuple[FloatArray, FloatArray]:
+    """A_G's angular rows and Ldot_d + kp (L_d - L) - Adot_G v, of the axes; reference (6,): L_d, Ldot_d."""
+    rows, target = np.empty((axes.size, matrix.shape[1])), np.empty(axes.size)
+    for i in range(axes.size):
+        k = axes[i]
+        now = 0.0
+        for j in range(matrix.shape[1]):
+            rows[i, j] = matrix[k, j]
+            now += matrix[k, j] * v[j]
+        target[i] = reference[3 + k] + stiffness[k] * (reference[k] - now) - rate[k]
+    return rows, target
+
+
+@kernel(VECTOR, WHOLE, WHOLE)
+def pressure(reference: FloatArray, start: int, size: int) -> FloatArray:
+    """(2, size) over f: how far the centre of pressure of the sole at `start` is from (x_d, y_d), times fz."""
+    matrix = np.zeros((2, size))
+    matrix[0, start + 2], matrix[0, start + 4] = reference[0], 1.0
+    matrix[1, start + 2], matrix[1, start + 3] = reference[1], -1.0
+    return matrix
+
+
 @helper
 def rotation_vector(out: FloatArray, rotation: FloatArray) -> None:
     """log(R) into out[:3], axis times angle in [0, pi]; accurate at all angles, as it starts from its largest part."""

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from drake_tc.kernels.compiling import FLAG, INDEX, MATRIX, VECTOR, kernel
+from drake_tc.kernels.compiling import FLAG, INDEX, MATRIX, REAL, VECTOR, WHOLE, kernel
 from drake_tc.kernels.gaussian import log_cdf
 from drake_tc.kernels.linear_algebra import times_vector
 from drake_tc.kernels.newton import FEASIBLE
@@ -13,6 +13,7 @@ from drake_tc.types import FloatArray, IntArray
 
 CERTAIN = 1e-12
 """Relative to the largest standard deviation: what is less counts as exactly known."""
+_HALF = math.sqrt(0.5)
 
 
 @kernel(MATRIX, MATRIX, VECTOR, VECTOR, VECTOR, MATRIX, FLAG)
@@ -85,6 +86,21 @@ def scaled(
     return priced, rows, low, high, noise, certain, divisor, sure
 
 
+@kernel(VECTOR, VECTOR, VECTOR, INDEX)
+def separate_risk(value: FloatArray, lower: FloatArray, upper: FloatArray, certain: IntArray) -> float:
+    """R_ind of rows that have these values (m,); those that do not err take no part."""
+    risk = 0.0
+    for i in range(value.size):
+        if certain[i]:
+            continue
+        above, below = upper[i] - value[i], value[i] - lower[i]
+        if above < SAFE:
+            risk -= log_cdf(above)
+        if below < SAFE:
+            risk -= log_cdf(below)
+    return risk
+
+
 @kernel(VECTOR, VECTOR, MATRIX, VECTOR, VECTOR, INDEX, MATRIX, VECTOR)
 def judged(
     x: FloatArray,
@@ -117,22 +133,17 @@ def judged(
     times_vector(value, matrix, x)
     for j in range(x.size):
         torque[j] = x[j] * scale[j]
-    active, logs, missed = np.zeros(m, dtype=np.int64), 0.0, False
+    active, missed = np.zeros(m, dtype=np.int64), False
     for i in range(m):
         above, below = upper[i] - value[i], value[i] - lower[i]
         active[i] = (1 if above <= FEASIBLE else 0) - (1 if below <= FEASIBLE else 0)
-        if certain[i]:
-            missed = missed or min(above, below) < -FEASIBLE
-            continue
-        if above < SAFE:
-            logs += log_cdf(above)
-        if below < SAFE:
-            logs += log_cdf(below)
+        missed = missed or (certain[i] > 0 and min(above, below) < -FEASIBLE)
+    risk = separate_risk(value, lower, upper, certain)
     residual, price = np.empty(target.size), 0.0
     times_vector(residual, cost, x)
     for i in range(target.size):
         price += (residual[i] - target[i]) ** 2
-    return torque, active, 0.0 if missed else math.exp(logs), price
+    return torque, active, 0.0 if missed else math.exp(-risk), price
 
 
 @kernel(MATRIX, VECTOR, VECTOR, MATRIX, MATRIX)
@@ -192,3 +203,26 @@ def box_size(
             reach += abs(noise[i, j])
         size = min(size, room / reach)
     return size
+
+
+@kernel(REAL, WHOLE)
+def box_risk(size: float, axes: int) -> float:
+    """R_box = -log p_box of a box of half width `size` sigmas in `axes` independent directions; inf for none."""
+    if axes == 0:
+        return 0.0 if size > -math.inf else math.inf
+    if size <= 0.0:
+        return math.inf
+    half = _HALF * size
+    return -axes * (math.log(math.erf(half)) if size < 1.0 else math.log1p(-math.erfc(half)))
+
+
+@kernel(MATRIX, VECTOR, VECTOR, REAL)
+def shrunk(noise: FloatArray, lower: FloatArray, upper: FloatArray, size: float) -> tuple[FloatArray, FloatArray]:
+    """Every side closer by what a box of half width `size` reaches, sum |K| size."""
+    low, high = np.empty(lower.size), np.empty(upper.size)
+    for i in range(lower.size):
+        reach = 0.0
+        for j in range(noise.shape[1]):
+            reach += abs(noise[i, j])
+        low[i], high[i] = lower[i] + size * reach, upper[i] - size * reach
+    return low, high

@@ -8,7 +8,7 @@ EFFECT_IDS = (
     *("asymmetric_friction", "presliding_hysteresis", "position_dependent_friction", "thermal_friction"),
     *("torque_ripple", "cable_spring", "backlash", "elasticity", "deadzone", "saturation", "servo_integrator"),
     *("velocity_sign_switch", "delay", "current_lag", "payload", "torque_sensor_bias", "torque_sensor_gain"),
-    *("torque_sensor_drift", "encoder_offset", "encoder_eccentricity", "encoder_ripple"),
+    *("torque_sensor_drift", "effort_bias", "encoder_offset", "encoder_eccentricity", "encoder_ripple"),
     *("directional_efficiency", "position_dependent_load", "supply_sag", "winding_temperature", "servo_gain"),
     "static_friction",
     *("load_stribeck", "drive_compression", "winding_heat", "load_tilt"),

@@ -251,8 +251,12 @@ def load_runs(paths: Sequence[Path | str], rig: Rig) -> list[Run]:
     for run, flips in zip(runs, wrong_signs(runs, rig), strict=True):
         if flips:
             columns = {name: -values if name in flips else values for name, values in run.columns.items()}
-            notes = tuple(f"Column {name} has the wrong sign and was turned: {why}." for name, why in flips.items())
-            run = replace(run, columns=columns, notes=run.notes + notes)
+            notes = tuple(
+                f"Column {name} has the wrong sign and was turned: {why}. Models are for the turned column; correct "
+                "its sign in the rig file."
+                for name, why in flips.items()
+            )
+            run = replace(run, columns=columns, notes=run.notes + notes, hints=run.hints + notes)
         result.append(run)
     return result
 

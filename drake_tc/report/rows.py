@@ -19,6 +19,7 @@ LABELS: dict[str, tuple[str, str]] = {
     "command": ("command", ""),
     "effort": ("effort", ""),
     "temperature": ("temperature", "°C"),
+    "supply_voltage": ("supply voltage", "V"),
     "travel": ("travel since the last reversal", "rad"),
     "direction": ("direction of motion", ""),
     "time": ("time, runs end to end", "s"),

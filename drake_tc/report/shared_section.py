@@ -16,6 +16,7 @@ MEANING = {
     "imu_bias": "what the IMU adds to every reading, along its own axes",
     "delay": "by how much later every drive acts than it was asked to; it is part of each joint's model",
 }
+LATE_ENCODER = "by how much later the encoder's readings come than they were taken; the diagnosis moves them back"
 LEAST_GAIN = 0.01
 
 
@@ -52,7 +53,7 @@ def _card(cause: SharedEffect, result: CloseLoopResult) -> SharedCard:
         id=cause.id,
         title=cause.title,
         where=cause.where,
-        meaning=MEANING[cause.id],
+        meaning=LATE_ENCODER if cause.id == "delay" and cause.where in result.joints else MEANING[cause.id],
         gain=percent(cause.heldout_gain),
         stability=percent(cause.stability),
         parameters=parameters,

@@ -59,18 +59,26 @@ def is_bounds(rows: LimitRows) -> bool:
     return torque is unit or (torque.shape == unit.shape and np.array_equal(torque, unit))
 
 
-def ordered(limits: Sequence[LimitRows]) -> list[LimitRows]:
-    """Torque bounds first, then group by group as they first come."""
-    if len(limits) < 2:
-        return list(limits)
-    groups: dict[str, list[LimitRows]] = {}
-    first = next((rows for rows in limits if is_bounds(rows)), None)
+def order_of(limits: Sequence[LimitRows]) -> list[int]:
+    """Places of the limits in the order of their rows: torque bounds first, then group by group as they first come."""
+    groups: dict[str, list[int]] = {}
+    first = next((i for i, rows in enumerate(limits) if is_bounds(rows)), None) if len(limits) > 1 else None
     if first is not None:
-        groups[first.group] = [first]
-    for rows in limits:
-        if rows is not first:
-            groups.setdefault(rows.group, []).append(rows)
-    return [rows for group in groups.values() for rows in group]
+        groups[limits[first].group] = [first]
+    for i, rows in enumerate(limits):
+        if i != first:
+            groups.setdefault(rows.group, []).append(i)
+    return [i for group in groups.values() for i in group]
+
+
+def ordered(limits: Sequence[LimitRows]) -> list[LimitRows]:
+    """The limits in the order of `order_of`."""
+    return [limits[i] for i in order_of(limits)]
+
+
+def names_of(limits: Sequence[LimitRows]) -> tuple[str, ...]:
+    """Of the polytope's rows, "limit: row"."""
+    return tuple(f"{rows.name}: {label}" for rows in ordered(limits) for label in rows.labels)
 
 
 def check_names(names: Sequence[str]) -> None:

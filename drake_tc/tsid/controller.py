@@ -11,8 +11,9 @@ from pydrake.systems.framework import Context, LeafSystem, ValueProducer
 
 from drake_tc.errors import SimulationError
 from drake_tc.port_methods import PortMethods
-from drake_tc.tsid.law import Before, Law, Status, Tick, lost_tick, solve_tick
+from drake_tc.tsid.law import Law, Status
 from drake_tc.tsid.model import Scratch
+from drake_tc.tsid.tick import Before, Tick, lost_tick, solve_tick
 from drake_tc.tsid.warm_start import WarmStart
 from drake_tc.types import FloatArray
 

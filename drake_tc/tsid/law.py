@@ -1,45 +1,25 @@
-"""One tick of robust TSID as a function: state and references in, torques, accelerations and contact forces out.
+"""What a controller of robust TSID solves in each tick: tasks, limits and formulation of one robot."""
 
-    terms -> rows of tasks and limits -> problem over the torques -> formulation -> tau -> vdot, f
-
-A tick always has an answer, and `Tick.status` says which of these it is:
-
-    solved        the formulation's torque
-    risky         every limit can be kept but not R <= R_min: the formulation's safest torque
-    infeasible    no torque keeps all limits: the one that misses least (`infeasible.diagnose`), near the safe one
-    failed        no answer of the programs: the safe torque, weight and damping (`infeasible.safe_torque`)
-    lost          an input is not finite, or a task or limit raised an exception: the torque before, faded out,
-                  tau[n] = exp(-period/fade) tau[n-1]; `Tick.error` holds the exception
-"""
-
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import IntEnum
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 
 from drake_tc.errors import ParamsError
-from drake_tc.kernels.lazy import Kernel
-from drake_tc.tsid.assembly import check_names, ordered
+from drake_tc.tsid.assembly import check_names, names_of, order_of
 from drake_tc.tsid.check_rows import check_rows
-from drake_tc.tsid.infeasible import diagnose, safe_torque
+from drake_tc.tsid.fused import FusedProblem
 from drake_tc.tsid.limits.base import Limit
-from drake_tc.tsid.model import Scratch, TsidModel
+from drake_tc.tsid.model import TsidModel
 from drake_tc.tsid.priorities import Priorities
 from drake_tc.tsid.program_solver import ProgramSolver
-from drake_tc.tsid.qp.problem import Outcome, QpSolver
-from drake_tc.tsid.reduction import Reduced, reduce
+from drake_tc.tsid.qp.problem import QpSolver
 from drake_tc.tsid.robust.formulation import Formulation
-from drake_tc.tsid.robust.solution import RobustSolution, Start
 from drake_tc.tsid.robust.torque_error import TorqueError
-from drake_tc.tsid.rows import LimitRows, TaskRows
 from drake_tc.tsid.tasks.base import Task
 from drake_tc.tsid.terms import Terms
-from drake_tc.types import FloatArray
 
-_RESPONSE = Kernel("reduction", "response")
 LARGEST = 1e6
 """No input in SI units is as large; one that is counts as not finite. A larger R, or an infinite one, is told as it."""
 
@@ -68,26 +48,6 @@ class Status(IntEnum):
     MISSED = 6
     RELAXED = 7
     CONVERGED = 8
-
-
-class Tick(NamedTuple):
-    """What one tick gives; finite whatever came in.
-
-    Attributes:
-        torque: (n,) tau [N m], in the robot's order.
-        acceleration: (nv,) vdot that it causes; 0 where the state is lost.
-        force: (K,) of all contacts, 0 where one is not active [N, N m]; 0 where the state is lost.
-        status: (9,) see `Status`.
-        start: For the next tick.
-        error: What went wrong in the tick, where that raised an exception.
-    """
-
-    torque: FloatArray
-    acceleration: FloatArray
-    force: FloatArray
-    status: FloatArray
-    start: Start | None
-    error: Exception | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -206,133 +166,14 @@ class Law:
         """
         terms = self.starting_terms()
         rows = [limit.rows(terms) for limit in self.limits]
-        return _names(rows) + tuple(limit.name for limit in self.limits)
+        return names_of(rows) + tuple(limit.name for limit in self.limits)
 
-
-class Problem(NamedTuple):
-    """What a tick solves.
-
-    Attributes:
-        terms: At its state.
-        tasks: Rows of each task.
-        limits: Rows of each limit.
-        reduced: Cost and polytope over the torques, and what torques cause.
-    """
-
-    terms: Terms
-    tasks: Sequence[TaskRows]
-    limits: Sequence[LimitRows]
-    reduced: Reduced
-
-
-class Before(NamedTuple):
-    """What a tick knows of the last one.
-
-    Attributes:
-        torque: (n,) [N m].
-        start: Of its solution.
-    """
-
-    torque: FloatArray
-    start: Start | None
-
-
-def solve_tick(
-    law: Law,
-    scratch: Scratch,
-    state: FloatArray,
-    references: Sequence[FloatArray],
-    active: tuple[bool, ...],
-    before: Before,
-) -> Tick:
-    """One tick; never raises on numbers.
-
-    Args:
-        law: What to solve.
-        scratch: Of the model.
-        state: (nq + nv,) [q; v].
-        references: One a task.
-        active: One a contact.
-        before: The last tick.
-    """
-    given = np.concatenate((state, *references))
-    if not (given.max() < LARGEST and given.min() > -LARGEST):
-        return lost_tick(law, before)
-    try:
-        problem = problem_at(law, scratch, state, references, active)
-        reduced, form = problem.reduced, law.formulation
-        if isinstance(law.solver, ProgramSolver):
-            rows = (problem.terms, problem.tasks, problem.limits, _held(law, problem.terms))
-            solution = law.solver.solution(*rows, form, law.error)
-        elif law.priorities is None:
-            solution = form.solve(reduced.cost, reduced.polytope, law.error, law.solver, before.start)
-        else:
-            solution = law.priorities.solve(problem.tasks, reduced, law.error, law.solver, form.options, before.start)
-        if solution.outcome in (Outcome.INFEASIBLE, Outcome.FAILED):
-            return _given_way(law, problem, solution, before)
-        risk = min(solution.robustness, LARGEST)
-        found = (solution.outcome, 0.0, solution.iterations, risk, solution.p_ind, -1.0, 0.0)
-        status = np.array([*found, _relaxed(problem), solution.converged])
-        return _packed(law, problem, solution.torque, status, solution.start)
-    except Exception as error:  # in a control loop a torque is due, whatever went wrong; the tick keeps the exception
-        return lost_tick(law, before, error)
-
-
-def problem_at(
-    law: Law, scratch: Scratch, state: FloatArray, references: Sequence[FloatArray], active: tuple[bool, ...]
-) -> Problem:
-    """What a tick solves; arguments as in `solve_tick`."""
-    model = law.model
-    terms = model.terms(scratch, state[: model.nq], state[model.nq :], active)
-    tasks = [task.rows(terms, reference) for task, reference in zip(law.tasks, references, strict=True)]
-    limits = [limit.rows(terms) for limit in law.limits]
-    return Problem(terms, tasks, limits, reduce(terms, tasks, limits, _held(law, terms)))
-
-
-def _held(law: Law, terms: Terms) -> FloatArray | None:
-    """Acceleration of the contacts that is asked for."""
-    return -law.contact_damping * terms.contact_velocity if law.contact_damping else None
-
-
-def _packed(law: Law, problem: Problem, torque: FloatArray, status: FloatArray, start: Start | None) -> Tick:
-    causes, entries = problem.reduced.causes, problem.terms.contacts.entries
-    acceleration, force = _RESPONSE(torque, *causes, entries, law.model.force_size)
-    return Tick(torque, acceleration, force, status, start)
-
-
-def _given_way(law: Law, problem: Problem, solution: RobustSolution, before: Before) -> Tick:
-    """The torque that misses least, or the safe one, where there is no solution."""
-    terms, polytope = problem.terms, problem.reduced.polytope
-    lower, upper = polytope.lower[: polytope.bounds], polytope.upper[: polytope.bounds]
-    torque = safe_torque(terms, law.fallback_damping, *((lower, upper) if polytope.bounds else ()))
-    relaxed = _relaxed(problem)
-    status = np.array([solution.outcome, 1.0, solution.iterations, 0.0, 0.0, -1.0, 0.0, relaxed, 0.0])
-    if solution.outcome is Outcome.INFEASIBLE:
-        found = diagnose(polytope, solver=law.solver, centre=torque)
-        if found.outcome is Outcome.SOLVED:
-            torque = np.clip(found.torque, lower, upper) if polytope.bounds else found.torque
-        if found.rows.size:
-            name = _names(problem.limits)[int(found.rows[0])]
-            known = name if name in law.constraints else name.partition(": ")[0]
-            status[Status.LIMIT], status[Status.MISSED] = law.constraints.index(known), found.missed[0]
-    tick = _packed(law, problem, torque, status, None)
-    sound = np.isfinite(np.concatenate((tick.torque, tick.acceleration, tick.force, status))).all()
-    return tick if sound else lost_tick(law, before)
-
-
-def _relaxed(problem: Problem) -> int:
-    return sum(rows.relaxed for rows in problem.limits)
-
-
-def lost_tick(law: Law, before: Before, error: Exception | None = None) -> Tick:
-    """The torque before, faded, where nothing is known."""
-    model = law.model
-    status = np.zeros(len(Status))
-    status[Status.OUTCOME], status[Status.FALLBACK], status[Status.LIMIT] = Outcome.FAILED, 1.0, -1.0
-    torque = np.exp(-law.period / law.fade) * before.torque
-    return Tick(torque, np.zeros(model.nv), np.zeros(model.force_size), status, None, error)
-
-
-def _names(limits: Sequence[LimitRows]) -> tuple[str, ...]:
-    """Of the polytope's rows."""
-    return tuple(f"{rows.name}: {label}" for rows in ordered(limits) for label in rows.labels)
+    @cached_property
+    def fused(self) -> FusedProblem | None:
+        """The problem of a tick as one compiled call; None where the solver or priorities need what is between."""
+        if isinstance(self.solver, ProgramSolver) or self.priorities is not None:
+            return None
+        terms = self.starting_terms()
+        order = order_of([limit.rows(terms) for limit in self.limits])
+        limits = [self.limits[i] for i in order]
+        return FusedProblem(self.model, self.tasks, limits, self.error, LARGEST, self.contact_damping)

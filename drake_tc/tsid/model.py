@@ -31,7 +31,7 @@ from drake_tc.types import FloatArray, IntArray
 _TERMS, _FRAME = Kernel("terms", "terms"), Kernel("terms", "frame_terms")
 _LEAST_MASS = 1e-12
 """Smallest eigenvalue of M, its diagonal scaled to ones."""
-_SHORTEST = 1e-12
+SHORTEST = 1e-12
 """Square of the norm of a quaternion that still says something."""
 
 
@@ -47,6 +47,7 @@ class TsidModel:
         force_size: K, of the forces of all contacts.
         mass: [kg].
         start: (nq,) q in the robot's posture, its base where the robot file says.
+        tree_arguments: The robot as compiled functions take it (`drake_tc.kernels.terms.terms`).
     """
 
     def __init__(
@@ -86,7 +87,7 @@ class TsidModel:
         pose = robot.base_pose.transform
         self._held: FloatArray = np.array([*pose.rotation().ToQuaternion().wxyz(), *pose.translation()])
         contacts_table = [(self._frames[contact.name], contact.upright, contact.size) for contact in self.contacts]
-        self._tree_arguments = (
+        self.tree_arguments = (
             self._held,
             self._floating,
             tree.places,
@@ -157,7 +158,7 @@ class TsidModel:
         if not self._is_state(q, v):
             return self._lost(q, v, contacts)
         bodies, mass_matrix, bias, jacobian, drift, slip, com, com_velocity, momentum, rate = _TERMS(
-            q, v, *self._tree_arguments, contacts.places
+            q, v, *self.tree_arguments, contacts.places
         )
         frames = _Frames(self, q, bodies)
         return Terms(
@@ -184,7 +185,7 @@ class TsidModel:
         """Whether it is finite and the base's quaternion says something."""
         first = self._floating[0]
         turn = self._held[:4] if first < 0 else q[first : first + 4]
-        return bool(turn.dot(turn) > _SHORTEST and q.dot(q) + v.dot(v) < np.inf)
+        return bool(turn.dot(turn) > SHORTEST and q.dot(q) + v.dot(v) < np.inf)
 
     def frame(self, q: FloatArray, bodies: FloatArray, name: str) -> FrameTerms:
         """All of a frame at a state.

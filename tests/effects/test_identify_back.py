@@ -89,6 +89,7 @@ CASES: dict[str, Case] = {
     "cable_spring": Case("voltage", {"spring_stiffness": 2.0, "spring_preload": -0.6}),
     "asymmetric_friction": Case("position_servo", {"coulomb_asymmetry": 0.8, "viscous_asymmetry": -0.4}),
     "asymmetric_friction.coulomb": Case("current", {"coulomb_asymmetry": 0.8}),
+    "effort_bias": Case("voltage", {"bias_torque": 0.8}),
     "thermal_friction": Case(
         "voltage", {"coulomb_per_kelvin": -0.05, "viscous_per_kelvin": -0.1, "thermal_rate": 0.02}
     ),

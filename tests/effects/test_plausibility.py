@@ -56,6 +56,7 @@ CASES: dict[str, tuple[dict[str, float], dict[str, float], str]] = {
         "At 2 rad/s the directions differ by 8.5 N*m",
     ),
     "asymmetric_friction.coulomb": ({"coulomb_asymmetry": 2.9}, {"coulomb_asymmetry": 3.1}, "both directions"),
+    "effort_bias": ({"bias_torque": 5.0}, {"bias_torque": 25.1}, "half of what it recorded"),
     "thermal_friction": (
         {"coulomb_per_kelvin": -0.2, "viscous_per_kelvin": -0.1, "thermal_rate": 0.02},
         {"coulomb_per_kelvin": 0.9},

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from drake_tc.tsid.configuration import load_law
-from drake_tc.tsid.law import Before, Status, solve_tick
+from drake_tc.tsid.law import Status
 from drake_tc.tsid.qp.problem import Outcome
+from drake_tc.tsid.tick import Before, solve_tick
 
 
 @dataclass(frozen=True)

@@ -111,6 +111,7 @@ def test_numba_is_imported_where_a_kernel_is_called_and_not_before():
         ("reduction", "causes"),
         ("scaling", "scaled"),
         ("searches", "minimum"),
+        ("problem", "problem"),
     ],
     ids=".".join,
 )

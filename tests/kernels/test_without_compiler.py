@@ -18,6 +18,7 @@ FILES = (
     "tsid/test_limits_viability.py",
     "tsid/test_tasks_motion.py",
     "tsid/test_reduction.py",
+    "tsid/test_fused_tick.py",
 )
 
 

@@ -10,10 +10,10 @@ from drake_tc.diagnosis.problem.columns import Columns, Term
 from drake_tc.diagnosis.problem.regression import fit, predict
 from drake_tc.diagnosis.residual.unexplained import TimeStretch
 from drake_tc.diagnosis.result.joint_result import JointResult
-from drake_tc.effects.library import effect
+from drake_tc.effects.library import all_effects, effect
 from drake_tc.report.bins import binned, evenly, frame
 from drake_tc.report.model_diff import model_diff
-from drake_tc.report.rows import modulo, near_reversal, quantity, rows_of
+from drake_tc.report.rows import LABELS, modulo, near_reversal, quantity, rows_of
 from drake_tc.report.signature_plots import contribution, signature_quantity
 
 PERIOD = 2e-3
@@ -125,3 +125,8 @@ def test_the_difference_can_be_applied() -> None:
     assert [x.text for x in lines if x.kind in ("kept", "added")] == after.split()
     assert [x.text for x in lines if x.kind in ("kept", "removed")] == before.split()
     assert model_diff(before, before) == []
+
+
+def test_every_signal_of_a_signature_has_a_label():
+    drawn = {each.signature.x for each in all_effects()}
+    assert {x for x in drawn if not x.startswith("position modulo")} <= set(LABELS)

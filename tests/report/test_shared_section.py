@@ -45,3 +45,12 @@ def test_report_json_follows_the_contract(result: CloseLoopResult, cause: Shared
     assert (entry["id"], entry["where"], entry["heldout_gain"]) == ("link_mass", "thigh", 0.53)
     assert entry["parameters"]["mass"] == {"value": 0.812, "unit": "kg", "ci95": [0.79, 0.834], "at_bound": False}
     assert entry["indistinguishable"] == [{"id": "link_com", "where": "thigh"}]
+
+
+def test_a_late_encoder_is_not_explained_as_a_delay_of_all_drives(result: CloseLoopResult, cause: SharedEffect):
+    late = Estimate(0.02, "s", (0.019, 0.021), at_bound=False)
+    joint = next(iter(result.joints))
+    for where, words in ((joint, "the encoder's readings come"), ("all joints", "every drive acts")):
+        delay = replace(cause, id="delay", where=where, parameters={"delay": late}, indistinguishable=())
+        (card,) = shared_section(replace(result, shared=(delay,)))
+        assert words in card.meaning

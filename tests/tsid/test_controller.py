@@ -18,8 +18,9 @@ from drake_tc.robot.plant import joint_limits, make_plant
 from drake_tc.robot.rotors import file_rotors
 from drake_tc.tsid.configuration import load_law
 from drake_tc.tsid.controller import RobustTsid
-from drake_tc.tsid.law import Before, Status, solve_tick
+from drake_tc.tsid.law import Status
 from drake_tc.tsid.rows import LimitRows, Parts
+from drake_tc.tsid.tick import Before, solve_tick
 
 FILE = Path(drake_tc.models.__file__).parent / "hrp2_like" / "hrp2_like_tsid.yaml"
 OUTPUTS = ("torque", "acceleration", "contact_force", "status")

@@ -9,16 +9,17 @@ import pytest
 from numpy.testing import assert_allclose
 
 from drake_tc.robot.plant import joint_limits
-from drake_tc.tsid import law as module
+from drake_tc.tsid import tick as module
 from drake_tc.tsid.configuration import load_law
 from drake_tc.tsid.controller import RobustTsid
-from drake_tc.tsid.law import LARGEST, Before, Status, problem_at, solve_tick
+from drake_tc.tsid.law import LARGEST, Status
 from drake_tc.tsid.qp.problem import Outcome
 from drake_tc.tsid.robust.box import p_box
 from drake_tc.tsid.robust.budget import Budget
 from drake_tc.tsid.robust.individual import p_ind
 from drake_tc.tsid.robust.options import Options
 from drake_tc.tsid.robust.torque_error import TorqueError
+from drake_tc.tsid.tick import Before, problem_at, solve_tick
 
 FILE = Path(drake_tc.models.__file__).parent / "hrp2_like" / "hrp2_like_tsid.yaml"
 BOTH = (True, True)
@@ -173,7 +174,7 @@ def test_an_error_anywhere_in_a_tick_is_a_lost_tick(law, monkeypatch):
     def broken(*args):
         raise IndexError("nobody thought of this")
 
-    monkeypatch.setattr(module, "problem_at", broken)
+    monkeypatch.setattr(module, "_found", broken)
     before = Before(np.full(30, 2.0), None)
     tick = solve_tick(law, law.model.create_scratch(), state_of(law), rests(law), BOTH, before)
     assert_allclose(tick.torque, 2.0 * np.exp(-law.period / law.fade))

@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose
 
 from drake_tc.errors import ParamsError
 from drake_tc.tsid.configuration import load_law
-from drake_tc.tsid.law import Before, Status, problem_at, solve_tick
+from drake_tc.tsid.law import Status
 from drake_tc.tsid.program_solver import ProgramSolver
 from drake_tc.tsid.qp.choose import solver
 from drake_tc.tsid.qp.problem import Outcome
@@ -18,6 +18,7 @@ from drake_tc.tsid.robust.box import size_of_risk
 from drake_tc.tsid.robust.individual import p_ind
 from drake_tc.tsid.robust.rectangle import rectangle_risk
 from drake_tc.tsid.robust.torque_error import TorqueError
+from drake_tc.tsid.tick import Before, problem_at, solve_tick
 
 FILE = Path(drake_tc.models.__file__).parent / "hrp2_like" / "hrp2_like_tsid.yaml"
 BOTH = (True, True)

@@ -44,7 +44,7 @@ JOINT_EFFECTS = (
     "thermal_friction",
     "position_dependent_friction",
 )
-SENSORS = {"current_offset": "asymmetric_friction", "late_encoder": "delay"}
+SENSORS = {"current_offset": "effort_bias", "late_encoder": "delay"}
 """A sensor's error, and the effect by which the library knows it."""
 ROUND = (*JOINT_EFFECTS, *SENSORS, "", "")
 """One round of cases; "" lacks nothing. Case k is entry k of these rounds without end."""

@@ -133,11 +133,11 @@ def _final_kernel(
     return next(k for k in reversed(kernels) if covered(moving, segments, k, light) >= least)
 
 
-def held_mean(command: FloatArray, segments: Sequence[slice]) -> FloatArray:
-    """Mean (T,) of a held command over one period around each sample: half of the last value, half of the new one."""
-    out = command.copy()
+def aged(effort: FloatArray, segments: Sequence[slice], age: float) -> FloatArray:
+    """Command or effort (T,) that is `age` <= 1 sampling periods older; one that is held is half a period old."""
+    out = effort.copy()
     for s in segments:
-        out[s][1:] = 0.5 * (command[s][1:] + command[s][:-1])
+        out[s][1:] = (1.0 - age) * effort[s][1:] + age * effort[s][:-1]
     return out
 
 
@@ -149,7 +149,7 @@ def build_samples(
     compliance: float = 0.0,
     final_s: float | None = None,
     *,
-    command_held: bool = False,
+    effort_age: float = 0.0,
 ) -> Samples:
     """Filter the runs' channels with common kernels and choose the rows.
 
@@ -160,7 +160,7 @@ def build_samples(
         width_s: Width of the light kernel [s]; None lets the data choose.
         compliance: Of a soft gear [rad/(N m)]: the motor slides, and its friction turns over, by q + compliance tau.
         final_s: Width of the final kernel [s]; None lets the data choose.
-        command_held: The command acts unchanged until the next sample; else its samples are points of a smooth curve.
+        effort_age: How much older the command or effort that acts is [periods]; `HELD` if held until the next sample.
 
     Raises:
         IdentificationError: nothing usable, or the joint does not move long enough at a stretch.
@@ -172,7 +172,7 @@ def build_samples(
     light = CommonKernel(_width(channels, raw_q, noise) if width_s is None else width_s, period)
     q, v, a = _filtered_motion(channels, light, raw_q)
     raw_command = channels.raw(rig.command_column(joint).rpartition("/")[2])
-    command = light.smooth(held_mean(raw_command, segments) if command_held else raw_command)
+    command = light.smooth(aged(raw_command, segments, effort_age))
     torque, slow_torque, slope = _load(channels, rig, light, q, a)
     resolution = _resolution(channels, rig, step, noise, light)
     inner = [slice(s.start + light.margin, max(s.stop - light.margin, s.start + light.margin)) for s in segments]
@@ -235,7 +235,7 @@ def build_samples(
         run_of_sample=channels.run_of_sample,
         notes=(*channels.notes(runs), *silent_effort(channels, rig.command_column(joint), raw_command, moving)),
         load_unknown=unknown_form(load) is not None,
-        command_held=command_held,
+        effort_age=effort_age,
         torque_unit=EFFORT_UNIT[rig.drive[joint]] if scale.as_effort else "N*m",
     )
 

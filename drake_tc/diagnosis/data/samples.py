@@ -15,6 +15,8 @@ from drake_tc.filtering.common_kernel import CommonKernel
 from drake_tc.types import BoolArray, FloatArray, IntArray
 
 CHUNK_SECONDS = 5.0
+HELD = 0.5
+"""Age of an effort that is held until the next sample [sampling periods]: the mean over one period."""
 LONGEST_MEMORY = 0.5
 """Of a filter of the effort [s]."""
 
@@ -37,7 +39,7 @@ class Samples:
         row_period: Mean time between rows inside a block [s].
         load_unknown: Whether nothing is known of the load torque: the signals' load is 0 until a fit tells it.
         torque_unit: Unit of all torques: N*m, or the effort's where nothing fixes the scale (`load_scale`).
-        command_held: Whether the command was taken to hold between samples.
+        effort_age: By how many sampling periods the command or effort that acts is older than the recorded one.
         link_prior: Of the columns `signals.links`; None where the links' parameters are not fitted.
         sensor_prior: Of the joint's own sensor errors; None where no tolerance is declared.
     """
@@ -57,7 +59,7 @@ class Samples:
     run_of_sample: IntArray
     notes: tuple[tuple[str, str], ...] = field(default=())
     load_unknown: bool = False
-    command_held: bool = False
+    effort_age: float = 0.0
     torque_unit: str = "N*m"
     link_prior: LinkPrior | None = None
     sensor_prior: SensorPrior | None = None

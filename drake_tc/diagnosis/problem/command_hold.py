@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from drake_tc.diagnosis.data.link_prior import LinkPrior
 from drake_tc.diagnosis.data.load_scale import load_scale
 from drake_tc.diagnosis.data.preparation import context_of
-from drake_tc.diagnosis.data.samples import Samples
+from drake_tc.diagnosis.data.samples import HELD, Samples
 from drake_tc.diagnosis.problem.columns import Columns
 from drake_tc.diagnosis.problem.declared import declared_terms, fit_declared, known_taken_off
 from drake_tc.diagnosis.selection.comparison import better_share
@@ -29,7 +29,7 @@ def command_is_held(
     when the command is taken to hold.
 
     Args:
-        build: Makes the training samples; takes `command_held`.
+        build: Makes the training samples; takes `effort_age`.
         rig: Says drive and load.
         joint: Which joint.
         link_prior: Of the links' columns; None where there are none.
@@ -42,7 +42,7 @@ def command_is_held(
         return False
     if context_of(continuous, rig, joint).load == "links" and link_prior is None:
         return True  # the load is not yet fitted
-    both = (known_taken_off(each, rig, joint, link_prior) for each in (continuous, build(command_held=True)))
+    both = (known_taken_off(each, rig, joint, link_prior) for each in (continuous, build(effort_age=HELD)))
     without, with_hold = (_block_errors(each, rig, joint, loads) for each in both)
     if without.size != with_hold.size:  # the kernels leave other rows: nothing can be compared block by block
         return bool(without.sum() > with_hold.sum())

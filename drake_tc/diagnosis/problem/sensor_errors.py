@@ -75,13 +75,15 @@ def spread_of_errors(columns: Columns, fitted: Fit) -> FloatArray:
     drive_held = bool(low[0] == high[0])
     own = np.flatnonzero(~held)[1 if drive_held else 0 :]
     rows = _as_rows(columns, fitted, own, free, drive_held=drive_held)
+    share = effective_samples(fitted.residual, columns.samples) / np.array([columns.target.size])
     stacked = StackedFit(
         columns=np.arange(free.size),
         tolerance=np.array(errors.tolerances)[(low < high)[held]],
         delta=fitted.beta[free],
         beta=(fitted.beta[own],),
         sigma=np.array([float(np.std(rows.target - rows.own @ fitted.beta[own] - rows.shared @ fitted.beta[free]))]),
-        effective=effective_samples(fitted.residual, columns.samples) / np.array([columns.target.size]),
+        effective=share,
+        share=share,
         cv_rms=np.array([fitted.cv_rms]),
     )
     spread = covariance([rows], stacked)[0]

@@ -7,8 +7,12 @@ import numpy as np
 from drake_tc.diagnosis.problem.columns import BalanceCoefficients, Columns
 from drake_tc.diagnosis.problem.parameters import physical_parameters
 from drake_tc.diagnosis.problem.regression import Fit
+from drake_tc.effects.base import DriveEffect
 from drake_tc.identification.break_away import LEAST_EVENTS, BreakAway, break_away
 
+PLAIN = frozenset({"viscous", "coulomb", "rotor_inertia", "stribeck"})
+"""Effects beside which the torque at an event is static friction; others, such as friction that grows with the load,
+act at the event too."""
 CLEARLY = 1.5
 """Lower end of the break-away torque's interval over the sliding friction, from which on the sentence is written."""
 NOISES = 4.0
@@ -52,13 +56,19 @@ def sticking(columns: Columns, final: Fit) -> Sticking | None:
     """
     samples = columns.samples
     named = physical_parameters(final)
+    if not PLAIN.issuperset(t.effect.id for t in final.terms if not isinstance(t.effect, DriveEffect)):
+        return None
     least_rest = max(2, round(RESTS * samples.light.margin))
     torques = []
     for segment in samples.segments:
         s = samples.signals.take(segment)
         needed = s.load_torque + s.rotor_inertia * s.acceleration + named["viscous"]["viscous"] * s.velocity
         moving = np.abs(s.velocity) > RESOLVED * samples.resolution.velocity_noise
-        found = break_away(s.effort / final.gain, needed, s.velocity, moving, least_rest)
+        effort = s.effort
+        for term in final.terms:
+            if isinstance(term.effect, DriveEffect):
+                effort = term.effect.transform(effort, s, term.shape)
+        found = break_away(effort / final.gain, needed, s.velocity, moving, least_rest)
         torques.append(found.torque)
     torque = np.concatenate(torques)
     if torque.size < LEAST_EVENTS:

@@ -35,6 +35,9 @@ SIGNIFICANT = 1e-3
 """Probability of the differences under one common value, below which a parameter is said to move."""
 LEAST_CHANGE = 0.10
 """Smallest spread of the values, as a share of their mean size, that is worth saying."""
+LEAST_OF_NOISE = 3.0
+"""Acceleration of a part over the encoder's noise in it, from which on its inertia is compared: noise of variance s^2
+makes an inertia smaller by s^2/(s^2 + a^2), here by a tenth."""
 MOST_RUNS = 24
 MOST_NAMED = 3
 """Parameters that one split names at most; each of them costs another fit of all others."""
@@ -75,7 +78,10 @@ def consistency(columns: Columns, final: Fit) -> tuple[ParameterByCondition, ...
     held[0] = columns.effort_is_target  # nothing in the rows tells the gain then
     target = target - design[:, held] @ final.beta[held]
     design, names = design[:, ~held], tuple(n for n, fixed in zip(names, held, strict=True) if not fixed)
-    rows = _Rows(design, target, names, block_lengths(columns))
+    units = ("", *(p.unit for t in final.terms for p in t.effect.coefficients))
+    acceleration = float(np.sqrt(columns.samples.floor.encoder_gram[0, 0]))
+    noise = np.array([acceleration if unit == "kg*m^2" else 0.0 for unit in units])[~held]
+    rows = _Rows(design, target, names, block_lengths(columns), noise)
     out: list[ParameterByCondition] = []
     for split in splits(columns):
         if np.bincount(split.part, minlength=len(split.names)).min() >= FEWEST_ROWS:
@@ -85,12 +91,16 @@ def consistency(columns: Columns, final: Fit) -> tuple[ParameterByCondition, ...
 
 @dataclass(frozen=True, eq=False)
 class _Rows:
-    """Design (N, m), target (N,), effect and name of the m coefficients, and lengths of the contiguous stretches."""
+    """Design (N, m), target (N,), effect and name of the m coefficients, and lengths of the contiguous stretches.
+
+    `noise` (m,) is the RMS of the encoder's noise in the columns of inertias, 0 for the others.
+    """
 
     design: FloatArray
     target: FloatArray
     names: tuple[tuple[str, str], ...]
     lengths: Sequence[int]
+    noise: FloatArray
 
 
 def _parameters(rows: _Rows, split: Split) -> list[ParameterByCondition]:
@@ -122,6 +132,11 @@ def _by_part(rows: _Rows, split: Split, parted: Sequence[int]) -> LinearFit | No
         size = np.sqrt(np.mean(each**2, axis=0))
         if size.min() <= 1e-3 * size.max():
             return None
+    if (
+        np.sqrt(np.mean(parts[0] ** 2, axis=0) / [mask.mean() for mask in masks]).min()
+        <= LEAST_OF_NOISE * rows.noise[parted[0]]
+    ):
+        return None
     others = np.delete(rows.design, parted, axis=1)
     alive = np.sqrt(np.mean(others**2, axis=0)) > 1e-12
     try:

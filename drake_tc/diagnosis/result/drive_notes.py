@@ -2,12 +2,23 @@
 
 from collections.abc import Mapping
 
-from drake_tc.diagnosis.data.samples import Samples
+from drake_tc.diagnosis.data.samples import HELD, Samples
 from drake_tc.diagnosis.problem.estimates import Estimate
+from drake_tc.effects.base import EFFORT_UNIT, DriveKind
 from drake_tc.logs.rig import Rig
 
 NEAR_ONE = 0.02
 """Departure of a torque drive's gain from 1 that is not worth a sentence."""
+
+WORTH_SAYING = 0.05
+"""Sampling period over a delay, from which on it is said how much of the delay the instants of sampling may be."""
+RECORDED: Mapping[DriveKind, str] = {
+    "position_servo": "command",
+    "current": "current",
+    "voltage": "voltage",
+    "torque": "torque of the drive",
+}
+"""What is recorded of the effort."""
 
 Parameters = Mapping[str, Mapping[str, Estimate]]
 
@@ -29,14 +40,54 @@ def drive_notes(rig: Rig, joint: str, found: Parameters, fitted_gain: float) -> 
     return (_own_friction(found["viscous"]["viscous"], rig.drive_gain[joint] * damping / fitted_gain),)
 
 
-def hold_note(samples: Samples) -> tuple[str, ...]:
-    """That the command was taken to hold between samples."""
-    if not samples.command_held:
+def gain_note(found: Parameters, drive: DriveKind) -> tuple[str, ...]:
+    """What an error of the declared drive gain is in the terms of the rig file.
+
+    An effort that acts as (1 + e) y at the declared gain K makes the torque of a drive of gain K/(1 + e).
+    """
+    if "servo_gain" not in found:
         return ()
-    period = f"{1e3 * samples.signals.period:.3g} ms"
+    declared, factor = found["drive"]["gain"].value, 1.0 + found["servo_gain"]["gain_error"].value
+    unit = f"{EFFORT_UNIT[drive]} per N*m"
+    keys = "proportional_gain" if drive == "position_servo" else "gear_ratio and torque_constant"
     return (
-        f"The command is taken to act unchanged from one sample to the next ({period}), as in the free runs; "
-        "declare command_hold: false if the samples are points of a continuous command.",
+        f"The logs show a drive gain of {declared / factor:.4g} {unit} where the rig file declares {declared:.4g}: "
+        f"each unit of effort makes {factor:.3g} times the declared torque. Check {keys}.",
+    )
+
+
+def late_note(found: Parameters, samples: Samples) -> tuple[str, ...]:
+    """How much of a delay or lag that was found the instants of sampling may be, where that is worth saying."""
+    period = samples.signals.period
+    values = [
+        (name, numbers[name].value)
+        for key, numbers in found.items()
+        for name in ("delay", "lag")
+        if key.partition(".")[0] in ("delay", "current_lag") and name in numbers
+    ]
+    return tuple(
+        f"Of the {name} of {1e3 * value:.3g} ms, up to {1e3 * period:.3g} ms (one sampling period) may be due to the "
+        "instants at which the columns were sampled; its interval does not contain this."
+        for name, value in values
+        if period >= WORTH_SAYING * value
+    )
+
+
+def age_note(samples: Samples, drive: DriveKind) -> tuple[str, ...]:
+    """That the command was taken to hold between samples, or that the effort is older than its sample."""
+    period, age = f"{1e3 * samples.signals.period:.3g} ms", samples.effort_age
+    if age == 0.0:
+        return ()
+    if age != HELD:
+        late = f"{1e3 * age * samples.signals.period:.3g} ms"
+        return (
+            f"The {RECORDED[drive]} that acts is {late} older than its sample on average. The instants of sampling "
+            f"within one period ({period}) explain this, so no delay is named; only a faster log can tell a delay of "
+            "this size.",
+        )
+    return (
+        f"The {RECORDED[drive]} is taken to act unchanged from one sample to the next ({period}); declare "
+        "command_hold: false if the samples are points of a continuous curve.",
     )
 
 

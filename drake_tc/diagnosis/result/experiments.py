@@ -1,8 +1,9 @@
 """The next experiment: what to record so that two effects, or an unknown one, can be told apart."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 from drake_tc.diagnosis.residual.unexplained import Unexplained
+from drake_tc.diagnosis.selection.withdrawal import Withdrawal
 from drake_tc.effects.library import effect
 
 ISOLATES: Mapping[str, str] = {
@@ -28,6 +29,7 @@ ISOLATES: Mapping[str, str] = {
     "delay": "step the command and record at the fastest rate",
     "current_lag": "step the command with the joint locked and record at the fastest rate",
     "torque_sensor_bias": "unload and release the joint, drive off, and read the torque sensor",
+    "effort_bias": "hold the joint at rest, unloaded, the drive off, and read the current or voltage",
     "torque_sensor_gain": "hang known weights on the link and read the torque sensor",
     "torque_sensor_drift": "leave the joint at rest, unloaded, for several minutes",
     "encoder_offset": "let the link hang freely, drive off, and read the encoder",
@@ -43,13 +45,18 @@ ISOLATES: Mapping[str, str] = {
 
 
 def next_experiment(
-    ties: Sequence[tuple[str, str]], unexplained: Unexplained, obstacles: Sequence[tuple[str, str]]
+    ties: Sequence[tuple[str, str]],
+    unexplained: Unexplained,
+    obstacles: Sequence[tuple[str, str]],
+    reasons: Collection[Withdrawal] = (),
 ) -> str | None:
     """One or two sentences, or None when nothing is open."""
     if ties:
         first, second = ties[0]
         shows = f"{_isolates(first)} (shows {first} alone); {_isolates(second)} (shows {second} alone)"
         return f"To tell {first} from {second}: {shows}."
+    if "looks_like_known_load" in reasons:
+        return "Check the declared load (mass, length, zero) and drive gain first: what is left has their form."
     if unexplained.confined_to:
         s = unexplained.confined_to[0]
         when = f"between {s.start:.1f} and {s.end:.1f} s"

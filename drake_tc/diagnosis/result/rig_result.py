@@ -40,8 +40,8 @@ class CloseLoopResult:
 
     `links` are the links' inertial parameters where the rig asks for them to be fitted.
     `declared_file` is the file of another simulator whose model was declared, if one was given beside the rig.
-    `hints` point out columns of the logs that seem to be meant and that the rig file does not use; they are among the
-    joints' notes too.
+    `hints` call for a change of the rig file: a column that seems to be meant, a wrong sign; they are among the joints'
+    notes too.
     """
 
     joints: Mapping[str, JointResult]

@@ -21,6 +21,7 @@ from drake_tc.diagnosis.problem.shared.stacked import StackedFit
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagnosis.selection.engine import Progress
 from drake_tc.diagnosis.selection.joint import Search, candidates, search
+from drake_tc.effects.base import Effect
 from drake_tc.effects.library import looked_for
 from drake_tc.effects.link_load import LinkLoad
 from drake_tc.estimation.coupled_gears import at_motors
@@ -100,10 +101,20 @@ class RobotCase:
         held: Sequence[Run],
         joints: Sequence[str],
         priors: Mapping[str, LinkPrior] | None = None,
+        among: Mapping[str, tuple[Effect, ...]] | None = None,
     ) -> dict[str, JointResult]:
-        """Each of the joints by itself."""
+        """Each of the joints by itself.
+
+        Args:
+            train: Runs to fit.
+            held: Runs to judge by.
+            joints: Which.
+            priors: By joint, of the links' columns that the runs hold.
+            among: By joint, the only effects that are looked for; None for the library.
+        """
         known, train, held = priors or {}, self.at_motors(train), self.at_motors(held)
-        return self.each(_diagnosed, {j: (train, held, self.rig, j, self.options, known.get(j)) for j in joints})
+        options = {j: self.options if among is None else replace(self.options, effects=among[j]) for j in joints}
+        return self.each(_diagnosed, {j: (train, held, self.rig, j, options[j], known.get(j)) for j in joints})
 
     def search(self, train: Sequence[Run], held: Sequence[Run], priors: Mapping[str, LinkPrior]) -> dict[str, OwnModel]:
         """Of each joint the model that a fast search of its own finds, without any later step."""

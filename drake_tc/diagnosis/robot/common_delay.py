@@ -49,10 +49,12 @@ class SharedDelay:
 
     Attributes:
         term: Part of every joint's model from here on. effect: what is told of it.
+        error: Mean logarithm of the joints' cross-validated errors with it.
     """
 
     term: Term
     effect: SharedEffect
+    error: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +79,7 @@ class DelayProblem:
 
     def fit(self, delay: float) -> StackedFit:
         """All joints together with this delay [s]."""
-        return fit_stacked(self.late(delay), self.fitted.columns, self.fitted.tolerance)
+        return fit_stacked(self.late(delay), self.fitted.columns, self.fitted.tolerance, pooled=True)
 
     def error(self, fitted: StackedFit) -> float:
         """Mean logarithm of the joints' cross-validated errors, weighted by their rows."""
@@ -142,7 +144,7 @@ def common_delay(problem: DelayProblem) -> SharedDelay | None:
     if not problem.is_real(delay, fitted):
         return None
     effect = _told(problem, delay, fitted)
-    return SharedDelay(term_of(delay), effect) if effect.stability >= HELDOUT_CERTAIN else None
+    return SharedDelay(term_of(delay), effect, problem.error(fitted)) if effect.stability >= HELDOUT_CERTAIN else None
 
 
 def _told(problem: DelayProblem, delay: float, fitted: StackedFit) -> SharedEffect:

@@ -3,10 +3,11 @@
 1. All joints together, with the declared models: the links' parameters at the tolerance that the rig file declares
    (`problem.shared.stacked`). Where much of an effort is left, wider filters are tried.
 2. A delay that all joints share (`common_delay`); where there is one, it is part of each joint's model from here on.
+   An encoder that comes late (`late_encoder`); where there is one, its readings are moved from here on.
 3. Each joint's own effects, searched on loads at that estimate, beside what the other joints leave open of the links
    (`problem.shared.open_directions`).
 4. The links anew beside these effects; steps 3 and 4 until the effects no longer change.
-5. Each joint's whole diagnosis on these loads, and the links beside what was confirmed.
+5. Each joint's whole diagnosis on these loads, and the links beside what was confirmed (`confirmed_effects`).
 
 The model before is that of step 1.
 """
@@ -19,20 +20,30 @@ import numpy as np
 from drake_tc.diagnosis.data.link_prior import LinkPrior
 from drake_tc.diagnosis.problem.columns import Columns, Term
 from drake_tc.diagnosis.problem.prepared import Prepared
-from drake_tc.diagnosis.problem.shared.causes import CauseColumns
+from drake_tc.diagnosis.problem.shared.causes import CauseColumns, columns_over
 from drake_tc.diagnosis.problem.shared.gain_dilution import TOLD, shared_variance, stiffness_to_hold
+from drake_tc.diagnosis.problem.shared.late_encoder_columns import (
+    OwnMotion,
+    late_encoder_columns,
+    with_late_encoders,
+)
 from drake_tc.diagnosis.problem.shared.open_directions import open_directions, with_open_directions
 from drake_tc.diagnosis.problem.shared.rows import JointRows, stack
 from drake_tc.diagnosis.problem.shared.stacked import StackedFit, fit_stacked
+from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagnosis.result.links import fitted_links
+from drake_tc.diagnosis.result.rig_result import SharedEffect
 from drake_tc.diagnosis.result.shared_effects import original_baseline
 from drake_tc.diagnosis.result.shared_uncertainty import with_shared_uncertainty, with_uncertain_gains
 from drake_tc.diagnosis.result.widening import robot_gains
 from drake_tc.diagnosis.robot.case import OwnModel, RobotCase
 from drake_tc.diagnosis.robot.common_delay import DelayProblem, SharedDelay, common_delay
+from drake_tc.diagnosis.robot.confirmed_effects import confirmed_effects, with_first
+from drake_tc.diagnosis.robot.late_encoder import EncoderProblem, late_encoder, told_again, with_encoder_in_time
 from drake_tc.diagnosis.robot.result import RobotResult
 from drake_tc.diagnosis.selection.shared import active
 from drake_tc.errors import IdentificationError
+from drake_tc.estimation.robot_loads import RobotLogs, with_robot_loads
 from drake_tc.logs.loads import RobotLoad
 from drake_tc.logs.record import Run
 from drake_tc.robot.link_parameters import LinkModel
@@ -43,6 +54,8 @@ LITTLE_LEFT = 0.25
 """Share of an effort's RMS, left by the declared model, below which no wider filters are tried."""
 AS_WELL = 1.25
 """Share that may be left, over the smallest one, at filters that are taken."""
+MOVES = 2
+"""Of a late encoder's readings: its delay is known better once they have been moved."""
 MOST_ROUNDS = 3
 """Of searching the joints' effects and fitting the links."""
 
@@ -52,11 +65,17 @@ class _Links:
     """The links' parameters beside some models of the joints.
 
     Attributes:
-        rows: Training rows of all joints. fitted: all together.
+        own: By joint, its model. rows: training rows of all joints. fitted: all together.
     """
 
+    own: Mapping[str, OwnModel]
     rows: tuple[JointRows, ...]
     fitted: StackedFit
+
+    @property
+    def keys(self) -> dict[str, frozenset[str]]:
+        """Effects of the joints' models."""
+        return {joint: frozenset(t.effect.key for t in model.terms) for joint, model in self.own.items()}
 
     def sides(self, case: RobotCase) -> tuple[list[Run], list[Run], dict[str, LinkPrior]]:
         """Both sides' runs at this estimate, with what the other joints leave open, and each joint's prior of it."""
@@ -92,28 +111,31 @@ class _Start:
     left: float
 
 
-def diagnose_fitted(case: RobotCase, model: LinkModel) -> RobotResult:
+def diagnose_fitted(case: RobotCase, logs: RobotLogs, model: LinkModel) -> RobotResult:
     """Diagnose such a robot. The held-out runs are looked at only after every choice is made.
 
     Args:
         case: The robot's runs.
+        logs: The robot.
         model: Its links by the robot file.
 
     Raises:
         IdentificationError: a joint whose runs cannot identify even the declared model.
     """
     joints = case.rig.joints
-    start = _in_wide_enough_band(case)
-    case, first = start.case, start.links
-    delay = _common_delay(start)
+    declared = start = _in_wide_enough_band(case)
+    first, delay = declared.links, _common_delay(declared)
+    encoder = _late_encoder(declared, delay, logs, model)
+    if encoder is not None:
+        for _ in range(MOVES):
+            start = _in_time(declared, encoder, logs)
+            encoder = told_again(encoder, _encoders(start, logs, model))
+        delay = _common_delay(start)
+    case = start.case
     late, raw = (case, start.prepared) if delay is None else _with_term(start, delay.term)
-    links = _searched(late, raw, first if delay is None else _declared(raw, case.causes))
-    train, held, priors = links.sides(case)
-    made = links.held_at(late).diagnose(train, held, joints, priors)
-    own = {joint: OwnModel.of(Columns(result.train.samples), result.final) for joint, result in made.items()}
-    links = _fitted(raw, own, case.causes)
-    before = case.without(first.fitted)
-    prepared = case.prepared(*before)
+    links = _searched(late, raw, start.links if delay is None else _declared(raw, case.causes))
+    made, links = _confirmed(late, raw, links)
+    prepared = declared.case.prepared(*declared.case.without(first.fitted))
     results = {joint: original_baseline(made[joint], prepared[joint]) for joint in joints}
     results = with_shared_uncertainty(results, (first.rows, first.fitted), (links.rows, links.fitted))
     load = next(iter(case.rig.load.values()))
@@ -122,8 +144,8 @@ def diagnose_fitted(case: RobotCase, model: LinkModel) -> RobotResult:
     train_after, held_after = case.without(links.fitted)
     return RobotResult(
         joints=results,
-        shared=() if delay is None else (delay.effect,),
-        held=case.at_motors(before[1]),
+        shared=tuple(each for each in (encoder, None if delay is None else delay.effect) if each is not None),
+        held=case.at_motors(case.without(first.fitted)[1]),
         held_after=case.at_motors(held_after),
         train_after=case.at_motors(train_after),
         robot_gains=robot_gains(results, dict(zip(joints, map(float, links.fitted.sigma), strict=True))),
@@ -137,6 +159,45 @@ def _common_delay(start: _Start) -> SharedDelay | None:
     terms = {joint: p.terms for joint, p in start.prepared.items()}
     rows = stack(held, terms, start.case.causes)
     return common_delay(DelayProblem(start.prepared, start.links.rows, rows, start.links.fitted))
+
+
+def _late_encoder(start: _Start, delay: SharedDelay | None, logs: RobotLogs, model: LinkModel) -> SharedEffect | None:
+    """The encoder that comes late, or None.
+
+    Gears that couple joints have their encoders at the motors, and a servo's effort holds the position: there a late
+    encoder acts as viscous friction.
+    """
+    if start.case.turns is not None or "position_servo" in start.case.rig.drive.values():
+        return None
+    return late_encoder(_encoders(start, logs, model), None if delay is None else delay.error)
+
+
+def _encoders(start: _Start, logs: RobotLogs, model: LinkModel) -> EncoderProblem:
+    """What late encoders do to the declared models of all joints."""
+    case, fitted, rows = start.case, start.links.fitted, start.links.rows
+    pi = model.nominal.copy()
+    links = fitted.columns < pi.size
+    pi[fitted.columns[links]] -= fitted.delta[links]
+    terms = {joint: p.terms for joint, p in start.prepared.items()}
+    own = {
+        r.joint: OwnMotion.of(start.prepared[r.joint].train, terms[r.joint], r, beta)
+        for r, beta in zip(rows, fitted.beta, strict=True)
+    }
+    late = late_encoder_columns(logs, model, [*case.train, *case.held], pi, own)
+    held = stack({joint: p.held for joint, p in start.prepared.items()}, terms, case.causes)
+    train, held = (with_late_encoders(each, late) for each in (rows, held))
+    places = {cause.where: rows[0].shared.shape[1] + cause.columns.start for cause in late.causes}
+    return EncoderProblem(start.prepared, train, held, places, fitted)
+
+
+def _in_time(start: _Start, encoder: SharedEffect, logs: RobotLogs) -> _Start:
+    """The declared models on runs in which this encoder's readings are moved."""
+    case, delay = start.case, encoder.parameters["delay"].value
+    train, held = (
+        with_robot_loads(logs, with_encoder_in_time(runs, encoder.where, delay), case.rig.joints)
+        for runs in (case.train, case.held)
+    )
+    return _at_width(replace(case, train=train, held=held, causes=columns_over(logs, [*train, *held], case.rig)))
 
 
 def _with_term(start: _Start, term: Term) -> tuple[RobotCase, dict[str, Prepared]]:
@@ -189,15 +250,35 @@ def _at_width(case: RobotCase) -> _Start:
 def _searched(case: RobotCase, raw: Mapping[str, Prepared], links: _Links) -> _Links:
     """The links beside the effects that each joint lacks."""
     # Where no joint lacks anything, the links are those of the declared models, and another round finds the same.
-    seen = [{joint: frozenset(t.effect.key for t in prepared.terms) for joint, prepared in raw.items()}]
+    seen = [links.keys]
     for _ in range(MOST_ROUNDS):
         own = links.held_at(case).search(*links.sides(case))
-        keys = {joint: frozenset(t.effect.key for t in model.terms) for joint, model in own.items()}
         links = _fitted(raw, own, case.causes)
-        if keys in seen:
+        if links.keys in seen:
             break
-        seen.append(keys)
+        seen.append(links.keys)
     return links
+
+
+def _confirmed(case: RobotCase, raw: Mapping[str, Prepared], links: _Links) -> tuple[dict[str, JointResult], _Links]:
+    """Each joint's diagnosis, and the links beside what was confirmed.
+
+    The whole diagnosis may withdraw effects that the fast search found, or find more. The links then belong to other
+    models than the joints' final ones. They are fitted anew, and the joints are diagnosed again on these loads with the
+    confirmed effects as the only candidates, until nothing changes.
+    """
+    joints, made = case.rig.joints, dict[str, JointResult]()
+    for _ in range(1 + MOST_ROUNDS):
+        among = {joint: confirmed_effects(result) for joint, result in made.items()} or None
+        train, held, priors = links.sides(case)
+        found = links.held_at(case).diagnose(train, held, joints, priors, among)
+        made = {joint: with_first(made[joint], result) if made else result for joint, result in found.items()}
+        beside = links.keys
+        own = {joint: OwnModel.of(Columns(result.train.samples), result.final) for joint, result in made.items()}
+        links = _fitted(raw, own, case.causes)
+        if links.keys == beside:
+            break
+    return made, links
 
 
 def _fitted(raw: Mapping[str, Prepared], own: Mapping[str, OwnModel], causes: CauseColumns) -> _Links:
@@ -205,4 +286,4 @@ def _fitted(raw: Mapping[str, Prepared], own: Mapping[str, OwnModel], causes: Ca
     columns = {joint: prepared.train for joint, prepared in raw.items()}
     terms = {joint: model.terms for joint, model in own.items()}
     rows = stack(columns, terms, causes, {joint: model.design for joint, model in own.items()})
-    return _Links(rows, fit_stacked(rows, *active(causes.causes, ())))
+    return _Links(own, rows, fit_stacked(rows, *active(causes.causes, ()), pooled=True))

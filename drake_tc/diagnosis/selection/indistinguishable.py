@@ -7,14 +7,12 @@ import numpy as np
 from drake_tc.diagnosis.problem.columns import Columns
 from drake_tc.diagnosis.problem.regression import Fit, fit
 from drake_tc.diagnosis.selection.joint import Search, best_shape, shape_screen, share_better
+from drake_tc.diagnosis.selection.lag_or_noise import LATE
 from drake_tc.diagnosis.selection.shape_refinement import refine
 from drake_tc.diagnosis.thresholds import CERTAINLY_BETTER, JOINT, SAME_ERROR
 from drake_tc.effects.base import Context, Effect
 from drake_tc.effects.library import looked_for
 from drake_tc.types import FloatArray
-
-LATE = frozenset({"delay", "current_lag"})
-"""Effects that differ only in the second order of frequency times delay: 1/(1 + T s) = exp(-T s) + (T s)^2/2 + ..."""
 
 
 def indistinguishable(

@@ -11,8 +11,8 @@ from drake_tc.diagnosis.problem.columns import Columns, Term
 from drake_tc.diagnosis.problem.regression import Fit, fit, score
 from drake_tc.diagnosis.problem.sensor_errors import expected_errors
 from drake_tc.diagnosis.selection.comparison import better_share, effective_samples, effective_samples_for
-from drake_tc.diagnosis.selection.engine import Progress, Proposal, Selection, select
-from drake_tc.diagnosis.selection.lag_or_noise import NOISE, is_noise
+from drake_tc.diagnosis.selection.engine import Progress, Proposal, Selection, compare, select
+from drake_tc.diagnosis.selection.lag_or_noise import LATE, NOISE, is_noise
 from drake_tc.diagnosis.selection.plausible_values import objection_to_values
 from drake_tc.diagnosis.selection.shape_refinement import Known, Refinement, refine, term_keys
 from drake_tc.diagnosis.selection.shapes import ShapeScreen
@@ -211,6 +211,7 @@ def search(
     problem = JointProblem(columns, effects, context, known, floor, executor)
     found = select(problem, refine(columns, fit(columns, declared)), thresholds, progress)
     found = _of_simplest_causes(problem, found, thresholds, progress)
+    found = _of_another_delay(problem, found, thresholds, progress)
     taken = {t.effect.id for t in found.chosen.terms}
     return replace(found, passed_over=tuple(each for each in found.passed_over if each.id not in taken))
 
@@ -233,3 +234,22 @@ def _of_simplest_causes(
     most = (1.0 + thresholds.same) * found.chosen.cv_rms
     as_good = [each for each in tried if each.chosen.cv_rms <= most and each.chosen.size <= found.chosen.size]
     return min(as_good, key=lambda each: problem.order(each.chosen))
+
+
+def _of_another_delay(problem: JointProblem, found: Search, thresholds: SearchThresholds, progress: Progress) -> Search:
+    """The same search without the lag or delay that was chosen for a position servo, where that explains more.
+
+    A command that is late by d and a rotor of inertia J at a stiffness K make the error e = q_d - q larger by
+    d dq_d/dt + (J/K) d^2q/dt^2 to first order; a lag T of the effort makes it larger by T de/dt. A loaded servo trails
+    in proportion to its speed, so de/dt is nearly a multiple of d^2q/dt^2, and viscous friction takes up d dq/dt. The
+    lag alone can therefore fit so well that neither of the two causes enters the beam. Two causes in place of one do
+    not correct its form, so the second one need not explain a tenth of what the first explains.
+    """
+    late = {t.effect.key for t in found.chosen.terms if t.effect.id in LATE} - problem.known
+    if problem.context.drive != "position_servo" or not late:
+        return found
+    rest = [effect for effect in problem.effects if effect.key not in late]
+    of_any_share = replace(thresholds, least_of_first=0.0)
+    other = select(replace(problem, effects=rest), found.baseline, of_any_share, progress)
+    better = compare(problem, found.chosen, other.chosen)
+    return other if better.is_real(problem.floor, np.zeros(1), of_any_share) else found

@@ -79,16 +79,18 @@ def looks_like_known_load(fitted: Fit, term: Term, columns: Columns) -> str:
     share = share_of_known_load(fitted, term, columns)
     if share <= MOST_OF_KNOWN_LOAD:
         return ""
+    zero = " or zero" if np.ptp(columns.samples.signals.load_slope) > 0.0 else ""
     return (
-        f"{100 * share:.0f} % of what it explains is a multiple of the known load: a wrong scale of that load, of the "
-        "inertia or of the drive would look the same."
+        f"{100 * share:.0f} % of what it explains has the form of the known load: a wrong scale{zero} of that load, of "
+        "the inertia or of the drive would look the same."
     )
 
 
 def share_of_known_load(fitted: Fit, term: Term, columns: Columns) -> float:
-    """Share of a curve's variance on the rows that the known load explains: R^2 of  curve = a tau + b qddot + c.
+    """Share of a curve's variance on the rows that the known load explains: R^2 of  curve = a tau + b qddot + c + d s.
 
-    Without its inertial part the load of a pendulum is gravity. 0 where no load is known.
+    Without its inertial part the load of a pendulum is gravity, and its slope s = d tau/dq is what a wrong zero adds.
+    0 where no load is known.
 
     Args:
         fitted: To the rows of `columns`.
@@ -96,10 +98,11 @@ def share_of_known_load(fitted: Fit, term: Term, columns: Columns) -> float:
         columns: Training rows.
     """
     signals = columns.samples.signals
-    load, acceleration = (columns.samples.reduce(x) for x in (signals.load_torque, signals.acceleration))
+    forms = (signals.load_torque, signals.acceleration, signals.load_slope)
+    load, acceleration, slope = (columns.samples.reduce(x) for x in forms)
     theta = next(theta for t, theta in coefficients_by_term(fitted.terms, fitted.beta) if t is term)
     curve = columns.of(term) @ theta
-    known = np.column_stack([np.ones(load.size), load, acceleration])
+    known = np.column_stack([np.ones(load.size), load, acceleration, slope])
     if not (np.ptp(load) > 0.0 and np.ptp(curve) > 0.0):
         return 0.0
     left = curve - known @ np.linalg.lstsq(known, curve, rcond=None)[0]

@@ -16,7 +16,7 @@ from typing import Literal
 
 import numpy as np
 
-from drake_tc.diagnosis.selection.indistinguishable import LATE
+from drake_tc.diagnosis.selection.lag_or_noise import LATE
 from drake_tc.diagnosis.thresholds import JOINT, SAME_ERROR
 from drake_tc.effects.base import Effect
 from drake_tc.experiments.check.contributions import Contribution, explained_by

@@ -123,11 +123,11 @@ class RigDocument(Keys):
         absent="not known; the viscous friction holds it",
     )
     command_hold: bool | None = key(
-        "Whether the recorded command acts unchanged until the next sample (true), as with a position servo whose goal "
-        "is written once a cycle, or whether the samples are points of a continuous command (false). A held command "
-        "is half a period late on average.",
+        "Whether the recorded command, current or voltage acts unchanged until the next sample (true), as one that is "
+        "written once a cycle, or whether the samples are points of a continuous curve (false), as those of a measured "
+        "current are. A held one is half a period late on average.",
         example=True,
-        absent="true for a position servo that is logged at 250 Hz or slower and whose training runs confirm it",
+        absent="true where the training runs confirm it; for a position servo only if it is logged at 250 Hz or slower",
     )
     coupled: dict[str, dict[str, Number]] | None = key(
         "Gears that couple joints, with `load: {robot: ...}`. By joint: another joint, and the turns of the first "

@@ -5,8 +5,10 @@ import numpy as np
 from drake_tc.errors import ParamsError
 from drake_tc.robot.plant import joint_limits
 from drake_tc.robot.robot import Robot
+from drake_tc.tsid.contacts import ActiveContacts
 from drake_tc.tsid.limits.viability import JointRange, Viability
 from drake_tc.tsid.rows import LimitRows, selection
+from drake_tc.tsid.tables import Entry
 from drake_tc.tsid.terms import Terms
 from drake_tc.types import FloatArray, IntArray
 
@@ -70,6 +72,10 @@ class AccelerationLimit:
         most = _each("acceleration", acceleration, n)
         ends = known.lower + margin, known.upper - margin
         return cls(JointRange(robot.joints, *ends, -speed, speed, most, period), actuated, velocities)
+
+    def compiled_entry(self, contacts: ActiveContacts) -> Entry:
+        """Its numbers for the compiled tick."""
+        return Entry("viable", self._actuated.size, (self._actuated,), self._viability.numbers)
 
     def rows(self, terms: Terms) -> LimitRows:
         """N rows; a joint's acceleration each [rad/s^2]."""

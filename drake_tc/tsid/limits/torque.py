@@ -7,7 +7,9 @@ import numpy as np
 from drake_tc.errors import ParamsError
 from drake_tc.robot.plant import joint_limits
 from drake_tc.robot.robot import Robot
+from drake_tc.tsid.contacts import ActiveContacts
 from drake_tc.tsid.rows import LimitRows, Parts, identity
+from drake_tc.tsid.tables import Entry
 from drake_tc.tsid.terms import Terms
 from drake_tc.types import FloatArray
 
@@ -52,6 +54,11 @@ class TorqueLimit:
             raise ParamsError(f"torque limits: expected a positive share, 1 at most, got {share:g}")
         effort = share * joint_limits(robot).effort
         return cls(robot.joints, -effort, effort)
+
+    def compiled_entry(self, contacts: ActiveContacts) -> Entry:
+        """Its numbers for the compiled tick."""
+        rows = self._rows
+        return Entry("bounds", rows.lower.size, (), (rows.lower, rows.upper))
 
     def rows(self, terms: Terms) -> LimitRows:
         """The same rows at every state."""

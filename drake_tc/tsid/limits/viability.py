@@ -118,6 +118,11 @@ class Viability:
         self._limits = *ends, np.concatenate(_braking(limits)), limits.period
         self._all = np.arange(len(limits.joints))
 
+    @property
+    def numbers(self) -> tuple[FloatArray | float, ...]:
+        """As `drake_tc.kernels.rows.viable` takes them, from the lower positions on."""
+        return self._limits
+
     def bounds(
         self, q: FloatArray, v: FloatArray, places: IntArray | None = None
     ) -> tuple[FloatArray, FloatArray, int]:

@@ -8,8 +8,9 @@ from typing import Literal, get_args
 import numpy as np
 
 from drake_tc.errors import ParamsError
-from drake_tc.tsid.contacts import Contact
+from drake_tc.tsid.contacts import ActiveContacts, Contact
 from drake_tc.tsid.rows import LimitRows, Parts
+from drake_tc.tsid.tables import Entry
 from drake_tc.tsid.terms import Terms
 from drake_tc.types import FloatArray
 
@@ -87,6 +88,11 @@ class WrenchCones:
             return LimitRows(name, WrenchCones.group, Parts(force=matrix), lower, upper, labels)
 
         self._of = of
+
+    def compiled_entry(self, contacts: ActiveContacts) -> Entry:
+        """Its numbers for the compiled tick."""
+        rows = self._of(contacts.index)
+        return Entry("forces", rows.lower.size, (), (rows.matrix.force, rows.lower, rows.upper))
 
     def rows(self, terms: Terms) -> LimitRows:
         """Of the contacts that are active at this state; the same object while they stay the same."""

@@ -14,7 +14,7 @@ from drake_tc.tsid.robust.torque_error import TorqueError
 from drake_tc.types import FloatArray
 
 _PROGRAM, _SIZE = Kernel("scaling", "box_program"), Kernel("scaling", "box_size")
-_HALF = math.sqrt(0.5)
+_RISK = Kernel("scaling", "box_risk")
 
 
 def box_rows(problem: ScaledProblem) -> tuple[Rows, LeastSquares]:
@@ -36,11 +36,8 @@ def box_size(problem: ScaledProblem, x: FloatArray) -> float:
 
 def box_risk(size: float, axes: int) -> float:
     """R_box = -log p_box of a box of half width `size` sigmas in `axes` independent directions; inf for none."""
-    if axes == 0:
-        return 0.0 if size > -math.inf else math.inf
-    if size <= 0.0:
-        return math.inf
-    return -axes * (math.log(math.erf(_HALF * size)) if size < 1.0 else math.log1p(-math.erfc(_HALF * size)))
+    risk: float = _RISK(float(size), axes)
+    return risk
 
 
 def size_of_risk(risk: float, axes: int) -> float:

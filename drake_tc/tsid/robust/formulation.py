@@ -87,20 +87,23 @@ class Formulation:
             qp: Solver of the steps whose active rows cannot be guessed.
             start: Of the last tick's solution.
         """
-        problem = scaled(cost, polytope, error)
+        return self.solve_scaled(scaled(cost, polytope, error), qp, start)
+
+    def solve_scaled(self, problem: ScaledProblem, qp: QpSolver, start: Start | None = None) -> RobustSolution:
+        """The same for a problem that is scaled already."""
         means = Means(qp, self.options.accuracy, self.options.budget.started())
-        m = len(polytope.lower)
-        known = start is not None and len(start.torque) == len(error.scale)
+        m, n = len(problem.limits.lower), len(problem.scale)
+        known = start is not None and len(start.torque) == n
         if start is not None and known:
             same = start.rows == m
             guess = Guess(start.torque / problem.scale, start.working if same else FREE, start.inner if same else None)
             weight = start.weight
         else:
-            guess, weight = Guess(np.zeros(len(error.scale))), 0.0
+            guess, weight = Guess(np.zeros(n)), 0.0
         try:
             found, weight = self._found(problem, guess, weight, means, known)
         except (np.linalg.LinAlgError, ArithmeticError, LookupError, ValueError):
-            found = Found(np.full(len(error.scale), np.nan), np.nan, FREE, Outcome.FAILED, False, 0, 0)
+            found = Found(np.full(n, np.nan), np.nan, FREE, Outcome.FAILED, False, 0, 0)
         return _packed(found, weight, problem)
 
     def _found(
@@ -115,6 +118,10 @@ class Formulation:
             if self.measure == "box":
                 size = size_of_risk(self.minimum, problem.noise.shape[1])
                 return measures.shrunk_box(problem, size, guess, means), 0.0
+            if known and not weight:  # the last tick's bound was not active
+                cheapest = in_null_space(program, problem, guess, means)
+                if cheapest.outcome is Outcome.SOLVED and cheapest.risk <= self.minimum:
+                    return cheapest, 0.0
             return within_risk(program, problem, self.minimum, weight or self.weight, guess, means)
         if not known:
             classic = measures.least_cost(problem, guess, means)

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from drake_tc.kernels.lazy import Kernel
 from drake_tc.tsid.qp.problem import Outcome, QpSolver
 from drake_tc.tsid.robust.box import box_risk, box_rows, box_size
 from drake_tc.tsid.robust.budget import Spending
@@ -14,6 +15,7 @@ from drake_tc.tsid.robust.scaled import ScaledProblem, nothing
 from drake_tc.tsid.robust.working import FREE, Working
 from drake_tc.types import FloatArray
 
+_SHRUNK = Kernel("scaling", "shrunk")
 EXACT = 1e-14
 """Of ||d||^2: how exactly the cost alone is minimised."""
 
@@ -131,5 +133,6 @@ def shrunk_box(problem: ScaledProblem, size: float, guess: Guess, means: Means) 
 
 def _shrunk(problem: ScaledProblem, size: float) -> ScaledProblem:
     """Every side closer by what a box of this size reaches."""
-    reach, limits = np.abs(problem.noise).sum(axis=1) * size, problem.limits
-    return replace(problem, limits=replace(limits, lower=limits.lower + reach, upper=limits.upper - reach))
+    limits = problem.limits
+    lower, upper = _SHRUNK(problem.noise, limits.lower, limits.upper, float(size))
+    return replace(problem, limits=replace(limits, lower=lower, upper=upper))

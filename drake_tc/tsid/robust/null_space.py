@@ -3,8 +3,10 @@
 import numpy as np
 from scipy.linalg.lapack import dgeqp3, dorgqr
 
+from drake_tc.kernels.lazy import Kernel
 from drake_tc.types import FloatArray
 
+_HAS_ONE_MINIMISER = Kernel("problem", "has_one_minimiser")
 RANK = 1e-10
 """Relative to the longest: a row of D, less what the rows before it span, that is shorter adds no direction."""
 
@@ -14,6 +16,8 @@ def null_basis(matrix: FloatArray, tolerance: float = RANK) -> FloatArray:
     rows, n = matrix.shape
     if rows == 0:
         return np.eye(n)
+    if tolerance <= RANK and _HAS_ONE_MINIMISER(np.ascontiguousarray(matrix)):
+        return np.zeros((n, 0))
     factors, _, tau, _, _ = dgeqp3(matrix.T)
     pivots = np.abs(np.diagonal(factors))
     rank = int(np.count_nonzero(pivots > tolerance * pivots.max(initial=0.0)))

@@ -4,10 +4,15 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from drake_tc.kernels.lazy import Kernel
+from drake_tc.tsid.contacts import ActiveContacts
 from drake_tc.tsid.rows import Parts, TaskRows
+from drake_tc.tsid.tables import Entry
 from drake_tc.tsid.tasks.base import Gains, axes, gains
 from drake_tc.tsid.terms import Terms
 from drake_tc.types import FloatArray
+
+_ROWS = Kernel("rows", "momentum")
 
 
 class AngularMomentumTask:
@@ -47,8 +52,12 @@ class AngularMomentumTask:
         """The reference that asks for nothing at this state."""
         return np.zeros(self.reference_size)
 
+    def compiled_entry(self, contacts: ActiveContacts) -> Entry:
+        """Its numbers for the compiled tick."""
+        return Entry("momentum", self._axes.size, (self._axes,), (self._kp, self.weight))
+
     def rows(self, terms: Terms, reference: FloatArray) -> TaskRows:
         """The rows at this state."""
-        matrix = terms.momentum_matrix[:3]
-        target = reference[3:] + self._kp * (reference[:3] - matrix.dot(terms.v)) - terms.momentum_bias[:3]
-        return TaskRows(self.name, Parts(vdot=matrix[self._axes]), target[self._axes], self.weight)
+        state = terms.momentum_matrix, terms.momentum_bias, terms.v
+        matrix, target = _ROWS(*state, self._kp, reference, self._axes)
+        return TaskRows(self.name, Parts(vdot=matrix), target, self.weight)

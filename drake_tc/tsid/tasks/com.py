@@ -5,7 +5,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from drake_tc.kernels.lazy import Kernel
+from drake_tc.tsid.contacts import ActiveContacts
 from drake_tc.tsid.rows import Parts, TaskRows
+from drake_tc.tsid.tables import Entry
 from drake_tc.tsid.tasks.base import Gains, axes, gains
 from drake_tc.tsid.terms import Terms
 from drake_tc.types import FloatArray
@@ -45,6 +47,10 @@ class ComTask:
     def rest(self, terms: Terms) -> FloatArray:
         """The reference that asks for nothing at this state."""
         return np.concatenate((terms.com, np.zeros(6)))
+
+    def compiled_entry(self, contacts: ActiveContacts) -> Entry:
+        """Its numbers for the compiled tick."""
+        return Entry("com", self._axes.size, (self._axes,), (self._kp, self._kd, self.weight))
 
     def rows(self, terms: Terms, reference: FloatArray) -> TaskRows:
         """The rows at this state."""

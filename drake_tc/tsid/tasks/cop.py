@@ -3,11 +3,16 @@
 import numpy as np
 
 from drake_tc.errors import ParamsError
+from drake_tc.kernels.lazy import Kernel
+from drake_tc.tsid.contacts import ActiveContacts
 from drake_tc.tsid.model import TsidModel
 from drake_tc.tsid.rows import Parts, TaskRows
+from drake_tc.tsid.tables import Entry
 from drake_tc.tsid.tasks.base import Gains, gains
 from drake_tc.tsid.terms import Terms
 from drake_tc.types import FloatArray
+
+_ROWS = Kernel("rows", "pressure")
 
 
 class CopTask:
@@ -46,13 +51,18 @@ class CopTask:
         """The reference that asks for nothing at this state."""
         return np.zeros(self.reference_size)
 
+    def compiled_entry(self, contacts: ActiveContacts) -> Entry:
+        """Its numbers for the compiled tick."""
+        if self._index not in contacts.index:
+            return Entry("pressure", 0, (0,), ())
+        start = contacts.rows[contacts.index.index(self._index)].start
+        return Entry("pressure", 2, (start,), (self.weight,))
+
     def rows(self, terms: Terms, reference: FloatArray) -> TaskRows:
         """The rows at this state."""
         active = terms.contacts
         if self._index not in active.index:
             return TaskRows(self.name, Parts(force=np.zeros((0, active.size))), self._none, self._none)
         start = active.rows[active.index.index(self._index)].start
-        matrix = np.zeros((2, active.size))
-        matrix[0, start + 2], matrix[0, start + 4] = reference[0], 1.0
-        matrix[1, start + 2], matrix[1, start + 3] = reference[1], -1.0
+        matrix = _ROWS(reference, start, active.size)
         return TaskRows(self.name, Parts(force=matrix), np.zeros(2), self.weight)

@@ -5,8 +5,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from drake_tc.errors import ParamsError
+from drake_tc.tsid.contacts import ActiveContacts
 from drake_tc.tsid.model import TsidModel
 from drake_tc.tsid.rows import Parts, TaskRows, identity
+from drake_tc.tsid.tables import Entry
 from drake_tc.tsid.tasks.base import Gains, gains
 from drake_tc.tsid.terms import Terms
 from drake_tc.types import FloatArray
@@ -49,6 +51,11 @@ class ForceTask:
     def rest(self, terms: Terms) -> FloatArray:
         """The reference that asks for nothing at this state."""
         return np.zeros(self.reference_size)
+
+    def compiled_entry(self, contacts: ActiveContacts) -> Entry:
+        """Its numbers for the compiled tick."""
+        entries = contacts.entries
+        return Entry("force", entries.size, (entries,), (self.weight[entries],))
 
     def rows(self, terms: Terms, reference: FloatArray) -> TaskRows:
         """The rows at this state."""

@@ -8,8 +8,10 @@ import numpy as np
 from drake_tc.control.rotation import quaternion_of
 from drake_tc.errors import ParamsError
 from drake_tc.kernels.lazy import Kernel
+from drake_tc.tsid.contacts import ActiveContacts
 from drake_tc.tsid.model import TsidModel
 from drake_tc.tsid.rows import Parts, TaskRows
+from drake_tc.tsid.tables import Entry
 from drake_tc.tsid.tasks.base import Gains, axes, check_frame, gains
 from drake_tc.tsid.terms import Terms
 from drake_tc.types import FloatArray
@@ -62,6 +64,7 @@ class FrameTask:
         if axes_of not in get_args(Axes):
             raise ParamsError(f"{where}: axes_of: expected one of {', '.join(get_args(Axes))}, got {axes_of!r}")
         self._frame, self._axes_of = check_frame(where, model, frame), get_args(Axes).index(axes_of)
+        self._index = model.frame_names().index(frame)
         self._kp, self._kd = gains(f"{where}: kp", kp, 6), gains(f"{where}: kd", kd, 6)
         self._axes = axes(f"{where}: mask", mask, 6)
         weights = gains(f"{where}: weight", weight, 6)
@@ -71,6 +74,11 @@ class FrameTask:
         """The reference that asks for nothing at this state."""
         rotation, position = terms.pose(self._frame)
         return np.concatenate((quaternion_of(rotation), position, np.zeros(12)))
+
+    def compiled_entry(self, contacts: ActiveContacts) -> Entry:
+        """Its numbers for the compiled tick."""
+        integers = self._index, self._axes_of, self._axes
+        return Entry("frame", self._axes.size, integers, (self._kp, self._kd, self.weight))
 
     def rows(self, terms: Terms, reference: FloatArray) -> TaskRows:
         """The rows at this state."""

@@ -4,8 +4,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from drake_tc.tsid.contacts import ActiveContacts
 from drake_tc.tsid.model import TsidModel
 from drake_tc.tsid.rows import TaskRows
+from drake_tc.tsid.tables import Entry
 from drake_tc.tsid.tasks.base import Gains, axes, gains
 from drake_tc.tsid.tasks.frame import Axes, FrameTask
 from drake_tc.tsid.terms import Terms
@@ -74,6 +76,10 @@ class OrientationTask:
         """The reference that asks for nothing at this state."""
         reference: FloatArray = self._task.rest(terms)[_PLACES]
         return reference
+
+    def compiled_entry(self, contacts: ActiveContacts) -> Entry:
+        """Its numbers for the compiled tick."""
+        return self._task.compiled_entry(contacts)._replace(kind="orientation")
 
     def rows(self, terms: Terms, reference: FloatArray) -> TaskRows:
         """The rows at this state."""

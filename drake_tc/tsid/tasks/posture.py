@@ -6,8 +6,10 @@ import numpy as np
 
 from drake_tc.errors import ParamsError
 from drake_tc.kernels.lazy import Kernel
+from drake_tc.tsid.contacts import ActiveContacts
 from drake_tc.tsid.model import TsidModel
 from drake_tc.tsid.rows import TaskRows, selection
+from drake_tc.tsid.tables import Entry
 from drake_tc.tsid.tasks.base import Gains, gains
 from drake_tc.tsid.terms import Terms
 from drake_tc.types import FloatArray
@@ -65,6 +67,11 @@ class PostureTask:
     def rest(self, terms: Terms) -> FloatArray:
         """The reference that asks for nothing at this state."""
         return np.concatenate((terms.joint_position, np.zeros(2 * terms.joint_position.size)))
+
+    def compiled_entry(self, contacts: ActiveContacts) -> Entry:
+        """Its numbers for the compiled tick."""
+        places = self._wanted, self._position, self._velocity
+        return Entry("posture", self._wanted.size, places, (self._kp, self._kd, self.weight))
 
     def rows(self, terms: Terms, reference: FloatArray) -> TaskRows:
         """The rows at this state."""

@@ -2,8 +2,10 @@
 
 import numpy as np
 
+from drake_tc.tsid.contacts import ActiveContacts
 from drake_tc.tsid.model import TsidModel
 from drake_tc.tsid.rows import Parts, TaskRows, identity
+from drake_tc.tsid.tables import Entry
 from drake_tc.tsid.tasks.base import Gains, gains
 from drake_tc.tsid.terms import Terms
 from drake_tc.types import FloatArray
@@ -34,6 +36,10 @@ class TorqueTask:
     def rest(self, terms: Terms) -> FloatArray:
         """The reference that asks for nothing at this state."""
         return np.zeros(self.reference_size)
+
+    def compiled_entry(self, contacts: ActiveContacts) -> Entry:
+        """Its numbers for the compiled tick."""
+        return Entry("torque", self.weight.size, (), (self.weight,))
 
     def rows(self, terms: Terms, reference: FloatArray) -> TaskRows:
         """The rows at this state."""

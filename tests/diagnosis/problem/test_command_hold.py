@@ -48,8 +48,9 @@ def viscous(found: Prepared) -> float:
 @pytest.mark.parametrize("held", [True, False])
 def test_the_logs_say_whether_the_command_holds(held: bool):
     found = prepared(rig_of(SERVO), held=held)
-    assert found.train.samples.command_held is held
-    assert found.held.samples.command_held is held
+    age = 0.5 if held else 0.0
+    assert found.train.samples.effort_age == age
+    assert found.held.samples.effort_age == age
     # the integrator's first-order step of 0.2 ms costs up to 12 N m/rad * 0.2 ms
     assert_allclose(viscous(found), SERVO.viscous, atol=SERVO.stiffness * FINE + 2e-3)
 

@@ -193,3 +193,18 @@ def test_a_fit_is_offered_without_each_of_its_new_causes():
     rest = list(problem.without_each(large, small))
     assert [[c.id for c in fit.causes] for fit in rest] == [["ft_bias", "ft_gain"], ["ft_bias", "link_mass"]]
     assert_allclose(rest[0].fit.delta, problem.with_causes([CAUSES[0], CAUSES[2]]).fit.delta)
+
+
+def test_pooled_rows_weigh_alike_and_as_many_as_before():
+    """A joint with a slow remainder counts no less than its neighbours; all rows together count as they did."""
+    rows = joints()
+    slow = np.cumsum(np.random.default_rng(3).standard_normal(N))
+    rows[1] = replace(rows[1], target=rows[1].target + 0.3 * slow / np.std(slow))
+    every = np.column_stack([rows[1].own, rows[1].shared, rows[1].target])
+    fold = (rows[1].block // 2) % FOLDS
+    rows[1] = replace(rows[1], grams=np.stack([every[fold == f].T @ every[fold == f] for f in range(FOLDS)]))
+    each, pooled = (fit_stacked(rows, np.array([0, 1]), np.array([2.0, 2.0]), pooled=p) for p in (False, True))
+    assert each.effective[1] < 0.2 * each.effective[[0, 2]].min()
+    assert_allclose(each.share, each.effective)
+    assert_allclose(pooled.share, pooled.effective.mean())  # of as many rows each
+    assert_allclose(pooled.effective, each.effective, rtol=0.05)

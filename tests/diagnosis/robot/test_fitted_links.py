@@ -63,8 +63,11 @@ def torques(robot, q, v, vdot, payload):
     return out
 
 
-def record(folder, robot, name, seed, payload=0.0, late=(0.0, 0.0, 0.0)):
-    """A run in which each drive acts `late` [s]: the current is that of the torque so much later."""
+def record(folder, robot, name, seed, payload=0.0, late=(0.0, 0.0, 0.0), behind=(0.0, 0.0, 0.0)):
+    """A run in which each drive acts `late` [s]: the current is that of the torque so much later.
+
+    Each encoder tells the angle of `behind` [s] ago.
+    """
     rng = np.random.default_rng(seed)
     time = np.arange(0.0, SECONDS, PERIOD)
     omega = 2.0 * np.pi * np.array([0.15, 0.35, 0.8])
@@ -83,7 +86,7 @@ def record(folder, robot, name, seed, payload=0.0, late=(0.0, 0.0, 0.0)):
         drive[:, np.array(late) == shift] = asked[:, np.array(late) == shift]
     columns = {"time": time}
     for i, joint in enumerate(JOINTS):
-        columns[f"{joint}/position"] = np.round(q[:, i] / STEP) * STEP
+        columns[f"{joint}/position"] = np.round(motion(-behind[i])[0][:, i] / STEP) * STEP
         columns[f"{joint}/current"] = GAIN[i] * (drive[:, i] + NOISE * rng.standard_normal(time.size))
     np.savez(folder / f"{name}.npz", **columns)
     return folder / f"{name}.npz"
@@ -266,3 +269,22 @@ def test_a_delay_of_all_joints_is_named_once_and_that_of_one_joint_is_its_own(tm
 
 def delay_shape(delay):
     return {"delay": delay.parameters["delay"].value}
+
+
+def test_a_late_encoder_is_told_from_a_late_drive_by_the_other_joints(tmp_path):
+    """The encoder of `lift` tells the angle of 30 ms ago, which `fold` feels: gravity is taken at the wrong angle."""
+    loaded = load_robot(write_robot(tmp_path, URDF, JOINTS))
+    behind = (0.0, 0.03, 0.0)
+    runs = [record(tmp_path, loaded, name, k, behind=behind) for k, name in enumerate(("one", "two", "held"))]
+    found = close_loop(rig_file(tmp_path), runs[:2], runs[2:], DiagnosisOptions(assess_residual=False))
+    (delay,) = found.shared
+    assert (delay.id, delay.where, delay.title) == ("delay", "lift", "delay of the encoder")
+    assert {name: [effect.id for effect in joint.effects] for name, joint in found.joints.items()} == {
+        joint: [] for joint in JOINTS
+    }
+    low, high = delay.parameters["delay"].ci95
+    assert low <= 0.03 <= high and high - low < 0.1 * PERIOD
+    assert delay.joints["fold"] > 0.0
+    for base in found.links.base:
+        low, high = base.estimate.ci95
+        assert low <= base.declared <= high, base.name

@@ -1,6 +1,6 @@
 """The causes that no single joint owns: their names, parameters, tolerances and columns over a rig's runs."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import islice
 
@@ -192,13 +192,21 @@ def _link_pieces(logs: RobotLogs, links: LinkModel, run: Run, payload: Payload) 
 
     At every sample: a play that is crossed within milliseconds makes accelerations that a coarser grid would alias.
     """
-    pieces, filters = [], filters_of(logs, run)
+    pieces = []
+    for time, q, v, vdot in smoothed_motion(logs, run):
+        columns = links.columns(q, v, vdot)
+        values = logs.at_motors(np.concatenate([columns, payload.columns(columns, run.name)], axis=2))
+        pieces.append(Piece(time, values))
+    return tuple(pieces)
+
+
+def smoothed_motion(logs: RobotLogs, run: Run) -> Iterator[tuple[FloatArray, FloatArray, FloatArray, FloatArray]]:
+    """Of each usable stretch of a run: time since its start (T,), q, v, vdot (T, n) by the filters of the loads."""
+    filters = filters_of(logs, run)
     for part in usable_stretches(run, filters):
         rows = list(smoothed(logs.model, logs.sensors(run, part), filters, None))
-        columns = links.columns(*(np.array([row[i] for row in rows]) for i in range(3)))
-        values = logs.at_motors(np.concatenate([columns, payload.columns(columns, run.name)], axis=2))
-        pieces.append(Piece(run.time[part] - run.time[0], values))
-    return tuple(pieces)
+        q, v, vdot = (np.array([row[i] for row in rows]) for i in range(3))
+        yield run.time[part] - run.time[0], q, v, vdot
 
 
 def column_filter(filters: OffLineFilter, samples: int) -> OffLineFilter:

@@ -51,7 +51,7 @@ def covariance(rows: Sequence[JointRows], fitted: StackedFit) -> tuple[FloatArra
         own = response if r.held is None else response[1:]
         change = r.scales(fitted.columns) * response[0] / max(r.stiffness(fitted.beta[j]), 1e-9)
         rest = shared - r.own @ own - residual * change
-        weight = fitted.effective[j] / fitted.sigma[j] ** 2
+        weight = fitted.share[j] / fitted.sigma[j] ** 2
         bread += weight * rest.T @ rest
         each = weight * rest * residual
         np.add.at(scores, r.block, each)
@@ -72,7 +72,7 @@ def _opposite(rows: Sequence[JointRows], fitted: StackedFit) -> FloatArray:
     """(p,) delta at the same weights, if the other columns were those that hold the noise of z."""
     none = np.zeros(rows[0].shared.shape[1], dtype=np.bool_)
     turned = [replace(r, scaling=none if r.opposite is None else r.opposite) for r in rows]
-    return fit_stacked(turned, fitted.columns, fitted.tolerance, fitted.sigma, fitted.effective).delta
+    return fit_stacked(turned, fitted.columns, fitted.tolerance, fitted.sigma, fitted.share).delta
 
 
 def _long_run(scores: FloatArray) -> FloatArray:

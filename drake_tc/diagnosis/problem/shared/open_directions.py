@@ -60,7 +60,7 @@ def _of_joint(rows: Sequence[JointRows], fitted: StackedFit, number: int) -> Ope
     strength, directions = np.linalg.eigh(columns.T @ columns / len(columns))
     noise = float(fitted.sigma[number])
     kept = strength > (NEGLIGIBLE * noise) ** 2
-    share = max(float(fitted.effective[number]), 1e-6)
+    share = max(float(fitted.share[number]), 1e-6)
     prior = LinkPrior(mean=-(towards @ directions[:, kept]), precision=noise**2 / share)
     return OpenDirections(mine.joint, mix @ directions[:, kept], prior)
 

@@ -24,6 +24,11 @@ time: the variance of a mean of N correlated values is sigma^2/n): without n_j/N
 noise that the rows repeat. sigma_j and n_j follow from the fit itself; the beta_j are eliminated joint by joint, so
 that only the few delta are solved for together. Cross-validation: folds of neighbouring half seconds, the same
 instants for all joints.
+
+Where links are fitted, n_j/N_j is replaced by sum_j n_j / sum_j N_j (`pooled`). What the joints of such a robot leave
+is structure more than noise, and its autocorrelation says which joint lacks an effect, not which one tells the links
+better: a joint whose remainder is slow would count a fraction of its neighbours, and its own error would grow. The
+prior is still weighed against as many rows as say something of their own.
 """
 
 from collections.abc import Sequence
@@ -58,6 +63,7 @@ class StackedFit:
         delta: (p,). beta: by joint, (k,).
         sigma: (n,) RMS residual [N m].
         effective: (n,) n_j/N_j, the share of the rows that say something of their own.
+        share: (n,) by which the rows of each joint weigh: `effective`, or that of all joints together.
         cv_rms: (n,) the same, every fold predicted from the others, times the drive's gain [effort]: torques that are
             shrunk by a cause, and the drive's stiffness with them, explain nothing by that. Infinite where next to
             nothing of the stiffness is left.
@@ -69,6 +75,7 @@ class StackedFit:
     beta: tuple[FloatArray, ...]
     sigma: FloatArray
     effective: FloatArray
+    share: FloatArray
     cv_rms: FloatArray
 
     def residual(self, rows: JointRows, number: int) -> FloatArray:
@@ -85,6 +92,7 @@ class _Problem:
     tolerance: FloatArray
     sigma: FloatArray
     effective: FloatArray
+    share: FloatArray
     delta: FloatArray
 
 
@@ -94,6 +102,8 @@ def fit_stacked(
     tolerance: FloatArray | None = None,
     sigma: FloatArray | None = None,
     effective: FloatArray | None = None,
+    *,
+    pooled: bool = False,
 ) -> StackedFit:
     """Fit the causes of these columns, (p,) places; none gives each joint's own fit.
 
@@ -103,6 +113,7 @@ def fit_stacked(
         tolerance: (p,) standard deviations of the prior, infinite where there is none; None: none anywhere.
         sigma: (n,) noise to weigh by first [N m]; None takes that of the joints' own fits.
         effective: (n,) n_j/N_j to weigh by; None: from the residuals.
+        pooled: Weigh all rows by the share that those of all joints together have.
     """
     nobody = np.zeros(0, dtype=np.int64)
     own = [_own(r, kept_gram(r, nobody)) for r in rows]
@@ -110,14 +121,14 @@ def fit_stacked(
     prior = np.full(columns.size, np.inf) if tolerance is None else tolerance
     start = np.ones(len(rows)) if effective is None else effective
     zero = np.zeros(columns.size)
-    problem = _Problem(columns, prior, alone if sigma is None else sigma, start, zero)
+    problem = _Problem(columns, prior, alone if sigma is None else sigma, start, start, zero)
     totals = [kept_gram(r, columns) for r in rows]
     for _ in range(MOST_ROUNDS if columns.size else 0):
         delta = _solve_delta(rows, totals, problem)
         moved = _torque_change(rows, totals, delta - problem.delta) / problem.sigma
-        problem = _reweighted(rows, totals, replace(problem, delta=delta), alone)
+        problem = _reweighted(rows, totals, replace(problem, delta=delta), alone, pooled=pooled)
         if effective is not None:
-            problem = replace(problem, effective=effective)
+            problem = replace(problem, effective=effective, share=effective)
         if moved.max() < SETTLED:
             break
     result = _fit(rows, problem)
@@ -134,7 +145,7 @@ def _torque_change(rows: Sequence[JointRows], totals: Sequence[FloatArray], chan
 
 
 def _reweighted(
-    rows: Sequence[JointRows], totals: Sequence[FloatArray], problem: _Problem, alone: FloatArray
+    rows: Sequence[JointRows], totals: Sequence[FloatArray], problem: _Problem, alone: FloatArray, *, pooled: bool
 ) -> _Problem:
     """The problem with the noise and the effective rows of the residuals at its delta."""
     columns, delta = problem.columns, problem.delta
@@ -142,8 +153,10 @@ def _reweighted(
         r.target - r.own @ _own(r, g, delta) - r.shared[:, columns] @ delta for r, g in zip(rows, totals, strict=True)
     ]
     sigma = np.array([np.sqrt(np.mean(e**2)) for e in rest])
-    share = np.array([effective_samples(e, r.samples) for e, r in zip(rest, rows, strict=True)]) / _counts(rows)
-    return replace(problem, sigma=np.maximum(sigma, LEAST_NOISE * alone), effective=share)
+    count = _counts(rows)
+    effective = np.array([effective_samples(e, r.samples) for e, r in zip(rest, rows, strict=True)]) / count
+    share = np.full(count.size, float(count @ effective / count.sum())) if pooled else effective
+    return replace(problem, sigma=np.maximum(sigma, LEAST_NOISE * alone), effective=effective, share=share)
 
 
 def _counts(rows: Sequence[JointRows]) -> FloatArray:
@@ -166,7 +179,7 @@ def _fit(rows: Sequence[JointRows], problem: _Problem) -> StackedFit:
     spread = np.array([_rms(r, b, columns, delta) for r, b in zip(rows, beta, strict=True)])
     stiffness = np.array([max(r.stiffness(b), 1e-9) for r, b in zip(rows, beta, strict=True)])
     error = np.sqrt(held / _counts(rows)) / stiffness
-    return StackedFit(columns, problem.tolerance, delta, beta, spread, problem.effective, error)
+    return StackedFit(columns, problem.tolerance, delta, beta, spread, problem.effective, problem.share, error)
 
 
 def inverse(gram: FloatArray) -> FloatArray:
@@ -183,7 +196,7 @@ def _solve_delta(rows: Sequence[JointRows], grams: Sequence[FloatArray], problem
     if problem.columns.size == 0:
         return np.zeros(0)
     left, right = np.diag(1.0 / problem.tolerance**2), np.zeros(problem.columns.size)
-    weights = problem.effective / problem.sigma**2
+    weights = problem.share / problem.sigma**2
     for r, gram, weight in zip(rows, grams, weights, strict=True):
         more, towards = _normal(r, gram, problem.columns, problem.delta)
         left += weight * more
@@ -214,7 +227,7 @@ def from_others(rows: Sequence[JointRows], fitted: StackedFit, number: int) -> t
     for j, r in enumerate(rows):
         if j != number:
             more, towards = _normal(r, kept_gram(r, fitted.columns), fitted.columns, fitted.delta)
-            weight = fitted.effective[j] / fitted.sigma[j] ** 2
+            weight = fitted.share[j] / fitted.sigma[j] ** 2
             left += weight * more
             right += weight * towards
     covariance = inverse(left)

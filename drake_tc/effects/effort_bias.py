@@ -1,0 +1,52 @@
+"""A constant error of the recorded current or voltage."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from drake_tc.effects.base import Context, Parameter, Plausible, Shape, Signals, Signature, TorqueEffect
+from drake_tc.effects.kernel import TorqueKernel, TorqueParts
+from drake_tc.types import FloatArray
+
+EFFORT_BIAS_RANGE = Plausible(
+    -0.5,
+    0.5,
+    "a current sensor whose zero is off by more than half of what it recorded at most is defective (data "
+    "sheets: 1 to 3 % of full scale)",
+    "torque",
+)
+
+
+class EffortBias(TorqueEffect):
+    """y_meas = y + K b with the drive gain K [effort/(N m)]: the effort makes b [N m] less torque than it says.
+
+    While the joint slides this is one constant, as a Coulomb asymmetry or a torque sensor's bias is. At rest it differs
+    from friction: it acts there too.
+    """
+
+    id = "effort_bias"
+    title = "offset of the recorded effort"
+    equation = "tau_add = bias_torque"
+    kind = "sensor"
+    linear = True
+    coefficients = (Parameter("bias_torque", "N*m", description="b", plausible=EFFORT_BIAS_RANGE),)
+    signature = Signature(x="effort", split="", look_for="everything shifted by one constant, at rest too")
+
+    def obstacle(self, context: Context) -> str:
+        """A position servo's effort is computed from the position, and an unknown load has a constant of its own."""
+        if context.drive == "position_servo":
+            return "the effort is the position error: the encoder's offset covers it"
+        return context.taken_up or super().obstacle(context)
+
+    def columns(self, signals: Signals, shape: Shape) -> FloatArray:
+        """Phi (T, 1): see the class."""
+        return np.ones((len(signals), 1))
+
+    def kernel(self, parameters: Mapping[str, float]) -> TorqueKernel:
+        """The same at one instant."""
+        bias = parameters["bias_torque"]
+
+        def parts(q: float, v: float, direction: float, tau: float, celsius: float, hysteresis: float) -> TorqueParts:
+            return 0.0, 0.0, bias
+
+        return parts

@@ -1,0 +1,149 @@
+"""The problem over the torques of one tick of robust TSID in one call.
+
+    terms -> rows of tasks and limits -> causes of tau -> cost and polytope over tau -> scaled
+
+The entry calls those of the single stages, which `drake_tc.tsid` calls one by one where it wants what is between them.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from drake_tc.kernels.compiling import INDEX, MATRIX, TABLE, VECTOR, kernel
+from drake_tc.kernels.linking import inlined
+from drake_tc.kernels.reduction import causes, inverse_factor
+from drake_tc.kernels.scaling import scaled
+from drake_tc.kernels.task_rows import Body, Given, reduced_limits, reduced_tasks
+from drake_tc.kernels.terms import terms
+from drake_tc.types import FloatArray, IntArray
+
+FOUND, NO_POSE, LOST = 0, 1, 2
+"""Whether there is a problem, a floating base's quaternion says nothing, or an input is not finite or too large."""
+LARGEST, SHORTEST, DAMPING, MASS, POSITIONS, VELOCITIES, PLAIN = 0, 1, 2, 3, 4, 5, 6
+"""Places in the options."""
+FULL_RANK = 1e-7
+"""Least relative length of a triangular factor's inverse that shows a cost to have one minimiser."""
+
+
+class Answer(NamedTuple):
+    """What the entry returns."""
+
+    code: int
+    relaxed: int
+    motion: FloatArray
+    push: FloatArray
+    cost: FloatArray
+    target: FloatArray
+    rows: FloatArray
+    lower: FloatArray
+    upper: FloatArray
+    noise: FloatArray
+    certain: IntArray
+    divisor: FloatArray
+    sure: int
+
+
+@inlined
+def state_code(given: FloatArray, floating: IntArray, largest: float, shortest: float) -> int:
+    """One of the codes."""
+    sound, first, turn = True, floating[0], 0.0
+    for i in range(given.size):
+        sound = sound and -largest < given[i] < largest
+    if not sound:
+        return LOST
+    for i in range(4):
+        turn += given[first + i] * given[first + i] if first >= 0 else 1.0
+    return FOUND if turn > shortest else NO_POSE
+
+
+@kernel(
+    VECTOR, VECTOR, INDEX, TABLE, MATRIX, VECTOR, VECTOR, MATRIX, INDEX, TABLE, INDEX, INDEX, INDEX,
+    TABLE, TABLE, INDEX, VECTOR, MATRIX, VECTOR, MATRIX, VECTOR,
+)  # fmt: skip
+def problem(
+    given: FloatArray,
+    held: FloatArray,
+    floating: IntArray,
+    places: IntArray,
+    constants: FloatArray,
+    trunk: FloatArray,
+    gravity: FloatArray,
+    frames: FloatArray,
+    frame_bodies: IntArray,
+    contacts: IntArray,
+    active: IntArray,
+    actuated: IntArray,
+    positions: IntArray,
+    tasks: IntArray,
+    limits: IntArray,
+    integers: IntArray,
+    numbers: FloatArray,
+    dense: FloatArray,
+    scale: FloatArray,
+    root: FloatArray,
+    options: FloatArray,
+) -> Answer:
+    """See the module.
+
+    Args:
+        given: (nq + nv + references,) q, v and the references of all tasks.
+        held: Up to `active` as `terms.terms` takes them.
+        floating: The same.
+        places: The same.
+        constants: The same.
+        trunk: The same.
+        gravity: The same.
+        frames: The same.
+        frame_bodies: The same.
+        contacts: The same.
+        active: The same.
+        actuated: (n,) index in v of each joint.
+        positions: (n,) the same in q.
+        tasks: (., 5) see `task_rows`.
+        limits: (., 5) the same, torque bounds first and group by group.
+        integers: What both point into.
+        numbers: The same.
+        dense: (., nv + k + n + 2) rows that the library does not know.
+        scale: (n,) of the torque error.
+        root: (n, r) the same.
+        options: See `LARGEST` and what follows it.
+
+    Returns:
+        One of the codes, for how many rows a limit gave way, [C_v, c_v] and [C_f, c_f], and what `scaling.scaled` gives
+        with d after D; empty arrays where there is no problem.
+    """
+    none, nothing = np.zeros((0, 0)), np.zeros(0)
+    code = state_code(given, floating, options[LARGEST], options[SHORTEST])
+    if code != FOUND:
+        empty = np.zeros(0, dtype=np.int64)
+        return Answer(code, 0, none, none, none, nothing, none, nothing, nothing, none, empty, nothing, 0)
+    nq, nv = int(options[POSITIONS]), int(options[VELOCITIES])
+    q, v = given[:nq], given[nq : nq + nv]
+    bodies, mass, bias, jacobian, drift, slip, place, speed, momentum, rate = terms(
+        q, v, held, floating, places, constants, trunk, gravity, frames, frame_bodies, contacts, active
+    )
+    for i in range(drift.size):
+        drift[i] += options[DAMPING] * slip[i]
+    motion, push = causes(mass, bias, actuated, jacobian, drift)
+    state = Given(q, v, positions, given[nq + nv :], integers, numbers, dense)
+    body = Body(held, floating, places, frames, frame_bodies, bodies, options[MASS], place, speed, momentum, rate)
+    cost, target = reduced_tasks(state, body, tasks, motion, push)
+    rows, low, high, relaxed = reduced_limits(state, limits, motion, push)
+    cost, rows, low, high, noise, certain, divisor, sure = scaled(
+        cost, rows, low, high, scale, root, options[PLAIN] > 0.0
+    )
+    return Answer(code, relaxed, motion, push, cost, target, rows, low, high, noise, certain, divisor, sure)
+
+
+@kernel(MATRIX)
+def has_one_minimiser(cost: FloatArray) -> bool:
+    """Whether D has full column rank by far: ||R^-1|| bounds its least singular value, R of D = Q R."""
+    if cost.shape[0] < cost.shape[1]:
+        return False
+    inverse = inverse_factor(np.dot(cost.T, cost))
+    total, largest = 0.0, 0.0
+    for i in range(inverse.shape[0]):
+        largest = max(largest, 1.0 / inverse[i, i])
+        for j in range(i + 1):
+            total += inverse[i, j] * inverse[i, j]
+    return bool(FULL_RANK * largest * np.sqrt(total) < 1.0)

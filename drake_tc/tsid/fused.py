@@ -1,0 +1,163 @@
+"""The problem of a tick by one compiled call (`drake_tc.kernels.problem`), and what it is called with."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from drake_tc.kernels.lazy import Kernel
+from drake_tc.tsid.assembly import Map
+from drake_tc.tsid.contacts import ActiveContacts
+from drake_tc.tsid.limits.base import Limit
+from drake_tc.tsid.model import SHORTEST, TsidModel
+from drake_tc.tsid.polytope import LeastSquares
+from drake_tc.tsid.program import over_y, sizes_of
+from drake_tc.tsid.robust.scaled import Rows, ScaledProblem
+from drake_tc.tsid.robust.torque_error import TorqueError
+from drake_tc.tsid.rows import Parts
+from drake_tc.tsid.tables import KIND, LIMIT_KINDS, ROWS, Tables, tables_of
+from drake_tc.tsid.tasks.base import Task
+from drake_tc.tsid.terms import Terms
+from drake_tc.types import FloatArray, IntArray
+
+_PROBLEM = Kernel("problem", "problem")
+NO_POSE, LOST = 1, 2
+"""As `drake_tc.kernels.problem` has them."""
+
+
+class Found(NamedTuple):
+    """Of one tick.
+
+    Attributes:
+        code: LOST where an input is not finite or too large, NO_POSE where a base's quaternion says nothing, else 0.
+        causes: Accelerations and forces that torques cause.
+        scaled: The problem over the torques.
+        relaxed: For how many rows of limits one gave way.
+    """
+
+    code: int
+    causes: Map
+    scaled: ScaledProblem
+    relaxed: int
+
+
+class Written(NamedTuple):
+    """Rows of tasks and limits that are not tables, over (vdot, f, tau) and two columns more, at one state.
+
+    Attributes:
+        rows: (., nv + k + n + 2); of tasks target and weight come last, of limits the two sides.
+        task_sizes: How many of each task, in their order.
+        limit_sizes: The same of limits.
+        relaxed: For how many rows of limits one gave way.
+    """
+
+    rows: FloatArray
+    task_sizes: tuple[int, ...]
+    limit_sizes: tuple[int, ...]
+    relaxed: int
+
+
+NO_ROWS = Written(np.zeros((0, 0)), (), (), 0)
+
+
+class FusedProblem:
+    """One compiled call a tick; holds constants alone, so that many contexts share it.
+
+    Attributes:
+        asks: Whether tasks or limits are no tables, and give their rows at each state.
+    """
+
+    def __init__(
+        self,
+        model: TsidModel,
+        tasks: Sequence[Task],
+        limits: Sequence[Limit],
+        error: TorqueError,
+        largest: float,
+        damping: float,
+    ) -> None:
+        """Prepare the constants.
+
+        Args:
+            model: Of the robot.
+            tasks: Of the law.
+            limits: In the order of their rows.
+            error: Of the torques.
+            largest: Number that still counts as one.
+            damping: Of the contacts [1/s].
+        """
+        self._model, self._tasks, self._limits, self._error = model, tuple(tasks), tuple(limits), error
+        numbers = largest, SHORTEST, damping, model.mass, model.nq, model.nv, error.plain
+        self._options: FloatArray = np.array(numbers, dtype=np.float64)
+        self._tables: dict[tuple[int, ...], Tables] = {}
+        first = self.tables(model.create_scratch().select(None))
+        self.asks = bool(first.free_tasks or first.free_limits)
+        bounded = first.limits.size > 0 and first.limits[0, KIND] == LIMIT_KINDS.index("bounds")
+        self._bounds = model.n if bounded else 0
+
+    def tables(self, contacts: ActiveContacts) -> Tables:
+        """Of all tasks and limits while these contacts carry; each set is made once."""
+        known = self._tables.get(contacts.index)
+        if known is None:
+            known = self._tables[contacts.index] = tables_of(self._tasks, self._limits, contacts)
+        return known
+
+    def written_out(self, terms: Terms, references: Sequence[FloatArray]) -> Written:
+        """Rows of the tasks and limits that are no tables."""
+        tables, sizes = self.tables(terms.contacts), sizes_of(terms)
+        tasks = [self._tasks[i].rows(terms, references[i]) for i in tables.free_tasks]
+        limits = [self._limits[row].rows(terms) for row in tables.free_limits]
+        blocks = [_block(rows.matrix, sizes, rows.target, rows.weight) for rows in tasks]
+        blocks += [_block(rows.matrix, sizes, rows.lower, rows.upper) for rows in limits]
+        return Written(
+            np.concatenate([np.zeros((0, sum(sizes) + 2)), *blocks]),
+            tuple(rows.target.size for rows in tasks),
+            tuple(rows.lower.size for rows in limits),
+            sum(rows.relaxed for rows in limits),
+        )
+
+    def problem(self, given: FloatArray, contacts: ActiveContacts, written: Written) -> Found:
+        """The problem at a state.
+
+        Args:
+            given: (nq + nv + .,) q, v and all references.
+            contacts: That carry.
+            written: Rows of tasks and limits that are no tables.
+        """
+        tables, error = self.tables(contacts), self._error
+        tasks, limits = _sized(tables, written) if self.asks else (tables.tasks, tables.limits)
+        code, relaxed, motion, push, cost, target, rows, lower, upper, noise, certain, divisor, sure = _PROBLEM(
+            given,
+            *self._model.tree_arguments,
+            contacts.places,
+            self._model.actuated,
+            self._model.positions,
+            tasks,
+            limits,
+            tables.integers,
+            tables.numbers,
+            written.rows,
+            error.scale,
+            error.root,
+            self._options,
+        )
+        whole = Rows(rows, lower, upper, self._bounds)
+        scaled = ScaledProblem(LeastSquares(cost, target), whole, certain, sure, noise, error.scale, divisor)
+        return Found(code, Map(motion, push), scaled, relaxed + written.relaxed)
+
+
+def _block(parts: Parts, sizes: tuple[int, int, int], first: FloatArray, second: FloatArray) -> FloatArray:
+    return np.concatenate([over_y(parts, sizes), first[:, None], second[:, None]], axis=1)
+
+
+def _sized(tables: Tables, written: Written) -> tuple[IntArray, IntArray]:
+    """The tables with the places of the rows that are written out."""
+    tasks, limits, start = tables.tasks.copy(), tables.limits.copy(), 0
+    for table, places, sizes in (
+        (tasks, tables.free_tasks, written.task_sizes),
+        (limits, tables.free_limits, written.limit_sizes),
+    ):
+        for place, size in zip(places, sizes, strict=True):
+            table[place, ROWS : ROWS + 2] = size, start
+            start += size
+    return tasks, limits

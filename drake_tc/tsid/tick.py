@@ -1,0 +1,212 @@
+"""One tick of robust TSID as a function: state and references in, torques, accelerations and contact forces out.
+
+    terms -> rows of tasks and limits -> problem over the torques -> formulation -> tau -> vdot, f
+
+`drake_tc.kernels.problem` does all up to the scaled problem in one call. Where a law or a fallback needs what is
+between, the same stages follow one another here. A tick always has an answer, and `Tick.status` says which it is:
+
+    solved        the formulation's torque
+    risky         every limit can be kept but not R <= R_min: the formulation's safest torque
+    infeasible    no torque keeps all limits: the one that misses least (`infeasible.diagnose`), near the safe one
+    failed        no answer of the programs: the safe torque, weight and damping (`infeasible.safe_torque`)
+    lost          an input is not finite, or a task or limit raised an exception: the torque before, faded out,
+                  tau[n] = exp(-period/fade) tau[n-1]; `Tick.error` holds the exception
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from drake_tc.kernels.lazy import Kernel
+from drake_tc.tsid.assembly import Map, names_of
+from drake_tc.tsid.contacts import ActiveContacts
+from drake_tc.tsid.fused import LOST, NO_POSE, NO_ROWS, Found
+from drake_tc.tsid.infeasible import diagnose, safe_torque
+from drake_tc.tsid.law import LARGEST, Law, Status
+from drake_tc.tsid.model import Scratch
+from drake_tc.tsid.program_solver import ProgramSolver
+from drake_tc.tsid.qp.problem import Outcome
+from drake_tc.tsid.reduction import Reduced, reduce
+from drake_tc.tsid.robust.solution import RobustSolution, Start
+from drake_tc.tsid.rows import LimitRows, TaskRows
+from drake_tc.tsid.terms import Terms
+from drake_tc.types import FloatArray
+
+_RESPONSE = Kernel("reduction", "response")
+
+
+class Tick(NamedTuple):
+    """What one tick gives; finite whatever came in.
+
+    Attributes:
+        torque: (n,) tau [N m], in the robot's order.
+        acceleration: (nv,) vdot that it causes; 0 where the state is lost.
+        force: (K,) of all contacts, 0 where one is not active [N, N m]; 0 where the state is lost.
+        status: (9,) see `Status`.
+        start: For the next tick.
+        error: What went wrong in the tick, where that raised an exception.
+    """
+
+    torque: FloatArray
+    acceleration: FloatArray
+    force: FloatArray
+    status: FloatArray
+    start: Start | None
+    error: Exception | None = None
+
+
+class Problem(NamedTuple):
+    """What a tick solves.
+
+    Attributes:
+        terms: At its state.
+        tasks: Rows of each task.
+        limits: Rows of each limit.
+        reduced: Cost and polytope over the torques, and what torques cause.
+    """
+
+    terms: Terms
+    tasks: Sequence[TaskRows]
+    limits: Sequence[LimitRows]
+    reduced: Reduced
+
+
+class Before(NamedTuple):
+    """What a tick knows of the last one.
+
+    Attributes:
+        torque: (n,) [N m].
+        start: Of its solution.
+    """
+
+    torque: FloatArray
+    start: Start | None
+
+
+def solve_tick(
+    law: Law,
+    scratch: Scratch,
+    state: FloatArray,
+    references: Sequence[FloatArray],
+    active: tuple[bool, ...],
+    before: Before,
+) -> Tick:
+    """One tick; never raises on numbers.
+
+    Args:
+        law: What to solve.
+        scratch: Of the model.
+        state: (nq + nv,) [q; v].
+        references: One a task.
+        active: One a contact.
+        before: The last tick.
+    """
+    given, fused = np.concatenate((state, *references), dtype=np.float64), law.fused
+    told = fused is not None and not fused.asks  # the call itself looks whether a number is none
+    if not told and not (given.max() < LARGEST and given.min() > -LARGEST):
+        return lost_tick(law, before)
+    try:
+        found = _found(law, scratch, given, references, active)
+        if found is not None and found.code == LOST:
+            return lost_tick(law, before)
+        if found is not None:
+            solution = law.formulation.solve_scaled(found.scaled, law.solver, before.start)
+            if solution.outcome not in (Outcome.INFEASIBLE, Outcome.FAILED):
+                return _told(law, found.causes, scratch.select(active), solution, found.relaxed)
+        problem = problem_at(law, scratch, state, references, active)
+        if found is None:
+            solution = _solution(law, problem, before)
+        if solution.outcome in (Outcome.INFEASIBLE, Outcome.FAILED):
+            return _given_way(law, problem, solution, before)
+        return _told(law, problem.reduced.causes, problem.terms.contacts, solution, _relaxed(problem))
+    except Exception as error:  # in a control loop a torque is due, whatever went wrong; the tick keeps the exception
+        return lost_tick(law, before, error)
+
+
+def _found(
+    law: Law, scratch: Scratch, given: FloatArray, references: Sequence[FloatArray], active: tuple[bool, ...]
+) -> Found | None:
+    """The problem over the torques by one call; None for a law, or a state, that has none."""
+    fused, model, written = law.fused, law.model, NO_ROWS
+    if fused is None:
+        return None
+    if fused.asks:
+        terms = model.terms(scratch, given[: model.nq], given[model.nq : model.nq + model.nv], active)
+        written = fused.written_out(terms, references)
+    found = fused.problem(given, scratch.select(active), written)
+    return None if found.code == NO_POSE else found
+
+
+def _solution(law: Law, problem: Problem, before: Before) -> RobustSolution:
+    reduced, form, solver = problem.reduced, law.formulation, law.solver
+    if isinstance(solver, ProgramSolver):
+        rows = (problem.terms, problem.tasks, problem.limits, _held(law, problem.terms))
+        return solver.solution(*rows, form, law.error)
+    if law.priorities is not None:
+        return law.priorities.solve(problem.tasks, reduced, law.error, solver, form.options, before.start)
+    return form.solve(reduced.cost, reduced.polytope, law.error, solver, before.start)
+
+
+def problem_at(
+    law: Law, scratch: Scratch, state: FloatArray, references: Sequence[FloatArray], active: tuple[bool, ...]
+) -> Problem:
+    """What a tick solves; arguments as in `solve_tick`."""
+    model = law.model
+    terms = model.terms(scratch, state[: model.nq], state[model.nq :], active)
+    tasks = [task.rows(terms, reference) for task, reference in zip(law.tasks, references, strict=True)]
+    limits = [limit.rows(terms) for limit in law.limits]
+    return Problem(terms, tasks, limits, reduce(terms, tasks, limits, _held(law, terms)))
+
+
+def _held(law: Law, terms: Terms) -> FloatArray | None:
+    """Acceleration of the contacts that is asked for."""
+    return -law.contact_damping * terms.contact_velocity if law.contact_damping else None
+
+
+def _told(law: Law, causes: Map, contacts: ActiveContacts, solution: RobustSolution, relaxed: int) -> Tick:
+    """The tick of a solution."""
+    risk = min(solution.robustness, LARGEST)
+    found = (solution.outcome, 0.0, solution.iterations, risk, solution.p_ind, -1.0, 0.0)
+    status = np.array([*found, relaxed, solution.converged])
+    return _packed(law, causes, contacts, solution.torque, status, solution.start)
+
+
+def _packed(
+    law: Law, causes: Map, contacts: ActiveContacts, torque: FloatArray, status: FloatArray, start: Start | None
+) -> Tick:
+    acceleration, force = _RESPONSE(torque, *causes, contacts.entries, law.model.force_size)
+    return Tick(torque, acceleration, force, status, start)
+
+
+def _given_way(law: Law, problem: Problem, solution: RobustSolution, before: Before) -> Tick:
+    """The torque that misses least, or the safe one, where there is no solution."""
+    terms, polytope = problem.terms, problem.reduced.polytope
+    lower, upper = polytope.lower[: polytope.bounds], polytope.upper[: polytope.bounds]
+    torque = safe_torque(terms, law.fallback_damping, *((lower, upper) if polytope.bounds else ()))
+    relaxed = _relaxed(problem)
+    status = np.array([solution.outcome, 1.0, solution.iterations, 0.0, 0.0, -1.0, 0.0, relaxed, 0.0])
+    if solution.outcome is Outcome.INFEASIBLE:
+        found = diagnose(polytope, solver=law.solver, centre=torque)
+        if found.outcome is Outcome.SOLVED:
+            torque = np.clip(found.torque, lower, upper) if polytope.bounds else found.torque
+        if found.rows.size:
+            name = names_of(problem.limits)[int(found.rows[0])]
+            known = name if name in law.constraints else name.partition(": ")[0]
+            status[Status.LIMIT], status[Status.MISSED] = law.constraints.index(known), found.missed[0]
+    tick = _packed(law, problem.reduced.causes, terms.contacts, torque, status, None)
+    sound = np.isfinite(np.concatenate((tick.torque, tick.acceleration, tick.force, status))).all()
+    return tick if sound else lost_tick(law, before)
+
+
+def _relaxed(problem: Problem) -> int:
+    return sum(rows.relaxed for rows in problem.limits)
+
+
+def lost_tick(law: Law, before: Before, error: Exception | None = None) -> Tick:
+    """The torque before, faded, where nothing is known."""
+    model = law.model
+    status = np.zeros(len(Status))
+    status[Status.OUTCOME], status[Status.FALLBACK], status[Status.LIMIT] = Outcome.FAILED, 1.0, -1.0
+    torque = np.exp(-law.period / law.fade) * before.torque
+    return Tick(torque, np.zeros(model.nv), np.zeros(model.force_size), status, None, error)

@@ -1,0 +1,66 @@
+"""Controllers that hold their effort for one sampling period: no delay is named, and a longer one still is."""
+
+import numpy as np
+import pytest
+
+from drake_tc.diagnosis.joint import diagnose_joint
+from drake_tc.diagnosis.options import DiagnosisOptions
+from drake_tc.diagnosis.result.joint_result import JointResult
+from drake_tc.logs.record import Run
+from drake_tc.logs.rig import parse_rig
+
+PERIOD, FINE = 5e-3, 2.5e-4
+INERTIA, MOMENT, VISCOUS, COULOMB, GAIN = 0.05, 3.2, 0.35, 0.3, 0.25
+ENCODER = 2 * np.pi / 2**16
+RIG = parse_rig(
+    {
+        "joint": "joint",
+        "drive": "current",
+        "load": {"pendulum": {"mass": 2.0, "length": MOMENT / (2.0 * 9.81), "inertia": 0.14}},
+        "declared": {"rotor_inertia": INERTIA},
+    }
+)
+
+
+def run(shift: float, late: float) -> Run:
+    """A sampled PD loop [A] on a pendulum: its current is recorded when it is set, `late` before it acts, and held."""
+    count, each = round(25.0 / PERIOD), round(PERIOD / FINE)
+    q, v, total = 0.0, 0.0, INERTIA + 0.14
+    wait = [0.0] * (round(late / FINE) + 1)
+    position, current = np.empty(count), np.empty(count)
+    for k in range(count):
+        t = k * PERIOD
+        waves = ((0.7, 0.19, 0.0), (0.5, 0.47, 1.1), (0.25, 0.83, 2.3))
+        goal = min(t, 1.0) * sum(a * np.sin(2 * np.pi * f * (t + shift) + p) for a, f, p in waves)
+        measured = ENCODER * round(q / ENCODER)
+        asked = GAIN * (40.0 * (goal - measured) - 2.0 * v)
+        position[k], current[k] = measured, asked
+        for _ in range(each):
+            wait.append(asked)
+            torque = wait.pop(0) / GAIN - MOMENT * np.sin(q) - VISCOUS * v
+            faster = v + FINE * torque / total
+            slower = FINE * COULOMB / total
+            v = np.sign(faster) * max(abs(faster) - slower, 0.0)
+            q += FINE * v
+    columns = {"joint/position": position, "joint/current": current}
+    segment = np.zeros(count, dtype=int)
+    steps = {"joint/position": ENCODER}
+    return Run(f"run{shift}", None, PERIOD * np.arange(count), PERIOD, columns, segment, steps=steps)
+
+
+def diagnosed(late: float) -> JointResult:
+    runs = [run(shift, late) for shift in (0.0, 0.4, 0.7)]
+    return diagnose_joint(runs[:2], runs[2:], RIG, "joint", DiagnosisOptions(assess_residual=False))
+
+
+def test_half_a_period_of_hold_is_no_delay():
+    found = diagnosed(0.0)
+    assert found.effects == ()
+    assert any("older than its sample" in note for note in found.notes)
+
+
+def test_a_delay_of_three_periods_is_one():
+    found = diagnosed(3 * PERIOD)
+    assert [each.id for each in found.effects] == ["delay"]
+    value = found.effects[0].parameters["delay"].value
+    assert value == pytest.approx(3.5 * PERIOD, abs=0.1 * PERIOD)  # with half a period of the hold
