@@ -1,6 +1,7 @@
 """`drake-tc design`: the next experiment, within limits."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -38,6 +39,9 @@ def design_command(
     basis: Annotated[str, typer.Option(help="Functions of the motion: fourier or bspline.")] = "fourier",
     criterion: Annotated[str, typer.Option(help="Criterion of the goal parameters: D or E.")] = "D",
     distance: Annotated[float, typer.Option(help="Least distance between the links of a robot [m].")] = 0.01,
+    scene: Annotated[
+        Path | None, typer.Option(help="URDF, SDF or MJCF of what stands around a robot, in its world's coordinates.")
+    ] = None,
     starts: Annotated[int, typer.Option(help="Number of initial guesses.")] = 2,
     seed: Annotated[int, typer.Option(help="Seed of the starts.")] = 0,
     out: Annotated[Path, typer.Option(help="Folder for the trajectory and the page.")] = Path("design"),
@@ -61,7 +65,7 @@ def design_command(
         "torque": torque,
         "bandwidth_hz": bandwidth,
     }
-    read = [rig, *(log or []), *(path for path in (model, after) if path is not None)]
+    read = [rig, *(log or []), *(path for path in (model, after, scene) if path is not None)]
     with (
         result_folder(out, "--out", names=FILES, inputs=read, force=force, error=ParamsError) as folder,
         progress_bar("design", quiet=as_json) as progress,
@@ -79,11 +83,14 @@ def design_command(
         )
         request = DesignRequest(rig, tuple(log or ()), model, goal, after, tuple(joint or ()), given)
         if whole_robot(request):
-            whole = RobotOptions(duration, options.basis, options.smallest, starts=starts, seed=seed, distance=distance)
+            whole = RobotOptions(duration, options.basis, options.smallest, starts=starts, seed=seed)
+            whole = replace(whole, distance=distance, scene=scene)
             robot = designed_robot(request, whole, progress)
             write_robot_design(robot, folder, rate)
             document, lines = robot_json(robot), list(robot.sentences)
         else:
+            if scene is not None:
+                raise ParamsError("--scene: expected the motion of a whole robot (goal parameters, no --joint)")
             designs = designed(request, options, progress)
             write_design(designs, folder, rate)
             document, lines = design_json(designs), design_lines(designs)
@@ -91,7 +98,7 @@ def design_command(
         print(json.dumps(document, indent=1))
     else:
         print("\n".join(lines))
-        print(out / FILES[3])
+        print(out / FILES[-1])
 
 
 def _require(basis: str, criterion: str, duration: float, rate: float) -> None:

@@ -12,6 +12,7 @@ import numpy as np
 
 from drake_tc.effects.base import Context, DriveEffect, Effect
 from drake_tc.effects.context import EFFORT_UNIT
+from drake_tc.effects.library import LIBRARY
 from drake_tc.types import FloatArray
 
 PAYLOAD_ARM = 0.035
@@ -81,14 +82,29 @@ NAMES: Mapping[str, tuple[str, str]] = {
 """Size of the effects whose size is not simply their first parameter: name and unit."""
 
 
+def size_name(effect: Effect) -> tuple[str, str]:
+    """Name and unit of the number that tells how strong an effect is."""
+    parameter = effect.parameters[0] if effect.parameters else None
+    return NAMES.get(effect.key, (parameter.name, parameter.unit) if parameter else ("size", "-"))
+
+
+def sizes_found(parameters: Mapping[str, Mapping[str, float | None]]) -> dict[str, float]:
+    """Sizes of effects by id, without their signs, from their parameters as a report lists them by id."""
+    out = {}
+    for member in LIBRARY:
+        value = parameters.get(member.id, {}).get(size_name(member)[0])
+        if value:
+            out[member.id] = abs(float(value))
+    return out
+
+
 def size_of(effect: Effect, numbers: JointNumbers, context: Context) -> Size:
     """Name, unit and typical value of an effect's size on a joint.
 
     The typical value is a tenth of the joint's own friction or about 5 % of its torque, a delay or a lag of 3 ms, and a
     play of the gear of 1 mrad, unless less than that costs 5 % of the torque of a stiff servo.
     """
-    parameter = effect.parameters[0] if effect.parameters else None
-    name, unit = NAMES.get(effect.key, (parameter.name, parameter.unit) if parameter else ("size", "-"))
+    name, unit = size_name(effect)
     in_shape = not effect.coefficients and bool(effect.shapes)
     if effect.key == "current_lag.winding":
         in_shape, name, unit = True, "lag", "s"

@@ -1,5 +1,7 @@
 """A robot's motion keeps its limits and the distance between its links, and identifies more than sinusoids do."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -8,7 +10,7 @@ from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.systems.framework import DiagramBuilder
 
 from drake_tc.errors import ParamsError
-from drake_tc.experiments.design.collisions import SelfCollision
+from drake_tc.experiments.design.collisions import Collisions
 from drake_tc.experiments.design.robot import RobotOptions, design_robot, robot_limits
 from drake_tc.robot.plant import add_robot, joint_limits
 from drake_tc.robot.robot import load_robot
@@ -58,14 +60,14 @@ def distance(robot, q):
 
 
 def test_the_distance_constraint_agrees_with_the_geometry(arm):
-    constraint = SelfCollision(arm, 0.02)
+    constraint = Collisions(arm, 0.02)
     assert constraint.active
     for q in (np.zeros(3), np.array([0.3, 1.0, -0.5]), np.array([0.0, 2.5, 2.5])):
         assert constraint.allows(q[None]) == (distance(arm, q) >= 0.02)
 
 
 def test_the_slope_of_the_distance_is_that_of_finite_differences(arm):
-    constraint = SelfCollision(arm, 0.3)
+    constraint = Collisions(arm, 0.3)
     q = np.array([0.2, 1.6, 1.2])
     value, slope = constraint.gradient(q)
     assert_allclose(value, constraint.value(q), rtol=1e-9)
@@ -99,3 +101,46 @@ def test_a_posture_in_which_links_touch_is_refused(arm, tmp_path):
     folded = load_robot(tmp_path / "folded.yaml")
     with pytest.raises(ParamsError, match="links are closer than"):
         design_robot(folded, robot_limits(folded), QUICK)
+
+
+TABLE = """<sdf version="1.7"><model name="table"><static>{static}</static><pose>0.6 0 {height} 0 0 0</pose>
+<link name="top"><collision name="c">
+<geometry><box><size>0.8 2 0.04</size></box></geometry></collision></link></model></sdf>"""
+
+
+@pytest.mark.parametrize("static", ["true", "false"])
+def test_a_motion_keeps_its_distance_from_a_table(arm, tmp_path, static):
+    """The arm bends forward into a table at 0.75 m, whose top is at 0.77 m; its links are 0.06 m thick."""
+    scene = tmp_path / "table.sdf"
+    scene.write_text(TABLE.format(static=static, height=0.75), encoding="utf-8")
+    alone, beside = Collisions(arm, 0.02), Collisions(arm, 0.02, scene)
+    bent = np.array([0.0, 1.5, 0.3])  # the forearm lies at 0.8 m, the hand goes down from it through the table
+    assert beside.pairs > alone.pairs
+    assert alone.allows(bent[None]) and not beside.allows(bent[None])
+    assert beside.allows(np.zeros((1, 3)))
+    value, slope = beside.gradient(bent)
+    step = 1e-6
+    expected = [(beside.value(bent + step * e) - beside.value(bent - step * e)) / (2 * step) for e in np.eye(3)]
+    assert_allclose(slope, expected, atol=1e-4 * max(1.0, float(np.abs(expected).max())))
+    assert value > 1.0
+
+
+def test_a_designed_motion_stays_off_the_table(arm, tmp_path):
+    scene = tmp_path / "table.sdf"
+    scene.write_text(TABLE.format(static="true", height=0.75), encoding="utf-8")
+    design = design_robot(arm, robot_limits(arm), replace(QUICK, scene=scene))
+    q = np.stack([basis.motion(x)[0] for basis, x in zip(design.bases, design.x, strict=True)], axis=-1)
+    assert Collisions(arm, 0.015, scene).allows(q[::3])
+    assert np.ptp(q, axis=0).min() > 0.1
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [("<sdf", "expected a URDF, SDF or MJCF"), (TABLE.replace("collision", "visual"), "no collision shape")],
+)
+def test_a_scene_that_is_none_is_one_line(arm, tmp_path, text, words):
+    scene = tmp_path / "table.sdf"
+    scene.write_text(text.format(static="true", height=0.75) if "{" in text else text, encoding="utf-8")
+    with pytest.raises(ParamsError, match=words) as found:
+        Collisions(arm, 0.02, scene)
+    assert "\n" not in str(found.value)

@@ -12,6 +12,7 @@ from drake_tc.diagnosis.selection.shape_refinement import refine
 from drake_tc.diagnosis.thresholds import CERTAINLY_BETTER, JOINT, SAME_ERROR
 from drake_tc.effects.base import Context, Effect
 from drake_tc.effects.library import looked_for
+from drake_tc.types import FloatArray
 
 
 def indistinguishable(
@@ -22,7 +23,8 @@ def indistinguishable(
     Next to nothing: the cross-validated error rises by less than 2 % and the chosen effect is the better one in
     fewer than 98 % of the block resamples, or the two predictions are the same up to a hundredth. An effect with more
     parameters that fits no better is no rival: it contains the chosen one or imitates it. A delay and a lag are also
-    listed when the better one explains less than half a noise floor more, which would not count as an effect.
+    listed when the better one explains less than half a noise floor more, which would not count as an effect, over all
+    rows and in each run: a run that was made to tell them apart shall not be diluted by those that cannot.
 
     Args:
         columns: Training rows.
@@ -50,7 +52,9 @@ def indistinguishable(
             if swapped.size > found.chosen.size:
                 continue
             swapped = refine(columns, swapped, evaluations=30)
-            if _same(found.chosen, swapped) or (late and _within_resolution(found.chosen, swapped, floor)):
+            if _same(found.chosen, swapped) or (
+                late and _within_resolution(_errors(found.chosen, columns), _errors(swapped, columns), floor)
+            ):
                 pairs.append((term.effect.id, member.id))
     return tuple(dict.fromkeys(pairs))
 
@@ -62,11 +66,27 @@ def _same(chosen: Fit, other: Fit) -> bool:
     return share_better(other, chosen) < CERTAINLY_BETTER or apart < 0.01 * chosen.rms
 
 
-def _within_resolution(chosen: Fit, other: Fit, floor: float) -> bool:
-    """Whether the chosen fit explains too little more than the other to count as an improvement.
+def _errors(fitted: Fit, columns: Columns) -> FloatArray:
+    """(1 + r, 2) RMS over all rows and over each of r runs, cross-validated with a lag's noise charged, and plain."""
+    samples = columns.samples
+    rows = np.bincount(samples.run)
+    first = np.unique(samples.block, return_index=True)[1]
+    charged = np.bincount(samples.run[first], fitted.block_sse[samples.block[first]], rows.size)
+    plain = np.bincount(samples.run, fitted.residual**2, rows.size)
+    by_run = np.stack([charged, plain], axis=-1)[rows > 0] / rows[rows > 0, None]
+    return np.concatenate([[[fitted.cv_rms, fitted.rms]], np.sqrt(by_run)])
 
-    With the noise that a lag takes out of the effort charged to it (`Columns.noise_ratio`) or without: how much of the
+
+def _within_resolution(chosen: FloatArray, other: FloatArray, floor: float) -> bool:
+    """Whether the chosen fit nowhere explains enough more than the other to count as an improvement.
+
+    With the noise that a lag takes out of the effort charged to it (`Columns.noise_ratio`) and without: how much of the
     residual is such noise is known roughly, and an order that rests on it tells nothing.
+
+    Args:
+        chosen: Errors (1 + r, 2) of `_errors`.
+        other: The same of the fit with the other effect.
+        floor: Noise floor [effort].
     """
-    errors = (chosen.cv_rms, other.cv_rms), (chosen.rms, other.rms)
-    return any(worse**2 - better**2 < (JOINT.least_removed * floor) ** 2 for better, worse in errors)
+    enough = other**2 - chosen**2 >= (JOINT.least_removed * floor) ** 2
+    return not bool(enough.all(axis=1).any())

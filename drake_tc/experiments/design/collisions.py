@@ -1,14 +1,17 @@
-"""Whether a robot's postures keep a distance between its links, by Drake's minimum-distance constraint."""
+"""Whether a robot's postures keep a distance between its links and from its surroundings, by Drake's geometry."""
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from pydrake.autodiffutils import ExtractGradient, ExtractValue, InitializeAutoDiff
 from pydrake.geometry import SceneGraph
 from pydrake.multibody.inverse_kinematics import MinimumDistanceLowerBoundConstraint
+from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.systems.framework import DiagramBuilder
 
+from drake_tc.errors import ParamsError
 from drake_tc.robot.plant import add_robot
 from drake_tc.robot.robot import Robot
 from drake_tc.types import FloatArray
@@ -17,18 +20,34 @@ INFLUENCE = 0.05
 """Distance beyond the bound from which on a pair enters the constraint [m]."""
 
 
-class SelfCollision:
-    """Distances between the links of a fixed-base robot, from the primitive collision shapes of its URDF."""
+class Collisions:
+    """Distances between the links of a fixed-base robot, and from a scene, by Drake's minimum-distance constraint.
 
-    def __init__(self, robot: Robot, bound: float) -> None:
-        """The constraint that all distances are at least `bound` [m]; a robot without shapes keeps any."""
+    The robot's shapes are the primitive ones of its URDF. Bodies of the scene that no joint holds are fixed to the
+    world where the file places them; joints inside the scene stay at their default positions.
+    """
+
+    def __init__(self, robot: Robot, bound: float, scene: Path | None = None) -> None:
+        """The constraint that all distances are at least `bound` [m]; a robot without shapes keeps any.
+
+        Args:
+            robot: From `load_robot`.
+            bound: Least distance [m].
+            scene: URDF, SDF or MJCF of what stands around the robot, in the coordinates of the robot's world.
+
+        Raises:
+            ParamsError: A scene that cannot be read, or that has no shape.
+        """
         builder = DiagramBuilder()
         plant, scene_graph = AddMultibodyPlantSceneGraph(builder, 0.0)
         add_robot(plant, robot, collisions=True, rotors=False)
+        if scene is not None:
+            _add_scene(plant, scene)
         plant.Finalize()
         self._plant, self._diagram = plant, builder.Build()
         self._root: Any = self._diagram.CreateDefaultContext()
         self._context: Any = plant.GetMyMutableContextFromRoot(self._root)
+        self._default: FloatArray = np.asarray(plant.GetPositions(self._context), dtype=np.float64)
         self._order = [int(plant.GetJointByName(name).position_start()) for name in robot.joints]
         self.pairs = _pairs(scene_graph)
         self._constraint: Any = None
@@ -65,9 +84,27 @@ class SelfCollision:
         return value, np.asarray(slope[self._order])
 
     def _in_plant(self, position: FloatArray) -> FloatArray:
-        q = np.zeros(self._plant.num_positions())
+        q = self._default.copy()
         q[self._order] = position
         return q
+
+
+def _add_scene(plant: Any, scene: Path) -> None:
+    """The models of a file, fixed to the world."""
+    before = plant.num_collision_geometries()
+    try:
+        models = Parser(plant).AddModels(scene)
+    except (RuntimeError, ValueError) as error:
+        reason = " ".join(str(error).partition("error: ")[2].split()) or " ".join(str(error).split())
+        raise ParamsError(f"--scene {scene}: expected a URDF, SDF or MJCF that Drake reads; {reason}") from None
+    if plant.num_collision_geometries() == before:
+        raise ParamsError(f"--scene {scene}: it has no collision shape; give its bodies a <collision>")
+    held = {plant.get_joint(i).child_body().index() for i in plant.GetJointIndices()}
+    for model in models:
+        for index in plant.GetBodyIndices(model):
+            body = plant.get_body(index)
+            if index not in held:
+                plant.WeldFrames(plant.world_frame(), body.body_frame(), plant.GetDefaultFloatingBaseBodyPose(body))
 
 
 def _pairs(scene_graph: SceneGraph) -> int:

@@ -9,23 +9,19 @@ An identity at random states in general position, which outnumber the coefficien
 because the columns are analytic in each direction of motion.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
 
 from drake_tc.effects.library import effect, looked_for
 from drake_tc.errors import ParamsError
+from drake_tc.experiments.check.contributions import is_late
 from drake_tc.experiments.check.visibility import Noise
-from drake_tc.experiments.design.criteria import (
-    Criterion,
-    Discrimination,
-    EffectForm,
-    Everything,
-    Parameters,
-    form_of,
-)
+from drake_tc.experiments.design.criteria import Criterion, Everything, Parameters
+from drake_tc.experiments.design.discrimination import Discrimination
+from drake_tc.experiments.design.forms import EffectForm, form_of
 from drake_tc.experiments.design.joint import DesignJoint
 from drake_tc.experiments.sizes import acts_through_shape, size_of
 from drake_tc.types import FloatArray
@@ -45,10 +41,12 @@ class Goal:
         kind: Of the goal.
         effects: Keys or ids of the two effects of "tell"; effects estimated along for "parameters". An id stands for
             its first form that a joint's logs can show.
+        strengths: Sizes of effects that are known, by id; typical ones are taken for the others.
     """
 
     kind: GoalKind
     effects: tuple[str, ...] = ()
+    strengths: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def whole(self) -> bool:
@@ -89,14 +87,14 @@ def criterion_of(goal: Goal, joint: DesignJoint, duration: float, *, smallest: b
         ParamsError: An effect that these logs cannot show, or two effects that are the same function.
     """
     if goal.kind == "tell":
-        forms = [_form(joint, key) for key in goal.effects]
+        forms = _alike_late([_form(joint, key, goal) for key in goal.effects], goal)
         require_different(joint, forms[0], forms[1])
-        pairs = ((forms[0], forms[1]), (forms[1], forms[0]))
         # of two models one of which contains the other, only the larger one can be told from the other
+        pairs = ((forms[0], forms[1]), (forms[1], forms[0]))
         orders = tuple(pair for pair in pairs if identity(joint, *pair) is None)
-        return Discrimination(joint, orders, duration)
+        return Discrimination(joint, orders, duration, tuple(each for pair in pairs for each in _ties(joint, *pair)))
     if goal.kind == "parameters":
-        return Parameters(joint, tuple(_form(joint, key) for key in goal.effects), duration, smallest)
+        return Parameters(joint, tuple(_form(joint, key, goal) for key in goal.effects), duration, smallest)
     taken = {t.effect.id for t in joint.declared} | set(joint.context.declared)
     forms = [
         form_of(joint, e.key, size_of(e, joint.numbers, joint.context))
@@ -116,7 +114,7 @@ def _computable(joint: DesignJoint, key: str) -> bool:
     )
 
 
-def _form(joint: DesignJoint, key: str) -> EffectForm:
+def _form(joint: DesignJoint, key: str, goal: Goal) -> EffectForm:
     member = effect(key)
     if key == member.id:
         forms = [e for e in looked_for(joint.context) if e.id == key and not e.unavailable(joint.context)]
@@ -129,7 +127,16 @@ def _form(joint: DesignJoint, key: str) -> EffectForm:
             f"joint {joint.name}: {key} depends on {', '.join(sorted(member.needs))}, which a motion alone does not "
             f"set; {_isolated(member.id)}"
         )
-    return form_of(joint, member.key, size_of(member, joint.numbers, joint.context))
+    size = size_of(member, joint.numbers, joint.context)
+    return form_of(joint, member.key, size, goal.strengths.get(member.id))
+
+
+def _alike_late(forms: list[EffectForm], goal: Goal) -> list[EffectForm]:
+    """A delay and a lag imitate each other at the same time: one whose size is not known has that of the other."""
+    known = [form.strength for form in forms if form.effect.id in goal.strengths]
+    if len(known) != 1 or not all(is_late(form.effect) for form in forms):
+        return forms
+    return [replace(form, strength=known[0]) for form in forms]
 
 
 def _isolated(effect_id: str) -> str:
@@ -152,6 +159,22 @@ def require_different(joint: DesignJoint, first: EffectForm, second: EffectForm)
             f"{first.effect.key} and {second.effect.key} are the same function while the joint slides, so no motion "
             f"tells them apart: {proof}; {_isolated(first.effect.id)}, or {_isolated(second.effect.id)}"
         )
+
+
+def _ties(joint: DesignJoint, truth: EffectForm, other: EffectForm) -> list[tuple[str, str, str]]:
+    """(truth, form, proof) for the forms of the other effect that contain the truth with no more parameters.
+
+    A diagnosis takes the model with fewer parameters, so that a larger one that contains the truth is no rival.
+    """
+    out = []
+    for member in looked_for(joint.context):
+        small = member.degrees_of_freedom <= truth.effect.degrees_of_freedom
+        if member.id != other.effect.id or not small or member.unavailable(joint.context):
+            continue
+        proof = identity(joint, truth, form_of(joint, member.key, size_of(member, joint.numbers, joint.context)))
+        if proof is not None:
+            out.append((truth.effect.key, member.key, proof))
+    return out
 
 
 def identity(joint: DesignJoint, truth: EffectForm, other: EffectForm) -> str | None:

@@ -5,12 +5,13 @@
 d: direction of motion, smoothed over a small speed so that a solver sees a differentiable function.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.ndimage import minimum_filter1d
 
 from drake_tc.diagnosis.data.sliding import LEAST_TRAVEL
@@ -147,13 +148,21 @@ def _filter_gain(light: float, final: float, step: float, size: int) -> FloatArr
     return np.asarray(first.gain(frequency) * second.gain(frequency))
 
 
+LATE_RESPONSES: Mapping[str, Callable[[NDArray[np.complex128], float], NDArray[np.complex128]]] = {
+    "delay.loop": lambda turn, delay: np.exp(-turn * delay),
+    "delay.command": lambda turn, delay: np.exp(-turn * delay),
+    "current_lag": lambda turn, lag: 1.0 / (1.0 + turn * lag),
+}
+"""Frequency responses of delays, exp(-i w d), and of a lag, 1/(1 + i w T), by effect key."""
+
+
 class BalanceColumns(Protocol):
     """Columns of the balance, of a log or of a designed motion, all filtered alike.
 
     Attributes:
         joint: The joint.
         weight: (T,) of the rows, 0 where the joint does not slide.
-        seconds: Length of the motion [s].
+        seconds: Length of the rows [s].
     """
 
     joint: DesignJoint
@@ -163,11 +172,20 @@ class BalanceColumns(Protocol):
     def effort(self, terms: Sequence[Term]) -> FloatArray:
         """y* (T,) after the drive effects among the terms."""
 
+    def changes(self, terms: Sequence[Term]) -> FloatArray:
+        """(T, g) change of y* by each of several drive effects alone."""
+
     def of(self, term: Term) -> FloatArray:
         """Phi (T, k) of one term."""
 
     def design(self, terms: Sequence[Term]) -> FloatArray:
         """[y*, -phi ...] (T, 1 + sum k)."""
+
+
+def _changes(columns: BalanceColumns, terms: Sequence[Term]) -> FloatArray:
+    """(T, g) change of y* by each term alone, one after the other."""
+    before = columns.effort(())
+    return np.stack([columns.effort([term]) - before for term in terms], axis=-1)
 
 
 class LogColumns:
@@ -182,6 +200,10 @@ class LogColumns:
     def effort(self, terms: Sequence[Term]) -> FloatArray:
         """y* (N,)."""
         return self._columns.effort(terms)
+
+    def changes(self, terms: Sequence[Term]) -> FloatArray:
+        """(N, g)."""
+        return _changes(self, terms)
 
     def of(self, term: Term) -> FloatArray:
         """Phi (N, k)."""
@@ -201,7 +223,7 @@ class MotionColumns:
 
     def __init__(self, joint: DesignJoint, motion: FloatArray, step: float, *, periodic: bool = True) -> None:
         """Columns of the motion (4, T) sampled every `step` [s]."""
-        self.joint, self.step = joint, step
+        self.joint, self.step, self._periodic = joint, step, periodic
         self.seconds = motion.shape[1] * step
         self._size = motion.shape[1]
         self._signals = joint.signals(np.tile(motion, (1, 2)) if periodic else motion, step)
@@ -230,6 +252,21 @@ class MotionColumns:
             if isinstance(term.effect, DriveEffect) and term.effect.shapes:
                 values = term.effect.transform(values, self._signals, term.shape)
         return self._reduce(values)
+
+    def changes(self, terms: Sequence[Term]) -> FloatArray:
+        """(T, g) change of y* by each of several drive effects alone.
+
+        A delay and a lag of a few milliseconds differ by less than what a linear interpolation between the samples of a
+        design loses; of a periodic motion they are computed exactly, by their frequency response.
+        """
+        first = terms[0].effect.key
+        if not self._periodic or first not in LATE_RESPONSES or any(t.effect.key != first for t in terms):
+            return _changes(self, terms)
+        moved = (self._signals.command if first == "delay.command" else self._signals.effort)[-self._size :]
+        turn: NDArray[np.complex128] = np.asarray(2j * np.pi * np.fft.rfftfreq(self._size, self.step), np.complex128)
+        late = np.stack([LATE_RESPONSES[first](turn, *term.shape.values()) for term in terms])
+        changed = np.fft.irfft(np.fft.rfft(moved) * self._gain * (late - 1.0), self._size)
+        return np.asarray(changed.T)
 
     def of(self, term: Term) -> FloatArray:
         """Phi (T, k) of one term."""

@@ -11,6 +11,7 @@ import pandas as pd
 import yaml
 
 from drake_tc.config.json_values import json_value
+from drake_tc.experiments.design.drake_output import drake_trajectory
 from drake_tc.experiments.design.limits import JointLimits
 from drake_tc.experiments.design.robot import RobotDesign
 from drake_tc.experiments.design.run import JointDesign
@@ -19,7 +20,7 @@ from drake_tc.report.plain_page import PageSection, PageTable, plain_page
 from drake_tc.report.svg import BACKWARD, FORWARD, new_figure, page_style, to_svg
 from drake_tc.types import FloatArray
 
-FILES = ("trajectory.csv", "trajectory.yaml", "design.json", "design.html")
+FILES = ("trajectory.csv", "trajectory.yaml", "trajectory.drake.yaml", "design.json", "design.html")
 MOST_POINTS = 4000
 """Points of a ROS trajectory; a controller interpolates between them."""
 
@@ -29,8 +30,9 @@ def write_design(designs: Mapping[str, JointDesign], folder: Path, rate_hz: floa
     time, motions = motions_of(designs, rate_hz)
     trajectory_table(time, motions).to_csv(folder / FILES[0], index=False)
     (folder / FILES[1]).write_text(joint_trajectory(time, motions), encoding="utf-8")
-    (folder / FILES[2]).write_text(json.dumps(design_json(designs), indent=1) + "\n", encoding="utf-8")
-    (folder / FILES[3]).write_text(design_page(designs), encoding="utf-8")
+    (folder / FILES[2]).write_text(drake_trajectory(time, motions), encoding="utf-8")
+    (folder / FILES[3]).write_text(json.dumps(design_json(designs), indent=1) + "\n", encoding="utf-8")
+    (folder / FILES[4]).write_text(design_page(designs), encoding="utf-8")
 
 
 def motions_of(designs: Mapping[str, JointDesign], rate_hz: float) -> tuple[FloatArray, dict[str, FloatArray]]:
@@ -82,8 +84,9 @@ def write_robot_design(design: RobotDesign, folder: Path, rate_hz: float) -> Non
     time, motions = design.motion(rate_hz)
     trajectory_table(time, motions).to_csv(folder / FILES[0], index=False)
     (folder / FILES[1]).write_text(joint_trajectory(time, motions), encoding="utf-8")
-    (folder / FILES[2]).write_text(json.dumps(robot_json(design), indent=1) + "\n", encoding="utf-8")
-    (folder / FILES[3]).write_text(robot_page(design), encoding="utf-8")
+    (folder / FILES[2]).write_text(drake_trajectory(time, motions), encoding="utf-8")
+    (folder / FILES[3]).write_text(json.dumps(robot_json(design), indent=1) + "\n", encoding="utf-8")
+    (folder / FILES[4]).write_text(robot_page(design), encoding="utf-8")
 
 
 def robot_json(design: RobotDesign) -> dict[str, Any]:

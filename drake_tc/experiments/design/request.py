@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +16,7 @@ from drake_tc.experiments.design.goal import Goal, parse_goal
 from drake_tc.experiments.design.known import joint_from_logs, joint_from_model, limits_with
 from drake_tc.experiments.design.robot import RobotDesign, RobotOptions, design_robot, robot_limits
 from drake_tc.experiments.design.run import DesignOptions, JointDesign, design_joint
+from drake_tc.experiments.sizes import sizes_found
 from drake_tc.logs.prepare import load_runs
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig, load_rig
@@ -162,9 +163,19 @@ def _goal_of(entry: Mapping[str, Any]) -> Goal | None:
     """Two effects that were not told apart; else narrower intervals of the effects that were found."""
     ties = entry.get("indistinguishable") or []
     if ties:
-        return parse_goal(f"tell:{ties[0][0]},{ties[0][1]}")
+        return replace(parse_goal(f"tell:{ties[0][0]},{ties[0][1]}"), strengths=_sizes(entry))
     found = [e["id"] for e in entry.get("effects", [])]
     return parse_goal("parameters:" + ",".join(found)) if found else None
+
+
+def _sizes(entry: Mapping[str, Any]) -> dict[str, float]:
+    """Sizes of the effects that a report found, by id."""
+    return sizes_found(
+        {
+            found["id"]: {name: each.get("value") for name, each in found.get("parameters", {}).items()}
+            for found in entry.get("effects", [])
+        }
+    )
 
 
 def _report(path: Path) -> dict[str, Any]:

@@ -10,13 +10,15 @@ columns and the minimum distance between links are added here.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
+from scipy.interpolate import BPoly
 
 from drake_tc.errors import ParamsError
 from drake_tc.experiments.design.basis import BasisKind, MotionBasis, motion_basis, scaled
-from drake_tc.experiments.design.collisions import SelfCollision
+from drake_tc.experiments.design.collisions import Collisions
 from drake_tc.experiments.design.lead import lead_in, quintic
 from drake_tc.experiments.design.limits import JointLimits
 from drake_tc.experiments.design.robot_goal import robot_goal
@@ -31,6 +33,8 @@ Progress = Callable[[str, float], None]
 PERIOD = 10.0
 BANDWIDTH_HZ = 0.8
 FREQUENCIES = 4
+LEAD_RATE_HZ = 10.0
+"""Rate at which the whole motion, from rest to rest, is held against the distance [Hz]."""
 ACCELERATION_TIME = 0.4
 """Time in which a joint may reach its largest speed [s]: the acceleration limit where the robot file gives none."""
 UNKNOWN_SPAN = np.pi
@@ -75,7 +79,8 @@ class RobotDesign:
         for joint, basis, one, pair in zip(self.joints, self.bases, made, leads, strict=True):
             grid = np.arange(one.shape[1] + 1) * basis.step
             closed = np.concatenate([one, one[:, :1]], axis=1)
-            rows = np.stack([np.interp(np.mod(time - length, period), grid, row) for row in closed])
+            spline, place = BPoly.from_derivatives(grid, closed[:3].T), np.mod(time - length, period)
+            rows = np.stack([spline(place, order) for order in range(4)])
             out[joint] = _with_leads(rows, time, (length, whole), one[:3, 0], pair)
         return time, out
 
@@ -104,7 +109,13 @@ def _with_leads(
 
 @dataclass(frozen=True)
 class RobotOptions:
-    """How a robot's motion is looked for: see `design.run.DesignOptions`. distance: between links, at least [m]."""
+    """How a robot's motion is looked for: see `design.run.DesignOptions`.
+
+    Attributes:
+        duration, basis, smallest, starts, iterations, seed: As there.
+        distance: Between links, and from the scene, at least [m].
+        scene: File of what stands around the robot.
+    """
 
     duration: float = 30.0
     basis: BasisKind = "fourier"
@@ -113,6 +124,7 @@ class RobotOptions:
     iterations: int = 15
     seed: int = 0
     distance: float = 0.01
+    scene: Path | None = None
 
 
 def robot_limits(robot: Robot, **given: float | None) -> tuple[JointLimits, ...]:
@@ -160,11 +172,12 @@ def design_robot(
         ParamsError: The robot touches itself in the middle of its motion, or no motion keeps the limits.
         IdentificationError: A robot whose base is not fixed.
     """
-    collision = SelfCollision(robot, options.distance)
+    collision = Collisions(robot, options.distance, options.scene)
     if not collision.allows(robot.posture[None, :]):
+        where = "" if options.scene is None else f" to each other or to {options.scene.name}"
         raise ParamsError(
-            f"{robot.source}: in its posture the robot's links are closer than {options.distance:g} m; give another "
-            "posture in the robot file, or a smaller --distance"
+            f"{robot.source}: in its posture the robot's links are closer than {options.distance:g} m{where}; give "
+            "another posture in the robot file, or a smaller --distance"
         )
     links = link_model(robot)
     rng = np.random.default_rng(options.seed)
@@ -219,7 +232,15 @@ def _described(
         f"The 95 % intervals of {goal.base.size} base parameters and of all friction after the designed motion are "
         f"{ratio:.2g} times as wide as those after growing sinusoids of all joints within the same limits (median)."
     )
-    return RobotDesign(
+    made = RobotDesign(
         robot.joints, limits, search.bases, best[1], repeats, rows, (text,), best[0], start_value,
         search.collision.pairs, options.distance,
     )  # fmt: skip
+    motions = made.motion(LEAD_RATE_HZ)[1]
+    if search.collision.allows(np.stack([motions[name][0] for name in robot.joints], axis=-1)):
+        return made
+    warning = (
+        f"On the way from rest into the motion or out of it, links come closer than {options.distance:g} m: raise "
+        "--distance, or move the robot to the motion's first posture with a planner."
+    )
+    return replace(made, sentences=(*made.sentences, warning))

@@ -10,7 +10,7 @@ from pydrake.solvers import MathematicalProgram, SnoptSolver, SolverOptions
 
 from drake_tc.errors import ParamsError
 from drake_tc.experiments.design.basis import MotionBasis
-from drake_tc.experiments.design.collisions import SelfCollision
+from drake_tc.experiments.design.collisions import Collisions
 from drake_tc.experiments.design.limits import JointLimits
 from drake_tc.experiments.design.robot_goal import RobotGoal
 from drake_tc.experiments.design.run import DEFAULT_HZ
@@ -33,7 +33,7 @@ class RobotSearch:
     bases: tuple[MotionBasis, ...]
     limits: tuple[JointLimits, ...]
     goal: RobotGoal
-    collision: SelfCollision
+    collision: Collisions
 
     def motions(self, x: FloatArray) -> FloatArray:
         """(4, T, n) of x (n, m)."""

@@ -4,15 +4,18 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.interpolate import BPoly
 
 from drake_tc.diagnosis.problem.prepared import Prepared
 from drake_tc.experiments.design.basis import BasisKind, MotionBasis, motion_basis, scaled
-from drake_tc.experiments.design.criteria import Criterion, Discrimination, Everything, Parameters
+from drake_tc.experiments.design.criteria import Criterion, Everything, Parameters
+from drake_tc.experiments.design.discrimination import Discrimination
 from drake_tc.experiments.design.goal import Goal, criterion_of
 from drake_tc.experiments.design.joint import BalanceColumns, DesignJoint, LogColumns, MotionColumns
 from drake_tc.experiments.design.lead import lead_in, quintic
 from drake_tc.experiments.design.limits import JointLimits
 from drake_tc.experiments.design.solve import Optimum, optimise
+from drake_tc.experiments.design.wider import what_limits
 from drake_tc.identification.excitation import MotionLimits, growing_sinusoid
 from drake_tc.types import FloatArray
 
@@ -21,6 +24,14 @@ PERIOD = 10.0
 """Period of the motion [s], about: the experiment holds a whole number of them."""
 STEP = 0.005
 """Time between the samples of a design [s]."""
+FINE = 1e-3
+"""The same of the motion with which it is compared, which is computed once [s]."""
+TOLD = 0.8
+"""Probability of being told apart, below which the page says which limit stands in the way."""
+REFIT = (
+    "Give the new run as --log and the earlier ones as --holdout: fitted together, earlier runs would have to predict "
+    "what only the new one shows."
+)
 DEFAULT_HZ = 0.4
 """Frequency of the growing sinusoid with which a design is compared [Hz]."""
 
@@ -72,6 +83,7 @@ class JointDesign:
         repeats: Periods in the experiment.
         expected: What it is expected to bring.
         sentences: The same in words.
+        contained: (truth, other, proof) of an effect that the other one contains: no motion rules that other out.
     """
 
     joint: DesignJoint
@@ -82,6 +94,7 @@ class JointDesign:
     repeats: int
     expected: tuple[Expected, ...]
     sentences: tuple[str, ...]
+    contained: tuple[tuple[str, str, str], ...] = ()
 
     def motion(self, rate_hz: float) -> tuple[FloatArray, FloatArray]:
         """(time (T,), motion (4, T)) of the whole experiment at a rate [Hz]; it begins and ends at rest."""
@@ -93,7 +106,8 @@ class JointDesign:
         grid = np.arange(one.shape[1] + 1) * self.basis.step
         closed = np.concatenate([one, one[:, :1]], axis=1)
         place = np.mod(time - length, self.basis.period)
-        out = np.stack([np.interp(place, grid, row) for row in closed])
+        spline = BPoly.from_derivatives(grid, closed[:3].T)
+        out = np.stack([spline(place, order) for order in range(4)])
         begin, end = time < length, time > length + whole
         start = np.array([rest, 0.0, 0.0])
         out[:, begin] = quintic(start, state, length, time[begin])
@@ -150,20 +164,23 @@ def design_joint(
         progress=progress,
     )
     designed = MotionColumns(joint, basis.motion(found.x), basis.step)
-    default = MotionColumns(joint, default_motion(limits, options.duration), STEP, periodic=False)
+    default = MotionColumns(joint, default_motion(limits, options.duration, FINE), FINE, periodic=False)
     before = None if logs is None else LogColumns(joint, logs.train)
     expected, sentences = _expected(criterion, before, default, designed)
-    return JointDesign(joint, goal, limits, basis, found, repeats, expected, sentences)
+    if isinstance(criterion, Discrimination) and expected[0].after < TOLD:
+        sentences = (*sentences, what_limits(joint, limits, criterion, basis, options.seed))
+    contained = criterion.contained if isinstance(criterion, Discrimination) else ()
+    return JointDesign(joint, goal, limits, basis, found, repeats, expected, sentences, contained)
 
 
-def default_motion(limits: JointLimits, duration: float) -> FloatArray:
+def default_motion(limits: JointLimits, duration: float, step: float = STEP) -> FloatArray:
     """(4, T) growing sinusoid of the same length and limits, which fills them at its end."""
-    time: FloatArray = np.asarray(np.arange(round(duration / STEP)) * STEP, dtype=np.float64)
+    time: FloatArray = np.asarray(np.arange(round(duration / step)) * step, dtype=np.float64)
     low, high = limits.position
     bounds = MotionLimits(limits.position, limits.velocity, limits.acceleration)
     half = 0.5 * (high - low)
     made = growing_sinusoid(time, DEFAULT_HZ, 0.05 * half, 0.95 * half / duration, bounds, 0.5 * (low + high))
-    jerk = np.gradient(made.acceleration, STEP)
+    jerk = np.gradient(made.acceleration, step)
     return np.stack([made.position, made.velocity, made.acceleration, jerk])
 
 
@@ -182,25 +199,28 @@ def _expected(
 def _of_discrimination(
     criterion: Discrimination, before: BalanceColumns | None, default: BalanceColumns, designed: BalanceColumns
 ) -> tuple[tuple[Expected, ...], tuple[str, ...]]:
-    distances = [None if c is None else criterion.distances(c) for c in (before, default, designed)]
-    chances = [float("nan") if d is None else criterion.probability(d) for d in distances]
+    own = None if before is None else criterion.distances(before, before.seconds)
+    chances = [float("nan") if before is None or own is None else criterion.probability(own, before.seconds)]
+    found = [criterion.distances(columns) for columns in (default, designed)]
+    for columns, each in zip((default, designed), found, strict=True):
+        chances.append(criterion.probability(each, criterion.duration * float(np.mean(columns.weight))))
     rows = [Expected("probability of being told apart by these runs alone", "-", *chances)]
     for truth, other in criterion.orders:
         key = truth.effect.key, other.effect.key
-        values = [float("nan") if d is None else float(np.sqrt(np.median(d[key]))) for d in distances]
+        values = [float("nan") if d is None else float(np.sqrt(np.min(d[key]))) for d in (own, *found)]
         rows.append(Expected(f"{key[0]} fitted by {key[1]}: distance in standard deviations", "-", *values))
     names = " and ".join(
         f"{form.effect.key} ({form.strength:.3g} {form.size.unit})".replace(" -)", ")")
         for form in (criterion.orders[0][0], criterion.orders[0][1])
     )
-    text = f"The designed motion alone tells {names} apart with a probability of {100.0 * rows[0].after:.0f} %"
+    text = f"The designed motion tells {names} apart with a probability of {100.0 * rows[0].after:.0f} %"
     text += f"; a growing sinusoid of the same length and limits does so with {100.0 * rows[0].default:.0f} %."
-    more: tuple[str, ...] = ()
-    if rows[0].after < 0.5:
-        more = (
-            "Within these limits no motion that was found separates the two well: the limits, and not the search, are "
-            "what is missing. Wider limits of acceleration and speed help most.",
-        )
+    more = [] if before is None else [REFIT]
+    more += [
+        f"Where {truth} alone is the cause, no motion rules {other} out, which is the same function while the joint "
+        f"slides: {proof}."
+        for truth, other, proof in criterion.contained
+    ]
     return tuple(rows), (text, *more)
 
 

@@ -85,7 +85,8 @@ def optimise(
     for number in range(RANDOM_STARTS):
         x = random_start(joint, basis, tight, rng)
         tried.append((value(x), x))
-        progress("random motions", 0.2 * (number + 1) / RANDOM_STARTS)
+        progress("random motions", 0.1 * (number + 1) / RANDOM_STARTS)
+    tried += [(value(x), x) for x in single_waves(joint, basis, tight)]
     tried.sort(key=lambda pair: -pair[0])
     best, solved, name = tried[0], 0, ""
     for number, (_, start) in enumerate(tried[:starts]):
@@ -109,6 +110,15 @@ def random_start(joint: DesignJoint, basis: MotionBasis, limits: JointLimits, rn
     middle = rng.uniform(-0.5, 0.5) * 0.5 * (high - low) + 0.5 * (low + high)
     x = x / max(float(np.ptp(span)), 1e-12)
     return within(joint, basis, limits, _centred(basis, x * (high - low), middle))
+
+
+def single_waves(joint: DesignJoint, basis: MotionBasis, limits: JointLimits) -> list[FloatArray]:
+    """A sinusoid of each frequency about the middle, as large as the limits allow; none for B-splines."""
+    if basis.kind != "fourier":
+        return []
+    low, high = limits.position
+    waves = np.eye(basis.size)[basis.size // 2 + 1 :] * 0.5 * (high - low) / basis.scale[basis.size // 2 + 1 :, None]
+    return [within(joint, basis, limits, _centred(basis, wave, 0.5 * (low + high))) for wave in waves]
 
 
 def _constant(basis: MotionBasis) -> FloatArray:

@@ -2,8 +2,9 @@
 
 For each pair of effects and each of the two as the truth, a joint is drawn and simulated by the independent simulator
 with short, slow first runs. A diagnosis of these is followed by one more run of 30 s within the same limits: the
-designed motion, or a growing sinusoid. Both are judged by the same rule: the true effect is named, the other one is
-not, and the report does not list the two as indistinguishable.
+designed motion, or a growing sinusoid. That run is fitted and a first run is held out: fitted together, the first runs
+would be asked to predict what only the new one shows. Both are judged by the same rule: the true effect is named, the
+other one is not, and the report does not list the two as indistinguishable.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -16,6 +17,7 @@ from drake_tc.benchmarks.blind.reference import LOG_PERIOD
 from drake_tc.benchmarks.blind.spec import Drive, RigSpec, Sensors
 from drake_tc.diagnosis.joint import diagnose_joint
 from drake_tc.diagnosis.options import DiagnosisOptions
+from drake_tc.effects.library import effect
 from drake_tc.errors import DrakeTcError
 from drake_tc.experiments.causes import cause_of, cause_values
 from drake_tc.experiments.design.goal import Goal
@@ -23,6 +25,7 @@ from drake_tc.experiments.design.known import joint_from_logs
 from drake_tc.experiments.design.limits import JointLimits
 from drake_tc.experiments.design.run import DEFAULT_HZ, DesignOptions, design_joint
 from drake_tc.experiments.rehearsal.twin import SimulatedJoint, TwinRun, integrated, on_clock
+from drake_tc.experiments.sizes import sizes_found
 from drake_tc.identification.excitation import MotionLimits, growing_sinusoid
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig, parse_rig
@@ -111,13 +114,14 @@ def run_cases(pairs: Sequence[Pair], seed: int, progress: Progress = lambda text
         cases[i] = _designed(replace(case, first=tuple(made)))
         progress(f"designed {case.truth} against {case.other}", 0.6 * (i + 1) / len(cases))
     ready = [case for case in cases if not case.refusal]
-    records = integrated([c.spec for c in ready for _ in c.later], [run for c in ready for run in c.later])
+    later = [run for c in ready for run in c.later]
+    records = integrated([c.spec for c in ready for _ in c.later], later) if later else []
     out = [LoopCase(c.truth, c.other, c.seed, False, False, False, c.refusal) for c in cases if c.refusal]
     for i, case in enumerate(ready):
         answers = []
         for k, run in enumerate(case.later):
             more = case.simulated.measured(records[2 * i + k], run, np.random.default_rng([seed, i, k, 6]))
-            answers.append(_told(case.rig, [*case.first[:-1], more], case.first[-1:], case.truth, case.other))
+            answers.append(_told(case.rig, [more], case.first[-1:], case.truth, case.other)[0])
         out.append(LoopCase(case.truth, case.other, seed, case.told, answers[0], answers[1]))
         progress(f"answered {case.truth} against {case.other}", 0.6 + 0.4 * (i + 1) / len(ready))
     return out
@@ -136,15 +140,18 @@ def _drawn(pair: Pair, swapped: bool, seed: int) -> _Open:
 def _designed(case: _Open) -> _Open:
     """What the first runs tell, and the two further runs: the designed motion and the growing sinusoid."""
     train = case.first[:-1]
-    told = _told(case.rig, train, case.first[-1:], case.truth, case.other)
+    told, sizes = _told(case.rig, train, case.first[-1:], case.truth, case.other)
     try:
         joint, _, prepared = joint_from_logs(case.rig, train, JOINT)
         wide = replace(joint.context, position_span=LIMITS.position, max_speed=LIMITS.velocity)
-        goal = Goal("tell", (case.truth, case.other))
+        goal = Goal("tell", (case.truth, case.other), sizes)
         options = DesignOptions(duration=LAST_SECONDS, seed=case.seed)
         design = design_joint(replace(joint, context=wide), LIMITS, goal, options, prepared)
     except DrakeTcError as error:
         return replace(case, told=told, refusal=str(error))
+    proof = next((proof for truth, _, proof in design.contained if effect(truth).id == case.truth), "")
+    if proof:
+        return replace(case, told=told, refusal=f"{case.other} contains {case.truth}: {proof}")
     time, motion = design.motion(1.0 / LOG_PERIOD)
     later = (_run("designed", time, motion[0]), _run("default", time, _default(time)))
     return replace(case, told=told, later=later)
@@ -183,15 +190,20 @@ def _clock(seconds: float) -> FloatArray:
     return np.asarray(np.arange(round(seconds / LOG_PERIOD) + 1) * LOG_PERIOD, dtype=np.float64)
 
 
-def _told(rig: Rig, train: Sequence[Run], held: Sequence[Run], truth: str, other: str) -> bool:
-    """Whether a diagnosis names the true effect, not the other one, and does not call the two indistinguishable."""
+def _told(rig: Rig, train: Sequence[Run], held: Sequence[Run], truth: str, other: str) -> tuple[bool, dict[str, float]]:
+    """Whether a diagnosis names the true effect, not the other one, and does not call the two indistinguishable.
+
+    Also the sizes of those of the two that it names, from which a design starts.
+    """
     try:
         found = diagnose_joint(train, held, rig, JOINT, DiagnosisOptions(assess_residual=False))
     except DrakeTcError:
-        return False
+        return False, {}
     named = {e.id for e in found.effects}
     tied = any({truth, other} == set(pair) for pair in found.indistinguishable)
-    return truth in named and other not in named and not tied
+    parameters = {e.id: {name: each.value for name, each in e.parameters.items()} for e in found.effects}
+    sizes = {key: value for key, value in sizes_found(parameters).items() if key in (truth, other)}
+    return truth in named and other not in named and not tied, sizes
 
 
 def shares(cases: Sequence[LoopCase]) -> Mapping[str, float]:

@@ -1,7 +1,6 @@
 """What the data cannot tell apart is listed; what merely contains the chosen effect is not."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -125,5 +124,18 @@ def test_a_delay_and_a_lag_are_told_apart_by_half_a_noise_floor(chosen, other, l
 @pytest.mark.parametrize(("corrected", "plain", "tie"), [(1.3, 0.95, True), (1.05, 1.3, True), (1.3, 1.3, False)])
 def test_a_lag_and_a_delay_tie_where_their_order_rests_on_the_noise_of_the_effort(corrected, plain, tie):
     """The chosen one leaves 1 with the noise charged and without; half a noise floor of 1 more makes 1.118."""
-    chosen, other = (SimpleNamespace(cv_rms=c, rms=r) for c, r in ((1.0, 1.0), (corrected, plain)))
-    assert module._within_resolution(chosen, other, 1.0) is tie
+    assert module._within_resolution(np.ones((1, 2)), np.array([[corrected, plain]]), 1.0) is tie
+
+
+def test_one_run_that_tells_a_lag_from_a_delay_is_enough():
+    other = np.array([[1.05, 1.05], [1.0, 1.0], [1.3, 1.3]])
+    assert module._within_resolution(np.ones((3, 2)), other, 1.0) is False
+    assert module._within_resolution(np.ones((2, 2)), other[:2], 1.0) is True
+
+
+def test_the_errors_of_the_runs_are_those_of_all_rows_together(biased):
+    fitted = fit(biased.columns, [*biased.declared, Term(effect("torque_sensor_bias"))])
+    whole, *runs = module._errors(fitted, biased.columns)
+    rows = np.bincount(biased.columns.samples.run)
+    assert len(runs) == 2
+    np.testing.assert_allclose(whole**2, rows @ np.square(runs) / rows.sum(), rtol=1e-9)

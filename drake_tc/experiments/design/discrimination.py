@@ -1,0 +1,101 @@
+"""How far two models stay apart at a motion, whatever the parameters of the wrong one are.
+
+For effect A of size z beside a model whose other effect is B (Atkinson and Fedorov, Biometrika 62, 1975, eq. 2)
+
+    T(A, B) = min_{beta, theta, shape of B} n/(T s^2) |z phi_A - X beta - Phi_B(shape) theta|_w^2       (T-optimality)
+
+X: declared columns; w: weights of the rows in motion; s: noise [N m]; n: independent samples; theta and the shape
+inside their bounds. T is twice the expected logarithm of the ratio of the likelihoods. The design makes the smallest T
+over both orders of A and B, over both signs of A and over its shapes, largest.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import norm
+
+from drake_tc.diagnosis.thresholds import JOINT, SAME_ERROR
+from drake_tc.experiments.check.contributions import is_late
+from drake_tc.experiments.design.criteria import Criterion, information_scale
+from drake_tc.experiments.design.forms import EffectForm, Projection
+from drake_tc.experiments.design.joint import BalanceColumns, DesignJoint
+from drake_tc.types import FloatArray
+
+CERTAIN = float(norm.ppf(JOINT.least_share))
+"""Standard deviations of the share of block resamples that a diagnosis asks for."""
+SOFT = 8.0
+"""Sharpness of the smooth minimum over shapes, on a logarithmic scale."""
+Distances = Mapping[tuple[str, str], FloatArray]
+"""By (truth, other), T for each shape and sign of the truth."""
+
+
+@dataclass(frozen=True, eq=False)
+class Discrimination(Criterion):
+    """T-optimality for two effects, each taken for the truth in turn.
+
+    Attributes:
+        joint: The joint.
+        orders: (truth, other) of both orders; of one where the other model contains the truth.
+        duration: Of the experiment [s].
+        contained: (truth, other, proof) of an order in which the other model contains the truth.
+    """
+
+    joint: DesignJoint
+    orders: tuple[tuple[EffectForm, EffectForm], ...]
+    duration: float
+    contained: tuple[tuple[str, str, str], ...] = ()
+
+    def distances(self, columns: BalanceColumns, duration: float | None = None) -> Distances:
+        """T of both orders, over `duration` [s] of rows like these; None for that of the experiment."""
+        declared = Projection(columns.design(self.joint.declared), columns.weight)
+        scale = information_scale(self.joint, self.duration if duration is None else duration, columns.weight.size)
+        out = {}
+        for truth, other in self.orders:
+            targets, widths = [], []
+            for shape in truth.shapes:
+                left = declared.of(truth.change(columns, shape))
+                signs = (1.0, -1.0) if truth.either_sign else (1.0,)
+                targets += [sign * left for sign in signs]
+                widths += [left.shape[1]] * len(signs)
+            least = scale * other.left(declared, columns, np.concatenate(targets, axis=1))
+            ends = np.cumsum(widths)
+            means = [np.mean(least[e - w : e]) for e, w in zip(ends, widths, strict=True)]
+            out[truth.effect.key, other.effect.key] = np.array(means)
+        return out
+
+    def value(self, columns: BalanceColumns) -> float:
+        """Smooth minimum of log T over both orders and all shapes."""
+        logs = np.log(np.concatenate(list(self.distances(columns).values())) + 1e-9)
+        least = float(logs.min())
+        return least - float(np.log(np.mean(np.exp(-SOFT * (logs - least))))) / SOFT
+
+    def probability(self, distances: Distances, seconds: float) -> float:
+        """That a diagnosis tells the true effect from the other one, for the worst order, sign and shape.
+
+        Args:
+            distances: Of `distances`.
+            seconds: Length of the rows that they come from [s].
+        """
+        worst = min(float(np.min(each)) for each in distances.values())
+        late = all(is_late(form.effect) for form in self.orders[0])
+        return told_apart(worst, self.joint.independent_per_second * seconds, late=late)
+
+
+def told_apart(distance: float, independent: float, *, late: bool = False) -> float:
+    """Probability that a diagnosis tells two models apart whose distance is T.
+
+    The difference of the squared errors is normal with mean T and variance 4 T in units of the noise. A diagnosis lists
+    two effects as indistinguishable unless it is positive in 98 % of the resamples and the error rises by 2 %; a delay
+    and a lag unless the better one explains half a noise floor more of a run.
+
+    Args:
+        distance: T.
+        independent: Samples n.
+        late: Whether the two are a delay and a lag.
+    """
+    if distance <= 0.0:
+        return 0.0
+    needed = independent * (JOINT.least_removed**2 if late else (1.0 + SAME_ERROR) ** 2 - 1.0)
+    spread = 2.0 * np.sqrt(distance)
+    return float(min(norm.cdf(distance / spread - CERTAIN), norm.cdf((distance - needed) / spread)))

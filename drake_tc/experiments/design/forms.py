@@ -1,0 +1,137 @@
+"""An effect as it takes part in a goal: what it does at its strength, and what a fit with it can explain."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from drake_tc.diagnosis.problem.bounded import solve_bounded
+from drake_tc.diagnosis.problem.columns import Term
+from drake_tc.effects.base import Effect
+from drake_tc.effects.library import effect
+from drake_tc.experiments.design.joint import BalanceColumns, DesignJoint
+from drake_tc.experiments.sizes import Size, acts_through_shape, directions
+from drake_tc.types import FloatArray
+
+MOST_SHAPES = 3
+FACTORS = np.geomspace(1.0 / 3.0, 3.0, 9)
+"""Sizes, in units of the strength, between which the size of an effect that is a shape is looked for."""
+
+
+@dataclass(frozen=True, eq=False)
+class EffectForm:
+    """One effect with its size, as it takes part in a goal.
+
+    Attributes:
+        effect: The effect.
+        size: Its size.
+        strength: Size that is put in.
+        shapes: Values of its shape parameters that are tried.
+    """
+
+    effect: Effect
+    size: Size
+    strength: float
+    shapes: tuple[Mapping[str, float], ...]
+
+    @property
+    def either_sign(self) -> bool:
+        """Whether its contribution may have either sign."""
+        return bool(self.effect.coefficients) and self.effect.coefficients[0].lower < 0.0
+
+    def change(self, columns: BalanceColumns, shape: Mapping[str, float]) -> FloatArray:
+        """(T, p) contribution [N m] at the strength, one column for each phase."""
+        numbers = columns.joint.numbers
+        if acts_through_shape(self.effect):
+            return self._at_sizes(columns, np.array([self.strength]))
+        phi = columns.of(Term(self.effect, shape))
+        thetas = np.stack(directions(self.effect, numbers), axis=-1)
+        return np.asarray(self.strength * phi @ thetas)
+
+    def _at_sizes(self, columns: BalanceColumns, sizes: FloatArray) -> FloatArray:
+        """(T, g) contribution [N m] of an effect whose size is its shape, at several sizes."""
+        terms = [Term(self.effect, {self.size.name: float(size)}) for size in sizes]
+        return np.asarray(columns.changes(terms) / columns.joint.numbers.gain)
+
+    def left(self, declared: "Projection", columns: BalanceColumns, targets: FloatArray) -> FloatArray:
+        """(p,) smallest sums of squares that a fit with this effect leaves of targets (T, p), over all its parameters.
+
+        An effect whose size is a shape leaves min_s |t - c(s)|^2, with c(s) linear between the sizes of `FACTORS`;
+        another one min_theta |t - Phi theta|^2 with theta inside its bounds, the smallest over its shapes.
+
+        Args:
+            declared: Takes the declared model's columns out.
+            columns: Of the motion.
+            targets: What declared columns leave of the true contribution, weighted.
+        """
+        if acts_through_shape(self.effect):
+            return _least_on_path(declared.of(self._at_sizes(columns, FACTORS * self.strength)), targets)
+        spans = [declared.of(columns.of(Term(self.effect, shape))) for shape in self.shapes]
+        coefficients = self.effect.coefficients
+        low, high = (np.array([getattr(c, side) for c in coefficients]) for side in ("lower", "upper"))
+        return np.asarray(np.min([_least_in_box(span, targets, low, high) for span in spans], axis=0))
+
+
+class Projection:
+    """What the declared columns leave of weighted columns."""
+
+    def __init__(self, declared: FloatArray, weight: FloatArray) -> None:
+        """Of declared columns (T, m) and weights (T,) of the rows."""
+        self._root = np.sqrt(weight)[:, None]
+        self._basis = orthonormal(self._root * declared)
+
+    def of(self, values: FloatArray) -> FloatArray:
+        """(T, k) remainder of sqrt(w) times columns (T, k)."""
+        weighted = self._root * values
+        return np.asarray(weighted - self._basis @ (self._basis.T @ weighted))
+
+
+def orthonormal(basis: FloatArray) -> FloatArray:
+    """(T, r) orthonormal columns of the space of columns (T, m); columns that are zero or alike do not count twice."""
+    norms = np.linalg.norm(basis, axis=0)
+    live = basis[:, norms > 1e-9 * max(float(norms.max(initial=0.0)), 1e-300)]
+    u, s, _ = np.linalg.svd(live / np.linalg.norm(live, axis=0), full_matrices=False)
+    return np.asarray(u[:, s > 1e-7 * s.max(initial=0.0)])
+
+
+def _least_on_path(path: FloatArray, targets: FloatArray) -> FloatArray:
+    """(p,) smallest squared distance of targets (T, p) from the broken line 0, path_1, ..., path_g (T, g)."""
+    points = np.concatenate([np.zeros((path.shape[0], 1)), path], axis=1)
+    step = np.diff(points, axis=1)
+    lengths = np.maximum(np.sum(step**2, axis=0), 1e-300)
+    # |t - p - s d|^2 with s = d'(t - p)/|d|^2 clipped to [0, 1]
+    along = step.T @ targets - np.sum(step * points[:, :-1], axis=0)[:, None]
+    share = np.clip(along / lengths[:, None], 0.0, 1.0)
+    apart = np.sum(points[:, :-1] ** 2, axis=0)[:, None] - 2.0 * points[:, :-1].T @ targets + np.sum(targets**2, axis=0)
+    squares = apart - 2.0 * share * along + share**2 * lengths[:, None]
+    return np.asarray(np.maximum(np.min(squares, axis=0), 0.0))
+
+
+def _least_in_box(span: FloatArray, targets: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
+    """(p,) smallest squared distance of targets (T, p) from span (T, k) times coefficients between bounds."""
+    gram, moments = span.T @ span, span.T @ targets
+    out: FloatArray = np.asarray(np.sum(targets**2, axis=0))
+    if not gram.any():
+        return out
+    for j in range(targets.shape[1]):
+        theta = solve_bounded(gram, moments[:, j], low, high)
+        out[j] += theta @ gram @ theta - 2.0 * moments[:, j] @ theta
+    return np.asarray(np.maximum(out, 0.0))
+
+
+def form_of(joint: DesignJoint, key: str, size: Size, strength: float | None = None) -> EffectForm:
+    """An effect at its typical size, or at a strength, with a few of its shapes."""
+    member = effect(key)
+    if acts_through_shape(member):
+        shapes: tuple[Mapping[str, float], ...] = ({},)
+    else:
+        grid = member.shape_grid(joint.context)
+        every = max(1, -(-len(grid) // MOST_SHAPES))
+        shapes = tuple(grid[::every])
+    return EffectForm(member, size, size.typical if strength is None else strength, shapes)
+
+
+def remainder(basis: FloatArray, values: FloatArray) -> FloatArray:
+    """What columns (T, m) leave of values (T, k); columns that are zero or alike do not count twice."""
+    u = orthonormal(basis)
+    return np.asarray(values - u @ (u.T @ values))
