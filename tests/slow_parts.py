@@ -33,7 +33,7 @@ class Part:
 
 PARTS = {
     "leg": Part(
-        "Del Prete et al. (2016): the leg's torque loop, its faults and stress, what it is tuned to, its command line",
+        "Del Prete et al. (2016): the leg's torque loop, faults, stress, tuning, its command line",
         (
             REPRODUCED + "A.fig*",
             REPRODUCED + "A.t[ao]*",
@@ -85,7 +85,7 @@ PARTS = {
         ),
     ),
     "coman-disturbed": Part(
-        "Faraji et al. (2015): the whole loop is pushed, stands on one foot and on three contacts, loses sensors",
+        "Faraji et al. (2015): the whole loop is pushed, stands on one foot, loses sensors",
         (
             *(REPRODUCED + id_ for id_ in ("C.pushes?", "C.one_foot?", "C.three_contacts?", "C.faults?")),
             "diagrams/papers/faraji2015/test_pushes.py::*",
