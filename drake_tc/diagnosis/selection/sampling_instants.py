@@ -21,7 +21,7 @@ from drake_tc.diagnosis.problem.regression import fit
 from drake_tc.diagnosis.selection.comparison import better_share
 from drake_tc.diagnosis.selection.lag_or_noise import LATE
 from drake_tc.diagnosis.thresholds import HELD_CERTAIN
-from drake_tc.effects.base import Context
+from drake_tc.effects.base import Context, DriveEffect
 
 BESIDE_TORQUE_SENSOR = 1.0
 OF_HELD_EFFORT = 0.6
@@ -43,8 +43,8 @@ def sampled_late(prepared: Prepared, chosen: Sequence[Term]) -> float:
     """Delay in sampling periods of the one lag or delay that was found, where sampling can explain it; else 0."""
     samples = prepared.train.samples
     known = {t.effect.key for t in prepared.terms}
-    late = [t for t in chosen if t.effect.id in LATE and t.effect.form != "winding" and t.effect.key not in known]
-    if len(late) != 1:
+    late = [t for t in chosen if t.effect.id in LATE and t.effect.key not in known]
+    if len(late) != 1 or late[0].effect.form == "winding" or not isinstance(late[0].effect, DriveEffect):
         return 0.0
     periods = float(next(iter(late[0].shape.values()))) / samples.signals.period
     return periods if periods <= most_of_sampling(prepared.context, samples) else 0.0

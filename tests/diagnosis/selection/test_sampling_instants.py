@@ -5,7 +5,11 @@ import pytest
 
 from drake_tc.diagnosis.joint import diagnose_joint
 from drake_tc.diagnosis.options import DiagnosisOptions
+from drake_tc.diagnosis.problem.columns import Term
+from drake_tc.diagnosis.problem.prepared import prepare_joint
 from drake_tc.diagnosis.result.joint_result import JointResult
+from drake_tc.diagnosis.selection.sampling_instants import sampled_late
+from drake_tc.effects.library import effect
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import parse_rig
 
@@ -64,3 +68,11 @@ def test_a_delay_of_three_periods_is_one():
     assert [each.id for each in found.effects] == ["delay"]
     value = found.effects[0].parameters["delay"].value
     assert value == pytest.approx(3.5 * PERIOD, abs=0.1 * PERIOD)  # with half a period of the hold
+
+
+def test_a_late_torque_sensor_is_no_age_of_the_effort():
+    """Its delay is a coefficient of the fit, not a shape."""
+    sensor = Term(effect("delay.torque_sensor"))
+    prepared = prepare_joint([run(0.0, 0.0)], [run(0.4, 0.0)], RIG, "joint")
+    assert sampled_late(prepared, [*prepared.terms, sensor]) == 0.0
+    assert sampled_late(prepared, prepared.terms) == 0.0
