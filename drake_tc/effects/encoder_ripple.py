@@ -48,8 +48,10 @@ class EncoderRipple(SensorEffect):
 
     def obstacle(self, context: Context) -> str:
         """Only a torque that is computed from the position shows it well."""
+        if context.taken_up:
+            return context.taken_up
         if context.load != "pendulum":
-            return "the load torque is measured, not computed from the encoder"
+            return "the load torque is not computed from the encoder"
         return super().obstacle(context)
 
     def shape_grid(self, context: Context) -> list[dict[str, float]]:

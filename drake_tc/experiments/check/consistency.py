@@ -91,7 +91,9 @@ def _effort_step(prepared: Prepared) -> Finding | None:
     return Finding("command step", "warning" if coarse else "good", step, unit, text)
 
 
-def _limit(prepared: Prepared) -> Finding:
+def _limit(prepared: Prepared) -> Finding | None:
+    if any("rests at its limit" in note for _, note in prepared.train.samples.notes):
+        return None  # the notes on the logs say so, of the recorded effort
     effort, unit = prepared.train.samples.signals.effort, EFFORT_UNIT[prepared.context.drive]
     largest = float(np.max(np.abs(effort)))
     share = float(np.mean(np.abs(effort) > 0.995 * largest))
@@ -149,9 +151,13 @@ def _clock(prepared: Prepared, declared: Fit) -> Finding:
         values = np.zeros(len(samples.signals))
         for part in samples.segments:
             values[part] = _shifted(samples.signals.effort[part], late / period)
-        moved = np.column_stack([samples.reduce(values), design[:, 1:]])
-        solution = np.linalg.lstsq(moved, target, rcond=None)[0]
-        errors.append(float(np.linalg.norm(target - moved @ solution)))
+        effort = samples.reduce(values)
+        if columns.effort_is_target:  # nothing but the effort tells the torques: a free gain would be zero
+            moved, explained = design[:, 1:], effort
+        else:
+            moved, explained = np.column_stack([effort, design[:, 1:]]), target
+        solution = np.linalg.lstsq(moved, explained, rcond=None)[0]
+        errors.append(float(np.linalg.norm(explained - moved @ solution)))
     best = int(np.argmin(errors))
     late = float(shifts[best])
     now = errors[int(np.argmin(np.abs(shifts)))]
