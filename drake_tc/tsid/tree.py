@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from drake_tc.robot.joint_axis import joint_axes
 from drake_tc.types import FloatArray, IntArray
 
 
@@ -42,6 +43,7 @@ def tree_of(
     rows = {int(body.index()): 0 for body in plant.GetBodiesWeldedTo(base)}
     poses = [base.EvalPoseInWorld(context)]
     places, constants = [], []
+    axes = dict(zip(joints, joint_axes(plant, [plant.GetJointByName(name) for name in joints]), strict=True))
     left = dict(zip(joints, zip(places_q.tolist(), places_v.tolist(), strict=True), strict=True))
     while left:
         name = next(name for name in left if any(row is not None for row in _known(plant, name, rows)))
@@ -52,7 +54,7 @@ def tree_of(
         parent = next(row for row in known if row is not None)
         X_PI = poses[parent].inverse() @ inner.CalcPoseInWorld(context)
         slides = joint.type_name() == "prismatic"
-        axis = (joint.translation_axis() if slides else joint.revolute_axis()) * (-1.0 if turned else 1.0)
+        axis = axes[name] * (-1.0 if turned else 1.0)
         places.append((parent, int(slides), in_q, in_v))
         pose = outer.CalcPoseInWorld(context)
         body = _body(plant, context, outer.body(), pose)

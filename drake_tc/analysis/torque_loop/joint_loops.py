@@ -11,6 +11,7 @@ from drake_tc.errors import ParamsError
 from drake_tc.loops.torque.parts import actuator_models, loop_robot, torque_gains
 from drake_tc.loops.torque.references import posture
 from drake_tc.loops.torque.scenario import Scenario
+from drake_tc.robot.joint_axis import joint_axes
 from drake_tc.robot.plant import make_plant
 from drake_tc.robot.robot import Robot
 
@@ -118,7 +119,7 @@ def _beyond(plant: MultibodyPlant, weld: str) -> list[Any]:
 
 def _about(plant: Any, context: Any, joint: Any, bodies: list[Any]) -> tuple[float, float]:
     """(inertia [kg m^2], stiffness -d tau_gravity/dq [N m/rad]) of bodies about a joint's axis."""
-    frame, axis = joint.frame_on_parent(), np.asarray(joint.revolute_axis())
+    frame, axis = joint.frame_on_parent(), joint_axes(plant, [joint])[0]
     spatial = plant.CalcSpatialInertia(context, frame, bodies)
     weight = frame.CalcPoseInWorld(context).rotation().matrix().T @ [0.0, 0.0, -GRAVITY * spatial.get_mass()]
     inertia = float(axis @ spatial.CalcRotationalInertia().CopyToFullMatrix3() @ axis)

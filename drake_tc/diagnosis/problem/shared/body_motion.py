@@ -9,6 +9,7 @@ import numpy as np
 from drake_tc.estimation.off_line import Row
 from drake_tc.estimation.plant import CUT_SUFFIX
 from drake_tc.estimation.torque_model import TorqueModel
+from drake_tc.robot.joint_axis import joint_axes
 from drake_tc.types import BoolArray, FloatArray
 
 
@@ -102,7 +103,7 @@ def body_motion(model: TorqueModel, structure: Structure, rows: Iterable[Row]) -
     bodies = [plant.GetBodyByName(link.name) for link in structure.links]
     joints = [plant.GetJointByName(name) for name in robot.joints]
     frames = [joint.frame_on_child() for joint in joints]
-    own = np.array([_axis(joint) for joint in joints])
+    own = joint_axes(plant, joints)
     sensors = [plant.GetBodyByName(_carrier(plant, mount.joint)) for mount in robot.force_torque]
     mounts = [mount.pose.transform for mount in robot.force_torque]
     imu = plant.GetFrameByName(f"{robot.imu[0].name}_imu") if robot.imu else None
@@ -135,10 +136,6 @@ def body_motion(model: TorqueModel, structure: Structure, rows: Iterable[Row]) -
 
 def _carrier(plant: Any, joint: str) -> str:
     return str(plant.GetJointByName(joint + CUT_SUFFIX).child_body().name())
-
-
-def _axis(joint: Any) -> FloatArray:
-    return np.asarray(joint.revolute_axis() if joint.type_name() == "revolute" else joint.translation_axis())
 
 
 def _rotations(poses: Sequence[Any]) -> FloatArray:
