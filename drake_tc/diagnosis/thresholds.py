@@ -142,6 +142,9 @@ with probability exp(-8) (Rayleigh's distribution), with a hundred periods tried
 MOST_OF_KNOWN_LOAD = 0.9
 """Share of a curve over the position that may be a multiple of the known load: from there on the curve says that the
 scale of that load, of the inertia or of the drive is wrong."""
+OWN_FORM = 3.0
+"""RMS of the rest of such a curve, over that of the residual, from which on the rest has a form of its own all the
+same."""
 RUN_ACTS = 0.25
 """RMS of an effect's contribution to a run, in noise floors, from which on the run says something about it."""
 HELDOUT_ACTS = 0.1

@@ -13,7 +13,7 @@ from drake_tc.diagnosis.problem.parameters import physical_parameters
 from drake_tc.diagnosis.problem.regression import Fit
 from drake_tc.diagnosis.selection.shapes import PERIOD
 from drake_tc.diagnosis.selection.withdrawal import Withdrawal
-from drake_tc.diagnosis.thresholds import MOST_OF_KNOWN_LOAD, RESOLVED
+from drake_tc.diagnosis.thresholds import MOST_OF_KNOWN_LOAD, OWN_FORM, RESOLVED
 from drake_tc.effects.base import Context
 from drake_tc.effects.encoder_eccentricity import EncoderEccentricity
 from drake_tc.effects.plausibility import implausible
@@ -76,21 +76,22 @@ def looks_like_known_load(fitted: Fit, term: Term, columns: Columns) -> str:
     """
     if not isinstance(term.effect, PositionDependentLoad | EncoderEccentricity):
         return ""
-    share = share_of_known_load(fitted, term, columns)
-    if share <= MOST_OF_KNOWN_LOAD:
+    share, own = share_of_known_load(fitted, term, columns)
+    if share <= MOST_OF_KNOWN_LOAD or own > OWN_FORM * fitted.rms / fitted.gain:
         return ""
-    zero = " or zero" if np.ptp(columns.samples.signals.load_slope) > 0.0 else ""
+    zero = " or zero" if term.effect.free_form and np.ptp(columns.samples.signals.load_slope) > 0.0 else ""
     return (
         f"{100 * share:.0f} % of what it explains has the form of the known load: a wrong scale{zero} of that load, of "
         "the inertia or of the drive would look the same."
     )
 
 
-def share_of_known_load(fitted: Fit, term: Term, columns: Columns) -> float:
-    """Share of a curve's variance on the rows that the known load explains: R^2 of  curve = a tau + b qddot + c + d s.
+def share_of_known_load(fitted: Fit, term: Term, columns: Columns) -> tuple[float, float]:
+    """Share of a curve's variance that the known load explains, R^2 of  curve = a tau + b qddot + c + d s, and the RMS
+    of what it leaves [N m].
 
-    Without its inertial part the load of a pendulum is gravity, and its slope s = d tau/dq is what a wrong zero adds.
-    0 where no load is known.
+    Without its inertial part the load of a pendulum is gravity, and its slope s = d tau/dq is what a wrong zero adds to
+    a curve of free form (d = 0 for a wave, whose phase is held against gravity's). 0 where no load is known.
 
     Args:
         fitted: To the rows of `columns`.
@@ -98,15 +99,16 @@ def share_of_known_load(fitted: Fit, term: Term, columns: Columns) -> float:
         columns: Training rows.
     """
     signals = columns.samples.signals
-    forms = (signals.load_torque, signals.acceleration, signals.load_slope)
+    slope_of = signals.load_slope if term.effect.free_form else np.zeros(len(signals))
+    forms = (signals.load_torque, signals.acceleration, slope_of)
     load, acceleration, slope = (columns.samples.reduce(x) for x in forms)
     theta = next(theta for t, theta in coefficients_by_term(fitted.terms, fitted.beta) if t is term)
     curve = columns.of(term) @ theta
     known = np.column_stack([np.ones(load.size), load, acceleration, slope])
     if not (np.ptp(load) > 0.0 and np.ptp(curve) > 0.0):
-        return 0.0
+        return 0.0, float(np.std(curve))
     left = curve - known @ np.linalg.lstsq(known, curve, rcond=None)[0]
-    return 1.0 - float(np.var(left) / np.var(curve))
+    return 1.0 - float(np.var(left) / np.var(curve)), float(np.std(left))
 
 
 def _is_whole_wave(term: Term, context: Context) -> bool:

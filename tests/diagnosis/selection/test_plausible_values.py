@@ -149,6 +149,6 @@ def test_a_curve_that_is_a_multiple_of_the_known_load_is_told_from_one_that_is_n
     known = np.linalg.lstsq(pendulum.of(term), gravity, rcond=None)[0]
     for theta, alike in ((-0.3 * known, True), (np.array([1.0, -1.0, 1.0, -1.0, 1.0, -1.0, 1.0]), False)):
         fitted = made_fit(term, theta)
-        assert (share_of_known_load(fitted, term, pendulum) > MOST_OF_KNOWN_LOAD) == alike
+        assert (share_of_known_load(fitted, term, pendulum)[0] > MOST_OF_KNOWN_LOAD) == alike
         assert bool(looks_like_known_load(fitted, term, pendulum)) == alike
     assert looks_like_known_load(made_fit(QUADRATIC, [1.0]), QUADRATIC, pendulum) == ""
