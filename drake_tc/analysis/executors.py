@@ -18,6 +18,8 @@ from drake_tc.errors import ParamsError
 T = TypeVar("T")
 END_TIME = 2.0
 """A worker that was asked to end does so within this time [s]."""
+QUIET_TRACKER = "ignore::UserWarning:multiprocessing.resource_tracker"
+"""Python's own tracker of semaphores cleans up after an interrupted command, and would write to stderr that it did."""
 CONNECT_TIME = 10.0
 """A scheduler answers within this time [s]."""
 
@@ -69,6 +71,8 @@ class RestartingProcesses(Executor):
 
 def _context(preload: Sequence[str]) -> BaseContext:
     """How processes are started: spawned, or, where modules are preloaded, forked from a server that has them."""
+    if QUIET_TRACKER not in sys.warnoptions:  # what processes that are started from now on are told
+        sys.warnoptions.append(QUIET_TRACKER)
     if not preload or sys.platform != "linux":  # elsewhere system libraries do not survive a fork
         return get_context("spawn")
     context = get_context("forkserver")
