@@ -28,6 +28,13 @@ a period is less than a drive's own delay, which the effect `delay` tells."""
 HELD_CERTAIN = 0.90
 """Share of block resamples in which a held command must leave the smaller error."""
 
+AGES = (0.25, 0.5, 0.75, 1.0)
+"""Ages of an effort that are tried [sampling periods]; a controller that runs faster than the log holds it for less."""
+OF_HELD_EFFORT = 0.6
+"""Delay in sampling periods that the hold of an effort explains: half a period, and a tenth for jitter."""
+BESIDE_TORQUE_SENSOR = 1.0
+"""The same where the torque is measured, perhaps at the end of the hold."""
+
 # Search: what counts as a real improvement
 
 LEAST_EFFORT = 0.7

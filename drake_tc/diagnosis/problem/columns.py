@@ -166,14 +166,18 @@ class Columns:
         return float(np.std(self.effort(terms))) / max(float(np.std(self.effort(()))), 1e-300)
 
     def effort(self, terms: Sequence[Term]) -> FloatArray:
-        """y* (N,) after every drive effect among the terms, in the library's order."""
-        drives, key = self._drives(terms), self._effort_key(terms)
+        """y* (N,) after every drive effect among the terms, low-passed to the rows."""
+        key = self._effort_key(terms)
         if key not in self._cache:
-            values = self.samples.signals.effort
-            for term in drives:
-                values = self.samples.by_segment(term.effect, term.shape, values)
-            self._remember(key, self.samples.reduce(values))
+            self._remember(key, self.samples.reduce(self.acting_effort(terms)))
         return self._cache[key]
+
+    def acting_effort(self, terms: Sequence[Term]) -> FloatArray:
+        """y* (T,) after every drive effect among the terms, in the library's order."""
+        values = self.samples.signals.effort
+        for term in self._drives(terms):
+            values = self.samples.by_segment(term.effect, term.shape, values)
+        return values
 
     @staticmethod
     def _drives(terms: Sequence[Term]) -> list[Term]:

@@ -59,16 +59,13 @@ def sticking(columns: Columns, final: Fit) -> Sticking | None:
     if not PLAIN.issuperset(t.effect.id for t in final.terms if not isinstance(t.effect, DriveEffect)):
         return None
     least_rest = max(2, round(RESTS * samples.light.margin))
+    effort = columns.acting_effort(final.terms)
     torques = []
     for segment in samples.segments:
         s = samples.signals.take(segment)
         needed = s.load_torque + s.rotor_inertia * s.acceleration + named["viscous"]["viscous"] * s.velocity
         moving = np.abs(s.velocity) > RESOLVED * samples.resolution.velocity_noise
-        effort = s.effort
-        for term in final.terms:
-            if isinstance(term.effect, DriveEffect):
-                effort = term.effect.transform(effort, s, term.shape)
-        found = break_away(effort / final.gain, needed, s.velocity, moving, least_rest)
+        found = break_away(effort[segment] / final.gain, needed, s.velocity, moving, least_rest)
         torques.append(found.torque)
     torque = np.concatenate(torques)
     if torque.size < LEAST_EVENTS:

@@ -132,10 +132,8 @@ def _by_part(rows: _Rows, split: Split, parted: Sequence[int]) -> LinearFit | No
         size = np.sqrt(np.mean(each**2, axis=0))
         if size.min() <= 1e-3 * size.max():
             return None
-    if (
-        np.sqrt(np.mean(parts[0] ** 2, axis=0) / [mask.mean() for mask in masks]).min()
-        <= LEAST_OF_NOISE * rows.noise[parted[0]]
-    ):
+    least = min(np.sqrt(np.mean(rows.design[mask, parted[0]] ** 2)) for mask in masks)
+    if least <= LEAST_OF_NOISE * rows.noise[parted[0]]:
         return None
     others = np.delete(rows.design, parted, axis=1)
     alive = np.sqrt(np.mean(others**2, axis=0)) > 1e-12

@@ -20,13 +20,8 @@ from drake_tc.diagnosis.problem.prepared import Prepared
 from drake_tc.diagnosis.problem.regression import fit
 from drake_tc.diagnosis.selection.comparison import better_share
 from drake_tc.diagnosis.selection.lag_or_noise import LATE
-from drake_tc.diagnosis.thresholds import HELD_CERTAIN
+from drake_tc.diagnosis.thresholds import AGES, BESIDE_TORQUE_SENSOR, HELD_CERTAIN, OF_HELD_EFFORT
 from drake_tc.effects.base import Context, DriveEffect
-
-BESIDE_TORQUE_SENSOR = 1.0
-OF_HELD_EFFORT = 0.6
-AGES = (0.25, 0.5, 0.75, 1.0)
-"""Ages that are tried [sampling periods]; a controller that runs faster than the log holds its effort for less."""
 
 
 def most_of_sampling(context: Context, samples: Samples) -> float:
