@@ -12,7 +12,6 @@ links' parameters (`problem.shared.stacked`) and before the joints' own effects.
 and if it lowers the error of the held-out runs in nearly all of their block resamples.
 """
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -21,13 +20,12 @@ from scipy.stats import norm
 
 from drake_tc.diagnosis.problem.columns import Term
 from drake_tc.diagnosis.problem.estimates import Estimate
-from drake_tc.diagnosis.problem.prepared import Prepared
 from drake_tc.diagnosis.problem.shared.rows import JointRows, with_terms
 from drake_tc.diagnosis.problem.shared.stacked import StackedFit, fit_stacked
 from drake_tc.diagnosis.result.rig_result import SharedEffect
 from drake_tc.diagnosis.result.shared_effects import on_held_out
-from drake_tc.diagnosis.selection.comparison import compared
-from drake_tc.diagnosis.thresholds import COMMON_DELAY, HELDOUT_CERTAIN, SAME_ERROR
+from drake_tc.diagnosis.robot.all_joints import AllJoints
+from drake_tc.diagnosis.thresholds import COMMON_DELAY, HELDOUT_CERTAIN
 from drake_tc.effects.common_delay import CommonDelay
 from drake_tc.effects.delay import DELAY_RANGE
 from drake_tc.types import FloatArray
@@ -58,17 +56,8 @@ class SharedDelay:
 
 
 @dataclass(frozen=True, eq=False)
-class DelayProblem:
-    """All joints with their declared models.
-
-    Attributes:
-        prepared: Joints. rows: training rows of all. held: held-out rows. fitted: to `rows`, without a delay.
-    """
-
-    prepared: Mapping[str, Prepared]
-    rows: Sequence[JointRows]
-    held: Sequence[JointRows]
-    fitted: StackedFit
+class DelayProblem(AllJoints):
+    """All joints, whose drives may all be late."""
 
     def late(self, delay: float, *, held: bool = False) -> list[JointRows]:
         """The rows with efforts that act `delay` [s] late."""
@@ -81,23 +70,10 @@ class DelayProblem:
         """All joints together with this delay [s]."""
         return fit_stacked(self.late(delay), self.fitted.columns, self.fitted.tolerance, pooled=True)
 
-    def error(self, fitted: StackedFit) -> float:
-        """Mean logarithm of the joints' cross-validated errors, weighted by their rows."""
-        return float(self.counts @ np.log(fitted.cv_rms) / self.counts.sum())
-
-    @property
-    def counts(self) -> FloatArray:
-        """(n,) training rows of each joint."""
-        return np.array([rows.target.size for rows in self.rows], dtype=np.float64)
-
     def is_real(self, delay: float, fitted: StackedFit) -> bool:
         """Whether the training runs show the delay [s], which `fitted` has: see the module."""
-        small, large = self.fitted.cv_rms, fitted.cv_rms
         thresholds = replace(COMMON_DELAY, least_joints=max(2, (len(self.rows) + 1) // 2))
-        floor = np.array([p.floor for p in self.prepared.values()])
-        over = compared(small, large, fitted.effective * self.counts, 1, 1.0)
-        grows = large > (1.0 + SAME_ERROR) * small
-        if grows.any() or not over.is_real(floor, np.zeros(small.size), thresholds):
+        if not self.is_better(fitted, self.fitted, thresholds):
             return False
         own, spread = self.own_delays(delay, fitted)
         return bool((np.abs(own - delay) <= np.maximum(ALIKE * delay, 2.0 * spread)).all())

@@ -187,7 +187,7 @@ def _encoders(start: _Start, logs: RobotLogs, model: LinkModel) -> EncoderProble
     held = stack({joint: p.held for joint, p in start.prepared.items()}, terms, case.causes)
     train, held = (with_late_encoders(each, late) for each in (rows, held))
     places = {cause.where: rows[0].shared.shape[1] + cause.columns.start for cause in late.causes}
-    return EncoderProblem(start.prepared, train, held, places, fitted)
+    return EncoderProblem(start.prepared, train, held, fitted, places)
 
 
 def _in_time(start: _Start, encoder: SharedEffect, logs: RobotLogs) -> _Start:

@@ -20,40 +20,27 @@ from scipy.optimize import minimize_scalar
 
 from drake_tc.diagnosis.problem.columns import Term
 from drake_tc.diagnosis.problem.estimates import Estimate
-from drake_tc.diagnosis.problem.prepared import Prepared
 from drake_tc.diagnosis.problem.shared.covariance import intervals
 from drake_tc.diagnosis.problem.shared.rows import JointRows, fold_grams, with_terms
 from drake_tc.diagnosis.problem.shared.stacked import StackedFit, fit_stacked
 from drake_tc.diagnosis.result.rig_result import SharedEffect
 from drake_tc.diagnosis.result.shared_effects import on_held_out
-from drake_tc.diagnosis.selection.comparison import compared
-from drake_tc.diagnosis.thresholds import HELDOUT_CERTAIN, LATE_ENCODER, SAME_ERROR
+from drake_tc.diagnosis.robot.all_joints import AllJoints
+from drake_tc.diagnosis.thresholds import HELDOUT_CERTAIN, LATE_ENCODER
 from drake_tc.effects.delay import DELAY_RANGE, Delay
 from drake_tc.logs.record import Run
 from drake_tc.types import FloatArray, IntArray
 
 
 @dataclass(frozen=True, eq=False)
-class EncoderProblem:
-    """All joints with their declared models, and what late encoders do to them.
+class EncoderProblem(AllJoints):
+    """All joints, whose rows have the columns of late encoders after all others.
 
     Attributes:
-        prepared: Joints.
-        rows, held: Training and held-out rows of all joints, with the columns of the encoders after all others.
         encoders: (n,) places of these columns, by joint.
-        fitted: To `rows`, without them.
     """
 
-    prepared: Mapping[str, Prepared]
-    rows: Sequence[JointRows]
-    held: Sequence[JointRows]
     encoders: Mapping[str, int]
-    fitted: StackedFit
-
-    @property
-    def counts(self) -> FloatArray:
-        """(n,) training rows of each joint."""
-        return np.array([rows.target.size for rows in self.rows], dtype=np.float64)
 
     def with_encoder(self, joint: str) -> StackedFit:
         """All joints with the delay of one encoder, to first order; it is the first of delta."""
@@ -94,19 +81,6 @@ class EncoderProblem:
 
         return fit(_least(lambda delay: self.error(fit(delay)), (0.0, longest)))
 
-    def error(self, fitted: StackedFit) -> float:
-        """Mean logarithm of the joints' cross-validated errors, weighted by their rows."""
-        return float(self.counts @ np.log(fitted.cv_rms) / self.counts.sum())
-
-    def is_better(self, large: StackedFit, small: StackedFit) -> bool:
-        """Whether the larger model is a real improvement in some joint, and no joint's error grows."""
-        before, after = small.cv_rms, large.cv_rms
-        if (after > (1.0 + SAME_ERROR) * before).any():
-            return False
-        floor = np.array([p.floor for p in self.prepared.values()])
-        over = compared(before, after, large.effective * self.counts, 1, 1.0)
-        return over.is_real(floor, np.zeros(before.size), LATE_ENCODER)
-
 
 def _less(rows: JointRows, known: FloatArray) -> JointRows:
     """The rows without a known part (N,) of the target."""
@@ -134,7 +108,8 @@ def late_encoder(problem: EncoderProblem, common: float | None) -> SharedEffect 
     found = fit(delay)
     if common is not None and problem.error(found) >= common:
         return None
-    if not all(problem.is_better(found, other) for other in (problem.fitted, problem.with_drive(joint, 2.0 * delay))):
+    rivals = problem.fitted, problem.with_drive(joint, 2.0 * delay)
+    if not all(problem.is_better(found, other, LATE_ENCODER) for other in rivals):
         return None
     effect = _told(problem, joint, delay, found)
     return effect if effect.stability >= HELDOUT_CERTAIN else None
