@@ -151,7 +151,7 @@ def diagnose_joint(
         soft = _looked_for(prepare(compliance=compliance), options, progress, executor)
         if _has_elasticity(soft.found) and soft.found.chosen.cv_rms < SOFTER_GEAR * stage.found.chosen.cv_rms:
             stage, prepare = soft, partial(prepare, compliance=compliance)
-    if (late := sampled_late(stage.prepared, stage.found.chosen.terms)) > 0.0:
+    if (late := sampled_late(rig.command_hold, stage.prepared, stage.found.chosen.terms)) > 0.0:
         stage = _looked_for(prepare(sampled_late=late), options, progress, executor, without=LATE)
     elif older := age_of_samples(
         rig.command_hold, lambda age: prepare(sampled_late=age), stage.prepared, stage.found.chosen.terms

@@ -23,6 +23,12 @@ def run_lengths(values: FloatArray) -> tuple[IntArray, IntArray]:
     return starts.astype(np.int64), np.diff(np.concatenate([starts, [values.size]])).astype(np.int64)
 
 
+def true_spans(rows: BoolArray) -> list[tuple[int, int]]:
+    """First row and end of every stretch over which `rows` (T,) is true."""
+    starts, lengths = run_lengths(rows.astype(np.float64))
+    return [(s, s + n) for s, n in zip(starts.tolist(), lengths.tolist(), strict=True) if rows[s]]
+
+
 def fill_missing(time: FloatArray, values: FloatArray) -> tuple[FloatArray, BoolArray, str]:
     """Interpolate short holes, mark long ones.
 
@@ -125,11 +131,9 @@ def saturated_share(values: FloatArray) -> float:
 def zero_stretches(effort: FloatArray, position: FloatArray, period: float) -> BoolArray:
     """Rows (T,) in which the effort is exactly 0 for 0.1 s or more while the joint moves: the drive was off."""
     off = np.zeros(effort.size, dtype=bool)
-    starts, lengths = run_lengths((effort == 0.0).astype(np.float64))
     span = float(np.ptp(position))
-    for start, length in zip(starts.tolist(), lengths.tolist(), strict=True):
-        stop = start + length
-        if effort[start] == 0.0 and length >= max(20, 0.1 / period) and np.ptp(position[start:stop]) > 0.02 * span:
+    for start, stop in true_spans(effort == 0.0):
+        if stop - start >= max(20, 0.1 / period) and np.ptp(position[start:stop]) > 0.02 * span:
             off[start:stop] = True
     return off
 

@@ -6,7 +6,7 @@ the two leaps is small where the signal crosses 0 at that moment.
 
 import numpy as np
 
-from drake_tc.logs.channels import run_lengths
+from drake_tc.logs.channels import true_spans
 from drake_tc.types import BoolArray, FloatArray
 
 LEAP = 5.0
@@ -35,8 +35,7 @@ def zero_rows(values: FloatArray) -> BoolArray:
     if others.size < 20 or float(np.mean(others > 0.0)) < LEAST_CHANGING:
         return dropped
     leap = LEAP * float(np.percentile(others, 99))
-    starts, lengths = run_lengths(zero.astype(np.float64))
-    stretches = [(s, s + n) for s, n in zip(starts.tolist(), lengths.tolist(), strict=True) if zero[s]]
+    stretches = true_spans(zero)
     leaps = [_leaps(values, begin, end, leap) for begin, end in stretches]
     natural = any(end - begin > 1 and not count for (begin, end), count in zip(stretches, leaps, strict=True))
     for (begin, end), count in zip(stretches, leaps, strict=True):
@@ -55,11 +54,8 @@ def unanswered_zeros(command: FloatArray, position: FloatArray) -> BoolArray:
     if not dropped.any():
         return dropped
     usual, pace = (_usual_step(values, dropped) for values in (position, command))
-    starts, lengths = run_lengths(dropped.astype(np.float64))
-    for begin, length in zip(starts.tolist(), lengths.tolist(), strict=True):
-        end = begin + length
-        if not dropped[begin]:
-            continue
+    for begin, end in true_spans(dropped):
+        length = end - begin
         if begin == 0 or end == command.size:
             dropped[begin:end] = False
             continue

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from drake_tc.logs.channels import run_lengths
+from drake_tc.logs.channels import true_spans
 from drake_tc.types import BoolArray, FloatArray
 
 SHORTEST = 10
@@ -87,15 +87,12 @@ def _limits(values: FloatArray) -> list[list[Span]]:
 
 def _plateaus(at: BoolArray) -> list[Span]:
     """First row and end of the stretches at a limit, of ten rows or more; those that are three rows apart are one."""
-    starts, lengths = run_lengths(at.astype(np.float64))
     merged: list[Span] = []
-    for begin, length in zip(starts.tolist(), lengths.tolist(), strict=True):
-        if not at[begin]:
-            continue
+    for begin, end in true_spans(at):
         if merged and begin - merged[-1][1] <= RAGGED:
-            merged[-1] = (merged[-1][0], begin + length)
+            merged[-1] = (merged[-1][0], end)
         else:
-            merged.append((begin, begin + length))
+            merged.append((begin, end))
     return [(begin, end) for begin, end in merged if end - begin >= SHORTEST]
 
 

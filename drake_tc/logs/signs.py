@@ -16,7 +16,7 @@ from drake_tc.logs.loads import Pendulum, RobotLoad, unknown_form
 from drake_tc.logs.plausible import derivative
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
-from drake_tc.types import FloatArray
+from drake_tc.types import FloatArray, IntArray
 
 CLEAR = 0.5
 TELLING = 0.04
@@ -59,6 +59,18 @@ def _partial(y: FloatArray, x: FloatArray, others: FloatArray) -> float:
     return 0.0 if small.any() else float(rest[:, 0] @ rest[:, 1] / norms.prod())
 
 
+def effort_and_motion(run: Run, rig: Rig, joint: str, rows: IntArray) -> tuple[FloatArray, FloatArray]:
+    """Effort y (N,) of some rows, and (N, 4) what else is in its balance but the load: qddot, qdot, sign(qdot), 1.
+
+    The sign is smoothed over a fifth of the upper quartile of the speed.
+    """
+    q, command = run.columns[f"{joint}/position"], run.columns[rig.command_column(joint)]
+    qd, qdd = derivative(q, run.period)[rows], derivative(q, run.period, 2)[rows]
+    effort = (command - q if rig.drive[joint] == "position_servo" else command)[rows]
+    resolved = float(np.percentile(np.abs(qd), 75)) * 0.2 + 1e-9
+    return effort, np.column_stack([qdd, qd, np.tanh(qd / resolved), np.ones(rows.size)])
+
+
 def sign_evidence(run: Run, rig: Rig, joint: str) -> SignEvidence | None:
     """Regress the effort on load torque, acceleration, velocity and its sign; None where there is nothing to go by."""
     load = rig.load[joint]
@@ -67,18 +79,14 @@ def sign_evidence(run: Run, rig: Rig, joint: str) -> SignEvidence | None:
     pick = np.flatnonzero(usable)[::stride]
     if unknown_form(load) is not None or isinstance(load, RobotLoad) or pick.size < 50:
         return None
-    servo = rig.drive[joint] == "position_servo"
-    command = run.columns[rig.command_column(joint)]
-    qd, qdd = derivative(q, run.period)[pick], derivative(q, run.period, 2)[pick]
+    y, others = effort_and_motion(run, rig, joint, pick)
+    qdd, qd = others[:, 0], others[:, 1]
     if isinstance(load, Pendulum):
         tau = load.in_run(run).torque(q[pick], np.zeros(pick.size))
     else:
         tau = run.columns[f"{joint}/torque"][pick]
-    y = (command - q if servo else command)[pick]
     if np.ptp(tau) == 0.0 or np.ptp(y) == 0.0:
         return None
-    resolved = float(np.percentile(np.abs(qd), 75)) * 0.2 + 1e-9
-    others = np.column_stack([qdd, qd, np.tanh(qd / resolved), np.ones(pick.size)])
     correlation = _partial(y, tau, others)
     parts = np.array_split(np.arange(pick.size), 3)
     thirds = [_partial(y[part], tau[part], others[part]) for part in parts]
@@ -88,7 +96,8 @@ def sign_evidence(run: Run, rig: Rig, joint: str) -> SignEvidence | None:
     drag = others[:, 1:3] @ coefficients[1:3]
     power = np.linalg.norm(y - y.mean()) * np.linalg.norm(qd)
     friction = float(np.clip(drag @ qd / power, -1.0, 1.0)) if power > 0 else 0.0
-    following = float(np.corrcoef(command[pick], q[pick])[0, 1]) if servo and np.ptp(q[pick]) > 0 else 0.0
+    servo, q = rig.drive[joint] == "position_servo", q[pick]
+    following = float(np.corrcoef(y + q, q)[0, 1]) if servo and np.ptp(q) > 0 else 0.0
     steady = all(np.sign(third) == np.sign(correlation) for third in thirds)
     inertia = _partial(y, qdd, np.column_stack([others[:, 1:], tau]))
     gain = float(min(gains)), float(max(gains))

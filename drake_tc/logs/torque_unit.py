@@ -10,9 +10,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from drake_tc.errors import LogError
-from drake_tc.logs.plausible import derivative
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
+from drake_tc.logs.signs import effort_and_motion
 from drake_tc.logs.units import scale_of
 from drake_tc.types import IntArray
 
@@ -61,14 +61,9 @@ def _unit_of(run: Run, rig: Rig, joint: str) -> str:
 
 def _inertia(run: Run, rig: Rig, joint: str, rows: IntArray) -> float:
     """Coefficient of qddot over that of tau, of some rows of a run."""
-    q = run.columns[f"{joint}/position"]
-    rate, second = derivative(q, run.period)[rows], derivative(q, run.period, 2)[rows]
-    command = run.columns[rig.command_column(joint)]
-    effort = (command - q if rig.drive[joint] == "position_servo" else command)[rows]
-    slow = float(np.percentile(np.abs(rate), 75)) * 0.2 + 1e-9
-    torque = run.columns[f"{joint}/torque"][rows]
-    columns = np.column_stack([second, torque, rate, np.tanh(rate / slow), np.ones(rows.size)])
+    effort, motion = effort_and_motion(run, rig, joint, rows)
+    columns = np.column_stack([run.columns[f"{joint}/torque"][rows], motion])
     scale = np.linalg.norm(columns, axis=0)
     scale = np.where(scale > 0.0, scale, 1.0)
-    inertial, load = (np.linalg.lstsq(columns / scale, effort, rcond=None)[0] / scale)[:2].tolist()
+    load, inertial = (np.linalg.lstsq(columns / scale, effort, rcond=None)[0] / scale)[:2].tolist()
     return inertial / load if load else 0.0

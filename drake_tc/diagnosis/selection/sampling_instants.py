@@ -7,9 +7,10 @@ of it, which adds up to T/2. A log does not tell how its columns lie within one 
     0.6 T of an effort that may be held (a tenth for jitter), T beside a torque sensor,
     T/2 beyond the hold of a position servo's command, beside a torque sensor
 
-is taken for the age of the recorded effort and no cause is named. Where no delay was found, the effort of a current or
-voltage drive is taken to be older if the model then fits better in 90 % of the block resamples: half a period that is
-not taken into account biases friction and inertia, and other effects imitate it.
+is taken for the age of the recorded effort and no cause is named, unless the rig file says that the samples are points
+of a continuous curve. The half period of an effort that is stated to be held is already in the fit. Where no delay was
+found, the effort of a current or voltage drive is taken to be older if the model then fits better in 90 % of the block
+resamples: half a period that is not taken into account biases friction and inertia, and other effects imitate it.
 """
 
 from collections.abc import Callable, Sequence
@@ -24,25 +25,33 @@ from drake_tc.diagnosis.thresholds import AGES, BESIDE_TORQUE_SENSOR, HELD_CERTA
 from drake_tc.effects.base import Context, DriveEffect
 
 
-def most_of_sampling(context: Context, samples: Samples) -> float:
-    """Delay in sampling periods that the instants of sampling can explain."""
+def most_of_sampling(stated: bool | None, context: Context, samples: Samples) -> float:
+    """Delay in sampling periods, beyond the age that the fit already has, that the instants of sampling can explain."""
+    if stated is False:
+        return 0.0
     sensor = context.load == "torque"
     if context.drive == "position_servo":
         return BESIDE_TORQUE_SENSOR - HELD if sensor and samples.effort_age == HELD else 0.0
     if context.load in ("robot", "links"):
         return 0.0
-    return BESIDE_TORQUE_SENSOR if sensor else OF_HELD_EFFORT
+    return (BESIDE_TORQUE_SENSOR if sensor else OF_HELD_EFFORT) - samples.effort_age
 
 
-def sampled_late(prepared: Prepared, chosen: Sequence[Term]) -> float:
-    """Delay in sampling periods of the one lag or delay that was found, where sampling can explain it; else 0."""
+def sampled_late(stated: bool | None, prepared: Prepared, chosen: Sequence[Term]) -> float:
+    """Delay in sampling periods of the one lag or delay that was found, where sampling can explain it; else 0.
+
+    Args:
+        stated: `command_hold` of the rig file; None where it does not say.
+        prepared: The joint as it was fitted.
+        chosen: Terms of the model that was found.
+    """
     samples = prepared.train.samples
     known = {t.effect.key for t in prepared.terms}
     late = [t for t in chosen if t.effect.id in LATE and t.effect.key not in known]
     if len(late) != 1 or late[0].effect.form == "winding" or not isinstance(late[0].effect, DriveEffect):
         return 0.0
     periods = float(next(iter(late[0].shape.values()))) / samples.signals.period
-    return periods if periods <= most_of_sampling(prepared.context, samples) else 0.0
+    return periods if periods <= most_of_sampling(stated, prepared.context, samples) else 0.0
 
 
 def age_of_samples(
@@ -61,7 +70,7 @@ def age_of_samples(
     if stated is not None or late or context.drive == "position_servo" or context.load in ("robot", "links"):
         return None
     without = fit(plain.train, chosen)
-    aged = (prepare(age) for age in AGES if age <= most_of_sampling(context, plain.train.samples))
+    aged = (prepare(age) for age in AGES if age <= most_of_sampling(stated, context, plain.train.samples))
     best, joint = min(((fit(each.train, chosen), each) for each in aged), key=lambda pair: pair[0].cv_rms)
     if best.block_sse.size != without.block_sse.size:
         return None

@@ -1,5 +1,7 @@
 """Controllers that hold their effort for one sampling period: no delay is named, and a longer one still is."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -74,5 +76,14 @@ def test_a_late_torque_sensor_is_no_age_of_the_effort():
     """Its delay is a coefficient of the fit, not a shape."""
     sensor = Term(effect("delay.torque_sensor"))
     prepared = prepare_joint([run(0.0, 0.0)], [run(0.4, 0.0)], RIG, "joint")
-    assert sampled_late(prepared, [*prepared.terms, sensor]) == 0.0
-    assert sampled_late(prepared, prepared.terms) == 0.0
+    assert sampled_late(None, prepared, [*prepared.terms, sensor]) == 0.0
+    assert sampled_late(None, prepared, prepared.terms) == 0.0
+
+
+@pytest.mark.parametrize(("stated", "explained"), [(None, 0.5), (True, 0.0), (False, 0.0)])
+def test_what_the_rig_file_states_of_the_hold_is_not_explained_twice(stated, explained):
+    """Half a period is the hold's where nothing is stated, a cause where the fit has the hold, or none acts."""
+    rig = replace(RIG, command_hold=stated)
+    prepared = prepare_joint([run(0.0, 0.0)], [run(0.4, 0.0)], rig, "joint")
+    delay = Term(effect("delay"), {"delay": 0.5 * PERIOD})
+    assert sampled_late(stated, prepared, [*prepared.terms, delay]) == pytest.approx(explained)
