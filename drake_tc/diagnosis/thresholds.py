@@ -186,6 +186,7 @@ class ResidualThresholds:
         least_fraction: Smallest share of the residual's variance that a function of the signals must explain.
         least_rms: Smallest RMS of that share, in noise floors.
         least_of_before: ... and as a share of the error before.
+        least_of_signal: ... and as a share of the RMS of the effort: no drive gain, clock or filter is more accurate.
         least_log_evidence: Evidence of that share, in effective samples of what is left: noise that wanders has few.
         most_growth: How many times the training error the held-out one may be: beyond it the model does not carry over.
         least_growth: ... by at least this share of the held-out error before; so too for all that lies beyond the
@@ -199,6 +200,7 @@ class ResidualThresholds:
     least_fraction: float = 0.25
     least_rms: float = 0.6
     least_of_before: float = 0.05
+    least_of_signal: float = 0.002
     least_log_evidence: float = 25.0
     most_growth: float = 2.5
     least_growth: float = 0.25

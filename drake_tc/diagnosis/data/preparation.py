@@ -1,6 +1,7 @@
 """From recorded runs to `Samples`: every channel of a joint through common filters."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -8,15 +9,10 @@ import numpy as np
 from drake_tc.diagnosis.data.channels import Channels, channels_of
 from drake_tc.diagnosis.data.link_prior import column_name
 from drake_tc.diagnosis.data.load_scale import load_scale
-from drake_tc.diagnosis.data.resolution import (
-    LEAST_COVER,
-    NoiseFloor,
-    Resolution,
-    final_widths,
-    light_width,
-    sample_noise,
-)
+from drake_tc.diagnosis.data.resolution import LEAST_COVER, NoiseFloor, final_widths, light_width
+from drake_tc.diagnosis.data.rest import speed_at_rest
 from drake_tc.diagnosis.data.samples import Samples
+from drake_tc.diagnosis.data.sensors import encoder_of, resolution_of
 from drake_tc.diagnosis.data.silent_effort import silent_effort
 from drake_tc.diagnosis.data.sliding import choose_rows, covered, direction_of_motion, require_rows
 from drake_tc.effects.base import Context, Signals
@@ -29,8 +25,6 @@ from drake_tc.logs.rig import Rig
 from drake_tc.types import BoolArray, FloatArray, IntArray
 
 SLOWER = 3.0
-LEAST_NOISE = 1e-12
-"""Of a position [rad], so that noise-free logs have a resolution too."""
 
 
 def _load(
@@ -58,47 +52,6 @@ def _load(
 def _link_inertia(load: Load, runs: Sequence[Run]) -> float:
     """Inertia of a pendulum load about the axis, the mean over the runs [kg m^2]; 0 of other loads."""
     return float(np.mean([load.in_run(run).inertia for run in runs])) if isinstance(load, Pendulum) else 0.0
-
-
-def _encoder(channels: Channels, rig: Rig, position: FloatArray) -> tuple[float, float]:
-    """(step, standard deviation of one sample with its steps) of the position [rad]: declared, or from the log.
-
-    Of a speed-only log the same of the velocity [rad/s].
-    """
-    if channels.speed_only:
-        step = channels.step("velocity")
-        return step, max(sample_noise(channels.raw("velocity"), step, channels.segments), LEAST_NOISE)
-    declared = rig.joint_sensors(channels.joint)
-    step = channels.step("position") if declared.encoder_step is None else declared.encoder_step
-    if declared.position_noise is not None:
-        return step, max(float(np.hypot(declared.position_noise, step / np.sqrt(12.0))), LEAST_NOISE)
-    return step, max(sample_noise(position, step, channels.segments), LEAST_NOISE)
-
-
-def _resolution(channels: Channels, rig: Rig, step: float, noise: float, light: CommonKernel) -> Resolution:
-    """What the joint's sensors resolve, after the light kernel where velocity is concerned."""
-    declared, load = rig.joint_sensors(channels.joint), rig.load[channels.joint]
-    command = rig.command_column(channels.joint).rpartition("/")[2]
-    torque_noise, effort_noise = 0.0, 0.0
-    unknown = unknown_form(load) is not None
-    if unknown or (isinstance(load, RobotLoad) and load.fitted):
-        effort_noise = sample_noise(channels.raw(command), channels.step(command), channels.segments)
-    if declared.torque_noise is not None:
-        torque_noise = 0.0 if unknown else declared.torque_noise
-    elif not (unknown or isinstance(load, Pendulum)):
-        torque_noise = sample_noise(channels.raw("torque"), channels.step("torque"), channels.segments)
-    motion = {"velocity_step": step, "raw_velocity_noise": noise} if channels.speed_only else {}
-    kernel = light.kernels[0 if channels.speed_only else 1]
-    return Resolution(
-        position_step=0.0 if motion else step,
-        position_noise=LEAST_NOISE if motion else noise,
-        torque_noise=torque_noise,
-        velocity_noise=noise * float(np.sqrt(np.sum(kernel**2))),
-        torque_correlation_time=declared.torque_correlation_time or 0.0,
-        effort_step=channels.step(command),
-        effort_noise=effort_noise,
-        **motion,
-    )
 
 
 def _width(channels: Channels, position: FloatArray, noise: float) -> float:
@@ -148,6 +101,7 @@ def build_samples(
     width_s: float | None = None,
     compliance: float = 0.0,
     final_s: float | None = None,
+    at_rest: float = 0.0,
     *,
     effort_age: float = 0.0,
 ) -> Samples:
@@ -160,6 +114,7 @@ def build_samples(
         width_s: Width of the light kernel [s]; None lets the data choose.
         compliance: Of a soft gear [rad/(N m)]: the motor slides, and its friction turns over, by q + compliance tau.
         final_s: Width of the final kernel [s]; None lets the data choose.
+        at_rest: Filtered velocity that other runs of the joint show at rest [rad/s].
         effort_age: How much older the command or effort that acts is [periods]; `HELD` if held until the next sample.
 
     Raises:
@@ -168,14 +123,15 @@ def build_samples(
     channels, scale = channels_of(runs, joint), load_scale(rig, joint)
     period, segments, load = channels.period, channels.segments, rig.load[joint]
     raw_q = channels.raw("position")
-    step, noise = _encoder(channels, rig, raw_q)
+    step, noise = encoder_of(channels, rig, raw_q)
     light = CommonKernel(_width(channels, raw_q, noise) if width_s is None else width_s, period)
     q, v, a = _filtered_motion(channels, light, raw_q)
     raw_command = channels.raw(rig.command_column(joint).rpartition("/")[2])
     command = light.smooth(aged(raw_command, segments, effort_age))
     torque, slow_torque, slope = _load(channels, rig, light, q, a)
-    resolution = _resolution(channels, rig, step, noise, light)
     inner = [slice(s.start + light.margin, max(s.stop - light.margin, s.start + light.margin)) for s in segments]
+    at_rest = max(at_rest, speed_at_rest(q, v, inner, period))
+    resolution = replace(resolution_of(channels, rig, step, noise, light), speed_at_rest=at_rest)
     motor, motor_rate = q + compliance * slow_torque, v + compliance * np.gradient(slow_torque, period)
     direction, travel, moving = direction_of_motion(motor, motor_rate, inner, resolution)
     order, raw_noise = (1, resolution.raw_velocity_noise) if channels.speed_only else (2, noise)

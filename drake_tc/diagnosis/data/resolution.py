@@ -24,6 +24,9 @@ LEAST_COVER = 0.7
 REPLAY_WIDER = 3.0
 """Width of the kernel that frees the position of its steps before they are replayed, over the light kernel's."""
 
+SPEED_OF_NOISE = 5.0
+"""Speed over the noise of the filtered velocity, above which the joint resolvably moves."""
+
 SPEED_PHASES = (0.0, 0.25, 0.5, 0.75)
 """Offsets of the grid, in steps, over which the replayed rounding of a velocity is averaged.
 
@@ -46,6 +49,7 @@ class Resolution:
         velocity_step: Step of the recorded velocity of a speed-only log [rad/s]; 0 where there is none.
         raw_velocity_noise: Standard deviation of one raw velocity sample of a speed-only log [rad/s]; 0 where the
             position was recorded.
+        speed_at_rest: RMS of the filtered velocity of a joint at rest [rad/s]; 0 where it hardly rests.
     """
 
     position_step: float
@@ -57,6 +61,12 @@ class Resolution:
     effort_noise: float = 0.0
     velocity_step: float = 0.0
     raw_velocity_noise: float = 0.0
+    speed_at_rest: float = 0.0
+
+    @property
+    def least_speed(self) -> float:
+        """Speed above which the joint resolvably moves [rad/s]."""
+        return SPEED_OF_NOISE * max(self.velocity_noise, self.speed_at_rest)
 
 
 def light_width(values: FloatArray, noise: float, segments: Sequence[slice], period: float, *, order: int = 2) -> float:

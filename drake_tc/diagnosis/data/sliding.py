@@ -10,8 +10,6 @@ from drake_tc.errors import IdentificationError
 from drake_tc.filtering.common_kernel import CommonKernel
 from drake_tc.types import BoolArray, FloatArray, IntArray
 
-SPEED_OF_NOISE = 5.0
-"""Speed over the noise of the filtered velocity, above which the joint resolvably moves."""
 LEAST_ROWS = 50
 """Fewest rows of a regression."""
 BLOCK_SECONDS = 0.5
@@ -24,7 +22,7 @@ def direction_of_motion(
     q: FloatArray, v: FloatArray, segments: Sequence[slice], resolution: Resolution
 ) -> tuple[FloatArray, FloatArray, BoolArray]:
     """Direction of the last resolved motion, travel since it turned, and where both are certain."""
-    threshold = SPEED_OF_NOISE * resolution.velocity_noise
+    threshold = resolution.least_speed
     least_travel = max(8.0 * resolution.position_noise, LEAST_TRAVEL)
     direction, travel = np.zeros_like(q), np.zeros_like(q)
     for s in segments:
@@ -106,7 +104,7 @@ def require_rows(rows: IntArray, moving: BoolArray, resolution: Resolution, fina
     window = (2 * _reach(final) + 1) * final.period
     raise IdentificationError(
         f"{label}: too little motion; expected at least {LEAST_ROWS} filter windows of {1e3 * window:.0f} ms in all of "
-        f"which the joint moves faster than {SPEED_OF_NOISE * resolution.velocity_noise:.2g} rad/s, which the sensor "
+        f"which the joint moves faster than {resolution.least_speed:.2g} rad/s, which the sensor "
         f"resolves, got {rows.size} (such motion lasts {np.count_nonzero(moving) * final.period:.2g} s in all); "
         "record runs with longer or faster strokes"
     )

@@ -75,7 +75,7 @@ def _samples(build: Build, train_runs: Sequence[Run], held_runs: Sequence[Run]) 
         train = build(train_runs)
     if not held_runs:
         return train, train
-    same = partial(build, width_s=train.light.width_s)
+    same = partial(build, width_s=train.light.width_s, at_rest=train.resolution.speed_at_rest)
     with _naming("held-out runs"):
         try:
             return train, same(held_runs, final_s=train.kernel.width_s)

@@ -198,12 +198,13 @@ def assess_residual(
     """
     rms, train_rms = (float(np.sqrt(np.mean(s.after**2))) for s in (held, train))
     before = float(np.sqrt(np.mean(held.before**2)))
+    effort = _effort_rms(held)
     floors = rms / floor if floor > 0.0 else np.inf
     most = max(rms, train_rms) / floor if floor > 0.0 else np.inf
     rows = _rows(train, held, x)
     found = _dependence(rows, seed, executor)
     least = max(options.least_rms * floor, options.least_of_before * before)
-    enough = least if rows.carried else max(least, options.least_growth * before)
+    enough = max(least if rows.carried else max(least, options.least_growth * before), options.least_of_signal * effort)
     functional = (
         found.fraction >= options.least_fraction
         and found.rms >= enough
@@ -226,7 +227,7 @@ def assess_residual(
         floors=float(floors),
         floors_anywhere=float(most),
         excess=is_excess((train, held), (floor, floor), options),
-        share_of_signal=_share_of_signal(held, rms),
+        share_of_signal=rms / max(effort, 1e-300),
         fraction=found.fraction,
         structured=structured,
         depends_on=tuple(names),
@@ -247,10 +248,9 @@ def is_excess(splits: Sequence[DataSplit], floors: Sequence[float], options: Res
     return False
 
 
-def _share_of_signal(split: DataSplit, rms: float) -> float:
-    """RMS of the residual over that of the effort on the same rows."""
-    effort = split.samples.signals.effort[split.samples.rows]
-    return rms / max(float(np.sqrt(np.mean(effort**2))), 1e-300)
+def _effort_rms(split: DataSplit) -> float:
+    """RMS of the effort on the rows of the residual."""
+    return float(np.sqrt(np.mean(split.samples.signals.effort[split.samples.rows] ** 2)))
 
 
 def depends_on(x: FloatArray, y: FloatArray, group: IntArray, seed: int) -> list[str]:

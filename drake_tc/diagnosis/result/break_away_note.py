@@ -17,8 +17,6 @@ CLEARLY = 1.5
 """Lower end of the break-away torque's interval over the sliding friction, from which on the sentence is written."""
 NOISES = 4.0
 """... and how many noise floors it must exceed it by: the torque of an event is the largest of a short window."""
-RESOLVED = 5.0
-"""Standard deviations of the filtered velocity beyond which the joint moves."""
 RESTS = 2.0
 """Stretch at rest before an event, in supports of the filters."""
 
@@ -64,7 +62,7 @@ def sticking(columns: Columns, final: Fit) -> Sticking | None:
     for segment in samples.segments:
         s = samples.signals.take(segment)
         needed = s.load_torque + s.rotor_inertia * s.acceleration + named["viscous"]["viscous"] * s.velocity
-        moving = np.abs(s.velocity) > RESOLVED * samples.resolution.velocity_noise
+        moving = np.abs(s.velocity) > samples.resolution.least_speed
         found = break_away(effort[segment] / final.gain, needed, s.velocity, moving, least_rest)
         torques.append(found.torque)
     torque = np.concatenate(torques)

@@ -74,9 +74,7 @@ def _position_step(prepared: Prepared) -> Finding | None:
     share = resolution.position_step / max(float(np.std(samples.signals.position)), 1e-300)
     level: Level = "note" if share > 0.2 * COARSE else "good"
     text = f"The position has steps of {resolution.position_step:.3g} rad"
-    text += (
-        f"; speeds below {5.0 * resolution.velocity_noise:.2g} rad/s are not resolved, and samples there take no part."
-    )
+    text += f"; speeds below {resolution.least_speed:.2g} rad/s are not resolved, and samples there take no part."
     return Finding("position step", level, resolution.position_step, "rad", text)
 
 

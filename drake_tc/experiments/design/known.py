@@ -63,7 +63,7 @@ def joint_from_logs(
         declared=declared,
         noise=found.noise.left,
         independent_per_second=found.noise.independent / moving,
-        slowest=5.0 * samples.resolution.velocity_noise,
+        slowest=samples.resolution.least_speed,
         kernel_width=samples.light.actual_width_s,
         final_width=samples.kernel.actual_width_s,
     )

@@ -1,0 +1,54 @@
+"""What the sensors of one joint resolve: as the rig file declares, else as the recorded channels show."""
+
+import numpy as np
+
+from drake_tc.diagnosis.data.channels import Channels
+from drake_tc.diagnosis.data.resolution import Resolution, sample_noise
+from drake_tc.filtering.common_kernel import CommonKernel
+from drake_tc.logs.loads import Pendulum, RobotLoad, unknown_form
+from drake_tc.logs.rig import Rig
+from drake_tc.types import FloatArray
+
+LEAST_NOISE = 1e-12
+"""Of a position [rad], so that noise-free logs have a resolution too."""
+
+
+def encoder_of(channels: Channels, rig: Rig, position: FloatArray) -> tuple[float, float]:
+    """(step, standard deviation of one sample with its steps) of the position [rad]: declared, or from the log.
+
+    Of a speed-only log the same of the velocity [rad/s].
+    """
+    if channels.speed_only:
+        step = channels.step("velocity")
+        return step, max(sample_noise(channels.raw("velocity"), step, channels.segments), LEAST_NOISE)
+    declared = rig.joint_sensors(channels.joint)
+    step = channels.step("position") if declared.encoder_step is None else declared.encoder_step
+    if declared.position_noise is not None:
+        return step, max(float(np.hypot(declared.position_noise, step / np.sqrt(12.0))), LEAST_NOISE)
+    return step, max(sample_noise(position, step, channels.segments), LEAST_NOISE)
+
+
+def resolution_of(channels: Channels, rig: Rig, step: float, noise: float, light: CommonKernel) -> Resolution:
+    """What the joint's sensors resolve, after the light kernel where velocity is concerned."""
+    declared, load = rig.joint_sensors(channels.joint), rig.load[channels.joint]
+    command = rig.command_column(channels.joint).rpartition("/")[2]
+    torque_noise, effort_noise = 0.0, 0.0
+    unknown = unknown_form(load) is not None
+    if unknown or (isinstance(load, RobotLoad) and load.fitted):
+        effort_noise = sample_noise(channels.raw(command), channels.step(command), channels.segments)
+    if declared.torque_noise is not None:
+        torque_noise = 0.0 if unknown else declared.torque_noise
+    elif not (unknown or isinstance(load, Pendulum)):
+        torque_noise = sample_noise(channels.raw("torque"), channels.step("torque"), channels.segments)
+    motion = {"velocity_step": step, "raw_velocity_noise": noise} if channels.speed_only else {}
+    kernel = light.kernels[0 if channels.speed_only else 1]
+    return Resolution(
+        position_step=0.0 if motion else step,
+        position_noise=LEAST_NOISE if motion else noise,
+        torque_noise=torque_noise,
+        velocity_noise=noise * float(np.sqrt(np.sum(kernel**2))),
+        torque_correlation_time=declared.torque_correlation_time or 0.0,
+        effort_step=channels.step(command),
+        effort_noise=effort_noise,
+        **motion,
+    )
