@@ -9,12 +9,12 @@ from collections.abc import Callable, Iterable, Mapping
 from readme_tables import assert_quoted, row
 
 from drake_tc.benchmarks import real_bam, real_dfki, real_icub, real_tmotor, real_uart
-from drake_tc.benchmarks.real_rows import RealRow
+from drake_tc.report.figure_row import FigureRow
 
 DIAGNOSIS, BASE = "drake_tc/diagnosis/README.md", "drake_tc/estimation/base/README.md"
 PERCENT = 100.0
 
-Rows = Mapping[str, RealRow]
+Rows = Mapping[str, FigureRow]
 Quote = tuple[str, str, int, Callable[[Rows], list[float | bool]]]
 """File, beginning of the row, cell, and what stands in it: numbers in order, and what `yes` and `no` say."""
 

@@ -4,10 +4,11 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from drake_tc.report.reproduction import OnRecord, Row
+from drake_tc.report.figure_row import FigureRow
+from drake_tc.report.reproduction import OnRecord
 
 
-def departures(rows: Sequence[Row], recorded: Mapping[str, OnRecord]) -> list[str]:
+def departures(rows: Sequence[FigureRow], recorded: Mapping[str, OnRecord]) -> list[str]:
     """What a newly computed result contradicts, one sentence each; empty where it is as recorded.
 
     Args:
@@ -21,20 +22,20 @@ def departures(rows: Sequence[Row], recorded: Mapping[str, OnRecord]) -> list[st
     return found
 
 
-def _judgement(row: Row) -> str:
+def _judgement(row: FigureRow) -> str:
     """A miss needs a reason, and a reason needs a miss."""
-    if row.expectation is None:
+    if row.expected is None:
         return ""
     if not np.isfinite(row.value):
         return f"{row.value} is not a finite number"
-    if row.met and row.expectation.reason:
+    if row.met and row.note:
         return f"{row.value:.4g} is met; the reason of a miss has to go"
-    if not row.met and not row.expectation.reason:
+    if not row.met and not row.note:
         return f"{row.value:.4g} is a miss without a reason"
     return ""
 
 
-def _change(row: Row, recorded: OnRecord | None) -> str:
+def _change(row: FigureRow, recorded: OnRecord | None) -> str:
     """A value stays where it was, within its tolerance; a NaN is nowhere."""
     if recorded is None or abs(row.value - recorded.reached) <= recorded.reached_tolerance:
         return ""

@@ -18,7 +18,7 @@ from drake_tc.diagrams.papers.departures import departures
 from drake_tc.diagrams.papers.expected_values import expectations, expected_file, expected_path, on_record
 
 from drake_tc.errors import ParamsError
-from drake_tc.report.reproduction import Row
+from drake_tc.report.reproduction import reproduced_row
 
 SHARE, LEAST_SHARE, LESS_THAN_ONE = 0.02, 1e-3, 0.5
 """Of the value and of the expected value, for the tolerance of a row that has none; at most, of a whole number."""
@@ -78,7 +78,7 @@ def record(result: Mapping[str, Any], share: float = SHARE) -> list[str]:
     recorded, expected = on_record(file), expectations(file)
     if left := sorted(set(expected) - set(recorded)):
         raise ParamsError(f"{path}: expected one row a line, with its name in double quotes: {', '.join(left)}")
-    rows = [Row(name, item.reached, expected.get(name)) for name, item in recorded.items()]
+    rows = [reproduced_row(name, item.reached, expected.get(name)) for name, item in recorded.items()]
     contradicted: list[str] = departures(rows, recorded)
     return contradicted
 

@@ -6,7 +6,8 @@ from drake_tc.diagrams.papers.catalogue import REPRODUCTIONS
 from drake_tc.diagrams.papers.expected_values import expectations, expected_file, on_record
 
 from drake_tc.config.page import table
-from drake_tc.report.reproduction import Expectation, OnRecord, Row
+from drake_tc.report.figure_row import FigureRow
+from drake_tc.report.reproduction import Expectation, OnRecord, reproduced_row
 
 PAPERS = {
     "A": ("delprete2016", "Del Prete et al. (2016): torque control without joint-torque sensors"),
@@ -46,8 +47,8 @@ def _section(id_: str) -> str:
     parts = [f"## {id_}", f"    drake-tc reproduce {id_}", _expected_table(list(expected.values()))]
     reasons: dict[str, list[str]] = {}
     for row in _rows(expected.values()):
-        if row.met is False and row.expectation is not None and row.expectation.reason:
-            reasons.setdefault(row.expectation.reason, []).append(row.name)
+        if row.met is False and row.note:
+            reasons.setdefault(row.note, []).append(row.name)
     if reasons:
         parts.append("**Misses**")
         parts.append("\n".join(f"- {'; '.join(map(_plain, names))}: {why}." for why, names in reasons.items()))
@@ -57,8 +58,8 @@ def _section(id_: str) -> str:
     return "\n\n".join(parts)
 
 
-def _rows(expected: Iterable[Expectation]) -> list[Row]:
-    return [Row(each.name, each.reached, each) for each in expected if each.reached is not None]
+def _rows(expected: Iterable[Expectation]) -> list[FigureRow]:
+    return [reproduced_row(each.name, each.reached, each) for each in expected if each.reached is not None]
 
 
 def _expected_table(expected: Sequence[Expectation]) -> str:
@@ -66,7 +67,7 @@ def _expected_table(expected: Sequence[Expectation]) -> str:
     rows = []
     for each in expected:
         value = "–" if each.reached is None else f"{OnRecord(each.name, each.reached).reached:.4g}"
-        missed = each.reached is not None and Row(each.name, each.reached, each).met is False
+        missed = each.reached is not None and reproduced_row(each.name, each.reached, each).met is False
         slack = f" ± {each.tolerance:.4g}" if each.tolerance else ""
         goal = f"{signs[each.how]} {each.expected:.4g}{slack}"
         unit = each.unit if each.unit != "-" else ""

@@ -16,8 +16,9 @@ from typing import Any
 import numpy as np
 
 from drake_tc.benchmarks.interval_coverage import holds
-from drake_tc.benchmarks.robot_rigs import RobotScore, diagnose_rig, run_cases, score_report, summary_rows
+from drake_tc.benchmarks.robot_rigs import RobotScore, diagnose_rig, interval_row, run_cases, score_report, summary_rows
 from drake_tc.diagnosis.selection.engine import Progress
+from drake_tc.report.figure_row import FigureRow
 
 BASE_INTERVALS = "95 % intervals of base parameters hold the truth"
 
@@ -93,17 +94,13 @@ def arm_benchmark(
     return [score_arm(*case) for case in made]
 
 
-def arm_rows(scores: Sequence[ArmScore]) -> list[dict[str, Any]]:
+def arm_rows(scores: Sequence[ArmScore]) -> list[FigureRow]:
     """Rows of figures as those of `bench robot`, and base parameters' intervals; both kinds of interval by drive."""
-    rows = summary_rows([score.robot for score in scores], nulls=97.0)
-    rows.append(_row(BASE_INTERVALS, [hit for score in scores for hit in score.base], (90.0, 99.0)))
+    rows = summary_rows([score.robot for score in scores], nulls=0.97)
+    rows.append(interval_row(BASE_INTERVALS, [hit for score in scores for hit in score.base]))
     for drive in sorted({score.drive for score in scores}):
         group = [score for score in scores if score.drive == drive]
-        rows.append(_row(f"base parameters, {drive}", [hit for score in group for hit in score.base]))
-        rows.append(_row(f"friction, {drive}", [hit for score in group for hit in score.robot.friction_intervals]))
-    return [row for row in rows if row["n"]]
-
-
-def _row(name: str, hits: Sequence[bool], goal: tuple[float | None, float | None] = (None, None)) -> dict[str, Any]:
-    share = 100.0 * float(np.mean(hits)) if hits else float("nan")
-    return {"name": name, "unit": "%", "value": share, "expected": goal[0], "at_most": goal[1], "n": len(hits)}
+        friction = [hit for score in group for hit in score.robot.friction_intervals]
+        rows.append(FigureRow.share(f"base parameters, {drive}", [hit for score in group for hit in score.base]))
+        rows.append(FigureRow.share(f"friction, {drive}", friction))
+    return [row for row in rows if row.n]

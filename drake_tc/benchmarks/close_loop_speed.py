@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from drake_tc.errors import DrakeTcError
-from drake_tc.report.bench_row import BenchRow
+from drake_tc.report.figure_row import FigureRow
 
 RUNS = ("one", "two", "held")
 """Two runs to fit and one that is held out."""
@@ -92,7 +92,7 @@ def command_cost(case: SpeedCase) -> Cost:
     return Cost(**json.loads(done.stdout))
 
 
-def cost_rows(cases: Sequence[SpeedCase]) -> list[BenchRow]:
+def cost_rows(cases: Sequence[SpeedCase]) -> list[FigureRow]:
     """Three rows a case: wall time, CPU time, and peak memory."""
     rows = []
     for case in cases:
@@ -102,5 +102,5 @@ def cost_rows(cases: Sequence[SpeedCase]) -> list[BenchRow]:
             ("CPU time of all processes", "s", cost.cpu),
             ("peak memory of the largest process", "GiB", cost.memory),
         ):
-            rows.append(BenchRow(f"{case.name}: {name}", unit, value, value, 1))
+            rows.append(FigureRow(f"{case.name}: {name}", value, unit))
     return rows

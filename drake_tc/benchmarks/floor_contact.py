@@ -26,7 +26,7 @@ from drake_tc.loops.whole_body.ground_spec import APPROXIMATIONS, Approximation,
 from drake_tc.loops.whole_body.running import TsidRecording, simulate_tsid
 from drake_tc.loops.whole_body.scenario import TsidScenario
 from drake_tc.loops.whole_body.violations import contact_misses
-from drake_tc.report.bench_row import BenchRow
+from drake_tc.report.figure_row import FigureRow
 from drake_tc.robot.mounts import Mount
 from drake_tc.tsid.contacts import Contact
 from drake_tc.types import FloatArray
@@ -192,7 +192,7 @@ def floor_rows(
     reaching: TsidScenario,
     progress: Progress,
     approximations: Sequence[Approximation] = APPROXIMATIONS,
-) -> list[BenchRow]:
+) -> list[FigureRow]:
     """The rows of `drake-tc bench floor`.
 
     Args:
@@ -225,5 +225,5 @@ def _on(scenario: TsidScenario, approximation: Approximation) -> TsidScenario:
     return scenario.changed(ground=replace(scenario.ground, approximation=approximation))
 
 
-def _one(name: str, unit: str, value: float) -> BenchRow:
-    return BenchRow(name, unit, value, value, 1)
+def _one(name: str, unit: str, value: float) -> FigureRow:
+    return FigureRow(name, value, unit)

@@ -12,7 +12,7 @@ from drake_tc.estimation.joint_torque import JointTorqueEstimator
 from drake_tc.estimation.torque_model import TorqueModel
 from drake_tc.loops.torque.loop import build_loop
 from drake_tc.registry import diagram_entry
-from drake_tc.report.bench_row import BenchRow, timing_row
+from drake_tc.report.figure_row import FigureRow
 from drake_tc.robot.robot import load_robot
 
 MODELS = Path(str(files("drake_tc.models"))) / "hrp2_like"
@@ -20,7 +20,7 @@ CHUNK = 0.02
 """Simulated time of one timing [s]."""
 
 
-def loop_timing(scenario_name: str, title: str, duration: float = 2.5) -> BenchRow:
+def loop_timing(scenario_name: str, title: str, duration: float = 2.5) -> FigureRow:
     """A tick of the hanging leg's loop, everything included: plant, actuators, sensors, estimator, controller, logs.
 
     Args:
@@ -38,10 +38,10 @@ def loop_timing(scenario_name: str, title: str, duration: float = 2.5) -> BenchR
         begin = time.perf_counter()
         simulator.AdvanceTo(chunk * CHUNK)
         times.append((time.perf_counter() - begin) / ticks)
-    return timing_row(title, times)
+    return FigureRow.of_values(title, "us", times, 1e6)
 
 
-def estimate_timing(robot_file: Path, title: str, repeats: int = 2000) -> BenchRow:
+def estimate_timing(robot_file: Path, title: str, repeats: int = 2000) -> FigureRow:
     """One torque estimate by its system: inputs changed, every output evaluated."""
     robot = load_robot(robot_file)
     system = JointTorqueEstimator(TorqueModel(robot))
@@ -58,16 +58,16 @@ def estimate_timing(robot_file: Path, title: str, repeats: int = 2000) -> BenchR
         for output in outputs:
             output.Eval(context)
         times.append(time.perf_counter() - begin)
-    return timing_row(title, times)
+    return FigureRow.of_values(title, "us", times, 1e6)
 
 
-def leg_timings(progress: Callable[[str, float], None]) -> list[BenchRow]:
+def leg_timings(progress: Callable[[str, float], None]) -> list[FigureRow]:
     """The rows of `drake-tc bench leg`.
 
     Args:
         progress: Told what is timed and which share is done.
     """
-    pieces: list[tuple[str, Callable[[str], BenchRow]]] = [
+    pieces: list[tuple[str, Callable[[str], FigureRow]]] = [
         ("leg under the vendor's servo, a tick of 1 ms", lambda name: loop_timing("stairs_swing_servo", name)),
         ("leg in torque control, a tick of 1 ms", lambda name: loop_timing("stairs_swing", name)),
         ("torque estimate, leg", lambda name: estimate_timing(MODELS / "hrp2_like_leg.yaml", name)),

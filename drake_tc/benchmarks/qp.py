@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drake_tc.report.bench_row import BenchRow
+from drake_tc.report.figure_row import FigureRow
 from drake_tc.tsid.law import Law
 from drake_tc.tsid.manifold import moved
 from drake_tc.tsid.program import reduced_qp
@@ -106,7 +106,7 @@ def timed(chosen: QpSolver, problems: Sequence[QuadraticProgram], *, warm: bool)
     return np.array(seconds), unsolved, worst
 
 
-def qp_rows(law: Law, names: Sequence[str], progress: Progress, ticks: int = 400) -> list[BenchRow]:
+def qp_rows(law: Law, names: Sequence[str], progress: Progress, ticks: int = 400) -> list[FigureRow]:
     """Times from nothing (cold) and from the last tick's answer (warm), what was not solved, the worst residual.
 
     Args:
@@ -129,10 +129,9 @@ def qp_rows(law: Law, names: Sequence[str], progress: Progress, ticks: int = 400
             some = problems if name in FAST else problems[::FEWER]
             for way in ("cold", "warm"):
                 seconds, unsolved, worst = timed(chosen, some, warm=way == "warm")
-                median, p99 = 1e6 * np.percentile(seconds, [50, 99])
                 label = f"{name}, {motion.name}, {way}"
-                rows.append(BenchRow(label, "us", float(median), float(p99), len(some)))
-                rows.append(BenchRow(f"{label}: not solved", "-", unsolved, unsolved, len(some)))
-                rows.append(BenchRow(f"{label}: worst residual", "-", worst, worst, len(some) - unsolved))
+                rows.append(FigureRow.of_values(label, "us", seconds, 1e6))
+                rows.append(FigureRow(f"{label}: not solved", unsolved, "-", n=len(some)))
+                rows.append(FigureRow(f"{label}: worst residual", worst, "-", n=len(some) - unsolved))
             done += 1
     return rows

@@ -23,7 +23,6 @@ import numpy as np
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.benchmarks.real_log_cases import RealLogCase, RealLogSet, case_files, import_set
 from drake_tc.benchmarks.real_logs import chosen_sets
-from drake_tc.benchmarks.real_rows import RealRow
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.result.free_running import FreeRun
 from drake_tc.diagnosis.result.refinement_json import position_errors
@@ -31,6 +30,7 @@ from drake_tc.diagnosis.run import close_loop
 from drake_tc.logs.importers.bam import JOINT
 from drake_tc.logs.prepare import load_runs
 from drake_tc.logs.rig import load_rig
+from drake_tc.report.figure_row import FigureRow
 
 XL330, STS3250 = "bam-xl330-pendulum", "bam-sts3250-pendulum"
 GAINS = (100, 200, 800)
@@ -117,7 +117,7 @@ def real_bam_rows(
     executor: Executor | None = None,
     trajectories: Sequence[str] = TRAJECTORIES,
     sets: Sequence[str] = (XL330, STS3250),
-) -> list[RealRow]:
+) -> list[FigureRow]:
     """The tables: each trajectory held out in turn.
 
     Args:
@@ -142,7 +142,7 @@ def real_bam_rows(
     return [*_means(found), *_single(found)]
 
 
-def _means(found: Sequence[HeldOutRun]) -> Iterator[RealRow]:
+def _means(found: Sequence[HeldOutRun]) -> Iterator[FigureRow]:
     """One row a motor, gain and model: the refined model has to reach the target."""
     for folder in dict.fromkeys(run.folder for run in found):
         mine = [run for run in found if run.folder == folder]
@@ -151,11 +151,11 @@ def _means(found: Sequence[HeldOutRun]) -> Iterator[RealRow]:
         expected = TO_REACH if mine[0].data_set == XL330 else published
         for name in MODELS:
             mean = float(np.mean([run.errors[name] for run in mine]))
-            goal = (expected, "max") if name == "refined" else (None, "info")
-            yield RealRow(f"{folder}/{name}", mean, "rad", goal[0], goal[1], note=note)  # type: ignore[arg-type]
+            goal = expected if name == "refined" else None
+            yield FigureRow(f"{folder}/{name}", mean, "rad", goal, "max", note=note)
 
 
-def _single(found: Sequence[HeldOutRun]) -> Iterator[RealRow]:
+def _single(found: Sequence[HeldOutRun]) -> Iterator[FigureRow]:
     for run in found:
         for name in MODELS:
-            yield RealRow(f"{run.folder}/{name}/{run.trajectory}", run.errors[name], "rad", note=run.status)
+            yield FigureRow(f"{run.folder}/{name}/{run.trajectory}", run.errors[name], "rad", note=run.status)

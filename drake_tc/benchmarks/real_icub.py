@@ -15,10 +15,10 @@ from typing import Any
 import numpy as np
 import yaml
 
-from drake_tc.benchmarks.real_rows import RealRow, set_folder
 from drake_tc.errors import LogError
 from drake_tc.estimation.base.evaluate import BaseResult, evaluate_log
 from drake_tc.estimation.base.rig import load_base_rig
+from drake_tc.report.figure_row import FigureRow
 
 DATA_SET = "icub-walking-base"
 SHORT, LONG = "walk_short", "walk_front_and_back"
@@ -77,7 +77,7 @@ def evaluate(data: Path, run: str, progress: Progress, *, ground: str = "level")
     Raises:
         LogError: the set, its URDF or the log is not in `data`.
     """
-    folder = set_folder(data, DATA_SET)
+    folder = data / DATA_SET if (data / DATA_SET).is_dir() else data
     packed = sorted(folder.glob("*.urdf.gz"))
     log = folder / f"{run}.npz"
     if not packed or not log.is_file():
@@ -94,9 +94,9 @@ def evaluate(data: Path, run: str, progress: Progress, *, ground: str = "level")
         return evaluate_log(load_base_rig(place / "rig.yaml"), log, progress)
 
 
-def rows(data: Path, progress: Progress = lambda text, share: None) -> list[RealRow]:
+def rows(data: Path, progress: Progress = lambda text, share: None) -> list[FigureRow]:
     """The table: the long log against the published odometry; the short log, ours and the baseline only told."""
-    out: list[RealRow] = []
+    out: list[FigureRow] = []
     for run, ground in ((LONG, "level"), (SHORT, "level"), (LONG, "unknown")):
         result = evaluate(data, run, progress, ground=ground)
         if result.errors is None:
@@ -112,8 +112,7 @@ def rows(data: Path, progress: Progress = lambda text, share: None) -> list[Real
                 unit = "m" if what in "xyz" else "deg"
                 target = SHARE * PUBLISHED[what] if expected and which == "estimate" and what in PUBLISHED else None
                 note = f"published odometry {PUBLISHED[what]:g}" if target is not None else _NOTES.get(which, "")
-                how = "max" if target is not None else "info"
-                out.append(RealRow(f"{run}/{prefix}{what}", value, unit, target, how, note=note))  # type: ignore[arg-type]
+                out.append(FigureRow(f"{run}/{prefix}{what}", value, unit, target, "max", note=note))
     return out
 
 

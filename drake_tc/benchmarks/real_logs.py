@@ -15,11 +15,11 @@ from drake_tc.benchmarks.real_log_cases import (
     load_sets,
 )
 from drake_tc.benchmarks.real_log_claims import FLOORS, CaseClaims, claims_of
-from drake_tc.benchmarks.real_rows import RealRow
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.result.to_json import result_json
 from drake_tc.diagnosis.run import close_loop
 from drake_tc.errors import DrakeTcError, ParamsError
+from drake_tc.report.figure_row import FigureRow
 
 Progress = Callable[[str, float], None]
 
@@ -124,17 +124,17 @@ def real_log_claims(
     return out
 
 
-def rows_of(sets: Sequence[SetClaims]) -> list[RealRow]:
+def rows_of(sets: Sequence[SetClaims]) -> list[FigureRow]:
     """The figures of the benchmark: how many claims do not hold, and the error over the floor on every run."""
     rows = []
     for case in (case for entry in sets for case in entry.cases if case.verdict != "refused"):
         false, against = len(case.failures), len(case.disagreements)
-        rows.append(RealRow(f"{case.name}/claims_not_held", false, "-", 0.0, "max", note="; ".join(case.failures)))
+        rows.append(FigureRow(f"{case.name}/claims_not_held", false, "-", 0.0, "max", note="; ".join(case.failures)))
         rows.append(
-            RealRow(f"{case.name}/verdict_contradicted", against, "-", 0.0, "max", note="; ".join(case.disagreements))
+            FigureRow(f"{case.name}/verdict_contradicted", against, "-", 0.0, "max", note="; ".join(case.disagreements))
         )
         for joint in case.joints:
             for run in (joint.train, *joint.heldout):
                 name = f"{case.name}/{joint.joint}/{run.name}/floors"
-                rows.append(RealRow(name, joint.ratio(run), "-", note=f"{case.verdict}; green up to {FLOORS:g}"))
+                rows.append(FigureRow(name, joint.ratio(run), "-", note=f"{case.verdict}; green up to {FLOORS:g}"))
     return rows

@@ -20,12 +20,12 @@ import numpy as np
 from drake_tc.benchmarks.pooled_least_squares import least_squares_residuals
 from drake_tc.benchmarks.real_log_cases import CaseFiles, case_files, import_set
 from drake_tc.benchmarks.real_logs import chosen_sets
-from drake_tc.benchmarks.real_rows import RealRow
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult
 from drake_tc.diagnosis.run import close_loop, in_order
 from drake_tc.logs.prepare import load_runs
 from drake_tc.logs.rig import Rig, load_rig
+from drake_tc.report.figure_row import FigureRow
 from drake_tc.types import FloatArray, IntArray
 
 GOAL = 0.85
@@ -129,7 +129,7 @@ def rows(
     names: Sequence[str] = (),
     progress: Progress = lambda text, share: None,
     cases: Sequence[RobotCase] = CASES,
-) -> list[RealRow]:
+) -> list[FigureRow]:
     """The table of these data sets; of all where none is named.
 
     Raises:
@@ -152,7 +152,7 @@ def rows(
     return out
 
 
-def table_rows(case: RobotCase, joints: Sequence[HeldOut]) -> list[RealRow]:
+def table_rows(case: RobotCase, joints: Sequence[HeldOut]) -> list[FigureRow]:
     """Five figures a joint, and two of all joints together."""
     begin = f"{case.data_set}/{case.case}"
     published: Mapping[str, float] = dict(zip((j.joint for j in joints), case.published, strict=False))
@@ -162,19 +162,19 @@ def table_rows(case: RobotCase, joints: Sequence[HeldOut]) -> list[RealRow]:
         told = f"; README, in its own filter: {published[each.joint]:.3g}" if each.joint in published else ""
         name = f"{begin}/{each.joint}"
         out += [
-            RealRow(f"{name}/least_squares", plain, "N*m", note=f"effort of {each.effort:.3g} N*m{told}"),
-            RealRow(f"{name}/before", rms(each.before), "N*m"),
-            RealRow(f"{name}/after", after, "N*m", note=f"found: {', '.join(each.found) or 'nothing'}"),
-            RealRow(f"{name}/ratio", after / plain, "-", 1.0, "max", note=f"after over least squares; {_spread(each)}"),
-            RealRow(f"{name}/over_before", after / rms(each.before), "-", note=f"noise floor: {_floor_share(each)}"),
+            FigureRow(f"{name}/least_squares", plain, "N*m", note=f"effort of {each.effort:.3g} N*m{told}"),
+            FigureRow(f"{name}/before", rms(each.before), "N*m"),
+            FigureRow(f"{name}/after", after, "N*m", note=f"found: {', '.join(each.found) or 'nothing'}"),
+            FigureRow(f"{name}/ratio", after / plain, "-", 1.0, "max", note=f"over least squares; {_spread(each)}"),
+            FigureRow(f"{name}/over_before", after / rms(each.before), "-", note=f"noise floor: {_floor_share(each)}"),
         ]
     mean = float(np.exp(np.mean([np.log(rms(each.after) / rms(each.least_squares)) for each in joints])))
     squares = [sum(float(np.sum(getattr(each, side) ** 2)) for each in joints) for side in ("after", "least_squares")]
     together = float(np.sqrt(squares[0] / squares[1]))
     return [
         *out,
-        RealRow(f"{begin}/all_joints/ratio", together, "-", GOAL, "max", note="of the torque of all rows"),
-        RealRow(f"{begin}/all_joints/mean_ratio", mean, "-", note="geometric mean of the joints' ratios"),
+        FigureRow(f"{begin}/all_joints/ratio", together, "-", GOAL, "max", note="of the torque of all rows"),
+        FigureRow(f"{begin}/all_joints/mean_ratio", mean, "-", note="geometric mean of the joints' ratios"),
     ]
 
 
@@ -197,11 +197,11 @@ def _floor_share(each: HeldOut) -> str:
     return f"{each.floor / rms(each.before):.2f} of the model before"
 
 
-def payload_rows(case: RobotCase, result: CloseLoopResult) -> list[RealRow]:
+def payload_rows(case: RobotCase, result: CloseLoopResult) -> list[FigureRow]:
     """The mass of the known load, where the case has one."""
     if not case.payload or result.links is None:
         return []
     mass = result.links.payloads[case.payload]["m"]
     note = f"95 % interval {mass.ci95[0]:.3g} to {mass.ci95[1]:.3g} kg"
     within = PAYLOAD_TOLERANCE * PAYLOAD
-    return [RealRow(f"{case.data_set}/{case.case}/payload", mass.value, "kg", PAYLOAD, "within", within, note)]
+    return [FigureRow(f"{case.data_set}/{case.case}/payload", mass.value, "kg", PAYLOAD, "within", within, note)]

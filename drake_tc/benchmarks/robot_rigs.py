@@ -12,8 +12,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from drake_tc.benchmarks.interval_coverage import final_parameters, friction_intervals, own_intervals
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.problem.shared.causes import TITLES
@@ -21,6 +19,7 @@ from drake_tc.diagnosis.result.to_json import result_json
 from drake_tc.diagnosis.run import close_loop
 from drake_tc.diagnosis.selection.engine import Progress
 from drake_tc.errors import DrakeTcError
+from drake_tc.report.figure_row import FigureRow
 
 HELD_OUT = "run_held"
 SHARED = tuple(TITLES)
@@ -191,37 +190,31 @@ def run_cases(
     ]
 
 
-def summary_rows(scores: Sequence[RobotScore], nulls: float = 98.0) -> list[dict[str, Any]]:
-    """Rows of figures: share of cases or intervals [%] and their number, with the goal as `expected` (at least).
-
-    `at_most`: the upper end of the goal where it has one; intervals that hold the truth more often are too wide.
+def summary_rows(scores: Sequence[RobotScore], nulls: float = 0.98) -> list[FigureRow]:
+    """Shares of cases and of intervals; intervals that hold the truth more often than in 99 % are too wide.
 
     Args:
         scores: Of the cases.
-        nulls: Goal of the share of nulls in which nothing is named [%].
+        nulls: Goal of the share of nulls in which nothing is named.
     """
     wrong = [s for s in scores if s.id]
-    groups: dict[str, tuple[list[bool], float | None]] = {
-        "right place and effect first": ([s.first for s in wrong], 95.0),
-        "that and no other": ([s.exact for s in wrong], 90.0),
-        "nulls quiet": ([s.first for s in scores if not s.id], nulls),
-        INTERVALS[0]: ([hit for s in wrong for hit in s.own_intervals], 90.0),
-        INTERVALS[1]: ([hit for s in scores for hit in s.friction_intervals], 90.0),
-        "first, one joint's own effect": ([s.first for s in wrong if s.id not in SHARED], None),
-        "first, shared cause": ([s.first for s in wrong if s.id in SHARED], None),
-    }
-    for name in sorted({s.id for s in wrong}):
-        groups[f"first, {name}"] = ([s.first for s in wrong if s.id == name], None)
-        groups[f"intervals, {name}"] = ([hit for s in wrong if s.id == name for hit in s.own_intervals], None)
-    return [
-        {
-            "name": name,
-            "unit": "%",
-            "value": 100.0 * float(np.mean(hits)),
-            "expected": expected,
-            "at_most": 99.0 if name in INTERVALS else None,
-            "n": len(hits),
-        }
-        for name, (hits, expected) in groups.items()
-        if hits
+    own = [hit for s in wrong for hit in s.own_intervals]
+    friction = [hit for s in scores for hit in s.friction_intervals]
+    rows = [
+        FigureRow.share("right place and effect first", [s.first for s in wrong], "min", 0.95),
+        FigureRow.share("that and no other", [s.exact for s in wrong], "min", 0.90),
+        FigureRow.share("nulls quiet", [s.first for s in scores if not s.id], "min", nulls),
+        *(interval_row(name, hits) for name, hits in zip(INTERVALS, (own, friction), strict=True)),
+        FigureRow.share("first, one joint's own effect", [s.first for s in wrong if s.id not in SHARED]),
+        FigureRow.share("first, shared cause", [s.first for s in wrong if s.id in SHARED]),
     ]
+    for name in sorted({s.id for s in wrong}):
+        of_kind = [s for s in wrong if s.id == name]
+        rows.append(FigureRow.share(f"first, {name}", [s.first for s in of_kind]))
+        rows.append(FigureRow.share(f"intervals, {name}", [hit for s in of_kind for hit in s.own_intervals]))
+    return [row for row in rows if row.n]
+
+
+def interval_row(name: str, hits: Sequence[bool]) -> FigureRow:
+    """Share of 95 % intervals that hold the truth: 90 to 99 % is expected."""
+    return FigureRow.share(name, hits, "within", 0.945, 0.045)

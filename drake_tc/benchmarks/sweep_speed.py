@@ -6,7 +6,7 @@ from collections.abc import Callable
 from drake_tc.analysis.joint_loop import JointLoop
 from drake_tc.analysis.stability_map import Axis, stability_map
 from drake_tc.analysis.sweep import processes, sweep
-from drake_tc.report.bench_row import BenchRow
+from drake_tc.report.figure_row import FigureRow
 
 Progress = Callable[[str, float], None]
 WORK = 400_000
@@ -23,7 +23,7 @@ def busy_point(point: int, seed: int) -> float:
 
 def sweep_rows(
     progress: Progress, workers: int = 2, repeats: int = 3, points: int = 192, side: int = 100
-) -> list[BenchRow]:
+) -> list[FigureRow]:
     """Speed-up of two processes over one, both spawned and warm, and a stability map of side x side loops.
 
     The points' own time over wall time says how busy the processes were kept, also where others use the machine.
@@ -61,9 +61,10 @@ def sweep_rows(
     each = 1e3 * workers * seconds_of_map / found.radius.size
     ordered, kept = sorted(gains), sorted(busy)
     name = f"speed-up of {workers} processes over one, {points} points"
+    share_of_time = f"points' own time over wall time, {workers} processes"
     return [
-        BenchRow(name, "-", ordered[len(ordered) // 2], ordered[-1], repeats),
-        BenchRow(f"points' own time over wall time, {workers} processes", "-", kept[len(kept) // 2], kept[-1], repeats),
-        BenchRow(f"stability map of {side} x {side} loops", "s", seconds_of_map, seconds_of_map, 1),
-        BenchRow("one loop of that map, on one core", "ms", each, each, 1),
+        FigureRow(name, ordered[len(ordered) // 2], "-", p99=ordered[-1], n=repeats),
+        FigureRow(share_of_time, kept[len(kept) // 2], "-", p99=kept[-1], n=repeats),
+        FigureRow(f"stability map of {side} x {side} loops", seconds_of_map, "s"),
+        FigureRow("one loop of that map, on one core", each, "ms"),
     ]

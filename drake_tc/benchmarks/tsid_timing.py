@@ -14,7 +14,7 @@ from drake_tc.loops.whole_body.loop import build_tsid
 from drake_tc.loops.whole_body.references import task_source
 from drake_tc.loops.whole_body.running import TsidRecording, simulate_tsid
 from drake_tc.loops.whole_body.scenario import TsidScenario
-from drake_tc.report.bench_row import BenchRow, timing_row
+from drake_tc.report.figure_row import FigureRow
 from drake_tc.tsid.law import Law
 from drake_tc.tsid.robust.formulation import MeasureName, Use
 from drake_tc.tsid.tick import Before, problem_at, solve_tick
@@ -31,7 +31,7 @@ FORMS: tuple[tuple[MeasureName, Use], ...] = (
 REPEATS = 3
 
 
-def tick_timings(scenario: TsidScenario, progress: Progress) -> list[BenchRow]:
+def tick_timings(scenario: TsidScenario, progress: Progress) -> list[FigureRow]:
     """Rows of `drake-tc bench tick`: own time of the thread [us], from a warm start, BLAS on one core.
 
     Args:
@@ -71,7 +71,7 @@ def _references(recording: TsidRecording) -> list[list[FloatArray]]:
     return [list(row) for row in zip(*columns, strict=True)]
 
 
-def _stages(recording: TsidRecording, references: Sequence[Sequence[FloatArray]]) -> list[BenchRow]:
+def _stages(recording: TsidRecording, references: Sequence[Sequence[FloatArray]]) -> list[FigureRow]:
     """Terms; all of the problem, terms included."""
     law, model = recording.law, recording.law.model
     scratch, active = model.create_scratch(), (True,) * len(model.contacts)
@@ -83,10 +83,15 @@ def _stages(recording: TsidRecording, references: Sequence[Sequence[FloatArray]]
         problem_at(law, scratch, state, desired, active)
         problem.append(time.thread_time() - known)
         terms.append(known - begin)
-    return [timing_row("terms of the dynamics", terms), timing_row("terms, rows and reduction to the torques", problem)]
+    return [
+        FigureRow.of_values("terms of the dynamics", "us", terms, 1e6),
+        FigureRow.of_values("terms, rows and reduction to the torques", "us", problem, 1e6),
+    ]
 
 
-def _ticks(name: str, law: Law, recording: TsidRecording, references: Sequence[Sequence[FloatArray]]) -> list[BenchRow]:
+def _ticks(
+    name: str, law: Law, recording: TsidRecording, references: Sequence[Sequence[FloatArray]]
+) -> list[FigureRow]:
     """The ticks of the motion, each beside pydrake's terms at its state, and what its slow ticks cost.
 
     The motion is run REPEATS times, and each tick counts with its fastest run: the work is the same each time, and what
@@ -105,17 +110,17 @@ def _ticks(name: str, law: Law, recording: TsidRecording, references: Sequence[S
             taken = solved - begin, time.thread_time() - solved
             seconds[:, number] = np.minimum(seconds[:, number], taken)
             before = Before(tick.torque, tick.start)
-    own, theirs = timing_row(f"a tick, everything: {name}", seconds[0, 1:].tolist()), seconds[1, 1:]
-    beside = timing_row(f"pydrake's terms, beside {name}", theirs.tolist())
-    return [own, beside, _ratio(f"{name}, over pydrake's terms", own.median / beside.median, own.n),
-            _ratio(f"{name}, 99th percentile over median", own.p99 / own.median, own.n)]  # fmt: skip
+    own = FigureRow.of_values(f"a tick, everything: {name}", "us", seconds[0, 1:], 1e6)
+    beside = FigureRow.of_values(f"pydrake's terms, beside {name}", "us", seconds[1, 1:], 1e6)
+    return [own, beside, _ratio(f"{name}, over pydrake's terms", own.value / beside.value, own.n),
+            _ratio(f"{name}, 99th percentile over median", own.highest / own.value, own.n)]  # fmt: skip
 
 
-def _ratio(name: str, value: float, n: int) -> BenchRow:
-    return BenchRow(name, "1", value, value, n)
+def _ratio(name: str, value: float, n: int) -> FigureRow:
+    return FigureRow(name, value, "1", n=n)
 
 
-def diagram_timing(scenario: TsidScenario) -> BenchRow:
+def diagram_timing(scenario: TsidScenario) -> FigureRow:
     """Single ticks of controller, plant with contact, references and log; the first one warms up."""
     loop = build_tsid(scenario)
     simulator, period, seconds = Simulator(loop.diagram), loop.law.period, []
@@ -125,4 +130,5 @@ def diagram_timing(scenario: TsidScenario) -> BenchRow:
         begin = time.thread_time()
         simulator.AdvanceTo(tick * period)
         seconds.append(time.thread_time() - begin)
-    return timing_row(f"the diagram, a tick of {1e3 * period:g} ms: controller, plant with contact, log", seconds[1:])
+    title = f"the diagram, a tick of {1e3 * period:g} ms: controller, plant with contact, log"
+    return FigureRow.of_values(title, "us", seconds[1:], 1e6)

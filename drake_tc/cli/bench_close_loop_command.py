@@ -1,10 +1,10 @@
 """`drake-tc bench close-loop`: what the whole command costs on logs of ordinary and of large size."""
 
-import json
 import tempfile
 from pathlib import Path
 
 from drake_tc.cli.bench_seeds import AsJson
+from drake_tc.cli.bench_table import print_rows
 from drake_tc.cli.progress import progress_bar
 
 
@@ -25,8 +25,4 @@ def bench_close_loop(as_json: AsJson = False) -> None:
         for number, case in enumerate((short, demo, long)):
             progress(case.name, 0.2 + 0.25 * number)
             rows += cost_rows([case])
-    if as_json:
-        print(json.dumps({"name": "close-loop", "rows": [row.to_json() for row in rows]}))
-        return
-    for row in rows:
-        print(f"{row.name}: {row.median:.3g} {row.unit}")
+    print_rows("close-loop", rows, as_json=as_json)

@@ -1,17 +1,12 @@
 """`drake-tc bench`: benchmarks that print rows, for people or with --json for programs."""
 
-import json
 import os
-import sys
 from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
-from rich.table import Table
 
 from drake_tc.analysis.executors import processes
-from drake_tc.benchmarks.real_rows import RealRow, rows_json
 from drake_tc.cli.bench_arms_command import bench_arms
 from drake_tc.cli.bench_close_loop_command import bench_close_loop
 from drake_tc.cli.bench_diagnosis_command import bench_diagnosis
@@ -20,7 +15,7 @@ from drake_tc.cli.bench_floor_command import bench_floor
 from drake_tc.cli.bench_qp_command import bench_qp
 from drake_tc.cli.bench_real_logs_command import bench_real_logs
 from drake_tc.cli.bench_robot_command import bench_robot
-from drake_tc.cli.bench_table import print_times
+from drake_tc.cli.bench_table import print_rows
 from drake_tc.cli.bench_tick_command import bench_tick
 from drake_tc.cli.progress import progress_bar
 
@@ -46,7 +41,7 @@ def bench_leg(as_json: Annotated[bool, typer.Option("--json", help="Print the ro
 
     with progress_bar("bench leg", quiet=as_json) as progress:
         rows = leg_timings(progress)
-    print_times("leg", rows, as_json=as_json)
+    print_rows("leg", rows, as_json=as_json)
 
 
 @bench_app.command("sweep")
@@ -56,25 +51,7 @@ def bench_sweep(as_json: Annotated[bool, typer.Option("--json", help="Print the 
 
     with progress_bar("bench sweep", quiet=as_json) as progress:
         rows = sweep_rows(progress)
-    if as_json:
-        print(json.dumps({"name": "sweep", "rows": [row.to_json() for row in rows]}))
-        return
-    for row in rows:
-        print(f"{row.name}: {row.median:.3g} {'' if row.unit == '-' else row.unit}".rstrip())
-
-
-def _real(name: str, rows: list[RealRow], as_json: bool) -> None:
-    if as_json:
-        print(json.dumps(rows_json(name, rows)))
-        return
-    shown = Table(title=f"{name}: figures on real data")
-    for heading in ("figure", "value", "expected", "met", "note"):
-        shown.add_column(heading, justify="right" if heading == "value" else "left", overflow="fold")
-    for row in rows:
-        expected = "" if row.met is None else f"{'<=' if row.how == 'max' else '~'} {row.expected:.3g}"
-        met = {None: "", True: "yes", False: "NO"}[row.met]
-        shown.add_row(row.name, f"{row.value:.4g} {row.unit}", expected, met, row.note)
-    Console(file=sys.stdout, highlight=False).print(shown)
+    print_rows("sweep", rows, as_json=as_json)
 
 
 Data = Annotated[Path, typer.Option(help="Folder that holds the public data sets, or the set itself.")]
@@ -92,7 +69,7 @@ def bench_real_bam(data: Data, as_json: AsJson = False) -> None:
         processes(os.cpu_count() or 1) as pool,
     ):
         rows = real_bam_rows(data, rig_free_run, progress, pool)
-    _real("real-bam", rows, as_json)
+    print_rows("real-bam", rows, as_json=as_json)
 
 
 @bench_app.command("real-dfki")
@@ -100,7 +77,7 @@ def bench_real_dfki(data: Data, as_json: AsJson = False) -> None:
     """AK80-6 simple pendulum: torque residual on held-out runs."""
     from drake_tc.benchmarks.real_dfki import rows
 
-    _real("real-dfki", rows(data), as_json)
+    print_rows("real-dfki", rows(data), as_json=as_json)
 
 
 @bench_app.command("real-tmotor")
@@ -108,7 +85,7 @@ def bench_real_tmotor(data: Data, as_json: AsJson = False) -> None:
     """AK80-9 against a torque sensor: torque error on held-out logs beside the published model's."""
     from drake_tc.benchmarks.real_tmotor import rows
 
-    _real("real-tmotor", rows(data), as_json)
+    print_rows("real-tmotor", rows(data), as_json=as_json)
 
 
 @bench_app.command("real-uart")
@@ -116,7 +93,7 @@ def bench_real_uart(data: Data, as_json: AsJson = False) -> None:
     """Feetech servos on a stretching stand: backlash and dead zone told apart, spans."""
     from drake_tc.benchmarks.real_uart import rows
 
-    _real("real-uart", rows(data), as_json)
+    print_rows("real-uart", rows(data), as_json=as_json)
 
 
 @bench_app.command("real-robots")
@@ -130,7 +107,7 @@ def bench_real_robots(
 
     with progress_bar("bench real-robots", quiet=as_json) as progress:
         table = rows(data, name or (), progress)
-    _real("real-robots", table, as_json)
+    print_rows("real-robots", table, as_json=as_json)
 
 
 @bench_app.command("real-icub")
@@ -140,4 +117,4 @@ def bench_real_walking(data: Data, as_json: AsJson = False) -> None:
 
     with progress_bar("bench real-icub", quiet=as_json) as progress:
         table = rows(data, progress)
-    _real("real-icub", table, as_json)
+    print_rows("real-icub", table, as_json=as_json)

@@ -7,7 +7,9 @@ from typing import Annotated
 import typer
 
 from drake_tc.cli.bench_seeds import ALL_CORES, AsJson, Jobs, Out, Seeds, by_seed
+from drake_tc.cli.bench_table import print_rows
 from drake_tc.cli.progress import progress_bar
+from drake_tc.report.figure_row import rows_json
 
 
 def bench_check(
@@ -31,9 +33,9 @@ def bench_check(
     every = [each for part in found.values() for each in part]
     rows = prediction_rows(every)
     if as_json:
-        print(json.dumps({"name": "check", "rows": rows, "rigs": [asdict(each) for each in every]}))
+        print(json.dumps(rows_json("check", rows) | {"rigs": [asdict(each) for each in every]}))
         return
-    _print_rows(rows)
+    print_rows("", rows, as_json=False)
     for each in every:
         if (each.predicted == "seen") != each.found and each.predicted != "between":
             named = ", ".join(each.named) or "nothing"
@@ -46,32 +48,16 @@ def bench_experiments(
     as_json: AsJson = False,
 ) -> None:
     """Pairs that first logs leave open: how often a designed run tells them apart, and how often a sinusoid does."""
-    from drake_tc.experiments.evidence.loop import PAIRS, run_cases, shares
+    from drake_tc.experiments.evidence.loop import PAIRS, decided_rows, run_cases
 
     pairs = [PAIRS[i] for i in pair] if pair else list(PAIRS)
     with progress_bar("bench experiments", quiet=as_json) as progress:
         cases = run_cases(pairs, seed, progress)
-    count = len([c for c in cases if not c.first and not c.refusal])
-    goals = {"designed": ">= 0.9", "growing sinusoid": "<= 0.5"}
-    rows: list[dict[str, object]] = [
-        {"name": name, "unit": "share" if name in goals else "-", "median": value, "p99": value, "n": count,
-         "goal": goals.get(name, ""), "met": _met(name, value)}
-        for name, value in shares(cases).items()
-    ]  # fmt: skip
+    rows = decided_rows(cases)
     if as_json:
-        print(json.dumps({"name": "experiments", "rows": rows, "cases": [asdict(case) for case in cases]}))
+        print(json.dumps(rows_json("experiments", rows) | {"cases": [asdict(case) for case in cases]}))
         return
-    _print_rows(rows)
+    print_rows("", rows, as_json=False)
     for case in cases:
         words = case.refusal or f"first {case.first}, designed {case.designed}, sinusoid {case.default}"
         print(f"{case.truth} against {case.other}: {words}")
-
-
-def _met(name: str, value: float) -> bool:
-    return (name != "designed" or value >= 0.9) and (name != "growing sinusoid" or value <= 0.5)
-
-
-def _print_rows(rows: list[dict[str, object]]) -> None:
-    for row in rows:
-        value = "-" if row["median"] is None else f"{row['median']:.3g}"
-        print(f"{row['name']}: {value} (n = {row['n']}) {row['goal']}{'' if row['met'] else '  missed'}".rstrip())

@@ -1,13 +1,10 @@
 """`drake-tc bench floor`: which contact approximation of Drake suits standing, slipping and rolling soles."""
 
-import json
-import sys
 from typing import Annotated
 
 import typer
-from rich.console import Console
-from rich.table import Table
 
+from drake_tc.cli.bench_table import print_rows
 from drake_tc.cli.progress import progress_bar
 
 
@@ -23,14 +20,4 @@ def bench_floor(
     reaching = tsid_entry().scenario("far_reach")
     with progress_bar("bench floor", quiet=as_json) as progress:
         rows = floor_rows(moved, reaching, progress)
-    if as_json:
-        print(json.dumps({"name": "floor", "rows": [row.to_json() for row in rows]}))
-        return
-    table = Table(box=None, padding=(0, 2))
-    table.add_column("figure")
-    for heading in ("value", "unit", "99 %"):
-        table.add_column(heading, justify="left" if heading == "unit" else "right", no_wrap=True)
-    for row in rows:
-        last = f"{row.p99:.0f}" if row.n > 1 else ""
-        table.add_row(row.name, f"{row.median:.4g}", row.unit, last)
-    Console(file=sys.stdout, highlight=False).print(table)
+    print_rows("floor", rows, as_json=as_json)

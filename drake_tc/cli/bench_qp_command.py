@@ -10,6 +10,7 @@ from rich.console import Console
 from rich.table import Table
 
 from drake_tc.cli.progress import progress_bar
+from drake_tc.report.figure_row import rows_json
 
 COMPARED = ("daqp", "quadprog", "piqp", "proxqp", "clarabel", "osqp")
 
@@ -35,7 +36,7 @@ def bench_qp(
     with progress_bar("bench qp", quiet=as_json) as progress:
         rows = qp_rows(law, names, progress, ticks)
     if as_json:
-        print(json.dumps({"name": "qp", "rows": [row.to_json() for row in rows]}))
+        print(json.dumps(rows_json("qp", rows)))
         return
     table = Table(box=None, padding=(0, 2))
     for heading in ("solver", "motion", "start"):
@@ -43,7 +44,7 @@ def bench_qp(
     for heading in ("median us", "99 % us", "not solved", "residual", "problems"):
         table.add_column(heading, justify="right", no_wrap=True)
     for timing, unsolved, worst in zip(rows[::3], rows[1::3], rows[2::3], strict=True):
-        cells = f"{timing.median:.0f}", f"{timing.p99:.0f}", f"{unsolved.median:.0f}", f"{worst.median:.1e}"
+        cells = f"{timing.value:.0f}", f"{timing.highest:.0f}", f"{unsolved.value:.0f}", f"{worst.value:.1e}"
         table.add_row(*timing.name.split(", "), *cells, str(timing.n))
     Console(file=sys.stdout, highlight=False).print(table)
 

@@ -12,8 +12,8 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from drake_tc.benchmarks.real_rows import rows_json
 from drake_tc.cli.progress import progress_bar
+from drake_tc.report.figure_row import rows_json
 
 if TYPE_CHECKING:
     from drake_tc.benchmarks.real_log_claims import CaseClaims, JointClaims, RunFigures

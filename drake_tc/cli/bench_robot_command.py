@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import typer
 from rich.console import Console
-from rich.table import Table
 
 from drake_tc.cli.bench_seeds import ALL_CORES, AsJson, Jobs, Out, Seeds, by_seed
+from drake_tc.report.figure_row import FigureRow, rows_json
+from drake_tc.report.figure_table import figure_table
 
 if TYPE_CHECKING:
     from drake_tc.benchmarks.robot_rigs import RobotScore
@@ -46,7 +47,7 @@ def bench_robot(
 def print_by_seed(
     name: str,
     scores: Mapping[int, Sequence[Score]],
-    rows_of: Callable[[Sequence[Score]], list[dict[str, Any]]],
+    rows_of: Callable[[Sequence[Score]], list[FigureRow]],
     robot_of: Callable[[Score], "RobotScore"],
     *,
     as_json: bool,
@@ -63,18 +64,20 @@ def print_by_seed(
     everything = [score for group in scores.values() for score in group]
     missed = _missed({number: [robot_of(score) for score in group] for number, group in scores.items()})
     if as_json:
-        document: dict[str, Any] = {"name": name, "rows": rows_of(everything), "missed": missed}
+        document = rows_json(name, rows_of(everything)) | {"missed": missed}
         if len(scores) > 1:
-            document["by_seed"] = {str(number): rows_of(group) for number, group in scores.items()}
+            document["by_seed"] = {
+                str(number): [row.to_json() for row in rows_of(group)] for number, group in scores.items()
+            }
         print(json.dumps(document))
         return
     console = Console(file=sys.stdout, highlight=False)
     if len(scores) > 1:
         for number, group in scores.items():
             console.print(f"Seed {number}")
-            console.print(_table(rows_of(group)))
+            console.print(figure_table(rows_of(group)))
         console.print(f"Seeds {', '.join(map(str, scores))} together")
-    console.print(_table(rows_of(everything)))
+    console.print(figure_table(rows_of(everything)))
     for miss in missed:
         reason = miss["failure"] or f"named {', '.join(miss['named']) or 'nothing'}"
         console.print(f"seed {miss['seed']}, {miss['name']}: {reason}", soft_wrap=True)
@@ -88,16 +91,3 @@ def _missed(scores: Mapping[int, Sequence["RobotScore"]]) -> list[dict[str, Any]
         for s in group
         if not s.exact
     ]
-
-
-def _table(rows: list[dict[str, Any]]) -> Table:
-    table = Table(box=None, padding=(0, 2))
-    table.add_column("figure")
-    for heading in ("reached", "expected", "n"):
-        table.add_column(heading, justify="right")
-    for row in rows:
-        expected = "" if row["expected"] is None else f">= {row['expected']:.0f} %"
-        if row["at_most"] is not None:
-            expected = f"{row['expected']:.0f} to {row['at_most']:.0f} %"
-        table.add_row(str(row["name"]), f"{row['value']:.1f} %", expected, str(row["n"]))
-    return table

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from drake_tc.cli.bench_table import print_times
+from drake_tc.cli.bench_table import print_rows
 from drake_tc.cli.progress import progress_bar
 
 
@@ -22,4 +22,4 @@ def bench_tick(
     scenario = tsid_entry().scenario(scenario_name, scenario_file).changed(duration=duration)
     with progress_bar("bench tick", quiet=as_json) as progress:
         rows = tick_timings(scenario, progress)
-    print_times("tick", rows, as_json=as_json)
+    print_rows("tick", rows, as_json=as_json)

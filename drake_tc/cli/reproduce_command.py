@@ -4,7 +4,7 @@ import json
 import sys
 from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 from rich.console import Console
@@ -71,12 +71,12 @@ def _print(result: "Reproduction") -> None:
     for heading in ("figure", "value", "expected", "met"):
         table.add_column(heading, justify="left" if heading == "figure" else "right", overflow="fold")
     for row in result.rows:
-        if row.expectation is not None:
-            table.add_row(escape(row.name), f"{row.value:.4g}", _expected(row.expectation), "yes" if row.met else "NO")
+        if row.expected is not None:
+            table.add_row(escape(row.name), f"{row.value:.4g}", row.goal, "yes" if row.met else "NO")
     console.print(table)
     for row in result.rows:
-        if row.expectation is not None and not row.met:
-            console.print(escape(f"not met: {row.name}: {row.expectation.reason or 'no reason known'}"))
+        if row.met is False:
+            console.print(escape(f"not met: {row.name}: {row.note or 'no reason known'}"))
     for note in result.notes:
         console.print(escape(note))
 
@@ -101,10 +101,3 @@ def _print_table(console: Console, text: "TextTable") -> None:
             pairs = (f"{heading} {value}" for heading, value in zip(text.headings[1:], values, strict=True))
             console.print(escape(f"{name}: {', '.join(pairs)}"))
     console.print()
-
-
-def _expected(expectation: Any) -> str:
-    sign = {"min": ">=", "max": "<=", "within": "~"}[expectation.how]
-    slack = f" +/- {expectation.tolerance:g}" if expectation.how == "within" else ""
-    unit = "" if expectation.unit == "-" else expectation.unit
-    return f"{sign} {expectation.expected:g}{slack} {unit}".strip()

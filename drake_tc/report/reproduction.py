@@ -3,16 +3,17 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, TypeVar, get_args
+from typing import Any, TypeVar, get_args
 
 import numpy as np
 
+from drake_tc.config.json_values import json_value
 from drake_tc.config.records import read_record
 from drake_tc.errors import ParamsError
 from drake_tc.loops.scenarios.files import read_mapping
+from drake_tc.report.figure_row import FigureRow, How
 from drake_tc.text_table import TextTable
 
-How = Literal["min", "max", "within"]
 Progress = Callable[[str, float], None]
 
 
@@ -86,51 +87,21 @@ class Expectation:
 Named = TypeVar("Named", OnRecord, Expectation)
 
 
-def is_met(value: float, expected: float, how: How, tolerance: float) -> bool:
-    """Whether a value is as expected; one that is not finite is not.
-
-    Args:
-        value: The figure.
-        expected: What it should be.
-        how: "min": at least `expected`; "max": at most; "within": off by at most `tolerance`.
-        tolerance: Allowed beyond `expected` for "min" and "max" too.
-    """
-    if not np.isfinite(value):
-        return False
-    if how == "min":
-        return bool(value >= expected - tolerance)
-    if how == "max":
-        return bool(value <= expected + tolerance)
-    return bool(abs(value - expected) <= tolerance)
+def reproduced_row(name: str, value: float, expected: Expectation | None = None) -> FigureRow:
+    """One computed value beside what is expected of it, if anything is; the note is the reason of a known miss."""
+    if expected is None:
+        return FigureRow(name, value)
+    return FigureRow(
+        name, value, expected.unit, expected.expected, expected.how, expected.tolerance, note=expected.reason
+    )
 
 
-@dataclass(frozen=True)
-class Row:
-    """One figure against what is expected of it; `met` is None where nothing is."""
-
-    name: str
-    value: float
-    expectation: Expectation | None = None
-
-    @property
-    def met(self) -> bool | None:
-        """Whether the value is as expected; a value that is not finite is not."""
-        if self.expectation is None:
-            return None
-        return is_met(self.value, self.expectation.expected, self.expectation.how, self.expectation.tolerance)
-
-    def to_json(self) -> dict[str, Any]:
-        """Plain data; a value that is not finite is None; the expectation's fields only where there is one."""
-        data: dict[str, Any] = {"name": self.name, "value": float(self.value) if np.isfinite(self.value) else None}
-        if expected := self.expectation:
-            data |= {
-                "unit": expected.unit,
-                "expected": expected.expected,
-                "how": expected.how,
-                "tolerance": expected.tolerance,
-            }
-            data |= {"met": self.met, "reason": "" if self.met else expected.reason}
+def row_json(row: FigureRow) -> dict[str, Any]:
+    """As `reproduce --json` prints it; a value that is not finite is null."""
+    data: dict[str, Any] = {"name": row.name, "value": json_value(float(row.value))}
+    if row.expected is None:
         return data
+    return data | {"unit": row.unit, **row.judgement(), "reason": "" if row.met else row.note}
 
 
 @dataclass(frozen=True)
@@ -146,7 +117,7 @@ class Reproduction:
     """
 
     id: str
-    rows: tuple[Row, ...]
+    rows: tuple[FigureRow, ...]
     tables: tuple[TextTable, ...] = ()
     notes: tuple[str, ...] = ()
     figures: Mapping[str, Callable[[Any], None]] | None = None
@@ -155,8 +126,8 @@ class Reproduction:
         """Plain data, as `reproduce --json` prints it: judged rows, and the other values beside them."""
         return {
             "id": self.id,
-            "rows": [row.to_json() for row in self.rows if row.expectation],
-            "others": [row.to_json() for row in self.rows if not row.expectation],
+            "rows": [row_json(row) for row in self.rows if row.expected is not None],
+            "others": [row_json(row) for row in self.rows if row.expected is None],
             "notes": list(self.notes),
         }
 
@@ -216,7 +187,7 @@ def _by_name(kind: type[Named], listed: list[object], path: Path, key: str) -> d
     return named
 
 
-def judged(values: Mapping[str, float], expected: Mapping[str, Expectation]) -> tuple[Row, ...]:
+def judged(values: Mapping[str, float], expected: Mapping[str, Expectation]) -> tuple[FigureRow, ...]:
     """Rows of `values`, in order, each with its expectation where there is one.
 
     Raises:
@@ -225,4 +196,4 @@ def judged(values: Mapping[str, float], expected: Mapping[str, Expectation]) -> 
     missing = sorted(set(expected) - set(values))
     if missing:
         raise ParamsError(f"expected values without a computed one: {', '.join(missing)}")
-    return tuple(Row(name, value, expected.get(name)) for name, value in values.items())
+    return tuple(reproduced_row(name, value, expected.get(name)) for name, value in values.items())

@@ -178,11 +178,11 @@ def test_intervals_are_counted_by_drive():
         return ArmScore(robot, base, drive, "no_missing_effect", 1.0)
 
     scores = [score("current", (True, True, False, True), (True,)), score("position_servo", (), (True, False))]
-    rows = {row["name"]: row for row in arm_rows(scores)}
-    assert rows[BASE_INTERVALS]["value"] == rows["base parameters, current"]["value"] == 75.0
-    assert rows[BASE_INTERVALS]["expected"] == 90.0
-    assert (rows["friction, current"]["value"], rows["friction, position_servo"]["value"]) == (100.0, 50.0)
-    assert rows["friction, position_servo"]["n"] == 2
+    rows = {row.name: row for row in arm_rows(scores)}
+    assert rows[BASE_INTERVALS].value == rows["base parameters, current"].value == 0.75
+    assert rows[BASE_INTERVALS].goal == "90 to 99 %"
+    assert (rows["friction, current"].value, rows["friction, position_servo"].value) == (1.0, 0.5)
+    assert rows["friction, position_servo"].n == 2
     assert "base parameters, position_servo" not in rows
 
 
@@ -194,6 +194,6 @@ def test_a_few_arms_are_diagnosed_from_their_files(tmp_path):
         scores = arm_benchmark(tmp_path, wanted, 11, pool, lambda text, share: None)
     assert [s.robot.failure for s in scores if s.robot.failure] == []
     assert [s.robot.name for s in scores if not s.robot.first] == []
-    rows = {row["name"]: row for row in arm_rows(scores)}
-    assert rows[BASE_INTERVALS]["value"] >= 90.0
+    rows = {row.name: row for row in arm_rows(scores)}
+    assert rows[BASE_INTERVALS].value >= 0.9
     assert json.loads((tmp_path / "seed.json").read_text(encoding="utf-8")) == 11

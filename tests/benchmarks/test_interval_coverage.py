@@ -71,11 +71,11 @@ def test_rows() -> None:
         score_report("c", TRUTH | {"id": "", "where": ""}, report()),
         score_report("d", TRUTH | {"id": "", "where": ""}, {"joints": {}, "error": "failed with KeyError: 'x'"}),
     ]
-    rows = {row["name"]: row for row in summary_rows(scores)}
+    rows = {row.name: row for row in summary_rows(scores)}
     own, friction = (rows[name] for name in INTERVALS)
-    assert (own["value"], own["n"], own["expected"], own["at_most"]) == (50.0, 2, 90.0, 99.0)
-    assert (friction["value"], friction["n"]) == (50.0, 6)
-    assert (rows["nulls quiet"]["value"], rows["nulls quiet"]["expected"]) == (50.0, 98.0)
-    assert rows["right place and effect first"]["expected"] == 95.0
-    assert rows["that and no other"]["expected"] == 90.0
+    assert (own.value, own.n, own.goal) == (0.5, 2, "90 to 99 %")
+    assert (friction.value, friction.n) == (0.5, 6)
+    assert (rows["nulls quiet"].value, rows["nulls quiet"].expected) == (0.5, 0.98)
+    assert rows["right place and effect first"].expected == 0.95
+    assert rows["that and no other"].expected == 0.90
     assert scores[3].failure == "failed with KeyError: 'x'" and not scores[3].exact

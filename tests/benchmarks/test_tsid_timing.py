@@ -30,7 +30,7 @@ def test_slow_ticks_are_not_averaged_away_and_the_label_has_the_period(monkeypat
     monkeypatch.setattr(timing, "build_tsid", lambda scenario: loop)
     row = timing.diagram_timing(TsidScenario(controller="none.yaml", duration=300 * PERIOD))
     assert row.n == 299
-    assert row.p99 >= 1e6 * SLOW
-    assert row.median < 0.1e6 * SLOW
+    assert row.highest >= 1e6 * SLOW
+    assert row.value < 0.1e6 * SLOW
     assert row.name.startswith("the diagram, a tick of 2 ms:")
     assert row.unit == "us"

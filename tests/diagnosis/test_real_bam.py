@@ -14,7 +14,6 @@ from drake_tc.actuation.free_run import simulate
 from drake_tc.actuation.recorded_run import in_plant
 from drake_tc.benchmarks.real_bam import GAINS, PUBLISHED, TO_REACH, XL330, real_bam_rows
 from drake_tc.benchmarks.real_log_cases import RIGS
-from drake_tc.benchmarks.real_rows import RealRow
 from drake_tc.diagnosis.data.recordings import longest_stretch, loop_of, recording_of
 from drake_tc.errors import LogError
 from drake_tc.logs.importers.bam import JOINT, convert
@@ -22,6 +21,7 @@ from drake_tc.logs.prepare import load_runs
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig, load_rig
 from drake_tc.loops.joint_bench.rig_free_run import rig_free_run
+from drake_tc.report.figure_row import FigureRow
 
 FAST, SLOW = "sin_time_square", "up_and_down"
 
@@ -76,27 +76,27 @@ def test_the_published_model_has_about_the_error_that_was_published(recorded: di
 
 
 @pytest.fixture(scope="module")
-def table(data: Path) -> dict[str, RealRow]:
+def table(data: Path) -> dict[str, FigureRow]:
     with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
         return {row.name: row for row in real_bam_rows(data, rig_free_run, executor=pool)}
 
 
 @pytest.mark.slow
 @pytest.mark.timeout(3600)
-def test_held_out_trajectories_at_every_gain(table: dict[str, RealRow]) -> None:
+def test_held_out_trajectories_at_every_gain(table: dict[str, FigureRow]) -> None:
     for kp in GAINS:
         assert table[f"xl330_kp{kp}/refined"].value <= TO_REACH
 
 
 @pytest.mark.slow
 @pytest.mark.timeout(3600)
-def test_the_sts3250_is_below_its_published_model(table: dict[str, RealRow]) -> None:
+def test_the_sts3250_is_below_its_published_model(table: dict[str, FigureRow]) -> None:
     assert table["sts3250_kp32/refined"].met
 
 
 @pytest.mark.slow
 @pytest.mark.timeout(3600)
-def test_the_readme_quotes_what_is_computed(table: dict[str, RealRow]) -> None:
+def test_the_readme_quotes_what_is_computed(table: dict[str, FigureRow]) -> None:
     assert differing_cells("real-bam", table) == []
 
 

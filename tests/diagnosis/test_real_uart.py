@@ -7,9 +7,9 @@ import pytest
 from numpy.testing import assert_allclose
 from readme_quotes_real import differing_cells
 
-from drake_tc.benchmarks.real_rows import RealRow
 from drake_tc.benchmarks.real_uart import rows, stand_reports
 from drake_tc.identification.backlash_test import BacklashReport
+from drake_tc.report.figure_row import FigureRow
 
 STEP = 360.0 / 4096.0
 
@@ -54,15 +54,15 @@ def test_most_of_the_single_servos_loaded_span_is_play(reports: dict[str, Backla
 
 
 @pytest.fixture(scope="module")
-def table(data: Path) -> dict[str, RealRow]:
+def table(data: Path) -> dict[str, FigureRow]:
     return {row.name: row for row in rows(data)}
 
 
-def test_the_readme_quotes_what_is_computed(table: dict[str, RealRow]) -> None:
+def test_the_readme_quotes_what_is_computed(table: dict[str, FigureRow]) -> None:
     assert differing_cells("real-uart", table) == []
 
 
-def test_table_says_what_is_met(table: dict[str, RealRow]) -> None:
+def test_table_says_what_is_met(table: dict[str, FigureRow]) -> None:
     assert table["single/servo_5/loaded_span"].met
     assert table["single/servo_5/play"].met is None
     wanted = [row for row in table.values() if row.met is not None]

@@ -120,9 +120,9 @@ def test_one_round_is_named_rightly(tmp_path):
     with ThreadPoolExecutor(1) as pool:
         scores = robot_benchmark(tmp_path, wanted, 11, pool, lambda text, share: None)
     assert [s.name for s in scores if not s.first] == []
-    rows = {row["name"]: row for row in summary_rows(scores)}
-    assert rows["right place and effect first"]["value"] == 100.0
-    assert rows["nulls quiet"]["value"] == 100.0
+    rows = {row.name: row for row in summary_rows(scores)}
+    assert rows["right place and effect first"].value == 1.0
+    assert rows["nulls quiet"].value == 1.0
     text = (tmp_path / "rigs" / scores[0].name / "rig.yaml").read_text(encoding="utf-8")
     assert "deadzone" not in text  # the truth stands in no file that the diagnosis reads
     assert json.loads((tmp_path / "seed.json").read_text(encoding="utf-8")) == 11

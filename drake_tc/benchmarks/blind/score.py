@@ -1,7 +1,7 @@
 """The blind benchmark's score: shares of right answers against their goals, and who was taken for whom."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -9,46 +9,11 @@ import pandas as pd
 
 from drake_tc.benchmarks.blind.outcome import Outcome, read_outcome
 from drake_tc.benchmarks.blind.spec import BlindError
+from drake_tc.report.figure_row import FigureRow, rows_json
 
 SAID_NOTHING, SAID_STRUCTURE, SAID_RESIDUAL, SILENT = "(nothing)", "(structure)", "(residual)", "(no report)"
 RARELY_ACTING = ("saturation", "elasticity", "backlash")
 """Effects that have a row of their own."""
-
-
-@dataclass(frozen=True)
-class ScoreRow:
-    """One figure of the score.
-
-    Attributes:
-        name: What is measured.
-        unit: `share`, `ratio` or `s`.
-        median, p99: Of the n values; both the share itself where the unit is `share`.
-        n: Rigs that count.
-        goal: Text of the goal, empty where there is none.
-        met: Whether the goal is met; True where there is none, False where nothing was measured.
-    """
-
-    name: str
-    unit: str
-    median: float
-    p99: float
-    n: int
-    goal: str = ""
-    met: bool = True
-
-    def to_json(self) -> dict[str, object]:
-        """The row as `bench --json` prints it; a figure without values is null."""
-        finite = bool(np.isfinite(self.median))
-        median, p99 = (self.median, self.p99) if finite else (None, None)
-        return {
-            "name": self.name,
-            "unit": self.unit,
-            "median": median,
-            "p99": p99,
-            "n": self.n,
-            "goal": self.goal,
-            "met": self.met,
-        }
 
 
 @dataclass(frozen=True)
@@ -61,13 +26,13 @@ class BenchmarkScore:
         outcomes: Rig by rig.
     """
 
-    rows: tuple[ScoreRow, ...]
+    rows: tuple[FigureRow, ...]
     confusion: pd.DataFrame
     outcomes: tuple[Outcome, ...]
 
     def to_json(self) -> dict[str, object]:
         """`{"name": "diagnosis", "rows": [...]}`, the contract of `bench`."""
-        return {"name": "diagnosis", "rows": [row.to_json() for row in self.rows]}
+        return rows_json("diagnosis", self.rows)
 
 
 def score_reports(truth_dir: Path, report_dir: Path) -> BenchmarkScore:
@@ -109,7 +74,7 @@ def score_outcomes(outcomes: Sequence[Outcome]) -> BenchmarkScore:
     return BenchmarkScore(tuple(row for row in rows if row.n), confusion_matrix(outcomes), tuple(outcomes))
 
 
-def _single_rows(singles: Sequence[Outcome]) -> list[ScoreRow]:
+def _single_rows(singles: Sequence[Outcome]) -> list[FigureRow]:
     rows = [
         _share("right effect first", singles, lambda o: o.first_right, at_least=0.95),
         _share("exact", singles, lambda o: o.exact, at_least=0.92),
@@ -121,7 +86,7 @@ def _single_rows(singles: Sequence[Outcome]) -> list[ScoreRow]:
     return rows
 
 
-def _flag_rows(outcomes: Sequence[Outcome]) -> list[ScoreRow]:
+def _flag_rows(outcomes: Sequence[Outcome]) -> list[FigureRow]:
     outside = _group(outcomes, "outside")
     library = [o for o in outcomes if o.truth and o.acts]
     return [
@@ -131,7 +96,7 @@ def _flag_rows(outcomes: Sequence[Outcome]) -> list[ScoreRow]:
     ]
 
 
-def _rarely_acting_rows(singles: Sequence[Outcome]) -> list[ScoreRow]:
+def _rarely_acting_rows(singles: Sequence[Outcome]) -> list[FigureRow]:
     """Effects that act only where a motion or a load reaches them: found where they do, called untested elsewhere."""
     rows = []
     for effect in RARELY_ACTING:
@@ -178,25 +143,19 @@ def _share(
     *,
     at_least: float | None = None,
     at_most: float | None = None,
-) -> ScoreRow:
+) -> FigureRow:
     """The share of the outcomes that pass `test`, with its goal."""
-    if not outcomes:
-        return ScoreRow(name, "share", float("nan"), float("nan"), 0, met=False)
-    share = float(np.mean([test(outcome) for outcome in outcomes]))
-    goal = f">= {at_least:.2f}" if at_least is not None else f"<= {at_most:.2f}" if at_most is not None else ""
-    met = (at_least is None or share >= at_least) and (at_most is None or share <= at_most)
-    return ScoreRow(name, "share", share, share, len(outcomes), goal, met)
+    hits = [test(outcome) for outcome in outcomes]
+    if at_most is not None:
+        return FigureRow.share(name, hits, "max", at_most)
+    return FigureRow.share(name, hits, "min", at_least)
 
 
-def _values(name: str, outcomes: Sequence[Outcome], highest: float) -> ScoreRow:
+def _values(name: str, outcomes: Sequence[Outcome], highest: float) -> FigureRow:
     """Median and 99th percentile of the error ratios; the goal is on the median."""
-    row = _summary(name, "ratio", [outcome.ratio for outcome in outcomes])
-    met = bool(row.n) and row.median <= highest
-    return ScoreRow(name, row.unit, row.median, row.p99, row.n, f"median <= {highest:.2f}", met)
+    row = _summary(name, "-", [outcome.ratio for outcome in outcomes])
+    return replace(row, expected=highest, how="max")
 
 
-def _summary(name: str, unit: str, values: Sequence[float]) -> ScoreRow:
-    finite = np.array([value for value in values if np.isfinite(value)])
-    if not finite.size:
-        return ScoreRow(name, unit, float("nan"), float("nan"), 0, met=False)
-    return ScoreRow(name, unit, float(np.median(finite)), float(np.percentile(finite, 99)), int(finite.size))
+def _summary(name: str, unit: str, values: Sequence[float]) -> FigureRow:
+    return FigureRow.of_values(name, unit, [value for value in values if np.isfinite(value)])

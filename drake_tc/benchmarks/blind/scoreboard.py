@@ -13,28 +13,18 @@ from rich.table import Table
 
 from drake_tc.benchmarks.blind.score import BenchmarkScore, score_reports
 from drake_tc.benchmarks.blind.score_kinds import describe_wrong, kind_table
+from drake_tc.report.figure_table import figure_table
 
 
 def print_score(score: BenchmarkScore, console: Console | None = None) -> None:
     """Print the figures, the confusions, and the rigs that were answered wrongly, to `console` (default: stdout)."""
     console = console or Console()
-    console.print(_figures(score))
+    console.print(figure_table(score.rows, "Blind benchmark of the diagnosis"))
     console.print(_kinds(score))
     console.print(_confusions(score))
     for outcome in score.outcomes:
         if not outcome.right:
             console.print(describe_wrong(outcome), soft_wrap=True)
-
-
-def _figures(score: BenchmarkScore) -> Table:
-    table = Table(title="Blind benchmark of the diagnosis")
-    for heading in ("figure", "median", "99 %", "n", "goal", "met"):
-        table.add_column(heading, justify="left" if heading in ("figure", "goal") else "right")
-    for row in score.rows:
-        met = "" if not row.goal else "yes" if row.met else "NO"
-        unit = "" if row.unit in ("share", "ratio") else f" {row.unit}"
-        table.add_row(row.name, f"{row.median:.3f}{unit}", f"{row.p99:.3f}{unit}", str(row.n), row.goal, met)
-    return table
 
 
 def _kinds(score: BenchmarkScore) -> Table:

@@ -7,7 +7,7 @@ would be asked to predict what only the new one shows. Both are judged by the sa
 other one is not, and the report does not list the two as indistinguishable.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -29,6 +29,7 @@ from drake_tc.experiments.sizes import sizes_found
 from drake_tc.identification.excitation import MotionLimits, growing_sinusoid
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig, parse_rig
+from drake_tc.report.figure_row import FigureRow
 from drake_tc.types import FloatArray
 
 Progress = Callable[[str, float], None]
@@ -206,13 +207,12 @@ def _told(rig: Rig, train: Sequence[Run], held: Sequence[Run], truth: str, other
     return truth in named and other not in named and not tied, sizes
 
 
-def shares(cases: Sequence[LoopCase]) -> Mapping[str, float]:
+def decided_rows(cases: Sequence[LoopCase]) -> list[FigureRow]:
     """Of the cases that the first logs did not decide: shares decided by the designed run and by the default one."""
     open_cases = [c for c in cases if not c.first and not c.refusal]
-    count = max(len(open_cases), 1)
-    return {
-        "cases": float(len(cases)),
-        "open after the first logs": float(len(open_cases)),
-        "designed": sum(c.designed for c in open_cases) / count,
-        "growing sinusoid": sum(c.default for c in open_cases) / count,
-    }
+    return [
+        FigureRow("cases", len(cases), "-"),
+        FigureRow("open after the first logs", len(open_cases), "-"),
+        FigureRow.share("designed", [c.designed for c in open_cases], "min", 0.9),
+        FigureRow.share("growing sinusoid", [c.default for c in open_cases], "max", 0.5),
+    ]

@@ -22,6 +22,7 @@ from drake_tc.errors import DrakeTcError
 from drake_tc.experiments.causes import size_in
 from drake_tc.experiments.check.run import check_rig
 from drake_tc.experiments.check.visibility import Visibility
+from drake_tc.report.figure_row import FigureRow
 
 Progress = Callable[[str, float], None]
 Predicted = Literal["seen", "between", "not_seen"]
@@ -137,15 +138,11 @@ def _spec_of(truth: dict[str, Any]) -> RigSpec:
     )
 
 
-def prediction_rows(found: Sequence[Prediction]) -> list[dict[str, object]]:
+def prediction_rows(found: Sequence[Prediction]) -> list[FigureRow]:
     """Rows of `bench check`: shares with their goals."""
-    rows: list[dict[str, object]] = []
-    goals = {"seen": f">= {SEEN_AND_FOUND}", "between": "", "not_seen": f"<= {HIDDEN_AND_FOUND}"}
-    for said, goal in goals.items():
-        part = [p for p in found if p.predicted == said]
-        share = sum(p.found for p in part) / len(part) if part else float("nan")
-        met = not goal or not part or (share >= SEEN_AND_FOUND if said == "seen" else share <= HIDDEN_AND_FOUND)
-        name = f"predicted {said.replace('_', ' ')}, found"
-        rows.append({"name": name, "unit": "share", "median": share if part else None, "p99": share if part else None,
-                     "n": len(part), "goal": goal, "met": bool(met)})  # fmt: skip
-    return rows
+    hits = {said: [p.found for p in found if p.predicted == said] for said in ("seen", "between", "not_seen")}
+    return [
+        FigureRow.share("predicted seen, found", hits["seen"], "min", SEEN_AND_FOUND),
+        FigureRow.share("predicted between, found", hits["between"]),
+        FigureRow.share("predicted not seen, found", hits["not_seen"], "max", HIDDEN_AND_FOUND),
+    ]

@@ -11,7 +11,7 @@ from drake_tc.diagrams.papers.expected_values import expectations, expected_file
 from drake_tc.diagrams.papers.record_reached import recorded_text
 
 from drake_tc.errors import ParamsError
-from drake_tc.report.reproduction import Expectation, OnRecord, Row
+from drake_tc.report.reproduction import Expectation, OnRecord, reproduced_row
 
 from .expected_files import expected_files
 
@@ -21,7 +21,7 @@ GOAL = Expectation("x", 2.0, "max", reached=1.5, reached_tolerance=0.1)
 
 
 def said(value, expectation):
-    return departures([Row("x", value, expectation)], {"x": REACHED})
+    return departures([reproduced_row("x", value, expectation)], {"x": REACHED})
 
 
 @pytest.mark.parametrize("value", [1.5, 1.41, 1.59])
@@ -52,11 +52,13 @@ def test_a_miss_that_is_met_loses_its_reason():
 def test_what_is_not_finite_is_never_accepted(value, expectation):
     assert said(value, expectation)
     if expectation:
-        assert departures([Row("x", value, expectation)], {})
+        assert departures([reproduced_row("x", value, expectation)], {})
 
 
 def test_a_miss_without_a_reason_is_not_accepted():
-    assert departures([Row("x", 2.5, Expectation("x", 2.0, "max"))], {}) == ["x: 2.5 is a miss without a reason"]
+    assert departures([reproduced_row("x", 2.5, Expectation("x", 2.0, "max"))], {}) == [
+        "x: 2.5 is a miss without a reason"
+    ]
 
 
 def test_a_met_row_and_one_that_is_not_judged_keep_to_the_record_too():
@@ -64,7 +66,7 @@ def test_a_met_row_and_one_that_is_not_judged_keep_to_the_record_too():
     for expectation in (GOAL, None):
         (text,) = said(1.7, expectation)
         assert "1.5 +/- 0.1 is on record" in text
-    assert departures([Row("y", np.nan)], {}) == []  # neither judged nor quoted
+    assert departures([reproduced_row("y", np.nan)], {}) == []  # neither judged nor quoted
 
 
 def test_a_row_on_record_that_is_not_computed_is_told():
@@ -93,7 +95,10 @@ def test_every_judged_row_is_on_record_and_the_record_agrees_with_itself(id_):
     file = expected_file(id_)
     wanted, recorded = expectations(file), on_record(file)
     assert set(wanted) <= set(recorded)
-    assert departures([Row(name, item.reached, wanted.get(name)) for name, item in recorded.items()], recorded) == []
+    assert (
+        departures([reproduced_row(name, item.reached, wanted.get(name)) for name, item in recorded.items()], recorded)
+        == []
+    )
 
 
 def test_every_expected_file_belongs_to_a_reproduction():

@@ -20,7 +20,7 @@ from drake_tc.control.torque_control import COMPONENTS
 from drake_tc.errors import ParamsError
 from drake_tc.loops.torque.running import simulate_scenario
 from drake_tc.registry import diagram_entry, reproductions
-from drake_tc.report.reproduction import Expectation, Row, judged
+from drake_tc.report.reproduction import Expectation, judged, reproduced_row, row_json
 from drake_tc.robot.plant import make_plant
 
 from .expected_files import expected_files
@@ -63,15 +63,15 @@ def missed(result):
     ],
 )
 def test_a_row_is_met_or_missed(how, value, met):
-    row = Row("x", value, Expectation("x", 1.0, how, 0.1, reason="why", reached=0.0))
+    row = reproduced_row("x", value, Expectation("x", 1.0, how, 0.1, reason="why", reached=0.0))
     assert row.met is met
-    assert row.to_json()["met"] is met
-    assert row.to_json()["reason"] == ("" if met else "why")
+    assert row_json(row)["met"] is met
+    assert row_json(row)["reason"] == ("" if met else "why")
 
 
 def test_a_row_without_expectation_is_neither():
-    assert Row("x", 1.0).met is None
-    assert Row("x", 1.0).to_json() == {"name": "x", "value": 1.0}
+    assert reproduced_row("x", 1.0).met is None
+    assert row_json(reproduced_row("x", 1.0)) == {"name": "x", "value": 1.0}
 
 
 def test_an_expectation_without_a_value_is_refused():
@@ -228,11 +228,9 @@ def test_stability_judges_every_joint_by_both_fits(monkeypatch):
 def test_a_force_border_missed_by_a_third_and_a_quiet_piecewise_model_are_reported(monkeypatch):
     quiet = {joint: known_reversal(joint, late=0.0) for joint in JOINTS}
     assert stability._piecewise_figures(quiet)["joints unstable on the piecewise model, in both"] == 0.0
-    row = expectations("a_stability")["predicted over simulated Kf"]
-    assert (
-        Row("Kf", stability._contact_figures(ContactBorder(1.0, 0.75, 10.0))["predicted over simulated Kf"], row).met
-        is False
-    )
+    name = "predicted over simulated Kf"
+    missed = stability._contact_figures(ContactBorder(1.0, 0.75, 10.0))[name]
+    assert reproduced_row(name, missed, expectations("a_stability")[name]).met is False
 
 
 @pytest.mark.parametrize("joint", stability.PUSHES)

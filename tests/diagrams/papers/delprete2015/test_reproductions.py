@@ -34,7 +34,7 @@ from scipy.stats import binom
 
 from drake_tc.actuation.model_file import load_models
 from drake_tc.analysis.sweep import point_seed, sweep
-from drake_tc.report.reproduction import Row
+from drake_tc.report.reproduction import reproduced_row
 from drake_tc.robot.plant import make_plant
 from drake_tc.tsid.reduction import reduce
 
@@ -225,7 +225,7 @@ def test_closed_loop_shares_and_intervals_from_known_runs():
 def test_no_expectation_is_met_by_nothing(number):
     """A value of NaN meets no row."""
     for wanted in expectations(f"b_test{number}").values():
-        assert Row(wanted.name, math.nan, wanted).met is False
+        assert reproduced_row(wanted.name, math.nan, wanted).met is False
 
 
 # --- the whole of it
