@@ -94,6 +94,8 @@ class Effect(ABC):
     """Whether the effect depends on where the joint is, and not on how it moves alone."""
     free_form: ClassVar[bool] = False
     """A curve that names no cause: a search takes it only where no set of other effects explains as much."""
+    special_case: ClassVar[str] = ""
+    """Id of a simpler effect that this one contains: its further parameters must be worth as much as another effect."""
     linear: ClassVar[bool] = False
     """Columns are linear (or nearly so) in the signals: what low-passed the signals has low-passed the columns."""
 

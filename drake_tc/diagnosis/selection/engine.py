@@ -77,6 +77,9 @@ class Problem(Protocol[F]):
     def without_each(self, large: F, small: F) -> Iterator[F]:
         """The larger model without one of the effects that it has beyond the smaller one, each in turn."""
 
+    def contains(self, large: F, small: F) -> bool:
+        """Whether the models differ in one effect, and that of the smaller one is a special case of the other's."""
+
     def adopted(self, fit: F) -> F:
         """The model as later rounds build on it."""
 
@@ -192,14 +195,28 @@ def _judged(
     fits, possible = refined
     explained = explained_by(problem.errors(baseline), problem.errors(chosen))
     comparisons = [compare(problem, chosen, f) for f in fits]
-    real = [i for i, c in enumerate(comparisons) if c.is_real(problem.floor, explained, thresholds)]
+    wins = [i for i, c in enumerate(comparisons) if c.is_real(problem.floor, explained, thresholds)]
     if thresholds.beam == 1:
-        possible = [i for i in real if problem.is_possible(fits[i])]
+        possible = [i for i in wins if problem.is_possible(fits[i])]
+    taken = [i for i in wins if i in possible]
+    real = [i for i in taken if _exceeds_special_cases(problem, fits[i], [fits[j] for j in taken], chosen, thresholds)]
     by_error = sorted(possible, key=lambda i: problem.error(fits[i]))
     least = problem.error(fits[by_error[0]]) if by_error else np.inf
-    better = [f for i, f in enumerate(fits) if i in real and i not in possible and problem.error(f) < least]
+    better = [fits[i] for i in wins if i not in possible and problem.error(fits[i]) < least]
     passed_over = {each.key: each for f in better for each in problem.objections(f)}
-    return _Round(fits, comparisons, by_error, [i for i in real if i in possible], passed_over)
+    return _Round(fits, comparisons, by_error, real, passed_over)
+
+
+def _exceeds_special_cases(
+    problem: Problem[F], large: F, real: Sequence[F], chosen: F, thresholds: SearchThresholds
+) -> bool:
+    """Whether a model is a real improvement over each real one that has a special case of its effect in its place."""
+    for small in real:
+        if problem.contains(large, small):
+            explained = explained_by(problem.errors(chosen), problem.errors(small))
+            if not compare(problem, small, large).is_real(problem.floor, explained, thresholds):
+                return False
+    return True
 
 
 def _proposed(problem: Problem[F], beam: Sequence[F], progress: Callable[[float], None]) -> list[Proposal[F]]:

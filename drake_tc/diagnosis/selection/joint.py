@@ -180,6 +180,12 @@ class JointProblem:
                 rest = fit(self.columns, [t for t in large.terms if t is not term])
                 yield refine(self.columns, rest, evaluations=20)
 
+    def contains(self, large: Fit, small: Fit) -> bool:
+        """Whether the fits differ in one effect, and that of the smaller one is a special case of the other's."""
+        general = [t.effect for t in large.terms if t.effect.key not in {s.effect.key for s in small.terms}]
+        special = [t.effect for t in small.terms if t.effect.key not in {s.effect.key for s in large.terms}]
+        return len(general) == len(special) == 1 and general[0].special_case == special[0].id
+
     def adopted(self, fitted: Fit) -> Fit:
         """The fit itself."""
         return fitted

@@ -144,6 +144,10 @@ class SharedProblem:
             if cause not in small.causes:
                 yield self.with_causes([c for c in large.causes if c is not cause])
 
+    def contains(self, large: CauseFit, small: CauseFit) -> bool:
+        """No cause of a whole robot is a special case of another one."""
+        return False
+
     def adopted(self, fitted: CauseFit) -> CauseFit:
         """Fitted anew, the rows weighed by what is left."""
         return self.with_causes(fitted.causes)

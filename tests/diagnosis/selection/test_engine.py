@@ -20,6 +20,7 @@ class Letters:
     known: Mapping[str, float]
     impossible: str = ""
     several: str = ""
+    special: tuple[str, str] = ("", "")  # general, special
 
     @property
     def floor(self):
@@ -59,6 +60,9 @@ class Letters:
         for letter in set(large) - set(small):
             yield large.replace(letter, "")
 
+    def contains(self, large, small):
+        return (set(large) - set(small), set(small) - set(large)) == ({self.special[0]}, {self.special[1]})
+
     def adopted(self, fit):
         return fit
 
@@ -84,6 +88,13 @@ def test_of_sets_as_good_as_each_other_the_smallest_is_taken_and_the_others_are_
     assert found.chosen == "b"
     assert found.as_good == (("a",),)
     assert found.alternatives == ("a", "c")  # d leaves twice the least error: not near
+
+
+@pytest.mark.parametrize(("general", "chosen"), [(0.48, "a"), (0.40, "d")])
+def test_an_effect_must_be_a_real_improvement_over_the_simpler_one_that_it_contains(general, chosen):
+    errors = {"": 1.0, "a": 0.5, "d": general}
+    assert select(Letters(errors, special=("d", "a")), "", PLAIN).chosen == chosen
+    assert select(Letters(errors), "", PLAIN).chosen == "d"
 
 
 def test_what_is_impossible_is_passed_over_and_told_only_if_it_would_have_been_taken():
