@@ -13,8 +13,11 @@ the log looks like that of a joint with a larger inertia. This holds for command
 held for several steps makes the acceleration a saw tooth, of which a log at the command's own ticks sees the peaks.
 """
 
+from dataclasses import replace
+
 from drake_tc.actuation.constant_parts import split_parts
-from drake_tc.actuation.model import ActuatorModel
+from drake_tc.actuation.model import ActuatorModel, EffectValue
+from drake_tc.errors import ParamsError
 
 
 def simulated_inertia(model: ActuatorModel, step: float) -> float:
@@ -33,3 +36,30 @@ def simulated_inertia(model: ActuatorModel, step: float) -> float:
     """
     (_, damping, _), _ = split_parts(model)
     return model.inertia + 0.5 * step * damping
+
+
+def model_to_simulate(model: ActuatorModel, step: float) -> ActuatorModel:
+    """The model with J - f_v h/2 [kg m^2] in place of J: simulated with this step, its log shows J.
+
+    Args:
+        model: The actuator that a log shall show.
+        step: h of plant and actuators [s].
+
+    Raises:
+        ParamsError: J - f_v h/2 is not positive.
+
+    Example:
+        >>> values = {"viscous": 32.0}, {"rotor_inertia": 0.31}
+        >>> effects = tuple(EffectValue(name, {name: value}) for each in values for name, value in each.items())
+        >>> model_to_simulate(ActuatorModel("knee", Drive("current", 0.4), effects), step=5e-4).inertia
+        0.302
+    """
+    excess = simulated_inertia(model, step) - model.inertia
+    if excess >= model.inertia:
+        raise ParamsError(
+            f"joint {model.joint}: expected a step below {step * model.inertia / excess:.3g} s, with which viscous "
+            f"friction adds less than the inertia of {model.inertia:.3g} kg*m^2, got {step:.3g} s"
+        )
+    lower = EffectValue("rotor_inertia", {"rotor_inertia": model.inertia - excess})
+    others = tuple(value for value in model.effects if value.effect.id != lower.effect.id)
+    return replace(model, effects=(lower, *others))

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from drake_tc.actuation.half_step import model_to_simulate
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.analysis.executors import processes
 from drake_tc.identification.excitation import (
@@ -149,7 +150,8 @@ def _record_one(name: str, path: Path, seed: int, length: DemoLength) -> None:
         torque_noise=0.15,
     )
     rng = np.random.default_rng([seed, 2, list(excitation).index(name)])
-    run = record_bench(demo_model(seed), Table(_clock(length), motion.position, applied=push), scenario, rng, name)
+    model = model_to_simulate(demo_model(seed), length.step)
+    run = record_bench(model, Table(_clock(length), motion.position, applied=push), scenario, rng, name)
     pd.DataFrame({"time": run.time, **run.columns}).to_parquet(path, index=False)
 
 

@@ -1,9 +1,5 @@
 """The demo's rig: files as a stranger would get them, from a joint that has more than its model."""
 
-import subprocess
-import sys
-from pathlib import Path
-
 import numpy as np
 import pandas as pd
 import pytest
@@ -84,21 +80,3 @@ def test_same_seed_same_numbers(tmp_path):
     for one, two in zip(first[1] + first[2], again[1] + again[2], strict=True):
         pd.testing.assert_frame_equal(pd.read_parquet(one), pd.read_parquet(two), check_exact=True)
     assert not pd.read_parquet(first[1][0]).equals(pd.read_parquet(other[1][0]))
-
-
-@pytest.mark.slow
-def test_the_readme_shows_what_the_demo_prints(tmp_path):
-    """Every line but the last, which says how long it took; long lines are broken at 80 columns."""
-    readme = (Path(__file__).resolve().parents[2] / "README.md").read_text(encoding="utf-8")
-    shown = readme.split(f"    {JOINT}: ", 1)[1].split("\n\n", 1)[0].splitlines()[:-1]
-    command = "from drake_tc.cli.entry import main; main()"
-    ran = subprocess.run(
-        [sys.executable, "-c", command, "close-loop", "--out", str(tmp_path)],
-        stdout=subprocess.PIPE,
-        check=True,
-        text=True,
-    )
-    printed = " ".join(ran.stdout.split())
-    assert len(shown) == 9
-    for line in shown:
-        assert " ".join(line.split()) in printed

@@ -70,8 +70,9 @@ def record_bench(
 ) -> Run:
     """Run the bench and measure it, with the model's sensor errors, the encoder's steps and the torque sensor's noise.
 
-    Starts at rest where a servo is commanded to be, or hanging for the other drives. The rotor inertia that its rig
-    file declares is `simulated_inertia(model, scenario.step)`, which is what the log shows.
+    Starts at rest where a servo is commanded to be, or hanging for the other drives. The log shows the rotor inertia
+    `simulated_inertia(model, scenario.step)`, which its rig file declares; that of `model_to_simulate(model, step)`
+    shows the model's own.
 
     Args:
         model: The actuator.

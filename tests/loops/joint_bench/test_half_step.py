@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from drake_tc.actuation.half_step import simulated_inertia
+from drake_tc.actuation.half_step import model_to_simulate, simulated_inertia
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.diagnosis.run import close_loop
+from drake_tc.errors import ParamsError
 from drake_tc.loops.joint_bench.diagram import Table
 from drake_tc.loops.joint_bench.recording import BenchScenario, record_bench
 from drake_tc.loops.recording import write_log, write_rig
@@ -60,3 +61,28 @@ def test_the_log_of_a_simulation_shows_a_larger_inertia():
     acceleration, velocity = np.diff(x, 2) / h**2, (x[2:] - x[:-2]) / (2.0 * h)
     shown = simulated_inertia(model(), h)
     assert_allclose(shown * acceleration + VISCOUS * velocity, np.sin(0.1 * np.arange(1, 50)), atol=1e-8)
+
+
+def shown_inertia(simulated, step):
+    """J of  i/K - tau = J qddot + f_v qdot + tau_C sign(qdot), by least squares on a log without noise."""
+    time = np.arange(round(DURATION / step) + 1) * step
+    command = 12.0 * np.sin(2.0 * np.pi * 0.5 * time) + 6.0 * np.sin(2.0 * np.pi * 1.3 * time)
+    scenario = BenchScenario(DURATION, log_period=step, step=step, link_inertia=LINK, gravity_moment=GRAVITY)
+    columns = record_bench(simulated, Table(time, command), scenario).columns
+    q = columns["knee/position"]
+    v, a = (q[2:] - q[:-2]) / (2.0 * step), np.diff(q, 2) / step**2
+    needed = (columns["knee/current"] / simulated.drive.gain - columns["knee/torque"])[1:-1]
+    steady = np.abs(v) > 0.05  # nothing turns over within a step
+    parts = np.stack([a, v, np.sign(v)], axis=-1)[steady]
+    return np.linalg.lstsq(parts, needed[steady], rcond=None)[0][0]
+
+
+def test_a_model_made_for_its_step_shows_its_own_inertia():
+    step = 1e-3
+    assert shown_inertia(model(), step) == pytest.approx(ROTOR + 0.5 * step * VISCOUS, rel=2e-3)
+    assert shown_inertia(model_to_simulate(model(), step), step) == pytest.approx(ROTOR, rel=2e-3)
+
+
+def test_a_step_that_is_too_long_is_refused():
+    with pytest.raises(ParamsError, match=r"expected a step below 0\.02 s"):
+        model_to_simulate(model(), 0.03)
