@@ -4,7 +4,6 @@ from functools import cache
 
 import numpy as np
 import pytest
-from readme_tables import assert_quoted, row
 
 from drake_tc.control.guard import GuardMode
 from drake_tc.errors import ParamsError
@@ -60,16 +59,15 @@ def test_a_failing_sensor_is_flagged_and_the_robot_stays_safe(situation, case):
 
 
 @pytest.mark.slow
-def test_the_readme_quotes_the_slowest_flag():
-    """Of all cases, each run until well after it has to be flagged."""
+def test_every_fault_is_flagged_within_50_ms():
+    """All cases, each run until well after it has to be flagged."""
     found = [
         outcome(situation, case, duration=start + 0.06).flagged_after
         for situation, (_, _, start) in SITUATIONS.items()
         for case in CASES
     ]
-    cells = row("README.md", "frozen, missing, biased")
-    assert_quoted(cells[0], [len(found)], "cases")
-    assert_quoted(cells[1], [1e3 * max(found)], "slowest flag [ms]")
+    assert len(found) == len(SITUATIONS) * len(CASES)
+    assert max(found) <= 0.05
 
 
 @pytest.mark.parametrize("gain", [1.0, pytest.param(0.1, marks=pytest.mark.slow)])
