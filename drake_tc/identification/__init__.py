@@ -1,6 +1,6 @@
 """Identification of geared joints from logs: excitation, regressions and their confidence intervals."""
 
-from drake_tc.identification.asymmetric import AsymmetricFit, asymmetric_by_qp, asymmetric_least_squares
+from drake_tc.identification.asymmetric import AsymmetricFit, asymmetric_least_squares
 from drake_tc.identification.excitation import (
     Motion,
     MotionLimits,
@@ -25,7 +25,6 @@ __all__ = [
     "PiecewiseFit",
     "ThreePieces",
     "TwoStageFit",
-    "asymmetric_by_qp",
     "asymmetric_least_squares",
     "fit_piecewise",
     "fit_three_pieces",

@@ -19,7 +19,7 @@ import logging
 import os
 import sys
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
@@ -82,11 +82,6 @@ def kernel(*arguments: Any) -> Callable[[F], F]:
         return entry
 
     return compiled
-
-
-def signatures_of(entry: Callable[..., Any]) -> Sequence[Any]:
-    """For which types an entry is compiled: one signature, however long it runs; none where nothing is compiled."""
-    return tuple(getattr(entry, "signatures", ()))
 
 
 def sources_of(module: str, folder: Path = _SOURCES) -> tuple[Path, ...]:

@@ -126,7 +126,7 @@ class FusedProblem:
         """
         tables, error = self.tables(contacts), self._error
         tasks, limits = _sized(tables, written) if self.asks else (tables.tasks, tables.limits)
-        code, relaxed, motion, push, cost, target, rows, lower, upper, noise, certain, divisor, sure = _PROBLEM(
+        code, relaxed, motion, push, cost, target, rows, lower, upper, noise, certain, _, sure = _PROBLEM(
             given,
             *self._model.tree_arguments,
             contacts.places,
@@ -142,7 +142,7 @@ class FusedProblem:
             self._options,
         )
         whole = Rows(rows, lower, upper, self._bounds)
-        scaled = ScaledProblem(LeastSquares(cost, target), whole, certain, sure, noise, error.scale, divisor)
+        scaled = ScaledProblem(LeastSquares(cost, target), whole, certain, sure, noise, error.scale)
         return Found(code, Map(motion, push), scaled, relaxed + written.relaxed)
 
 

@@ -143,11 +143,6 @@ def _layout(n: int, k: int) -> tuple[tuple[str, slice, tuple[int, ...]], ...]:
     return tuple((name, slice(a, b), shapes[name]) for name, (a, b) in zip(ARRAYS, pairwise(ends), strict=True))
 
 
-def state_size(n: int, k: int) -> int:
-    """Numbers in a packed state of n joints and k contacts."""
-    return int(_layout(n, k)[-1][1].stop)
-
-
 def packed(state: BaseState) -> FloatArray:
     """All of a state in one vector: scalars first, then the arrays."""
     return np.concatenate([_scalars(state), *[array.ravel() for array in _arrays(state)]], dtype=float)
