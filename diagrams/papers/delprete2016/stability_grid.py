@@ -117,7 +117,7 @@ def verdict(point: GridPoint, seed: int = 0) -> Verdict:
 
 
 def growth(point: GridPoint, *, dead_zone: bool = True) -> float:
-    """Late over early RMS speed after a kick; without dead zone neither the drive nor its believed model has one."""
+    """Late over early RMS speed after a kick; without dead zone neither the drive nor its assumed model has one."""
     scenario = _scenario(point)
     if dead_zone:
         loop = one_joint_loop(scenario, JOINT, STIFFNESS, _drive(scenario, SIMULATED))

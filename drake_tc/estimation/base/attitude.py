@@ -5,14 +5,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from drake_tc.estimation.base.believed import Believed
 from drake_tc.estimation.base.imu_age import carried
 from drake_tc.estimation.base.kinematics import Posture
 from drake_tc.estimation.base.pose import levelled, turned
 from drake_tc.estimation.base.rest import rest
 from drake_tc.estimation.base.spec import BaseEstimatorSpec
 from drake_tc.estimation.base.state import BaseState
-from drake_tc.estimation.base.tilt import corrected_up, filtered_up, swerve_push, turned_up, up_of
+from drake_tc.estimation.base.tilt import corrected_up, filtered_up, tilt_correction, turned_up, up_of
+from drake_tc.estimation.base.valid_sample import ValidSample
 from drake_tc.types import FloatArray
 
 _LARGEST = 10.0
@@ -49,7 +49,7 @@ class Attitude(NamedTuple):
 
 
 def attitude(
-    posture: Posture, state: BaseState, sample: Believed, spec: BaseEstimatorSpec, shown: FloatArray | None = None
+    posture: Posture, state: BaseState, sample: ValidSample, spec: BaseEstimatorSpec, shown: FloatArray | None = None
 ) -> Attitude:
     """Rate, vertical and yaw increment of one tick.
 
@@ -59,7 +59,7 @@ def attitude(
     Args:
         posture: The IMU, and how it moves, against the base.
         state: Before the tick.
-        sample: What was believed.
+        sample: Readings after validation.
         spec: Tuning.
         shown: (3,) the vertical in B that soft soles show on a level ground; None: they show none.
     """
@@ -86,7 +86,7 @@ def attitude(
 
 def _up(
     state: BaseState,
-    sample: Believed,
+    sample: ValidSample,
     R_BI: FloatArray,
     rate: FloatArray,
     accel: FloatArray,
@@ -107,7 +107,7 @@ def _up(
     time = spec.tilt_time * (_CALM if calm else 1.0)
     if state.stood:
         moved = turned_up(state.rotation[2], rate, spec.period)
-        push = swerve_push(state.swerve, spec.period, time)
+        push = tilt_correction(state.velocity_innovation, spec.period, time)
         if shown is not None:
             push = push + (spec.period / spec.sole_time) * (shown - moved)
         if not calm:

@@ -7,9 +7,9 @@ bias.
 
 import numpy as np
 
-from drake_tc.estimation.base.believed import Believed
 from drake_tc.estimation.base.spec import BaseEstimatorSpec
 from drake_tc.estimation.base.state import BaseState
+from drake_tc.estimation.base.valid_sample import ValidSample
 from drake_tc.types import FloatArray
 
 USUAL_TIME = 0.3
@@ -22,12 +22,12 @@ _DOUBT = 0.02
 """What a bias of zero counts for, before any is seen [s]."""
 
 
-def rest(state: BaseState, sample: Believed, spec: BaseEstimatorSpec) -> tuple[float, float, FloatArray]:
+def rest(state: BaseState, sample: ValidSample, spec: BaseEstimatorSpec) -> tuple[float, float, FloatArray]:
     """(ticks that the robot has rested so far, ticks since something moved, (3,) bias of the gyro [rad/s]).
 
     Args:
         state: Before the tick.
-        sample: What was believed.
+        sample: Readings after validation.
         spec: Tuning.
     """
     qd = sample.qd

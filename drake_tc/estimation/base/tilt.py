@@ -58,13 +58,15 @@ def filtered_up(up: FloatArray, rate: FloatArray, accel: FloatArray, dt: float, 
     return corrected_up(moved, gain * (accel / length - moved) if gain > 0.0 else np.zeros(3))
 
 
-def swerve_push(swerve: FloatArray, dt: float, time: float) -> FloatArray:
+def tilt_correction(velocity_innovation: FloatArray, dt: float, time: float) -> FloatArray:
     """(3,) push on contacts.
 
     Args:
-        swerve: (3,) ydot - ydot_ref [m/s].
+        velocity_innovation: (3,) ydot - ydot_ref [m/s].
         dt: Tick [s].
         time: T of the filter [s].
     """
-    push: FloatArray = swerve / (-GRAVITY * (time + dt) * (1.0 + float(swerve @ swerve) / (_JERK * dt) ** 2))
+    push: FloatArray = velocity_innovation / (
+        -GRAVITY * (time + dt) * (1.0 + float(velocity_innovation @ velocity_innovation) / (_JERK * dt) ** 2)
+    )
     return push

@@ -14,7 +14,7 @@ SLIDING = ("viscous", "rotor_inertia", "velocity_sign_switch")
 
 
 def sliding(scenario: Scenario, folder: Path, direction: float = 0.0) -> Scenario:
-    """The scenario with drives, true and believed, that hold only what is linear in sliding.
+    """The scenario with drives, true and assumed, that hold only what is linear in sliding.
 
     The inverse of a dead zone in the controller's model is constant there as the dead zone itself is.
 

@@ -16,7 +16,7 @@ from drake_tc.estimation.base.memory import memory
 from drake_tc.estimation.base.sinking import shown_vertical
 from drake_tc.estimation.base.soft_sole import soft_sole
 from drake_tc.estimation.base.state import CONTACT_MEMORY, initial_state
-from drake_tc.estimation.base.tilt import corrected_up, swerve_push, turned_up
+from drake_tc.estimation.base.tilt import corrected_up, tilt_correction, turned_up
 
 from .constructed import REAL, Motion, construct, spec, walker
 
@@ -51,7 +51,7 @@ def swayed(contacts, amplitude=1.0, frequency=0.4):
         carried_on = np.array([before, 0.0, 0.0]) + dt * (accel - 9.81 * up)
         known = np.array([now, 0.0, 0.0])
         up = turned_up(up, np.zeros(3), dt)
-        push = swerve_push(known - carried_on, dt, 3.0) if contacts else dt / 3.0 * (accel / 9.81 - up)
+        push = tilt_correction(known - carried_on, dt, 3.0) if contacts else dt / 3.0 * (accel / 9.81 - up)
         up = corrected_up(up, push)
         found.append(up[0])
     return np.abs(found).max()
@@ -66,8 +66,8 @@ def test_a_vertical_that_is_wrong_comes_back_within_its_time():
     dt, time, wrong = 1e-3, 1.0, 2e-3
     up = corrected_up(np.array([wrong, 0.0, 1.0]), np.zeros(3))
     for _ in range(1000):  # at rest: the accelerometer reads the truth, and the contacts say no velocity
-        swerve = -dt * 9.81 * (np.array([0.0, 0.0, 1.0]) - up)
-        up = corrected_up(up, swerve_push(swerve, dt, time))
+        velocity_innovation = -dt * 9.81 * (np.array([0.0, 0.0, 1.0]) - up)
+        up = corrected_up(up, tilt_correction(velocity_innovation, dt, time))
     assert_allclose(up[0], wrong * np.exp(-1.0), rtol=0.01)
 
 
