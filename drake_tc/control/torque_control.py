@@ -5,10 +5,9 @@ Source: Del Prete et al., 2016, eq. 10 to 14.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import chain
 from math import tanh
-from typing import Any, Literal, NamedTuple, get_args
+from typing import Any, NamedTuple
 
 import numpy as np
 from pydrake.common.value import Value
@@ -23,14 +22,12 @@ from pydrake.systems.framework import (
 
 from drake_tc.actuation.compensator import Compensator
 from drake_tc.actuation.joint_values import JointValues, Models, joint_values, model_list
+from drake_tc.control.compensation_spec import CompensationSpec
 from drake_tc.control.gains import TorqueGains
 from drake_tc.effects.thermal_friction import REFERENCE_CELSIUS
 from drake_tc.errors import ParamsError
 from drake_tc.port_methods import PortMethods
 from drake_tc.types import FloatArray
-
-Source = Literal["estimate", "reference"]
-AccelerationSource = Literal["none", "estimate", "reference"]
 
 LARGEST = 1e12
 """Inputs that sum to more than this count as not finite."""
@@ -44,56 +41,6 @@ COMPONENTS = (
     "feedback_force",
 )
 """Names of the rows of `components` (Del Prete et al., 2016, Fig. 6)."""
-
-
-@dataclass(frozen=True)
-class CompensationSpec:
-    """Which motion the actuators' effects are compensated for.
-
-    Estimates are delayed, and compensating friction with them feeds back; references are neither.
-
-    Attributes:
-        velocity: Velocity for viscous friction and similar effects; Del Prete et al. (2016) use the estimate.
-        direction: Direction for dry friction and for drives whose gain depends on the direction,
-            tanh(v/direction_speed).
-        acceleration: Acceleration for the rotor inertia; `none`: not compensated.
-        direction_speed: Speed v_s > 0 [rad/s] at which 76 % of the dry friction are compensated.
-        smoothing: Smoothing of the inverse of dead zones and play, one number or one per joint [effort]
-            (`Compensator`).
-
-    Raises:
-        ParamsError: an unknown key or a number that is not possible.
-
-    Example:
-        >>> CompensationSpec(velocity="reference").wants_reference
-        True
-    """
-
-    velocity: Source = "estimate"
-    direction: Source = "reference"
-    acceleration: AccelerationSource = "reference"
-    direction_speed: float = 0.01
-    smoothing: float | tuple[float, ...] = 0.0
-
-    def __post_init__(self) -> None:
-        for key, possible in (
-            ("velocity", get_args(Source)),
-            ("direction", get_args(Source)),
-            ("acceleration", get_args(AccelerationSource)),
-        ):
-            if getattr(self, key) not in possible:
-                raise ParamsError(
-                    f"compensation.{key}: expected one of {', '.join(possible)}, got {getattr(self, key)!r}"
-                )
-        if not (math.isfinite(self.direction_speed) and self.direction_speed > 0.0):
-            raise ParamsError(
-                f"compensation.direction_speed: expected a positive speed [rad/s], got {self.direction_speed!r}"
-            )
-
-    @property
-    def wants_reference(self) -> bool:
-        """Whether the `reference` port is needed."""
-        return "reference" in (self.velocity, self.direction, self.acceleration)
 
 
 class _Solution(NamedTuple):
@@ -200,7 +147,7 @@ class TorqueControl(PortMethods, LeafSystem):
         self._estimated: Any = self.DeclareVectorInputPort("estimated_torque", n)
         self._estimate: Any = self.DeclareVectorInputPort("joint_estimate", 3 * n)
         self._position: Any = self.DeclareVectorInputPort("position", n)
-        self._reference: Any = self.DeclareVectorInputPort("reference", 3 * n) if self._spec.wants_reference else None
+        self._reference: Any = self.DeclareVectorInputPort("reference", 3 * n) if self._spec.needs_reference else None
         self._lost: Any = self.DeclareVectorInputPort("disturbance", n) if self._disturbed else None
         total = self.DeclareDiscreteState(n)
         self._sum = int(total)

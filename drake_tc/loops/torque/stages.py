@@ -73,7 +73,7 @@ def _torque_control(
     wires = dict(known) | {"desired_torque": desired}
     if parts.systems["inverse_dynamics"].HasOutputPort("torque_terms"):
         wires["torque_terms"] = parts.output("inverse_dynamics", "torque_terms")
-    if scenario.compensation.wants_reference:
+    if scenario.compensation.needs_reference:
         wires["reference"] = reference
     parts.add(
         "torque_control",

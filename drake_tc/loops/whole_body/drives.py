@@ -68,7 +68,7 @@ def add_drives(wiring: WholeBodyBuilder, sensors: SensorSuite, torque: OutputPor
         "joint_estimate": known["joint_estimate"],
         "position": encoder,
     }
-    if spec.compensation.wants_reference:
+    if spec.compensation.needs_reference:
         inputs = {**inputs, "reference": desired.GetOutputPort("reference")}
     wiring.add(
         "torque_control",
