@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
     from drake_tc.actuation.model_file import load_models, save_models
     from drake_tc.actuation.plant import ActuatorPlant
+    from drake_tc.actuation.sliding_models import sliding
     from drake_tc.actuation.wiring import add_actuators, add_joint_actuators
     from drake_tc.analysis.frequency_response import channel, swept_sine
     from drake_tc.analysis.sampled import linearise, open_loop
@@ -128,6 +129,7 @@ __all__ = [
     "save_models",
     "simulated_inertia",
     "sinusoid_trajectory",
+    "sliding",
     "swept_sine",
 ]
 
@@ -198,6 +200,7 @@ _HOMES = {
     "save_models": "actuation.model_file",
     "simulated_inertia": "actuation.half_step",
     "sinusoid_trajectory": "control.trajectories",
+    "sliding": "actuation.sliding_models",
     "swept_sine": "analysis.frequency_response",
 }
 

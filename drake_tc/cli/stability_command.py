@@ -105,9 +105,9 @@ def _in_sliding(entry: "DiagramEntry[Any, Any]", scenario: Any, folder: Path, di
         ParamsError: a direction, where the drives of the diagram cannot be told to slide in one.
     """
     if entry.kind == "torque":
-        from drake_tc.loops.torque.sliding import sliding
+        from drake_tc.loops.torque.sliding import sliding_scenario
 
-        return sliding(scenario, folder, direction)
+        return sliding_scenario(scenario, folder, direction)
     if direction != 0.0:
         raise ParamsError(f"--direction: expected 0 for {entry.name}; only a torque loop's drives have a direction")
     return scenario if entry.sliding is None else entry.sliding(scenario, folder)

@@ -19,7 +19,7 @@ from drake_tc.errors import SimulationError
 from drake_tc.loops.torque.loop import Loop
 from drake_tc.loops.torque.parts import torque_gains
 from drake_tc.loops.torque.scenario import Scenario
-from drake_tc.loops.torque.sliding import sliding
+from drake_tc.loops.torque.sliding import sliding_scenario
 from drake_tc.registry import diagram_entry
 from drake_tc.types import FloatArray
 
@@ -59,7 +59,7 @@ def standing() -> Scenario:
 def contact_border() -> ContactBorder:
     """Predict, then simulate."""
     with TemporaryDirectory() as folder:
-        loop, context = settled(sliding(standing(), Path(folder)), SETTLED_AT)
+        loop, context = settled(sliding_scenario(standing(), Path(folder)), SETTLED_AT)
         border, omega = predicted_border(loop, context)
         return ContactBorder(border, simulated_border(loop, context, border), omega / (2.0 * np.pi))
 
