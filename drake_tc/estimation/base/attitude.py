@@ -5,13 +5,19 @@ from typing import NamedTuple
 
 import numpy as np
 
-from drake_tc.estimation.base.imu_age import carried
+from drake_tc.estimation.base.imu_filters import (
+    carried_to_tick,
+    corrected_up,
+    filtered_up,
+    rest_and_bias,
+    tilt_correction,
+    turned_up,
+    up_of,
+)
 from drake_tc.estimation.base.kinematics import Posture
 from drake_tc.estimation.base.pose import levelled, turned
-from drake_tc.estimation.base.rest import rest
 from drake_tc.estimation.base.spec import BaseEstimatorSpec
 from drake_tc.estimation.base.state import BaseState
-from drake_tc.estimation.base.tilt import corrected_up, filtered_up, tilt_correction, turned_up, up_of
 from drake_tc.estimation.base.valid_sample import ValidSample
 from drake_tc.types import FloatArray
 
@@ -64,11 +70,11 @@ def attitude(
         shown: (3,) the vertical in B that soft soles show on a level ground; None: they show none.
     """
     R_BI, against, dt = posture.rotation[-1], posture.rate[-1], spec.period
-    rested, quiet, bias = rest(state, sample, spec)
+    rested, quiet, bias = rest_and_bias(state, sample, spec)
     gyro, accel, trail = sample.gyro, sample.accel, state.trail
     if spec.imu_age and not sample.imu_missing:
         reading = np.concatenate((gyro, accel))
-        now, trail = carried(reading, trail if trail.any() else reading, spec.imu_age, dt)
+        now, trail = carried_to_tick(reading, trail if trail.any() else reading, spec.imu_age, dt)
         gyro, accel = now[:3], now[3:]
     rate = R_BI @ (gyro - bias) - against
     accel = R_BI @ accel

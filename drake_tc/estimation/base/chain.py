@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 
 from drake_tc.estimation.base.attitude import attitude
+from drake_tc.estimation.base.imu_filters import GRAVITY, up_of
 from drake_tc.estimation.base.kinematics import Posture
 from drake_tc.estimation.base.on_kinematics import OnKinematics
 from drake_tc.estimation.base.pose import levelled, turned
 from drake_tc.estimation.base.state import BaseState, Readings
-from drake_tc.estimation.base.tilt import GRAVITY, up_of
 from drake_tc.estimation.base.valid_sample import ValidSample, valid_sample
 from drake_tc.types import FloatArray
 

@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 
 from drake_tc.estimation.base.attitude import LARGEST_BIAS, attitude
+from drake_tc.estimation.base.imu_filters import USUAL_TIME
 from drake_tc.estimation.base.kinematics import Posture
 from drake_tc.estimation.base.on_kinematics import OnKinematics
 from drake_tc.estimation.base.pose_update import find_place
-from drake_tc.estimation.base.rest import USUAL_TIME
 from drake_tc.estimation.base.sinking import shown_vertical
 from drake_tc.estimation.base.spec import BaseEstimatorSpec
 from drake_tc.estimation.base.state import BaseState, Readings

@@ -6,8 +6,8 @@ from typing import NamedTuple
 import numpy as np
 
 from drake_tc.estimation.base.attitude import Attitude
+from drake_tc.estimation.base.imu_filters import filter_times
 from drake_tc.estimation.base.kinematics import Posture
-from drake_tc.estimation.base.memory import memory
 from drake_tc.estimation.base.pose import solve_position, solve_yaw, turned
 from drake_tc.estimation.base.sinking import Sinking
 from drake_tc.estimation.base.state import CONTACT_MEMORY, BaseState
@@ -80,7 +80,7 @@ def find_place(
     told = state.yaw + pose.turn
     yaw_time, yaw_bias_time = spec.yaw_time, spec.yaw_bias_time
     if spec.quick_start:
-        yaw_time, yaw_bias_time = memory(_START + state.paired * dt, yaw_time, yaw_bias_time)
+        yaw_time, yaw_bias_time = filter_times(_START + state.paired * dt, yaw_time, yaw_bias_time)
     yaw, apart = solve_yaw(arm, held, weight, told, yaw_time / dt, _LEAST_ARM)
     astray = abs(apart) > spec.slip_turn
     yaw = math.remainder(told if astray else yaw, math.tau)

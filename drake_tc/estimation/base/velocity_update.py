@@ -7,12 +7,12 @@ import numpy as np
 
 from drake_tc.estimation.base.attitude import Attitude
 from drake_tc.estimation.base.contact_switch import Slip, carries, slipping
+from drake_tc.estimation.base.imu_filters import GRAVITY
 from drake_tc.estimation.base.kinematics import BaseKinematics, Posture, skews
 from drake_tc.estimation.base.sinking import Sinking, sinking
 from drake_tc.estimation.base.soft_sole import SoftSole, soft_sole
 from drake_tc.estimation.base.spec import BaseEstimatorSpec
 from drake_tc.estimation.base.state import CONTACT_FLAGS, BaseState
-from drake_tc.estimation.base.tilt import GRAVITY
 from drake_tc.estimation.base.valid_sample import ValidSample
 from drake_tc.estimation.base.velocity import Soles, VelocityProblem, soles_of, solve_velocity
 from drake_tc.types import FloatArray, IntArray

@@ -10,13 +10,12 @@ from scipy.spatial.transform import Rotation
 
 from drake_tc.estimation.base.contact_switch import Slip, slipping
 from drake_tc.estimation.base.estimator import CopEstimator
+from drake_tc.estimation.base.imu_filters import corrected_up, filter_times, tilt_correction, turned_up
 from drake_tc.estimation.base.kinematics import Posture
 from drake_tc.estimation.base.log import run_log, track_error
-from drake_tc.estimation.base.memory import memory
 from drake_tc.estimation.base.sinking import shown_vertical
 from drake_tc.estimation.base.soft_sole import soft_sole
 from drake_tc.estimation.base.state import CONTACT_MEMORY, initial_state
-from drake_tc.estimation.base.tilt import corrected_up, tilt_correction, turned_up
 
 from .constructed import REAL, Motion, construct, spec, walker
 
@@ -30,13 +29,13 @@ def test_the_gains_of_a_growing_memory_are_the_line_through_all_errors():
     seen = 0.5 + 0.3 * t + 0.05 * rng.normal(size=t.size)
     angle, rate = seen[0], 0.0
     for n, measured in enumerate(seen[1:], 2):
-        time, bias_time = memory(n * dt, np.inf, np.inf)
+        time, bias_time = filter_times(n * dt, np.inf, np.inf)
         push = min(1.0, dt / time) * (measured - (angle + dt * rate))
         angle, rate = angle + dt * rate + push, rate + push / bias_time
     slope, start = np.polyfit(t, seen, 1)
     assert_allclose(angle, start + slope * t[-1], atol=2e-3)
     assert_allclose(rate, slope, atol=5e-4)
-    assert memory(100.0, 0.5, 5.0) == (0.5, 5.0)
+    assert filter_times(100.0, 0.5, 5.0) == (0.5, 5.0)
 
 
 def swayed(contacts, amplitude=1.0, frequency=0.4):
