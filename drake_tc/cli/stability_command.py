@@ -212,9 +212,15 @@ def _print(found: _Found, channel: str) -> None:
             soft_wrap=True,
             markup=False,
         )
-    systems = sorted({name.partition("[")[0] for name in found.system.kinks})
-    if systems:
-        console.print(f"not smooth here, so that the verdict holds one-sidedly at best: {', '.join(systems)}")
+    kinks = list(dict.fromkeys(name.partition("@")[0] for name in found.system.kinks))  # a window's samples once
+    if kinks:
+        more = f" and {len(kinks) - SHOWN} more" if len(kinks) > SHOWN else ""
+        console.print(
+            "not smooth here, so that the verdict holds one-sidedly at best, in the states"
+            f" {', '.join(kinks[:SHOWN])}{more}",
+            soft_wrap=True,
+            markup=False,
+        )
     console.print(f"verdict: {found.verdict}")
     word = "dies away" if found.release.stable else "grows"
     console.print(

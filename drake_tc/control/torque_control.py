@@ -121,7 +121,7 @@ class TorqueControl(PortMethods, LeafSystem):
         super().__init__()
         spec = CompensationSpec() if compensation is None else compensation
         models = model_list(models, joints)
-        names, n = [model.joint for model in models], len(models)
+        names, n = tuple(model.joint for model in models), len(models)
         self._compensator = Compensator(models, spec.direction_speed, spec.smoothing)
         limit = joint_values("torque_limit", torque_limit, names)
         if not np.all(limit > 0.0):
@@ -129,6 +129,7 @@ class TorqueControl(PortMethods, LeafSystem):
         if not (math.isfinite(dt) and dt > 0.0):
             raise ParamsError(f"dt: expected a positive period [s], got {dt!r}")
         self._size, self._spec, self._dt, self._disturbed = n, spec, float(dt), disturbance
+        self._names = names
         self._limit, self._nil = limit, [0.0] * n
         self._nothing = _Solution(*((math.nan,) * n for _ in _Solution._fields))
         self._per_speed = 1.0 / spec.direction_speed
@@ -194,6 +195,10 @@ class TorqueControl(PortMethods, LeafSystem):
             )
         values: Any = self._flat(gains)
         context.get_mutable_numeric_parameter(self._gains).SetFromVector(values)
+
+    def coordinate_names(self) -> tuple[str, ...]:
+        """Of the state: "joint/torque_error_integral"."""
+        return tuple(f"{joint}/torque_error_integral" for joint in self._names)
 
     def _flat(self, gains: TorqueGains) -> FloatArray:
         """[Kp; Ki]."""

@@ -200,6 +200,11 @@ class SavitzkyGolayFilter(PortMethods, LeafSystem):
         state.SetDiscreteState(self._samples, ring.ravel())
         state.SetDiscreteState(self._estimate, self._fit(ring, oldest))
 
+    def coordinate_names(self) -> tuple[str, ...]:
+        """Of `coordinates`: "input[i]@-k" is the sample of channel i that is k ticks old."""
+        ages = range(self._window - 1, -1, -1)
+        return tuple(f"input[{i}]@-{age}" for age in ages for i in range(self._size))
+
     def _fit(self, ring: FloatArray, oldest: int) -> FloatArray:
         """The estimate (3n,) of the ring whose oldest row is known."""
         y: FloatArray = self._table[:, self._window - oldest : 2 * self._window - oldest].dot(ring).ravel()
