@@ -90,6 +90,11 @@ def asymmetric_least_squares(
         IdentificationError: As `least_squares`; a weight below 1; a search that does not come to rest.
 
     Source: Del Prete et al., 2016, eq. 8 (w = 100). The paper solved the QP below; this is exact.
+
+    Example:
+        >>> fit = asymmetric_least_squares(np.ones((2, 1)), np.array([1.0, 2.0]), weight=3.0)
+        >>> fit.coefficients.round(6).tolist()  # (3 * 1 + 2) / 4
+        [1.25]
     """
     a, b, labels = checked(columns, target, names)
     _check_weight(weight)
