@@ -14,17 +14,13 @@ With tau_hat = M qddot + h - J^T f_hat (estimate and controller share the model)
 K6 = 1 is as stiff as the drive's own position servo. n joints, m = 6 x sensors force components.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TypeAlias
 
 import numpy as np
 
 from drake_tc.actuation.joint_values import JointValues, Models, joint_values, model_list
 from drake_tc.errors import ParamsError
 from drake_tc.types import FloatArray
-
-ArrayLike: TypeAlias = FloatArray | Sequence[float] | float
 
 
 def _array(name: str, value: object, shape: tuple[int, ...], lowest: float = -np.inf) -> FloatArray:

@@ -47,8 +47,6 @@ INDEX, TABLE = _array(WHOLE, 1, readonly=True), _array(WHOLE, 2, readonly=True)
 """Inputs of whole numbers."""
 OUT_VECTOR, OUT_MATRIX = _array(REAL, 1, readonly=False), _array(REAL, 2, readonly=False)
 """Arrays that are written."""
-OUT_INDEX = _array(WHOLE, 1, readonly=False)
-"""Whole numbers that are written."""
 
 
 def helper(function: F) -> F:
