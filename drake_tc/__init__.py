@@ -14,15 +14,17 @@ if TYPE_CHECKING:
     from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
     from drake_tc.actuation.model_file import load_models, save_models
     from drake_tc.actuation.plant import ActuatorPlant
+    from drake_tc.actuation.sliding_models import sliding
     from drake_tc.actuation.wiring import add_actuators, add_joint_actuators
     from drake_tc.analysis.frequency_response import channel, swept_sine
     from drake_tc.analysis.sampled import linearise, open_loop
     from drake_tc.analysis.stability_margins import loop_margins
+    from drake_tc.control.compensation_spec import CompensationSpec
     from drake_tc.control.gains import TorqueGains
     from drake_tc.control.guard import CommandGuard
     from drake_tc.control.guard_law import GuardSpec
     from drake_tc.control.inverse_dynamics import InverseDynamics
-    from drake_tc.control.torque_control import CompensationSpec, TorqueControl
+    from drake_tc.control.torque_control import TorqueControl
     from drake_tc.control.trajectories import Sinusoid, constant_trajectory, knot_trajectory, sinusoid_trajectory
     from drake_tc.diagnosis.run import close_loop
     from drake_tc.effects.library import LIBRARY, effect, register_effect
@@ -127,6 +129,7 @@ __all__ = [
     "save_models",
     "simulated_inertia",
     "sinusoid_trajectory",
+    "sliding",
     "swept_sine",
 ]
 
@@ -135,7 +138,7 @@ _HOMES = {
     "ActuatorModel": "actuation.model",
     "ActuatorPlant": "actuation.plant",
     "CommandGuard": "control.guard",
-    "CompensationSpec": "control.torque_control",
+    "CompensationSpec": "control.compensation_spec",
     "DrakeTcError": "errors",
     "Drive": "actuation.model",
     "EffectValue": "actuation.model",
@@ -197,6 +200,7 @@ _HOMES = {
     "save_models": "actuation.model_file",
     "simulated_inertia": "actuation.half_step",
     "sinusoid_trajectory": "control.trajectories",
+    "sliding": "actuation.sliding_models",
     "swept_sine": "analysis.frequency_response",
 }
 

@@ -48,7 +48,7 @@ from drake_tc.analysis.tracking_error import filtered_task, predicted_error
 from drake_tc.analysis.tuning import SearchSpace, tune
 from drake_tc.loops.scenarios.parts import PushSpec
 from drake_tc.loops.torque.running import simulate_scenario
-from drake_tc.loops.torque.sliding import sliding
+from drake_tc.loops.torque.sliding import sliding_scenario
 from drake_tc.registry import diagram_entry
 
 folder = Path(tempfile.mkdtemp())
@@ -115,7 +115,7 @@ plt.show()
 
 # %%
 plain = replace(swing, sensors="perfect", tare=0.0, guard=replace(swing.guard, start_time=0.05))
-plain = sliding(plain, folder)
+plain = sliding_scenario(plain, folder)
 short = replace(plain, filters=replace(plain.filters, window=20))
 one = one_joint_loop(short, "r_knee")
 system = linearise(one.diagram, one.settled(0.3).get_context(), short.dt, step=1e-4)

@@ -15,7 +15,18 @@ from pydrake.systems.primitives import LinearSystem, MatrixGain
 import drake_tc
 from drake_tc.analysis.frequency_response import Sweep
 
-PACKAGES = ("actuation", "analysis", "control", "loops", "robot", "sensing", "sensor_validation", "tsid")
+PACKAGES = (
+    "actuation",
+    "analysis",
+    "control",
+    "filtering",
+    "identification",
+    "loops",
+    "robot",
+    "sensing",
+    "sensor_validation",
+    "tsid",
+)
 RIG = "joint: knee\ndrive: current\nload: torque\ndeclared: {rotor_inertia: 0.05}\n"
 
 

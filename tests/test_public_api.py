@@ -79,6 +79,7 @@ FRONT_DOOR = {
     "save_models",
     "simulated_inertia",
     "sinusoid_trajectory",
+    "sliding",
     "swept_sine",
 }
 

@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
     from drake_tc.actuation.model_file import load_models, save_models
     from drake_tc.actuation.plant import ActuatorPlant
+    from drake_tc.actuation.sliding_models import sliding
     from drake_tc.actuation.wiring import add_actuators, add_joint_actuators
 
 __all__ = [
@@ -23,6 +24,7 @@ __all__ = [
     "load_models",
     "save_models",
     "simulated_inertia",
+    "sliding",
 ]
 
 _HOMES = {
@@ -36,6 +38,7 @@ _HOMES = {
     "load_models": "model_file",
     "save_models": "model_file",
     "simulated_inertia": "half_step",
+    "sliding": "sliding_models",
 }
 
 __getattr__, __dir__ = front_door(__name__, _HOMES)

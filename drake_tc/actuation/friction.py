@@ -21,26 +21,27 @@ Source: Dahl (1968) and the elasto-plastic reading of Dupont et al. (2002); the 
 
 import math
 from collections.abc import Callable
-from typing import NamedTuple, TypeAlias
+from typing import TypeAlias
 
 PRESLIDING_DISPLACEMENT = 1e-4
 """z_s [rad]: travel from rest to full friction; a fifteenth of a 12-bit encoder's step."""
 
 
-class FrictionStep(NamedTuple):
-    """The end of the step: deflection z', velocity v' [rad/s] and the friction torque over it [N m]."""
-
-    deflection: float
-    velocity: float
-    torque: float
-
-
 FrictionLaw: TypeAlias = Callable[[float, float, float, float, float], tuple[float, float, float]]
-"""(deflection, velocity, thrust, level, damping) of one joint to the fields of a FrictionStep."""
+"""(deflection, velocity, thrust, level, damping) to (deflection, velocity, friction torque), as `friction_law` says."""
 
 
 def friction_law(inertia: float, step: float) -> FrictionLaw:
-    """(bristle) for one joint, ready to be stepped many times; the numbers are those of `friction_step`."""
+    """A function that solves (bristle) for one joint and one step.
+
+    Its arguments are the deflection z in [-1, 1]; the velocity v [rad/s]; the thrust, which is the sum of all other
+    torques on the joint, the load among them, signed like v [N m]; the level of dry friction in full sliding >= 0
+    [N m]; and the damping >= 0 [N m s/rad]. It returns z', v' [rad/s] and the friction torque over the step [N m].
+
+    Args:
+        inertia: J that the joint moves [kg m^2]; 0 when it is not known: the friction is then taken at v' = v.
+        step: h [s].
+    """
     if inertia <= 0.0:
 
         def carried(z: float, v: float, thrust: float, level: float, damping: float) -> tuple[float, float, float]:
@@ -69,23 +70,3 @@ def friction_law(inertia: float, step: float) -> FrictionLaw:
         return wound, end, dry + damping * end
 
     return solved
-
-
-def friction_step(
-    deflection: float, velocity: float, thrust: float, level: float, damping: float, inertia: float, step: float
-) -> FrictionStep:
-    """Solve (bristle) for one joint and one step.
-
-    Args:
-        deflection: z in [-1, 1].
-        velocity: v [rad/s].
-        thrust: All other torques on the joint, the load among them, signed like v [N m].
-        level: Dry friction in full sliding >= 0 [N m].
-        damping: >= 0 [N m s/rad].
-        inertia: J that the joint moves [kg m^2]; 0 when it is not known: the friction is then taken at v' = v.
-        step: h [s].
-
-    Returns:
-        The end of the step.
-    """
-    return FrictionStep(*friction_law(inertia, step)(deflection, velocity, thrust, level, damping))

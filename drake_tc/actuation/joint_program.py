@@ -18,6 +18,17 @@ from drake_tc.actuation.model import ActuatorModel
 from drake_tc.effects.kernel import DriveKernel, TorqueKernel
 
 STARTED, DEFLECTION, POSITION, VELOCITY, TORQUE, LOAD, COMMAND, MOTOR, MOTOR_VELOCITY = range(9)
+_NAMES = (
+    "started",
+    "deflection",
+    "position",
+    "velocity",
+    "torque",
+    "load",
+    "command",
+    "motor_position",
+    "motor_velocity",
+)
 
 
 class JointInput(NamedTuple):
@@ -81,11 +92,14 @@ class JointProgram:
                 at += 1
         self._command_kernels: list[tuple[DriveKernel, int]] = []
         self._effort_kernels: list[tuple[DriveKernel, int]] = []
+        acting: dict[str, list[str]] = {"command": [], "effort": []}
         for drive, parameters in model.drive_effects:
+            acting["command" if drive.acts_on == "command" else "effort"].append(drive.key)
             kernel = drive.kernel(parameters, period)
             chain = self._command_kernels if drive.acts_on == "command" else self._effort_kernels
             chain.append((kernel, at))
             at += kernel.size
+        self._drive_ids = (*acting["command"], *acting["effort"])
         self._command = tuple((kernel.step, place) for kernel, place in self._command_kernels)
         self._effort = tuple((kernel.step, place) for kernel, place in self._effort_kernels)
         both = (*self._command_kernels, *self._effort_kernels)
@@ -96,6 +110,15 @@ class JointProgram:
     def own(self) -> list[int]:
         """Places in the memory that are state at a tick: not the flag, nor what is computed anew or only held."""
         return [at for at in range(self.size) if at not in (STARTED, LOAD, COMMAND)]
+
+    @property
+    def own_names(self) -> tuple[str, ...]:
+        """Of the states in `own`, such as "deflection" of the friction's bristle or "current_lag[0]" of a drive."""
+        named = dict(enumerate(_NAMES))
+        named |= {at: f"hysteresis[{i}]" for i, (at, _) in enumerate(self._hysteresis)}
+        for effect, (kernel, at) in zip(self._drive_ids, self._command_kernels + self._effort_kernels, strict=True):
+            named |= {at + i: f"{effect}[{i}]" for i in range(kernel.size)}
+        return tuple(named[at] for at in self.own)
 
     def initial(self, velocity: float = 0.0) -> list[float]:
         """Memory of a joint that has moved at `velocity` [rad/s] for long, or rested for 0."""

@@ -154,6 +154,14 @@ class ActuatorPlant(PortMethods, LeafSystem):
         memory[self._own] = x
         context.SetDiscreteState(self._memory, memory)
 
+    def coordinate_names(self) -> tuple[str, ...]:
+        """Of `coordinates`: "joint/state", such as "knee/deflection"."""
+        return tuple(
+            f"{joint}/{name}"
+            for joint, program in zip(self._joints, self._programs, strict=True)
+            for name in program.own_names
+        )
+
     def _solve(self, context: Any, vector: Any) -> None:
         """(outputs, x[n+1]) into the port `step`, which all others and the update read."""
         kept: FloatArray = context.get_discrete_state(self._memory).value()

@@ -28,7 +28,6 @@ from drake_tc.types import FloatArray, IntArray
 
 LEAST_JOINTS = 9
 """With fewer joints, numbers one by one are faster than arrays."""
-FIELDS = MOTOR_VELOCITY + 1
 
 
 class _Joint(NamedTuple):

@@ -152,13 +152,6 @@ class JointLoop:
         denominator = _at(self.plant, shift) * _at(self.integrator, shift)
         return np.asarray(-self.drive_gain * shift * _at(self.feedback, shift) / denominator)
 
-    def open_command_loop(self, omega: FloatArray) -> ComplexArray:
-        """L (W,) with the loop cut at the command q + y instead: the servo's own loop stays closed."""
-        shift = np.exp(-1j * np.asarray(omega) * self.dt)
-        through = self.drive_gain * shift / _at(self.plant, shift)
-        law = _at(self.feedback, shift) / _at(self.integrator, shift)
-        return np.asarray(-(1.0 + law) * through / (1.0 + through))
-
     def margins(self) -> Margins:
         """Of `open_loop`."""
         return margins(self.open_loop, self.dt)

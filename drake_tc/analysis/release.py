@@ -64,7 +64,7 @@ def release(
         diagram: Whose loop.
         context: Of it, at a tick; not changed.
         dt: Control period [s].
-        kick: State ("system[i]", as `StateCoordinates.names`) to what is added to it.
+        kick: State, named as in `StateCoordinates.names`, to what is added to it.
         watch: States whose difference is looked at.
         duration: [s].
 
@@ -76,7 +76,7 @@ def release(
     places = {name: i for i, name in enumerate(coordinates.names)}
     for name in (*kick, *watch):
         if name not in places:
-            raise ParamsError(f"release: no state {name!r}; those of a plant are named like {coordinates.names[:1]}")
+            raise ParamsError(f"release: no state {name!r}; states are named like {coordinates.names[0]!r}")
     seen = [places[name] for name in watch]
     rows = []
     for moved in (False, True):

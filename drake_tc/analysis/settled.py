@@ -51,14 +51,12 @@ def speed_states(loop: Any, context: Context) -> list[str]:
         loop: A built diagram.
         context: Of it.
     """
+    coordinates = StateCoordinates(loop.diagram, context)
     if hasattr(loop, "robot"):
         plant = loop.plant
+        (names,) = (block.names for block in coordinates.blocks if block.name == plant.get_name())
         places = [plant.GetJointByName(joint).velocity_start() for joint in loop.robot.joints]
-        return [f"{plant.get_name()}[{plant.num_positions() + place}]" for place in places]
-    plants = [system for system in loop.diagram.GetSystems() if isinstance(system, MultibodyPlant)]
-    speeds = [
-        f"{plant.get_name()}[{plant.num_positions() + place}]"
-        for plant in plants
-        for place in range(plant.num_velocities())
-    ]
-    return speeds or list(StateCoordinates(loop.diagram, context).names)
+        return [names[plant.num_positions() + place] for place in places]
+    plants = [block for block in coordinates.blocks if isinstance(block.system, MultibodyPlant)]
+    speeds = [name for block in plants for name in block.names[block.system.num_positions() :]]
+    return speeds or list(coordinates.names)

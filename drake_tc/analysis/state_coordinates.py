@@ -5,6 +5,9 @@ bookkeeping (a ring buffer with a head, a tick counter, a mode) says itself what
 
     coordinates(context) -> (n,)              raises ParamsError where the system cannot be linearised as it stands
     set_coordinates(context, x)               the inverse; bookkeeping stays as it is
+
+Coordinates are named "system:name". The names are those of `coordinate_names()` where the system has this method, and
+Drake's own state names for a MultibodyPlant; others are numbered, "system[i]".
 """
 
 from collections.abc import Iterator
@@ -12,6 +15,7 @@ from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
+from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import Context, Diagram, System
 
 from drake_tc.errors import ParamsError
@@ -31,6 +35,15 @@ class HasCoordinates(Protocol):
         ...
 
 
+@runtime_checkable
+class HasCoordinateNames(Protocol):
+    """A system that names its coordinates, or its discrete and continuous states."""
+
+    def coordinate_names(self) -> tuple[str, ...]:
+        """(n,) in the order of the coordinates."""
+        ...
+
+
 @dataclass(frozen=True)
 class StateBlock:
     """One system's part of the vector.
@@ -45,6 +58,20 @@ class StateBlock:
     system: Any
     first: int
     size: int
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """(size,) "system:name", or "system[i]" where the system has no names.
+
+        Raises:
+            ParamsError: a system that has another number of names.
+        """
+        own = _own_names(self.system, self.size)
+        if own is None:
+            return tuple(f"{self.name}[{i}]" for i in range(self.size))
+        if len(own) != self.size:
+            raise ParamsError(f"system {self.name!r}: expected {self.size} coordinate_names, got {len(own)}")
+        return tuple(f"{self.name}:{name}" for name in own)
 
     def read(self, root: Context) -> FloatArray:
         """(size,) from the diagram's context."""
@@ -97,8 +124,8 @@ class StateCoordinates:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of each coordinate: "system[i]"."""
-        return tuple(f"{block.name}[{i}]" for block in self.blocks for i in range(block.size))
+        """Of each coordinate, as `StateBlock.names` has them."""
+        return tuple(name for block in self.blocks for name in block.names)
 
     def read(self, context: Context) -> FloatArray:
         """(size,) x."""
@@ -108,6 +135,16 @@ class StateCoordinates:
         """X into the context."""
         for block in self.blocks:
             block.write(context, x[block.first : block.first + block.size])
+
+
+def _own_names(system: Any, size: int) -> tuple[str, ...] | None:
+    """None for a system that has no names for its coordinates."""
+    if isinstance(system, HasCoordinateNames):
+        return system.coordinate_names()
+    if isinstance(system, MultibodyPlant) and size == system.num_multibody_states():
+        names = system.GetStateNames(add_model_instance_prefix=False)
+        return tuple(names if len(set(names)) == size else system.GetStateNames(add_model_instance_prefix=True))
+    return None
 
 
 def leaf_systems(diagram: Diagram, above: str = "") -> Iterator[tuple[str, System]]:

@@ -15,7 +15,7 @@ from drake_tc.cli.wide_table import print_wide
 from drake_tc.errors import ParamsError
 
 if TYPE_CHECKING:
-    from drake_tc.cli.bode_found import BodeFound
+    from drake_tc.cli.bode_measurement import BodeMeasurement
 
 LOWEST_DB = -80.0
 """Below this a phase says nothing, and is not printed."""
@@ -57,7 +57,7 @@ def bode_command(
     turn a phase is: without it phases are in (-180, 180]. Notes name what is no steady sine, and unstable loops.
     """
     from drake_tc.analysis.frequency_response import Sweep, channel
-    from drake_tc.cli.bode_found import BodeRequest, find
+    from drake_tc.cli.bode_measurement import BodeRequest, measure_bode
     from drake_tc.registry import runnable
 
     if not 0.0 < lowest <= highest < np.inf:
@@ -70,7 +70,7 @@ def bode_command(
     request = BodeRequest(entry, scenario, (channel(input), channel(output)), at, sweep, prediction)
     place = nullcontext() if plot is None else result_file(plot, "--plot", inputs=[scenario_file], force=force)
     with place as drawn, progress_bar(f"bode {diagram}", quiet=as_json) as progress:
-        found = find(request, progress)
+        found = measure_bode(request, progress)
         if drawn is not None:
             _plot(found, f"{diagram}: {output} over {input}", drawn)
     if as_json:
@@ -83,7 +83,7 @@ def bode_command(
         print(plot)
 
 
-def _print(found: "BodeFound") -> None:
+def _print(found: "BodeMeasurement") -> None:
     document = found.to_json()
     phase = "phase modulo 360 [deg]" if document["phase_modulo_360"] else "phase [deg]"
     headings = ("frequency [Hz]", "|H| [dB]", phase, "distortion", "linear: |H| [dB]", "linear: phase [deg]")
@@ -104,7 +104,7 @@ def _cells(row: dict[str, Any]) -> tuple[str, ...]:
     )
 
 
-def _plot(found: "BodeFound", title: str, path: Path) -> None:
+def _plot(found: "BodeMeasurement", title: str, path: Path) -> None:
     """Magnitude and phase, measured as dots, predicted as lines."""
     from matplotlib.figure import Figure
 

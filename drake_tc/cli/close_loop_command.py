@@ -114,11 +114,11 @@ def close_loop_command(
 
 def _tell_declared(rig: Path, declared: Path) -> None:
     """What the file declares, on stderr."""
-    from drake_tc.logs.declared_file import taken_over
+    from drake_tc.logs.declared_file import declared_terms
     from drake_tc.logs.rig import load_rig
 
     own = load_rig(rig)
-    for each in taken_over(own, declared):
+    for each in declared_terms(own, declared):
         print(f"close-loop: {declared}: {each.line(own.drive[each.joint])}", file=sys.stderr)
 
 

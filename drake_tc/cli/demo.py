@@ -24,7 +24,8 @@ from drake_tc.identification.excitation import (
     multisine,
     postures_with_pushes,
 )
-from drake_tc.logs.rig import parse_rig, save_rig
+from drake_tc.logs.rig import parse_rig
+from drake_tc.logs.rig_writing import save_rig
 from drake_tc.types import FloatArray
 
 JOINT = "simulated_knee"

@@ -29,7 +29,7 @@ from drake_tc.cli.simulate_command import simulate_command
 from drake_tc.cli.stability_command import stability_command
 from drake_tc.cli.stability_map_command import stability_map_command
 from drake_tc.cli.tune_command import tune_command
-from drake_tc.cli.unforeseen import UNFORESEEN, Terminated, told_once, write_details
+from drake_tc.cli.unexpected_errors import UNEXPECTED, Terminated, quiet_libraries, write_details
 from drake_tc.errors import DrakeTcError
 
 LONGEST = 1200
@@ -93,7 +93,7 @@ def run(arguments: Sequence[str]) -> int:
     """
     debug = "--debug" in arguments
     given = [argument for argument in arguments if argument != "--debug"]
-    with told_once(quiet="--json" in given, debug=debug):
+    with quiet_libraries(quiet="--json" in given, debug=debug):
         return _run(given, debug=debug)
 
 
@@ -121,7 +121,7 @@ def _run(arguments: Sequence[str], *, debug: bool) -> int:
         if debug:
             raise
         print(f"drake-tc: {_one_line(write_details(error, arguments))}", file=sys.stderr)
-        return UNFORESEEN
+        return UNEXPECTED
     if code == INTERRUPTED:  # Typer makes this code of a KeyboardInterrupt
         print("drake-tc: interrupted", file=sys.stderr)
     return code if isinstance(code, int) else 0

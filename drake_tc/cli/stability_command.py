@@ -105,9 +105,9 @@ def _in_sliding(entry: "DiagramEntry[Any, Any]", scenario: Any, folder: Path, di
         ParamsError: a direction, where the drives of the diagram cannot be told to slide in one.
     """
     if entry.kind == "torque":
-        from drake_tc.loops.torque.sliding import sliding
+        from drake_tc.loops.torque.sliding import sliding_scenario
 
-        return sliding(scenario, folder, direction)
+        return sliding_scenario(scenario, folder, direction)
     if direction != 0.0:
         raise ParamsError(f"--direction: expected 0 for {entry.name}; only a torque loop's drives have a direction")
     return scenario if entry.sliding is None else entry.sliding(scenario, folder)
@@ -212,9 +212,15 @@ def _print(found: _Found, channel: str) -> None:
             soft_wrap=True,
             markup=False,
         )
-    systems = sorted({name.partition("[")[0] for name in found.system.kinks})
-    if systems:
-        console.print(f"not smooth here, so that the verdict holds one-sidedly at best: {', '.join(systems)}")
+    kinks = list(dict.fromkeys(name.partition("@")[0] for name in found.system.kinks))  # a window's samples once
+    if kinks:
+        more = f" and {len(kinks) - SHOWN} more" if len(kinks) > SHOWN else ""
+        console.print(
+            "not smooth here, so that the verdict holds one-sidedly at best, in the states"
+            f" {', '.join(kinks[:SHOWN])}{more}",
+            soft_wrap=True,
+            markup=False,
+        )
     console.print(f"verdict: {found.verdict}")
     word = "dies away" if found.release.stable else "grows"
     console.print(

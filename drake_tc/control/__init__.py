@@ -5,19 +5,29 @@ from typing import TYPE_CHECKING
 from drake_tc.front_door import front_door
 
 if TYPE_CHECKING:
+    from drake_tc.control.combined_paths import Chain, PosePath
+    from drake_tc.control.compensation_spec import CompensationSpec
     from drake_tc.control.gains import TorqueGains
     from drake_tc.control.guard import CommandGuard
     from drake_tc.control.guard_law import GuardSpec
     from drake_tc.control.inverse_dynamics import InverseDynamics
-    from drake_tc.control.torque_control import CompensationSpec, TorqueControl
+    from drake_tc.control.reference_source import ReferenceSource
+    from drake_tc.control.references import PointToPoint, Slerp, Swing
+    from drake_tc.control.torque_control import TorqueControl
     from drake_tc.control.trajectories import Sinusoid, constant_trajectory, knot_trajectory, sinusoid_trajectory
 
 __all__ = [
+    "Chain",
     "CommandGuard",
     "CompensationSpec",
     "GuardSpec",
     "InverseDynamics",
+    "PointToPoint",
+    "PosePath",
+    "ReferenceSource",
     "Sinusoid",
+    "Slerp",
+    "Swing",
     "TorqueControl",
     "TorqueGains",
     "constant_trajectory",
@@ -26,11 +36,17 @@ __all__ = [
 ]
 
 _HOMES = {
+    "Chain": "combined_paths",
     "CommandGuard": "guard",
-    "CompensationSpec": "torque_control",
+    "CompensationSpec": "compensation_spec",
     "GuardSpec": "guard_law",
     "InverseDynamics": "inverse_dynamics",
+    "PointToPoint": "references",
+    "PosePath": "combined_paths",
+    "ReferenceSource": "reference_source",
     "Sinusoid": "trajectories",
+    "Slerp": "references",
+    "Swing": "references",
     "TorqueControl": "torque_control",
     "TorqueGains": "gains",
     "constant_trajectory": "trajectories",

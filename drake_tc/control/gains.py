@@ -14,17 +14,13 @@ With tau_hat = M qddot + h - J^T f_hat (estimate and controller share the model)
 K6 = 1 is as stiff as the drive's own position servo. n joints, m = 6 x sensors force components.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TypeAlias
 
 import numpy as np
 
 from drake_tc.actuation.joint_values import JointValues, Models, joint_values, model_list
 from drake_tc.errors import ParamsError
 from drake_tc.types import FloatArray
-
-ArrayLike: TypeAlias = FloatArray | Sequence[float] | float
 
 
 def _array(name: str, value: object, shape: tuple[int, ...], lowest: float = -np.inf) -> FloatArray:
@@ -104,7 +100,7 @@ class TorqueGains:
     ) -> "TorqueGains":
         """Gains of a loop that is k6 times as stiff as the position servo: Ks = K6/(K (1 + Kp)), Kd = K7/(K (1 + Kp)).
 
-        K6 and K7 are the gains from e and edot to the effort (`EquivalentGains`), so that they compare with the servo's
+        K6 and K7 are the gains from e and edot to the effort (see the module), so that they compare with the servo's
         own; K is the drive gain of each model.
 
         Args:
@@ -126,62 +122,3 @@ class TorqueGains:
         loop = np.array([model.drive.gain for model in listed]) * (1.0 + of["kp"])
         force = np.zeros((0, 0)) if kf is None else kf
         return cls(of["kp"], of["ki"], of["k6"] / loop, of["k7"] / loop, force)
-
-
-@dataclass(frozen=True, eq=False)
-class EquivalentGains:
-    """Gains from tracking errors to effort, comparable with the servo's own.
-
-    Attributes:
-        k6: (n,) [effort/rad] on e; 1 for a position servo means as stiff as the servo.
-        k7: (n,) [effort/(rad/s)] on edot.
-        k8: (n, n) [effort/(rad/s^2)] on eddot.
-        k9: (n, m) [effort/N, effort/(N m)] on e_f.
-
-    Raises:
-        ParamsError: sizes that do not agree, or a gain that is not finite.
-    """
-
-    k6: FloatArray
-    k7: FloatArray
-    k8: FloatArray
-    k9: FloatArray
-
-    def __post_init__(self) -> None:
-        shape = np.asarray(self.k6).shape
-        if len(shape) != 1 or shape[0] < 1:
-            raise ParamsError(f"k6: expected one number a joint, shape (n,), got shape {shape}")
-        wrenches = np.asarray(self.k9).shape
-        _freeze(self, "k6", shape)
-        _freeze(self, "k7", shape)
-        _freeze(self, "k8", (shape[0], shape[0]))
-        _freeze(self, "k9", (shape[0], wrenches[1] if len(wrenches) == 2 else 0))
-
-
-def _model(
-    n: int, m: int, k_tau: ArrayLike, mass: FloatArray, jacobian: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """(K_tau, M, J), checked."""
-    gain = _array("k_tau", k_tau, (n,))
-    if not np.all(gain > 0.0):
-        raise ParamsError(f"k_tau: expected positive numbers [effort/(N m)], got {gain.tolist()}")
-    return gain, _array("mass", mass, (n, n)), _array("jacobian", jacobian, (m, n))
-
-
-def to_equivalent(gains: TorqueGains, k_tau: ArrayLike, mass: FloatArray, jacobian: FloatArray) -> EquivalentGains:
-    """K6 .. K9 of the gains, at one configuration (see the module).
-
-    Args:
-        gains: Kp, Ks, Kd, Kf; Ki has no counterpart and must be carried along.
-        k_tau: (n,) drive gains [effort/(N m)].
-        mass: M (n, n) [kg m^2], link side.
-        jacobian: J (m, n), rows [linear; angular] of each contact frame.
-
-    Raises:
-        ParamsError: sizes that do not agree.
-    """
-    gain, m, j = _model(gains.size, gains.kf.shape[0], k_tau, mass, jacobian)
-    kp = gains.kp[:, None]
-    forces = kp * (j.T + j.T @ gains.kf) + j.T @ gains.kf
-    total = gain * (1.0 + gains.kp)
-    return EquivalentGains(total * gains.ks, total * gains.kd, gain[:, None] * kp * m, -gain[:, None] * forces)

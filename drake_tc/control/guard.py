@@ -108,6 +108,10 @@ class CommandGuard(PortMethods, LeafSystem):
         memory[: self._size] = x
         context.SetDiscreteState(self._memory, memory)
 
+    def coordinate_names(self) -> tuple[str, ...]:
+        """Of `coordinates`: "command[i]" is that of the tick before."""
+        return tuple(f"command[{i}]" for i in range(self._size))
+
     def _solve(self, context: Any, vector: Any) -> None:
         vector.set_value(
             self._law.step(

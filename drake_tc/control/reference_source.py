@@ -13,6 +13,11 @@ class ReferenceSource(PortMethods, LeafSystem):
 
     Output:
         reference (path.size): y(t) = path.row(t); no state, no input.
+
+    Example:
+        >>> from drake_tc.control.references import PointToPoint
+        >>> ReferenceSource(PointToPoint((0.0, 0.0, 0.9), (0.05, 0.0, 0.9), 0.5, 1.0)).get_output_port().size()
+        9
     """
 
     def __init__(self, path: Path) -> None:

@@ -8,13 +8,12 @@ paper, which does not print its functions, has "smooth exponential functions".
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
 from typing import Protocol
 
 import numpy as np
 
 from drake_tc.control.instant import Quadruple, Triple, orientation_row, step_at, swinging, unit
-from drake_tc.control.reference_checks import check_quaternions, check_times, meet
+from drake_tc.control.reference_checks import check_quaternions, check_times
 from drake_tc.control.rotation import rotation_matrix, rotation_vector
 from drake_tc.control.smooth_step import Motion, smooth_step
 from drake_tc.errors import ParamsError
@@ -49,6 +48,10 @@ class PointToPoint:
 
     Raises:
         ParamsError: two lengths, a number that is not finite, or a duration that is too short.
+
+    Example:
+        >>> PointToPoint((0.0,), (0.2,), begin=1.0, duration=2.0).row(2.0).tolist()  # halfway
+        [0.1, 0.21875, 0.0]
     """
 
     start: tuple[float, ...]
@@ -96,6 +99,10 @@ class Slerp:
 
     Raises:
         ParamsError: a quaternion without direction, a number that is not finite, or a duration that is too short.
+
+    Example:
+        >>> Slerp((1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0), begin=0.0, duration=2.0).row(5.0)[:4].round(9).tolist()
+        [0.0, 0.0, 0.0, 1.0]
     """
 
     start: tuple[float, float, float, float]
@@ -153,6 +160,10 @@ class Swing:
 
     Raises:
         ParamsError: an axis or a quaternion without direction, or a number that is not possible.
+
+    Example:
+        >>> Swing((1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 1.0), amplitude=0.3, frequency_hz=0.5).row(0.0).tolist()
+        [1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]
     """
 
     start: tuple[float, float, float, float]
@@ -209,75 +220,6 @@ class Swing:
         w = 2.0 * math.pi * self.frequency_hz
         wave = swinging((a * share, a * rate, a * growth), w, w * (time - self.begin))
         return np.array(orientation_row(axis, wave, first))
-
-
-@dataclass(frozen=True)
-class Chain:
-    """One path after the other: that of the pieces which began last, before all of them the first.
-
-    Attributes:
-        pieces: In order of time, each where the one before has ended, of one kind.
-
-    Raises:
-        ParamsError: no piece, one that begins before the one before has ended or elsewhere, or of another size.
-    """
-
-    pieces: tuple[PointToPoint | Slerp, ...]
-
-    def __post_init__(self) -> None:
-        if not self.pieces or len({piece.size for piece in self.pieces}) > 1:
-            raise ParamsError(f"chain: expected pieces of one size, got {[piece.size for piece in self.pieces]}")
-        for one, other in pairwise(self.pieces):
-            if other.begin < one.begin + one.duration - 1e-9:
-                raise ParamsError(
-                    f"chain: expected each piece after the one before; {other.begin:g} s is before"
-                    f" {one.begin + one.duration:g} s"
-                )
-            if not meet(one.goal, other.start, turns=isinstance(one, Slerp)):
-                raise ParamsError(
-                    f"chain: expected each piece where the one before has ended; it ends at {one.goal}, the next begins"
-                    f" at {other.start}"
-                )
-
-    @property
-    def size(self) -> int:
-        """That of its pieces."""
-        return self.pieces[0].size
-
-    def row(self, time: float) -> FloatArray:
-        """That of the piece at `time` [s]."""
-        begun = [piece for piece in self.pieces if piece.begin <= time]
-        return (begun[-1] if begun else self.pieces[0]).row(time)
-
-
-@dataclass(frozen=True)
-class PosePath:
-    """An orientation and a place together: the reference of a frame.
-
-    Attributes:
-        orientation: Of the frame.
-        place: Of its origin, three numbers [m].
-
-    Raises:
-        ParamsError: a place of other than three numbers.
-    """
-
-    orientation: Slerp | Swing
-    place: PointToPoint
-
-    def __post_init__(self) -> None:
-        if len(self.place.start) != 3:
-            raise ParamsError(f"pose: expected a place of three numbers [m], got {len(self.place.start)}")
-
-    @property
-    def size(self) -> int:
-        """19: see `row`."""
-        return 19
-
-    def row(self, time: float) -> FloatArray:
-        """[quaternion, p; omega, v; alpha, a] at `time` [s]."""
-        turn, place = self.orientation.row(time), self.place.row(time)
-        return np.concatenate((turn[:4], place[:3], turn[4:7], place[3:6], turn[7:], place[6:]))
 
 
 def _matrix(quaternion: Quadruple) -> FloatArray:

@@ -5,10 +5,9 @@ Source: Del Prete et al., 2016, eq. 10 to 14.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import chain
 from math import tanh
-from typing import Any, Literal, NamedTuple, get_args
+from typing import Any, NamedTuple
 
 import numpy as np
 from pydrake.common.value import Value
@@ -23,14 +22,12 @@ from pydrake.systems.framework import (
 
 from drake_tc.actuation.compensator import Compensator
 from drake_tc.actuation.joint_values import JointValues, Models, joint_values, model_list
+from drake_tc.control.compensation_spec import CompensationSpec
 from drake_tc.control.gains import TorqueGains
 from drake_tc.effects.thermal_friction import REFERENCE_CELSIUS
 from drake_tc.errors import ParamsError
 from drake_tc.port_methods import PortMethods
 from drake_tc.types import FloatArray
-
-Source = Literal["estimate", "reference"]
-AccelerationSource = Literal["none", "estimate", "reference"]
 
 LARGEST = 1e12
 """Inputs that sum to more than this count as not finite."""
@@ -44,56 +41,6 @@ COMPONENTS = (
     "feedback_force",
 )
 """Names of the rows of `components` (Del Prete et al., 2016, Fig. 6)."""
-
-
-@dataclass(frozen=True)
-class CompensationSpec:
-    """Which motion the actuators' effects are compensated for.
-
-    Estimates are delayed, and compensating friction with them feeds back; references are neither.
-
-    Attributes:
-        velocity: Velocity for viscous friction and similar effects; Del Prete et al. (2016) use the estimate.
-        direction: Direction for dry friction and for drives whose gain depends on the direction,
-            tanh(v/direction_speed).
-        acceleration: Acceleration for the rotor inertia; `none`: not compensated.
-        direction_speed: Speed v_s > 0 [rad/s] at which 76 % of the dry friction are compensated.
-        smoothing: Smoothing of the inverse of dead zones and play, one number or one per joint [effort]
-            (`Compensator`).
-
-    Raises:
-        ParamsError: an unknown key or a number that is not possible.
-
-    Example:
-        >>> CompensationSpec(velocity="reference").wants_reference
-        True
-    """
-
-    velocity: Source = "estimate"
-    direction: Source = "reference"
-    acceleration: AccelerationSource = "reference"
-    direction_speed: float = 0.01
-    smoothing: float | tuple[float, ...] = 0.0
-
-    def __post_init__(self) -> None:
-        for key, possible in (
-            ("velocity", get_args(Source)),
-            ("direction", get_args(Source)),
-            ("acceleration", get_args(AccelerationSource)),
-        ):
-            if getattr(self, key) not in possible:
-                raise ParamsError(
-                    f"compensation.{key}: expected one of {', '.join(possible)}, got {getattr(self, key)!r}"
-                )
-        if not (math.isfinite(self.direction_speed) and self.direction_speed > 0.0):
-            raise ParamsError(
-                f"compensation.direction_speed: expected a positive speed [rad/s], got {self.direction_speed!r}"
-            )
-
-    @property
-    def wants_reference(self) -> bool:
-        """Whether the `reference` port is needed."""
-        return "reference" in (self.velocity, self.direction, self.acceleration)
 
 
 class _Solution(NamedTuple):
@@ -174,7 +121,7 @@ class TorqueControl(PortMethods, LeafSystem):
         super().__init__()
         spec = CompensationSpec() if compensation is None else compensation
         models = model_list(models, joints)
-        names, n = [model.joint for model in models], len(models)
+        names, n = tuple(model.joint for model in models), len(models)
         self._compensator = Compensator(models, spec.direction_speed, spec.smoothing)
         limit = joint_values("torque_limit", torque_limit, names)
         if not np.all(limit > 0.0):
@@ -182,6 +129,7 @@ class TorqueControl(PortMethods, LeafSystem):
         if not (math.isfinite(dt) and dt > 0.0):
             raise ParamsError(f"dt: expected a positive period [s], got {dt!r}")
         self._size, self._spec, self._dt, self._disturbed = n, spec, float(dt), disturbance
+        self._names = names
         self._limit, self._nil = limit, [0.0] * n
         self._nothing = _Solution(*((math.nan,) * n for _ in _Solution._fields))
         self._per_speed = 1.0 / spec.direction_speed
@@ -200,7 +148,7 @@ class TorqueControl(PortMethods, LeafSystem):
         self._estimated: Any = self.DeclareVectorInputPort("estimated_torque", n)
         self._estimate: Any = self.DeclareVectorInputPort("joint_estimate", 3 * n)
         self._position: Any = self.DeclareVectorInputPort("position", n)
-        self._reference: Any = self.DeclareVectorInputPort("reference", 3 * n) if self._spec.wants_reference else None
+        self._reference: Any = self.DeclareVectorInputPort("reference", 3 * n) if self._spec.needs_reference else None
         self._lost: Any = self.DeclareVectorInputPort("disturbance", n) if self._disturbed else None
         total = self.DeclareDiscreteState(n)
         self._sum = int(total)
@@ -247,6 +195,10 @@ class TorqueControl(PortMethods, LeafSystem):
             )
         values: Any = self._flat(gains)
         context.get_mutable_numeric_parameter(self._gains).SetFromVector(values)
+
+    def coordinate_names(self) -> tuple[str, ...]:
+        """Of the state: "joint/torque_error_integral"."""
+        return tuple(f"{joint}/torque_error_integral" for joint in self._names)
 
     def _flat(self, gains: TorqueGains) -> FloatArray:
         """[Kp; Ki]."""

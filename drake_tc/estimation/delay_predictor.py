@@ -126,6 +126,10 @@ class DelayPredictor(PortMethods, LeafSystem):
     def _write_motion(self, context: Context, vector: Any) -> None:
         vector.set_value((self._motion if self._sound(context) else self._delayed).Eval(context))
 
+    def coordinate_names(self) -> tuple[str, ...]:
+        """Of the state, for linearisations: "model_torque[i]"."""
+        return tuple(f"model_torque[{i}]" for i in range(self._size))
+
     def _write_position(self, context: Context, vector: Any) -> None:
         sound = self._sound(context)
         vector.set_value(self._motion.Eval(context)[: self._size] if sound else self._position.Eval(context))

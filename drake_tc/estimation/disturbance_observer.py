@@ -144,7 +144,7 @@ class DisturbanceObserver(PortMethods, LeafSystem):
             ParamsError: sizes that do not agree, a period that is not possible, a joint without rotor inertia.
         """
         super().__init__()
-        n = len(robot.joints)
+        n, self._joints = len(robot.joints), tuple(robot.joints)
         models = model_list(models, robot.joints)
         if not (math.isfinite(dt) and dt > 0.0):
             raise ParamsError(f"dt: expected a positive period [s], got {dt!r}")
@@ -192,6 +192,11 @@ class DisturbanceObserver(PortMethods, LeafSystem):
 
     def _held(self, context: Any) -> FloatArray:
         return np.asarray(context.get_discrete_state(self._state).value())
+
+    def coordinate_names(self) -> tuple[str, ...]:
+        """Of the state, for linearisations: "joint/estimated_position" and the like, and "fault"."""
+        parts = ("estimated_position", "estimated_velocity", "disturbance", "acceleration", "link_torque")
+        return (*(f"{joint}/{part}" for part in parts for joint in self._joints), "fault")
 
     def _write_motion(self, context: Context, vector: Any) -> None:
         vector.set_value(self._held(context)[: 3 * self._size])

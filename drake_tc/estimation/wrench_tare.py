@@ -77,6 +77,12 @@ class WrenchTare(PortMethods, LeafSystem):
         self.DeclareStateOutputPort("memory", state)
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
 
+    def coordinate_names(self) -> tuple[str, ...]:
+        """Of the state, for linearisations: "sensor/axis bias", and "samples" that the bias was measured from."""
+        axes = ("fx", "fy", "fz", "tx", "ty", "tz")
+        sensors = [mount.name for mount in self._model.robot.force_torque]
+        return (*(f"{sensor}/{axis} bias" for sensor in sensors for axis in axes), "samples")
+
     def _write_correction(self, context: Any, vector: BasicVector) -> None:
         vector.set_value(-context.get_discrete_state(self._state).value()[: self._size])
 

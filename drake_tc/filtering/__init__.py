@@ -3,7 +3,6 @@
 from drake_tc.filtering.common_kernel import CommonKernel
 from drake_tc.filtering.savitzky_golay import (
     SavitzkyGolayFilter,
-    Smoothed,
     delay,
     savgol_weights,
     smooth,
@@ -13,7 +12,6 @@ from drake_tc.filtering.savitzky_golay import (
 __all__ = [
     "CommonKernel",
     "SavitzkyGolayFilter",
-    "Smoothed",
     "delay",
     "savgol_weights",
     "smooth",

@@ -37,6 +37,13 @@ class CommonKernel:
 
     Raises:
         ParamsError: A width or a period that is not positive.
+
+    Example:
+        >>> kernel = CommonKernel(0.05, 1e-3)
+        >>> time = np.arange(0.0, 1.0, 1e-3)
+        >>> rate = kernel.derivative(3.0 * time)
+        >>> round(float(rate[500]), 6)
+        3.0
     """
 
     width_s: float

@@ -32,6 +32,10 @@ def savgol_weights(
         ParamsError: A window too short for the order, a point outside it, a period that is not positive.
 
     Source: Savitzky and Golay, 1964.
+
+    Example:
+        >>> savgol_weights(5, 2).round(3).tolist()
+        [-0.086, 0.343, 0.486, 0.343, -0.086]
     """
     at = 0.5 * (window - 1) if at is None else at
     check_window(window, order, at, dt)
@@ -53,6 +57,10 @@ def delay(window: int, dt: float, at: float | None = None) -> float:
 
     Raises:
         ParamsError: As `savgol_weights`.
+
+    Example:
+        >>> delay(81, 1e-3)
+        0.04
     """
     at = 0.5 * (window - 1) if at is None else at
     check_window(window, 0, at, dt)

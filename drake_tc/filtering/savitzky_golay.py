@@ -51,6 +51,11 @@ def smooth(x: FloatArray, window: int, order: int, dt: float) -> Smoothed:
 
     Raises:
         ParamsError: A stretch shorter than the window; otherwise as `savgol_weights`.
+
+    Example:
+        >>> time = np.arange(0.0, 1.0, 0.01)
+        >>> float(smooth(time**2, 15, 2, 0.01).first_derivative[50].round(6))
+        1.0
     """
     x = np.asarray(x, dtype=np.float64)
     if x.shape[0] < window:
@@ -93,6 +98,11 @@ def smooth_causal(x: FloatArray, window: int, order: int, dt: float, at: float |
 
     Raises:
         ParamsError: As `savgol_weights`.
+
+    Example:
+        >>> time = np.arange(0.0, 1.0, 0.01)
+        >>> float(smooth_causal(time, 21, 1, 0.01).value[50].round(6))  # 0.1 s late
+        0.4
     """
     from scipy.signal import lfilter
 
@@ -199,6 +209,11 @@ class SavitzkyGolayFilter(PortMethods, LeafSystem):
         state: Any = context
         state.SetDiscreteState(self._samples, ring.ravel())
         state.SetDiscreteState(self._estimate, self._fit(ring, oldest))
+
+    def coordinate_names(self) -> tuple[str, ...]:
+        """Of `coordinates`: "input[i]@-k" is the sample of channel i that is k ticks old."""
+        ages = range(self._window - 1, -1, -1)
+        return tuple(f"input[{i}]@-{age}" for age in ages for i in range(self._size))
 
     def _fit(self, ring: FloatArray, oldest: int) -> FloatArray:
         """The estimate (3n,) of the ring whose oldest row is known."""

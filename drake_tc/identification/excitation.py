@@ -22,6 +22,10 @@ class MotionLimits:
         position: (lowest, highest) [rad].
         velocity: Largest speed [rad/s].
         acceleration: Largest acceleration [rad/s²].
+
+    Example:
+        >>> MotionLimits((-1.0, 1.0), velocity=2.0, acceleration=20.0).velocity
+        2.0
     """
 
     position: tuple[float, float]
@@ -44,6 +48,11 @@ class Motion:
         velocity: q̇ [rad/s], the exact derivative.
         acceleration: q̈ [rad/s²], the exact second derivative.
         scale: By how much the desired amplitude was scaled to stay inside the limits.
+
+    Example:
+        >>> rest = np.zeros(3)
+        >>> Motion(rest, rest, rest).scale
+        1.0
     """
 
     position: FloatArray
@@ -74,6 +83,12 @@ def growing_sinusoid(
         IdentificationError: A frequency that is not positive or a centre outside the limits.
 
     Source: Del Prete et al., 2016, section 3.4.
+
+    Example:
+        >>> limits = MotionLimits((-1.0, 1.0), velocity=2.0, acceleration=20.0)
+        >>> motion = growing_sinusoid(np.arange(0.0, 5.0, 1e-3), 0.5, 0.1, 0.1, limits)
+        >>> motion.scale, bool(np.abs(motion.velocity).max() <= limits.velocity)
+        (1.0, True)
     """
     if not frequency_hz > 0:
         raise IdentificationError(f"growing sinusoid needs a positive frequency [Hz], got {frequency_hz:g}")
@@ -112,6 +127,12 @@ def multisine(
         IdentificationError: A band without a multiple, beyond half the sampling rate, or a centre outside.
 
     Source: Schroeder, IEEE Transactions on Information Theory 16 (1970).
+
+    Example:
+        >>> limits = MotionLimits((-1.0, 1.0), velocity=2.0, acceleration=20.0)
+        >>> motion = multisine(np.arange(0.0, 10.0, 1e-3), (0.2, 2.0), 8, limits, np.random.default_rng(0))
+        >>> bool(np.abs(motion.position).max() <= 1.0 + 1e-9)
+        True
     """
     if time.size < 2 or tones < 1:
         raise IdentificationError(f"multisine needs two samples and one tone, got {time.size} and {tones}")
@@ -147,6 +168,12 @@ def trapezoids(time: FloatArray, targets: Sequence[float], limits: MotionLimits,
 
     Raises:
         IdentificationError: No target, one outside the position limits, or a negative rest.
+
+    Example:
+        >>> limits = MotionLimits((-1.0, 1.0), velocity=2.0, acceleration=20.0)
+        >>> motion = trapezoids(np.arange(0.0, 4.0, 1e-3), (0.0, 0.8, -0.5), limits, dwell_s=0.2)
+        >>> round(float(motion.position[-1]), 6)
+        -0.5
     """
     _check_targets(targets, limits)
     if dwell_s < 0:
@@ -188,6 +215,13 @@ def postures_with_pushes(
         IdentificationError: No time left to rest, a posture outside the limits, or no push.
 
     Source: Del Prete et al., 2016, section 3.4.
+
+    Example:
+        >>> limits = MotionLimits((-1.0, 1.0), velocity=2.0, acceleration=20.0)
+        >>> time, rng = np.arange(0.0, 12.0, 1e-3), np.random.default_rng(0)
+        >>> motion, push = postures_with_pushes(time, (0.0, 0.5), 10.0, 2, limits, rng)
+        >>> bool(5.0 <= np.abs(push).max() <= 10.0)
+        True
     """
     _check_targets(postures, limits)
     moves = [trapezoid_duration(d, limits.velocity, limits.acceleration) for d in np.diff(postures)]

@@ -84,6 +84,13 @@ def fit_three_pieces(
         IdentificationError: Break points or bounds out of order, or a piece with too few points at the start.
 
     Source: Del Prete et al., 2016, section 3.3, which assumes that the rounds converge.
+
+    Example:
+        >>> torque = np.linspace(-4.0, 4.0, 161)
+        >>> effort = 0.2 * torque + 0.3 * np.clip(torque, -1.0, 1.0)
+        >>> fit = fit_three_pieces(torque, effort, breaks=(-1.0, 1.0))
+        >>> np.round(fit.slopes, 6).tolist(), np.round(fit.breaks, 6).tolist()
+        ([0.2, 0.5, 0.2], [-1.0, 1.0])
     """
     tau, y = np.asarray(torque, dtype=np.float64), np.asarray(effort, dtype=np.float64)
     if tau.shape != y.shape or tau.ndim != 1 or not (np.isfinite(tau).all() and np.isfinite(y).all()):
@@ -128,6 +135,14 @@ def fit_piecewise(
 
     Raises:
         IdentificationError: As `fit_three_pieces`.
+
+    Example:
+        >>> torque = np.tile(np.linspace(-4.0, 4.0, 161), 2)
+        >>> velocity = np.repeat([1.0, -1.0], 161)
+        >>> effort = 0.2 * torque + 0.3 * np.clip(torque, -1.0, 1.0) + 0.05 * velocity
+        >>> fit = fit_piecewise(torque, velocity, effort, breaks=(-1.0, 1.0))
+        >>> np.round(fit.forward.slopes, 6).tolist()
+        [0.2, 0.5, 0.2]
     """
     pieces = [
         fit_three_pieces(torque[way], effort[way], breaks=breaks, middle_slope=middle_slope)

@@ -54,6 +54,12 @@ def least_squares(
             or an excitation too poor, with the condition number and the parameter that suffers.
 
     Source: Newey and West, 1987; Kiefer and Vogelsang 2005 for the critical value.
+
+    Example:
+        >>> columns = np.array([[1.0, 0.0], [0.0, 1.0], [1.0, 1.0], [2.0, 1.0]])
+        >>> fit = least_squares(columns, columns @ [0.5, 2.0], names=("viscous", "coulomb"))
+        >>> fit.coefficients.round(6).tolist()
+        [0.5, 2.0]
     """
     a, b, labels = checked(columns, target, names)
     root = np.sqrt(checked_weights(weights, b.size))

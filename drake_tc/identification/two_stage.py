@@ -69,6 +69,14 @@ def fit_two_stage(
         IdentificationError: A threshold that leaves one of the stages without samples, or poor excitation.
 
     Source: Del Prete et al., 2016, section 3.3.
+
+    Example:
+        >>> time = np.linspace(0.0, 20.0, 2001)
+        >>> velocity, torque = np.sin(time), 5.0 * np.cos(3.0 * time)
+        >>> effort = 2e-3 * torque + 4e-3 * velocity
+        >>> fit = fit_two_stage(torque, velocity, effort, still_below=0.05, coulomb=False)
+        >>> {name: round(value, 4) for name, value in fit.parameters.items()}
+        {'K_tau': 0.002, 'K_v': 0.004}
     """
     tau, v, y = (np.asarray(s, dtype=np.float64) for s in (torque, velocity, effort))
     still = np.abs(v) < still_below

@@ -19,7 +19,7 @@ import logging
 import os
 import sys
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
@@ -47,8 +47,6 @@ INDEX, TABLE = _array(WHOLE, 1, readonly=True), _array(WHOLE, 2, readonly=True)
 """Inputs of whole numbers."""
 OUT_VECTOR, OUT_MATRIX = _array(REAL, 1, readonly=False), _array(REAL, 2, readonly=False)
 """Arrays that are written."""
-OUT_INDEX = _array(WHOLE, 1, readonly=False)
-"""Whole numbers that are written."""
 
 
 def helper(function: F) -> F:
@@ -82,11 +80,6 @@ def kernel(*arguments: Any) -> Callable[[F], F]:
         return entry
 
     return compiled
-
-
-def signatures_of(entry: Callable[..., Any]) -> Sequence[Any]:
-    """For which types an entry is compiled: one signature, however long it runs; none where nothing is compiled."""
-    return tuple(getattr(entry, "signatures", ()))
 
 
 def sources_of(module: str, folder: Path = _SOURCES) -> tuple[Path, ...]:

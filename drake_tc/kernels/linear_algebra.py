@@ -68,20 +68,6 @@ def whiten_columns(factor: FloatArray, columns: FloatArray) -> None:
 
 
 @helper
-def colour_columns(factor: FloatArray, columns: FloatArray) -> None:
-    """U^-1 B in place of B (n, c)."""
-    n, c = factor.shape[0], columns.shape[1]
-    for k in range(n - 1, -1, -1):
-        for i in range(k + 1, n):
-            share = factor[k, i]
-            for j in range(c):
-                columns[k, j] -= share * columns[i, j]
-        inverse = 1.0 / factor[k, k]
-        for j in range(c):
-            columns[k, j] *= inverse
-
-
-@helper
 def times_vector(out: FloatArray, matrix: FloatArray, vector: FloatArray) -> None:
     """A x into out (m,), also where a size is 0."""
     if matrix.shape[0] and matrix.shape[1]:

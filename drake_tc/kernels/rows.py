@@ -125,7 +125,7 @@ def _in_reference(
     lag: FloatArray,
     free: FloatArray,
 ) -> None:
-    """The angular parts in the reference's axes, omega_d x (omega - omega_d) added (`control.cartesian`)."""
+    """The angular parts in the reference's axes, omega_d x (omega - omega_d) added (see `FrameTask`)."""
     back, turn, carried, angles = np.empty(9), np.empty(9), np.empty(3), np.empty(3)
     for i in range(3):
         for j in range(3):

@@ -33,7 +33,7 @@ EFFORT: Mapping[str, str] = {"position_servo": "rad", "current": "A", "voltage":
 
 
 @dataclass(frozen=True)
-class TakenOver:
+class DeclaredTerms:
     """What a file declares of one joint of a rig.
 
     Attributes:
@@ -64,7 +64,7 @@ class TakenOver:
         return f"{self.joint}: declared: {', '.join(parts) or 'nothing'}{rest}"
 
 
-def taken_over(rig: "Rig", path: Path, joints: Sequence[str] = ()) -> list[TakenOver]:
+def declared_terms(rig: "Rig", path: Path, joints: Sequence[str] = ()) -> list[DeclaredTerms]:
     """What the file declares of joints of the rig.
 
     Args:
@@ -89,13 +89,13 @@ def with_declared_file(rig: "Rig", path: Path, joints: Sequence[str] = ()) -> "R
 
     Args:
         rig: As its own file has it.
-        path: See `taken_over`.
-        joints: See `taken_over`.
+        path: See `declared_terms`.
+        joints: See `declared_terms`.
 
     Raises:
-        RigError: see `taken_over`.
+        RigError: see `declared_terms`.
     """
-    found = taken_over(rig, path, joints)
+    found = declared_terms(rig, path, joints)
     declared = dict(rig.declared)
     for each in found:
         own = {name: value for name, value in declared[each.joint].items() if value is not None or name not in ALWAYS}
@@ -112,7 +112,7 @@ ALWAYS = ("viscous", "coulomb")
 """Part of every declared model, whether a file has values or not."""
 
 
-def _of_joint(joint: str, drive: str, read: ReadJoint | None) -> TakenOver:
+def _of_joint(joint: str, drive: str, read: ReadJoint | None) -> DeclaredTerms:
     if read is None:
         raise RigError(f"no joint {joint}")
     terms = read.terms
@@ -130,9 +130,9 @@ def _of_joint(joint: str, drive: str, read: ReadJoint | None) -> TakenOver:
         declared |= {f"{effect}.{name}": value for name, value in (parameters or {}).items()}
     if not read.driven or terms.drive != drive:
         unused = (*read.unused, *([f"its drive ({terms.drive})"] if read.driven else []))
-        return TakenOver(joint, declared, unused=unused)
+        return DeclaredTerms(joint, declared, unused=unused)
     limit = terms.torque_limit
-    return TakenOver(
+    return DeclaredTerms(
         joint,
         declared,
         drive_gain=1.0 / terms.kp if terms.kp > 0.0 else None,

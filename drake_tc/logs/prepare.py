@@ -18,6 +18,7 @@ from drake_tc.logs.live import require_live
 from drake_tc.logs.loads import Pendulum
 from drake_tc.logs.local_motion import stepped_clock
 from drake_tc.logs.one_joint import require_one_joint
+from drake_tc.logs.outliers import without_outliers
 from drake_tc.logs.plausible import check_angles, check_speed, check_velocity, lag_notes
 from drake_tc.logs.readers import read_table, run_name
 from drake_tc.logs.record import Run
@@ -25,7 +26,6 @@ from drake_tc.logs.rig import Rig
 from drake_tc.logs.signs import wrong_signs
 from drake_tc.logs.speed_only import require_alike, with_positions
 from drake_tc.logs.torque_unit import check_torque_unit
-from drake_tc.logs.wild_samples import mended
 from drake_tc.types import BoolArray, FloatArray, IntArray
 
 SHORTEST_SEGMENT = 10
@@ -170,7 +170,7 @@ def _prepare(path: Path, rig: Rig) -> Run:
     raw = map_columns(table, rig, path)
     rows = len(table)
     del table
-    raw = mended(with_positions(_in_order(raw)), rig.joints)
+    raw = without_outliers(with_positions(_in_order(raw)), rig.joints)
     notes = raw.notes + _check_commands(raw, rig) + require_live(raw, rig)
     columns, excluded, more = _repair_channels(raw, rig)
     clock = uniform_clock(raw.time, raw.enabled, path, _stepped(raw, rig))

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 from drake_tc.front_door import front_door
 
 if TYPE_CHECKING:
+    from drake_tc.loops.function_diagram import function_entry
     from drake_tc.loops.plant import add_robot_plant
     from drake_tc.loops.scenarios.parts import FilterSpec
     from drake_tc.loops.series_elastic.scenario import SeriesElasticLoopSpec
@@ -23,6 +24,7 @@ __all__ = [
     "add_series_elastic_loop",
     "add_torque_loop",
     "add_whole_body_loop",
+    "function_entry",
 ]
 
 _HOMES = {
@@ -34,6 +36,7 @@ _HOMES = {
     "add_series_elastic_loop": "series_elastic.wiring",
     "add_torque_loop": "torque.wiring",
     "add_whole_body_loop": "whole_body.wiring",
+    "function_entry": "function_diagram",
 }
 
 __getattr__, __dir__ = front_door(__name__, _HOMES)

@@ -10,7 +10,7 @@ from drake_tc.loops.series_elastic.sliding import sliding_sea
 from drake_tc.loops.simulated import simulate_sea_loop, simulate_torque_loop, simulate_tsid_loop
 from drake_tc.loops.torque.loop import Loop, build_loop
 from drake_tc.loops.torque.scenario import Scenario
-from drake_tc.loops.torque.sliding import sliding
+from drake_tc.loops.torque.sliding import sliding_scenario
 from drake_tc.loops.whole_body.loop import TsidLoop, build_tsid
 from drake_tc.loops.whole_body.scenario import TsidScenario
 
@@ -33,7 +33,7 @@ def torque_loop(name: str, title: str, scenario_file: Path) -> TorqueLoopEntry:
 
 
 def _sliding_loop(scenario: Scenario, folder: Path) -> Scenario:
-    return replace(sliding(scenario, folder), sensors="perfect")
+    return replace(sliding_scenario(scenario, folder), sensors="perfect")
 
 
 def whole_body_loop(name: str, title: str, scenario_file: Path) -> TsidEntry:

@@ -91,8 +91,12 @@ def function_entry(name: str, function: Callable[[], Diagram]) -> FunctionEntry:
     """The entry of a function without arguments that returns a built Drake Diagram.
 
     Args:
-        name: As it was asked for, `module:function`.
+        name: As commands take it: a registered name, or `module:function`.
         function: Called anew for every simulation and linearisation.
+
+    Example:
+        >>> function_entry("small_loop", small_loop).kind
+        'function'
     """
 
     def build(scenario: FunctionScenario) -> FunctionLoop:

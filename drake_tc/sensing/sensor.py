@@ -145,6 +145,10 @@ class SensorBase(PortMethods, LeafSystem):
             state: Any = context
             state.SetDiscreteState(self._line, line.ravel())
 
+    def coordinate_names(self) -> tuple[str, ...]:
+        """Of `coordinates`: "truth[i]@-k" is the true value of element i, k ticks old."""
+        return tuple(f"truth[{i}]@-{age}" for age in range(self._delay, 0, -1) for i in range(self._size))
+
     def _oldest(self, context: Context) -> int:
         """Row of the delay line that is read at this tick."""
         return int(context.get_discrete_state(self._now).value()[_TICK]) % self._delay

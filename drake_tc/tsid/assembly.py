@@ -18,7 +18,7 @@ _NONE: FloatArray = np.zeros((0, 0))
 _NOWHERE: IntArray = np.zeros(0, dtype=np.int64)
 
 
-class Map(NamedTuple):
+class AffineMap(NamedTuple):
     """Accelerations and forces that torques cause: vdot = C_v tau + c_v, f = C_f tau + c_f.
 
     Attributes:
@@ -112,7 +112,7 @@ def _given(parts: Parts) -> tuple[FloatArray | IntArray, ...]:
     )
 
 
-def cost_of(tasks: Sequence[TaskRows], causes: Map) -> LeastSquares:
+def cost_of(tasks: Sequence[TaskRows], causes: AffineMap) -> LeastSquares:
     """||D tau - d||^2 with the weights in the rows."""
     size, start = sum(rows.target.size for rows in tasks), 0
     matrix, target = np.empty((size, causes.motion.shape[1] - 1)), np.empty(size)
@@ -122,7 +122,7 @@ def cost_of(tasks: Sequence[TaskRows], causes: Map) -> LeastSquares:
     return LeastSquares(matrix, target)
 
 
-def polytope_of(limits: Sequence[LimitRows], causes: Map) -> Polytope:
+def polytope_of(limits: Sequence[LimitRows], causes: AffineMap) -> Polytope:
     """The polytope lower <= G tau <= upper, the torques' bounds first where there are some."""
     limits = ordered(limits)
     size, start = sum(rows.lower.size for rows in limits), 0

@@ -15,7 +15,7 @@ from drake_tc.port_methods import PortMethods
 from drake_tc.tsid.inner_blocks import inner_blocks
 from drake_tc.tsid.law import Law, Status
 from drake_tc.tsid.model import Scratch
-from drake_tc.tsid.tick import Before, Tick, lost_tick, solve_tick
+from drake_tc.tsid.tick import PreviousTick, Tick, lost_tick, solve_tick
 from drake_tc.tsid.warm_start import WarmStart
 from drake_tc.types import FloatArray
 
@@ -136,7 +136,7 @@ class RobustTsid(PortMethods, LeafSystem):
             port.Eval(context) if port.HasValue(context) else rest
             for port, rest in zip(self._references, self._rest, strict=True)
         ]
-        before = Before(held[self._places["torque"]], self._warm.unpack(held[self._start]))
+        before = PreviousTick(held[self._places["torque"]], self._warm.unpack(held[self._start]))
         active = self._switches(context)
         if active is None:
             solution.take(lost_tick(self._law, before))

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from drake_tc.kernels.lazy import Kernel
-from drake_tc.tsid.assembly import Map
+from drake_tc.tsid.assembly import AffineMap
 from drake_tc.tsid.contacts import ActiveContacts
 from drake_tc.tsid.limits.base import Limit
 from drake_tc.tsid.model import SHORTEST, TsidModel
@@ -36,7 +36,7 @@ class Found(NamedTuple):
     """
 
     code: int
-    causes: Map
+    causes: AffineMap
     scaled: ScaledProblem
     relaxed: int
 
@@ -126,7 +126,7 @@ class FusedProblem:
         """
         tables, error = self.tables(contacts), self._error
         tasks, limits = _sized(tables, written) if self.asks else (tables.tasks, tables.limits)
-        code, relaxed, motion, push, cost, target, rows, lower, upper, noise, certain, divisor, sure = _PROBLEM(
+        code, relaxed, motion, push, cost, target, rows, lower, upper, noise, certain, _, sure = _PROBLEM(
             given,
             *self._model.tree_arguments,
             contacts.places,
@@ -142,8 +142,8 @@ class FusedProblem:
             self._options,
         )
         whole = Rows(rows, lower, upper, self._bounds)
-        scaled = ScaledProblem(LeastSquares(cost, target), whole, certain, sure, noise, error.scale, divisor)
-        return Found(code, Map(motion, push), scaled, relaxed + written.relaxed)
+        scaled = ScaledProblem(LeastSquares(cost, target), whole, certain, sure, noise, error.scale)
+        return Found(code, AffineMap(motion, push), scaled, relaxed + written.relaxed)
 
 
 def _block(parts: Parts, sizes: tuple[int, int, int], first: FloatArray, second: FloatArray) -> FloatArray:

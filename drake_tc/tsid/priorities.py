@@ -11,11 +11,11 @@ from drake_tc.tsid.assembly import cost_of
 from drake_tc.tsid.hierarchy import Level, Robustness, hierarchy
 from drake_tc.tsid.qp.problem import Outcome, QpSolver
 from drake_tc.tsid.reduction import Reduced
+from drake_tc.tsid.robust.active_set import FREE
 from drake_tc.tsid.robust.individual import p_ind
 from drake_tc.tsid.robust.options import Options
 from drake_tc.tsid.robust.solution import RobustSolution, Start
 from drake_tc.tsid.robust.torque_error import TorqueError
-from drake_tc.tsid.robust.working import FREE
 from drake_tc.tsid.rows import TaskRows
 
 

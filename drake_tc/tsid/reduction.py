@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from drake_tc.kernels.lazy import Kernel
-from drake_tc.tsid.assembly import Map, cost_of, polytope_of
+from drake_tc.tsid.assembly import AffineMap, cost_of, polytope_of
 from drake_tc.tsid.polytope import LeastSquares, Polytope
 from drake_tc.tsid.rows import LimitRows, TaskRows
 from drake_tc.tsid.terms import Terms
@@ -40,7 +40,7 @@ class Reduced:
         polytope: lower <= G tau <= upper; bounds on the torques first.
     """
 
-    causes: Map
+    causes: AffineMap
     cost: LeastSquares
     polytope: Polytope
 
@@ -80,7 +80,7 @@ def reduce(
     return Reduced(causes, cost_of(tasks, causes), polytope_of(limits, causes))
 
 
-def causes_of(terms: Terms, contact_acceleration: FloatArray | None = None) -> Map:
+def causes_of(terms: Terms, contact_acceleration: FloatArray | None = None) -> AffineMap:
     """C and c of y = C tau + c, by its parts; NaN where the terms have some."""
     drift = terms.contact_bias if contact_acceleration is None else terms.contact_bias - contact_acceleration
-    return Map(*_CAUSES(terms.mass_matrix, terms.bias, terms.actuated, terms.contact_jacobian, drift))
+    return AffineMap(*_CAUSES(terms.mass_matrix, terms.bias, terms.actuated, terms.contact_jacobian, drift))

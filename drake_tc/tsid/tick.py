@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from drake_tc.kernels.lazy import Kernel
-from drake_tc.tsid.assembly import Map, names_of
+from drake_tc.tsid.assembly import AffineMap, names_of
 from drake_tc.tsid.contacts import ActiveContacts
 from drake_tc.tsid.fused import LOST, NO_POSE, NO_ROWS, Found
 from drake_tc.tsid.infeasible import diagnose, safe_torque
@@ -72,7 +72,7 @@ class Problem(NamedTuple):
     reduced: Reduced
 
 
-class Before(NamedTuple):
+class PreviousTick(NamedTuple):
     """What a tick knows of the last one.
 
     Attributes:
@@ -90,7 +90,7 @@ def solve_tick(
     state: FloatArray,
     references: Sequence[FloatArray],
     active: tuple[bool, ...],
-    before: Before,
+    before: PreviousTick,
 ) -> Tick:
     """One tick; never raises on numbers.
 
@@ -138,7 +138,7 @@ def _found(
     return None if found.code == NO_POSE else found
 
 
-def _solution(law: Law, problem: Problem, before: Before) -> RobustSolution:
+def _solution(law: Law, problem: Problem, before: PreviousTick) -> RobustSolution:
     reduced, form, solver = problem.reduced, law.formulation, law.solver
     if isinstance(solver, ProgramSolver):
         rows = (problem.terms, problem.tasks, problem.limits, _held(law, problem.terms))
@@ -164,7 +164,7 @@ def _held(law: Law, terms: Terms) -> FloatArray | None:
     return -law.contact_damping * terms.contact_velocity if law.contact_damping else None
 
 
-def _told(law: Law, causes: Map, contacts: ActiveContacts, solution: RobustSolution, relaxed: int) -> Tick:
+def _told(law: Law, causes: AffineMap, contacts: ActiveContacts, solution: RobustSolution, relaxed: int) -> Tick:
     """The tick of a solution."""
     risk = min(solution.robustness, LARGEST)
     found = (solution.outcome, 0.0, solution.iterations, risk, solution.p_ind, -1.0, 0.0)
@@ -173,13 +173,13 @@ def _told(law: Law, causes: Map, contacts: ActiveContacts, solution: RobustSolut
 
 
 def _packed(
-    law: Law, causes: Map, contacts: ActiveContacts, torque: FloatArray, status: FloatArray, start: Start | None
+    law: Law, causes: AffineMap, contacts: ActiveContacts, torque: FloatArray, status: FloatArray, start: Start | None
 ) -> Tick:
     acceleration, force = _RESPONSE(torque, *causes, contacts.entries, law.model.force_size)
     return Tick(torque, acceleration, force, status, start)
 
 
-def _given_way(law: Law, problem: Problem, solution: RobustSolution, before: Before) -> Tick:
+def _given_way(law: Law, problem: Problem, solution: RobustSolution, before: PreviousTick) -> Tick:
     """The torque that misses least, or the safe one, where there is no solution."""
     terms, polytope = problem.terms, problem.reduced.polytope
     lower, upper = polytope.lower[: polytope.bounds], polytope.upper[: polytope.bounds]
@@ -203,7 +203,7 @@ def _relaxed(problem: Problem) -> int:
     return sum(rows.relaxed for rows in problem.limits)
 
 
-def lost_tick(law: Law, before: Before, error: Exception | None = None) -> Tick:
+def lost_tick(law: Law, before: PreviousTick, error: Exception | None = None) -> Tick:
     """The torque before, faded, where nothing is known."""
     model = law.model
     status = np.zeros(len(Status))

@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from drake_tc.tsid.robust.active_set import FREE, ActiveSet
 from drake_tc.tsid.robust.solution import Start
-from drake_tc.tsid.robust.working import FREE, Working
 from drake_tc.types import FloatArray
 
 _HEAD = 5
@@ -29,14 +29,18 @@ class WarmStart:
         out[:] = 0.0
         if start is None:
             return
-        n, room, working = self._n, self._held, start.working
+        n, room, active_set = self._n, self._held, start.active_set
         out[0], out[1], out[2] = 1.0, start.rows, start.weight
         out[_HEAD : _HEAD + n] = start.torque
-        count = working.rows.size
+        count = active_set.rows.size
         if count <= room:
             out[3] = count
             block = out[_HEAD + n : _HEAD + n + 3 * room].reshape(3, room)
-            block[0, :count], block[1, :count], block[2, :count] = working.rows, working.sides, working.multipliers
+            block[0, :count], block[1, :count], block[2, :count] = (
+                active_set.rows,
+                active_set.sides,
+                active_set.multipliers,
+            )
         if start.inner is not None and start.inner.size <= self._inner:
             out[4] = start.inner.size
             out[out.size - self._inner :][: start.inner.size] = start.inner
@@ -45,10 +49,10 @@ class WarmStart:
         """The `Start` in packed (size,)."""
         if packed[0] != 1.0:
             return None
-        n, room, working = self._n, self._held, FREE
+        n, room, active_set = self._n, self._held, FREE
         _, rows, weight, count, inner = packed[:_HEAD].tolist()
         if count:
             block = packed[_HEAD + n : _HEAD + n + 3 * room].reshape(3, room)[:, : int(count)]
-            working = Working(block[0].astype(np.int64), block[1].astype(np.int64), block[2].copy())
+            active_set = ActiveSet(block[0].astype(np.int64), block[1].astype(np.int64), block[2].copy())
         state = packed[packed.size - self._inner :][: int(inner)].copy() if inner else None
-        return Start(packed[_HEAD : _HEAD + n].copy(), int(rows), working, weight, state)
+        return Start(packed[_HEAD : _HEAD + n].copy(), int(rows), active_set, weight, state)

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from drake_tc.actuation.friction import friction_law, friction_step
 from drake_tc.actuation.joint_program import JointInput, JointOutput, JointProgram
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.actuation.plant import ActuatorPlant
@@ -82,11 +81,3 @@ def test_the_plant_is_its_programs_side_by_side():
         context.SetDiscreteState(system.EvalUniquePeriodicDiscreteUpdate(context))
         state = context.get_discrete_state_vector().value()
         assert_allclose(state, [*np.concatenate(memories), tick * TICK], atol=0)
-
-
-@pytest.mark.parametrize("inertia", [0.0, 0.3])
-def test_a_friction_law_is_stepped_many_times_as_once(inertia):
-    law = friction_law(inertia, TICK)
-    rng = np.random.default_rng(0)
-    for z, v, thrust, level, damping in rng.uniform([-1, -2, -30, 0, 0], [1, 2, 30, 9, 9], (50, 5)).tolist():
-        assert law(z, v, thrust, level, damping) == friction_step(z, v, thrust, level, damping, inertia, TICK)

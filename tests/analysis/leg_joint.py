@@ -13,7 +13,7 @@ from drake_tc.analysis.torque_loop.one_joint_loop import one_joint_loop
 from drake_tc.loops.torque.loop import build_loop
 from drake_tc.loops.torque.parts import torque_gains
 from drake_tc.loops.torque.scenario import Scenario
-from drake_tc.loops.torque.sliding import sliding
+from drake_tc.loops.torque.sliding import sliding_scenario
 from drake_tc.registry import diagram_entry
 from drake_tc.robot.plant import make_plant
 
@@ -137,7 +137,7 @@ def spring_loop(folder, kf, stiffness=300.0):
         gains=replace(scenario.gains, k6=0.25, k7=0.0, kp=1.0, kf=kf),
         filters=replace(scenario.filters, window=10),
     )
-    scenario = sliding(scenario, folder)
+    scenario = sliding_scenario(scenario, folder)
     loop = one_joint_loop(scenario, "r_hip_yaw", stiffness)
     context = loop.settled(0.3).get_context()
     return loop, context, replace(joint_loops(scenario)["r_hip_yaw"], environment_stiffness=stiffness)

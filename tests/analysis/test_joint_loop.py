@@ -46,12 +46,22 @@ def test_eigenvalues_are_those_of_the_diagram(case, tmp_path):
     assert_allclose(found.radius_but_for_drift(1e-6), mine.spectral_radius(), atol=1e-6)
 
 
+def command_loop(joint, omega):
+    """L (W,) with the loop cut at the command q + y, where the servo's own loop stays closed."""
+    shift = np.exp(-1j * omega * joint.dt)
+    plant, integrator, feedback = (
+        np.polynomial.polynomial.polyval(shift, part) for part in (joint.plant, joint.integrator, joint.feedback)
+    )
+    through = joint.drive_gain * shift / plant
+    return -(1.0 + feedback / integrator) * through / (1.0 + through)
+
+
 def test_open_loop_is_that_of_the_diagram(tmp_path):
     scenario = write_scenario(tmp_path, "r_hip_yaw", TRUE, MODEL, {"filters": {"window": 10}})
     loop, context = started(scenario)
     cut = open_loop(loop.diagram, context, scenario.dt, "torque_control:command")
     omega = np.geomspace(1.0, 3000.0, 40)
-    wanted = closed_form(loop, context, TRUE, MODEL).open_command_loop(omega)
+    wanted = command_loop(closed_form(loop, context, TRUE, MODEL), omega)
     assert_allclose(cut.loop_response(0)(omega), wanted, rtol=1e-6)
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from drake_tc.analysis.frequency_response import FrequencyResponse
 from drake_tc.cli.bode_command import _print
-from drake_tc.cli.bode_found import BodeFound
+from drake_tc.cli.bode_measurement import BodeMeasurement
 from drake_tc.cli.main import run
 
 PORTS = ["--input", "reference:y0", "--output", "actuators:transmitted_torque"]
@@ -53,7 +53,7 @@ def test_a_narrow_terminal_cuts_no_figure(capsys, monkeypatch):
     f, nothing = np.array([5.0, 123.456]), np.full(2, np.nan)
     h = np.array([1.1 * np.exp(-1.0j), 0.0])
     measured = FrequencyResponse(f, h, np.array([0.0123, np.nan]), turned=np.array([-1.0 - 2.0 * np.pi, 0.0]))
-    _print(BodeFound(measured, FrequencyResponse(f, np.array([1.0, 1e-3]), nothing, turned=np.zeros(2)), ()))
+    _print(BodeMeasurement(measured, FrequencyResponse(f, np.array([1.0, 1e-3]), nothing, turned=np.zeros(2)), ()))
     out = capsys.readouterr().out.splitlines()
     assert out[1].split() == ["5.000", "0.83", "-417.3", "0.012", "0.00", "0.0"]
     assert out[2].split() == ["123.456", "-", "-", "-", "-60.00", "0.0"]

@@ -7,7 +7,7 @@ import sys
 import pytest
 
 from drake_tc.cli import entry
-from drake_tc.system_libraries import PACKAGES, how_to_install, missing_library, missing_packages, package_of
+from drake_tc.system_libraries import PACKAGES, how_to_install, missing_library, package_of
 
 OPENING = "cannot open shared object file: No such file or directory"
 
@@ -71,13 +71,6 @@ def test_packages_of_the_libraries_that_wheels_leave_out(library, package):
     assert missing_library(ImportError(f"{library}: {OPENING}")) == library
     assert package_of(library) == package and package in PACKAGES.values()
     assert how_to_install(library).endswith(f"apt install {package}")
-
-
-def test_packages_that_modules_lack(monkeypatch, tmp_path):
-    for name, library in {"without_glib": "libglib-2.0.so.0", "without_odd": "libodd.so.1"}.items():
-        (tmp_path / f"{name}.py").write_text(f"raise ImportError('{library}: {OPENING}')", encoding="utf-8")
-    monkeypatch.syspath_prepend(str(tmp_path))
-    assert missing_packages(["without_glib", "without_odd", "json", "not_installed"]) == ["libglib2.0-0", "libodd.so.1"]
 
 
 def test_what_is_not_a_missing_library():

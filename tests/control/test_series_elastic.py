@@ -8,7 +8,7 @@ from drake_tc.actuation.voltage_motor import VoltageMotor
 from drake_tc.control.series_elastic.control import SeriesElasticControl
 from drake_tc.control.series_elastic.friction import momentum_step, motor_arrays, observer_weights
 from drake_tc.control.series_elastic.law import Readings, SeriesElasticLaw
-from drake_tc.control.series_elastic.memory import KEPT, Kept, cubic_weights
+from drake_tc.control.series_elastic.memory import MEMORY_ROWS, MemoryRow, cubic_weights
 from drake_tc.control.series_elastic.spec import SeriesElasticSpec
 from drake_tc.errors import ParamsError
 
@@ -45,10 +45,10 @@ def test_the_observer_finds_the_friction_of_a_motion_computed_by_hand(delay):
         motor = MOTOR.viscous * speed + 2.7 + MOTOR.inertia * acceleration + 3.0 * np.cos(w * t) + 20.0 * t
         return MOTOR.back_emf * 100.0 * speed + MOTOR.resistance / (MOTOR.torque_constant * 100.0) * motor
 
-    kept = np.zeros((length, KEPT, 1))
-    kept[:, Kept.ANGLE, 0], kept[:, Kept.TORQUE, 0] = angle, torque
-    kept[:, Kept.VOLTAGE, 0] = volts(time + (delay + 0.5) * DT)  # held over the tick in whose middle it is right
-    kept[-1, Kept.VOLTAGE, 0] = 1e6  # of this tick: not known yet
+    kept = np.zeros((length, MEMORY_ROWS, 1))
+    kept[:, MemoryRow.ANGLE, 0], kept[:, MemoryRow.TORQUE, 0] = angle, torque
+    kept[:, MemoryRow.VOLTAGE, 0] = volts(time + (delay + 0.5) * DT)  # held over the tick in whose middle it is right
+    kept[-1, MemoryRow.VOLTAGE, 0] = 1e6  # of this tick: not known yet
     found = np.einsum("lkn,lkn->n", observer_weights(arrays, delay, step, DT, length), kept[:, :3])
     assert_allclose(found, [2.7], atol=2e-3)  # second-order errors of the means over a tick
 

@@ -8,9 +8,12 @@ from numpy.testing import assert_allclose
 
 from drake_tc.actuation.joint_program import JointInput, JointProgram
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
-from drake_tc.control.gains import TorqueGains, to_equivalent
-from drake_tc.control.torque_control import COMPONENTS, CompensationSpec, TorqueControl
+from drake_tc.control.compensation_spec import CompensationSpec
+from drake_tc.control.gains import TorqueGains
+from drake_tc.control.torque_control import COMPONENTS, TorqueControl
 from drake_tc.errors import ParamsError
+
+from .equivalent_gains import to_equivalent
 
 K_TAU = np.array([2e-4, 5e-3])
 EFFECTS = (

@@ -13,7 +13,8 @@ from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.errors import LogError, RigError
 from drake_tc.logs.loads import GRAVITY, Pendulum
 from drake_tc.logs.prepare import load_runs
-from drake_tc.logs.rig import parse_rig, rig_document
+from drake_tc.logs.rig import parse_rig
+from drake_tc.logs.rig_writing import rig_document
 
 from .pendulum_rig import Swing, record, rig_of
 

@@ -22,7 +22,8 @@ from drake_tc.effects.library import effect
 from drake_tc.errors import IdentificationError
 from drake_tc.logs.importers import dfki, tmotor, uart_backlash
 from drake_tc.logs.prepare import load_runs
-from drake_tc.logs.rig import Rig, load_rig, save_rig
+from drake_tc.logs.rig import Rig, load_rig
+from drake_tc.logs.rig_writing import save_rig
 from drake_tc.loops.joint_bench.rig_free_run import rig_free_run
 
 from . import pendulum_rig

@@ -6,7 +6,8 @@ import pytest
 
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.run import close_loop
-from drake_tc.logs.rig import parse_rig, save_rig
+from drake_tc.logs.rig import parse_rig
+from drake_tc.logs.rig_writing import save_rig
 
 PERIOD, GAIN = 4e-3, 2e-3
 

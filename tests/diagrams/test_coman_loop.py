@@ -237,7 +237,10 @@ def test_link_position_undoes_a_damped_spring():
         (lambda: BaseEstimationSpec(velocity_window=3), "estimator.velocity_window: expected 4 samples or more, got 3"),
         (lambda: SpringDrivesSpec(link_from="air"), "series_elastic.link_from: expected motor or link, got 'air'"),
         (lambda: SpringDrivesSpec(delay=-1.0), "series_elastic.delay: expected a time >= 0"),
-        (lambda: SpringDrivesSpec(believed={"gain": -1.0}), "series_elastic.believed.gain: expected a factor >= 0"),
+        (
+            lambda: SpringDrivesSpec(model_factors={"gain": -1.0}),
+            "series_elastic.model_factors.gain: expected a factor >= 0",
+        ),
         (
             lambda: TsidScenario("x.yaml", estimator=BaseEstimationSpec("foot_centre")),
             "estimator: expected state: base_estimator beside it; with state: plant there are none",
@@ -255,8 +258,8 @@ def test_link_position_undoes_a_damped_spring():
             "series_elastic.delay: expected a multiple of the period 0.001 s, got 0.0005 s",
         ),
         (
-            lambda: build_tsid(scenario("stand", "{series_elastic: {believed: {ripple: 1.0}}}")),
-            "series_elastic.believed: no 'ripple' in the models; there: coulomb, elasticity, gain",
+            lambda: build_tsid(scenario("stand", "{series_elastic: {model_factors: {ripple: 1.0}}}")),
+            "series_elastic.model_factors: no 'ripple' in the models; there: coulomb, elasticity, gain",
         ),
         (
             lambda: build_tsid(scenario("stand", "{estimator: {tuning: {guess: 1.0}}}")),

@@ -12,7 +12,8 @@ from drake_tc.diagnosis.problem.parameters import physical_parameters
 from drake_tc.diagnosis.problem.regression import fit
 from drake_tc.effects.library import effect
 from drake_tc.errors import RigError
-from drake_tc.logs.rig import parse_rig, rig_document
+from drake_tc.logs.rig import parse_rig
+from drake_tc.logs.rig_writing import rig_document
 from drake_tc.loops.joint_bench.recording import record_bench
 
 from .test_identify_back import BENCH, COULOMB, GAIN, INERTIA, VISCOUS, motion

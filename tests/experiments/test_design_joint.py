@@ -13,7 +13,7 @@ from drake_tc.effects.library import effect
 from drake_tc.errors import ParamsError
 from drake_tc.experiments.design.basis import motion_basis, scaled
 from drake_tc.experiments.design.criteria import Parameters
-from drake_tc.experiments.design.discrimination import Discrimination, told_apart
+from drake_tc.experiments.design.discrimination import Discrimination, distinction_probability
 from drake_tc.experiments.design.forms import Projection, form_of, remainder
 from drake_tc.experiments.design.goal import criterion_of, identity, parse_goal
 from drake_tc.experiments.design.joint import DesignJoint, MotionColumns
@@ -131,8 +131,8 @@ def test_the_probability_of_being_told_apart_is_that_of_simulated_fits():
         apart = np.sqrt(distance) * rng.normal(size=200_000) * 2.0 + distance
         # the share of resamples in which the better model wins is the normal distribution of difference over spread
         sure = np.mean(apart / (2.0 * np.sqrt(distance)) > 2.0537)
-        assert_allclose(told_apart(distance, 1e-9), sure, atol=5e-3)
-    assert told_apart(0.0, 100.0) == 0.0
+        assert_allclose(distinction_probability(distance, 1e-9), sure, atol=5e-3)
+    assert distinction_probability(0.0, 100.0) == 0.0
 
 
 @pytest.mark.parametrize("goal", ["parameters", "tell:load_dependent_friction,quadratic_viscous", "all"])

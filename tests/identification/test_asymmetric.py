@@ -4,12 +4,13 @@ import time
 
 import numpy as np
 import pytest
+from asymmetric_program import asymmetric_by_program
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from drake_tc.errors import IdentificationError
-from drake_tc.identification.asymmetric import asymmetric_by_qp, asymmetric_least_squares, penalty
+from drake_tc.identification.asymmetric import asymmetric_least_squares, penalty
 from drake_tc.identification.regression import least_squares
 
 
@@ -29,7 +30,7 @@ def cost(columns, target, x, weight):
 def test_newton_agrees_with_the_quadratic_program(seed, weight):
     columns, target = servo(seed, 400)
     newton = asymmetric_least_squares(columns, target, weight=weight).coefficients
-    assert_allclose(asymmetric_by_qp(columns, target, weight), newton, rtol=1e-6)
+    assert_allclose(asymmetric_by_program(columns, target, weight), newton, rtol=1e-6)
 
 
 def test_weight_one_is_ordinary_least_squares():

@@ -10,7 +10,7 @@ import pytest
 from drake_tc.tsid.configuration import load_law
 from drake_tc.tsid.law import Status
 from drake_tc.tsid.qp.problem import Outcome
-from drake_tc.tsid.tick import Before, solve_tick
+from drake_tc.tsid.tick import PreviousTick, solve_tick
 
 
 @dataclass(frozen=True)
@@ -23,14 +23,14 @@ class Ticks:
 @pytest.fixture(scope="session")
 def humanoid_ticks():
     law = load_law(Path(drake_tc.models.__file__).parent / "hrp2_like" / "hrp2_like_tsid.yaml")
-    model, before = law.model, Before(np.zeros(law.model.n), None)
+    model, before = law.model, PreviousTick(np.zeros(law.model.n), None)
     scratch, references = model.create_scratch(), [task.rest(law.starting_terms()) for task in law.tasks]
     state = np.concatenate((model.start, np.zeros(model.nv)))
     for array in (state, *references):
         array.setflags(write=False)
     for active in ((True, True), (True, False), (True, True)):
         tick = solve_tick(law, scratch, state, references, active, before)
-        before = Before(tick.torque, tick.start)
+        before = PreviousTick(tick.torque, tick.start)
         if tick.error is not None or tick.status[Status.OUTCOME] == Outcome.FAILED:
             return Ticks(False)
     return Ticks(True)

@@ -10,8 +10,9 @@ from drake_tc.exchange.mjcf import to_mjcf
 from drake_tc.exchange.projection import project
 from drake_tc.exchange.targets import TARGETS
 from drake_tc.exchange.urdf import to_urdf
-from drake_tc.logs.declared_file import taken_over, with_declared_file
-from drake_tc.logs.rig import load_rig, parse_rig, save_rig
+from drake_tc.logs.declared_file import declared_terms, with_declared_file
+from drake_tc.logs.rig import load_rig, parse_rig
+from drake_tc.logs.rig_writing import save_rig
 
 GAIN = 2e-4
 MODEL = ActuatorModel(
@@ -109,14 +110,14 @@ def test_joints_name_files_of_their_own(tmp_path):
 def test_the_command_line_takes_the_joints_that_the_file_has(tmp_path):
     path = exported(tmp_path, "mjcf")
     rig = parse_rig({"joints": ["knee", "hip"], "drive": "position_servo", "load": "torque"})
-    assert [each.joint for each in taken_over(rig, path)] == ["knee"]
+    assert [each.joint for each in declared_terms(rig, path)] == ["knee"]
     with pytest.raises(RigError, match="it has no joint ankle"):
-        taken_over(parse_rig(RIG | {"joint": "ankle"}), path)
+        declared_terms(parse_rig(RIG | {"joint": "ankle"}), path)
 
 
 def test_what_is_taken_is_told_in_one_line(tmp_path):
     rig = parse_rig(RIG | {"drive": "current"})
-    (found,) = taken_over(rig, exported(tmp_path, "mjcf"))
+    (found,) = declared_terms(rig, exported(tmp_path, "mjcf"))
     assert found.line("current") == (
         "knee: declared: rotor_inertia 0.31 kg m^2, viscous 32.5 N m s/rad, coulomb 6.25 N m,"
         " quadratic_viscous 1.5 N m s^2/rad^2, delay 0.004 s, backlash 0.002 rad; not used: its drive (position_servo)"

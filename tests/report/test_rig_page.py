@@ -15,11 +15,12 @@ from drake_tc.effects.library import LIBRARY, SPECIAL, effect
 from drake_tc.errors import RigError
 from drake_tc.logs.effect_ids import EFFECT_IDS
 from drake_tc.logs.loads import RobotLoad
-from drake_tc.logs.rig import load_rig, parse_rig, rig_document
+from drake_tc.logs.rig import load_rig, parse_rig
 from drake_tc.logs.rig_document.document import RigDocument
 from drake_tc.logs.rig_document.loads import KINDS, WORDS, ModelLoad, PendulumKeys
 from drake_tc.logs.rig_document.schema import rig_schema
 from drake_tc.logs.rig_document.sensors import EncoderKeys, ForceTorqueKeys, ImuKeys, JointSensorKeys, TorqueSensorKeys
+from drake_tc.logs.rig_writing import rig_document
 from drake_tc.logs.units import COLUMN_MEANING, JOINT_SUFFIXES, SENSOR_SUFFIXES
 from drake_tc.report.rig_page import EXAMPLES, example, rig_page
 from drake_tc.robot.robot import load_robot

@@ -25,7 +25,7 @@ from drake_tc.tsid.tasks.cop import CopTask
 from drake_tc.tsid.tasks.frame import FrameTask
 from drake_tc.tsid.tasks.orientation import OrientationTask
 from drake_tc.tsid.tasks.torque import TorqueTask
-from drake_tc.tsid.tick import Before, solve_tick
+from drake_tc.tsid.tick import PreviousTick, solve_tick
 
 FILE = Path(drake_tc.models.__file__).parent / "hrp2_like" / "hrp2_like_tsid.yaml"
 BOTH = (True, True)
@@ -91,13 +91,13 @@ def test_a_motion_with_a_lifted_foot_is_that_of_the_stages(law, measure, use):
     slow, rng = by_stages(fast), np.random.default_rng(1)
     scratch, references = law.model.create_scratch(), references_of(law, rng, 0.005)
     swing, base = moved(law, rng) - moved(law, rng), np.concatenate((law.model.start, np.zeros(law.model.nv)))
-    before = Before(np.zeros(30), None)
+    before = PreviousTick(np.zeros(30), None)
     for number in range(40):
         active = (True, number < 15 or number > 25)
         state = base + swing * np.sin(0.02 * number)
         tick = solve_tick(fast, scratch, state, references, active, before)
         same(tick, solve_tick(slow, scratch, state, references, active, before))
-        before = Before(tick.torque, tick.start)
+        before = PreviousTick(tick.torque, tick.start)
 
 
 @settings(max_examples=15, deadline=None)
@@ -111,7 +111,7 @@ def test_a_motion_with_a_lifted_foot_is_that_of_the_stages(law, measure, use):
 def test_cold_starts_anywhere_have_the_same_outcome(law, seed, size, speed, form, lifted):
     fast, rng = of(law, *form), np.random.default_rng(seed)
     state, references = moved(law, rng, 0.05, speed), references_of(law, rng, size)
-    before, active = Before(np.zeros(30), None), (True, not lifted)
+    before, active = PreviousTick(np.zeros(30), None), (True, not lifted)
     ticks = [solve_tick(each, law.model.create_scratch(), state, references, active, before)
              for each in (fast, by_stages(fast))]  # fmt: skip
     same(*ticks)
@@ -123,7 +123,7 @@ def test_the_torque_is_that_of_drakes_program(law, seed):
     fast, rng = of(law), np.random.default_rng(seed)
     state, references = moved(law, rng, 0.01, 0.02), references_of(law, rng, 0.01)
     one, other = (
-        solve_tick(each, law.model.create_scratch(), state, references, BOTH, Before(np.zeros(30), None))
+        solve_tick(each, law.model.create_scratch(), state, references, BOTH, PreviousTick(np.zeros(30), None))
         for each in (fast, replace(fast, solver=ProgramSolver()))
     )
     assert one.status[Status.OUTCOME] == other.status[Status.OUTCOME] == Outcome.SOLVED
@@ -133,7 +133,7 @@ def test_the_torque_is_that_of_drakes_program(law, seed):
 def test_a_bound_that_is_active_is_met_as_by_the_stages(law):
     """R at the cheapest torque is larger than R_min."""
     fast = of(load_law(FILE, {"sigma": 0.02}), "individual", "constraint", minimum=1e-4)
-    rng, scratch, before = np.random.default_rng(0), law.model.create_scratch(), Before(np.zeros(30), None)
+    rng, scratch, before = np.random.default_rng(0), law.model.create_scratch(), PreviousTick(np.zeros(30), None)
     for _ in range(6):
         state, references = moved(law, rng, 1e-3, 1e-3), references_of(law)
         tick = solve_tick(fast, scratch, state, references, BOTH, before)
@@ -141,7 +141,7 @@ def test_a_bound_that_is_active_is_met_as_by_the_stages(law):
         assert tick.status[Status.OUTCOME] == other.status[Status.OUTCOME] == Outcome.SOLVED
         assert tick.status[Status.ROBUSTNESS] <= 1e-4 * (1.0 + 1e-6)
         assert_allclose(tick.torque, other.torque, rtol=0, atol=TORQUE * np.abs(other.torque).max())
-        before = Before(tick.torque, tick.start)
+        before = PreviousTick(tick.torque, tick.start)
 
 
 class Tired(ComTask):
@@ -195,7 +195,7 @@ def test_every_task_and_limit_gives_the_same_numbers_as_rows(law):
         state, references = moved(law, rng), references_of(tabled)
         references[0][:3] += 0.01
         ticks = [
-            solve_tick(each, law.model.create_scratch(), state, references, active, Before(np.zeros(30), None))
+            solve_tick(each, law.model.create_scratch(), state, references, active, PreviousTick(np.zeros(30), None))
             for each in (tabled, asked, by_stages(tabled))
         ]
         same(ticks[0], ticks[2])
@@ -211,7 +211,7 @@ def test_a_subclass_with_other_rows_is_asked_for_them(law):
     references = references_of(fast, np.random.default_rng(0), 0.01)
     ticks = [
         solve_tick(each, law.model.create_scratch(), moved(law, np.random.default_rng(1)), references, BOTH,
-                   Before(np.zeros(30), None))
+                   PreviousTick(np.zeros(30), None))
         for each in (fast, by_stages(fast), of(law))
     ]  # fmt: skip
     same(*ticks[:2])

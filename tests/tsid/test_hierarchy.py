@@ -9,9 +9,9 @@ from drake_tc.tsid.hierarchy import Robustness, hierarchy
 from drake_tc.tsid.polytope import LeastSquares, Polytope
 from drake_tc.tsid.qp.choose import solver
 from drake_tc.tsid.qp.problem import Outcome, QuadraticProgram
-from drake_tc.tsid.robust.individual import individual_risk
 from drake_tc.tsid.robust.torque_error import TorqueError
 
+from .individual_risk import individual_risk
 from .robust_problems import random_polytope
 
 QP = solver()

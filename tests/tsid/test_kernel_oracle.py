@@ -15,12 +15,12 @@ from drake_tc.tsid.assembly import ordered
 from drake_tc.tsid.program import equalities, over_y, sizes_of, weighted
 from drake_tc.tsid.qp.choose import solver
 from drake_tc.tsid.qp.problem import Outcome
+from drake_tc.tsid.robust.active_set import FREE
 from drake_tc.tsid.robust.formulation import Formulation
 from drake_tc.tsid.robust.measures import EXACT
 from drake_tc.tsid.robust.options import Options
 from drake_tc.tsid.robust.solution import Start
 from drake_tc.tsid.robust.torque_error import TorqueError
-from drake_tc.tsid.robust.working import FREE
 
 from .problems import Setup, problem_at, state
 
@@ -98,8 +98,8 @@ def test_classic_is_the_least_squares_of_the_whole_program(seed, step, speed, sh
         return
     assert found.converged
     assert found.iterations < 20
-    whole, working = Whole(problem), found.start.working
-    torque, y, forces = least_squares(whole, working.rows, working.sides)
+    whole, active_set = Whole(problem), found.start.active_set
+    torque, y, forces = least_squares(whole, active_set.rows, active_set.sides)
     excess = whole.cost @ (whole.y(found.torque) - y)
     assert excess @ excess <= 2.0 * EXACT * (problem.cost.target @ problem.cost.target)
     for _ in range(AGAIN):
@@ -108,7 +108,7 @@ def test_classic_is_the_least_squares_of_the_whole_program(seed, step, speed, sh
     value = whole.rows @ y
     room = np.minimum(whole.upper - value, value - whole.lower)
     assert room.min() > -1e-6 * max(1.0, np.abs(value).max())
-    assert np.all(forces * working.sides > -1e-9 * np.abs(forces).max(initial=1.0))
+    assert np.all(forces * active_set.sides > -1e-9 * np.abs(forces).max(initial=1.0))
 
 
 @pytest.mark.parametrize("weight", [1.0, 1e-3])
@@ -122,7 +122,7 @@ def test_individual_leaves_no_step_to_newtons_method_on_the_whole_program(seed, 
     assert (found.outcome, found.converged) == (Outcome.SOLVED, True)
     for _ in range(AGAIN):
         found = formulation.solve(problem.cost, problem.polytope, error, QP, found.start)
-    whole, working = Whole(problem), found.start.working
+    whole, active_set = Whole(problem), found.start.active_set
     nv, k, n = whole.sizes
     y = whole.y(found.torque)
     changes = np.linalg.solve(whole.equal[:, : nv + k], -whole.equal[:, nv + k :])
@@ -135,7 +135,7 @@ def test_individual_leaves_no_step_to_newtons_method_on_the_whole_program(seed, 
         rate = np.exp(-0.5 * u * u - 0.5 * np.log(2.0 * np.pi) - log_ndtr(u))
         gradient += weight * whole.rows.T @ (sign * rate / sigma)
         bend += weight * rate * (rate + u) / sigma**2
-    basis = whole.free(working.rows)
+    basis = whole.free(active_set.rows)
     hessian = basis.T @ (2.0 * whole.cost.T @ whole.cost + (whole.rows.T * bend) @ whole.rows) @ basis
     left = -basis.T @ gradient
     step = np.linalg.solve(hessian, left)

@@ -19,7 +19,7 @@ from drake_tc.tsid.robust.budget import Budget
 from drake_tc.tsid.robust.individual import p_ind
 from drake_tc.tsid.robust.options import Options
 from drake_tc.tsid.robust.torque_error import TorqueError
-from drake_tc.tsid.tick import Before, problem_at, solve_tick
+from drake_tc.tsid.tick import PreviousTick, problem_at, solve_tick
 
 FILE = Path(drake_tc.models.__file__).parent / "hrp2_like" / "hrp2_like_tsid.yaml"
 BOTH = (True, True)
@@ -53,7 +53,7 @@ def state_of(law, q=0.0, v=0.0, rng=None):
 
 
 def nothing_before(law):
-    return Before(np.zeros(law.model.n), None)
+    return PreviousTick(np.zeros(law.model.n), None)
 
 
 def finite(tick):
@@ -82,7 +82,7 @@ def test_no_numbers_raise_or_let_a_nan_out(law, measure, use):
             active = tuple(bool(one) for one in rng.random(2) < 0.9)
             tick = solve_tick(some, scratch, state_of(law, 0.1 * size, 0.3 * size, rng), references, active, before)
             assert finite(tick)
-            before = Before(tick.torque, tick.start)
+            before = PreviousTick(tick.torque, tick.start)
 
 
 @pytest.mark.parametrize("measure", ["individual", "rectangle"])
@@ -92,7 +92,7 @@ def test_a_weight_that_ran_away_is_no_start(law, measure):
     scratch = law.model.create_scratch()
     good = solve_tick(some, scratch, state_of(law), rests(law), BOTH, nothing_before(law))
     for weight in (1e-316, 1e-43, 1e43):
-        before = Before(good.torque, good.start._replace(weight=weight))
+        before = PreviousTick(good.torque, good.start._replace(weight=weight))
         tick = solve_tick(some, scratch, state_of(law), rests(law), BOTH, before)
         assert tick.status[Status.OUTCOME] == Outcome.SOLVED
         assert tick.status[Status.ROBUSTNESS] <= 0.05 * (1.0 + 1e-5)
@@ -141,7 +141,7 @@ def test_the_budget_is_that_of_the_whole_solve_and_a_bound_that_is_not_kept_is_t
         if not kept:
             assert tick.status[Status.CONVERGED] == 0.0
         told.append(bool(kept))
-        before = Before(tick.torque, tick.start)
+        before = PreviousTick(tick.torque, tick.start)
     if measure == "individual" or iterations == 100:
         assert all(told)
     elif iterations <= 3:
@@ -175,7 +175,7 @@ def test_an_error_anywhere_in_a_tick_is_a_lost_tick(law, monkeypatch):
         raise IndexError("nobody thought of this")
 
     monkeypatch.setattr(module, "_found", broken)
-    before = Before(np.full(30, 2.0), None)
+    before = PreviousTick(np.full(30, 2.0), None)
     tick = solve_tick(law, law.model.create_scratch(), state_of(law), rests(law), BOTH, before)
     assert_allclose(tick.torque, 2.0 * np.exp(-law.period / law.fade))
     assert (tick.status[Status.OUTCOME], tick.status[Status.FALLBACK]) == (Outcome.FAILED, 1.0)

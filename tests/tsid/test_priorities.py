@@ -11,7 +11,7 @@ from drake_tc.errors import ParamsError
 from drake_tc.tsid.configuration import load_law
 from drake_tc.tsid.law import Status
 from drake_tc.tsid.qp.problem import Outcome
-from drake_tc.tsid.tick import Before, problem_at, solve_tick
+from drake_tc.tsid.tick import PreviousTick, problem_at, solve_tick
 
 FILE = Path(drake_tc.models.__file__).parent / "hrp2_like" / "hrp2_like_tsid.yaml"
 BOTH = (True, True)
@@ -28,7 +28,7 @@ def tick_of(law, shift=0.004):
     references = [task.rest(law.starting_terms()) for task in law.tasks]
     references[0][1] += shift
     state = np.concatenate((law.model.start, np.zeros(law.model.nv)))
-    scratch, before = law.model.create_scratch(), Before(np.zeros(law.model.n), None)
+    scratch, before = law.model.create_scratch(), PreviousTick(np.zeros(law.model.n), None)
     tick = solve_tick(law, scratch, state, references, BOTH, before)
     assert tick.status[Status.OUTCOME] == Outcome.SOLVED
     problem = problem_at(law, scratch, state, references, BOTH)
@@ -94,5 +94,5 @@ def test_numbers_that_are_none_are_a_lost_tick():
     law = law_of({"posture": 2})
     state = np.full(law.model.nq + law.model.nv, np.nan)
     references = [task.rest(law.starting_terms()) for task in law.tasks]
-    tick = solve_tick(law, law.model.create_scratch(), state, references, BOTH, Before(np.ones(30), None))
+    tick = solve_tick(law, law.model.create_scratch(), state, references, BOTH, PreviousTick(np.ones(30), None))
     assert np.isfinite(tick.torque).all() and tick.status[Status.FALLBACK] == 1.0

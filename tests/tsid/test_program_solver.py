@@ -18,7 +18,7 @@ from drake_tc.tsid.robust.box import size_of_risk
 from drake_tc.tsid.robust.individual import p_ind
 from drake_tc.tsid.robust.rectangle import rectangle_risk
 from drake_tc.tsid.robust.torque_error import TorqueError
-from drake_tc.tsid.tick import Before, problem_at, solve_tick
+from drake_tc.tsid.tick import PreviousTick, problem_at, solve_tick
 
 FILE = Path(drake_tc.models.__file__).parent / "hrp2_like" / "hrp2_like_tsid.yaml"
 BOTH = (True, True)
@@ -108,7 +108,7 @@ def test_a_controller_file_may_name_it_and_the_tick_is_the_same(law):
     changed = load_law(FILE, {"solver": "program", "formulation": {"measure": "box", "weight": 1.0}})
     assert isinstance(changed.solver, ProgramSolver)
     _, state, references = problem_of(law, 2)
-    before = Before(np.zeros(30), None)
+    before = PreviousTick(np.zeros(30), None)
     ticks = [
         solve_tick(each, each.model.create_scratch(), state, references, BOTH, before)
         for each in (changed, of(law, "box", 1.0))
@@ -123,7 +123,7 @@ def test_limits_that_conflict_are_diagnosed(law):
     limits = {"torque": {"share": 0.01}, "acceleration": {"acceleration": 0.1}}
     weak = load_law(FILE, {"solver": "program", "limits": limits})
     _, state, references = problem_of(law, 0)
-    tick = solve_tick(weak, weak.model.create_scratch(), state, references, BOTH, Before(np.zeros(30), None))
+    tick = solve_tick(weak, weak.model.create_scratch(), state, references, BOTH, PreviousTick(np.zeros(30), None))
     assert tick.error is None
     assert (tick.status[Status.OUTCOME], tick.status[Status.FALLBACK]) == (Outcome.INFEASIBLE, 1.0)
     assert tick.status[Status.LIMIT] >= 0.0

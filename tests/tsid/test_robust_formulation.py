@@ -16,11 +16,12 @@ from drake_tc.tsid.qp.choose import solver
 from drake_tc.tsid.qp.problem import Outcome
 from drake_tc.tsid.robust.budget import Budget
 from drake_tc.tsid.robust.formulation import Formulation
-from drake_tc.tsid.robust.individual import individual_risk, p_ind
+from drake_tc.tsid.robust.individual import p_ind
 from drake_tc.tsid.robust.options import Options
 from drake_tc.tsid.robust.torque_error import TorqueError
 
 from . import problems as real
+from .individual_risk import individual_risk
 from .robust_problems import random_covariance, random_problem
 
 QP = solver()

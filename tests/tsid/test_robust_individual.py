@@ -12,9 +12,10 @@ from scipy.stats import multivariate_normal
 
 from drake_tc.tsid.polytope import Polytope
 from drake_tc.tsid.probability import probability
-from drake_tc.tsid.robust.individual import individual_risk, p_ind
+from drake_tc.tsid.robust.individual import p_ind
 from drake_tc.tsid.robust.torque_error import TorqueError
 
+from .individual_risk import individual_risk
 from .robust_problems import random_covariance, random_polytope, random_problem
 
 SEEDS = range(6)

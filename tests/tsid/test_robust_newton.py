@@ -8,12 +8,12 @@ from scipy.optimize import minimize
 from drake_tc.tsid.polytope import LeastSquares
 from drake_tc.tsid.qp.choose import solver
 from drake_tc.tsid.qp.problem import Outcome, QuadraticProgram
+from drake_tc.tsid.robust.active_set import FREE, ActiveSet
 from drake_tc.tsid.robust.budget import Budget
 from drake_tc.tsid.robust.convex import plain
 from drake_tc.tsid.robust.newton import minimise
 from drake_tc.tsid.robust.null_space import null_basis
 from drake_tc.tsid.robust.scaled import Rows, nothing, scaled
-from drake_tc.tsid.robust.working import FREE, Working
 
 from .robust_problems import random_problem
 
@@ -81,24 +81,24 @@ def test_step_is_that_of_another_solver(seed):
     n, m = 7, 15
     cost = LeastSquares(rng.normal(size=(n, n)), 3.0 * rng.normal(size=n))
     rows = Rows(rng.normal(size=(m, n)), -rng.uniform(0.0, 1.0, m), rng.uniform(0.0, 1.0, m))
-    wrong = Working(np.array([1, 5]), np.array([1, -1]), np.zeros(2))
+    wrong = ActiveSet(np.array([1, 5]), np.array([1, -1]), np.zeros(2))
     program = plain(cost, rows, damping=0.1)
     hessian, gradient = program.at(np.zeros(n)).hessian, program.at(np.zeros(n)).gradient
     assert_allclose(gradient, -2.0 * cost.matrix.T @ cost.target)
     reference = solver("clarabel").solve(QuadraticProgram(hessian, gradient, rows.matrix, rows.lower, rows.upper))
-    for working in (FREE, wrong):
+    for active_set in (FREE, wrong):
         spending = Budget(1).started()
-        step = minimise(program, QP, np.zeros(n), working=working, spending=spending)
+        step = minimise(program, QP, np.zeros(n), active_set=active_set, spending=spending)
         assert step.outcome is Outcome.SOLVED
         assert step.iterations == 1
         assert_allclose(step.x, reference.x, atol=1e-5)
         force = np.zeros(m)
-        force[step.working.rows] = step.working.multipliers
+        force[step.active_set.rows] = step.active_set.multipliers
         balance = hessian @ step.x + gradient + rows.matrix.T @ force
         assert_allclose(balance, 0.0, atol=1e-9 * np.abs(gradient).max())
-        assert np.all(step.working.multipliers * step.working.sides >= 0.0)
-        ends = np.where(step.working.sides > 0, rows.upper[step.working.rows], rows.lower[step.working.rows])
-        assert_allclose((rows.matrix @ step.x)[step.working.rows], ends, atol=1e-8)
+        assert np.all(step.active_set.multipliers * step.active_set.sides >= 0.0)
+        ends = np.where(step.active_set.sides > 0, rows.upper[step.active_set.rows], rows.lower[step.active_set.rows])
+        assert_allclose((rows.matrix @ step.x)[step.active_set.rows], ends, atol=1e-8)
         assert rows.miss(step.x) < 2e-8
 
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
+from drake_tc.tsid.robust.active_set import FREE, ActiveSet
 from drake_tc.tsid.robust.solution import Start
-from drake_tc.tsid.robust.working import FREE, Working
 from drake_tc.tsid.warm_start import WarmStart
 
 
@@ -19,7 +19,7 @@ def there_and_back(start, joints=4):
 
 def held(count):
     rng = np.random.default_rng(count)
-    return Working(
+    return ActiveSet(
         rng.permutation(100)[:count].astype(np.int64), np.sign(rng.normal(size=count)), rng.normal(size=count)
     )
 
@@ -32,8 +32,8 @@ def test_a_start_comes_back(count, inner):
     assert_array_equal(found.torque, start.torque)
     assert (found.rows, found.weight) == (77, 0.25)
     for name in ("rows", "sides", "multipliers"):
-        assert_array_equal(getattr(found.working, name), getattr(start.working, name))
-    assert found.working.rows.dtype == np.int64
+        assert_array_equal(getattr(found.active_set, name), getattr(start.active_set, name))
+    assert found.active_set.rows.dtype == np.int64
     if inner is None:
         assert found.inner is None
     else:
@@ -44,5 +44,5 @@ def test_nothing_stays_nothing_and_too_much_is_left_out():
     assert there_and_back(None) is None
     found = there_and_back(Start(np.ones(4), 5, held(11), 0.0, np.zeros(33)))
     assert_array_equal(found.torque, np.ones(4))
-    assert found.working is FREE
+    assert found.active_set is FREE
     assert found.inner is None

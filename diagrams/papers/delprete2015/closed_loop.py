@@ -141,12 +141,12 @@ def closed_loop(seed: int = 0, progress: Progress | None = None, executor: Execu
     sigma = identified_sigma(seed)
     trials = [(sigma, amplitude) for amplitude in AMPLITUDES]
     swept: list[tuple[Outcome, ...]] = sweep(wider, trials, executor=executor, chunk=1, seed=seed, progress=progress)
-    robots = [(sigma, telling_amplitude(swept))] * RUNS
+    robots = [(sigma, informative_amplitude(swept))] * RUNS
     found: list[tuple[Outcome, ...]] = sweep(point, robots, executor=executor, chunk=1, seed=seed, progress=progress)
     return reproduction(found, swept)
 
 
-def telling_amplitude(swept: list[tuple[Outcome, ...]]) -> float:
+def informative_amplitude(swept: list[tuple[Outcome, ...]]) -> float:
     """The least of `AMPLITUDES` at which the classic form misses a limit with the right masses, or the largest [m]."""
     missed = (amplitude for amplitude, outcomes in zip(AMPLITUDES, swept, strict=True) if not outcomes[0].clean)
     return next(missed, AMPLITUDES[-1])
@@ -154,7 +154,7 @@ def telling_amplitude(swept: list[tuple[Outcome, ...]]) -> float:
 
 def reproduction(found: list[tuple[Outcome, ...]], swept: list[tuple[Outcome, ...]]) -> Reproduction:
     """Of all robots, and of the right one at `AMPLITUDES`; one Outcome a form."""
-    values = {"amplitude of the sway [cm]": 100.0 * telling_amplitude(swept)}
+    values = {"amplitude of the sway [cm]": 100.0 * informative_amplitude(swept)}
     lines = []
     for number, form in enumerate(FORMS):
         runs = [outcomes[number] for outcomes in found]

@@ -45,10 +45,9 @@ _ACROSS = slice(STATES // 3, 2 * STATES // 3)
 NOTES1 = (
     SETTING,
     "The paper prints no direction for its 20 cm in 1.6 s. Here the centre of mass sways over 22 cm sideways, 2 cm"
-    " lower, 1.6 s from end to end: of the 144 candidates of tsid_choice the one over which the classic controller's p"
-    " spreads most evenly over 0 to 100. |p - p_ind| took no part in the choice. Over all candidates that the classic"
-    " controller can follow its mean is about 3 points (1 to 5): p_ind counts limits that hold together, as those of a"
-    " foot that is being lifted, as if they were independent.",
+    " lower, 1.6 s from end to end: of the candidates of choice.py the one over which the classic controller's p"
+    " spreads most evenly over 0 to 100. |p - p_ind| took no part in the choice. It is not zero:"
+    " p_ind counts limits that hold together, as those of a foot that is being lifted, as if they were independent.",
 )
 NOTES2 = (
     SETTING,
@@ -65,7 +64,7 @@ class Sway:
     """The centre of mass goes to one end, across to the other, back to where it began: three minimum-jerk legs.
 
     The paper moves it by 20 cm in 1.6 s and does not print in which direction. Which sway is taken is decided by
-    `tsid_choice`, on the classic controller alone.
+    `choice`, on the classic controller alone.
 
     Attributes:
         length: From end to end [m].

@@ -83,7 +83,7 @@ NOTES4 = (
 
 @dataclass(frozen=True)
 class Goal:
-    """Where the hand goes, how fast, and how the capture point is bound; chosen as `tsid_choice` says.
+    """Where the hand goes, how fast, and how the capture point is bound; chosen as `choice` says.
 
     Attributes:
         offset: Of the goal, from where the hand hangs in the posture [m].

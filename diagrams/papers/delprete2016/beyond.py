@@ -45,7 +45,7 @@ NOTES = (
     " younger than it is. Late sensors: encoders"
     " (the position in command = q + y included), IMU and F/T sensors all 5 ms later than the controller knows.",
     "Suspended: the waist hangs in springs and swings by 0.3 rad. `taken as fixed` is the same controller without the"
-    " IMU, its base believed to stand still. The torque error is that of the loop's estimate, its delay taken out, and"
+    " IMU, its base assumed to stand still. The torque error is that of the loop's estimate, its delay taken out, and"
     " judged against the torque's range, as in A.torque_estimate: the swinging waist makes that several times larger.",
 )
 

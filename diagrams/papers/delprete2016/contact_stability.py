@@ -14,12 +14,13 @@ import numpy as np
 
 from drake_tc.analysis.release import release
 from drake_tc.analysis.sampled import open_loop
+from drake_tc.analysis.settled import speed_states
 from drake_tc.analysis.torque_loop.operating_point import settled
 from drake_tc.errors import SimulationError
 from drake_tc.loops.torque.loop import Loop
 from drake_tc.loops.torque.parts import torque_gains
 from drake_tc.loops.torque.scenario import Scenario
-from drake_tc.loops.torque.sliding import sliding
+from drake_tc.loops.torque.sliding import sliding_scenario
 from drake_tc.registry import diagram_entry
 from drake_tc.types import FloatArray
 
@@ -59,7 +60,7 @@ def standing() -> Scenario:
 def contact_border() -> ContactBorder:
     """Predict, then simulate."""
     with TemporaryDirectory() as folder:
-        loop, context = settled(sliding(standing(), Path(folder)), SETTLED_AT)
+        loop, context = settled(sliding_scenario(standing(), Path(folder)), SETTLED_AT)
         border, omega = predicted_border(loop, context)
         return ContactBorder(border, simulated_border(loop, context, border), omega / (2.0 * np.pi))
 
@@ -113,6 +114,5 @@ def dies_away(loop: Loop, context: Any, kf: float) -> bool:
     dynamics: Any = loop.diagram.GetSubsystemByName("inverse_dynamics")
     scenario = replace(loop.scenario, gains=replace(loop.scenario.gains, kf=kf))
     dynamics.set_gains(dynamics.GetMyMutableContextFromRoot(own), torque_gains(scenario, loop.robot))
-    count = loop.plant.num_positions()
-    speeds = [f"plant[{count + loop.plant.GetJointByName(name).velocity_start()}]" for name in loop.robot.joints]
+    speeds = speed_states(loop, own)
     return release(loop.diagram, own, scenario.dt, dict.fromkeys(speeds, KICK), speeds, LASTS).stable

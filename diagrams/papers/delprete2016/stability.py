@@ -45,10 +45,10 @@ NOTES = (
     " its speed at release.",
     "Predicted growth: from the eigenvalue of the linear loop in sliding and the constant drag of dry friction and dead"
     " zone, which make a critical speed: an over-compensated joint runs away from above it and stops from below it.",
-    "Backwards the drive's gain is lower (velocity-sign switch), so the same fit compensates less. The asymmetric fit"
-    " does not over-estimate backwards for four joints of six; forwards it does for all, by 0.5 to 7 %, and what keeps"
-    " the joint stable there is its release below the critical speed: the linear verdict alone (spectral radius > 1)"
-    " would call it unstable. Pushed twice as hard, ankle roll and hip yaw pass it, and run away.",
+    "Backwards the drive's gain is lower (velocity-sign switch), so the same fit compensates less. Where the"
+    " asymmetric fit over-estimates, which the table shows, what keeps the joint stable is its release below the"
+    " critical speed: the linear verdict alone (spectral radius > 1) would call it unstable. Pushed hard enough,"
+    " such a joint passes the critical speed and runs away.",
     "Mean of both directions: the drive's gain without its switch, which is what the paper's linear model knows of.",
     "The fault monitor stops a runaway soon after: that is what ends the symmetric curves.",
     "Piecewise: one joint, the others locked, is let go at 0.05 rad/s, well within what dry friction stops, on the"

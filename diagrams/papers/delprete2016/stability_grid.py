@@ -24,7 +24,7 @@ from drake_tc.analysis.torque_loop.one_joint_loop import one_joint_loop
 from drake_tc.loops.scenarios.parts import ModelFactors
 from drake_tc.loops.torque.parts import actuator_models, loop_robot
 from drake_tc.loops.torque.scenario import Scenario
-from drake_tc.loops.torque.sliding import sliding
+from drake_tc.loops.torque.sliding import sliding_scenario
 from drake_tc.registry import diagram_entry
 from drake_tc.report.reproduction import Progress, Reproduction, judged
 from drake_tc.text_table import TextTable
@@ -117,13 +117,13 @@ def verdict(point: GridPoint, seed: int = 0) -> Verdict:
 
 
 def growth(point: GridPoint, *, dead_zone: bool = True) -> float:
-    """Late over early RMS speed after a kick; without dead zone neither the drive nor its believed model has one."""
+    """Late over early RMS speed after a kick; without dead zone neither the drive nor its assumed model has one."""
     scenario = _scenario(point)
     if dead_zone:
         loop = one_joint_loop(scenario, JOINT, STIFFNESS, _drive(scenario, SIMULATED))
     else:
         with TemporaryDirectory() as folder:
-            loop = one_joint_loop(sliding(scenario, Path(folder)), JOINT, STIFFNESS)
+            loop = one_joint_loop(sliding_scenario(scenario, Path(folder)), JOINT, STIFFNESS)
     time, speed = loop.speed_after(loop.settled(BEGIN), KICK, LASTS)
     if time[-1] < LASTS - 0.05:
         return float("inf")

@@ -36,9 +36,8 @@ NOTES = (
     f" (tolerance {100 * CALIBRATION:g} %, simulated at its limit) shifts it as a whole, and no log of the same sensors"
     " can tell. Both intervals are counted, and a control has the scale undone; what is left there is the torque"
     " estimate's own error.",
-    "12 intervals at 95 %: the chance that all hold is 54 %. Family-wise intervals (Bonferroni) are 1.46 times wider.",
-    "The rotor inertia is fitted as the sampled simulation adds b h/2 to it: friction acts at the end of a step h; held"
-    " at its known value, K_tau would be off by up to 1 %.",
+    "The rotor inertia is fitted as the sampled simulation adds b h/2 to it, because friction acts at the end of a"
+    " step h; held at its known value, it would bias K_tau.",
     "Symmetric and asymmetric: two columns alone, on growing sinusoids and pushes at rest, as in the paper. The"
     " three-line fit of its section 3.2 does not come to rest on these logs for most joints, as in the paper.",
 )
@@ -205,8 +204,12 @@ def _hidden_table(data: Table1, effect: str) -> TextTable:
 
 
 def _more_notes(data: Table1) -> tuple[str, ...]:
-    """What `close-loop` adds although nothing is missing."""
-    return tuple(
+    """What intervals of a family mean, and what `close-loop` adds although nothing is missing."""
+    family = (
+        f"{FAMILY} intervals at 95 %: the chance that all hold is {0.95**FAMILY:.0%}. Family-wise intervals"
+        f" (Bonferroni) are {family_factor():.2f} times wider."
+    )
+    return family, *(
         f"{joint}: all declared, close-loop still adds {', '.join(f.key for f in result.effects)}; held-out error"
         f" {1e3 * result.before.heldout:.4f} -> {1e3 * result.after.heldout:.4f} 10^-3 rad: not a real effect."
         for joint, result in data.complete.items()

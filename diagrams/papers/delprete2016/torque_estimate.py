@@ -21,8 +21,8 @@ NOTES = (
     "Simulated sensors of a humanoid's class. RMS error over the span, divided by the span of the true torque in it.",
     "Windows of 41 samples around each instant, F/T sensors zeroed at the start: what identification uses. In the loop"
     " the windows are 80 samples and lie behind, so the estimate is 40 ms old; its row takes that delay out.",
-    "In the swing the joints carry 0.2 to 11 N m in all. Where they turn round, dry friction that the linear model does"
-    " not compensate makes the torque jump and ring near 13 Hz; the window smooths that, with perfect sensors as well.",
+    "Where a joint reverses, dry friction that the linear model does not compensate makes the torque jump and ring; the"
+    " window smooths that, with perfect sensors as well.",
 )
 
 

@@ -43,8 +43,8 @@ NOTES = (
     " 0.1 s, its impulse bisected to 5 %. Survived: not fallen 2.5 s after it, the base below 0.2 m/s in the last"
     " 0.3 s. Drives, sensors and robot are models with chosen numbers, no measurement of a real one.",
     "Stiff positions: every motor held at its starting angle by its own encoder, on the drive's own board (no loop"
-    " delay), with 5800 N m/rad, as much as leaves a delay margin of 5 ms, as the torque laws of C.bode have; its"
-    " sensitivity peak is 1.6. The springs behind (200 and 120 N m/rad) give way, as in the other loops.",
+    " delay), as stiff as leaves a delay margin of 5 ms, which the torque laws of C.bode have too. The springs behind"
+    " (200 and 120 N m/rad) give way, as in the other loops.",
     "That a smaller push is survived wherever a larger one is, is taken for granted by the bisection.",
 )
 

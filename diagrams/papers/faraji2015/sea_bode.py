@@ -45,8 +45,8 @@ NOTES = (
     "Simulated: the knee of the robot file, output clamped, 2 N m sines on 3 N m of dry friction, the controllers'"
     " models off by 2 to 3 % (dry friction by 10 %), encoder steps and noise as in diagrams/sea_joint.scenario.yaml.",
     "All laws are tuned by one rule: as much gain as leaves a sensitivity peak of at most 2 and a delay margin of 5 ms"
-    " on top of the loop's 15 ms (sea_laws.py). The feedforward alone has no gain to tune: it breaks"
-    " the rule, its sensitivity peak is 3.84. The paper's PI is its maker's, with gains of its own.",
+    " on top of the loop's 15 ms (sea_laws.py). The feedforward alone has no gain to tune, and its"
+    " sensitivity peak breaks the rule. The paper's PI is its maker's, with gains of its own.",
     "Bandwidths are of 2 N m on 3 N m of dry friction; by the linear prediction, without that friction, PI is faster."
     " A bandwidth of 50 Hz is a floor: the response has not dropped at the highest frequency.",
     "The feedforwards share the speed that was asked for and the winding of the spring, which the printed law lacks.",

@@ -28,8 +28,8 @@ CORRECTIONS = (20.0, 30.0)
 NOTES = (
     "Simulated. Held: the knee of the robot file, output clamped, 4 N m at 1 Hz, 3 N m of dry friction, 15 ms of delay;"
     " RMS of desired less true spring torque over three periods. Laws tuned by one rule: see C.bode.",
-    "`but for the delay`: against the desired torque of 15 ms ago. A law that follows 4 N m at 1 Hz exactly, 15 ms late"
-    " has 0.27 N m of RMS error. The momentum observer does not know of the delay: it integrates against the present"
+    "`but for the delay`: against the desired torque of 15 ms ago. The momentum observer"
+    " does not know of the delay: it integrates against the present"
     " torque and overshoots ahead of it, which at 1 Hz is nearer to the present than an exact copy that is late.",
     "The predictor carries the desired torque over the whole delay here, as a sine of 1 Hz lets it; C.bode takes 8 ms.",
     "Transparency: no torque desired, a hand of 300 N m/rad takes the joint to and fro at 0.5 rad/s; its mean torque"

@@ -25,7 +25,7 @@ NOTES = (
     "Simulated: 10 s of growing sines at 0.7 and 1.7 Hz and of trapezoids each, a position loop of 40 V/rad, a hand's"
     " torque of 12 N m at 0.31 Hz, encoder steps, torque noise. The data sheet is 8 % off (kt, ke, Rm), 17 % (Jm).",
     "The logs tell Rm/(kt N), damping, inertia and dry friction; kt and Rm apart only as far as tau_v is known.",
-    "The simulation's step h of 0.25 ms adds F_v h/2 to the inertia, 3 % here, which the fit finds; intervals are held"
+    "The simulation's step h of 0.25 ms adds F_v h/2 to the inertia, which the fit finds; intervals are held"
     " against what was simulated, Jm + F_v h/(2 N^2).",
     "An interval is of the logs' statistics and of the data sheet, not of effects that the model lacks: an undeclared"
     " torque ripple moves Jm far out of its interval.",

@@ -11,7 +11,7 @@ from pydrake.systems.framework import BasicVector, Context, DiscreteValues, Leaf
 
 from drake_tc.actuation.joint_values import Models
 from drake_tc.control.series_elastic.law import Readings, SeriesElasticLaw
-from drake_tc.control.series_elastic.memory import KEPT, Kept
+from drake_tc.control.series_elastic.memory import MEMORY_ROWS, MemoryRow
 from drake_tc.control.series_elastic.spec import SeriesElasticSpec
 from drake_tc.port_methods import PortMethods
 from drake_tc.types import FloatArray
@@ -61,7 +61,7 @@ class SeriesElasticControl(PortMethods, LeafSystem):
         super().__init__()
         self._law = law = SeriesElasticLaw(spec, motors, dt)
         n = law.size
-        self._kept = law.length * KEPT * n
+        self._kept = law.length * MEMORY_ROWS * n
         names = ("motor_angle", "torque", "reference_torque", "reference_acceleration")
         self._inputs: list[Any] = [self.DeclareVectorInputPort(name, n) for name in names]
         state = self.DeclareDiscreteState(self._kept + 3 * n + 1)
@@ -86,7 +86,11 @@ class SeriesElasticControl(PortMethods, LeafSystem):
         rows = np.array([p.Eval(context) if p.HasValue(context) else np.zeros(n) for p in self._inputs])
         if np.abs(rows).max() < LARGEST:
             return Readings(*rows), np.zeros(n)
-        good = np.zeros((4, n)) if last is None else last[[Kept.ANGLE, Kept.TORQUE, Kept.DESIRED, Kept.LINK]]
+        good = (
+            np.zeros((4, n))
+            if last is None
+            else last[[MemoryRow.ANGLE, MemoryRow.TORQUE, MemoryRow.DESIRED, MemoryRow.LINK]]
+        )
         good = np.array(good)
         good[3] = 0.0
         lost = ~(np.abs(rows) < LARGEST)
@@ -97,7 +101,7 @@ class SeriesElasticControl(PortMethods, LeafSystem):
         solved: _Solved = box.get_mutable_value()
         law, n = self._law, self._law.size
         started = held[-1] > 0.5
-        kept = held[: self._kept].reshape(law.length, KEPT, n)
+        kept = held[: self._kept].reshape(law.length, MEMORY_ROWS, n)
         now, fault = self._read(context, kept[-1] if started else None)
         before = kept if started else law.at_rest(now)
         answer = law.step(before, held[self._kept : -1].reshape(3, n), now)

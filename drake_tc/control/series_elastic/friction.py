@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from drake_tc.actuation.joint_values import Models, model_list
-from drake_tc.control.series_elastic.memory import Kept, padded
+from drake_tc.control.series_elastic.memory import MemoryRow, padded
 from drake_tc.errors import ParamsError
 from drake_tc.types import FloatArray
 
@@ -77,9 +77,9 @@ def observer_weights(motor: MotorArrays, delay: int, step: int, dt: float, lengt
     torque = 0.5 * (padded(box, length, 1) + padded(box, length, 2))
     volts = padded(box, length, delay + 2)
     out = np.zeros((length, 3, motor.inertia.size))
-    out[:, Kept.VOLTAGE] = volts[:, None] * motor.torque_per_volt
-    out[:, Kept.ANGLE] = -speed[:, None] * motor.damping - rate[:, None] * motor.inertia
-    out[:, Kept.TORQUE] = -torque[:, None]
+    out[:, MemoryRow.VOLTAGE] = volts[:, None] * motor.torque_per_volt
+    out[:, MemoryRow.ANGLE] = -speed[:, None] * motor.damping - rate[:, None] * motor.inertia
+    out[:, MemoryRow.TORQUE] = -torque[:, None]
     return out
 
 

@@ -31,11 +31,11 @@ import numpy as np
 
 from drake_tc.actuation.joint_values import Models, model_list
 from drake_tc.control.series_elastic.friction import momentum_step, motor_arrays, observer_weights
-from drake_tc.control.series_elastic.memory import KEPT, Kept, cubic_weights, padded
+from drake_tc.control.series_elastic.memory import MEMORY_ROWS, MemoryRow, cubic_weights, padded
 from drake_tc.control.series_elastic.spec import WITH_P, SeriesElasticSpec
 from drake_tc.types import FloatArray
 
-VOLTAGE, ANGLE, TORQUE, DESIRED, SHAPED, LINK, FASTER, DRY = map(int, Kept)
+VOLTAGE, ANGLE, TORQUE, DESIRED, SHAPED, LINK, FASTER, DRY = map(int, MemoryRow)
 """As plain numbers: numpy takes twice as long over an index that is an IntEnum."""
 
 
@@ -101,8 +101,8 @@ class SeriesElasticLaw:
         return len(self.motors)
 
     def at_rest(self, now: Readings) -> FloatArray:
-        """Memory (length, KEPT, n) of joints that have stood as they stand now, and desired the same."""
-        kept = np.zeros((self.length, KEPT, self.size))
+        """Memory (length, MEMORY_ROWS, n) of joints that have stood as they stand now, and desired the same."""
+        kept = np.zeros((self.length, MEMORY_ROWS, self.size))
         kept[:, ANGLE], kept[:, TORQUE] = now.angle, now.torque
         kept[:, DESIRED] = kept[:, SHAPED] = now.desired
         return kept
@@ -111,11 +111,11 @@ class SeriesElasticLaw:
         """One tick.
 
         Args:
-            before: Memory (length, KEPT, n), its last row of the tick before.
+            before: Memory (length, MEMORY_ROWS, n), its last row of the tick before.
             integral: (3, n) as the last Answer left it.
             now: Readings of this tick, all finite.
         """
-        kept = np.empty((self.length, KEPT, self.size))
+        kept = np.empty((self.length, MEMORY_ROWS, self.size))
         kept[:-1], last = before[1:], kept[-1]
         last[:] = 0.0
         last[ANGLE], last[TORQUE], last[DESIRED] = now.angle, now.torque, now.desired

@@ -7,7 +7,7 @@ import numpy as np
 from drake_tc.types import FloatArray
 
 
-class Kept(IntEnum):
+class MemoryRow(IntEnum):
     """Rows of one tick: what was sent, read, desired."""
 
     VOLTAGE = 0
@@ -23,7 +23,7 @@ class Kept(IntEnum):
     friction by the model, in the direction in which it will move [N m]."""
 
 
-KEPT = len(Kept)
+MEMORY_ROWS = len(MemoryRow)
 
 
 def cubic_weights(window: int, ahead: float, derivative: int, dt: float) -> FloatArray:

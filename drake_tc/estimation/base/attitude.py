@@ -5,14 +5,20 @@ from typing import NamedTuple
 
 import numpy as np
 
-from drake_tc.estimation.base.believed import Believed
-from drake_tc.estimation.base.imu_age import carried
+from drake_tc.estimation.base.imu_filters import (
+    carried_to_tick,
+    corrected_up,
+    filtered_up,
+    rest_and_bias,
+    tilt_correction,
+    turned_up,
+    up_of,
+)
 from drake_tc.estimation.base.kinematics import Posture
 from drake_tc.estimation.base.pose import levelled, turned
-from drake_tc.estimation.base.rest import rest
 from drake_tc.estimation.base.spec import BaseEstimatorSpec
 from drake_tc.estimation.base.state import BaseState
-from drake_tc.estimation.base.tilt import corrected_up, filtered_up, swerve_push, turned_up, up_of
+from drake_tc.estimation.base.valid_sample import ValidSample
 from drake_tc.types import FloatArray
 
 _LARGEST = 10.0
@@ -49,7 +55,7 @@ class Attitude(NamedTuple):
 
 
 def attitude(
-    posture: Posture, state: BaseState, sample: Believed, spec: BaseEstimatorSpec, shown: FloatArray | None = None
+    posture: Posture, state: BaseState, sample: ValidSample, spec: BaseEstimatorSpec, shown: FloatArray | None = None
 ) -> Attitude:
     """Rate, vertical and yaw increment of one tick.
 
@@ -59,16 +65,16 @@ def attitude(
     Args:
         posture: The IMU, and how it moves, against the base.
         state: Before the tick.
-        sample: What was believed.
+        sample: Readings after validation.
         spec: Tuning.
         shown: (3,) the vertical in B that soft soles show on a level ground; None: they show none.
     """
     R_BI, against, dt = posture.rotation[-1], posture.rate[-1], spec.period
-    rested, quiet, bias = rest(state, sample, spec)
+    rested, quiet, bias = rest_and_bias(state, sample, spec)
     gyro, accel, trail = sample.gyro, sample.accel, state.trail
     if spec.imu_age and not sample.imu_missing:
         reading = np.concatenate((gyro, accel))
-        now, trail = carried(reading, trail if trail.any() else reading, spec.imu_age, dt)
+        now, trail = carried_to_tick(reading, trail if trail.any() else reading, spec.imu_age, dt)
         gyro, accel = now[:3], now[3:]
     rate = R_BI @ (gyro - bias) - against
     accel = R_BI @ accel
@@ -86,7 +92,7 @@ def attitude(
 
 def _up(
     state: BaseState,
-    sample: Believed,
+    sample: ValidSample,
     R_BI: FloatArray,
     rate: FloatArray,
     accel: FloatArray,
@@ -107,7 +113,7 @@ def _up(
     time = spec.tilt_time * (_CALM if calm else 1.0)
     if state.stood:
         moved = turned_up(state.rotation[2], rate, spec.period)
-        push = swerve_push(state.swerve, spec.period, time)
+        push = tilt_correction(state.velocity_innovation, spec.period, time)
         if shown is not None:
             push = push + (spec.period / spec.sole_time) * (shown - moved)
         if not calm:

@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 
 from drake_tc.estimation.base.attitude import attitude
-from drake_tc.estimation.base.believed import Believed, believed
+from drake_tc.estimation.base.imu_filters import GRAVITY, up_of
 from drake_tc.estimation.base.kinematics import Posture
 from drake_tc.estimation.base.on_kinematics import OnKinematics
 from drake_tc.estimation.base.pose import levelled, turned
 from drake_tc.estimation.base.state import BaseState, Readings
-from drake_tc.estimation.base.tilt import GRAVITY, up_of
+from drake_tc.estimation.base.valid_sample import ValidSample, valid_sample
 from drake_tc.types import FloatArray
 
 
@@ -33,7 +33,7 @@ class FootCentreEstimator(OnKinematics):
             readings: The sample.
         """
         with np.errstate(over="ignore", invalid="ignore"):  # readings may be infinite
-            sample = believed(readings, state, self.spec)
+            sample = valid_sample(readings, state, self.spec)
         posture = self.kinematics.posture(scratch, sample.q, sample.qd)
         R, p = posture.rotation[:-1], posture.position[:-1]
         if not state.started:
@@ -69,7 +69,7 @@ class FootCentreEstimator(OnKinematics):
         )
 
     def _turned(
-        self, state: BaseState, sample: Believed, posture: Posture, foot: int
+        self, state: BaseState, sample: ValidSample, posture: Posture, foot: int
     ) -> tuple[FloatArray, FloatArray, dict[str, Any]]:
         """R_WB (3, 3), omega_b (3,) [rad/s], and what else is remembered, with a foot that does not turn."""
         return state.foot[foot] @ posture.rotation[foot].T, -posture.rate[foot], {}
@@ -82,7 +82,7 @@ class FootCentreImuEstimator(FootCentreEstimator):
     """
 
     def _turned(
-        self, state: BaseState, sample: Believed, posture: Posture, foot: int
+        self, state: BaseState, sample: ValidSample, posture: Posture, foot: int
     ) -> tuple[FloatArray, FloatArray, dict[str, Any]]:
         chain, rate, kept = super()._turned(state, sample, posture, foot)
         if not sample.has_gyro:

@@ -6,16 +6,16 @@ from typing import Any
 import numpy as np
 
 from drake_tc.estimation.base.attitude import LARGEST_BIAS, attitude
-from drake_tc.estimation.base.believed import Believed, believed
+from drake_tc.estimation.base.imu_filters import USUAL_TIME
 from drake_tc.estimation.base.kinematics import Posture
 from drake_tc.estimation.base.on_kinematics import OnKinematics
-from drake_tc.estimation.base.rest import USUAL_TIME
+from drake_tc.estimation.base.pose_update import find_place
 from drake_tc.estimation.base.sinking import shown_vertical
 from drake_tc.estimation.base.spec import BaseEstimatorSpec
-from drake_tc.estimation.base.stage_one import Setting, find_loads, find_motion, find_sinking
-from drake_tc.estimation.base.stage_two import find_place
 from drake_tc.estimation.base.state import BaseState, Readings
 from drake_tc.estimation.base.status import status_flags
+from drake_tc.estimation.base.valid_sample import ValidSample, valid_sample
+from drake_tc.estimation.base.velocity_update import Setting, find_loads, find_motion, find_sinking
 from drake_tc.robot.robot import Robot
 from drake_tc.types import FloatArray
 
@@ -48,7 +48,7 @@ class CopEstimator(OnKinematics):
             readings: The sample.
         """
         with np.errstate(over="ignore", invalid="ignore"):  # readings may be infinite
-            sample = believed(readings, state, self.spec)
+            sample = valid_sample(readings, state, self.spec)
         try:
             after = self._step(scratch, state, sample, readings.switch)
         except (np.linalg.LinAlgError, ArithmeticError, ValueError):
@@ -57,7 +57,7 @@ class CopEstimator(OnKinematics):
         size = p @ p + v @ v + np.vdot(held, held) + after.rotation[0] @ after.rotation[0]
         return after if size < _LARGEST else _kept(state)
 
-    def _step(self, scratch: Any, state: BaseState, sample: Believed, switch: FloatArray) -> BaseState:
+    def _step(self, scratch: Any, state: BaseState, sample: ValidSample, switch: FloatArray) -> BaseState:
         still = self.kinematics.posture(scratch, sample.q, sample.qd)
         if not sample.has_gyro:
             sample = sample._replace(gyro=_gyro_of_foot(state, still))
@@ -123,7 +123,7 @@ class CopEstimator(OnKinematics):
             lever=posture.velocity[-1],
             bias=bias,
             trail=pose.trail,
-            swerve=motion.swerve,
+            velocity_innovation=motion.velocity_innovation,
             usual=usual,
             held=place.held,
             foot=foot,

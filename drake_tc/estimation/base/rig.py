@@ -78,9 +78,6 @@ class ColumnKeys(Keys):
     )
 
 
-COLUMNS = tuple(ColumnKeys.model_fields)
-
-
 class ContactKeys(PoseKeys):
     """A place where the robot may touch; z of its frame points out of the foot's top."""
 
@@ -160,7 +157,7 @@ class BaseRig:
     Attributes:
         robot: The robot.
         contacts: Where it may touch. wrench: For each, the columns of its wrench, or None for the canonical ones.
-        columns: Column names that differ: one of `COLUMNS` to a name or a list of names.
+        columns: Column names that differ: a key of `ColumnKeys` to a name or a list of names.
         tuning: Fields of `BaseEstimatorSpec`.
         start: (position (3,) [m], yaw [rad]) of the base, or None.
         source: The file.

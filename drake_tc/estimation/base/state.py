@@ -73,7 +73,7 @@ class BaseState:
         lever: (3,) velocity of the IMU against B's origin, in B [m/s].
         bias: (3,) of the gyro, its axes [rad/s].
         trail: (6,) low-passed [gyro; accel] (`imu_age`).
-        swerve: (3,) by how much the contacts overruled the accelerometer's velocity, in B [m/s].
+        velocity_innovation: (3,) by how much the contacts overruled the accelerometer's velocity, in B [m/s].
         usual: (k, 2) low-passed centre of pressure in C [m].
         held: (k, 3) where the centre of pressure is held, in W [m].
         foot: (k, 3, 3) R_WC with which the reference moves. foot_up: (k, 3) the vertical in C at touch-down.
@@ -99,7 +99,7 @@ class BaseState:
     lever: FloatArray
     bias: FloatArray
     trail: FloatArray
-    swerve: FloatArray
+    velocity_innovation: FloatArray
     usual: FloatArray
     held: FloatArray
     foot: FloatArray
@@ -125,7 +125,7 @@ _scalars, _arrays = attrgetter(*SCALARS), attrgetter(*ARRAYS)
 @lru_cache(maxsize=32)
 def _layout(n: int, k: int) -> tuple[tuple[str, slice, tuple[int, ...]], ...]:
     shapes: dict[str, tuple[int, ...]] = dict.fromkeys(
-        ("position", "velocity", "rate", "lever", "bias", "swerve"), (3,)
+        ("position", "velocity", "rate", "lever", "bias", "velocity_innovation"), (3,)
     )
     shapes |= dict.fromkeys(("held", "foot_up", "drift"), (k, 3))
     shapes |= dict.fromkeys(("q", "qd", "doubt"), (n,))
@@ -141,11 +141,6 @@ def _layout(n: int, k: int) -> tuple[tuple[str, slice, tuple[int, ...]], ...]:
     sizes = [int(np.prod(shapes[name])) for name in ARRAYS]
     ends = np.cumsum([len(SCALARS), *sizes]).tolist()
     return tuple((name, slice(a, b), shapes[name]) for name, (a, b) in zip(ARRAYS, pairwise(ends), strict=True))
-
-
-def state_size(n: int, k: int) -> int:
-    """Numbers in a packed state of n joints and k contacts."""
-    return int(_layout(n, k)[-1][1].stop)
 
 
 def packed(state: BaseState) -> FloatArray:

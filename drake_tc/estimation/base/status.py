@@ -5,9 +5,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from drake_tc.estimation.base.believed import Believed
-from drake_tc.estimation.base.stage_one import Loads, Motion, Setting
 from drake_tc.estimation.base.state import BaseState
+from drake_tc.estimation.base.valid_sample import ValidSample
+from drake_tc.estimation.base.velocity_update import Loads, Motion, Setting
 from drake_tc.types import FloatArray
 
 _SETTLED = 0.1
@@ -18,7 +18,7 @@ _AIR_TIME, _LOAD_TIME = 0.3, 1.0
 """Over which loads in the air, and the sum of loads, are averaged [s]."""
 
 
-class Told(NamedTuple):
+class StatusFlags(NamedTuple):
     """Flags, and the averages that some of them rest on.
 
     Attributes:
@@ -35,7 +35,7 @@ class Told(NamedTuple):
 def status_flags(
     setting: Setting,
     state: BaseState,
-    sample: Believed,
+    sample: ValidSample,
     loads: Loads,
     motion: Motion,
     inconsistent: bool,
@@ -44,13 +44,13 @@ def status_flags(
     *,
     bias_up: float,
     weight: float,
-) -> Told:
+) -> StatusFlags:
     """The flags after a tick.
 
     Args:
         setting: Worked out once.
         state: Before the tick.
-        sample: What was believed.
+        sample: Readings after validation.
         loads: What the contacts carry.
         motion: Of stage 1.
         inconsistent: Whether references were taken anew.
@@ -89,4 +89,4 @@ def status_flags(
         inconsistent,
         False,
     )
-    return Told(np.array(flags, dtype=float), np.array(rows, dtype=float), air, mismatch)
+    return StatusFlags(np.array(flags, dtype=float), np.array(rows, dtype=float), air, mismatch)

@@ -79,10 +79,10 @@ class Discrimination(Criterion):
         """
         worst = min(float(np.min(each)) for each in distances.values())
         late = all(is_late(form.effect) for form in self.orders[0])
-        return told_apart(worst, self.joint.independent_per_second * seconds, late=late)
+        return distinction_probability(worst, self.joint.independent_per_second * seconds, late=late)
 
 
-def told_apart(distance: float, independent: float, *, late: bool = False) -> float:
+def distinction_probability(distance: float, independent: float, *, late: bool = False) -> float:
     """Probability that a diagnosis tells two models apart whose distance is T.
 
     The difference of the squared errors is normal with mean T and variance 4 T in units of the noise. A diagnosis lists

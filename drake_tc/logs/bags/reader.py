@@ -54,16 +54,6 @@ def read_streams(path: Path) -> dict[tuple[str, tuple[str, ...]], Stream]:
     return found
 
 
-def topics(path: Path) -> dict[str, tuple[str, int]]:
-    """By name, the type and the number of messages of each topic of a bag.
-
-    Raises:
-        LogError: as `read_bag`.
-    """
-    with _opened(path) as reader:
-        return {name: (str(info.msgtype), int(info.msgcount)) for name, info in reader.topics.items()}
-
-
 def _add(found: dict[tuple[str, tuple[str, ...]], Stream], topic: str, received: int, row: Row) -> None:
     stream = found.setdefault((topic, row.names), Stream(topic, row.kind, row.names))
     if row.first and row.kind is Kind.planned:

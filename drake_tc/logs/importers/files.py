@@ -10,7 +10,8 @@ import yaml
 
 from drake_tc.errors import LogError
 from drake_tc.logs.readers import read_table, run_name
-from drake_tc.logs.rig import parse_rig, save_rig
+from drake_tc.logs.rig import parse_rig
+from drake_tc.logs.rig_writing import save_rig
 from drake_tc.logs.sizes import unpacked_gzip
 from drake_tc.types import FloatArray
 

@@ -48,8 +48,8 @@ def build_sea(scenario: SeaScenario, *, meshcat: bool = False) -> SeaLoop:
     builder = DiagramBuilder()
     plant = make_plant(scenario.link, scenario.dt)
     builder.AddNamedSystem("plant", plant)
-    models, believed = ([replace(m, joint=JOINT)] for m in (scenario.actuator(), scenario.believed_actuator()))
-    loop = add_series_elastic_loop(builder, plant, models, spec=scenario, controller_models=believed)
+    models, assumed = ([replace(m, joint=JOINT)] for m in (scenario.actuator(), scenario.controller_actuator()))
+    loop = add_series_elastic_loop(builder, plant, models, spec=scenario, controller_models=assumed)
     parts = LoopBuilder(builder, scenario, plant, scenario.dt, loop.signals)
     control = loop.systems["torque_control"]
     loop.signals["reference_torque"] = _add_reference(parts, control)
@@ -70,7 +70,7 @@ def _add_reference(loop: LoopBuilder[SeaScenario], control: SeriesElasticControl
         return torque
     source = builder.AddNamedSystem("reference", TrajectorySource(path, 2))
     readings = {"motor_angle": loop.signals["motor_encoder"], "torque": loop.signals["torque_sensor"]}
-    known = LinkState(spring_compliance(scenario.believed_actuator()), scenario.dt)
+    known = LinkState(spring_compliance(scenario.controller_actuator()), scenario.dt)
     loop.add("link_state", known, **readings)
     position_loop = loop.add(
         "position_loop",

@@ -141,7 +141,7 @@ def write_sea(
         f"{joint}/voltage": felt_voltage(recording),
         f"{joint}/torque": recording["torque_sensor"],
     }
-    inertia = recording.scenario.believed_actuator().inertia
+    inertia = recording.scenario.controller_actuator().inertia
     rig = {"joints": [joint], "drive": "voltage", "load": "torque", "declared": {joint: {"rotor_inertia": inertia}}}
     return [write_log(columns, folder / f"log.{ending}"), write_rig(rig, folder / "rig.yaml")]
 

@@ -138,7 +138,7 @@ class SeaScenario(ScenarioBase, SeriesElasticLoopSpec):
         joint: Name of the joint in that file.
         effects: Effects that are added to that model or replaced in it, with their parameters, as
             `{torque_ripple: {...}}`; `{}` in place of the parameters removes an effect.
-        believed: Factor on `gain`, or on an effect of one parameter, in the controller's model.
+        model_factors: Factor on `gain`, or on an effect of one parameter, in the controller's model.
         link: Inertia [kg m^2] and gravity moment [N m] behind the spring.
         hand: A spring and a damper that hold the link; None: the link is not held.
         reference: Torque or motion that the joint follows.
@@ -152,7 +152,7 @@ class SeaScenario(ScenarioBase, SeriesElasticLoopSpec):
     actuators: str
     joint: str
     effects: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
-    believed: Mapping[str, float] = field(default_factory=dict)
+    model_factors: Mapping[str, float] = field(default_factory=dict)
     link: Link = field(default_factory=lambda: Link(0.1))
     hand: HandSpec | None = None
     reference: ReferenceSpec = field(default_factory=ReferenceSpec)
@@ -180,14 +180,14 @@ class SeaScenario(ScenarioBase, SeriesElasticLoopSpec):
         more = [EffectValue(key, parameters) for key, parameters in self.effects.items() if parameters]
         return replace(model, effects=(*kept, *more))
 
-    def believed_actuator(self) -> ActuatorModel:
+    def controller_actuator(self) -> ActuatorModel:
         """What the controller takes it for: drive gain, damping, dry friction, inertia, spring and limit, with errors.
 
         Raises:
             ParamsError: as `actuator`; or a factor for what the model does not have.
         """
         model = self.actuator()
-        factors = {key: factor for key, factor in self.believed.items() if self.effects.get(key, True)}
+        factors = {key: factor for key, factor in self.model_factors.items() if self.effects.get(key, True)}
         drive = replace(model.drive, gain=model.drive.gain * factors.pop("gain", 1.0))
         effects = []
         for value in model.effects:
@@ -195,7 +195,9 @@ class SeaScenario(ScenarioBase, SeriesElasticLoopSpec):
             effects.append(replace(value, parameters={k: factor * v for k, v in value.parameters.items()}))
         if factors:
             known = ", ".join(["gain", *(value.key for value in model.effects)])
-            raise ParamsError(f"believed: no {next(iter(factors))!r} in the model of {self.joint!r}; there: {known}")
+            raise ParamsError(
+                f"model_factors: no {next(iter(factors))!r} in the model of {self.joint!r}; there: {known}"
+            )
         return replace(model, drive=drive, effects=tuple(effects))
 
 

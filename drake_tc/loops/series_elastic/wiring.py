@@ -89,7 +89,7 @@ def add_series_elastic_loop(
     require_live_ports(plant)
     spec = SeriesElasticLoopSpec() if spec is None else spec
     joints = actuated_joints(plant)
-    believed = list(model_list(models if controller_models is None else controller_models, joints))
+    assumed = list(model_list(models if controller_models is None else controller_models, joints))
     loop = LoopBuilder(builder, spec, plant, spec.dt, stages=stages or {}, between=between or {})
     simulated = dict(zip(joints, model_list(models, joints), strict=True))
     actuators = add_actuators(builder, plant, simulated, plant.time_step() or spec.dt)
@@ -102,10 +102,10 @@ def add_series_elastic_loop(
         "motor_state": actuators.GetOutputPort("motor_state"),
         "spring_torque": actuators.GetOutputPort("transmitted_torque"),
     }
-    angle, torque = _add_sensors(loop, believed)
+    angle, torque = _add_sensors(loop, assumed)
     loop.add(
         "torque_control",
-        lambda: SeriesElasticControl(spec.control, believed, spec.dt),
+        lambda: SeriesElasticControl(spec.control, assumed, spec.dt),
         motor_angle=angle,
         torque=torque,
     )
@@ -126,10 +126,10 @@ def add_series_elastic_loop(
 
 
 def _add_sensors(
-    loop: LoopBuilder[SeriesElasticLoopSpec], believed: list[ActuatorModel]
+    loop: LoopBuilder[SeriesElasticLoopSpec], assumed: list[ActuatorModel]
 ) -> tuple[OutputPort, OutputPort]:
     """Encoders before and after the springs and the gauges; what is read as motor angle and torque."""
-    spec, builder, n = loop.scenario, loop.builder, len(believed)
+    spec, builder, n = loop.scenario, loop.builder, len(assumed)
     first: Any = np.eye(n, 2 * n)
     for name, source, sensor in (
         ("motor_encoder", "motor_state", spec.sensors.motor_encoder),
@@ -145,7 +145,7 @@ def _add_sensors(
         loop.signals[name] = loop.output(name, "reading")
     if spec.torque_from == "gauge":
         return loop.signals["motor_encoder"], loop.signals["torque_sensor"]
-    stiffness = np.diag([1.0 / spring_compliance(model) for model in believed])
+    stiffness = np.diag([1.0 / spring_compliance(model) for model in assumed])
     spring: Any = np.hstack((stiffness, -stiffness))
     deflection = builder.AddNamedSystem("deflection_torque", MatrixGain(spring))
     encoders = loop.join("encoders", [loop.signals["motor_encoder"], loop.signals["link_encoder"]])

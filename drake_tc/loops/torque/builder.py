@@ -38,6 +38,6 @@ class TorqueLoopBuilder(LoopBuilder[TorqueLoopSpec]):
         return base_source(self.scenario, self.robot)
 
     @property
-    def believed_robot(self) -> Robot:
+    def controller_robot(self) -> Robot:
         """The robot as estimator and controller take it: with `base_from: fixed` a floating base counts as fixed."""
         return replace(self.robot, fixed_base=True) if self.base_from == "fixed" else self.robot

@@ -34,7 +34,7 @@ def prediction(
     spec = scenario.observer or ObserverSpec()
     forward = scenario.compensation.acceleration == "reference"
     system = DisturbanceObserver(
-        parts.believed_robot, parts.models, spec, dt, rotor_inertia=scenario.rotor_inertia, fed_forward=forward
+        parts.controller_robot, parts.models, spec, dt, rotor_inertia=scenario.rotor_inertia, fed_forward=forward
     )
     observer = parts.add("disturbance_observer", system)
     parts.signals["disturbance"] = observer.GetOutputPort("disturbance")

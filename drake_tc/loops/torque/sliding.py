@@ -3,18 +3,15 @@
 from dataclasses import replace
 from pathlib import Path
 
-from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.actuation.model_file import save_models
+from drake_tc.actuation.sliding_models import sliding
 from drake_tc.loops.scenarios.parts import ModelFactors
 from drake_tc.loops.torque.parts import actuator_models, loop_robot
 from drake_tc.loops.torque.scenario import Scenario
 
-SLIDING = ("viscous", "rotor_inertia", "velocity_sign_switch")
-"""Effects that are linear in sliding; dry friction and dead zone are constants there."""
 
-
-def sliding(scenario: Scenario, folder: Path, direction: float = 0.0) -> Scenario:
-    """The scenario with drives, true and believed, that hold only what is linear in sliding.
+def sliding_scenario(scenario: Scenario, folder: Path, direction: float = 0.0) -> Scenario:
+    """The scenario with drives, true and assumed, that hold only what is linear in sliding.
 
     The inverse of a dead zone in the controller's model is constant there as the dead zone itself is.
 
@@ -32,15 +29,7 @@ def sliding(scenario: Scenario, folder: Path, direction: float = 0.0) -> Scenari
     def saved(name: str, *, controller: bool) -> str:
         models = actuator_models(plain, robot, controller=controller)
         path = str((folder / f"sliding_{name}.yaml").resolve())
-        save_models({joint: _sliding(model, direction) for joint, model in models.items()}, path)
+        save_models(sliding(models, direction), path)
         return path
 
     return replace(scenario, actuators=saved("actuators", controller=False), model=saved("model", controller=True))
-
-
-def _sliding(model: ActuatorModel, direction: float) -> ActuatorModel:
-    values = {value.key: value for value in model.effects if value.key in SLIDING}
-    switch = values.pop("velocity_sign_switch", None)
-    gain = model.drive.gain / (1.0 + direction * (switch.parameters["switch"] if switch else 0.0))
-    effects: tuple[EffectValue, ...] = tuple(values.values())
-    return replace(model, drive=Drive(model.drive.kind, gain), effects=effects)

@@ -48,7 +48,7 @@ def torque_command(parts: TorqueLoopBuilder, reference: OutputPort) -> OutputPor
     }
     known, observer = prediction(parts, delayed)
     moved = {name: known[name] for name in ("joint_estimate", "position")} | {"reference": reference}
-    if not parts.believed_robot.fixed_base:
+    if not parts.controller_robot.fixed_base:
         predicted = scenario.predictor is not None
         moved["base_joint_estimate"] = known["joint_estimate"]
         moved["imu_estimate"] = base_now(parts) if predicted else ports["imu_estimate"]
@@ -73,7 +73,7 @@ def _torque_control(
     wires = dict(known) | {"desired_torque": desired}
     if parts.systems["inverse_dynamics"].HasOutputPort("torque_terms"):
         wires["torque_terms"] = parts.output("inverse_dynamics", "torque_terms")
-    if scenario.compensation.wants_reference:
+    if scenario.compensation.needs_reference:
         wires["reference"] = reference
     parts.add(
         "torque_control",
@@ -91,7 +91,7 @@ def _inverse_dynamics(
 
     What a reference asks of a robot with a welded base is computed by a block of Drake's own.
     """
-    scenario, robot = parts.scenario, parts.believed_robot
+    scenario, robot = parts.scenario, parts.controller_robot
     asked = parts.force_reference if robot.force_torque else None
     if asked is not None:
         inputs |= {"force_reference": asked, "contact_wrench": estimates["contact_wrench"]}
@@ -124,7 +124,9 @@ def _estimation(parts: TorqueLoopBuilder) -> tuple[dict[str, OutputPort], dict[s
         parts.add("torque_estimator", None, **ports)
         needed = ("estimated_torque", *(("contact_wrench",) if parts.robot.force_torque else ()))
         return {name: parts.output("torque_estimator", name) for name in needed}, ports
-    model = TorqueModel(parts.believed_robot, base=parts.base_from, angular_acceleration=scenario.angular_acceleration)
+    model = TorqueModel(
+        parts.controller_robot, base=parts.base_from, angular_acceleration=scenario.angular_acceleration
+    )
     if scenario.tare and parts.robot.force_torque:
         filled = scenario.filters.window * scenario.dt
         tare = WrenchTare(model, filled, filled + scenario.tare)

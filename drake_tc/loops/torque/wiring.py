@@ -128,7 +128,7 @@ def add_torque_loop(
     if force_reference is None and gains is not None and gains.kf.any():
         nothing: Any = np.zeros(6 * len(robot.force_torque))
         force_reference = builder.AddNamedSystem("force_reference", ConstantVectorSource(nothing)).get_output_port()
-    believed = list(model_list(models if controller_models is None else controller_models, robot.joints))
+    assumed = list(model_list(models if controller_models is None else controller_models, robot.joints))
     sensors = add_sensors(builder, plant, robot, sensor_suite(spec), spec.dt, spec.seed, spec.faults)
     parts = TorqueLoopBuilder(
         builder,
@@ -139,8 +139,8 @@ def add_torque_loop(
         between=between or {},
         robot=robot,
         sensors=sensors,
-        models=believed,
-        gains=TorqueGains.from_servo(believed) if gains is None else gains,
+        models=assumed,
+        gains=TorqueGains.from_servo(assumed) if gains is None else gains,
         force_reference=force_reference,
         free=free,
     )

@@ -17,7 +17,7 @@ class SpringDrivesSpec:
 
     Attributes:
         actuators: Model file of the simulated drives; None: the one that the robot file names.
-        believed: Factor on `gain` or on an effect in the controller's model of the motors; 1 where absent.
+        model_factors: Factor on `gain` or on an effect in the controller's model of the motors; 1 where absent.
         control: The torque law. Its `delay` should be that of the loop.
         delay: Delay between the computation of a voltage and its effect at the motor [s].
         acceleration_bandwidth: Bandwidth of the low pass for the desired accelerations of the links, which the law
@@ -35,7 +35,7 @@ class SpringDrivesSpec:
     """
 
     actuators: str | None = None
-    believed: Mapping[str, float] = field(default_factory=dict)
+    model_factors: Mapping[str, float] = field(default_factory=dict)
     control: SeriesElasticSpec = field(default_factory=SeriesElasticSpec)
     delay: float = 0.015
     acceleration_bandwidth: float = 0.0
@@ -62,9 +62,9 @@ class SpringDrivesSpec:
         for name in ("joint_damping", "acceleration_bandwidth"):
             if self.position_gain and getattr(self, name):
                 raise ParamsError(f"series_elastic.{name}: expected 0 beside a position_gain, which tracks no torque")
-        for name, factor in self.believed.items():
+        for name, factor in self.model_factors.items():
             if not 0.0 <= factor < math.inf:
-                raise ParamsError(f"series_elastic.believed.{name}: expected a factor >= 0, got {factor!r}")
+                raise ParamsError(f"series_elastic.model_factors.{name}: expected a factor >= 0, got {factor!r}")
 
     def ticks(self, period: float) -> int:
         """The delay in the controller's periods.

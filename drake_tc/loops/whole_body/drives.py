@@ -52,8 +52,8 @@ def add_drives(wiring: WholeBodyBuilder, sensors: SensorSuite, torque: OutputPor
     """
     law, n = wiring.law, wiring.law.model.n
     spec, limits = wiring.scenario.drives, joint_limits(law.model.robot)
-    believed, simulated = (required_models(wiring, c) for c in ("controller_models", "models"))
-    models = [believed[joint] for joint in law.model.robot.joints]
+    assumed, simulated = (required_models(wiring, c) for c in ("controller_models", "models"))
+    models = [assumed[joint] for joint in law.model.robot.joints]
     encoder = sensors.encoder.GetOutputPort("reading")
     known = estimated_torque(wiring, sensors)
     acceleration = wiring.output("tsid", "acceleration")
@@ -68,7 +68,7 @@ def add_drives(wiring: WholeBodyBuilder, sensors: SensorSuite, torque: OutputPor
         "joint_estimate": known["joint_estimate"],
         "position": encoder,
     }
-    if spec.compensation.wants_reference:
+    if spec.compensation.needs_reference:
         inputs = {**inputs, "reference": desired.GetOutputPort("reference")}
     wiring.add(
         "torque_control",

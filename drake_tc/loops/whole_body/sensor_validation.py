@@ -9,7 +9,7 @@ What stands in for
     one of motor encoder, gauge, link encoder    the other two of its joint (`joint_voting`)
     two of them                                  their last good values; after 150 ms the joint's torque fades, and its
                                                  motor's back-EMF brakes it; all torques where it is one that the robot
-                                                 stands on (`blind_stop`)
+                                                 stands on (`sensor_loss_stop`)
     an IMU missing, frozen, or after a jump      feet: their rates against the base and soles that tilt as their load
     that no F/T sensor feels too                 says (`standing_feet`); after 30 ms the motion stops where it is
     an F/T sensor missing or frozen, or after    its last good reading; its contact carries as long as the controller
@@ -23,12 +23,12 @@ from typing import Any
 import numpy as np
 from pydrake.systems.framework import Context, LeafSystem, OutputPort
 
-from drake_tc.control.blind_stop import BlindStop
+from drake_tc.control.sensor_loss_stop import SensorLossStop
 from drake_tc.errors import ParamsError
 from drake_tc.loops.ports import first_imu, picked
 from drake_tc.loops.whole_body.base_estimation import sensor_of
 from drake_tc.loops.whole_body.sensors import WholeBodyBuilder, sensor_specs
-from drake_tc.loops.whole_body.series_elastic_drives import SpringDrives, believed_springs
+from drake_tc.loops.whole_body.series_elastic_drives import SpringDrives, controller_springs
 from drake_tc.robot.urdf_tree import read_urdf
 from drake_tc.sensing.sensor import Sensor
 from drake_tc.sensing.spec import SensorSpec
@@ -54,7 +54,7 @@ _OF_CONTACT = ("slip", "force_offset")
 
 @dataclass(frozen=True, eq=False)
 class ValidatedSensors:
-    """Senses that can be believed, behind the same ports.
+    """Sensor readings that passed validation, behind the same ports.
 
     Attributes:
         sensors, springs: With the validated readings.
@@ -127,9 +127,9 @@ def add_sensor_validation(
     }
     known |= {"imu": validated_imu.GetOutputPort("reading"), "link_angle": joints.GetOutputPort("link_angle")}
     wiring.add("standing_feet", feet, **known)
-    believed: Any = {"encoder": _As(joints, "link_angle"), "imu": feet, "force_torque": contact_wrench}
+    assumed: Any = {"encoder": _As(joints, "link_angle"), "imu": feet, "force_torque": contact_wrench}
     return ValidatedSensors(
-        replace(sensors, **believed),
+        replace(sensors, **assumed),
         replace(springs, motor_angle=joints.GetOutputPort("motor_angle"), torque=joints.GetOutputPort("torque")),
         joints.GetOutputPort("position" if wiring.scenario.series_elastic.link_from == "motor" else "link_angle"),
         contact_wrench.GetOutputPort("contacts"),
@@ -156,7 +156,7 @@ class _As:
 
 def _joint_sensors(wiring: WholeBodyBuilder, springs: SpringDrives, encoder: OutputPort) -> JointSensors:
     spec, suite = wiring.scenario.series_elastic, sensor_specs(wiring.scenario, wiring.law.period)
-    compliance, times = believed_springs(wiring, springs)
+    compliance, times = controller_springs(wiring, springs)
     noisy = bool(np.all(np.asarray(spec.gauge.noise) > 0.0)), bool(np.all(np.asarray(suite.encoder.noise) > 0.0))
     senses = JointSensors(compliance, times, wiring.law.period, noisy)
     raw = {
@@ -188,11 +188,13 @@ def sole_compliance(wiring: WholeBodyBuilder) -> FloatArray:
 def stopped(
     wiring: WholeBodyBuilder, validated: ValidatedSensors, state: OutputPort, torque: OutputPort
 ) -> tuple[OutputPort, SpringDrives, OutputPort]:
-    """State and gauges for the controllers, and their torque for the drives: see `blind_stop`."""
+    """State and gauges for the controllers, and their torque for the drives: see `sensor_loss_stop`."""
     senses, law = wiring.builder.GetSubsystemByName("joint_sensors"), wiring.law
-    system = BlindStop(state.size(), carrying_joints(law), law.fade, law.period)
+    system = SensorLossStop(state.size(), carrying_joints(law), law.fade, law.period)
     gauges = validated.springs.torque
-    wiring.add("blind_stop", system, state=state, torque=gauges, desired=torque, lost=senses.GetOutputPort("lost"))
+    wiring.add(
+        "sensor_loss_stop", system, state=state, torque=gauges, desired=torque, lost=senses.GetOutputPort("lost")
+    )
     springs = replace(validated.springs, torque=system.GetOutputPort("torque"))
     return system.GetOutputPort("state"), springs, system.GetOutputPort("desired")
 

@@ -81,7 +81,7 @@ def check_springs(models: Mapping[str, ActuatorModel], source: str = "models") -
             )
 
 
-def believed_models(models: Mapping[str, ActuatorModel], factors: Mapping[str, float]) -> list[ActuatorModel]:
+def controller_models_of(models: Mapping[str, ActuatorModel], factors: Mapping[str, float]) -> list[ActuatorModel]:
     """What the controller takes the drives for.
 
     Args:
@@ -94,7 +94,7 @@ def believed_models(models: Mapping[str, ActuatorModel], factors: Mapping[str, f
     known = {"gain", *(value.key for model in models.values() for value in model.effects)}
     if strange := sorted(set(factors) - known):
         raise ParamsError(
-            f"series_elastic.believed: no {strange[0]!r} in the models; there: {', '.join(sorted(known))}"
+            f"series_elastic.model_factors: no {strange[0]!r} in the models; there: {', '.join(sorted(known))}"
         )
     found = []
     for model in models.values():
@@ -132,13 +132,13 @@ def add_spring_drives(wiring: WholeBodyBuilder) -> SpringDrives:
     return SpringDrives(actuators, models, *readings)
 
 
-def believed_springs(wiring: WholeBodyBuilder, drives: SpringDrives) -> tuple[FloatArray, FloatArray]:
+def controller_springs(wiring: WholeBodyBuilder, drives: SpringDrives) -> tuple[FloatArray, FloatArray]:
     """(n,) compliances [rad/(N m)] and (n,) damping over stiffness [s] of the springs, as the controller takes them."""
-    believed = believed_models(drives.models, wiring.scenario.series_elastic.believed)
+    assumed = controller_models_of(drives.models, wiring.scenario.series_elastic.model_factors)
     compliance = np.array(
-        [value.parameters["compliance"] for model in believed for value in model.effects if value.key == _SPRING]
+        [value.parameters["compliance"] for model in assumed for value in model.effects if value.key == _SPRING]
     )
-    motors = np.array([model.inertia for model in believed])
+    motors = np.array([model.inertia for model in assumed])
     return compliance, spring_times(compliance, motors, joint_inertias(wiring.plant))
 
 
@@ -152,7 +152,7 @@ def link_position(wiring: WholeBodyBuilder, drives: SpringDrives, encoder: Outpu
     """
     if wiring.scenario.series_elastic.link_from == "link":
         return encoder
-    compliance, times = believed_springs(wiring, drives)
+    compliance, times = controller_springs(wiring, drives)
     system = LinkPosition(compliance, times, wiring.law.period)
     wiring.add("link_position", system, motor_angle=drives.motor_angle, torque=drives.torque)
     port: OutputPort = system.GetOutputPort("position")
@@ -215,8 +215,8 @@ def _track_torque(wiring: WholeBodyBuilder, drives: SpringDrives, torque: Output
     inputs = {"motor_angle": drives.motor_angle, "torque": drives.torque, "reference_torque": torque}
     if spec.acceleration_bandwidth > 0.0:
         inputs["reference_acceleration"] = _desired_acceleration(wiring, spec.acceleration_bandwidth)
-    believed = believed_models(drives.models, spec.believed)
-    wiring.add("torque_control", lambda: SeriesElasticControl(spec.control, believed, wiring.law.period), **inputs)
+    assumed = controller_models_of(drives.models, spec.model_factors)
+    wiring.add("torque_control", lambda: SeriesElasticControl(spec.control, assumed, wiring.law.period), **inputs)
     return wiring.output("torque_control", "voltage")
 
 
@@ -225,7 +225,7 @@ def _hold_motors(wiring: WholeBodyBuilder, drives: SpringDrives) -> tuple[Output
     spec, n = wiring.scenario.series_elastic, wiring.law.model.n
     nothing: Any = np.zeros(n)
     held = wiring.builder.AddNamedSystem("held_angle", ConstantVectorSource(nothing))
-    loops = MotorPositionControl(spec.position_gain, believed_models(drives.models, spec.believed))
+    loops = MotorPositionControl(spec.position_gain, controller_models_of(drives.models, spec.model_factors))
     inputs = {"motor_angle": drives.motor_angle, "reference_angle": held.get_output_port()}
     wiring.add("position_control", loops, **inputs)
     return wiring.output("position_control", "voltage"), held

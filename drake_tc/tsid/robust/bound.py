@@ -7,10 +7,10 @@ import numpy as np
 
 from drake_tc.tsid.qp.problem import Outcome
 from drake_tc.tsid.robust import measures
+from drake_tc.tsid.robust.active_set import FREE
 from drake_tc.tsid.robust.measures import Found, Guess, Means, Measure
 from drake_tc.tsid.robust.null_space import null_basis
 from drake_tc.tsid.robust.scaled import ScaledProblem, nothing
-from drake_tc.tsid.robust.working import FREE
 
 MET = 1e-6
 """How near to R_min an active constraint is met, of R_min."""
@@ -33,7 +33,7 @@ NEAR = 0.5
 
 def in_null_space(program: Measure, problem: ScaledProblem, guess: Guess, means: Means) -> Found:
     """Min R over the minimisers of the cost (eq. 4): x = x* + T y with D T = 0, inside the limits."""
-    classic = measures.least_cost(problem, Guess(guess.x, guess.working if guess.inner is None else FREE), means)
+    classic = measures.least_cost(problem, Guess(guess.x, guess.active_set if guess.inner is None else FREE), means)
     if classic.outcome is not Outcome.SOLVED:
         return classic
     basis = null_basis(problem.cost.matrix)
@@ -42,14 +42,14 @@ def in_null_space(program: Measure, problem: ScaledProblem, guess: Guess, means:
     last = basis.T @ (guess.x - classic.x)
     if inside.limits.miss(last) > 1.0:
         last = np.zeros(basis.shape[1])
-    begin = Guess(last, guess.working, guess.inner)
+    begin = Guess(last, guess.active_set, guess.inner)
     found = program(inside, 1.0, begin, means)
     if found.outcome is not Outcome.SOLVED:
         return replace(classic, risk=found.risk, converged=False)
     return replace(
         found,
         x=classic.x + basis @ found.x,
-        working=found.working if basis.shape[1] or guess.inner is not None else classic.working,
+        active_set=found.active_set if basis.shape[1] or guess.inner is not None else classic.active_set,
         iterations=classic.iterations + found.iterations,
         programs=classic.programs + found.programs,
     )

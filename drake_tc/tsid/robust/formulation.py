@@ -11,6 +11,7 @@ from drake_tc.kernels.lazy import Kernel
 from drake_tc.tsid.polytope import LeastSquares, Polytope
 from drake_tc.tsid.qp.problem import Outcome, QpSolver
 from drake_tc.tsid.robust import measures
+from drake_tc.tsid.robust.active_set import FREE
 from drake_tc.tsid.robust.bound import in_null_space, within_risk
 from drake_tc.tsid.robust.box import size_of_risk
 from drake_tc.tsid.robust.measures import Found, Guess, Means, Measure
@@ -19,7 +20,6 @@ from drake_tc.tsid.robust.rectangle import rectangle
 from drake_tc.tsid.robust.scaled import ScaledProblem, scaled
 from drake_tc.tsid.robust.solution import RobustSolution, Start
 from drake_tc.tsid.robust.torque_error import TorqueError
-from drake_tc.tsid.robust.working import FREE
 
 _JUDGED = Kernel("scaling", "judged")
 
@@ -96,7 +96,9 @@ class Formulation:
         known = start is not None and len(start.torque) == n
         if start is not None and known:
             same = start.rows == m
-            guess = Guess(start.torque / problem.scale, start.working if same else FREE, start.inner if same else None)
+            guess = Guess(
+                start.torque / problem.scale, start.active_set if same else FREE, start.inner if same else None
+            )
             weight = start.weight
         else:
             guess, weight = Guess(np.zeros(n)), 0.0
@@ -149,5 +151,5 @@ def _packed(found: Found, weight: float, problem: ScaledProblem) -> RobustSoluti
         cost.matrix,
         cost.target,
     )
-    start = Start(torque, len(active), found.working, weight, found.inner)
+    start = Start(torque, len(active), found.active_set, weight, found.inner)
     return RobustSolution(torque, found.risk, chance, price, active, found.outcome, found.converged, *counts, start)

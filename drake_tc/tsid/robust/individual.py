@@ -3,39 +3,13 @@
 Source: Del Prete and Mansard, 2015, eq. 7 and 13.
 """
 
-from dataclasses import dataclass
-
-import numpy as np
-
 from drake_tc.kernels.lazy import Kernel
 from drake_tc.tsid.polytope import Polytope
-from drake_tc.tsid.robust.convex import plain
 from drake_tc.tsid.robust.scaled import FEASIBLE, Rows, nothing, scaled
 from drake_tc.tsid.robust.torque_error import TorqueError
 from drake_tc.types import FloatArray, IntArray
 
 _JUDGED = Kernel("scaling", "judged")
-
-
-@dataclass(frozen=True, eq=False)
-class RiskDerivatives:
-    """R_ind at one torque: value, gradient (n,) [1/(N m)], Hessian (n, n) [1/(N m)^2]."""
-
-    value: float
-    gradient: FloatArray
-    hessian: FloatArray
-
-
-def individual_risk(polytope: Polytope, torque: FloatArray, error: TorqueError) -> RiskDerivatives:
-    """R_ind of the rows that err at torque (n,) [N m]; a row that does not err takes no part.
-
-    gradient = -G^T (lambda / sigma_G), Hessian = G^T diag(lambda (lambda + u) / sigma_G^2) G, both sides of a row.
-    """
-    problem = scaled(nothing(error.joints), polytope, error)
-    rows, scale = problem.erring, problem.scale
-    here = plain(problem.cost, rows, risk=rows, weight=1.0).at(torque / scale)
-    hessian = (rows.matrix.T * here.bend) @ rows.matrix
-    return RiskDerivatives(here.risk, (here.slope @ rows.matrix) / scale, hessian / np.outer(scale, scale))
 
 
 def p_ind(polytope: Polytope, torque: FloatArray, error: TorqueError) -> float:

@@ -7,12 +7,12 @@ import numpy as np
 
 from drake_tc.kernels.lazy import Kernel
 from drake_tc.tsid.qp.problem import Outcome, QpSolver
+from drake_tc.tsid.robust.active_set import FREE, ActiveSet
 from drake_tc.tsid.robust.box import box_risk, box_rows, box_size
 from drake_tc.tsid.robust.budget import Spending
 from drake_tc.tsid.robust.convex import plain
 from drake_tc.tsid.robust.newton import Minimum, minimise
 from drake_tc.tsid.robust.scaled import ScaledProblem, nothing
-from drake_tc.tsid.robust.working import FREE, Working
 from drake_tc.types import FloatArray
 
 _SHRUNK = Kernel("scaling", "shrunk")
@@ -28,10 +28,10 @@ BOX_DAMPING = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Guess:
-    """Where to begin: x (n,), the working set of the program, the box as `Start` has it."""
+    """Where to begin: x (n,), the active set of the program, the box as `Start` has it."""
 
     x: FloatArray
-    working: Working = FREE
+    active_set: ActiveSet = FREE
     inner: FloatArray | None = None
 
 
@@ -41,7 +41,7 @@ class Found:
 
     x: FloatArray
     risk: float
-    working: Working
+    active_set: ActiveSet
     outcome: Outcome
     converged: bool
     iterations: int
@@ -51,7 +51,7 @@ class Found:
     @property
     def guess(self) -> Guess:
         """To go on from here."""
-        return Guess(self.x, self.working, self.inner)
+        return Guess(self.x, self.active_set, self.inner)
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +69,7 @@ Measure = Callable[[ScaledProblem, float, Guess, Means], Found]
 def minimum_of(minimum: Minimum, x: FloatArray, risk: float, inner: FloatArray | None = None) -> Found:
     """The part of a program's minimum that is torques."""
     m = minimum
-    return Found(x, risk, m.working, m.outcome, m.converged, m.iterations, m.programs, inner)
+    return Found(x, risk, m.active_set, m.outcome, m.converged, m.iterations, m.programs, inner)
 
 
 def least_cost(problem: ScaledProblem, guess: Guess, means: Means) -> Found:
@@ -79,7 +79,7 @@ def least_cost(problem: ScaledProblem, guess: Guess, means: Means) -> Found:
         plain(problem.cost, problem.limits),
         means.qp,
         guess.x,
-        working=guess.working,
+        active_set=guess.active_set,
         accuracy=EXACT * float(target.dot(target)),
         spending=means.spending,
     )
@@ -92,7 +92,7 @@ def individual(problem: ScaledProblem, weight: float, guess: Guess, means: Means
         plain(problem.cost, problem.limits, risk=problem.erring, weight=weight),
         means.qp,
         guess.x,
-        working=guess.working,
+        active_set=guess.active_set,
         accuracy=means.accuracy * weight,
         spending=means.spending,
     )
@@ -109,7 +109,7 @@ def box(problem: ScaledProblem, weight: float, guess: Guess, means: Means) -> Fo
         plain(cost, rows, linear=linear, damping=BOX_DAMPING * weight),
         means.qp,
         np.concatenate((guess.x, guess.inner if guess.inner is not None and len(guess.inner) == 1 else np.zeros(1))),
-        working=guess.working,
+        active_set=guess.active_set,
         accuracy=means.accuracy * weight,
         spending=means.spending,
     )
@@ -119,10 +119,10 @@ def box(problem: ScaledProblem, weight: float, guess: Guess, means: Means) -> Fo
 
 def shrunk_box(problem: ScaledProblem, size: float, guess: Guess, means: Means) -> Found:
     """Least cost with room for a box of `size` sigmas: R_box <= R_min is that; RISKY with the largest there is."""
-    found = least_cost(_shrunk(problem, size), Guess(guess.x, guess.working), means)
+    found = least_cost(_shrunk(problem, size), Guess(guess.x, guess.active_set), means)
     if found.outcome is Outcome.INFEASIBLE:
         largest = box(replace(problem, cost=nothing(len(guess.x))), 1.0, Guess(guess.x), means)
-        found = replace(largest, working=FREE, inner=None)
+        found = replace(largest, active_set=FREE, inner=None)
         if largest.inner is not None and largest.outcome is Outcome.SOLVED:
             cheapest = least_cost(_shrunk(problem, NEARLY * float(largest.inner[0])), Guess(largest.x), means)
             found = cheapest if cheapest.outcome is Outcome.SOLVED else found

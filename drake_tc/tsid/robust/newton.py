@@ -6,9 +6,9 @@ import numpy as np
 
 from drake_tc.kernels.lazy import Kernel
 from drake_tc.tsid.qp.problem import Outcome, QpSolver, QuadraticProgram
+from drake_tc.tsid.robust.active_set import FREE, ActiveSet, step_by_program
 from drake_tc.tsid.robust.budget import Budget, Spending
 from drake_tc.tsid.robust.convex import ConvexProgram
-from drake_tc.tsid.robust.working import FREE, Working, step_by_program
 from drake_tc.types import FloatArray
 
 _MINIMUM = Kernel("searches", "minimum")
@@ -25,7 +25,7 @@ class Minimum(NamedTuple):
         x: (N,) The best feasible iterate; the last one where none was feasible.
         value: f there.
         risk: R there.
-        working: Rows that hold it, with their multipliers.
+        active_set: Rows that hold it, with their multipliers.
         outcome: SOLVED where x is feasible, converged or not.
         converged: Whether the descent still to be had is below the accuracy.
         iterations: Steps.
@@ -35,7 +35,7 @@ class Minimum(NamedTuple):
     x: FloatArray
     value: float
     risk: float
-    working: Working
+    active_set: ActiveSet
     outcome: Outcome
     converged: bool
     iterations: int
@@ -47,7 +47,7 @@ def minimise(
     qp: QpSolver,
     x: FloatArray,
     *,
-    working: Working = FREE,
+    active_set: ActiveSet = FREE,
     accuracy: float = 0.0,
     spending: Spending | None = None,
 ) -> Minimum:
@@ -55,9 +55,9 @@ def minimise(
 
     Args:
         program: In units in which 1 is one sigma.
-        qp: For steps whose working set cannot be guessed.
+        qp: For steps whose active set cannot be guessed.
         x: (N,) Start; may be infeasible.
-        working: First guess of the rows that hold the minimum.
+        active_set: First guess of the rows that hold the minimum.
         accuracy: Stop when the conditions of optimality are missed by what promises less descent of f; or by rounding.
         spending: When to stop before; the first step is always taken. None: a whole budget of its own.
     """
@@ -69,8 +69,8 @@ def minimise(
     sides = program.lower, program.upper
     while True:
         arguments = program.arguments(accuracy, spending.most(), how)
-        code, x, *held, hessian, gradient, memory = _MINIMUM(*arguments, *sides, x, *working, *before)
-        working, taken = Working(*held), int(memory[_STEPS])
+        code, x, *held, hessian, gradient, memory = _MINIMUM(*arguments, *sides, x, *active_set, *before)
+        active_set, taken = ActiveSet(*held), int(memory[_STEPS])
         steps += taken
         spending.steps(taken)
         outcome, done = Outcome.SOLVED, memory[_DONE] > 0.0
@@ -79,7 +79,7 @@ def minimise(
             continue
         if code == _ASKS:
             programs += 1
-            outcome, working, step = _asked(program, x, hessian, gradient, working, qp)
+            outcome, active_set, step = _asked(program, x, hessian, gradient, active_set, qp)
             if outcome is Outcome.SOLVED:
                 before, how = (hessian, gradient, step, memory), _ANSWERED
                 continue
@@ -87,7 +87,7 @@ def minimise(
             outcome = Outcome.SOLVED if memory[_INSIDE] > 0.0 else outcome
         elif code == _FAILED:
             outcome, done = Outcome.FAILED, False
-        return Minimum(x, memory[_VALUE], memory[_RISK], working, outcome, bool(done), steps, programs)
+        return Minimum(x, memory[_VALUE], memory[_RISK], active_set, outcome, bool(done), steps, programs)
 
 
 def _asked(
@@ -95,14 +95,14 @@ def _asked(
     x: FloatArray,
     hessian: FloatArray,
     gradient: FloatArray,
-    working: Working,
+    active_set: ActiveSet,
     qp: QpSolver,
-) -> tuple[Outcome, Working, FloatArray]:
-    """The QP solver's step from x, its rows, and [d; A d]; the working set as it was where there is none."""
+) -> tuple[Outcome, ActiveSet, FloatArray]:
+    """The QP solver's step from x, its rows, and [d; A d]; the active set as it was where there is none."""
     rows = program.rows()
     value = rows.matrix @ x
     step = QuadraticProgram(hessian, gradient, rows.matrix, rows.lower - value, rows.upper - value, rows.bounds)
-    solution, found = step_by_program(step, working, qp)
+    solution, found = step_by_program(step, active_set, qp)
     if solution.outcome is not Outcome.SOLVED:
-        return solution.outcome, working, np.zeros(0)
+        return solution.outcome, active_set, np.zeros(0)
     return Outcome.SOLVED, found, np.concatenate((solution.x, rows.matrix @ solution.x))

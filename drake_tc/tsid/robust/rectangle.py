@@ -13,13 +13,13 @@ import numpy as np
 from drake_tc.tsid.polytope import Polytope
 from drake_tc.tsid.qp.problem import Outcome, QpSolver
 from drake_tc.tsid.robust import convex
+from drake_tc.tsid.robust.active_set import FREE, ActiveSet
 from drake_tc.tsid.robust.budget import Budget
 from drake_tc.tsid.robust.individual import certain_miss
 from drake_tc.tsid.robust.measures import Found, Guess, Means, box, minimum_of
 from drake_tc.tsid.robust.newton import Minimum, minimise
 from drake_tc.tsid.robust.scaled import FEASIBLE, Rows, ScaledProblem, nothing, scaled
 from drake_tc.tsid.robust.torque_error import TorqueError
-from drake_tc.tsid.robust.working import FREE, Working
 from drake_tc.types import FloatArray
 
 SMALL = 1e-9
@@ -43,7 +43,7 @@ def rectangle(problem: ScaledProblem, weight: float, guess: Guess, means: Means)
     sides = 2 * problem.noise.shape[1]
     if guess.inner is not None and len(guess.inner) == sides + len(problem.limits.lower):
         start = np.concatenate((guess.x, guess.inner[:sides]))
-        found = _from(start, guess.inner[sides:], guess.working, problem, weight, means)
+        found = _from(start, guess.inner[sides:], guess.active_set, problem, weight, means)
         if found.outcome is Outcome.SOLVED:
             return found
     begin = _largest(problem, guess.x, means)
@@ -66,7 +66,7 @@ def _towards(x: FloatArray, begin: FloatArray, problem: ScaledProblem, weight: f
 
 
 def _from(
-    start: FloatArray, held: FloatArray, working: Working, problem: ScaledProblem, weight: float, means: Means
+    start: FloatArray, held: FloatArray, active_set: ActiveSet, problem: ScaledProblem, weight: float, means: Means
 ) -> Found:
     """From (x, a, b); held (m,) are the sides that x itself is to keep, see `RectangleRows`."""
     axes, limits = problem.noise.shape[1], problem.limits
@@ -76,27 +76,29 @@ def _from(
     steps = programs = 0
     for _ in range(ROUNDS):
         program = convex.rectangle(problem.cost, limits, problem.noise, held, width, weight)
-        minimum = minimise(program, means.qp, start, working=working, accuracy=accuracy, spending=means.spending)
-        start, working = minimum.x, minimum.working
+        minimum = minimise(program, means.qp, start, active_set=active_set, accuracy=accuracy, spending=means.spending)
+        start, active_set = minimum.x, minimum.active_set
         steps, programs = steps + minimum.iterations, programs + minimum.programs
         value = limits.matrix @ start[:n]
         missed = (value > limits.upper + FEASIBLE) * 1.0 - (value < limits.lower - FEASIBLE)
         if minimum.outcome is not Outcome.SOLVED or n == 0 or not missed.any():
             break
-        start, working = begin, _without(working, 2 * len(limits.lower) + axes)
+        start, active_set = begin, _without(active_set, 2 * len(limits.lower) + axes)
         held = np.where(held == 0.0, missed, held)
     else:
         inside = Outcome.SOLVED if limits.miss(begin[:n]) <= FEASIBLE else Outcome.FAILED
         here = program.at(begin)
         minimum = Minimum(begin, here.value, here.risk, FREE, inside, False, steps, programs)
     found = minimum_of(minimum, start[:n], minimum.risk)
-    return replace(found, working=working, iterations=steps, programs=programs, inner=np.concatenate((start[n:], held)))
+    return replace(
+        found, active_set=active_set, iterations=steps, programs=programs, inner=np.concatenate((start[n:], held))
+    )
 
 
-def _without(working: Working, first: int) -> Working:
-    """The working set without rows from `first` on."""
-    keep = working.rows < first
-    return Working(working.rows[keep], working.sides[keep], working.multipliers[keep])
+def _without(active_set: ActiveSet, first: int) -> ActiveSet:
+    """The active set without rows from `first` on."""
+    keep = active_set.rows < first
+    return ActiveSet(active_set.rows[keep], active_set.sides[keep], active_set.multipliers[keep])
 
 
 def _largest(problem: ScaledProblem, x: FloatArray, means: Means) -> FloatArray | None:

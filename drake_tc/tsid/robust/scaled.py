@@ -52,7 +52,6 @@ class ScaledProblem:
         sure: How many do not err.
         noise: (m, r) of limits.matrix e: G L over the same divisors.
         scale: (n,) [N m].
-        row_scale: (m,) divisors, in each row's unit.
     """
 
     cost: LeastSquares
@@ -61,7 +60,6 @@ class ScaledProblem:
     sure: int
     noise: FloatArray
     scale: FloatArray
-    row_scale: FloatArray
 
     def along(self, origin: FloatArray, basis: FloatArray) -> "ScaledProblem":
         """The same problem over y, with x = origin + basis y; its `scale` stays that of x."""
@@ -84,11 +82,11 @@ def scaled(cost: LeastSquares, polytope: Polytope, error: TorqueError) -> Scaled
     """Both over sigma; see `ScaledProblem`."""
     matrix, target = np.ascontiguousarray(polytope.matrix), cost.target
     sides = np.ascontiguousarray(polytope.lower), np.ascontiguousarray(polytope.upper)
-    priced, rows, lower, upper, noise, certain, divisor, sure = _SCALED(
+    priced, rows, lower, upper, noise, certain, _, sure = _SCALED(
         np.ascontiguousarray(cost.matrix), matrix, *sides, error.scale, error.root, error.plain
     )
     limits = Rows(rows, lower, upper, polytope.bounds)
-    return ScaledProblem(LeastSquares(priced, target), limits, certain, sure, noise, error.scale, divisor)
+    return ScaledProblem(LeastSquares(priced, target), limits, certain, sure, noise, error.scale)
 
 
 def nothing(n: int) -> LeastSquares:

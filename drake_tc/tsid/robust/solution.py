@@ -3,7 +3,7 @@
 from typing import NamedTuple
 
 from drake_tc.tsid.qp.problem import Outcome
-from drake_tc.tsid.robust.working import Working
+from drake_tc.tsid.robust.active_set import ActiveSet
 from drake_tc.types import FloatArray, IntArray
 
 
@@ -12,8 +12,8 @@ class Start(NamedTuple):
 
     Attributes:
         torque: (n,) [N m].
-        rows: How many rows the problem had, for which `working` is meant.
-        working: Rows that held the solution.
+        rows: How many rows the problem had, for which `active_set` is meant.
+        active_set: Rows that held the solution.
         weight: Of the robustness where a constraint R <= R_min chose it; 0 elsewhere.
         inner: The box: half width (1,) of "box", sides (2 r,) [sigma] of "rectangle" and the rows (m,) at which x
             itself is held; None elsewhere.
@@ -21,7 +21,7 @@ class Start(NamedTuple):
 
     torque: FloatArray
     rows: int
-    working: Working
+    active_set: ActiveSet
     weight: float = 0.0
     inner: FloatArray | None = None
 

@@ -24,9 +24,16 @@ class FrameTask:
     """J vdot + Jdot v = A_d + kp e + kd (V_d - V) of a frame F, e = [log(R_d R^T); p_d - p]; the masked axes of it.
 
     Rows, gains, weights and mask go by [angular; linear], in the axes of the world or of F itself. With "reference" the
-    linear ones stand in the world's axes and the angular ones in the reference's, by the law of `control.cartesian`:
-    omega_d x (omega - omega_d) is added to alpha_d, and the error follows its gains however the reference turns.
+    linear ones stand in the world's axes and the angular ones in the reference's:
+
+        theta = log(R_d^T R),   w = R_d^T (omega - omega_d),   wdot = -kp theta - kd w,
+        alpha = alpha_d + omega_d x (R_d w) + R_d wdot,
+
+    so that the error follows its gains however the reference turns, up to terms of second order in it. The paper writes
+    S(omega_d + 2 w) w for S(omega_d) w, in the reference's axes; both are equal because S(w) w = 0.
     Reference (19,): [quaternion wxyz, p_d; omega_d, v_d; alpha_d, a_d] in the world [m, rad/s, m/s, rad/s^2, m/s^2].
+
+    Source: Faraji et al., 2015, eq. 14 to 16.
     """
 
     reference_size = 19

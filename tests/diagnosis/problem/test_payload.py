@@ -10,7 +10,8 @@ from numpy.testing import assert_allclose
 from drake_tc.diagnosis.problem.shared.payload import payload_of
 from drake_tc.errors import RigError
 from drake_tc.logs.loads import RobotLoad
-from drake_tc.logs.rig import parse_rig, rig_document
+from drake_tc.logs.rig import parse_rig
+from drake_tc.logs.rig_writing import rig_document
 from drake_tc.robot.link_parameters import link_model
 from drake_tc.robot.robot import load_robot
 

@@ -10,13 +10,12 @@ from scipy.spatial.transform import Rotation
 
 from drake_tc.estimation.base.contact_switch import Slip, slipping
 from drake_tc.estimation.base.estimator import CopEstimator
+from drake_tc.estimation.base.imu_filters import corrected_up, filter_times, tilt_correction, turned_up
 from drake_tc.estimation.base.kinematics import Posture
 from drake_tc.estimation.base.log import run_log, track_error
-from drake_tc.estimation.base.memory import memory
 from drake_tc.estimation.base.sinking import shown_vertical
 from drake_tc.estimation.base.soft_sole import soft_sole
 from drake_tc.estimation.base.state import CONTACT_MEMORY, initial_state
-from drake_tc.estimation.base.tilt import corrected_up, swerve_push, turned_up
 
 from .constructed import REAL, Motion, construct, spec, walker
 
@@ -30,13 +29,13 @@ def test_the_gains_of_a_growing_memory_are_the_line_through_all_errors():
     seen = 0.5 + 0.3 * t + 0.05 * rng.normal(size=t.size)
     angle, rate = seen[0], 0.0
     for n, measured in enumerate(seen[1:], 2):
-        time, bias_time = memory(n * dt, np.inf, np.inf)
+        time, bias_time = filter_times(n * dt, np.inf, np.inf)
         push = min(1.0, dt / time) * (measured - (angle + dt * rate))
         angle, rate = angle + dt * rate + push, rate + push / bias_time
     slope, start = np.polyfit(t, seen, 1)
     assert_allclose(angle, start + slope * t[-1], atol=2e-3)
     assert_allclose(rate, slope, atol=5e-4)
-    assert memory(100.0, 0.5, 5.0) == (0.5, 5.0)
+    assert filter_times(100.0, 0.5, 5.0) == (0.5, 5.0)
 
 
 def swayed(contacts, amplitude=1.0, frequency=0.4):
@@ -51,7 +50,7 @@ def swayed(contacts, amplitude=1.0, frequency=0.4):
         carried_on = np.array([before, 0.0, 0.0]) + dt * (accel - 9.81 * up)
         known = np.array([now, 0.0, 0.0])
         up = turned_up(up, np.zeros(3), dt)
-        push = swerve_push(known - carried_on, dt, 3.0) if contacts else dt / 3.0 * (accel / 9.81 - up)
+        push = tilt_correction(known - carried_on, dt, 3.0) if contacts else dt / 3.0 * (accel / 9.81 - up)
         up = corrected_up(up, push)
         found.append(up[0])
     return np.abs(found).max()
@@ -66,8 +65,8 @@ def test_a_vertical_that_is_wrong_comes_back_within_its_time():
     dt, time, wrong = 1e-3, 1.0, 2e-3
     up = corrected_up(np.array([wrong, 0.0, 1.0]), np.zeros(3))
     for _ in range(1000):  # at rest: the accelerometer reads the truth, and the contacts say no velocity
-        swerve = -dt * 9.81 * (np.array([0.0, 0.0, 1.0]) - up)
-        up = corrected_up(up, swerve_push(swerve, dt, time))
+        velocity_innovation = -dt * 9.81 * (np.array([0.0, 0.0, 1.0]) - up)
+        up = corrected_up(up, tilt_correction(velocity_innovation, dt, time))
     assert_allclose(up[0], wrong * np.exp(-1.0), rtol=0.01)
 
 

@@ -6,8 +6,8 @@ from numpy.testing import assert_allclose
 from pydrake.math import RollPitchYaw
 from scipy.optimize import minimize_scalar
 
+from drake_tc.estimation.base.imu_filters import filtered_up, up_of
 from drake_tc.estimation.base.pose import levelled, solve_position, solve_yaw, turned
-from drake_tc.estimation.base.tilt import filtered_up, up_of
 
 
 @pytest.mark.parametrize("k", [2, 3, 4])

@@ -7,9 +7,10 @@ import pytest
 
 from drake_tc.control.guard import GuardMode
 from drake_tc.errors import ParamsError
-from drake_tc.loops.torque.fault_cases import BIASES, CASES, FLAGGED_WITHIN, FaultCase, run_case
 from drake_tc.loops.torque.running import simulate_scenario
 from drake_tc.registry import diagram_entry
+
+from .fault_cases import BIASES, CASES, FLAGGED_WITHIN, FaultCase, run_case
 
 SITUATIONS = {"swing": ("hrp2_leg", "brisk_swing", 0.9), "contact": ("hrp2_leg_contact", "brisk_force_sine", 0.8)}
 MARGIN = {("contact", "force_torque-biased"): 0.08}

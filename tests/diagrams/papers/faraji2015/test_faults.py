@@ -12,7 +12,7 @@ from pydrake.polynomial import Polynomial
 from pydrake.systems.primitives import TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
-from drake_tc.control.blind_stop import BLIND, BlindStop
+from drake_tc.control.sensor_loss_stop import LOSS_TIME, SensorLossStop
 from drake_tc.control.stopping_reference import STOP_TIME, StoppingReference
 from drake_tc.loops.whole_body.running import simulate_tsid
 from drake_tc.loops.whole_body.scenario import FALLIBLE, TsidScenario
@@ -94,7 +94,7 @@ def test_a_motion_that_stops_keeps_to_its_path_and_its_rates_are_those_of_its_pl
 
 
 def test_torques_fade_once_a_joint_is_lost_for_good():
-    system = BlindStop(3, np.array([True, False]), 0.1, DT)
+    system = SensorLossStop(3, np.array([True, False]), 0.1, DT)
     context = system.CreateDefaultContext()
     system.GetInputPort("state").FixValue(context, [1.0, 2.0, 3.0])
     system.GetInputPort("torque").FixValue(context, [4.0, -2.0])
@@ -107,7 +107,7 @@ def test_torques_fade_once_a_joint_is_lost_for_good():
             context.SetDiscreteState(np.array(system.EvalUniquePeriodicDiscreteUpdate(context).value()))
         return [system.GetOutputPort(name).Eval(context) for name in ("state", "torque")]
 
-    for count, value in ((round(BLIND / DT) - 1, 1.0), (1, 0.0), (round(BLIND / DT) - 1, 1.0)):
+    for count, value in ((round(LOSS_TIME / DT) - 1, 1.0), (1, 0.0), (round(LOSS_TIME / DT) - 1, 1.0)):
         state, torque = ticks(count, value)
         assert_array_equal(state, [1.0, 2.0, 3.0])
         assert_array_equal(torque, [4.0, -2.0])
@@ -120,12 +120,12 @@ def test_torques_fade_once_a_joint_is_lost_for_good():
 
 
 def test_a_lost_joint_that_nothing_stands_on_fades_alone():
-    system = BlindStop(3, np.array([True, False]), 0.1, DT)
+    system = SensorLossStop(3, np.array([True, False]), 0.1, DT)
     context = system.CreateDefaultContext()
     for name, value in (("state", [1.0, 2.0, 3.0]), ("torque", [4.0, -2.0]), ("desired", [3.0, 5.0])):
         system.GetInputPort(name).FixValue(context, value)
     system.GetInputPort("lost").FixValue(context, [0.0, 1.0])
-    for _ in range(round(BLIND / DT) + 100):
+    for _ in range(round(LOSS_TIME / DT) + 100):
         context.SetDiscreteState(np.array(system.EvalUniquePeriodicDiscreteUpdate(context).value()))
     state, torque, desired = (system.GetOutputPort(name).Eval(context) for name in ("state", "torque", "desired"))
     assert_array_equal(state, [1.0, 2.0, 3.0])

@@ -23,7 +23,7 @@ LARGEST_GROWTH = 2.0
 
 
 @dataclass(frozen=True)
-class BodeFound:
+class BodeMeasurement:
     """What was measured and computed.
 
     Attributes:
@@ -88,7 +88,7 @@ class BodeRequest:
     prediction: bool
 
 
-def find(request: BodeRequest, progress: Callable[[str, float], None]) -> BodeFound:
+def measure_bode(request: BodeRequest, progress: Callable[[str, float], None]) -> BodeMeasurement:
     """Measure and predict.
 
     Raises:
@@ -102,7 +102,7 @@ def find(request: BodeRequest, progress: Callable[[str, float], None]) -> BodeFo
     measured = swept_sine(loop.diagram, context, loop.period, request.channels, request.sweep, progress)
     notes = _unsteady(measured)
     if not request.prediction:
-        return BodeFound(measured, None, notes)
+        return BodeMeasurement(measured, None, notes)
     try:
         with TemporaryDirectory() as folder:
             progress("linearising", 1.0)
@@ -110,7 +110,7 @@ def find(request: BodeRequest, progress: Callable[[str, float], None]) -> BodeFo
             plain = request.scenario if sliding is None else sliding(request.scenario, Path(folder))
             predicted, radius = _predicted(request, plain, measured.frequency_hz)
     except DrakeTcError as error:
-        return BodeFound(measured, None, (*notes, f"no prediction: {error}"))
+        return BodeMeasurement(measured, None, (*notes, f"no prediction: {error}"))
     stable = radius <= 1.0 + UNSTABLE
     if not stable:
         lasts = max(request.sweep.settle, 2.0 / measured.frequency_hz[0])
@@ -122,8 +122,8 @@ def find(request: BodeRequest, progress: Callable[[str, float], None]) -> BodeFo
             f" {lasts:.2g} s of a measurement; it has no steady response",
         )
         if exponent > np.log(LARGEST_GROWTH):
-            return BodeFound(measured, None, notes, stable=False)
-    return BodeFound(measured.near(predicted.phase), predicted, notes, stable)
+            return BodeMeasurement(measured, None, notes, stable=False)
+    return BodeMeasurement(measured.near(predicted.phase), predicted, notes, stable)
 
 
 def _unsteady(measured: FrequencyResponse) -> tuple[str, ...]:

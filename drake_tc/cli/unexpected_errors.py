@@ -1,4 +1,4 @@
-"""What nobody foresaw: errors in one line with details in a file, warnings of libraries, requests to terminate."""
+"""Unexpected events: errors in one line with details in a file, warnings of libraries, requests to terminate."""
 
 import logging
 import os
@@ -16,8 +16,8 @@ from types import FrameType
 
 from drake_tc import __version__
 
-UNFORESEEN = 70
-"""Exit code of an error that nobody foresaw (EX_SOFTWARE of BSD's sysexits)."""
+UNEXPECTED = 70
+"""Exit code of an unexpected error (EX_SOFTWARE of BSD's sysexits)."""
 SHOWN = 200
 """Characters of an error's own message that stand in the line; the file has all."""
 
@@ -27,7 +27,7 @@ class Terminated(BaseException):
 
 
 def write_details(error: BaseException, arguments: Sequence[str]) -> str:
-    """One sentence about an error that nobody foresaw; its traceback goes to a file that the sentence names.
+    """One sentence about an unexpected error; its traceback goes to a file that the sentence names.
 
     The file lies in `$XDG_STATE_HOME/drake-tc` (by default `~/.local/state/drake-tc`), or in the folder for temporary
     files.
@@ -66,7 +66,7 @@ def _written(text: str) -> str:
 
 
 @contextmanager
-def told_once(*, quiet: bool, debug: bool) -> Iterator[None]:
+def quiet_libraries(*, quiet: bool, debug: bool) -> Iterator[None]:
     """Within the block SIGTERM raises `Terminated`, and warnings of libraries do not reach stderr as they are.
 
     Python's warnings (numpy's among them) are dropped: what they are about is checked where it matters. Drake's log
@@ -82,7 +82,7 @@ def told_once(*, quiet: bool, debug: bool) -> Iterator[None]:
             return
         warnings.simplefilter("ignore")
         drake = logging.getLogger("drake")
-        handler = _Once(quiet)
+        handler = _PrintOnce(quiet)
         before = (drake.propagate, drake.handlers[:])
         drake.propagate, drake.handlers = False, [handler]
         try:
@@ -91,19 +91,19 @@ def told_once(*, quiet: bool, debug: bool) -> Iterator[None]:
             drake.propagate, drake.handlers = before
 
 
-class _Once(logging.Handler):
+class _PrintOnce(logging.Handler):
     """Prints each of Drake's messages once, as one line."""
 
     def __init__(self, quiet: bool) -> None:
         super().__init__(logging.WARNING)
         self.quiet = quiet
-        self.told: set[str] = set()
+        self.printed: set[str] = set()
 
     def emit(self, record: logging.LogRecord) -> None:
         """Print a message that was not printed yet."""
         text = " ".join(record.getMessage().split())
-        if not self.quiet and text not in self.told:
-            self.told.add(text)
+        if not self.quiet and text not in self.printed:
+            self.printed.add(text)
             print(f"drake-tc: Drake says: {text}", file=sys.stderr)
 
 

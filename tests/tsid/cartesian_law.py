@@ -1,4 +1,4 @@
-"""Cartesian laws: the acceleration that brings a point or a frame back to its reference.
+"""The Cartesian laws of `FrameTask` in plain NumPy: the acceleration that brings a point or a frame to its reference.
 
 Source: Faraji et al., 2015, section IV.B.
 

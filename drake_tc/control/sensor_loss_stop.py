@@ -1,4 +1,4 @@
-"""`BlindStop`: a joint has lost two of its three sensors for good; torques fade, and the motors brake the fall."""
+"""`SensorLossStop`: a joint has lost two of its three sensors for good; torques fade, and the motors brake the fall."""
 
 from typing import Any
 
@@ -8,12 +8,12 @@ from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 from drake_tc.port_methods import PortMethods
 from drake_tc.types import BoolArray
 
-BLIND = 0.15
-"""How long a flag is up before nothing is believed [s]: of those 0.1 s are the flag's own."""
+LOSS_TIME = 0.15
+"""Time for which a flag is up before the joint counts as lost [s]; the flag itself takes 0.1 s of it."""
 
 
-class BlindStop(PortMethods, LeafSystem):
-    """What the controllers get once a joint's `lost` has been up for `BLIND`, for good.
+class SensorLossStop(PortMethods, LeafSystem):
+    """What the controllers get once a joint's `lost` has been up for `LOSS_TIME`, for good.
 
     Inputs: state (m) of the robot; torque (n) of the gauges; desired (n) torques of the controller; lost (n), by joint.
     Outputs, with feedthrough of the input of that name:
@@ -37,7 +37,7 @@ class BlindStop(PortMethods, LeafSystem):
             dt: Period [s].
         """
         super().__init__()
-        self._limit, self._nothing = float(np.ceil(BLIND / dt)), np.full(size, np.nan)
+        self._limit, self._nothing = float(np.ceil(LOSS_TIME / dt)), np.full(size, np.nan)
         self._rate, self._carrying = dt / fade, np.array(carrying, dtype=bool)
         joints = self._carrying.size
         self._known: Any = self.DeclareVectorInputPort("state", size)
@@ -52,13 +52,13 @@ class BlindStop(PortMethods, LeafSystem):
         self.DeclareVectorOutputPort("desired", joints, self._write_desired, own | {self._desired.ticket()})
         self.DeclarePeriodicDiscreteUpdateEvent(dt, 0.0, self._update)
 
-    def _is_blind(self, ticks: Any) -> bool:
+    def _is_lost(self, ticks: Any) -> bool:
         """Whether a joint is lost that the robot stands on."""
         return bool(np.count_nonzero(ticks[self._carrying] >= self._limit))
 
     def _write(self, context: Context, vector: Any) -> None:
         ticks: Any = context.get_discrete_state(self._ticks).value()
-        vector.set_value(self._nothing if self._is_blind(ticks) else self._known.Eval(context))
+        vector.set_value(self._nothing if self._is_lost(ticks) else self._known.Eval(context))
 
     def _write_torque(self, context: Context, vector: Any) -> None:
         ticks: Any
@@ -71,7 +71,7 @@ class BlindStop(PortMethods, LeafSystem):
     def _write_desired(self, context: Context, vector: Any) -> None:
         ticks: Any
         ticks, desired = context.get_discrete_state(self._ticks).value(), self._desired.Eval(context)
-        if np.count_nonzero(ticks > self._limit) and not self._is_blind(ticks):
+        if np.count_nonzero(ticks > self._limit) and not self._is_lost(ticks):
             desired = desired * np.exp(-self._rate * np.maximum(ticks - self._limit, 0.0))
         vector.set_value(desired)
 

@@ -15,7 +15,7 @@ ANSWERED = 1e-5
 EMPTY: IntArray = np.zeros(0, dtype=np.int64)
 
 
-class Working(NamedTuple):
+class ActiveSet(NamedTuple):
     """Rows held at one of their sides.
 
     Attributes:
@@ -29,10 +29,10 @@ class Working(NamedTuple):
     multipliers: FloatArray
 
 
-FREE = Working(EMPTY, EMPTY, np.zeros(0))
+FREE = ActiveSet(EMPTY, EMPTY, np.zeros(0))
 
 
-def step_by_program(program: QuadraticProgram, working: Working, qp: QpSolver) -> tuple[QpSolution, Working]:
+def step_by_program(program: QuadraticProgram, active_set: ActiveSet, qp: QpSolver) -> tuple[QpSolution, ActiveSet]:
     """The step d of a quadratic program, and the rows that hold it.
 
     Where the solver's answer misses a limit, or is that there is none, the shortest step which keeps the limits counts:
@@ -40,20 +40,20 @@ def step_by_program(program: QuadraticProgram, working: Working, qp: QpSolver) -
 
     Args:
         program: Over d.
-        working: A first guess.
+        active_set: A first guess.
         qp: The solver.
     """
     start: QpSolution | None = None
-    if len(working.rows):
+    if len(active_set.rows):
         force = np.zeros(len(program.upper))
-        force[working.rows] = working.sides
+        force[active_set.rows] = active_set.sides
         start = QpSolution(np.zeros_like(program.gradient), force, Outcome.SOLVED, 0)
     solution = _answer(program, start, qp)
     if solution.outcome is not Outcome.SOLVED:
         return solution, FREE
     force = solution.multipliers
     held = np.flatnonzero(np.abs(force) > 1e-9 * np.abs(force).max(initial=0.0))
-    return solution, Working(held, np.where(force[held] > 0.0, 1, -1), force[held])
+    return solution, ActiveSet(held, np.where(force[held] > 0.0, 1, -1), force[held])
 
 
 def _answer(program: QuadraticProgram, start: QpSolution | None, qp: QpSolver) -> QpSolution:

@@ -1,4 +1,4 @@
-"""Stage 2 of a tick: base position and yaw, and what the contacts hold from now on."""
+"""The pose update of a tick: base position and yaw, and what the contacts hold from now on."""
 
 import math
 from typing import NamedTuple
@@ -6,12 +6,12 @@ from typing import NamedTuple
 import numpy as np
 
 from drake_tc.estimation.base.attitude import Attitude
+from drake_tc.estimation.base.imu_filters import filter_times
 from drake_tc.estimation.base.kinematics import Posture
-from drake_tc.estimation.base.memory import memory
 from drake_tc.estimation.base.pose import solve_position, solve_yaw, turned
 from drake_tc.estimation.base.sinking import Sinking
-from drake_tc.estimation.base.stage_one import Loads, Motion, Setting
 from drake_tc.estimation.base.state import CONTACT_MEMORY, BaseState
+from drake_tc.estimation.base.velocity_update import Loads, Motion, Setting
 from drake_tc.types import FloatArray
 
 _LEAST_ARM = 0.05
@@ -24,7 +24,7 @@ _HELD_FOR = CONTACT_MEMORY.index("held_for")
 
 
 class Place(NamedTuple):
-    """What stage 2 finds.
+    """Result of the pose update.
 
     Attributes:
         position: (3,) [m]. yaw: [rad]. rotation: (3, 3) R_WB.
@@ -80,7 +80,7 @@ def find_place(
     told = state.yaw + pose.turn
     yaw_time, yaw_bias_time = spec.yaw_time, spec.yaw_bias_time
     if spec.quick_start:
-        yaw_time, yaw_bias_time = memory(_START + state.paired * dt, yaw_time, yaw_bias_time)
+        yaw_time, yaw_bias_time = filter_times(_START + state.paired * dt, yaw_time, yaw_bias_time)
     yaw, apart = solve_yaw(arm, held, weight, told, yaw_time / dt, _LEAST_ARM)
     astray = abs(apart) > spec.slip_turn
     yaw = math.remainder(told if astray else yaw, math.tau)

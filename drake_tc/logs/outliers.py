@@ -21,7 +21,7 @@ MEASURED = ("position", "motor_position", "torque", "velocity")
 DROPPING = (*MEASURED, "current")
 
 
-def mended(raw: RawLog, joints: Sequence[str]) -> RawLog:
+def without_outliers(raw: RawLog, joints: Sequence[str]) -> RawLog:
     """The log with the turns of its angles undone, and NaN where a sensor did not read; the notes say where.
 
     A sensor did not read in spikes, where it dropped out to 0, at the end of its range, and where it repeated a value

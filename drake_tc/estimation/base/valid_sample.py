@@ -1,4 +1,4 @@
-"""What of a sample can be believed: missing readings and encoder spikes give way to what the last tick knew."""
+"""Validation of one sample: missing readings and encoder spikes are replaced by the previous estimate, and flagged."""
 
 import math
 from typing import NamedTuple
@@ -15,16 +15,16 @@ _SPIKE = FLAGS.index("encoder_spike")
 _FORGET = 0.05
 """In which a speed that is no longer measured dies away [s]."""
 _PATIENCE = 5
-"""Ticks after which an encoder that insists is believed."""
+"""Ticks after which a step of an encoder that persists is taken as real."""
 
 
-class Believed(NamedTuple):
-    """A sample without holes: `Readings`' fields, and what had to be done.
+class ValidSample(NamedTuple):
+    """A sample without gaps: the fields of `Readings`, and flags of what was replaced.
 
     Attributes:
         q, qd, gyro, accel, tilt, wrench: As in `Readings`; `tilt` may be NaN, the others are finite.
-        doubt: (n,) ticks for which each encoder has not been believed.
-        has_gyro, has_accel: Whether gyro and accelerometer speak.
+        doubt: (n,) ticks for which each encoder has been rejected.
+        has_gyro, has_accel: Whether gyro and accelerometer have readings.
         encoder_missing, encoder_spike, imu_missing, wrench_missing: What was wrong.
     """
 
@@ -53,19 +53,19 @@ def _jumps(q: FloatArray, state: BaseState, spec: BaseEstimatorSpec) -> BoolArra
     return step
 
 
-def believed(readings: Readings, state: BaseState, spec: BaseEstimatorSpec) -> Believed:
-    """The sample without holes.
+def valid_sample(readings: Readings, state: BaseState, spec: BaseEstimatorSpec) -> ValidSample:
+    """The sample without gaps.
 
     Missing encoders move on at their speed, or at their last one, which dies away; a missing gyro reads its bias, a
     missing wrench nothing. An encoder that jumps by more than `encoder_spike` and twice what its speed explains
-    is not believed for five ticks, and its speed not either, with the tick after it.
+    is rejected for five ticks, and so is its speed, also in the tick after it.
     """
     q, qd, doubt = readings.q, readings.qd, state.doubt
     dt, first = spec.period, not state.started
     step, gyro, accel, wrench = q - state.q, readings.gyro, readings.accel, readings.wrench
     size = q @ q + qd @ qd + gyro @ gyro + accel @ accel + np.vdot(wrench, wrench)
     if size < LARGEST**2 and not first and not state.flags[_SPIKE] and step @ step < spec.encoder_spike**2:
-        return Believed(
+        return ValidSample(
             q,
             qd,
             readings.gyro,
@@ -97,7 +97,7 @@ def believed(readings: Readings, state: BaseState, spec: BaseEstimatorSpec) -> B
             doubt = np.where(jump, doubt + 1.0, 0.0)
     has_gyro, has_accel = _is_finite(readings.gyro), _is_finite(readings.accel)
     wrench_missing = not _is_finite(readings.wrench)
-    return Believed(
+    return ValidSample(
         q=q,
         qd=qd,
         gyro=readings.gyro if has_gyro else state.bias,

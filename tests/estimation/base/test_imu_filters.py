@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 
 from drake_tc.errors import ParamsError
 from drake_tc.estimation.base.estimator import CopEstimator
-from drake_tc.estimation.base.imu_age import SLOPE_TIME, carried
+from drake_tc.estimation.base.imu_filters import SLOPE_TIME, carried_to_tick
 from drake_tc.estimation.base.log import run_log
 
 from .constructed import Motion, construct, spec, walker
@@ -19,7 +19,7 @@ DT = 1e-3
 def carry(readings, age, dt=DT):
     trail, out = readings[0], []
     for reading in readings:
-        now, trail = carried(reading, trail, age, dt)
+        now, trail = carried_to_tick(reading, trail, age, dt)
         out.append(now)
     return np.array(out)
 

@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose
 from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
-from drake_tc.control.cartesian import (
+from .cartesian_law import (
     Turning,
     carried_to_world,
     relative_turn,

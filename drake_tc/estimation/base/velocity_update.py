@@ -1,4 +1,4 @@
-"""Stage 1 of a tick: what the contacts carry, base velocity and centres of pressure."""
+"""The velocity update of a tick: what the contacts carry, base velocity and centres of pressure."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -6,14 +6,14 @@ from typing import NamedTuple
 import numpy as np
 
 from drake_tc.estimation.base.attitude import Attitude
-from drake_tc.estimation.base.believed import Believed
 from drake_tc.estimation.base.contact_switch import Slip, carries, slipping
+from drake_tc.estimation.base.imu_filters import GRAVITY
 from drake_tc.estimation.base.kinematics import BaseKinematics, Posture, skews
 from drake_tc.estimation.base.sinking import Sinking, sinking
 from drake_tc.estimation.base.soft_sole import SoftSole, soft_sole
 from drake_tc.estimation.base.spec import BaseEstimatorSpec
 from drake_tc.estimation.base.state import CONTACT_FLAGS, BaseState
-from drake_tc.estimation.base.tilt import GRAVITY
+from drake_tc.estimation.base.valid_sample import ValidSample
 from drake_tc.estimation.base.velocity import Soles, VelocityProblem, soles_of, solve_velocity
 from drake_tc.types import FloatArray, IntArray
 
@@ -97,14 +97,14 @@ class Motion(NamedTuple):
 
     Attributes:
         velocity: (3,) ydot [m/s]. pressure: (k, 2) centres of pressure [m]. limited: Which soles end there.
-        swerve: (3,) ydot less what the accelerometer carried on [m/s].
+        velocity_innovation: (3,) ydot less what the accelerometer carried on [m/s].
         slip: What was dropped. weight: (k,) loads of the contacts that count [N].
     """
 
     velocity: FloatArray
     pressure: FloatArray
     limited: list[bool]
-    swerve: FloatArray
+    velocity_innovation: FloatArray
     slip: Slip
     weight: FloatArray
 
@@ -113,7 +113,7 @@ def find_loads(
     setting: Setting,
     kinematics: BaseKinematics,
     state: BaseState,
-    sample: Believed,
+    sample: ValidSample,
     posture: Posture,
     pose: Attitude,
     switch: FloatArray,
@@ -124,7 +124,7 @@ def find_loads(
         setting: Worked out once.
         kinematics: Of the robot.
         state: Before the tick.
-        sample: What was believed.
+        sample: Readings after validation.
         posture: Contacts against the base.
         pose: Orientation.
         switch: (k,) of `Readings`.
@@ -160,14 +160,14 @@ def find_sinking(setting: Setting, state: BaseState, posture: Posture, loads: Lo
 
 
 def find_motion(
-    setting: Setting, state: BaseState, sample: Believed, posture: Posture, pose: Attitude, loads: Loads
+    setting: Setting, state: BaseState, sample: ValidSample, posture: Posture, pose: Attitude, loads: Loads
 ) -> Motion:
     """Base velocity and centres of pressure.
 
     Args:
         setting: Worked out once.
         state: Before the tick.
-        sample: What was believed.
+        sample: Readings after validation.
         posture: Contacts against the base.
         pose: Orientation.
         loads: What the contacts carry.
@@ -204,5 +204,5 @@ def find_motion(
     )
     at_edge = bool(state.contact_flags[:, _LIMITED].any())
     velocity, pressure, limited = solve_velocity(problem, setting.soles, at_edge=at_edge)
-    swerve = np.zeros(3) if first or not sample.has_accel else velocity - reference
-    return Motion(velocity, pressure, limited, swerve, slip, weight)
+    velocity_innovation = np.zeros(3) if first or not sample.has_accel else velocity - reference
+    return Motion(velocity, pressure, limited, velocity_innovation, slip, weight)
