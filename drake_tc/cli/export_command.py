@@ -180,7 +180,8 @@ def _account(projections: "Sequence[Projection]", target: str) -> list[str]:
                 f" {where}; RMS error of the friction torque {r.refitted:.3g} N m, {r.dropped:.3g} without the refit."
             )
         for loss in each.losses:
-            lines.append(f"{each.joint}: {target} has no {loss.effect}{f': {loss.why}' if loss.why else ''}.")
+            has = f"has {loss.effect} only in part" if loss.partly else f"has no {loss.effect}"
+            lines.append(f"{each.joint}: {target} {has}{f': {loss.why}' if loss.why else ''}.")
     return lines or [f"{target} expresses all effects of this model."]
 
 

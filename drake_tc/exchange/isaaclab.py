@@ -1,8 +1,9 @@
 """Isaac Lab: a Python file with one actuator configuration a joint.
 
 `ImplicitActuatorCfg` and `DelayedPDActuatorCfg` take stiffness [N m/rad], damping [N m s/rad], armature [kg m^2],
-friction and dynamic_friction [N m], viscous_friction [N m s/rad] and effort_limit_sim [N m];
-delays are whole physics steps.
+friction and dynamic_friction [N m], viscous_friction [N m s/rad] and a limit of torque [N m]: effort_limit_sim of the
+implicit actuator, which the physics engine applies, effort_limit of the delayed one, which computes its torque itself.
+Delays are whole physics steps.
 """
 
 from collections.abc import Sequence
@@ -10,11 +11,9 @@ from pathlib import Path
 
 from drake_tc.errors import ParamsError
 from drake_tc.exchange.projection import Projection
+from drake_tc.exchange.targets import PHYSICS_STEP
 from drake_tc.exchange.xml_text import number
 from drake_tc.simulator_files.terms import Terms
-
-PHYSICS_STEP = 0.005
-"""Of Isaac Lab's examples [s]; a delay is rounded to whole steps."""
 
 
 def to_isaaclab(projections: Sequence[Projection], into: Path | None = None) -> str:
@@ -57,7 +56,7 @@ def _entry(joint: str, terms: Terms) -> list[str]:
         "viscous_friction": number(terms.damping),
     }
     if terms.torque_limit is not None:
-        fields["effort_limit_sim"] = number(terms.torque_limit)
+        fields["effort_limit" if terms.delay else "effort_limit_sim"] = number(terms.torque_limit)
     if terms.delay:
         steps = round(terms.delay / PHYSICS_STEP)
         fields |= {"min_delay": str(steps), "max_delay": str(steps)}

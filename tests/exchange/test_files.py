@@ -14,7 +14,7 @@ from drake_tc.errors import ParamsError
 from drake_tc.exchange.bam import to_bam
 from drake_tc.exchange.isaaclab import to_isaaclab
 from drake_tc.exchange.mjcf import to_mjcf
-from drake_tc.exchange.projection import project
+from drake_tc.exchange.projection import Loss, project
 from drake_tc.exchange.sdf import to_sdf
 from drake_tc.exchange.targets import TARGETS
 from drake_tc.exchange.urdf import to_urdf
@@ -139,8 +139,33 @@ def test_isaac_lab_is_a_module():
         scope,
     )
     knee = scope["ACTUATORS"]["knee"]
-    assert knee["stiffness"] == 5000.0 and knee["armature"] == 0.31 and knee["effort_limit_sim"] == 50.0
+    assert knee["stiffness"] == 5000.0 and knee["armature"] == 0.31
+    assert knee["effort_limit"] == 50.0  # an explicit actuator clips its own torque; effort_limit_sim is the engine's
     assert knee["min_delay"] == 1
+    (rounded,) = [loss for loss in exported("isaaclab")[0].losses if loss.partly]
+    assert rounded == Loss("delay.command", "delays are whole physics steps, 0.005 s in place of 0.004 s", partly=True)
+    at_once = ActuatorModel("knee", MODEL.drive, tuple(v for v in MODEL.effects if v.key != "delay.command"))
+    assert "effort_limit_sim=50," in to_isaaclab([project(at_once, TARGETS["isaaclab"])])
+
+
+@pytest.mark.parametrize(
+    ("target", "drive", "lost"),
+    [
+        ("mjcf", Drive("current", 0.5), False),
+        ("urdf", Drive("position_servo", 2e-4), True),
+        ("urdf", Drive("torque", 1.0), False),
+        ("sdf", Drive("voltage", 0.5), True),
+        ("drake-urdf", Drive("position_servo", 2e-4), False),
+        ("drake-urdf", Drive("current", 0.5), True),
+        ("isaaclab", Drive("current", 0.5), True),
+        ("bam", Drive("voltage", 0.5), False),
+    ],
+)
+def test_a_gain_that_a_file_has_no_place_for_is_lost(target, drive, lost):
+    model = ActuatorModel("knee", drive, (EffectValue("viscous", {"viscous": 0.8}),))
+    found = [loss.why for loss in project(model, TARGETS[target]).losses if loss.effect == "drive gain"]
+    unit = {"position_servo": "5000 N m for 1 rad", "current": "2 N m for 1 A", "voltage": "2 N m for 1 V"}
+    assert found == ([f"your controller has to apply {unit[drive.kind]}"] if lost else [])
 
 
 def test_bam_needs_a_voltage_and_a_torque_constant():
