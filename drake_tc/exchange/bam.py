@@ -1,4 +1,6 @@
-"""BAM: the parameters of its model "m1" (dry and viscous friction) of a servo on a voltage.
+"""BAM: the parameters of a servo on a voltage, with friction model m1 (dry and viscous) or m2 (and a Stribeck peak).
+
+BAM loads a file whose entry `actuator` names one of its classes of servos; it comes from the file to merge into.
 
 BAM's motor has a torque constant kt and a resistance R apart; logs of voltage and motion know kt/R alone, and a
 back-EMF (kt^2/R) qdot inside the viscous friction. One of kt and R has to be given.
@@ -44,15 +46,19 @@ def to_bam(projections: Sequence[Projection], into: Path | None = None, torque_c
             f" {back_emf:.4g} N m s/rad, more than all viscous friction that was found"
             f" ({terms.damping:.4g}); give a smaller one"
         )
-    found = {
-        "model": "m1",
+    found: dict[str, object] = {
+        "model": "m1" if terms.stribeck is None else "m2",
         "kt": torque_constant,
         "R": resistance,
         "armature": terms.armature,
         "friction_base": terms.frictionloss,
         "friction_viscous": terms.damping - back_emf,
+        "command_delay": terms.delay,
         "q_offset": 0.0,
     }
+    if terms.stribeck is not None:
+        peak = terms.stribeck
+        found |= {"friction_stribeck": peak.height, "dtheta_stribeck": peak.velocity, "alpha": peak.exponent}
     return json.dumps(_existing(into) | found, indent=2) + "\n"
 
 

@@ -8,7 +8,7 @@ from scipy.optimize import nnls
 
 from drake_tc.actuation.model import ActuatorModel
 from drake_tc.effects.base import TorqueEffect, plain_signals
-from drake_tc.simulator_files.terms import Terms
+from drake_tc.simulator_files.terms import StribeckPeak, Terms
 from drake_tc.types import FloatArray
 
 OF_SPEED = ("viscous", "coulomb", "stribeck", "quadratic_viscous", "static_friction", "viscous_power")
@@ -77,7 +77,7 @@ class Vocabulary:
     Attributes:
         name: Of the target, for people.
         terms: Names of fields of `Terms`.
-        missing: Field to what a user can do instead, or why it does not matter.
+        missing: Field, or id of an effect, to what a user can do instead, or why it does not matter.
         drives: Kinds of drive whose gain it has.
         delay_step: Delays are whole multiples of this [s]; 0: any.
     """
@@ -108,6 +108,7 @@ def project(model: ActuatorModel, target: Vocabulary, speeds: FloatArray | None 
         damping=friction["damping"],
         frictionloss=friction["frictionloss"] if target.has("frictionloss") else 0.0,
         quadratic=friction.get("quadratic", 0.0) if target.has("quadratic") else 0.0,
+        stribeck=_peak(model) if target.has("stribeck") else None,
     )
     lost = [("rotor_inertia", "armature")] if model.inertia else []
     lost += [(value.key, "frictionloss") for value in model.effects if value.effect.id in DRY]
@@ -139,7 +140,7 @@ def _direct(model: ActuatorModel, target: Vocabulary) -> tuple[Terms, list[Loss]
             found[term], rounded = _rounded(term, number, target)
             losses += rounded
         else:
-            losses.append(Loss(value.key, target.missing.get(term, "") if term else LOST.get(name, "")))
+            losses.append(Loss(value.key, target.missing.get(term or name, LOST.get(name, ""))))
     armature = model.inertia if target.has("armature") else 0.0
     return Terms(model.drive.kind, kp, armature=armature, **found), losses  # type: ignore[arg-type]
 
@@ -207,6 +208,8 @@ def _friction(
     }
     exact = {"viscous", *(["coulomb"] if target.has("frictionloss") else [])}
     exact |= {"quadratic_viscous"} if target.has("quadratic") else set()
+    if target.has("stribeck"):
+        parts = [(e, p) for e, p in parts if e.id != "stribeck"]
     odd = tuple(e.id for e, _ in parts if e.id not in exact)
     if not odd:
         return plain, None
@@ -220,6 +223,14 @@ def _friction(
     left_out = curve - basis @ np.array([plain[name] for name in names])
     refit = Refit(odd, _rms(left_out), _rms(curve - basis @ fitted), float(v.max()), speeds is not None)
     return dict(zip(names, fitted.tolist(), strict=True)), refit
+
+
+def _peak(model: ActuatorModel) -> StribeckPeak | None:
+    for value in model.effects:
+        if value.effect.id == "stribeck":
+            names = ("stribeck", "stribeck_velocity", "stribeck_exponent")
+            return StribeckPeak(*(value.parameters[name] for name in names))
+    return None
 
 
 def _curve(parts: Sequence[tuple[TorqueEffect, Mapping[str, float]]], speed: FloatArray) -> FloatArray:

@@ -55,11 +55,11 @@ TARGETS: Mapping[str, Vocabulary] = MappingProxyType(
         ),
         "bam": Vocabulary(
             "BAM",
-            frozenset({"armature", "frictionloss"}),
+            frozenset({"armature", "frictionloss", "stribeck", "delay"}),
             {
-                "delay": _NO_DELAY,
                 "backlash": _NO_BACKLASH,
                 "torque_limit": "BAM limits the voltage by the supply",
+                "load_dependent_friction": "BAM's friction under load (m3 to m6) has another form; fit it with BAM",
             },
             drives=frozenset({"voltage"}),
         ),

@@ -183,6 +183,22 @@ def test_bam_needs_a_voltage_and_a_torque_constant():
         to_bam(projections, None, 2.0)
 
 
+def test_bam_keeps_a_stribeck_peak_while_the_rest_is_refitted():
+    peak = EffectValue("stribeck", {"stribeck": 1.0, "stribeck_velocity": 0.2, "stribeck_exponent": 1.5})
+    odd = (EffectValue("viscous", {"viscous": 0.8}), EffectValue("quadratic_viscous", {"quadratic_viscous": 0.3}), peak)
+    projection = project(ActuatorModel("m", Drive("voltage", 2.0), odd), TARGETS["bam"])
+    assert projection.refit is not None and projection.refit.effects == ("quadratic_viscous",)
+    found = json.loads(to_bam([projection], None, 0.1))
+    assert (found["model"], found["friction_stribeck"], found["dtheta_stribeck"], found["alpha"]) == (
+        "m2",
+        1.0,
+        0.2,
+        1.5,
+    )
+    # the quadratic part alone: least squares of 0.3 v^2 over 0..2 rad/s by a + b v with a, b >= 0 is b v, b = 0.45
+    assert projection.terms.damping == pytest.approx(0.8 + 0.3 * 1.5, rel=1e-2)
+
+
 def test_the_command(tmp_path, capsys):
     from drake_tc.cli.main import run
 

@@ -70,14 +70,23 @@ def test_a_plain_urdf_declares_friction_alone(tmp_path):
 
 
 def test_a_servo_in_bams_file_gives_its_parameters_back(tmp_path):
-    effects = tuple(value for value in MODEL.effects if value.effect.id in ("rotor_inertia", "viscous", "coulomb"))
-    model = ActuatorModel("knee", Drive("voltage", 0.5), effects)
+    kept = ("rotor_inertia", "viscous", "coulomb", "delay")
+    effects = tuple(value for value in MODEL.effects if value.effect.id in kept)
+    peak = EffectValue("stribeck", {"stribeck": 1.0, "stribeck_velocity": 0.2, "stribeck_exponent": 1.5})
+    model = ActuatorModel("knee", Drive("voltage", 0.5), (*effects, peak))
+    assert project(model, TARGETS["bam"]).losses == () and project(model, TARGETS["bam"]).refit is None
     rig = with_declared_file(parse_rig(RIG | {"drive": "voltage"}), exported(tmp_path, "bam", model))
     assert rig.drive_gain["knee"] == pytest.approx(0.5, rel=1e-9)
-    assert {name: pytest.approx(value, rel=1e-9) for name, value in rig.declared["knee"].items()} == {
-        "rotor_inertia": 0.31,
-        "viscous": 32.5,
-        "coulomb": 6.25,
+    declared = dict(rig.declared["knee"])
+    assert declared.pop("stribeck") is None  # its values stand beside it
+    assert declared == {
+        "rotor_inertia": pytest.approx(0.31, rel=1e-9),
+        "viscous": pytest.approx(32.5, rel=1e-9),
+        "coulomb": pytest.approx(6.25, rel=1e-9),
+        "delay": pytest.approx(0.004, rel=1e-9),
+        "stribeck.stribeck": pytest.approx(1.0, rel=1e-9),
+        "stribeck.stribeck_velocity": pytest.approx(0.2, rel=1e-9),
+        "stribeck.stribeck_exponent": pytest.approx(1.5, rel=1e-9),
     }
 
 
