@@ -5,8 +5,10 @@ import pytest
 
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.actuation.recorded_run import Link
-from drake_tc.exchange.mujoco_run import mujoco_free_run, simulate
+from drake_tc.exchange.comparison import RUNS
+from drake_tc.exchange.mujoco_run import simulate_in_mujoco
 from drake_tc.exchange.projection import project
+from drake_tc.exchange.target_run import RunInput, target_free_run
 from drake_tc.exchange.targets import TARGETS
 from drake_tc.logs.rig import parse_rig
 from drake_tc.loops.joint_bench.rig_free_run import rig_free_run
@@ -17,6 +19,10 @@ pytest.importorskip("mujoco")
 H = 1e-3
 T = np.arange(3000) * H
 NONE = np.zeros(T.size)
+
+
+def simulate(terms: Terms, pendulum: Link | None, command, load, start, period) -> np.ndarray:
+    return simulate_in_mujoco(terms, pendulum, RunInput(command, load, start, period))
 
 
 def released(**terms) -> np.ndarray:
@@ -99,7 +105,7 @@ def rms(a, b) -> float:
 def test_where_mujoco_has_all_effects_it_is_as_good_as_drake(recorded):
     rig, run = recorded
     _, measured, drake = rig_free_run(model(), rig, "joint", run)
-    measured, exported = mujoco_free_run(model(), project(model(), TARGETS["mjcf"]).terms, rig, run)
+    measured, exported = target_free_run(RUNS["mjcf"], model(), project(model(), TARGETS["mjcf"]).terms, rig, run)
     assert rms(measured, exported) < 1e-3 * np.std(measured)
     assert rms(drake, exported) < 1e-3 * np.std(measured)
 
