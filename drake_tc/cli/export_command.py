@@ -53,7 +53,10 @@ def export_command(
         Path | None, typer.Option(help="HTML file for what is lost, the errors and the terms written.")
     ] = None,
     torque_constant: Annotated[
-        float | None, typer.Option(help="Torque constant of the data sheet [N m/A], for --to bam.")
+        float | None,
+        typer.Option(
+            help="Torque constant of the data sheet [N m/A] of a drive on a voltage: needed by bam, a dcmotor in mjcf."
+        ),
     ] = None,
     force: Force = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print terms, losses and errors as JSON.")] = False,
@@ -67,6 +70,7 @@ def export_command(
     from drake_tc.actuation.model_file import load_models
     from drake_tc.exchange.account import cells, export_page, headings, sentences
     from drake_tc.exchange.comparison import RUNS
+    from drake_tc.exchange.dc_motor import with_torque_constant
     from drake_tc.exchange.projection import project
     from drake_tc.exchange.targets import TARGETS
 
@@ -77,7 +81,9 @@ def export_command(
         raise ParamsError(f"export: --holdout runs an export; expected --to {', '.join(RUNS)}, got --to {to.value}")
     speeds = _speeds(rig, log or [], list(models))
     projections = [project(each, TARGETS[to.value], speeds.get(name)) for name, each in models.items()]
-    text = _writer(to, torque_constant)(projections, into)
+    if torque_constant is not None:
+        projections = [with_torque_constant(each, torque_constant) for each in projections]
+    text = _writer(to)(projections, into)
     errors = _errors(models, projections, to, rig, holdout, into) if holdout and rig is not None else []
     inputs = [model, into, rig, *(log or []), *(holdout or [])]
     runner = RUNS[to.value].name if errors else ""
@@ -111,7 +117,7 @@ def _chosen(models: "dict[str, ActuatorModel]", joints: Sequence[str] | None, pa
     return {name: each for name, each in models.items() if not joints or name in joints}
 
 
-def _writer(to: Target, torque_constant: float | None) -> "Callable[[Sequence[Projection], Path | None], str]":
+def _writer(to: Target) -> "Callable[[Sequence[Projection], Path | None], str]":
     from drake_tc.exchange.bam import to_bam
     from drake_tc.exchange.isaaclab import to_isaaclab
     from drake_tc.exchange.mjcf import to_mjcf
@@ -124,7 +130,7 @@ def _writer(to: Target, torque_constant: float | None) -> "Callable[[Sequence[Pr
         Target.drake_urdf: lambda projections, into: to_urdf(projections, into, drake=True),
         Target.sdf: to_sdf,
         Target.isaaclab: to_isaaclab,
-        Target.bam: lambda projections, into: to_bam(projections, into, torque_constant),
+        Target.bam: to_bam,
     }[to]
 
 

@@ -50,8 +50,7 @@ def to_mjcf(projections: Sequence[Projection], into: Path | None = None, step: f
             raise ParamsError(f"{into}: no <joint name={projection.joint!r}>; joints: {', '.join(joints) or 'none'}")
         element = joints[projection.joint]
         numbers = _numbers_of_damping(root)
-        _joint(element, projection.terms, numbers)
-        put_actuator(root, projection, into)
+        _joint(element, put_actuator(root, projection, into), numbers)
         if projection.terms.backlash:
             _play(element, projection, numbers, degrees=_degrees(root))
     return to_text(document)

@@ -2,6 +2,8 @@
 
     position: force = gear kp (ctrl - gear q) - gear^2 kv v, written with gear = 1 and kv = 0
     motor:    force = gear ctrl, written with gear = kp, the torque for one unit of the drive's command
+    dcmotor:  force = gear kt/R (ctrl - kt gear v), written with gear = 1 where the torque constant is known; its limit
+              is that of ctrl, because MuJoCo 3.17 does not apply the voltage of `saturation` to it
 
 Default classes hand on gear, gains, delay and limits to every actuator, so whatever differs from MuJoCo's own default
 is written out where a file has default classes. A limit of force or command that the model says nothing of stays the
@@ -11,10 +13,12 @@ same limit at the joint when the gear changes.
 import math
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from xml.dom import minidom
 
 from drake_tc.errors import ParamsError
+from drake_tc.exchange.dc_motor import dc_motor
 from drake_tc.exchange.projection import Projection
 from drake_tc.exchange.xml_text import append, child, number, put
 from drake_tc.exchange.xml_text import element as new_element
@@ -25,8 +29,8 @@ ROUNDING = 1e-9
 """MuJoCo takes the sample before a delay has passed: rounding of a whole number of steps must not add one."""
 
 
-def put_actuator(root: minidom.Element, projection: Projection, into: Path | None) -> None:
-    """A position servo or a motor for the joint.
+def put_actuator(root: minidom.Element, projection: Projection, into: Path | None) -> Terms:
+    """A position servo, a motor or a motor on a voltage for the joint; the terms that are left to the joint.
 
     Args:
         root: `<mujoco>`.
@@ -46,7 +50,8 @@ def put_actuator(root: minidom.Element, projection: Projection, into: Path | Non
         )
     (was,) = actuators_of(ET.fromstring(root.toxml()), joint) or [("", {})]
     element = mine[0] if mine else append(child(root, "actuator"), "position")
-    kind = "position" if terms.drive == "position_servo" else "motor"
+    motor = None if was[1].get("forcerange") else dc_motor(terms)  # a dcmotor has no forcerange of its own
+    kind = "position" if terms.drive == "position_servo" else "motor" if motor is None else "dcmotor"
     if element.tagName != kind:
         element = _renamed(element, kind)
     if not element.hasAttribute("name"):
@@ -55,10 +60,19 @@ def put_actuator(root: minidom.Element, projection: Projection, into: Path | Non
     inherits = _has_defaults(element)
     if kind == "position":
         put(element, kp=terms.kp, kv=0.0 if inherits else None, dampratio=None, gear=1.0 if inherits else None)
+    elif motor is not None:
+        limit = 0.0 if terms.torque_limit is None else terms.torque_limit / terms.kp
+        put(element, motorconst=motor.torque_constant, resistance=motor.resistance, gear=1.0 if inherits else None)
+        put(element, ctrlrange=f"{number(-limit)} {number(limit)}" if limit else None)
+        if was[1].get("ctrlrange"):
+            put(element, ctrllimited="true" if limit else "false")
     else:
         put(element, gear=terms.kp)
-    _put_limits(element, terms, *was)
     _put_delay(element, terms, _timestep(root), was[1])
+    if motor is not None:
+        return replace(terms, damping=motor.damping)
+    _put_limits(element, terms, *was)
+    return terms
 
 
 def _put_limits(element: minidom.Element, terms: Terms, kind: str, was: Mapping[str, str]) -> None:

@@ -48,6 +48,7 @@ def bam_servo(document: Mapping[str, object]) -> ReadJoint:
         damping=_number(document, "friction_viscous") + kt**2 / resistance,
         frictionloss=_number(document, "friction_base"),
         stribeck=peak,
+        torque_constant=kt,
         delay=_number(document, "command_delay") if "command_delay" in document else 0.0,
     )
     return ReadJoint(terms, driven=True, effects=effects, unused=unused)

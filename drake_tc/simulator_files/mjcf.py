@@ -16,7 +16,8 @@ Attributes = Mapping[str, str]
 PLAY = "_backlash"
 """End of the name of a hinge that is the play of a gear."""
 ACTUATORS = ("position", "motor", "general", "velocity", "intvelocity", "damper", "cylinder", "dcmotor", "muscle")
-TAKEN = ("position", "motor", "general")
+NO_TERMS = ("inductance", "cogging", "lugre", "thermal")
+"""Attributes of a dcmotor that are no terms."""
 SERVO_TOLERANCE = 1e-9
 SHARED = ("gear", "ctrlrange", "ctrllimited", "forcerange", "forcelimited", "delay", "nsample")
 """Attributes that a default class hands on from an actuator of one kind to those of all kinds."""
@@ -133,6 +134,8 @@ def _passive(values: Attributes) -> Terms:
 
 def _driven(joint: ReadJoint, tag: str, values: Attributes) -> ReadJoint:
     """The joint with its actuator; one of a kind that says nothing of a known drive is named as unused."""
+    if tag == "dcmotor":
+        return _with_dc_motor(joint, values)
     gear = _numbers(values, "gear", "1")[0]
     gain = servo_gains(tag, values)
     if gain is not None:
@@ -154,6 +157,30 @@ def _driven(joint: ReadJoint, tag: str, values: Attributes) -> ReadJoint:
             torque_limit=abs(gear) * limit[1] if limited and len(limit) == 2 and limit[1] > 0.0 else None,
         ),
     )
+
+
+def _with_dc_motor(joint: ReadJoint, values: Attributes) -> ReadJoint:
+    """Force = gear k/R (V - k gear v), MuJoCo's k = sqrt(kt ke); with a controller or nominal values it is not used."""
+    constants, gear = _numbers(values, "motorconst", ""), _numbers(values, "gear", "1")[0]
+    resistance = _numbers(values, "resistance", "0")[0]
+    if not constants or resistance <= 0.0 or values.get("input", "voltage") != "voltage":
+        return replace(joint, unused=(*joint.unused, "its actuator <dcmotor>"))
+    k = gear * math.sqrt(constants[0] * constants[-1])
+    limited = values.get("ctrllimited") != "false"
+    voltage = _numbers(values, "ctrlrange", "0 0")[1] if limited else 0.0
+    torque, current = [*_numbers(values, "saturation", ""), 0.0, 0.0][:2]
+    limits = [gear * torque, k * current, k / resistance * voltage]
+    terms = replace(
+        joint.terms,
+        drive="voltage",
+        kp=k / resistance,
+        damping=joint.terms.damping + k**2 / resistance,
+        delay=_numbers(values, "delay", "0")[0],
+        torque_limit=min((limit for limit in limits if limit > 0.0), default=None),
+        torque_constant=k,
+    )
+    unused = tuple(f"{name} of its actuator <dcmotor>" for name in NO_TERMS if name in values)
+    return replace(joint, terms=terms, driven=True, unused=(*joint.unused, *unused))
 
 
 def servo_gains(tag: str, values: Attributes) -> tuple[float, float] | None:

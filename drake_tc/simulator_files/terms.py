@@ -43,6 +43,7 @@ class Terms:
         delay: Of the command [s].
         torque_limit: Largest torque of the drive [N m]; None: none known.
         backlash: Play of the gear [rad].
+        torque_constant: Of a drive on a voltage [N m/A]; kp is this over the resistance. None: not known.
     """
 
     drive: Drive
@@ -55,6 +56,7 @@ class Terms:
     delay: float = 0.0
     torque_limit: float | None = None
     backlash: float = 0.0
+    torque_constant: float | None = None
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.actuation.model_file import save_models
 from drake_tc.errors import ParamsError
 from drake_tc.exchange.bam import to_bam
+from drake_tc.exchange.dc_motor import with_torque_constant
 from drake_tc.exchange.isaaclab import to_isaaclab
 from drake_tc.exchange.mjcf import to_mjcf
 from drake_tc.exchange.projection import Loss, project
@@ -170,17 +171,17 @@ def test_a_gain_that_a_file_has_no_place_for_is_lost(target, drive, lost):
 
 def test_bam_needs_a_voltage_and_a_torque_constant():
     with pytest.raises(ParamsError, match="BAM's servo is driven by a voltage; knee has drive position_servo"):
-        to_bam(exported("bam"), None, 0.5)
+        to_bam(exported("bam"))
     model = ActuatorModel("m", Drive("voltage", 2.0), (EffectValue("viscous", {"viscous": 0.8}),))
     projections = [project(model, TARGETS["bam"])]
     with pytest.raises(ParamsError, match="--torque-constant"):
         to_bam(projections)
-    found = json.loads(to_bam(projections, None, 1.2))
+    found = json.loads(to_bam([with_torque_constant(each, 1.2) for each in projections]))
     # the torque for one volt, and all that grows with the speed, are the model's
     assert found["kt"] / found["R"] == pytest.approx(0.5)
     assert found["friction_viscous"] + found["kt"] ** 2 / found["R"] == pytest.approx(0.8)
     with pytest.raises(ParamsError, match="give a smaller one"):
-        to_bam(projections, None, 2.0)
+        with_torque_constant(projections[0], 2.0)
 
 
 def test_bam_keeps_a_stribeck_peak_while_the_rest_is_refitted():
@@ -188,7 +189,7 @@ def test_bam_keeps_a_stribeck_peak_while_the_rest_is_refitted():
     odd = (EffectValue("viscous", {"viscous": 0.8}), EffectValue("quadratic_viscous", {"quadratic_viscous": 0.3}), peak)
     projection = project(ActuatorModel("m", Drive("voltage", 2.0), odd), TARGETS["bam"])
     assert projection.refit is not None and projection.refit.effects == ("quadratic_viscous",)
-    found = json.loads(to_bam([projection], None, 0.1))
+    found = json.loads(to_bam([with_torque_constant(projection, 0.1)]))
     assert (found["model"], found["friction_stribeck"], found["dtheta_stribeck"], found["alpha"]) == (
         "m2",
         1.0,

@@ -5,6 +5,7 @@ import pytest
 
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.errors import ParamsError
+from drake_tc.exchange.dc_motor import with_torque_constant
 from drake_tc.exchange.mjcf import to_mjcf
 from drake_tc.exchange.projection import project
 from drake_tc.exchange.targets import TARGETS
@@ -118,6 +119,23 @@ def test_the_play_of_a_gear_is_free(tmp_path):
     data.qvel[dof] = 1.0
     mujoco.mj_forward(model, data)
     assert data.qfrc_passive[dof] == 0.0
+
+
+@pytest.mark.parametrize("kind", ["servo with a damping ratio", "general servo", "motor"])
+def test_a_drive_on_a_voltage_is_a_dc_motor(tmp_path, kind):
+    """1.25 V on 4 N m/V, 32.5 N m s/rad of which 1.5 N m/A make 6; with a limit of force in the file it is a motor."""
+    default, tag = FILES[kind]
+    path = tmp_path / "robot.xml"
+    path.write_text(FILE.format(default=default, actuator=f'<{tag} class="arm" name="k" joint="knee"/>'))
+    limited = (*FRICTION, EffectValue("saturation", {"limit": 2.0}))
+    model = ActuatorModel("knee", Drive("voltage", 0.25), limited)
+    text = to_mjcf([with_torque_constant(project(model, TARGETS["mjcf"]), 1.5)], path)
+    back_emf = 0.0 if kind == "motor" else 6.0
+    assert ("<dcmotor " in text) is (kind != "motor")
+    np.testing.assert_allclose(
+        torques(text, 1.25, 0.0, 0.5), [5.0 - back_emf * 0.5, -(32.5 - back_emf) * 0.5], rtol=1e-9
+    )
+    assert torques(text, 1e3, 0.0, 0.0)[0] == pytest.approx(8.0, rel=1e-9)
 
 
 def test_several_actuators_of_a_joint_are_refused(tmp_path):
