@@ -160,7 +160,7 @@ def _driven(joint: ReadJoint, tag: str, values: Attributes) -> ReadJoint:
 
 
 def _with_dc_motor(joint: ReadJoint, values: Attributes) -> ReadJoint:
-    """Force = gear k/R (V - k gear v), MuJoCo's k = sqrt(kt ke); with a controller or nominal values it is not used."""
+    """The force is gear k/R (V - k gear v), k = sqrt(kt ke); with a controller or nominal values it is not used."""
     constants, gear = _numbers(values, "motorconst", ""), _numbers(values, "gear", "1")[0]
     resistance = _numbers(values, "resistance", "0")[0]
     if not constants or resistance <= 0.0 or values.get("input", "voltage") != "voltage":
