@@ -55,7 +55,8 @@ def export_command(
     torque_constant: Annotated[
         float | None,
         typer.Option(
-            help="Torque constant of the data sheet [N m/A] of a drive on a voltage: needed by bam, a dcmotor in mjcf."
+            help="Torque constant of the data sheet [N m/A] of a drive on a voltage: needed by bam; makes a dcmotor in"
+            " mjcf and a DCMotorCfg in isaaclab."
         ),
     ] = None,
     force: Force = False,

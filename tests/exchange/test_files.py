@@ -149,6 +149,23 @@ def test_isaac_lab_is_a_module():
     assert "effort_limit_sim=50," in to_isaaclab([project(at_once, TARGETS["isaaclab"])])
 
 
+def test_a_drive_on_a_voltage_is_a_dc_motor_of_isaac_lab():
+    """Isaac Lab clips torques at saturation_effort (1 - v/velocity_limit), the drive at (U - kt v) kt/R."""
+    values = (EffectValue("viscous", {"viscous": 9.0}), EffectValue("saturation", {"limit": 12.0}))
+    model = ActuatorModel("knee", Drive("voltage", 0.25), values)
+    text = to_isaaclab([with_torque_constant(project(model, TARGETS["isaaclab"]), 1.5)])
+    assert "from isaaclab.actuators import DCMotorCfg\n" in text
+    scope: dict = {"DCMotorCfg": dict}
+    exec(compile(text.replace("from isaaclab.actuators import", "# import"), "cfg", "exec"), scope)
+    knee = scope["ACTUATORS"]["knee"]
+    v = np.linspace(0.0, 8.0, 9)
+    np.testing.assert_allclose(
+        knee["saturation_effort"] * (1.0 - v / knee["velocity_limit"]), 4.0 * (12.0 - 1.5 * v), rtol=1e-9
+    )
+    assert knee["viscous_friction"] == pytest.approx(9.0 - 1.5 * 4.0) and knee["effort_limit"] == 48.0
+    assert "ImplicitActuatorCfg(" in to_isaaclab([project(model, TARGETS["isaaclab"])])
+
+
 @pytest.mark.parametrize(
     ("target", "drive", "lost"),
     [
