@@ -37,6 +37,9 @@ def simulate_in_mujoco(terms: Terms, pendulum: Link | None, given: RunInput) -> 
         raise ParamsError(f"MuJoCo refuses the exported model: {' '.join(str(error).split())}") from None
     data = mujoco.MjData(model)
     data.qpos[0], data.qvel[0] = given.start
+    if terms.delay:  # before the run the command was its first one; MuJoCo's own history is 0
+        samples = int(model.actuator_history[0, 0])
+        mujoco.mj_initCtrlHistory(model, data, 0, None, np.full(samples, given.command[0]))
     position = np.full(given.command.size, np.nan)
     with _warnings(mujoco) as told:
         for i in range(position.size):
