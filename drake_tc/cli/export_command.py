@@ -103,6 +103,8 @@ def export_command(
     shown = sys.stderr if out is None else sys.stdout
     for line in sentences(projections, TARGETS[to.value]):
         print(line, file=shown)
+    if to is Target.bam and into is None:
+        print("BAM loads a file whose entry `actuator` names one of its servos: add it, or give --into.", file=shown)
     if errors:
         title = "RMS error of the free-running position"
         print_wide(headings(runner), cells(errors), left=("joint", "run"), title=title, file=shown)

@@ -229,6 +229,15 @@ def test_the_command(tmp_path, capsys):
     assert run(["export", str(path), "--to", "urdf"]) == 0
     printed = capsys.readouterr()
     assert printed.out.startswith("<?xml") and "URDF has no deadzone: the servo answers small errors" in printed.err
+    servo = ActuatorModel("m", Drive("voltage", 2.0), (EffectValue("viscous", {"viscous": 0.8}),))
+    save_models({"m": servo}, tmp_path / "servo.yaml")
+    file, mine = str(tmp_path / "servo.json"), tmp_path / "mine.json"
+    mine.write_text('{"actuator": "mx106"}')
+    call = ["export", str(tmp_path / "servo.yaml"), "--to", "bam", "--torque-constant", "1.2", "--out", file]
+    for into, told in (([], True), (["--into", str(mine)], False)):
+        assert run([*call, *into]) == 0
+        assert ("add it, or give --into" in capsys.readouterr().out) is told
+    assert json.loads((tmp_path / "servo.json").read_text())["actuator"] == "mx106"
     assert run(["export", str(path), "--to", "urdf", "--joint", "hip"]) == 2
     assert "no joint 'hip'; joints: knee" in capsys.readouterr().err
     assert run(["export", str(path), "--to", "urdf", "--out", str(path), "--force"]) == 2
