@@ -16,7 +16,7 @@ help: ## what can be made
 
 $(VENV)/bin/python:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
-		|| { echo 'wanted Python 3.11 or newer; name one: make PYTHON=python3.12 ...' >&2; exit 1; }
+		|| { echo 'expected Python 3.11 or newer; name one: make PYTHON=python3.12 ...' >&2; exit 1; }
 	$(PYTHON) -m venv $(VENV)
 
 $(VENV)/.installed: pyproject.toml | $(VENV)/bin/python

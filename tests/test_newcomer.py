@@ -5,6 +5,7 @@ import os
 import re
 import resource
 import shlex
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -65,9 +66,14 @@ def _children_seconds() -> float:
 def newcomer(tmp_path_factory) -> Newcomer:
     """The package is installed from its wheel, everything else from the package index."""
     made = Newcomer(tmp_path_factory.mktemp("newcomer"))
-    made.does(
-        "build", sys.executable, "-m", "build", "--quiet", "--wheel", "--outdir", str(made.folder / "dist"), str(ROOT)
-    )
+    sources = made.folder / "sources"  # a copy: what an older build left in build/ would go into the wheel
+    sources.mkdir()
+    for name in ("pyproject.toml", "README.md", "LICENSE"):
+        shutil.copy(ROOT / name, sources)
+    for name in ("drake_tc", "diagrams", "models"):
+        shutil.copytree(ROOT / name, sources / name, ignore=shutil.ignore_patterns("__pycache__"))
+    dist = str(made.folder / "dist")
+    made.does("build", sys.executable, "-m", "build", "--quiet", "--wheel", "--outdir", dist, str(sources))
     made.does("environment", sys.executable, "-m", "venv", "venv")
     (wheel,) = (made.folder / "dist").glob("*.whl")
     made.does("download and install", "python", "-m", "pip", "install", "--quiet", str(wheel))

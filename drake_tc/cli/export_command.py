@@ -17,6 +17,7 @@ from drake_tc.errors import ParamsError
 
 if TYPE_CHECKING:
     from drake_tc.actuation.model import ActuatorModel
+    from drake_tc.exchange.comparison import RunErrors
     from drake_tc.exchange.projection import Projection
 
 
@@ -42,10 +43,21 @@ def export_command(
         list[Path] | None, typer.Option(help="A run whose speeds weight the refit of friction; repeat for more.")
     ] = None,
     holdout: Annotated[
-        list[Path] | None, typer.Option(help="A run to try the export on in MuJoCo (mjcf); repeat for more.")
+        list[Path] | None,
+        typer.Option(
+            help="A run to try the export on: in MuJoCo (mjcf), Drake (drake-urdf), BAM's equations (bam); repeat for"
+            " more."
+        ),
+    ] = None,
+    page: Annotated[
+        Path | None, typer.Option(help="HTML file for what is lost, the errors and the terms written.")
     ] = None,
     torque_constant: Annotated[
-        float | None, typer.Option(help="Torque constant of the data sheet [N m/A], for --to bam.")
+        float | None,
+        typer.Option(
+            help="Torque constant of the data sheet [N m/A] of a drive on a voltage: needed by bam; makes a dcmotor in"
+            " mjcf and a DCMotorCfg in isaaclab."
+        ),
     ] = None,
     force: Force = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print terms, losses and errors as JSON.")] = False,
@@ -53,24 +65,35 @@ def export_command(
     """Write the model in the target's own terms, and say what the target cannot express.
 
     Friction that the target lacks (Stribeck in most) is refitted by what it has; both errors are told. With --rig and
-    --holdout an MJCF export is run in MuJoCo on these runs, beside the model itself in Drake and, with --into, beside
-    what the file had before.
+    --holdout the export is run on these runs in MuJoCo, in a plant of Drake or by BAM's equations, beside the model
+    itself in Drake and, with --into, beside what the file had before.
     """
     from drake_tc.actuation.model_file import load_models
+    from drake_tc.exchange.account import cells, export_page, headings, sentences
+    from drake_tc.exchange.comparison import RUNS
+    from drake_tc.exchange.dc_motor import with_torque_constant
     from drake_tc.exchange.projection import project
     from drake_tc.exchange.targets import TARGETS
 
     models = _chosen(load_models(model), joint, model)
     if (log or holdout) and rig is None:
         raise ParamsError("export: --log and --holdout need --rig RIG.yaml, which says what the logs show")
-    if holdout and to is not Target.mjcf:
-        raise ParamsError(f"export: --holdout runs an export in MuJoCo; expected --to mjcf, got --to {to.value}")
+    if holdout and to.value not in RUNS:
+        raise ParamsError(f"export: --holdout runs an export; expected --to {', '.join(RUNS)}, got --to {to.value}")
     speeds = _speeds(rig, log or [], list(models))
     projections = [project(each, TARGETS[to.value], speeds.get(name)) for name, each in models.items()]
-    text = _writer(to, torque_constant)(projections, into)
-    errors = _errors(models, projections, rig, holdout, into) if holdout and rig is not None else []
+    if torque_constant is not None:
+        projections = [with_torque_constant(each, torque_constant) for each in projections]
+    text = _writer(to)(projections, into)
+    errors = _errors(models, projections, to, rig, holdout, into) if holdout and rig is not None else []
+    inputs = [model, into, rig, *(log or []), *(holdout or [])]
+    runner = RUNS[to.value].name if errors else ""
+    if page is not None:
+        with result_file(page, "--page", inputs=inputs, force=force) as path:
+            html = export_page(projections, TARGETS[to.value], errors, runner, model.name)
+            path.write_text(html, encoding="utf-8")
     if out is not None:
-        with result_file(out, "--out", inputs=[model, into, rig, *(log or []), *(holdout or [])], force=force) as path:
+        with result_file(out, "--out", inputs=inputs, force=force) as path:
             path.write_text(text, encoding="utf-8")
     if as_json:
         print(json.dumps(json_value(_document(to, projections, errors, out)), indent=1))
@@ -78,12 +101,16 @@ def export_command(
     if out is None:
         sys.stdout.write(text)
     shown = sys.stderr if out is None else sys.stdout
-    for line in _account(projections, TARGETS[to.value].name):
+    for line in sentences(projections, TARGETS[to.value]):
         print(line, file=shown)
+    if to is Target.bam and into is None:
+        print("BAM loads a file whose entry `actuator` names one of its servos: add it, or give --into.", file=shown)
     if errors:
-        _print(errors)
-    if out is not None:
-        print(out)
+        title = "RMS error of the free-running position"
+        print_wide(headings(runner), cells(errors), left=("joint", "run"), title=title, file=shown)
+    for written in (page, out):
+        if written is not None:
+            print(written, file=shown)
 
 
 def _chosen(models: "dict[str, ActuatorModel]", joints: Sequence[str] | None, path: Path) -> "dict[str, ActuatorModel]":
@@ -93,7 +120,7 @@ def _chosen(models: "dict[str, ActuatorModel]", joints: Sequence[str] | None, pa
     return {name: each for name, each in models.items() if not joints or name in joints}
 
 
-def _writer(to: Target, torque_constant: float | None) -> "Callable[[Sequence[Projection], Path | None], str]":
+def _writer(to: Target) -> "Callable[[Sequence[Projection], Path | None], str]":
     from drake_tc.exchange.bam import to_bam
     from drake_tc.exchange.isaaclab import to_isaaclab
     from drake_tc.exchange.mjcf import to_mjcf
@@ -106,7 +133,7 @@ def _writer(to: Target, torque_constant: float | None) -> "Callable[[Sequence[Pr
         Target.drake_urdf: lambda projections, into: to_urdf(projections, into, drake=True),
         Target.sdf: to_sdf,
         Target.isaaclab: to_isaaclab,
-        Target.bam: lambda projections, into: to_bam(projections, into, torque_constant),
+        Target.bam: to_bam,
     }[to]
 
 
@@ -132,73 +159,21 @@ def _speeds(rig: Path | None, logs: Sequence[Path], joints: Sequence[str]) -> di
 def _errors(
     models: "dict[str, ActuatorModel]",
     projections: "Sequence[Projection]",
+    to: Target,
     rig: Path,
     runs: Sequence[Path],
     into: Path | None,
-) -> list[dict[str, Any]]:
-    """RMS errors of the free-running position [rad], by joint and run."""
-    from drake_tc.exchange.mujoco_run import mujoco_free_run
+) -> "list[RunErrors]":
+    from drake_tc.exchange.comparison import run_errors
     from drake_tc.logs.prepare import load_runs
     from drake_tc.logs.rig import load_rig
-    from drake_tc.loops.joint_bench.rig_free_run import rig_free_run
-    from drake_tc.simulator_files.read import read_joints
 
     what = load_rig(rig)
-    before = {} if into is None else read_joints(into, ParamsError)
-    rows = []
-    for run in load_runs(runs, what):
-        for projection in projections:
-            joint = projection.joint
-            ours = rig_free_run(models[joint], what, joint, run)
-            exported = mujoco_free_run(models[joint], projection.terms, what, run)
-            row: dict[str, Any] = {"joint": joint, "run": run.name, "unit": "rad"}
-            row["model"] = None if ours is None else _rms(ours[1], ours[2])
-            row["export"] = None if exported is None else _rms(*exported)
-            original = before.get(joint)
-            if original is not None and original.driven and original.terms.drive == projection.terms.drive:
-                was = mujoco_free_run(models[joint], original.with_servo_damping(), what, run)
-                row["original"] = None if was is None else _rms(*was)
-            rows.append(row)
-    return rows
-
-
-def _rms(recorded: Any, simulated: Any) -> float:
-    return float(np.sqrt(np.mean((recorded - simulated) ** 2)))
-
-
-def _account(projections: "Sequence[Projection]", target: str) -> list[str]:
-    """What is lost, joint by joint, in sentences."""
-    lines = []
-    for each in projections:
-        if each.refit is not None:
-            r = each.refit
-            where = (
-                f"the recorded speeds (up to {r.speed:.3g} rad/s)" if r.recorded else f"speeds up to {r.speed:g} rad/s"
-            )
-            lines.append(
-                f"{each.joint}: {target} has no {' and '.join(r.effects)}: dry and viscous friction were refitted over"
-                f" {where}; RMS error of the friction torque {r.refitted:.3g} N m, {r.dropped:.3g} without the refit."
-            )
-        for loss in each.losses:
-            lines.append(f"{each.joint}: {target} has no {loss.effect}{f': {loss.why}' if loss.why else ''}.")
-    return lines or [f"{target} expresses all effects of this model."]
-
-
-def _print(rows: Sequence[dict[str, Any]]) -> None:
-    headings = ("joint", "run", "our model, Drake", "export, MuJoCo", "your file, MuJoCo")
-    cells = [
-        (
-            r["joint"],
-            r["run"],
-            *("-" if r.get(k) is None else f"{r[k]:.3g} rad" for k in ("model", "export", "original")),
-        )
-        for r in rows
-    ]
-    print_wide(headings, cells, left=("joint", "run"), title="RMS error of the free-running position")
+    return run_errors(models, projections, to.value, what, load_runs(runs, what), into)
 
 
 def _document(
-    to: Target, projections: "Sequence[Projection]", errors: Sequence[dict[str, Any]], out: Path | None
+    to: Target, projections: "Sequence[Projection]", errors: "Sequence[RunErrors]", out: Path | None
 ) -> dict[str, Any]:
     from dataclasses import asdict
 
@@ -214,5 +189,5 @@ def _document(
             }
             for each in projections
         },
-        "free_runs": list(errors),
+        "free_runs": [{**asdict(row), "unit": "rad"} for row in errors],
     }

@@ -3,6 +3,7 @@
 import json
 import math
 import sys
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -53,6 +54,12 @@ def _print(found: "Inspection") -> None:
         f"{found.path}: {found.rows} rows, {found.duration:.4g} s at {found.rate:.4g} Hz"
         f"{f', {found.gaps} gaps' if found.gaps else ''}"
     )
+    if found.topics:
+        kinds = [
+            (t.name, t.kind, str(t.messages), _number(t.rate), "read" if t.read else "not read") for t in found.topics
+        ]
+        print_wide(("topic", "type", "messages", "rate [Hz]", ""), kinds, left=("topic", "type", ""))
+        print()
     headings = ("column", "taken for", "unit", "from", "to", "step", "missing", "why")
     rows = [
         (
@@ -90,6 +97,7 @@ def _document(found: "Inspection", problem: str, rig: Path | None) -> dict[str, 
         "rate": found.rate,
         "duration": found.duration,
         "gaps": found.gaps,
+        "topics": [asdict(topic) for topic in found.topics],
         "columns": [{key: getattr(column, key) for key in keys} for column in found.columns],
         "rig": dict(found.rig),
         "rig_file": None if rig is None else str(rig),

@@ -53,5 +53,5 @@ class Deadzone(DriveEffect):
     def inverse(
         self, effort: FloatArray, direction: FloatArray, parameters: Mapping[str, FloatArray | float]
     ) -> FloatArray:
-        """Y + w sign(y): jumps over the dead zone."""
+        """The command y + w sign(y) jumps over the dead zone."""
         return np.asarray(effort + parameters["deadzone"] * np.sign(effort))

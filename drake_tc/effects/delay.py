@@ -81,5 +81,5 @@ class CommandDelay(Delay):
         return "" if context.drive == "position_servo" else "the command is the effort: the loop's delay covers it"
 
     def transform(self, effort: FloatArray, signals: Signals, shape: Shape) -> FloatArray:
-        """Y - (q_d - q_d(t - d))."""
+        """The late effort y - (q_d - q_d(t - d))."""
         return effort - signals.command + shift(signals.command, shape["delay"] / signals.period)

@@ -52,5 +52,5 @@ class DriveCompression(DriveEffect):
     def inverse(
         self, effort: FloatArray, direction: FloatArray, parameters: Mapping[str, FloatArray | float]
     ) -> FloatArray:
-        """Y = y*/(1 - |y*|/y_h), at most 20 times y*: no effort delivers y_h."""
+        """The effort y = y*/(1 - |y*|/y_h), at most 20 times y*: no effort delivers y_h."""
         return np.asarray(effort / np.maximum(1.0 - np.abs(effort) / parameters["half_effort"], 0.05))

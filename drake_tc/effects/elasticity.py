@@ -71,7 +71,7 @@ class Elasticity(TransmissionEffect):
         return np.stack([motion, -signals.rotor_inertia * signals.acceleration], axis=-1)
 
     def physical(self, theta: FloatArray, shape: Shape, gain: float) -> dict[str, float]:
-        """C = K w of the fit: far better known than from the rates."""
+        """The compliance c = K w of the fit, which is far better known than from the rates."""
         return {"compliance": float(theta[1]) * gain}
 
     def torque_scale(self, theta: FloatArray, gain: float) -> float:

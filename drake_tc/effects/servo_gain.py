@@ -53,7 +53,7 @@ class ServoGain(DriveEffect):
         return [{"declared_gain": float(context.declared["drive_gain"])}]
 
     def physical(self, theta: FloatArray, shape: Shape, gain: float) -> dict[str, float]:
-        """E = K_0/K - 1 with the fitted gain K."""
+        """The error e = K_0/K - 1 with the fitted gain K."""
         return {"gain_error": shape["declared_gain"] / gain - 1.0}
 
     def drive_gain(self, gain: float, shape: Shape) -> float:

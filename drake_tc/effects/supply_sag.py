@@ -71,7 +71,7 @@ class SupplySag(DriveEffect):
         return -(signals.effort * supply_change(signals.supply_voltage, shape["nominal_voltage"]))[:, None]
 
     def physical(self, theta: FloatArray, shape: Shape, gain: float) -> dict[str, float]:
-        """S = theta K."""
+        """The sensitivity s = theta K."""
         return {"supply_sensitivity": float(theta[0]) * gain, "nominal_voltage": float(shape["nominal_voltage"])}
 
     def transform(self, effort: FloatArray, signals: Signals, shape: Shape) -> FloatArray:

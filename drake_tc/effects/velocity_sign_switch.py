@@ -40,7 +40,7 @@ class VelocitySignSwitch(DriveEffect):
         return -(signals.effort * signals.direction)[:, None]
 
     def physical(self, theta: FloatArray, shape: Shape, gain: float) -> dict[str, float]:
-        """S = theta K."""
+        """The switch s = theta K."""
         return {"switch": float(theta[0]) * gain}
 
     def transform(self, effort: FloatArray, signals: Signals, shape: Shape) -> FloatArray:
@@ -59,7 +59,7 @@ class VelocitySignSwitch(DriveEffect):
     def inverse(
         self, effort: FloatArray, direction: FloatArray, parameters: Mapping[str, FloatArray | float]
     ) -> FloatArray:
-        """Y / (1 + s sign(qdot)); the effort itself where the drive is dead (s = -sign)."""
+        """The command y / (1 + s sign(qdot)); the effort itself where the drive is dead (s = -sign)."""
         gain = 1.0 + parameters["switch"] * direction
         alive = np.abs(gain) > 1e-6
         return np.asarray(np.where(alive, effort / np.where(alive, gain, 1.0), effort))

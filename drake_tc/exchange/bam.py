@@ -1,7 +1,8 @@
-"""BAM: the parameters of its model "m1" (dry and viscous friction) of a servo on a voltage.
+"""BAM: the parameters of a servo on a voltage, with friction model m1 (dry and viscous) or m2 (and a Stribeck peak).
 
-BAM's motor has a torque constant kt and a resistance R apart; logs of voltage and motion know kt/R alone, and a
-back-EMF (kt^2/R) qdot inside the viscous friction. One of kt and R has to be given.
+BAM loads a file whose entry `actuator` names one of its classes of servos; it comes from the file to merge into.
+
+BAM's motor has a torque constant kt and a resistance R apart (`dc_motor`).
 """
 
 import json
@@ -10,16 +11,16 @@ from pathlib import Path
 
 from drake_tc.config.quoted import quoted
 from drake_tc.errors import ParamsError
+from drake_tc.exchange.dc_motor import dc_motor
 from drake_tc.exchange.projection import Projection
 
 
-def to_bam(projections: Sequence[Projection], into: Path | None = None, torque_constant: float | None = None) -> str:
+def to_bam(projections: Sequence[Projection], into: Path | None = None) -> str:
     """The text of a BAM parameter file.
 
     Args:
-        projections: Exactly one: a file is of one servo.
+        projections: Exactly one, with a torque constant (`with_torque_constant`): a file is of one servo.
         into: A BAM file whose other entries stay.
-        torque_constant: kt [N m/A], of the data sheet.
 
     Raises:
         ParamsError: more than one joint, another drive than a voltage, no torque constant, or an unreadable file.
@@ -32,27 +33,24 @@ def to_bam(projections: Sequence[Projection], into: Path | None = None, torque_c
         raise ParamsError(
             f"export --to bam: BAM's servo is driven by a voltage; {projections[0].joint} has drive {terms.drive}"
         )
-    if torque_constant is None:
+    motor = dc_motor(terms)
+    if motor is None:
         raise ParamsError(
             "export --to bam: logs tell kt/R alone; give the torque constant of the data sheet: --torque-constant KT"
         )
-    resistance = torque_constant / terms.kp
-    back_emf = torque_constant**2 / resistance
-    if back_emf > terms.damping:
-        raise ParamsError(
-            f"export --to bam: a torque constant of {torque_constant:g} N m/A makes a back-EMF of"
-            f" {back_emf:.4g} N m s/rad, more than all viscous friction that was found"
-            f" ({terms.damping:.4g}); give a smaller one"
-        )
-    found = {
-        "model": "m1",
-        "kt": torque_constant,
-        "R": resistance,
+    found: dict[str, object] = {
+        "model": "m1" if terms.stribeck is None else "m2",
+        "kt": motor.torque_constant,
+        "R": motor.resistance,
         "armature": terms.armature,
         "friction_base": terms.frictionloss,
-        "friction_viscous": terms.damping - back_emf,
+        "friction_viscous": motor.damping,
+        "command_delay": terms.delay,
         "q_offset": 0.0,
     }
+    if terms.stribeck is not None:
+        peak = terms.stribeck
+        found |= {"friction_stribeck": peak.height, "dtheta_stribeck": peak.velocity, "alpha": peak.exponent}
     return json.dumps(_existing(into) | found, indent=2) + "\n"
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 from xml.dom import minidom
 
 from drake_tc.errors import ParamsError
+from drake_tc.exchange.mjcf_actuator import put_actuator
 from drake_tc.exchange.projection import Projection
 from drake_tc.exchange.xml_text import append, child, named, number, parsed, put, read_xml, to_text, top
 from drake_tc.exchange.xml_text import element as new_element
@@ -25,9 +26,6 @@ BENCH = """<mujoco model="drake_tc_bench">
 """
 STEP = 1e-3
 """Of the bench [s]."""
-ROUNDING = 1e-9
-"""MuJoCo takes the sample before a delay has passed: rounding of a whole number of steps must not add one."""
-KINDS = ("position", "motor", "general", "velocity", "intvelocity", "damper", "cylinder", "dcmotor")
 
 
 def to_mjcf(projections: Sequence[Projection], into: Path | None = None, step: float = STEP) -> str:
@@ -51,10 +49,10 @@ def to_mjcf(projections: Sequence[Projection], into: Path | None = None, step: f
         if projection.joint not in joints:
             raise ParamsError(f"{into}: no <joint name={projection.joint!r}>; joints: {', '.join(joints) or 'none'}")
         element = joints[projection.joint]
-        _joint(element, projection.terms)
-        _actuator(root, projection, _timestep(root))
+        numbers = _numbers_of_damping(root)
+        _joint(element, put_actuator(root, projection, into), numbers)
         if projection.terms.backlash:
-            _play(element, projection, degrees=_degrees(root))
+            _play(element, projection, numbers, degrees=_degrees(root))
     return to_text(document)
 
 
@@ -67,52 +65,25 @@ def _add_bench(root: minidom.Element, projections: Sequence[Projection]) -> None
         put(append(body, "inertial"), pos="0 0 0", mass=1e-3, diaginertia="1e-6 1e-6 1e-6")
 
 
-def _joint(element: minidom.Element, terms: Terms) -> None:
-    damping = number(terms.damping) + (f" {number(terms.quadratic)}" if terms.quadratic else "")
+def _joint(element: minidom.Element, terms: Terms, numbers: int) -> None:
+    damping = _damping(terms.damping, terms.quadratic, numbers=numbers)
     put(element, armature=terms.armature, damping=damping, frictionloss=terms.frictionloss)
 
 
-def _actuator(root: minidom.Element, projection: Projection, step: float) -> None:
-    """A position servo or a motor for the joint, in place of what drives it in the file."""
-    terms, actuators = projection.terms, child(root, "actuator")
-    mine = [
-        node
-        for node in actuators.childNodes
-        if isinstance(node, minidom.Element)
-        and node.getAttribute("joint") == projection.joint
-        and node.tagName in KINDS
-    ]
-    element = mine[0] if mine else append(actuators, "position")
-    kind = "position" if terms.drive == "position_servo" else "motor"
-    if element.tagName != kind:
-        element = _renamed(element, kind)
-    if not element.hasAttribute("name"):
-        put(element, name=projection.joint)
-    put(element, joint=projection.joint)
-    if kind == "position":
-        put(element, kp=terms.kp, kv=None, gear=None)
-    else:
-        put(element, gear=terms.kp)
-    limit = terms.torque_limit
-    if limit is not None:
-        scale = 1.0 if kind == "position" else terms.kp
-        put(element, forcerange=f"{number(-limit / scale)} {number(limit / scale)}")
-    if terms.delay:
-        put(element, delay=terms.delay * (1.0 - ROUNDING), nsample=str(math.ceil(terms.delay / step - 1e-9) + 1))
+def _damping(*values: float, numbers: int) -> str:
+    """Numbers up to the last that is not 0; at least `numbers`, because a class hands on those that are left out."""
+    used = max((i + 1 for i, value in enumerate(values) if value), default=1)
+    return " ".join(number(values[i] if i < len(values) else 0.0) for i in range(max(used, numbers)))
 
 
-def _renamed(element: minidom.Element, tag: str) -> minidom.Element:
-    """The element under another tag, with what both kinds have."""
-    made = new_element(element, tag)
-    for name in ("name", "class", "group", "joint"):
-        if element.hasAttribute(name):
-            made.setAttribute(name, element.getAttribute(name))
-    if element.parentNode is not None:
-        element.parentNode.replaceChild(made, element)
-    return made
+def _numbers_of_damping(root: minidom.Element) -> int:
+    """The most numbers that a default class gives a joint's damping."""
+    tops = [node for node in root.childNodes if isinstance(node, minidom.Element) and node.tagName == "default"]
+    joints = [joint for top in tops for joint in top.getElementsByTagName("joint")]
+    return max((len(joint.getAttribute("damping").split()) for joint in joints), default=1)
 
 
-def _play(element: minidom.Element, projection: Projection, *, degrees: bool) -> None:
+def _play(element: minidom.Element, projection: Projection, numbers: int, *, degrees: bool) -> None:
     """A free hinge of small range about the same axis, after the driven one: the gear's play."""
     parent, name = element.parentNode, f"{projection.joint}_backlash"
     if not isinstance(parent, minidom.Element):
@@ -129,19 +100,13 @@ def _play(element: minidom.Element, projection: Projection, *, degrees: bool) ->
         type="hinge",
         range=f"{number(-half)} {number(half)}",
         limited="true",
-        damping="0",
+        damping=_damping(0.0, numbers=numbers),
         armature="0",
+        frictionloss="0",
+        stiffness="0",
     )
     if not others:
         parent.insertBefore(made, element.nextSibling)  # type: ignore[arg-type]
-
-
-def _timestep(root: minidom.Element) -> float:
-    """Of the file [s]; MuJoCo's own is 2 ms."""
-    for option in root.getElementsByTagName("option"):
-        if option.hasAttribute("timestep"):
-            return float(option.getAttribute("timestep"))
-    return 2e-3
 
 
 def _degrees(root: minidom.Element) -> bool:

@@ -8,7 +8,7 @@ from scipy.optimize import nnls
 
 from drake_tc.actuation.model import ActuatorModel
 from drake_tc.effects.base import TorqueEffect, plain_signals
-from drake_tc.simulator_files.terms import Terms
+from drake_tc.simulator_files.terms import StribeckPeak, Terms
 from drake_tc.types import FloatArray
 
 OF_SPEED = ("viscous", "coulomb", "stribeck", "quadratic_viscous", "static_friction", "viscous_power")
@@ -40,10 +40,17 @@ class Refit:
 
 @dataclass(frozen=True)
 class Loss:
-    """An effect that the target lacks, and what that means."""
+    """An effect that the target lacks, and what that means.
+
+    Attributes:
+        effect: Its key in the model, or "drive gain".
+        why: What that means, or what a user can do.
+        partly: Whether the target has it, with another value.
+    """
 
     effect: str
     why: str
+    partly: bool = False
 
 
 @dataclass(frozen=True)
@@ -70,12 +77,16 @@ class Vocabulary:
     Attributes:
         name: Of the target, for people.
         terms: Names of fields of `Terms`.
-        missing: Field to what a user can do instead, or why it does not matter.
+        missing: Field, or id of an effect, to what a user can do instead, or why it does not matter.
+        drives: Kinds of drive whose gain it has.
+        delay_step: Delays are whole multiples of this [s]; 0: any.
     """
 
     name: str
     terms: frozenset[str]
     missing: Mapping[str, str]
+    drives: frozenset[str] = frozenset()
+    delay_step: float = 0.0
 
     def has(self, term: str) -> bool:
         """Whether it has a term."""
@@ -97,11 +108,22 @@ def project(model: ActuatorModel, target: Vocabulary, speeds: FloatArray | None 
         damping=friction["damping"],
         frictionloss=friction["frictionloss"] if target.has("frictionloss") else 0.0,
         quadratic=friction.get("quadratic", 0.0) if target.has("quadratic") else 0.0,
+        stribeck=_peak(model) if target.has("stribeck") else None,
     )
     lost = [("rotor_inertia", "armature")] if model.inertia else []
     lost += [(value.key, "frictionloss") for value in model.effects if value.effect.id in DRY]
     missing = [Loss(name, target.missing.get(term, "")) for name, term in lost if not target.has(term)]
-    return Projection(model.joint, terms, (*missing, *losses), refit)
+    return Projection(model.joint, terms, (*_drive_lost(terms, target), *missing, *losses), refit)
+
+
+COMMANDS = {"position_servo": "rad", "current": "A", "voltage": "V", "torque": "N m"}
+"""Unit of the effort of each kind of drive."""
+
+
+def _drive_lost(terms: Terms, target: Vocabulary) -> tuple[Loss, ...]:
+    if terms.drive in target.drives or (terms.drive == "torque" and terms.kp == 1.0):
+        return ()
+    return (Loss("drive gain", f"your controller has to apply {terms.kp:.6g} N m for 1 {COMMANDS[terms.drive]}"),)
 
 
 def _direct(model: ActuatorModel, target: Vocabulary) -> tuple[Terms, list[Loss]]:
@@ -115,11 +137,23 @@ def _direct(model: ActuatorModel, target: Vocabulary) -> tuple[Terms, list[Loss]
             continue
         term, number = _term(value.key, value.parameters, kp)
         if term and target.has(term):
-            found[term] = number
+            found[term], rounded = _rounded(term, number, target)
+            losses += rounded
         else:
-            losses.append(Loss(value.key, target.missing.get(term, "") if term else LOST.get(name, "")))
+            losses.append(Loss(value.key, target.missing.get(term or name, LOST.get(name, ""))))
     armature = model.inertia if target.has("armature") else 0.0
     return Terms(model.drive.kind, kp, armature=armature, **found), losses  # type: ignore[arg-type]
+
+
+def _rounded(term: str, number: float, target: Vocabulary) -> tuple[float, list[Loss]]:
+    """The term as the target has it, and what is lost by its rounding."""
+    if term != "delay" or not target.delay_step:
+        return number, []
+    found = round(number / target.delay_step) * target.delay_step
+    if abs(found - number) <= 1e-6 * number:
+        return found, []
+    why = f"delays are whole physics steps, {found:.6g} s in place of {number:.6g} s"
+    return found, [Loss("delay.command", why, partly=True)]
 
 
 def _term(key: str, parameters: Mapping[str, float], kp: float) -> tuple[str, float]:
@@ -174,6 +208,8 @@ def _friction(
     }
     exact = {"viscous", *(["coulomb"] if target.has("frictionloss") else [])}
     exact |= {"quadratic_viscous"} if target.has("quadratic") else set()
+    if target.has("stribeck"):
+        parts = [(e, p) for e, p in parts if e.id != "stribeck"]
     odd = tuple(e.id for e, _ in parts if e.id not in exact)
     if not odd:
         return plain, None
@@ -187,6 +223,14 @@ def _friction(
     left_out = curve - basis @ np.array([plain[name] for name in names])
     refit = Refit(odd, _rms(left_out), _rms(curve - basis @ fitted), float(v.max()), speeds is not None)
     return dict(zip(names, fitted.tolist(), strict=True)), refit
+
+
+def _peak(model: ActuatorModel) -> StribeckPeak | None:
+    for value in model.effects:
+        if value.effect.id == "stribeck":
+            names = ("stribeck", "stribeck_velocity", "stribeck_exponent")
+            return StribeckPeak(*(value.parameters[name] for name in names))
+    return None
 
 
 def _curve(parts: Sequence[tuple[TorqueEffect, Mapping[str, float]]], speed: FloatArray) -> FloatArray:

@@ -5,6 +5,8 @@ from types import MappingProxyType
 
 from drake_tc.exchange.projection import Vocabulary
 
+PHYSICS_STEP = 0.005
+"""Of Isaac Lab's examples [s], in which its delays are counted."""
 _NO_DELAY = "delay the commands in your controller's loop instead"
 _NO_BACKLASH = "the gear has no play there"
 
@@ -14,6 +16,7 @@ TARGETS: Mapping[str, Vocabulary] = MappingProxyType(
             "MuJoCo (MJCF)",
             frozenset({"armature", "frictionloss", "quadratic", "torque_limit", "delay", "backlash"}),
             {},
+            drives=frozenset({"position_servo", "current", "voltage", "torque"}),
         ),
         "urdf": Vocabulary(
             "URDF",
@@ -32,6 +35,7 @@ TARGETS: Mapping[str, Vocabulary] = MappingProxyType(
                 "delay": "put drake_tc's ActuatorPlant in front of the plant",
                 "backlash": "put drake_tc's ActuatorPlant in front of the plant",
             },
+            drives=frozenset({"position_servo"}),
         ),
         "sdf": Vocabulary(
             "SDFormat",
@@ -46,15 +50,18 @@ TARGETS: Mapping[str, Vocabulary] = MappingProxyType(
             "Isaac Lab",
             frozenset({"armature", "frictionloss", "torque_limit", "delay"}),
             {"backlash": _NO_BACKLASH},
+            drives=frozenset({"position_servo"}),
+            delay_step=PHYSICS_STEP,
         ),
         "bam": Vocabulary(
             "BAM",
-            frozenset({"armature", "frictionloss"}),
+            frozenset({"armature", "frictionloss", "stribeck", "delay"}),
             {
-                "delay": _NO_DELAY,
                 "backlash": _NO_BACKLASH,
                 "torque_limit": "BAM limits the voltage by the supply",
+                "load_dependent_friction": "BAM's friction under load (m3 to m6) has another form; fit it with BAM",
             },
+            drives=frozenset({"voltage"}),
         ),
     }
 )

@@ -65,7 +65,7 @@ def fill_missing(time: FloatArray, values: FloatArray) -> tuple[FloatArray, Bool
 
 
 def hold_factor(values: FloatArray) -> int:
-    """K >= 2 when the channel changes only every k rows (it was sampled on a slower clock), else 1.
+    """The number k >= 2 when the channel changes only every k rows (it was sampled on a slower clock), else 1.
 
     k is the commonest interval between changes; at least nine in ten intervals must be multiples of it. A coarse
     encoder that moves slowly repeats values too, but at intervals of all lengths, or, on a ramp, by steps of one size.

@@ -10,7 +10,7 @@ they are declared without a value.
 
 from collections.abc import Mapping
 
-from drake_tc.simulator_files.terms import ReadJoint, Terms
+from drake_tc.simulator_files.terms import ReadJoint, StribeckPeak, Terms
 
 TAKEN = {
     "model", "actuator", "kt", "R", "armature", "friction_base", "friction_viscous", "friction_stribeck",
@@ -33,13 +33,11 @@ def bam_servo(document: Mapping[str, object]) -> ReadJoint:
         raise ValueError(f"kt, R: expected positive numbers, got {kt:g} and {resistance:g}")
     effects: dict[str, Mapping[str, float] | None] = {}
     model = document.get("model")
+    peak = None
     if model in STRIBECK:
-        peak = {
-            "stribeck": _number(document, "friction_stribeck"),
-            "stribeck_velocity": _number(document, "dtheta_stribeck"),
-            "stribeck_exponent": _number(document, "alpha"),
-        }
-        effects["stribeck"] = peak if EXPONENTS[0] <= peak["stribeck_exponent"] <= EXPONENTS[1] else None
+        names = ("friction_stribeck", "dtheta_stribeck", "alpha")
+        peak = StribeckPeak(*(_number(document, name) for name in names))
+        effects["stribeck"] = _own_effect(peak)
     if model in LOADED:
         effects["load_dependent_friction"] = None
     unused = tuple(sorted(name for name in document if name not in TAKEN and not name.startswith("load_friction")))
@@ -49,9 +47,17 @@ def bam_servo(document: Mapping[str, object]) -> ReadJoint:
         armature=_number(document, "armature"),
         damping=_number(document, "friction_viscous") + kt**2 / resistance,
         frictionloss=_number(document, "friction_base"),
+        stribeck=peak,
+        torque_constant=kt,
         delay=_number(document, "command_delay") if "command_delay" in document else 0.0,
     )
     return ReadJoint(terms, driven=True, effects=effects, unused=unused)
+
+
+def _own_effect(peak: StribeckPeak) -> Mapping[str, float] | None:
+    if not EXPONENTS[0] <= peak.exponent <= EXPONENTS[1]:
+        return None
+    return {"stribeck": peak.height, "stribeck_velocity": peak.velocity, "stribeck_exponent": peak.exponent}
 
 
 def _number(document: Mapping[str, object], name: str) -> float:

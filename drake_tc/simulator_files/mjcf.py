@@ -16,8 +16,11 @@ Attributes = Mapping[str, str]
 PLAY = "_backlash"
 """End of the name of a hinge that is the play of a gear."""
 ACTUATORS = ("position", "motor", "general", "velocity", "intvelocity", "damper", "cylinder", "dcmotor", "muscle")
-TAKEN = ("position", "motor", "general")
+NO_TERMS = ("inductance", "cogging", "lugre", "thermal")
+"""Attributes of a dcmotor that are no terms."""
 SERVO_TOLERANCE = 1e-9
+SHARED = ("gear", "ctrlrange", "ctrllimited", "forcerange", "forcelimited", "delay", "nsample")
+"""Attributes that a default class hands on from an actuator of one kind to those of all kinds."""
 
 
 def mjcf_joints(root: ET.Element) -> dict[str, ReadJoint]:
@@ -69,6 +72,22 @@ def _actuators(root: ET.Element) -> list[ET.Element]:
     return [each for group in root.findall("actuator") for each in group if each.tag in ACTUATORS]
 
 
+def actuators_of(root: ET.Element, joint: str) -> list[tuple[str, Attributes]]:
+    """Kind and attributes, those of default classes among them, of each actuator of a joint.
+
+    Args:
+        root: `<mujoco>`.
+        joint: Its name.
+    """
+    classes = _classes(root)
+    return [
+        (each.tag, _with_defaults(each, classes, ""))
+        for group in root.findall("actuator")
+        for each in group
+        if each.get("joint") == joint
+    ]
+
+
 def _classes(root: ET.Element) -> dict[str, dict[str, Attributes]]:
     """By default class, the attributes of each kind of element; "" is the class of everything."""
     classes: dict[str, dict[str, Attributes]] = {"": {}}
@@ -78,6 +97,9 @@ def _classes(root: ET.Element) -> dict[str, dict[str, Attributes]]:
         for each in element:
             if each.tag != "default":
                 own[each.tag] = {**own.get(each.tag, {}), **each.attrib}
+            if each.tag in ACTUATORS:
+                shared = {name: value for name, value in each.attrib.items() if name in SHARED}
+                own.update({tag: {**own.get(tag, {}), **shared} for tag in ACTUATORS})
         classes[name] = own
         for nested in element.findall("default"):
             read(nested, own, nested.get("class", ""))
@@ -112,8 +134,10 @@ def _passive(values: Attributes) -> Terms:
 
 def _driven(joint: ReadJoint, tag: str, values: Attributes) -> ReadJoint:
     """The joint with its actuator; one of a kind that says nothing of a known drive is named as unused."""
+    if tag == "dcmotor":
+        return _with_dc_motor(joint, values)
     gear = _numbers(values, "gear", "1")[0]
-    gain = _servo(tag, values)
+    gain = servo_gains(tag, values)
     if gain is not None:
         kp, derivative = gear**2 * gain[0], gear**2 * gain[1]
         terms = replace(joint.terms, drive="position_servo", kp=kp)
@@ -122,7 +146,7 @@ def _driven(joint: ReadJoint, tag: str, values: Attributes) -> ReadJoint:
         terms = replace(joint.terms, drive="torque", kp=kp)
     else:
         return replace(joint, unused=(*joint.unused, f"its actuator <{tag}>"))
-    limit = _numbers(values, "forcerange", "")
+    limit, limited = _numbers(values, "forcerange", ""), values.get("forcelimited") != "false"
     return replace(
         joint,
         driven=True,
@@ -130,13 +154,42 @@ def _driven(joint: ReadJoint, tag: str, values: Attributes) -> ReadJoint:
         terms=replace(
             terms,
             delay=_numbers(values, "delay", "0")[0],
-            torque_limit=abs(gear) * limit[1] if len(limit) == 2 and limit[1] > 0.0 else None,
+            torque_limit=abs(gear) * limit[1] if limited and len(limit) == 2 and limit[1] > 0.0 else None,
         ),
     )
 
 
-def _servo(tag: str, values: Attributes) -> tuple[float, float] | None:
-    """Gain and damping of a position servo before the gear; None for another actuator."""
+def _with_dc_motor(joint: ReadJoint, values: Attributes) -> ReadJoint:
+    """The force is gear k/R (V - k gear v), k = sqrt(kt ke); with a controller or nominal values it is not used."""
+    constants, gear = _numbers(values, "motorconst", ""), _numbers(values, "gear", "1")[0]
+    resistance = _numbers(values, "resistance", "0")[0]
+    if not constants or resistance <= 0.0 or values.get("input", "voltage") != "voltage":
+        return replace(joint, unused=(*joint.unused, "its actuator <dcmotor>"))
+    k = gear * math.sqrt(constants[0] * constants[-1])
+    limited = values.get("ctrllimited") != "false"
+    voltage = _numbers(values, "ctrlrange", "0 0")[1] if limited else 0.0
+    torque, current = [*_numbers(values, "saturation", ""), 0.0, 0.0][:2]
+    limits = [gear * torque, k * current, k / resistance * voltage]
+    terms = replace(
+        joint.terms,
+        drive="voltage",
+        kp=k / resistance,
+        damping=joint.terms.damping + k**2 / resistance,
+        delay=_numbers(values, "delay", "0")[0],
+        torque_limit=min((limit for limit in limits if limit > 0.0), default=None),
+        torque_constant=k,
+    )
+    unused = tuple(f"{name} of its actuator <dcmotor>" for name in NO_TERMS if name in values)
+    return replace(joint, terms=terms, driven=True, unused=(*joint.unused, *unused))
+
+
+def servo_gains(tag: str, values: Attributes) -> tuple[float, float] | None:
+    """Gain and damping of a position servo before the gear; None for another actuator.
+
+    Args:
+        tag: Kind of the actuator.
+        values: Its attributes, those of default classes among them.
+    """
     if tag == "position":
         return _numbers(values, "kp", "1")[0], _numbers(values, "kv", "0")[0]
     if tag == "general" and values.get("biastype") == "affine":

@@ -1,6 +1,7 @@
 """The few terms in which simulators describe an actuator.
 
-    kp u - (frictionloss sign(v) + damping v + quadratic v |v|) - tau_load = armature vdot
+    kp u - (F(v) sign(v) + damping v + quadratic v |v|) - tau_load = armature vdot
+    F(v) = frictionloss + height exp(-|v / velocity|^exponent)
 
 with u = q_d - q of a position servo, or the command of another drive; kp = 1/K.
 """
@@ -10,6 +11,21 @@ from dataclasses import dataclass, field, replace
 from typing import Literal
 
 Drive = Literal["position_servo", "current", "voltage", "torque"]
+
+
+@dataclass(frozen=True)
+class StribeckPeak:
+    """Dry friction that falls with the speed.
+
+    Attributes:
+        height: Above the dry friction, at rest [N m].
+        velocity: At which it has fallen to 1/e of that [rad/s].
+        exponent: Of the speed over `velocity`.
+    """
+
+    height: float
+    velocity: float
+    exponent: float
 
 
 @dataclass(frozen=True)
@@ -23,9 +39,11 @@ class Terms:
         damping: [N m s/rad].
         quadratic: [N m s^2/rad^2].
         frictionloss: Dry friction [N m].
+        stribeck: Its peak at rest; None: none.
         delay: Of the command [s].
         torque_limit: Largest torque of the drive [N m]; None: none known.
         backlash: Play of the gear [rad].
+        torque_constant: Of a drive on a voltage [N m/A]; kp is this over the resistance. None: not known.
     """
 
     drive: Drive
@@ -34,9 +52,11 @@ class Terms:
     damping: float = 0.0
     quadratic: float = 0.0
     frictionloss: float = 0.0
+    stribeck: StribeckPeak | None = None
     delay: float = 0.0
     torque_limit: float | None = None
     backlash: float = 0.0
+    torque_constant: float | None = None
 
 
 @dataclass(frozen=True)

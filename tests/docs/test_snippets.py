@@ -1,15 +1,24 @@
 """The snippets of README and documentation run, on files such as their readers have."""
 
+import shlex
+import shutil
+
 import numpy as np
 import pytest
 import yaml
 
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
-from drake_tc.actuation.model_file import save_models
+from drake_tc.actuation.model_file import load_models, save_models
+from drake_tc.cli.main import run
+from drake_tc.exchange.mjcf import to_mjcf
+from drake_tc.exchange.projection import project
+from drake_tc.exchange.targets import TARGETS
 from drake_tc.logs.loads import RobotLoad
 from drake_tc.logs.rig import load_rig, parse_rig
+from drake_tc.registry import diagram_entry
 from drake_tc.robot.robot import load_robot
 
+from .conftest import ROOT
 from .pages import blocks, follow
 
 INERTIAL = "<inertial><mass value='1'/><inertia ixx='1' iyy='1' izz='1' ixy='0' ixz='0' iyz='0'/></inertial>"
@@ -78,6 +87,61 @@ def test_a_controller_reads_the_torque_uncertainty(knee):
     names: dict[str, object] = {}
     exec(compile(block.text, "docs/report.md", "exec"), names)
     np.testing.assert_allclose(names["sigma"], [[0.04]], rtol=1e-12)
+
+
+def test_the_leg_of_the_diagrams_page_swings_and_is_written(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (block,) = blocks("diagrams/README.md", "python")
+    names: dict[str, object] = {}
+    exec(compile(block.text, "diagrams/README.md", "exec"), names)
+    assert {path.name for path in (tmp_path / "soft_swing").iterdir()} == {"log.csv", "rig.yaml"}
+    assert names["recording"]["command"].shape[1] == 6
+
+
+def test_the_scenario_of_the_diagrams_page_is_one(tmp_path):
+    (block,) = blocks("diagrams/README.md", "yaml")
+    path = tmp_path / "my.scenario.yaml"
+    others = (ROOT / "diagrams" / "hrp2_leg.scenario.yaml").read_text("utf-8")
+    path.write_text(others.replace("../models", str(ROOT / "models")) + block.text, encoding="utf-8")
+    changed = diagram_entry("hrp2_leg").scenario("soft_swing", path)
+    assert changed.gains.k6 == 0.25 and [fault.kind for fault in changed.faults["imu"]] == ["dropped"]
+
+
+def test_the_page_of_the_whole_body_controller_builds_a_diagram(tmp_path, monkeypatch):
+    shutil.copytree(ROOT / "models" / "hrp2_like", tmp_path, dirs_exist_ok=True)
+    (tmp_path / "hrp2_like_tsid.yaml").rename(tmp_path / "my_robot_tsid.yaml")
+    monkeypatch.chdir(tmp_path)
+    (block,) = blocks("drake_tc/tsid/README.md", "python")
+    names: dict[str, object] = {}
+    exec(compile(block.text, "drake_tc/tsid/README.md", "exec"), names)
+    assert len(names["diagram"].GetSystems()) >= 2
+
+
+def test_the_page_of_simulators_exports_and_reads(knee):
+    """Every command of the page, in a folder with the reader's files."""
+    model, terms = load_models(knee / "out" / "knee" / "model_after.yaml"), ("armature", "damping", "frictionloss")
+    (knee / "robot.xml").write_text(to_mjcf([project(model["knee"], TARGETS["mjcf"])]), encoding="utf-8")
+    time = np.arange(0.0, 20.0, 0.002)
+    q = 0.5 * np.sin(3.0 * time) + 0.2 * np.sin(7.0 * time)
+    v, a = np.gradient(q, time), np.gradient(np.gradient(q, time), time)
+    load = 15.0 * np.sin(q)
+    effort = 0.31 * a + 2.0 * v + 4.0 * np.sign(v) + load
+    names = ("time", "knee/position", "knee/position_command", "knee/torque")
+    for seed, name in enumerate(("sinusoid.csv", "multisine.csv")):
+        noise = np.random.default_rng(seed).standard_normal((2, time.size))
+        table = np.column_stack([time, q + 1e-5 * noise[0], q + 2e-4 * effort, load + 0.01 * noise[1]])
+        np.savetxt(name, table, delimiter=",", header=",".join(names), comments="")
+    (rig,) = blocks("docs/your_own_simulator.md", "yaml")
+    (knee / "rig.yaml").write_text(rig.text, encoding="utf-8")
+    assert load_rig(knee / "rig.yaml").declared["knee"] == {"rotor_inertia": 0.31, "viscous": 2.0, "coulomb": 4.0}
+    page = (ROOT / "docs" / "your_own_simulator.md").read_text("utf-8")
+    lines = [line.strip() for line in page.splitlines() if line.startswith("    drake-tc ")]
+    assert len(lines) == 3
+    for line in lines:
+        assert run(shlex.split(line)[1:]) == 0, line
+    identified = (knee / "robot_identified.xml").read_text("utf-8")
+    assert all(f'{name}="' in identified for name in terms)
+    assert "RMS error of the free-running position" in (knee / "export.html").read_text("utf-8")
 
 
 def test_the_tutorial_leads_from_logs_to_a_command(tmp_path, monkeypatch, capsys):

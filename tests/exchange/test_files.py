@@ -12,9 +12,10 @@ from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.actuation.model_file import save_models
 from drake_tc.errors import ParamsError
 from drake_tc.exchange.bam import to_bam
+from drake_tc.exchange.dc_motor import with_torque_constant
 from drake_tc.exchange.isaaclab import to_isaaclab
 from drake_tc.exchange.mjcf import to_mjcf
-from drake_tc.exchange.projection import project
+from drake_tc.exchange.projection import Loss, project
 from drake_tc.exchange.sdf import to_sdf
 from drake_tc.exchange.targets import TARGETS
 from drake_tc.exchange.urdf import to_urdf
@@ -139,23 +140,81 @@ def test_isaac_lab_is_a_module():
         scope,
     )
     knee = scope["ACTUATORS"]["knee"]
-    assert knee["stiffness"] == 5000.0 and knee["armature"] == 0.31 and knee["effort_limit_sim"] == 50.0
+    assert knee["stiffness"] == 5000.0 and knee["armature"] == 0.31
+    assert knee["effort_limit"] == 50.0  # an explicit actuator clips its own torque; effort_limit_sim is the engine's
     assert knee["min_delay"] == 1
+    (rounded,) = [loss for loss in exported("isaaclab")[0].losses if loss.partly]
+    assert rounded == Loss("delay.command", "delays are whole physics steps, 0.005 s in place of 0.004 s", partly=True)
+    at_once = ActuatorModel("knee", MODEL.drive, tuple(v for v in MODEL.effects if v.key != "delay.command"))
+    assert "effort_limit_sim=50," in to_isaaclab([project(at_once, TARGETS["isaaclab"])])
+
+
+def test_a_drive_on_a_voltage_is_a_dc_motor_of_isaac_lab():
+    """Isaac Lab clips torques at saturation_effort (1 - v/velocity_limit), the drive at (U - kt v) kt/R."""
+    values = (EffectValue("viscous", {"viscous": 9.0}), EffectValue("saturation", {"limit": 12.0}))
+    model = ActuatorModel("knee", Drive("voltage", 0.25), values)
+    text = to_isaaclab([with_torque_constant(project(model, TARGETS["isaaclab"]), 1.5)])
+    assert "from isaaclab.actuators import DCMotorCfg\n" in text
+    scope: dict = {"DCMotorCfg": dict}
+    exec(compile(text.replace("from isaaclab.actuators import", "# import"), "cfg", "exec"), scope)
+    knee = scope["ACTUATORS"]["knee"]
+    v = np.linspace(0.0, 8.0, 9)
+    np.testing.assert_allclose(
+        knee["saturation_effort"] * (1.0 - v / knee["velocity_limit"]), 4.0 * (12.0 - 1.5 * v), rtol=1e-9
+    )
+    assert knee["viscous_friction"] == pytest.approx(9.0 - 1.5 * 4.0) and knee["effort_limit"] == 48.0
+    assert "ImplicitActuatorCfg(" in to_isaaclab([project(model, TARGETS["isaaclab"])])
+
+
+@pytest.mark.parametrize(
+    ("target", "drive", "lost"),
+    [
+        ("mjcf", Drive("current", 0.5), False),
+        ("urdf", Drive("position_servo", 2e-4), True),
+        ("urdf", Drive("torque", 1.0), False),
+        ("sdf", Drive("voltage", 0.5), True),
+        ("drake-urdf", Drive("position_servo", 2e-4), False),
+        ("drake-urdf", Drive("current", 0.5), True),
+        ("isaaclab", Drive("current", 0.5), True),
+        ("bam", Drive("voltage", 0.5), False),
+    ],
+)
+def test_a_gain_that_a_file_has_no_place_for_is_lost(target, drive, lost):
+    model = ActuatorModel("knee", drive, (EffectValue("viscous", {"viscous": 0.8}),))
+    found = [loss.why for loss in project(model, TARGETS[target]).losses if loss.effect == "drive gain"]
+    unit = {"position_servo": "5000 N m for 1 rad", "current": "2 N m for 1 A", "voltage": "2 N m for 1 V"}
+    assert found == ([f"your controller has to apply {unit[drive.kind]}"] if lost else [])
 
 
 def test_bam_needs_a_voltage_and_a_torque_constant():
     with pytest.raises(ParamsError, match="BAM's servo is driven by a voltage; knee has drive position_servo"):
-        to_bam(exported("bam"), None, 0.5)
+        to_bam(exported("bam"))
     model = ActuatorModel("m", Drive("voltage", 2.0), (EffectValue("viscous", {"viscous": 0.8}),))
     projections = [project(model, TARGETS["bam"])]
     with pytest.raises(ParamsError, match="--torque-constant"):
         to_bam(projections)
-    found = json.loads(to_bam(projections, None, 1.2))
+    found = json.loads(to_bam([with_torque_constant(each, 1.2) for each in projections]))
     # the torque for one volt, and all that grows with the speed, are the model's
     assert found["kt"] / found["R"] == pytest.approx(0.5)
     assert found["friction_viscous"] + found["kt"] ** 2 / found["R"] == pytest.approx(0.8)
     with pytest.raises(ParamsError, match="give a smaller one"):
-        to_bam(projections, None, 2.0)
+        with_torque_constant(projections[0], 2.0)
+
+
+def test_bam_keeps_a_stribeck_peak_while_the_rest_is_refitted():
+    peak = EffectValue("stribeck", {"stribeck": 1.0, "stribeck_velocity": 0.2, "stribeck_exponent": 1.5})
+    odd = (EffectValue("viscous", {"viscous": 0.8}), EffectValue("quadratic_viscous", {"quadratic_viscous": 0.3}), peak)
+    projection = project(ActuatorModel("m", Drive("voltage", 2.0), odd), TARGETS["bam"])
+    assert projection.refit is not None and projection.refit.effects == ("quadratic_viscous",)
+    found = json.loads(to_bam([with_torque_constant(projection, 0.1)]))
+    assert (found["model"], found["friction_stribeck"], found["dtheta_stribeck"], found["alpha"]) == (
+        "m2",
+        1.0,
+        0.2,
+        1.5,
+    )
+    # the quadratic part alone: least squares of 0.3 v^2 over 0..2 rad/s by a + b v with a, b >= 0 is b v, b = 0.45
+    assert projection.terms.damping == pytest.approx(0.8 + 0.3 * 1.5, rel=1e-2)
 
 
 def test_the_command(tmp_path, capsys):
@@ -170,6 +229,15 @@ def test_the_command(tmp_path, capsys):
     assert run(["export", str(path), "--to", "urdf"]) == 0
     printed = capsys.readouterr()
     assert printed.out.startswith("<?xml") and "URDF has no deadzone: the servo answers small errors" in printed.err
+    servo = ActuatorModel("m", Drive("voltage", 2.0), (EffectValue("viscous", {"viscous": 0.8}),))
+    save_models({"m": servo}, tmp_path / "servo.yaml")
+    file, mine = str(tmp_path / "servo.json"), tmp_path / "mine.json"
+    mine.write_text('{"actuator": "mx106"}')
+    call = ["export", str(tmp_path / "servo.yaml"), "--to", "bam", "--torque-constant", "1.2", "--out", file]
+    for into, told in (([], True), (["--into", str(mine)], False)):
+        assert run([*call, *into]) == 0
+        assert ("add it, or give --into" in capsys.readouterr().out) is told
+    assert json.loads((tmp_path / "servo.json").read_text())["actuator"] == "mx106"
     assert run(["export", str(path), "--to", "urdf", "--joint", "hip"]) == 2
     assert "no joint 'hip'; joints: knee" in capsys.readouterr().err
     assert run(["export", str(path), "--to", "urdf", "--out", str(path), "--force"]) == 2

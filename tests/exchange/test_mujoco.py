@@ -1,12 +1,16 @@
 """What the exported terms mean is settled in MuJoCo itself, against closed forms and Drake's free run."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.actuation.recorded_run import Link
-from drake_tc.exchange.mujoco_run import mujoco_free_run, simulate
+from drake_tc.exchange.comparison import RUNS, run_errors
+from drake_tc.exchange.mujoco_run import simulate_in_mujoco
 from drake_tc.exchange.projection import project
+from drake_tc.exchange.target_run import RunInput, target_free_run
 from drake_tc.exchange.targets import TARGETS
 from drake_tc.logs.rig import parse_rig
 from drake_tc.loops.joint_bench.rig_free_run import rig_free_run
@@ -17,6 +21,10 @@ pytest.importorskip("mujoco")
 H = 1e-3
 T = np.arange(3000) * H
 NONE = np.zeros(T.size)
+
+
+def simulate(terms: Terms, pendulum: Link | None, command, load, start, period) -> np.ndarray:
+    return simulate_in_mujoco(terms, pendulum, RunInput(command, load, start, period))
 
 
 def released(**terms) -> np.ndarray:
@@ -64,6 +72,12 @@ def test_a_delay_is_that_of_the_command(delay):
     np.testing.assert_allclose(late[shift:], at_once[: T.size - shift], rtol=0, atol=1e-9)
 
 
+def test_before_a_run_the_command_was_its_first_one():
+    servo = Terms("position_servo", 5000.0, armature=0.3, damping=60.0, delay=0.01)
+    found = simulate(servo, None, np.full(T.size, 0.5), NONE, (0.5, 0.0), H)
+    np.testing.assert_allclose(found, 0.5, rtol=0, atol=1e-9)
+
+
 def test_a_pendulum_swings_with_its_frequency_about_its_zero():
     found = simulate(Terms("torque", 1.0, armature=0.1), Link(0.4, 9.0, 0.3), NONE, NONE, (0.31, 0.0), H)
     expected = 0.3 + 0.01 * np.cos(np.sqrt(9.0 / 0.5) * T)
@@ -99,9 +113,42 @@ def rms(a, b) -> float:
 def test_where_mujoco_has_all_effects_it_is_as_good_as_drake(recorded):
     rig, run = recorded
     _, measured, drake = rig_free_run(model(), rig, "joint", run)
-    measured, exported = mujoco_free_run(model(), project(model(), TARGETS["mjcf"]).terms, rig, run)
+    measured, exported = target_free_run(RUNS["mjcf"], model(), project(model(), TARGETS["mjcf"]).terms, rig, run)
     assert rms(measured, exported) < 1e-3 * np.std(measured)
     assert rms(drake, exported) < 1e-3 * np.std(measured)
+
+
+def test_on_the_demos_held_out_run_it_is_as_good_as_the_model():
+    """All effects that MJCF has, on the demo's bench with its noise, load and pushes; ten seconds of its motion."""
+    from drake_tc.cli.demo import ENCODER_STEP, GRAVITY_MOMENT, LINK_INERTIA, DemoLength, demo_excitation
+    from drake_tc.loops.joint_bench.diagram import Table
+    from drake_tc.loops.joint_bench.recording import BenchScenario, record_bench
+
+    length = DemoLength(duration=10.0)
+    motion, push = demo_excitation(0, length)["multisine_held_out"]
+    scenario = BenchScenario(
+        duration=length.duration,
+        log_period=length.period,
+        step=length.step,
+        link_inertia=LINK_INERTIA,
+        gravity_moment=GRAVITY_MOMENT,
+        encoder_resolution=ENCODER_STEP,
+        torque_noise=0.15,
+    )
+    quick = model(
+        EffectValue("quadratic_viscous", {"quadratic_viscous": 3.0}),
+        EffectValue("delay.command", {"delay": 0.004}),
+        EffectValue("saturation", {"limit": 0.03}),
+    )
+    stiff = replace(quick, drive=Drive("position_servo", 2e-4))
+    time = np.arange(motion.position.size) * length.period
+    run = record_bench(stiff, Table(time, motion.position, applied=push), scenario, np.random.default_rng(0))
+    rig = parse_rig({"joint": "joint", "drive": "position_servo"}, "rig.yaml")
+    projection = project(stiff, TARGETS["mjcf"])
+    assert projection.losses == () and projection.refit is None
+    (row,) = run_errors({"joint": stiff}, [projection], "mjcf", rig, [run], None)
+    print(f"RMS error of the position: {row.model:.3g} rad, {row.export:.3g} rad in MuJoCo")
+    assert row.export <= 1.2 * row.model
 
 
 def test_a_refit_of_stribeck_friction_is_better_than_leaving_it_out():

@@ -6,6 +6,7 @@ import yaml
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.errors import RigError
 from drake_tc.exchange.bam import to_bam
+from drake_tc.exchange.dc_motor import with_torque_constant
 from drake_tc.exchange.mjcf import to_mjcf
 from drake_tc.exchange.projection import project
 from drake_tc.exchange.targets import TARGETS
@@ -36,7 +37,7 @@ def exported(tmp_path, target, model=MODEL):
         "mjcf": (to_mjcf, "bench.xml"),
         "urdf": (to_urdf, "bench.urdf"),
         "drake-urdf": (lambda p: to_urdf(p, drake=True), "bench.urdf"),
-        "bam": (lambda p: to_bam(p, torque_constant=0.5), "bench.json"),
+        "bam": (lambda p: to_bam([with_torque_constant(each, 0.5) for each in p]), "bench.json"),
     }
     write, name = writers[target]
     path = tmp_path / name
@@ -55,6 +56,19 @@ def test_a_model_in_mjcf_gives_its_parameters_back(tmp_path):
         assert declared[name] == pytest.approx(value, rel=1e-8), name  # ten digits in the file; delay 1 - 1e-9
 
 
+@pytest.mark.parametrize(("drive", "gain"), [("voltage", 0.5), ("torque", 1.0)])
+def test_drives_in_mjcf_give_their_parameters_back(tmp_path, drive, gain):
+    """A drive on a voltage is a dcmotor, where its torque constant is known."""
+    model = ActuatorModel("knee", Drive(drive, gain), MODEL.effects)
+    path = tmp_path / "bench.xml"
+    path.write_text(to_mjcf([with_torque_constant(project(model, TARGETS["mjcf"]), 1.5)]), encoding="utf-8")
+    rig = with_declared_file(parse_rig(RIG | {"drive": drive}), path)
+    assert rig.drive_gain["knee"] == pytest.approx(gain, rel=1e-9)
+    assert rig.saturation["knee"] == pytest.approx(0.01, rel=1e-9)
+    expected = {v.effect.id: next(iter(v.parameters.values())) for v in MODEL.effects if v.effect.id != "saturation"}
+    assert dict(rig.declared["knee"]) == {name: pytest.approx(value, rel=1e-8) for name, value in expected.items()}
+
+
 def test_a_model_in_a_urdf_for_drake_gives_inertia_and_servo_back(tmp_path):
     rig = with_declared_file(parse_rig(RIG), exported(tmp_path, "drake-urdf"))
     assert rig.declared["knee"]["rotor_inertia"] == pytest.approx(0.31, rel=1e-9)
@@ -71,14 +85,23 @@ def test_a_plain_urdf_declares_friction_alone(tmp_path):
 
 
 def test_a_servo_in_bams_file_gives_its_parameters_back(tmp_path):
-    effects = tuple(value for value in MODEL.effects if value.effect.id in ("rotor_inertia", "viscous", "coulomb"))
-    model = ActuatorModel("knee", Drive("voltage", 0.5), effects)
+    kept = ("rotor_inertia", "viscous", "coulomb", "delay")
+    effects = tuple(value for value in MODEL.effects if value.effect.id in kept)
+    peak = EffectValue("stribeck", {"stribeck": 1.0, "stribeck_velocity": 0.2, "stribeck_exponent": 1.5})
+    model = ActuatorModel("knee", Drive("voltage", 0.5), (*effects, peak))
+    assert project(model, TARGETS["bam"]).losses == () and project(model, TARGETS["bam"]).refit is None
     rig = with_declared_file(parse_rig(RIG | {"drive": "voltage"}), exported(tmp_path, "bam", model))
     assert rig.drive_gain["knee"] == pytest.approx(0.5, rel=1e-9)
-    assert {name: pytest.approx(value, rel=1e-9) for name, value in rig.declared["knee"].items()} == {
-        "rotor_inertia": 0.31,
-        "viscous": 32.5,
-        "coulomb": 6.25,
+    declared = dict(rig.declared["knee"])
+    assert declared.pop("stribeck") is None  # its values stand beside it
+    assert declared == {
+        "rotor_inertia": pytest.approx(0.31, rel=1e-9),
+        "viscous": pytest.approx(32.5, rel=1e-9),
+        "coulomb": pytest.approx(6.25, rel=1e-9),
+        "delay": pytest.approx(0.004, rel=1e-9),
+        "stribeck.stribeck": pytest.approx(1.0, rel=1e-9),
+        "stribeck.stribeck_velocity": pytest.approx(0.2, rel=1e-9),
+        "stribeck.stribeck_exponent": pytest.approx(1.5, rel=1e-9),
     }
 
 

@@ -81,6 +81,46 @@ def test_actuators_push_as_hard_as_in_mujoco(mjcf):
     np.testing.assert_allclose(data.qfrc_actuator[2], -0.1 * joints["ankle"].derivative_gain, rtol=1e-9)
 
 
+@pytest.mark.parametrize(
+    "attributes",
+    [
+        'motorconst="0.5" resistance="2" gear="3"',
+        'motorconst="0.5 0.4" resistance="2" ctrlrange="-5 5"',
+        'motorconst="0.5" resistance="2" saturation="0.8 0 0"',
+        'motorconst="0.5" resistance="2" gear="2" saturation="0 1 0"',
+    ],
+)
+def test_a_dc_motor_pushes_as_hard_as_in_mujoco(tmp_path, attributes):
+    mujoco = pytest.importorskip("mujoco")
+    path = tmp_path / "motor.xml"
+    body = '<body><joint name="a" damping="0.1"/><geom size="0.1" mass="1"/></body>'
+    motor = f'<actuator><dcmotor name="m" joint="a" {attributes}/></actuator>'
+    path.write_text(f"<mujoco><worldbody>{body}</worldbody>{motor}</mujoco>", encoding="utf-8")
+    (joint,) = read_joints(path, RigError).values()
+    model = mujoco.MjModel.from_xml_path(str(path))
+    data = mujoco.MjData(model)
+
+    def torque(voltage, velocity):
+        data.ctrl[0], data.qvel[0] = voltage, velocity
+        mujoco.mj_forward(model, data)
+        return data.qfrc_actuator[0] + data.qfrc_passive[0]
+
+    assert joint.terms.drive == "voltage" and joint.unused == ()
+    assert torque(1.0, 0.3) == pytest.approx(joint.terms.kp - 0.3 * joint.terms.damping, rel=1e-9)
+    limit = joint.terms.torque_limit
+    assert torque(1e3, 0.0) == pytest.approx(1e3 * joint.terms.kp if limit is None else limit, rel=1e-9)
+
+
+def test_a_dc_motor_that_is_more_than_these_terms_says_so(tmp_path):
+    path = tmp_path / "motor.xml"
+    body = '<body><joint name="a"/></body>'
+    text = f'<mujoco><worldbody>{body}</worldbody><actuator><dcmotor joint="a" {{}}/></actuator></mujoco>'
+    path.write_text(text.format('motorconst="0.5" resistance="2" cogging="0.1 4 0"'), encoding="utf-8")
+    assert read_joints(path, RigError)["a"].unused == ("cogging of its actuator <dcmotor>",)
+    path.write_text(text.format('nominal="12 1 300"'), encoding="utf-8")
+    assert read_joints(path, RigError)["a"].unused == ("its actuator <dcmotor>",)
+
+
 def test_limits_and_kinds_of_drives(mjcf):
     joints = read_joints(mjcf, RigError)
     assert [joints[name].terms.drive for name in ("hip", "knee", "ankle")] == [

@@ -54,7 +54,7 @@ class RelativeTurn(NamedTuple):
 def translation_acceleration(
     reference: FloatArray, position: FloatArray, velocity: FloatArray, stiffness: Gain, damping: Gain
 ) -> FloatArray:
-    """A = a_d + K (x_d - x) + D (v_d - v) [m/s^2]; one point, or T of them.
+    """The law a = a_d + K (x_d - x) + D (v_d - v) [m/s^2]; one point, or T of them.
 
     Args:
         reference: (..., 9) [x_d; v_d; a_d] in the world [m, m/s, m/s^2].
@@ -82,7 +82,7 @@ def relative_turn(reference: Turning, rotation: FloatArray, velocity: FloatArray
 
 
 def rotation_law(turn: RelativeTurn, stiffness: Gain, damping: Gain) -> FloatArray:
-    """Wdot = -K theta - D w (3,), in the reference's axes [rad/s^2].
+    """The law wdot = -K theta - D w (3,), in the reference's axes [rad/s^2].
 
     Args:
         turn: Of the frame from its reference.

@@ -1,7 +1,9 @@
 """ROS 1 and ROS 2 bags and MCAP files to tables, without ROS installed."""
 
+import math
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -52,6 +54,48 @@ def read_streams(path: Path) -> dict[tuple[str, tuple[str, ...]], Stream]:
                 for row in EXTRACT[connection.msgtype](connection.topic, message):
                     _add(found, connection.topic, int(received), row)
     return found
+
+
+@dataclass(frozen=True)
+class Topic:
+    """One topic of a bag.
+
+    Attributes:
+        name: Of the topic.
+        kind: Its message type.
+        messages: How many.
+        rate: Mean rate over the bag [Hz]; NaN with fewer than two messages.
+        read: Whether messages of this type become columns.
+    """
+
+    name: str
+    kind: str
+    messages: int
+    rate: float
+    read: bool
+
+
+def topics(path: Path) -> tuple[Topic, ...]:
+    """The topics of a bag, by name.
+
+    Args:
+        path: See `read_bag`.
+
+    Raises:
+        LogError: as `read_bag`.
+    """
+    with _opened(path) as reader:
+        seconds = 1e-9 * float(reader.duration)
+        return tuple(
+            Topic(
+                name,
+                str(info.msgtype),
+                int(info.msgcount),
+                (info.msgcount - 1) / seconds if info.msgcount > 1 and seconds > 0.0 else math.nan,
+                info.msgtype in EXTRACT,
+            )
+            for name, info in sorted(reader.topics.items())
+        )
 
 
 def _add(found: dict[tuple[str, tuple[str, ...]], Stream], topic: str, received: int, row: Row) -> None:

@@ -7,6 +7,7 @@ import pandas as pd
 
 from drake_tc.logs.channels import grid_step
 from drake_tc.logs.inspection.names import Meaning
+from drake_tc.logs.units import SENSOR_SUFFIXES
 from drake_tc.types import FloatArray
 
 MOST_TURNS = 4.0 * np.pi
@@ -29,6 +30,7 @@ SI = {
     "torque": "N*m",
     "torque_command": "N*m",
     "temperature": "degC",
+    **{name: next(u for u, factor in units.items() if factor == 1.0) for name, units in SENSOR_SUFFIXES.items()},
 }
 """The canonical units of what is no angle and no time."""
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from drake_tc.errors import DrakeTcError, LogError
+from drake_tc.logs.bags.reader import Topic, is_bag, topics
 from drake_tc.logs.inspection.column import Column, describe
 from drake_tc.logs.inspection.column import numbers as in_numbers
 from drake_tc.logs.inspection.names import Meaning, meaning
@@ -35,6 +36,7 @@ class Inspection:
         columns: All of them.
         rig: The document of a rig file; empty where no joint was found.
         notes: How a bag's topics were joined, and what is doubtful.
+        topics: Of a bag; empty for other logs.
     """
 
     path: Path
@@ -45,6 +47,7 @@ class Inspection:
     columns: tuple[Column, ...]
     rig: Mapping[str, Any]
     notes: tuple[str, ...]
+    topics: tuple[Topic, ...] = ()
 
 
 def inspect_log(path: Path) -> Inspection:
@@ -66,9 +69,9 @@ def inspect_log(path: Path) -> Inspection:
     if time_name is None:
         notes.append("No column is called like a time; name it under `columns: {time: ...}`.")
     rig = suggested_rig(columns, meanings, notes)
-    return Inspection(
-        path, len(table), 1.0 / period if period > 0 else float("nan"), gaps, duration, columns, rig, tuple(notes)
-    )
+    rate = 1.0 / period if period > 0 else float("nan")
+    held = topics(path) if is_bag(path) else ()
+    return Inspection(path, len(table), rate, gaps, duration, columns, rig, tuple(notes), held)
 
 
 def _distinct(found: Mapping[str, Meaning | None], notes: list[str]) -> dict[str, Meaning]:

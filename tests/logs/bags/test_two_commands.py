@@ -9,7 +9,7 @@ from drake_tc.logs.inspection.inspect import inspect_log, trial
 from ..conftest import bench
 
 pytest.importorskip("rosbags")
-from .recorded import arrays, bag, imus, joint_states, wrenches
+from .recorded import T, arrays, bag, imus, joint_states, nanoseconds, wrenches
 
 NAME = "elbow_joint"
 
@@ -62,5 +62,30 @@ def test_with_imu_and_wrench(tmp_path):
     )
     found = inspect_log(path)
     assert found.rig == {"joint": NAME, "drive": "position_servo", "load": "unknown"}
-    assert {"imu_forearm/gyro_x", "ft_hand/tz"} <= {column.canonical for column in found.columns}
+    units = {column.canonical: column.unit for column in found.columns}
+    assert [units[f"imu_forearm/{name}"] for name in ("gyro_x", "accel_z")] == ["rad/s", "m/s^2"]
+    assert [units[f"ft_hand/{name}"] for name in ("fx", "tz")] == ["N", "N*m"]
     assert trial(found) == ""
+
+
+def test_topics_are_listed_also_those_that_are_not_read(tmp_path, capsys):
+    from drake_tc.cli.main import run
+
+    time, position, command, _ = motion()
+    slow = time[:: round(0.1 / (time[1] - time[0]))]
+    kind = "std_msgs/msg/String"
+    path = bag(
+        tmp_path / "run",
+        joint_states("/joint_states", time, {NAME: [position]}),
+        joint_states("/joint_commands", time, {NAME: [command]}),
+        [("/rosout", kind, nanoseconds(t), T[kind]("said")) for t in slow],
+    )
+    found = {topic.name: topic for topic in inspect_log(path).topics}
+    assert list(found) == ["/joint_commands", "/joint_states", "/rosout"]
+    assert found["/joint_states"].read and not found["/rosout"].read
+    assert (found["/rosout"].kind, found["/rosout"].messages) == (kind, slow.size)
+    assert found["/joint_states"].rate == pytest.approx(500.0, rel=0.01)
+    assert found["/rosout"].rate == pytest.approx(10.0, rel=0.03)
+    assert run(["inspect", str(path)]) == 0
+    (line,) = [line for line in capsys.readouterr().out.splitlines() if line.startswith("/rosout")]
+    assert line.split()[:3] == ["/rosout", kind, str(slow.size)] and line.rstrip().endswith("not read")

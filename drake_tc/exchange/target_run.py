@@ -1,0 +1,134 @@
+"""A recorded run driven through a target with a joint's terms: what the export is worth there.
+
+The plant is that of Drake's free run: the motor's side of the gear under the recorded load torque, or the pendulum of
+the rig file. Only the recorded command enters.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from drake_tc.actuation.model import ActuatorModel
+from drake_tc.actuation.recorded_run import Link, in_plant, plant_side
+from drake_tc.diagnosis.data.recordings import LONGEST, longest_stretch, recording_of
+from drake_tc.logs.record import Run
+from drake_tc.logs.rig import Rig
+from drake_tc.simulator_files.terms import Terms
+from drake_tc.types import FloatArray
+
+GRAVITY = 9.81
+"""Of the targets' worlds [m/s^2]."""
+
+
+@dataclass(frozen=True)
+class RunInput:
+    """What moves the joint of a target.
+
+    Attributes:
+        command: (T,) held over each period, in the drive's unit.
+        load: (T,) torque that the joint passes on [N m].
+        start: Position and velocity [rad, rad/s].
+        period: Of command and load [s].
+        substeps: Steps in one period.
+    """
+
+    command: FloatArray
+    load: FloatArray
+    start: tuple[float, float]
+    period: float
+    substeps: int = 1
+
+    @property
+    def step(self) -> float:
+        """Of the target [s]."""
+        return self.period / self.substeps
+
+
+Simulate = Callable[[Terms, Link | None, RunInput], FloatArray]
+"""(T,) position of one joint [rad] with these terms and this link (None: the rotor alone); NaN once unstable."""
+
+
+@dataclass(frozen=True)
+class Runner:
+    """What runs an export.
+
+    Attributes:
+        name: For people.
+        simulate: The run.
+        step: The longest one [s] at which the error of the integration is small beside that of a good model.
+    """
+
+    name: str
+    simulate: Simulate
+    step: float
+
+
+@dataclass(frozen=True)
+class PointMass:
+    """A link with the inertia and gravity moment of a pendulum.
+
+    Attributes:
+        mass: [kg].
+        arm: Distance of the centre of mass from the axis [m].
+        inertia: About the centre of mass [kg m^2].
+        zero: Position at which it hangs [rad].
+    """
+
+    mass: float
+    arm: float
+    inertia: float
+    zero: float
+
+    @classmethod
+    def of(cls, link: Link) -> "PointMass":
+        """Its mass is half of the length of the simple pendulum away; without a gravity moment it is on the axis."""
+        if link.gravity_moment <= 0.0:
+            return cls(1.0, 0.0, link.inertia, link.zero)
+        arm = 0.5 * link.inertia * GRAVITY / link.gravity_moment
+        mass = link.gravity_moment / (GRAVITY * arm)
+        return cls(mass, arm, link.inertia - mass * arm**2, link.zero)
+
+    def centre(self) -> tuple[float, float, float]:
+        """At position 0, of a joint about the axis y [m]: the link hangs along -z at `zero`."""
+        return self.arm * math.sin(self.zero), 0.0, -self.arm * math.cos(self.zero)
+
+
+def target_free_run(
+    runner: Runner, model: ActuatorModel, terms: Terms, rig: Rig, run: Run, longest: float = LONGEST
+) -> tuple[FloatArray, FloatArray] | None:
+    """(recorded, simulated) position (T,) [rad] over the longest usable stretch of a run; None where nothing can run.
+
+    Args:
+        runner: Of the target.
+        model: The identified one: its sensor effects are taken off the load and put on the position.
+        terms: What the target is given.
+        rig: Of the run.
+        run: Whose command drives it.
+        longest: At most so much of it [s].
+
+    Raises:
+        ParamsError: the target is not installed, or refuses the model.
+    """
+    stretch = longest_stretch(run, longest)
+    if stretch is None:
+        return None
+    recording = recording_of(rig, model.joint, run, stretch)
+    if recording.loop is not None:
+        return None
+    placed = in_plant(model, recording)
+    if placed is None:
+        return None
+    side, recording = plant_side(*placed), placed[1]
+    load = np.zeros(recording.time.size) if recording.load_torque is None else side.load
+    given = RunInput(
+        recording.command,
+        load,
+        (side.start, recording.initial_velocity),
+        recording.period,
+        max(1, math.ceil(recording.period / runner.step - 1e-9)),
+    )
+    return run.columns[f"{model.joint}/position"][stretch], side.shown(
+        runner.simulate(terms, recording.pendulum, given)
+    )

@@ -1,0 +1,147 @@
+"""Terms merged into an MJCF file push as they do alone, whatever the file's default classes hand on; MuJoCo decides."""
+
+import numpy as np
+import pytest
+
+from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
+from drake_tc.errors import ParamsError
+from drake_tc.exchange.dc_motor import with_torque_constant
+from drake_tc.exchange.mjcf import to_mjcf
+from drake_tc.exchange.projection import project
+from drake_tc.exchange.targets import TARGETS
+from drake_tc.simulator_files.read import read_joints
+
+mujoco = pytest.importorskip("mujoco")
+
+SERVO, MOTOR = Drive("position_servo", 2e-4), Drive("current", 0.5)
+FRICTION = (
+    EffectValue("rotor_inertia", {"rotor_inertia": 0.31}),
+    EffectValue("viscous", {"viscous": 32.5}),
+    EffectValue("coulomb", {"coulomb": 6.25}),
+)
+FILE = """<mujoco model="mine">
+  <compiler angle="radian"/>
+  <default>
+    <default class="arm">
+      <joint damping="1 2 3" armature="0.5" frictionloss="0.7" stiffness="4"/>
+      {default}
+    </default>
+  </default>
+  <worldbody>
+    <body name="link" childclass="arm">
+      <joint name="knee" axis="0 1 0" stiffness="0"/>
+      <geom size="0.1" mass="1" pos="0 0 0"/>
+    </body>
+  </worldbody>
+  <actuator/>
+  <actuator>
+    {actuator}
+  </actuator>
+</mujoco>
+"""
+FILES = {
+    "servo": ('<position kp="100" kv="50" gear="3" forcerange="-500 500" ctrlrange="-6 6"/>', "position"),
+    "servo with a damping ratio": ('<position kp="100" dampratio="1" gear="3"/>', "position"),
+    "general servo": (
+        '<general gainprm="7" biastype="affine" biasprm="0 -7 -1" gear="2" ctrlrange="-4 4"/>',
+        "general",
+    ),
+    "motor": ('<motor gear="80" forcerange="-1 1" ctrlrange="-1 1"/>', "motor"),
+    "delayed": ('<motor gear="80" delay="0.01" nsample="6"/>', "motor"),
+}
+
+
+def merged(tmp_path, kind, model):
+    default, tag = FILES[kind]
+    path = tmp_path / "robot.xml"
+    path.write_text(FILE.format(default=default, actuator=f'<{tag} class="arm" name="k" joint="knee"/>'))
+    return to_mjcf([project(model, TARGETS["mjcf"])], path), path
+
+
+def torques(text, command, position, velocity):
+    """Torque of the actuator, and of everything passive but gravity, at the joint [N m]."""
+    model = mujoco.MjModel.from_xml_string(text)
+    model.opt.gravity[:] = 0.0
+    data = mujoco.MjData(model)
+    data.ctrl[0], data.qpos[0], data.qvel[0] = command, position, velocity
+    mujoco.mj_forward(model, data)
+    return data.qfrc_actuator[0], data.qfrc_passive[0]
+
+
+@pytest.mark.parametrize("drive", [SERVO, MOTOR], ids=lambda drive: drive.kind)
+@pytest.mark.parametrize("kind", FILES)
+def test_default_classes_change_nothing(tmp_path, kind, drive):
+    text, _ = merged(tmp_path, kind, ActuatorModel("knee", drive, FRICTION))
+    kp = 1.0 / drive.gain
+    error = 0.02 - 0.01 if drive is SERVO else 0.02
+    found = torques(text, 0.02, 0.01, 0.5)
+    np.testing.assert_allclose(found, [kp * error, -32.5 * 0.5], rtol=1e-9)
+    model = mujoco.MjModel.from_xml_string(text)
+    assert model.dof_armature[0] == 0.31 and model.dof_frictionloss[0] == 6.25
+
+
+def test_limits_of_the_file_stay_limits_at_the_joint(tmp_path):
+    """3 * 500 N m and 6/3 rad of the servo; 80 * 1 N m of the motor, also as a command in A."""
+    text, _ = merged(tmp_path, "servo", ActuatorModel("knee", SERVO, FRICTION))
+    model = mujoco.MjModel.from_xml_string(text)
+    np.testing.assert_allclose(model.actuator_forcerange[0], [-1500.0, 1500.0], rtol=1e-9)
+    np.testing.assert_allclose(model.actuator_ctrlrange[0], [-2.0, 2.0], rtol=1e-9)
+    text, _ = merged(tmp_path, "motor", ActuatorModel("knee", MOTOR, FRICTION))
+    assert torques(text, 1e6, 0.0, 0.0)[0] == pytest.approx(80.0, rel=1e-9)
+    model = mujoco.MjModel.from_xml_string(text)
+    np.testing.assert_allclose(model.actuator_ctrlrange[0], [-40.0, 40.0], rtol=1e-9)
+    text, _ = merged(tmp_path, "motor", ActuatorModel("knee", SERVO, FRICTION))  # a torque is no angle
+    assert torques(text, 1e6, 0.0, 0.0)[0] == pytest.approx(80.0, rel=1e-9)
+
+
+def test_an_identified_limit_takes_the_place_of_the_files(tmp_path):
+    limited = ActuatorModel("knee", SERVO, (*FRICTION, EffectValue("saturation", {"limit": 0.01})))
+    text, _ = merged(tmp_path, "servo", limited)
+    assert torques(text, 2.0, 0.0, 0.0)[0] == pytest.approx(50.0, rel=1e-9)
+
+
+def test_what_is_merged_is_read_again(tmp_path):
+    text, path = merged(tmp_path, "servo", ActuatorModel("knee", SERVO, FRICTION))
+    path.write_text(text)
+    found = read_joints(path, ParamsError)["knee"]
+    assert found.terms.kp == pytest.approx(5000.0, rel=1e-9) and found.derivative_gain == 0.0
+    assert (found.terms.damping, found.terms.quadratic, found.terms.frictionloss) == (32.5, 0.0, 6.25)
+    assert found.terms.torque_limit == pytest.approx(1500.0, rel=1e-9)
+
+
+def test_the_play_of_a_gear_is_free(tmp_path):
+    text, _ = merged(tmp_path, "motor", ActuatorModel("knee", MOTOR, (EffectValue("backlash", {"backlash": 0.02}),)))
+    model = mujoco.MjModel.from_xml_string(text)
+    play = model.joint("knee_backlash")
+    dof = play.dofadr[0]
+    assert model.dof_frictionloss[dof] == model.dof_armature[dof] == model.jnt_stiffness[play.id] == 0.0
+    data = mujoco.MjData(model)
+    data.qvel[dof] = 1.0
+    mujoco.mj_forward(model, data)
+    assert data.qfrc_passive[dof] == 0.0
+
+
+@pytest.mark.parametrize("kind", ["servo with a damping ratio", "general servo", "motor"])
+def test_a_drive_on_a_voltage_is_a_dc_motor(tmp_path, kind):
+    """1.25 V on 4 N m/V, 32.5 N m s/rad of which 1.5 N m/A make 6; with a limit of force in the file it is a motor."""
+    default, tag = FILES[kind]
+    path = tmp_path / "robot.xml"
+    path.write_text(FILE.format(default=default, actuator=f'<{tag} class="arm" name="k" joint="knee"/>'))
+    limited = (*FRICTION, EffectValue("saturation", {"limit": 2.0}))
+    model = ActuatorModel("knee", Drive("voltage", 0.25), limited)
+    text = to_mjcf([with_torque_constant(project(model, TARGETS["mjcf"]), 1.5)], path)
+    back_emf = 0.0 if kind == "motor" else 6.0
+    assert ("<dcmotor " in text) is (kind != "motor")
+    np.testing.assert_allclose(
+        torques(text, 1.25, 0.0, 0.5), [5.0 - back_emf * 0.5, -(32.5 - back_emf) * 0.5], rtol=1e-9
+    )
+    assert torques(text, 1e3, 0.0, 0.0)[0] == pytest.approx(8.0, rel=1e-9)
+
+
+def test_several_actuators_of_a_joint_are_refused(tmp_path):
+    path = tmp_path / "robot.xml"
+    both = '<position name="a" joint="knee"/> <velocity name="b" joint="knee"/>'
+    path.write_text(FILE.format(default="", actuator=both))
+    said = r"robot\.xml: 2 actuators drive joint knee: <position name='a'>, <velocity name='b'>; expected at most one"
+    with pytest.raises(ParamsError, match=said):
+        to_mjcf([project(ActuatorModel("knee", SERVO, FRICTION), TARGETS["mjcf"])], path)

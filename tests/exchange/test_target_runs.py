@@ -1,0 +1,187 @@
+"""What Drake and BAM make of exported terms: closed forms, and the ratio of their errors to the model's own."""
+
+import json
+
+import numpy as np
+import pytest
+from pydrake.multibody.parsing import Parser
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.systems.analysis import Simulator
+
+from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
+from drake_tc.actuation.model_file import save_models
+from drake_tc.actuation.recorded_run import Link
+from drake_tc.errors import ParamsError
+from drake_tc.exchange.bam_run import simulate_as_bam
+from drake_tc.exchange.comparison import run_errors
+from drake_tc.exchange.drake_run import simulate_in_drake
+from drake_tc.exchange.projection import project
+from drake_tc.exchange.target_run import RunInput
+from drake_tc.exchange.targets import TARGETS
+from drake_tc.logs.rig import parse_rig
+from drake_tc.simulator_files.read import read_joints
+from drake_tc.simulator_files.terms import StribeckPeak, Terms
+
+H = 1e-3
+T = np.arange(3000) * H
+NONE = np.zeros(T.size)
+BOTH = pytest.mark.parametrize(
+    ("simulate", "kind"), [(simulate_in_drake, "torque"), (simulate_as_bam, "voltage")], ids=["drake", "bam"]
+)
+
+
+def alone(command=NONE, load=NONE, start=(0.0, 0.0)) -> RunInput:
+    return RunInput(command, load, start, H)
+
+
+@BOTH
+def test_armature_and_damping_are_at_the_joint(simulate, kind):
+    given = RunInput(NONE, NONE, (0.0, 1.0), H, substeps=10)
+    found = simulate(Terms(kind, 1.0, armature=0.3, damping=2.0), None, given)
+    expected = 0.15 * (1.0 - np.exp(-2.0 * T / 0.3))
+    # BAM: sum of h v[n+1] is I/b - h for 1 rad/s, and the sum of h^2/2 vdot is -h/2
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1.55 * given.step)
+
+
+@BOTH
+def test_one_unit_of_command_gives_kp(simulate, kind):
+    """0.5 units of 6 N m against a load of 2 N m: 1 N m on 0.3 kg m^2."""
+    found = simulate(Terms(kind, 6.0, armature=0.3), None, alone(np.full(T.size, 0.5), np.full(T.size, 2.0)))
+    np.testing.assert_allclose(found, 0.5 * T**2 / 0.3, rtol=0, atol=2.0 * H * T[-1] / 0.3)
+
+
+@BOTH
+def test_a_pendulum_swings_with_its_frequency_about_its_zero(simulate, kind):
+    found = simulate(Terms(kind, 1.0, armature=0.1), Link(0.4, 9.0, 0.3), alone(start=(0.31, 0.0)))
+    np.testing.assert_allclose(found, 0.3 + 0.01 * np.cos(np.sqrt(9.0 / 0.5) * T), rtol=0, atol=2e-4)
+
+
+def test_a_servo_of_drake_rests_where_it_carries_the_load():
+    terms = Terms("position_servo", 50.0, armature=0.3, damping=10.0)
+    found = simulate_in_drake(terms, None, alone(np.full(T.size, 0.5), np.full(T.size, 5.0)))
+    assert found[-1] == pytest.approx(0.5 - 5.0 / 50.0, abs=2e-3)
+
+
+def test_a_limit_of_torque_in_drake():
+    terms = Terms("position_servo", 1e4, armature=0.3, torque_limit=0.6)
+    found = simulate_in_drake(terms, None, alone(np.full(T.size, 100.0)))
+    np.testing.assert_allclose(found, 0.5 * T**2 * 0.6 / 0.3, rtol=0, atol=2e-2)
+
+
+def test_dry_friction_and_its_peak_by_bams_equations():
+    """It slides v^2 I/2F far; at rest the peak holds what dry friction alone would not."""
+    sliding = Terms("voltage", 1.0, armature=0.3, frictionloss=0.2)
+    assert simulate_as_bam(sliding, None, alone(start=(0.0, 1.0)))[-1] == pytest.approx(0.3 / (2 * 0.2), rel=2e-3)
+    held = Terms("voltage", 1.0, armature=0.3, frictionloss=0.2, stribeck=StribeckPeak(0.1, 0.05, 1.0))
+    pushed = alone(np.full(T.size, 0.25))
+    assert simulate_as_bam(held, None, pushed)[-1] == 0.0
+    assert simulate_as_bam(sliding, None, pushed)[-1] == pytest.approx(0.5 * 0.05 / 0.3 * T[-1] ** 2, rel=1e-2)
+
+
+def test_a_delay_in_bam_is_that_of_the_command():
+    command = np.where(T > 0.9995, 0.5, 0.0)
+    at_once = simulate_as_bam(Terms("voltage", 5.0, armature=0.3, damping=6.0), None, alone(command))
+    late = simulate_as_bam(Terms("voltage", 5.0, armature=0.3, damping=6.0, delay=0.02), None, alone(command))
+    np.testing.assert_allclose(late[20:], at_once[:-20], rtol=0, atol=1e-9)
+
+
+GEARED = """<robot name="r" xmlns:drake="http://drake.mit.edu">
+  <link name="base"/>
+  <link name="shank">
+    <inertial><mass value="1"/><inertia ixx="1e-6" iyy="1e-6" izz="1e-6" ixy="0" ixz="0" iyz="0"/></inertial>
+  </link>
+  <joint name="knee" type="revolute"><parent link="base"/><child link="shank"/><axis xyz="0 1 0"/></joint>
+  <transmission name="t">
+    <type>transmission_interface/SimpleTransmission</type>
+    <joint name="knee"/>
+    <actuator name="m"><drake:rotor_inertia value="3e-5"/><drake:gear_ratio value="100"/></actuator>
+  </transmission>
+</robot>
+"""
+
+
+def test_the_gear_counts_squared_in_drakes_own_simulation(tmp_path):
+    path = tmp_path / "robot.urdf"
+    path.write_text(GEARED, encoding="utf-8")
+    plant = MultibodyPlant(H)
+    Parser(plant).AddModels(str(path))
+    plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("base"))
+    plant.Finalize()
+    simulator = Simulator(plant)
+    plant.get_applied_generalized_force_input_port().FixValue(simulator.get_mutable_context(), [0.6])
+    simulator.AdvanceTo(1.0)
+    accelerated = plant.GetVelocities(simulator.get_context())[0]
+    armature = read_joints(path, ParamsError)["knee"].terms.armature
+    assert armature == pytest.approx(3e-5 * 100.0**2)
+    assert accelerated == pytest.approx(0.6 / armature, rel=1e-5)
+
+
+SERVO = (EffectValue("rotor_inertia", {"rotor_inertia": 0.3}), EffectValue("viscous", {"viscous": 20.0}))
+COULOMB = EffectValue("coulomb", {"coulomb": 1.5})
+PEAK = EffectValue("stribeck", {"stribeck": 1.0, "stribeck_velocity": 0.2, "stribeck_exponent": 1.0})
+
+
+def recorded(model: ActuatorModel):
+    """A rig and a held-out run of the simulated bench with that model."""
+    from drake_tc.diagrams.joint_bench import BenchScenario, record_bench
+
+    from drake_tc.loops.joint_bench.diagram import Table
+
+    time = np.arange(4000) * H
+    command = 0.6 * np.sin(2.0 * time) + 0.1 * np.sin(5.0 * time)
+    if model.drive.kind == "voltage":
+        command = 20.0 * np.sin(2.0 * time) + 15.0 * np.sin(5.0 * time)
+    run = record_bench(model, Table(time, command), BenchScenario(duration=4.0, link_inertia=0.5))
+    return parse_rig({"joint": "joint", "drive": model.drive.kind}, "rig.yaml"), run
+
+
+@pytest.mark.parametrize(
+    ("target", "model", "expressed"),
+    [
+        ("drake-urdf", ActuatorModel("joint", Drive("position_servo", 2e-3), SERVO), True),
+        ("drake-urdf", ActuatorModel("joint", Drive("position_servo", 2e-3), (*SERVO, COULOMB)), False),
+        ("bam", ActuatorModel("joint", Drive("voltage", 0.5), (*SERVO, COULOMB, PEAK)), True),
+    ],
+)
+def test_an_export_is_as_good_as_the_model_where_nothing_is_lost(target, model, expressed):
+    rig, run = recorded(model)
+    projection = project(model, TARGETS[target])
+    assert (projection.losses == ()) is expressed
+    (row,) = run_errors({"joint": model}, [projection], target, rig, [run], None)
+    span = np.std(run.columns["joint/position"])
+    if expressed:
+        assert row.export < max(1.2 * row.model, 1e-3 * span)
+    else:
+        assert row.export > 5.0 * row.model
+
+
+def test_the_command_runs_the_export_beside_the_users_own_file(tmp_path, capsys):
+    from drake_tc.cli.main import run as drake_tc
+
+    model = ActuatorModel("joint", Drive("position_servo", 2e-3), SERVO)
+    _, log = recorded(model)
+    import pandas as pd
+
+    columns = {name: values for name, values in log.columns.items() if name.startswith("joint/")}
+    pd.DataFrame({"time": log.time, **columns}).to_csv(tmp_path / "held.csv", index=False)
+    (tmp_path / "rig.yaml").write_text("{joint: joint, drive: position_servo, load: torque}\n")
+    save_models({"joint": model}, tmp_path / "model.yaml")
+    stiff = ActuatorModel("joint", Drive("position_servo", 2e-3), (SERVO[0], EffectValue("viscous", {"viscous": 60.0})))
+    save_models({"joint": stiff}, tmp_path / "mine.yaml")
+    paths = {name: str(tmp_path / name) for name in ("held.csv", "rig.yaml", "model.yaml", "mine.yaml", "mine.urdf")}
+    assert drake_tc(["export", paths["mine.yaml"], "--to", "drake-urdf", "--out", paths["mine.urdf"]]) == 0
+    capsys.readouterr()
+    command = ["export", paths["model.yaml"], "--to", "drake-urdf", "--into", paths["mine.urdf"]]
+    command += ["--rig", paths["rig.yaml"], "--holdout", paths["held.csv"], "--page", str(tmp_path / "export.html")]
+    assert drake_tc([*command, "--json"]) == 0
+    (row,) = json.loads(capsys.readouterr().out)["free_runs"]
+    assert row["original"] > 3.0 * row["export"] and row["unit"] == "rad"
+    page = (tmp_path / "export.html").read_text(encoding="utf-8")
+    for value in (row["model"], row["export"], row["original"]):
+        assert f"{value:.3g} rad" in page
+    assert "expresses all effects" in page and "your file, Drake&#39;s plant" in page and "http://" not in page
+    assert drake_tc(command) == 0
+    printed = capsys.readouterr()
+    assert printed.out.startswith("<?xml") and printed.out.rstrip().endswith("</robot>")
+    assert "your file, Drake's plant" in printed.err
+    assert drake_tc(["export", paths["model.yaml"], "--to", "sdf", *command[5:9]]) == 2
