@@ -223,8 +223,9 @@ def read_table(path: Path | str, readers: Mapping[str, Reader] = READERS) -> pd.
     if path.is_dir() and is_bag(path):
         return read_bag(path)
     if path.is_dir():
-        files = ", ".join(sorted(each.name for each in path.iterdir() if is_bag(each))) or "none in it"
-        raise LogError(f"{path}: a folder without metadata.yaml; give the file of a bag in it ({files})")
+        files = ", ".join(sorted(each.name for each in path.iterdir() if is_bag(each)))
+        what = f"give the file of a bag in it ({files})" if files else "expected a log file or the folder of a ROS bag"
+        raise LogError(f"{path}: a folder without metadata.yaml; {what}")
     if not path.is_file():
         raise LogError(f"{path}: no such log file")
     suffix = _suffix(path, readers)

@@ -53,9 +53,11 @@ def _change(columns: Columns, rng: Random) -> None:
         return
     name = rng.choice(list(columns))
     values = np.array(columns[name])
+    if values.dtype.kind in "bi":  # an earlier change made it so
+        values = values.astype(np.float64)
     rows, at = values.shape[0], rng.randrange(max(1, values.shape[0]))
     how = rng.randrange(17)
-    if values.dtype == object or values.ndim != 1 or rows < 3 or how == 0:
+    if values.dtype.kind != "f" or values.ndim != 1 or rows < 3 or how == 0:
         del columns[name]
     elif how == 1:
         columns[rng.choice(NAMES)] = columns.pop(name)
