@@ -6,6 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from drake_tc.config.page import table
+from drake_tc.report.figure_row import FigureRow
+from drake_tc.report.figure_table import figure_cells
 
 STORE = Path(__file__).parents[1] / "benchmarks"
 
@@ -24,18 +26,9 @@ def _section(stored: Mapping[str, Any]) -> str:
 
 
 def _rows(rows: Sequence[Mapping[str, Any]]) -> str:
-    names: list[str] = []
-    for row in rows:
-        names += [name for name in row if name not in names]
-    cells = [tuple(_cell(row.get(name)) for name in names) for row in rows]
-    return table(tuple(name.replace("_", " ") for name in names), cells)
+    cells = figure_cells([FigureRow.of_json(row) for row in rows])
+    return table(tuple(cells[0]), [tuple(map(_plain, each.values())) for each in cells])
 
 
-def _cell(value: Any) -> str:
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    if isinstance(value, float):
-        return f"{value:.4g}"
-    if isinstance(value, list):
-        return ", ".join(map(_cell, value))
-    return "–" if value is None else str(value).replace("[", "\\[").replace("<", "&lt;")
+def _plain(text: str) -> str:
+    return text.replace("[", "\\[").replace("<", "&lt;")

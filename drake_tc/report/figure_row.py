@@ -1,6 +1,6 @@
 """One figure of a benchmark or of a paper's reproduction: what came out, what is expected, and whether it is met."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -73,6 +73,13 @@ class FigureRow:
         """Share of the hits that are true, of 1; NaN of none."""
         value = float(np.mean(hits)) if len(hits) else float("nan")
         return cls(name, value, SHARE, expected, how, tolerance, n=len(hits))
+
+    @classmethod
+    def of_json(cls, data: Mapping[str, Any]) -> "FigureRow":
+        """What `to_json` gave; null is NaN."""
+        value, p99 = (float("nan") if data.get(name) is None else float(data[name]) for name in ("median", "p99"))
+        given = {name: data[name] for name in ("unit", "expected", "how", "tolerance", "note", "n") if name in data}
+        return cls(data["name"], value, p99=None if p99 == value or np.isnan(p99) else p99, **given)
 
     @property
     def met(self) -> bool | None:

@@ -8,8 +8,8 @@ from rich.table import Table
 from drake_tc.report.figure_row import FigureRow
 
 
-def figure_table(rows: Sequence[FigureRow], title: str | None = None) -> Table:
-    """One line a figure; columns that would be empty are left out."""
+def figure_cells(rows: Sequence[FigureRow]) -> list[dict[str, str]]:
+    """Heading to text, figure by figure; headings under which all texts would be empty are left out."""
     cells = [
         {
             "figure": row.name,
@@ -22,10 +22,16 @@ def figure_table(rows: Sequence[FigureRow], title: str | None = None) -> Table:
         }
         for row in rows
     ]
-    table = Table(title=title, title_justify="left", box=None, padding=(0, 2))
     shown = [name for name in cells[0] if any(each[name] for each in cells)] if cells else []
-    for heading in shown:
+    return [{name: each[name] for name in shown} for each in cells]
+
+
+def figure_table(rows: Sequence[FigureRow], title: str | None = None) -> Table:
+    """One line a figure, with the columns of `figure_cells`."""
+    cells = figure_cells(rows)
+    table = Table(title=title, title_justify="left", box=None, padding=(0, 2))
+    for heading in cells[0] if cells else ():
         table.add_column(heading, justify="left" if heading in ("figure", "note") else "right", overflow="fold")
     for each in cells:
-        table.add_row(*(escape(each[name]) for name in shown))
+        table.add_row(*map(escape, each.values()))
     return table

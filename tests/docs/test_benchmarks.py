@@ -37,10 +37,16 @@ def test_the_table_shows_every_stored_row(monkeypatch, tmp_path):
         "commit": "a" * 40,
         "date": "2026-01-02",
         "machine": {"CPUs": 2},
-        "result": {"rows": [{"name": "tick", "median": 1.25e-4}, {"name": "whole", "n": 3, "met": False}]},
+        "result": {
+            "rows": [
+                {"name": "tick", "unit": "s", "median": 1.25e-4, "p99": 2e-4, "n": 40},
+                {"name": "whole", "unit": "share", "median": 0.5, "expected": 0.9, "how": "min", "met": False},
+            ]
+        },
     }
     (tmp_path / "leg.json").write_text(json.dumps(stored), encoding="utf-8")
     monkeypatch.setattr(benchmarks, "STORE", tmp_path)
     text = benchmarks.overview()
-    assert "| tick | 0.000125 | – | – |" in text and "| whole | – | 3 | no |" in text
+    assert "| tick | 0.000125 s | 0.0002 s | 40 |  |  |" in text
+    assert "| whole | 50 % |  |  | >= 90 % | NO |" in text
     assert "`aaaaaaaaaaaa`" in text and "2026-01-02" in text and "drake-tc bench leg" in text

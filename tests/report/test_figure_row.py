@@ -68,3 +68,20 @@ def test_a_table_has_no_empty_columns():
         ["torque", "error", "0.25", "N*m", "<=", "0.2", "N*m", "NO"],
         ["effort", "3", "A"],
     ]
+
+
+@pytest.mark.parametrize(
+    "row",
+    [
+        FigureRow("x", 2.0, "s", 3.0, "max", 0.5, "why", p99=2.5, n=4),
+        FigureRow("only told", 1.25, "m"),
+        FigureRow.share("found", [True, False], "min", 0.9),
+    ],
+)
+def test_what_programs_read_gives_the_figure_back(row):
+    assert FigureRow.of_json(json.loads(json.dumps(row.to_json()))) == row
+
+
+def test_a_stored_figure_without_a_value_is_none():
+    row = FigureRow.of_json(FigureRow("x", float("nan"), "s").to_json())
+    assert np.isnan(row.value) and row.p99 is None
