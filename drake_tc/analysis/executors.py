@@ -60,7 +60,13 @@ class RestartingProcesses(Executor):
         return broken
 
     def restart(self) -> None:
-        """New processes; what was under way is lost."""
+        """New processes; what was under way is lost.
+
+        A broken pool asks its processes to end and waits for them, but does not ask one that was being started when
+        another one died. So all of them are killed here.
+        """
+        for worker in list((self._pool._processes or {}).values()):
+            worker.kill()
         self._pool.shutdown(wait=True, cancel_futures=True)
         self._pool = self._fresh()
 

@@ -2,7 +2,8 @@ import os
 import subprocess
 import sys
 import threading
-from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
+import time
+from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from multiprocessing import get_context
 
 import numpy as np
@@ -57,6 +58,23 @@ def test_the_same_bits_on_a_dask_cluster_which_survives_a_killed_worker(tmp_path
         with pytest.raises(SweepError) as caught:
             sweep(functions.odd_ones_fail, range(4), executor=executor)
         assert caught.value.results == [0, None, 2, None]
+
+
+def test_a_worker_that_a_broken_pool_forgets_is_ended_too():
+    with processes(2) as own:
+        for done in [own.submit(time.sleep, 0.5) for _ in range(2)]:
+            done.result()
+        killed, forgotten = own._pool._processes.values()
+        forgotten.terminate = lambda: None
+        killed.kill()
+        with pytest.raises(BrokenExecutor):
+            own.submit(time.sleep, 60.0).result()
+        restart = threading.Thread(target=own.restart, daemon=True)
+        restart.start()
+        restart.join(20.0)
+        forgotten.kill()  # so that a failure does not hang
+        assert not restart.is_alive()
+        assert own.submit(abs, -3).result() == 3
 
 
 def test_a_killed_worker_loses_nothing(pool, tmp_path):
