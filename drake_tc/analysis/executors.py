@@ -28,6 +28,10 @@ class RestartingProcesses(Executor):
     """Spawned processes, as `concurrent.futures.ProcessPoolExecutor`; after one has died, `restart` starts all anew.
 
     The pool belongs to the caller's own process and is not part of any result, so it may change.
+
+    Attributes:
+        workers: Most processes at a time.
+        processes: Those that were started; one thread submits, so that they are told from those of others.
     """
 
     def __init__(self, workers: int, preload: Sequence[str] = ()) -> None:
@@ -39,6 +43,7 @@ class RestartingProcesses(Executor):
         if workers < 1:
             raise ParamsError(f"workers: expected at least 1, got {workers}")
         self.workers = workers
+        self.processes: set[BaseProcess] = set()
         self._preload = tuple(preload)
         self._pool = self._fresh()
 
@@ -50,6 +55,7 @@ class RestartingProcesses(Executor):
     def submit(self, fn: Callable[..., T], /, *args: Any, **kwargs: Any) -> Future[T]:
         """As `Executor.submit`; a pool that has broken, or breaks meanwhile, gives a future that says so."""
         broken: Future[T] = Future()
+        before = set(active_children())
         try:
             with _deaf_to_interrupts():
                 return self._pool.submit(fn, *args, **kwargs)
@@ -57,6 +63,8 @@ class RestartingProcesses(Executor):
             broken.set_exception(error)
         except OSError as error:  # a process died while the next one was being started: its pipes are closed
             broken.set_exception(BrokenProcessPool(f"no process could be started: {error}"))
+        finally:
+            self.processes |= set(active_children()) - before
         return broken
 
     def restart(self) -> None:
@@ -65,8 +73,9 @@ class RestartingProcesses(Executor):
         A broken pool asks its processes to end and waits for them, but does not ask one that was being started when
         another one died. So all of them are killed here.
         """
-        for worker in list((self._pool._processes or {}).values()):
+        for worker in self.processes:
             worker.kill()
+        self.processes.clear()
         self._pool.shutdown(wait=True, cancel_futures=True)
         self._pool = self._fresh()
 

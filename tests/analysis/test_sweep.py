@@ -64,7 +64,7 @@ def test_a_worker_that_a_broken_pool_forgets_is_ended_too():
     with processes(2) as own:
         for done in [own.submit(time.sleep, 0.5) for _ in range(2)]:
             done.result()
-        killed, forgotten = own._pool._processes.values()
+        killed, forgotten = own.processes
         forgotten.terminate = lambda: None
         killed.kill()
         with pytest.raises(BrokenExecutor):
