@@ -24,6 +24,7 @@ from drake_tc.identification.excitation import (
     multisine,
     postures_with_pushes,
 )
+from drake_tc.logs.record import Run
 from drake_tc.logs.rig import parse_rig
 from drake_tc.logs.rig_writing import save_rig
 from drake_tc.types import FloatArray
@@ -134,13 +135,20 @@ def record_demo(
     return saved, paths[:2], paths[2:]
 
 
-def _record_one(name: str, path: Path, seed: int, length: DemoLength) -> None:
-    """Simulate one run and write its log."""
+def demo_run(model: ActuatorModel, name: str, seed: int, length: DemoLength, rng: np.random.Generator) -> Run:
+    """One run of the demo's bench.
+
+    Args:
+        model: The actuator as it is simulated with the step of `length`.
+        name: Of the run, as in `demo_excitation`.
+        seed: Of the excitation.
+        length: Of the run.
+        rng: Of the sensors' noise.
+    """
     from drake_tc.loops.joint_bench.diagram import Table
     from drake_tc.loops.joint_bench.recording import BenchScenario, record_bench
 
-    excitation = demo_excitation(seed, length)
-    motion, push = excitation[name]
+    motion, push = demo_excitation(seed, length)[name]
     scenario = BenchScenario(
         duration=length.duration,
         log_period=length.period,
@@ -150,9 +158,14 @@ def _record_one(name: str, path: Path, seed: int, length: DemoLength) -> None:
         encoder_resolution=ENCODER_STEP,
         torque_noise=0.15,
     )
-    rng = np.random.default_rng([seed, 2, list(excitation).index(name)])
-    model = model_to_simulate(demo_model(seed), length.step)
-    run = record_bench(model, Table(_clock(length), motion.position, applied=push), scenario, rng, name)
+    return record_bench(model, Table(_clock(length), motion.position, applied=push), scenario, rng, name)
+
+
+def _record_one(name: str, path: Path, seed: int, length: DemoLength) -> None:
+    """Simulate one run and write its log."""
+    names = list(demo_excitation(seed, length))
+    rng = np.random.default_rng([seed, 2, names.index(name)])
+    run = demo_run(model_to_simulate(demo_model(seed), length.step), name, seed, length, rng)
     pd.DataFrame({"time": run.time, **run.columns}).to_parquet(path, index=False)
 
 

@@ -120,29 +120,15 @@ def test_where_mujoco_has_all_effects_it_is_as_good_as_drake(recorded):
 
 def test_on_the_demos_held_out_run_it_is_as_good_as_the_model():
     """All effects that MJCF has, on the demo's bench with its noise, load and pushes; ten seconds of its motion."""
-    from drake_tc.cli.demo import ENCODER_STEP, GRAVITY_MOMENT, LINK_INERTIA, DemoLength, demo_excitation
-    from drake_tc.loops.joint_bench.diagram import Table
-    from drake_tc.loops.joint_bench.recording import BenchScenario, record_bench
+    from drake_tc.cli.demo import DemoLength, demo_run
 
-    length = DemoLength(duration=10.0)
-    motion, push = demo_excitation(0, length)["multisine_held_out"]
-    scenario = BenchScenario(
-        duration=length.duration,
-        log_period=length.period,
-        step=length.step,
-        link_inertia=LINK_INERTIA,
-        gravity_moment=GRAVITY_MOMENT,
-        encoder_resolution=ENCODER_STEP,
-        torque_noise=0.15,
-    )
     quick = model(
         EffectValue("quadratic_viscous", {"quadratic_viscous": 3.0}),
         EffectValue("delay.command", {"delay": 0.004}),
         EffectValue("saturation", {"limit": 0.03}),
     )
     stiff = replace(quick, drive=Drive("position_servo", 2e-4))
-    time = np.arange(motion.position.size) * length.period
-    run = record_bench(stiff, Table(time, motion.position, applied=push), scenario, np.random.default_rng(0))
+    run = demo_run(stiff, "multisine_held_out", 0, DemoLength(duration=10.0), np.random.default_rng(0))
     rig = parse_rig({"joint": "joint", "drive": "position_servo"}, "rig.yaml")
     projection = project(stiff, TARGETS["mjcf"])
     assert projection.losses == () and projection.refit is None
