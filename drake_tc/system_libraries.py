@@ -5,7 +5,7 @@ names a file such as `libglib-2.0.so.0`. This module turns that into the name of
 """
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import redirect_stdout
 from importlib import import_module
 from io import StringIO
@@ -58,3 +58,10 @@ def import_error(module: str) -> ImportError | None:
     except ImportError as error:
         return error
     return None
+
+
+def missing_packages(modules: Sequence[str]) -> list[str]:
+    """Packages that have what the modules lack when they are imported; the library itself where none is known."""
+    errors = [error for module in modules if (error := import_error(module)) is not None]
+    libraries = [library for error in errors if (library := missing_library(error)) is not None]
+    return list(dict.fromkeys(package_of(library) or library for library in libraries))

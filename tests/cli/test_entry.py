@@ -3,11 +3,12 @@
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
 from drake_tc.cli import entry
-from drake_tc.system_libraries import PACKAGES, how_to_install, missing_library, package_of
+from drake_tc.system_libraries import PACKAGES, how_to_install, missing_library, missing_packages, package_of
 
 OPENING = "cannot open shared object file: No such file or directory"
 
@@ -71,6 +72,21 @@ def test_packages_of_the_libraries_that_wheels_leave_out(library, package):
     assert missing_library(ImportError(f"{library}: {OPENING}")) == library
     assert package_of(library) == package and package in PACKAGES.values()
     assert how_to_install(library).endswith(f"apt install {package}")
+
+
+def test_packages_that_modules_lack(monkeypatch, tmp_path):
+    for name, library in {"without_glib": "libglib-2.0.so.0", "without_odd": "libodd.so.1"}.items():
+        (tmp_path / f"{name}.py").write_text(f"raise ImportError('{library}: {OPENING}')", encoding="utf-8")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    assert missing_packages(["without_glib", "without_odd", "json", "not_installed"]) == ["libglib2.0-0", "libodd.so.1"]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="a shell script")
+def test_the_script_of_the_installation_finds_nothing_missing():
+    """It runs only where nothing is installed yet: an environment that is ready would hide that it is broken."""
+    script = Path(__file__).resolve().parents[2] / ".ci" / "system_libraries.sh"
+    ran = subprocess.run(["bash", script, sys.executable, "json"], capture_output=True, text=True)
+    assert (ran.returncode, ran.stdout, ran.stderr) == (0, "", "")
 
 
 def test_what_is_not_a_missing_library():
