@@ -2,13 +2,15 @@
 
     v[n+1] = v[n] + h (tau_actuator - m g l sin(q[n] - z) - tau_load)/J,    q[n+1] = q[n] + h v[n+1]
 
-`tau_actuator` comes from `JointProgram`, which the Drake diagram runs too; the step is the plant's, symplectic Euler.
+`tau_actuator` comes from `JointProgram`, which the Drake diagram runs too; the step is the plant's, symplectic Euler,
+on the inertia of `model_to_simulate`, so that the run has the model's inertia at any step.
 """
 
 import math
 
 import numpy as np
 
+from drake_tc.actuation.half_step import model_to_simulate
 from drake_tc.actuation.joint_program import JointProgram
 from drake_tc.actuation.model import ActuatorModel
 from drake_tc.actuation.recorded_run import Link, PlantSide, Recording, plant_side
@@ -46,9 +48,9 @@ def simulate(model: ActuatorModel, recording: Recording, step: float) -> FloatAr
 def _positions(side: PlantSide, recording: Recording, link: Link, substeps: int) -> FloatArray:
     """Position (T,) [rad] of the plant's joint, NaN from where it has diverged."""
     h = recording.period / substeps
-    geared = bool(side.model.transmission_effects)
-    total = link.inertia if geared else link.inertia + side.model.inertia
-    program = JointProgram(side.model, h, total)
+    model = model_to_simulate(side.model, h)
+    total = link.inertia if model.transmission_effects else link.inertia + model.inertia
+    program = JointProgram(model, h, total)
     q, v, out = side.start, recording.initial_velocity, np.full(recording.time.size, np.nan)
     memory = program.initial(v)
     low, high = recording.position_span

@@ -17,7 +17,6 @@ from dataclasses import replace
 
 from drake_tc.actuation.constant_parts import split_parts
 from drake_tc.actuation.model import ActuatorModel, EffectValue
-from drake_tc.errors import ParamsError
 
 
 def simulated_inertia(model: ActuatorModel, step: float) -> float:
@@ -41,12 +40,12 @@ def simulated_inertia(model: ActuatorModel, step: float) -> float:
 def model_to_simulate(model: ActuatorModel, step: float) -> ActuatorModel:
     """The model with J - f_v h/2 [kg m^2] in place of J: simulated with this step, its log shows J.
 
+    Of a constant torque, velocity then decays by (J - f_v h/2)/(J + f_v h/2) in a step, which is the trapezoidal rule
+    on J. A step so long that less than half of J would be left gets J/2: it cannot show this friction.
+
     Args:
         model: The actuator that a log shall show.
         step: h of plant and actuators [s].
-
-    Raises:
-        ParamsError: J - f_v h/2 is not positive.
 
     Example:
         >>> values = {"viscous": 32.0}, {"rotor_inertia": 0.31}
@@ -54,12 +53,9 @@ def model_to_simulate(model: ActuatorModel, step: float) -> ActuatorModel:
         >>> model_to_simulate(ActuatorModel("knee", Drive("current", 0.4), effects), step=5e-4).inertia
         0.302
     """
-    excess = simulated_inertia(model, step) - model.inertia
-    if excess >= model.inertia:
-        raise ParamsError(
-            f"joint {model.joint}: expected a step below {step * model.inertia / excess:.3g} s, with which viscous "
-            f"friction adds less than the inertia of {model.inertia:.3g} kg*m^2, got {step:.3g} s"
-        )
+    excess = min(simulated_inertia(model, step) - model.inertia, 0.5 * model.inertia)
+    if excess <= 0.0:
+        return model
     lower = EffectValue("rotor_inertia", {"rotor_inertia": model.inertia - excess})
     others = tuple(value for value in model.effects if value.effect.id != lower.effect.id)
     return replace(model, effects=(lower, *others))

@@ -1,11 +1,13 @@
 """Free run: the Drake diagram of a joint driven by a recorded command alone, next to what was recorded.
 
 The load is the recorded torque (rig with a torque column: the plant is the rotor) or the pendulum's own gravity and
-inertia (the plant carries them). No recorded motion enters after the first sample.
+inertia (the plant carries them). No recorded motion enters after the first sample. The diagram runs the model of
+`model_to_simulate`, so that the run has the model's inertia at any step.
 """
 
 import numpy as np
 
+from drake_tc.actuation.half_step import model_to_simulate
 from drake_tc.actuation.model import ActuatorModel
 from drake_tc.actuation.recorded_run import Link, PlantSide, Recording, plant_side, with_declared_inertia
 from drake_tc.errors import ParamsError
@@ -68,14 +70,15 @@ def _substeps(model: ActuatorModel, recording: Recording, period: float) -> int:
 def _bench(side: PlantSide, recording: Recording, step: float) -> Bench:
     """The diagram; where the load is recorded, it is what the gear passes, and the plant is the motor's side."""
     time = side.signals.time
+    model = model_to_simulate(side.model, step)
     rates = Rates(step, recording.period)
     around = {"temperature": recording.temperature, "supply_voltage": recording.supply_voltage}
     if recording.pendulum is not None:
         applied = None if recording.load_torque is None else -side.load
         table = Table(time, recording.command, applied=applied, **around)
-        return build_bench(side.model, recording.pendulum, table, rates, None)
+        return build_bench(model, recording.pendulum, table, rates, None)
     table = Table(time, recording.command, applied=-side.load, load_torque=side.load, **around)
-    return build_bench(side.model, Link(inertia=1e-6 * side.model.inertia), table, rates, None)
+    return build_bench(model, Link(inertia=1e-6 * side.model.inertia), table, rates, None)
 
 
 def _run(bench: Bench, start: tuple[float, float], bounds: tuple[float, float], time: FloatArray) -> FloatArray:

@@ -6,6 +6,7 @@ import yaml
 from drake_tc.diagrams.joint_bench import SCENARIO_FILE, main
 from numpy.testing import assert_allclose
 
+from drake_tc.actuation.half_step import model_to_simulate
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.actuation.recorded_run import Link, Recording
 from drake_tc.effects.base import plain_signals
@@ -85,7 +86,7 @@ def test_free_run_with_the_true_model_repeats_the_record(kind, load):
     model = ActuatorModel("joint", Drive(kind, 0.01 if kind == "position_servo" else GAIN), BASE)
     scenario = BenchScenario(duration=3.0, step=1e-3, log_period=1e-3, link_inertia=0.08, gravity_moment=3.0)
     table = swing(scenario)
-    run = record_bench(model, table, scenario)
+    run = record_bench(model_to_simulate(model, scenario.step), table, scenario)
     q = run.columns["joint/position"]
     given = {"load_torque": run.columns["joint/torque"]} if load == "torque" else {"pendulum": Link(0.08, 3.0)}
     again = free_run(model, Recording(run.time, table.command, q[0], 0.0, (q.min(), q.max()), **given))
@@ -98,7 +99,7 @@ def test_free_run_takes_sensor_errors_off_the_load_and_puts_them_on_the_position
     model = ActuatorModel("joint", Drive("position_servo", 0.01), (*BASE, *errors))
     scenario = BenchScenario(duration=2.0, step=1e-3, log_period=1e-3, link_inertia=0.08, gravity_moment=3.0)
     table = swing(scenario)
-    run = record_bench(model, table, scenario)
+    run = record_bench(model_to_simulate(model, scenario.step), table, scenario)
     q, tau = run.columns["joint/position"], run.columns["joint/torque"]
     again = free_run(model, Recording(run.time, table.command, q[0], 0.0, (q.min(), q.max()), load_torque=tau))
     assert_allclose(again, q, atol=1e-3)
@@ -116,7 +117,7 @@ def test_free_run_of_a_gear_on_a_recorded_load_follows_the_two_mass_record(value
     scenario = BenchScenario(duration=4.0, step=5e-4, log_period=1e-3, link_inertia=0.08, gravity_moment=6.0)
     time = np.arange(4001) * 1e-3
     table = Table(time, 0.8 + 0.4 * (1 - np.cos(2 * np.pi * 0.5 * time)))  # gravity keeps one side of the gear closed
-    run = record_bench(model, table, scenario)
+    run = record_bench(model_to_simulate(model, scenario.step), table, scenario)
     q, tau = run.columns["joint/position"], run.columns["joint/torque"]
     recording = Recording(run.time, table.command, q[0], 0.0, (q.min(), q.max()), load_torque=tau)
     settled = slice(2000, None)
