@@ -22,6 +22,11 @@ GUESSES = 6
 """How many working sets are tried before a QP solver is asked; each costs a fifth of it or less."""
 INSIDE = 1e-8
 """In units of a row: what counts as met."""
+HELD = 1e-13
+"""In units of a row: what a held row may miss its end by. What it misses, times its multiplier, is cost."""
+CORRECTIONS = 2
+"""Solves at most for the multipliers of held rows. Where a Hessian has next to no curvature, the step without limits is
+so long that its rounding shows after the first one."""
 
 
 class Factor(NamedTuple):
@@ -219,17 +224,26 @@ def _held_step(
     columns = np.empty((step.d.size, count))
     whitened_rows(program, factor, held, columns)
     small, force = np.empty((count, count)), np.empty(count)
-    for k in range(count):
-        row = held.rows[k]
-        force[k] = free[row] - (upper[row] if held.sides[k] > 0 else lower[row])
-    if not factor_into(small, np.dot(columns.T, columns)) or not np.abs(force).max() < np.inf:
+    if not factor_into(small, np.dot(columns.T, columns)):
         return False
-    whiten_vector(small, force)
-    colour_vector(small, force)
-    pulled = np.dot(columns, force)
-    colour(factor, pulled)
-    for j in range(step.d.size):
-        step.d[j] -= pulled[j]
-    held.multipliers[:count] = force
-    times_into(program, step.d, step.along)
+    held.multipliers[:count] = 0.0
+    step.along[:] = free
+    for _ in range(CORRECTIONS):
+        miss = 0.0
+        for k in range(count):
+            row = held.rows[k]
+            force[k] = step.along[row] - (upper[row] if held.sides[k] > 0 else lower[row])
+            miss = max(miss, abs(force[k]))
+        if miss <= HELD:
+            break
+        if not np.abs(force).max() < np.inf:
+            return False
+        whiten_vector(small, force)
+        colour_vector(small, force)
+        pulled = np.dot(columns, force)
+        colour(factor, pulled)
+        for j in range(step.d.size):
+            step.d[j] -= pulled[j]
+        held.multipliers[:count] += force
+        times_into(program, step.d, step.along)
     return True

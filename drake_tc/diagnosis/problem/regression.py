@@ -113,9 +113,9 @@ def score(columns: Columns, terms: Sequence[Term]) -> Score:
     told[0] = not columns.effort_is_target
     left = columns.effort_left(terms)
     sound = drives and left > LEAST_EFFORT and not collinear(gram[np.ix_(told, told)])
-    correction = np.inf
-    if sound:
-        correction = columns.noise_ratio(beta, terms) * max(noise_smoothed(columns, terms, beta), 1.0 / left)
+    if not sound:
+        return Score(tuple(terms), beta, by_fold, np.inf, gain, np.inf)
+    correction = columns.noise_ratio(beta, terms) * max(noise_smoothed(columns, terms, beta), 1.0 / left)
     cv_rms = gain * correction * float(np.sqrt(_squared_errors(normal, by_fold).sum() / columns.target.size))
     return Score(tuple(terms), beta, by_fold, cv_rms, gain, correction)
 
@@ -155,7 +155,8 @@ def fit(columns: Columns, terms: Sequence[Term]) -> Fit:
     for f in range(FOLDS):
         rows = folds == f
         held[rows] = z[rows] - x[rows] @ found.by_fold[f]
-    held = held * (found.gain * found.noise_correction)
+    infinite = not np.isfinite(found.noise_correction)  # of a residual of 0 too
+    held = np.full_like(z, np.inf) if infinite else held * (found.gain * found.noise_correction)
     residual = (z - x @ found.beta) * found.gain
     count = int(block.max()) + 1
     return Fit(
