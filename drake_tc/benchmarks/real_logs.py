@@ -18,7 +18,7 @@ from drake_tc.benchmarks.real_log_claims import FLOORS, CaseClaims, claims_of
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.result.to_json import result_json
 from drake_tc.diagnosis.run import close_loop
-from drake_tc.errors import DrakeTcError, ParamsError
+from drake_tc.errors import DrakeTcError, IdentificationError, ParamsError
 from drake_tc.report.figure_row import FigureRow
 
 Progress = Callable[[str, float], None]
@@ -45,20 +45,26 @@ def chosen_sets(names: Sequence[str] = ()) -> list[RealLogSet]:
     return [entry for name, entry in sets.items() if not names or name in names]
 
 
-def _reports(files: CaseFiles) -> tuple[dict[str, Any], dict[str, dict[str, Any]]]:
-    """report.json with all held-out runs, and with each of them alone, by file name.
+def _reports(files: CaseFiles) -> tuple[dict[str, Any], dict[str, dict[str, Any]], str]:
+    """report.json with all held-out runs, with each of them alone, by file name, and a note on runs that cannot be.
 
     The search sees the training runs only, but confirmation withdraws an effect that some held-out run speaks against.
     The model of a call with one held-out run can therefore have effects that the model of the first call lacks, and the
-    error of a run is that of its own call. What is left is only judged in the first call.
+    error of a run is that of its own call. What is left is only judged in the first call. A run that is too short to be
+    held out alone is judged together with the others.
     """
     whole = result_json(close_loop(files.rig, files.log, files.holdout))
     names = _distinct_names(files.holdout)
     if len(names) == 1:
-        return whole, {names[0]: whole}
-    quick = DiagnosisOptions(assess_residual=False)
-    reports = [result_json(close_loop(files.rig, files.log, [path], quick)) for path in files.holdout]
-    return whole, dict(zip(names, reports, strict=True))
+        return whole, {names[0]: whole}, ""
+    quick, alone, short = DiagnosisOptions(assess_residual=False), {}, []
+    for path, name in zip(files.holdout, names, strict=True):
+        try:
+            alone[name] = result_json(close_loop(files.rig, files.log, [path], quick))
+        except IdentificationError:
+            short.append(name)
+    note = f"Not held out alone, as it moves too little: {', '.join(short)}." if short else ""
+    return whole, {"all held-out runs": whole} | alone if short else alone, note
 
 
 def _distinct_names(paths: Sequence[Path]) -> list[str]:
@@ -73,10 +79,10 @@ def run_case(chosen: RealLogSet, case: RealLogCase, logs: Path, scratch: Path) -
     """Call `close-loop` on one case; input that it refuses is a result too."""
     name = f"{chosen.name}/{case.name}"
     try:
-        whole, alone = _reports(case_files(chosen, case, logs, scratch))
+        whole, alone, note = _reports(case_files(chosen, case, logs, scratch))
     except DrakeTcError as error:
         return CaseClaims(name, "refused", refusal=str(error), note=case.note)
-    return claims_of(name, whole, alone, case.note)
+    return claims_of(name, whole, alone, " ".join(text for text in (case.note, note) if text))
 
 
 def real_log_claims(

@@ -161,11 +161,10 @@ def diagnose_joint(
     ties = indistinguishable(subsample, stage.found, context, prepared.floor, options.effects)
     stability = stabilities(stage.found, options.seed)
     found = _refitted(stage)
-    known = frozenset(t.effect.key for t in found.baseline.terms)
     confirmed = confirm(
         lambda chosen: _settled(prepared.train, prepared.held, chosen, found.baseline, context),
         found.chosen,
-        known,
+        found.baseline,
         context,
         prepared.floor,
         options.search.least_gain,
@@ -176,7 +175,7 @@ def diagnose_joint(
     splits = compared(columns, held, found.baseline, chosen)
     unexplained, floor, notes = what_is_left(splits, chosen, floor, context, options, executor)
     final_parameters = parameters_of(columns, chosen, context.drive)
-    effects = found_effects(columns, held, chosen, known, final_parameters, stability)
+    effects = found_effects(columns, held, chosen, found.baseline.terms, final_parameters, stability)
     kept = {e.id for e in effects}
     load_notes = (
         *load_scale(rig, joint).notes,

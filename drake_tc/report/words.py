@@ -28,6 +28,7 @@ REASONS: dict[Withdrawal, str] = {
     "training_run_against": "does not hold in every training run",
     "heldout_run_against": "does not hold in the held-out runs",
     "no_longer_needed": "explains nothing without an effect that did not hold",
+    "worse_than_declared": "the declared model leaves less",
 }
 
 

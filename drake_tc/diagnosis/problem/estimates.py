@@ -13,7 +13,12 @@ from drake_tc.effects.link_load import LinkLoad
 from drake_tc.effects.within_tolerance import WithinTolerance
 from drake_tc.identification.autocorrelation import critical_value_95
 from drake_tc.identification.regression import least_squares
-from drake_tc.types import FloatArray
+from drake_tc.types import BoolArray, FloatArray
+
+COLLINEAR = 1e-12
+"""Least eigenvalue of the scaled columns' Gram matrix, below which it is asked what a shape adds to the others."""
+UNSEEN = 1e-9
+"""What a scaled column, a difference quotient, must add to the others to be told from them: more than rounding."""
 
 
 @dataclass(frozen=True)
@@ -69,6 +74,8 @@ def estimates(columns: Columns, fitted: Fit, drive: str) -> Mapping[str, Mapping
     if columns.declared_gain is not None and "servo_gain" not in {t.effect.id for t in fitted.terms}:
         dead[0] = True  # the drive is held at its declared gain
     dead[: fitted.beta.size] |= prior_coefficients(fitted.terms)  # `widening` adds what is not known of them
+    undetermined = _undetermined(jacobian, dead, fitted.beta.size)
+    dead |= undetermined
     linear = least_squares(
         jacobian[:, ~dead], columns.target - prediction, lengths=block_lengths(columns), max_condition=1e15
     )
@@ -96,12 +103,35 @@ def estimates(columns: Columns, fitted: Fit, drive: str) -> Mapping[str, Mapping
                 n = fitted.beta.size
                 gradient[j] = (physical_parameters(fitted, moved[:n], moved[n:])[key][name] - value) / step
             half = critical * float(np.sqrt(max(float(gradient @ covariance @ gradient), 0.0)))
+            if gradient[undetermined].any():
+                half = np.inf
             low, high = bounds[key].get(name, (-np.inf, np.inf))
             tight = 1e-9 * max(1.0, abs(value))
             at_bound = bool(abs(value - low) <= tight or abs(value - high) <= tight)
             out[key][name] = Estimate(
                 value, units[key].get(name, "-"), (max(value - half, low), min(value + half, high)), at_bound
             )
+    return out
+
+
+def _undetermined(jacobian: FloatArray, dead: BoolArray, coefficients: int) -> BoolArray:
+    """(p,) shape parameters that change the prediction as the other parameters together do, up to rounding.
+
+    Args:
+        jacobian: (N, p) of the prediction; the coefficients come first.
+        dead: (p,) what is left out.
+        coefficients: How many of them there are.
+    """
+    out = np.zeros_like(dead)
+    length = np.linalg.norm(jacobian, axis=0)
+    scaled = jacobian / np.where(length > 0.0, length, 1.0)
+    gram = scaled.T @ scaled
+    for j in range(coefficients, dead.size):
+        others = np.flatnonzero(~(dead | out) & (np.arange(dead.size) != j))
+        if dead[j] or np.linalg.eigvalsh(gram[np.ix_([*others, j], [*others, j])])[0] > COLLINEAR:
+            continue
+        explained = scaled[:, others] @ np.linalg.lstsq(scaled[:, others], scaled[:, j], rcond=None)[0]
+        out[j] = np.linalg.norm(scaled[:, j] - explained) < UNSEEN
     return out
 
 

@@ -5,9 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from drake_tc.diagnosis.problem.columns import Columns
+from drake_tc.diagnosis.problem.columns import Columns, Term
 from drake_tc.diagnosis.problem.estimates import Estimate
-from drake_tc.diagnosis.problem.regression import Fit, fit, predict
+from drake_tc.diagnosis.problem.regression import Fit, fit_without, predict
 from drake_tc.diagnosis.result.joint_result import FoundEffect, RejectedEffect, Rejection
 from drake_tc.diagnosis.selection.engine import compare
 from drake_tc.diagnosis.selection.joint import JointProblem, Search, best_shape, candidates, share_better
@@ -43,17 +43,17 @@ def found_effects(
     columns: Columns,
     held: Columns,
     chosen: Fit,
-    known: frozenset[str],
+    declared: Sequence[Term],
     parameters: Mapping[str, Mapping[str, Estimate]],
     stability: Mapping[str, float],
 ) -> tuple[FoundEffect, ...]:
     """The effects of the final model that the declared one lacks, by held-out gain."""
-    after = predict(held, chosen)
+    after, known = predict(held, chosen), {t.effect.key for t in declared}
     out = []
     for term in chosen.terms:
         if term.effect.key in known:
             continue
-        residual = predict(held, fit(columns, [t for t in chosen.terms if t is not term]))
+        residual = predict(held, fit_without(columns, chosen, term, declared))
         out.append(
             FoundEffect(
                 key=term.effect.key,

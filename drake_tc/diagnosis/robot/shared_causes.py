@@ -6,6 +6,7 @@
 3. The alternative: no shared cause, each joint left to explain its own part. It stands when all joints together fit
    better that way.
 4. The shared causes anew, beside the effects that the joints were found to have: those no longer real go.
+5. An error of a sensor beyond its tolerance that lowers the joints' errors by little, but certainly, beside all that.
 
 The model before is that of step 1 with no cause named: its loads are those without the sensors' errors within
 tolerance.
@@ -18,7 +19,8 @@ import numpy as np
 
 from drake_tc.diagnosis.problem.columns import Term
 from drake_tc.diagnosis.problem.prepared import Prepared, prepare_joint
-from drake_tc.diagnosis.problem.shared.rows import stack
+from drake_tc.diagnosis.problem.shared.causes import Cause
+from drake_tc.diagnosis.problem.shared.rows import JointRows, stack
 from drake_tc.diagnosis.problem.shared.stacked import StackedFit, fit_stacked
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagnosis.result.shared_effects import (
@@ -33,7 +35,7 @@ from drake_tc.diagnosis.robot.result import RobotResult
 from drake_tc.diagnosis.selection.comparison import effective_samples
 from drake_tc.diagnosis.selection.joint import Search
 from drake_tc.diagnosis.selection.shared import SharedSearch, active, search_shared, substituted
-from drake_tc.diagnosis.thresholds import SHARED, SearchThresholds
+from drake_tc.diagnosis.thresholds import BEYOND_TOLERANCE_BESIDE, NEAR_NOISE, SHARED, SearchThresholds
 from drake_tc.logs.record import Run
 from drake_tc.types import FloatArray
 
@@ -125,6 +127,11 @@ def _settled(case: RobotCase, before: _Before, found: SharedSearch, thresholds: 
         again = own if len(kept.chosen) == len(found.chosen) else joints
         found = kept
         made |= case.diagnose(*case.without(found.fit), again)
+    rows = stack({j: p.train for j, p in before.raw.items()}, _terms(made), case.causes)
+    more = _with_error_beyond_tolerance(rows, case.causes.causes, before.floor, found)
+    if more is not None:
+        found = more
+        made |= case.diagnose(*case.without(found.fit), joints)
     train, held = both_sides(before.raw, _terms(made), case.causes)
     fitted = fit_stacked(train, *active(case.causes.causes, found.chosen))
     results = {joint: original_baseline(made[joint], before.prepared[joint]) for joint in joints}
@@ -143,6 +150,23 @@ def _settled(case: RobotCase, before: _Before, found: SharedSearch, thresholds: 
         train_after=case.at_motors(train_after),
         robot_gains=robot_gains(results, dict(zip(joints, map(float, fitted.sigma), strict=True))),
     )
+
+
+def _with_error_beyond_tolerance(
+    rows: Sequence[JointRows], causes: Sequence[Cause], floor: FloatArray, found: SharedSearch
+) -> SharedSearch | None:
+    """With one more error of a sensor; None where there is none that evidence tells beside what was found.
+
+    All causes are compared, so that a link's mass or centre that explains as much keeps a sensor from being named.
+    """
+    more = search_shared(rows, causes, floor, BEYOND_TOLERANCE_BESIDE, beside=found.chosen)
+    added = [cause for cause in more.chosen if cause not in found.chosen]
+    if not added or not added[0].tolerance:
+        return None
+    shows = 1.0 - more.fit.cv_rms / more.baseline.cv_rms >= BEYOND_TOLERANCE_BESIDE.second_gain
+    if (more.fit.cv_rms > NEAR_NOISE * floor)[shows].any():
+        return None
+    return SharedSearch(more.chosen, more.fit, found.baseline, (*found.alternatives, *more.alternatives))
 
 
 def _terms(joints: Mapping[str, JointResult]) -> dict[str, Sequence[Term]]:

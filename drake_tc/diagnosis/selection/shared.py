@@ -159,6 +159,7 @@ def search_shared(
     floor: FloatArray,
     thresholds: SearchThresholds = SHARED,
     among: Sequence[Cause] | None = None,
+    beside: Sequence[Cause] = (),
 ) -> SharedSearch:
     """Look for causes on all joints together.
 
@@ -168,10 +169,11 @@ def search_shared(
         floor: (n,) noise floors [effort].
         thresholds: What counts as real.
         among: Candidates, where not all of them are.
+        beside: Causes found before, which `baseline` and all others have.
     """
     candidates = [c for c in causes if c.id in TITLES] if among is None else among
     problem = SharedProblem(rows, causes, candidates, floor)
-    found: Selection[CauseFit] = select(problem, problem.with_causes(()), thresholds)
+    found: Selection[CauseFit] = select(problem, problem.with_causes(beside), thresholds)
     return SharedSearch(
         found.chosen.causes,
         found.chosen.fit,

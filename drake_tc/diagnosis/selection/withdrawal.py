@@ -10,6 +10,7 @@ Withdrawal = Literal[
     "training_run_against",
     "heldout_run_against",
     "no_longer_needed",
+    "worse_than_declared",
 ]
 """Why an effect that the search chose is not part of the model after."""
 

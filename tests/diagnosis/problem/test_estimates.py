@@ -129,3 +129,13 @@ def test_what_is_not_known_of_a_shape_widens_its_interval():
         rtol=1e-6,
     )
     assert wide["viscous"] == found["viscous"]
+
+
+def test_a_shape_that_acts_as_another_parameter_does_has_no_interval():
+    """Of a drive that is always saturated, i = K limit sign(i): the gain and the limit only show as their product."""
+    p = problem(Joint(duration=12.0, period=4e-3, torque_noise=0.2))
+    smallest = float(np.min(np.abs(p.columns.samples.signals.effort[p.columns.samples.rows])))
+    saturated = fit(p.columns, [*p.declared, Term(effect("saturation"), {"limit": 0.5 * smallest})])
+    found = estimates(p.columns, saturated, "current")
+    assert found["saturation"]["limit"].ci95 == (0.0, np.inf)
+    assert np.isfinite(found["coulomb"]["coulomb"].ci95).all()

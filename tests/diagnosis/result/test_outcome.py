@@ -17,7 +17,6 @@ from drake_tc.effects.library import effect
 
 from ..rigs import Joint, floor_of, problem, record, rig_of
 
-KNOWN = frozenset({"viscous", "coulomb"})
 BIAS, QUADRATIC = Term(effect("torque_sensor_bias")), Term(effect("quadratic_viscous"))
 RIG = Joint(duration=12.0, period=4e-3, torque_noise=0.25, extra=lambda m: 1.0 * m.v * np.abs(m.v) + 0.6)
 
@@ -35,7 +34,7 @@ def test_gains_are_those_against_the_model_refitted_without_the_effect(made):
     terms = [*p.declared, BIAS, QUADRATIC]
     chosen = fit(p.columns, terms)
     keys = {"torque_sensor_bias": 0.9, "quadratic_viscous": 1.0}
-    found = found_effects(p.columns, held, chosen, KNOWN, estimates(p.columns, chosen, p.context.drive), keys)
+    found = found_effects(p.columns, held, chosen, p.declared, estimates(p.columns, chosen, p.context.drive), keys)
     assert {e.id for e in found} == set(keys)
     assert [e.heldout_gain for e in found] == sorted((e.heldout_gain for e in found), reverse=True)
     after = predict(held, chosen)

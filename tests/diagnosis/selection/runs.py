@@ -12,7 +12,6 @@ from ..rigs import Joint, Motion, record, rig_of
 
 DECLARED = (Term(effect("viscous")), Term(effect("coulomb")))
 LEAST_GAIN = 0.05
-KNOWN = frozenset({"viscous", "coulomb"})
 PLAIN = Joint(duration=12.0, period=4e-3, torque_noise=0.2)
 BIAS, QUADRATIC = Term(effect("torque_sensor_bias")), Term(effect("quadratic_viscous"))
 

@@ -6,7 +6,7 @@ from typing import cast
 import numpy as np
 
 from drake_tc.diagnosis.data.samples import Samples
-from drake_tc.diagnosis.selection.confirmation import FEWEST_BLOCKS, cut_blocks, heldout_against
+from drake_tc.diagnosis.selection.runs_against import FEWEST_BLOCKS, cut_blocks, heldout_against
 
 
 def test_a_short_run_is_resampled_in_smaller_blocks():
