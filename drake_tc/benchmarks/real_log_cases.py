@@ -22,8 +22,8 @@ import numpy as np
 import pandas as pd
 from pydantic import BeforeValidator, Discriminator, Field, Tag, field_validator
 
+from drake_tc.config.did_you_mean import did_you_mean
 from drake_tc.config.keys import FileName, Keys, Name, Number, key
-from drake_tc.config.near import near
 from drake_tc.config.quoted import quoted
 from drake_tc.config.validation import validated
 from drake_tc.config.yaml_file import read_yaml
@@ -169,7 +169,7 @@ class CasesKeys(Keys):
     def _known(cls, value: str | None) -> str | None:
         if value is not None and value not in IMPORTERS:
             names = tuple(IMPORTERS)
-            raise ValueError(f"expected one of {', '.join(names)}, got {quoted(value)}{near(value, names)}")
+            raise ValueError(f"expected one of {', '.join(names)}, got {quoted(value)}{did_you_mean(value, names)}")
         return value
 
 

@@ -19,7 +19,7 @@ WITHIN = 0.10
 
 
 @dataclass(frozen=True)
-class Stand:
+class ServoStand:
     """One file of the set: the joints that hold, those that pull, and the published spans [deg] (loaded, unloaded)."""
 
     folder: str
@@ -29,16 +29,16 @@ class Stand:
 
 
 STANDS = (
-    Stand("single", ("servo_5",), ("servo_3", "servo_4"), ((1.25, 0.62),)),
-    Stand("single_3250", ("servo_4",), ("servo_1", "servo_2"), ((0.37, 0.15),)),
-    Stand("nocomp2", ("servo_1", "servo_2"), ("servo_3", "servo_4"), ((0.62, 0.47), (0.67, 0.46))),
-    Stand("pgain_zero_db", ("servo_1", "servo_2"), ("servo_3", "servo_4"), ((0.24, 0.055), (0.24, 0.055))),
-    Stand("comp2", ("servo_1", "servo_2"), ("servo_3", "servo_4"), ((0.075, 0.015), (0.075, 0.015))),
+    ServoStand("single", ("servo_5",), ("servo_3", "servo_4"), ((1.25, 0.62),)),
+    ServoStand("single_3250", ("servo_4",), ("servo_1", "servo_2"), ((0.37, 0.15),)),
+    ServoStand("nocomp2", ("servo_1", "servo_2"), ("servo_3", "servo_4"), ((0.62, 0.47), (0.67, 0.46))),
+    ServoStand("pgain_zero_db", ("servo_1", "servo_2"), ("servo_3", "servo_4"), ((0.24, 0.055), (0.24, 0.055))),
+    ServoStand("comp2", ("servo_1", "servo_2"), ("servo_3", "servo_4"), ((0.075, 0.015), (0.075, 0.015))),
 )
 """The last two give ranges (0.22-0.26 and 0.01-0.10; 0.02-0.13 and 0.01-0.02): their middles stand here."""
 
 
-def stand_reports(data: Path, stands: Sequence[Stand] = STANDS) -> dict[str, BacklashReport]:
+def stand_reports(data: Path, stands: Sequence[ServoStand] = STANDS) -> dict[str, BacklashReport]:
     """Analyse every held joint: `<folder>/<joint>` to its report.
 
     Args:

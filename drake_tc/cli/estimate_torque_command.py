@@ -33,9 +33,9 @@ def estimate_torque_command(
     uniform clock; rows that cannot be used have no torque.
     """
     from drake_tc.estimation.robot_loads import filters_of, robot_logs, with_robot_loads
+    from drake_tc.logs.distinct_notes import distinct_notes
     from drake_tc.logs.prepare import load_runs
     from drake_tc.logs.rig import load_rig
-    from drake_tc.logs.told_once import told_once
 
     what = load_rig(rig)
     place = result_folder(out, "--out", inputs=[rig, *log], force=force, error=LogError)
@@ -55,7 +55,7 @@ def estimate_torque_command(
             entries.append(_written(loaded, what, filters_of(logs, run), folder))
     for entry in entries:
         entry["file"] = str(out / str(entry["file"]))
-    for note in told_once((run.name, note) for run in runs for note in run.notes):
+    for note in distinct_notes((run.name, note) for run in runs for note in run.notes):
         print(f"estimate-torque: {note}", file=sys.stderr)
     if as_json:
         print(json.dumps(json_value({"name": "estimate-torque", "rig": str(rig), "logs": entries})))

@@ -159,9 +159,9 @@ def _fitting(
 
 def _notes(runs: Sequence["Run"], rig: "Rig", joint: str) -> list[str]:
     """What was repaired in the runs, but for what concerns other joints alone."""
-    from drake_tc.logs.told_once import of_joint, told_once
+    from drake_tc.logs.distinct_notes import distinct_notes, of_joint
 
-    return list(told_once(of_joint(((run.name, note) for run in runs for note in run.notes), joint, rig.joints)))
+    return list(distinct_notes(of_joint(((run.name, note) for run in runs for note in run.notes), joint, rig.joints)))
 
 
 def _unit(drive: str, name: str) -> str:

@@ -21,7 +21,7 @@ from pydantic import (
 )
 from pydantic.fields import FieldInfo
 
-from drake_tc.config.near import near
+from drake_tc.config.did_you_mean import did_you_mean
 from drake_tc.config.quoted import quoted
 from drake_tc.config.units import RATIO, quantity
 from drake_tc.errors import DrakeTcError
@@ -90,7 +90,7 @@ class Keys(BaseModel):
 def unknown_key(name: object, allowed: Iterable[str]) -> str:
     """The message for a key that there is not."""
     names = list(allowed)
-    return f"unknown key {quoted(name)}{near(str(name), names)}; allowed: {', '.join(names) or 'none'}"
+    return f"unknown key {quoted(name)}{did_you_mean(str(name), names)}; allowed: {', '.join(names) or 'none'}"
 
 
 def expected(field: FieldInfo) -> str:
@@ -161,7 +161,7 @@ def one_of(names: tuple[str, ...]) -> WrapValidator:
         try:
             return handler(value)
         except ValidationError:
-            hint = near(str(value), names) if isinstance(value, str) else ""
+            hint = did_you_mean(str(value), names) if isinstance(value, str) else ""
             raise ValueError(f"expected one of {', '.join(names)}, got {quoted(value)}{hint}") from None
 
     return WrapValidator(check)

@@ -13,8 +13,8 @@ from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
 
 from pydantic import AfterValidator, BeforeValidator, Discriminator, Tag, create_model
 
+from drake_tc.config.did_you_mean import did_you_mean
 from drake_tc.config.keys import Flag, Keys, Number, UnboundedNumber, key, one_of, saying
-from drake_tc.config.near import near
 from drake_tc.config.quoted import quoted
 from drake_tc.config.validation import message, validated
 from drake_tc.errors import DrakeTcError, ParamsError
@@ -76,7 +76,7 @@ def check_choices(record: Any) -> None:
     for name, possible in _choices(type(record)).items():
         value = getattr(record, name)
         if value not in possible:
-            hint = near(value, possible) if isinstance(value, str) else ""
+            hint = did_you_mean(value, possible) if isinstance(value, str) else ""
             raise ParamsError(f"{name}: expected one of {', '.join(possible)}, got {quoted(value)}{hint}")
 
 

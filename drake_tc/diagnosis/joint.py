@@ -42,9 +42,9 @@ from drake_tc.effects.torque_sensor_bias import TorqueSensorBias
 from drake_tc.effects.torque_sensor_drift import TorqueSensorDrift
 from drake_tc.effects.torque_sensor_gain import TorqueSensorGain
 from drake_tc.effects.within_tolerance import WithinTolerance
+from drake_tc.logs.distinct_notes import distinct_notes, of_joint
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
-from drake_tc.logs.told_once import of_joint, told_once
 from drake_tc.types import FloatArray
 
 SETTLING_ROUNDS = 4
@@ -158,7 +158,7 @@ def diagnose_joint(
     ):
         stage = _looked_for(older, options, progress, executor, without=LATE)
     prepared, subsample, context = stage.prepared, stage.subsample, stage.prepared.context
-    ties = indistinguishable(subsample, stage.found, context, prepared.floor, options.effects)
+    alternatives = indistinguishable(subsample, stage.found, context, prepared.floor, options.effects)
     stability = stabilities(stage.found, options.seed)
     found = _refitted(stage)
     confirmed = confirm(
@@ -185,7 +185,7 @@ def diagnose_joint(
         *late_note(final_parameters, columns.samples),
         *_gear(columns, context),
     )
-    ties = tuple(pair for pair in ties if pair[0] in kept)
+    alternatives = tuple(pair for pair in alternatives if pair[0] in kept)
     return JointResult(
         joint=joint,
         drive=context.drive,
@@ -201,9 +201,12 @@ def diagnose_joint(
         rejected=rejected_effects(
             columns, held, chosen, context, options.search, stage.obstacles, floor, options.effects
         ),
-        indistinguishable=ties,
+        indistinguishable=alternatives,
         next_experiment=next_experiment(
-            ties, unexplained, stage.obstacles, [each.reason for each in (*stage.passed_over, *confirmed.withdrawn)]
+            alternatives,
+            unexplained,
+            stage.obstacles,
+            [each.reason for each in (*stage.passed_over, *confirmed.withdrawn)],
         ),
         unexplained=unexplained,
         verdict=verdict_of(unexplained, found=bool(effects)),
@@ -217,7 +220,7 @@ def diagnose_joint(
         load_notes=load_notes,
         notes=(
             *load_notes,
-            *told_once(of_joint((*columns.samples.notes, *held.samples.notes), joint, rig.joints)),
+            *distinct_notes(of_joint((*columns.samples.notes, *held.samples.notes), joint, rig.joints)),
             *notes,
             *_sticking(columns, chosen, context),
         ),

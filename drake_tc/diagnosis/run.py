@@ -22,11 +22,11 @@ from drake_tc.diagnosis.robot.diagnose import diagnose_robot
 from drake_tc.diagnosis.selection.engine import Progress
 from drake_tc.effects.library import registered_effects
 from drake_tc.estimation.robot_loads import robot_logs
+from drake_tc.logs.distinct_notes import distinct_notes
 from drake_tc.logs.prepare import load_runs
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig, load_rig
 from drake_tc.logs.run_sets import require_different_files, require_different_runs, require_two_runs
-from drake_tc.logs.told_once import told_once
 
 
 def close_loop(
@@ -116,7 +116,7 @@ def _close_loop(
         rig_file=str(rig_path),
         shared=shared,
         links=links,
-        hints=told_once((run.name, hint) for run in runs for hint in run.hints),
+        hints=distinct_notes((run.name, hint) for run in runs for hint in run.hints),
     )
 
 

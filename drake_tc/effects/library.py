@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from drake_tc.config.near import near
+from drake_tc.config.did_you_mean import did_you_mean
 from drake_tc.config.quoted import quoted
 from drake_tc.effects.asymmetric_friction import AsymmetricFriction, CoulombAsymmetry
 from drake_tc.effects.backlash import Backlash
@@ -193,4 +193,4 @@ def effect(key: str) -> Effect:
         if key in (candidate.key, candidate.id):
             return candidate
     ids = sorted({e.id for e in all_effects()})
-    raise ParamsError(f"no effect {quoted(key)}{near(key, ids)}; effects: {', '.join(ids)}")
+    raise ParamsError(f"no effect {quoted(key)}{did_you_mean(key, ids)}; effects: {', '.join(ids)}")

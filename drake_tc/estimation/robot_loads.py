@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from drake_tc.config.near import near
+from drake_tc.config.did_you_mean import did_you_mean
 from drake_tc.errors import LogError
 from drake_tc.estimation.coupled_gears import ACCELERATION, motor_loads, motor_turns
 from drake_tc.estimation.off_line import OffLineFilter, SensorLog, chosen_filter, smoothed, wrench_bias
@@ -69,7 +69,7 @@ def _stacked(run: Run, names: Sequence[str], part: slice) -> FloatArray:
         return np.zeros((size, 0))
     for name in names:
         if name not in run.columns:
-            hint = near(name, run.columns)
+            hint = did_you_mean(name, run.columns)
             raise LogError(
                 f"{run.source or run.name}: no column {name!r}, which the robot's model needs{hint}; map it in the rig "
                 f"file: columns: {{{name}: NAME_IN_FILE}}"
@@ -178,7 +178,7 @@ def with_robot_loads(
     """
     unknown = [joint for joint in joints if joint not in logs.robot.joints]
     if unknown:
-        hint = near(unknown[0], logs.robot.joints)
+        hint = did_you_mean(unknown[0], logs.robot.joints)
         raise LogError(f"joint {unknown[0]!r}: {logs.robot.source} drives {', '.join(logs.robot.joints)}{hint}")
     return [_with_loads(logs, tared(logs, run), joints, filter_wrenches=filter_wrenches) for run in runs]
 

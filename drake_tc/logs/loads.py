@@ -6,7 +6,7 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from drake_tc.config.near import near
+from drake_tc.config.did_you_mean import did_you_mean
 from drake_tc.errors import LogError
 from drake_tc.logs.record import Run
 from drake_tc.types import FloatArray
@@ -60,7 +60,8 @@ class Pendulum:
         patterns = [pattern for pattern, _ in self.by_run]
         raise LogError(
             f"{run.source or run.name}: no mass: the name fits none of the patterns of load.pendulum.mass "
-            f"({', '.join(patterns)}){near(run.name, patterns)}; add the file, or the pattern '*', to the rig file"
+            f"({', '.join(patterns)}){did_you_mean(run.name, patterns)}; "
+            "add the file, or the pattern '*', to the rig file"
         )
 
     @property

@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
-from drake_tc.config.near import near
+from drake_tc.config.did_you_mean import did_you_mean
 from drake_tc.config.quoted import quoted
 from drake_tc.config.yaml_file import read_yaml
 from drake_tc.errors import RigError
@@ -101,4 +101,6 @@ def check_sensors(
             listed = (
                 "a sensor needs `robot: FILE`" if robot is None else f"sensors of {robot}: {', '.join(known) or 'none'}"
             )
-            raise RigError(f"{source}: {key}: {column}: the robot has no such sensor{near(column, known)}; {listed}")
+            raise RigError(
+                f"{source}: {key}: {column}: the robot has no such sensor{did_you_mean(column, known)}; {listed}"
+            )

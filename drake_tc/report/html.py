@@ -165,7 +165,7 @@ def _joint(joint: JointResult, prefix: str, budget: PageBudget, executor: Execut
         "consistency": consistency_rows(joint),
         "tried": tried,
         "barred": barred,
-        "ties": [(title_of(a), title_of(b)) for a, b in joint.indistinguishable],
+        "indistinguishable": [(title_of(a), title_of(b)) for a, b in joint.indistinguishable],
         "next_experiment": joint.next_experiment,
         "left": {
             "fraction": percent(left.fraction),

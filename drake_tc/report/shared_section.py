@@ -32,7 +32,7 @@ class SharedCard:
     stability: str
     parameters: Sequence[tuple[str, str, str, str]]
     joints: Sequence[tuple[str, str, float, ErrorTable]]
-    ties: str
+    indistinguishable: str
 
 
 def shared_section(result: CloseLoopResult) -> Sequence[SharedCard]:
@@ -58,5 +58,5 @@ def _card(cause: SharedEffect, result: CloseLoopResult) -> SharedCard:
         stability=percent(cause.stability),
         parameters=parameters,
         joints=joints,
-        ties=joined([f"{title_of(name)} ({where})" for name, where in cause.indistinguishable]),
+        indistinguishable=joined([f"{title_of(name)} ({where})" for name, where in cause.indistinguishable]),
     )

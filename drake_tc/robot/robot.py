@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
+from drake_tc.config.did_you_mean import did_you_mean
 from drake_tc.config.keys import unknown_key
-from drake_tc.config.near import near
 from drake_tc.config.validation import validated
 from drake_tc.config.yaml_file import read_yaml
 from drake_tc.errors import ParamsError
@@ -72,7 +72,7 @@ def _check_joints(where: str, joints: tuple[str, ...], tree: UrdfTree) -> None:
     for name in joints:
         if name not in tree.joints:
             listed = f"movable joints: {', '.join(tree.movable)}"
-            raise ParamsError(f"{where}: no joint {name!r} in the URDF{near(name, tree.movable)}; {listed}")
+            raise ParamsError(f"{where}: no joint {name!r} in the URDF{did_you_mean(name, tree.movable)}; {listed}")
         if not tree.joints[name].movable:
             raise ParamsError(
                 f"{where}: joint {name!r} is {tree.joints[name].kind}, not movable;"

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 
-from drake_tc.config.near import near
+from drake_tc.config.did_you_mean import did_you_mean
 from drake_tc.errors import ParamsError
 from drake_tc.robot.document import ForceTorqueSensorKeys, FrameKeys, ImuSensorKeys
 from drake_tc.robot.mounts import ForceTorqueMount, Mount
@@ -18,7 +18,7 @@ def check_link(where: str, link: str, tree: UrdfTree) -> str:
     """
     if link not in tree.links:
         listed = f"links: {', '.join(tree.links)}"
-        raise ParamsError(f"{where}: no link {link!r} in the URDF{near(link, tree.links)}; {listed}")
+        raise ParamsError(f"{where}: no link {link!r} in the URDF{did_you_mean(link, tree.links)}; {listed}")
     return link
 
 
@@ -35,7 +35,9 @@ def imu_mounts(entries: Mapping[str, ImuSensorKeys], tree: UrdfTree) -> tuple[Mo
         elif entry.joint in tree.joints:
             link = tree.joints[entry.joint].child
         else:
-            raise ParamsError(f"imu.{name}.joint: no joint {entry.joint!r} in the URDF{near(entry.joint, tree.joints)}")
+            raise ParamsError(
+                f"imu.{name}.joint: no joint {entry.joint!r} in the URDF{did_you_mean(entry.joint, tree.joints)}"
+            )
         mounts.append(Mount(name, link, entry.pose))
     return tuple(mounts)
 
@@ -93,7 +95,8 @@ def force_torque_mounts(
         if joint not in tree.joints or joint in joints:
             rigid = [other for other in tree.joints if other not in joints]
             raise ParamsError(
-                f"{at}.joint: expected a joint that does not move, got {joint!r}{near(joint, rigid)}; possible: "
+                f"{at}.joint: expected a joint that does not move, got {joint!r}{did_you_mean(joint, rigid)}; "
+                "possible: "
                 f"{', '.join(rigid)}"
             )
         beyond = tree.beyond(tree.joints[joint].child)
@@ -114,6 +117,6 @@ def _contact(name: str, place: FrameKeys, child: str, beyond: set[str], split: L
     if link not in beyond:
         raise ParamsError(
             f"force_torque.{name}.contact.link: expected a link beyond the sensor ({', '.join(sorted(beyond))}), got "
-            f"{link!r}{near(link, beyond)}"
+            f"{link!r}{did_you_mean(link, beyond)}"
         )
     return Mount(name, link, place.pose)

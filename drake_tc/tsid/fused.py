@@ -25,7 +25,7 @@ NO_POSE, LOST = 1, 2
 """As `drake_tc.kernels.problem` has them."""
 
 
-class Found(NamedTuple):
+class ProgramResult(NamedTuple):
     """Of one tick.
 
     Attributes:
@@ -41,7 +41,7 @@ class Found(NamedTuple):
     relaxed: int
 
 
-class Written(NamedTuple):
+class WrittenRows(NamedTuple):
     """Rows of tasks and limits that are not tables, over (vdot, f, tau) and two columns more, at one state.
 
     Attributes:
@@ -57,7 +57,7 @@ class Written(NamedTuple):
     relaxed: int
 
 
-NO_ROWS = Written(np.zeros((0, 0)), (), (), 0)
+NO_ROWS = WrittenRows(np.zeros((0, 0)), (), (), 0)
 
 
 class FusedProblem:
@@ -102,21 +102,21 @@ class FusedProblem:
             known = self._tables[contacts.index] = tables_of(self._tasks, self._limits, contacts)
         return known
 
-    def written_out(self, terms: Terms, references: Sequence[FloatArray]) -> Written:
+    def written_out(self, terms: Terms, references: Sequence[FloatArray]) -> WrittenRows:
         """Rows of the tasks and limits that are no tables."""
         tables, sizes = self.tables(terms.contacts), sizes_of(terms)
         tasks = [self._tasks[i].rows(terms, references[i]) for i in tables.free_tasks]
         limits = [self._limits[row].rows(terms) for row in tables.free_limits]
         blocks = [_block(rows.matrix, sizes, rows.target, rows.weight) for rows in tasks]
         blocks += [_block(rows.matrix, sizes, rows.lower, rows.upper) for rows in limits]
-        return Written(
+        return WrittenRows(
             np.concatenate([np.zeros((0, sum(sizes) + 2)), *blocks]),
             tuple(rows.target.size for rows in tasks),
             tuple(rows.lower.size for rows in limits),
             sum(rows.relaxed for rows in limits),
         )
 
-    def problem(self, given: FloatArray, contacts: ActiveContacts, written: Written) -> Found:
+    def problem(self, given: FloatArray, contacts: ActiveContacts, written: WrittenRows) -> ProgramResult:
         """The problem at a state.
 
         Args:
@@ -143,14 +143,14 @@ class FusedProblem:
         )
         whole = Rows(rows, lower, upper, self._bounds)
         scaled = ScaledProblem(LeastSquares(cost, target), whole, certain, sure, noise, error.scale)
-        return Found(code, AffineMap(motion, push), scaled, relaxed + written.relaxed)
+        return ProgramResult(code, AffineMap(motion, push), scaled, relaxed + written.relaxed)
 
 
 def _block(parts: Parts, sizes: tuple[int, int, int], first: FloatArray, second: FloatArray) -> FloatArray:
     return np.concatenate([over_y(parts, sizes), first[:, None], second[:, None]], axis=1)
 
 
-def _sized(tables: Tables, written: Written) -> tuple[IntArray, IntArray]:
+def _sized(tables: Tables, written: WrittenRows) -> tuple[IntArray, IntArray]:
     """The tables with the places of the rows that are written out."""
     tasks, limits, start = tables.tasks.copy(), tables.limits.copy(), 0
     for table, places, sizes in (

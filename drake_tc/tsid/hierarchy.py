@@ -16,7 +16,7 @@ from drake_tc.errors import ParamsError
 from drake_tc.tsid.polytope import LeastSquares, Polytope
 from drake_tc.tsid.qp.problem import Outcome, QpSolver
 from drake_tc.tsid.robust.convex import Value, plain
-from drake_tc.tsid.robust.measures import Found, Guess, Means, individual, least_cost
+from drake_tc.tsid.robust.measures import Guess, ProgramResult, SolverMeans, individual, least_cost
 from drake_tc.tsid.robust.null_space import RANK, null_basis
 from drake_tc.tsid.robust.options import Options
 from drake_tc.tsid.robust.scaled import ScaledProblem, nothing, scaled
@@ -86,7 +86,7 @@ def hierarchy(
         raise ParamsError(f"levels: expected one or more, robustness at most once, got {len(levels)}")
     n = error.joints
     problem = scaled(nothing(n), polytope, error)
-    means = Means(qp, options.accuracy, options.budget.started())
+    means = SolverMeans(qp, options.accuracy, options.budget.started())
     x = np.zeros(n) if torque is None else torque / problem.scale
     basis = np.eye(n)
     freedom: list[int] = []
@@ -110,8 +110,8 @@ def hierarchy(
 
 
 def _solve(
-    level: Level, problem: ScaledProblem, x: FloatArray, basis: FloatArray, means: Means
-) -> tuple[Found, FloatArray]:
+    level: Level, problem: ScaledProblem, x: FloatArray, basis: FloatArray, means: SolverMeans
+) -> tuple[ProgramResult, FloatArray]:
     """The level's minimum over y, tau / scale = x + T y, and the rows over y that its minimisers share."""
     guess = Guess(np.zeros(basis.shape[1]))
     if isinstance(level, LeastSquares):

@@ -21,7 +21,7 @@ import numpy as np
 from drake_tc.kernels.lazy import Kernel
 from drake_tc.tsid.assembly import AffineMap, names_of
 from drake_tc.tsid.contacts import ActiveContacts
-from drake_tc.tsid.fused import LOST, NO_POSE, NO_ROWS, Found
+from drake_tc.tsid.fused import LOST, NO_POSE, NO_ROWS, ProgramResult
 from drake_tc.tsid.infeasible import diagnose, safe_torque
 from drake_tc.tsid.law import LARGEST, Law, Status
 from drake_tc.tsid.model import Scratch
@@ -126,7 +126,7 @@ def solve_tick(
 
 def _found(
     law: Law, scratch: Scratch, given: FloatArray, references: Sequence[FloatArray], active: tuple[bool, ...]
-) -> Found | None:
+) -> ProgramResult | None:
     """The problem over the torques by one call; None for a law, or a state, that has none."""
     fused, model, written = law.fused, law.model, NO_ROWS
     if fused is None:

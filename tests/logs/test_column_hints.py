@@ -7,9 +7,9 @@ import yaml
 
 from drake_tc.errors import LogError, RigError
 from drake_tc.logs.column_hints import column_hints, same_but_misspelt
+from drake_tc.logs.distinct_notes import distinct_notes, of_joint
 from drake_tc.logs.prepare import load_run
 from drake_tc.logs.rig import load_rig, parse_rig
-from drake_tc.logs.told_once import of_joint, told_once
 
 from .conftest import bench, servo_rig, write
 
@@ -115,11 +115,11 @@ def test_the_switch_of_one_of_several_joints():
 def test_notes_are_told_once_for_each_kind_and_name_their_logs():
     same = [(f"run{n}", "Column 'temp' looks like a temperature.") for n in range(40)]
     counted = [("a", "3 rows were left out."), ("b", "17 rows were left out.")]
-    assert told_once([*same[:1], *counted[:1], *same[1:], *counted[1:]]) == (
+    assert distinct_notes([*same[:1], *counted[:1], *same[1:], *counted[1:]]) == (
         "run0, run1, run2 and 37 more logs: Column 'temp' looks like a temperature.",
         "a: 3 rows were left out. The same, with other numbers, holds for b.",
     )
-    assert told_once([]) == ()
+    assert distinct_notes([]) == ()
 
 
 def test_notes_of_other_joints_are_left_out():

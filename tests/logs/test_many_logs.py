@@ -5,9 +5,9 @@ import re
 import numpy as np
 import pytest
 
+from drake_tc.logs.distinct_notes import distinct_notes, of_joint
 from drake_tc.logs.prepare import load_runs
 from drake_tc.logs.rig import parse_rig
-from drake_tc.logs.told_once import of_joint, told_once
 
 from .conftest import bench, write
 
@@ -38,14 +38,14 @@ def notes(tmp_path_factory):
 
 def test_each_kind_is_one_sentence_that_names_its_logs(notes):
     assert len(notes) > 5 * LOGS
-    told = told_once(notes)
+    told = distinct_notes(notes)
     assert len(told) == len({sentence.split(": ", 1)[1] for sentence in told}) <= 8
     for sentence in told:
         assert sentence.startswith("run_") and re.search(r" and \d+ more logs", sentence)
 
 
 def test_a_joint_is_told_of_its_own_columns_and_of_the_whole_log(notes):
-    one, two = (told_once(of_joint(notes, joint, ["joint1", "joint2"])) for joint in ("joint1", "joint2"))
+    one, two = (distinct_notes(of_joint(notes, joint, ["joint1", "joint2"])) for joint in ("joint1", "joint2"))
     assert not any("joint2/torque" in sentence for sentence in one)
     assert sum("joint2/torque" in sentence for sentence in two) == 1
     assert sum("input_volts" in sentence for sentence in (*one, *two)) == 1
@@ -55,8 +55,8 @@ def test_a_joint_is_told_of_its_own_columns_and_of_the_whole_log(notes):
 
 
 def test_numbers_in_names_are_no_numbers_and_signs_are():
-    told = told_once([("a", "Column joint_1/torque is odd."), ("a", "Column joint_2/torque is odd.")])
+    told = distinct_notes([("a", "Column joint_1/torque is odd."), ("a", "Column joint_2/torque is odd.")])
     assert len(told) == 2
     taken_off = "Sensor ft_foot: [{}] were taken off."
-    told = told_once([("a", taken_off.format("3, -2")), ("b", taken_off.format("1.5, 2"))])
+    told = distinct_notes([("a", taken_off.format("3, -2")), ("b", taken_off.format("1.5, 2"))])
     assert told == ("a: Sensor ft_foot: [3, -2] were taken off. The same, with other numbers, holds for b.",)

@@ -21,7 +21,7 @@ class Outcome:
         name, group, kind, strength: As in `RigSpec`.
         truth: Effect ids that the rig lacks; empty for nulls and outside causes.
         named: Effect ids that the report names, in its order.
-        ties: Groups of effect ids that the report calls indistinguishable.
+        indistinguishable: Groups of effect ids that the report calls indistinguishable.
         verdict: Of the report; empty without one.
         ratio: Held-out error after, over the oracle's; NaN without a report.
         answered: Whether there was a report.
@@ -40,7 +40,7 @@ class Outcome:
     strength: str
     truth: frozenset[str]
     named: tuple[str, ...]
-    ties: tuple[frozenset[str], ...]
+    indistinguishable: tuple[frozenset[str], ...]
     verdict: str
     ratio: float
     answered: bool
@@ -91,7 +91,7 @@ class Outcome:
 
     def stands_for(self, said: str, true: str) -> bool:
         """Whether `said` is `true`, or the report itself says that the two cannot be told apart."""
-        return said == true or any(said in tie and true in tie for tie in self.ties)
+        return said == true or any(said in tie and true in tie for tie in self.indistinguishable)
 
     @property
     def first_right(self) -> bool:
@@ -158,7 +158,7 @@ def _right_verdicts(truth: Mapping[str, Any]) -> frozenset[str]:
 
 _SILENT: Mapping[str, Any] = {
     "named": (),
-    "ties": (),
+    "indistinguishable": (),
     "verdict": "",
     "ratio": float("nan"),
     "seconds": float("nan"),
@@ -175,7 +175,7 @@ def _verdict(report: Mapping[str, Any], oracle: float) -> dict[str, Any]:
         verdict = STRUCTURE  # reports whose verdict did not yet say so
     return {
         "named": tuple([effect["id"] for effect in joint["effects"]] + shared),
-        "ties": tuple(frozenset(tie) for tie in joint.get("indistinguishable", [])),
+        "indistinguishable": tuple(frozenset(tie) for tie in joint.get("indistinguishable", [])),
         "verdict": verdict,
         "ratio": float("nan") if after is None else float(after) / oracle,
         "seconds": float(report.get("seconds", float("nan"))),

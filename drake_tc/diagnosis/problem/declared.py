@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from drake_tc.config.near import near
+from drake_tc.config.did_you_mean import did_you_mean
 from drake_tc.diagnosis.data.link_prior import LinkPrior
 from drake_tc.diagnosis.data.samples import Samples
 from drake_tc.diagnosis.problem.columns import Columns, Term
@@ -33,7 +33,7 @@ def known_values(rig: Rig, joint: str) -> dict[str, dict[str, float]]:
         known = [p.name for p in effect(name).parameters]
         if parameter and parameter not in known:
             raise RigError(
-                f"{rig.source or 'rig'}: declared: {name}: no parameter {parameter!r}{near(parameter, known)}; "
+                f"{rig.source or 'rig'}: declared: {name}: no parameter {parameter!r}{did_you_mean(parameter, known)}; "
                 f"parameters: {', '.join(known)}"
             )
         out.setdefault(name, {})[parameter or known[0]] = value

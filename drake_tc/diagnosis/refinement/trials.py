@@ -41,7 +41,7 @@ def windows(run: Run, longest: float, share: float) -> list[slice]:
     return [pieces[k] for k in np.linspace(0, len(pieces) - 1, count).round().astype(int)]
 
 
-def fair_share(lengths: Sequence[float], budget: float) -> float:
+def longest_piece(lengths: Sequence[float], budget: float) -> float:
     """The longest motion [s] of each run with which runs of these lengths [s] stay within the budget [s]."""
     left, count = budget, len(lengths)
     for length in sorted(lengths):
@@ -57,7 +57,7 @@ def trials_of(runs: Sequence[Run], rig: Rig, joint: str, step: float) -> list[Tr
     A single run is dealt to two halves, which then count as runs of their own.
     """
     lengths = [sum((s.stop - s.start) * run.period for s in run.segments()) for run in runs]
-    share = fair_share(lengths, max(BUDGET / len(rig.joints), LEAST_BUDGET))
+    share = longest_piece(lengths, max(BUDGET / len(rig.joints), LEAST_BUDGET))
     closed = all(loop_of(rig, joint, run) is not None for run in runs)
     longest = LONGEST["position_servo" if closed else rig.drive[joint]]
     if len(runs) == 1:

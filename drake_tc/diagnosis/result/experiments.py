@@ -45,14 +45,14 @@ ISOLATES: Mapping[str, str] = {
 
 
 def next_experiment(
-    ties: Sequence[tuple[str, str]],
+    alternatives: Sequence[tuple[str, str]],
     unexplained: Unexplained,
     obstacles: Sequence[tuple[str, str]],
     reasons: Collection[Withdrawal] = (),
 ) -> str | None:
     """One or two sentences, or None when nothing is open."""
-    if ties:
-        first, second = ties[0]
+    if alternatives:
+        first, second = alternatives[0]
         shows = f"{_isolates(first)} (shows {first} alone); {_isolates(second)} (shows {second} alone)"
         return f"To tell {first} from {second}: {shows}."
     if "looks_like_known_load" in reasons:

@@ -39,7 +39,7 @@ from drake_tc.diagnosis.result.widening import robot_gains
 from drake_tc.diagnosis.robot.case import OwnModel, RobotCase
 from drake_tc.diagnosis.robot.common_delay import DelayProblem, SharedDelay, common_delay
 from drake_tc.diagnosis.robot.confirmed_effects import confirmed_effects, with_first
-from drake_tc.diagnosis.robot.late_encoder import EncoderProblem, late_encoder, told_again, with_encoder_in_time
+from drake_tc.diagnosis.robot.late_encoder import EncoderProblem, estimated_anew, late_encoder, with_encoder_in_time
 from drake_tc.diagnosis.robot.result import RobotResult
 from drake_tc.diagnosis.selection.shared import active
 from drake_tc.errors import IdentificationError
@@ -129,7 +129,7 @@ def diagnose_fitted(case: RobotCase, logs: RobotLogs, model: LinkModel) -> Robot
     if encoder is not None:
         for _ in range(MOVES):
             start = _in_time(declared, encoder, logs)
-            encoder = told_again(encoder, _encoders(start, logs, model))
+            encoder = estimated_anew(encoder, _encoders(start, logs, model))
         delay = _common_delay(start)
     case = start.case
     late, raw = (case, start.prepared) if delay is None else _with_term(start, delay.term)

@@ -108,8 +108,8 @@ def late_encoder(problem: EncoderProblem, common: float | None) -> SharedEffect 
     found = fit(delay)
     if common is not None and problem.error(found) >= common:
         return None
-    rivals = problem.fitted, problem.with_drive(joint, 2.0 * delay)
-    if not all(problem.is_better(found, other, LATE_ENCODER) for other in rivals):
+    others = problem.fitted, problem.with_drive(joint, 2.0 * delay)
+    if not all(problem.is_better(found, other, LATE_ENCODER) for other in others):
         return None
     effect = _told(problem, joint, delay, found)
     return effect if effect.stability >= HELDOUT_CERTAIN else None
@@ -135,7 +135,7 @@ def _told(problem: EncoderProblem, joint: str, delay: float, found: StackedFit) 
     )
 
 
-def told_again(effect: SharedEffect, problem: EncoderProblem) -> SharedEffect:
+def estimated_anew(effect: SharedEffect, problem: EncoderProblem) -> SharedEffect:
     """The effect with the delay, and its 95 % interval, by what is left of it once its readings have been moved.
 
     Args:

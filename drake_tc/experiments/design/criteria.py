@@ -100,7 +100,7 @@ class Parameters(Criterion):
 
 
 @dataclass(frozen=True, eq=False)
-class Everything(Criterion):
+class AllEffects(Criterion):
     """As much as possible of every effect beside the declared model: the mean of log(r^2/r_least^2), saturated.
 
     Attributes:

@@ -19,7 +19,7 @@ from drake_tc.effects.library import effect, looked_for
 from drake_tc.errors import ParamsError
 from drake_tc.experiments.check.contributions import is_late
 from drake_tc.experiments.check.visibility import Noise
-from drake_tc.experiments.design.criteria import Criterion, Everything, Parameters
+from drake_tc.experiments.design.criteria import AllEffects, Criterion, Parameters
 from drake_tc.experiments.design.discrimination import Discrimination
 from drake_tc.experiments.design.forms import EffectForm, form_of
 from drake_tc.experiments.design.joint import DesignJoint
@@ -103,7 +103,7 @@ def criterion_of(goal: Goal, joint: DesignJoint, duration: float, *, smallest: b
     ]
     independent = joint.independent_per_second * duration
     least = Noise(joint.noise, joint.noise, independent).least(2)
-    return Everything(joint, tuple(forms), duration, least)
+    return AllEffects(joint, tuple(forms), duration, least)
 
 
 def _computable(joint: DesignJoint, key: str) -> bool:

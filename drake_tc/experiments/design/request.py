@@ -10,7 +10,7 @@ from threadpoolctl import threadpool_limits
 
 from drake_tc.actuation.model import ActuatorModel
 from drake_tc.actuation.model_file import load_models
-from drake_tc.config.near import near
+from drake_tc.config.did_you_mean import did_you_mean
 from drake_tc.errors import ParamsError
 from drake_tc.experiments.design.goal import Goal, parse_goal
 from drake_tc.experiments.design.known import joint_from_logs, joint_from_model, limits_with
@@ -138,7 +138,7 @@ def _goals(request: DesignRequest, rig: Rig) -> dict[str, Goal]:
     for joint in request.joints:
         if joint not in rig.joints:
             raise ParamsError(
-                f"no joint {joint!r} in the rig{near(joint, rig.joints)}; joints: {', '.join(rig.joints)}"
+                f"no joint {joint!r} in the rig{did_you_mean(joint, rig.joints)}; joints: {', '.join(rig.joints)}"
             )
     joints = request.joints or rig.joints
     if request.after is None or request.goal is not None:

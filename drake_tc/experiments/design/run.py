@@ -8,7 +8,7 @@ from scipy.interpolate import BPoly
 
 from drake_tc.diagnosis.problem.prepared import Prepared
 from drake_tc.experiments.design.basis import BasisKind, MotionBasis, motion_basis, scaled
-from drake_tc.experiments.design.criteria import Criterion, Everything, Parameters
+from drake_tc.experiments.design.criteria import AllEffects, Criterion, Parameters
 from drake_tc.experiments.design.discrimination import Discrimination
 from drake_tc.experiments.design.goal import Goal, criterion_of
 from drake_tc.experiments.design.joint import BalanceColumns, DesignJoint, LogColumns, MotionColumns
@@ -191,7 +191,7 @@ def _expected(
         return _of_discrimination(criterion, before, default, designed)
     if isinstance(criterion, Parameters):
         return _of_parameters(criterion, before, default, designed)
-    if isinstance(criterion, Everything):
+    if isinstance(criterion, AllEffects):
         return _of_everything(criterion, before, default, designed)
     return (), ()
 
@@ -253,7 +253,7 @@ def _spread(information: FloatArray) -> FloatArray:
 
 
 def _of_everything(
-    criterion: Everything, before: BalanceColumns | None, default: BalanceColumns, designed: BalanceColumns
+    criterion: AllEffects, before: BalanceColumns | None, default: BalanceColumns, designed: BalanceColumns
 ) -> tuple[tuple[Expected, ...], tuple[str, ...]]:
     nothing = np.full(len(criterion.forms), np.nan)
     ratios = [nothing if c is None else criterion.ratios(c) for c in (before, default, designed)]

@@ -215,8 +215,8 @@ def diagnosed(
     except IdentificationError:
         return Trial(size, seed, (REFUSED,), found=False, alone=False, verdict="")
     named = tuple(dict.fromkeys(e.id for e in report.effects))
-    ties = [pair for pair in report.indistinguishable if effect_id in pair]
-    found = effect_id in named or any(set(pair) & set(named) for pair in ties)
+    alike = [pair for pair in report.indistinguishable if effect_id in pair]
+    found = effect_id in named or any(set(pair) & set(named) for pair in alike)
     return Trial(size, seed, named, found=found, alone=found and len(named) == 1, verdict=report.verdict)
 
 

@@ -8,7 +8,7 @@ from typing import Annotated, Any, TypeVar
 
 from pydantic import AfterValidator, BeforeValidator, Discriminator, Tag, ValidationInfo
 
-from drake_tc.config.near import near
+from drake_tc.config.did_you_mean import did_you_mean
 
 
 class ByJoint(dict[str, Any]):
@@ -32,7 +32,9 @@ def _marked(value: Mapping[str, Any], joints: tuple[str, ...]) -> ByJoint:
     """The mapping as one by joint; every key must be a joint."""
     for joint in value:
         if joint not in joints:
-            raise ValueError(f"{joint!r} is not a joint of this rig{near(joint, joints)}; joints: {list(joints)}")
+            raise ValueError(
+                f"{joint!r} is not a joint of this rig{did_you_mean(joint, joints)}; joints: {list(joints)}"
+            )
     return ByJoint(value)
 
 

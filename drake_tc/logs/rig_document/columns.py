@@ -5,8 +5,8 @@ from typing import Annotated, TypeAlias
 
 from pydantic import Field
 
+from drake_tc.config.did_you_mean import did_you_mean
 from drake_tc.config.keys import saying
-from drake_tc.config.near import near
 from drake_tc.config.quoted import quoted
 from drake_tc.logs.units import JOINT_SUFFIXES, SENSOR_SUFFIXES, allowed_units, parse_unit
 
@@ -32,7 +32,7 @@ def canonical_name(name: str, joints: Sequence[str]) -> str:
         return name
     known = ["time", *(f"{joint}/{s}" for joint in joints for s in JOINT_SUFFIXES)]
     raise ValueError(
-        f"{quoted(name)} is not a canonical column{near(name, known)}; possible: time, "
+        f"{quoted(name)} is not a canonical column{did_you_mean(name, known)}; possible: time, "
         f"{'|'.join(joints)}/{{{', '.join(JOINT_SUFFIXES)}}}"
     )
 

@@ -6,8 +6,8 @@ from typing import Annotated, TypeAlias
 
 from pydantic import AfterValidator, Discriminator, Tag, WithJsonSchema
 
+from drake_tc.config.did_you_mean import did_you_mean
 from drake_tc.config.keys import saying
-from drake_tc.config.near import near
 from drake_tc.config.quoted import quoted
 from drake_tc.extensions import EFFECTS
 from drake_tc.logs.effect_ids import EFFECT_IDS, ROBOT_CAUSES
@@ -21,7 +21,7 @@ def _known_effect(name: str) -> str:
         )
     known = (*EFFECT_IDS, *EFFECTS.names())
     if name not in known:
-        raise ValueError(f"unknown effect {quoted(name)}{near(name, known)}; known: {', '.join(known)}")
+        raise ValueError(f"unknown effect {quoted(name)}{did_you_mean(name, known)}; known: {', '.join(known)}")
     return name
 
 

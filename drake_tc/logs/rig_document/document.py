@@ -5,8 +5,8 @@ from typing import Annotated, Literal, TypeAlias, get_args
 
 from pydantic import Field, ValidationInfo, field_validator
 
+from drake_tc.config.did_you_mean import did_you_mean
 from drake_tc.config.keys import Keys, Number, PositiveNumber, key, one_of, saying
-from drake_tc.config.near import near
 from drake_tc.config.quoted import quoted
 from drake_tc.logs.rig_document.by_joint import EntryOrByJoint, PlainOrByJoint, joints_of
 from drake_tc.logs.rig_document.columns import ColumnName, LogColumn, Unit, canonical_columns, check_units
@@ -175,7 +175,9 @@ class RigDocument(Keys):
             return value
         for joint in joints_of(info):
             if joint not in value:
-                raise ValueError(f"no entry for joint {joint!r}; entries here: {sorted(value)}{near(joint, value)}")
+                raise ValueError(
+                    f"no entry for joint {joint!r}; entries here: {sorted(value)}{did_you_mean(joint, value)}"
+                )
         return value
 
     @field_validator("columns")
@@ -219,7 +221,8 @@ class RigDocument(Keys):
             for name in (joint, *(others if isinstance(others, Mapping) else ())):
                 if name not in joints:
                     raise ValueError(
-                        f"{quoted(name)} is not a joint of this rig{near(str(name), joints)}; joints: {list(joints)}"
+                        f"{quoted(name)} is not a joint of this rig{did_you_mean(str(name), joints)}; "
+                        f"joints: {list(joints)}"
                     )
         return value
 

@@ -10,8 +10,8 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema
 
+from drake_tc.config.did_you_mean import did_you_mean
 from drake_tc.config.keys import Keys, Ratio, key, magnitude, magnitude_in, magnitude_schema, unknown_key
-from drake_tc.config.near import near
 from drake_tc.config.quoted import quoted
 from drake_tc.logs.sensors import FORCE_TORQUE_PARTS, IMU_PARTS, ForceTorqueTolerance, ImuTolerance, JointSensors
 from drake_tc.logs.sensors import Tolerance as SensorTolerance
@@ -41,7 +41,7 @@ def _part_of(parts: Mapping[str, SensorTolerance]) -> Any:
             return None
         known = str(name).strip().lower().replace("-", "_").replace(" ", "_")
         if known not in parts:
-            raise ValueError(f"unknown part {quoted(name)}{near(known, parts)}; known: {', '.join(parts)}")
+            raise ValueError(f"unknown part {quoted(name)}{did_you_mean(known, parts)}; known: {', '.join(parts)}")
         return known
 
     return (BeforeValidator(read), WithJsonSchema({"type": "string", "examples": list(parts)}))

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-from drake_tc.config.near import near
+from drake_tc.config.did_you_mean import did_you_mean
 from drake_tc.config.quoted import quoted
 from drake_tc.config.yaml_file import merged, parse_yaml, read_yaml
 from drake_tc.errors import ParamsError
@@ -59,7 +59,7 @@ def read_mapping(path: Path) -> dict[str, Any]:
 
 def _extended(path: Path, document: dict[str, Any], name: str, seen: tuple[str, ...]) -> dict[str, Any]:
     if name not in document:
-        hint = near(str(name), document)
+        hint = did_you_mean(str(name), document)
         raise ParamsError(f"{path}: no scenario {quoted(name)}{hint}; scenarios here: {', '.join(document)}")
     if name in seen:
         raise ParamsError(f"{path}: {name}: extends itself ({' -> '.join((*seen, name))})")

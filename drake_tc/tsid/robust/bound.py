@@ -8,7 +8,7 @@ import numpy as np
 from drake_tc.tsid.qp.problem import Outcome
 from drake_tc.tsid.robust import measures
 from drake_tc.tsid.robust.active_set import FREE
-from drake_tc.tsid.robust.measures import Found, Guess, Means, Measure
+from drake_tc.tsid.robust.measures import Guess, Measure, ProgramResult, SolverMeans
 from drake_tc.tsid.robust.null_space import null_basis
 from drake_tc.tsid.robust.scaled import ScaledProblem, nothing
 
@@ -31,7 +31,7 @@ NEAR = 0.5
 """|log R - log R_min| from which on programs are solved sharply; farther off, only the side counts."""
 
 
-def in_null_space(program: Measure, problem: ScaledProblem, guess: Guess, means: Means) -> Found:
+def in_null_space(program: Measure, problem: ScaledProblem, guess: Guess, means: SolverMeans) -> ProgramResult:
     """Min R over the minimisers of the cost (eq. 4): x = x* + T y with D T = 0, inside the limits."""
     classic = measures.least_cost(problem, Guess(guess.x, guess.active_set if guess.inner is None else FREE), means)
     if classic.outcome is not Outcome.SOLVED:
@@ -55,15 +55,15 @@ def in_null_space(program: Measure, problem: ScaledProblem, guess: Guess, means:
     )
 
 
-def most_robust(program: Measure, problem: ScaledProblem, guess: Guess, means: Means) -> Found:
+def most_robust(program: Measure, problem: ScaledProblem, guess: Guess, means: SolverMeans) -> ProgramResult:
     """Min R inside the limits, whatever it costs."""
     n = len(guess.x)
     return program(replace(problem, cost=nothing(n)), 1.0, guess, means)
 
 
 def within_risk(
-    program: Measure, problem: ScaledProblem, minimum: float, weight: float, guess: Guess, means: Means
-) -> tuple[Found, float]:
+    program: Measure, problem: ScaledProblem, minimum: float, weight: float, guess: Guess, means: SolverMeans
+) -> tuple[ProgramResult, float]:
     """The least cost with R <= minimum, and the multiplier w of that constraint (0 where it is not active).
 
     R(x(w)), x(w) the minimiser of J + w R, falls as w grows; the w with R(x(w)) = R_min is the multiplier of (5).
@@ -81,7 +81,7 @@ def within_risk(
     here = min(max(math.log(weight), -FARTHEST), FARTHEST)
     low = high = below = above = math.nan
     steps = programs = side = 0
-    best: tuple[Found, float] | None = None
+    best: tuple[ProgramResult, float] | None = None
     found = program(problem, math.exp(here), guess, rough)
     for turn in range(ROUNDS):
         steps, programs = steps + found.iterations, programs + found.programs
@@ -122,16 +122,18 @@ def within_risk(
     return _counted(safest, steps, programs), 0.0
 
 
-def _beyond(program: Measure, problem: ScaledProblem, guess: Guess, means: Means, *, unsafe: bool) -> Found:
+def _beyond(
+    program: Measure, problem: ScaledProblem, guess: Guess, means: SolverMeans, *, unsafe: bool
+) -> ProgramResult:
     """Where x(w) goes, for w -> infinity where R is too large yet, for w -> 0 where it is smaller than it need be."""
     return (most_robust if unsafe else in_null_space)(program, problem, guess, means)
 
 
-def _judged(found: Found, minimum: float) -> Found:
+def _judged(found: ProgramResult, minimum: float) -> ProgramResult:
     """RISKY where it keeps the limits, but not R <= minimum."""
     risky = found.outcome is Outcome.SOLVED and not found.risk <= minimum
     return replace(found, outcome=Outcome.RISKY) if risky else found
 
 
-def _counted(found: Found, steps: int, programs: int) -> Found:
+def _counted(found: ProgramResult, steps: int, programs: int) -> ProgramResult:
     return replace(found, iterations=steps + found.iterations, programs=programs + found.programs)

@@ -14,7 +14,7 @@ from drake_tc.tsid.robust import measures
 from drake_tc.tsid.robust.active_set import FREE
 from drake_tc.tsid.robust.bound import in_null_space, within_risk
 from drake_tc.tsid.robust.box import size_of_risk
-from drake_tc.tsid.robust.measures import Found, Guess, Means, Measure
+from drake_tc.tsid.robust.measures import Guess, Measure, ProgramResult, SolverMeans
 from drake_tc.tsid.robust.options import Options
 from drake_tc.tsid.robust.rectangle import rectangle
 from drake_tc.tsid.robust.scaled import ScaledProblem, scaled
@@ -91,7 +91,7 @@ class Formulation:
 
     def solve_scaled(self, problem: ScaledProblem, qp: QpSolver, start: Start | None = None) -> RobustSolution:
         """The same for a problem that is scaled already."""
-        means = Means(qp, self.options.accuracy, self.options.budget.started())
+        means = SolverMeans(qp, self.options.accuracy, self.options.budget.started())
         m, n = len(problem.limits.lower), len(problem.scale)
         known = start is not None and len(start.torque) == n
         if start is not None and known:
@@ -105,12 +105,12 @@ class Formulation:
         try:
             found, weight = self._found(problem, guess, weight, means, known)
         except (np.linalg.LinAlgError, ArithmeticError, LookupError, ValueError):
-            found = Found(np.full(n, np.nan), np.nan, FREE, Outcome.FAILED, False, 0, 0)
+            found = ProgramResult(np.full(n, np.nan), np.nan, FREE, Outcome.FAILED, False, 0, 0)
         return _packed(found, weight, problem)
 
     def _found(
-        self, problem: ScaledProblem, guess: Guess, weight: float, means: Means, known: bool
-    ) -> tuple[Found, float]:
+        self, problem: ScaledProblem, guess: Guess, weight: float, means: SolverMeans, known: bool
+    ) -> tuple[ProgramResult, float]:
         if self.measure == "classic":
             return measures.least_cost(problem, guess, means), 0.0
         program = _MEASURES[self.measure]
@@ -136,7 +136,7 @@ class Formulation:
 _MEASURES: dict[str, Measure] = {"individual": measures.individual, "box": measures.box, "rectangle": rectangle}
 
 
-def _packed(found: Found, weight: float, problem: ScaledProblem) -> RobustSolution:
+def _packed(found: ProgramResult, weight: float, problem: ScaledProblem) -> RobustSolution:
     counts, limits, cost = (found.iterations, found.programs), problem.limits, problem.cost
     if not math.isfinite(float(found.x.sum())):
         zero, active = np.zeros(len(problem.scale)), np.zeros(len(limits.lower), dtype=np.int64)

@@ -36,7 +36,7 @@ class Guess:
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
+class ProgramResult:
     """Where a program ended; see `RobustSolution` for what is named alike."""
 
     x: FloatArray
@@ -55,7 +55,7 @@ class Found:
 
 
 @dataclass(frozen=True, eq=False)
-class Means:
+class SolverMeans:
     """With what a program is solved: the QP solver, the accuracy [of R], what is left of the budget."""
 
     qp: QpSolver
@@ -63,16 +63,16 @@ class Means:
     spending: Spending
 
 
-Measure = Callable[[ScaledProblem, float, Guess, Means], Found]
+Measure = Callable[[ScaledProblem, float, Guess, SolverMeans], ProgramResult]
 
 
-def minimum_of(minimum: Minimum, x: FloatArray, risk: float, inner: FloatArray | None = None) -> Found:
+def minimum_of(minimum: Minimum, x: FloatArray, risk: float, inner: FloatArray | None = None) -> ProgramResult:
     """The part of a program's minimum that is torques."""
     m = minimum
-    return Found(x, risk, m.active_set, m.outcome, m.converged, m.iterations, m.programs, inner)
+    return ProgramResult(x, risk, m.active_set, m.outcome, m.converged, m.iterations, m.programs, inner)
 
 
-def least_cost(problem: ScaledProblem, guess: Guess, means: Means) -> Found:
+def least_cost(problem: ScaledProblem, guess: Guess, means: SolverMeans) -> ProgramResult:
     """Classic TSID (eq. 11): R counts as 0."""
     target = problem.cost.target
     minimum = minimise(
@@ -86,7 +86,7 @@ def least_cost(problem: ScaledProblem, guess: Guess, means: Means) -> Found:
     return minimum_of(minimum, minimum.x, 0.0)
 
 
-def individual(problem: ScaledProblem, weight: float, guess: Guess, means: Means) -> Found:
+def individual(problem: ScaledProblem, weight: float, guess: Guess, means: SolverMeans) -> ProgramResult:
     """R_ind (eq. 13)."""
     minimum = minimise(
         plain(problem.cost, problem.limits, risk=problem.erring, weight=weight),
@@ -99,7 +99,7 @@ def individual(problem: ScaledProblem, weight: float, guess: Guess, means: Means
     return minimum_of(minimum, minimum.x, minimum.risk)
 
 
-def box(problem: ScaledProblem, weight: float, guess: Guess, means: Means) -> Found:
+def box(problem: ScaledProblem, weight: float, guess: Guess, means: SolverMeans) -> ProgramResult:
     """R_box: minus the size s of the largest box is what w multiplies (eq. 17); R = -log p_box is reported."""
     n = len(guess.x)
     linear = np.zeros(n + 1)
@@ -117,7 +117,7 @@ def box(problem: ScaledProblem, weight: float, guess: Guess, means: Means) -> Fo
     return minimum_of(minimum, x, box_risk(box_size(problem, x), problem.noise.shape[1]), minimum.x[n:])
 
 
-def shrunk_box(problem: ScaledProblem, size: float, guess: Guess, means: Means) -> Found:
+def shrunk_box(problem: ScaledProblem, size: float, guess: Guess, means: SolverMeans) -> ProgramResult:
     """Least cost with room for a box of `size` sigmas: R_box <= R_min is that; RISKY with the largest there is."""
     found = least_cost(_shrunk(problem, size), Guess(guess.x, guess.active_set), means)
     if found.outcome is Outcome.INFEASIBLE:

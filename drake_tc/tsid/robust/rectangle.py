@@ -16,7 +16,7 @@ from drake_tc.tsid.robust import convex
 from drake_tc.tsid.robust.active_set import FREE, ActiveSet
 from drake_tc.tsid.robust.budget import Budget
 from drake_tc.tsid.robust.individual import certain_miss
-from drake_tc.tsid.robust.measures import Found, Guess, Means, box, minimum_of
+from drake_tc.tsid.robust.measures import Guess, ProgramResult, SolverMeans, box, minimum_of
 from drake_tc.tsid.robust.newton import Minimum, minimise
 from drake_tc.tsid.robust.scaled import FEASIBLE, Rows, ScaledProblem, nothing, scaled
 from drake_tc.tsid.robust.torque_error import TorqueError
@@ -35,7 +35,7 @@ ROUNDS = 5
 """Programs at most, each with the sides that x missed in the one before."""
 
 
-def rectangle(problem: ScaledProblem, weight: float, guess: Guess, means: Means) -> Found:
+def rectangle(problem: ScaledProblem, weight: float, guess: Guess, means: SolverMeans) -> ProgramResult:
     """R_rect with the cost not halved as in eq. 16: from the box of the last solution, else from the largest of all.
 
     The most probable box need not be around x, so x itself is held inside the limits too, by the sides it would miss.
@@ -49,7 +49,7 @@ def rectangle(problem: ScaledProblem, weight: float, guess: Guess, means: Means)
     begin = _largest(problem, guess.x, means)
     if begin is None:
         outcome = Outcome.SOLVED if problem.limits.miss(guess.x) <= FEASIBLE else Outcome.INFEASIBLE
-        return Found(guess.x, math.inf, FREE, outcome, False, 1, 1)
+        return ProgramResult(guess.x, math.inf, FREE, outcome, False, 1, 1)
     begin = _towards(guess.x, begin, problem, weight)
     return _from(begin, np.zeros(len(problem.limits.lower)), FREE, problem, weight, means)
 
@@ -66,8 +66,13 @@ def _towards(x: FloatArray, begin: FloatArray, problem: ScaledProblem, weight: f
 
 
 def _from(
-    start: FloatArray, held: FloatArray, active_set: ActiveSet, problem: ScaledProblem, weight: float, means: Means
-) -> Found:
+    start: FloatArray,
+    held: FloatArray,
+    active_set: ActiveSet,
+    problem: ScaledProblem,
+    weight: float,
+    means: SolverMeans,
+) -> ProgramResult:
     """From (x, a, b); held (m,) are the sides that x itself is to keep, see `RectangleRows`."""
     axes, limits = problem.noise.shape[1], problem.limits
     n = len(start) - 2 * axes
@@ -101,7 +106,7 @@ def _without(active_set: ActiveSet, first: int) -> ActiveSet:
     return ActiveSet(active_set.rows[keep], active_set.sides[keep], active_set.multipliers[keep])
 
 
-def _largest(problem: ScaledProblem, x: FloatArray, means: Means) -> FloatArray | None:
+def _largest(problem: ScaledProblem, x: FloatArray, means: SolverMeans) -> FloatArray | None:
     """(x, a, b) of the largest box with equal sides: around the x where it is largest of all, or else beside x."""
     n, axes = len(x), problem.noise.shape[1]
     if n:
@@ -129,7 +134,7 @@ def rectangle_risk(
     if problem.sure:
         erring = problem.erring.along(x, np.zeros((n, 0)))
         fixed = replace(fixed, limits=erring, certain=np.zeros_like(problem.certain), sure=0)
-    found = rectangle(fixed, 1.0, Guess(np.zeros(0)), Means(qp, accuracy, Budget().started()))
+    found = rectangle(fixed, 1.0, Guess(np.zeros(0)), SolverMeans(qp, accuracy, Budget().started()))
     return found.risk if found.outcome is Outcome.SOLVED else math.inf
 
 

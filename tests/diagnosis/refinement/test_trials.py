@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from drake_tc.diagnosis.refinement.trials import BUDGET, fair_share, trials_of, windows
+from drake_tc.diagnosis.refinement.trials import BUDGET, longest_piece, trials_of, windows
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import parse_rig
 
@@ -39,7 +39,7 @@ def test_no_stretch_crosses_a_gap():
 
 @pytest.mark.parametrize("lengths", [[6.0] * 3, [100.0] * 3, [2.0, 100.0, 100.0], [200.0]])
 def test_the_share_keeps_the_budget_and_wastes_none(lengths: list[float]):
-    share = fair_share(lengths, BUDGET)
+    share = longest_piece(lengths, BUDGET)
     assert sum(min(share, x) for x in lengths) == pytest.approx(min(BUDGET, sum(lengths)))
 
 

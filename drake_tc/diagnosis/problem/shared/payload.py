@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drake_tc.config.near import near
+from drake_tc.config.did_you_mean import did_you_mean
 from drake_tc.errors import RigError
 from drake_tc.logs.loads import RobotLoad
 from drake_tc.logs.rig import Rig
@@ -58,7 +58,7 @@ def payload_of(rig: Rig, runs: Sequence[str], links: LinkModel) -> Payload:
     for name in load.payload:
         if name not in runs:
             raise RigError(
-                f"{source}: load: unknown_payload: no log {name!r}{near(name, runs)}; logs: {', '.join(runs)}"
+                f"{source}: load: unknown_payload: no log {name!r}{did_you_mean(name, runs)}; logs: {', '.join(runs)}"
             )
     if not load.carrier and len(links.outermost) > 1:
         raise RigError(
@@ -68,7 +68,8 @@ def payload_of(rig: Rig, runs: Sequence[str], links: LinkModel) -> Payload:
     carrier = load.carrier or links.outermost[0]
     if carrier not in known:
         raise RigError(
-            f"{source}: load: payload_link: no joint of the robot moves a link {carrier!r}{near(carrier, known)}; "
+            f"{source}: load: payload_link: no joint of the robot moves a link {carrier!r}"
+            f"{did_you_mean(carrier, known)}; "
             f"links: {', '.join(known)}"
         )
     return Payload(load.payload, known.index(carrier))

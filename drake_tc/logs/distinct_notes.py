@@ -9,7 +9,7 @@ NAMED = 3
 """Logs that are named in a sentence; further ones are counted."""
 
 
-def told_once(notes: Iterable[tuple[str, str]]) -> tuple[str, ...]:
+def distinct_notes(notes: Iterable[tuple[str, str]]) -> tuple[str, ...]:
     """One sentence for each kind of note, in the order in which the kinds first appear.
 
     Notes that differ in their numbers alone are of one kind; the numbers are those of the first log.
