@@ -44,6 +44,7 @@ class RunFigures:
         before, after: RMS without and with the effects that were found.
         in_band: RMS after, inside the band that the training runs choose (`diagnosis.residual.band`).
         band_hz: End of that band [Hz]: infinite where the band is that of the filters, 0 where there is none.
+        floor: Noise floor of its own call, whose filters may differ from those of another call.
     """
 
     name: str
@@ -51,6 +52,12 @@ class RunFigures:
     after: float
     in_band: float = float("nan")
     band_hz: float = float("nan")
+    floor: float = float("nan")
+
+    @property
+    def ratio(self) -> float:
+        """Error after over the noise floor."""
+        return self.after / self.floor if self.floor > 0.0 else float("inf")
 
     def to_json(self) -> dict[str, Any]:
         """As `bench real-logs --json` prints it; a band without an end is null."""
@@ -85,10 +92,6 @@ class JointClaims:
     not_held: tuple[str, ...]
     disagreements: tuple[str, ...]
 
-    def ratio(self, figures: RunFigures) -> float:
-        """Error after over the noise floor."""
-        return figures.after / self.floor if self.floor > 0.0 else float("inf")
-
     def to_json(self) -> dict[str, Any]:
         """As `bench real-logs --json` prints it."""
         runs = (self.train, *self.heldout)
@@ -96,7 +99,7 @@ class JointClaims:
             "joint": self.joint,
             "unit": self.unit,
             "noise_floor": json_value(self.floor),
-            "runs": [run.to_json() | {"floors": json_value(self.ratio(run))} for run in runs],
+            "runs": [run.to_json() | {"floors": json_value(run.ratio)} for run in runs],
             "effects": list(self.effects),
             "did_not_hold": list(self.did_not_hold),
             "unexplained": dict(self.unexplained),
@@ -159,10 +162,10 @@ def _figure(value: float | None) -> float:
 
 def _figures(name: str, joint: Report, part: str) -> RunFigures:
     before, after = (_figure(joint["error"][side][part]) for side in ("before", "after"))
-    band = joint.get("shared_band")
+    band, floor = joint.get("shared_band"), _figure(joint["noise_floor"])
     if band is None:
-        return RunFigures(name, before, after, after, float("inf"))
-    return RunFigures(name, before, after, _figure(band[part]), _figure(band["limit_hz"]))
+        return RunFigures(name, before, after, after, float("inf"), floor)
+    return RunFigures(name, before, after, _figure(band[part]), _figure(band["limit_hz"]), floor)
 
 
 def _at_bound(effect: Report) -> list[str]:
@@ -205,10 +208,11 @@ def _joint_claims(name: str, report: Report, by_run: Mapping[str, Report]) -> Jo
         not_held += [f"{name}: the error grew from {run.before:.3g} to {run.after:.3g} on {run.name}" for run in grown]
     disagreements = []
     if report["verdict"] == "no_missing_effect":
-        for run in (train, *heldout):
-            if not run.after <= FLOORS * floor:
-                shown = f"{run.after / floor:.1f}" if floor > 0.0 else "infinitely many"
-                disagreements.append(f"{name}: {shown} noise floors are left on {run.name}")
+        judged = {run["run"]: _figure(run["after"]["rms"]) for run in joint.get("runs", ()) if run["heldout"]}
+        for run, after in ({train.name: train.after} | judged).items():
+            if not after <= FLOORS * floor:
+                shown = f"{after / floor:.1f}" if floor > 0.0 else "infinitely many"
+                disagreements.append(f"{name}: {shown} noise floors are left on {run}")
     return JointClaims(
         joint=name,
         unit=joint["error"]["unit"],

@@ -82,7 +82,7 @@ def _print_joint(console: Console, joint: "JointClaims") -> None:
     for heading in (f"before [{unit}]", f"after [{unit}]", "after / floor", f"in band [{unit}]", "band [Hz]"):
         table.add_column(escape(heading), justify="right", no_wrap=True)
     for run in (joint.train, *joint.heldout):
-        figures = (run.before, run.after, joint.ratio(run))
+        figures = (run.before, run.after, run.ratio)
         table.add_row(escape(run.name), *(f"{x:.3g}" for x in figures), *_band(run))
     console.print(table)
     for effect in joint.effects:
@@ -122,7 +122,7 @@ def _summary(sets: Sequence["SetClaims"]) -> Table:
     table.add_column("largest after / floor", justify="right")
     for case in (case for entry in sets for case in entry.cases):
         named = [str(e["id"]) for e in (*case.shared, *(e for joint in case.joints for e in joint.effects))]
-        ratios = [joint.ratio(run) for joint in case.joints for run in (joint.train, *joint.heldout)]
+        ratios = [run.ratio for joint in case.joints for run in (joint.train, *joint.heldout)]
         refused = case.verdict == "refused"
         table.add_row(
             escape(case.name),

@@ -25,7 +25,7 @@ from drake_tc.diagnosis.result.gear_note import gear_between_encoders
 from drake_tc.diagnosis.result.joint_result import Errors, JointResult
 from drake_tc.diagnosis.result.outcome import found_effects, rejected_effects, stabilities
 from drake_tc.diagnosis.result.plausible_ranges import plausible_ranges
-from drake_tc.diagnosis.result.run_errors import run_errors
+from drake_tc.diagnosis.result.run_errors import run_errors, without_rows
 from drake_tc.diagnosis.result.widening import parameters_of
 from drake_tc.diagnosis.selection.confirmation import confirm
 from drake_tc.diagnosis.selection.engine import Progress
@@ -222,6 +222,7 @@ def diagnose_joint(
             *load_notes,
             *distinct_notes(of_joint((*columns.samples.notes, *held.samples.notes), joint, rig.joints)),
             *notes,
+            *without_rows((columns.samples, held.samples)),
             *_sticking(columns, chosen, context),
         ),
     )

@@ -151,6 +151,10 @@ def test_an_impossible_parameter_and_a_grown_error_are_named() -> None:
 
 @pytest.mark.parametrize(("verdict", "against"), [("no_missing_effect", 1), ("unexplained_structure", 0)])
 def test_a_green_verdict_far_above_the_floor_is_contradicted(verdict: str, against: int) -> None:
-    # together the held-out runs pass the limit; one of them alone does not
-    whole, near, far = (report(verdict, after) for after in (2.8, 1.0, 5.0))
-    assert len(checked(whole, near=near, far=far).disagreements) == against
+    # together the held-out runs pass the limit; one of them does not
+    whole, alone = report(verdict, 2.8), report(verdict, 5.0)
+    whole["joints"]["j"]["runs"] = [
+        {"run": name, "heldout": heldout, "rows": 100, "before": {"rms": after}, "after": {"rms": after}}
+        for name, heldout, after in (("training", False, 9.0), ("near", True, 1.0), ("far", True, 5.0))
+    ]
+    assert len(checked(whole, near=alone, far=alone).disagreements) == against

@@ -40,8 +40,9 @@ def require_consistent_signs(columns: Columns, declared: Fit, joint: str, drive:
     if declared.beta[0] <= NO_STIFFNESS * typical:
         raise IdentificationError(
             f"joint {joint}: the torque does not rise with the effort (drive gain not identifiable, "
-            f"{EFFORT_UNIT[drive]}/(N*m)): the sign of the torque or of the {command} column is wrong, or they belong "
-            f"to different joints; try units: {{torque: -N*m}} in the rig file"
+            f"{EFFORT_UNIT[drive]}/(N*m)): the sign of the torque or of the {command} column is wrong, they belong to "
+            f"different joints, or an effect that is not declared exceeds the load; try units: {{torque: -N*m}} or "
+            f"declare the effect in the rig file"
         )
     load = samples.reduce(s.load_torque)
     inertia = s.rotor_inertia * samples.reduce(s.acceleration)

@@ -4,6 +4,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from drake_tc.diagnosis.data.samples import Samples
 from drake_tc.diagnosis.residual.unexplained import DataSplit
 from drake_tc.diagnosis.result.joint_result import RunErrors
 from drake_tc.types import FloatArray
@@ -18,6 +19,21 @@ def run_errors(splits: Sequence[DataSplit]) -> Iterator[RunErrors]:
                 before, after = split.before[mine], split.after[mine]
                 absolute = [float(np.mean(np.abs(x))) for x in (before, after)]
                 yield RunErrors(name, heldout, int(mine.sum()), _rms(before), _rms(after), *absolute)
+
+
+def without_rows(parts: Sequence[Samples]) -> tuple[str, ...]:
+    """A sentence on the runs that say nothing; of one that is held out, no verdict is about it.
+
+    Args:
+        parts: Of the training runs and of the held-out runs.
+    """
+    silent = [
+        name for samples in parts for number, name in enumerate(samples.runs) if not (samples.run == number).any()
+    ]
+    if not silent:
+        return ()
+    width = f"{1e3 * parts[0].kernel.actual_width_s:.3g} ms"
+    return (f"No filter window of {width} lies in motion in {', '.join(silent)}: nothing is said about these runs.",)
 
 
 def _rms(values: FloatArray) -> float:
