@@ -11,7 +11,6 @@ medians within and over the windows leave it out.
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.stats import median_abs_deviation, siegelslopes
 
 from drake_tc.types import FloatArray
 
@@ -28,6 +27,10 @@ MOST_TRAVEL = 5e-3
 MOST_SHARE = 0.02
 LEAST_TURNS = 2
 """Changes of the velocity's sign within a window, at least: a reversal is one, creep none."""
+AT_ONCE = 256
+"""Windows whose lines are computed together."""
+NORMAL = 0.6744897501960817
+"""Median of the absolute values of a standard normal variable."""
 MOST_OF_SPEED = 0.02
 """The result as a share of the 95th percentile of the speed, at most: the motion must stay resolved."""
 
@@ -47,19 +50,30 @@ def speed_at_rest(q: FloatArray, v: FloatArray, segments: Sequence[slice], perio
     if len(windows) < LEAST_WINDOWS:
         return 0.0
     narrow = min(MOST_TRAVEL, MOST_SHARE * float(np.ptp(np.concatenate([q[w] for w in windows]))))
-    resting = [_deviation(v[w]) for w in windows if np.ptp(q[w]) < narrow and _turns(v[w]) >= LEAST_TURNS]
+    resting = [v[w] for w in windows if np.ptp(q[w]) < narrow and _turns(v[w]) >= LEAST_TURNS]
     if len(resting) < LEAST_WINDOWS:
         return 0.0
+    deviation = np.concatenate(
+        [_deviations(np.array(resting[k : k + AT_ONCE])) for k in range(0, len(resting), AT_ONCE)]
+    )
     fast = float(np.percentile(np.abs(np.concatenate([v[w] for w in windows])), 95.0))
-    return min(float(np.median(resting)), MOST_OF_SPEED * fast)
+    return min(float(np.median(deviation)), MOST_OF_SPEED * fast)
 
 
-def _deviation(v: FloatArray) -> float:
-    """Standard deviation about the window's median line, from the median of the absolute deviations."""
-    few = v[:: -(-v.size // POINTS)]
-    at = np.arange(few.size, dtype=float)
-    slope, start = siegelslopes(few, at)
-    return float(median_abs_deviation(few - start - slope * at, scale="normal"))
+def _deviations(v: FloatArray) -> FloatArray:
+    """(W,) standard deviation of each window (W, length) about its median line, from the median absolute deviation.
+
+    The line has the median of the medians of the slopes between one sample and all others (Siegel, 1982).
+    """
+    few = v[:, :: -(-v.shape[1] // POINTS)]
+    count = few.shape[1]
+    at = np.arange(count, dtype=float)
+    first, second = np.nonzero(~np.eye(count, dtype=bool))
+    slopes = ((few[:, first] - few[:, second]) / (first - second)).reshape(len(few), count, count - 1)
+    slope = np.median(np.median(slopes, axis=2), axis=1)
+    left = few - slope[:, None] * at
+    left -= np.median(left, axis=1)[:, None]
+    return np.asarray(np.median(np.abs(left), axis=1) / NORMAL)
 
 
 def _turns(v: FloatArray) -> int:
