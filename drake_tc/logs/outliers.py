@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy.ndimage import binary_dilation
 
 from drake_tc.errors import LogError
 from drake_tc.logs.channels import grid_step
@@ -19,6 +20,11 @@ SLOW = ("temperature", "supply_voltage", "position_gain")
 """Channels that repeat values by nature."""
 MEASURED = ("position", "motor_position", "torque", "velocity")
 DROPPING = (*MEASURED, "current")
+EFFORTS = ("position_command", "current", "voltage")
+ANSWERS = ("torque", "velocity")
+"""Measurements that follow a pulse of the effort at once."""
+WITHIN = 2
+"""Rows between such a pulse and the answer to it, at most."""
 
 
 def without_outliers(raw: RawLog, joints: Sequence[str]) -> RawLog:
@@ -26,7 +32,8 @@ def without_outliers(raw: RawLog, joints: Sequence[str]) -> RawLog:
 
     A sensor did not read in spikes, where it dropped out to 0, at the end of its range, and where it repeated a value
     in motion. Angles of one joint that differ by whole turns are put together. Commands have no spikes: what was
-    commanded was commanded. Spikes of currents and voltages are left alone, as switching makes real ones.
+    commanded was commanded. Spikes of currents and voltages are left alone, as switching makes real ones; so are those of
+    torque and velocity at the same time, which answer them.
 
     Raises:
         LogError: spikes in more than one row in a hundred of a channel.
@@ -46,7 +53,7 @@ def without_outliers(raw: RawLog, joints: Sequence[str]) -> RawLog:
         _put_together(columns, joint)
         for name in (f"{joint}/{suffix}" for suffix in MEASURED):
             if name in columns:
-                columns[name], note = _without_spikes(columns[name], name, raw)
+                columns[name], note = _without_spikes(columns[name], name, raw, _pulses(columns, joint, name))
                 notes += [note] if note else []
         notes += _without_saturation(columns, joint, raw)
         notes += _without_held(columns, joint, raw)
@@ -123,8 +130,18 @@ def _put_together(columns: dict[str, FloatArray], joint: str) -> None:
         columns[f"{joint}/position_command"] = command - TURN * whole if whole else command
 
 
-def _without_spikes(values: FloatArray, name: str, raw: RawLog) -> tuple[FloatArray, str]:
-    wild = spikes(values)
+def _pulses(columns: dict[str, FloatArray], joint: str, name: str) -> BoolArray:
+    """Rows (T,) near spikes of the joint's effort, if the channel is one that answers them."""
+    near = np.zeros(columns[name].size, dtype=bool)
+    if name.rpartition("/")[2] in ANSWERS:
+        for effort in (f"{joint}/{suffix}" for suffix in EFFORTS):
+            if effort in columns:
+                near |= spikes(columns[effort])
+    return np.asarray(binary_dilation(near, iterations=WITHIN)) if near.any() else near
+
+
+def _without_spikes(values: FloatArray, name: str, raw: RawLog, pulses: BoolArray) -> tuple[FloatArray, str]:
+    wild = spikes(values) & ~pulses
     count = int(wild.sum())
     if not count:
         return values, ""

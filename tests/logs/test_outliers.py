@@ -63,6 +63,15 @@ def test_three_spikes_are_taken_out(tmp_path, table, suffix):
     assert np.abs(run.columns[name] - truth).max() < (1e-5 if suffix == "position" else 0.3)
 
 
+@pytest.mark.parametrize(("later", "stays"), [(0, True), (2, True), (40, False)])
+def test_a_torque_that_answers_a_pulse_of_the_effort_is_no_spike(tmp_path, table, later, stays):
+    table.loc[700:701, "joint/torque"] += 60.0
+    table.loc[700 - later : 701 - later, "joint/position_command"] += 2.0
+    run = load(table, tmp_path)
+    assert noted(run, "Column joint/torque has spikes") != stays
+    assert (run.columns["joint/torque"][700] > 30.0) == stays
+
+
 def test_what_joints_do_is_no_spike():
     t = np.arange(8000) * PERIOD
     rng = np.random.default_rng(3)
