@@ -32,8 +32,8 @@ def without_outliers(raw: RawLog, joints: Sequence[str]) -> RawLog:
 
     A sensor did not read in spikes, where it dropped out to 0, at the end of its range, and where it repeated a value
     in motion. Angles of one joint that differ by whole turns are put together. Commands have no spikes: what was
-    commanded was commanded. Spikes of currents and voltages are left alone, as switching makes real ones; so are those of
-    torque and velocity at the same time, which answer them.
+    commanded was commanded. Spikes of currents and voltages are left alone, as switching makes real ones. So are those
+    of torque and velocity at the same time, which answer them.
 
     Raises:
         LogError: spikes in more than one row in a hundred of a channel.
