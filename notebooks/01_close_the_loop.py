@@ -30,6 +30,7 @@ import numpy as np
 
 from drake_tc import close_loop, feedforward_effort, load_models, load_rig, load_runs
 from drake_tc.actuation.compensation import Motion
+from drake_tc.actuation.half_step import model_to_simulate
 from drake_tc.cli.close_loop_command import write_results
 from drake_tc.cli.demo import GRAVITY_MOMENT, JOINT, LIMITS, LINK_INERTIA, DemoLength, demo_model, record_demo
 from drake_tc.identification import growing_sinusoid
@@ -135,25 +136,26 @@ plt.show()
 # %%
 length = DemoLength(duration=10.0)
 time = np.arange(round(length.duration / length.period) + 1) * length.period
-wanted = growing_sinusoid(time, 0.4, 0.0, 0.08, LIMITS)
-tau_d = LINK_INERTIA * wanted.acceleration + GRAVITY_MOMENT * np.sin(wanted.position)
-motion = Motion(wanted.velocity, wanted.position, wanted.acceleration)
+desired = growing_sinusoid(time, 0.4, 0.0, 0.08, LIMITS)
+tau_d = LINK_INERTIA * desired.acceleration + GRAVITY_MOMENT * np.sin(desired.position)
+motion = Motion(desired.velocity, desired.position, desired.acceleration)
 
-commands = {"servo alone": wanted.position}
+commands = {"servo alone": desired.position}
 for name in ("before", "after"):
     model = load_models(folder / "out" / f"model_{name}.yaml")[JOINT]
-    commands[f"model {name}"] = wanted.position + feedforward_effort(model, tau_d, motion)
+    commands[f"model {name}"] = desired.position + feedforward_effort(model, tau_d, motion)
 
 bench = BenchScenario(length.duration, length.period, length.step, LINK_INERTIA, GRAVITY_MOMENT)
+plant = model_to_simulate(demo_model(seed=0), length.step)
 errors = {}
 for name, command in commands.items():
-    driven = record_bench(demo_model(seed=0), Table(time, command), bench, name=name)
-    errors[name] = driven.columns[f"{JOINT}/position"] - wanted.position
+    driven = record_bench(plant, Table(time, command), bench, name=name)
+    errors[name] = driven.columns[f"{JOINT}/position"] - desired.position
 
 # %%
 fig, axes = plt.subplots(3, 1, figsize=(11, 6), sharex=True, layout="constrained")
-axes[0].plot(time, wanted.position, "k", lw=1)
-axes[0].set_ylabel("wanted position [rad]")
+axes[0].plot(time, desired.position, "k", lw=1)
+axes[0].set_ylabel("desired position [rad]")
 for name, error in errors.items():
     axis = axes[1] if name == "servo alone" else axes[2]
     axis.plot(time, 1e3 * error, lw=0.8, label=f"{name}: {1e3 * np.sqrt(np.mean(error**2)):.2f} mrad RMS")
