@@ -65,7 +65,7 @@ def outcome_of(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Outc
 @pytest.mark.parametrize("name", [pytest.param(n, marks=[] if n in QUICK else [pytest.mark.slow]) for n in SPECS])
 def test_the_answer_is_right(name, outcome_of):
     outcome = outcome_of(name)
-    said = f"{name}: named {outcome.named}, verdict {outcome.verdict}, ties {outcome.ties}"
+    said = f"{name}: named {outcome.named}, verdict {outcome.verdict}, ties {outcome.indistinguishable}"
     if outcome.group == "null":
         assert not outcome.false_alarm, said
     elif outcome.group == "outside":
