@@ -107,11 +107,13 @@ def unexplained(joint: JointResult) -> str:
     left = joint.unexplained
     parts = []
     if not left.structured and left.excess:
-        training = ""
+        elsewhere = ""
         if left.floors_anywhere > 1.2 * left.floors:
-            training = f" ({significant(left.floors_anywhere, 2)} times on the training runs)"
+            several = len(joint.heldout.samples.runs) > 1
+            where = "the training runs or on one of the held-out runs" if several else "the training runs"
+            elsewhere = f" ({significant(left.floors_anywhere, 2)} times on {where})"
         return (
-            f"what is left on the held-out runs is {significant(left.floors, 2)} times the noise floor{training} and "
+            f"what is left on the held-out runs is {significant(left.floors, 2)} times the noise floor{elsewhere} and "
             f"{percent(left.share_of_signal)} of the effort's RMS, and it depends on nothing recorded: it comes from "
             "an unrecorded disturbance, from a sensor that wanders, or from a cause that needs another sensor."
         )

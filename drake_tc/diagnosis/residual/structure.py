@@ -15,6 +15,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from drake_tc.diagnosis.data.samples import Samples
+from drake_tc.diagnosis.data.sliding import LEAST_ROWS
 from drake_tc.diagnosis.problem.columns import BalanceCoefficients
 from drake_tc.diagnosis.residual.stretches import loud_stretches, spectral_line
 from drake_tc.diagnosis.residual.unexplained import DataSplit, Unexplained
@@ -225,7 +226,7 @@ def assess_residual(
         names.append("time")
     return Unexplained(
         floors=float(floors),
-        floors_anywhere=float(most),
+        floors_anywhere=float(max(most, worst_rms(train, held) / floor if floor > 0.0 else np.inf)),
         excess=is_excess((train, held), (floor, floor), options),
         share_of_signal=rms / max(effort, 1e-300),
         fraction=found.fraction,
@@ -238,14 +239,34 @@ def assess_residual(
 
 
 def is_excess(splits: Sequence[DataSplit], floors: Sequence[float], options: ResidualThresholds) -> bool:
-    """Whether some split has more left than noise: more than its noise floor, and more than a remainder of what the
-    model explains, which an effect's imperfect form leaves.
+    """Whether the training runs, the held-out runs, or one of the latter have more left than noise: more than the
+    noise floor, and more than a remainder of what the model explains, which an effect's imperfect form leaves.
+
+    Args:
+        splits: Training and held-out runs.
+        floors: Noise floor of each [effort].
+        options: What counts.
     """
-    for split, floor in zip(splits, floors, strict=True):
-        after, before = (float(np.sqrt(np.mean(x**2))) for x in (split.after, split.before))
+    everything = [(split, np.ones(split.after.size, dtype=bool), f) for split, f in zip(splits, floors, strict=True)]
+    for split, rows, floor in (*everything, *((splits[1], rows, floors[1]) for rows in single_runs(*splits))):
+        after, before = (float(np.sqrt(np.mean(x[rows] ** 2))) for x in (split.after, split.before))
         if after > options.most_floors * floor and after > options.least_of_before * before:
             return True
     return False
+
+
+def single_runs(train: DataSplit, held: DataSplit) -> list[BoolArray]:
+    """(N,) rows of each held-out run that has those of a regression; none where training rows stand for them."""
+    if held.samples is train.samples:
+        return []
+    each = [held.samples.run == number for number in np.unique(held.samples.run)]
+    return [rows for rows in each if np.count_nonzero(rows) >= LEAST_ROWS]
+
+
+def worst_rms(train: DataSplit, held: DataSplit) -> float:
+    """Largest RMS after [effort] of all held-out runs together and of each: quiet ones do not excuse a loud one."""
+    parts = [np.ones(held.after.size, dtype=bool), *single_runs(train, held)]
+    return max(float(np.sqrt(np.mean(held.after[rows] ** 2))) for rows in parts)
 
 
 def _effort_rms(split: DataSplit) -> float:

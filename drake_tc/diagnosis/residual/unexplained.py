@@ -55,7 +55,8 @@ class Unexplained:
     """What is left in the residual.
 
     Attributes:
-        floors: RMS of the held-out residual in noise floors. floors_anywhere: the same of the worse of both splits.
+        floors: RMS of the held-out residual in noise floors.
+        floors_anywhere: The largest of that, of the training runs', and of any held-out run's by itself.
         excess: Whether that is more than the noise floor explains.
         share_of_signal: RMS of the held-out residual over that of the effort.
         fraction: Share of its variance that some function of the recorded signals could still explain.

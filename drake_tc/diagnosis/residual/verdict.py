@@ -9,7 +9,7 @@ from drake_tc.diagnosis.data.noise_colour import correlated_noise
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.problem.columns import BalanceCoefficients, Columns
 from drake_tc.diagnosis.problem.regression import Fit
-from drake_tc.diagnosis.residual.structure import assess_residual, features, is_excess
+from drake_tc.diagnosis.residual.structure import assess_residual, features, is_excess, worst_rms
 from drake_tc.diagnosis.residual.unexplained import DataSplit, Unexplained, Verdict
 from drake_tc.diagnosis.thresholds import CORRELATED_NOISE_NOTED, ResidualThresholds
 from drake_tc.effects.base import Context, TransmissionEffect
@@ -55,10 +55,9 @@ def what_is_left(
         return left, floor, ()
     noise = [correlated_noise(s.samples, s.after / chosen.gain) for s in splits]
     levels = [max(floor, n.rms * chosen.gain) if n is not None and n.is_noise else floor for n in noise]
-    rms = [_rms(s.after) for s in splits]
     left = left.with_floors(
-        rms[1] / levels[1],
-        max(r / f for r, f in zip(rms, levels, strict=True)),
+        _rms(splits[1].after) / levels[1],
+        max(_rms(splits[0].after) / levels[0], worst_rms(*splits) / levels[1]),
         excess=is_excess(splits, levels, thresholds),
     )
     if levels[1] <= CORRELATED_NOISE_NOTED * floor or noise[1] is None:

@@ -70,6 +70,22 @@ def test_white_residuals_are_judged_by_their_floors_on_both_splits(columns, trai
     assert_allclose(left.share_of_signal, held / np.sqrt(np.mean(effort**2)), rtol=1e-9)
 
 
+@pytest.mark.parametrize(("loud", "excess"), [(1.0, False), (4.5, True)])
+def test_quiet_held_out_runs_do_not_excuse_a_loud_one(columns, loud, excess):
+    """Five held-out runs at one floor, one of them perhaps at 4.5: 2.2 floors all together."""
+    rig, train = rig_of(JOINT), columns[0]
+    runs = [record(JOINT, f"held_{k}", 2.3, 2 + k) for k in range(5)]
+    held = build_samples(runs, rig, "joint", width_s=train.samples.light.width_s)
+    made = splits((train, Columns(held)), 1.0, 1.0)
+    louder = np.where(held.run == 3, loud, 1.0)
+    made = made[0], DataSplit(held, 3.0 * louder * made[1].after, louder * made[1].after)
+    context = replace(context_of(train.samples, rig, "joint"), load="pendulum")
+    left, _, _ = what_is_left(made, fit(train, DECLARED), 1.0, context, DiagnosisOptions())
+    assert left.floors < 2.5
+    assert left.excess == excess
+    assert_allclose(left.floors_anywhere, loud, rtol=0.1)
+
+
 def test_what_is_not_assessed_is_not_flagged(columns):
     chosen = fit(columns[0], DECLARED)
     context = context_of(columns[0].samples, rig_of(JOINT), "joint")
