@@ -107,8 +107,11 @@ def test_the_gain_margin_is_where_the_loop_goes_unstable():
 
 
 def test_the_extra_delay_takes_its_share_of_the_delay_margin_on_the_estimates():
-    """Only estimates are delayed: with all feedback through them, ticks beyond the delay margin make it unstable."""
-    loop = replace(YAW, ks=0.0, kd=0.0, kp=4.0, link_inertia=0.2, window=20)
+    """Only estimates are delayed: with all feedback through them, ticks beyond the delay margin make it unstable.
+
+    Friction is compensated in part: where it is in full, nothing holds the speed, whose root is 1 up to rounding.
+    """
+    loop = replace(YAW, ks=0.0, kd=0.0, kp=4.0, link_inertia=0.2, window=20, k_v_model=0.9 * YAW.k_v)
     ticks = loop.margins().delay_margin / loop.dt
     assert loop.spectral_radius() < 1.0 and 1.0 < ticks < 1e3
     assert replace(loop, extra_delay=int(np.floor(ticks))).spectral_radius() < 1.0
