@@ -5,8 +5,6 @@ from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import partial
 
-import numpy as np
-
 from drake_tc.diagnosis.data.link_prior import LinkPrior
 from drake_tc.diagnosis.data.load_scale import load_scale
 from drake_tc.diagnosis.options import DiagnosisOptions
@@ -27,6 +25,7 @@ from drake_tc.diagnosis.result.outcome import found_effects, rejected_effects, s
 from drake_tc.diagnosis.result.plausible_ranges import plausible_ranges
 from drake_tc.diagnosis.result.run_errors import run_errors, without_rows
 from drake_tc.diagnosis.result.widening import parameters_of
+from drake_tc.diagnosis.root_mean_square import rms
 from drake_tc.diagnosis.selection.confirmation import confirm
 from drake_tc.diagnosis.selection.engine import Progress
 from drake_tc.diagnosis.selection.indistinguishable import indistinguishable
@@ -49,10 +48,6 @@ from drake_tc.types import FloatArray
 
 SETTLING_ROUNDS = 4
 SEARCHED_SAMPLES = 200_000
-
-
-def _rms(values: FloatArray) -> float:
-    return float(np.sqrt(np.mean(values**2)))
 
 
 @dataclass(frozen=True)
@@ -195,8 +190,8 @@ def diagnose_joint(
         baseline_parameters=parameters_of(columns, found.baseline, context.drive),
         final_parameters=final_parameters,
         noise_floor=floor,
-        before=Errors(_rms(splits[0].before), _rms(splits[1].before), None),
-        after=Errors(_rms(splits[0].after), _rms(splits[1].after), None),
+        before=Errors(rms(splits[0].before), rms(splits[1].before), None),
+        after=Errors(rms(splits[0].after), rms(splits[1].after), None),
         effects=effects,
         rejected=rejected_effects(
             columns, held, chosen, context, options.search, stage.obstacles, floor, options.effects

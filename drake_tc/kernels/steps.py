@@ -229,14 +229,13 @@ def _held_step(
     held.multipliers[:count] = 0.0
     step.along[:] = free
     for _ in range(CORRECTIONS):
-        miss = 0.0
         for k in range(count):
             row = held.rows[k]
             force[k] = step.along[row] - (upper[row] if held.sides[k] > 0 else lower[row])
-            miss = max(miss, abs(force[k]))
+        miss = np.abs(force).max()
         if miss <= HELD:
             break
-        if not np.abs(force).max() < np.inf:
+        if not miss < np.inf:
             return False
         whiten_vector(small, force)
         colour_vector(small, force)

@@ -184,7 +184,7 @@ def fit_without(columns: Columns, chosen: Fit, term: Term, declared: Sequence[Te
     alone = {t.effect.key: t for t in declared}
     rest = [t for t in chosen.terms if t is not term]
     kept, returned = fit(columns, rest), [alone.get(t.effect.key, t) for t in rest]
-    if all(a is b or a.shape == b.shape for a, b in zip(rest, returned, strict=True)):
+    if all(a.shape == b.shape for a, b in zip(rest, returned, strict=True)):
         return kept
     return min((kept, fit(columns, returned)), key=lambda f: f.cv_rms)
 

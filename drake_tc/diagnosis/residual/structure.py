@@ -19,6 +19,7 @@ from drake_tc.diagnosis.data.sliding import LEAST_ROWS
 from drake_tc.diagnosis.problem.columns import BalanceCoefficients
 from drake_tc.diagnosis.residual.stretches import loud_stretches, spectral_line
 from drake_tc.diagnosis.residual.unexplained import DataSplit, Unexplained
+from drake_tc.diagnosis.root_mean_square import rms
 from drake_tc.diagnosis.thresholds import ResidualThresholds
 from drake_tc.filtering.common_kernel import CommonKernel
 from drake_tc.identification.autocorrelation import correlation_time
@@ -197,11 +198,11 @@ def assess_residual(
         seed: Of the folds.
         executor: Fits the regressors beside each other; None fits them here.
     """
-    rms, train_rms = (float(np.sqrt(np.mean(s.after**2))) for s in (held, train))
-    before = float(np.sqrt(np.mean(held.before**2)))
+    after, train_after = rms(held.after), rms(train.after)
+    before = rms(held.before)
     effort = _effort_rms(held)
-    floors = rms / floor if floor > 0.0 else np.inf
-    most = max(rms, train_rms) / floor if floor > 0.0 else np.inf
+    floors = after / floor if floor > 0.0 else np.inf
+    most = max(after, train_after) / floor if floor > 0.0 else np.inf
     rows = _rows(train, held, x)
     found = _dependence(rows, seed, executor)
     least = max(options.least_rms * floor, options.least_of_before * before)
@@ -214,10 +215,10 @@ def assess_residual(
     event = max(2.0 * least, options.most_floors * floor, options.least_growth * before)
     stretches = tuple(s for split in (train, held) for s in loud_stretches(split, options.least_burst, event))
     frequency, line = max((spectral_line(s) for s in (train, held)), key=lambda p: p[1])
-    periodic = line >= options.least_line and np.sqrt(line) * rms >= event
+    periodic = line >= options.least_line and np.sqrt(line) * after >= event
     grown = (
-        rms > options.most_growth * train_rms
-        and rms - train_rms > max(least, options.least_growth * before)
+        after > options.most_growth * train_after
+        and after - train_after > max(least, options.least_growth * before)
         and not stretches
     )
     structured = most >= options.least_floors and bool(functional or stretches or periodic or grown)
@@ -226,15 +227,15 @@ def assess_residual(
         names.append("time")
     return Unexplained(
         floors=float(floors),
-        floors_anywhere=float(max(most, worst_rms(train, held) / floor if floor > 0.0 else np.inf)),
+        floors_anywhere=float(max(most, worst_rms(held) / floor if floor > 0.0 else np.inf)),
         excess=is_excess((train, held), (floor, floor), options),
-        share_of_signal=rms / max(effort, 1e-300),
+        share_of_signal=after / max(effort, 1e-300),
         fraction=found.fraction,
         structured=structured,
         depends_on=tuple(names),
         confined_to=stretches if structured else (),
         period_hz=frequency if structured and periodic else None,
-        explainable_rms=float(rms * np.sqrt(max(0.0, 1.0 - found.signals))),
+        explainable_rms=float(after * np.sqrt(max(0.0, 1.0 - found.signals))),
     )
 
 
@@ -247,26 +248,24 @@ def is_excess(splits: Sequence[DataSplit], floors: Sequence[float], options: Res
         floors: Noise floor of each [effort].
         options: What counts.
     """
-    everything = [(split, np.ones(split.after.size, dtype=bool), f) for split, f in zip(splits, floors, strict=True)]
-    for split, rows, floor in (*everything, *((splits[1], rows, floors[1]) for rows in single_runs(*splits))):
-        after, before = (float(np.sqrt(np.mean(x[rows] ** 2))) for x in (split.after, split.before))
+    train, held = splits
+    parts = [(train, slice(None), floors[0]), *((held, rows, floors[1]) for rows in parts_of(held))]
+    for split, rows, floor in parts:
+        after, before = rms(split.after[rows]), rms(split.before[rows])
         if after > options.most_floors * floor and after > options.least_of_before * before:
             return True
     return False
 
 
-def single_runs(train: DataSplit, held: DataSplit) -> list[BoolArray]:
-    """(N,) rows of each held-out run that has those of a regression; none where training rows stand for them."""
-    if held.samples is train.samples:
-        return []
+def parts_of(held: DataSplit) -> list[slice | BoolArray]:
+    """Rows of all held-out runs together, and of each that has those of a regression."""
     each = [held.samples.run == number for number in np.unique(held.samples.run)]
-    return [rows for rows in each if np.count_nonzero(rows) >= LEAST_ROWS]
+    return [slice(None), *(rows for rows in each if np.count_nonzero(rows) >= LEAST_ROWS)]
 
 
-def worst_rms(train: DataSplit, held: DataSplit) -> float:
+def worst_rms(held: DataSplit) -> float:
     """Largest RMS after [effort] of all held-out runs together and of each: quiet ones do not excuse a loud one."""
-    parts = [np.ones(held.after.size, dtype=bool), *single_runs(train, held)]
-    return max(float(np.sqrt(np.mean(held.after[rows] ** 2))) for rows in parts)
+    return max(rms(held.after[rows]) for rows in parts_of(held))
 
 
 def _effort_rms(split: DataSplit) -> float:

@@ -11,13 +11,9 @@ from drake_tc.diagnosis.problem.columns import BalanceCoefficients, Columns
 from drake_tc.diagnosis.problem.regression import Fit
 from drake_tc.diagnosis.residual.structure import assess_residual, features, is_excess, worst_rms
 from drake_tc.diagnosis.residual.unexplained import DataSplit, Unexplained, Verdict
+from drake_tc.diagnosis.root_mean_square import rms
 from drake_tc.diagnosis.thresholds import CORRELATED_NOISE_NOTED, ResidualThresholds
 from drake_tc.effects.base import Context, TransmissionEffect
-from drake_tc.types import FloatArray
-
-
-def _rms(values: FloatArray) -> float:
-    return float(np.sqrt(np.mean(values**2)))
 
 
 def noise_floor(columns: Columns, chosen: Fit) -> float:
@@ -56,8 +52,8 @@ def what_is_left(
     noise = [correlated_noise(s.samples, s.after / chosen.gain) for s in splits]
     levels = [max(floor, n.rms * chosen.gain) if n is not None and n.is_noise else floor for n in noise]
     left = left.with_floors(
-        _rms(splits[1].after) / levels[1],
-        max(_rms(splits[0].after) / levels[0], worst_rms(*splits) / levels[1]),
+        rms(splits[1].after) / levels[1],
+        max(rms(splits[0].after) / levels[0], worst_rms(splits[1]) / levels[1]),
         excess=is_excess(splits, levels, thresholds),
     )
     if levels[1] <= CORRELATED_NOISE_NOTED * floor or noise[1] is None:

@@ -9,16 +9,12 @@ from drake_tc.diagnosis.problem.columns import Columns, Term
 from drake_tc.diagnosis.problem.estimates import Estimate
 from drake_tc.diagnosis.problem.regression import Fit, fit_without, predict
 from drake_tc.diagnosis.result.joint_result import FoundEffect, RejectedEffect, Rejection
+from drake_tc.diagnosis.root_mean_square import rms
 from drake_tc.diagnosis.selection.engine import compare
 from drake_tc.diagnosis.selection.joint import JointProblem, Search, best_shape, candidates, share_better
 from drake_tc.diagnosis.thresholds import JOINT, UNTESTED_EFFORT, SearchThresholds
 from drake_tc.effects.base import Context, Effect
 from drake_tc.effects.library import looked_for
-from drake_tc.types import FloatArray
-
-
-def _rms(values: FloatArray) -> float:
-    return float(np.sqrt(np.mean(values**2)))
 
 
 def stabilities(found: Search, seed: int) -> dict[str, float]:
@@ -60,9 +56,9 @@ def found_effects(
                 id=term.effect.id,
                 title=term.effect.title,
                 parameters=parameters[term.effect.key],
-                heldout_gain=1.0 - _rms(after) / max(_rms(residual), 1e-300),
+                heldout_gain=1.0 - rms(after) / max(rms(residual), 1e-300),
                 stability=stability[term.effect.key],
-                contribution=_rms(after - residual),
+                contribution=rms(after - residual),
             )
         )
     return tuple(sorted(out, key=lambda e: -e.heldout_gain))
@@ -80,7 +76,7 @@ def rejected_effects(
 ) -> tuple[RejectedEffect, ...]:
     """Every other effect (of `effects` where they are given), tried on top of the final model."""
     taken = {t.effect.id for t in chosen.terms}
-    base = _rms(predict(held, chosen))
+    base = rms(predict(held, chosen))
     best: dict[str, RejectedEffect] = {}
     usable, _ = candidates(looked_for(context, effects), context, sorted(taken | set(context.declared)))
     problem = JointProblem(columns, usable, context, frozenset(), floor)
@@ -88,7 +84,7 @@ def rejected_effects(
         tried = best_shape(columns, chosen, member, context, problem.screen)
         comparison = compare(problem, chosen, tried)
         train_gain = float(comparison.gain[0])
-        gain = 1.0 - _rms(predict(held, tried)) / base
+        gain = 1.0 - rms(predict(held, tried)) / base
         reason: Rejection = "imperfect_form"
         if train_gain < thresholds.least_gain:
             reason = "too_little_gain"

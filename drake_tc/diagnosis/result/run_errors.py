@@ -7,7 +7,7 @@ import numpy as np
 from drake_tc.diagnosis.data.samples import Samples
 from drake_tc.diagnosis.residual.unexplained import DataSplit
 from drake_tc.diagnosis.result.joint_result import RunErrors
-from drake_tc.types import FloatArray
+from drake_tc.diagnosis.root_mean_square import rms
 
 
 def run_errors(splits: Sequence[DataSplit]) -> Iterator[RunErrors]:
@@ -18,7 +18,7 @@ def run_errors(splits: Sequence[DataSplit]) -> Iterator[RunErrors]:
             if mine.any():
                 before, after = split.before[mine], split.after[mine]
                 absolute = [float(np.mean(np.abs(x))) for x in (before, after)]
-                yield RunErrors(name, heldout, int(mine.sum()), _rms(before), _rms(after), *absolute)
+                yield RunErrors(name, heldout, int(mine.sum()), rms(before), rms(after), *absolute)
 
 
 def without_rows(parts: Sequence[Samples]) -> tuple[str, ...]:
@@ -34,7 +34,3 @@ def without_rows(parts: Sequence[Samples]) -> tuple[str, ...]:
         return ()
     width = f"{1e3 * parts[0].kernel.actual_width_s:.3g} ms"
     return (f"No filter window of {width} lies in motion in {', '.join(silent)}: nothing is said about these runs.",)
-
-
-def _rms(values: FloatArray) -> float:
-    return float(np.sqrt(np.mean(values**2)))

@@ -7,6 +7,7 @@ import numpy as np
 
 from drake_tc.diagnosis.data.samples import Samples
 from drake_tc.diagnosis.data.sliding import LEAST_ROWS
+from drake_tc.diagnosis.root_mean_square import rms
 from drake_tc.diagnosis.thresholds import HELDOUT_ACTS, HELDOUT_CERTAIN, RUN_ACTS, RUN_CERTAIN
 from drake_tc.identification.autocorrelation import correlation_time
 from drake_tc.types import FloatArray, IntArray
@@ -94,8 +95,3 @@ def cut_blocks(block: IntArray) -> IntArray:
         return block
     within = np.arange(block.size) - (np.cumsum(sizes) - sizes)[block]
     return np.asarray(np.unique(block * parts + within * parts // sizes[block], return_inverse=True)[1])
-
-
-def rms(values: FloatArray) -> float:
-    """Root mean square of values (N,); 0 of none."""
-    return float(np.sqrt(np.mean(values**2))) if values.size else 0.0
