@@ -28,11 +28,11 @@ from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
-from drake_tc.diagrams.papers.delprete2016.stability import BEGIN, LASTS, pushed
 
 from drake_tc import block_graph, close_loop, load_models
 from drake_tc.control.guard import GuardMode
 from drake_tc.control.torque_control import COMPONENTS
+from drake_tc.diagrams.papers.delprete2016.stability import BEGIN, LASTS, pushed
 from drake_tc.loops.torque.running import simulate_scenario
 from drake_tc.loops.torque.summary import estimated, summarise, write_results
 from drake_tc.registry import diagram_entry

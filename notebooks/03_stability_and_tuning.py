@@ -29,10 +29,6 @@ from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
-from drake_tc.diagrams.papers.delprete2016.sliding_prediction import floating, predicted
-from drake_tc.diagrams.papers.delprete2016.stability import BEGIN, LASTS, WATCHED, Released, pushed
-from drake_tc.diagrams.papers.delprete2016.tuning import BEGIN as SWING_BEGINS
-from drake_tc.diagrams.papers.delprete2016.tuning import IDENTIFIED
 from matplotlib.colors import LogNorm
 
 from drake_tc.analysis.loop_parameters import with_values
@@ -46,6 +42,10 @@ from drake_tc.analysis.torque_loop.tuned import tuned_fields, tuned_scenario
 from drake_tc.analysis.torque_loop.tuning_task import joint_tasks
 from drake_tc.analysis.tracking_error import filtered_task, predicted_error
 from drake_tc.analysis.tuning import SearchSpace, tune
+from drake_tc.diagrams.papers.delprete2016.sliding_prediction import floating, predicted
+from drake_tc.diagrams.papers.delprete2016.stability import BEGIN, LASTS, WATCHED, Released, pushed
+from drake_tc.diagrams.papers.delprete2016.tuning import BEGIN as SWING_BEGINS
+from drake_tc.diagrams.papers.delprete2016.tuning import IDENTIFIED
 from drake_tc.loops.scenarios.parts import PushSpec
 from drake_tc.loops.torque.running import simulate_scenario
 from drake_tc.loops.torque.sliding import sliding_scenario

@@ -29,10 +29,6 @@ from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
-from drake_tc.diagrams.papers.delprete2015.com_move import Sway, approximations
-from drake_tc.diagrams.papers.delprete2015.judge import judge
-from drake_tc.diagrams.papers.delprete2015.setup import PLAIN, ROBUST, SIGMA, W_COM, torque_error
-from drake_tc.diagrams.papers.delprete2015.simulation import solve_again
 
 from drake_tc.benchmarks.tsid_timing import tick_timings
 from drake_tc.control.torque_uncertainty_file import (
@@ -40,6 +36,10 @@ from drake_tc.control.torque_uncertainty_file import (
     load_torque_uncertainty,
     save_torque_uncertainty,
 )
+from drake_tc.diagrams.papers.delprete2015.com_move import Sway, approximations
+from drake_tc.diagrams.papers.delprete2015.judge import judge
+from drake_tc.diagrams.papers.delprete2015.setup import PLAIN, ROBUST, SIGMA, W_COM, torque_error
+from drake_tc.diagrams.papers.delprete2015.simulation import solve_again
 from drake_tc.loops.whole_body.running import simulate_tsid
 from drake_tc.loops.whole_body.scenario import KnotSpec
 from drake_tc.loops.whole_body.summary import task_errors

@@ -30,6 +30,10 @@ from dataclasses import replace
 
 import matplotlib.pyplot as plt
 import numpy as np
+from scipy.signal import welch
+
+from drake_tc.diagnosis.joint import diagnose_joint
+from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagrams.papers.faraji2015.motions import (
     ABOVE_HZ,
     SCENARIOS,
@@ -43,10 +47,6 @@ from drake_tc.diagrams.papers.faraji2015.sea_bode import lag_deg, measured
 from drake_tc.diagrams.papers.faraji2015.sea_held import friction_at, hand_torque
 from drake_tc.diagrams.papers.faraji2015.sea_laws import MOMENTUM, OBSERVER, PI, PREDICTED, margins_of, with_law
 from drake_tc.diagrams.papers.faraji2015.sea_motor import data_sheet, true_motor
-from scipy.signal import welch
-
-from drake_tc.diagnosis.joint import diagnose_joint
-from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.identification.motor_prior import UNKNOWNS, identify_motor
 from drake_tc.loops.series_elastic.excitation import Excitation, record_excitation
 from drake_tc.loops.series_elastic.running import simulate_sea

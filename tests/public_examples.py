@@ -4,7 +4,6 @@ import importlib
 from pathlib import Path
 from typing import Any
 
-import drake_tc.models
 import numpy as np
 import pandas as pd
 from pydrake.multibody.parsing import Parser
@@ -13,6 +12,7 @@ from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import LinearSystem, MatrixGain
 
 import drake_tc
+import drake_tc.models
 from drake_tc.analysis.frequency_response import Sweep
 
 PACKAGES = (

@@ -16,7 +16,6 @@ from typing import Any
 
 from drake_tc.diagrams.papers.departures import departures
 from drake_tc.diagrams.papers.expected_values import expectations, expected_file, expected_path, on_record
-
 from drake_tc.errors import ParamsError
 from drake_tc.report.reproduction import reproduced_row
 

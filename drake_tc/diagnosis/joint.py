@@ -9,6 +9,7 @@ from drake_tc.diagnosis.data.link_prior import LinkPrior
 from drake_tc.diagnosis.data.load_scale import load_scale
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.problem.columns import Columns, Term, coefficients_by_term
+from drake_tc.diagnosis.problem.drive_gain import at_reverse_regression, require_drive_gain, with_drive_gain
 from drake_tc.diagnosis.problem.prepared import Prepared, prepare_joint
 from drake_tc.diagnosis.problem.regression import Fit, fit
 from drake_tc.diagnosis.problem.sensor_errors import errors_in, weighed
@@ -165,12 +166,14 @@ def diagnose_joint(
         options.search.least_gain,
     )
     columns, held, chosen = confirmed.train, confirmed.held, confirmed.fit
+    require_drive_gain(columns, chosen, joint, context.drive)
+    baseline = with_drive_gain(columns, found.baseline, chosen)
     progress("what is left", 0.0)
     floor = noise_floor(columns, chosen)
-    splits = compared(columns, held, found.baseline, chosen)
+    splits = compared(columns, held, baseline, chosen)
     unexplained, floor, notes = what_is_left(splits, chosen, floor, context, options, executor)
     final_parameters = parameters_of(columns, chosen, context.drive)
-    effects = found_effects(columns, held, chosen, found.baseline.terms, final_parameters, stability)
+    effects = found_effects(columns, held, chosen, baseline.terms, final_parameters, stability)
     kept = {e.id for e in effects}
     load_notes = (
         *load_scale(rig, joint).notes,
@@ -185,9 +188,9 @@ def diagnose_joint(
         joint=joint,
         drive=context.drive,
         unit=EFFORT_UNIT[context.drive],
-        baseline=found.baseline,
+        baseline=baseline,
         final=chosen,
-        baseline_parameters=parameters_of(columns, found.baseline, context.drive),
+        baseline_parameters=parameters_of(columns, baseline, context.drive),
         final_parameters=final_parameters,
         noise_floor=floor,
         before=Errors(rms(splits[0].before), rms(splits[1].before), None),
@@ -240,7 +243,7 @@ def _refitted(stage: Stage) -> Search:
     if stage.subsample is prepared.train:
         return found
     baseline, chosen = (fit(prepared.train, f.terms) for f in (found.baseline, found.chosen))
-    return replace(found, baseline=baseline, chosen=chosen)
+    return replace(found, baseline=at_reverse_regression(prepared.train, baseline), chosen=chosen)
 
 
 def _settled(

@@ -2,10 +2,10 @@
 
 from pathlib import Path
 
-import drake_tc.models
 import pytest
 from jsonschema import Draft202012Validator
 
+import drake_tc.models
 from drake_tc.actuation.model_document import EffectKeys, ModelDocument
 from drake_tc.cli.schema_command import Document, document_model, document_page, document_schema
 from drake_tc.config.keys import HIDDEN, default_of

@@ -3,12 +3,12 @@
 import logging
 from pathlib import Path
 
-import drake_tc.models
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 from optional import skip_without_robots
 
+import drake_tc.models
 from drake_tc.estimation.plant import skew
 from drake_tc.estimation.torque_model import TorqueModel
 from drake_tc.robot.robot import load_robot

@@ -97,7 +97,6 @@ def model(*more: EffectValue) -> ActuatorModel:
 def recorded():
     """A rig and a run of the simulated bench with that model."""
     from drake_tc.diagrams.joint_bench import BenchScenario, record_bench
-
     from drake_tc.loops.joint_bench.diagram import Table
 
     time = np.arange(4000) * 1e-3

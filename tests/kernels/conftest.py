@@ -3,10 +3,10 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-import drake_tc.models
 import numpy as np
 import pytest
 
+import drake_tc.models
 from drake_tc.tsid.configuration import load_law
 from drake_tc.tsid.law import Status
 from drake_tc.tsid.qp.problem import Outcome

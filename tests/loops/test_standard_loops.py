@@ -2,7 +2,6 @@
 
 from pathlib import Path
 
-import drake_tc.models
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -11,6 +10,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder, LeafSystem
 from pydrake.systems.primitives import LinearSystem
 
+import drake_tc.models
 from drake_tc.actuation.model_file import load_models
 from drake_tc.control.gains import TorqueGains
 from drake_tc.control.trajectories import knot_trajectory

@@ -4,11 +4,11 @@ from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
-import drake_tc.models
 import numpy as np
 import yaml
 from optional import skip_without_robots
 
+import drake_tc.models
 from drake_tc.robot.mounts import Mount, Pose
 from drake_tc.robot.plant import joint_limits
 from drake_tc.robot.robot import Robot, load_robot

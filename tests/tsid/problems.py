@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-import drake_tc.models
 import numpy as np
 
+import drake_tc.models
 from drake_tc.robot.mounts import Mount, Pose
 from drake_tc.robot.plant import joint_limits
 from drake_tc.robot.robot import Robot, load_robot

@@ -3,13 +3,13 @@
 import copy
 from pathlib import Path
 
-import drake_tc.models
 import numpy as np
 import pytest
 import yaml
 from numpy.testing import assert_allclose, assert_array_equal
 from optional import skip_without_robots
 
+import drake_tc.models
 from drake_tc.control.torque_uncertainty_file import TorqueUncertainty, save_torque_uncertainty
 from drake_tc.errors import ParamsError
 from drake_tc.robot.plant import joint_limits

@@ -3,7 +3,6 @@
 from dataclasses import replace
 from pathlib import Path
 
-import drake_tc.models
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
@@ -13,6 +12,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import LogVectorOutput
 
+import drake_tc.models
 from drake_tc.errors import ParamsError
 from drake_tc.robot.plant import joint_limits, make_plant
 from drake_tc.robot.rotors import file_rotors

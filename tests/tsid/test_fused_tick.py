@@ -6,13 +6,13 @@ The stages themselves are held against the whole program in `test_kernel_oracle`
 from dataclasses import replace
 from pathlib import Path
 
-import drake_tc.models
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
+import drake_tc.models
 from drake_tc.tsid.configuration import load_law
 from drake_tc.tsid.law import Law, Status
 from drake_tc.tsid.program_solver import ProgramSolver

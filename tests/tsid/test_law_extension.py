@@ -5,11 +5,11 @@ from copy import deepcopy
 from dataclasses import replace
 from pathlib import Path
 
-import drake_tc.models
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
+import drake_tc.models
 from drake_tc.errors import ParamsError, SimulationError
 from drake_tc.tsid.configuration import load_law
 from drake_tc.tsid.controller import RobustTsid

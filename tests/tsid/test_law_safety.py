@@ -3,11 +3,11 @@
 from dataclasses import replace
 from pathlib import Path
 
-import drake_tc.models
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+import drake_tc.models
 from drake_tc.robot.plant import joint_limits
 from drake_tc.tsid import tick as module
 from drake_tc.tsid.configuration import load_law

@@ -3,11 +3,11 @@
 from dataclasses import replace
 from pathlib import Path
 
-import drake_tc.models
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+import drake_tc.models
 from drake_tc.errors import ParamsError
 from drake_tc.tsid.configuration import load_law
 from drake_tc.tsid.law import Status

@@ -14,12 +14,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from drake_tc.diagrams.papers.delprete2015.judge import wilson
-from drake_tc.diagrams.papers.delprete2015.setup import robot
-from drake_tc.diagrams.papers.expected_values import expectations
 from scipy.stats import binomtest
 
 from drake_tc.analysis.sweep import processes, sweep
+from drake_tc.diagrams.papers.delprete2015.judge import wilson
+from drake_tc.diagrams.papers.delprete2015.setup import robot
+from drake_tc.diagrams.papers.expected_values import expectations
 from drake_tc.loops.whole_body.running import TsidRecording, simulate_tsid
 from drake_tc.loops.whole_body.scenario import KnotSpec, TsidScenario
 from drake_tc.loops.whole_body.violations import contact_misses, joint_misses

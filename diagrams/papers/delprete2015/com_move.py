@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+
+from drake_tc.control.trajectories import knot_trajectory
 from drake_tc.diagrams.papers.delprete2015.judge import SAMPLES, Judged, cell, judge
 from drake_tc.diagrams.papers.delprete2015.setup import (
     DT,
@@ -25,8 +27,6 @@ from drake_tc.diagrams.papers.delprete2015.setup import (
 )
 from drake_tc.diagrams.papers.delprete2015.simulation import Moment, Scene, follow, solve_again
 from drake_tc.diagrams.papers.expected_values import expectations
-
-from drake_tc.control.trajectories import knot_trajectory
 from drake_tc.report.reproduction import Progress, Reproduction, judged
 from drake_tc.text_table import TextTable
 from drake_tc.tsid.probability import probability

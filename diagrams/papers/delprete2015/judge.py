@@ -5,9 +5,9 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from drake_tc.diagrams.papers.delprete2015.simulation import Moment
 from scipy.stats import binomtest
 
+from drake_tc.diagrams.papers.delprete2015.simulation import Moment
 from drake_tc.tsid.probability import probability
 from drake_tc.tsid.robust.torque_error import TorqueError
 from drake_tc.types import BoolArray, FloatArray

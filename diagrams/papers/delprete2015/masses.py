@@ -11,6 +11,8 @@ from tempfile import TemporaryDirectory
 from xml.etree import ElementTree
 
 import numpy as np
+
+from drake_tc.analysis.sweep import processes, sweep
 from drake_tc.diagrams.papers.delprete2015.judge import MISSED, judge, miss, wilson
 from drake_tc.diagrams.papers.delprete2015.reach import GOAL, reach_scene
 from drake_tc.diagrams.papers.delprete2015.setup import (
@@ -25,8 +27,6 @@ from drake_tc.diagrams.papers.delprete2015.setup import (
 )
 from drake_tc.diagrams.papers.delprete2015.simulation import Moment, follow
 from drake_tc.diagrams.papers.expected_values import expectations
-
-from drake_tc.analysis.sweep import processes, sweep
 from drake_tc.report.reproduction import Progress, Reproduction, judged
 from drake_tc.text_table import TextTable
 from drake_tc.tsid.limits.capture_point import CapturePointLimit

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+
+from drake_tc.control.trajectories import knot_trajectory
 from drake_tc.diagrams.papers.delprete2015.judge import Judged, cell, judge
 from drake_tc.diagrams.papers.delprete2015.setup import (
     BOX,
@@ -32,8 +34,6 @@ from drake_tc.diagrams.papers.delprete2015.setup import (
 )
 from drake_tc.diagrams.papers.delprete2015.simulation import Moment, Scene, follow
 from drake_tc.diagrams.papers.expected_values import expectations
-
-from drake_tc.control.trajectories import knot_trajectory
 from drake_tc.report.reproduction import Progress, Reproduction, judged
 from drake_tc.text_table import TextTable
 from drake_tc.tsid.limits.capture_point import CapturePointLimit, half_planes

@@ -8,8 +8,8 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from drake_tc.diagrams.papers.delprete2015.setup import DT, Way, force_task
 
+from drake_tc.diagrams.papers.delprete2015.setup import DT, Way, force_task
 from drake_tc.tsid.infeasible import diagnose
 from drake_tc.tsid.limits.base import Limit
 from drake_tc.tsid.manifold import moved

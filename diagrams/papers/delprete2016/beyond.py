@@ -7,10 +7,10 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from drake_tc.diagrams.papers.delprete2016.motion_tables import COMPLETE
-from drake_tc.diagrams.papers.expected_values import expectations
 
 from drake_tc.control.guard import GuardMode
+from drake_tc.diagrams.papers.delprete2016.motion_tables import COMPLETE
+from drake_tc.diagrams.papers.expected_values import expectations
 from drake_tc.estimation.disturbance_observer import ObserverSpec
 from drake_tc.loops.scenarios.parts import ModelFactors
 from drake_tc.loops.torque.recording import TorqueRecording

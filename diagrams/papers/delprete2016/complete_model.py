@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from drake_tc.diagrams.papers.delprete2016.identification import Experiment
 from threadpoolctl import threadpool_limits
 
 from drake_tc.diagnosis.joint import diagnose_joint
@@ -21,6 +20,7 @@ from drake_tc.diagnosis.problem.columns import Columns, Term
 from drake_tc.diagnosis.problem.estimates import block_lengths
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagnosis.thresholds import JOINT
+from drake_tc.diagrams.papers.delprete2016.identification import Experiment
 from drake_tc.identification.autocorrelation import critical_value_95
 from drake_tc.identification.regression import least_squares
 from drake_tc.logs.prepare import load_runs

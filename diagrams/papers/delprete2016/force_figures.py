@@ -6,9 +6,9 @@ A force sine on a rigid object, and what the command is made of in motion and in
 from typing import Any
 
 import numpy as np
-from drake_tc.diagrams.papers.expected_values import expectations
 
 from drake_tc.control.torque_control import COMPONENTS
+from drake_tc.diagrams.papers.expected_values import expectations
 from drake_tc.loops.torque.recording import TorqueRecording
 from drake_tc.loops.torque.running import simulate_scenario
 from drake_tc.loops.torque.summary import estimated

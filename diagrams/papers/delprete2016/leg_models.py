@@ -7,12 +7,11 @@ import sys
 from collections.abc import Mapping
 from pathlib import Path
 
-from drake_tc.diagrams.papers.delprete2016.identification import WEIGHT
-from drake_tc.diagrams.papers.delprete2016.table1 import Table1, identify_table1
-
 from drake_tc.actuation.model import ActuatorModel
 from drake_tc.actuation.model_file import save_models
 from drake_tc.diagnosis.result.models import model_of
+from drake_tc.diagrams.papers.delprete2016.identification import WEIGHT
+from drake_tc.diagrams.papers.delprete2016.table1 import Table1, identify_table1
 
 STEM = "hrp2_like_leg"
 EXPERIMENT = "diagrams/papers/delprete2016/identification.py"

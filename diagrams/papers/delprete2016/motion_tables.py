@@ -6,8 +6,8 @@ One stair swing under the vendor's servo and under torque control of falling sti
 from dataclasses import dataclass, replace
 
 import numpy as np
-from drake_tc.diagrams.papers.expected_values import expectations
 
+from drake_tc.diagrams.papers.expected_values import expectations
 from drake_tc.loops.torque.recording import TorqueRecording
 from drake_tc.loops.torque.running import simulate_scenario
 from drake_tc.registry import diagram_entry

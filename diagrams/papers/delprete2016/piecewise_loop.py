@@ -11,7 +11,6 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
-from drake_tc.diagrams.papers.delprete2016.identification import experiment_scenarios, off_line_torque
 from pydrake.common.value import Value
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.analysis import Simulator
@@ -22,6 +21,7 @@ from drake_tc.actuation.wiring import add_actuators
 from drake_tc.analysis.torque_loop.joint_loops import joint_loops
 from drake_tc.analysis.torque_loop.one_joint_loop import alone
 from drake_tc.control.dynamics_terms import DynamicsTerms
+from drake_tc.diagrams.papers.delprete2016.identification import experiment_scenarios, off_line_torque
 from drake_tc.filtering.savitzky_golay import SavitzkyGolayFilter
 from drake_tc.identification.identify import prepare
 from drake_tc.identification.piecewise import PiecewiseFit, ThreePieces, fit_three_pieces

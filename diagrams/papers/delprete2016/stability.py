@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+
 from drake_tc.diagrams.papers.delprete2016.contact_stability import ContactBorder, contact_border
 from drake_tc.diagrams.papers.delprete2016.piecewise_loop import Reversal, reversals
 from drake_tc.diagrams.papers.delprete2016.sliding_prediction import floating, predicted
 from drake_tc.diagrams.papers.expected_values import expectations
-
 from drake_tc.loops.scenarios.parts import PushSpec
 from drake_tc.loops.torque.parts import loop_robot
 from drake_tc.loops.torque.references import posture

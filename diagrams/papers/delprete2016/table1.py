@@ -8,6 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from scipy.stats import norm
+
+from drake_tc.actuation.model import ActuatorModel
+from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagrams.papers.delprete2016.complete_model import (
     CALIBRATION,
     DriveEstimate,
@@ -18,10 +22,6 @@ from drake_tc.diagrams.papers.delprete2016.complete_model import (
 )
 from drake_tc.diagrams.papers.delprete2016.identification import Experiment, linear_models, record_experiment
 from drake_tc.diagrams.papers.expected_values import expectations
-from scipy.stats import norm
-
-from drake_tc.actuation.model import ActuatorModel
-from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.report.reproduction import Progress, Reproduction, judged
 from drake_tc.text_table import TextTable
 

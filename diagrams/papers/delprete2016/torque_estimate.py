@@ -1,8 +1,8 @@
 """How good the estimated joint torques are with realistic sensors, and which imperfection costs what."""
 
 import numpy as np
-from drake_tc.diagrams.papers.expected_values import expectations
 
+from drake_tc.diagrams.papers.expected_values import expectations
 from drake_tc.estimation.error_budget import Run, error_budget
 from drake_tc.estimation.torque_model import TorqueModel
 from drake_tc.loops.torque.recording import TorqueRecording

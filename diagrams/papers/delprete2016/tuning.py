@@ -8,7 +8,6 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from drake_tc.diagrams.papers.expected_values import expectations
 
 from drake_tc.analysis.pareto_plot import draw_fronts
 from drake_tc.analysis.settings import default_goals
@@ -17,6 +16,7 @@ from drake_tc.analysis.torque_loop.perturbed_plants import Spread
 from drake_tc.analysis.torque_loop.tuned import Confirmed, confirm
 from drake_tc.analysis.torque_loop.tuning_task import joint_tasks
 from drake_tc.analysis.tuning import Tuning, tune
+from drake_tc.diagrams.papers.expected_values import expectations
 from drake_tc.loops.torque.scenario import Scenario
 from drake_tc.registry import diagram_entry
 from drake_tc.report.reproduction import Progress, Reproduction, judged

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from drake_tc.diagrams.papers.expected_values import expectations
 
 from drake_tc.analysis.sweep import processes, sweep
+from drake_tc.diagrams.papers.expected_values import expectations
 from drake_tc.loops.whole_body.running import TsidRecording, simulate_tsid
 from drake_tc.loops.whole_body.scenario import TsidScenario
 from drake_tc.report.reproduction import Progress, Reproduction, judged

@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from drake_tc.diagrams.papers.expected_values import expectations
 from scipy.signal import butter, sosfiltfilt, welch
 
 from drake_tc.control.rotation import rotation_matrix, rotation_vector
+from drake_tc.diagrams.papers.expected_values import expectations
 from drake_tc.loops.whole_body.references import task_source
 from drake_tc.loops.whole_body.running import TsidRecording, simulate_tsid
 from drake_tc.loops.whole_body.scenario import TsidScenario

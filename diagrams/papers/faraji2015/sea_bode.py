@@ -4,6 +4,10 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+
+from drake_tc.analysis.frequency_response import FrequencyResponse, Sweep, bandwidth, swept_sine
+from drake_tc.analysis.sampled import linearise
+from drake_tc.analysis.settled import settled_at
 from drake_tc.diagrams.papers.expected_values import expectations
 from drake_tc.diagrams.papers.faraji2015.sea_laws import (
     INPUT,
@@ -16,10 +20,6 @@ from drake_tc.diagrams.papers.faraji2015.sea_laws import (
     margins_of,
     with_law,
 )
-
-from drake_tc.analysis.frequency_response import FrequencyResponse, Sweep, bandwidth, swept_sine
-from drake_tc.analysis.sampled import linearise
-from drake_tc.analysis.settled import settled_at
 from drake_tc.loops.series_elastic.scenario import SeaScenario
 from drake_tc.loops.series_elastic.sliding import sliding_sea
 from drake_tc.registry import sea_entry

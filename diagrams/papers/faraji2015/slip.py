@@ -3,9 +3,9 @@
 from typing import Any
 
 import numpy as np
+
 from drake_tc.diagrams.papers.expected_values import expectations
 from drake_tc.diagrams.papers.faraji2015.motions import BASELINE, OURS, SCENARIOS, SINCE, base_errors, rmse_values
-
 from drake_tc.loops.whole_body.running import TsidRecording, simulate_tsid
 from drake_tc.loops.whole_body.scenario import TsidScenario
 from drake_tc.report.reproduction import Progress, Reproduction, judged

@@ -4,7 +4,6 @@ from typing import Any
 
 from drake_tc.diagrams.papers.expected_values import expectations
 from drake_tc.diagrams.papers.faraji2015.motions import SCENARIOS, BaseErrors, base_errors, rmse_values
-
 from drake_tc.loops.whole_body.running import simulate_tsid
 from drake_tc.loops.whole_body.scenario import TsidScenario
 from drake_tc.report.reproduction import Progress, Reproduction, judged

@@ -17,6 +17,7 @@ from drake_tc.diagnosis.problem.declared import (
     known_taken_off,
     require_positions,
 )
+from drake_tc.diagnosis.problem.drive_gain import at_reverse_regression
 from drake_tc.diagnosis.problem.regression import Fit, fit
 from drake_tc.diagnosis.problem.sensor_errors import errors_of, weighed
 from drake_tc.diagnosis.problem.signs import require_consistent_signs
@@ -133,6 +134,7 @@ def prepare_joint(
         _require_identified(first, plain.terms)
     if context.load != "links" or link_prior is not None:  # else the load is not yet fitted
         require_consistent_signs(first, plain, joint, context.drive)
+        plain = at_reverse_regression(first, plain)
     first, other, plain = _with_sensor_errors(first, other, plain, context)
     first, other = (with_fitted_load(c.with_model(plain.terms, plain.beta, servo=servo), plain) for c in (first, other))
     fitted = BalanceCoefficients.of(plain.terms, plain.beta)

@@ -4,16 +4,19 @@ The torque balance of a joint with its load reads, in the declared model,
 
     y = K (tau + J qddot) + F_v qdot + F_c s + c + e,   K >= 0
 
-An effort that goes against the balance altogether (1/K <= 0 in the declared model's own fit), or a load tau whose
-negative leaves at most half as much of an effort that is far from explained, is a column of the wrong sign and not a
-property of the joint.
+An effort that goes against the balance altogether (1/K <= 0 in the declared model's own fit, and with friction of any
+sign the load explains next to nothing of the effort), or a load tau whose negative leaves at most half as much of an
+effort that is far from explained, is a column of the wrong sign and not a property of the joint.
+
+Where 1/K is 0 although the effort rises with the load, no sign is wrong (`drive_gain`).
 """
 
 import numpy as np
 
 from drake_tc.diagnosis.problem.columns import Columns
+from drake_tc.diagnosis.problem.drive_gain import not_identifiable, tells_drive_gain
 from drake_tc.diagnosis.problem.regression import Fit
-from drake_tc.diagnosis.thresholds import CLEARLY_WORSE, LEAST_UNEXPLAINED, NO_STIFFNESS
+from drake_tc.diagnosis.thresholds import CLEARLY_WORSE, LEAST_UNEXPLAINED, LOAD_EXPLAINS
 from drake_tc.effects.base import EFFORT_UNIT, DriveKind
 from drake_tc.errors import IdentificationError
 from drake_tc.logs.rig import COMMAND_COLUMN
@@ -35,19 +38,13 @@ def require_consistent_signs(columns: Columns, declared: Fit, joint: str, drive:
     samples = columns.samples
     s = samples.signals
     effort = samples.reduce(s.effort)
-    typical = float(np.std(columns.target)) / max(float(np.std(effort)), 1e-300)
     command = COMMAND_COLUMN[drive]
-    if declared.beta[0] <= NO_STIFFNESS * typical:
-        raise IdentificationError(
-            f"joint {joint}: the torque does not rise with the effort (drive gain not identifiable, "
-            f"{EFFORT_UNIT[drive]}/(N*m)): the sign of the torque or of the {command} column is wrong, they belong to "
-            f"different joints, or an effect that is not declared exceeds the load; try units: {{torque: -N*m}} or "
-            f"declare the effect in the rig file"
-        )
     load = samples.reduce(s.load_torque)
     inertia = s.rotor_inertia * samples.reduce(s.acceleration)
     friction = np.column_stack([samples.reduce(s.velocity), samples.reduce(s.direction), np.ones(load.size)])
-    as_it_is, turned = (_unexplained(effort, x + inertia, friction) for x in (load, -load))
+    as_it_is, turned, without = (_unexplained(effort, x, friction) for x in (load + inertia, -load + inertia, 0 * load))
+    if not tells_drive_gain(columns, declared) and as_it_is > LOAD_EXPLAINS * without:
+        raise not_identifiable(joint, drive)
     if as_it_is > max(CLEARLY_WORSE * turned, LEAST_UNEXPLAINED * float(np.std(effort))):
         raise IdentificationError(
             f"joint {joint}: the load torque has the wrong sign: turned, it leaves {turned:.3g} {EFFORT_UNIT[drive]} "

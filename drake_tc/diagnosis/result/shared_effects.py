@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from drake_tc.diagnosis.problem.columns import Term
+from drake_tc.diagnosis.problem.drive_gain import with_drive_gain
 from drake_tc.diagnosis.problem.estimates import Estimate, estimates
 from drake_tc.diagnosis.problem.prepared import Prepared
 from drake_tc.diagnosis.problem.regression import fit
@@ -28,6 +29,7 @@ RESAMPLES = 400
 def original_baseline(result: JointResult, prepared: Prepared) -> JointResult:
     """The joint's result with the declared model, and its errors, of loads without any effect that was found."""
     declared = refine(prepared.train, fit(prepared.train, prepared.terms))
+    declared = with_drive_gain(prepared.train, declared, result.final)
     residuals = [
         (columns.target - columns.design(declared.terms) @ declared.beta) * result.final.gain
         for columns in (prepared.train, prepared.held)

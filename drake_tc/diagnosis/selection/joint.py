@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from drake_tc.diagnosis.problem.columns import Columns, Term
+from drake_tc.diagnosis.problem.drive_gain import at_reverse_regression
 from drake_tc.diagnosis.problem.regression import Fit, fit, score
 from drake_tc.diagnosis.problem.sensor_errors import expected_errors
 from drake_tc.diagnosis.selection.comparison import better_share, effective_samples, effective_samples_for
@@ -215,7 +216,8 @@ def search(
     """
     known = frozenset(t.effect.key for t in declared)
     problem = JointProblem(columns, effects, context, known, floor, executor)
-    found = select(problem, refine(columns, fit(columns, declared)), thresholds, progress)
+    baseline = at_reverse_regression(columns, refine(columns, fit(columns, declared)))
+    found = select(problem, baseline, thresholds, progress)
     found = _of_simplest_causes(problem, found, thresholds, progress)
     found = _of_another_delay(problem, found, thresholds, progress)
     taken = {t.effect.id for t in found.chosen.terms}

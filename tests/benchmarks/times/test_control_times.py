@@ -4,10 +4,10 @@ import time
 from dataclasses import replace
 from pathlib import Path
 
-import drake_tc.models
 import numpy as np
 import pytest
 
+import drake_tc.models
 from drake_tc.actuation.model_file import load_models
 from drake_tc.control.gains import TorqueGains
 from drake_tc.control.guard import CommandGuard

@@ -3,10 +3,10 @@
 import time
 from pathlib import Path
 
-import drake_tc.models
 import numpy as np
 import pytest
 
+import drake_tc.models
 from drake_tc.estimation.joint_torque import JointTorqueEstimator
 from drake_tc.estimation.momentum_residual import MomentumResidual
 from drake_tc.estimation.torque_model import TorqueModel

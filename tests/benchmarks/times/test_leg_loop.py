@@ -7,11 +7,11 @@ figure is the fastest of many short chunks, and the bound is counted in what a c
 import time
 from pathlib import Path
 
-import drake_tc.diagrams
 import numpy as np
 import pytest
 from pydrake.systems.analysis import Simulator
 
+import drake_tc.diagrams
 from drake_tc.loops.torque.loop import build_loop
 from drake_tc.loops.torque.scenario import Scenario
 

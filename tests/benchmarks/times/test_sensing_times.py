@@ -7,12 +7,12 @@ import time
 
 import numpy as np
 import pytest
-from drake_tc.models import __path__ as models
 from pydrake.common.value import Value
 from pydrake.multibody.math import SpatialForce
 from pydrake.systems.framework import LeafSystem
 
 from drake_tc.filtering.savitzky_golay import SavitzkyGolayFilter
+from drake_tc.models import __path__ as models
 from drake_tc.robot.plant import make_plant
 from drake_tc.robot.robot import load_robot
 from drake_tc.sensing.force_torque import ForceTorque

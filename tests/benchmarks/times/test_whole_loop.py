@@ -8,12 +8,12 @@ and it is counted in what a copying LeafSystem costs between them: on a quiet ma
 import time
 from pathlib import Path
 
-import drake_tc.diagrams
 import numpy as np
 import pytest
 from pydrake.systems.analysis import Simulator
 from threadpoolctl import threadpool_limits
 
+import drake_tc.diagrams
 from drake_tc.loops.whole_body.loop import build_tsid
 from drake_tc.loops.whole_body.scenario import TsidScenario
 

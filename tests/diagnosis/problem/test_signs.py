@@ -6,13 +6,17 @@ import numpy as np
 import pytest
 
 from drake_tc.diagnosis.data.preparation import build_samples
+from drake_tc.diagnosis.joint import diagnose_joint
+from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.problem.columns import Columns, Term
+from drake_tc.diagnosis.problem.drive_gain import require_drive_gain, tells_drive_gain
 from drake_tc.diagnosis.problem.regression import fit
 from drake_tc.diagnosis.problem.signs import require_consistent_signs
 from drake_tc.effects.library import effect
 from drake_tc.errors import IdentificationError
+from drake_tc.logs.record import Run
 
-from ..rigs import COMMAND, Joint, record, rig_of, servo
+from ..rigs import COMMAND, Joint, motion, record, rig_of, servo
 
 TERMS = (Term(effect("viscous")), Term(effect("coulomb")))
 NOISY = Joint(torque_noise=0.3)
@@ -60,10 +64,51 @@ def test_a_load_that_says_nothing_is_left_to_the_fit(seed):
     require_consistent_signs(samples, fit(samples, TERMS), "joint", "current")
 
 
-def test_a_gain_that_rests_at_nothing_is_refused():
-    samples = Columns(build_samples([record(NOISY)], rig_of(NOISY), "joint"))
-    fitted = fit(samples, TERMS)
-    require_consistent_signs(samples, fitted, "joint", "current")
+def mostly_friction(switch: float, viscous: float = 10.0) -> tuple[Run, Joint]:
+    """A servo whose friction exceeds its load, which is not zero on average, with a gain that depends on direction."""
+    joint = Joint(drive="position_servo", gain=2e-3, viscous=viscous, coulomb=20.0)
+    m = motion(joint)
+    torque = 0.3 * m.tau - 3.0
+    need = torque + joint.inertia * m.a + joint.viscous * m.v + joint.coulomb * np.sign(m.v)
+    effort = joint.gain * need * (1.0 + switch * np.sign(m.v))
+    made = record(joint)
+    return replace(made, columns=made.columns | {"joint/torque": torque, "joint/position_command": m.q + effort}), joint
+
+
+def columns_of(made: Run, joint: Joint) -> Columns:
+    return Columns(build_samples([made], rig_of(joint), "joint"))
+
+
+def test_a_missing_effect_larger_than_the_load_is_no_wrong_sign():
+    made, joint = mostly_friction(switch=0.14)
+    columns = columns_of(made, joint)
+    declared = fit(columns, TERMS)
+    assert not tells_drive_gain(columns, declared)
+    require_consistent_signs(columns, declared, "joint", "position_servo")
+
+
+def test_the_missing_effect_is_found_and_both_models_are_told_at_its_drive_gain():
+    made, joint = mostly_friction(switch=0.14)
+    found = diagnose_joint([made], [], rig_of(joint), "joint", DiagnosisOptions(assess_residual=False))
+    assert [e.id for e in found.effects] == ["velocity_sign_switch"]
+    assert found.final.gain == pytest.approx(joint.gain * (1.0 - 0.14**2), rel=1e-3)  # K of 1/K (1 -+ a)
+    assert found.baseline.gain == pytest.approx(found.final.gain)
+    friction = found.baseline_parameters
+    assert friction["viscous"]["viscous"].value > 0.5 * joint.viscous  # in its own fit both are 0
+    assert friction["coulomb"]["coulomb"].value > 0.5 * joint.coulomb
+
+
+def test_a_load_that_explains_nothing_of_the_effort_is_refused():
+    made, joint = mostly_friction(switch=0.4, viscous=60.0)
+    columns = columns_of(made, joint)
+    with pytest.raises(IdentificationError, match="drive gain not identifiable"):
+        require_consistent_signs(columns, fit(columns, TERMS), "joint", "position_servo")
+
+
+def test_a_model_found_that_tells_no_drive_gain_either_is_refused():
+    columns = columns_of(record(NOISY), NOISY)
+    fitted = fit(columns, TERMS)
+    require_drive_gain(columns, fitted, "joint", "current")
     nothing = replace(fitted, beta=np.array([1e-12, *fitted.beta[1:]]))
     with pytest.raises(IdentificationError, match="drive gain not identifiable"):
-        require_consistent_signs(samples, nothing, "joint", "current")
+        require_drive_gain(columns, nothing, "joint", "current")

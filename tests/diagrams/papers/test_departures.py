@@ -4,12 +4,12 @@ import json
 
 import numpy as np
 import pytest
+
 from drake_tc.diagrams.papers import expected_values, record_reached
 from drake_tc.diagrams.papers.catalogue import REPRODUCTIONS
 from drake_tc.diagrams.papers.departures import departures
 from drake_tc.diagrams.papers.expected_values import expectations, expected_file, on_record
 from drake_tc.diagrams.papers.record_reached import recorded_text
-
 from drake_tc.errors import ParamsError
 from drake_tc.report.reproduction import Expectation, OnRecord, reproduced_row
 

@@ -6,6 +6,10 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
+from pydrake.multibody.tree import JacobianWrtVariable
+
+from drake_tc.control.torque_control import COMPONENTS
 from drake_tc.diagrams.papers import expected_values
 from drake_tc.diagrams.papers.catalogue import REPRODUCTIONS
 from drake_tc.diagrams.papers.delprete2016 import force_figures, motion_tables, stability, torque_estimate
@@ -14,10 +18,6 @@ from drake_tc.diagrams.papers.delprete2016.piecewise_loop import Reversal
 from drake_tc.diagrams.papers.delprete2016.sliding_prediction import predicted
 from drake_tc.diagrams.papers.departures import departures
 from drake_tc.diagrams.papers.expected_values import expectations, expected_file, on_record
-from numpy.testing import assert_allclose
-from pydrake.multibody.tree import JacobianWrtVariable
-
-from drake_tc.control.torque_control import COMPONENTS
 from drake_tc.errors import ParamsError
 from drake_tc.loops.torque.running import simulate_scenario
 from drake_tc.registry import diagram_entry, reproductions

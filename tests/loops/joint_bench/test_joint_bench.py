@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 import yaml
-from drake_tc.diagrams.joint_bench import SCENARIO_FILE, main
 from numpy.testing import assert_allclose
 
 from drake_tc.actuation.half_step import model_to_simulate
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.actuation.recorded_run import Link, Recording
+from drake_tc.diagrams.joint_bench import SCENARIO_FILE, main
 from drake_tc.effects.base import plain_signals
 from drake_tc.effects.library import effect
 from drake_tc.errors import ParamsError

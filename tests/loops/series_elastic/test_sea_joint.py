@@ -4,6 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from drake_tc.actuation.voltage_motor import VoltageMotor
+from drake_tc.analysis.frequency_response import FrequencyResponse
+from drake_tc.diagnosis.joint import diagnose_joint
+from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagrams.papers.faraji2015 import sea_bode, sea_held
 from drake_tc.diagrams.papers.faraji2015.sea_laws import (
     MOMENTUM,
@@ -13,12 +19,6 @@ from drake_tc.diagrams.papers.faraji2015.sea_laws import (
     with_law,
 )
 from drake_tc.diagrams.papers.faraji2015.sea_motor import simulated_value
-from numpy.testing import assert_allclose, assert_array_equal
-
-from drake_tc.actuation.voltage_motor import VoltageMotor
-from drake_tc.analysis.frequency_response import FrequencyResponse
-from drake_tc.diagnosis.joint import diagnose_joint
-from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.errors import IdentificationError, ParamsError
 from drake_tc.identification.motor_prior import PriorWidths, identify_motor
 from drake_tc.logs.prepare import load_runs

@@ -2,12 +2,12 @@
 
 from pathlib import Path
 
-import drake_tc.diagrams
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from pydrake.systems.analysis import Simulator
 
+import drake_tc.diagrams
 from drake_tc.loops.torque.loop import build_loop
 from drake_tc.loops.torque.scenario import Scenario
 

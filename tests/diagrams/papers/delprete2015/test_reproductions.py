@@ -5,6 +5,11 @@ import math
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
+from scipy.stats import binom
+
+from drake_tc.actuation.model_file import load_models
+from drake_tc.analysis.sweep import point_seed, sweep
 from drake_tc.diagrams.papers.delprete2015 import closed_loop as tsid_closed_loop
 from drake_tc.diagrams.papers.delprete2015 import com_move as tsid_com_move
 from drake_tc.diagrams.papers.delprete2015 import masses as tsid_masses
@@ -29,11 +34,6 @@ from drake_tc.diagrams.papers.delprete2015.setup import (
 )
 from drake_tc.diagrams.papers.delprete2015.simulation import DT, follow, solve_again
 from drake_tc.diagrams.papers.expected_values import expectations
-from numpy.testing import assert_allclose
-from scipy.stats import binom
-
-from drake_tc.actuation.model_file import load_models
-from drake_tc.analysis.sweep import point_seed, sweep
 from drake_tc.report.reproduction import reproduced_row
 from drake_tc.robot.plant import make_plant
 from drake_tc.tsid.reduction import reduce

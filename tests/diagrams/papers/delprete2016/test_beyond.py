@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
+
 from drake_tc.diagrams.papers.catalogue import REPRODUCTIONS
 from drake_tc.diagrams.papers.delprete2016 import beyond
 from drake_tc.diagrams.papers.delprete2016.beyond import Run
 from drake_tc.diagrams.papers.expected_values import expectations
-from numpy.testing import assert_allclose
-
 from drake_tc.errors import ParamsError
 from drake_tc.loops.scenarios.parts import ModelFactors
 from drake_tc.loops.torque.loop import build_loop

@@ -5,6 +5,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from numpy.testing import assert_allclose
+from scipy.stats import norm
+
+from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
+from drake_tc.actuation.model_file import load_model_file, load_models
+from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagrams.papers.delprete2016.complete_model import (
     COMPLETE,
     DriveEstimate,
@@ -21,12 +27,6 @@ from drake_tc.diagrams.papers.delprete2016.identification import (
 )
 from drake_tc.diagrams.papers.delprete2016.leg_models import STEM, leg_models, write_leg_models
 from drake_tc.diagrams.papers.delprete2016.table1 import family_factor, identify_table1
-from numpy.testing import assert_allclose
-from scipy.stats import norm
-
-from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
-from drake_tc.actuation.model_file import load_model_file, load_models
-from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.loops.recording import write_log
 from drake_tc.loops.torque.running import simulate_scenario
 

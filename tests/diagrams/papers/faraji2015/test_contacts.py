@@ -5,9 +5,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from drake_tc.diagrams.papers.faraji2015 import contacts as coman_contacts
-from drake_tc.diagrams.papers.faraji2015.contacts import ONE_FOOT, THREE_CONTACTS, Outcome, harder, reproduction, trial
-from drake_tc.diagrams.papers.faraji2015.motions import BaseErrors
 from numpy.testing import assert_allclose
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
@@ -15,6 +12,9 @@ from pydrake.multibody.tree import SpatialInertia, UnitInertia
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
+from drake_tc.diagrams.papers.faraji2015 import contacts as coman_contacts
+from drake_tc.diagrams.papers.faraji2015.contacts import ONE_FOOT, THREE_CONTACTS, Outcome, harder, reproduction, trial
+from drake_tc.diagrams.papers.faraji2015.motions import BaseErrors
 from drake_tc.errors import ParamsError
 from drake_tc.loops.scenarios.parts import ObjectSpec
 from drake_tc.loops.whole_body.ground import add_ground

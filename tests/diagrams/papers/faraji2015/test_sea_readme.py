@@ -3,6 +3,9 @@
 from pathlib import Path
 
 import pytest
+from numpy.testing import assert_allclose
+from readme_tables import assert_quoted
+
 from drake_tc.diagrams.papers.expected_values import on_record
 from drake_tc.diagrams.papers.faraji2015 import sea_bode, sea_held
 from drake_tc.diagrams.papers.faraji2015.sea_laws import (
@@ -13,8 +16,6 @@ from drake_tc.diagrams.papers.faraji2015.sea_laws import (
     NO_GAIN,
     margins_of,
 )
-from numpy.testing import assert_allclose
-from readme_tables import assert_quoted
 
 README = (Path(sea_bode.__file__).parents[2] / "sea_joint.md").read_text(encoding="utf-8")
 

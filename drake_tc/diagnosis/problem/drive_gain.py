@@ -1,0 +1,84 @@
+"""Whether a fit tells the drive gain, and the declared model where it does not.
+
+Where the effort is nearly all friction, 1/K can rest at 0 in the declared model although no sign is wrong: an effect
+that the model lacks weighs more than the load, and the best of all physical frictions is none. The search then starts
+from the gain of the reverse regression. If the model found tells the gain, the declared model is told at that gain; if
+not, the joint is refused.
+"""
+
+import numpy as np
+
+from drake_tc.diagnosis.problem.columns import Columns
+from drake_tc.diagnosis.problem.regression import Fit, fit
+from drake_tc.diagnosis.thresholds import NO_STIFFNESS
+from drake_tc.effects.base import EFFORT_UNIT, DriveKind
+from drake_tc.errors import IdentificationError
+from drake_tc.logs.rig import COMMAND_COLUMN
+
+
+def tells_drive_gain(columns: Columns, fitted: Fit) -> bool:
+    """Whether the effort enters the balance of a fit to these rows, 1/K > 0."""
+    effort = columns.samples.reduce(columns.samples.signals.effort)
+    typical = float(np.std(columns.target)) / max(float(np.std(effort)), 1e-300)
+    return bool(fitted.beta[0] > NO_STIFFNESS * typical)
+
+
+def at_reverse_regression(columns: Columns, declared: Fit) -> Fit:
+    """The declared model; where it does not tell the drive gain, fitted at that of the regression of effort on load.
+
+    With y the effort and l the load with the rotor's torque, both less what friction of any sign explains of them,
+    K = (y . l)/(l . l), which is positive where the load explains anything of the effort (`require_consistent_signs`).
+    Elsewhere the declared model is returned as it is.
+
+    Args:
+        columns: Training rows.
+        declared: The declared model, fitted to them.
+    """
+    if tells_drive_gain(columns, declared):
+        return declared
+    samples = columns.samples
+    s = samples.signals
+    friction = np.column_stack([samples.reduce(s.velocity), samples.reduce(s.direction), np.ones(columns.target.size)])
+    both = np.column_stack([samples.reduce(s.effort), columns.target])
+    effort, load = (both - friction @ np.linalg.lstsq(friction, both, rcond=None)[0]).T
+    along = float(effort @ load)
+    return _fit_at(columns, along / float(load @ load), declared) if along > 0.0 else declared
+
+
+def require_drive_gain(columns: Columns, fitted: Fit, joint: str, drive: DriveKind) -> None:
+    """Refuse a final model that does not tell the drive gain.
+
+    Args:
+        columns: Training rows.
+        fitted: The model found, fitted to them.
+        joint: For the message.
+        drive: For the message.
+
+    Raises:
+        IdentificationError: One line that names what may be wrong.
+    """
+    if not tells_drive_gain(columns, fitted):
+        raise not_identifiable(joint, drive)
+
+
+def with_drive_gain(columns: Columns, declared: Fit, chosen: Fit) -> Fit:
+    """The declared model; fitted at the drive gain of the model found where it does not tell its own."""
+    if tells_drive_gain(columns, fit(columns, declared.terms)):
+        return declared
+    return _fit_at(columns, chosen.gain, declared)
+
+
+def _fit_at(columns: Columns, gain: float, declared: Fit) -> Fit:
+    """The declared model at a drive gain [effort/(N m)]."""
+    held = Columns(columns.samples, columns.gain, columns.floor, columns.target, declared_gain=gain)
+    return fit(held, declared.terms)
+
+
+def not_identifiable(joint: str, drive: DriveKind) -> IdentificationError:
+    """What is said where the torque does not rise with the effort."""
+    return IdentificationError(
+        f"joint {joint}: the torque does not rise with the effort (drive gain not identifiable, "
+        f"{EFFORT_UNIT[drive]}/(N*m)): the sign of the torque or of the {COMMAND_COLUMN[drive]} column is wrong, they "
+        f"belong to different joints, or an effect that is not declared exceeds the load; try units: {{torque: -N*m}} "
+        f"or declare the effect in the rig file"
+    )
