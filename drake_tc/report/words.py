@@ -25,6 +25,7 @@ REASONS: dict[Withdrawal, str] = {
     "implausible": "physically implausible",
     "below_resolution": "below what the sensor resolves",
     "looks_like_known_load": "not told from the known load",
+    "may_be_wander": "as large as the remainder wanders",
     "training_run_against": "does not hold in every training run",
     "heldout_run_against": "does not hold in the held-out runs",
     "no_longer_needed": "explains nothing without an effect that did not hold",

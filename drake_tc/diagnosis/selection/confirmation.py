@@ -4,11 +4,12 @@ An effect of the chosen set is withdrawn when
   1. its values are physically impossible (`effects.plausibility`),
   2. it corrects the encoder by less than the logs resolve,
   3. it is a curve over the position that is mostly a multiple of the known load,
-  4. some training run speaks against it: fitted on the other runs, it makes the error of that run larger. With two
+  4. it is a level that noise which wanders as what is left does may have put there (`wander`),
+  5. some training run speaks against it: fitted on the other runs, it makes the error of that run larger. With two
      training runs the effect alone is fitted on the other run, beside the model of both,
-  5. the held-out runs speak against it,
-  6. another effect was withdrawn, and without that one it no longer lowers the training error,
-  7. the whole model leaves more than the declared one by the same drive gain, and this effect explains least.
+  6. the held-out runs speak against it,
+  7. another effect was withdrawn, and without that one it no longer lowers the training error,
+  8. the whole model leaves more than the declared one by the same drive gain, and this effect explains least.
 A run says something about an effect where it has the rows of a regression and the effect acts in it: where its
 contribution has an RMS of a quarter of the noise floor or more. A training run speaks against it when its error is
 larger with the effect in 98 % of block resamples, which is the certainty that the search asks of an improvement. The
@@ -31,8 +32,9 @@ from drake_tc.diagnosis.problem.sensor_errors import expected_errors
 from drake_tc.diagnosis.root_mean_square import rms
 from drake_tc.diagnosis.selection.plausible_values import looks_like_known_load, objection_to_values
 from drake_tc.diagnosis.selection.runs_against import heldout_against, speaks_against
+from drake_tc.diagnosis.selection.wander import level_over_wander
 from drake_tc.diagnosis.selection.withdrawal import DidNotHold, Withdrawal
-from drake_tc.diagnosis.thresholds import FEW_RUNS
+from drake_tc.diagnosis.thresholds import FEW_RUNS, LEAST_OVER_WANDER
 from drake_tc.effects.base import Context
 from drake_tc.types import FloatArray
 
@@ -150,11 +152,28 @@ def _objection(
     same = looks_like_known_load(chosen, term, columns)
     if same:
         return withdrawn("looks_like_known_load", same)
+    change, left = _change(columns, chosen, rest)
+    certain = level_over_wander(change, left, columns.samples.run, columns.samples.block)
+    if certain < LEAST_OVER_WANDER:
+        return withdrawn("may_be_wander", _within_wander(certain))
     against = _training_run_against(columns, chosen, term, rest, floor)
     if against:
         return withdrawn("training_run_against", f"Fitted on the other runs, it makes the error of {against} larger.")
     against = heldout_against(held.samples, without_it, with_it, floor)
     return withdrawn("heldout_run_against", against) if against else None
+
+
+def _change(columns: Columns, chosen: Fit, rest: Fit) -> tuple[FloatArray, FloatArray]:
+    """Of the training rows (N,) [N m]: residual without an effect less that with it, and that with it."""
+    without_it, with_it = (columns.target - columns.design(f.terms) @ f.beta for f in (rest, chosen))
+    return without_it - with_it, with_it
+
+
+def _within_wander(certain: float) -> str:
+    return (
+        f"It acts as a constant of {certain:.1f} standard deviations of what noise that wanders as the remainder does "
+        f"adds to the means of the training runs; {LEAST_OVER_WANDER:g} are required."
+    )
 
 
 def _training_run_against(columns: Columns, chosen: Fit, term: Term, rest: Fit, floor: float) -> str:

@@ -7,6 +7,7 @@ Withdrawal = Literal[
     "implausible",
     "below_resolution",
     "looks_like_known_load",
+    "may_be_wander",
     "training_run_against",
     "heldout_run_against",
     "no_longer_needed",
