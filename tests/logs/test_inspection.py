@@ -10,7 +10,7 @@ import yaml
 from drake_tc.logs.inspection.inspect import inspect_log, trial
 from drake_tc.logs.inspection.names import meaning
 from drake_tc.logs.prepare import load_run
-from drake_tc.logs.rig import load_rig
+from drake_tc.logs.rig import load_rig, parse_rig
 
 from .conftest import bench, write
 
@@ -94,7 +94,39 @@ def test_the_same_quantity_twice_and_joints_without_commands(tmp_path):
     found = inspect_log(write(table, tmp_path / "run.csv"))
     told = " ".join(found.notes)
     assert "'q_meas' and 'angle' seem to be the same; 'q_meas' is taken" in told
-    assert "Joint elbow lacks a command" in told and found.rig["joint"] == "joint"
+    assert "Joint elbow is left out of the rig file, because it lacks a command" in told
+    assert found.rig["joint"] == "joint"
+
+
+def of_a_test_stand() -> pd.DataFrame:
+    """The bench's log without a position."""
+    made = bench()
+    rpm = made["joint/velocity"] * 60.0 / (2.0 * np.pi)
+    return pd.DataFrame({"t": made["time"], "rpm": rpm, "u": made["joint/voltage"], "tau": made["joint/torque"]})
+
+
+def test_a_velocity_stands_for_the_position_of_a_test_stand(tmp_path):
+    path = write(of_a_test_stand(), tmp_path / "run.csv")
+    found = inspect_log(path)
+    assert dict(found.rig) == {
+        "joint": "joint",
+        "drive": "voltage",
+        "load": "torque",
+        "columns": {"time": "t", "joint/velocity": "rpm", "joint/voltage": "u", "joint/torque": "tau"},
+        "units": {"joint/velocity": "rpm"},
+    }
+    assert any("its velocity is integrated" in note for note in found.notes) and trial(found) == ""
+    run = load_run(path, parse_rig(dict(found.rig)))
+    assert run.speed_only == ("joint",)
+    turned = bench()["joint/position"]
+    assert run.columns["joint/position"] == pytest.approx(turned - turned[0], abs=1e-5)
+
+
+@pytest.mark.parametrize(("without", "instead"), [("tau", {}), ("u", {"q_ref": 0.1})])
+def test_a_velocity_alone_is_not_enough_where_drive_or_load_depend_on_the_position(tmp_path, without, instead):
+    table = of_a_test_stand().drop(columns=without).assign(**instead)
+    found = inspect_log(write(table, tmp_path / "run.csv"))
+    assert found.rig == {} and any("its velocity is enough only beside" in note for note in found.notes)
 
 
 def test_the_command_writes_the_rig_and_says_what_it_took(invoke_inspect, tmp_path):

@@ -82,7 +82,7 @@ def describe(name: str, values: FloatArray | None, told: Meaning | None, time_un
     whole = bool((finite == np.round(finite)).all())
     unit, why = time_unit, "" if time_unit == "s" else f"only in {time_unit} the rate is that of a joint's log"
     if told.quantity != "time":
-        unit, why = _unit(told.quantity, low, high, whole=whole)
+        unit, why = ("rpm", "") if "rpm" in told.by else _unit(told.quantity, low, high, whole=whole)
     canonical = "time" if told.quantity == "time" else f"{told.joint or NAMELESS}/{told.quantity}"
     by = "canonical name" if name == canonical else f"called {told.by}"
     return Column(name, canonical, unit, f"{by}; {why}" if why else by, low, high, step, missing)

@@ -20,7 +20,10 @@ OPTIONAL = ("motor_position", "temperature", "supply_voltage")
 
 
 def suggested_rig(columns: Sequence[Column], meanings: Mapping[str, Meaning], notes: list[str]) -> dict[str, Any]:
-    """A rig document to start from; empty where no joint has a position and a command."""
+    """A rig document to start from; empty where no joint has what a log needs.
+
+    That is a command and a position; where neither the drive nor the load depends on the position, a velocity will do.
+    """
     by_joint: dict[str, dict[str, Column]] = {}
     for column in columns:
         told = meanings.get(column.name)
@@ -30,18 +33,26 @@ def suggested_rig(columns: Sequence[Column], meanings: Mapping[str, Meaning], no
     drives: dict[str, str] = {}
     for joint, has in by_joint.items():
         drive = next((kind for kind, command in DRIVES if command in has), None)
-        if drive is None or "position" not in has:
-            lacks = "a position" if "position" not in has else "a command (position, current, voltage or torque)"
-            notes.append(f"Joint {joint} lacks {lacks} and is left out of the rig file.")
+        if drive is None:
+            notes.append(f"{_left_out(joint)} a command (position, current, voltage or torque).")
+        elif "position" not in has and not _velocity_will_do(drive, has):
+            beside = "; its velocity is enough only beside a measured torque and a drive that is no position servo"
+            notes.append(f"{_left_out(joint)} a position{beside if 'velocity' in has else ''}.")
         else:
             drives[joint] = drive
+            if "position" not in has:
+                notes.append(
+                    f"Joint {joint} has no position; its velocity is integrated, so that effects that depend on the "
+                    "position cannot be looked for."
+                )
     if not drives:
         notes.append("No joint has a position and a command: say under `columns:` which columns they are.")
         return {}
     commands = dict(DRIVES)
     used = [time] if time else []
     for joint, drive in drives.items():
-        requested = ("position", commands[drive], "torque", *OPTIONAL)
+        motion = "position" if "position" in by_joint[joint] else "velocity"
+        requested = (motion, commands[drive], "torque", *OPTIONAL)
         used += [by_joint[joint][name] for name in requested if name in by_joint[joint]]
     doubtful = [column.name for column in used if not column.unit]
     if doubtful:
@@ -58,6 +69,14 @@ def suggested_rig(columns: Sequence[Column], meanings: Mapping[str, Meaning], no
     renamed = {column.canonical: column.name for column in used if column.canonical != column.name}
     units = {column.canonical: _factor(column.unit) for column in used if column.unit not in ("", *PLAIN)}
     return document | ({"columns": renamed} if renamed else {}) | ({"units": units} if units else {})
+
+
+def _velocity_will_do(drive: str, has: Mapping[str, Column]) -> bool:
+    return drive != "position_servo" and "velocity" in has and "torque" in has
+
+
+def _left_out(joint: str) -> str:
+    return f"Joint {joint} is left out of the rig file, because it lacks"
 
 
 def _factor(unit: str) -> str | float:
