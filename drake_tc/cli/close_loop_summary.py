@@ -14,7 +14,7 @@ from drake_tc.diagnosis.result.closed_loop import JointClosedLoop
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult
 from drake_tc.report.links_section import links_sentence, payload_sentences
-from drake_tc.report.numbers import pretty_unit
+from drake_tc.report.numbers import NOT_IDENTIFIED, pretty_unit
 from drake_tc.report.refinement_section import refinement_sentence
 from drake_tc.report.words import REASONS, VERDICTS, capital, ranked_effects, unexplained, warnings
 
@@ -97,11 +97,14 @@ def _print_joint(console: Console, joint: JointResult) -> None:
 
 
 def _value(name: str, estimate: Estimate) -> str:
-    return f"{name} {estimate.value:.4g} {pretty_unit(estimate.unit)}".rstrip()
+    shown = f"{name} {estimate.value:.4g} {pretty_unit(estimate.unit)}".rstrip()
+    return shown if estimate.is_identified else f"{shown} ({NOT_IDENTIFIED})"
 
 
 def _with_interval(name: str, estimate: Estimate) -> str:
     """A parameter with its 95 % interval; without one where the fit does not move it."""
+    if not estimate.is_identified:
+        return _value(name.replace("_", " "), estimate)
     low, high = estimate.ci95
     interval = escape(f" [{low:.4g}, {high:.4g}]") if high > low else ""
     return f"{name.replace('_', ' ')} {estimate.value:.4g}{interval} {pretty_unit(estimate.unit)}".rstrip()

@@ -3,6 +3,8 @@
 import math
 from dataclasses import dataclass
 
+NOT_IDENTIFIED = "not identified"
+"""In place of an interval, of a parameter that acts as others together do."""
 UNKNOWN = "–"
 SPACE = "\u00a0"
 """Between a number and its unit: never broken across lines."""

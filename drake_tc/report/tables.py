@@ -11,7 +11,17 @@ from drake_tc.diagnosis.residual.unexplained import DataSplit
 from drake_tc.diagnosis.result.joint_result import JointResult, RejectedEffect
 from drake_tc.diagnosis.result.plausible_ranges import PlausibleRange
 from drake_tc.diagnosis.result.rejection import why_rejected
-from drake_tc.report.numbers import UNKNOWN, Scale, fold, interval, percent, pretty_unit, scale_for, significant
+from drake_tc.report.numbers import (
+    NOT_IDENTIFIED,
+    UNKNOWN,
+    Scale,
+    fold,
+    interval,
+    percent,
+    pretty_unit,
+    scale_for,
+    significant,
+)
 from drake_tc.report.run_spread import run_spreads
 from drake_tc.report.words import natural, title_of
 
@@ -180,7 +190,10 @@ def _range(limits: PlausibleRange) -> str:
 
 
 def _estimate(value: Estimate | None) -> tuple[str, str]:
-    return (UNKNOWN, "") if value is None else interval(value.value, *value.ci95)
+    if value is None:
+        return UNKNOWN, ""
+    shown, spread = interval(value.value, *value.ci95)
+    return shown, spread if value.is_identified else NOT_IDENTIFIED
 
 
 @dataclass(frozen=True)

@@ -7,9 +7,13 @@ from dataclasses import replace
 import pytest
 from numpy.testing import assert_allclose
 
+from drake_tc.cli.close_loop_summary import print_summary
 from drake_tc.diagnosis.result.joint_result import JointResult, ParameterByCondition
 from drake_tc.diagnosis.result.plausible_ranges import PlausibleRange, plausible_ranges
+from drake_tc.diagnosis.result.rig_result import CloseLoopResult
+from drake_tc.diagnosis.result.to_json import result_json
 from drake_tc.effects.base import Context
+from drake_tc.report.numbers import interval
 from drake_tc.report.run_spread import run_spreads, spread_svg
 from drake_tc.report.tables import parameter_rows
 
@@ -46,6 +50,22 @@ def test_the_table_marks_what_lies_outside(joint: JointResult) -> None:
     assert rows["Stribeck friction", "stribeck exponent"].possible == "0.500 or more"
     assert rows["viscous friction", "viscous"].possible == ""
     assert not rows["viscous friction", "viscous"].outside
+
+
+def test_a_parameter_that_acts_as_the_others_do_is_called_not_identified(joint: JointResult, capsys, tmp_path) -> None:
+    """A number without an interval would look certain."""
+    free = {key: dict(group) for key, group in joint.final_parameters.items()}
+    velocity = replace(free["stribeck"]["stribeck_velocity"], ci95=(0.0, float("inf")))
+    free["stribeck"]["stribeck_velocity"] = velocity
+    effects = tuple(replace(e, parameters=free[e.id]) for e in joint.effects)
+    unknown = replace(joint, final_parameters=free, effects=effects)
+    row = next(r for r in parameter_rows(unknown) if r.name == "stribeck velocity")
+    assert row.after == (interval(velocity.value, *velocity.ci95)[0], "not identified")
+    result = CloseLoopResult({"knee": unknown}, "effects_found", 1.0, (), (), "rig.yaml")
+    assert result_json(result)["joints"]["knee"]["effects"]  # type: ignore[index]
+    print_summary(result, tmp_path)
+    told = " ".join(capsys.readouterr().out.split())
+    assert f"stribeck_velocity {velocity.value:.4g} rad/s (not identified)" in told
 
 
 def by_run(effect: str, name: str, values: dict[str, tuple[float, float, float]]) -> ParameterByCondition:

@@ -23,12 +23,20 @@ UNSEEN = 1e-9
 
 @dataclass(frozen=True)
 class Estimate:
-    """One parameter: value, unit, 95 % interval that accounts for autocorrelation, and whether it rests on a bound."""
+    """One parameter: value, unit, 95 % interval that accounts for autocorrelation, and whether it rests on a bound.
+
+    The interval has an infinite end where the parameter acts as the others together do (`is_identified`).
+    """
 
     value: float
     unit: str
     ci95: tuple[float, float]
     at_bound: bool
+
+    @property
+    def is_identified(self) -> bool:
+        """Whether the interval is finite."""
+        return bool(np.isfinite(self.ci95).all())
 
 
 def block_lengths(columns: Columns) -> list[int]:
