@@ -54,7 +54,7 @@ print(scenario.path(scenario.robot).read_text())
 print("scenarios:", ", ".join(leg.scenarios()))
 
 # %% [markdown]
-# Read the loop from the top left. The inverse dynamics turn the reference into wanted joint torques. `torque_control`
+# Read the loop from the top left. The inverse dynamics turn the reference into desired joint torques. `torque_control`
 # adds the feedback of the estimated torque and asks the actuator model for the command that makes the servo deliver it.
 # The guard has the last word before the drives. Below, from right to left, the sensors' readings become an estimate
 # of the joints' motion and of their torques, and the fault monitor looks at the raw readings.
@@ -82,7 +82,7 @@ colours = {"servo": "0.55", "K6 = 1": "tab:blue", "K6 = 0.25": "tab:orange"}
 fig, axis = plt.subplots(figsize=(11, 3), layout="constrained")
 for joint, position in zip(joints, reference.T, strict=True):
     axis.plot(time, position, lw=1.2, label=joint)
-axis.set(xlabel="time [s]", ylabel="wanted position [rad]", title="the swing")
+axis.set(xlabel="time [s]", ylabel="reference position [rad]", title="the swing")
 axis.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
 plt.show()
 
@@ -186,19 +186,19 @@ contact = simulate_scenario(
     diagram_entry("hrp2_leg_contact").scenario("force_sine", text="{duration: 5.0, log_components: true}")
 )
 force = estimated(contact).contact_wrench
-wanted = contact["force_reference"]
+reference = contact["force_reference"]
 
 fig, axes = plt.subplots(1, 3, figsize=(12, 3.4), sharex=True, sharey=True, layout="constrained")
 for i, (axis, name) in enumerate(zip(axes, ("fx", "fy", "fz"), strict=True)):
     axis.plot(contact.time, force[:, i], lw=1, label="on the foot")
-    axis.plot(contact.time, wanted[:, i], "k--", lw=1, label="reference")
+    axis.plot(contact.time, reference[:, i], "k--", lw=1, label="reference")
     axis.set(title=name, xlabel="time [s]", xlim=(0.5, 5.0))
 axes[0].set_ylabel("force [N]")
 axes[0].legend(loc="upper left")
 plt.show()
 
 settled = contact.time > 3.0
-error = (force - wanted)[settled, :3]
+error = (force - reference)[settled, :3]
 for name, share in zip(("fx", "fy", "fz"), np.abs(error).max(axis=0) / 50.0, strict=True):
     print(f"{name}: largest error {100 * share:4.1f} % of the sine's amplitude, once it has settled")
 

@@ -274,7 +274,7 @@ for name, field, factor in (
     ("noise [N m]", "noise", 1.0),
 ):
     print(f"{name:<12}" + "".join(f"{factor * getattr(each, field):9.3f}" for each in (joint.before, joint.after)))
-print(f"wanted: peak <= {joint.goal.sensitivity_peak:.3f}, delay >= {1e3 * joint.goal.delay_margin:.3f} ms,", end=" ")
+print(f"goals: peak <= {joint.goal.sensitivity_peak:.3f}, delay >= {1e3 * joint.goal.delay_margin:.3f} ms,", end=" ")
 print(f"noise <= {joint.goal.noise:.3f} N m\n\nwhat a scenario takes: {tuned_fields(tuning)}")
 
 # %% [markdown]

@@ -235,7 +235,7 @@ plt.show()
 # `torque_uncertainty.yaml`, the covariance of the torque by which the improved model still errs on logs that it has not
 # seen (section 6 of [03_stability_and_tuning](03_stability_and_tuning.ipynb)). Logs of all 30 joints take
 # longer than a notebook should, so here a file of that form is written from a simulation: the same robot with geared
-# drives, friction, sensors and torque control, whose torques are not quite those that were wanted.
+# drives, friction, sensors and torque control, whose torques are not quite the commanded ones.
 
 # %%
 chain = simulate_tsid(
@@ -335,14 +335,14 @@ print(f"{'own time of a tick, on this machine [us]':<72}{'median':>8}{'99 %':>8}
 for row in (row for row in rows if row.unit == "us"):
     print(f"{row.name:<72}{row.median:8.0f}{row.p99:8.0f}")
 by_name = {row.name.rpartition(": ")[2]: row.median for row in rows}
-for measure, wanted in (("classic", 350), ("individual", 500), ("box", 500)):
-    print(f"{measure}: {by_name[measure]:.0f} us; wanted {wanted}: {'met' if by_name[measure] <= wanted else 'missed'}")
+for measure, goal in (("classic", 350), ("individual", 500), ("box", 500)):
+    print(f"{measure}: {by_name[measure]:.0f} us; goal {goal}: {'met' if by_name[measure] <= goal else 'missed'}")
 
 # %% [markdown]
 # `drake-tc bench tick` measures that along a longer motion. Terms and reduction are what all controllers share, the
 # rest is the programs. Read the times as those of a machine that may have been busy.
 #
-# And the paper's results? At the states of section 1, of what the project wanted:
+# And the paper's results? At the states of section 1, of the project's goals:
 
 # %%
 gains = {way.name: asked[way.name].p.mean() / classic.p.mean() for way in ROBUST}

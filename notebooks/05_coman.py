@@ -15,7 +15,7 @@
 # # From volts to balance: series-elastic joints, base state, compliant whole-body control
 #
 # A robot whose joints are driven by voltage through a stiff gear and a spring is to be controlled by inverse dynamics.
-# For that a joint has to give the torque that is wanted of it, the controller has to know where the base is though the
+# For that a joint has to give the torque that is asked of it, the controller has to know where the base is though the
 # feet tilt, and the whole-body program has to live with both. This notebook goes up these three layers and then shuts
 # the loop.
 #
@@ -65,7 +65,7 @@ joint = sea_entry()
 #    + J_m N^2 \ddot\theta + \tau, \qquad \tau = K_s(\theta - q) + D(\dot\theta - \dot q). $$
 #
 # With $N = 100$ the reflected inertia is as large as a leg's, and the back-EMF damps the joint with some 27 N m s/rad:
-# that is why such joints are usually told positions. The voltage for a wanted torque follows from the same equation
+# that is why such joints are usually told positions. The voltage for a desired torque follows from the same equation
 # turned round; what is left is the friction, and the loop's delay of 15 ms.
 
 # %%
@@ -76,7 +76,7 @@ print(f"damping {motor.damping:.1f} N m s/rad, of which back-EMF {motor.damping 
 print(f"spring {motor.stiffness:g} N m/rad; loop delay {1e3 * knee.delay:g} ms")
 
 # %% [markdown]
-# Here the joint's output is clamped, and a sine of 4 N m at 1 Hz is wanted of it. The laws know the motor with errors
+# Here the joint's output is clamped, and its reference is a sine of 4 N m at 1 Hz. The laws know the motor with errors
 # of 2 to 3 %, its dry friction with 10 %. All are tuned by one rule: as much gain as leaves a sensitivity peak of 2 and
 # a delay margin of 5 ms on top of the 15.
 
@@ -93,12 +93,12 @@ for name, run in held.items():
 late = {name: run.rms(run.delayed_torque_error) for name, run in held.items()}
 print(f"but for the delay the observer has the least error: {min(late, key=late.get) == OBSERVER}")
 raw = held[OBSERVER].rms(held[OBSERVER].torque_error) / held[MOMENTUM].rms(held[MOMENTUM].torque_error)
-print(f"raw error, half the momentum observer's wanted: {'met' if raw <= 0.5 else 'missed'} ({raw:.2f})")
+print(f"raw error, goal half the momentum observer's: {'met' if raw <= 0.5 else 'missed'} ({raw:.2f})")
 
 # %%
 fig, axes = plt.subplots(1, 4, figsize=(12, 2.8), sharex=True, sharey=True, layout="constrained")
 for axis, (name, run) in zip(axes, held.items(), strict=True):
-    axis.plot(run.time, run["reference_torque"], "k--", lw=1, label="wanted")
+    axis.plot(run.time, run["reference_torque"], "k--", lw=1, label="reference")
     axis.plot(run.time, run["spring_torque"], lw=1.4, label="spring")
     axis.set(title=name, xlabel="time [s]", xlim=(1.0, 3.0))
 axes[0].set_ylabel("torque [N m]")
@@ -106,9 +106,9 @@ axes[0].legend(frameon=False)
 plt.show()
 
 # %% [markdown]
-# The last column of the table is what a hand feels that moves the joint at 0.5 rad/s while no torque is wanted: a high
-# gear, and next to nothing of it is left at constant speed. The observer reads the friction off the last steps: what
-# the voltage *of 15 ms ago* should have given and did not. Its copy of the wanted torque is exact and late; the
+# The last column of the table is what a hand feels that moves the joint at 0.5 rad/s while the reference is zero: a
+# high gear, and next to nothing of it is left at constant speed. The observer reads the friction off the last steps:
+# what the voltage *of 15 ms ago* should have given and did not. Its copy of the reference torque is exact and late; the
 # momentum observer, which does not know of the delay, is not late at 1 Hz and wrong elsewhere. A sweep shows it:
 
 # %%
@@ -120,7 +120,7 @@ for name, found in swept.items():
     axes[0].plot(frequencies, found.magnitude_db, "o-", label=name)
     axes[1].plot(frequencies, -lag_deg(found), "o-")
 axes[1].plot(frequencies, -pure, "k:", label="15 ms")
-axes[0].set(xlabel="frequency [Hz]", ylabel="spring torque over wanted [dB]")
+axes[0].set(xlabel="frequency [Hz]", ylabel="spring torque over reference [dB]")
 axes[1].set(xlabel="frequency [Hz]", ylabel="phase [deg]")
 axes[0].legend(frameon=False)
 axes[1].legend(frameon=False)
@@ -128,12 +128,12 @@ plt.show()
 flat, off = np.abs(swept[OBSERVER].magnitude_db).max(), np.abs(lag_deg(swept[OBSERVER]) - pure).max()
 less = (lag_deg(swept[PREDICTED]) / lag_deg(swept[OBSERVER])).max()
 print(f"observer + P: |H| within {flat:.2f} dB, phase within {off:.1f} deg of the delay's, up to 10 Hz")
-print(f"both as wanted, 1 dB and 3 deg: {flat <= 1.0 and off <= 3.0}; predictor halves the lag: {less <= 0.5}")
+print(f"both goals, 1 dB and 3 deg: {flat <= 1.0 and off <= 3.0}; predictor halves the lag: {less <= 0.5}")
 
 # %% [markdown]
-# The predictor extrapolates the wanted torque by 8 ms. That suits planned torques, not those with feedback's noise in
-# them. `drake-tc bode` does such a sweep between any two ports of any diagram; `drake-tc reproduce C.bode` compares it
-# with the linear prediction too.
+# The predictor extrapolates the reference torque by 8 ms. That suits planned torques, not those with feedback's noise
+# in them. `drake-tc bode` does such a sweep between any two ports of any diagram; `drake-tc reproduce C.bode` compares
+# it with the linear prediction too.
 #
 # ## 2. A motor from its data sheet and a log
 #
@@ -266,8 +266,8 @@ print(f"the robot stands: {frozen.fell is None}; largest |state| finite: {bool(n
 # ## 6. What was missed
 #
 # - The held joint's raw error: an exact copy, 15 ms late, has most of it (section 1).
-# - The genuflection's trunk lags by 0.37 rad: motors follow by feedback alone there, as the wanted acceleration, which
-#   mends it, makes the joints vibrate.
+# - The genuflection's trunk lags by 0.37 rad: motors follow by feedback alone there, as the reference acceleration,
+#   which mends it, makes the joints vibrate.
 # - Joint damping spoils the tracking at 0.5 Hz, as in the paper, but mends it at 1 Hz, where the undamped turn
 #   overshoots; and it calms nothing, as behind 15 ms it adds more than it takes.
 # - A foot that slips by turning under the robot is taken for a turn of the base.

@@ -39,8 +39,8 @@ SAID = {
     ),
     "05_coman": (
         "but for the delay the observer has the least error: True",
-        "raw error, half the momentum observer's wanted: missed",
-        "both as wanted, 1 dB and 3 deg: True; predictor halves the lag: True",
+        "raw error, goal half the momentum observer's: missed",
+        "both goals, 1 dB and 3 deg: True; predictor halves the lag: True",
         "torque ripple",
         "less than half is left: True",
         "with ours the robot stands: True; with the chain it falls: True",

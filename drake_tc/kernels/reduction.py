@@ -105,12 +105,12 @@ def caused(
     if k:
         pushes = np.dot(root, np.ascontiguousarray(jacobian.T))
         across = np.ascontiguousarray(pushes.T)
-        wanted = np.dot(across, free)
+        right = np.dot(across, free)
         for i in range(k):
             for j in range(n + 1):
-                wanted[i, j] = -wanted[i, j]
-            wanted[i, n] -= drift[i]
-        push = solved(np.dot(across, pushes), wanted)
+                right[i, j] = -right[i, j]
+            right[i, n] -= drift[i]
+        push = solved(np.dot(across, pushes), right)
         free += np.dot(pushes, push)
     return np.dot(root.T, free), push
 

@@ -152,7 +152,7 @@ def frame(
     stiffness: FloatArray,
     damping: FloatArray,
     reference: FloatArray,
-    wanted: IntArray,
+    selected: IntArray,
     axes: int,
 ) -> tuple[FloatArray, FloatArray]:
     """Rows and targets of a frame's pose, see `drake_tc.tsid.tasks.frame.FrameTask`.
@@ -166,7 +166,7 @@ def frame(
         stiffness: (6,).
         damping: (6,).
         reference: (19,).
-        wanted: Which of the six rows.
+        selected: Which of the six rows.
         axes: WORLD, FRAME or REFERENCE.
     """
     own, goal, turn = np.empty(9), np.empty(9), np.empty(9)
@@ -196,9 +196,9 @@ def frame(
             for part in range(0, 6, 3):
                 for values in (error, lag, free):
                     turned_back(values, part, own, values.copy(), part)
-    matrix, target = np.empty((wanted.size, jacobian.shape[1])), np.empty(wanted.size)
-    for i in range(wanted.size):
-        k = wanted[i]
+    matrix, target = np.empty((selected.size, jacobian.shape[1])), np.empty(selected.size)
+    for i in range(selected.size):
+        k = selected[i]
         target[i] = free[k] + stiffness[k] * error[k] + damping[k] * lag[k]
         part = k - k % 3
         if axes == WORLD or (axes == REFERENCE and part):

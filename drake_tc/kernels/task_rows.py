@@ -96,7 +96,7 @@ def frame_rows(given: Given, body: Body, row: IntArray, count: int) -> tuple[Flo
     """Matrix over vdot and target of a frame's pose or of its orientation alone."""
     first, at, start = row[INTEGERS], row[NUMBERS], row[REFERENCE]
     index, axes = given.integers[first], given.integers[first + 1]
-    wanted = given.integers[first + 2 : first + 2 + count]
+    selected = given.integers[first + 2 : first + 2 + count]
     rotation, position, velocity, jacobian, bias = frame_terms(
         given.q,
         body.held,
@@ -116,7 +116,7 @@ def frame_rows(given: Given, body: Body, row: IntArray, count: int) -> tuple[Flo
         reference[13:16] = given.references[start + 7 : start + 10]
     stiffness, damping = given.numbers[at : at + 6], given.numbers[at + 6 : at + 12]
     found: tuple[FloatArray, FloatArray] = frame(
-        rotation, position, velocity, jacobian, bias, stiffness, damping, reference, wanted, axes
+        rotation, position, velocity, jacobian, bias, stiffness, damping, reference, selected, axes
     )
     return found
 

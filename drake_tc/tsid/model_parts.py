@@ -42,8 +42,8 @@ def add_frames(plant: Any, model: Any, contacts: Sequence[Contact], more: Sequen
     """
     links = {plant.get_body(index).name(): plant.get_body(index) for index in plant.GetBodyIndices(model)}
     frames = {name: body.body_frame() for name, body in links.items()}
-    wanted = [("contact", contact.name, contact.frame) for contact in contacts]
-    for kind, name, mount in [*wanted, *(("frame", mount.name, mount) for mount in more)]:
+    named = [("contact", contact.name, contact.frame) for contact in contacts]
+    for kind, name, mount in [*named, *(("frame", mount.name, mount) for mount in more)]:
         if mount.link not in links:
             raise ParamsError(f"{kind} {name!r}: no link {mount.link!r}; links: {', '.join(links)}")
         if name in frames:

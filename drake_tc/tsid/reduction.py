@@ -2,7 +2,7 @@
 
     M vdot + h = S^T tau + J^T f,   J vdot = -Jdot v + a_c
 
-a_c is the contacts' wanted acceleration, zero as a rule. With M = L L^T, X = L^-1 J^T, Z = L^-1 S^T, z = L^-1 h:
+a_c is the contacts' reference acceleration, zero as a rule. With M = L L^T, X = L^-1 J^T, Z = L^-1 S^T, z = L^-1 h:
 
     (X^T X) f = X^T (z - Z tau) - Jdot v + a_c
     vdot = L^-T (Z tau - z + X f)

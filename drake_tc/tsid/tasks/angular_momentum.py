@@ -36,7 +36,7 @@ class AngularMomentumTask:
         Args:
             kp: Of each axis, or one for all [1/s].
             weight: Of each axis, or one for all.
-            mask: Which of x, y, z are wanted; None for all.
+            mask: Which of x, y, z take part; None for all.
             name: Of the task.
 
         Raises:

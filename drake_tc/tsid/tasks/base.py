@@ -67,7 +67,7 @@ def gains(where: str, value: Gains, size: int) -> FloatArray:
 
 
 def axes(where: str, mask: Sequence[bool] | None, size: int) -> IntArray:
-    """Indices of the wanted axes; a mask of None is for all of them.
+    """Indices of the chosen axes; a mask of None is for all of them.
 
     Raises:
         ParamsError: another size, or no axis at all.

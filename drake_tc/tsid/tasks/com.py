@@ -32,7 +32,7 @@ class ComTask:
             kp: Of each axis, or one for all [1/s^2].
             kd: The same [1/s].
             weight: Of each axis, or one for all.
-            mask: Which of x, y, z are wanted; None for all.
+            mask: Which of x, y, z take part; None for all.
             name: Of the task.
 
         Raises:

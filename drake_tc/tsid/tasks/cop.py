@@ -1,4 +1,4 @@
-"""The centre of pressure of a sole stays near a wanted point."""
+"""The centre of pressure of a sole stays near a reference point."""
 
 import numpy as np
 
@@ -18,7 +18,7 @@ _ROWS = Kernel("rows", "pressure")
 class CopTask:
     """x_d fz + ty = 0 and y_d fz - tx = 0 of one surface contact: its centre of pressure (-ty, tx) / fz is (x_d, y_d).
 
-    Linear in f: the rows are the distance to the wanted point times fz [N m]. Without rows while the contact is off.
+    Linear in f: the rows are the distance to the reference point times fz [N m]. Without rows while the contact is off.
     Reference (2,): [x_d; y_d] in the contact's frame [m].
     """
 

@@ -58,7 +58,7 @@ class FrameTask:
             kp: Of each of the six rows, or one for all [1/s^2].
             kd: The same [1/s].
             weight: Of each row, or one for all.
-            mask: Which of the six rows are wanted; None for all.
+            mask: Which of the six rows take part; None for all.
             axes_of: In whose axes the rows stand; see the class.
             name: Of the task; None for the frame's.
 

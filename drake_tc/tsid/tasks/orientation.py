@@ -1,4 +1,4 @@
-"""A frame of the robot turns as wanted, wherever it is."""
+"""A frame of the robot follows a reference orientation, wherever it is."""
 
 from collections.abc import Sequence
 
@@ -44,7 +44,7 @@ class OrientationTask:
             kp: Of each of the three rows, or one for all [1/s^2].
             kd: The same [1/s].
             weight: Of each row, or one for all.
-            mask: Which of the three rows are wanted; None for all.
+            mask: Which of the three rows take part; None for all.
             axes_of: In whose axes the rows stand.
             name: Of the task; None for the frame's.
 
@@ -53,9 +53,9 @@ class OrientationTask:
         """
         name = frame if name is None else name
         where, still = f"task {name!r}", np.zeros(3)
-        wanted = axes(f"{where}: mask", mask, 3)
+        chosen = axes(f"{where}: mask", mask, 3)
         rows = np.zeros(6, dtype=bool)
-        rows[wanted] = True
+        rows[chosen] = True
         whole = (
             np.concatenate((gains(f"{where}: {key}", value, 3), still))
             for key, value in (("kp", kp), ("kd", kd), ("weight", weight))

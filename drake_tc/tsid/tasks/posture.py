@@ -18,7 +18,7 @@ _TARGET = Kernel("rows", "posture")
 
 
 class PostureTask:
-    """qdd_j = qdd_d + kp (q_d - q_j) + kd (qd_d - qd_j) of each joint j that is wanted.
+    """qdd_j = qdd_d + kp (q_d - q_j) + kd (qd_d - qd_j) of each chosen joint j.
 
     Reference (3n,): [q_d; qd_d; qdd_d] of all joints in the robot's order [rad, rad/s, rad/s^2].
     """
@@ -37,10 +37,10 @@ class PostureTask:
 
         Args:
             model: Of the robot.
-            kp: Of each wanted joint, or one for all [1/s^2].
+            kp: Of each chosen joint, or one for all [1/s^2].
             kd: The same [1/s].
-            weight: Of each wanted joint, or one for all.
-            joints: Which are wanted; None for all, in the robot's order.
+            weight: Of each chosen joint, or one for all.
+            joints: Which take part; None for all, in the robot's order.
             name: Of the task.
 
         Raises:
@@ -48,19 +48,19 @@ class PostureTask:
                 or of another size.
         """
         names = model.robot.joints
-        wanted = names if joints is None else tuple(joints)
-        for i, joint in enumerate(wanted):
+        selected = names if joints is None else tuple(joints)
+        for i, joint in enumerate(selected):
             if joint not in names:
                 raise ParamsError(f"task {name!r}: no joint {joint!r}; joints: {', '.join(names)}")
-            if joint in wanted[:i]:
+            if joint in selected[:i]:
                 raise ParamsError(f"task {name!r}: joint {joint!r} is named twice")
-        if not wanted:
+        if not selected:
             raise ParamsError(f"task {name!r}: expected at least one joint, got none")
         self.name, self.reference_size = name, 3 * model.n
-        self.weight = gains(f"task {name!r}: weight", weight, len(wanted))
-        self._kp = gains(f"task {name!r}: kp", kp, len(wanted))
-        self._kd = gains(f"task {name!r}: kd", kd, len(wanted))
-        self._wanted = chosen = np.array([names.index(joint) for joint in wanted], dtype=np.int64)
+        self.weight = gains(f"task {name!r}: weight", weight, len(selected))
+        self._kp = gains(f"task {name!r}: kp", kp, len(selected))
+        self._kd = gains(f"task {name!r}: kd", kd, len(selected))
+        self._joints = chosen = np.array([names.index(joint) for joint in selected], dtype=np.int64)
         self._velocity, self._position = model.actuated[chosen], model.positions[chosen]
         self._parts = selection(model.actuated[chosen], model.nv)
 
@@ -70,11 +70,11 @@ class PostureTask:
 
     def compiled_entry(self, contacts: ActiveContacts) -> Entry:
         """Its numbers for the compiled tick."""
-        places = self._wanted, self._position, self._velocity
-        return Entry("posture", self._wanted.size, places, (self._kp, self._kd, self.weight))
+        places = self._joints, self._position, self._velocity
+        return Entry("posture", self._joints.size, places, (self._kp, self._kd, self.weight))
 
     def rows(self, terms: Terms, reference: FloatArray) -> TaskRows:
         """The rows at this state."""
         gains_of = self._kp, self._kd
-        target = _TARGET(terms.q, terms.v, self._position, self._velocity, *gains_of, reference, self._wanted)
+        target = _TARGET(terms.q, terms.v, self._position, self._velocity, *gains_of, reference, self._joints)
         return TaskRows(self.name, self._parts, target, self.weight)
