@@ -10,8 +10,8 @@ import numpy as np
 
 from drake_tc.errors import ParamsError
 from drake_tc.sensing.fault import SensorFault
-from drake_tc.sensing.spec import SensorSpec
-from drake_tc.types import BoolArray, FloatArray
+from drake_tc.sensing.spec import SensorSpec, whole_ticks
+from drake_tc.types import BoolArray, FloatArray, IntArray
 
 BLOCK = 256
 """Ticks whose random numbers are drawn together."""
@@ -42,8 +42,8 @@ class Corruption:
         seed: Of its random numbers.
 
     Raises:
-        ParamsError: No channel, a period that is not positive, a seed out of range, a latency that is no whole number
-            of ticks, or a spec or fault for channels that the sensor does not have.
+        ParamsError: No channel, a period that is not positive, a seed out of range, a latency or lateness that is no
+            whole number of ticks, or a spec or fault for channels that the sensor does not have.
     """
 
     size: int
@@ -64,6 +64,7 @@ class Corruption:
         self.spec.ticks(self.dt)
         for fault in self.faults:
             fault.indices(self.size)
+            self._lateness(fault)
 
     @property
     def delay(self) -> int:
@@ -74,6 +75,11 @@ class Corruption:
     def freezes(self) -> bool:
         """Whether a fault repeats earlier readings."""
         return any(fault.kind == "frozen" for fault in self.faults)
+
+    @property
+    def oldest(self) -> int:
+        """Age of the oldest truth that is read [ticks]: the latency, and late faults, which add up."""
+        return self.delay + sum(self._lateness(fault) for fault in self.faults)
 
     @property
     def changes(self) -> bool:
@@ -116,6 +122,17 @@ class Corruption:
                 mask |= self._active(fault, block)
         return mask
 
+    def lateness(self, block: int) -> IntArray:
+        """(BLOCK, n) additional age of the truth by late faults [ticks]."""
+        ticks = np.zeros((BLOCK, self.size), dtype=np.int64)
+        for fault in self.faults:
+            if fault.kind == "late":
+                ticks += self._lateness(fault) * self._active(fault, block)
+        return ticks
+
+    def _lateness(self, fault: SensorFault) -> int:
+        return whole_ticks("value", fault.value, self.dt) if fault.kind == "late" else 0
+
     def _active(self, fault: SensorFault, block: int) -> BoolArray:
         first, end = fault.ticks(self.dt)
         ticks = block * BLOCK + np.arange(BLOCK)
@@ -152,7 +169,8 @@ def corrupt(
     sensor = Corruption(size, spec, dt, tuple(faults), seed)
     blocks = range(-(-samples // BLOCK))
     offsets = np.concatenate([sensor.offsets(block) for block in blocks])[:samples]
-    late = truth[np.maximum(np.arange(samples) - sensor.delay, 0)]
+    age = sensor.delay + np.concatenate([sensor.lateness(block) for block in blocks])[:samples]
+    late = np.take_along_axis(truth, np.maximum(np.arange(samples)[:, None] - age, 0), axis=0)
     readings = quantise(spec.channels("scale", size) * late + offsets, spec.channels("resolution", size))
     if sensor.freezes:
         frozen = np.concatenate([sensor.frozen(block) for block in blocks])[:samples]

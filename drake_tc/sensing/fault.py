@@ -7,11 +7,11 @@ from typing import Literal
 from drake_tc.config.records import check_choices
 from drake_tc.errors import ParamsError
 
-FaultKind = Literal["frozen", "dropped", "biased", "nan", "spikes"]
+FaultKind = Literal["frozen", "dropped", "biased", "nan", "spikes", "late"]
 
 SPIKE_CHANCE = 0.05
 """One sample in twenty."""
-_SIZED = {"biased": "bias", "spikes": "spikes"}
+_SIZED = {"biased": "bias", "spikes": "spikes", "late": "delay [s]"}
 _TICK_TOLERANCE = 1e-6
 
 
@@ -22,11 +22,12 @@ class SensorFault:
     Attributes:
         kind: `frozen` repeats the last finite reading, noise included; `dropped` and `nan` give NaN (no sample, or a
             sample that is NaN); `biased` adds `value` to the reading before quantisation; `spikes` adds or subtracts it
-            at random single samples of a channel.
+            at random single samples of a channel; `late` reads the truth of `value` earlier than without the fault.
         start: Start of the fault in the time of the scenario [s].
         duration: Duration [s]; infinite by default.
         channels: Indices of the channels; None: all.
-        value: Size of the bias or of the spikes [unit of the signal].
+        value: Size of the bias or of the spikes [unit of the signal]; of a late sensor its additional age [s], a whole
+            number of ticks.
         chance: Probability of a spike per sample [-]; default 0.05.
 
     Raises:
@@ -55,6 +56,8 @@ class SensorFault:
             raise ParamsError(f"value: expected a finite number, got {self.value!r}")
         if self.kind in _SIZED and self.value == 0.0:
             raise ParamsError(f"value: expected the size of the {_SIZED[self.kind]}, got 0")
+        if self.kind == "late" and self.value < 0.0:
+            raise ParamsError(f"value: expected an additional age > 0 [s], got {self.value:g}")
         if self.kind not in _SIZED and self.value != 0.0:
             raise ParamsError(
                 f"value: expected only with kind {' or '.join(_SIZED)}, got {self.value:g} with {self.kind}"

@@ -41,23 +41,24 @@ class SensorBase(PortMethods, LeafSystem):
     Output:
         reading (n): NaN where a sample is lost.
 
-    State of a sensor with latency or `frozen` faults, every dt:
+    State of a sensor with latency, `frozen` or `late` faults, every dt:
 
         k[n+1] = k[n] + 1                                             tick
         o[n]   = bias + noise w[k] + faults, NaN where lost           (n,), drawn in the update from (seed, k)
         m[n]   = 1 where a `frozen` fault holds the channel           (n,), only with such faults
-        d[n+1] = [d[n] without its oldest; u[n]]                      (L, n) ring, only with a latency of L ticks
+        a[n]   = additional age by `late` faults                      (n,) ticks, only with such faults
+        d[n+1] = [d[n] without its oldest; u[n]]                      (L + A, n) ring; A ticks: all late faults together
         l[n+1] = y[n] where finite, else l[n]                         (n,), only with `frozen` faults
 
-        y[n]   = l[n] where m[n] (and l[n] is finite, and the sample came), else Q(scale u[n-L] + o[n])
+        y[n]   = l[n] where m[n] (and l[n] is finite, and the sample came), else Q(scale u[n-L-a[n]] + o[n])
 
     L = 0: u feeds through, and the system adds no delay. L > 0: no feedthrough; a simulator's initialization fills d
-    with the first truth (without one it is NaN until L ticks have passed). With a start time t0 other than 0, k starts
-    at t0/dt.
+    with the first truth (without one it is NaN until L + A ticks have passed). With a start time t0 other than 0, k
+    starts at t0/dt.
 
-    Without latency and `frozen` faults, k is the tick t/dt (between ticks the next one), and the state is o of the
-    BLOCK ticks around it, drawn a tick ahead in an event every BLOCK ticks: nothing has to be updated in between. A
-    spec and faults that never change anything have neither state nor event.
+    Without latency, `frozen` and `late` faults, k is the tick t/dt (between ticks the next one), and the state is o of
+    the BLOCK ticks around it, drawn a tick ahead in an event every BLOCK ticks: nothing has to be updated in between.
+    A spec and faults that never change anything have neither state nor event.
     """
 
     def _declare(self, truth: InputPort, sensor: Corruption) -> None:
@@ -70,14 +71,19 @@ class SensorBase(PortMethods, LeafSystem):
         size, spec = sensor.size, sensor.spec
         self._input, self._corruption = truth, sensor
         self._size, self._delay, self._freezes = size, sensor.delay, sensor.freezes
+        self._length = sensor.oldest
+        self._is_late = self._length > self._delay
         scale, resolution = spec.channels("scale", size), spec.channels("resolution", size)
         self._scale = None if np.all(scale == 1.0) else scale
         self._steps = resolution > 0.0
         self._step = np.where(self._steps, resolution, 1.0)
         self._steps_any, self._steps_all = bool(self._steps.any()), bool(self._steps.all())
-        self._ticks, self._changes, self._dt = bool(self._delay or self._freezes), sensor.changes, sensor.dt
+        self._ticks, self._changes, self._dt = bool(self._length or self._freezes), sensor.changes, sensor.dt
         self._first = self._rows(0)[0]
         self._offset = slice(_OFFSET, _OFFSET + size)
+        self._stuck = slice(_OFFSET + size, _OFFSET + 2 * size)
+        self._age = slice(-size, None)
+        self._channels = np.arange(size)
         if self._ticks:
             first: Any = self._first
             now = self.DeclareDiscreteState(first)
@@ -89,12 +95,12 @@ class SensorBase(PortMethods, LeafSystem):
             self._drawn = int(drawn)
         else:
             tickets = {self.nothing_ticket()}
-        if self._delay:
-            empty: Any = np.full(self._delay * size, np.nan)
+        if self._length:
+            empty: Any = np.full(self._length * size, np.nan)
             line = self.DeclareDiscreteState(empty)
             tickets.add(self.discrete_state_ticket(line))
             self._line = int(line)
-        else:
+        if not self._delay:
             tickets.add(truth.ticket())
         if self._freezes:
             nothing: Any = np.full(size, np.nan)
@@ -158,16 +164,20 @@ class SensorBase(PortMethods, LeafSystem):
         raise NotImplementedError
 
     def _rows(self, block: int) -> FloatArray:
-        """(BLOCK, ...) state rows [k, any m, o, m] of a block's ticks."""
+        """(BLOCK, ...) state rows [k, any m, o, m, a] of a block's ticks, m and a only where the sensor has them."""
         ticks = (block * BLOCK + np.arange(BLOCK, dtype=np.float64))[:, None]
         offsets = self._corruption.offsets(block)
-        if not self._freezes:
-            return np.hstack([ticks, np.zeros_like(ticks), offsets])
-        frozen = self._corruption.frozen(block) & np.isfinite(offsets)
-        return np.hstack([ticks, frozen.any(axis=1, keepdims=True), offsets, frozen])
+        any_stuck, more = np.zeros_like(ticks), []
+        if self._freezes:
+            frozen = self._corruption.frozen(block) & np.isfinite(offsets)
+            any_stuck = frozen.any(axis=1, keepdims=True)
+            more.append(frozen)
+        if self._is_late:
+            more.append(self._corruption.lateness(block))
+        return np.hstack([ticks, any_stuck, offsets, *more])
 
     def _row(self, context: Any) -> FloatArray:
-        """[k, any m, o, m] of this tick."""
+        """[k, any m, o, m, a] of this tick."""
         row: FloatArray = self._first
         if self._ticks:
             row = context.get_discrete_state(self._now).value()
@@ -181,8 +191,10 @@ class SensorBase(PortMethods, LeafSystem):
 
     def _calc(self, context: Any, output: BasicVector) -> None:
         now = self._row(context)
-        if self._delay:
-            at = int(now[_TICK]) % self._delay * self._size
+        if self._is_late and now[self._age].any():
+            u = self._late_truth(context, now)
+        elif self._delay:
+            at = (int(now[_TICK]) - self._delay) % self._length * self._size
             u = context.get_discrete_state(self._line).value()[at : at + self._size]
         else:
             u = self._truth(context)
@@ -194,8 +206,15 @@ class SensorBase(PortMethods, LeafSystem):
             y = rounded if self._steps_all else np.where(self._steps, rounded, y)
         if now[_STUCK]:
             last = context.get_discrete_state(self._last).value()
-            y = np.where((now[_OFFSET + self._size :] > 0.0) & np.isfinite(last), last, y)
+            y = np.where((now[self._stuck] > 0.0) & np.isfinite(last), last, y)
         output.set_value(y)
+
+    def _late_truth(self, context: Any, now: FloatArray) -> FloatArray:
+        """(n,) u[n-L-a[n]], each channel with its own age."""
+        age = self._delay + now[self._age].astype(np.int64)
+        ring = np.reshape(context.get_discrete_state(self._line).value(), (self._length, self._size))
+        old = ring[(int(now[_TICK]) - age) % self._length, self._channels]
+        return old if self._delay else np.where(age > 0, old, self._truth(context))
 
     def _update(self, context: Any, values: DiscreteValues) -> None:
         new: Any = values
@@ -205,8 +224,8 @@ class SensorBase(PortMethods, LeafSystem):
         if block.index != index:
             block.index, block.rows = index, self._rows(index)
         new.set_value(self._now, block.rows[row])
-        if self._delay:
-            at = tick % self._delay * self._size
+        if self._length:
+            at = tick % self._length * self._size
             new.get_mutable_value(self._line)[at : at + self._size] = self._truth(context)
         if self._freezes:
             y = self._reading.Eval(context)
@@ -237,10 +256,10 @@ class SensorBase(PortMethods, LeafSystem):
         start = round(context.get_time() / self._dt)
         if tick == 0 and start > 0:
             new.set_value(self._now, self._rows(start // BLOCK)[start % BLOCK])
-        if self._delay:
+        if self._length:
             line = context.get_discrete_state(self._line).value()
             if np.isnan(line).all():
-                new.set_value(self._line, np.tile(self._truth(context), self._delay))
+                new.set_value(self._line, np.tile(self._truth(context), self._length))
 
 
 class Sensor(SensorBase):

@@ -86,16 +86,29 @@ class SensorSpec:
         Raises:
             ParamsError: It is no whole number of ticks, within 1e-6 of a tick.
         """
-        ticks = self.latency / dt
-        if ticks > MOST_TICKS:
-            raise ParamsError(f"latency: expected at most {MOST_TICKS} periods of {dt:g} s, got {self.latency:g} s")
-        if abs(ticks - round(ticks)) > _TICK_TOLERANCE:
-            below, above = math.floor(ticks) * dt, math.ceil(ticks) * dt
-            raise ParamsError(
-                f"latency: expected a multiple of the period {dt:g} s, got {self.latency:g} s;"
-                f" nearest: {below:g} and {above:g}"
-            )
-        return round(ticks)
+        return whole_ticks("latency", self.latency, dt)
+
+
+def whole_ticks(name: str, seconds: float, dt: float) -> int:
+    """An age in ticks.
+
+    Args:
+        name: Of the field, for the message.
+        seconds: The age [s].
+        dt: Period of a tick [s].
+
+    Raises:
+        ParamsError: It is no whole number of ticks, within 1e-6 of a tick, or more than `MOST_TICKS`.
+    """
+    ticks = seconds / dt
+    if ticks > MOST_TICKS:
+        raise ParamsError(f"{name}: expected at most {MOST_TICKS} periods of {dt:g} s, got {seconds:g} s")
+    if abs(ticks - round(ticks)) > _TICK_TOLERANCE:
+        below, above = math.floor(ticks) * dt, math.ceil(ticks) * dt
+        raise ParamsError(
+            f"{name}: expected a multiple of the period {dt:g} s, got {seconds:g} s; nearest: {below:g} and {above:g}"
+        )
+    return round(ticks)
 
 
 def joined(parts: Sequence[tuple[SensorSpec, int]]) -> SensorSpec:

@@ -98,6 +98,26 @@ def test_a_bias_fault_adds_before_quantisation():
     assert_allclose(readings[:, 0], [0] * 5 + [0.25] * 3 + [0] * 4, atol=1e-15)
 
 
+def test_a_late_sensor_reads_an_earlier_truth_while_it_is_late():
+    """A ramp of 1 a tick: the reading is the tick less its age; before the log it is the first truth."""
+    ramp = np.tile(np.arange(60.0)[:, None], (1, 2))
+    faults = [
+        SensorFault("late", 0.020, 0.010, channels=(1,), value=5e-3),
+        SensorFault("late", 0.001, 2e-3, value=4e-3),
+    ]
+    readings = corrupt(ramp, SensorSpec(latency=2e-3), DT, faults)
+    age = np.full((60, 2), 2.0)
+    age[20:30, 1] += 5.0
+    age[1:3] += 4.0
+    assert_array_equal(readings, np.maximum(ramp - age, 0.0))
+
+
+def test_late_faults_at_the_same_time_add_up():
+    ramp = np.arange(60.0)[:, None]
+    faults = [SensorFault("late", 0.030, value=5e-3), SensorFault("late", 0.040, value=7e-3)]
+    assert corrupt(ramp, SensorSpec(), DT, faults)[[29, 30, 40], 0].tolist() == [29.0, 25.0, 28.0]
+
+
 def test_spikes_hit_single_samples_at_the_stated_rate_with_either_sign_and_leave_the_noise():
     spec = SensorSpec(noise=1e-3)
     plain = corrupt(np.zeros((LONG, 3)), spec, DT, seed=8)
@@ -158,7 +178,7 @@ def test_impossible_specs_are_refused(spec, message):
 @pytest.mark.parametrize(
     ("fault", "message"),
     [
-        ({"kind": "melted"}, "frozen, dropped, biased, nan, spikes, got 'melted'"),
+        ({"kind": "melted"}, "frozen, dropped, biased, nan, spikes, late, got 'melted'"),
         ({"kind": "nan", "start": np.nan}, "start"),
         ({"kind": "nan", "duration": 0.0}, "duration"),
         ({"kind": "biased"}, "size of the bias"),
@@ -167,6 +187,8 @@ def test_impossible_specs_are_refused(spec, message):
         ({"kind": "spikes", "value": 1.0, "chance": 0.0}, "probability above 0, 1 at most, got 0.0"),
         ({"kind": "nan", "chance": 0.5}, "chance: expected only with kind spikes"),
         ({"kind": "nan", "channels": ()}, "channels"),
+        ({"kind": "late"}, "size of the delay"),
+        ({"kind": "late", "value": -1e-3}, "an additional age > 0"),
     ],
 )
 def test_impossible_faults_are_refused(fault, message):
@@ -178,6 +200,10 @@ def test_impossible_faults_are_refused(fault, message):
     ("arguments", "message"),
     [
         ((np.zeros((3, 2)), SensorSpec(latency=1.4e-3), DT), "nearest: 0.001 and 0.002"),
+        (
+            (np.zeros((3, 2)), SensorSpec(), DT, [SensorFault("late", value=1.4e-3)]),
+            "value: .*nearest: 0.001 and 0.002",
+        ),
         ((np.zeros((3, 2)), SensorSpec(noise=(1.0, 1.0, 1.0)), DT), "one value, or 2, got 3"),
         ((np.zeros((3, 2)), SensorSpec(), 0.0), "positive period"),
         ((np.zeros((3, 2)), SensorSpec(), DT, [SensorFault("nan", channels=(2,))]), "expected 0 to 1, got 2"),

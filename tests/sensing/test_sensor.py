@@ -13,12 +13,15 @@ from drake_tc.sensing.sensor import Sensor, SensorFault, SensorSpec, corrupt
 
 DT = 1e-3
 FAULTS = (SensorFault("frozen", 0.1, 0.05, (0,)), SensorFault("nan", 0.12, 0.01), SensorFault("biased", 0.2, value=1.0))
+LATE = (SensorFault("late", 0.05, 0.1, (1,), value=0.02), SensorFault("late", 0.12, 0.2, value=7e-3))
 CASES = {
     "perfect": (SensorSpec(), ()),
     "noisy": (SensorSpec(noise=0.1, scale=1.1, bias=(0.0, 1.0), resolution=(0.01, 0.0)), ()),
     "late": (SensorSpec(noise=0.1, latency=5e-3, dropout=0.1), ()),
     "failing": (SensorSpec(noise=0.1, resolution=0.02), FAULTS),
     "late and failing": (SensorSpec(noise=0.1, latency=3e-3, dropout=0.05), FAULTS),
+    "late for a while": (SensorSpec(noise=0.1), LATE),
+    "later for a while": (SensorSpec(noise=0.1, latency=3e-3, resolution=0.01), (*FAULTS, *LATE)),
 }
 
 

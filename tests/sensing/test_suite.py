@@ -85,7 +85,7 @@ def test_faults_of_a_scenario():
         ("{imu: [{start: 1}]}", "f: imu[0]: kind is missing"),
         (
             "{imu: [{kind: melted}]}",
-            "f: imu[0].kind: expected one of frozen, dropped, biased, nan, spikes, got 'melted'",
+            "f: imu[0].kind: expected one of frozen, dropped, biased, nan, spikes, late, got 'melted'",
         ),
         ("{imu: [{kind: nan, start: soon}]}", "f: imu[0].start: expected a finite number, got 'soon'"),
         ("{imu: [{kind: nan, channels: 3}]}", "f: imu[0].channels: expected a list, got 3"),
