@@ -29,7 +29,9 @@ from drake_tc.sensing.fault import SensorFault
 from drake_tc.types import BoolArray, FloatArray
 
 KINDS = ("frozen", "dropped_20ms", "dropped", "biased", "nan")
-"""What may go wrong with each sensor."""
+"""What may go wrong with each sensor and is always flagged."""
+LATE = "late"
+"""A sensor whose readings are older for a while, which is flagged where they jump by that."""
 BIASES: Mapping[str, tuple[float, int]] = {"encoder": (0.05, 3), "imu": (3.0, 3), "force_torque": (150.0, 2)}
 """Size and channel of the biased cases: 0.05 rad on the fourth joint, 3 m/s^2 on accel x, 150 N on fz."""
 FLAGGED_WITHIN = 0.05
@@ -42,8 +44,8 @@ class FaultCase:
 
     Attributes:
         sensor: "encoder", "imu" or "force_torque".
-        kind: One of `KINDS`.
-        bias: Size of a biased case [rad | rad/s | m/s^2 | N | N m]; None: that of `BIASES`.
+        kind: One of `KINDS`, or `LATE`.
+        bias: Size of a biased case [rad | rad/s | m/s^2 | N | N m]; None: that of `BIASES`. Of a late one its age [s].
         channel: Of a biased or NaN case; None: that of `BIASES`.
     """
 
@@ -55,8 +57,8 @@ class FaultCase:
     def __post_init__(self) -> None:
         if self.sensor not in SENSORS:
             raise ParamsError(f"fault case: no sensor {self.sensor!r}; possible: {', '.join(SENSORS)}")
-        if self.kind not in KINDS:
-            raise ParamsError(f"fault case: no kind {self.kind!r}; possible: {', '.join(KINDS)}")
+        if self.kind not in (*KINDS, LATE):
+            raise ParamsError(f"fault case: no kind {self.kind!r}; possible: {', '.join((*KINDS, LATE))}")
 
     @property
     def name(self) -> str:
@@ -72,6 +74,8 @@ class FaultCase:
             return SensorFault("biased", start, channels=(channel,), value=size)
         if self.kind == "dropped_20ms":
             return SensorFault("dropped", start, duration=0.02)
+        if self.kind == LATE:
+            return SensorFault("late", start, value=0.0 if self.bias is None else self.bias)
         if self.kind == "nan":
             return SensorFault("nan", start, channels=(channel,))
         return SensorFault("frozen" if self.kind == "frozen" else "dropped", start)

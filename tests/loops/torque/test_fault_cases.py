@@ -8,9 +8,10 @@ import pytest
 from drake_tc.control.guard import GuardMode
 from drake_tc.errors import ParamsError
 from drake_tc.loops.torque.running import simulate_scenario
+from drake_tc.loops.torque.spec import SENSORS
 from drake_tc.registry import diagram_entry
 
-from .fault_cases import BIASES, CASES, FLAGGED_WITHIN, FaultCase, run_case
+from .fault_cases import BIASES, CASES, FLAGGED_WITHIN, LATE, FaultCase, run_case
 
 SITUATIONS = {"swing": ("hrp2_leg", "brisk_swing", 0.9), "contact": ("hrp2_leg_contact", "brisk_force_sine", 0.8)}
 MARGIN = {("contact", "force_torque-biased"): 0.08}
@@ -154,10 +155,47 @@ def test_a_faultless_run_raises_no_flag():
         assert recording["mode"][-1, 0] == GuardMode.NORMAL
 
 
+@cache
+def undisturbed(situation):
+    return simulate_scenario(scenario(situation).changed(log_truth=True))
+
+
+def test_encoders_of_a_swinging_leg_that_come_20_ms_late_are_flagged():
+    """The readings jump back by the way of 20 ms. Of 10 ms they are not, which diagrams/README.md tells."""
+    result = outcome("swing", FaultCase("encoder", LATE, 0.02))
+    assert result.finite and not result.flagged_before
+    assert result.flagged_after <= FLAGGED_WITHIN
+    assert result.excess <= 0.02
+    assert result.recording["mode"][-1, 0] == GuardMode.DAMP
+
+
+UNHARMED = [("swing", "imu"), ("swing", "force_torque"), *(("contact", sensor) for sensor in SENSORS)]
+"""Where readings of before hardly differ from those of now."""
+
+
+@pytest.mark.parametrize(("situation", "sensor"), UNHARMED)
+def test_a_sensor_that_comes_10_ms_late_does_no_harm(situation, sensor):
+    result, calm = outcome(situation, FaultCase(sensor, LATE, 0.01)), undisturbed(situation)
+    assert result.finite and result.flagged_after == np.inf
+    assert np.abs(result.recording.tracking_error).max() <= 1.2 * np.abs(calm.tracking_error).max()
+    assert np.abs(result.recording["joint_torque"]).max() <= 1.2 * np.abs(calm["joint_torque"]).max()
+
+
+@pytest.mark.slow
+def test_late_sensors_that_no_flag_tells():
+    """The figures of diagrams/README.md; a monitor that told these faults would make this test fail."""
+    swing = outcome("swing", FaultCase("encoder", LATE, 0.01))
+    assert swing.flagged_after == np.inf and swing.finite
+    assert np.abs(swing.recording.tracking_error).max() == pytest.approx(0.185, abs=0.02)
+    contact = outcome("contact", FaultCase("force_torque", LATE, 0.02))
+    assert contact.flagged_after == np.inf and contact.finite
+    assert np.abs(contact.recording["joint_torque"]).max() == pytest.approx(94.0, rel=0.2)
+
+
 def test_unknown_cases_are_refused():
     with pytest.raises(ParamsError, match="no sensor 'gps'; possible: encoder, imu, force_torque"):
         FaultCase("gps", "nan")
-    with pytest.raises(ParamsError, match="no kind 'late'; possible: frozen"):
-        FaultCase("imu", "late")
+    with pytest.raises(ParamsError, match="no kind 'slow'; possible: frozen, dropped_20ms"):
+        FaultCase("imu", "slow")
     with pytest.raises(ParamsError, match=r"channels: expected 0 to 5, got 6"):
         outcome("swing", FaultCase("encoder", "nan", channel=6))
