@@ -167,13 +167,14 @@ class SensorBase(PortMethods, LeafSystem):
         """(BLOCK, ...) state rows [k, any m, o, m, a] of a block's ticks, m and a only where the sensor has them."""
         ticks = (block * BLOCK + np.arange(BLOCK, dtype=np.float64))[:, None]
         offsets = self._corruption.offsets(block)
-        any_stuck, more = np.zeros_like(ticks), []
+        any_stuck = np.zeros_like(ticks)
+        more: list[FloatArray] = []
         if self._freezes:
             frozen = self._corruption.frozen(block) & np.isfinite(offsets)
-            any_stuck = frozen.any(axis=1, keepdims=True)
-            more.append(frozen)
+            any_stuck[:, 0] = frozen.any(axis=1)
+            more.append(frozen.astype(np.float64))
         if self._is_late:
-            more.append(self._corruption.lateness(block))
+            more.append(self._corruption.lateness(block).astype(np.float64))
         return np.hstack([ticks, any_stuck, offsets, *more])
 
     def _row(self, context: Any) -> FloatArray:
@@ -192,7 +193,7 @@ class SensorBase(PortMethods, LeafSystem):
     def _calc(self, context: Any, output: BasicVector) -> None:
         now = self._row(context)
         if self._is_late and now[self._age].any():
-            u = self._late_truth(context, now)
+            u: Any = self._late_truth(context, now)
         elif self._delay:
             at = (int(now[_TICK]) - self._delay) % self._length * self._size
             u = context.get_discrete_state(self._line).value()[at : at + self._size]
