@@ -39,6 +39,7 @@ PARTS = {
             REPRODUCED + "A.t[ao]*",
             "diagrams/papers/test_papers.py::test_another_seed*",
             "loops/torque/test_fault_cases.py::*",
+            "loops/torque/test_torque_contradiction.py::*",
             "loops/torque/test_stress.py::*",
             "diagrams/papers/delprete2016/test_table1.py::*",
             "diagrams/test_other_robots.py::*",

@@ -14,6 +14,7 @@ from drake_tc.estimation.torque_model import GRAVITY
 from drake_tc.port_methods import PortMethods
 from drake_tc.robot.plant import joint_limits
 from drake_tc.robot.robot import Robot
+from drake_tc.sensor_validation.encoder_jumps import EncoderJumps
 from drake_tc.sensor_validation.monitor_spec import MonitorSpec
 from drake_tc.types import BoolArray, FloatArray
 
@@ -53,8 +54,8 @@ class FaultMonitor(PortMethods, LeafSystem):
 
         missing     u[n] is not finite, or beyond `LARGEST`
         c[n+1]    = c[n] + 1 where u[n] = s[n], else 0;                 frozen: c[n+1] >= max(time/dt, repeats)
-        jump        |u[n] - s[n]| > (m[n] + 1) largest step; for encoders also |o[n+1]| > largest step, with
-        o[n+1]    = o[n] + u[n] - s[n] at a jump, else o[n]: a reading that jumped stays wrong until it jumps back
+        jump        |u[n] - s[n]| > (m[n] + 1) largest step; of encoders also too large a change of the speed, and what
+                    has jumped stays wrong until it jumps back (`EncoderJumps`)
         e[n+1]    = e[n] + (1 - exp(-dt/T)) (x[n] - e[n])               |e[n+1]| > threshold: inconsistent, unexpected
         h[n+1]    = hold/dt where a cause is there, else max(h[n] - 1, 0);   flag y[n] = h[n] > 0
 
@@ -106,6 +107,8 @@ class FaultMonitor(PortMethods, LeafSystem):
         self._largest_step = np.concatenate(
             [2.0 * speed * dt + spec.encoder_jump, wrench_jump * k, inertial_jump * has_imu]
         )
+        bend = spec.encoder_acceleration * dt**2
+        self._encoder_jumps = EncoderJumps(self._largest_step[:n], bend, spec.encoder_jump)
         times = [[spec.encoder_frozen] * n, [spec.wrench_frozen] * 6 * k, [spec.imu_frozen] * 6 * has_imu]
         repeats = np.repeat([ENCODER_REPEATS, REPEATS], [n, raw - n])
         self._frozen_ticks = np.clip(np.concatenate(times) / dt, repeats, _NEVER) - 0.5
@@ -131,11 +134,11 @@ class FaultMonitor(PortMethods, LeafSystem):
         self._declare(n, k)
 
     def _bounds(self) -> FloatArray:
-        """What |[u, all filtered inputs; u - s; c; e]| stays below while nothing is wrong."""
+        """What |[u, all filtered inputs; u - s; c; e; x]| stays below while nothing is wrong."""
         ticks = self._frozen_ticks.copy()
         ticks[: self._n] = np.minimum(ticks[: self._n], self._stuck_ticks)
         seen = np.full(self._raw + self._limits.size - (6 if self._has_imu else 0), LARGEST)
-        return np.concatenate([seen, self._largest_step, ticks, self._limits])
+        return np.concatenate([seen, self._largest_step, ticks, self._limits, self._encoder_jumps.wrong])
 
     def _declare(self, n: int, k: int) -> None:
         """Ports, state and event."""
@@ -149,11 +152,12 @@ class FaultMonitor(PortMethods, LeafSystem):
         self._derived = tuple((ports[name], np.zeros(size)) for name, size in derived)
 
         count = len(self._flag_names)
-        ends = np.cumsum([0, self._raw, self._raw, self._limits.size, self._raw, count, n, 1]).tolist()
+        raw_size = self._raw
+        ends = np.cumsum([0, raw_size, raw_size, self._limits.size, n, raw_size, count, n, 2 * n, 1]).tolist()
         self._parts = tuple(slice(a, b) for a, b in pairwise(ends))
-        self._usual = slice(0, ends[3])
+        self._usual = slice(0, ends[4])
         start: Any = np.zeros(ends[-1])
-        start[self._parts[0]] = np.nan
+        start[self._parts[0]] = start[self._parts[3]] = start[self._parts[7]] = np.nan
         self._memory = int(self.DeclareDiscreteState(start))
         flags, largest = self.DeclareDiscreteState(count), self.DeclareDiscreteState(1)
         self._flags, self._largest = int(flags), int(largest)
@@ -186,15 +190,19 @@ class FaultMonitor(PortMethods, LeafSystem):
         """The whole recursion where no flag is up, no reading missing and nothing out of bounds; else nothing."""
         if memory[-1] != 0.0:
             return False
-        raw, usual = self._raw, memory[self._usual]
+        n, raw, usual = self._n, self._raw, memory[self._usual]
         u = now[:raw]
         step = u - usual[:raw]
         after = np.empty_like(usual)
         after[:raw] = u
-        np.multiply(usual[raw : 2 * raw] + 1.0, step == 0.0, out=after[raw : 2 * raw])
-        error = usual[2 * raw :]
-        after[2 * raw :] = error + self._blend * (now[self._filtered] - self._expected - error)
-        watched = np.abs(np.concatenate((now, step, after[raw:])))
+        ticks, same = usual[raw : 2 * raw] + 1.0, step == 0.0
+        np.multiply(ticks, same, out=after[raw : 2 * raw])
+        error, pace = usual[2 * raw : -n], usual[-n:]
+        after[2 * raw : -n] = error + self._blend * (now[self._filtered] - self._expected - error)
+        way, late = step[:n], same[:n]
+        change = np.where(late, 0.0, way - pace * ticks[:n])
+        after[-n:] = np.where(late, pace, way / ticks[:n])
+        watched = np.abs(np.concatenate((now, step, after[raw:-n], change)))
         if np.count_nonzero(watched < self._within) < watched.size:  # also where one is NaN
             return False
         memory[self._usual] = after
@@ -203,16 +211,17 @@ class FaultMonitor(PortMethods, LeafSystem):
     def _examine(self, context: Any, values: Any, now: FloatArray) -> None:
         """The recursion, channel by channel."""
         memory = values.get_mutable_value(self._memory)
-        last, same, error, gap, left, moved, busy = (memory[part] for part in self._parts)
+        last, same, error, pace, gap, left, offset, doubt, busy = (memory[part] for part in self._parts)
         u, x = now[: self._raw], now[self._filtered] - self._expected
         with np.errstate(invalid="ignore"):  # readings may be infinite
             finite = np.abs(u) < LARGEST  # also False where u is NaN
             step = u - last
             jump = (np.abs(step) > (gap + 1.0) * self._largest_step) & finite
             good = np.abs(x) < LARGEST
-        jumped = jump[: self._n]
-        moved[jumped] += step[: self._n][jumped]
-        jumped |= np.abs(moved) > self._largest_step[: self._n]
+        n = self._n
+        new = finite[:n] & np.isfinite(step[:n]) & (step[:n] != 0.0)
+        ticks = np.maximum(gap[:n], same[:n]) + 1.0
+        jump[:n] = self._encoder_jumps.find(step[:n], ticks, new, pace, offset, doubt.reshape(2, n))
         same[:] = np.where(u == last, same + 1.0, 0.0)
         frozen = same >= self._frozen_ticks
         if self._reference.HasValue(context):
@@ -225,7 +234,7 @@ class FaultMonitor(PortMethods, LeafSystem):
         left[self._causes(np.stack([~finite, frozen, jump]), np.abs(error) > self._limits)] = self._hold
         raised = (left > 0.0).astype(np.float64)
         worst = 2.0 * raised[:ENCODER_FLAGS].max()
-        busy[:] = float(raised.any() or gap.any() or jumped.any())
+        busy[:] = float(raised.any() or gap.any() or jump[:n].any() or np.isfinite(doubt).any())
         values.set_value(self._flags, raised)
         values.set_value(self._largest, np.array([max(worst, raised.max())]))
 

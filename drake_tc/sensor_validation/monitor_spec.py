@@ -29,7 +29,10 @@ class MonitorSpec:
             encoders without noise, but a joint may hang in its friction, hence longer.
         moving: Reference speed at which a joint must be seen to move [rad/s].
         imu_frozen, wrench_frozen: As `encoder_frozen` [s]; their noise is many times their resolution.
-        encoder_jump: Added to twice what the joint's velocity limit allows in one tick [rad]; above its noise.
+        encoder_jump: Added to twice what the joint's velocity limit allows in one tick, and to what
+            `encoder_acceleration` allows [rad]; above noise and resolution of the encoders.
+        encoder_acceleration: Largest acceleration of a joint [rad/s^2]. A drive of 250 N m that moves 1 kg m^2 reaches
+            250; the rest is for blows, which reach an encoder at the motor through the gear's compliance.
         gyro_jump: Largest possible step in one tick [rad/s]: 1000 rad/s^2 at 1 kHz.
         accel_jump: The same [m/s^2]; a hard impact of the foot reaches the torso with some 10 m/s^2 in 1 ms.
         force_jump, moment_jump: The same of an F/T sensor [N, N m]; a touch-down rises over several ms, so about a
@@ -54,6 +57,7 @@ class MonitorSpec:
     imu_frozen: Unbounded = 0.01
     wrench_frozen: Unbounded = 0.01
     encoder_jump: Unbounded = 1e-3
+    encoder_acceleration: Unbounded = 2000.0
     gyro_jump: Unbounded = 1.0
     accel_jump: Unbounded = 30.0
     force_jump: Unbounded = 100.0
@@ -66,15 +70,21 @@ class MonitorSpec:
     time_constant: float = 0.01
     hold: float = 0.1
 
-    def without_noise(self, suite: SensorSuiteSpec) -> "MonitorSpec":
-        """The same for sensors of which some have no noise: their readings may stand still, so they are never frozen.
+    def for_sensors(self, suite: SensorSuiteSpec) -> "MonitorSpec":
+        """The same for given sensors.
+
+        Those without noise may stand still, so they are never frozen. With a resolution q and noise of a standard
+        deviation s, the change of an encoder's speed between two ticks errs by up to 2 q, and by 15 s once in 1e9:
+        `encoder_jump` is at least their sum.
 
         Args:
             suite: What the sensors do.
         """
         noisy = {name: np.all(np.asarray(getattr(suite, name).noise) > 0.0) for name in _NOISE_OF}
         quiet = {frozen: np.inf for name, frozen in _NOISE_OF.items() if not noisy[name]}
-        return replace(self, **quiet)
+        encoder = suite.encoder
+        errs = 2.0 * np.asarray(encoder.resolution) + 15.0 * np.asarray(encoder.noise)
+        return replace(self, encoder_jump=max(self.encoder_jump, float(errs.max())), **quiet)
 
     def __post_init__(self) -> None:
         """Check the values.

@@ -164,6 +164,75 @@ def test_a_flag_holds_for_the_hold_time(robot):
     assert_array_equal(up, np.arange(START, START + 50))
 
 
+def moving_at(speed, steps, seed=0):
+    """Encoders of joints that all move at a steady speed, with their noise."""
+    signals = {name: values for name, values in live(steps, seed).items() if name in RAW}
+    noise = 1e-5 * np.random.default_rng(seed).standard_normal((steps, N))
+    signals["position"] = np.round((speed * DT * np.arange(steps)[:, None] + noise) / 1e-5) * 1e-5
+    return signals
+
+
+@pytest.mark.parametrize("size", [3.3e-3, -3.3e-3])
+@pytest.mark.parametrize("speed", [0.0, 2.0])
+def test_a_jump_beyond_what_the_largest_acceleration_allows_stays_flagged(robot, speed, size):
+    """2000 rad/s^2 for 1 ms and 1 mrad of noise are 3 mrad; a fifth of what the speed limit of 20 rad/s lets pass."""
+    signals = moving_at(speed, START + 300)
+    signals["position"][START : START + 100, 1] += size
+    flags = run(robot, signals)
+    assert set(raised(flags)) == {"encoder/jump"}
+    assert_array_equal(np.flatnonzero(flags["encoder/jump"]), np.arange(START, START + 200))  # hold: 100 ticks
+
+
+def test_the_largest_acceleration_is_the_users(robot):
+    signals = moving_at(2.0, START + 10)
+    signals["position"][START:, 1] += 3.3e-3
+    assert raised(run(robot, signals, MonitorSpec(encoder_acceleration=3000.0))) == {}
+    assert raised(run(robot, signals, MonitorSpec(encoder_acceleration=np.inf))) == {}
+
+
+def test_readings_that_become_older_jump_back_by_the_way_of_that_time(robot):
+    signals = moving_at(1.0, START + 60)
+    signals["position"][START:] = signals["position"][START - 5 : -5]  # 5 ms: 5 mrad
+    assert raised(run(robot, signals)) == {"encoder/jump": START}
+
+
+def test_a_joint_that_is_stopped_by_a_blow_is_flagged_for_the_hold_time_alone(robot):
+    signals = moving_at(4.0, START + 300)
+    signals["position"][START:] = signals["position"][START - 1] + 1e-5 * np.random.default_rng(1).integers(
+        -1, 2, (300, N)
+    )
+    flags = run(robot, signals)
+    assert set(raised(flags)) == {"encoder/jump"}
+    up = np.flatnonzero(flags["encoder/jump"])
+    assert START <= up[0] <= START + 2  # a reading that repeats tells nothing
+    assert up[-1] < START + 105
+
+
+def test_readings_that_come_every_few_ticks_are_no_jumps(robot):
+    """A slower bus: the reading repeats, and then goes as far as the joint went meanwhile."""
+    signals = moving_at(3.0, 300)
+    every = 5 * (np.arange(300) // 5)
+    signals["position"] = signals["position"][every]
+    assert raised(run(robot, signals)) == {}
+
+
+def test_a_single_wrong_reading_is_flagged_and_forgotten(robot):
+    signals = moving_at(2.0, START + 300)
+    signals["position"][START, 0] += 6e-3
+    up = np.flatnonzero(run(robot, signals)["encoder/jump"])
+    assert_array_equal(up, np.arange(START, START + 101))
+
+
+def test_coarse_encoders_do_not_jump(robot):
+    """12 bits: steps of 1.5 mrad."""
+    step = 2 * np.pi / 4096
+    suite = replace(SensorSuiteSpec.perfect(), encoder=SensorSpec(resolution=step))
+    signals = moving_at(2.3, 500)
+    signals["position"] = np.round(signals["position"] / step) * step
+    assert raised(run(robot, signals, MonitorSpec(encoder_acceleration=100.0).for_sensors(suite))) == {}
+    assert MonitorSpec().for_sensors(suite).encoder_jump == 2.0 * step
+
+
 @pytest.mark.parametrize(("back", "up_to"), [(None, 700), (200, 300)])
 def test_an_encoder_that_jumped_stays_flagged_until_it_jumps_back(robot, back, up_to):
     signals = live(START + 700)
@@ -199,10 +268,10 @@ def test_a_noiseless_encoder_is_frozen_only_where_the_reference_moves(robot):
 def test_sensors_without_noise_are_never_frozen(robot):
     signals = {name: np.tile(values[0], (200, 1)) for name, values in live(1).items() if name in RAW}
     assert {"encoder/frozen", "imu/frozen", "ankle/frozen"} <= set(raised(run(robot, signals)))
-    assert raised(run(robot, signals, MonitorSpec().without_noise(SensorSuiteSpec.perfect()))) == {}
-    assert MonitorSpec().without_noise(SensorSuiteSpec.realistic()) == MonitorSpec()
+    assert raised(run(robot, signals, MonitorSpec().for_sensors(SensorSuiteSpec.perfect()))) == {}
+    assert MonitorSpec().for_sensors(SensorSuiteSpec.realistic()) == MonitorSpec()
     one = replace(SensorSuiteSpec.realistic(), gyro=SensorSpec())
-    assert MonitorSpec().without_noise(one) == MonitorSpec(imu_frozen=np.inf)
+    assert MonitorSpec().for_sensors(one) == MonitorSpec(imu_frozen=np.inf)
 
 
 def test_optional_inputs_stay_open(robot):

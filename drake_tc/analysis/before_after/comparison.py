@@ -53,8 +53,9 @@ MOST_SUBSTEPS = 5
 MOST_POINTS = 1500
 """Samples of a trace that are kept for plots."""
 _THRESHOLDS = (
-    *("encoder_frozen", "encoder_stuck", "imu_frozen", "wrench_frozen", "encoder_jump", "gyro_jump", "accel_jump"),
-    *("force_jump", "moment_jump", "still_gyro", "still_accel", "unexpected_force", "unexpected_moment", "torque"),
+    *("encoder_frozen", "encoder_stuck", "imu_frozen", "wrench_frozen", "encoder_jump", "encoder_acceleration"),
+    *("gyro_jump", "accel_jump", "force_jump", "moment_jump", "still_gyro", "still_accel", "unexpected_force"),
+    *("unexpected_moment", "torque"),
 )
 UNWATCHED = MonitorSpec(**dict.fromkeys(_THRESHOLDS, math.inf))
 """Nothing fails here, and a joint that hangs in its friction is to be seen, not held."""

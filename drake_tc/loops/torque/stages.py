@@ -153,7 +153,7 @@ def _monitor(parts: TorqueLoopBuilder, estimates: Mapping[str, OutputPort], refe
     if sensors.force_torque is not None:
         wires["wrench"] = sensors.force_torque.GetOutputPort("reading")
         wires["contact_wrench"] = estimates["contact_wrench"]
-    spec = scenario.monitor.without_noise(sensor_suite(scenario))
+    spec = scenario.monitor.for_sensors(sensor_suite(scenario))
     monitor = parts.add("fault_monitor", lambda: FaultMonitor(robot, spec, scenario.dt, free), **wires)
     if isinstance(monitor, FaultMonitor):
         parts.flag_names = tuple(monitor.flag_names)

@@ -102,7 +102,7 @@ def add_sensor_validation(
     suite = sensor_specs(wiring.scenario, period)
     encoder, imu = sensors.encoder.GetOutputPort("reading"), first_imu(builder, sensors.imu.GetOutputPort("reading"))
     wrench = sensors.force_torque.GetOutputPort("reading")
-    monitor = FaultMonitor(robot, MONITOR.without_noise(suite), period)
+    monitor = FaultMonitor(robot, MONITOR.for_sensors(suite), period)
     wiring.add("fault_monitor", monitor, position=encoder, imu=imu, wrench=wrench)
     raised, names = monitor.GetOutputPort("flags"), monitor.flag_names
     joints = _joint_sensors(wiring, springs, encoder)

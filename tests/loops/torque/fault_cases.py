@@ -6,7 +6,7 @@ channel.
 Smallest biases that are flagged within 50 ms of their start, with the leg's realistic sensors and the default monitor
 (tests/loops/torque/test_fault_cases.py):
 
-    encoder      0.0116 rad in mid swing, 0.0108 rad at rest (knee; twice its velocity limit in a tick, and 1 mrad)
+    encoder      3.1 mrad in mid swing and at rest (largest acceleration times the tick squared, and 1 mrad)
     imu          0.52 m/s^2, 0.051 rad/s
     force_torque in the air 21 N, 4.2 N m; in contact 102 N, 20.3 N m, as a jump: a load that comes slower than that
                  cannot be told from a bias. A slow scenario may take `monitor: {force_jump: 20.0, moment_jump: 4.0}`.

@@ -104,8 +104,8 @@ def test_a_sensor_that_is_back_after_20_ms_is_taken_up_without_a_bump(sensor, ga
 
 
 SMALLEST = [
-    ("swing", "encoder", 3, 0.0120, 0.0100),
-    ("contact", "encoder", 3, 0.0112, 0.0100),
+    ("swing", "encoder", 3, 0.0032, 0.0028),
+    ("contact", "encoder", 3, 0.0032, 0.0028),
     ("swing", "imu", 3, 0.54, 0.46),
     ("swing", "imu", 1, 0.053, 0.046),
     ("swing", "force_torque", 2, 22.0, 20.0),
@@ -139,12 +139,13 @@ def test_the_cases_biases_are_large_enough_to_be_seen():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("bias", [9e-3, -9e-3])
+@pytest.mark.parametrize("bias", [2.8e-3, -2.8e-3])
 @pytest.mark.parametrize("situation", SITUATIONS)
 def test_an_encoder_bias_too_small_to_be_seen_stays_bounded(situation, bias):
     result = outcome(situation, FaultCase("encoder", "biased", bias))
     assert result.finite
-    assert result.excess < 0.06
+    assert result.flagged_after == np.inf
+    assert result.excess < 6e-3
     assert result.torque_share <= 0.5
 
 
@@ -160,33 +161,36 @@ def undisturbed(situation):
     return simulate_scenario(scenario(situation).changed(log_truth=True))
 
 
-def test_encoders_of_a_swinging_leg_that_come_20_ms_late_are_flagged():
-    """The readings jump back by the way of 20 ms. Of 10 ms they are not, which diagrams/README.md tells."""
-    result = outcome("swing", FaultCase("encoder", LATE, 0.02))
+@pytest.mark.parametrize("age", [5e-3, 1e-2, 2e-2])
+def test_encoders_of_a_swinging_leg_that_come_late_are_flagged(age):
+    """The readings jump back by the way of that time."""
+    result = outcome("swing", FaultCase("encoder", LATE, age))
     assert result.finite and not result.flagged_before
     assert result.flagged_after <= FLAGGED_WITHIN
     assert result.excess <= 0.02
     assert result.recording["mode"][-1, 0] == GuardMode.DAMP
 
 
-UNHARMED = [("swing", "imu"), ("swing", "force_torque"), *(("contact", sensor) for sensor in SENSORS)]
+UNHARMED = [
+    ("swing", "encoder", 0.003),
+    ("swing", "imu", 0.01),
+    ("swing", "force_torque", 0.01),
+    *(("contact", sensor, 0.01) for sensor in SENSORS),
+]
 """Where readings of before hardly differ from those of now."""
 
 
-@pytest.mark.parametrize(("situation", "sensor"), UNHARMED)
-def test_a_sensor_that_comes_10_ms_late_does_no_harm(situation, sensor):
-    result, calm = outcome(situation, FaultCase(sensor, LATE, 0.01)), undisturbed(situation)
+@pytest.mark.parametrize(("situation", "sensor", "age"), UNHARMED)
+def test_a_sensor_that_comes_a_little_late_does_no_harm(situation, sensor, age):
+    result, calm = outcome(situation, FaultCase(sensor, LATE, age)), undisturbed(situation)
     assert result.finite and result.flagged_after == np.inf
     assert np.abs(result.recording.tracking_error).max() <= 1.2 * np.abs(calm.tracking_error).max()
     assert np.abs(result.recording["joint_torque"]).max() <= 1.2 * np.abs(calm["joint_torque"]).max()
 
 
 @pytest.mark.slow
-def test_late_sensors_that_no_flag_tells():
-    """The figures of diagrams/README.md; a monitor that told these faults would make this test fail."""
-    swing = outcome("swing", FaultCase("encoder", LATE, 0.01))
-    assert swing.flagged_after == np.inf and swing.finite
-    assert np.abs(swing.recording.tracking_error).max() == pytest.approx(0.185, abs=0.02)
+def test_a_late_force_that_no_flag_tells():
+    """The figures of diagrams/README.md; a monitor that told this fault would make this test fail."""
     contact = outcome("contact", FaultCase("force_torque", LATE, 0.02))
     assert contact.flagged_after == np.inf and contact.finite
     assert np.abs(contact.recording["joint_torque"]).max() == pytest.approx(94.0, rel=0.2)
