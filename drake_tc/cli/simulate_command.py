@@ -1,6 +1,7 @@
 """`drake-tc simulate`: run a diagram's scenario; what it comes to on stdout, a log beside it."""
 
 import json
+import math
 import sys
 from contextlib import nullcontext
 from pathlib import Path
@@ -56,6 +57,8 @@ def simulate_command(
         raise typer.BadParameter(f"expected csv, parquet or npz, got {log_format!r}", param_hint="--log-format")
     if plot is not None and plot.suffix.lower() not in PLOTS:
         raise typer.BadParameter(f"expected a file that ends in {', '.join(PLOTS)}, got {plot}", param_hint="--plot")
+    if duration is not None and not 0.0 < duration < math.inf:
+        raise typer.BadParameter(f"expected a positive number [s], got {duration!r}", param_hint="--duration")
     entry = runnable(diagram).naming(scenario_file, scenario_text)
     if html is not None and entry.kind not in ("torque", "whole_body"):
         raise typer.BadParameter(f"{diagram} has no robot to show", param_hint="--html")

@@ -3,6 +3,7 @@
 import json
 
 import numpy as np
+import pandas as pd
 import pytest
 import yaml
 from numpy.testing import assert_allclose
@@ -167,6 +168,13 @@ def test_a_log_with_lost_samples_says_why_it_has_no_torque(invoke, tmp_path):
 
 
 @pytest.mark.parametrize("duration", [0.0005, 0.001, 0.01])
+def test_a_run_shorter_than_the_delay_of_its_drive_is_still_written(invoke, tmp_path, duration):
+    outcome = invoke("simulate", "sea_joint", "--duration", duration, "--out", tmp_path, "--json")
+    assert outcome.code == 0
+    assert np.all(pd.read_csv(tmp_path / "log.csv")["r_knee/voltage"] == 0.0)
+
+
+@pytest.mark.parametrize("duration", [0.0005, 0.001, 0.01])
 def test_a_run_too_short_for_torques_is_still_written(invoke, tmp_path, duration):
     outcome = invoke("simulate", "hrp2_leg", "--duration", duration, "--out", tmp_path, "--json")
     assert outcome.code == 0
@@ -204,8 +212,9 @@ def test_a_scenario_file_of_ones_own(invoke, tmp_path):
         (["hrp2_leg", "--scenario-text", "{gains: {k6: -1.0}}"], ["ks", ">= 0"]),
         (["hrp2_leg", "--scenario-text", "{motion: {posture: {knie: 1.0}}}"], ["'knie'", "r_knee"]),
         (["hrp2_leg", "--scenario-text", "{tare: 0.001}"], ["tare", "period"]),
-        (["hrp2_leg", "--duration", "-1"], ["duration", "positive"]),
-        (["hrp2_leg", "--duration", "nan"], ["duration", "positive"]),
+        (["hrp2_leg", "--duration", "-1"], ["--duration", "positive"]),
+        (["hrp2_leg", "--duration", "nan"], ["--duration", "positive"]),
+        (["sea_joint", "--duration", "1e400"], ["--duration", "positive", "inf"]),
         (["hrp2_leg", "--duration", "long"], ["--duration"]),
         (["hrp2_leg", "--seed", "-1"], ["--seed"]),
         (["hrp2_leg", "--seed", "0.5"], ["--seed"]),

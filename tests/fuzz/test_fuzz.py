@@ -6,6 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from drake_tc.cli.main import run
+
 from .judge import outcomes
 
 FEW = range(200)
@@ -34,7 +36,14 @@ def test_a_few_hundred_damaged_inputs():
     assert not wrong, "\n".join(wrong)
 
 
+@pytest.fixture(scope="module")
+def compiled_kernels():
+    """The kernels of robust control, which take a minute to compile and are kept then."""
+    assert run(("simulate", "humanoid_tsid", "--duration", "0.01", "--json")) == 0
+
+
 @pytest.mark.slow
+@pytest.mark.usefixtures("compiled_kernels")
 @pytest.mark.parametrize("share", range(SHARES))
 def test_twenty_thousand_damaged_inputs(share):
     step = len(MANY) // SHARES

@@ -18,6 +18,7 @@ from .cases import Case, case
 from .sound import sound
 
 LONGEST_LINE = 1500
+SHORTENED = 40
 LEAKS = re.compile(
     r"Traceback|has no attribute|NoneType|<class |KeyError|\bErrno\b|site-packages|not subscriptable|unhashable"
     r"|invalid literal|could not convert|expected str|must be str|argument of type|\bdict\b|\bndarray\b|object at 0x"
@@ -79,7 +80,8 @@ def _line(line: str, each: Case, folder: Path) -> list[str]:
         wrong.append(f"leaks Python: {found[0]}")
     if not line.isprintable():
         wrong.append("characters that are not printable")
-    names = {path.name for path in folder.rglob("*")} | set(each.arguments) | set(map(_escaped, each.arguments))
+    arguments = {argument[:SHORTENED] for argument in each.arguments}  # a line quotes the begin of a long one
+    names = {path.name for path in folder.rglob("*")} | arguments | set(map(_escaped, arguments))
     told = any(name and name in line for name in names) or "--" in line or "scenario text" in line
     if not told:
         wrong.append("names no file and no argument")

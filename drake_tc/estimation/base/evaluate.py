@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from drake_tc.errors import ParamsError, RigError
 from drake_tc.estimation.base.chain import FootCentreEstimator
 from drake_tc.estimation.base.estimator import CopEstimator
 from drake_tc.estimation.base.log import BaseTrack, TrackError, run_log, track_error
@@ -107,10 +108,25 @@ def evaluate_log(
     elif truth is not None:
         position = truth.position[0] if np.isfinite(truth.position[0]).all() else position
         yaw = float(truth.rpy[0, 2]) if np.isfinite(truth.rpy[0, 2]) else yaw
-    spec = rig.spec(period)
     tracks = [
-        run_log(made(rig.robot, spec), samples, position, yaw, lambda share, name=name: progress(name, share))  # type: ignore[misc]
-        for name, made in (("centre of pressure", CopEstimator), ("foot centre", FootCentreEstimator))
+        run_log(estimator, samples, position, yaw, lambda share, name=name: progress(name, share))  # type: ignore[misc]
+        for name, estimator in _estimators(rig, period).items()
     ]
     names = tuple(contact.mount.name for contact in rig.contacts)
     return BaseResult(tracks[0], tracks[1], truth, names, timing_notes(samples.time))
+
+
+def _estimators(rig: BaseRig, period: float) -> dict[str, CopEstimator | FootCentreEstimator]:
+    """The estimator and its baseline, by name.
+
+    Raises:
+        RigError: contacts that do not fit the robot; names the rig file.
+    """
+    spec = rig.spec(period)
+    try:
+        return {
+            "centre of pressure": CopEstimator(rig.robot, spec),
+            "foot centre": FootCentreEstimator(rig.robot, spec),
+        }
+    except ParamsError as error:
+        raise RigError(f"{rig.source}: {error}") from None

@@ -169,7 +169,7 @@ def _weighs(load: _Load) -> FloatArray:
 
 def _frame(plant: MultibodyPlant, name: str, mount: Mount) -> Any:
     if not plant.HasBodyNamed(mount.link):
-        raise ParamsError(f"base estimator: {mount.name}: expected a link of the URDF; there is no link {mount.link!r}")
+        raise ParamsError(f"{mount.name}: expected a link of the URDF; there is no link {mount.link!r}")
     return plant.AddFrame(FixedOffsetFrame(name, plant.GetFrameByName(mount.link), mount.pose.transform))
 
 

@@ -147,7 +147,7 @@ def write_sea(
 
 
 def felt_voltage(recording: SeaRecording) -> FloatArray:
-    """(T,) what reached the motor: as sent, `delay` later [V]."""
+    """(T,) what reached the motor: as sent, `delay` later, and 0 before that [V]."""
     ticks = round(recording.scenario.delay / recording.scenario.dt)
     sent = recording["voltage"]
-    return np.concatenate([np.zeros(ticks), sent[: sent.size - ticks]])
+    return np.concatenate([np.zeros(ticks), sent])[: sent.size]

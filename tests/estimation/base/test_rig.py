@@ -224,3 +224,11 @@ def test_missing_readings_stay_missing(tmp_path, made):
     assert result.flag_shares()["imu_missing"] == pytest.approx(6.0 / len(table))
     assert np.isfinite(result.estimate.position).all()
     assert replace(result, truth=None).errors is None
+
+
+def test_a_contact_of_no_link_names_the_rig_file(tmp_path, made):
+    canonical(made).to_csv(tmp_path / "run.csv", index=False)
+    entry = document()["contacts"]["left"]
+    rig = load_base_rig(written(tmp_path, contacts={"left": {**entry, "link": "l_foo"}}))
+    with pytest.raises(RigError, match=r"rig\.yaml: left: .*there is no link 'l_foo'"):
+        evaluate_log(rig, tmp_path / "run.csv")
