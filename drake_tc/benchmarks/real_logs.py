@@ -1,7 +1,7 @@
 """`bench real-logs`: `close-loop` on public logs as a new user would call it, and whether what it claims holds."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -36,13 +36,31 @@ class SetClaims:
 def chosen_sets(names: Sequence[str] = ()) -> list[RealLogSet]:
     """The committed sets of these names, all where none is given.
 
+    Args:
+        names: "SET", or "SET/CASE" for the cases alone whose names begin with CASE.
+
     Raises:
-        ParamsError: An unknown name; lists the sets there are.
+        ParamsError: An unknown set or case; lists those there are.
     """
     sets = load_sets()
-    if unknown := next((name for name in names if name not in sets), None):
-        raise ParamsError(f"no data set {unknown!r} has rig files; sets: {', '.join(sets)}")
-    return [entry for name, entry in sets.items() if not names or name in names]
+    if not names:
+        return list(sets.values())
+    chosen: dict[str, RealLogSet] = {}
+    for name in names:
+        of, _, begin = name.partition("/")
+        if of not in sets:
+            raise ParamsError(f"no data set {of!r} has rig files; sets: {', '.join(sets)}")
+        cases = tuple(case for case in sets[of].cases if case.name.startswith(begin))
+        if begin and not cases:
+            raise ParamsError(f"no case of {of} begins with {begin!r}; {_listed(sets[of])}")
+        already = chosen[of].cases if of in chosen else ()
+        both = tuple(case for case in sets[of].cases if case in (*already, *cases))
+        chosen[of] = replace(sets[of], cases=both)
+    return [chosen[name] for name in sets if name in chosen]
+
+
+def _listed(entry: RealLogSet) -> str:
+    return f"cases: {', '.join(case.name for case in entry.cases)}" if entry.cases else "it has no cases"
 
 
 def _reports(files: CaseFiles) -> tuple[dict[str, Any], dict[str, dict[str, Any]], str]:
@@ -95,12 +113,12 @@ def real_log_claims(
 
     Args:
         data: Folder of public data sets.
-        names: Sets; all that have rig files where empty. A set that is not in `data` is left out with the reason then.
+        names: As for `chosen_sets`. A set that is not in `data` is left out with the reason where they are empty.
         progress: Told which case runs.
         finished: Given every case as soon as it is done.
 
     Raises:
-        ParamsError: An unknown set.
+        ParamsError: An unknown set or case.
         LogError: A set that was asked for by name is not in `data`.
     """
     sets = chosen_sets(names)

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.console import Console
 from rich.markup import escape
-from rich.table import Table
 
 from drake_tc.cli.progress import progress_bar
+from drake_tc.cli.wide_table import print_wide
 from drake_tc.report.figure_row import rows_json
 
 if TYPE_CHECKING:
@@ -22,7 +22,9 @@ if TYPE_CHECKING:
 
 def bench_real_logs(
     data: Annotated[Path, typer.Option(help="Folder that holds the public data sets.")],
-    name: Annotated[list[str] | None, typer.Option("--set", help="A data set; repeat for more. Default: all.")] = None,
+    name: Annotated[
+        list[str] | None, typer.Option("--set", help="A data set, or SET/CASE; repeat for more. Default: all.")
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the rows and all cases as JSON.")] = False,
 ) -> None:
     """Run close-loop on public logs with the committed rig files, and check what it claims on each held-out run."""
@@ -42,7 +44,7 @@ def bench_real_logs(
     for entry in sets:
         if entry.not_readable:
             console.print(f"[bold]{entry.name}[/bold]: not run. {escape(entry.not_readable)}")
-    console.print(_summary(sets))
+    _print_summary(sets)
 
 
 def _document(sets: Sequence["SetClaims"]) -> dict[str, Any]:
@@ -76,15 +78,14 @@ def _print_case(console: Console, case: "CaseClaims") -> None:
 
 
 def _print_joint(console: Console, joint: "JointClaims") -> None:
-    table = Table(box=None, padding=(0, 2))
-    table.add_column(f"{joint.joint}, floor {joint.floor:.3g} {joint.unit}", overflow="fold")
     unit = joint.unit
-    for heading in (f"before [{unit}]", f"after [{unit}]", "after / floor", f"in band [{unit}]", "band [Hz]"):
-        table.add_column(escape(heading), justify="right", no_wrap=True)
-    for run in (joint.train, *joint.heldout):
-        figures = (run.before, run.after, run.ratio)
-        table.add_row(escape(run.name), *(f"{x:.3g}" for x in figures), *_band(run))
-    console.print(table)
+    headings = (f"before [{unit}]", f"after [{unit}]", "after / floor", f"in band [{unit}]", "band [Hz]")
+    rows = [
+        (run.name, *(f"{x:.3g}" for x in (run.before, run.after, run.ratio)), *_band(run))
+        for run in (joint.train, *joint.heldout)
+    ]
+    title = f"  {joint.joint}, noise floor {joint.floor:.3g} {unit}"
+    print_wide(("  run", *headings), [(f"  {name}", *row) for name, *row in rows], left=("  run",), title=title)
     for effect in joint.effects:
         gain = effect["heldout_gain"]
         shown = "unknown" if gain is None else f"{100 * gain:.0f} %"
@@ -115,21 +116,21 @@ def _parameters(effect: Any) -> str:
     return escape(", ".join(shown))
 
 
-def _summary(sets: Sequence["SetClaims"]) -> Table:
-    table = Table(title="close-loop on public logs")
-    for heading in ("case", "verdict", "effects", "claims hold", "verdict agrees"):
-        table.add_column(heading, overflow="fold")
-    table.add_column("largest after / floor", justify="right")
+def _print_summary(sets: Sequence["SetClaims"]) -> None:
+    rows = []
     for case in (case for entry in sets for case in entry.cases):
         named = [str(e["id"]) for e in (*case.shared, *(e for joint in case.joints for e in joint.effects))]
         ratios = [run.ratio for joint in case.joints for run in (joint.train, *joint.heldout)]
         refused = case.verdict == "refused"
-        table.add_row(
-            escape(case.name),
-            case.verdict,
-            ", ".join(dict.fromkeys(named)) or "none",
-            "" if refused else _yes(not case.failures),
-            "" if refused else _yes(not case.disagreements),
-            "" if not ratios else f"{max(ratios):.3g}",
+        rows.append(
+            (
+                case.name,
+                case.verdict,
+                "" if not ratios else f"{max(ratios):.3g}",
+                "" if refused else _yes(not case.failures),
+                "" if refused else _yes(not case.disagreements),
+                "" if refused else ", ".join(dict.fromkeys(named)) or "none",
+            )
         )
-    return table
+    headings = ("case", "verdict", "largest after / floor", "claims hold", "verdict agrees", "effects")
+    print_wide(headings, rows, left=("case", "verdict", "effects"), title="close-loop on public logs")

@@ -21,8 +21,8 @@ CYCLES_PER_TURN_RANGE = Plausible(
     "shafts behind a gear, pole pairs and gear teeth repeat three times or more in a turn of the output; "
     "less often it is a load curve over the position",
 )
-LEAST_PERIODS = 1.5
-"""Periods of a ripple that the positions must span."""
+LEAST_PERIODS = 2.0
+"""Periods of a ripple that the positions must span: a wave repeats from the second one on."""
 
 
 class TorqueRipple(TorqueEffect):
@@ -53,7 +53,7 @@ class TorqueRipple(TorqueEffect):
         ]
 
     def inconsistency(self, parameters: Mapping[str, float], context: Context) -> str:
-        """The log spans at least one period and a half: a wave that was not seen to repeat is a curve."""
+        """The positions span at least two periods: a wave that was not seen to repeat is a curve."""
         cycles = parameters["cycles_per_turn"]
         periods = cycles * context.turns
         if periods >= LEAST_PERIODS:

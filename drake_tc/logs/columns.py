@@ -14,6 +14,9 @@ from drake_tc.logs.rig import Rig
 from drake_tc.logs.units import JOINT_SUFFIXES, SENSOR_SUFFIXES, scale_of
 from drake_tc.types import BoolArray, FloatArray
 
+LARGEST = 1e12
+"""No reading is as large, in whatever unit; times may be, as nanoseconds since 1970."""
+
 
 @dataclass(frozen=True)
 class RawLog:
@@ -49,7 +52,7 @@ def file_row(path: Path, index: int) -> str:
 
 
 def _numeric(table: pd.DataFrame, name: str, canonical: str, path: Path) -> FloatArray:
-    """One column as floats; infinities count as missing.
+    """One column as floats; infinities, and numbers beyond `LARGEST`, count as missing.
 
     Raises:
         LogError: An entry that is not a number: names its row and line.
@@ -75,7 +78,9 @@ def _numeric(table: pd.DataFrame, name: str, canonical: str, path: Path) -> Floa
             )
         values = parsed.to_numpy(dtype=np.float64, na_value=np.nan)
     values = np.array(values, dtype=np.float64)
-    values[~np.isfinite(values)] = np.nan
+    with np.errstate(invalid="ignore"):
+        readings = np.isfinite(values) if canonical == "time" else np.abs(values) < LARGEST
+    values[~readings] = np.nan
     return values
 
 

@@ -13,6 +13,7 @@ import numpy as np
 import pandas as pd
 import pyarrow.parquet  # type: ignore[import-untyped]
 
+from drake_tc.config.is_file import is_file
 from drake_tc.config.quoted import quoted
 from drake_tc.errors import LogError
 from drake_tc.logs.bags.reader import SUFFIXES, is_bag, read_bag
@@ -117,7 +118,13 @@ def _read_csv(path: Path) -> pd.DataFrame:
 
 
 def _with_texts(table: pd.DataFrame) -> pd.DataFrame:
-    """The table with texts in place of bytes, which Arrow keeps where they are not UTF-8."""
+    """The table with texts in place of bytes, which Arrow keeps where they are not UTF-8.
+
+    Raises:
+        ArrowException: Texts that are declared as UTF-8 and are not.
+    """
+    for name in table.columns[[pd.api.types.is_string_dtype(kind) for kind in table.dtypes]]:
+        table[name] = table[name].to_numpy(dtype=object)
     for name in table.columns[[pd.api.types.is_object_dtype(kind) for kind in table.dtypes]]:
         table[name] = [c.decode("utf-8", errors="replace") if isinstance(c, bytes) else c for c in table[name]]
     return table
@@ -226,7 +233,7 @@ def read_table(path: Path | str, readers: Mapping[str, Reader] = READERS) -> pd.
         files = ", ".join(sorted(each.name for each in path.iterdir() if is_bag(each)))
         what = f"give the file of a bag in it ({files})" if files else "expected a log file or the folder of a ROS bag"
         raise LogError(f"{path}: a folder without metadata.yaml; {what}")
-    if not path.is_file():
+    if not is_file(path):
         raise LogError(f"{path}: no such log file")
     suffix = _suffix(path, readers)
     if not suffix:

@@ -4,6 +4,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from drake_tc.config.did_you_mean import did_you_mean
+from drake_tc.config.is_file import is_file
 from drake_tc.config.quoted import quoted
 from drake_tc.config.yaml_file import read_yaml
 from drake_tc.errors import RigError
@@ -22,7 +23,7 @@ def parse_robot(source: str, value: object, rig: Path | str) -> Path | None:
     if not isinstance(value, str) or not value:
         raise RigError(f"{source}: robot: expected the name of a robot file (YAML), got {quoted(value)}")
     path = Path(value) if not isinstance(rig, Path) else rig.parent / value
-    if not path.is_file():
+    if not is_file(path):
         raise RigError(f"{source}: robot: no such robot file: {path}")
     return path
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from drake_tc.config.is_file import is_file
 from drake_tc.errors import LogError
 from drake_tc.logs.record import Run
 
@@ -47,7 +48,7 @@ def require_different_files(logs: Sequence[Path], holdout: Sequence[Path]) -> No
     seen: dict[str, tuple[str, Path]] = {}
     for option, paths in (("--log", logs), ("--holdout", holdout)):
         for path in paths:
-            if not path.is_file():
+            if not is_file(path):
                 continue  # the reader says what is wrong with it
             content = hashlib.sha256(path.read_bytes()).hexdigest()
             if content in seen:

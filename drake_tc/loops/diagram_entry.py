@@ -25,6 +25,11 @@ class AnyScenario(Protocol):
         """Of all random numbers."""
         ...
 
+    @property
+    def duration(self) -> float:
+        """Simulated time [s]."""
+        ...
+
     def changed(self, **fields: Any) -> Any:
         """The same with other values; those that are None stay."""
         ...

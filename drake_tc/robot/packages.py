@@ -4,6 +4,7 @@ import os
 import sys
 from pathlib import Path
 
+from drake_tc.config.is_file import is_file
 from drake_tc.config.quoted import located
 from drake_tc.errors import ParamsError
 
@@ -15,14 +16,6 @@ def _package_folders(name: str) -> list[Path]:
     shares = [Path(entry) / "cmeel.prefix" / "share" / name for entry in sys.path if entry]
     roots = [Path(entry) for entry in os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep) if entry]
     return shares + [root / name for root in roots] + [root for root in roots if root.name == name]
-
-
-def _is_file(path: Path) -> bool:
-    """Whether it is one; a name that no file can have, such as one with a zero byte or of 5000 letters, is none."""
-    try:
-        return path.is_file()
-    except (OSError, ValueError):
-        return False
 
 
 def resolve(reference: str, folder: Path) -> Path:
@@ -37,7 +30,7 @@ def resolve(reference: str, folder: Path) -> Path:
     """
     if not reference.startswith(_SCHEME):
         path = folder / reference
-        if not _is_file(path):
+        if not is_file(path):
             raise ParamsError(f"{located((reference,))}: no such file in {folder}")
         return path
     name, _, rest = reference.removeprefix(_SCHEME).partition("/")
@@ -53,6 +46,6 @@ def resolve(reference: str, folder: Path) -> Path:
         path = candidate / rest
         if ".." in Path(rest).parts or Path(rest).is_absolute():
             raise ParamsError(f"{located((reference,))}: expected a path that stays inside the package {name!r}")
-        if rest and _is_file(path):
+        if rest and is_file(path):
             return path
     raise ParamsError(f"{located((reference,))}: package {name!r} in {folders[0]} has no file {rest!r}")

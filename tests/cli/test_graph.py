@@ -2,6 +2,7 @@
 
 import json
 import sys
+from dataclasses import dataclass, replace
 from types import ModuleType, SimpleNamespace
 from xml.etree import ElementTree
 
@@ -15,10 +16,20 @@ from drake_tc.cli.graph_command import graph_command
 from drake_tc.errors import ParamsError
 
 
+@dataclass(frozen=True)
+class Named:
+    name: str
+    duration: float = 3600.0
+
+    def changed(self, **fields):
+        return replace(self, **fields)
+
+
 def small(scenario):
+    assert scenario.duration == 1.0  # tables of references take time to make
     builder = DiagramBuilder()
     source = builder.AddNamedSystem("reference", ConstantVectorSource([1.0, 2.0]))
-    gain = builder.AddNamedSystem(f"gain_{scenario}", Gain(2.0, 2))
+    gain = builder.AddNamedSystem(f"gain_{scenario.name}", Gain(2.0, 2))
     builder.Connect(source.get_output_port(), gain.get_input_port())
     LogVectorOutput(gain.get_output_port(), builder)
     diagram = builder.Build()
@@ -30,7 +41,7 @@ def scenario(name=None, file=None):
     names = [file.read_text()] if file else ["slow", "fast"]
     if name and name not in names:
         raise ParamsError(f"no scenario {name!r}; scenarios: {', '.join(names)}")
-    return name or names[0]
+    return Named(name or names[0])
 
 
 def entry(name):

@@ -85,6 +85,19 @@ def test_an_unknown_set_lists_the_sets() -> None:
         chosen_sets(["nothing"])
 
 
+def test_cases_are_chosen_by_how_their_names_begin() -> None:
+    (chosen,) = chosen_sets(["bam-xl330-pendulum/motor/sin", "bam-xl330-pendulum/kp100/voltage"])
+    names = [case.name for case in chosen.cases]
+    assert names == [
+        "kp100/voltage",
+        "kp100/voltage/swapped",
+        "motor/sin_sin_held_out",
+        "motor/sin_time_square_held_out",
+    ]
+    with pytest.raises(DrakeTcError, match="no case of bench-practice begins with 'rig_9'; cases: rig_1"):
+        chosen_sets(["bench-practice/rig_9"])
+
+
 def effect(gain: float = 0.2, *, at_bound: bool = False) -> dict[str, Any]:
     value = {"value": 1.0, "unit": "N*m", "ci95": [0.9, 1.1], "at_bound": at_bound}
     return {"id": "stribeck", "parameters": {"stribeck": value}, "heldout_gain": gain, "stability": 1.0}

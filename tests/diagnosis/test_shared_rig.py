@@ -98,7 +98,7 @@ def test_in_free_fall_nothing_is_loaded_and_forces_act_by_their_levers(folder):
 
 def test_a_missing_sensor_is_named(folder):
     rig, run = resting(folder, missing=("ft_wrist/ty",))
-    with pytest.raises(LogError, match="no column 'ft_wrist/ty'"):
+    with pytest.raises(LogError, match="no column with readings 'ft_wrist/ty'"):
         with_robot_loads(robot_logs(rig, [run]), [run], rig.joints)
 
 

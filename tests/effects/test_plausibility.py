@@ -171,8 +171,8 @@ def test_a_value_that_is_not_a_number_is_implausible(key):
 
 def test_a_wave_that_was_not_seen_to_repeat_is_a_curve():
     ripple = {"ripple_cosine": 1.0, "ripple_sine": 0.0, "cycles_per_turn": 4.5}
-    assert "fewer than 1.5" in implausible(effect("torque_ripple"), ripple, RIG)  # 0.318 turns: 1.43 periods
-    assert implausible(effect("torque_ripple"), ripple, replace(RIG, position_span=(-1.2, 1.2))) == ""
+    assert "fewer than 2" in implausible(effect("torque_ripple"), ripple, RIG)  # 0.318 turns: 1.43 periods
+    assert implausible(effect("torque_ripple"), ripple, replace(RIG, position_span=(-1.5, 1.5))) == ""
 
 
 def test_units_are_those_of_the_drive():

@@ -62,7 +62,8 @@ def _change(columns: Columns, rng: Random) -> None:
     elif how == 1:
         columns[rng.choice(NAMES)] = columns.pop(name)
     elif how == 2:
-        columns[name] = values * rng.choice((0.0, -1.0, 1e3, 1e6, 1e9, 1e300, 57.3, 1e-300))
+        with np.errstate(over="ignore"):
+            columns[name] = values * rng.choice((0.0, -1.0, 1e3, 1e6, 1e9, 1e300, 57.3, 1e-300))
     elif how == 3:
         values[at : at + rng.choice((1, 3, 50, rows))] = rng.choice((np.nan, np.inf, -np.inf, 1e308, 1e20, 0.0, 6.28))
         columns[name] = values

@@ -80,7 +80,8 @@ def _line(line: str, each: Case, folder: Path) -> list[str]:
         wrong.append(f"leaks Python: {found[0]}")
     if not line.isprintable():
         wrong.append("characters that are not printable")
-    arguments = {argument[:SHORTENED] for argument in each.arguments}  # a line quotes the begin of a long one
+    given = {*each.arguments, *(str(Path(argument)) for argument in each.arguments)}
+    arguments = {argument[:SHORTENED] for argument in given}  # a line quotes the begin of a long one
     names = {path.name for path in folder.rglob("*")} | arguments | set(map(_escaped, arguments))
     told = any(name and name in line for name in names) or "--" in line or "scenario text" in line
     if not told:

@@ -7,6 +7,8 @@ import zipfile
 
 import numpy as np
 import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 import scipy.io
 from hypothesis import HealthCheck, given, settings
@@ -177,6 +179,14 @@ def test_cells_that_are_not_utf8_name_their_row(tmp_path):
     (tmp_path / "run.csv").write_bytes("\n".join(text).encode("latin-1"))
     with pytest.raises(LogError, match=r"'joint/torque' .* is not numeric: row 7 \(file line 8\) holds 'dr.hnt'"):
         load_run(tmp_path / "run.csv", servo_rig())
+
+
+def test_texts_of_a_parquet_file_that_are_not_utf8(tmp_path):
+    texts = pa.Array.from_buffers(
+        pa.string(), 2, [None, pa.py_buffer(np.array([0, 1, 2], np.int32).tobytes()), pa.py_buffer(b"a\xff")]
+    )
+    pq.write_table(pa.table({"time": [0.0, 1.0], "joint": texts}), tmp_path / "run.parquet")
+    assert "cannot be read" in refusal(tmp_path / "run.parquet")
 
 
 def test_a_parquet_file_of_very_many_equal_rows(tmp_path):

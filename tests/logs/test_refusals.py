@@ -141,3 +141,8 @@ def test_a_run_that_is_given_twice_is_refused(tmp_path):
         require_different_files([one], [copy])
     with pytest.raises(LogError, match="given as --log, but the same file is already given as --log"):
         require_different_files([one, one], [other])
+
+
+@pytest.mark.parametrize("value", [1e300, -1e13, np.inf])
+def test_numbers_that_no_sensor_reads_are_missing(tmp_path, table, value):
+    assert "holds no number at all" in refusal(table.assign(**{"joint/torque": value}), tmp_path / "run.csv")

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from drake_tc.config.is_file import is_file
 from drake_tc.errors import LogError
 from drake_tc.estimation.base.check_log import check_log, check_period
 from drake_tc.estimation.base.log import BaseTrack, SensorLog
@@ -29,7 +30,7 @@ class _Source:
         self.rows: int | None = None  # as many as times, once these are known
         self._arrays: dict[str, np.ndarray] = {}
         if path.suffix.lower() == ".npz":
-            if not path.is_file():
+            if not is_file(path):
                 raise LogError(f"{path}: no such log file")
             self._arrays = read_arrays(path)
         else:

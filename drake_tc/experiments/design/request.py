@@ -11,6 +11,7 @@ from threadpoolctl import threadpool_limits
 from drake_tc.actuation.model import ActuatorModel
 from drake_tc.actuation.model_file import load_models
 from drake_tc.config.did_you_mean import did_you_mean
+from drake_tc.config.is_file import is_file
 from drake_tc.errors import ParamsError
 from drake_tc.experiments.design.goal import Goal, parse_goal
 from drake_tc.experiments.design.known import joint_from_logs, joint_from_model, limits_with
@@ -193,7 +194,7 @@ def _logs_of(path: Path) -> list[Path]:
     out = []
     for name in _report(path).get("logs", []):
         candidates = [Path(name), path.parent / name, path.parent / Path(name).name]
-        found = next((each for each in candidates if each.is_file()), None)
+        found = next((each for each in candidates if is_file(each)), None)
         if found is None:
             raise ParamsError(f"{path}: its run {name} is not there any more; name the runs with --log")
         out.append(found)

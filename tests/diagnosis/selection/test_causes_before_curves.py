@@ -8,11 +8,11 @@ from drake_tc.diagnosis.options import DiagnosisOptions
 
 from ..coarse_pendulum import RIG, ROTOR, pendulum
 
-AMPLITUDE, CYCLES = 0.3, 6.0
+AMPLITUDE, CYCLES = 0.3, 9.0
 
 
 def ripple(q: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """A cos(6 q + 0.4) [N m]: two periods over the motion, which a spline of four intervals follows too."""
+    """A cos(9 q + 0.4) [N m]: little more than two periods over the motion, which a spline follows too."""
     return AMPLITUDE * np.cos(CYCLES * q + 0.4) + 0.0 * v
 
 
