@@ -55,7 +55,8 @@ class FaultMonitor(PortMethods, LeafSystem):
         missing     u[n] is not finite, or beyond `LARGEST`
         c[n+1]    = c[n] + 1 where u[n] = s[n], else 0;                 frozen: c[n+1] >= max(time/dt, repeats)
         jump        |u[n] - s[n]| > (m[n] + 1) largest step; of encoders also too large a change of the speed, and what
-                    has jumped stays wrong until it jumps back (`EncoderJumps`)
+                    has jumped stays wrong until it jumps back (`EncoderJumps`); likewise wrenches, whose offset is the
+                    sum of the steps at their jumps
         e[n+1]    = e[n] + (1 - exp(-dt/T)) (x[n] - e[n])               |e[n+1]| > threshold: inconsistent, unexpected
         h[n+1]    = hold/dt where a cause is there, else max(h[n] - 1, 0);   flag y[n] = h[n] > 0
 
@@ -129,6 +130,7 @@ class FaultMonitor(PortMethods, LeafSystem):
 
         self._flag_names = _flag_names(sensors, has_imu=has_imu)
         self._raw, self._has_imu, self._n = raw, has_imu, n
+        self._wrench, self._wrench_lasts = slice(n, n + 6 * k), spec.wrench_jump_lasts
         self._filtered = slice(raw - 6 if has_imu else raw, None)
         self._within = self._bounds()
         self._declare(n, k)
@@ -153,11 +155,11 @@ class FaultMonitor(PortMethods, LeafSystem):
 
         count = len(self._flag_names)
         raw_size = self._raw
-        ends = np.cumsum([0, raw_size, raw_size, self._limits.size, n, raw_size, count, n, 2 * n, 1]).tolist()
+        ends = np.cumsum([0, raw_size, raw_size, self._limits.size, n, raw_size, count, n, 6 * k, 2 * n, 1]).tolist()
         self._parts = tuple(slice(a, b) for a, b in pairwise(ends))
         self._usual = slice(0, ends[4])
         start: Any = np.zeros(ends[-1])
-        start[self._parts[0]] = start[self._parts[3]] = start[self._parts[7]] = np.nan
+        start[self._parts[0]] = start[self._parts[3]] = start[self._parts[8]] = np.nan
         self._memory = int(self.DeclareDiscreteState(start))
         flags, largest = self.DeclareDiscreteState(count), self.DeclareDiscreteState(1)
         self._flags, self._largest = int(flags), int(largest)
@@ -211,7 +213,7 @@ class FaultMonitor(PortMethods, LeafSystem):
     def _examine(self, context: Any, values: Any, now: FloatArray) -> None:
         """The recursion, channel by channel."""
         memory = values.get_mutable_value(self._memory)
-        last, same, error, pace, gap, left, offset, doubt, busy = (memory[part] for part in self._parts)
+        last, same, error, pace, gap, left, offset, moved, doubt, busy = (memory[part] for part in self._parts)
         u, x = now[: self._raw], now[self._filtered] - self._expected
         with np.errstate(invalid="ignore"):  # readings may be infinite
             finite = np.abs(u) < LARGEST  # also False where u is NaN
@@ -222,6 +224,7 @@ class FaultMonitor(PortMethods, LeafSystem):
         new = finite[:n] & np.isfinite(step[:n]) & (step[:n] != 0.0)
         ticks = np.maximum(gap[:n], same[:n]) + 1.0
         jump[:n] = self._encoder_jumps.find(step[:n], ticks, new, pace, offset, doubt.reshape(2, n))
+        jump[self._wrench] = self._wrench_jumps(step[self._wrench], jump[self._wrench], moved)
         same[:] = np.where(u == last, same + 1.0, 0.0)
         frozen = same >= self._frozen_ticks
         if self._reference.HasValue(context):
@@ -234,9 +237,17 @@ class FaultMonitor(PortMethods, LeafSystem):
         left[self._causes(np.stack([~finite, frozen, jump]), np.abs(error) > self._limits)] = self._hold
         raised = (left > 0.0).astype(np.float64)
         worst = 2.0 * raised[:ENCODER_FLAGS].max()
-        busy[:] = float(raised.any() or gap.any() or jump[:n].any() or np.isfinite(doubt).any())
+        busy[:] = float(raised.any() or gap.any() or np.isfinite(doubt).any())
         values.set_value(self._flags, raised)
         values.set_value(self._largest, np.array([max(worst, raised.max())]))
+
+    def _wrench_jumps(self, step: FloatArray, jump: BoolArray, moved: FloatArray) -> BoolArray:
+        """(6k,) which channels of the wrenches jump now, or have jumped and did not jump back; `moved` is updated."""
+        if not self._wrench_lasts:
+            return jump
+        moved[jump] += step[jump]
+        stays: BoolArray = jump | (np.abs(moved) > self._largest_step[self._wrench])
+        return stays
 
     def _causes(self, bad: BoolArray, odd: BoolArray) -> BoolArray:
         """One truth a flag, in the order of `flag_names`."""

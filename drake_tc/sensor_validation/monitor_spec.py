@@ -37,6 +37,8 @@ class MonitorSpec:
         accel_jump: The same [m/s^2]; a hard impact of the foot reaches the torso with some 10 m/s^2 in 1 ms.
         force_jump, moment_jump: The same of an F/T sensor [N, N m]; a touch-down rises over several ms, so about a
             fifth of a humanoid's weight in one tick is no load.
+        wrench_jump_lasts: Whether a wrench that jumped stays flagged until it jumps back; otherwise for the hold time,
+            where touch-downs may be as hard.
         still_gyro: Filtered rate of an IMU that is welded to a welded base [rad/s]: ten times a humanoid IMU's noise.
         still_accel: Filtered difference between its accelerometer and gravity [m/s^2]: ten times noise and bias.
         unexpected_force, unexpected_moment: Filtered wrench where there should be none: an unknown wrench, or the
@@ -62,6 +64,7 @@ class MonitorSpec:
     accel_jump: Unbounded = 30.0
     force_jump: Unbounded = 100.0
     moment_jump: Unbounded = 20.0
+    wrench_jump_lasts: bool = True
     still_gyro: float = 0.05
     still_accel: float = 0.5
     unexpected_force: Unbounded = 10.0
@@ -94,6 +97,8 @@ class MonitorSpec:
         """
         for item in fields(self):
             value = getattr(self, item.name)
+            if item.name == "wrench_jump_lasts":
+                continue
             if not (isinstance(value, int | float) and value > 0.0):
                 raise ParamsError(f"MonitorSpec: {item.name}: expected a positive number, got {value!r}")
         for name in ("time_constant", "hold"):

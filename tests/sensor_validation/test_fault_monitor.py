@@ -164,6 +164,15 @@ def test_a_flag_holds_for_the_hold_time(robot):
     assert_array_equal(up, np.arange(START, START + 50))
 
 
+@pytest.mark.parametrize(("lasts", "up_to"), [(True, 300), (False, 100)])
+def test_a_wrench_that_jumped_stays_flagged_until_it_jumps_back(robot, lasts, up_to):
+    signals = live(START + 500)
+    signals["wrench"][START : START + 200, 2] += 150.0
+    flags = run(robot, signals, MonitorSpec(wrench_jump_lasts=lasts))["ankle/jump"]
+    back = np.arange(START + 200, START + 300)  # hold: 100 ticks, after each of the jumps
+    assert_array_equal(np.flatnonzero(flags), np.union1d(np.arange(START, START + up_to), back))
+
+
 def moving_at(speed, steps, seed=0):
     """Encoders of joints that all move at a steady speed, with their noise."""
     signals = {name: values for name, values in live(steps, seed).items() if name in RAW}

@@ -42,7 +42,7 @@ from drake_tc.tsid.controller import reference_port
 from drake_tc.tsid.law import Law
 from drake_tc.types import BoolArray, FloatArray
 
-MONITOR = MonitorSpec(gyro_jump=0.3, accel_jump=1.5, force_jump=8.0, moment_jump=1.0)
+MONITOR = MonitorSpec(gyro_jump=0.3, accel_jump=1.5, force_jump=8.0, moment_jump=1.0, wrench_jump_lasts=False)
 """Twice to six times the largest steps in a tick of a robot that stands, turns at 1 Hz or bows, once its soles are
 loaded: 0.05 rad/s, 0.42 m/s^2, 4.3 N, 0.25 N m (simulated)."""
 _BELIEVED_NOT = ("missing", "frozen")
