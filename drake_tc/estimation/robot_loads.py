@@ -71,8 +71,8 @@ def _stacked(run: Run, names: Sequence[str], part: slice) -> FloatArray:
         if name not in run.columns:
             hint = did_you_mean(name, run.columns)
             raise LogError(
-                f"{run.source or run.name}: no column with readings {name!r}, which the robot's model needs{hint}; map it "
-                f"in the rig file: columns: {{{name}: NAME_IN_FILE}}"
+                f"{run.source or run.name}: no column with readings {name!r}, which the robot's model needs{hint};"
+                f" map it in the rig file: columns: {{{name}: NAME_IN_FILE}}"
             )
     return np.stack([np.asarray(run.columns[name][part], dtype=np.float64) for name in names], axis=1)
 

@@ -15,6 +15,7 @@ from concurrent.futures import Executor
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import numpy as np
 
@@ -57,7 +58,8 @@ _THRESHOLDS = (
     *("gyro_jump", "accel_jump", "force_jump", "moment_jump", "still_gyro", "still_accel", "unexpected_force"),
     *("unexpected_moment", "torque"),
 )
-UNWATCHED = MonitorSpec(**dict.fromkeys(_THRESHOLDS, math.inf))
+_NEVER: Any = dict.fromkeys(_THRESHOLDS, math.inf)
+UNWATCHED = MonitorSpec(**_NEVER)
 """Nothing fails here, and a joint that hangs in its friction is to be seen, not held."""
 
 SIDES = ("before", "after")
