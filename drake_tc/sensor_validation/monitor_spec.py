@@ -1,6 +1,7 @@
 """When a reading counts as a fault: the thresholds of `FaultMonitor` and why they are what they are."""
 
 from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 
@@ -84,7 +85,7 @@ class MonitorSpec:
             suite: What the sensors do.
         """
         noisy = {name: np.all(np.asarray(getattr(suite, name).noise) > 0.0) for name in _NOISE_OF}
-        quiet = {frozen: np.inf for name, frozen in _NOISE_OF.items() if not noisy[name]}
+        quiet: Any = {frozen: np.inf for name, frozen in _NOISE_OF.items() if not noisy[name]}
         encoder = suite.encoder
         errs = 2.0 * np.asarray(encoder.resolution) + 15.0 * np.asarray(encoder.noise)
         return replace(self, encoder_jump=max(self.encoder_jump, float(errs.max())), **quiet)
