@@ -95,6 +95,7 @@ def _terms(projections: Sequence[Projection], target: Vocabulary) -> list[tuple[
             ("Stribeck peak", t.stribeck.height if t.stribeck else None, "N·m"),
             ("Stribeck velocity", t.stribeck.velocity if t.stribeck else None, "rad/s"),
             ("Stribeck exponent", t.stribeck.exponent if t.stribeck else None, ""),
+            ("friction under load, share of the load", t.load_friction, ""),
             ("delay of the command", t.delay, "s"),
             ("limit of the torque", t.torque_limit, "N·m"),
             ("play of the gear", t.backlash, "rad"),

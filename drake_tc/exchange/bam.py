@@ -1,4 +1,7 @@
-"""BAM: the parameters of a servo on a voltage, with friction model m1 (dry and viscous) or m2 (and a Stribeck peak).
+"""BAM: the parameters of a servo on a voltage.
+
+Its friction is BAM's model m1, dry and viscous, or m2, with a Stribeck peak too. Friction that grows with the load is
+m5, whose terms of the motor's torque and of rest are 0.
 
 BAM loads a file whose entry `actuator` names one of its classes of servos; it comes from the file to merge into.
 
@@ -13,6 +16,7 @@ from drake_tc.config.quoted import quoted
 from drake_tc.errors import ParamsError
 from drake_tc.exchange.dc_motor import dc_motor
 from drake_tc.exchange.projection import Projection
+from drake_tc.simulator_files.bam import NO_LOAD_FRICTION
 
 
 def to_bam(projections: Sequence[Projection], into: Path | None = None) -> str:
@@ -39,7 +43,7 @@ def to_bam(projections: Sequence[Projection], into: Path | None = None) -> str:
             "export --to bam: logs tell kt/R alone; give the torque constant of the data sheet: --torque-constant KT"
         )
     found: dict[str, object] = {
-        "model": "m1" if terms.stribeck is None else "m2",
+        "model": "m5" if terms.load_friction else "m1" if terms.stribeck is None else "m2",
         "kt": motor.torque_constant,
         "R": motor.resistance,
         "armature": terms.armature,
@@ -51,6 +55,9 @@ def to_bam(projections: Sequence[Projection], into: Path | None = None) -> str:
     if terms.stribeck is not None:
         peak = terms.stribeck
         found |= {"friction_stribeck": peak.height, "dtheta_stribeck": peak.velocity, "alpha": peak.exponent}
+    if terms.load_friction:
+        found = {"friction_stribeck": 0.0, "dtheta_stribeck": 0.2, "alpha": 1.0} | found
+        found |= dict.fromkeys(NO_LOAD_FRICTION, 0.0) | {"load_friction_external": terms.load_friction}
     return json.dumps(_existing(into) | found, indent=2) + "\n"
 
 

@@ -1,7 +1,7 @@
 """BAM's own equations with a joint's terms: friction takes at most what stops the joint within a step.
 
-    F = frictionloss + height exp(-|v / velocity|^exponent) + damping |v|
-    tau = kp V - tau_load - m g l sin(q - zero)
+    F = frictionloss + load_friction |tau_out| + height exp(-|v / velocity|^exponent) + damping |v|
+    tau = kp V - tau_out,   tau_out = tau_load + m g l sin(q - zero)
     tau_stop = I/h v + tau,   vdot = (tau - sign(tau_stop) min(|tau_stop|, F)) / I
     v[n+1] = v[n] + h vdot,   q[n+1] = q[n] + h v[n+1] + h^2/2 vdot
 
@@ -24,7 +24,7 @@ def simulate_as_bam(terms: Terms, pendulum: Link | None, given: RunInput) -> Flo
     """(T,) position of one joint by BAM's equations [rad]; NaN from where the simulation is unstable.
 
     Args:
-        terms: Of its actuator, BAM's m1 or m2.
+        terms: Of its actuator, BAM's m1, m2 or m5.
         pendulum: On the joint; None leaves the rotor alone.
         given: What moves it; `command` is a voltage [V].
     """
@@ -38,9 +38,10 @@ def simulate_as_bam(terms: Terms, pendulum: Link | None, given: RunInput) -> Flo
     for i in range(time.size):
         position[i] = q
         for _ in range(given.substeps):
-            torque = terms.kp * command[i] - given.load[i] - moment * np.sin(q - zero)
+            load = given.load[i] + moment * np.sin(q - zero)
+            torque = terms.kp * command[i] - load
             stop = inertia / h * v + torque
-            acceleration = (torque - np.sign(stop) * min(abs(stop), friction(terms, v))) / inertia
+            acceleration = (torque - np.sign(stop) * min(abs(stop), friction(terms, v, load))) / inertia
             v += h * acceleration
             q += h * v + 0.5 * h**2 * acceleration
         if not abs(v) < FASTEST:
@@ -48,14 +49,15 @@ def simulate_as_bam(terms: Terms, pendulum: Link | None, given: RunInput) -> Flo
     return position
 
 
-def friction(terms: Terms, velocity: float) -> float:
+def friction(terms: Terms, velocity: float, load: float) -> float:
     """Most torque by which friction and damping brake [N m].
 
     Args:
         terms: Of the actuator.
         velocity: [rad/s].
+        load: tau_out [N m].
     """
-    force, speed = terms.frictionloss, abs(velocity)
+    force, speed = terms.frictionloss + terms.load_friction * abs(load), abs(velocity)
     if terms.stribeck is not None:
         peak = terms.stribeck
         force += peak.height * np.exp(-((speed / peak.velocity) ** peak.exponent))

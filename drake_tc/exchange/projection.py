@@ -1,7 +1,7 @@
 """From an actuator model to the few terms that simulators know, and the account of what is lost on the way."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.optimize import nnls
@@ -79,6 +79,7 @@ class Vocabulary:
         terms: Names of fields of `Terms`.
         missing: Field, or id of an effect, to what a user can do instead, or why it does not matter.
         drives: Kinds of drive whose gain it has.
+        inexact: Term to how the target's differs.
         delay_step: Delays are whole multiples of this [s]; 0: any.
     """
 
@@ -86,6 +87,7 @@ class Vocabulary:
     terms: frozenset[str]
     missing: Mapping[str, str]
     drives: frozenset[str] = frozenset()
+    inexact: Mapping[str, str] = field(default_factory=dict)
     delay_step: float = 0.0
 
     def has(self, term: str) -> bool:
@@ -127,9 +129,9 @@ def _drive_lost(terms: Terms, target: Vocabulary) -> tuple[Loss, ...]:
 
 
 def _direct(model: ActuatorModel, target: Vocabulary) -> tuple[Terms, list[Loss]]:
-    """Drive, inertia, delay, limit and backlash; and everything that no target knows."""
+    """Drive, inertia, delay, limit, friction under load and backlash; and everything that no target knows."""
     kp = 1.0 / model.drive.gain
-    found = {"delay": 0.0, "torque_limit": None, "backlash": 0.0}
+    found = {"delay": 0.0, "torque_limit": None, "backlash": 0.0, "load_friction": 0.0}
     losses = []
     for value in model.effects:
         name = value.effect.id
@@ -139,8 +141,9 @@ def _direct(model: ActuatorModel, target: Vocabulary) -> tuple[Terms, list[Loss]
         if term and target.has(term):
             found[term], rounded = _rounded(term, number, target)
             losses += rounded
+            losses += [Loss(value.key, target.inexact[term], partly=True)] if term in target.inexact else []
         else:
-            losses.append(Loss(value.key, target.missing.get(term or name, LOST.get(name, ""))))
+            losses.append(Loss(value.key, target.missing.get(term) or target.missing.get(name, LOST.get(name, ""))))
     armature = model.inertia if target.has("armature") else 0.0
     return Terms(model.drive.kind, kp, armature=armature, **found), losses  # type: ignore[arg-type]
 
@@ -164,6 +167,8 @@ def _term(key: str, parameters: Mapping[str, float], kp: float) -> tuple[str, fl
         return "torque_limit", kp * parameters["limit"]
     if key == "backlash":
         return "backlash", parameters["backlash"]
+    if key == "load_dependent_friction":
+        return "load_friction", parameters["load_friction"]
     return "", 0.0
 
 

@@ -55,13 +55,10 @@ TARGETS: Mapping[str, Vocabulary] = MappingProxyType(
         ),
         "bam": Vocabulary(
             "BAM",
-            frozenset({"armature", "frictionloss", "stribeck", "delay"}),
-            {
-                "backlash": _NO_BACKLASH,
-                "torque_limit": "BAM limits the voltage by the supply",
-                "load_dependent_friction": "BAM's friction under load (m3 to m6) has another form; fit it with BAM",
-            },
+            frozenset({"armature", "frictionloss", "stribeck", "load_friction", "delay"}),
+            {"backlash": _NO_BACKLASH, "torque_limit": "BAM limits the voltage by the supply"},
             drives=frozenset({"voltage"}),
+            inexact={"load_friction": "the load is gravity and what is outside there, without the link's inertia"},
         ),
     }
 )

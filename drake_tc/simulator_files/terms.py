@@ -1,7 +1,7 @@
 """The few terms in which simulators describe an actuator.
 
     kp u - (F(v) sign(v) + damping v + quadratic v |v|) - tau_load = armature vdot
-    F(v) = frictionloss + height exp(-|v / velocity|^exponent)
+    F(v) = frictionloss + load_friction |tau_load| + height exp(-|v / velocity|^exponent)
 
 with u = q_d - q of a position servo, or the command of another drive; kp = 1/K.
 """
@@ -40,6 +40,7 @@ class Terms:
         quadratic: [N m s^2/rad^2].
         frictionloss: Dry friction [N m].
         stribeck: Its peak at rest; None: none.
+        load_friction: Share of the load by which it grows [-].
         delay: Of the command [s].
         torque_limit: Largest torque of the drive [N m]; None: none known.
         backlash: Play of the gear [rad].
@@ -53,6 +54,7 @@ class Terms:
     quadratic: float = 0.0
     frictionloss: float = 0.0
     stribeck: StribeckPeak | None = None
+    load_friction: float = 0.0
     delay: float = 0.0
     torque_limit: float | None = None
     backlash: float = 0.0

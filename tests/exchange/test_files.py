@@ -19,6 +19,7 @@ from drake_tc.exchange.projection import Loss, project
 from drake_tc.exchange.sdf import to_sdf
 from drake_tc.exchange.targets import TARGETS
 from drake_tc.exchange.urdf import to_urdf
+from drake_tc.simulator_files.bam import bam_servo
 from drake_tc.simulator_files.read import read_joints
 
 MODEL = ActuatorModel(
@@ -199,6 +200,21 @@ def test_bam_needs_a_voltage_and_a_torque_constant():
     assert found["friction_viscous"] + found["kt"] ** 2 / found["R"] == pytest.approx(0.8)
     with pytest.raises(ParamsError, match="give a smaller one"):
         with_torque_constant(projections[0], 2.0)
+
+
+def test_bam_expresses_friction_under_load(tmp_path):
+    effects = (
+        EffectValue("viscous", {"viscous": 3.0}),
+        EffectValue("load_dependent_friction", {"load_friction": 0.12}),
+    )
+    projection = project(ActuatorModel("m", Drive("voltage", 0.5), effects), TARGETS["bam"])
+    assert [(loss.effect, loss.partly) for loss in projection.losses] == [("load_dependent_friction", True)]
+    path = tmp_path / "servo.json"
+    path.write_text(to_bam([with_torque_constant(projection, 1.2)]), encoding="utf-8")
+    document = json.loads(path.read_text(encoding="utf-8"))
+    assert (document["model"], document["load_friction_external"], document["load_friction_motor"]) == ("m5", 0.12, 0.0)
+    assert bam_servo(document).effects["load_dependent_friction"] == {"load_friction": 0.12}
+    assert bam_servo(document | {"load_friction_motor": 0.1}).effects["load_dependent_friction"] is None
 
 
 def test_bam_keeps_a_stribeck_peak_while_the_rest_is_refitted():

@@ -78,6 +78,16 @@ def test_dry_friction_and_its_peak_by_bams_equations():
     assert simulate_as_bam(sliding, None, pushed)[-1] == pytest.approx(0.5 * 0.05 / 0.3 * T[-1] ** 2, rel=1e-2)
 
 
+def test_friction_under_load_by_bams_equations():
+    """A load of 2 N m brakes by a tenth of it, and holds what is less than that."""
+    terms = Terms("voltage", 1.0, armature=0.3, frictionloss=0.1, load_friction=0.1)
+    loaded, pushed = np.full(T.size, 2.0), 0.5 * T[-1] ** 2 / 0.3
+    assert simulate_as_bam(terms, None, alone(np.full(T.size, 2.29), loaded))[-1] == 0.0
+    up = simulate_as_bam(terms, None, alone(np.full(T.size, 2.4), loaded))[-1]
+    down = simulate_as_bam(terms, None, alone(np.full(T.size, 1.6), loaded))[-1]
+    assert (up, down) == (pytest.approx(0.1 * pushed, rel=1e-2), pytest.approx(-0.1 * pushed, rel=1e-2))
+
+
 def test_a_delay_in_bam_is_that_of_the_command():
     command = np.where(T > 0.9995, 0.5, 0.0)
     at_once = simulate_as_bam(Terms("voltage", 5.0, armature=0.3, damping=6.0), None, alone(command))
