@@ -59,7 +59,7 @@ class TorqueRipple(TorqueEffect):
         if periods >= LEAST_PERIODS:
             return ""
         return (
-            f"The positions span {periods:.2g} periods of a ripple of {cycles:.3g} cycles a turn, fewer than "
+            f"The positions span {periods:.3g} periods of a ripple of {cycles:.3g} cycles a turn, fewer than "
             f"{LEAST_PERIODS:g}: it was not seen to repeat, so it is a load curve over the position."
         )
 

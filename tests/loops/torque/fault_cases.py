@@ -1,7 +1,7 @@
 """What happens when a sensor fails: the cases as data, run in any scenario, and what comes of each.
 
-Fifteen cases: encoder, imu and force_torque, each frozen, dropped for 20 ms, dropped for good, biased, and NaN in one
-channel.
+Eighteen cases: encoder, imu and force_torque, each frozen, dropped for 20 ms, dropped for good, biased, with spikes, and
+NaN in one channel.
 
 Smallest biases that are flagged within 50 ms of their start, with the leg's realistic sensors and the default monitor
 (tests/loops/torque/test_fault_cases.py):
@@ -28,12 +28,14 @@ from drake_tc.robot.robot import Robot
 from drake_tc.sensing.fault import SensorFault
 from drake_tc.types import BoolArray, FloatArray
 
-KINDS = ("frozen", "dropped_20ms", "dropped", "biased", "nan")
+KINDS = ("frozen", "dropped_20ms", "dropped", "biased", "spikes", "nan")
 """What may go wrong with each sensor and is always flagged."""
 LATE = "late"
 """A sensor whose readings are older for a while, which is flagged where they jump by that."""
 BIASES: Mapping[str, tuple[float, int]] = {"encoder": (0.05, 3), "imu": (3.0, 3), "force_torque": (150.0, 2)}
-"""Size and channel of the biased cases: 0.05 rad on the fourth joint, 3 m/s^2 on accel x, 150 N on fz."""
+"""Size and channel of the biased cases and of spikes: 0.05 rad on the fourth joint, 3 m/s^2 on accel x, 150 N on fz."""
+OFTEN = 0.2
+"""Probability of a spike per sample [-]."""
 FLAGGED_WITHIN = 0.05
 """A fault must be flagged this soon after its start [s]."""
 
@@ -45,8 +47,9 @@ class FaultCase:
     Attributes:
         sensor: "encoder", "imu" or "force_torque".
         kind: One of `KINDS`, or `LATE`.
-        bias: Size of a biased case [rad | rad/s | m/s^2 | N | N m]; None: that of `BIASES`. Of a late one its age [s].
-        channel: Of a biased or NaN case; None: that of `BIASES`.
+        bias: Size of a bias or of spikes [rad | rad/s | m/s^2 | N | N m]; None: that of `BIASES`. Of a late one its age
+            [s].
+        channel: Of a biased or NaN case or of spikes; None: that of `BIASES`.
     """
 
     sensor: str
@@ -72,6 +75,8 @@ class FaultCase:
         channel = channel if self.channel is None else self.channel
         if self.kind == "biased":
             return SensorFault("biased", start, channels=(channel,), value=size)
+        if self.kind == "spikes":
+            return SensorFault("spikes", start, channels=(channel,), value=size, chance=OFTEN)
         if self.kind == "dropped_20ms":
             return SensorFault("dropped", start, duration=0.02)
         if self.kind == LATE:

@@ -36,7 +36,7 @@ def recording_index(result):
 
 
 def chequered():
-    """All thirty; every second one waits for `make test-slow`."""
+    """All thirty-six; every second one waits for `make test-slow`."""
     return [
         pytest.param(situation, case, marks=[pytest.mark.slow] if (i + s) % 2 else [], id=f"{situation}-{case.name}")
         for s, situation in enumerate(SITUATIONS)
