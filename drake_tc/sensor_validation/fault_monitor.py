@@ -54,9 +54,8 @@ class FaultMonitor(PortMethods, LeafSystem):
 
         missing     u[n] is not finite, or beyond `LARGEST`
         c[n+1]    = c[n] + 1 where u[n] = s[n], else 0;                 frozen: c[n+1] >= max(time/dt, repeats)
-        jump        |u[n] - s[n]| > (m[n] + 1) largest step; of encoders also too large a change of the speed, and what
-                    has jumped stays wrong until it jumps back (`EncoderJumps`); likewise wrenches, whose offset is the
-                    sum of the steps at their jumps
+        jump        |u[n] - s[n]| > (m[n] + 1) largest step. A wrench that jumped stays wrong while the sum of its jumps
+                    exceeds the largest step; encoders: `EncoderJumps`, over max(m[n], c[n]) + 1 ticks
         e[n+1]    = e[n] + (1 - exp(-dt/T)) (x[n] - e[n])               |e[n+1]| > threshold: inconsistent, unexpected
         h[n+1]    = hold/dt where a cause is there, else max(h[n] - 1, 0);   flag y[n] = h[n] > 0
 
@@ -108,8 +107,8 @@ class FaultMonitor(PortMethods, LeafSystem):
         self._largest_step = np.concatenate(
             [2.0 * speed * dt + spec.encoder_jump, wrench_jump * k, inertial_jump * has_imu]
         )
-        bend = spec.encoder_acceleration * dt**2
-        self._encoder_jumps = EncoderJumps(self._largest_step[:n], bend, spec.encoder_jump)
+        largest_change = spec.encoder_acceleration * dt**2
+        self._encoder_jumps = EncoderJumps(self._largest_step[:n], largest_change, spec.encoder_jump)
         times = [[spec.encoder_frozen] * n, [spec.wrench_frozen] * 6 * k, [spec.imu_frozen] * 6 * has_imu]
         repeats = np.repeat([ENCODER_REPEATS, REPEATS], [n, raw - n])
         self._frozen_ticks = np.clip(np.concatenate(times) / dt, repeats, _NEVER) - 0.5
@@ -199,11 +198,11 @@ class FaultMonitor(PortMethods, LeafSystem):
         after[:raw] = u
         ticks, same = usual[raw : 2 * raw] + 1.0, step == 0.0
         np.multiply(ticks, same, out=after[raw : 2 * raw])
-        error, pace = usual[2 * raw : -n], usual[-n:]
+        error, speed_now = usual[2 * raw : -n], usual[-n:]
         after[2 * raw : -n] = error + self._blend * (now[self._filtered] - self._expected - error)
-        way, late = step[:n], same[:n]
-        change = np.where(late, 0.0, way - pace * ticks[:n])
-        after[-n:] = np.where(late, pace, way / ticks[:n])
+        displacement, late = step[:n], same[:n]
+        change = np.where(late, 0.0, displacement - speed_now * ticks[:n])
+        after[-n:] = np.where(late, speed_now, displacement / ticks[:n])
         watched = np.abs(np.concatenate((now, step, after[raw:-n], change)))
         if np.count_nonzero(watched < self._within) < watched.size:  # also where one is NaN
             return False
@@ -213,7 +212,7 @@ class FaultMonitor(PortMethods, LeafSystem):
     def _examine(self, context: Any, values: Any, now: FloatArray) -> None:
         """The recursion, channel by channel."""
         memory = values.get_mutable_value(self._memory)
-        last, same, error, pace, gap, left, offset, moved, doubt, busy = (memory[part] for part in self._parts)
+        last, same, error, speed_now, gap, left, offset, moved, doubt, busy = (memory[part] for part in self._parts)
         u, x = now[: self._raw], now[self._filtered] - self._expected
         with np.errstate(invalid="ignore"):  # readings may be infinite
             finite = np.abs(u) < LARGEST  # also False where u is NaN
@@ -223,7 +222,7 @@ class FaultMonitor(PortMethods, LeafSystem):
         n = self._n
         new = finite[:n] & np.isfinite(step[:n]) & (step[:n] != 0.0)
         ticks = np.maximum(gap[:n], same[:n]) + 1.0
-        jump[:n] = self._encoder_jumps.find(step[:n], ticks, new, pace, offset, doubt.reshape(2, n))
+        jump[:n] = self._encoder_jumps.find(step[:n], ticks, new, speed_now, offset, doubt.reshape(2, n))
         jump[self._wrench] = self._wrench_jumps(step[self._wrench], jump[self._wrench], moved)
         same[:] = np.where(u == last, same + 1.0, 0.0)
         frozen = same >= self._frozen_ticks

@@ -20,7 +20,7 @@ _NOISE_OF = {
 
 @dataclass(frozen=True)
 class MonitorSpec:
-    """Thresholds; all positive, infinity switches a check off. SI units.
+    """Thresholds: positive numbers, and infinity switches a check off. SI units.
 
     Attributes:
         encoder_frozen: Time of identical readings [s]. A live encoder of quantisation q and noise about q repeats a
@@ -30,24 +30,25 @@ class MonitorSpec:
             encoders without noise, but a joint may hang in its friction, hence longer.
         moving: Reference speed at which a joint must be seen to move [rad/s].
         imu_frozen, wrench_frozen: As `encoder_frozen` [s]; their noise is many times their resolution.
-        encoder_jump: Added to twice what the joint's velocity limit allows in one tick, and to what
-            `encoder_acceleration` allows [rad]; above noise and resolution of the encoders.
+        encoder_jump: Allowance for noise and resolution of the encoders [rad], in both bounds on the way of one tick:
+            twice that of the velocity limit, and the change that `encoder_acceleration` allows.
         encoder_acceleration: Largest acceleration of a joint [rad/s^2]. A drive of 250 N m that moves 1 kg m^2 reaches
             250; the rest is for blows, which reach an encoder at the motor through the gear's compliance.
         gyro_jump: Largest possible step in one tick [rad/s]: 1000 rad/s^2 at 1 kHz.
         accel_jump: The same [m/s^2]; a hard impact of the foot reaches the torso with some 10 m/s^2 in 1 ms.
-        force_jump, moment_jump: The same of an F/T sensor [N, N m]; a touch-down rises over several ms, so about a
+        force_jump, moment_jump: The same of an F/T sensor [N, N m]; most touch-downs rise over several ms, so about a
             fifth of a humanoid's weight in one tick is no load.
-        wrench_jump_lasts: Whether a wrench that jumped stays flagged until it jumps back; otherwise for the hold time,
-            where touch-downs may be as hard.
+        wrench_jump_lasts: Whether a wrench that jumped stays flagged until it jumps back. If false, its flag clears
+            after `hold`: for touch-downs that are as hard.
         still_gyro: Filtered rate of an IMU that is welded to a welded base [rad/s]: ten times a humanoid IMU's noise.
         still_accel: Filtered difference between its accelerometer and gravity [m/s^2]: ten times noise and bias.
         unexpected_force, unexpected_moment: Filtered wrench where there should be none: an unknown wrench, or the
             contact wrench of a sensor that is said to be free [N, N m]. Above the error that F/T bias and model leave.
         torque: Filtered difference between estimated torque and the actuator model's, as a fraction of the joint's
             effort limit (of 100 N m where there is none) [-].
-        time_constant: Of those filters [s]: an error of three times its threshold is flagged after 0.4 of it.
-        hold: Time for which a flag stays up after its cause was last seen [s].
+        time_constant: Of those filters, finite [s]: a constant error of three times its threshold is flagged after 0.4
+            time constants.
+        hold: Time for which a flag stays up after its cause was last seen, finite [s].
 
     Example:
         >>> TorqueLoopSpec(monitor=MonitorSpec(hold=0.2)).monitor.hold

@@ -1,7 +1,7 @@
 """What happens when a sensor fails: the cases as data, run in any scenario, and what comes of each.
 
-Eighteen cases: encoder, imu and force_torque, each frozen, dropped for 20 ms, dropped for good, biased, with spikes, and
-NaN in one channel.
+Eighteen cases: encoder, imu and force_torque, each frozen, dropped for 20 ms, dropped for good, biased, with spikes,
+and NaN in one channel.
 
 Smallest biases that are flagged within 50 ms of their start, with the leg's realistic sensors and the default monitor
 (tests/loops/torque/test_fault_cases.py):
