@@ -90,7 +90,7 @@ def bench_real_tmotor(data: Data, as_json: AsJson = False) -> None:
 
 @bench_app.command("real-uart")
 def bench_real_uart(data: Data, as_json: AsJson = False) -> None:
-    """Feetech servos on a stretching stand: backlash and dead zone told apart, spans."""
+    """Feetech servos on the backlash stand: backlash told from dead zone, against the published spans."""
     from drake_tc.benchmarks.real_uart import rows
 
     print_rows("real-uart", rows(data), as_json=as_json)

@@ -52,9 +52,10 @@ def bode_command(
 ) -> None:
     """Swept-sine Bode table between two ports of a diagram, beside the prediction of its linearisation.
 
-    The input is held where it is at the moment --at, and a sine put on top; the diagram runs as its scenario says, with
-    all friction and noise. The prediction takes perfect sensors, and dry friction as a constant; it also tells on which
-    turn a phase is: without it phases are in (-180, 180]. Notes name what is no steady sine, and unstable loops.
+    The input is held at its value at the time --at, and a sine is added; the diagram runs as its scenario says, with
+    all friction and noise. The prediction takes perfect sensors, and dry friction as a constant. It also gives the
+    multiple of 360 degrees of a phase; without it phases are in (-180, 180]. Notes name frequencies without a steady
+    response, and unstable loops.
     """
     from drake_tc.analysis.frequency_response import Sweep, channel
     from drake_tc.cli.bode_measurement import BodeRequest, measure_bode

@@ -130,7 +130,7 @@ def _unsteady(measured: FrequencyResponse) -> tuple[str, ...]:
     apart = np.zeros(measured.frequency_hz.size) if measured.apart is None else measured.apart
     return tuple(
         f"{frequency:.2f} Hz: no steady sine (distortion {distortion:.2g}; the halves of the measurement"
-        f" {100.0 * away:.0f} % apart): --settle longer, or another --amplitude"
+        f" differ by {100.0 * away:.0f} %): use a longer --settle or another --amplitude"
         for frequency, distortion, away, steady in zip(
             measured.frequency_hz, measured.distortion, apart, measured.steady, strict=True
         )

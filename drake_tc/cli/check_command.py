@@ -26,7 +26,7 @@ def check_command(
     force: Force = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the check as JSON.")] = False,
 ) -> None:
-    """Say what logs contain and what they can show: which missing effects, from which size on, and which not and why.
+    """Say what logs contain, which missing effects they could show, from which size on, and why not the others.
 
     It takes seconds, since nothing is searched for. `close-loop` on the same runs searches for the effects themselves.
     """

@@ -55,7 +55,7 @@ def close_loop_command(
         bool,
         typer.Option(
             "--closed-loop/--no-closed-loop",
-            help="Simulate the torque loop before and after (an upper bound: the plant is the model after).",
+            help="Simulate the torque loop with both models; the plant is the model after, so it is an upper bound.",
         ),
     ] = True,
     check: Annotated[
@@ -69,14 +69,16 @@ def close_loop_command(
     Without --rig, a demo: a simulated bench whose model lacks something is recorded first.
     """
     if rig is None and (log or holdout):
-        raise LogError("--log and --holdout need --rig RIG.yaml, which says what the logs show")
+        raise LogError(
+            "expected --rig RIG.yaml with --log and --holdout, got none; it says what the columns of the logs are"
+        )
     if rig is not None and not (log and holdout):
         raise LogError(
             "expected at least one --log RUN to fit and one --holdout RUN to judge by, got "
             f"{len(log or [])} and {len(holdout or [])}"
         )
     if declared is not None and rig is None:
-        raise LogError("--declared needs --rig RIG.yaml, which says what the logs show")
+        raise LogError("expected --rig RIG.yaml with --declared, got none; it says what the columns of the logs are")
     if rig is not None and declared is not None:
         _tell_declared(rig, declared)
     read = [rig, declared, *(log or []), *(holdout or [])]

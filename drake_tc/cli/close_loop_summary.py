@@ -30,7 +30,10 @@ def print_summary(result: CloseLoopResult, out: Path) -> None:
         _print_joint(console, joint)
         loop = None if result.closed_loop is None else result.closed_loop.joints.get(joint.joint)
         if loop is not None and loop.changed:
-            _say(console, f"  closed loop, upper bound (its plant is the model after): {_tracking(loop)}")
+            _say(
+                console,
+                f"  closed loop (simulated with the model after as plant, so an upper bound): {_tracking(loop)}",
+            )
     if result.closed_loop is not None:
         for note in result.closed_loop.notes:
             _say(console, f"closed loop: {escape(note)}")
@@ -89,7 +92,11 @@ def _print_joint(console: Console, joint: JointResult) -> None:
         _say(console, f"  - {withdrawn.id} did not hold ({REASONS[withdrawn.reason]}): {escape(withdrawn.why)}")
     for moving in (p for p in joint.consistency if p.moves):
         where = "drive" if moving.effect == "drive" else moving.effect
-        _say(console, f"  * {where} {moving.name} differs by {moving.by}: {100 * moving.change:.0f} %")
+        _say(
+            console,
+            f"  * {where} {moving.name} changes by {100 * moving.change:.0f} % between parts of the logs that differ in "
+            f"{moving.by}",
+        )
     for warning in warnings(joint):
         _say(console, f"  ! {escape(warning)}")
     if joint.next_experiment:
@@ -114,7 +121,9 @@ def _tracking(loop: JointClosedLoop) -> str:
     """Tracking errors before and after, or that there are none."""
     figures = [1e3 * each.rms_error for each in (loop.before, loop.after)]
     if not all(math.isfinite(value) for value in figures):
-        return "no tracking error; the report has the margins of the linear loop"
+        return (
+            "no tracking error (not simulated to the end with both models); the report lists the linear loop's margins"
+        )
     return f"tracking error {figures[0]:.3g} mrad before, {figures[1]:.3g} mrad after"
 
 

@@ -22,7 +22,11 @@ def design_command(
     ] = None,
     model: Annotated[Path | None, typer.Option(help="Model file (YAML), such as model_after.yaml.")] = None,
     goal: Annotated[
-        str | None, typer.Option(help="parameters, parameters:EFFECT,..., tell:A,B, or all (default: parameters).")
+        str | None,
+        typer.Option(
+            help="parameters (of the declared model), parameters:EFFECT,... (of effects too), tell:A,B (which of two"
+            " effects it is) or all (show every effect). Default: that of the report, otherwise parameters."
+        ),
     ] = None,
     after: Annotated[
         Path | None, typer.Option(help="report.json of close-loop: design the experiment that it names.")
@@ -37,8 +41,14 @@ def design_command(
     torque: Annotated[float | None, typer.Option(help="Motor torque limit [N m].")] = None,
     bandwidth: Annotated[float | None, typer.Option(help="Highest frequency that the drive follows [Hz].")] = None,
     basis: Annotated[str, typer.Option(help="Functions of the motion: fourier or bspline.")] = "fourier",
-    criterion: Annotated[str, typer.Option(help="Criterion of the goal parameters: D or E.")] = "D",
-    distance: Annotated[float, typer.Option(help="Least distance between the links of a robot [m].")] = 0.01,
+    criterion: Annotated[
+        str,
+        typer.Option(
+            help="Optimality for the goal parameters: D (determinant of the Fisher information) or E (its least"
+            " eigenvalue)."
+        ),
+    ] = "D",
+    distance: Annotated[float, typer.Option(help="Smallest allowed distance between links of a robot [m].")] = 0.01,
     scene: Annotated[
         Path | None, typer.Option(help="URDF, SDF or MJCF of what stands around a robot, in its world's coordinates.")
     ] = None,
@@ -51,8 +61,8 @@ def design_command(
     """Compute a motion that measures a joint's parameters well, or that tells two missing effects apart.
 
     For a rig whose robot's model gives the loads, the goal parameters without --joint makes one motion of all joints.
-    The motion keeps the limits and begins and ends at rest. Two effects that no motion separates are refused with the
-    identity that proves it.
+    The motion keeps the limits and begins and ends at rest. If no motion can tell two effects apart, the command
+    ends with an error that states the identity between them.
     """
     from drake_tc.experiments.design.output import FILES, design_json, robot_json, write_design, write_robot_design
 

@@ -29,7 +29,7 @@ def estimate_base_command(
     force: Force = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the figures as JSON.")] = False,
 ) -> None:
-    """Base position, yaw and velocity from encoders, IMU and loads; RMSE where the log holds the truth."""
+    """Base position, yaw and velocity from encoders, IMU and contact loads; RMSE where the log has the truth."""
     from drake_tc.estimation.base.evaluate import evaluate_log
     from drake_tc.estimation.base.rig import load_base_rig
 

@@ -45,8 +45,8 @@ def estimate_torque_command(
         logs = robot_logs(what, runs)
         if logs is None or logs.links is not None:  # fitted links are known after close-loop alone
             raise RigError(
-                f"{rig}: load: expected {{robot: estimate}} or {{robot: inverse_dynamics}} with `robot: FILE`: the "
-                "torques are estimated with a robot's model"
+                f"{rig}: load: expected {{robot: estimate}} or {{robot: inverse_dynamics}} with `robot: FILE`, "
+                "got a load that is not computed from a robot's model alone"
             )
         entries = []
         for number, run in enumerate(runs):

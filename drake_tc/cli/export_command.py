@@ -77,9 +77,15 @@ def export_command(
 
     models = _chosen(load_models(model), joint, model)
     if (log or holdout) and rig is None:
-        raise ParamsError("export: --log and --holdout need --rig RIG.yaml, which says what the logs show")
+        raise ParamsError(
+            "export: expected --rig RIG.yaml with --log and --holdout, got none; it says what the columns of the logs"
+            " are"
+        )
     if holdout and to.value not in RUNS:
-        raise ParamsError(f"export: --holdout runs an export; expected --to {', '.join(RUNS)}, got --to {to.value}")
+        raise ParamsError(
+            f"export: --holdout needs a target that can be simulated; expected --to {', '.join(RUNS)}, got --to"
+            f" {to.value}"
+        )
     speeds = _speeds(rig, log or [], list(models))
     projections = [project(each, TARGETS[to.value], speeds.get(name)) for name, each in models.items()]
     if torque_constant is not None:

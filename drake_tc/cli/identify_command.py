@@ -50,7 +50,7 @@ def identify_command(
     least_squares: all samples alike. asymmetric: friction is never over-estimated, so its compensation stays stable.
     two_stage: the gain at rest, then friction in motion. piecewise: three lines for each direction of motion.
     motor: constants and friction of voltage-driven motors, with a data sheet for what the logs leave open; its
-    intervals are of statistics and data sheet, not of effects that the model lacks.
+    intervals cover measurement noise and data-sheet tolerance, not effects that the model lacks.
     """
     from drake_tc.actuation.model_file import save_models
     from drake_tc.logs.prepare import load_runs
@@ -213,4 +213,6 @@ def _print(rows: list[dict[str, Any]]) -> None:
         lines.append(("residual rms", f"{row['rms']['value']:.4g}", "-", row["rms"]["unit"]))
         print_wide(("parameter", "value", "95 % interval", "unit"), lines, ("parameter", "unit"), title)
         if row["converged"] is False:
-            print("  the break points did not come to rest: these logs do not look like three pieces")
+            print(
+                "  the break points did not converge: the logs do not support a piecewise-linear model of three pieces"
+            )

@@ -16,9 +16,10 @@ UNITS: Mapping[str, str] = {
     "coulomb": "N*m",
     "viscous": "N*m*s/rad",
 }
-HEADINGS = ("parameter", "data sheet", "identified", "95 % interval", "unit", "from logs", "off the sheet [sd]")
+HEADINGS = ("parameter", "data sheet", "identified", "95 % interval", "unit", "from logs", "off the sheet [sigma]")
 MEANING = (
-    "intervals are of statistics and data sheet, not of effects that the model lacks (ripple, Stribeck, temperature)"
+    "intervals cover measurement noise and data-sheet tolerance, not effects that the model lacks (ripple, Stribeck,"
+    " temperature)"
 )
 
 

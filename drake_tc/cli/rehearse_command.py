@@ -46,7 +46,7 @@ def rehearse_command(
     judged = list(holdout or log[-1:])
     fitted = [path for path in log if path not in judged]
     if not fitted:
-        raise LogError("expected at least two runs: one --log RUN to fit and one to judge by")
+        raise LogError(f"expected at least two runs, one --log RUN to fit and one to judge by, got {len(log)}")
     with (
         result_folder(out, "--out", names=FILES, inputs=[rig, *log, *judged], force=force, error=ParamsError) as folder,
         progress_bar("rehearse", quiet=as_json) as progress,

@@ -61,7 +61,9 @@ def simulate_command(
         raise typer.BadParameter(f"expected a positive number [s], got {duration!r}", param_hint="--duration")
     entry = runnable(diagram).naming(scenario_file, scenario_text)
     if html is not None and entry.kind not in ("torque", "whole_body"):
-        raise typer.BadParameter(f"{diagram} has no robot to show", param_hint="--html")
+        raise typer.BadParameter(
+            f"expected a diagram with a robot, got {diagram}, which has none to show", param_hint="--html"
+        )
     scenario = entry.scenario(scenario_name, scenario_file, scenario_text).changed(duration=duration, seed=seed)
     names = (f"log.{log_format}", "rig.yaml")
     place = (

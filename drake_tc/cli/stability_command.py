@@ -66,7 +66,10 @@ def stability_command(
     ] = None,
     at: Annotated[float, typer.Option(min=0.0, help="Time in the scenario at which the loop is linearised [s].")] = 0.7,
     friction: Annotated[
-        str, typer.Option(help="sliding (dry friction constant, dead zone passed) or modelled (as the drives have it).")
+        str,
+        typer.Option(
+            help="sliding: joints move, dry friction is constant; modelled: friction and dead zone of the drives."
+        ),
     ] = "sliding",
     direction: Annotated[
         float, typer.Option(min=-1.0, max=1.0, help="Direction of the sliding: 1, -1, or 0 for the mean of both.")
@@ -82,7 +85,10 @@ def stability_command(
         raise typer.BadParameter(f"expected sliding or modelled, got {friction!r}", param_hint="--friction")
     entry = runnable(diagram).naming(scenario_file, scenario_text)
     if entry.kind == "whole_body":
-        raise ParamsError(f"stability: {diagram} stands on contacts, whose linearisation says nothing of its stability")
+        raise ParamsError(
+            f"stability: expected a diagram without contacts, got {diagram}, which stands on contacts: its"
+            " linearisation does not decide its stability; simulate it instead"
+        )
     scenario = entry.scenario(scenario_name, scenario_file, scenario_text)
     with progress_bar(f"stability {diagram}", quiet=as_json) as progress, TemporaryDirectory() as folder:
         if friction == "sliding":
@@ -134,7 +140,9 @@ def _analyse(
     progress("linearising", 0.15)
     requested = channel(open_at)
     if joint is not None and open_at != requested.port:
-        raise ParamsError(f"--joint: {open_at} is one channel already; give --joint or an index, not both")
+        raise ParamsError(
+            f"--joint: expected --open-at without an index, got {open_at}; give --joint or an index, not both"
+        )
     cut = open_loop(loop.diagram, context, loop.period, requested.port)
     index = requested.index if joint is None else place
     if index >= len(cut.inputs):
@@ -198,12 +206,12 @@ def _print(found: _Found, channel: str) -> None:
     console.print(table)
     console.print(
         f"{len(found.system.states)} states; spectral radius {found.system.spectral_radius:.6f};"
-        f" {found.radius:.6f} but for the {len(found.system.states) - len(moving)} at z = 1,"
-        " positions and wound-up friction that nothing pulls back",
+        f" {found.radius:.6f} without the {len(found.system.states) - len(moving)} eigenvalues at z = 1"
+        " (free positions and friction states)",
         soft_wrap=True,
     )
     if found.margins is None:
-        console.print("no margins: the closed loop is unstable")
+        console.print("no margins are given, because the closed loop is unstable")
     else:
         m = found.margins
         console.print(
@@ -216,15 +224,15 @@ def _print(found: _Found, channel: str) -> None:
     if kinks:
         more = f" and {len(kinks) - SHOWN} more" if len(kinks) > SHOWN else ""
         console.print(
-            "not smooth here, so that the verdict holds one-sidedly at best, in the states"
+            "the linear verdict may not hold: the loop is not differentiable at this point in the states"
             f" {', '.join(kinks[:SHOWN])}{more}",
             soft_wrap=True,
             markup=False,
         )
     console.print(f"verdict: {found.verdict}")
-    word = "dies away" if found.release.stable else "grows"
+    word = "decays" if found.release.stable else "grows"
     console.print(
-        f"simulation: a kick of {KICK:g} rad/s {word} (late over early speed {found.release.growth:.3g});"
-        f" {'agrees' if found.agrees else 'DISAGREES'}",
+        f"simulation: an initial velocity of {KICK:g} rad/s {word} (ratio of late to early speed"
+        f" {found.release.growth:.3g}); this {'agrees with' if found.agrees else 'CONTRADICTS'} the verdict",
         soft_wrap=True,
     )

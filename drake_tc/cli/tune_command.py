@@ -171,7 +171,7 @@ def _print(found: "Tuning", confirmed: "Confirmed | None") -> None:
         cells.append(_change(1e3 * before.delay_margin if before else None, 1e3 * after.delay_margin, 1))
         table.add_row(joint.joint, *cells)
     console.print(table)
-    console.print(f"window {found.window}, order {found.order}; {found.tried} settings tried; present > tuned")
+    console.print(f"window {found.window}, order {found.order}; {found.tried} settings tried; present -> tuned")
     console.print(f"predicted error, tuned over present: {found.ratio:.2f} (geometric mean of the joints)")
     if confirmed is not None and confirmed.plant_ratios.size:
         ratios = sorted(confirmed.plant_ratios.tolist())
@@ -180,4 +180,4 @@ def _print(found: "Tuning", confirmed: "Confirmed | None") -> None:
 
 
 def _change(before: float | None, after: float, digits: int) -> str:
-    return f"{'unstable' if before is None else format(before, f'.{digits}f')} > {after:.{digits}f}"
+    return f"{'unstable' if before is None else format(before, f'.{digits}f')} -> {after:.{digits}f}"

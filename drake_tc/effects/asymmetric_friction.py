@@ -18,7 +18,7 @@ COULOMB_ASYMMETRY_RANGE = Plausible(
 VISCOUS_ASYMMETRY_RANGE = Plausible(
     -1.0,
     1.0,
-    "friction cannot exceed the torque that drive and load put in",
+    "friction cannot exceed the largest torques of drive and load together",
     "torque/speed",
 )
 

@@ -38,7 +38,11 @@ class Backlash(TransmissionEffect):
         """Visible in a servo's effort; between two encoders it shows too, but not in the balance."""
         if context.drive != "position_servo":
             two = "motor_position" in context.recorded
-            return "see the note on the two encoders" if two else "needs a servo that closes on the motor's side"
+            return (
+                "see the note on the two encoders"
+                if two
+                else "needs a position servo whose loop is closed on the motor's encoder"
+            )
         return super().obstacle(context)
 
     def columns(self, signals: Signals, shape: Shape) -> FloatArray:

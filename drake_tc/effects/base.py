@@ -117,7 +117,7 @@ class Effect(ABC):
     def unavailable(self, context: Context) -> str:
         """`obstacle`, or that the logs have no position although the effect depends on it; empty when neither holds."""
         if self.depends_on_position and not context.position_recorded:
-            return "the position was not recorded, and its integral from the velocity has no zero"
+            return "the position was not recorded, and the integral of the velocity has no known zero"
         return self.obstacle(context)
 
     def shape_grid(self, context: Context) -> list[dict[str, float]]:

@@ -64,7 +64,9 @@ class Context:
     @property
     def taken_up(self) -> str:
         """Why an effect that has the form of a load cannot be looked for beside an unknown load; "" where it can."""
-        return "the load is unknown, and what is fitted of it takes this effect up" if self.load == "unknown" else ""
+        return (
+            "the load is unknown, and the fitted load has a term of this form already" if self.load == "unknown" else ""
+        )
 
     @property
     def effort(self) -> float:

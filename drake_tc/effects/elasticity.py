@@ -45,11 +45,11 @@ class Elasticity(TransmissionEffect):
     def obstacle(self, context: Context) -> str:
         """Needs a servo, whose effort shows the wind-up, and a declared inertia to hold it against."""
         if context.drive != "position_servo":
-            return "needs a servo that closes on the motor's side"
+            return "needs a position servo whose loop is closed on the motor's encoder"
         if context.taken_up:
             return context.taken_up
         if "rotor_inertia" not in context.declared:
-            return "no inertia is declared that the wind-up could be held against"
+            return "the rig file declares no rotor_inertia, without which this effect cannot be told from others"
         return super().obstacle(context)
 
     @property

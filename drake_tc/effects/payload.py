@@ -13,7 +13,7 @@ from drake_tc.types import FloatArray
 PAYLOAD_MOMENT_RANGE = Plausible(
     0.0,
     1.0,
-    "a mass pulls downwards, with no more than the torque that drive and load put in",
+    "a mass pulls downwards, with no more than the largest torques of drive and load together",
     "torque",
 )
 PAYLOAD_INERTIA_RANGE = Plausible(
@@ -56,7 +56,11 @@ class Payload(TorqueEffect):
             return "what a link carries is part of its fitted parameters"
         if context.load == "robot":
             return "what a link carries is looked for on all joints together, as its link_mass"
-        return "the load is a pendulum, whose scale the drive gain takes up" if context.load == "pendulum" else ""
+        return (
+            "the load is a pendulum, and a payload would change its scale as the drive gain does"
+            if context.load == "pendulum"
+            else ""
+        )
 
     def balance_inertia(self, theta: FloatArray, rotor_inertia: float) -> float:
         """J_p."""
@@ -116,7 +120,7 @@ class PendulumPayload(Payload):
         return (
             ""
             if context.declared.get("rotor_inertia")
-            else "no inertia is declared that the load could be held against"
+            else "the rig file declares no rotor_inertia, without which this effect cannot be told from others"
         )
 
     def balance_inertia(self, theta: FloatArray, rotor_inertia: float) -> float:

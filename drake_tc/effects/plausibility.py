@@ -41,7 +41,10 @@ def implausible(effect: Effect, parameters: Mapping[str, float], context: Contex
     """
     sizes = [p.name for p in effect.parameters if p not in (*effect.shapes, *effect.given_shapes)]
     if sizes and all(parameters[name] == 0.0 for name in sizes):
-        return f"{' and '.join(sizes)} of {effect.title} is 0 in the fit that chose it: it explains something else."
+        names, verb = " and ".join(sizes), "is" if len(sizes) == 1 else "are"
+        return (
+            f"{names} of {effect.title} {verb} 0 in the fit that chose this effect: the lower error has another cause."
+        )
     for parameter in effect.parameters:
         if parameter.plausible is None:
             continue

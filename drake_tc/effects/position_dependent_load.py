@@ -12,7 +12,8 @@ from drake_tc.types import FloatArray
 LEVEL_RANGE = Plausible(
     -1.5,
     1.5,
-    "a load cannot exceed the torque that drive and load put in, here with half of it for the sides of the curve",
+    "a load cannot exceed the largest torques of drive and load together; half as much more is allowed for the levels "
+    "beside the ends of the curve",
     "torque",
 )
 END_RANGE = Plausible(-np.inf, np.inf, "the ends of the curve are those of the recorded positions")

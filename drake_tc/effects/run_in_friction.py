@@ -11,13 +11,13 @@ from drake_tc.types import FloatArray
 RUN_IN_COULOMB_RANGE = Plausible(
     -1.0,
     1.0,
-    "friction stays positive while it settles, and cannot exceed the torque that drive and load put in",
+    "friction stays positive while it settles, and cannot exceed the largest torques of drive and load together",
     "torque",
 )
 RUN_IN_VISCOUS_RANGE = Plausible(
     -1.0,
     1.0,
-    "friction stays positive while it settles, and cannot exceed the torque that drive and load put in",
+    "friction stays positive while it settles, and cannot exceed the largest torques of drive and load together",
     "torque/speed",
 )
 RUN_IN_TIME_RANGE = Plausible(

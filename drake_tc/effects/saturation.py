@@ -29,7 +29,7 @@ class Saturation(DriveEffect):
     def obstacle(self, context: Context) -> str:
         """Not where links are fitted: in a joint with little load, friction explains an effort cut down to its sign."""
         if context.load == "links":
-            return "the links are fitted to the efforts, and a limit would explain an effort by cutting it off"
+            return "the links are fitted from the recorded efforts, and a fitted limit could cut off a part of these"
         return super().obstacle(context)
 
     def shape_grid(self, context: Context) -> list[dict[str, float]]:

@@ -11,7 +11,7 @@ from drake_tc.types import FloatArray
 INTEGRAL_RATE_RANGE = Plausible(
     0.0,
     50.0,
-    "integral action faster than the position loop, of some 50 1/s, is unstable, and negative action is so at once",
+    "integral action faster than the position loop (about 50 1/s) makes it unstable, and so does negative action",
 )
 
 

@@ -13,7 +13,7 @@ EXCESS_RANGE = Plausible(
     0.0,
     1.0,
     "static friction exceeds sliding friction (Armstrong-Hélouvry, Dupont and Canudas de Wit, 1994), and a joint that "
-    "moved was broken away by the torque that drive and load put in",
+    "moved was broken away by the largest torques of drive and load together",
     "torque",
 )
 SPEED_RANGE = Plausible(0.0, 1.0, "the speed below which the joint counts as sticking is within the log", "speed")

@@ -14,7 +14,7 @@ SENSITIVITY_RANGE = Plausible(
     1.5,
     "the voltage of a bridge is its duty times the supply (sensitivity 1); drives that measure the supply have 0",
 )
-NOMINAL_RANGE = Plausible(1.0, 1000.0, "servo motors are fed with 3 to 800 V")
+NOMINAL_RANGE = Plausible(1.0, 1000.0, "servo motors are fed with 3 to 800 V, here with a margin")
 LEAST_CHANGE = 0.005
 """Relative change of the supply voltage below which its effect cannot be looked for."""
 
@@ -54,7 +54,7 @@ class SupplySag(DriveEffect):
     def obstacle(self, context: Context) -> str:
         """Needs a supply voltage that changes, and a drive that does not impose its current."""
         if context.imposes_current:
-            return "a current drive does not feel the supply until it saturates"
+            return "a current drive does not depend on the supply until it saturates"
         missing = super().obstacle(context)
         if missing:
             return missing

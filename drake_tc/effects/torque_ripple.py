@@ -12,7 +12,7 @@ from drake_tc.types import FloatArray
 WAVE_RANGE = Plausible(
     -1.0,
     1.0,
-    "a ripple cannot exceed the torque that drive and load put in",
+    "a ripple cannot exceed the largest torques of drive and load together",
     "torque",
 )
 CYCLES_PER_TURN_RANGE = Plausible(

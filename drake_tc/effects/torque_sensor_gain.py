@@ -36,7 +36,7 @@ class TorqueSensorGain(SensorEffect):
         if context.load != "torque":
             return "there is no torque sensor"
         if "rotor_inertia" not in context.declared or context.declared["rotor_inertia"] == 0.0:
-            return "no inertia is declared that the sensor's scale could be held against"
+            return "the rig file declares no rotor_inertia, without which this effect cannot be told from others"
         return super().obstacle(context)
 
     def balance_inertia(self, theta: FloatArray, rotor_inertia: float) -> float:

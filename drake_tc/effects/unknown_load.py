@@ -10,10 +10,14 @@ from drake_tc.effects.kernel import TorqueKernel, TorqueParts
 from drake_tc.effects.splines import spline_columns, spline_curve
 from drake_tc.types import FloatArray
 
-MOMENT_RANGE = Plausible(0.0, 1.5, "a load cannot exceed the torque that the drive puts in", "torque")
-LEVEL_RANGE = Plausible(-1.5, 1.5, "a load cannot exceed the torque that the drive puts in", "torque")
+MOMENT_RANGE = Plausible(
+    0.0, 1.5, "a load cannot exceed one and a half times the largest torque of the drive", "torque"
+)
+LEVEL_RANGE = Plausible(
+    -1.5, 1.5, "a load cannot exceed one and a half times the largest torque of the drive", "torque"
+)
 INERTIA_RANGE = Plausible(0.0, 450.0, "an inertia is positive, and 50 kg at 3 m have 450 kg m^2")
-ANGLE_RANGE = Plausible(-np.pi, np.pi, "an angle is told within one turn")
+ANGLE_RANGE = Plausible(-np.pi, np.pi, "an angle is given within one turn, from -pi to pi")
 END_RANGE = Plausible(-np.inf, np.inf, "the ends of the curve are those of the recorded positions")
 INTERVALS = (2, 3, 4, 6, 8, 12)
 """Numbers of intervals over the travelled range from which the smooth load's one is chosen."""

@@ -9,7 +9,8 @@ from drake_tc.types import FloatArray
 VISCOUS_RANGE = Plausible(
     0.0,
     1.0,
-    "friction dissipates energy, so it opposes the motion, and it cannot exceed the torque that drive and load put in",
+    "friction dissipates energy, so it opposes the motion, and it cannot exceed the largest torques of drive and load "
+    "together",
     "torque/speed",
 )
 

@@ -9,7 +9,7 @@ from drake_tc.effects.kernel import TorqueKernel, TorqueParts
 from drake_tc.types import FloatArray
 
 VISCOUS_POWER_RANGE = Plausible(
-    0.0, np.inf, "friction dissipates energy, and `inconsistency` bounds what all of it is at the highest speed"
+    0.0, np.inf, "friction dissipates energy; all friction together must do so at the highest recorded speed"
 )
 VISCOUS_EXPONENT_RANGE = Plausible(
     0.1,

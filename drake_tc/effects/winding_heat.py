@@ -13,7 +13,7 @@ WARM_EFFORT_RANGE = Plausible(
     0.5,
     np.inf,
     "insulation of class H bears 180 degrees Celsius (IEC 60085), which raises the resistance of copper "
-    "by at most 0.7 while the largest effort is held",
+    "by at most 70 % while the largest effort is held",
     "effort",
 )
 WARM_TIME_RANGE = Plausible(
@@ -49,7 +49,7 @@ class WindingHeat(DriveEffect):
 
     def obstacle(self, context: Context) -> str:
         """A current drive imposes its current whatever the resistance."""
-        return "a current drive does not feel the resistance" if context.imposes_current else ""
+        return "a current drive compensates the resistance of its winding" if context.imposes_current else ""
 
     def shape_grid(self, context: Context) -> list[dict[str, float]]:
         """Efforts around the largest, time constants of seconds."""

@@ -14,8 +14,8 @@ COPPER = 0.0039
 COEFFICIENT_RANGE = Plausible(
     0.0,
     0.01,
-    "the resistance of copper rises by 0.0039 for each kelvin (IEC 60028), magnets lose up to 0.002 more; a sensor on "
-    "the case shows half of the winding's rise",
+    "the resistance of copper rises by 0.39 % per kelvin (IEC 60028), magnets lose up to 0.2 % per kelvin more; a "
+    "sensor on the case shows half of the winding's rise",
 )
 BACK_EMF_RANGE = Plausible(
     0.0,
@@ -58,7 +58,7 @@ class WindingTemperature(DriveEffect):
     def obstacle(self, context: Context) -> str:
         """Needs a drive that imposes a voltage, and a temperature that changes."""
         if context.imposes_current:
-            return "a current drive does not feel the resistance"
+            return "a current drive compensates the resistance of its winding"
         low, high = context.temperature_span
         if high - low < LEAST_RISE:
             return f"the temperature changes by {high - low:.1f} K only"

@@ -55,7 +55,7 @@ def _headline(closed: ClosedLoop) -> str:
     if not closed.joints:
         return ""
     if not closed.changed:
-        return "The model was not changed, so neither was the loop: there is one column."
+        return "The model was not changed, so the loop is the same before and after: there is one row for each joint."
     changed = {name: joint for name, joint in closed.joints.items() if joint.changed}
     ratios = {n: j.before.rms_error / j.after.rms_error for n, j in changed.items() if j.after.rms_error > 0.0}
     known = {name: ratio for name, ratio in ratios.items() if math.isfinite(ratio)}
@@ -72,8 +72,10 @@ def _headline(closed: ClosedLoop) -> str:
             )
     mended = [n for n, j in changed.items() if j.before.spectral_radius >= 1.0 > j.after.spectral_radius]
     if mended:
-        parts.append(f"the linear loop of {', '.join(mended)} was unstable and is stable")
-    text = "; ".join(parts) or "the models differ, but there is no figure for both"
+        parts.append(
+            f"the linear loop of {', '.join(mended)} is unstable with the model before and stable with the model after"
+        )
+    text = "; ".join(parts) or "the models differ, but there is no tracking error of both"
     return f"{text[:1].upper()}{text[1:]}."
 
 
@@ -180,6 +182,6 @@ def _correlation(uncertainty: TorqueUncertainty) -> str:
     value = float(uncertainty.correlation[i, j])
     return (
         f"Strongest correlation between two joints: {significant(value, 2)} ({uncertainty.joints[i]} and"
-        f" {uncertainty.joints[j]}); all were drawn towards 0 by {percent(uncertainty.shrinkage)}, as"
-        f" {uncertainty.common_effective_samples:.0f} effective samples ask for."
+        f" {uncertainty.joints[j]}); all are shrunk towards 0 by {percent(uncertainty.shrinkage)}, because there are"
+        f" only {uncertainty.common_effective_samples:.0f} effective samples."
     )

@@ -59,7 +59,7 @@ def links_sentence(links: FittedLinks) -> str:
     return (
         f"The inertial parameters of {len({p.link for p in links.parameters})} links were fitted: "
         f"{len(links.base)} base parameters. "
-        f"The robot file's value lies outside the 95 % interval of {apart or 'none'} of them."
+        f"Base parameters whose value in the robot file lies outside the 95 % interval: {apart}."
     )
 
 

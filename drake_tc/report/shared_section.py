@@ -9,14 +9,14 @@ from drake_tc.report.tables import ErrorTable, error_table
 from drake_tc.report.words import joined, title_of
 
 MEANING = {
-    "link_mass": "what the link weighs more than the robot's model says",
-    "link_com": "where its centre of mass lies beyond that of the model, along the link's axes",
-    "ft_bias": "what the sensor adds to every reading, along its own axes",
-    "ft_gain": "what the sensor adds in proportion to its reading",
-    "imu_bias": "what the IMU adds to every reading, along its own axes",
-    "delay": "by how much later every drive acts than it was asked to; it is part of each joint's model",
+    "link_mass": "the difference between the mass of the link and that in the robot's model",
+    "link_com": "the offset of its centre of mass from that of the model, in the link's axes",
+    "ft_bias": "the constant offset of the sensor, in its own axes",
+    "ft_gain": "the relative error of the sensor's scale",
+    "imu_bias": "the constant offset of the IMU, in its own axes",
+    "delay": "the common delay from the command to the torque of every drive; it is part of each joint's model",
 }
-LATE_ENCODER = "by how much later the encoder's readings come than they were taken; the diagnosis moves them back"
+LATE_ENCODER = "the delay of the encoder's readings; the diagnosis compensates it"
 LEAST_GAIN = 0.01
 
 

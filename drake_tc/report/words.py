@@ -17,19 +17,19 @@ from drake_tc.report.rows import LABELS
 
 VERDICTS: dict[Verdict, str] = {
     "effects_found": "Missing effect found",
-    "no_missing_effect": "Nothing is missing",
-    "unexplained_structure": "Structure is left unexplained",
-    "unexplained_residual": "More is left than sensor noise",
+    "no_missing_effect": "No missing effect found",
+    "unexplained_structure": "Unexplained structure in the residual",
+    "unexplained_residual": "Residual larger than the sensor noise",
 }
 REASONS: dict[Withdrawal, str] = {
     "implausible": "physically implausible",
     "below_resolution": "below what the sensor resolves",
-    "looks_like_known_load": "not told from the known load",
-    "may_be_wander": "as large as the remainder wanders",
+    "looks_like_known_load": "not distinguishable from an error of the known load",
+    "may_be_wander": "not distinguishable from slow drift of the residual",
     "training_run_against": "does not hold in every training run",
     "heldout_run_against": "does not hold in the held-out runs",
-    "no_longer_needed": "explains nothing without an effect that did not hold",
-    "worse_than_declared": "the declared model leaves less",
+    "no_longer_needed": "explains too little without the withdrawn effects",
+    "worse_than_declared": "the declared model has the smaller error",
 }
 
 
@@ -63,11 +63,14 @@ def headline(joint: JointResult) -> str:
     before, after, floor = joint.before.heldout, joint.after.heldout, joint.noise_floor
     scale = scale_for(max((e for e in (before, after) if np.isfinite(e)), default=0.0), joint.unit)
     names = joined([e.title for e in joint.effects])
-    above = f"{significant(after / floor)} times the noise floor" if floor > 0.0 else "the noise floor unknown"
+    above = f"{significant(after / floor)} times the noise floor" if floor > 0.0 else "and the noise floor is unknown"
     change = (
         f"the held-out error goes from {scale.quantity(before)} to {scale.quantity(after)} ({times(before, after)}), "
         f"{above}"
     )
+    if joint.verdict == "no_missing_effect" and floor <= 0.0:
+        error = scale.quantity(after)
+        return f"The declared model explains the data: its held-out error is {error}. The noise floor is unknown."
     if joint.verdict == "no_missing_effect":
         return f"The declared model explains the data: its held-out error of {scale.quantity(after)} is {above}."
     with_them = "With it" if len(joint.effects) == 1 else "With them"
@@ -88,7 +91,9 @@ def structure_words(left: Unexplained) -> str:
     """Whether what is left has structure."""
     if left.structured:
         return "yes"
-    return "no: what a function of the signals explains is too little to count" if _is_function(left) else "no"
+    return (
+        "no: recorded signals predict part of it, but this part is too small to count" if _is_function(left) else "no"
+    )
 
 
 def dependence_words(left: Unexplained) -> str:
@@ -115,13 +120,14 @@ def unexplained(joint: JointResult) -> str:
             elsewhere = f" ({significant(left.floors_anywhere, 2)} times on {where})"
         return (
             f"what is left on the held-out runs is {significant(left.floors, 2)} times the noise floor{elsewhere} and "
-            f"{percent(left.share_of_signal)} of the effort's RMS, and it depends on nothing recorded: it comes from "
-            "an unrecorded disturbance, from a sensor that wanders, or from a cause that needs another sensor."
+            f"{percent(left.share_of_signal)} of the effort's RMS. It depends on no recorded signal: possible causes "
+            "are an unrecorded disturbance, a sensor that drifts, or an effect that needs another sensor."
         )
     if left.depends_on and left.fraction > 0.0 and any(name != "time" for name in left.depends_on):
         names = joined([signal_name(n) for n in left.depends_on])
         parts.append(
-            f"{percent(left.fraction)} of what is left is a function of {names} that no effect in the library has"
+            f"{percent(left.fraction)} of what is left can be predicted from {names}, and no effect in the library has "
+            "this form"
         )
     if left.confined_to:
         where = joined([f"{s.run} from {s.start:.1f} to {s.end:.1f} s" for s in left.confined_to[:3]])
@@ -181,5 +187,8 @@ def warnings(joint: JointResult) -> Sequence[str]:
         out.append("The held-out error did not fall: do not use the model after without looking at the plots.")
     before, after = joint.before.free_run_heldout, joint.after.free_run_heldout
     if before is not None and after is not None and np.isfinite(before) and after > 1.02 * before:
-        out.append("The free run did not improve although the model equation did.")
+        out.append(
+            "The position error of the free run on the held-out runs is larger with the model after than with the "
+            "model before: look at the free-run plots before you simulate with the model after."
+        )
     return out

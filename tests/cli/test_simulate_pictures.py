@@ -73,7 +73,7 @@ def test_the_command_writes_both(invoke, tmp_path):
     ("arguments", "message"),
     [
         (("hrp2_leg", "--plot", "run.xyz"), "expected a file that ends in .png, .svg, .pdf"),
-        (("sea_joint", "--html", "run.html"), "sea_joint has no robot to show"),
+        (("sea_joint", "--html", "run.html"), "expected a diagram with a robot, got sea_joint"),
     ],
 )
 def test_what_cannot_be_drawn_is_refused_before_the_run(invoke, arguments, message):

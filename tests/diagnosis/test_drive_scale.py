@@ -30,7 +30,7 @@ def test_a_torque_drive_is_reported_in_newton_metres(tmp_path: Path):
 def test_a_torque_drive_of_another_scale_is_told_and_is_an_effect_where_one_is_declared(tmp_path: Path):
     weak = replace(TORQUE, gain=1.2)
     told = _joint(write_logs(tmp_path / "told", weak).report(assess_residual=False))
-    assert any("asked for 1.2 N*m for 1 N*m that arrives" in note for note in told["notes"])
+    assert any("is 1.2 N*m of commanded torque for 1 N*m at the joint" in note for note in told["notes"])
     report = write_logs(tmp_path / "tested", weak, rig={"drive_gain": 1.0}).report(assess_residual=False)
     assert found(report) == ["servo_gain"]
     (effect,) = _joint(report)["effects"]
@@ -63,4 +63,4 @@ def test_the_damping_of_a_servo_is_told_apart_from_the_joints_friction(tmp_path:
 def test_a_derivative_gain_beyond_the_damping_of_the_logs_is_told(tmp_path: Path):
     keys = {"proportional_gain": PROPORTIONAL, "derivative_gain": 40.0}
     report = write_logs(tmp_path, SERVO, rig=keys).report(assess_residual=False)
-    assert any("which is larger: the derivative gain" in note for note in _joint(report)["notes"])
+    assert any("exceeds the identified viscous friction" in note for note in _joint(report)["notes"])

@@ -79,7 +79,7 @@ def test_the_section_says_what_it_is(page_without_joints, closed, spread):
     assert "12.1 ms" in text.replace("\u00a0", " ") and "40°" in text
     assert "1.0130 unstable" in text
     assert "hip <&>" in text
-    assert "the linear loop of hip <&> was unstable and is stable" in text
+    assert "the linear loop of hip <&> is unstable with the model before and stable with the model after" in text
 
 
 def test_an_unchanged_joint_has_one_row(closed, page_without_joints):
@@ -95,7 +95,7 @@ def test_nothing_found_is_said_instead_of_two_equal_columns(closed, page_without
     text = text_of(
         render(replace(page_without_joints, closed_loop=replace(closed, joints=joints, changed=False, notes=())))
     )
-    assert "The model was not changed, so neither was the loop" in text
+    assert "The model was not changed, so the loop is the same before and after" in text
     assert "model before compensated" not in text
     assert "upper bound of the improvement" not in text
 

@@ -29,7 +29,7 @@ def test_no_section_where_no_links_were_fitted():
 
 
 def test_the_sentence_counts_what_differs_from_the_robot_file():
-    assert "2 links" in links_sentence(LINKS) and "interval of 1 of them" in links_sentence(LINKS)
+    assert "2 links" in links_sentence(LINKS) and "interval: 1." in links_sentence(LINKS)
 
 
 def test_rows_have_value_interval_unit_and_what_is_left_of_the_tolerance():

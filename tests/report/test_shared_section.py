@@ -50,7 +50,7 @@ def test_report_json_follows_the_contract(result: CloseLoopResult, cause: Shared
 def test_a_late_encoder_is_not_explained_as_a_delay_of_all_drives(result: CloseLoopResult, cause: SharedEffect):
     late = Estimate(0.02, "s", (0.019, 0.021), at_bound=False)
     joint = next(iter(result.joints))
-    for where, words in ((joint, "the encoder's readings come"), ("all joints", "every drive acts")):
+    for where, words in ((joint, "the delay of the encoder's readings"), ("all joints", "of every drive")):
         delay = replace(cause, id="delay", where=where, parameters={"delay": late}, indistinguishable=())
         (card,) = shared_section(replace(result, shared=(delay,)))
         assert words in card.meaning

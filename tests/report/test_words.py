@@ -84,7 +84,7 @@ def test_nothing_is_missing(joint):
 
 def test_a_floor_of_nothing_is_unknown(joint):
     none = replace(with_errors(joint, 0.004, 0.004, 0.0), effects=(), verdict="no_missing_effect")
-    assert headline(none).endswith("the noise floor unknown.")
+    assert headline(none).endswith("held-out error is 4.00 mA. The noise floor is unknown.")
 
 
 @pytest.mark.parametrize("found", [False, True])
@@ -96,7 +96,7 @@ def test_more_than_noise_says_how_many_floors_and_which_share(joint, found):
         "what is left on the held-out runs is 41 times the noise floor (52 times on the training runs)"
         in said.replace("What", "what")
     )
-    assert "12 % of the effort's RMS, and it depends on nothing recorded" in said
+    assert "12 % of the effort's RMS. It depends on no recorded signal" in said
     assert said.startswith("Missing in the model: " if found else "No effect of the library was added")
     assert ("However, what is left" in said) == found
     assert (" What is left" in said) != found
@@ -199,7 +199,7 @@ def test_what_must_not_be_overlooked(joint):
     free = replace(sound, before=replace(sound.before, free_run_heldout=1.0))
     for after, said in ((1.019, False), (1.021, True)):
         made = replace(free, after=replace(free.after, free_run_heldout=after))
-        assert any("free run did not improve" in w for w in warnings(made)) == said
+        assert any("position error of the free run" in w for w in warnings(made)) == said
     either = warnings(replace(sound, indistinguishable=(("stribeck", "delay"),)))
     assert either == [f"These logs cannot tell {title_of('stribeck')} from {title_of('delay')}; both fit equally well."]
     bound = {"stribeck": {"stribeck_exponent": Estimate(4.0, "-", (3.0, 4.0), True)}}
@@ -232,7 +232,7 @@ def test_parameters_that_move_come_first_with_all_their_values(joint):
         (RejectedEffect("delay", "delay", 0.3, 0.034, "too_little_gain"), "lowers the cross-validated error by 3.4 %"),
         (RejectedEffect("delay", "delay", 0.3, 0.2, "below_floor"), "less than the sensors resolve"),
         (RejectedEffect("delay", "delay", 0.3, 0.2, "unstable", share=0.71), "in only 71 % of the resamples"),
-        (RejectedEffect("delay", "delay", 0.3, 0.2, "imperfect_form"), "their imperfect form"),
+        (RejectedEffect("delay", "delay", 0.3, 0.2, "imperfect_form"), "an error in their form"),
     ],
 )
 def test_why_an_effect_was_not_added(rejected, said):
@@ -243,7 +243,13 @@ def test_why_an_effect_was_not_added(rejected, said):
     ("fraction", "structured", "names", "structure", "depends"),
     [
         (0.05, False, (), "no", "nothing recorded"),
-        (0.54, False, (), "no: what a function of the signals explains is too little to count", "not determined"),
+        (
+            0.54,
+            False,
+            (),
+            "no: recorded signals predict part of it, but this part is too small to count",
+            "not determined",
+        ),
         (0.54, True, ("velocity",), "yes", "velocity"),
     ],
 )

@@ -62,8 +62,9 @@ def what_is_left(
         left,
         levels[1],
         (
-            f"The torque noise is correlated over about {1e3 * noise[1].correlation_time:.0f} ms: it leaves "
-            f"{levels[1] / floor:.1f} times as much as white noise of the size seen at the highest frequencies.",
+            f"The noise of the torque is correlated over about {1e3 * noise[1].correlation_time:.0f} ms. The noise "
+            f"floor is therefore {levels[1] / floor:.1f} times that of white noise of the size seen at the highest "
+            "frequencies.",
         ),
     )
 

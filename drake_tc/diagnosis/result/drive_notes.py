@@ -66,8 +66,8 @@ def late_note(found: Parameters, samples: Samples) -> tuple[str, ...]:
         if key.partition(".")[0] in ("delay", "current_lag") and name in numbers
     ]
     return tuple(
-        f"Of the {name} of {1e3 * value:.3g} ms, up to {1e3 * period:.3g} ms (one sampling period) may be due to the "
-        "instants at which the columns were sampled; its interval does not contain this."
+        f"Up to {1e3 * period:.3g} ms (one sampling period) of the {name} of {1e3 * value:.3g} ms may come from the "
+        f"instants at which the columns were sampled. The 95 % interval of the {name} does not include this."
         for name, value in values
         if period >= WORTH_SAYING * value
     )
@@ -81,9 +81,9 @@ def age_note(samples: Samples, drive: DriveKind) -> tuple[str, ...]:
     if age != HELD:
         late = f"{1e3 * age * samples.signals.period:.3g} ms"
         return (
-            f"The {RECORDED[drive]} that acts is {late} older than its sample on average. The instants of sampling "
-            f"within one period ({period}) explain this, so no delay is named; only a faster log can tell a delay of "
-            "this size.",
+            f"On average, the {RECORDED[drive]} that acts at an instant is {late} older than the one recorded there. "
+            f"Sampling within one period ({period}) explains this, so no delay is named; a log at a higher rate could "
+            "show a delay of this size.",
         )
     return (
         f"The {RECORDED[drive]} is taken to act unchanged from one sample to the next ({period}); declare "
@@ -96,8 +96,9 @@ def _torque_scale(gain: Estimate) -> tuple[str, ...]:
     if low <= 1.0 <= high or abs(gain.value - 1.0) < NEAR_ONE:
         return ()
     return (
-        f"The drive is asked for {gain.value:.3g} N*m for 1 N*m that arrives (95 % interval {low:.3g} to {high:.3g}); "
-        "1 is expected of a drive that is commanded in N*m. Declare drive_gain: 1 to have it tested as an effect.",
+        f"The fitted drive gain is {gain.value:.3g} N*m of commanded torque for 1 N*m at the joint (95 % interval "
+        f"{low:.3g} to {high:.3g}); 1 is expected of a drive that is commanded in N*m. Declare drive_gain: 1 to have "
+        "the difference tested as an effect.",
     )
 
 
@@ -111,5 +112,9 @@ def _own_friction(total: Estimate, servo: float) -> str:
         f"The identified viscous friction of {total.value:.3g} N*m*s/rad contains the servo's damping of {servo:.3g}"
     )
     if total.ci95[1] < servo:
-        return f"{begin}, which is larger: the derivative gain or the velocity that the servo uses is another one."
+        return (
+            f"The servo's damping of {servo:.3g} N*m*s/rad, computed from derivative_gain, exceeds the identified "
+            f"viscous friction of {total.value:.3g} N*m*s/rad: check derivative_gain, and which velocity the servo "
+            "uses."
+        )
     return f"{begin}; {total.value - servo:.3g} N*m*s/rad are the joint's own."

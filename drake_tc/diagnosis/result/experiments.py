@@ -56,16 +56,30 @@ def next_experiment(
         shows = f"{_isolates(first)} (shows {first} alone); {_isolates(second)} (shows {second} alone)"
         return f"To tell {first} from {second}: {shows}."
     if "looks_like_known_load" in reasons:
-        return "Check the declared load (mass, length, zero) and drive gain first: what is left has their form."
+        return (
+            "Check the declared load (mass, length, zero) and the drive gain first: an error of one of them explains "
+            "the residual equally well."
+        )
     if unexplained.confined_to:
         s = unexplained.confined_to[0]
         when = f"between {s.start:.1f} and {s.end:.1f} s"
         return f"Repeat {s.run}: {when} something acted on the joint that the log does not show."
     if unexplained.period_hz is not None:
-        return f"Find what repeats at {unexplained.period_hz:.2f} Hz near the rig; record a run with it switched off."
+        return (
+            f"The residual is periodic at {unexplained.period_hz:.2f} Hz: look for a source of this frequency near the "
+            "rig, and record a run with it switched off."
+        )
     if unexplained.structured:
-        names = ", ".join(unexplained.depends_on) or "an unrecorded signal"
-        return f"Vary {names} one at a time, the others held: the remainder depends on it as no known effect does."
+        signals = [name.replace("_", " ") for name in unexplained.depends_on if name != "time"]
+        if not signals:
+            return "Repeat one run unchanged: the residual has structure that depends on no recorded signal."
+        return (
+            f"Record runs in which {', '.join(signals)} vary independently of each other: the residual depends on them "
+            "in a way that no effect of the library describes."
+            if len(signals) > 1
+            else f"Record runs in which {signals[0]} varies and the other signals do not: the residual depends on it "
+            "in a way that no effect of the library describes."
+        )
     return None
 
 

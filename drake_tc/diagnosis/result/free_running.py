@@ -71,7 +71,10 @@ def _why_none(result: JointResult, model: ActuatorModel) -> tuple[str, ...]:
         return ()
     if model.inertia <= 0.0:
         return ("There is no free run: the fitted inertia is 0, so no torque could accelerate the joint.",)
-    return ("There is no free run: an effect of the model depends on a load that the simulated gear does not pass.",)
+    return (
+        "There is no free run: an effect of the model depends on the load torque at the gear, and the fitted smooth "
+        "load does not pass through the simulated gear.",
+    )
 
 
 def _rms(parts: Sequence[FloatArray]) -> float | None:

@@ -22,4 +22,4 @@ def why_rejected(rejected: RejectedEffect) -> str:
         return "it explains less than the sensors resolve"
     if rejected.reason == "unstable":
         return f"it helps in only {100 * rejected.share:.0f} % of the resamples"
-    return "it is small beside what the chosen effects explain, and more likely their imperfect form"
+    return "what it explains is small beside the chosen effects, and is more likely an error in their form"

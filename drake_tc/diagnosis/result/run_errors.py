@@ -33,4 +33,5 @@ def without_rows(parts: Sequence[Samples]) -> tuple[str, ...]:
     if not silent:
         return ()
     width = f"{1e3 * parts[0].kernel.actual_width_s:.3g} ms"
-    return (f"No filter window of {width} lies in motion in {', '.join(silent)}: nothing is said about these runs.",)
+    names = ", ".join(silent)
+    return (f"Runs without a stretch of motion as long as the filter window ({width}) take no part: {names}.",)

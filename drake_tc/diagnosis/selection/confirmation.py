@@ -101,7 +101,10 @@ def _no_longer_needed(
     if gain >= least_gain:
         return None
     heldout = 1.0 - rms(predict(held, chosen)) / max(rms(predict(held, rest)), 1e-300)
-    why = f"Without the effects that did not hold, it lowers the cross-validated training error by {100 * gain:.1f} %."
+    why = (
+        f"Without the withdrawn effects, it lowers the cross-validated training error by {100 * max(gain, 0.0):.1f} %, "
+        f"less than the {100 * least_gain:g} % that are required."
+    )
     return DidNotHold(term.effect.key, term.effect.id, term.effect.title, "no_longer_needed", why, heldout)
 
 
@@ -115,7 +118,10 @@ def _worse_than(baseline: Fit, columns: Columns, held: Columns, chosen: Fit) -> 
         left = [rms((rows.target - rows.design(f.terms) @ f.beta) * chosen.gain) for f in (baseline, chosen)]
         if left[1] > left[0]:
             grows = 100.0 * (left[1] / max(left[0], 1e-300) - 1.0)
-            return f"By one drive gain, the {name} error with all effects is {grows:.1f} % above the declared model's."
+            return (
+                f"With the same drive gain in both models, the {name} error of the model with all effects is "
+                f"{grows:.1f} % larger than that of the declared model."
+            )
     return ""
 
 
@@ -158,7 +164,9 @@ def _objection(
         return withdrawn("may_be_wander", _within_wander(certain))
     against = _training_run_against(columns, chosen, term, rest, floor)
     if against:
-        return withdrawn("training_run_against", f"Fitted on the other runs, it makes the error of {against} larger.")
+        return withdrawn(
+            "training_run_against", f"Fitted on the other training runs, it makes the error of {against} larger."
+        )
     against = heldout_against(held.samples, without_it, with_it, floor)
     return withdrawn("heldout_run_against", against) if against else None
 
@@ -171,8 +179,8 @@ def _change(columns: Columns, chosen: Fit, rest: Fit) -> tuple[FloatArray, Float
 
 def _within_wander(certain: float) -> str:
     return (
-        f"It acts as a constant of {certain:.1f} standard deviations of what noise that wanders as the remainder does "
-        f"adds to the means of the training runs; {LEAST_OVER_WANDER:g} are required."
+        f"It acts mainly as a constant offset of {certain:.1f} times its standard error, which slow drift like that of "
+        f"the residual gives the means of the training runs; {LEAST_OVER_WANDER:g} times are required."
     )
 
 

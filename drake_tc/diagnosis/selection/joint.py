@@ -38,7 +38,7 @@ def candidates(
             continue
         obstacle = effect.unavailable(context)
         if not obstacle and not effect.shape_grid(context):
-            obstacle = "the motion spans too little of its range"
+            obstacle = "the recorded motion covers too small a range for this effect"
         if obstacle:
             obstacles.append((effect.key, obstacle))
         else:

@@ -34,13 +34,13 @@ def heldout_against(samples: Samples, without: FloatArray, with_it: FloatArray, 
         if not _says_something(without[rows], with_it[rows], floor):
             continue
         if lost > 0.0:
-            return f"It makes the held-out error of {run} larger."
+            return f"It makes the held-out error of {run} larger, by {100 * lost:.2g} %."
         better = _worse_share(samples.block[rows], with_it[rows], without[rows])
         if better < HELDOUT_CERTAIN:
-            return f"It lowers the held-out error of {run} by {-100 * lost:.1f} %, {_in_resamples(better)}."
+            return f"It lowers the held-out error of {run} by {abs(100 * lost):.1f} %, {_in_resamples(better)}."
     gain, acts = 1.0 - rms(with_it) / max(rms(without), 1e-300), rms(with_it - without)
     if gain <= 0.0 and acts >= HELDOUT_ACTS * floor:
-        return f"It changes the held-out error by {-100 * gain:+.1f} %."
+        return f"It makes the error of all held-out runs together larger, by {abs(100 * gain):.2g} %."
     better = _worse_share(samples.block, with_it, without) if acts >= RUN_ACTS * floor else 1.0
     if better < HELDOUT_CERTAIN:
         return f"It lowers the held-out error by {100 * gain:.1f} %, {_in_resamples(better)}."
@@ -48,7 +48,7 @@ def heldout_against(samples: Samples, without: FloatArray, with_it: FloatArray, 
 
 
 def _in_resamples(share: float) -> str:
-    return f"in {100 * share:.0f} % of the block resamples"
+    return f"but in {100 * share:.0f} % of the block resamples only; {100 * HELDOUT_CERTAIN:g} % are required"
 
 
 def _says_something(without: FloatArray, with_it: FloatArray, floor: float) -> bool:

@@ -62,7 +62,7 @@ def diagnosed(late: float) -> JointResult:
 def test_half_a_period_of_hold_is_no_delay():
     found = diagnosed(0.0)
     assert found.effects == ()
-    assert any("older than its sample" in note for note in found.notes)
+    assert any("older than the one recorded there" in note for note in found.notes)
 
 
 def test_a_delay_of_three_periods_is_one():
