@@ -94,8 +94,8 @@ def _print_joint(console: Console, joint: JointResult) -> None:
         where = "drive" if moving.effect == "drive" else moving.effect
         _say(
             console,
-            f"  * {where} {moving.name} changes by {100 * moving.change:.0f} % between parts of the logs that differ in "
-            f"{moving.by}",
+            f"  * {where} {moving.name} changes by {100 * moving.change:.0f} % between parts of the logs that differ "
+            f"in {moving.by}",
         )
     for warning in warnings(joint):
         _say(console, f"  ! {escape(warning)}")

@@ -160,7 +160,7 @@ def ended(group: int) -> bool:
 
 
 BUSY = """
-import sys, time
+import signal, sys, time
 from pathlib import Path
 import typer
 from drake_tc.analysis.executors import processes
@@ -177,6 +177,7 @@ def long() -> None:
 main.app.command("long")(long)
 if __name__ == "__main__":
     OUT, sys.argv[1:] = Path(sys.argv[1]), ["long"]
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # ignored where the tests run in the background
     entry.main()
 """
 

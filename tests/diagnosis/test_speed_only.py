@@ -40,7 +40,7 @@ def test_an_effect_of_the_motion_is_found_and_those_of_the_position_are_left_out
     assert_allclose(joint["effects"][0]["parameters"]["quadratic_viscous"]["value"], 1.2, rtol=0.02)
     why = {entry["id"]: entry["why"] for entry in joint["rejected"]}
     for name in ("torque_ripple", "cable_spring", "payload", "position_dependent_friction", "encoder_offset"):
-        assert why[name] == "the position was not recorded, and its integral from the velocity has no zero"
+        assert why[name] == "the position was not recorded, and the integral of the velocity has no known zero"
     assert any("the velocity was integrated" in note for note in joint["notes"])
 
 

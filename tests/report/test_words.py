@@ -84,7 +84,7 @@ def test_nothing_is_missing(joint):
 
 def test_a_floor_of_nothing_is_unknown(joint):
     none = replace(with_errors(joint, 0.004, 0.004, 0.0), effects=(), verdict="no_missing_effect")
-    assert headline(none).endswith("held-out error is 4.00 mA. The noise floor is unknown.")
+    assert plain(headline(none)).endswith("held-out error is 4.00 mA. The noise floor is unknown.")
 
 
 @pytest.mark.parametrize("found", [False, True])
@@ -109,7 +109,7 @@ def test_structure_says_on_what_it_depends(joint, found):
     left = replace(QUIET, structured=True, excess=True, fraction=0.7, depends_on=("velocity", "expected_torque"))
     made = replace(joint, unexplained=left, verdict="unexplained_structure")
     said = plain(headline(made if found else replace(made, effects=())))
-    assert "70 % of what is left is a function of velocity and load torque expected by the model" in said
+    assert "70 % of what is left can be predicted from velocity and load torque expected by the model" in said
     assert ("However, 70 %" in said) == found
     assert "an unrecorded disturbance" not in said
 
