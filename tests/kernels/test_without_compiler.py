@@ -19,6 +19,7 @@ FILES = (
     "tsid/test_tasks_motion.py",
     "tsid/test_reduction.py",
     "tsid/test_fused_tick.py",
+    "sensor_validation/test_fault_monitor.py",
 )
 
 

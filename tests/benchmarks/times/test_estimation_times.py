@@ -98,4 +98,4 @@ def test_fault_monitor(case):
     for what, imu in (("nothing wrong", still), ("IMU inconsistent", np.ones(6))):
         values = {"position": np.zeros(n), "imu": imu, "wrench": np.ones(6 * k), "torque_residual": np.zeros(n)}
         seconds = updates(FaultMonitor(robot, dt=TICK), values)
-        row(f"FaultMonitor update, {name}, {what}", seconds, 120e-6)
+        row(f"FaultMonitor update, {name}, {what}", seconds, 30e-6)
