@@ -52,10 +52,18 @@ class PlainRows:
 
 @dataclass(frozen=True)
 class PlainResiduals:
-    """Held-out residuals (N,) of each joint [effort]: of all joints together, and of the scaled torques of the file."""
+    """Held-out residuals (N,) of each joint [effort].
+
+    Attributes:
+        pooled: Least squares of all joints together.
+        scaled: Least squares with the scaled torques of the robot's file.
+        own: What the model after leaves when friction, inertia and constant are fitted once more to each held-out run
+            by itself (in view of it): how much of the error is that the runs differ in these.
+    """
 
     pooled: Mapping[str, FloatArray]
     scaled: Mapping[str, FloatArray]
+    own: Mapping[str, FloatArray]
 
 
 def least_squares_residuals(result: CloseLoopResult, rig: Rig, runs: Sequence[Run]) -> PlainResiduals:
@@ -84,9 +92,22 @@ def least_squares_residuals(result: CloseLoopResult, rig: Rig, runs: Sequence[Ru
     )
     pooled = fit_and_predict(train, held)
     scaled = {joint: fit_scaled(train[joint], held[joint]) for joint in rig.joints}
-    return PlainResiduals(
-        *({joint: rig.drive_gain[joint] * each[joint] for joint in each} for each in (pooled, scaled))
-    )
+    own = {joint: fit_each_run(held[joint], r.heldout.samples, r.heldout.after) for joint, r in result.joints.items()}
+
+    def in_effort(torques: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
+        return {joint: rig.drive_gain[joint] * torque for joint, torque in torques.items()}
+
+    return PlainResiduals(in_effort(pooled), in_effort(scaled), own)
+
+
+def fit_each_run(held: PlainRows, samples: Samples, residual: FloatArray) -> FloatArray:
+    """What each held-out run's own friction, inertia and constant leave of a residual (N,), in its unit."""
+    out = residual.copy()
+    for number in np.unique(samples.run):
+        rows = samples.run == number
+        estimate = np.linalg.lstsq(held.own[rows], residual[rows], rcond=None)[0]
+        out[rows] -= held.own[rows] @ estimate
+    return out
 
 
 def plain_rows(samples: Samples, joint: str, causes: CauseColumns, nominal: FloatArray, gain: float) -> PlainRows:

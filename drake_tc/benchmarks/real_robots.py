@@ -9,7 +9,8 @@ rest on other filters and other rows.
 
 A ratio's 95 % interval is that of resamples of the held-out half seconds, as a pair of errors on the same rows. The
 error of the model after over that of the model before is given too, and beside it what the sensors' noise alone would
-leave: a share that is far above the noise floor is left for another reason.
+leave: a share that is far above the noise floor is left for another reason. `each_run_own` is what the model after
+would leave if friction, inertia and constant of each held-out run were known: the difference is that of the runs.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -85,8 +86,9 @@ CASES = (
 class HeldOut:
     """One joint on the held-out rows: residuals (N,) [N m] of both kinds of least squares, and of the models.
 
-    `effort` is the RMS of the rows' effort over the drive gain [N m]; `found` names the effects. `block` (N,) numbers
-    the rows' half seconds; `floor` is what the sensors' noise alone would leave [N m].
+    `own` is that of the model after with each held-out run's own friction, inertia and constant. `effort` is the RMS of
+    the rows' effort over the drive gain [N m]; `found` names the effects. `block` (N,) numbers the rows' half seconds;
+    `floor` is what the sensors' noise alone would leave [N m].
     """
 
     joint: str
@@ -95,6 +97,7 @@ class HeldOut:
     scaled: FloatArray
     before: FloatArray
     after: FloatArray
+    own: FloatArray
     found: tuple[str, ...]
     block: IntArray
     floor: float
@@ -126,6 +129,7 @@ def _joint(result: CloseLoopResult, rig: Rig, joint: str, plain: PlainResiduals)
         scaled=plain.scaled[joint] / gain,
         before=found.heldout.before / gain,
         after=found.heldout.after / gain,
+        own=plain.own[joint] / gain,
         found=(*(effect.id for effect in found.effects), *shared),
         block=samples.block,
         floor=found.noise_floor / gain,
@@ -166,7 +170,7 @@ def rows(
 
 
 def table_rows(case: RobotCase, joints: Sequence[HeldOut]) -> list[FigureRow]:
-    """Seven figures a joint, and three of all joints together."""
+    """Eight figures a joint, and three of all joints together."""
     begin, kind = f"{case.data_set}/{case.case}", "scaled" if case.scaled else "pooled"
     published: Mapping[str, float] = dict(zip((j.joint for j in joints), case.published, strict=False))
     out = []
@@ -180,6 +184,7 @@ def table_rows(case: RobotCase, joints: Sequence[HeldOut]) -> list[FigureRow]:
             FigureRow(f"{name}/scaled", rms(each.scaled), "N*m"),
             FigureRow(f"{name}/before", rms(each.before), "N*m"),
             FigureRow(f"{name}/after", after, "N*m", note=f"found: {', '.join(each.found) or 'nothing'}"),
+            FigureRow(f"{name}/each_run_own", rms(each.own), "N*m", note="fitted in view of the held-out runs"),
             *(_ratio_row(name, each, side, goal=side == kind) for side in KINDS),
             FigureRow(f"{name}/over_before", after / rms(each.before), "-", note=f"noise floor: {_floor_share(each)}"),
         ]
@@ -192,20 +197,15 @@ def _ratio_row(name: str, each: HeldOut, side: str, *, goal: bool) -> FigureRow:
     low, high = ratio_interval(each.after, plain, each.block)
     note = f"over {side} least squares; 95 % of resamples {low:.3f} to {high:.3f}"
     ratio = rms(each.after) / rms(plain)
-    return FigureRow(f"{name}/ratio_{side}", ratio, "-", *((1.0, "max") if goal else ()), note=note)
+    return FigureRow(f"{name}/ratio_{side}", ratio, "-", 1.0 if goal else None, "max", note=note)
 
 
 def _together(begin: str, joints: Sequence[HeldOut], side: str, *, goal: bool) -> FigureRow:
     """The same of the torque of all joints' rows."""
     after, plain = (sum(float(np.sum(getattr(each, name) ** 2)) for each in joints) for name in ("after", side))
     note = f"over {side} least squares, of the torque of all rows"
-    return FigureRow(
-        f"{begin}/all_joints/ratio_{side}",
-        float(np.sqrt(after / plain)),
-        "-",
-        *((GOAL, "max") if goal else ()),
-        note=note,
-    )
+    ratio = float(np.sqrt(after / plain))
+    return FigureRow(f"{begin}/all_joints/ratio_{side}", ratio, "-", GOAL if goal else None, "max", note=note)
 
 
 def _mean(begin: str, joints: Sequence[HeldOut], side: str) -> FigureRow:

@@ -7,9 +7,10 @@ from typing import cast
 import numpy as np
 from numpy.testing import assert_allclose
 
-from drake_tc.benchmarks.pooled_least_squares import PlainRows, fit_and_predict, fit_scaled
+from drake_tc.benchmarks.pooled_least_squares import PlainRows, fit_and_predict, fit_each_run, fit_scaled
 from drake_tc.benchmarks.real_logs import chosen_sets
 from drake_tc.benchmarks.real_robots import CASES, HeldOut, RobotCase, payload_rows, ratio_interval, table_rows
+from drake_tc.diagnosis.data.samples import Samples
 from drake_tc.diagnosis.problem.estimates import Estimate
 from drake_tc.diagnosis.result.links import FittedLinks
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult
@@ -58,7 +59,8 @@ def test_scaled_least_squares_knows_the_file_up_to_a_factor_and_nothing_else_of_
 
 def joint(name: str, plain: float, after: float) -> HeldOut:
     block, same = np.array([0, 0, 1, 1]), np.full(4, plain)
-    return HeldOut(name, 1.0, same, 2.0 * same, same, np.full(4, after), (), block, 0.25 * plain)
+    left = np.full(4, after)
+    return HeldOut(name, 1.0, same, 2.0 * same, same, left, 0.5 * left, (), block, 0.25 * plain)
 
 
 def test_the_table_pools_torque_and_flags_a_joint_above_least_squares() -> None:
@@ -71,7 +73,19 @@ def test_the_table_pools_torque_and_flags_a_joint_above_least_squares() -> None:
     assert rows["set/case/all_joints/ratio_pooled"].met is True
     assert_allclose(rows["set/case/all_joints/mean_ratio"].value, np.sqrt(0.75 * 2.0))
     assert "README, pooled, in its own filter: 9" in rows["set/case/a/pooled"].note
+    assert rows["set/case/a/each_run_own"].value == 1.5
     assert rows["set/case/a/over_before"].value == 0.75 and "0.25 of" in rows["set/case/a/over_before"].note
+
+
+def test_runs_that_differ_in_friction_alone_are_explained_by_their_own() -> None:
+    """Two runs with other coefficients leave their noise, whatever its size."""
+    rng = np.random.default_rng(4)
+    columns, run = rng.normal(size=(4000, 4)), np.repeat([0, 1], 2000)
+    own = np.where(run == 0, columns @ [1.0, 0.2, 0.0, 0.1], columns @ [-0.5, 0.3, 0.1, 0.0])
+    rows, samples = PlainRows(own, columns, columns, own), cast(Samples, SimpleNamespace(run=run))
+    for spread in (0.01, 1.0):  # eight coefficients take 0.1 % of 4000 rows' noise, whose RMS scatters by 1.1 %
+        left = fit_each_run(rows, samples, own + spread * rng.normal(size=4000))
+        assert_allclose(np.std(left), spread, rtol=0.05)
 
 
 def test_the_goal_is_against_the_kind_of_least_squares_that_the_readme_has() -> None:
