@@ -125,8 +125,8 @@ class SharedProblem:
         """Whether the last cause's estimate lies where an error within its tolerance does not.
 
         |delta_i| > 3 sqrt(t_i^2 + s_i^2) for one of its parameters; a cause without a tolerance always does. The rows
-        weigh by what this model leaves. By what the parent leaves, the joints that show the cause would weigh least: the
-        cause itself is in their residuals, which are slow and so hold few independent samples.
+        weigh by what this model leaves. By what the parent leaves, the joints that show the cause would weigh least:
+        the cause itself is in their residuals, which are slow and so hold few independent samples.
         """
         cause = fitted.causes[-1]
         if not cause.tolerance:
