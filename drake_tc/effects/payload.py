@@ -165,10 +165,12 @@ class DeclaredGainPayload(PendulumPayload):
     """Another mass on a pendulum whose drive gain is declared: s tau [N m] more, or less.
 
     The drive gain is held, so the load tells s itself. The declared inertia, which grows neither with s nor with an
-    error of the drive gain alone, tells s from `servo_gain`.
+    error of the drive gain alone, tells s from `servo_gain`. Both together would scale all torques but that of the
+    declared inertia, which is what a wrong inertia looks like; a search takes one of them.
     """
 
     form = "declared_gain"
+    excludes = frozenset({"servo_gain"})
     coefficients = (
         Parameter(
             "payload_share",

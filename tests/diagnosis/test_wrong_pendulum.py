@@ -48,3 +48,8 @@ def test_a_declared_gain_that_is_wrong_is_told_from_a_wrong_load() -> None:
     result = diagnose(gain_error=0.25)
     assert [e.id for e in result.effects] == ["servo_gain"]
     holds(result.effects[0].parameters, "gain_error", 0.25)
+
+
+def test_a_wrong_inertia_is_not_told_as_a_wrong_gain_and_a_wrong_load_together() -> None:
+    named = {e.id for e in diagnose(rotor=0.6 * ROTOR).effects}
+    assert not {"servo_gain", "payload"} <= named
