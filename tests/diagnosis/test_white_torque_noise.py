@@ -1,4 +1,4 @@
-"""White noise of the torque sensor alone, at 250 Hz: no effect that differentiates the torque may explain it."""
+"""White noise of one channel alone, at 250 Hz: nothing is missing, and no effect may explain it."""
 
 import numpy as np
 import pandas as pd
@@ -43,3 +43,21 @@ def test_nothing_is_named(tmp_path, seed):
     result = close_loop(rig, paths[:2], paths[2:], DiagnosisOptions())
     assert result.joints["joint"].effects == ()
     assert result.joints["joint"].verdict == "no_missing_effect"
+
+
+@pytest.mark.parametrize("seed", [0, 10])
+def test_noise_of_a_measured_current_is_no_unexplained_residual(tmp_path, seed):
+    """It leaves five times what the other sensors' noise does."""
+    paths = [tmp_path / f"run_{i}.csv" for i in range(3)]
+    for i, path in enumerate(paths):
+        table = log(seed + i)
+        current = 10.0 * (table["joint/position_command"] - table["joint/position"])
+        noise = 0.01 * np.random.default_rng([seed, i]).standard_normal(len(table))
+        table = table.drop(columns="joint/position_command").assign(**{"joint/current": current + noise})
+        table.to_csv(path, index=False)
+    document = {"joint": "joint", "drive": "current", "declared": {"rotor_inertia": 0.3}}
+    rig = save_rig(parse_rig(document), tmp_path / "rig.yaml")
+    found = close_loop(rig, paths[:2], paths[2:], DiagnosisOptions()).joints["joint"]
+    assert found.effects == ()
+    assert found.verdict == "no_missing_effect"
+    assert any("white noise of the recorded current" in note for note in found.notes)

@@ -1,7 +1,8 @@
-"""Noise of a torque sensor that is correlated over milliseconds: what it leaves in the band of the regression.
+"""Noise that the floor of white sensor noise does not hold: what it leaves in the band of the regression.
 
-The noise floor is read from the highest frequencies of the log, where noise of a sensor with a filter of its own is
-small. What the final model leaves above the band of the motion shows the rest: its spectral density is taken to be
+**Noise of a torque sensor that is correlated over milliseconds.** The noise floor is read from the highest frequencies
+of the log, where noise of a sensor with a filter of its own is small. What the final model leaves above the band of the
+motion shows the rest: its spectral density is taken to be
 
     S(f) = S_w + S_c/(1 + (2 pi f T)^2),   3 ms <= T <= 53 ms,   f from 5 Hz to the end of the filters' band,
 
@@ -24,6 +25,8 @@ LEAST_TOP_HZ = 8.0
 BANDS = 16
 LEAST_GAIN = 0.05
 """Squared gain of the filters at the upper end of the band that is fitted."""
+EDGE_GAIN = 0.5
+"""Squared gain at which the edge of the filters' band begins."""
 MOST_MISFIT = 0.30
 MOST_UNEVENNESS = 2.5
 """Set on the calibration seed: noise of a sensor leaves at most 0.25 and 2.3."""
@@ -87,6 +90,27 @@ def channel_density(samples: Samples, frequency: FloatArray) -> FloatArray:
     return np.asarray(total / max(sum(part.size for part in parts), 1))
 
 
+def left_by_effort_noise(samples: Samples, residual: FloatArray) -> float:
+    """RMS [effort] that white noise of a recorded current or voltage leaves on the rows, as the module says.
+
+    0 where the floor of all fits has it already, and for a position servo.
+
+    Args:
+        samples: Rows of one split.
+        residual: (N,) of the final model [effort].
+    """
+    resolution = samples.resolution
+    variance = max(resolution.effort_noise**2 - resolution.effort_step**2 / 12.0, 0.0)
+    if resolution.effort_tells_load or variance == 0.0:
+        return 0.0
+    frequency, left = spectral_density(samples, residual)
+    gain = (samples.light.gain(frequency) * samples.kernel.gain(frequency)) ** 2
+    edge = (gain >= LEAST_GAIN) & (gain <= EDGE_GAIN)
+    held = float(np.sum(left[edge]) / np.sum(gain[edge])) if edge.any() else 0.0
+    density = min(2.0 * variance * samples.signals.period, held)
+    return float(np.sqrt(density * np.trapezoid(gain, frequency)))
+
+
 def correlated_noise(samples: Samples, residual: FloatArray) -> CorrelatedNoise | None:
     """What noise of the torque channel leaves, white part included; None where the band is too narrow to tell.
 
@@ -101,17 +125,12 @@ def correlated_noise(samples: Samples, residual: FloatArray) -> CorrelatedNoise 
     if not usable.any() or float(frequency[usable].max()) < LEAST_TOP_HZ:
         return None
     edges = np.geomspace(LOWEST_HZ, float(frequency[usable].max()) * 1.0001, BANDS + 1)
-    band = np.digitize(frequency, edges) - 1
-    means = [
-        [float(np.mean(s[usable & (band == b)] / gain[usable & (band == b)])) for s in (left, channel)]
-        for b in range(BANDS)
-        if (usable & (band == b)).sum() >= 3
-    ]
-    centres = [
-        float(np.mean(frequency[usable & (band == b)])) for b in range(BANDS) if (usable & (band == b)).sum() >= 3
-    ]
-    if len(means) < BANDS // 2:
+    number = np.digitize(frequency, edges) - 1
+    bands = [band for b in range(BANDS) if (band := usable & (number == b)).sum() >= 3]
+    if len(bands) < BANDS // 2:
         return None
+    means = [[float(np.mean(each[band] / gain[band])) for each in (left, channel)] for band in bands]
+    centres = [float(np.mean(frequency[band])) for band in bands]
     density, f = np.min(np.array(means), axis=1), np.array(centres)
     white = 2.0 * samples.resolution.torque_noise**2 * samples.signals.period
     misfit, coloured, memory = _fitted(f, density, white)

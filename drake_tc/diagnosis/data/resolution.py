@@ -45,7 +45,10 @@ class Resolution:
         velocity_noise: Of the filtered velocity [rad/s].
         torque_correlation_time: Declared correlation time of the torque noise [s]; 0 for white noise.
         effort_step: Step of the recorded command [rad | A | V | N m]; 0 where it lies on no grid.
-        effort_noise: White noise of one sample of it where the effort tells the load (unknown, fitted links); else 0.
+        effort_noise: White noise of one sample of a recorded current, voltage or torque command; 0 of a position servo
+            whose load is known.
+        effort_tells_load: Whether the effort tells the load (unknown, fitted links), so that its noise is in the floor
+            of all fits. Elsewhere it counts in what is left (`noise_colour.left_by_effort_noise`).
         velocity_step: Step of the recorded velocity of a speed-only log [rad/s]; 0 where there is none.
         raw_velocity_noise: Standard deviation of one raw velocity sample of a speed-only log [rad/s]; 0 where the
             position was recorded.
@@ -59,6 +62,7 @@ class Resolution:
     torque_correlation_time: float = 0.0
     effort_step: float = 0.0
     effort_noise: float = 0.0
+    effort_tells_load: bool = False
     velocity_step: float = 0.0
     raw_velocity_noise: float = 0.0
     speed_at_rest: float = 0.0
@@ -227,7 +231,8 @@ class NoiseFloor:
         lags = np.abs(np.subtract.outer(np.arange(k.shape[1]), np.arange(k.shape[1]))) * light.period
         memory = resolution.torque_correlation_time
         correlation = np.exp(-lags / memory) if memory > 0.0 else np.eye(k.shape[1])
-        effort = max(resolution.effort_step**2 / 12.0, resolution.effort_noise**2) * float(k[2] @ k[2])
+        noise = resolution.effort_noise if resolution.effort_tells_load else 0.0
+        effort = max(resolution.effort_step**2 / 12.0, noise**2) * float(k[2] @ k[2])
         slope = float(np.sqrt(np.mean(signals.load_slope[rows] ** 2))) if rows.size else 0.0
         return cls(
             torque_variance=resolution.torque_noise**2 * float(k[2] @ correlation @ k[2]),

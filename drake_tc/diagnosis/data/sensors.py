@@ -34,7 +34,8 @@ def resolution_of(channels: Channels, rig: Rig, step: float, noise: float, light
     command = rig.command_column(channels.joint).rpartition("/")[2]
     torque_noise, effort_noise = 0.0, 0.0
     unknown = unknown_form(load) is not None
-    if unknown or (isinstance(load, RobotLoad) and load.fitted):
+    tells_load = unknown or (isinstance(load, RobotLoad) and load.fitted)
+    if tells_load or rig.drive[channels.joint] != "position_servo":
         effort_noise = sample_noise(channels.raw(command), channels.step(command), channels.segments)
     if declared.torque_noise is not None:
         torque_noise = 0.0 if unknown else declared.torque_noise
@@ -50,5 +51,6 @@ def resolution_of(channels: Channels, rig: Rig, step: float, noise: float, light
         torque_correlation_time=declared.torque_correlation_time or 0.0,
         effort_step=channels.step(command),
         effort_noise=effort_noise,
+        effort_tells_load=tells_load,
         **motion,
     )

@@ -7,7 +7,12 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.signal import lfilter
 
-from drake_tc.diagnosis.data.noise_colour import CorrelatedNoise, correlated_noise, spectral_density
+from drake_tc.diagnosis.data.noise_colour import (
+    CorrelatedNoise,
+    correlated_noise,
+    left_by_effort_noise,
+    spectral_density,
+)
 from drake_tc.diagnosis.data.preparation import build_samples
 from drake_tc.diagnosis.data.samples import Samples
 from drake_tc.diagnosis.problem.columns import Columns, Term
@@ -120,3 +125,20 @@ def test_the_spectral_density_integrates_to_the_variance():
     assert_allclose(np.trapezoid(density, frequency), np.var(values), rtol=0.02)  # each run loses its own mean
     # at 0 Hz both are rounding
     assert_allclose(spectral_density(samples, -3.0 * values + 7.0)[1], 9.0 * density, rtol=1e-9, atol=1e-20)
+
+
+@pytest.mark.parametrize("sensed", [0.0, 0.5, 1.0])
+def test_noise_of_a_recorded_current_counts_as_far_as_the_balance_holds_it(sensed):
+    """The motor follows the share `sensed` of its amplitude, which is then in the torque as well and no error."""
+    size, runs = 0.02, []
+    for number, name in enumerate(("one", "two")):
+        run = record(JOINT, name, 0.9 * number, number)
+        noise = size * np.random.default_rng(number).standard_normal(run.time.size)
+        more = {"joint/current": noise, "joint/torque": sensed * noise / JOINT.gain}
+        runs.append(replace(run, columns=run.columns | {key: run.columns[key] + value for key, value in more.items()}))
+    samples = build_samples(runs, rig_of(JOINT), "joint")
+    columns = Columns(samples)
+    fitted = fit(columns, TERMS)
+    left = (columns.target - columns.design(TERMS) @ fitted.beta) * fitted.gain
+    k = np.convolve(samples.light.kernels[0], samples.kernel.kernels[0])
+    assert_allclose(left_by_effort_noise(samples, left), (1.0 - sensed) * size * np.sqrt(k @ k), atol=0.05 * size)

@@ -176,7 +176,8 @@ def test_noise_of_the_current_counts_in_the_floor_where_the_links_are_fitted(arm
     fitted = build_samples(made, rig, "lift")
     assert_allclose(fitted.resolution.effort_noise, NOISE * GAIN[1], rtol=0.1)
     known = build_samples(made, replace(rig, load=dict.fromkeys(JOINTS, RobotLoad("inverse_dynamics"))), "lift")
-    assert known.resolution.effort_noise == 0.0
+    assert fitted.resolution.effort_tells_load and not known.resolution.effort_tells_load
+    assert known.floor.effort_variance < 0.01 * fitted.floor.effort_variance
 
 
 @pytest.mark.parametrize(
