@@ -138,6 +138,14 @@ def test_imports_point_down(path):
             assert target == package or FLOOR[target] <= FLOOR[package], where
 
 
+def test_diagrams_are_short_and_the_papers_apart():
+    """What a user reads and copies: no more than 4000 lines of code, scenarios and pages, near a hundred a diagram."""
+    own = [p for p in (ROOT / "diagrams").rglob("*") if p.suffix in (".py", ".yaml", ".md") and "papers" not in p.parts]
+    lines = {p.name: len(p.read_text("utf-8").splitlines()) for p in own}
+    assert 0 < sum(lines.values()) < 4000
+    assert {name: count for name, count in lines.items() if name.endswith(".py") and count > 120} == {}
+
+
 def test_the_blind_rigs_share_no_formula_with_the_diagnosis():
     own = (f"{BLIND}.", "drake_tc.errors", "drake_tc.types", "drake_tc.report.figure_")
     files = list((ROOT / BLIND.replace(".", "/")).rglob("*.py"))

@@ -79,9 +79,12 @@ def test_the_script_is_short():
 
 
 def test_changes_of_the_diagram_run(folder):
-    for script in scripts("your_own_diagram"):
+    *changes, humanoid = scripts("your_own_diagram")
+    for script in changes:
         (error,) = numbers(ran(folder, "-c", script), "mrad")
         assert 0.0 < error < 30.0
+    (lower,) = numbers(ran(folder, "-c", humanoid), "mm lower")
+    assert lower == pytest.approx(30.0, abs=2.0)
 
 
 def commands(page: str) -> list[list[str]]:
