@@ -1,9 +1,12 @@
 """Plain least squares of a whole robot on the rows and in the filters of a `close-loop` call: what it has to beat.
 
-    y_j / K_j = Y_j(q, v, vdot) pi + F_v,j v_j + F_c,j sign(v_j) + J_j vdot_j + c_j        joints j = 1 ... n
+    pooled      y_j / K_j = Y_j(q, v, vdot) pi      + F_v,j v_j + F_c,j sign(v_j) + J_j vdot_j + c_j    j = 1 ... n
+    scaled      y_j / K_j = k_j Y_j(q, v, vdot) pi0 + F_v,j v_j + F_c,j sign(v_j) + J_j vdot_j + c_j
 
-with the drive gains K_j of the rig file [effort/(N m)], one pi for all joints and no prior. The numerically independent
-columns are taken (Gautier, 1991). Each joint's rows are weighted by its own residual, to which the fit is repeated.
+with the drive gains K_j of the rig file [effort/(N m)]. *Pooled* has one pi for all joints and no prior. The columns
+that are independent numerically are taken (Gautier, 1991). Each joint's rows are weighted by its own residual, to which
+the fit is repeated. *Scaled* fits each joint by itself: the parameters pi0 of the robot's file up to a factor k_j, and
+four numbers of the joint's own.
 """
 
 from collections.abc import Mapping, Sequence
@@ -38,15 +41,33 @@ class PlainRows:
 
     Attributes:
         target: (N,) y/K [N m]. links: (N, P) Y. own: (N, 4) friction, rotor inertia and the constant.
+        nominal: (N,) Y pi0, the torque of the robot's file [N m].
     """
 
     target: FloatArray
     links: FloatArray
     own: FloatArray
+    nominal: FloatArray
 
 
-def least_squares_residuals(result: CloseLoopResult, rig: Rig, runs: Sequence[Run]) -> dict[str, FloatArray]:
-    """Held-out residual (N,) of each joint [effort], on the held-out rows of the call.
+@dataclass(frozen=True)
+class PlainResiduals:
+    """Held-out residuals (N,) of each joint [effort].
+
+    Attributes:
+        pooled: Least squares of all joints together.
+        scaled: Least squares with the scaled torques of the robot's file.
+        own: What the model after leaves when friction, inertia and constant are fitted once more to each held-out run
+            by itself (in view of it): how much of the error is that the runs differ in these.
+    """
+
+    pooled: Mapping[str, FloatArray]
+    scaled: Mapping[str, FloatArray]
+    own: Mapping[str, FloatArray]
+
+
+def least_squares_residuals(result: CloseLoopResult, rig: Rig, runs: Sequence[Run]) -> PlainResiduals:
+    """Held-out residuals of both kinds of least squares, on the held-out rows of the call.
 
     Args:
         result: Of `close_loop` with this rig.
@@ -61,24 +82,55 @@ def least_squares_residuals(result: CloseLoopResult, rig: Rig, runs: Sequence[Ru
         raise IdentificationError(
             "pooled least squares: expected `load: {robot: fitted}` and a drive_gain of each joint"
         )
-    causes = columns_over(logs, runs, rig)
-    sides = [
-        {joint: plain_rows(split.samples, joint, causes, rig.drive_gain[joint]) for joint, split in each.items()}
+    causes, nominal = columns_over(logs, runs, rig), logs.links.nominal
+    train, held = (
+        {joint: plain_rows(split.samples, joint, causes, nominal, rig.drive_gain[joint]) for joint, split in each}
         for each in (
-            {joint: r.train for joint, r in result.joints.items()},
-            {joint: r.heldout for joint, r in result.joints.items()},
+            [(joint, r.train) for joint, r in result.joints.items()],
+            [(joint, r.heldout) for joint, r in result.joints.items()],
         )
-    ]
-    residuals = fit_and_predict(*sides)
-    return {joint: rig.drive_gain[joint] * values for joint, values in residuals.items()}
+    )
+    pooled = fit_and_predict(train, held)
+    scaled = {joint: fit_scaled(train[joint], held[joint]) for joint in rig.joints}
+    own = {joint: fit_each_run(held[joint], r.heldout.samples, r.heldout.after) for joint, r in result.joints.items()}
+
+    def in_effort(torques: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
+        return {joint: rig.drive_gain[joint] * torque for joint, torque in torques.items()}
+
+    return PlainResiduals(in_effort(pooled), in_effort(scaled), own)
 
 
-def plain_rows(samples: Samples, joint: str, causes: CauseColumns, gain: float) -> PlainRows:
-    """One joint's rows from its filtered signals."""
+def fit_each_run(held: PlainRows, samples: Samples, residual: FloatArray) -> FloatArray:
+    """What each held-out run's own friction, inertia and constant leave of a residual (N,), in its unit."""
+    out = residual.copy()
+    for number in np.unique(samples.run):
+        rows = samples.run == number
+        estimate = np.linalg.lstsq(held.own[rows], residual[rows], rcond=None)[0]
+        out[rows] -= held.own[rows] @ estimate
+    return out
+
+
+def plain_rows(samples: Samples, joint: str, causes: CauseColumns, nominal: FloatArray, gain: float) -> PlainRows:
+    """One joint's rows from its filtered signals.
+
+    Args:
+        samples: Of one side.
+        joint: Name.
+        causes: Columns over the same runs; those of the links come first.
+        nominal: pi0 of the robot's file.
+        gain: Drive gain K [effort/(N m)].
+    """
     design = Columns(samples).design([Term(effect(name)) for name in DECLARED])
     links = samples.reduce(over_samples(samples, joint, causes), fresh=True)
     own = np.column_stack([design[:, 1:], np.ones(len(design))])
-    return PlainRows(design[:, 0] / gain, links, own)
+    return PlainRows(design[:, 0] / gain, links, own, links[:, : nominal.size] @ nominal)
+
+
+def fit_scaled(train: PlainRows, held: PlainRows) -> FloatArray:
+    """Residual (N,) of one joint's held-out rows [N m] with the file's torques scaled by one factor."""
+    before, after = (np.column_stack([rows.nominal, rows.own]) for rows in (train, held))
+    estimate = np.linalg.lstsq(before, train.target, rcond=None)[0]
+    return np.asarray(held.target - after @ estimate)
 
 
 def fit_and_predict(train: Mapping[str, PlainRows], held: Mapping[str, PlainRows]) -> dict[str, FloatArray]:

@@ -1,13 +1,16 @@
 """`bench real-robots`: `close-loop` with fitted links against plain least squares, on runs that took no part.
 
-The cases are those of `bench/rigs`. Each joint's held-out error [N m by the declared drive gain] is given three times:
-of plain least squares on the same rows in the same filters (`pooled_least_squares`), of the declared model of
-`close-loop`, and of its model after. Least squares has a constant of each joint and no prior. Figures that the sets'
-READMEs give for their own least squares are told beside them; they rest on other filters and other rows.
+The cases are those of `bench/rigs`. Each joint's held-out error [N m by the declared drive gain] is given four times:
+of plain least squares on the same rows in the same filters (`pooled_least_squares`), pooled over the joints and with
+the scaled torques of the robot's file; of the declared model of `close-loop`; and of its model after. Least squares has
+a constant of each joint and no prior. The goal is stated against the kind of least squares that the set's README has
+(`RobotCase.scaled`); the ratio to the other kind is printed too. The README's own figures are told beside them; they
+rest on other filters and other rows.
 
 A ratio's 95 % interval is that of resamples of the held-out half seconds, as a pair of errors on the same rows. The
 error of the model after over that of the model before is given too, and beside it what the sensors' noise alone would
-leave: a share that is far above the noise floor is left for another reason.
+leave: a share that is far above the noise floor is left for another reason. `each_run_own` is what the model after
+would leave if friction, inertia and constant of each held-out run were known: the difference is that of the runs.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -17,7 +20,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from drake_tc.benchmarks.pooled_least_squares import least_squares_residuals
+from drake_tc.benchmarks.pooled_least_squares import PlainResiduals, least_squares_residuals
 from drake_tc.benchmarks.real_log_cases import CaseFiles, case_files, import_set
 from drake_tc.benchmarks.real_logs import chosen_sets
 from drake_tc.diagnosis.options import DiagnosisOptions
@@ -28,6 +31,8 @@ from drake_tc.logs.rig import Rig, load_rig
 from drake_tc.report.figure_row import FigureRow
 from drake_tc.types import FloatArray, IntArray
 
+KINDS = ("pooled", "scaled")
+"""Of least squares."""
 GOAL = 0.85
 """Largest error of all joints together, over that of least squares."""
 PAYLOAD = 2.805
@@ -46,19 +51,26 @@ class RobotCase:
         data_set, case: Which.
         published: Held-out residual of each joint in the set's README [N m], where it has one.
         payload: Run with the known load, where the case has one.
+        scaled: Whether the README's least squares scales the torques of the robot's file, joint by joint.
     """
 
     data_set: str
     case: str
     published: tuple[float, ...] = ()
     payload: str = ""
+    scaled: bool = False
 
 
 CASES = (
     RobotCase("ur10e-calibration", "excitation", (2.87, 3.85, 1.52, 0.52, 0.39, 0.45)),
     RobotCase("ur10e-calibration", "unknown_load", payload="exc_0131_load"),
-    RobotCase("so101-sage", "six_runs_held_out", tuple(e / 0.13 for e in (0.0069, 0.0132, 0.0116, 0.0067, 0.0041))),
-    RobotCase("so101-sage", "clear_of_table"),
+    RobotCase(
+        "so101-sage",
+        "six_runs_held_out",
+        tuple(e / 0.13 for e in (0.0069, 0.0132, 0.0116, 0.0067, 0.0041)),
+        scaled=True,
+    ),
+    RobotCase("so101-sage", "clear_of_table", scaled=True),
     RobotCase(
         "go2-leg-pd",
         "four_legs",
@@ -72,17 +84,20 @@ CASES = (
 
 @dataclass(frozen=True, eq=False)
 class HeldOut:
-    """One joint on the held-out rows: residuals (N,) [N m] of least squares, of the model before and of that after.
+    """One joint on the held-out rows: residuals (N,) [N m] of both kinds of least squares, and of the models.
 
-    `effort` is the RMS of the rows' effort over the drive gain [N m]; `found` names the effects. `block` (N,) numbers
-    the rows' half seconds; `floor` is what the sensors' noise alone would leave [N m].
+    `own` is that of the model after with each held-out run's own friction, inertia and constant. `effort` is the RMS of
+    the rows' effort over the drive gain [N m]; `found` names the effects. `block` (N,) numbers the rows' half seconds;
+    `floor` is what the sensors' noise alone would leave [N m].
     """
 
     joint: str
     effort: float
-    least_squares: FloatArray
+    pooled: FloatArray
+    scaled: FloatArray
     before: FloatArray
     after: FloatArray
+    own: FloatArray
     found: tuple[str, ...]
     block: IntArray
     floor: float
@@ -100,19 +115,21 @@ def held_out(files: CaseFiles, options: DiagnosisOptions | None = None) -> tuple
     count = len(files.log)
     runs = [*in_order(runs[:count], rig), *in_order(runs[count:], rig)]
     plain = least_squares_residuals(result, rig, runs)
-    return result, [_joint(result, rig, joint, plain[joint]) for joint in rig.joints]
+    return result, [_joint(result, rig, joint, plain) for joint in rig.joints]
 
 
-def _joint(result: CloseLoopResult, rig: Rig, joint: str, plain: FloatArray) -> HeldOut:
+def _joint(result: CloseLoopResult, rig: Rig, joint: str, plain: PlainResiduals) -> HeldOut:
     found, gain = result.joints[joint], rig.drive_gain[joint]
     samples = found.heldout.samples
     shared = tuple(f"{cause.id} of {cause.where}" for cause in result.shared)
     return HeldOut(
         joint=joint,
         effort=rms(samples.reduce(samples.signals.effort)) / gain,
-        least_squares=plain / gain,
+        pooled=plain.pooled[joint] / gain,
+        scaled=plain.scaled[joint] / gain,
         before=found.heldout.before / gain,
         after=found.heldout.after / gain,
+        own=plain.own[joint] / gain,
         found=(*(effect.id for effect in found.effects), *shared),
         block=samples.block,
         floor=found.noise_floor / gain,
@@ -153,29 +170,48 @@ def rows(
 
 
 def table_rows(case: RobotCase, joints: Sequence[HeldOut]) -> list[FigureRow]:
-    """Five figures a joint, and two of all joints together."""
-    begin = f"{case.data_set}/{case.case}"
+    """Eight figures a joint, and three of all joints together."""
+    begin, kind = f"{case.data_set}/{case.case}", "scaled" if case.scaled else "pooled"
     published: Mapping[str, float] = dict(zip((j.joint for j in joints), case.published, strict=False))
     out = []
     for each in joints:
-        plain, after = rms(each.least_squares), rms(each.after)
-        told = f"; README, in its own filter: {published[each.joint]:.3g}" if each.joint in published else ""
+        after, told = rms(each.after), ""
+        if each.joint in published:
+            told = f"; README, {kind}, in its own filter: {published[each.joint]:.3g}"
         name = f"{begin}/{each.joint}"
         out += [
-            FigureRow(f"{name}/least_squares", plain, "N*m", note=f"effort of {each.effort:.3g} N*m{told}"),
+            FigureRow(f"{name}/pooled", rms(each.pooled), "N*m", note=f"effort of {each.effort:.3g} N*m{told}"),
+            FigureRow(f"{name}/scaled", rms(each.scaled), "N*m"),
             FigureRow(f"{name}/before", rms(each.before), "N*m"),
             FigureRow(f"{name}/after", after, "N*m", note=f"found: {', '.join(each.found) or 'nothing'}"),
-            FigureRow(f"{name}/ratio", after / plain, "-", 1.0, "max", note=f"over least squares; {_spread(each)}"),
+            FigureRow(f"{name}/each_run_own", rms(each.own), "N*m", note="fitted in view of the held-out runs"),
+            *(_ratio_row(name, each, side, goal=side == kind) for side in KINDS),
             FigureRow(f"{name}/over_before", after / rms(each.before), "-", note=f"noise floor: {_floor_share(each)}"),
         ]
-    mean = float(np.exp(np.mean([np.log(rms(each.after) / rms(each.least_squares)) for each in joints])))
-    squares = [sum(float(np.sum(getattr(each, side) ** 2)) for each in joints) for side in ("after", "least_squares")]
-    together = float(np.sqrt(squares[0] / squares[1]))
-    return [
-        *out,
-        FigureRow(f"{begin}/all_joints/ratio", together, "-", GOAL, "max", note="of the torque of all rows"),
-        FigureRow(f"{begin}/all_joints/mean_ratio", mean, "-", note="geometric mean of the joints' ratios"),
-    ]
+    return [*out, *(_together(begin, joints, side, goal=side == kind) for side in KINDS), _mean(begin, joints, kind)]
+
+
+def _ratio_row(name: str, each: HeldOut, side: str, *, goal: bool) -> FigureRow:
+    """Error of the model after over that of one kind of least squares."""
+    plain: FloatArray = getattr(each, side)
+    low, high = ratio_interval(each.after, plain, each.block)
+    note = f"over {side} least squares; 95 % of resamples {low:.3f} to {high:.3f}"
+    ratio = rms(each.after) / rms(plain)
+    return FigureRow(f"{name}/ratio_{side}", ratio, "-", 1.0 if goal else None, "max", note=note)
+
+
+def _together(begin: str, joints: Sequence[HeldOut], side: str, *, goal: bool) -> FigureRow:
+    """The same of the torque of all joints' rows."""
+    after, plain = (sum(float(np.sum(getattr(each, name) ** 2)) for each in joints) for name in ("after", side))
+    note = f"over {side} least squares, of the torque of all rows"
+    ratio = float(np.sqrt(after / plain))
+    return FigureRow(f"{begin}/all_joints/ratio_{side}", ratio, "-", GOAL if goal else None, "max", note=note)
+
+
+def _mean(begin: str, joints: Sequence[HeldOut], side: str) -> FigureRow:
+    ratios = [rms(each.after) / rms(getattr(each, side)) for each in joints]
+    note = f"geometric mean of the joints' ratios to {side} least squares"
+    return FigureRow(f"{begin}/all_joints/mean_ratio", float(np.exp(np.mean(np.log(ratios)))), "-", note=note)
 
 
 def ratio_interval(after: FloatArray, plain: FloatArray, block: IntArray, seed: int = 0) -> tuple[float, float]:
@@ -186,11 +222,6 @@ def ratio_interval(after: FloatArray, plain: FloatArray, block: IntArray, seed: 
     sums = squares[:, draws].sum(axis=2)
     low, high = np.quantile(np.sqrt(sums[0] / sums[1]), [0.025, 0.975])
     return float(low), float(high)
-
-
-def _spread(each: HeldOut) -> str:
-    low, high = ratio_interval(each.after, each.least_squares, each.block)
-    return f"95 % of resamples {low:.3f} to {high:.3f}"
 
 
 def _floor_share(each: HeldOut) -> str:

@@ -96,6 +96,8 @@ class Effect(ABC):
     """A curve that names no cause: a search takes it only where no set of other effects explains as much."""
     special_case: ClassVar[str] = ""
     """Id of a simpler effect that this one contains: its further parameters must be worth as much as another effect."""
+    excludes: ClassVar[frozenset[str]] = frozenset()
+    """Ids of effects that a search does not put beside this one: both together act as a third, undeclared cause."""
     linear: ClassVar[bool] = False
     """Columns are linear (or nearly so) in the signals: what low-passed the signals has low-passed the columns."""
 

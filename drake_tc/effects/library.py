@@ -23,7 +23,7 @@ from drake_tc.effects.encoder_ripple import EncoderRipple
 from drake_tc.effects.load_dependent_friction import LoadDependentFriction
 from drake_tc.effects.load_stribeck import LoadStribeck
 from drake_tc.effects.load_tilt import LoadTilt
-from drake_tc.effects.payload import Payload, PendulumPayload
+from drake_tc.effects.payload import DeclaredGainPayload, Payload, PendulumPayload
 from drake_tc.effects.position_dependent_friction import PositionDependentFriction
 from drake_tc.effects.position_dependent_load import PositionDependentLoad
 from drake_tc.effects.position_sensor_delay import PositionSensorDelay
@@ -80,6 +80,7 @@ LIBRARY: tuple[Effect, ...] = (
     WindingLag(),
     Payload(),
     PendulumPayload(),
+    DeclaredGainPayload(),
     CableSpring(),
     AsymmetricFriction(),
     CoulombAsymmetry(),

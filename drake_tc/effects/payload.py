@@ -26,6 +26,12 @@ PAYLOAD_SHARE_RANGE = Plausible(
     5.0,
     "a mass is positive, and a load of six times the declared one is another load",
 )
+LOAD_ERROR_RANGE = Plausible(
+    -0.8,
+    5.0,
+    "a load of less than a fifth or of six times the declared one is another load",
+)
+NO_INERTIA = "the rig file declares no rotor_inertia, without which this effect cannot be told from others"
 
 
 class Payload(TorqueEffect):
@@ -112,16 +118,14 @@ class PendulumPayload(Payload):
         )
 
     def obstacle(self, context: Context) -> str:
-        """Needs a pendulum and a declared inertia."""
+        """Needs a pendulum, a declared inertia and a free drive gain: see `DeclaredGainPayload`."""
         if context.taken_up:
             return context.taken_up
         if context.load != "pendulum":
             return "the load is measured, whatever its mass"
-        return (
-            ""
-            if context.declared.get("rotor_inertia")
-            else "the rig file declares no rotor_inertia, without which this effect cannot be told from others"
-        )
+        if context.declared.get("drive_gain"):
+            return "the drive gain is declared, so that the load itself tells its mass"
+        return "" if context.declared.get("rotor_inertia") else NO_INERTIA
 
     def balance_inertia(self, theta: FloatArray, rotor_inertia: float) -> float:
         """-J s/(1 + s)."""
@@ -155,3 +159,55 @@ class PendulumPayload(Payload):
     def inertia(self, parameters: Mapping[str, float]) -> float:
         """None of its own: it rides on the pendulum's torque."""
         return 0.0
+
+
+class DeclaredGainPayload(PendulumPayload):
+    """Another mass on a pendulum whose drive gain is declared: s tau [N m] more, or less.
+
+    The drive gain is held, so the load tells s itself. The declared inertia, which grows neither with s nor with an
+    error of the drive gain alone, tells s from `servo_gain`. Both together would scale all torques but that of the
+    declared inertia, which is what a wrong inertia looks like; a search takes one of them.
+    """
+
+    form = "declared_gain"
+    excludes = frozenset({"servo_gain"})
+    coefficients = (
+        Parameter(
+            "payload_share",
+            "-",
+            description="load beyond the pendulum's, as a share of it",
+            plausible=LOAD_ERROR_RANGE,
+        ),
+    )
+    signature = Signature(x="load_torque", split="", look_for="a straight line through zero, over the known load")
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """The share s alone."""
+        return self.coefficients
+
+    def obstacle(self, context: Context) -> str:
+        """Needs a pendulum, a declared inertia and a declared drive gain."""
+        if context.taken_up:
+            return context.taken_up
+        if context.load != "pendulum":
+            return "the load is measured, whatever its mass"
+        if not context.declared.get("drive_gain"):
+            return "no drive gain is declared"
+        return "" if context.declared.get("rotor_inertia") else NO_INERTIA
+
+    def balance_inertia(self, theta: FloatArray, rotor_inertia: float) -> float:
+        """0: the load's own inertia is counted where its torque is computed."""
+        return 0.0
+
+    def columns(self, signals: Signals, shape: Shape) -> FloatArray:
+        """Tau (T, 1)."""
+        return signals.load_torque[:, None]
+
+    def physical(self, theta: FloatArray, shape: Shape, gain: float) -> dict[str, float]:
+        """S."""
+        return {"payload_share": float(theta[0])}
+
+    def torque_scale(self, theta: FloatArray, gain: float) -> float:
+        """1: the fit is in true torque."""
+        return 1.0

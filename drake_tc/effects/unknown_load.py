@@ -1,6 +1,7 @@
 """A load of which nothing is measured: what a declared model fits of it from the motion and the effort alone."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import cache
 from typing import ClassVar
 
 import numpy as np
@@ -130,6 +131,10 @@ class SmoothLoad(UnknownLoadEffect):
         curve = spline_columns(signals.position, shape["curve_start"], shape["curve_end"], self.intervals)
         return np.column_stack([curve, signals.acceleration]) if self.inertial else curve
 
+    def __reduce__(self) -> tuple[Callable[[int, bool], "SmoothLoad"], tuple[int, bool]]:
+        """By its form, because its class has no name in this module: a copy is the one object of the form."""
+        return _smooth, (self.intervals, self.inertial)
+
     def kernel(self, parameters: Mapping[str, float]) -> TorqueKernel:
         """The curve at one instant, without J qddot."""
         levels = np.array([parameters[p.name] for p in self.coefficients[: self.intervals + 3]])
@@ -141,7 +146,8 @@ class SmoothLoad(UnknownLoadEffect):
         return parts
 
 
-def _smooth(intervals: int, *, inertial: bool) -> SmoothLoad:
+@cache
+def _smooth(intervals: int, inertial: bool) -> SmoothLoad:
     levels = tuple(Parameter(f"level_{k + 1}", "N*m", plausible=LEVEL_RANGE) for k in range(intervals + 3))
     inertia = (Parameter("inertia", "kg*m^2", 0.0, description="J", plausible=INERTIA_RANGE),) if inertial else ()
     members = {
@@ -157,6 +163,6 @@ def _smooth(intervals: int, *, inertial: bool) -> SmoothLoad:
 
 
 PENDULUM = UnknownPendulum()
-SMOOTH_LOADS = tuple(_smooth(n, inertial=True) for n in INTERVALS)
-CURVE_LOADS = tuple(_smooth(n, inertial=False) for n in INTERVALS)
+SMOOTH_LOADS = tuple(_smooth(n, True) for n in INTERVALS)
+CURVE_LOADS = tuple(_smooth(n, False) for n in INTERVALS)
 UNKNOWN_LOADS: tuple[UnknownLoadEffect, ...] = (PENDULUM, *SMOOTH_LOADS, *CURVE_LOADS)

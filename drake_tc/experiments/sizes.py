@@ -67,6 +67,7 @@ class Size:
 
 NAMES: Mapping[str, tuple[str, str]] = {
     "payload.pendulum": ("payload_share", "-"),
+    "payload.declared_gain": ("payload_share", "-"),
     "elasticity": ("compliance", "rad/(N*m)"),
     "velocity_sign_switch": ("switch", "-"),
     "servo_integrator": ("integral_rate", "1/s"),

@@ -57,6 +57,7 @@ class Case:
     bias: float = 0.0
     speed: float = 1.0
     pendulum: bool = False
+    gain_declared: bool = False
     loads: tuple[BenchScenario, ...] = (BENCH,)
 
 
@@ -86,6 +87,7 @@ CASES: dict[str, Case] = {
     "current_lag": Case("voltage", {"lag": 0.015}),
     "payload": Case("current", {"payload_moment": 2.0, "payload_inertia": 0.08}, loads=(BENCH, LIGHTER)),
     "payload.pendulum": Case("current", {"payload_share": 0.25}, pendulum=True),
+    "payload.declared_gain": Case("current", {"payload_share": -0.25}, pendulum=True, gain_declared=True),
     "cable_spring": Case("voltage", {"spring_stiffness": 2.0, "spring_preload": -0.6}),
     "asymmetric_friction": Case("position_servo", {"coulomb_asymmetry": 0.8, "viscous_asymmetry": -0.4}),
     "asymmetric_friction.coulomb": Case("current", {"coulomb_asymmetry": 0.8}),
@@ -162,12 +164,14 @@ def identify(key: str, case: Case) -> Mapping[str, Mapping[str, Estimate]]:
     ]
     declared = {} if key == "rotor_inertia" else {"rotor_inertia": INERTIA + 0.5 * VISCOUS * BENCH.step}
     document = {"joint": "joint", "drive": case.drive, "declared": declared}
+    gain = GAIN[case.drive] if case.gain_declared else None
+    document |= {"drive_gain": gain} if gain else {}
     rig = parse_rig(document | ({"load": {"pendulum": PENDULUM}} if case.pendulum else {}))
     samples = build_samples(runs, rig, "joint")
     context = context_of(samples, rig, "joint")
     assert member.obstacle(context) == ""
     servo = case.drive == "position_servo"
-    columns = Columns(samples)
+    columns = Columns(samples, declared_gain=gain)
     fitted = fit(columns, [Term(effect("viscous")), Term(effect("coulomb"))])
     columns = columns.with_model(fitted.terms, fitted.beta, servo=servo)
     if key not in ("viscous", "coulomb"):

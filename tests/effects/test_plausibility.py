@@ -49,6 +49,7 @@ CASES: dict[str, tuple[dict[str, float], dict[str, float], str]] = {
     "current_lag": ({"lag": 0.015}, {"lag": 0.09}, "L/R"),
     "payload": ({"payload_moment": 5.0, "payload_inertia": 0.2}, {"payload_inertia": -1.0}, "m^2"),
     "payload.pendulum": ({"payload_share": 0.5}, {"payload_share": -0.1}, "mass"),
+    "payload.declared_gain": ({"payload_share": -0.5}, {"payload_share": -0.9}, "another load"),
     "cable_spring": ({"spring_stiffness": 1.0, "spring_preload": 2.0}, {"spring_stiffness": -0.7}, "release energy"),
     "asymmetric_friction": (
         {"coulomb_asymmetry": 2.0, "viscous_asymmetry": 1.0},

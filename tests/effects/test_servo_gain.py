@@ -1,5 +1,7 @@
 """A drive gain that is not the declared one: simulated, and found where the fit holds the declared gain."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -43,6 +45,22 @@ def test_the_error_of_a_declared_gain_is_found(drive):
     assert_allclose(found["drive"]["gain"], declared, rtol=1e-12)
     estimate = estimates(columns, freed, drive)["servo_gain"]["gain_error"]
     assert estimate.ci95[0] < error < estimate.ci95[1]
+
+
+def test_beside_an_error_of_the_torque_sensor_the_declared_gain_stays_the_declared_one():
+    """(1 + g) times the balance: what the sensor shows, tau + g tau, with y (1 + e)/K_0 = tau + J qddot + F_v qdot."""
+    error, sensor, declared, viscous = 0.15, 0.08, 0.02, 6.0
+    terms = (
+        Term(effect("viscous")),
+        Term(effect("torque_sensor_gain")),
+        Term(effect("servo_gain"), {"declared_gain": declared}),
+    )
+    beta = np.array([(1.0 + sensor) * (1.0 + error) / declared, (1.0 + sensor) * viscous, sensor])
+    found = physical_parameters(SimpleNamespace(terms=terms, beta=beta))
+    assert_allclose(found["drive"]["gain"], declared, rtol=1e-12)
+    assert_allclose(found["servo_gain"]["gain_error"], error, rtol=1e-12)
+    assert_allclose(found["torque_sensor_gain"]["gain_error"], sensor, rtol=1e-12)
+    assert_allclose(found["viscous"]["viscous"], viscous, rtol=1e-12)
 
 
 def test_compensation_undoes_the_error():

@@ -1,5 +1,7 @@
 """What is fitted of an unknown load: columns, parameters, torque and kernel tell the same."""
 
+import pickle
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -62,3 +64,11 @@ def test_no_search_meets_them_and_effects_of_the_same_form_step_aside() -> None:
         assert effect(key).obstacle(unknown), key
     assert not effect("stribeck").obstacle(unknown)
     assert all("known" in e.obstacle(Context("current", "torque", frozenset())) for e in UNKNOWN_LOADS)
+
+
+@pytest.mark.parametrize("load", UNKNOWN_LOADS, ids=lambda e: e.key)
+def test_it_survives_a_process(load) -> None:  # type: ignore[no-untyped-def]
+    copied = pickle.loads(pickle.dumps(load))
+    assert type(copied) is type(load)
+    shape = {} if load is PENDULUM else SHAPE
+    assert_allclose(copied.columns(MOTION, shape), load.columns(MOTION, shape))

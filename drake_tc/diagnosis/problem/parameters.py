@@ -6,6 +6,7 @@ import numpy as np
 
 from drake_tc.diagnosis.problem.columns import Term, coefficients_by_term
 from drake_tc.diagnosis.problem.regression import Fit
+from drake_tc.effects.servo_gain import ServoGain
 from drake_tc.types import FloatArray
 
 
@@ -50,8 +51,15 @@ def physical_parameters(
 
 
 def _to_true_torque(out: dict[str, dict[str, float]], terms: Sequence[Term], scale: float) -> None:
-    """One N m of the fit is 1/scale N m of true torque (a sensor's gain error, a servo's wind-up)."""
-    out["drive"]["gain"] *= scale
+    """One N m of the fit is 1/scale N m of true torque (a sensor's gain error, a servo's wind-up).
+
+    The fitted gain K is K scale in true torque. Where `servo_gain` holds it against the declared K_0, the drive keeps
+    K_0 and the effect takes the scale: 1 + e = K_0/(K scale).
+    """
+    if ServoGain.id in out:
+        out[ServoGain.id]["gain_error"] = (1.0 + out[ServoGain.id]["gain_error"]) / scale - 1.0
+    else:
+        out["drive"]["gain"] *= scale
     for term in terms:
         for p in term.effect.parameters:
             if p.unit.startswith(("N*m", "kg")):

@@ -4,11 +4,12 @@ from collections.abc import Mapping
 
 from drake_tc.diagnosis.data.samples import HELD, Samples
 from drake_tc.diagnosis.problem.estimates import Estimate
-from drake_tc.effects.base import EFFORT_UNIT, DriveKind
+from drake_tc.effects.base import EFFORT_UNIT, DriveKind, Effect
+from drake_tc.effects.library import effect
 from drake_tc.logs.rig import Rig
 
 NEAR_ONE = 0.02
-"""Departure of a torque drive's gain from 1 that is not worth a sentence."""
+"""Relative departure of a drive gain from the expected one that is not worth a sentence."""
 
 WORTH_SAYING = 0.05
 """Sampling period over a delay, from which on it is said how much of the delay the instants of sampling may be."""
@@ -34,10 +35,11 @@ def drive_notes(rig: Rig, joint: str, found: Parameters, fitted_gain: float) -> 
     """
     if rig.drive[joint] == "torque" and joint not in rig.drive_gain:
         return _torque_scale(found["drive"]["gain"])
+    notes = _other_gain(found, rig.drive_gain.get(joint), EFFORT_UNIT[rig.drive[joint]])
     damping = rig.derivative_gain.get(joint)
     if damping is None:
-        return ()
-    return (_own_friction(found["viscous"]["viscous"], rig.drive_gain[joint] * damping / fitted_gain),)
+        return notes
+    return (*notes, _own_friction(found["viscous"]["viscous"], rig.drive_gain[joint] * damping / fitted_gain))
 
 
 def gain_note(found: Parameters, drive: DriveKind) -> tuple[str, ...]:
@@ -88,6 +90,21 @@ def age_note(samples: Samples, drive: DriveKind) -> tuple[str, ...]:
     return (
         f"The {RECORDED[drive]} is taken to act unchanged from one sample to the next ({period}); declare "
         "command_hold: false if the samples are points of a continuous curve.",
+    )
+
+
+def _other_gain(found: Parameters, declared: float | None, unit: str) -> tuple[str, ...]:
+    """That effects which scale the torques have moved the drive gain away from the declared one."""
+    members = [effect(key) for key in found if key != "drive"]
+    scaling = [member for member in members if type(member).torque_scale is not Effect.torque_scale]
+    gain = found["drive"]["gain"].value
+    if declared is None or not scaling or abs(gain / declared - 1.0) < NEAR_ONE:
+        return ()
+    return (
+        f"With {' and '.join(member.title for member in scaling)}, the drive gain of the model after is {gain:.4g} "
+        f"{unit} per N*m where the rig file declares {declared:.4g}. Only the declared rotor_inertia fixes the scale "
+        "of the torques then. If the declared gain is right, the effect is not: check rotor_inertia first (a servo "
+        "that filters the velocity of its damping acts as less inertia).",
     )
 
 

@@ -9,6 +9,7 @@ from drake_tc.diagnosis.problem.regression import Fit, fit
 from drake_tc.diagnosis.selection.joint import Search, best_shape, shape_screen, share_better
 from drake_tc.diagnosis.selection.lag_or_noise import LATE
 from drake_tc.diagnosis.selection.shape_refinement import refine
+from drake_tc.diagnosis.selection.shapes import PERIOD
 from drake_tc.diagnosis.thresholds import CERTAINLY_BETTER, JOINT, SAME_ERROR
 from drake_tc.effects.base import Context, Effect
 from drake_tc.effects.library import looked_for
@@ -24,7 +25,8 @@ def indistinguishable(
     fewer than 98 % of the block resamples, or the two predictions are the same up to a hundredth. An effect with more
     parameters that fits no better is no rival: it contains the chosen one or imitates it. A delay and a lag are also
     listed when the better one explains less than half a noise floor more, which would not count as an effect, over all
-    rows and in each run: a run that was made to tell them apart shall not be diluted by those that cannot.
+    rows and in each run: a run that was made to tell them apart shall not be diluted by those that cannot. A wave that
+    was not seen to repeat is not chosen, but is listed beside the curve over the position that stands for it.
 
     Args:
         columns: Training rows.
@@ -47,8 +49,9 @@ def indistinguishable(
                 continue
             swapped = best_shape(columns, without, member, context, screen)
             late = LATE.issuperset((term.effect.id, member.id))
-            if swapped.cv_rms > 1.3 * found.chosen.cv_rms and not late:
-                continue  # of a delay or a lag, the grid is too coarse beside another effect to say so
+            wave = term.effect.free_form and PERIOD in swapped.terms[-1].shape
+            if swapped.cv_rms > 1.3 * found.chosen.cv_rms and not (late or wave):
+                continue  # the grid is too coarse to say so of a delay or a lag, and of a wave in a curve's place
             if swapped.size > found.chosen.size:
                 continue
             swapped = refine(columns, swapped, evaluations=30)

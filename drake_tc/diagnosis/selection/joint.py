@@ -108,10 +108,11 @@ class JointProblem:
 
     def proposals(self, parent: Fit, known: set[Hashable]) -> Iterator[Proposal[Fit]]:
         """Each candidate at the best point of its shape grid."""
-        taken = {t.effect.id for t in parent.terms}
+        present = {t.effect.id for t in parent.terms}
+        barred = present.union(*(t.effect.excludes for t in parent.terms))
         for effect in self.effects:
             key = frozenset({t.effect.key for t in parent.terms} | {effect.key})
-            if effect.id not in taken and key not in known:
+            if effect.id not in barred and not effect.excludes & present and key not in known:
                 best = self._best(parent, effect)
                 refinement = Refinement(self.columns, best, self.refined, self.executor)
                 yield Proposal(key, best.cv_rms, refinement, refinement.begin)

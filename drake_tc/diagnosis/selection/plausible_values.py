@@ -17,7 +17,9 @@ from drake_tc.diagnosis.thresholds import MOST_OF_KNOWN_LOAD, OWN_FORM, RESOLVED
 from drake_tc.effects.base import Context
 from drake_tc.effects.encoder_eccentricity import EncoderEccentricity
 from drake_tc.effects.plausibility import implausible
+from drake_tc.effects.position_dependent_load import SIZE as CURVE_SIZE
 from drake_tc.effects.position_dependent_load import PositionDependentLoad
+from drake_tc.effects.torque_ripple import TorqueRipple
 
 NORMAL_95 = 1.96
 """Standard deviations in half a 95 % interval."""
@@ -46,6 +48,7 @@ def objection_to_values(fitted: Fit, term: Term, context: Context, columns: Colu
         "coulomb": named["coulomb"]["coulomb"],
     }
     why = implausible(term.effect, values, replace(context, fitted=own))
+    why = why or _within_curve(fitted, term, context)
     if why:
         return "implausible", why
     names = CORRECTIONS.get(term.effect.id)
@@ -62,6 +65,25 @@ def objection_to_values(fitted: Fit, term: Term, context: Context, columns: Colu
     if size >= least:
         return None
     return "below_resolution", f"amplitude is {size:.2g} rad; these logs resolve {least:.2g} rad."
+
+
+def _within_curve(fitted: Fit, term: Term, context: Context) -> str:
+    """Why a ripple beside a curve over the position corrects that curve's form, in one sentence, or "".
+
+    A curve of k coefficients takes the form of waves of which the positions span up to k/2 periods (Nyquist). What it
+    leaves of a longer wave than that is the error of its form, not a second wave.
+    """
+    if not (
+        isinstance(term.effect, TorqueRipple) and any(isinstance(t.effect, PositionDependentLoad) for t in fitted.terms)
+    ):
+        return ""
+    periods = term.shape[PERIOD] * context.turns
+    if periods >= CURVE_SIZE / 2:
+        return ""
+    return (
+        f"The positions span {periods:.3g} periods of it. The curve over the position beside it has {CURVE_SIZE} "
+        f"coefficients and takes the form of waves of up to {CURVE_SIZE / 2:g} periods: the ripple corrects its form."
+    )
 
 
 def looks_like_known_load(fitted: Fit, term: Term, columns: Columns) -> str:

@@ -124,11 +124,14 @@ class SharedProblem:
     def is_possible(self, fitted: CauseFit) -> bool:
         """Whether the last cause's estimate lies where an error within its tolerance does not.
 
-        |delta_i| > 3 sqrt(t_i^2 + s_i^2) for one of its parameters; a cause without a tolerance always does.
+        |delta_i| > 3 sqrt(t_i^2 + s_i^2) for one of its parameters; a cause without a tolerance always does. The rows
+        weigh by what this model leaves. By what the parent leaves, the joints that show the cause would weigh least:
+        the cause itself is in their residuals, which are slow and so hold few independent samples.
         """
         cause = fitted.causes[-1]
         if not cause.tolerance:
             return True
+        fitted = self.adopted(fitted)
         place = np.isin(fitted.fit.columns, np.arange(cause.columns.start, cause.columns.stop))
         noise = np.diag(covariance(self.rows, fitted.fit)[0])[place]
         expected = np.sqrt(np.array(cause.tolerance) ** 2 + noise)

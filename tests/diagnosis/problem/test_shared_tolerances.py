@@ -187,6 +187,37 @@ def test_errors_within_tolerance_are_not_named_and_others_are():
     assert [c.key for c in search_shared(joints(4, heavy, 0.9), CAUSES, floor).chosen] == ["link_mass@thigh"]
 
 
+def gain_rows(error, seed):
+    """Three joints under one sensor, of whose gain 1 % is declared and `error` is true.
+
+    The first two bear a load beside what the sensor reads, which shows its gain. The third bears nothing else, and has
+    white noise: it shows the gain of the sensor and of the drive together only.
+    """
+    cause = Cause("ft_gain", "foot", ("force",), ("-",), slice(0, 1), (0.01,))
+    time, rows = np.arange(N) * 0.01, []
+    for number, (beside, noise) in enumerate([(10.0, 0.1), (6.0, 0.1), (0.0, 3.0)]):
+        rng = np.random.default_rng([seed, number])
+        v = np.sin(2.0 * np.pi * (0.3 + 0.1 * number) * time)
+        read, rest = 40.0 * np.sin(2.0 * np.pi * 0.17 * time + number), beside * np.sin(0.8 * time + 2.0 * number)
+        own = np.stack([read + rest + 20.0 * v + 15.0 * np.sign(v), -v, -np.sign(v)], axis=1)
+        reading = (1.0 + error) * (read + noise * rng.standard_normal(N))
+        rows.append(replace(rows_of(number, own, reading[:, None], reading + rest), scaling=np.array([True])))
+    return rows, (cause,)
+
+
+def test_a_gain_beyond_its_tolerance_is_named_by_the_joints_that_show_it():
+    """What it leaves of them is slow, so that by the model without it they weigh a hundredth of the third joint."""
+    floor = np.full(3, 0.02)
+    for seed in range(5):
+        rows, causes = gain_rows(0.08, seed)
+        found = search_shared(rows, causes, floor)
+        assert found.baseline.effective[0] < 0.03 * found.baseline.effective[2]
+        assert [c.key for c in found.chosen] == ["ft_gain@foot"]
+        assert_allclose(found.fit.delta, 0.08 / 1.08, rtol=0.02)
+        rows, causes = gain_rows(0.0, seed)
+        assert search_shared(rows, causes, floor).chosen == ()
+
+
 def test_what_is_known_exactly_stays_out():
     exact = [replace(c, tolerance=tuple(0.0 for _ in c.tolerance)) for c in CAUSES]
     columns_used, _ = active(exact, [])

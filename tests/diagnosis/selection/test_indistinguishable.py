@@ -140,3 +140,16 @@ def test_the_errors_of_the_runs_are_those_of_all_rows_together(biased):
     rows = np.bincount(biased.columns.samples.run)
     assert len(runs) == 2
     np.testing.assert_allclose(whole**2, rows @ np.square(runs) / rows.sum(), rtol=1e-9)
+
+
+@pytest.mark.parametrize(("form", "listed"), [(np.sin, True), (lambda angle: np.abs(angle / 3.0) ** 3, False)])
+def test_a_wave_that_was_not_seen_to_repeat_is_listed_beside_the_curve_that_stands_for_it(form, listed):
+    """1.3 periods of a ripple, between two points of its grid; a load of another form is no wave."""
+    span = np.ptp(problem(JOINT).columns.samples.signals.position)
+    cycles = 1.3 * 2.0 * np.pi / span
+    p = problem(Joint(torque_noise=0.02, extra=lambda m: 0.9 * form(cycles * m.q)), runs=2)
+    start, end = p.context.position_span
+    curve = Term(effect("position_dependent_load"), {"curve_start": start, "curve_end": end})
+    found = Search(p.baseline, fit(p.columns, [*p.declared, curve]))
+    pairs = module.indistinguishable(p.columns, found, p.context, floor_of(p), [effect("torque_ripple")])
+    assert (("position_dependent_load", "torque_ripple") in pairs) == listed

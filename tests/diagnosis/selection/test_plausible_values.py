@@ -152,3 +152,19 @@ def test_a_curve_that_is_a_multiple_of_the_known_load_is_told_from_one_that_is_n
         assert (share_of_known_load(fitted, term, pendulum)[0] > MOST_OF_KNOWN_LOAD) == alike
         assert bool(looks_like_known_load(fitted, term, pendulum)) == alike
     assert looks_like_known_load(made_fit(QUADRATIC, [1.0]), QUADRATIC, pendulum) == ""
+
+
+@pytest.mark.parametrize(("periods", "beside_a_curve"), [(3.4, False), (3.6, True)])
+def test_a_ripple_that_a_curve_beside_it_could_take_the_form_of_corrects_its_form(
+    columns, context, periods, beside_a_curve
+):
+    """Seven coefficients hold waves of up to three and a half periods."""
+    shape = {"curve_start": context.position_span[0], "curve_end": context.position_span[1]}
+    curve = Term(effect("position_dependent_load"), shape)
+    ripple = Term(effect("torque_ripple"), {"cycles_per_turn": periods / context.turns})
+    alone = fit(columns, [*DECLARED, ripple])
+    assert objection_to_values(alone, ripple, context, columns) is None
+    both = fit(columns, [*DECLARED, curve, ripple])
+    objection = objection_to_values(both, ripple, context, columns)
+    assert (objection is None) == beside_a_curve
+    assert objection is None or "corrects its form" in objection[1]

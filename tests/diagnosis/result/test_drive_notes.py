@@ -1,0 +1,33 @@
+"""What the report says of a drive gain that the model after does not share with the rig file."""
+
+import pytest
+
+from drake_tc.diagnosis.problem.estimates import Estimate
+from drake_tc.diagnosis.result.drive_notes import drive_notes
+from drake_tc.logs.rig import parse_rig
+
+DECLARED = 0.005
+RIG = parse_rig({"joint": "joint", "drive": "position_servo", "drive_gain": DECLARED})
+
+
+def found(gain: float, *effects: str) -> dict[str, dict[str, Estimate]]:
+    """Parameters of a model with these effects."""
+    return {"drive": {"gain": Estimate(gain, "rad/(N*m)", (gain, gain), False)}} | {name: {} for name in effects}
+
+
+@pytest.mark.parametrize(("gain", "told"), [(DECLARED, False), (1.01 * DECLARED, False), (0.5 * DECLARED, True)])
+def test_a_gain_that_an_effect_has_moved_away_from_the_declared_one_is_told(gain: float, told: bool) -> None:
+    notes = drive_notes(RIG, "joint", found(gain, "viscous", "elasticity"), gain)
+    assert len(notes) == told
+    for note in notes:
+        assert "elasticity of the gear" in note and "rotor_inertia" in note
+        assert "0.0025 rad per N*m where the rig file declares 0.005." in note
+
+
+def test_only_effects_that_scale_the_torques_are_blamed() -> None:
+    assert drive_notes(RIG, "joint", found(0.5 * DECLARED, "viscous", "stribeck"), DECLARED) == ()
+
+
+def test_a_gain_that_no_rig_file_declares_is_not_held_against_one() -> None:
+    rig = parse_rig({"joint": "joint", "drive": "position_servo"})
+    assert drive_notes(rig, "joint", found(0.1, "elasticity"), 0.1) == ()
