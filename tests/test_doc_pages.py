@@ -2,6 +2,7 @@
 
 import os
 import re
+import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -13,6 +14,7 @@ import drake_tc
 
 ROOT = Path(drake_tc.__file__).parents[1]
 PAGES = ("your_own_robot", "your_own_diagram", "your_own_controller")
+MAIN = "from drake_tc.cli.entry import main; main()"
 
 
 def blocks(page: str) -> list[tuple[str, str]]:
@@ -77,9 +79,28 @@ def test_the_script_is_short():
 
 
 def test_changes_of_the_diagram_run(folder):
-    for script in scripts("your_own_diagram"):
+    *changes, humanoid = scripts("your_own_diagram")
+    for script in changes:
         (error,) = numbers(ran(folder, "-c", script), "mrad")
         assert 0.0 < error < 30.0
+    (lower,) = numbers(ran(folder, "-c", humanoid), "mm lower")
+    assert lower == pytest.approx(30.0, abs=2.0)
+
+
+def commands(page: str) -> list[list[str]]:
+    """The page's indented `drake-tc` commands."""
+    text = (ROOT / "docs" / f"{page}.md").read_text("utf-8")
+    return [shlex.split(line)[1:] for line in text.splitlines() if line.startswith("    drake-tc ")]
+
+
+def test_commands_take_the_diagrams_of_the_page(folder):
+    """The arm with a short filter window is stable; the response to its command falls from 1 to 20 Hz."""
+    said = {words[0]: ran(folder, "-c", MAIN, *words) for words in commands("your_own_diagram")}
+    assert set(said) == {"graph", "simulate", "stability", "bode"}
+    assert (folder / "loop.svg").exists() and (folder / "out" / "log.csv").exists()
+    assert "verdict: stable" in said["stability"]
+    decibels = [float(line.split()[1]) for line in said["bode"].splitlines() if re.match(r" *[\d.]+ +-?[\d.]+ ", line)]
+    assert len(decibels) == 3 and decibels[-1] < decibels[0] - 10.0
 
 
 def test_own_controllers_run(folder):

@@ -6,13 +6,12 @@ from typing import Any, Generic, TypeVar
 
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort, System
+from pydrake.systems.framework import DiagramBuilder, OutputPort, System
 from pydrake.systems.primitives import Multiplexer
 
 from drake_tc.errors import ParamsError
 from drake_tc.filtering.savitzky_golay import SavitzkyGolayFilter
 from drake_tc.loops.ports import first_imu, picked
-from drake_tc.loops.signal_log import SignalLog, add_log
 from drake_tc.sensing.suite import SensorSuite
 
 ScenarioT = TypeVar("ScenarioT")
@@ -179,15 +178,3 @@ class LoopBuilder(Generic[ScenarioT]):
         }
         ports = picked(self.builder, "estimates", smooth.GetOutputPort("estimate"), places)
         return {name: self.passed(f"filter.{name}", port) for name, port in ports.items()}
-
-    def build(self, name: str) -> tuple[Diagram, SignalLog]:
-        """The diagram, which gets this name, and the log of all recorded signals.
-
-        Raises:
-            ParamsError: see `check_own_systems`.
-        """
-        self.check_own_systems()
-        log = add_log(self.builder, self.signals, self.period)
-        diagram = self.builder.Build()
-        diagram.set_name(name)
-        return diagram, log

@@ -110,7 +110,7 @@ def sea_plot(recording: SeaRecording) -> RunPlot:
             TimePanel("voltage", "V", time, {joint: recording["voltage"]}, {}),
         ),
         time,
-        {"torque_control": recording["fault"] > 0.0},
+        _flags(recording),
     )
 
 
@@ -129,5 +129,5 @@ def _panel(
 def _flags(recording: Recording) -> dict[str, BoolArray]:
     if not recording.flag_names or "flags" not in recording.signals:
         return {}
-    up = recording["flags"] > 0.0
+    up = recording.signals["flags"] > 0.0
     return {name: up[:, i] for i, name in enumerate(recording.flag_names) if up[:, i].any()}

@@ -1,7 +1,8 @@
 """What a command shows and writes of a run, whatever the diagram."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -56,14 +57,13 @@ def simulate_torque_loop(scenario: Scenario, progress: Progress | None = None, m
         for row in summary["joints"]
     )
     table = TextTable("", ("joint", "rms error [mrad]", "max error [mrad]", "max torque [N m]"), rows)
-    lines = [_speed(summary), *(f"fault: {fault['name']} from {fault['first']:.3f} s" for fault in summary["faults"])]
     return Simulated(
         summary,
         table,
-        tuple(lines),
-        lambda folder, end, tell: write_results(recording, folder, end, tell),
-        lambda: torque_plot(recording),
-        lambda: torque_motion(recording, scenario),
+        (_speed(summary), *_raised("fault", summary["faults"])),
+        partial(write_results, recording),
+        partial(torque_plot, recording),
+        partial(torque_motion, recording, scenario),
     )
 
 
@@ -91,15 +91,15 @@ def simulate_tsid_loop(scenario: TsidScenario, progress: Progress | None = None,
     lines += [
         f"gave way: {fault['name']} from {fault['first']:.3f} s, {fault['ticks']} ticks" for fault in summary["faults"]
     ]
-    lines += [f"flag: {flag['name']} from {flag['first']:.3f} s" for flag in summary["flags"]]
+    lines += _raised("flag", summary["flags"])
     table = TextTable("", ("joint", "max torque [N m]", "of its limit [%]"), rows)
     return Simulated(
         summary,
         table,
         tuple(lines),
-        lambda folder, end, tell: write_tsid(recording, folder, end, tell),
-        lambda: tsid_plot(recording),
-        lambda: tsid_motion(recording),
+        partial(write_tsid, recording),
+        partial(tsid_plot, recording),
+        partial(tsid_motion, recording),
     )
 
 
@@ -116,15 +116,13 @@ def simulate_sea_loop(scenario: SeaScenario, progress: Progress | None = None, m
     names = ("rms_error", "rms_error_but_for_delay", "max_error", "max_torque", "max_voltage")
     headings = ("joint", "rms error [N m]", "but for the delay", "max error", "max torque", "max voltage [V]")
     table = TextTable("", headings, ((row["joint"], *(f"{row[name]:.3f}" for name in names)),))
-    lines = [_speed(summary), *(f"fault: {fault['name']} from {fault['first']:.3f} s" for fault in summary["faults"])]
-    return Simulated(
-        summary,
-        table,
-        tuple(lines),
-        lambda folder, end, tell: write_sea(recording, folder, end, tell),
-        lambda: sea_plot(recording),
-    )
+    lines = (_speed(summary), *_raised("fault", summary["faults"]))
+    return Simulated(summary, table, lines, partial(write_sea, recording), partial(sea_plot, recording))
 
 
 def _speed(summary: dict[str, Any]) -> str:
     return f"{summary['duration']:g} s simulated at {summary['real_time_factor']:.1f} x real time"
+
+
+def _raised(word: str, flags: Sequence[dict[str, Any]]) -> list[str]:
+    return [f"{word}: {flag['name']} from {flag['first']:.3f} s" for flag in flags]

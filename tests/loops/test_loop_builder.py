@@ -14,6 +14,7 @@ from drake_tc.loops.built_loop import CHUNK, BuiltLoop
 from drake_tc.loops.loop_builder import LoopBuilder
 from drake_tc.loops.recording import Recording, write_log, write_rig
 from drake_tc.loops.scenarios.base import ScenarioBase
+from drake_tc.loops.wired_loop import WiredLoop
 
 PERIOD = 0.01
 
@@ -41,7 +42,8 @@ def counting(scenario):
     one = np.eye(3)
     counter = loop.add("counter", LinearSystem(one, one, one, 0.0 * one, PERIOD), u0=joined)
     loop.signals |= {"count": counter.get_output_port(), "step": joined}
-    diagram, log = loop.build("counting")
+    wired = WiredLoop(systems=loop.systems, signals=loop.signals, period=PERIOD)
+    diagram, log = wired.build(loop.builder, "counting")
     return BuiltLoop(scenario=scenario, diagram=diagram, plant=plant, log=log)
 
 

@@ -168,8 +168,15 @@ def test_the_series_elastic_loop_takes_several_joints():
     loop = add_series_elastic_loop(builder, plant, models, desired, spec)
     log_of = loop.signals["voltage"].size(), loop.signals["measured_torque"].size()
     assert log_of == (n, n)
+    log = loop.add_log(builder, "flags", "measured_torque")
+    assert loop.flag_names == tuple(f"torque_control/{joint}" for joint in robot.joints)
+    with pytest.raises(ParamsError, match="no signal 'fault' in this loop; signals: link_state, "):
+        loop.add_log(builder, "fault")
     simulator = Simulator(builder.Build())
     simulator.AdvanceTo(0.01)
+    time, signals = log.recorded(simulator.get_context())
+    assert signals["flags"].shape == signals["measured_torque"].shape == (time.size, n)
+    assert not signals["flags"].any()
     own = loop.systems["torque_control"]
     assert np.isfinite(own.get_voltage_output_port().Eval(own.GetMyContextFromRoot(simulator.get_context()))).all()
 

@@ -9,7 +9,7 @@ import numpy as np
 import pydot
 import pytest
 from pydrake.systems.framework import DiagramBuilder
-from pydrake.systems.primitives import ConstantVectorSource, Gain, LogVectorOutput, Multiplexer
+from pydrake.systems.primitives import ConstantVectorSource, Demultiplexer, Gain, LogVectorOutput, Multiplexer
 
 from drake_tc.errors import ParamsError
 from drake_tc.report.block_graph.graph import block_graph
@@ -144,6 +144,28 @@ def test_systems_that_only_logs_read_leave_no_dead_ends():
     graph = block_graph(builder.Build())
     assert [shape.title for shape in view(graph).shapes] == ["source", "control", "plant"]
     assert {"scaled", "seen"} <= {shape.title for shape in view(graph, everything=True).shapes}
+
+
+def test_ports_that_drake_only_numbers_are_named_after_their_wires():
+    """source.y0 and split.y1 feed named inputs, gain.u0 and gain.y0 stand between; split.y0 feeds two names."""
+    builder = DiagramBuilder()
+    source = builder.AddNamedSystem("posture", ConstantVectorSource(np.ones(2 * N)))
+    split = builder.AddNamedSystem("split", Demultiplexer([N, N]))
+    gain = builder.AddNamedSystem("scaled", Gain(2.0, N))
+    control = builder.AddNamedSystem("control", staged("Law", "control.law", {"q": N, "v": N, "a": N}, {"y": N}))
+    builder.Connect(source.get_output_port(), split.get_input_port())
+    builder.Connect(split.get_output_port(0), control.GetInputPort("q"))
+    builder.Connect(split.get_output_port(0), control.GetInputPort("a"))
+    builder.Connect(split.get_output_port(1), control.GetInputPort("v"))
+    builder.Connect(control.get_output_port(0), gain.get_input_port())
+    builder.ExportOutput(gain.get_output_port())
+    graph = block_graph(builder.Build())
+    names = {s.title: [[pin.name for pin in pins] for pins in (s.inputs, s.outputs)] for s in view(graph).shapes}
+    assert names["posture"] == [[], ["posture"]]
+    assert names["split"] == [["posture"], ["y0", "v"]]
+    assert names["scaled"] == [["y"], ["scaled"]]
+    ports = {block["name"]: block for block in json.loads(graph.to_json())["blocks"]}
+    assert [port["name"] for port in ports["split"]["outputs"]] == ["y0", "y1"]  # programs get Drake's names
 
 
 def test_a_multiplexer_that_only_a_log_reads_is_of_the_log():

@@ -14,6 +14,7 @@ import numpy as np
 from drake_tc.diagnosis.data.resolution import NoiseFloor
 from drake_tc.diagnosis.data.samples import Samples
 from drake_tc.diagnosis.problem.bounded import Prior
+from drake_tc.diagnosis.problem.normal_equations import Normal
 from drake_tc.effects.base import DriveEffect, Effect
 from drake_tc.effects.link_load import LinkLoad
 from drake_tc.effects.within_tolerance import WithinTolerance
@@ -95,21 +96,6 @@ class BalanceCoefficients:
                 found[term.effect.key] = float(theta[0])
             inertia += term.effect.balance_inertia(theta, rotor_inertia)
         return cls(float(beta[0]), found["viscous"], found["coulomb"], inertia)
-
-
-@dataclass(frozen=True, eq=False)
-class Normal:
-    """Normal equations of one set of terms by fold, from cached products of columns.
-
-    Attributes:
-        grams: (FOLDS, m, m) X'X. moments: (FOLDS, m) X'z. squares: (FOLDS,) z'z.
-        prior: What is known of the coefficients beforehand.
-    """
-
-    grams: FloatArray
-    moments: FloatArray
-    squares: FloatArray
-    prior: Prior
 
 
 class Columns:

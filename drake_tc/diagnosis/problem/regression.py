@@ -9,7 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from drake_tc.diagnosis.problem.bounded import collinear, cross_validated
-from drake_tc.diagnosis.problem.columns import FOLDS, Columns, Normal, Term, fold_of, prior_coefficients
+from drake_tc.diagnosis.problem.columns import FOLDS, Columns, Term, fold_of, prior_coefficients
+from drake_tc.diagnosis.problem.normal_equations import Normal
 from drake_tc.diagnosis.thresholds import LEAST_DRIVE, LEAST_EFFORT
 from drake_tc.effects.current_lag import CurrentLag
 from drake_tc.effects.servo_gain import ServoGain

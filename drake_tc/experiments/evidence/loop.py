@@ -24,7 +24,8 @@ from drake_tc.experiments.design.goal import Goal
 from drake_tc.experiments.design.known import joint_from_logs
 from drake_tc.experiments.design.limits import JointLimits
 from drake_tc.experiments.design.run import DEFAULT_HZ, DesignOptions, design_joint
-from drake_tc.experiments.rehearsal.twin import SimulatedJoint, TwinRun, integrated, on_clock
+from drake_tc.experiments.rehearsal.twin import SimulatedJoint
+from drake_tc.experiments.rehearsal.twin_runs import TwinRun, integrated, on_clock
 from drake_tc.experiments.sizes import sizes_found
 from drake_tc.identification.excitation import MotionLimits, growing_sinusoid
 from drake_tc.logs.record import Run

@@ -55,8 +55,10 @@ def build_sea(scenario: SeaScenario, *, meshcat: bool = False) -> SeaLoop:
     loop.signals["reference_torque"] = _add_reference(parts, control)
     if scenario.hand is not None:
         loop.signals["hand_torque"] = _add_hand(parts, scenario.hand)
-    diagram, log = parts.build("sea_joint")
-    return SeaLoop(scenario=scenario, diagram=diagram, plant=plant, control=control, log=log)
+    diagram, log = loop.build(builder, "sea_joint")
+    return SeaLoop(
+        scenario=scenario, diagram=diagram, plant=plant, control=control, log=log, flag_names=loop.flag_names
+    )
 
 
 def _add_reference(loop: LoopBuilder[SeaScenario], control: SeriesElasticControl) -> OutputPort:

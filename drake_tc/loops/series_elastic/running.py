@@ -113,14 +113,13 @@ def summarise_sea(recording: SeaRecording) -> dict[str, Any]:
     }
     if "hand_torque" in recording.signals:
         row["hand_rms_torque"] = recording.rms(recording["hand_torque"])
-    lost = np.flatnonzero(recording["fault"] > 0.0)
     return {
         "robot": "sea_joint",
         "mode": recording.scenario.control.mode,
         "duration": float(recording.time[-1]),
-        "real_time_factor": float(recording.time[-1] / recording.seconds),
+        "real_time_factor": recording.real_time_factor,
         "joints": [row],
-        "faults": [{"name": "torque_control", "first": float(recording.time[lost[0]])}] if lost.size else [],
+        "faults": recording.raised_flags(),
     }
 
 

@@ -23,30 +23,27 @@ from drake_tc.control.series_elastic.control import SeriesElasticControl
 from drake_tc.loops.loop_builder import LoopBuilder
 from drake_tc.loops.plant import require_live_ports
 from drake_tc.loops.series_elastic.scenario import SeriesElasticLoopSpec, spring_compliance
+from drake_tc.loops.wired_loop import WiredLoop
 from drake_tc.sensing.sensor import Sensor
 from drake_tc.sensing.suite import sensor_seed
 
-OUTPUTS = ("voltage", "friction", "shaped_reference", "fault")
-"""Ports of the torque control that are signals of the loop."""
+OUTPUTS = {"voltage": "voltage", "friction": "friction", "shaped_reference": "shaped_reference", "flags": "fault"}
+"""Signals of the loop to the ports of the torque control that they are."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class SeriesElasticLoop:
+class SeriesElasticLoop(WiredLoop):
     """A series-elastic torque loop in a diagram; n joints.
 
+    Stages: `torque_control`, `motor_encoder`, `link_encoder`, `torque_sensor`, `actuators`. Signals, n values each
+    where nothing else is said: `link_state` and `motor_state` (2n), `spring_torque`, `measured_torque`, `voltage`,
+    `friction_torque`, the readings of the sensors, and more; `flags`: an input of the torque control was not finite.
+
     Attributes:
-        systems: Stage to its system: `torque_control`, `motor_encoder`, `link_encoder`, `torque_sensor`, `actuators`;
-            the user's own where one was given.
         actuators: Motors, gears and springs.
-        signals: Name to port, n values each where nothing else is said: `link_state` and `motor_state` (2n),
-            `spring_torque`, `measured_torque`, `voltage`, `friction_torque`, the readings of the sensors, and more.
-        period: Of control and sensors [s].
     """
 
-    systems: Mapping[str, Any]
     actuators: ActuatorPlant
-    signals: dict[str, OutputPort]
-    period: float
 
 
 def add_series_elastic_loop(
@@ -119,10 +116,15 @@ def add_series_elastic_loop(
             loop.connect("torque_control", name, loop.passed(name, port))
             loop.signals[name] = port
     control = loop.systems["torque_control"]
-    loop.signals |= {name: loop.output("torque_control", name) for name in OUTPUTS if control.HasOutputPort(name)}
+    loop.signals |= {
+        name: loop.output("torque_control", port) for name, port in OUTPUTS.items() if control.HasOutputPort(port)
+    }
     loop.signals |= {"measured_torque": torque, "friction_torque": actuators.GetOutputPort("friction_torque")}
     loop.check_own_systems()
-    return SeriesElasticLoop(systems=loop.systems, actuators=actuators, signals=loop.signals, period=spec.dt)
+    flags = tuple(f"torque_control/{joint}" for joint in joints) if "flags" in loop.signals else ()
+    return SeriesElasticLoop(
+        systems=loop.systems, signals=loop.signals, period=spec.dt, flag_names=flags, actuators=actuators
+    )
 
 
 def _add_sensors(

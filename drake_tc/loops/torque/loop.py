@@ -14,7 +14,6 @@ from pydrake.systems.framework import Context, DiagramBuilder, OutputPort
 from drake_tc.actuation.model import ActuatorModel
 from drake_tc.loops.built_loop import BuiltLoop
 from drake_tc.loops.plant import add_robot_plant
-from drake_tc.loops.signal_log import add_log
 from drake_tc.loops.surroundings import add_objects, add_pushes, add_suspension, check_masses, set_masses
 from drake_tc.loops.torque.parts import actuator_models, loop_robot, torque_gains
 from drake_tc.loops.torque.references import References, posture, references, table_source
@@ -91,12 +90,9 @@ def build_loop(scenario: Scenario, *, meshcat: bool = False) -> Loop:
         free=not (scenario.objects or scenario.pushes),
     )
     left_out = {"joint_estimate", "unknown_wrench", "fault", *(() if scenario.log_truth else ("joint_torque",))}
-    signals = {name: port for name, port in loop.signals.items() if name not in left_out}
     if forces is not None:
-        signals["force_reference"] = forces
-    log = add_log(builder, signals, scenario.dt)
-    diagram = builder.Build()
-    diagram.set_name(f"{robot.name}_{scenario.controller}_loop")
+        loop.signals["force_reference"] = forces
+    diagram, log = loop.build(builder, f"{robot.name}_{scenario.controller}_loop", left_out)
     return Loop(
         scenario=scenario,
         robot=robot,

@@ -27,10 +27,10 @@ from drake_tc.control.gains import TorqueGains
 from drake_tc.control.trajectories import constant_trajectory
 from drake_tc.errors import ParamsError
 from drake_tc.loops.plant import require_live_ports
-from drake_tc.loops.signal_log import SignalLog, add_log
 from drake_tc.loops.torque.builder import TorqueLoopBuilder
 from drake_tc.loops.torque.spec import TorqueLoopSpec, base_source, sensor_suite
 from drake_tc.loops.torque.stages import servo_command, torque_command
+from drake_tc.loops.wired_loop import WiredLoop
 from drake_tc.robot.robot import Robot
 from drake_tc.sensing.suite import SensorSuite, add_sensors
 
@@ -39,41 +39,20 @@ Reference = OutputPort | Trajectory | None
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class TorqueLoop:
+class TorqueLoop(WiredLoop):
     """A torque loop in a diagram.
 
+    Stages: `filter`, `torque_estimator`, `inverse_dynamics`, `torque_control`, `fault_monitor`, `guard` and others.
+    Signals: `joint_state` [q; v] of the plant, `reference`, `joint_estimate`, `estimated_torque`, `desired_torque`,
+    `command` (what the drives get), `actuation`, the sensors' readings, and more.
+
     Attributes:
-        systems: Stage to its system: `filter`, `torque_estimator`, `inverse_dynamics`, `torque_control`,
-            `fault_monitor`, `guard` and others; the user's own where one was given.
         sensors: Encoders, IMU, F/T sensors; each has the port `reading`.
         actuators: The simulated drives.
-        signals: Name to port: `joint_state` [q; v] of the plant, `reference`, `joint_estimate`, `estimated_torque`,
-            `desired_torque`, `command` (what the drives get), `actuation`, the sensors' readings, and more.
-        flag_names: Of the signal `flags`, in order.
-        period: Of control and sensors [s].
     """
 
-    systems: Mapping[str, System]
     sensors: SensorSuite
     actuators: ActuatorPlant
-    signals: dict[str, OutputPort]
-    flag_names: tuple[str, ...]
-    period: float
-
-    def add_log(self, builder: DiagramBuilder, *names: str) -> SignalLog:
-        """Record signals every period; all of them where none is named.
-
-        Args:
-            builder: The diagram's.
-            names: Of `signals`.
-
-        Raises:
-            ParamsError: a signal that this loop does not have.
-        """
-        for name in names:
-            if name not in self.signals:
-                raise ParamsError(f"no signal {name!r} in this loop; signals: {', '.join(self.signals)}")
-        return add_log(builder, {name: self.signals[name] for name in names or self.signals}, self.period)
 
 
 def add_torque_loop(

@@ -12,7 +12,7 @@ class DesiredMotion(LeafSystem):
     """The motion of the joints that the controller's accelerations lead to, half a period ahead.
 
     Inputs:
-        state (nq + nv): [q; v] as the controller knows it.
+        estimated_state (nq + nv): [q; v] as the controller knows it.
         acceleration (nv): of the controller.
     Output:
         reference (3n): [q; qdot + qddot period/2; qddot] in the robot's order; follows both inputs at once, no state.
@@ -27,7 +27,7 @@ class DesiredMotion(LeafSystem):
         """
         super().__init__()
         self._model, self._ahead = model, 0.5 * period
-        self._state: Any = self.DeclareVectorInputPort("state", model.nq + model.nv)
+        self._state: Any = self.DeclareVectorInputPort("estimated_state", model.nq + model.nv)
         self._acceleration: Any = self.DeclareVectorInputPort("acceleration", model.nv)
         tickets = {self._state.ticket(), self._acceleration.ticket()}
         self.DeclareVectorOutputPort("reference", 3 * model.n, self._write, tickets)

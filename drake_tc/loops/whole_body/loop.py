@@ -13,7 +13,6 @@ from drake_tc.actuation.joint_values import Models
 from drake_tc.errors import ParamsError
 from drake_tc.loops.built_loop import BuiltLoop
 from drake_tc.loops.plant import add_robot_plant
-from drake_tc.loops.signal_log import add_log
 from drake_tc.loops.surroundings import add_pushes, check_masses, set_masses
 from drake_tc.loops.whole_body.drives import drive_models
 from drake_tc.loops.whole_body.ground import add_ground
@@ -88,9 +87,7 @@ def build_tsid(scenario: TsidScenario, *, meshcat: bool = False) -> TsidLoop:
         references={name: task_source(law, name, spec) for name, spec in scenario.motion.items()},
         contacts=_contacts(builder, scenario, law),
     )
-    log = add_log(builder, loop.signals, law.period)
-    diagram = builder.Build()
-    diagram.set_name(f"{robot.name}_tsid")
+    diagram, log = loop.build(builder, f"{robot.name}_tsid")
     return TsidLoop(
         scenario=scenario,
         law=law,

@@ -31,6 +31,7 @@ from drake_tc.loops.whole_body.series_elastic_drives import (
     link_position,
 )
 from drake_tc.loops.whole_body.torque_noise import TorqueNoise
+from drake_tc.loops.wired_loop import WiredLoop
 from drake_tc.sensing.suite import SensorSuite
 from drake_tc.tsid.controller import RobustTsid, reference_port
 from drake_tc.tsid.law import Law
@@ -40,25 +41,19 @@ OUTPUTS = ("torque", "acceleration", "contact_force", "status")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class WholeBodyLoop:
+class WholeBodyLoop(WiredLoop):
     """A whole-body loop in a diagram.
 
+    Stages: `tsid`, and as far as there are such stages `standing_state`, `base_estimator`, `torque_estimator`,
+    `torque_control`, `guard`, `actuators`. Signals: `state` [q; v] of the plant, `estimated_state`, `torque`,
+    `acceleration`, `contact_force`, `status`, `applied_torque`, and more; `flags` with sensor validation.
+
     Attributes:
-        systems: Stage to its system: `tsid`, and as far as there are such stages `standing_state`, `base_estimator`,
-            `torque_estimator`, `torque_control`, `guard`, `actuators`; the user's own where one was given.
         sensors: Encoders, IMU, F/T sensors; None where nothing is sensed.
-        signals: Name to port: `state` [q; v] of the plant, `estimated_state`, `torque`, `acceleration`,
-            `contact_force`, `status`, `applied_torque`, and more.
-        flag_names: Of the signal `flags`, in order; empty without sensor validation.
-        period: Of the controller [s].
         starts: Put parts of the diagram's context where the robot starts, in this order.
     """
 
-    systems: Mapping[str, Any]
     sensors: SensorSuite | None
-    signals: dict[str, OutputPort]
-    flag_names: tuple[str, ...]
-    period: float
     starts: tuple[Start, ...]
 
     def start(self, context: Context) -> None:

@@ -4,6 +4,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from drake_tc.report.block_graph.data import STAGES, VECTOR, Block, GraphData, Port
+from drake_tc.report.block_graph.port_names import PortNames, port_names
 
 INPUTS, OUTPUTS = "inputs", "outputs"
 SHOWN_STAGES = (INPUTS, *STAGES[:4], OUTPUTS, *STAGES[4:])
@@ -16,7 +17,7 @@ class Pin:
 
     Attributes:
         index: In its block.
-        name: As Drake has it.
+        name: As Drake has it, or what `port_names` knows for it.
         follows: Of an output: whether it follows an input at the same instant, or has none to follow.
         used: Whether anything shown is connected to it.
     """
@@ -78,13 +79,15 @@ def view(graph: GraphData, *, everything: bool = False) -> View:
             pins = ((), pin) if kind == INPUTS else (pin, ())
             terminals.append(Shape(key, terminal.port.name, (), kind, *pins))
             links += [((key, 0), e, terminal.port) if kind == INPUTS else (e, (key, 0), terminal.port) for e in ends]
+    names = port_names(graph)
     blocks = tuple(
         _shape(
             number[b.path],
             b,
             {i for _, (key, i), _ in links if key == number[b.path]},
             {o for (key, o), _, _ in links if key == number[b.path]},
-            everything,
+            names,
+            everything=everything,
         )
         for b in shown
     )
@@ -106,12 +109,26 @@ def _without_logs(graph: GraphData) -> list[Block]:
     return [b for b in systems if b.path in kept] or systems
 
 
-def _shape(key: int, block: Block, reads: set[int], makes: set[int], everything: bool) -> Shape:
+def _shape(
+    key: int,
+    block: Block,
+    reads: set[int],
+    makes: set[int],
+    names: tuple[PortNames, PortNames],
+    *,
+    everything: bool,
+) -> Shape:
     follows = {output for _, output in block.feedthrough} if block.inputs else set(range(len(block.outputs)))
-    inputs = [Pin(i, p.name, used=i in reads) for i, p in enumerate(block.inputs) if everything or i in reads]
-    outputs = [
-        Pin(i, p.name, i in follows, i in makes) for i, p in enumerate(block.outputs) if everything or i in makes
-    ]
+    into, out = (
+        [
+            (i, named.get((block.path, i), port.name), i in used)
+            for i, port in enumerate(ports)
+            if everything or i in used
+        ]
+        for named, ports, used in zip(names, (block.inputs, block.outputs), (reads, makes), strict=True)
+    )
+    inputs = [Pin(i, name, used=used) for i, name, used in into]
+    outputs = [Pin(i, name, i in follows, used) for i, name, used in out]
     title = block.path.replace("::", " / ")
     notes = [] if block.kind == block.name.rstrip("_0123456789") else [block.kind]
     if block.update is not None:

@@ -1,4 +1,4 @@
-"""How long one point of a stability map takes; printed as a row (run with -s)."""
+"""How long a point of a stability map and the margins of a whole loop take; printed as rows (run with -s)."""
 
 import time
 from dataclasses import replace
@@ -6,6 +6,10 @@ from dataclasses import replace
 import pytest
 
 from drake_tc.analysis.joint_loop import JointLoop
+from drake_tc.analysis.sampled import open_loop
+from drake_tc.analysis.settled import settled_at
+from drake_tc.analysis.stability_margins import loop_margins
+from drake_tc.registry import runnable
 
 from .machine import slowness
 
@@ -26,3 +30,16 @@ def test_a_point_of_a_map_is_quick():
         seconds.append(time.process_time() - begin)
     print(f"\npoint of a map: best {1e3 * min(seconds):.2f} ms, n {len(seconds)}")
     assert min(seconds) <= 5e-3 * slowness()
+
+
+def test_the_margins_of_all_channels_of_the_leg_are_quick(tmp_path):
+    """At most 2 s for the six joints, each with the others closed, in this process's own time."""
+    entry = runnable("hrp2_leg")
+    loop, context = settled_at(entry, entry.sliding(entry.scenario(), tmp_path), 1.0)
+    cut = open_loop(loop.diagram, context, loop.period, "torque_control:command")
+    begin = time.process_time()
+    found = loop_margins(cut)
+    seconds = time.process_time() - begin
+    print(f"\nmargins of {len(found)} channels, {len(cut.states)} states: {seconds:.2f} s")
+    assert len(found) == 6 and all(each.gain_margin > 0.0 for each in found.values())
+    assert seconds <= 2.0 * slowness()

@@ -43,7 +43,7 @@ def test_every_committed_scenario_runs_and_stays_finite(name, source):
     assert recording.time.size == 301
     assert all(np.isfinite(values).all() for values in recording.signals.values())
     assert (np.abs(recording["voltage"]) <= 24.0).all()
-    assert (recording["fault"] == 0.0).all()
+    assert (recording["flags"] == 0.0).all()
 
 
 def test_same_seed_same_numbers_another_seed_other_noise():

@@ -1,0 +1,21 @@
+"""`Normal`: the normal equations of a set of terms."""
+
+from dataclasses import dataclass
+
+from drake_tc.diagnosis.problem.bounded import Prior
+from drake_tc.types import FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Normal:
+    """Normal equations of one set of terms by fold, from cached products of columns.
+
+    Attributes:
+        grams: (FOLDS, m, m) X'X. moments: (FOLDS, m) X'z. squares: (FOLDS,) z'z.
+        prior: What is known of the coefficients beforehand.
+    """
+
+    grams: FloatArray
+    moments: FloatArray
+    squares: FloatArray
+    prior: Prior
