@@ -24,9 +24,9 @@ from pydrake.multibody.tree import JacobianWrtVariable, MultibodyForces
 from drake_tc.errors import ParamsError
 from drake_tc.estimation.base_motion import BaseMotion
 from drake_tc.estimation.plant import CUT_SUFFIX, IMU_SUFFIX, build_plant
+from drake_tc.estimation.torque_tables import kernel_tables
 from drake_tc.kernels.lazy import Kernel
 from drake_tc.robot.robot import Robot
-from drake_tc.robot.tree import tree_of
 from drake_tc.types import FloatArray, IntArray
 
 BaseSource = Literal["imu", "fixed"]
@@ -102,7 +102,7 @@ class TorqueModel:
         self._no_rate = np.zeros(3)
         self._imu = self._plant.GetFrameByName((imu or robot.imu[0].name) + IMU_SUFFIX) if self._motion else None
         self._unknown = self._unknown_frame(unknown)
-        self._tables = self._kernel_tables(self.create_context())
+        self._tables = self._tables_of(self.create_context())
 
     @property
     def size(self) -> int:
@@ -126,8 +126,13 @@ class TorqueModel:
     def with_inertias(self, context: Any) -> "TorqueModel":
         """A model that estimates with the links' inertias of a Context of `create_context`, at q = 0."""
         other = copy(self)
-        other._tables = self._kernel_tables(context)
+        other._tables = self._tables_of(context)
         return other
+
+    def _tables_of(self, context: Any) -> tuple[Any, ...]:
+        """The robot as `drake_tc.kernels.joint_torque` takes it, with the inertias of a context."""
+        mode = get_args(AngularAcceleration).index(self._differentiate)
+        return kernel_tables(self.robot, self.model, context, self._unknown, self._imu, mode, self._still)
 
     def estimate(
         self,
@@ -284,32 +289,6 @@ class TorqueModel:
                     " external wrench is the contact wrench; expected a link between the base and the sensors"
                 )
         return frame
-
-    def _kernel_tables(self, context: Any) -> tuple[Any, ...]:
-        """The robot as `drake_tc.kernels.joint_torque` takes it, with the inertias of a context."""
-        cuts, order = self.model.cuts, self.model.inward
-        frames = {"unknown": self._unknown}
-        if self._imu is not None:
-            frames["imu"] = self._imu
-        for i in order:
-            frames |= {f"{i} sensor": cuts[i].sensor, f"{i} contact": cuts[i].contact}
-        held = [mount.joint + CUT_SUFFIX for mount in self.robot.force_torque]
-        places, base = np.arange(self.size), self.model.base.body()
-        tree = tree_of(self._plant, base, self.robot.joints, places, places, frames, {}, held, context)
-        rows = dict(zip(frames, tree.frame_bodies.tolist(), strict=True))
-        first = len(frames) - 2 * len(order)
-        imu_frame = tree.frames[1] if self._imu is not None else np.zeros(12)
-        modes: tuple[AngularAcceleration, ...] = get_args(AngularAcceleration)
-        sensors = [(i, rows[f"{i} sensor"], rows[f"{i} contact"]) for i in order]
-        return (
-            tree.places,
-            tree.constants,
-            tree.trunk,
-            np.concatenate([imu_frame, self._still, tree.frames[0, 9:]]),
-            np.array([rows.get("imu", -1), modes.index(self._differentiate), rows["unknown"]]),
-            np.array(sensors, dtype=np.int64).reshape(-1, 3),
-            np.ascontiguousarray(tree.frames[first:]),
-        )
 
 
 def as_slice(index: IntArray) -> Any:
