@@ -48,6 +48,13 @@ def test_a_change_of_a_helper_in_another_file_gives_another_folder(tmp_path):
     assert compiling.sources_hash("one", tmp_path) != first
 
 
+def test_modules_imported_as_a_whole_count_too(tmp_path):
+    write(tmp_path, 2.0)
+    text = "from drake_tc.kernels import other as o, unrelated\n"
+    (tmp_path / "whole.py").write_text(text, encoding="utf-8")
+    assert [path.stem for path in compiling.sources_of("whole", tmp_path)] == ["other", "unrelated", "whole"]
+
+
 RUN = """
 import sys
 import drake_tc.kernels
