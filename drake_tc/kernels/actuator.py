@@ -58,7 +58,7 @@ def begin(
     at_tick: bool,
     work: FloatArray,
 ) -> None:
-    """Faults, load and bristle of one joint, and what its effects see, into `work`; arguments as `advance`, of a joint."""
+    """Faults, load, bristle of one joint, and what its effects see, into `work`; arguments as `advance`, of a joint."""
     first = layout[at.FIRST]
     work[at.STATUS] = work[at.FAULT] = 0.0
     if not (np.isfinite(q) and np.isfinite(v)):

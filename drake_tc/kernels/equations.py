@@ -84,3 +84,11 @@ def gear_torque(twist: float, rate: float, half_gap: float, compliance: float, c
         return 0.0
     tau = (pressed + contact_time * rate) / compliance
     return 0.0 if half_gap > 0.0 and tau * pressed < 0.0 else tau
+
+
+def needed_torque(
+    tau: float, velocity: float, direction: float, acceleration: float, parts: Any, inertia: float
+) -> float:
+    """What the drive must give for a link torque [N m]: tau + level d + damping v + rest + J a; parts (3,)."""
+    needed: float = tau + parts[0] * direction + parts[1] * velocity + parts[2] + inertia * acceleration
+    return needed

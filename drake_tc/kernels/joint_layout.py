@@ -1,4 +1,4 @@
-"""Places in the arrays that describe the actuators of n joints; imports nothing, so that tables are built without Numba.
+"""Places in the arrays of n joints' actuators; imports nothing, so that tables are built without Numba.
 
 A joint's memory, from its first place on: these nine (the motor's two only behind a gear with a TransmissionEffect),
 then the states of hysteretic effects, then those of the drive's effects.
