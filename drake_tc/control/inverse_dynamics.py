@@ -13,6 +13,7 @@ from drake_tc.control.dynamics_terms import DynamicsTerms
 from drake_tc.control.floating_terms import BaseRotation, FloatingTerms
 from drake_tc.control.gains import TorqueGains
 from drake_tc.errors import ParamsError
+from drake_tc.kernels.lazy import Kernel
 from drake_tc.port_methods import PortMethods
 from drake_tc.robot.robot import Robot
 from drake_tc.types import FloatArray
@@ -21,17 +22,16 @@ Source = Literal["estimate", "reference"]
 PositionSource = Literal["estimate", "encoder"]
 InertialSource = Literal["own", "port"]
 
-LARGEST = 1e12
-"""Inputs beyond this count as not finite."""
-
+_FEEDBACK = Kernel("inverse_dynamics", "feedback")
 TERMS = ("feedforward", "position", "velocity", "force", "acceleration_error", "force_error")
 """Names of the rows of `torque_terms`."""
 
 
 class _Parts(NamedTuple):
-    """M qddot_d + h (n,), [Ks e; Kd edot] (2n,), f_d and e_f (6k,)."""
+    """M qddot_d + h (n,), its sum with Ks e and Kd edot (n,), these two (2n,), f_d and e_f (6k,)."""
 
     inertial: FloatArray
+    torque: FloatArray
     feedback: FloatArray
     desired: FloatArray
     unmet: FloatArray
@@ -124,7 +124,7 @@ class InverseDynamics(PortMethods, LeafSystem):
         ports = [self._estimate, self._reference, *self._forces, *self._base, *optional]
         tickets = {port.ticket() for port in ports}
         tickets.add(self.numeric_parameter_ticket(NumericParameterIndex(self._gains)))
-        self._no_wrench, self._lost = np.zeros(m), np.full(n, np.nan)
+        self._no_wrench, self._lost, self._nothing = np.zeros(m), np.full(n, np.nan), np.zeros(0)
         self._scratch: Any = self.DeclareCacheEntry(
             "scratch",
             ValueProducer(allocate=lambda: Value(model.create_scratch()), calc=lambda context, value: None),
@@ -171,11 +171,9 @@ class InverseDynamics(PortMethods, LeafSystem):
         if parts is None:
             vector.set_value(self._lost)
             return
-        n = self._size
-        torque = parts.inertial + parts.feedback[:n]
-        torque += parts.feedback[n:]
+        torque = parts.torque
         if self._forces:
-            torque -= self._joint_torque(context, parts.desired + self._kf(context).dot(parts.unmet))
+            torque = torque - self._joint_torque(context, parts.desired + self._kf(context).dot(parts.unmet))
         vector.set_value(torque)
 
     def _write_feedforward(self, context: Any, vector: Any) -> None:
@@ -224,16 +222,20 @@ class InverseDynamics(PortMethods, LeafSystem):
         n = self._size
         estimate, reference = self._estimate.Eval(context), self._reference.Eval(context)
         desired, felt = (port.Eval(context) for port in self._forces) if self._forces else (self._no_wrench,) * 2
-        error = reference - estimate  # [e; edot; eddot]
-        if self._position is not None:
-            error[:n] = reference[:n] - self._position.Eval(context)
-        given = () if self._inertial is None else (self._inertial.Eval(context),)
-        seen = np.concatenate((estimate, error, desired, felt, *given, *(port.Eval(context) for port in self._base)))
-        if not np.maximum.reduce(np.abs(seen)) <= LARGEST:  # also where one is NaN
+        position = self._nothing if self._position is None else self._position.Eval(context)
+        given = self._nothing if self._inertial is None else self._inertial.Eval(context)
+        others = self._nothing
+        if self._forces or self._base:
+            others = np.concatenate((desired, felt, *(port.Eval(context) for port in self._base)))
+        gains, out = context.get_numeric_parameter(self._gains).value(), np.empty(3 * n)
+        if not _FEEDBACK(estimate, reference, position, given, others, gains, out):
             return None
-        gains = context.get_numeric_parameter(self._gains).value()
-        inertial = given[0] if given else self._model.forces(self._placed(context), reference[2 * n :])
-        return _Parts(inertial, gains[: 2 * n] * error[: 2 * n], desired, desired - felt)
+        inertial, torque = given, out[:n]
+        if self._inertial is None:
+            inertial = self._model.forces(self._placed(context), reference[2 * n :])
+            torque = inertial + torque
+        unmet = desired - felt if self._forces else desired
+        return _Parts(inertial, torque, out[n:], desired, unmet)
 
 
 def _one_of(key: str, value: str, possible: tuple[str, ...]) -> None:
