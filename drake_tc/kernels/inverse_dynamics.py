@@ -7,23 +7,21 @@ LARGEST = 1e12
 """Inputs beyond this count as not finite."""
 
 
-@kernel(VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, OUT_VECTOR)
+@kernel(VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, OUT_VECTOR)
 def feedback(
     estimate: FloatArray,
     reference: FloatArray,
     position: FloatArray,
-    inertial: FloatArray,
     others: FloatArray,
     gains: FloatArray,
     out: FloatArray,
 ) -> bool:
-    """[inertial + Ks e + Kd edot; Ks e; Kd edot] (3n,) into out.
+    """[Ks e + Kd edot; Ks e; Kd edot] (3n,) into out.
 
     Args:
         estimate: (3n,) [q; qdot; qddot].
         reference: (3n,) the desired ones.
         position: (n,) q to take in e; empty: that of the estimate.
-        inertial: (n,) M qddot_d + h; empty: 0.
         others: Inputs of which only is asked whether they are finite.
         gains: (2n,) or more, [Ks; Kd].
         out: (3n,) written.
@@ -40,10 +38,8 @@ def feedback(
         finite = finite and abs(estimate[j]) <= LARGEST and abs(error) <= LARGEST  # not where one is NaN
         if j < 2 * n:
             out[n + j] = gains[j] * error
-    for array in (inertial, others):
-        for j in range(array.shape[0]):
-            finite = finite and abs(array[j]) <= LARGEST
+    for j in range(others.shape[0]):
+        finite = finite and abs(others[j]) <= LARGEST
     for j in range(n):
-        given = inertial[j] if inertial.shape[0] else 0.0
-        out[j] = given + out[n + j] + out[2 * n + j]
+        out[j] = out[n + j] + out[2 * n + j]
     return finite

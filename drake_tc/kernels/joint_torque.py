@@ -19,29 +19,17 @@ from drake_tc.kernels.dynamics import (
     cross_into,
     frame_motion,
     frame_pose,
-    inertia_into,
-    load_into,
     move,
     rotate_into,
 )
+from drake_tc.kernels.newton_euler import add_joint_accelerations, add_joint_forces, carry_along, wrenches_needed
 from drake_tc.types import FloatArray, IntArray
 
-_PLACE, _SCREW, _VELOCITY, _ACCELERATION = 9, 12, 18, 24
+_PLACE, _VELOCITY = 9, 18
 _GYRO, _ZERO = 0, 2
 """Of the angular acceleration: the gyro's derivative, or none of the base; 1 is none of the IMU's link."""
 _STILL, _UNKNOWN = 12, 18
 """Where the acceleration of a base at rest and the place of the unknown wrench stand in `base`."""
-
-
-@helper
-def add_joint_accelerations(bodies: FloatArray, places: IntArray, vdot: FloatArray) -> None:
-    """A_i of bodies that were moved with vdot = 0 becomes that with vdot (n,)."""
-    added = np.zeros((bodies.shape[0], 6))
-    for j in range(places.shape[0]):
-        parent, rate = places[j, 0], vdot[places[j, 3]]
-        for k in range(6):
-            added[j + 1, k] = added[parent, k] + bodies[j + 1, _SCREW + k] * rate
-            bodies[j + 1, _ACCELERATION + k] += added[j + 1, k]
 
 
 @helper
@@ -88,27 +76,8 @@ def carry_base(
         imu_acceleration(bodies, row, picks[1], pose, imu, acceleration)
     else:
         acceleration[:] = base[_STILL : _STILL + 6]
-    for i in range(bodies.shape[0]):
-        for k in range(6):
-            bodies[i, _ACCELERATION + k] += acceleration[k]
+    carry_along(bodies, acceleration)
     return bodies
-
-
-@helper
-def wrenches_needed(bodies: FloatArray, places: IntArray, constants: FloatArray, trunk: FloatArray) -> FloatArray:
-    """F (rows + 1, 6), the base's first."""
-    n = places.shape[0]
-    loads, inertia, momentum, scratch = np.empty((n + 1, 6)), np.empty(10), np.empty(6), np.empty(12)
-    inertia_into(inertia, bodies[0], trunk, 0, scratch)
-    load_into(loads[0], inertia, bodies[0], momentum)
-    for j in range(n):
-        inertia_into(inertia, bodies[j + 1], constants[j], 15, scratch)
-        load_into(loads[j + 1], inertia, bodies[j + 1], momentum)
-    for j in range(n - 1, -1, -1):
-        parent = places[j, 0]
-        for k in range(6):
-            loads[parent, k] += loads[j + 1, k]
-    return loads
 
 
 @helper
@@ -192,6 +161,4 @@ def estimate(
     wrench[:] = loads[0]
     wrench_at(wrench, pose, 9, out, n)
     take_out(loads, places, picks[2], wrench)
-    for j in range(places.shape[0]):
-        for k in range(6):
-            out[places[j, 3]] += bodies[j + 1, _SCREW + k] * loads[j + 1, k]
+    add_joint_forces(bodies, loads, places, out)
