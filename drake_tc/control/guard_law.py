@@ -88,7 +88,8 @@ class GuardLaw:
         self._size = size
         step = dt * self._spread("rate_limit", spec.rate_limit)
         start_step = np.where(flags, np.minimum(step, dt * spec.start_rate), step)
-        self._limits = np.stack([self._spread("offset_limit", spec.offset_limit), step, start_step, np.float64(flags)])
+        offset, servos = self._spread("offset_limit", spec.offset_limit), np.array(flags, dtype=np.float64)
+        self._limits: FloatArray = np.stack([offset, step, start_step, servos])
         times = (spec.start_time, spec.hold_time, spec.damp_time, spec.damp_rate, spec.recover_time, spec.blend_time)
         self._options = np.array([dt, *times])
 

@@ -32,17 +32,20 @@ def through_drive(
         memory: Of all joints; updated.
         place: Of the effect's own in it.
     """
+    passed: float = value
     if kind == at.DEAD_ZONE:
-        return _dead_zone(value, numbers[0])
-    if kind == at.SWITCH:
-        return _switched(value, raw, direction, numbers[0])
-    if kind == at.SATURATION:
-        return _saturated(value, numbers[0])
-    if kind == at.DELAY:
-        return _delayed(value, int(numbers[0]), numbers[1], memory, place)
-    if kind == at.LAG:
-        return _lagged(value, numbers[0], numbers[1], numbers[2], memory, place)
-    return _integrated(value, raw, numbers[0], numbers[1], memory, place)
+        passed = _dead_zone(value, numbers[0])
+    elif kind == at.SWITCH:
+        passed = _switched(value, raw, direction, numbers[0])
+    elif kind == at.SATURATION:
+        passed = _saturated(value, numbers[0])
+    elif kind == at.DELAY:
+        passed = _delayed(value, int(numbers[0]), numbers[1], memory, place)
+    elif kind == at.LAG:
+        passed = _lagged(value, numbers[0], numbers[1], numbers[2], memory, place)
+    elif kind == at.INTEGRAL:
+        passed = _integrated(value, raw, numbers[0], numbers[1], memory, place)
+    return passed
 
 
 @helper

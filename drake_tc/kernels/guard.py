@@ -46,7 +46,8 @@ def blended(anchor: float, command: float, s: float) -> float:
 def damping(away: float, options: FloatArray) -> float:
     """Step towards rest, which is `away`."""
     dt, damp_time, largest = options[0], options[3], options[4] * options[0]
-    return min(max(away * (dt / max(damp_time, dt)), -largest), largest)
+    move: float = min(max(away * (dt / max(damp_time, dt)), -largest), largest)
+    return move
 
 
 @kernel(VECTOR, VECTOR, VECTOR, REAL, MATRIX, VECTOR, OUT_VECTOR)

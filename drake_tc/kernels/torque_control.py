@@ -29,15 +29,19 @@ def effort_of(
         else:
             effort = _switch_inverse(effort, direction, inverses[i, 1])
     lead = joint[at.HALF_GAP] * _soft_sign(joint[at.GAIN] * tau, joint[at.SMOOTHING])
-    return effort + joint[at.COMPLIANCE] * tau + lead
+    whole: float = effort + joint[at.COMPLIANCE] * tau + lead
+    return whole
 
 
 @helper
 def part_of(estimate: FloatArray, reference: FloatArray, source: int, place: int) -> float:
     """A number of the motion to compensate for."""
-    if source == 2:
-        return 0.0
-    return reference[place] if source == 1 else estimate[place]
+    number: float = 0.0
+    if source == 0:
+        number = estimate[place]
+    elif source == 1:
+        number = reference[place]
+    return number
 
 
 @kernel(VECTOR, VECTOR, VECTOR, VECTOR, MATRIX, MATRIX, OUT_VECTOR)

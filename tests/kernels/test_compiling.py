@@ -111,6 +111,27 @@ def test_numba_is_imported_where_a_kernel_is_called_and_not_before():
 @pytest.mark.parametrize(
     "name",
     [
+        ("sensor", "reading"),
+        ("savitzky_golay", "advance"),
+        ("joint_torque", "estimate"),
+        ("newton_euler", "joint_forces"),
+        ("inverse_dynamics", "feedback"),
+        ("torque_control", "solve"),
+        ("fault_monitor", "raise_flags"),
+        ("guard", "step"),
+        ("actuator", "advance"),
+    ],
+    ids=".".join,
+)
+def test_the_loop_of_the_leg_compiles_nothing_again(name, leg_ticks):
+    assert leg_ticks > 0
+    assert len(Kernel(*name).entry().signatures) == 1
+
+
+@NEEDS_COMPILER
+@pytest.mark.parametrize(
+    "name",
+    [
         ("terms", "terms"),
         ("rows", "com"),
         ("rows", "posture"),
