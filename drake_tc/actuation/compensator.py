@@ -166,7 +166,8 @@ class Compensator:
 
 def _tables(joints: Sequence[_Joint]) -> tuple[FloatArray, FloatArray]:
     """See `Compensator.tables`."""
-    rows, inverses = np.zeros((len(joints), at.COLUMNS)), []
+    rows = np.zeros((len(joints), at.COLUMNS))
+    inverses: list[tuple[float, float]] = []
     for row, joint in zip(rows, joints, strict=True):
         row[at.GAIN], row[at.LEVEL : at.LEVEL + 3], row[at.INERTIA] = joint.gain, joint.parts, joint.inertia
         row[at.COMPLIANCE], row[at.HALF_GAP], row[at.SMOOTHING] = joint.compliance, joint.half_gap, joint.smoothing

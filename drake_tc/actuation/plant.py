@@ -151,10 +151,10 @@ class ActuatorPlant(PortMethods, LeafSystem):
 
     def _solve(self, context: Any, vector: Any) -> None:
         """(outputs, x[n+1]) into the port `step`, which all others and the update read."""
-        around = None
+        around: Any = None
         if self._temperature.HasValue(context) or self._supply.HasValue(context):
             ports = zip((self._temperature, self._supply), self._unconnected, strict=True)
-            around = tuple(port.Eval(context) if port.HasValue(context) else else_ for port, else_ in ports)
+            around = tuple(port.Eval(context) if port.HasValue(context) else nominal for port, nominal in ports)
         self._step_of_joints.step(
             vector.get_mutable_value(),
             context.get_discrete_state(self._memory).value(),

@@ -65,7 +65,8 @@ class Copying(LeafSystem):
 def copying_ticks(size: int = 18) -> Measure:
     """Ticks of one `Copying` system."""
     builder: Any = DiagramBuilder()
-    source = builder.AddSystem(ConstantVectorSource(np.ones(size)))
+    ones: Any = np.ones(size)
+    source = builder.AddSystem(ConstantVectorSource(ones))
     builder.Connect(source.get_output_port(), builder.AddSystem(Copying(size)).get_input_port())
     return _advancing(Simulator(builder.Build()))
 

@@ -61,7 +61,8 @@ class DynamicsTerms:
         self._force_first = np.array([3, 4, 5, 0, 1, 2])
         order, pose = np.arange(self.size), robot.base_pose.transform
         tree = tree_of(plant, plant.GetBodyByName(robot.base), robot.joints, order, order, {}, {})
-        still = [*pose.rotation().ToQuaternion().wxyz(), *np.zeros(12), *-plant.gravity_field().gravity_vector()]
+        gravity: FloatArray = np.array(plant.gravity_field().gravity_vector())
+        still = [*pose.rotation().ToQuaternion().wxyz(), *np.zeros(12), *(-gravity)]
         self._tree = (tree.places, tree.constants, tree.trunk, np.array(still))
 
     def create_scratch(self) -> "Scratch":

@@ -121,12 +121,12 @@ class TorqueControl(PortMethods, LeafSystem):
         self._size, self._spec, self._dt, self._disturbed = n, spec, float(dt), disturbance
         self._names = names
         self._limit, self._nothing, self._nil = limit, np.zeros(0), np.zeros(n)
-        joints, inverses = self._compensator.tables
-        joints[:, LIMIT] = limit
+        rows, inverses = self._compensator.tables
+        rows[:, LIMIT] = limit
         sources = [
             ("estimate", "reference", "none").index(x) for x in (spec.velocity, spec.direction, spec.acceleration)
         ]
-        self._constants = (np.array(sources), 1.0 / spec.direction_speed, joints, inverses)
+        self._constants = (np.array(sources), 1.0 / spec.direction_speed, rows, inverses)
         self._k_tau = self._compensator.k_tau
         self._integrates = bool(np.any(gains.ki > 0.0))
         start: Any = self._flat(gains)
@@ -211,7 +211,8 @@ class TorqueControl(PortMethods, LeafSystem):
         acceleration = motion[sources[2], 2 * n :]
         for j in self._compensator.interpreted:
             now = (velocity[j], math.tanh(turning[j] * per_speed), position[j], acceleration[j])
-            effort = self._compensator.effort_of(j, float(rows[5, j]), *map(float, now), REFERENCE_CELSIUS)
+            v, direction, q, a = map(float, now)
+            effort = self._compensator.effort_of(j, float(rows[5, j]), v, direction, q, a, REFERENCE_CELSIUS)
             rows[0, j], rows[3, j] = joints[j, SERVO] * position[j] + effort, effort
 
     def _writer(self, row: str) -> Callable[[Context, Any], None]:

@@ -117,13 +117,18 @@ def build_plant(robot: Robot, *, cuts: bool = True) -> EstimationPlant:
         if cuts:
             plant.RemoveJoint(weld)
             plant.AddJoint(RpyFloatingJoint(mount.joint + CUT_SUFFIX, parent, child))
-        offset = FixedOffsetFrame(f"{mount.name}{SENSOR_SUFFIX}", child.body().body_frame(), mount.pose.transform)
+        offset = _at_body_of(child, f"{mount.name}{SENSOR_SUFFIX}", mount)
         contact = _add_mount(plant, where, f"{mount.name}{CONTACT_SUFFIX}", mount.contact)
         frames.append((child, plant.AddFrame(offset), contact))
     for imu in robot.imu:
         _add_mount(plant, f"{robot.name}: imu {imu.name}", f"{imu.name}{IMU_SUFFIX}", imu)
     plant.Finalize()
     return _index(robot, plant, frames if cuts else [])
+
+
+def _at_body_of(frame: Any, name: str, mount: ForceTorqueMount) -> Any:
+    """The frame of a sensor on the body that has this frame."""
+    return FixedOffsetFrame(name, frame.body().body_frame(), mount.pose.transform)
 
 
 def _add_mount(plant: MultibodyPlant, where: str, name: str, mount: Mount) -> Any:

@@ -1,4 +1,4 @@
-"""The actuators of all joints over one step, see `drake_tc.actuation.joint_program`.
+"""The actuators of all joints over one step, see `drake_tc.actuation.joint_step`.
 
 A joint whose effects all have a compiled equation is computed from end to end. The effects of another one are evaluated
 by the caller, between two calls: the first leaves in `work` what they need, the second takes from there what they gave.
