@@ -47,7 +47,7 @@ def test_torque_model(case):
         start = time.perf_counter()
         model.estimate(q, v, vdot, imu, gyro_dot, wrench)
         seconds.append(time.perf_counter() - start)
-    row(f"TorqueModel.estimate, {name}", seconds, 60e-6 if name == "leg" else 240e-6)
+    row(f"TorqueModel.estimate, {name}", seconds, 15e-6 if name == "leg" else 25e-6)
 
 
 def test_joint_torque_estimator(case):
@@ -67,7 +67,7 @@ def test_joint_torque_estimator(case):
         for port in ports:
             port.Eval(context)
         seconds.append(time.perf_counter() - start)
-    row(f"JointTorqueEstimator, all ports, {name}", seconds, 100e-6 if name == "leg" else 250e-6)
+    row(f"JointTorqueEstimator, all ports, {name}", seconds, 30e-6 if name == "leg" else 40e-6)
 
 
 def updates(system, values) -> list[float]:
