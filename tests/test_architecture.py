@@ -58,7 +58,7 @@ ALONE = {
     "config": {"errors", "types"},
     "simulator_files": {"errors"},
     "logs": {"config", "errors", "types", "extensions", "simulator_files"},
-    "filtering": {"errors", "types", "port_methods"},
+    "filtering": {"errors", "types", "port_methods", "kernels"},
     "kernels": {"errors", "types"},
 }
 """Packages that may import nothing but these."""

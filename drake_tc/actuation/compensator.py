@@ -7,8 +7,7 @@ test holds this to `feedforward_effort`, effect by effect.
 """
 
 import math
-from collections.abc import Callable, Mapping
-from typing import TypeAlias
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -16,16 +15,15 @@ from drake_tc.actuation.constant_parts import split_parts
 from drake_tc.actuation.joint_values import JointValues, Models, joint_values, model_list
 from drake_tc.actuation.model import ActuatorModel
 from drake_tc.effects.base import DriveEffect
-from drake_tc.effects.deadzone import Deadzone
 from drake_tc.effects.thermal_friction import REFERENCE_CELSIUS
-from drake_tc.effects.velocity_sign_switch import VelocitySignSwitch
 from drake_tc.errors import ParamsError
+from drake_tc.kernels import compensation_layout as at
+from drake_tc.kernels.equations import needed_torque, soft_sign
+from drake_tc.kernels.joint_layout import INTERPRETED
+from drake_tc.kernels.lazy import Kernel
 from drake_tc.types import FloatArray
 
-JointLaw: TypeAlias = Callable[[float, float, float, float, float, float], float]
-"""(tau, velocity, direction, position, acceleration, temperature) of one joint to its effort."""
-Inverse: TypeAlias = Callable[[float, float], float]
-"""(desired effort, direction) to the effort to ask for."""
+_EFFORTS = Kernel("torque_control", "efforts")
 
 
 def undone(model: ActuatorModel) -> list[tuple[DriveEffect, Mapping[str, float]]]:
@@ -40,70 +38,30 @@ def undone(model: ActuatorModel) -> list[tuple[DriveEffect, Mapping[str, float]]
     return [pair for pair in last_to_first if not pair[0].coefficients] + parallel
 
 
-def _soft_sign(value: float, width: float) -> float:
-    """clip(value/width, -1, 1); the sign for width 0."""
-    if value > width:
-        return 1.0
-    if value < -width:
-        return -1.0
-    return value / width if width else 0.0
+class _Joint:
+    """One joint's row of the tables, and its law on plain floats, which any effect has."""
 
+    def __init__(self, model: ActuatorModel, smoothing: float) -> None:
+        self.gain, self.inertia, self.smoothing = model.drive.gain, model.inertia, smoothing
+        self.parts, self.kernels = split_parts(model)
+        laws = (effect.inverse_law(parameters, smoothing) for effect, parameters in undone(model))
+        self.inverses = tuple(law for law in laws if law is not None)
+        self.servo = model.drive.kind == "position_servo"
+        gears = [effect.transmission(parameters) for effect, parameters in model.transmission_effects if self.servo]
+        self.compliance = sum(gear.compliance for gear in gears)
+        self.half_gap = sum(gear.half_gap for gear in gears)
+        self.compiled = not self.kernels and all(law.kind != INTERPRETED for law in self.inverses)
 
-def _deadzone_inverse(parameters: Mapping[str, float], smoothing: float) -> Inverse:
-    width = parameters["deadzone"]
-
-    def invert(effort: float, direction: float) -> float:
-        if effort > smoothing:
-            return effort + width
-        if effort < -smoothing:
-            return effort - width
-        return effort + width * effort / smoothing if smoothing else effort
-
-    return invert
-
-
-def _switch_inverse(parameters: Mapping[str, float]) -> Inverse:
-    switch = parameters["switch"]
-
-    def invert(effort: float, direction: float) -> float:
-        gain = 1.0 + switch * direction
-        return effort / gain if gain > 1e-6 or gain < -1e-6 else effort
-
-    return invert
-
-
-def _inverse(effect: DriveEffect, parameters: Mapping[str, float], smoothing: float) -> Inverse | None:
-    """The effect's inverse on plain floats; None where it has none."""
-    if type(effect).inverse is DriveEffect.inverse:
-        return None
-    if type(effect) is Deadzone:
-        return _deadzone_inverse(parameters, smoothing)
-    if type(effect) is VelocitySignSwitch:
-        return _switch_inverse(parameters)
-    return lambda effort, direction: float(effect.inverse(np.array([effort]), np.array([direction]), parameters)[0])
-
-
-def _joint_law(model: ActuatorModel, smoothing: float) -> JointLaw:
-    gain, inertia = model.drive.gain, model.inertia
-    (level, damping, rest), kernels = split_parts(model)
-    undo = [_inverse(effect, parameters, smoothing) for effect, parameters in undone(model)]
-    inverses = tuple(inverse for inverse in undo if inverse is not None)
-    gears = [effect.transmission(parameters) for effect, parameters in model.transmission_effects]
-    led = bool(gears) and model.drive.kind == "position_servo"
-    compliance = sum(gear.compliance for gear in gears)
-    half_gap = sum(gear.half_gap for gear in gears)
-
-    def law(tau: float, v: float, direction: float, q: float, a: float, celsius: float) -> float:
-        torque = tau + level * direction + damping * v + rest + inertia * a
-        for kernel in kernels:
-            dry, wet, other = kernel(q, v, direction, tau, celsius, direction)
-            torque += dry * direction + wet * v + other
-        effort = gain * torque
-        for invert in inverses:
-            effort = invert(effort, direction)
-        return effort + compliance * tau + half_gap * _soft_sign(gain * tau, smoothing) if led else effort
-
-    return law
+    def effort(self, tau: float, v: float, direction: float, q: float, a: float, celsius: float) -> float:
+        """The law where some effect has no compiled equation."""
+        parts = np.array(self.parts)
+        for kernel in self.kernels:
+            parts += kernel(q, v, direction, tau, celsius, direction)
+        effort = self.gain * needed_torque(tau, v, direction, a, parts, self.inertia)
+        for law in self.inverses:
+            effort = law.invert(effort, direction)
+        lead = self.half_gap * soft_sign(self.gain * tau, self.smoothing)
+        return float(effort + self.compliance * tau + lead)
 
 
 class Compensator:
@@ -137,10 +95,11 @@ class Compensator:
         widths = given.tolist()
         self._joints = tuple(model.joint for model in models)
         self._gains = tuple(model.drive.gain for model in models)
-        self._laws = tuple(_joint_law(model, width) for model, width in zip(models, widths, strict=True))
+        self._laws = tuple(_Joint(model, width) for model, width in zip(models, widths, strict=True))
+        self._interpreted = tuple(j for j, law in enumerate(self._laws) if not law.compiled)
         self._speed = direction_speed
-        self._nil = (0.0,) * len(models)
-        self._room = (REFERENCE_CELSIUS,) * len(models)
+        self._nil, self._room = np.zeros(len(models)), np.full(len(models), REFERENCE_CELSIUS)
+        self._tables = _tables(self._laws)
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -153,9 +112,20 @@ class Compensator:
         return np.array(self._gains)
 
     @property
-    def laws(self) -> tuple[JointLaw, ...]:
-        """One function a joint on plain floats, for a loop that goes through the joints anyway."""
-        return self._laws
+    def tables(self) -> tuple[FloatArray, FloatArray]:
+        """`joints` and `inverses` of `drake_tc.kernels.compensation_layout`; the largest torques are infinite."""
+        return self._tables[0].copy(), self._tables[1].copy()
+
+    @property
+    def interpreted(self) -> tuple[int, ...]:
+        """Joints that have an effect without compiled equation, whose efforts only `effort_of` gives."""
+        return self._interpreted
+
+    def effort_of(
+        self, joint: int, tau: float, v: float, direction: float, q: float, a: float, celsius: float
+    ) -> float:
+        """Effort of one joint; arguments as `effort`, of that joint."""
+        return self._laws[joint].effort(tau, v, direction, q, a, celsius)
 
     def direction(self, velocity: FloatArray) -> FloatArray:
         """(n,) in [-1, 1]: tanh(v/v_s), the sign of v for v_s = 0; what `effort` takes where it is given none."""
@@ -184,14 +154,24 @@ class Compensator:
             y; NaN for a joint whose inputs are.
         """
         ways = self.direction(velocity) if direction is None else direction
-        joints = zip(
-            self._laws,
-            tau.tolist(),
-            velocity.tolist(),
-            ways.tolist(),
-            self._nil if position is None else position.tolist(),
-            self._nil if acceleration is None else acceleration.tolist(),
-            self._room if temperature is None else temperature.tolist(),
-            strict=True,
-        )
-        return np.array([law(t, v, d, q, a, celsius) for law, t, v, d, q, a, celsius in joints])
+        rates, out = self._nil if acceleration is None else acceleration, np.empty(len(self._laws))
+        given = [np.ascontiguousarray(x, dtype=np.float64) for x in (tau, velocity, ways, rates)]
+        _EFFORTS(*given, *self._tables, out)
+        places, warm = self._nil if position is None else position, self._room if temperature is None else temperature
+        for j in self._interpreted:
+            now = (tau[j], velocity[j], ways[j], places[j], rates[j], warm[j])
+            out[j] = self.effort_of(j, *map(float, now))
+        return out
+
+
+def _tables(joints: Sequence[_Joint]) -> tuple[FloatArray, FloatArray]:
+    """See `Compensator.tables`."""
+    rows = np.zeros((len(joints), at.COLUMNS))
+    inverses: list[tuple[float, float]] = []
+    for row, joint in zip(rows, joints, strict=True):
+        row[at.GAIN], row[at.LEVEL : at.LEVEL + 3], row[at.INERTIA] = joint.gain, joint.parts, joint.inertia
+        row[at.COMPLIANCE], row[at.HALF_GAP], row[at.SMOOTHING] = joint.compliance, joint.half_gap, joint.smoothing
+        row[at.INVERSES] = len(inverses)
+        inverses += [(float(law.kind), law.number) for law in joint.inverses if joint.compiled]
+        row[at.INVERSES_END], row[at.LIMIT], row[at.SERVO] = len(inverses), np.inf, joint.servo
+    return rows, np.array(inverses, dtype=np.float64).reshape(-1, 2)

@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from drake_tc.actuation.half_step import model_to_simulate
-from drake_tc.actuation.joint_program import JointProgram
+from drake_tc.actuation.joint_program import JointInput, JointProgram
 from drake_tc.actuation.model import ActuatorModel
 from drake_tc.actuation.recorded_run import Link, PlantSide, Recording, plant_side
 from drake_tc.types import FloatArray
@@ -62,7 +62,8 @@ def _positions(side: PlantSide, recording: Recording, link: Link, substeps: int)
             outside = load + n * slope
             tau = outside if known else None
             try:
-                torque = program.run(memory, command, q, v, tau, celsius, supply, at_tick=True)[0]
+                now = JointInput(command, q, v, tau, celsius, supply)
+                torque = program.step(memory, now, at_tick=True).actuation
                 v += h * (torque - moment * math.sin(q - zero) - outside) / total
             except (ArithmeticError, ValueError):  # a number ran away inside the step
                 return out

@@ -12,9 +12,9 @@ t_d gives the closed gear a damping ratio of `CONTACT_DAMPING`; a closed gear ne
 import math
 from dataclasses import dataclass
 
-from drake_tc.actuation.friction import friction_law
 from drake_tc.actuation.model import ActuatorModel
 from drake_tc.errors import ParamsError
+from drake_tc.kernels.equations import gear_torque
 
 CONTACT_DAMPING = 0.05
 """Damping ratio of the two inertias on the closed gear."""
@@ -52,43 +52,7 @@ class Gear:
 
     def torque(self, twist: float, rate: float) -> float:
         """What the gear passes [N m] when the motor leads by `twist` [rad] and gains on the link by `rate` [rad/s]."""
-        pressed = twist - max(-self.half_gap, min(self.half_gap, twist))
-        if self.half_gap and not pressed:
-            return 0.0
-        tau = (pressed + self.contact_time * rate) / self.compliance
-        return 0.0 if self.half_gap and tau * pressed < 0.0 else tau
-
-    def step(
-        self,
-        motor: tuple[float, float, float],
-        link: tuple[float, float, float],
-        drive: tuple[float, float, float],
-    ) -> tuple[float, float, float, float, float]:
-        """One step of the plant.
-
-        Args:
-            motor: theta [rad], omega [rad/s], bristle deflection z.
-            link: q [rad], v [rad/s], load [N m].
-            drive: thrust [N m], friction level [N m], friction damping [N m s/rad].
-
-        Returns:
-            theta, omega, z at the end; mean torque through the gear and mean friction torque [N m].
-        """
-        theta, omega, z = motor
-        q, v, load = link
-        thrust, level, damping = drive
-        h = self.sub_step
-        law = friction_law(self.motor_inertia, h)
-        passed = friction = 0.0
-        for _ in range(self.sub_steps):
-            tau = self.torque(theta - q, omega - v)
-            z, omega, rubbed = law(z, omega, thrust - tau, level, damping)
-            theta += h * omega
-            v += h * (tau - load) / self.link_inertia
-            q += h * v
-            passed += tau
-            friction += rubbed
-        return theta, omega, z, passed / self.sub_steps, friction / self.sub_steps
+        return gear_torque(twist, rate, self.half_gap, self.compliance, self.contact_time)
 
 
 def gear_of(model: ActuatorModel, link_inertia: float, period: float) -> Gear | None:

@@ -1,24 +1,18 @@
 """`ActuatorPlant`: the actuators of all joints as one Drake system in front of a MultibodyPlant."""
 
 from collections.abc import Callable
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from pydrake.systems.framework import Context, LeafSystem
 
-from drake_tc.actuation.joint_program import JointOutput, JointProgram
+from drake_tc.actuation.joint_effects import JointEffects
+from drake_tc.actuation.joint_program import JointOutput
+from drake_tc.actuation.joint_step import UNCONNECTED, JointStep
 from drake_tc.actuation.joint_values import JointValues, Models, joint_values, model_list
-from drake_tc.actuation.spring_joints import spring_joints
-from drake_tc.effects.thermal_friction import REFERENCE_CELSIUS
 from drake_tc.errors import ParamsError
 from drake_tc.port_methods import PortMethods
 from drake_tc.types import FloatArray
-
-
-def _array(values: list[float]) -> Any:
-    """An array for pydrake, whose stubs refuse numpy's own type."""
-    return np.array(values)
 
 
 class ActuatorPlant(PortMethods, LeafSystem):
@@ -42,7 +36,7 @@ class ActuatorPlant(PortMethods, LeafSystem):
         motor_state (2n): [theta; theta'] over the gear ratio [rad, rad/s]; that of the joint where its gear is stiff.
         transmitted_torque (n): what a gear with a TransmissionEffect passes to the link [N m]; 0 where it is stiff.
 
-    State x: see `drake_tc.actuation.joint_program`. With F the step of the joints' programs,
+    State x: see `drake_tc.kernels.joint_layout`. With F the step of the joints' programs,
         x[n+1], y[n] = F(x[n], u[n]).
     The torque of a tick sees the state of the same tick: the system adds no delay of its own.
 
@@ -76,26 +70,20 @@ class ActuatorPlant(PortMethods, LeafSystem):
             raise ParamsError(f"inertias: expected {size} numbers >= 0 [kg m^2], got {moved.tolist()}")
         self._joints = tuple(model.joint for model in models)
         self._dt = float(dt)
-        self._programs = tuple(
-            JointProgram(model, dt, inertia) for model, inertia in zip(models, moved.tolist(), strict=True)
+        self._step_of_joints = step = JointStep(
+            [JointEffects(model, dt, inertia) for model, inertia in zip(models, moved.tolist(), strict=True)]
         )
-        bounds = np.cumsum([0, *(program.size for program in self._programs)]).tolist()
-        slices = (slice(a, b) for a, b in pairwise(bounds))
-        self._steps = tuple((program.run, part) for program, part in zip(self._programs, slices, strict=True))
-        kept = (first + np.array(program.own) for first, program in zip(bounds, self._programs, strict=False))
+        kept = (part.start + np.array(joint.own) for joint, part in zip(step.joints, step.parts, strict=True))
         self._own = np.concatenate(list(kept))
-        self._springs = spring_joints(models, moved.tolist(), self._dt)
-        self._no_load = (None,) * size
-        self._room = (REFERENCE_CELSIUS,) * size
-        self._nominal = (np.nan,) * size
+        self._unconnected = tuple(np.full(size, value) for value in UNCONNECTED)
 
         self._command: Any = self.DeclareVectorInputPort("command", size)
         self._state: Any = self.DeclareVectorInputPort("state", 2 * size)
         self._temperature: Any = self.DeclareVectorInputPort("temperature", size)
         self._supply: Any = self.DeclareVectorInputPort("supply_voltage", size)
         self._load: Any = self.DeclareVectorInputPort("load_torque", size)
-        rest = [value for program in self._programs for value in program.initial()]
-        memory = self.DeclareDiscreteState(_array([*rest, -np.inf]))
+        rest: Any = step.initial([0.0] * size)
+        memory = self.DeclareDiscreteState(rest)
         self._memory = int(memory)
         everything = {
             self._command.ticket(),
@@ -110,7 +98,7 @@ class ActuatorPlant(PortMethods, LeafSystem):
         for index, name in enumerate(JointOutput._fields):
             self.DeclareVectorOutputPort(name, size, self._writer(slice(index, kinds * size, kinds)), everything)
         self._after = slice(kinds * size, None)
-        self._step: Any = self.DeclareVectorOutputPort("step", kinds * size + len(rest) + 1, self._solve, everything)
+        self._step: Any = self.DeclareVectorOutputPort("step", step.width, self._solve, everything)
         seen = {self._state.ticket(), self.discrete_state_ticket(memory)}
         self.DeclareVectorOutputPort("motor_state", 2 * size, self._write_motor, seen)
         self.DeclareVectorOutputPort("transmitted_torque", size, self._write_transmitted, seen)
@@ -139,9 +127,8 @@ class ActuatorPlant(PortMethods, LeafSystem):
             context: This system's context.
             velocity: (n,) [rad/s].
         """
-        starts = zip(self._programs, np.asarray(velocity, float).tolist(), strict=True)
-        memory = [value for program, v in starts for value in program.initial(v)]
-        context.SetDiscreteState(self._memory, _array([*memory, -np.inf]))
+        start: Any = self._step_of_joints.initial(np.asarray(velocity, float).tolist())
+        context.SetDiscreteState(self._memory, start)
 
     def coordinates(self, context: Context) -> FloatArray:
         """The programs' memories without their bookkeeping, joint by joint (`drake_tc.analysis`)."""
@@ -158,41 +145,25 @@ class ActuatorPlant(PortMethods, LeafSystem):
         """Of `coordinates`: "joint/state", such as "knee/deflection"."""
         return tuple(
             f"{joint}/{name}"
-            for joint, program in zip(self._joints, self._programs, strict=True)
-            for name in program.own_names
+            for joint, effects in zip(self._joints, self._step_of_joints.joints, strict=True)
+            for name in effects.own_names
         )
 
     def _solve(self, context: Any, vector: Any) -> None:
         """(outputs, x[n+1]) into the port `step`, which all others and the update read."""
-        kept: FloatArray = context.get_discrete_state(self._memory).value()
-        command, moving = self._command.Eval(context), self._state.Eval(context)
-        time, size = context.get_time(), len(self._steps)
-        at_tick = time - kept[-1] > 0.99 * self._dt
-        if self._springs is not None:
-            memory_now, q_now, v_now = kept[:-1].reshape(size, -1), moving[:size], moving[size:]
-            answer = self._springs.step(memory_now, command, q_now, v_now, at_tick=at_tick)
-            if answer is not None:
-                vector.set_value(np.concatenate((answer[0].ravel(), answer[1].ravel(), [time])))
-                return
-        held: list[float] = kept.tolist()
-        state = moving.tolist()
-        joints = zip(
-            self._steps,
-            command.tolist(),
-            state[:size],
-            state[size:],
-            self._load.Eval(context).tolist() if self._load.HasValue(context) else self._no_load,
-            self._temperature.Eval(context).tolist() if self._temperature.HasValue(context) else self._room,
-            self._supply.Eval(context).tolist() if self._supply.HasValue(context) else self._nominal,
-            strict=True,
+        around: Any = None
+        if self._temperature.HasValue(context) or self._supply.HasValue(context):
+            ports = zip((self._temperature, self._supply), self._unconnected, strict=True)
+            around = tuple(port.Eval(context) if port.HasValue(context) else nominal for port, nominal in ports)
+        self._step_of_joints.step(
+            vector.get_mutable_value(),
+            context.get_discrete_state(self._memory).value(),
+            self._command.Eval(context),
+            self._state.Eval(context),
+            context.get_time(),
+            self._load.Eval(context) if self._load.HasValue(context) else None,
+            around,
         )
-        memory: list[float] = []
-        outputs: list[float] = []
-        for (run, part), asked, q, v, load, celsius, supply in joints:
-            own = held[part]
-            outputs += run(own, asked, q, v, load, celsius, supply, at_tick=at_tick)
-            memory += own
-        vector.set_value(_array([*outputs, *memory, time]))
 
     def _writer(self, part: slice) -> Callable[[Context, Any], None]:
         """The calc function of one output port."""
@@ -202,31 +173,16 @@ class ActuatorPlant(PortMethods, LeafSystem):
 
         return write
 
-    def _motor(self, context: Any) -> FloatArray:
-        """(3, n): theta, theta', transmitted torque of each joint, at a tick."""
-        held: list[float] = context.get_discrete_state(self._memory).value().tolist()
-        state, size = self._state.Eval(context).tolist(), len(self._programs)
-        joints = zip(self._programs, self._steps, state[:size], state[size:], strict=True)
-        return np.array([program.motor(held[part], q, v) for program, (_, part), q, v in joints]).T
+    def _motors(self, context: Any) -> FloatArray:
+        """(3n,) theta, theta', transmitted torque, at a tick."""
+        kept = context.get_discrete_state(self._memory).value()
+        return self._step_of_joints.motors(kept, self._state.Eval(context))
 
     def _write_motor(self, context: Any, vector: Any) -> None:
-        if self._springs is not None:
-            memory: FloatArray = context.get_discrete_state(self._memory).value()
-            found = self._springs.motor_state(memory[:-1].reshape(len(self._steps), -1))
-            if found is not None:
-                vector.set_value(found)
-                return
-        vector.set_value(self._motor(context)[:2].ravel())
+        vector.set_value(self._motors(context)[: 2 * len(self._joints)])
 
     def _write_transmitted(self, context: Any, vector: Any) -> None:
-        if self._springs is not None:
-            memory: FloatArray = context.get_discrete_state(self._memory).value()
-            moving, size = self._state.Eval(context), len(self._steps)
-            found = self._springs.transmitted(memory[:-1].reshape(size, -1), moving[:size], moving[size:])
-            if found is not None:
-                vector.set_value(found)
-                return
-        vector.set_value(self._motor(context)[2])
+        vector.set_value(self._motors(context)[2 * len(self._joints) :])
 
     def _update(self, context: Context, values: Any) -> None:
         """x[n+1]."""

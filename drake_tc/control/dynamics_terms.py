@@ -4,12 +4,16 @@ from typing import Any
 
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import FixedOffsetFrame, JacobianWrtVariable, MultibodyForces
+from pydrake.multibody.tree import FixedOffsetFrame, JacobianWrtVariable
 
 from drake_tc.errors import ParamsError
+from drake_tc.kernels.lazy import Kernel
 from drake_tc.robot.plant import add_robot
 from drake_tc.robot.robot import Robot
+from drake_tc.robot.tree import tree_of
 from drake_tc.types import FloatArray
+
+_JOINT_FORCES = Kernel("newton_euler", "joint_forces")
 
 
 class DynamicsTerms:
@@ -46,33 +50,20 @@ class DynamicsTerms:
         self._base = plant.GetBodyByName(robot.base).body_frame()
         joints = [plant.GetJointByName(name) for name in robot.joints]
         positions = np.array([joint.position_start() for joint in joints])
-        velocities = np.array([joint.velocity_start() for joint in joints])
         self.size, self.wrenches = len(joints), 6 * len(frames)
         if plant.num_velocities() != self.size:
             raise ParamsError(
                 f"robot {robot.name!r}: expected {self.size} movable joints, those listed, got {plant.num_velocities()}"
             )
-        straight = np.arange(self.size)
-        self._in_order = np.array_equal(positions, straight) and np.array_equal(velocities, straight)
         self._from = np.argsort(positions)  # plant order from ours; one velocity a joint, so the same for both
         self._to = positions
         self._origin: Any = np.zeros(3)
         self._force_first = np.array([3, 4, 5, 0, 1, 2])
-
-    @property
-    def plant(self) -> MultibodyPlant:
-        """The links alone, finalized."""
-        return self._plant
-
-    @property
-    def to_plant(self) -> list[int]:
-        """For each of the plant's joints, which of ours it is."""
-        return [int(i) for i in self._from]
-
-    @property
-    def from_plant(self) -> list[int]:
-        """For each of our joints, which of the plant's it is."""
-        return [int(i) for i in self._to]
+        order, pose = np.arange(self.size), robot.base_pose.transform
+        tree = tree_of(plant, plant.GetBodyByName(robot.base), robot.joints, order, order, {}, {})
+        gravity: FloatArray = np.array(plant.gravity_field().gravity_vector())
+        still = [*pose.rotation().ToQuaternion().wxyz(), *np.zeros(12), *(-gravity)]
+        self._tree = (tree.places, tree.constants, tree.trunk, np.array(still))
 
     def create_scratch(self) -> "Scratch":
         """Scratch memory for the other methods."""
@@ -80,19 +71,18 @@ class DynamicsTerms:
 
     def place(self, scratch: "Scratch", q: FloatArray, v: FloatArray) -> None:
         """Go to q, v (n,) [rad, rad/s], where the terms are taken."""
-        state: Any = np.concatenate((q, v) if self._in_order else (q[self._from], v[self._from]))
-        self._plant.SetPositionsAndVelocities(scratch.context, state)
+        scratch.q, scratch.v = q.copy(), v.copy()
 
     def forces(self, scratch: "Scratch", vdot: FloatArray) -> FloatArray:
         """(n,) M vdot + h [N m] for vdot (n,) [rad/s^2], by one recursion; h = C(q, v) v - tau_g(q)."""
-        plant: Any = self._plant
-        plant.CalcForceElementsContribution(scratch.context, scratch.gravity)
-        if self._in_order:
-            return np.asarray(plant.CalcInverseDynamics(scratch.context, vdot, scratch.gravity))
-        return np.asarray(plant.CalcInverseDynamics(scratch.context, vdot[self._from], scratch.gravity)[self._to])
+        out = np.empty(self.size)
+        _JOINT_FORCES(scratch.q, scratch.v, vdot, *self._tree, out)
+        return out
 
     def jacobian(self, scratch: "Scratch") -> FloatArray:
         """(6k, n) J."""
+        state: Any = np.concatenate((scratch.q[self._from], scratch.v[self._from]))
+        self._plant.SetPositionsAndVelocities(scratch.context, state)
         with_respect_to, base = JacobianWrtVariable.kV, self._base
         rows: Any = [
             self._plant.CalcJacobianSpatialVelocity(scratch.context, with_respect_to, frame, self._origin, base, base)[
@@ -101,7 +91,7 @@ class DynamicsTerms:
             for frame in self._frames
         ]
         jacobian = np.concatenate(rows) if rows else np.zeros((0, self.size))
-        return jacobian if self._in_order else np.asarray(jacobian[:, self._to])
+        return np.asarray(jacobian[:, self._to])
 
 
 class Scratch:
@@ -110,7 +100,7 @@ class Scratch:
     def __init__(self, plant: Any) -> None:
         self._plant = plant
         self.context = plant.CreateDefaultContext()
-        self.gravity = MultibodyForces(plant)
+        self.q = self.v = np.zeros(plant.num_positions())
 
     def __deepcopy__(self, memo: object) -> "Scratch":
         return Scratch(self._plant)

@@ -12,15 +12,18 @@ Neither its pose nor its linear velocity enters, as in the torque estimate.
 from typing import Any, Literal
 
 import numpy as np
-from pydrake.multibody.tree import JacobianWrtVariable, MultibodyForces
+from pydrake.multibody.tree import JacobianWrtVariable
 
 from drake_tc.errors import ParamsError
 from drake_tc.estimation.base_motion import BaseMotion
 from drake_tc.estimation.plant import CONTACT_SUFFIX, IMU_SUFFIX, build_plant
 from drake_tc.estimation.torque_model import as_slice
+from drake_tc.kernels.lazy import Kernel
 from drake_tc.robot.robot import Robot
+from drake_tc.robot.tree import tree_of
 from drake_tc.types import FloatArray
 
+_JOINT_FORCES = Kernel("newton_euler", "joint_forces")
 BaseRotation = Literal["gyro", "neglected"]
 
 
@@ -58,7 +61,9 @@ class FloatingTerms:
         self._first = nq
         self._positions, self._velocities = as_slice(model.position_index), as_slice(model.velocity_index)
         self._rates = as_slice(nq + model.velocity_index)
-        self._forces = MultibodyForces(self._plant)
+        order = np.arange(self.size)
+        tree = tree_of(self._plant, model.base.body(), robot.joints, order, order, {}, {})
+        self._tree = (tree.places, tree.constants, tree.trunk)
         self._origin: Any = np.zeros(3)
         self._force_first = np.array([3, 4, 5, 0, 1, 2])
 
@@ -82,23 +87,20 @@ class FloatingTerms:
 
     def place(self, scratch: "FloatingScratch", q: FloatArray, v: FloatArray) -> None:
         """Go to q, v (n,) [rad, rad/s], where the terms are taken, with the base as `carry` had it."""
-        state = self._model.state.copy()
-        state[self._positions], state[self._rates] = q, v
-        state[self._first : self._first + 3] = scratch.rate
-        self._plant.SetPositionsAndVelocities(scratch.context, state)
+        scratch.q, scratch.v = q.copy(), v.copy()
 
     def forces(self, scratch: "FloatingScratch", vdot: FloatArray) -> FloatArray:
         """(n,) tau of the module's docstring [N m] for vdot (n,) [rad/s^2]."""
-        acceleration = np.empty(self._nv)
-        acceleration[:6] = scratch.acceleration
-        acceleration[self._velocities] = vdot
-        return np.asarray(
-            self._plant.CalcInverseDynamics(scratch.context, acceleration, self._forces)[self._velocities]
-        )
+        out, base = np.empty(self.size), np.zeros(19)
+        base[0], base[7:10], base[13:] = 1.0, scratch.rate, scratch.acceleration
+        _JOINT_FORCES(scratch.q, scratch.v, vdot, *self._tree, base, out)
+        return out
 
     def jacobian(self, scratch: "FloatingScratch") -> FloatArray:
         """(6k, n) J."""
-        base = self._model.base
+        base, state = self._model.base, self._model.state.copy()
+        state[self._positions], state[self._rates] = scratch.q, scratch.v
+        self._plant.SetPositionsAndVelocities(scratch.context, state)
         rows: Any = [
             self._plant.CalcJacobianSpatialVelocity(
                 scratch.context, JacobianWrtVariable.kV, frame, self._origin, base, base
@@ -114,6 +116,7 @@ class FloatingScratch:
     def __init__(self, plant: Any) -> None:
         self._plant = plant
         self.context = plant.CreateDefaultContext()
+        self.q = self.v = np.zeros(0)
         self.rate = np.zeros(3)
         self.acceleration = np.zeros(6)
 

@@ -113,13 +113,12 @@ class CommandGuard(PortMethods, LeafSystem):
         return tuple(f"command[{i}]" for i in range(self._size))
 
     def _solve(self, context: Any, vector: Any) -> None:
-        vector.set_value(
-            self._law.step(
-                context.get_discrete_state(self._memory).value(),
-                self._command.Eval(context),
-                self._position.Eval(context),
-                self._fault.Eval(context)[0],
-            )
+        self._law.step(
+            context.get_discrete_state(self._memory).value(),
+            self._command.Eval(context),
+            self._position.Eval(context),
+            self._fault.Eval(context)[0],
+            vector.get_mutable_value(),
         )
 
     def _write_command(self, context: Context, vector: Any) -> None:

@@ -6,12 +6,10 @@ from enum import IntEnum
 import numpy as np
 
 from drake_tc.errors import ParamsError
-from drake_tc.types import BoolArray, FloatArray
+from drake_tc.kernels.lazy import Kernel
+from drake_tc.types import FloatArray
 
-LARGEST = 1e6
-"""Commands and positions that sum to more than this [rad | A | V | N m] count as not finite."""
-UNTRUSTED = 1.5
-"""From here on `fault` says that the positions are wrong, finite as they may be."""
+_STEP = Kernel("guard", "step")
 
 
 class GuardMode(IntEnum):
@@ -87,13 +85,13 @@ class GuardLaw:
         flags = (True,) * size if servo is None else tuple(servo)
         if len(flags) != size:
             raise ParamsError(f"servo: expected {size} flags, one a joint, got {len(flags)}")
-        self._size, self._dt, self._spec = size, dt, spec
-        self._servo = np.array(flags, dtype=np.float64)
-        self._all_servo = all(flags)
-        self._offset = self._spread("offset_limit", spec.offset_limit)
-        self._step = dt * self._spread("rate_limit", spec.rate_limit)
-        self._offsets, self._steps = self._offset.tolist(), self._step.tolist()
-        self._start_step = np.where(flags, np.minimum(self._step, dt * spec.start_rate), self._step)
+        self._size = size
+        step = dt * self._spread("rate_limit", spec.rate_limit)
+        start_step = np.where(flags, np.minimum(step, dt * spec.start_rate), step)
+        offset, servos = self._spread("offset_limit", spec.offset_limit), np.array(flags, dtype=np.float64)
+        self._limits: FloatArray = np.stack([offset, step, start_step, servos])
+        times = (spec.start_time, spec.hold_time, spec.damp_time, spec.damp_rate, spec.recover_time, spec.blend_time)
+        self._options = np.array([dt, *times])
 
     def _spread(self, name: str, value: float | tuple[float, ...]) -> FloatArray:
         array = np.asarray(value, dtype=np.float64)
@@ -105,82 +103,8 @@ class GuardLaw:
         """State before the first tick."""
         return np.append(np.zeros(3 * self._size), [float(GuardMode.HOLD), 0.0, 0.0, 0.0, 0.0])
 
-    def step(self, state: FloatArray, command: FloatArray, position: FloatArray, fault: float) -> FloatArray:
-        """One tick: the next state; its first n numbers are the outgoing command."""
-        n = self._size
-        values, commands, positions = state.tolist(), command.tolist(), position.tolist()
-        mode, waited, sound_for, s, rate = values[3 * n :]
-        size = sum(map(abs, commands)) + sum(map(abs, positions))  # as floats: no warning, NaN stays
-        sound = size <= LARGEST and -0.5 < fault < 0.5
-        if sound and mode == GuardMode.NORMAL:
-            last_y = values[:n]
-            y = map(_limited, commands, self._resting(positions), last_y, self._offsets, self._steps)
-            return np.array([*y, *positions, *last_y, *values[3 * n :]])
-        last, anchor = state[:n], state[2 * n : 3 * n]
-        after = state.copy()
-        known = None if sound else (np.abs(position) <= LARGEST) & (not fault >= UNTRUSTED)
-        here = position if known is None else np.where(known, position, state[n : 2 * n])
-        after[n : 2 * n] = here
-        rest = here if self._all_servo else here * self._servo
-        if rate == 0.0:
-            if known is not None and not np.all(known | (self._servo == 0.0)):
-                return after
-            last = anchor = rest
-            mode, rate = GuardMode.START, 1.0 / max(self._spec.start_time, self._dt)
-        was = mode
-        if not sound or mode >= GuardMode.HOLD:
-            mode, waited, sound_for = self._wait(mode, waited, sound_for, sound=sound)
-            if mode == GuardMode.START:
-                anchor, s, rate = last, 0.0, 1.0 / max(self._spec.blend_time, self._dt)
-        wish, step = command, self._step
-        if mode == GuardMode.START:
-            step = self._start_step
-            s = min(s + self._dt * rate, 1.0)
-            if s < 1.0 - 1e-9:
-                wish = anchor + s * s * (3.0 - 2.0 * s) * (command - anchor)
-        elif mode == GuardMode.HOLD:
-            wish = anchor if was == GuardMode.NORMAL else last
-        elif mode == GuardMode.DAMP:
-            wish = last + self._damping(rest - last, known)
-        after[:n] = list(map(_limited, wish.tolist(), rest.tolist(), last.tolist(), self._offsets, step.tolist()))
-        if mode == GuardMode.START and s >= 1.0 - 1e-9 and np.all(np.abs(self._near(wish, rest) - last) <= step):
-            mode = GuardMode.NORMAL
-        after[2 * n : 3 * n] = last if mode == GuardMode.NORMAL else anchor
-        after[3 * n :] = mode, waited, sound_for, s, rate
-        return after
-
-    def _near(self, wish: FloatArray, rest: FloatArray) -> FloatArray:
-        """clip(wish, r - D, r + D)."""
-        return np.minimum(np.maximum(wish, rest - self._offset), rest + self._offset)
-
-    def _resting(self, positions: list[float]) -> list[float]:
-        """r: the position for a servo, 0 for other drives."""
-        if self._all_servo:
-            return positions
-        return [q * servo for q, servo in zip(positions, self._servo.tolist(), strict=True)]
-
-    def _wait(self, mode: float, waited: float, sound_for: float, *, sound: bool) -> tuple[float, float, float]:
-        """(mode, time in hold and damp, time sound) of a tick that is not sound, or follows one too closely."""
-        half = 0.5 * self._dt
-        if mode < GuardMode.HOLD:
-            waited = 0.0
-        sound_for = sound_for + self._dt if sound else 0.0
-        if sound and sound_for >= self._spec.recover_time - half:
-            return GuardMode.START, 0.0, 0.0
-        waited += self._dt
-        return (GuardMode.DAMP if waited > self._spec.hold_time + half else GuardMode.HOLD), waited, sound_for
-
-    def _damping(self, away: FloatArray, known: BoolArray | None) -> FloatArray:
-        """Step towards rest; none where the position is lost."""
-        spec = self._spec
-        largest = spec.damp_rate * self._dt
-        move = np.clip(away * (self._dt / max(spec.damp_time, self._dt)), -largest, largest)
-        return np.asarray(move if known is None else np.where(known, move, 0.0))
-
-
-def _limited(wish: float, rest: float, last: float, offset: float, step: float) -> float:
-    """y[n] of one joint near rest, and within a step of y[n-1]; plain floats, as arrays of a few joints cost more."""
-    low, high = rest - offset, rest + offset
-    near = low if wish < low else high if wish > high else wish
-    low, high = last - step, last + step
-    return low if near < low else high if near > high else near
+    def step(
+        self, state: FloatArray, command: FloatArray, position: FloatArray, fault: float, after: FloatArray
+    ) -> None:
+        """One tick: the next state into `after`, whose first n numbers are the outgoing command."""
+        _STEP(state, command, position, fault, self._limits, self._options, after)

@@ -13,25 +13,24 @@ from drake_tc.control.dynamics_terms import DynamicsTerms
 from drake_tc.control.floating_terms import BaseRotation, FloatingTerms
 from drake_tc.control.gains import TorqueGains
 from drake_tc.errors import ParamsError
+from drake_tc.kernels.lazy import Kernel
 from drake_tc.port_methods import PortMethods
 from drake_tc.robot.robot import Robot
 from drake_tc.types import FloatArray
 
 Source = Literal["estimate", "reference"]
 PositionSource = Literal["estimate", "encoder"]
-InertialSource = Literal["own", "port"]
 
-LARGEST = 1e12
-"""Inputs beyond this count as not finite."""
-
+_FEEDBACK = Kernel("inverse_dynamics", "feedback")
 TERMS = ("feedforward", "position", "velocity", "force", "acceleration_error", "force_error")
 """Names of the rows of `torque_terms`."""
 
 
 class _Parts(NamedTuple):
-    """M qddot_d + h (n,), [Ks e; Kd edot] (2n,), f_d and e_f (6k,)."""
+    """M qddot_d + h (n,), its sum with Ks e and Kd edot (n,), these two (2n,), f_d and e_f (6k,)."""
 
     inertial: FloatArray
+    torque: FloatArray
     feedback: FloatArray
     desired: FloatArray
     unmet: FloatArray
@@ -51,7 +50,6 @@ class InverseDynamics(PortMethods, LeafSystem):
         contact_wrench (6k): f_hat, the same as measured.
             Both only with `force_task`.
         position (n): q as the encoders read it now [rad]; only with `position_error="encoder"`.
-        inertial_torque (n): M qddot_d + h [N m]; only with `inertial="port"`.
         imu_estimate (12): [gyro; accel; their derivatives] as filtered; only with a base that floats, as the next one.
         base_joint_estimate (3n): the joints' motion at the IMU's instant, for joints between IMU and base.
     Outputs, with direct feedthrough of every input, no state:
@@ -82,7 +80,6 @@ class InverseDynamics(PortMethods, LeafSystem):
         configuration: Source = "estimate",
         position_error: PositionSource = "estimate",
         angular_acceleration: BaseRotation = "gyro",
-        inertial: InertialSource = "own",
         force_task: bool = True,
     ) -> None:
         """Declare ports and build the model.
@@ -93,15 +90,12 @@ class InverseDynamics(PortMethods, LeafSystem):
             configuration: Where M, h and J are taken.
             position_error: Where q in e comes from.
             angular_acceleration: Of a base that floats: from the "gyro", or "neglected".
-            inertial: "own": M qddot_d + h is computed here; "port": it comes from a block of Drake's own
-                on `terms`, at the configuration that this block has.
             force_task: Whether a contact force is desired or fed back; False leaves out the two ports, f_d = e_f = 0.
 
         Raises:
             ParamsError: a floating base without IMU, gains of another size, or an unknown key.
         """
         super().__init__()
-        _one_of("inertial", inertial, get_args(InertialSource))
         _one_of("configuration", configuration, get_args(Source))
         _one_of("position_error", position_error, get_args(PositionSource))
         _one_of("angular_acceleration", angular_acceleration, get_args(BaseRotation))
@@ -117,14 +111,13 @@ class InverseDynamics(PortMethods, LeafSystem):
         wrenches = (("force_reference", m), ("contact_wrench", m)) if force_task else ()
         self._forces: tuple[Any, ...] = tuple(self.DeclareVectorInputPort(*port) for port in wrenches)
         self._position: Any = self.DeclareVectorInputPort("position", n) if position_error == "encoder" else None
-        self._inertial: Any = self.DeclareVectorInputPort("inertial_torque", n) if inertial == "port" else None
         base = (("imu_estimate", 12), ("base_joint_estimate", 3 * n))
         self._base: Any = () if robot.fixed_base else tuple(self.DeclareVectorInputPort(*port) for port in base)
-        optional = [port for port in (self._position, self._inertial) if port is not None]
+        optional = [] if self._position is None else [self._position]
         ports = [self._estimate, self._reference, *self._forces, *self._base, *optional]
         tickets = {port.ticket() for port in ports}
         tickets.add(self.numeric_parameter_ticket(NumericParameterIndex(self._gains)))
-        self._no_wrench, self._lost = np.zeros(m), np.full(n, np.nan)
+        self._no_wrench, self._lost, self._nothing = np.zeros(m), np.full(n, np.nan), np.zeros(0)
         self._scratch: Any = self.DeclareCacheEntry(
             "scratch",
             ValueProducer(allocate=lambda: Value(model.create_scratch()), calc=lambda context, value: None),
@@ -138,11 +131,6 @@ class InverseDynamics(PortMethods, LeafSystem):
     def size(self) -> int:
         """Joints n."""
         return self._size
-
-    @property
-    def terms(self) -> Any:
-        """Where M, h and J come from: DynamicsTerms, or FloatingTerms under a base that floats."""
-        return self._model
 
     def set_gains(self, context: Context, gains: TorqueGains) -> None:
         """Other Ks, Kd, Kf in this system's context (Kp, Ki are the TorqueControl's).
@@ -171,11 +159,9 @@ class InverseDynamics(PortMethods, LeafSystem):
         if parts is None:
             vector.set_value(self._lost)
             return
-        n = self._size
-        torque = parts.inertial + parts.feedback[:n]
-        torque += parts.feedback[n:]
+        torque = parts.torque
         if self._forces:
-            torque -= self._joint_torque(context, parts.desired + self._kf(context).dot(parts.unmet))
+            torque = torque - self._joint_torque(context, parts.desired + self._kf(context).dot(parts.unmet))
         vector.set_value(torque)
 
     def _write_feedforward(self, context: Any, vector: Any) -> None:
@@ -224,16 +210,16 @@ class InverseDynamics(PortMethods, LeafSystem):
         n = self._size
         estimate, reference = self._estimate.Eval(context), self._reference.Eval(context)
         desired, felt = (port.Eval(context) for port in self._forces) if self._forces else (self._no_wrench,) * 2
-        error = reference - estimate  # [e; edot; eddot]
-        if self._position is not None:
-            error[:n] = reference[:n] - self._position.Eval(context)
-        given = () if self._inertial is None else (self._inertial.Eval(context),)
-        seen = np.concatenate((estimate, error, desired, felt, *given, *(port.Eval(context) for port in self._base)))
-        if not np.maximum.reduce(np.abs(seen)) <= LARGEST:  # also where one is NaN
+        position = self._nothing if self._position is None else self._position.Eval(context)
+        others = self._nothing
+        if self._forces or self._base:
+            others = np.concatenate((desired, felt, *(port.Eval(context) for port in self._base)))
+        gains, out = context.get_numeric_parameter(self._gains).value(), np.empty(3 * n)
+        if not _FEEDBACK(estimate, reference, position, others, gains, out):
             return None
-        gains = context.get_numeric_parameter(self._gains).value()
-        inertial = given[0] if given else self._model.forces(self._placed(context), reference[2 * n :])
-        return _Parts(inertial, gains[: 2 * n] * error[: 2 * n], desired, desired - felt)
+        inertial = self._model.forces(self._placed(context), reference[2 * n :])
+        unmet = desired - felt if self._forces else desired
+        return _Parts(inertial, inertial + out[:n], out[n:], desired, unmet)
 
 
 def _one_of(key: str, value: str, possible: tuple[str, ...]) -> None:

@@ -4,20 +4,16 @@ Source: Del Prete et al., 2016, eq. 10 to 14.
 """
 
 import math
-from collections.abc import Sequence
-from itertools import chain
-from math import tanh
-from typing import Any, NamedTuple
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
-from pydrake.common.value import Value
 from pydrake.systems.framework import (
     BasicVector,
     Context,
     DiscreteValues,
     LeafSystem,
     NumericParameterIndex,
-    ValueProducer,
 )
 
 from drake_tc.actuation.compensator import Compensator
@@ -26,12 +22,12 @@ from drake_tc.control.compensation_spec import CompensationSpec
 from drake_tc.control.gains import TorqueGains
 from drake_tc.effects.thermal_friction import REFERENCE_CELSIUS
 from drake_tc.errors import ParamsError
+from drake_tc.kernels.compensation_layout import LIMIT, SERVO
+from drake_tc.kernels.lazy import Kernel
 from drake_tc.port_methods import PortMethods
 from drake_tc.types import FloatArray
 
-LARGEST = 1e12
-"""Inputs that sum to more than this count as not finite."""
-
+_SOLVE = Kernel("torque_control", "solve")
 COMPONENTS = (
     "feedforward_torque",
     "feedforward_friction",
@@ -43,15 +39,8 @@ COMPONENTS = (
 """Names of the rows of `components` (Del Prete et al., 2016, Fig. 6)."""
 
 
-class _Solution(NamedTuple):
-    """What goes out [effort]; u, tau* - d [N m]; y [effort]; Ki s and tau* [N m]; each of n."""
-
-    command: tuple[float, ...]
-    asked: tuple[float, ...]
-    torque: tuple[float, ...]
-    effort: tuple[float, ...]
-    integral: tuple[float, ...]
-    commanded: tuple[float, ...]
+SOLUTION = ("command", "asked", "torque", "effort", "integral", "commanded_torque")
+"""Rows of `solution`: what goes out [effort]; u, tau* - d [N m]; y [effort]; Ki s and tau* [N m]."""
 
 
 class TorqueControl(PortMethods, LeafSystem):
@@ -80,6 +69,7 @@ class TorqueControl(PortMethods, LeafSystem):
         integral (n): K Ki s, the seventh; the seven sum to y. Where tau* is clipped, all but the friction are scaled
             by (tau* - d)/u.
         commanded_torque (n): tau* [N m], what the drives are to deliver if their models are right.
+        solution (6n): rows of n, named in SOLUTION, for one call into Python a tick.
     State s (n) [N m s]. Parameters: Kp, Ki (`set_gains`).
 
     An input that is not finite gives NaN outputs for the tick, which the CommandGuard behind stops; s is held.
@@ -130,12 +120,14 @@ class TorqueControl(PortMethods, LeafSystem):
             raise ParamsError(f"dt: expected a positive period [s], got {dt!r}")
         self._size, self._spec, self._dt, self._disturbed = n, spec, float(dt), disturbance
         self._names = names
-        self._limit, self._nil = limit, [0.0] * n
-        self._nothing = _Solution(*((math.nan,) * n for _ in _Solution._fields))
-        self._per_speed = 1.0 / spec.direction_speed
+        self._limit, self._nothing, self._nil = limit, np.zeros(0), np.zeros(n)
+        rows, inverses = self._compensator.tables
+        rows[:, LIMIT] = limit
+        sources = [
+            ("estimate", "reference", "none").index(x) for x in (spec.velocity, spec.direction, spec.acceleration)
+        ]
+        self._constants = (np.array(sources), 1.0 / spec.direction_speed, rows, inverses)
         self._k_tau = self._compensator.k_tau
-        servos = [float(model.drive.kind == "position_servo") for model in models]
-        self._joints = tuple(zip(self._compensator.laws, limit.tolist(), servos, strict=True))
         self._integrates = bool(np.any(gains.ki > 0.0))
         start: Any = self._flat(gains)
         self._gains = int(self.DeclareNumericParameter(BasicVector(start)))
@@ -156,20 +148,12 @@ class TorqueControl(PortMethods, LeafSystem):
         tickets = {tuned, self.discrete_state_ticket(total)}
         tickets |= {port.ticket() for port in (self._desired, self._estimated, self._estimate, self._position)}
         tickets |= {port.ticket() for port in (self._reference, self._lost) if port is not None}
-        self._solution: Any = self.DeclareCacheEntry(
-            "solution", ValueProducer(allocate=Value(()).Clone, calc=self._solve), tickets
-        )
-        solved = {self._solution.ticket()}
-        divided = {*solved, self._desired.ticket(), self._terms.ticket(), self._estimated.ticket()}
-        self.DeclareVectorOutputPort("command", n, self._write_command, solved)
-        self.DeclareVectorOutputPort(
-            "components",
-            6 * n,
-            self._write_components,
-            {*divided, tuned},
-        )
-        self.DeclareVectorOutputPort("commanded_torque", n, self._write_commanded, solved)
-        self.DeclareVectorOutputPort("integral", n, self._write_integral, solved)
+        self._solution: Any = self.DeclareVectorOutputPort("solution", len(SOLUTION) * n, self._solve, tickets)
+        divided = {*tickets, self._terms.ticket()}
+        self.DeclareVectorOutputPort("command", n, self._writer("command"), tickets)
+        self.DeclareVectorOutputPort("components", 6 * n, self._write_components, divided)
+        self.DeclareVectorOutputPort("commanded_torque", n, self._writer("commanded_torque"), tickets)
+        self.DeclareVectorOutputPort("integral", n, self._write_integral, tickets)
         if self._integrates:
             self.DeclarePeriodicDiscreteUpdateEvent(self._dt, 0.0, self._update)
 
@@ -206,56 +190,47 @@ class TorqueControl(PortMethods, LeafSystem):
             raise ParamsError(f"gains: expected {self._size} joints, got {gains.size}")
         return np.concatenate([gains.kp, gains.ki])
 
-    def _solve(self, context: Any, solution: Any) -> None:
-        """The rows of _Solution into the cache entry; joint by joint on plain floats, cheaper than arrays of a few."""
-        desired, estimated, position = (
-            p.Eval(context).tolist() for p in (self._desired, self._estimated, self._position)
-        )
-        velocity, turning, acceleration = self._motion(context)
-        lost = self._nil if self._lost is None else self._lost.Eval(context).tolist()
-        used = chain(desired, estimated, position, velocity, turning, acceleration, lost)
-        if not sum(map(abs, used)) <= LARGEST:  # also where one is NaN
-            solution.set_value(self._nothing)
-            return
-        gains = context.get_numeric_parameter(self._gains).value().tolist()
-        integral = self._nil
-        if self._integrates:
-            total = context.get_discrete_state(self._sum).value().tolist()
-            integral = [ki * s for ki, s in zip(gains[self._size :], total, strict=True)]
-        motion = (position, velocity, turning, acceleration)
-        given = zip(self._joints, gains, desired, estimated, integral, *motion, lost, strict=False)
-        per_speed, rows = self._per_speed, []
-        for (law, limit, servo), kp, d, e, i, q, v, w, a, more in given:
-            asked = d + kp * (d - e) + i
-            torque = -limit if asked < -limit else limit if asked > limit else asked
-            effort = law(torque + more, v, tanh(w * per_speed), q, a, REFERENCE_CELSIUS)
-            rows.append((servo * q + effort, asked, torque, effort, i, torque + more))
-        solution.set_value(_Solution(*zip(*rows, strict=True)))
+    def _solve(self, context: Any, vector: Any) -> None:
+        """The rows of SOLUTION."""
+        inputs = [port.Eval(context) for port in (self._desired, self._estimated, self._position, self._estimate)]
+        reference = self._nothing if self._reference is None else self._reference.Eval(context)
+        lost = self._nothing if self._lost is None else self._lost.Eval(context)
+        gains = context.get_numeric_parameter(self._gains).value()
+        total = context.get_discrete_state(self._sum).value() if self._integrates else self._nil
+        out = vector.get_mutable_value()
+        _SOLVE(*inputs, reference, lost, gains, total, *self._constants, out)
+        if self._compensator.interpreted and math.isfinite(out[0]):
+            self._interpret(out.reshape(len(SOLUTION), -1), inputs[2], inputs[3], reference)
 
-    def _motion(self, context: Any) -> tuple[list[float], list[float], list[float]]:
-        """(velocity, velocity that gives the direction, acceleration) to compensate for, n each."""
-        n, spec = self._size, self._spec
-        estimate: list[float] = self._estimate.Eval(context).tolist()
-        reference: list[float] = estimate if self._reference is None else self._reference.Eval(context).tolist()
-        velocity = (reference if spec.velocity == "reference" else estimate)[n : 2 * n]
-        turning = (reference if spec.direction == "reference" else estimate)[n : 2 * n]
-        if spec.acceleration == "none":
-            return velocity, turning, self._nil
-        return velocity, turning, (reference if spec.acceleration == "reference" else estimate)[2 * n :]
+    def _interpret(self, rows: FloatArray, position: FloatArray, estimate: FloatArray, reference: FloatArray) -> None:
+        """Command and effort of the joints that have an effect without compiled equation."""
+        n, (sources, per_speed, joints, _) = self._size, self._constants
+        motion = np.zeros((3, 3 * n))
+        motion[0], motion[1] = estimate, reference if reference.size else 0.0
+        velocity, turning = motion[sources[0], n : 2 * n], motion[sources[1], n : 2 * n]
+        acceleration = motion[sources[2], 2 * n :]
+        for j in self._compensator.interpreted:
+            now = (velocity[j], math.tanh(turning[j] * per_speed), position[j], acceleration[j])
+            v, direction, q, a = map(float, now)
+            effort = self._compensator.effort_of(j, float(rows[5, j]), v, direction, q, a, REFERENCE_CELSIUS)
+            rows[0, j], rows[3, j] = joints[j, SERVO] * position[j] + effort, effort
 
-    def _write_command(self, context: Any, vector: Any) -> None:
-        vector.set_value(self._solution.Eval(context).command)
+    def _writer(self, row: str) -> Callable[[Context, Any], None]:
+        """The calc function of an output that is a row of the solution."""
+        part = slice(SOLUTION.index(row) * self._size, (SOLUTION.index(row) + 1) * self._size)
 
-    def _write_commanded(self, context: Any, vector: Any) -> None:
-        vector.set_value(self._solution.Eval(context).commanded)
+        def write(context: Context, vector: Any) -> None:
+            vector.set_value(self._solution.Eval(context)[part])
+
+        return write
 
     def _write_integral(self, context: Any, vector: Any) -> None:
         _, asked, torque, _, integral, _ = self._solved(context)
         vector.set_value(self._share(asked, torque) * integral)
 
     def _solved(self, context: Any) -> FloatArray:
-        """(6, n) the rows of _Solution."""
-        return np.array(self._solution.Eval(context))
+        """(6, n) the rows of SOLUTION."""
+        return np.reshape(self._solution.Eval(context), (len(SOLUTION), self._size))
 
     def _share(self, asked: FloatArray, torque: FloatArray) -> FloatArray:
         """K tau*/u (n,): in effort, what the limit leaves of each part."""

@@ -26,7 +26,7 @@ from typing import ClassVar, Literal
 import numpy as np
 
 from drake_tc.effects.context import EFFORT_UNIT, Context, DriveKind
-from drake_tc.effects.kernel import DriveKernel, TorqueKernel, TorqueParts, Transmission
+from drake_tc.effects.kernel import DriveKernel, InverseLaw, TorqueKernel, TorqueParts, Transmission
 from drake_tc.effects.parameter import Parameter, Plausible
 from drake_tc.effects.signals import Signals, plain_signals
 from drake_tc.types import FloatArray
@@ -230,6 +230,19 @@ class DriveEffect(Effect):
     ) -> FloatArray:
         """The effort to ask for so that y* is `effort`, where that is possible; otherwise `effort` itself."""
         return effort
+
+    def inverse_law(self, parameters: Mapping[str, float], smoothing: float) -> InverseLaw | None:
+        """`inverse` at one joint and one instant; None where the effect has none.
+
+        Args:
+            parameters: By name.
+            smoothing: A jump at zero effort becomes a straight line within +/- this effort.
+        """
+        if type(self).inverse is DriveEffect.inverse:
+            return None
+        return InverseLaw(
+            lambda effort, direction: float(self.inverse(np.array([effort]), np.array([direction]), parameters)[0])
+        )
 
 
 class SensorEffect(Effect):

@@ -7,6 +7,8 @@ import numpy as np
 
 from drake_tc.effects.base import Context, DriveEffect, Parameter, Plausible, Shape, Signals, Signature
 from drake_tc.effects.kernel import DriveKernel, memoryless
+from drake_tc.kernels.equations import lagged
+from drake_tc.kernels.joint_layout import LAG
 from drake_tc.types import FloatArray
 
 
@@ -62,8 +64,6 @@ class CurrentLag(DriveEffect):
         pole, new, old = hold_coefficients(parameters["lag"], period)
 
         def step(value: float, effort: float, direction: float, memory: list[float], at: int) -> float:
-            lagged = pole * memory[at] + new * value + old * memory[at + 1]
-            memory[at], memory[at + 1] = lagged, value
-            return lagged
+            return lagged(value, pole, new, old, memory, at)
 
-        return DriveKernel(size=2, start=lambda value, effort: [value, value], step=step)
+        return DriveKernel(2, lambda value, effort: [value, value], step, kind=LAG, numbers=(pole, new, old))

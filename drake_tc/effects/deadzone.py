@@ -5,14 +5,10 @@ from collections.abc import Mapping
 import numpy as np
 
 from drake_tc.effects.base import Context, DriveEffect, Parameter, Plausible, Shape, Signals, Signature
-from drake_tc.effects.kernel import DriveKernel
+from drake_tc.effects.kernel import DriveKernel, InverseLaw, memoryless
+from drake_tc.kernels.equations import dead_zone, dead_zone_inverse
+from drake_tc.kernels.joint_layout import DEAD_ZONE
 from drake_tc.types import FloatArray
-
-
-def apply_deadzone(effort: FloatArray, width: FloatArray | float) -> FloatArray:
-    """sign(y) max(|y| - w, 0): elementwise, in the effort's unit."""
-    return np.asarray(np.sign(effort) * np.maximum(np.abs(effort) - width, 0.0))
-
 
 DEADZONE_RANGE = Plausible(
     0.0,
@@ -38,20 +34,23 @@ class Deadzone(DriveEffect):
         return [{"deadzone": float(w)} for w in np.geomspace(0.003 * largest, 0.5 * largest, 12)]
 
     def transform(self, effort: FloatArray, signals: Signals, shape: Shape) -> FloatArray:
-        """See `apply_deadzone`."""
-        return apply_deadzone(effort, shape["deadzone"])
+        """See `drake_tc.kernels.equations.dead_zone`."""
+        return np.asarray(dead_zone(effort, shape["deadzone"]))
 
     def kernel(self, parameters: Mapping[str, float], period: float) -> DriveKernel:
         """No memory."""
         width = parameters["deadzone"]
-
-        def step(value: float, effort: float, direction: float, memory: list[float], at: int) -> float:
-            return value - width if value > width else (value + width if value < -width else 0.0)
-
-        return DriveKernel(size=0, start=lambda value, effort: [], step=step)
+        return memoryless(lambda value, effort, direction: float(dead_zone(value, width)), DEAD_ZONE, (width,))
 
     def inverse(
         self, effort: FloatArray, direction: FloatArray, parameters: Mapping[str, FloatArray | float]
     ) -> FloatArray:
         """The command y + w sign(y) jumps over the dead zone."""
-        return np.asarray(effort + parameters["deadzone"] * np.sign(effort))
+        return np.asarray(dead_zone_inverse(effort, parameters["deadzone"], 0.0))
+
+    def inverse_law(self, parameters: Mapping[str, float], smoothing: float) -> InverseLaw:
+        """The same, the jump a straight line within +/- `smoothing`."""
+        width = parameters["deadzone"]
+        return InverseLaw(
+            lambda effort, direction: float(dead_zone_inverse(effort, width, smoothing)), DEAD_ZONE, width
+        )

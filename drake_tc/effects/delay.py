@@ -8,6 +8,8 @@ import numpy as np
 
 from drake_tc.effects.base import Context, DriveEffect, Parameter, Plausible, Shape, Signals, Signature
 from drake_tc.effects.kernel import DriveKernel
+from drake_tc.kernels.equations import delayed
+from drake_tc.kernels.joint_layout import DELAY
 from drake_tc.types import FloatArray
 
 
@@ -55,17 +57,14 @@ class Delay(DriveEffect):
         samples = parameters["delay"] / period
         whole = math.floor(samples)
         part = samples - whole
-        length = whole + 2
 
         def step(value: float, effort: float, direction: float, memory: list[float], at: int) -> float:
-            newest = (int(memory[at]) + 1) % length
-            ring = at + 1
-            memory[at] = float(newest)
-            memory[ring + newest] = value
-            late = memory[ring + (newest - whole) % length]
-            return (1.0 - part) * late + part * memory[ring + (newest - whole - 1) % length]
+            return delayed(value, whole, part, memory, at)
 
-        return DriveKernel(size=1 + length, start=lambda value, effort: [0.0] + [value] * length, step=step)
+        ring = whole + 2
+        return DriveKernel(
+            1 + ring, lambda value, effort: [0.0] + [value] * ring, step, kind=DELAY, numbers=(float(whole), part)
+        )
 
 
 class CommandDelay(Delay):

@@ -8,6 +8,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TypeAlias
 
+from drake_tc.kernels.joint_layout import INTERPRETED
+
 TorqueParts: TypeAlias = tuple[float, float, float]
 """(level [N m], damping [N m s/rad], rest [N m]): torque = level * direction + damping * velocity + rest.
 
@@ -31,12 +33,31 @@ class DriveKernel:
             `memory[at : at + size]` and is overwritten with the next one.
         observe: (velocity [rad/s], temperature [deg C], supply voltage [V], memory, at), called before `step` at every
             sample, writes into the memory what `step` needs to know of them; None for an effect that needs none.
+        kind: Of the compiled equation that is the same as `step` (`drake_tc.kernels.joint_layout`).
+        numbers: Its parameters, three at most.
     """
 
     size: int
     start: Callable[[float, float], list[float]]
     step: Callable[[float, float, float, list[float], int], float]
     observe: Callable[[float, float, float, list[float], int], None] | None = None
+    kind: int = INTERPRETED
+    numbers: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True)
+class InverseLaw:
+    """What to ask of a drive, of one joint at one instant.
+
+    Attributes:
+        invert: (desired effort, direction) to the effort to ask for.
+        kind: Of the compiled equation that is the same (`drake_tc.kernels.joint_layout`).
+        number: Its parameter.
+    """
+
+    invert: Callable[[float, float], float]
+    kind: int = INTERPRETED
+    number: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -52,10 +73,12 @@ class Transmission:
     compliance: float
 
 
-def memoryless(step: Callable[[float, float, float], float]) -> DriveKernel:
+def memoryless(
+    step: Callable[[float, float, float], float], kind: int = INTERPRETED, numbers: tuple[float, ...] = ()
+) -> DriveKernel:
     """A kernel without memory from (value, raw effort, direction) to the value passed on."""
 
     def run(value: float, effort: float, direction: float, memory: list[float], at: int) -> float:
         return step(value, effort, direction)
 
-    return DriveKernel(size=0, start=lambda value, effort: [], step=run)
+    return DriveKernel(size=0, start=lambda value, effort: [], step=run, kind=kind, numbers=numbers)

@@ -6,6 +6,8 @@ import numpy as np
 
 from drake_tc.effects.base import Context, DriveEffect, Parameter, Plausible, Shape, Signals, Signature
 from drake_tc.effects.kernel import DriveKernel, memoryless
+from drake_tc.kernels.equations import saturated
+from drake_tc.kernels.joint_layout import SATURATION
 from drake_tc.types import FloatArray
 
 LIMIT_RANGE = Plausible(
@@ -39,9 +41,9 @@ class Saturation(DriveEffect):
 
     def transform(self, effort: FloatArray, signals: Signals, shape: Shape) -> FloatArray:
         """Clip."""
-        return np.clip(effort, -shape["limit"], shape["limit"])
+        return np.asarray(saturated(effort, shape["limit"]))
 
     def kernel(self, parameters: Mapping[str, float], period: float) -> DriveKernel:
         """No memory."""
         limit = parameters["limit"]
-        return memoryless(lambda value, effort, direction: max(-limit, min(limit, value)))
+        return memoryless(lambda value, effort, direction: float(saturated(value, limit)), SATURATION, (limit,))

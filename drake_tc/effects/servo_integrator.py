@@ -6,6 +6,8 @@ import numpy as np
 
 from drake_tc.effects.base import Context, DriveEffect, Parameter, Plausible, Shape, Signals, Signature
 from drake_tc.effects.kernel import DriveKernel
+from drake_tc.kernels.equations import integrated
+from drake_tc.kernels.joint_layout import INTEGRAL
 from drake_tc.types import FloatArray
 
 INTEGRAL_RATE_RANGE = Plausible(
@@ -60,8 +62,8 @@ class ServoIntegrator(DriveEffect):
         rate, half = parameters["integral_rate"], 0.5 * period
 
         def step(value: float, effort: float, direction: float, memory: list[float], at: int) -> float:
-            integral = memory[at] + half * (effort + memory[at + 1])
-            memory[at], memory[at + 1] = integral, effort
-            return value + rate * integral
+            return integrated(value, effort, rate, half, memory, at)
 
-        return DriveKernel(size=2, start=lambda value, effort: [-period * effort, effort], step=step)
+        return DriveKernel(
+            2, lambda value, effort: [-period * effort, effort], step, kind=INTEGRAL, numbers=(rate, half)
+        )

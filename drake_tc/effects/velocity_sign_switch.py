@@ -5,7 +5,9 @@ from collections.abc import Mapping
 import numpy as np
 
 from drake_tc.effects.base import DriveEffect, Parameter, Plausible, Shape, Signals, Signature
-from drake_tc.effects.kernel import DriveKernel
+from drake_tc.effects.kernel import DriveKernel, InverseLaw, memoryless
+from drake_tc.kernels.equations import switch_inverse, switched
+from drake_tc.kernels.joint_layout import SWITCH
 from drake_tc.types import FloatArray
 
 SWITCH_RANGE = Plausible(
@@ -50,16 +52,17 @@ class VelocitySignSwitch(DriveEffect):
     def kernel(self, parameters: Mapping[str, float], period: float) -> DriveKernel:
         """No memory beyond the direction itself; acts on the raw effort, as the column does."""
         switch = parameters["switch"]
-
-        def step(value: float, effort: float, direction: float, memory: list[float], at: int) -> float:
-            return value + switch * direction * effort
-
-        return DriveKernel(size=0, start=lambda value, effort: [], step=step)
+        return memoryless(
+            lambda value, effort, direction: switched(value, effort, direction, switch), SWITCH, (switch,)
+        )
 
     def inverse(
         self, effort: FloatArray, direction: FloatArray, parameters: Mapping[str, FloatArray | float]
     ) -> FloatArray:
         """The command y / (1 + s sign(qdot)); the effort itself where the drive is dead (s = -sign)."""
-        gain = 1.0 + parameters["switch"] * direction
-        alive = np.abs(gain) > 1e-6
-        return np.asarray(np.where(alive, effort / np.where(alive, gain, 1.0), effort))
+        return np.asarray(switch_inverse(effort, direction, parameters["switch"]))
+
+    def inverse_law(self, parameters: Mapping[str, float], smoothing: float) -> InverseLaw:
+        """The same; nothing of it jumps."""
+        switch = parameters["switch"]
+        return InverseLaw(lambda effort, direction: float(switch_inverse(effort, direction, switch)), SWITCH, switch)

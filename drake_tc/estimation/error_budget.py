@@ -97,7 +97,6 @@ class Budget:
 
 class _Case(NamedTuple):
     suite: SensorSuiteSpec
-    context: Any
     model: TorqueModel
 
 
@@ -131,7 +130,6 @@ def error_budget(
     filters = Filters() if filters is None else filters
     _check(model, run, filters)
     rng = np.random.default_rng(seed)
-    exact = model.create_context()
     wrong = _wrong_masses(model, mass_error, rng)
     noise = [rng.standard_normal(x.shape) for x in (run.position, run.imu, run.wrench)]
     margin = max(filters.encoder, filters.other)
@@ -141,7 +139,7 @@ def error_budget(
     def estimate(case: _Case, *, causal: bool = False) -> FloatArray:
         return _torques(case, _smoothed(run, filters, case.suite, noise, causal=causal), rows)
 
-    ideal = _Case(perfect, exact, model)
+    ideal = _Case(perfect, model)
     reference = estimate(ideal)
     truth = run.torque[rows]
     errors: dict[str, FloatArray] = {
@@ -149,15 +147,15 @@ def error_budget(
         "filter lag": estimate(ideal, causal=True) - reference,
     }
     for name, only in imperfections(suite).items():
-        errors[name] = estimate(_Case(only, exact, model)) - reference
+        errors[name] = estimate(_Case(only, model)) - reference
     if mass_error > 0.0:
-        errors["link masses"] = estimate(_Case(perfect, wrong, model)) - reference
+        errors["link masses"] = estimate(_Case(perfect, wrong)) - reference
     contributions = {name: _rms(error) for name, error in errors.items()}
     root_sum = np.sqrt(np.sum([value**2 for value in contributions.values()], axis=0))
     if neglected is not None:
-        off = estimate(_Case(perfect, neglected.create_context(), neglected))
+        off = estimate(_Case(perfect, neglected))
         contributions["gyro derivative off"] = _rms(off - reference)
-    everything = _Case(suite, wrong, model)
+    everything = _Case(suite, wrong)
     return Budget(
         joints=model.robot.joints,
         contributions=contributions,
@@ -225,7 +223,6 @@ def _torques(case: _Case, logs: tuple[Smoothed, Smoothed, Smoothed], rows: Any) 
     return np.array(
         [
             case.model.estimate(
-                case.context,
                 joint.value[t],
                 joint.first_derivative[t],
                 joint.second_derivative[t],
@@ -238,8 +235,8 @@ def _torques(case: _Case, logs: tuple[Smoothed, Smoothed, Smoothed], rows: Any) 
     )
 
 
-def _wrong_masses(model: TorqueModel, fraction: float, rng: np.random.Generator) -> Any:
-    """A Context in which every link's mass and inertia is off by up to `fraction`; centres of mass stay."""
+def _wrong_masses(model: TorqueModel, fraction: float, rng: np.random.Generator) -> TorqueModel:
+    """The model with every link's mass and inertia off by up to `fraction`; centres of mass stay."""
     context = model.create_context()
     plant = model.model.plant
     for index in plant.GetBodyIndices(plant.GetModelInstanceByName(model.robot.name)):
@@ -252,7 +249,7 @@ def _wrong_masses(model: TorqueModel, fraction: float, rng: np.random.Generator)
                 right.get_unit_inertia(),
             )
             body.SetSpatialInertiaInBodyFrame(context, wrong)
-    return context
+    return model.with_inertias(context)
 
 
 def _rms(error: FloatArray) -> FloatArray:

@@ -5,8 +5,7 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from pydrake.common.value import Value
-from pydrake.systems.framework import Context, LeafSystem, ValueProducer
+from pydrake.systems.framework import Context, LeafSystem
 
 from drake_tc.estimation.torque_model import TorqueModel
 from drake_tc.port_methods import PortMethods
@@ -47,7 +46,6 @@ class JointTorqueEstimator(PortMethods, LeafSystem):
         super().__init__()
         self._model = model
         n, k = model.size, model.num_sensors
-        self._n = n
         self._joint: Any = self.DeclareVectorInputPort("joint_estimate", 3 * n)
         self._imu: Any = self.DeclareVectorInputPort("imu_estimate", 12)
         inputs = {self._joint.ticket(), self._imu.ticket()}
@@ -55,17 +53,11 @@ class JointTorqueEstimator(PortMethods, LeafSystem):
         if k:
             self._wrench = self.DeclareVectorInputPort("wrench_estimate", 6 * k)
             inputs.add(self._wrench.ticket())
-        self._no_imu, self._no_wrench, self._good = np.zeros(12), np.zeros(0), np.zeros(1)
-        self._nothing = np.append(np.zeros(n + 6 + 6 * k), 1.0)
-        self._scratch: Any = self.DeclareCacheEntry(
-            "plant_context",
-            ValueProducer(allocate=lambda: Value(model.create_context()), calc=lambda context, value: None),
-            {self.nothing_ticket()},
-        )
+        self._no_imu, self._no_wrench = np.zeros(12), np.zeros(0)
         self._parts = _parts(n, k)
+        self._estimate: Any = self.DeclareVectorOutputPort("estimate", model.width, self._solve, inputs)
         for name, part in self._parts.items():
             self.DeclareVectorOutputPort(name, part.stop - part.start, self._writer(part), inputs)
-        self._estimate: Any = self.DeclareVectorOutputPort("estimate", self._nothing.size, self._solve, inputs)
 
     @property
     def model(self) -> TorqueModel:
@@ -88,13 +80,7 @@ class JointTorqueEstimator(PortMethods, LeafSystem):
         joint: FloatArray = self._joint.Eval(context)
         imu: FloatArray = self._imu.Eval(context) if self._model.uses_imu else self._no_imu
         wrench: FloatArray = self._no_wrench if self._wrench is None else self._wrench.Eval(context)
-        seen = np.concatenate((joint, imu, wrench))
-        if not np.maximum.reduce(np.abs(seen)) < LARGEST:  # also where one is NaN
-            vector.set_value(self._nothing)
-            return
-        n, scratch = self._n, self._scratch.Eval(context)
-        estimate = self._model.estimate(scratch, joint[:n], joint[n : 2 * n], joint[2 * n :], imu[:6], imu[6:9], wrench)
-        vector.set_value(np.concatenate((*estimate, self._good)))
+        self._model.estimate_into(vector.get_mutable_value(), joint, imu, wrench, LARGEST)
 
 
 def _parts(n: int, k: int) -> dict[str, slice]:

@@ -114,9 +114,8 @@ def estimate_log(
     Source: Del Prete et al., 2016, section 3.4: identification uses every signal at t - t_d, so that the filters' delay
     cancels.
     """
-    context = model.create_context()
     rows = smoothed(model, log, filters, bias)
-    torque, unknown, contact = zip(*(model.estimate(context, *row) for row in rows), strict=True)
+    torque, unknown, contact = zip(*(model.estimate(*row) for row in rows), strict=True)
     return TorqueLog(np.array(torque), np.array(unknown), np.array(contact))
 
 

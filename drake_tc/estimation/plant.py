@@ -25,6 +25,7 @@ from drake_tc.types import FloatArray, IntArray
 CUT_SUFFIX = "_cut"
 CONTACT_SUFFIX = "_contact"
 IMU_SUFFIX = "_imu"
+SENSOR_SUFFIX = "_sensor"
 
 
 @dataclass(frozen=True)
@@ -35,6 +36,7 @@ class SensorCut:
         name: Of the sensor.
         rows: (6,) velocities of its joint: [rotation; translation], axes of its child frame M.
         child: M, the frame on the child link where the joint was.
+        sensor: S, in which the sensor reads.
         contact: C, where the external wrench on the part beyond acts.
         rigid: C sits on a body welded to M's.
         shift: (6, 6) from a wrench [t; f] at M to the same at D, both in M; D is C where rigid, else M.
@@ -44,6 +46,7 @@ class SensorCut:
     name: str
     rows: slice
     child: Any
+    sensor: Any
     contact: Any
     rigid: bool
     shift: FloatArray
@@ -114,11 +117,18 @@ def build_plant(robot: Robot, *, cuts: bool = True) -> EstimationPlant:
         if cuts:
             plant.RemoveJoint(weld)
             plant.AddJoint(RpyFloatingJoint(mount.joint + CUT_SUFFIX, parent, child))
-        frames.append((child, _add_mount(plant, where, f"{mount.name}{CONTACT_SUFFIX}", mount.contact)))
+        offset = _at_body_of(child, f"{mount.name}{SENSOR_SUFFIX}", mount)
+        contact = _add_mount(plant, where, f"{mount.name}{CONTACT_SUFFIX}", mount.contact)
+        frames.append((child, plant.AddFrame(offset), contact))
     for imu in robot.imu:
         _add_mount(plant, f"{robot.name}: imu {imu.name}", f"{imu.name}{IMU_SUFFIX}", imu)
     plant.Finalize()
     return _index(robot, plant, frames if cuts else [])
+
+
+def _at_body_of(frame: Any, name: str, mount: ForceTorqueMount) -> Any:
+    """The frame of a sensor on the body that has this frame."""
+    return FixedOffsetFrame(name, frame.body().body_frame(), mount.pose.transform)
 
 
 def _add_mount(plant: MultibodyPlant, where: str, name: str, mount: Mount) -> Any:
@@ -128,13 +138,12 @@ def _add_mount(plant: MultibodyPlant, where: str, name: str, mount: Mount) -> An
     return plant.AddFrame(FixedOffsetFrame(name, plant.GetFrameByName(mount.link), mount.pose.transform))
 
 
-def _index(robot: Robot, plant: MultibodyPlant, frames: list[tuple[Any, Any]]) -> EstimationPlant:
+def _index(robot: Robot, plant: MultibodyPlant, frames: list[tuple[Any, Any, Any]]) -> EstimationPlant:
     """Find base, joints and sensors in the finalized plant."""
     context = plant.CreateDefaultContext()
     joints = [plant.GetJointByName(name) for name in robot.joints]
     made = tuple(
-        _cut(plant, context, mount, child, contact)
-        for mount, (child, contact) in zip(robot.force_torque, frames, strict=bool(frames))
+        _cut(plant, context, mount, *found) for mount, found in zip(robot.force_torque, frames, strict=bool(frames))
     )
     return EstimationPlant(
         plant=plant,
@@ -147,9 +156,11 @@ def _index(robot: Robot, plant: MultibodyPlant, frames: list[tuple[Any, Any]]) -
     )
 
 
-def _cut(plant: MultibodyPlant, context: Any, mount: ForceTorqueMount, child: Any, contact: Any) -> SensorCut:
+def _cut(
+    plant: MultibodyPlant, context: Any, mount: ForceTorqueMount, child: Any, sensor: Any, contact: Any
+) -> SensorCut:
     """Where one sensor sits, and the constant transform of its readings."""
-    X_MS = child.CalcPoseInBodyFrame(context).inverse().multiply(mount.pose.transform)
+    X_MS = sensor.CalcPose(context, child)
     rotation = X_MS.rotation().matrix()
     reading = np.zeros((6, 6))
     reading[3:, :3] = rotation
@@ -164,6 +175,7 @@ def _cut(plant: MultibodyPlant, context: Any, mount: ForceTorqueMount, child: An
         name=mount.name,
         rows=slice(first, first + 6),
         child=child,
+        sensor=sensor,
         contact=contact,
         rigid=rigid,
         shift=shift,

@@ -210,11 +210,11 @@ def _torque(
     """The estimate with filtered motion and, unless they are to be filtered, raw wrenches; and the filtered
     accelerations; (T, n) each.
     """
-    model, context = logs.model, logs.model.create_context()
+    model = logs.model
     torque = np.empty((sensors.position.shape[0], model.size))
     acceleration = np.empty_like(torque)
     for index, (q, v, vdot, imu, rate, felt) in enumerate(smoothed(model, sensors, filters, None)):
         wrench = felt if filter_wrenches else sensors.wrench[index]
-        torque[index] = model.estimate(context, q, v, vdot, imu, rate, wrench).torque
+        torque[index] = model.estimate(q, v, vdot, imu, rate, wrench).torque
         acceleration[index] = vdot
     return logs.at_motors(torque), acceleration

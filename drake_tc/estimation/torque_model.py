@@ -15,19 +15,23 @@ Joint-Torque Sensors", Algorithm 1. Ours computes by generalized forces what the
 the two are the same balance, and a sensor inside a limb needs no case of its own.
 """
 
-from typing import Any, Literal, NamedTuple
+from copy import copy
+from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 from pydrake.multibody.tree import JacobianWrtVariable, MultibodyForces
 
 from drake_tc.errors import ParamsError
 from drake_tc.estimation.base_motion import BaseMotion
-from drake_tc.estimation.plant import CUT_SUFFIX, IMU_SUFFIX, build_plant, skew
+from drake_tc.estimation.plant import CUT_SUFFIX, IMU_SUFFIX, build_plant
+from drake_tc.estimation.torque_tables import kernel_tables
+from drake_tc.kernels.lazy import Kernel
 from drake_tc.robot.robot import Robot
 from drake_tc.types import FloatArray, IntArray
 
 BaseSource = Literal["imu", "fixed"]
 AngularAcceleration = Literal["gyro", "neglected", "zero"]
+_ESTIMATE = Kernel("joint_torque", "estimate")
 GRAVITY = 9.81
 """[m/s^2]; Drake's own."""
 
@@ -91,14 +95,14 @@ class TorqueModel:
         self._positions = as_slice(self.model.position_index)
         self._velocities = as_slice(self.model.velocity_index)
         self._in_state = as_slice(self._num_positions + self.model.velocity_index)
-        self._to_contact = tuple(np.hstack([cut.shift, cut.reading_to_contact]) for cut in self.model.cuts)
         self._differentiate = angular_acceleration
         self._motion = self._base_motion(base, imu)
         up = robot.base_pose.transform.rotation().matrix()[2]
         self._still = np.concatenate([np.zeros(3), GRAVITY * up])
         self._no_rate = np.zeros(3)
-        self._unknown, shift = self._unknown_frame(unknown)
-        self._to_unknown = np.block([[np.zeros((3, 3)), np.eye(3)], [np.eye(3), -shift]])
+        self._imu = self._plant.GetFrameByName((imu or robot.imu[0].name) + IMU_SUFFIX) if self._motion else None
+        self._unknown = self._unknown_frame(unknown)
+        self._tables = self._tables_of(self.create_context())
 
     @property
     def size(self) -> int:
@@ -116,12 +120,22 @@ class TorqueModel:
         return self._motion is not None
 
     def create_context(self) -> Any:
-        """A Context of the estimation plant: the scratch memory of `estimate`."""
+        """A Context of the estimation plant: the scratch memory of `motion_forces` and others."""
         return self._plant.CreateDefaultContext()
+
+    def with_inertias(self, context: Any) -> "TorqueModel":
+        """A model that estimates with the links' inertias of a Context of `create_context`, at q = 0."""
+        other = copy(self)
+        other._tables = self._tables_of(context)
+        return other
+
+    def _tables_of(self, context: Any) -> tuple[Any, ...]:
+        """The robot as `drake_tc.kernels.joint_torque` takes it, with the inertias of a context."""
+        mode = get_args(AngularAcceleration).index(self._differentiate)
+        return kernel_tables(self.robot, self.model, context, self._unknown, self._imu, mode, self._still)
 
     def estimate(
         self,
-        context: Any,
         q: FloatArray,
         v: FloatArray,
         vdot: FloatArray,
@@ -129,10 +143,9 @@ class TorqueModel:
         gyro_dot: FloatArray,
         wrenches: FloatArray,
     ) -> Estimate:
-        """Torques and wrenches at one instant.
+        """Torques and wrenches at one instant; NaN where an argument is not finite.
 
         Args:
-            context: From `create_context`; its content before does not matter.
             q: (n,) joint positions [rad or m].
             v: (n,) joint velocities [1/s].
             vdot: (n,) joint accelerations [1/s^2].
@@ -140,10 +153,35 @@ class TorqueModel:
             gyro_dot: (3,) derivative of the gyro [rad/s^2]; used with angular_acceleration "gyro" only.
             wrenches: (6k,) readings W = [f; t] of the F/T sensors, in their frames [N, N m].
         """
-        needed = self.motion_forces(context, q, v, vdot, imu, gyro_dot)
-        contacts = self._contacts(context, needed, wrenches)
-        wrench = self._take_unknown(context, needed)
-        return Estimate(needed[self._velocities], wrench, contacts)
+        joint = np.concatenate((q, v, vdot))
+        inertial = np.zeros(9)
+        if self.uses_imu:
+            inertial[:6] = imu
+            inertial[6:] = gyro_dot if self._differentiate == "gyro" else 0.0
+        n, out = self.size, np.empty(self.width)
+        self.estimate_into(out, joint, inertial, np.ascontiguousarray(wrenches, dtype=np.float64), np.inf)
+        if out[-1]:
+            out[:] = np.nan
+        return Estimate(out[:n], out[n : n + 6], out[n + 6 : -1])
+
+    @property
+    def width(self) -> int:
+        """Numbers of one estimate: n + 6 + 6k, and 1."""
+        return self.size + 7 + 6 * self.num_sensors
+
+    def estimate_into(
+        self, out: FloatArray, joint: FloatArray, imu: FloatArray, wrenches: FloatArray, largest: float
+    ) -> None:
+        """`estimate` for a control loop, of contiguous arrays.
+
+        Args:
+            out: (width,) [tau_hat; f_u; E; fault], written; fault is 1, and all else 0, where an input is missing.
+            joint: (3n,) [q; qdot; qddot].
+            imu: (9,) or more, [gyro; accel; d gyro/dt].
+            wrenches: (6k,).
+            largest: Inputs from this size on count as missing.
+        """
+        _ESTIMATE(joint, imu, wrenches, *self._tables, largest, out)
 
     def motion_forces(
         self, context: Any, q: FloatArray, v: FloatArray, vdot: FloatArray, imu: FloatArray, gyro_dot: FloatArray
@@ -221,41 +259,6 @@ class TorqueModel:
             forces += np.concatenate((moment, force)) @ jacobian
         return forces
 
-    def _contacts(self, context: Any, needed: FloatArray, wrenches: FloatArray) -> FloatArray:
-        """External wrenches (6k,) at the contact frames; takes their J^T E out of `needed`."""
-        plant, world = self._plant, self._world
-        contacts = np.empty(wrenches.size)
-        for index in self.model.inward:
-            cut = self.model.cuts[index]
-            at = 6 * index
-            jacobian = plant.CalcJacobianSpatialVelocity(
-                context, JacobianWrtVariable.kV, cut.contact, self._origin, world, world
-            )
-            rotation = jacobian[3:, cut.rows.start + 3 : cut.rows.stop]  # R_WM: C moves as the sensor's joint slides
-            wrench = self._to_contact[index].dot(np.concatenate((needed[cut.rows], wrenches[at : at + 6])))
-            wrench = wrench.reshape(2, 3).dot(rotation.T).ravel()
-            if not cut.rigid:
-                here = cut.child.CalcPoseInWorld(context).translation()
-                lever = cut.contact.CalcPoseInWorld(context).translation() - here
-                wrench[:3] -= skew(lever) @ wrench[3:]
-            needed -= wrench.dot(jacobian)
-            contacts[at : at + 3] = wrench[3:]
-            contacts[at + 3 : at + 6] = wrench[:3]
-        return contacts
-
-    def _take_unknown(self, context: Any, needed: FloatArray) -> FloatArray:
-        """f_u (6,) = [f; t] at the unknown link's origin; takes its J^T f_u out of `needed`."""
-        if self._unknown is None:
-            return np.asarray(self._to_unknown.dot(needed[:6]))
-        moment, force = needed[:3], needed[3:6]
-        jacobian = self._plant.CalcJacobianSpatialVelocity(
-            context, JacobianWrtVariable.kV, self._unknown, self._origin, self._world, self._world
-        )
-        moment = moment + jacobian[3:, :3].T @ -force
-        wrench = np.concatenate((force, moment))
-        needed -= np.concatenate((moment, force)) @ jacobian
-        return wrench
-
     def _base_motion(self, base: BaseSource, imu: str | None) -> BaseMotion | None:
         """The IMU's transform, or None for a welded base."""
         names = [mount.name for mount in self.robot.imu]
@@ -272,8 +275,8 @@ class TorqueModel:
             raise ParamsError(f"{self.robot.name}: no IMU {name!r}; there are {names}")
         return BaseMotion(self.model, self._plant.GetFrameByName(name + IMU_SUFFIX))
 
-    def _unknown_frame(self, unknown: str | None) -> tuple[Any, FloatArray]:
-        """(frame, 0) of a link that moves against the base, or (None, [p_BU]x) of one welded to it."""
+    def _unknown_frame(self, unknown: str | None) -> Any:
+        """That of the link that takes the unknown wrench."""
         name = self.robot.base if unknown is None else unknown
         if not self._plant.HasBodyNamed(name):
             raise ParamsError(f"{self.robot.name}: unknown wrench: no link {name!r} in the URDF")
@@ -285,10 +288,7 @@ class TorqueModel:
                     f"{self.robot.name}: unknown wrench: {name!r} is beyond the F/T sensor {cut.name!r}, where the"
                     " external wrench is the contact wrench; expected a link between the base and the sensors"
                 )
-        if not self.model.welded_to_base(frame):
-            return frame, np.zeros((3, 3))
-        context = self._plant.CreateDefaultContext()
-        return None, skew(frame.CalcPose(context, self.model.base).translation())
+        return frame
 
 
 def as_slice(index: IntArray) -> Any:

@@ -7,7 +7,6 @@ Plain functions for logs first, then `SavitzkyGolayFilter`, the same recursion a
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from math import isfinite
 from typing import Any
 
 import numpy as np
@@ -15,10 +14,13 @@ from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
 from drake_tc.errors import ParamsError
 from drake_tc.filtering.savgol_weights import delay, savgol_weights
+from drake_tc.kernels.lazy import Kernel
 from drake_tc.port_methods import PortMethods
 from drake_tc.types import FloatArray
 
 __all__ = ["SavitzkyGolayFilter", "Smoothed", "delay", "savgol_weights", "smooth", "smooth_causal"]
+
+_ADVANCE, _FIT = Kernel("savitzky_golay", "advance"), Kernel("savitzky_golay", "fit")
 
 
 @dataclass(frozen=True)
@@ -127,8 +129,8 @@ class SavitzkyGolayFilter(PortMethods, LeafSystem):
         out `fault`              (n,) 1 where the last sample was not finite (or none has come yet), else 0.
         out `estimate`           (3n,) [value; first derivative; second derivative]
 
-    Discrete state: the window X (N, n) as a ring, the fault flags c (n,), the started flags b (n,), the row h of the
-    oldest sample, and the estimate y (3n,). Per joint, every dt:
+    Discrete state: [the window X (N, n) as a ring; the started flags b (n,); the row h of the oldest sample], the fault
+    flags c (n,), and the estimate y (3n,). Per joint, every dt:
 
         s[k]   = u[k] where finite, else X[k]'s newest (the last good sample is held)
         X[k+1] = [X[k] without its oldest; s[k]]        once started: s[k] is put in row h, then h moves on
@@ -172,20 +174,14 @@ class SavitzkyGolayFilter(PortMethods, LeafSystem):
         distinct = sorted(set(orders))
         weights = np.stack([[savgol_weights(window, o, at, d, dt) for o in distinct] for d in range(3)])
         doubled = np.concatenate([weights, weights], axis=2)  # any rotation is a slice
-        self._table = np.ascontiguousarray(doubled.reshape(3 * len(distinct), 2 * window))
-        which = np.array([distinct.index(o) for o in orders])
-        rows = np.arange(3)[:, None] * len(distinct) + which
-        self._pick = (rows * size + np.arange(size)).ravel()  # of (3 orders, n), flat
-        self._one_order = len(distinct) == 1
+        self._table = np.ascontiguousarray(doubled.reshape(3 * len(distinct), 2 * window).T)
+        self._orders = np.array([distinct.index(o) for o in orders])
         self._input: Any = self.DeclareVectorInputPort("signal", size)
         all_faulty: Any = np.ones(size)
-        start: Any = np.array([window - 1.0, 0.0])
-        samples, fault = self.DeclareDiscreteState(window * size), self.DeclareDiscreteState(all_faulty)
-        started, head = self.DeclareDiscreteState(size), self.DeclareDiscreteState(start)
+        start: Any = np.append(np.zeros(window * size + size), window - 1.0)
+        memory, fault = self.DeclareDiscreteState(start), self.DeclareDiscreteState(all_faulty)
         estimate = self.DeclareDiscreteState(3 * size)
-        self._samples, self._fault, self._started = int(samples), int(fault), int(started)
-        self._head = int(head)  # [h, 1 where all have started without fault]
-        self._estimate = int(estimate)
+        self._memory, self._fault, self._estimate = int(memory), int(fault), int(estimate)
         for d, name in enumerate(("value", "first_derivative", "second_derivative")):
             self.DeclareVectorOutputPort(name, size, self._writer(d), {self.discrete_state_ticket(estimate)})
         self.DeclareStateOutputPort("fault", fault)
@@ -199,26 +195,24 @@ class SavitzkyGolayFilter(PortMethods, LeafSystem):
 
     def coordinates(self, context: Context) -> FloatArray:
         """(N n,) the window, oldest sample first: the state without its bookkeeping (`drake_tc.analysis`)."""
-        ring = np.array(context.get_discrete_state(self._samples).value()).reshape(self._window, self._size)
-        return np.roll(ring, -int(context.get_discrete_state(self._head).value()[0]), axis=0).ravel()
+        memory = context.get_discrete_state(self._memory).value()
+        ring = np.reshape(memory[: self._window * self._size], (self._window, self._size))
+        return np.roll(ring, -int(memory[-1]), axis=0).ravel()
 
     def set_coordinates(self, context: Context, x: FloatArray) -> None:
         """Make the window (N n,) x, oldest first, and the estimate what belongs to it."""
-        oldest: int = int(context.get_discrete_state(self._head).value()[0])
-        ring = np.roll(np.asarray(x).reshape(self._window, self._size), oldest, axis=0)
-        state: Any = context
-        state.SetDiscreteState(self._samples, ring.ravel())
-        state.SetDiscreteState(self._estimate, self._fit(ring, oldest))
+        memory: Any = np.array(context.get_discrete_state(self._memory).value())
+        ring = np.roll(np.asarray(x).reshape(self._window, self._size), int(memory[-1]), axis=0)
+        memory[: ring.size] = ring.ravel()
+        estimate: Any = np.empty(3 * self._size)
+        _FIT(memory, self._table, self._orders, estimate)
+        context.SetDiscreteState(self._memory, memory)
+        context.SetDiscreteState(self._estimate, estimate)
 
     def coordinate_names(self) -> tuple[str, ...]:
         """Of `coordinates`: "input[i]@-k" is the sample of channel i that is k ticks old."""
         ages = range(self._window - 1, -1, -1)
         return tuple(f"input[{i}]@-{age}" for age in ages for i in range(self._size))
-
-    def _fit(self, ring: FloatArray, oldest: int) -> FloatArray:
-        """The estimate (3n,) of the ring whose oldest row is known."""
-        y: FloatArray = self._table[:, self._window - oldest : 2 * self._window - oldest].dot(ring).ravel()
-        return y if self._one_order else y.take(self._pick)
 
     def _writer(self, derivative: int) -> Callable[[Context, Any], None]:
         """The calc function of an output with one of the three derivatives."""
@@ -230,26 +224,7 @@ class SavitzkyGolayFilter(PortMethods, LeafSystem):
         return write
 
     def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
-        u = self._input.Eval(context)
         new: Any = discrete_state
-        head = new.get_mutable_value(self._head)
-        oldest, size, window = int(head[0]), self._size, self._window
-        samples = new.get_mutable_value(self._samples).reshape(window, size)
-        if not (head[1] and isfinite(u.dot(u))):
-            u = self._mend(u, samples[oldest - 1], head, context, new)
-        samples[oldest] = u
-        oldest = (oldest + 1) % window
-        head[0] = oldest
-        new.set_value(self._estimate, self._fit(samples, oldest))
-
-    def _mend(self, u: FloatArray, newest: FloatArray, head: FloatArray, context: Any, new: Any) -> FloatArray:
-        """The sample s where something is not finite or has not started; flags and first fills go to the new state."""
-        started = context.get_discrete_state(self._started).value() > 0.5
-        finite = np.isfinite(u)
-        first = finite & ~started
-        if first.any():
-            new.get_mutable_value(self._samples).reshape(self._window, self._size)[:, first] = u[first]
-        new.set_value(self._fault, np.where(finite, 0.0, 1.0))
-        new.set_value(self._started, np.where(finite | started, 1.0, 0.0))
-        head[1] = float(finite.all())
-        return np.where(finite, u, newest)
+        memory, fault = new.get_mutable_value(self._memory), new.get_mutable_value(self._fault)
+        estimate = new.get_mutable_value(self._estimate)
+        _ADVANCE(self._input.Eval(context), self._table, self._orders, memory, fault, estimate)

@@ -98,7 +98,9 @@ def sources_of(module: str, folder: Path = _SOURCES) -> tuple[Path, ...]:
             continue
         found[name] = path
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            if isinstance(node, ast.ImportFrom) and (node.module or "").startswith(_PACKAGE):
+            if isinstance(node, ast.ImportFrom) and f"{node.module}." == _PACKAGE:
+                left += [alias.name for alias in node.names]
+            elif isinstance(node, ast.ImportFrom) and (node.module or "").startswith(_PACKAGE):
                 left.append(str(node.module).removeprefix(_PACKAGE))
     return tuple(found[name] for name in sorted(found))
 

@@ -10,6 +10,7 @@ from pydrake.common.value import Value
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, InputPort, LeafSystem, ValueProducer
 
 from drake_tc.errors import ParamsError
+from drake_tc.kernels.lazy import Kernel
 from drake_tc.port_methods import PortMethods
 from drake_tc.sensing.corruption import BLOCK, Corruption, corrupt
 from drake_tc.sensing.fault import SensorFault
@@ -18,7 +19,8 @@ from drake_tc.types import FloatArray
 
 __all__ = ["Sensor", "SensorBase", "SensorFault", "SensorSpec", "corrupt"]
 
-_TICK, _STUCK, _OFFSET = 0, 1, 2
+_READING = Kernel("sensor", "reading")
+_TICK, _OFFSET = 0, 2
 _LATE = 1e-6
 """Of a tick: a time that is later by less is the tick itself."""
 
@@ -73,19 +75,13 @@ class SensorBase(PortMethods, LeafSystem):
         self._size, self._delay, self._freezes = size, sensor.delay, sensor.freezes
         self._length = sensor.oldest
         self._is_late = self._length > self._delay
-        scale, resolution = spec.channels("scale", size), spec.channels("resolution", size)
-        self._scale = None if np.all(scale == 1.0) else scale
-        self._steps = resolution > 0.0
-        self._step = np.where(self._steps, resolution, 1.0)
-        self._steps_any, self._steps_all = bool(self._steps.any()), bool(self._steps.all())
+        self._channels = np.stack([spec.channels("scale", size), spec.channels("resolution", size)])
+        ages = _OFFSET + size * (1 + self._freezes) if self._is_late else 0
+        self._layout, self._nothing = np.array([self._delay, ages]), np.zeros(0)
         self._ticks, self._changes, self._dt = bool(self._length or self._freezes), sensor.changes, sensor.dt
-        self._first = self._rows(0)[0]
-        self._offset = slice(_OFFSET, _OFFSET + size)
-        self._stuck = slice(_OFFSET + size, _OFFSET + 2 * size)
-        self._age = slice(-size, None)
-        self._channels = np.arange(size)
+        self._first = self._rows(0)[:1]
         if self._ticks:
-            first: Any = self._first
+            first: Any = self._first[0]
             now = self.DeclareDiscreteState(first)
             tickets = {self.discrete_state_ticket(now)}
             self._now = int(now)
@@ -134,7 +130,7 @@ class SensorBase(PortMethods, LeafSystem):
         Raises:
             ParamsError: noise, quantisation, lost samples or faults, of which no derivative can be taken.
         """
-        if self._corruption.changes or self._steps_any:
+        if self._corruption.changes or self._channels[1].any():
             raise ParamsError(
                 f"sensor {self.get_name()!r}: expected neither noise, quantisation, drop-outs nor faults, to linearise;"
                 " take perfect sensors"
@@ -177,45 +173,26 @@ class SensorBase(PortMethods, LeafSystem):
             more.append(self._corruption.lateness(block).astype(np.float64))
         return np.hstack([ticks, any_stuck, offsets, *more])
 
-    def _row(self, context: Any) -> FloatArray:
-        """[k, any m, o, m, a] of this tick."""
-        row: FloatArray = self._first
+    def _row(self, context: Any) -> tuple[FloatArray, int]:
+        """(rows [k, any m, o, m, a], that of this tick)."""
         if self._ticks:
-            row = context.get_discrete_state(self._now).value()
-        elif self._changes:
-            block: _Block = context.get_abstract_state(self._drawn).get_value()
-            tick = ceil(context.get_time() / self._dt - _LATE)
-            at = tick - block.index * BLOCK + 1
-            # a context whose time was set by hand is served too: the rows are a function of seed and tick
-            row = block.rows[at] if 0 <= at <= BLOCK else self._rows(max(tick, 0) // BLOCK)[tick % BLOCK]
-        return row
+            return context.get_discrete_state(self._now).value()[np.newaxis], 0
+        if not self._changes:
+            return self._first, 0
+        block: _Block = context.get_abstract_state(self._drawn).get_value()
+        tick = ceil(context.get_time() / self._dt - _LATE)
+        at = tick - block.index * BLOCK + 1
+        if 0 <= at <= BLOCK:
+            return block.rows, at
+        # a context whose time was set by hand is served too: the rows are a function of seed and tick
+        return self._rows(max(tick, 0) // BLOCK), tick % BLOCK
 
     def _calc(self, context: Any, output: BasicVector) -> None:
-        now = self._row(context)
-        if self._is_late and now[self._age].any():
-            u: Any = self._late_truth(context, now)
-        elif self._delay:
-            at = (int(now[_TICK]) - self._delay) % self._length * self._size
-            u = context.get_discrete_state(self._line).value()[at : at + self._size]
-        else:
-            u = self._truth(context)
-        if self._scale is not None:
-            u = self._scale * u
-        y = u + now[self._offset]
-        if self._steps_any:
-            rounded = np.rint(y / self._step) * self._step
-            y = rounded if self._steps_all else np.where(self._steps, rounded, y)
-        if now[_STUCK]:
-            last = context.get_discrete_state(self._last).value()
-            y = np.where((now[self._stuck] > 0.0) & np.isfinite(last), last, y)
-        output.set_value(y)
-
-    def _late_truth(self, context: Any, now: FloatArray) -> FloatArray:
-        """(n,) u[n-L-a[n]], each channel with its own age."""
-        age = self._delay + now[self._age].astype(np.int64)
-        ring = np.reshape(context.get_discrete_state(self._line).value(), (self._length, self._size))
-        old = ring[(int(now[_TICK]) - age) % self._length, self._channels]
-        return old if self._delay else np.where(age > 0, old, self._truth(context))
+        rows, at = self._row(context)
+        ring = context.get_discrete_state(self._line).value() if self._length else self._nothing
+        last = context.get_discrete_state(self._last).value() if self._freezes else self._nothing
+        truth = self._nothing if self._delay else self._truth(context)
+        _READING(truth, rows, at, ring, last, self._channels, self._layout, output.get_mutable_value())
 
     def _update(self, context: Any, values: DiscreteValues) -> None:
         new: Any = values

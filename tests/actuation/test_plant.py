@@ -11,7 +11,6 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource
 
-from drake_tc.actuation.friction import PRESLIDING_DISPLACEMENT
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.actuation.plant import ActuatorPlant
 from drake_tc.actuation.recorded_run import Link
@@ -23,6 +22,7 @@ from drake_tc.actuation.wiring import (
     joint_inertias,
 )
 from drake_tc.errors import ParamsError
+from drake_tc.kernels.friction import PRESLIDING_DISPLACEMENT
 from drake_tc.loops.joint_bench.diagram import make_plant
 
 RICH = (

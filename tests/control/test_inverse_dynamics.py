@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from pydrake.systems.framework import DiagramBuilder
-from pydrake.systems.primitives import ConstantVectorSource
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import MultibodyForces
 
 from drake_tc.control.dynamics_terms import DynamicsTerms
 from drake_tc.control.gains import TorqueGains
 from drake_tc.control.inverse_dynamics import TERMS, InverseDynamics
 from drake_tc.errors import ParamsError
-from drake_tc.loops.torque.rigid_torque import rigid_torque
+from drake_tc.robot.plant import add_robot
 
 from .robots import dynamics, pendulum
 
@@ -137,36 +137,19 @@ def test_a_broken_input_raises_nothing_and_heals(tmp_path, name, bad):
 
 
 @pytest.mark.parametrize("order", ["[shoulder, elbow]", "[elbow, shoulder]"])
-def test_a_block_of_drakes_own_may_bring_the_inertial_torque(tmp_path, order):
-    robot = pendulum(tmp_path, joints=order)
-    own = InverseDynamics(robot, GAINS, configuration="reference")
-    fed = InverseDynamics(robot, GAINS, configuration="reference", inertial="port")
-    builder = DiagramBuilder()
-    builder.AddSystem(fed)
-    source = builder.AddSystem(ConstantVectorSource(INPUTS["reference"]))
-    torque = rigid_torque(builder, fed.terms, source.get_output_port())
-    builder.ExportOutput(torque)
-    diagram = builder.Build()
-    inertial = diagram.get_output_port().Eval(diagram.CreateDefaultContext())
-    tau_d, terms = evaluated(own)
-    also, same = evaluated(fed, inertial_torque=inertial)
-    assert_allclose(also, tau_d, rtol=1e-13, atol=1e-13)
-    for name in TERMS:
-        assert_allclose(same[name], terms[name], rtol=1e-13, atol=1e-13, err_msg=name)
+def test_the_torques_are_those_of_drakes_recursion(tmp_path, order):
+    robot, plant, rng = pendulum(tmp_path, joints=order), MultibodyPlant(0.0), np.random.default_rng(2)
+    terms = DynamicsTerms(robot)
+    add_robot(plant, robot, rotors=False)
+    plant.Finalize()
+    scratch, context, forces = terms.create_scratch(), plant.CreateDefaultContext(), MultibodyForces(plant)
     pick = [0, 1] if order.startswith("[shoulder") else [1, 0]
-    q, v, a = (part[pick] for part in INPUTS["reference"].reshape(3, 2))
-    mass, h, _ = dynamics(q, v)
-    assert_allclose(inertial[pick], mass @ a + h, rtol=1e-6, atol=1e-6)  # links have an inertia of 1e-9
-
-
-@pytest.mark.parametrize("bad", [np.nan, np.inf, 1e300])
-def test_an_inertial_torque_that_is_not_finite_is_lost(tmp_path, bad):
-    system = InverseDynamics(pendulum(tmp_path), GAINS, inertial="port")
-    context = system.CreateDefaultContext()
-    for port, value in (INPUTS | {"inertial_torque": np.array([bad, 0.0])}).items():
-        if system.HasInputPort(port):
-            system.GetInputPort(port).FixValue(context, value)
-    assert np.isnan(system.GetOutputPort("desired_torque").Eval(context)).all()
+    for q, v, vdot in rng.normal(0.0, 3.0, (20, 3, 2)):
+        plant.SetPositionsAndVelocities(context, np.concatenate((q[pick], v[pick])))
+        plant.CalcForceElementsContribution(context, forces)
+        expected = plant.CalcInverseDynamics(context, vdot[pick], forces)[pick]
+        terms.place(scratch, q, v)
+        assert_allclose(terms.forces(scratch, vdot), expected, rtol=1e-12, atol=1e-12)
 
 
 def test_without_force_task_nothing_pushes(tmp_path):
@@ -183,8 +166,6 @@ def test_without_force_task_nothing_pushes(tmp_path):
 
 def test_refusals(tmp_path):
     robot = pendulum(tmp_path)
-    with pytest.raises(ParamsError, match="inertial: expected one of own, port, got 'here'"):
-        InverseDynamics(robot, GAINS, inertial="here")
     with pytest.raises(ParamsError, match=r"gains\.kf: expected shape \(6, 6\)"):
         InverseDynamics(robot, TorqueGains(*np.ones((4, 2)), np.eye(3)))
     with pytest.raises(ParamsError, match="gains: expected 2 joints, got 3"):

@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
+from drake_tc.actuation.compensation import Motion, feedforward_effort
 from drake_tc.actuation.joint_program import JointInput, JointProgram
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.control.compensation_spec import CompensationSpec
@@ -64,6 +65,25 @@ def test_the_seven_parts_sum_to_the_effort(seed, limited):
     assert_allclose(total, effort, rtol=1e-11, atol=1e-13 * 100)  # round-off of a sum of torques of some 100 N m
     torque = read(system, context, "commanded_torque")
     assert np.all(np.abs(torque) <= (6.0 if limited else np.inf))
+
+
+@pytest.mark.parametrize("velocity", ["estimate", "reference"])
+@pytest.mark.parametrize("more", [(), (EffectValue("stribeck", {"stribeck": 2.0, "stribeck_velocity": 0.1}),)])
+def test_the_command_is_the_feedforward_of_a_log_whether_its_effects_are_compiled_or_not(more, velocity):
+    """One joint has an effect without compiled equation, the other has none; the log's form knows nothing of this."""
+    models = (ActuatorModel("a", SERVOS[0].drive, (*EFFECTS, *more)), SERVOS[1])
+    system = TorqueControl(models, GAINS, NO_LIMIT, compensation=CompensationSpec(velocity=velocity))
+    context = context_of(system)
+    asked, q = read(system, context, "commanded_torque"), INPUTS["position"]
+    of = {
+        name: INPUTS[port].reshape(3, 2) for name, port in (("estimate", "joint_estimate"), ("reference", "reference"))
+    }
+    v, turning, a = of[velocity][1], of["reference"][1], of["reference"][2]
+    expected = [
+        feedforward_effort(model, asked[[j]], Motion(v[[j]], q[[j]], a[[j]], np.tanh(turning[[j]] / 0.01)))[0]
+        for j, model in enumerate(models)
+    ]
+    assert_allclose(read(system, context, "command"), q + expected, rtol=1e-13)
 
 
 def test_components_are_the_equivalent_gains_times_the_errors():

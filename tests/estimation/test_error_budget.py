@@ -37,8 +37,8 @@ def run_of(model: TorqueModel, speed: float) -> Run:
     time = DT * np.arange(1500)[:, None]
     size = np.array([0.3, 0.4])
     q, v, a = size * np.sin(w * time), size * w * np.cos(w * time), -size * w**2 * np.sin(w * time)
-    context, nothing = model.create_context(), np.zeros(6)
-    torque = [model.estimate(context, *x, nothing, nothing[:3], nothing[:0]).torque for x in zip(q, v, a, strict=True)]
+    nothing = np.zeros(6)
+    torque = [model.estimate(*x, nothing, nothing[:3], nothing[:0]).torque for x in zip(q, v, a, strict=True)]
     return Run(q, np.zeros((1500, 6)), np.zeros((1500, 0)), np.array(torque), DT)
 
 
@@ -109,7 +109,7 @@ def test_a_force_bias_at_rest_is_taken_for_a_push_at_the_sensor(tmp_path):
     plant, (mount,) = make_plant(tree, 0.0), tree.force_torque
     context = plant.CreateDefaultContext()
     zero = np.zeros((3, model.size))
-    still = model.estimate(model.create_context(), *zero, np.zeros(6), np.zeros(3), np.zeros(6)).torque
+    still = model.estimate(*zero, np.zeros(6), np.zeros(3), np.zeros(6)).torque
     samples = 200
     nothing = np.zeros((samples, 6))
     run = Run(np.zeros((samples, model.size)), nothing, nothing, np.tile(still, (samples, 1)), DT)

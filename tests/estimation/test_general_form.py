@@ -26,7 +26,7 @@ def test_agrees_with_the_recursive_form(tmp_path, seed):
     robot = random_robot(tmp_path, rng, fixed_base=False)
     instant = Truth(robot).instant(rng, [Push(m.contact, rng.uniform(-50, 50, 6)) for m in robot.force_torque])
     recursive = TorqueModel(robot)
-    one = recursive.estimate(recursive.create_context(), *motion(instant), instant.readings)
+    one = recursive.estimate(*motion(instant), instant.readings)
     general = GeneralModel(
         robot, [UnknownWrench(Mount("base", robot.base))], [mount.contact for mount in robot.force_torque]
     )

@@ -44,9 +44,7 @@ def test_the_ports_are_the_kernel(rig):
     context = system.CreateDefaultContext()
     fix(system, context, inputs(instant))
     seen = outputs(system, context)
-    kernel = model.estimate(
-        model.create_context(), instant.q, instant.v, instant.vdot, instant.imu, instant.gyro_dot, instant.readings
-    )
+    kernel = model.estimate(instant.q, instant.v, instant.vdot, instant.imu, instant.gyro_dot, instant.readings)
     for name, value in zip(OUTPUTS, kernel, strict=True):
         assert_array_equal(seen[name], value)
     assert_allclose(seen["estimated_torque"], instant.torque, rtol=1e-8, atol=1e-8)

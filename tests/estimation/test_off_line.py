@@ -41,11 +41,9 @@ def test_every_sample_is_the_kernel_at_its_own_time(tree):
     assert found.torque.shape == (61, model.size)
     assert found.unknown_wrench.shape == (61, 6) and found.contact_wrench.shape == (61, 12)
     scale = max(np.abs(instant.readings).max(), np.abs(instant.torque).max())
-    context = model.create_context()
     for k in (0, 17, 30, 60):  # the ends too, where windows are one-sided
         t = DT * (k - 30)
         wanted = model.estimate(
-            context,
             log.position[k],
             instant.v + instant.vdot * t,
             instant.vdot,

@@ -198,12 +198,12 @@ def test_outputs_depend_on_exactly_what_is_declared():
     before = outputs(system, context)
     system.get_input_port().FixValue(context, [9.0])
     assert_array_equal(outputs(system, context), before)
-    context.SetDiscreteState(4, [4.0, 3.0, 2.0])
+    context.SetDiscreteState(2, [4.0, 3.0, 2.0])
     assert_array_equal(outputs(system, context)[:, 0], [4.0, 3.0, 2.0, 0.0])
     assert_array_equal(system.GetOutputPort("estimate").Eval(context), [4.0, 3.0, 2.0])
     context.SetDiscreteState(1, [1.0])
     assert_array_equal(outputs(system, context)[:, 0], [4.0, 3.0, 2.0, 1.0])
-    context.SetDiscreteState(2, [0.0])
+    context.SetDiscreteState(0, np.zeros(7))
     assert_array_equal(outputs(system, context)[:, 0], [4.0, 3.0, 2.0, 1.0])
 
 
@@ -213,8 +213,7 @@ def test_update_reads_the_ring_from_its_oldest_sample(oldest):
     context = system.CreateDefaultContext()
     tick(system, context, [1.0])
     ring = np.roll([7.0, 0.0, 1.0, 4.0, 9.0], oldest)  # from the oldest: 7 0 1 4 9; the update puts 16 for the 7
-    context.SetDiscreteState(0, ring)
-    context.SetDiscreteState(3, [float(oldest), 1.0])
+    context.SetDiscreteState(0, [*ring, 1.0, float(oldest)])
     tick(system, context, [16.0])
     assert_allclose(outputs(system, context)[:, 0], [4, 4 / DT, 2 / DT**2, 0], rtol=1e-9, atol=1e-9)
 

@@ -1,12 +1,16 @@
-"""A few ticks of robust TSID of the humanoid, so that its kernels have run in a loop."""
+"""A few ticks of robust TSID of the humanoid and of the loop of the leg, so that their kernels have run in a loop."""
 
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import pytest
+from pydrake.systems.analysis import Simulator
 
 import drake_tc.models
+from drake_tc.loops.torque.loop import build_loop
+from drake_tc.registry import diagram_entry
+from drake_tc.sensing.fault import SensorFault
 from drake_tc.tsid.configuration import load_law
 from drake_tc.tsid.law import Status
 from drake_tc.tsid.qp.problem import Outcome
@@ -18,6 +22,17 @@ class Ticks:
     """What came of them."""
 
     solved: bool
+
+
+@pytest.fixture(scope="session")
+def leg_ticks():
+    """Ticks of the leg's loop with every stage on and a sensor that fails, from which all of its kernels have run."""
+    faults = {"imu": (SensorFault("dropped", start=0.03, duration=0.01),)}
+    loop = build_loop(diagram_entry("hrp2_leg").scenario("brisk_swing").changed(duration=0.06, faults=faults))
+    simulator = Simulator(loop.diagram)
+    loop.start(simulator.get_mutable_context())
+    simulator.AdvanceTo(0.06)
+    return round(simulator.get_context().get_time() / loop.period)
 
 
 @pytest.fixture(scope="session")

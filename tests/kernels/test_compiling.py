@@ -48,6 +48,13 @@ def test_a_change_of_a_helper_in_another_file_gives_another_folder(tmp_path):
     assert compiling.sources_hash("one", tmp_path) != first
 
 
+def test_modules_imported_as_a_whole_count_too(tmp_path):
+    write(tmp_path, 2.0)
+    text = "from drake_tc.kernels import other as o, unrelated\n"
+    (tmp_path / "whole.py").write_text(text, encoding="utf-8")
+    assert [path.stem for path in compiling.sources_of("whole", tmp_path)] == ["other", "unrelated", "whole"]
+
+
 RUN = """
 import sys
 import drake_tc.kernels
@@ -98,6 +105,27 @@ def test_numba_is_imported_where_a_kernel_is_called_and_not_before():
     code = "import sys, drake_tc.tsid.law, drake_tc.tsid.controller; print('numba' in sys.modules)"
     command = [sys.executable, "-c", code]
     assert subprocess.run(command, capture_output=True, text=True, check=True).stdout == "False\n"
+
+
+@NEEDS_COMPILER
+@pytest.mark.parametrize(
+    "name",
+    [
+        ("sensor", "reading"),
+        ("savitzky_golay", "advance"),
+        ("joint_torque", "estimate"),
+        ("newton_euler", "joint_forces"),
+        ("inverse_dynamics", "feedback"),
+        ("torque_control", "solve"),
+        ("fault_monitor", "raise_flags"),
+        ("guard", "step"),
+        ("actuator", "advance"),
+    ],
+    ids=".".join,
+)
+def test_the_loop_of_the_leg_compiles_nothing_again(name, leg_ticks):
+    assert leg_ticks > 0
+    assert len(Kernel(*name).entry().signatures) == 1
 
 
 @NEEDS_COMPILER

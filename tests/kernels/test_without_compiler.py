@@ -20,6 +20,17 @@ FILES = (
     "tsid/test_reduction.py",
     "tsid/test_fused_tick.py",
     "sensor_validation/test_fault_monitor.py",
+    "kernels/test_newton_euler.py",
+    "kernels/test_sensor_reading.py",
+    "estimation/test_torque_model.py",
+    "estimation/test_joint_torque.py",
+    "filtering/test_savitzky_golay.py",
+    "control/test_inverse_dynamics.py",
+    "control/test_torque_control.py",
+    "control/test_guard.py",
+    "actuation/test_joint_program.py",
+    "actuation/test_compensator.py",
+    "actuation/test_friction.py",
 )
 
 

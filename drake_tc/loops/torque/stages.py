@@ -17,7 +17,6 @@ from drake_tc.loops.ports import first_imu, picked
 from drake_tc.loops.torque.builder import TorqueLoopBuilder
 from drake_tc.loops.torque.observer import connect_observer, prediction
 from drake_tc.loops.torque.ports import base_now, zeroed
-from drake_tc.loops.torque.rigid_torque import rigid_torque
 from drake_tc.loops.torque.spec import sensor_suite
 from drake_tc.robot.plant import joint_limits
 from drake_tc.sensor_validation.fault_monitor import FaultMonitor
@@ -58,7 +57,9 @@ def torque_command(parts: TorqueLoopBuilder, reference: OutputPort) -> OutputPor
     flags = _monitor(parts, estimates, reference)
     if scenario.log_components:
         parts.signals["components"] = parts.output("torque_control", "components")
-    command = _guarded(parts, parts.output("torque_control", "command"), flags)
+    n = len(parts.robot.joints)
+    asked = parts.part("torque_control", "command", ("solution", list(range(n))))
+    command = _guarded(parts, asked, flags)
     if observer is not None:
         connect_observer(parts, observer, delayed, known, reference, command)
     return command
@@ -87,10 +88,7 @@ def _torque_control(
 def _inverse_dynamics(
     parts: TorqueLoopBuilder, estimates: Mapping[str, OutputPort], inputs: dict[str, OutputPort]
 ) -> None:
-    """The inverse dynamics, with a force task where a force is asked for or its share of the command is recorded.
-
-    What a reference asks of a robot with a welded base is computed by a block of Drake's own.
-    """
+    """The inverse dynamics, with a force task where a force is asked for or its share of the command is recorded."""
     scenario, robot = parts.scenario, parts.controller_robot
     asked = parts.force_reference if robot.force_torque else None
     if asked is not None:
@@ -98,18 +96,14 @@ def _inverse_dynamics(
     if "inverse_dynamics" in parts.stages:
         parts.add("inverse_dynamics", None, **inputs)
         return
-    from_table = robot.fixed_base and scenario.configuration == "reference"
     dynamics = InverseDynamics(
         robot,
         parts.gains,
         configuration=scenario.configuration,
         position_error="encoder",
         angular_acceleration="neglected" if scenario.angular_acceleration == "neglected" else "gyro",
-        inertial="port" if from_table else "own",
         force_task=asked is not None,
     )
-    if from_table:
-        inputs["inertial_torque"] = rigid_torque(parts.builder, dynamics.terms, inputs["reference"])
     parts.add("inverse_dynamics", dynamics, **inputs)
 
 
@@ -174,4 +168,4 @@ def _guarded(parts: TorqueLoopBuilder, command: OutputPort, fault: OutputPort) -
     )
     if isinstance(guard, CommandGuard):
         parts.signals |= picked(parts.builder, "guard_state", guard.GetOutputPort("next"), {"mode": [3 * n]})
-    return parts.output("guard", "command")
+    return parts.part("guard", "command", ("next", list(range(n))))

@@ -6,8 +6,7 @@
                                  ^--------- filter <-----------------------------------------------|
 
 Between the stages stand blocks of Drake's own that join, split and add signals; a signal that a stage has beside others
-is taken from one port, as every call into Python costs a tick some microseconds. What the reference asks of the links
-of a welded robot comes from Drake's InverseDynamics, the block `rigid_torque`.
+is taken from one port, as every call into Python costs a tick some microseconds.
 """
 
 from collections.abc import Mapping

@@ -1,6 +1,6 @@
 """What a tick of the whole leg loop costs on one core, logs included; printed as rows (run with -s).
 
-The goal is five times real time at 1 kHz, 200 us a tick. A machine that others use too is slower now and then, so the
+The goal is eight times real time at 1 kHz, 125 us a tick. A machine that others use too is slower now and then, so the
 figure is the fastest of many short chunks, and the bound is counted in what a copying LeafSystem costs between them.
 """
 
@@ -20,7 +20,7 @@ from .machine import COPIES, TICK, copying
 pytestmark = pytest.mark.benchmark
 SCENARIOS = Path(next(iter(drake_tc.diagrams.__path__))) / "hrp2_leg.scenario.yaml"
 CHUNK = 10
-GOAL = 5.0
+GOAL = 8.0
 """Times real time."""
 
 
@@ -38,7 +38,7 @@ def seconds(simulator: Simulator, chunk: int) -> float:
     return (time.perf_counter() - begin) / CHUNK
 
 
-@pytest.mark.parametrize(("scenario", "bound"), [("stairs_swing_servo", 60.0), ("stairs_swing", 160.0)])
+@pytest.mark.parametrize(("scenario", "bound"), [("stairs_swing_servo", 40.0), ("stairs_swing", 75.0)])
 def test_the_leg_loop_is_no_slower_than_its_bound(scenario, bound):
     loop, copies = leg(scenario), copying()
     for simulator in (loop, copies):

@@ -36,8 +36,7 @@ def rows():
 def torque(path, rows):
     """(T, n) by Drake's inverse dynamics, through the torque estimator."""
     model = TorqueModel(load_robot(path))
-    context = model.create_context()
-    return np.array([model.estimate(context, *row).torque for row in rows])
+    return np.array([model.estimate(*row).torque for row in rows])
 
 
 @pytest.fixture(scope="module")

@@ -19,7 +19,8 @@ SAME = [
     ("torque_estimates:fault", "torque_estimator:fault"),
     ("guard_state:mode", "guard:mode"),
     ("actuation:actuation", "actuators:actuation"),
-    ("rigid_torque_in_order:inertial_torque", "inverse_dynamics:feedforward_torque"),  # no force is wanted
+    ("torque_control_command:command", "torque_control:command"),
+    ("guard_command:command", "guard:command"),
 ]
 
 

@@ -1,0 +1,215 @@
+"""One joint's actuator, compiled into a row of tables (`drake_tc.kernels.joint_layout`) and, for what these cannot say,
+functions on plain floats: the first tick, and effects without a compiled equation.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from drake_tc.actuation.constant_parts import CONSTANT, split_parts
+from drake_tc.actuation.gear import Gear, gear_of
+from drake_tc.actuation.model import ActuatorModel
+from drake_tc.effects.kernel import DriveKernel, TorqueKernel
+from drake_tc.kernels import joint_layout as at
+
+_NAMES = (
+    "started",
+    "deflection",
+    "position",
+    "velocity",
+    "torque",
+    "load",
+    "command",
+    "motor_position",
+    "motor_velocity",
+)
+_DRIVE_NUMBERS = 3
+
+
+class Row(NamedTuple):
+    """A joint's part of the tables, see `drake_tc.kernels.actuator.advance`; places count from the joint's first."""
+
+    layout: list[int]
+    numbers: list[float]
+    drives: list[tuple[int, int]]
+    parameters: list[list[float]]
+    travels: list[float]
+
+
+class JointEffects:
+    """A model of one joint, sampled every `period` [s]; holds no changing data.
+
+    Attributes:
+        size: How many floats of memory the joint needs.
+        compiled: Whether every effect has a compiled equation.
+    """
+
+    def __init__(self, model: ActuatorModel, period: float, inertia: float) -> None:
+        """Compile.
+
+        Args:
+            model: The joint's actuator.
+            period: Time between updates [s].
+            inertia: What the torque to the plant moves [kg m^2], reflected rotor inertia included unless the model has
+                a TransmissionEffect; 0 when not known.
+        """
+        self._period, self._inertia, self._rotor = period, inertia, model.inertia
+        self._servo = model.drive.kind == "position_servo"
+        self._per_effort = 1.0 / model.drive.gain
+        self._gear: Gear | None = gear_of(model, inertia, period)
+        place = at.MOTOR_VELOCITY + 1 if self._gear else at.MOTOR
+        self._hysteretic = place
+        self._constant, _ = split_parts(model)
+        self._torque: list[tuple[TorqueKernel, int]] = []
+        self._travels: list[float] = []
+        for effect, parameters in model.torque_effects:
+            if type(effect) in CONSTANT:
+                continue
+            travel = effect.hysteresis_travel(parameters)
+            self._torque.append((effect.kernel(parameters), place if travel > 0.0 else -1))
+            if travel > 0.0:
+                self._travels.append(travel)
+                place += 1
+        self._command: list[tuple[DriveKernel, int]] = []
+        self._effort: list[tuple[DriveKernel, int]] = []
+        acting: dict[str, list[str]] = {"command": [], "effort": []}
+        for drive, parameters in model.drive_effects:
+            on_command = drive.acts_on == "command"
+            acting["command" if on_command else "effort"].append(drive.key)
+            kernel = drive.kernel(parameters, period)
+            (self._command if on_command else self._effort).append((kernel, place))
+            place += kernel.size
+        self._drive_ids = (*acting["command"], *acting["effort"])
+        self.size = place
+        both = (*self._command, *self._effort)
+        self.compiled = not self._torque and all(kernel.kind != at.INTERPRETED for kernel, _ in both)
+
+    @property
+    def own(self) -> list[int]:
+        """Places in the memory that are state at a tick: not the flag, nor what is computed anew or only held."""
+        return [place for place in range(self.size) if place not in (at.STARTED, at.LOAD, at.COMMAND)]
+
+    @property
+    def own_names(self) -> tuple[str, ...]:
+        """Of the states in `own`, such as "deflection" of the friction's bristle or "current_lag[0]" of a drive."""
+        named = dict(enumerate(_NAMES))
+        named |= {self._hysteretic + i: f"hysteresis[{i}]" for i in range(len(self._travels))}
+        for effect, (kernel, place) in zip(self._drive_ids, self._command + self._effort, strict=True):
+            named |= {place + i: f"{effect}[{i}]" for i in range(kernel.size)}
+        return tuple(named[place] for place in self.own)
+
+    def initial(self, velocity: float = 0.0) -> list[float]:
+        """Memory of a joint that has moved at `velocity` [rad/s] for long, or rested for 0."""
+        memory = [0.0] * self.size
+        direction = math.copysign(1.0, velocity) if velocity else 0.0
+        memory[at.DEFLECTION] = direction
+        for i in range(len(self._travels)):
+            memory[self._hysteretic + i] = direction
+        return memory
+
+    def row(self) -> Row:
+        """The joint's part of the tables."""
+        both = [*self._command, *self._effort]
+        end = self._hysteretic + len(self._travels)
+        flags = [int(self._gear is not None), int(self.compiled), int(self._servo)]
+        gear = self._gear
+        of_gear = [0.0] * 7
+        if gear is not None:
+            of_gear = [gear.half_gap, gear.compliance, gear.contact_time, gear.motor_inertia, gear.link_inertia]
+            of_gear += [gear.sub_step, float(gear.sub_steps)]
+        travels = [0.0] * self.size
+        travels[self._hysteretic : end] = self._travels
+        padded = [[*kernel.numbers, *[0.0] * (_DRIVE_NUMBERS - len(kernel.numbers))] for kernel, _ in both]
+        return Row(
+            [0, *flags, self._hysteretic, end, 0, len(self._command), len(both)],
+            [self._period, self._inertia, self._rotor, self._per_effort, *self._constant, *of_gear],
+            [(kernel.kind, place) for kernel, place in both],
+            padded,
+            travels,
+        )
+
+    def start(
+        self,
+        memory: list[float],
+        command: float,
+        motion: tuple[float, float],
+        tau: float,
+        around: tuple[float, float],
+    ) -> None:
+        """First tick: a drive that has always seen this command, a joint whose load is the one given, or nil.
+
+        Args:
+            memory: The joint's; updated.
+            command: Where it is not finite, a servo is taken to hold its position, another drive to rest.
+            motion: q [rad], v [rad/s].
+            tau: Load [N m], NaN where it is not known.
+            around: Temperature [deg C] and supply voltage [V].
+        """
+        q, v = motion
+        target = command if math.isfinite(command) else q if self._servo else 0.0
+        memory[at.STARTED], memory[at.COMMAND] = at.JUST_STARTED, target
+        memory[at.POSITION], memory[at.VELOCITY] = q, v
+        memory[at.LOAD] = 0.0 if math.isnan(tau) else tau
+        drive_q = q
+        if self._gear is not None:
+            drive_q = q + self._gear.twist(memory[at.LOAD])
+            memory[at.MOTOR], memory[at.MOTOR_VELOCITY] = drive_q, v
+        for kernel, place in self._command:
+            memory[place : place + kernel.size] = kernel.start(target, target)
+        value = raw = target - drive_q if self._servo else target
+        for kernel, place in self._effort:
+            memory[place : place + kernel.size] = kernel.start(value, raw)
+            if kernel.observe is not None:
+                kernel.observe(v, *around, memory, place)
+            value = kernel.step(value, raw, memory[at.DEFLECTION], list(memory), place)
+
+    def evaluate(self, memory: list[float], work: Sequence[float], around: tuple[float, float]) -> tuple[float, ...]:
+        """The effects at a tick, for a joint that is not `compiled`.
+
+        Args:
+            memory: The joint's; updated.
+            work: Its row, as the first call has left it.
+            around: Temperature [deg C] and supply voltage [V].
+
+        Returns:
+            Effort asked for, effort, level, damping and rest, as they go into `work`.
+        """
+        q, v, tau, command = work[at.DRIVE_POSITION], work[at.DRIVE_VELOCITY], work[at.LOAD_TORQUE], work[at.ACTED]
+        for kernel, place in (*self._command, *self._effort):
+            if kernel.observe is not None:
+                kernel.observe(v, *around, memory, place)
+        direction = memory[at.DEFLECTION]
+        target = command
+        for kernel, place in self._command:
+            target = kernel.step(target, command, direction, memory, place)
+        asked, effort = (command - q, target - q) if self._servo else (command, target)
+        for kernel, place in self._effort:
+            effort = kernel.step(effort, asked, direction, memory, place)
+        level, damping, rest = self._constant
+        for torque, place in self._torque:
+            a, b, c = torque(q, v, direction, tau, around[0], memory[place] if place >= 0 else 0.0)
+            level, damping, rest = level + a, damping + b, rest + c
+        return asked, effort, level, damping, rest
+
+
+def tables(joints: Sequence[JointEffects]) -> tuple[np.ndarray, ...]:
+    """layout, numbers, drives, parameters and travels of joints one behind the other."""
+    rows = [joint.row() for joint in joints]
+    first = drive = 0
+    layouts, drives = [], []
+    for joint, row in zip(joints, rows, strict=True):
+        layout = np.array(row.layout, dtype=np.int64)
+        layout[[at.FIRST, at.HYSTERETIC, at.HYSTERETIC_END]] += first
+        layout[[at.DRIVES, at.EFFORT_DRIVES, at.DRIVES_END]] += drive
+        layouts.append(layout)
+        drives += [(kind, first + place) for kind, place in row.drives]
+        first, drive = first + joint.size, drive + len(row.drives)
+    return (
+        np.array(layouts, dtype=np.int64),
+        np.array([row.numbers for row in rows]),
+        np.array(drives, dtype=np.int64).reshape(-1, 2),
+        np.array([numbers for row in rows for numbers in row.parameters]).reshape(-1, _DRIVE_NUMBERS),
+        np.array([travel for row in rows for travel in row.travels]),
+    )

@@ -1,0 +1,256 @@
+"""The actuators of all joints over one step, see `drake_tc.actuation.joint_step`.
+
+A joint whose effects all have a compiled equation is computed from end to end. The effects of another one are evaluated
+by the caller, between two calls: the first leaves in `work` what they need, the second takes from there what they gave.
+"""
+
+import numpy as np
+
+from drake_tc.kernels import equations, friction
+from drake_tc.kernels import joint_layout as at
+from drake_tc.kernels.compiling import FLAG, MATRIX, OUT_MATRIX, OUT_VECTOR, REAL, TABLE, VECTOR, helper, kernel
+from drake_tc.types import FloatArray, IntArray
+
+_dead_zone, _switched, _saturated = helper(equations.dead_zone), helper(equations.switched), helper(equations.saturated)
+_delayed, _lagged, _integrated = helper(equations.delayed), helper(equations.lagged), helper(equations.integrated)
+_wound_up, _turned_over = helper(friction.wound_up), helper(friction.turned_over)
+_friction_step, _gear_torque = helper(friction.friction_step), helper(equations.gear_torque)
+
+
+@helper
+def through_drive(
+    kind: int, numbers: FloatArray, value: float, raw: float, direction: float, memory: FloatArray, place: int
+) -> float:
+    """The value that an effect of the drive passes on.
+
+    Args:
+        kind: See `joint_layout`.
+        numbers: (3,) its parameters, in the order of the equation.
+        value: What the effects before it passed on.
+        raw: Effort or command asked for.
+        direction: Deflection of the bristle.
+        memory: Of all joints; updated.
+        place: Of the effect's own in it.
+    """
+    passed: float = value
+    if kind == at.DEAD_ZONE:
+        passed = _dead_zone(value, numbers[0])
+    elif kind == at.SWITCH:
+        passed = _switched(value, raw, direction, numbers[0])
+    elif kind == at.SATURATION:
+        passed = _saturated(value, numbers[0])
+    elif kind == at.DELAY:
+        passed = _delayed(value, int(numbers[0]), numbers[1], memory, place)
+    elif kind == at.LAG:
+        passed = _lagged(value, numbers[0], numbers[1], numbers[2], memory, place)
+    elif kind == at.INTEGRAL:
+        passed = _integrated(value, raw, numbers[0], numbers[1], memory, place)
+    return passed
+
+
+@helper
+def begin(
+    memory: FloatArray,
+    layout: IntArray,
+    numbers: FloatArray,
+    travels: FloatArray,
+    command: float,
+    q: float,
+    v: float,
+    load: float,
+    at_tick: bool,
+    work: FloatArray,
+) -> None:
+    """Faults, load, bristle of one joint, and what its effects see, into `work`; arguments as `advance`, of a joint."""
+    first = layout[at.FIRST]
+    work[at.STATUS] = work[at.FAULT] = 0.0
+    if not (np.isfinite(q) and np.isfinite(v)):
+        return
+    if not np.isfinite(command):
+        work[at.FAULT], command = 1.0, memory[first + at.COMMAND]
+    started, torque = memory[first + at.STARTED], memory[first + at.TORQUE]
+    if started == at.JUST_STARTED:
+        memory[first + at.STARTED] = 1.0
+    elif at_tick:
+        slowed = (v - memory[first + at.VELOCITY]) / numbers[at.PERIOD]
+        memory[first + at.LOAD] = torque - numbers[at.INERTIA] * slowed
+        if np.isnan(load) and not layout[at.GEARED]:
+            load = torque - numbers[at.ROTOR] * slowed
+    drive_q, drive_v = q, v
+    if layout[at.GEARED]:
+        drive_q, drive_v = memory[first + at.MOTOR], memory[first + at.MOTOR_VELOCITY]
+        if np.isnan(load):
+            load = torque
+    else:
+        moved = q - memory[first + at.POSITION]
+        memory[first + at.DEFLECTION] = _wound_up(memory[first + at.DEFLECTION], moved)
+        turn_over(memory, layout, travels, moved)
+        if np.isnan(load):
+            load = memory[first + at.LOAD]
+    work[at.STATUS], work[at.ACTED] = 1.0, command
+    work[at.DRIVE_POSITION], work[at.DRIVE_VELOCITY], work[at.LOAD_TORQUE] = drive_q, drive_v, load
+
+
+@helper
+def turn_over(memory: FloatArray, layout: IntArray, travels: FloatArray, moved: float) -> None:
+    """Carry one joint's hysteretic states over a motion [rad] that has happened."""
+    if moved != 0.0:
+        for k in range(layout[at.HYSTERETIC], layout[at.HYSTERETIC_END]):
+            memory[k] = _turned_over(memory[k], moved, travels[k])
+
+
+@helper
+def evaluate(
+    memory: FloatArray,
+    layout: IntArray,
+    numbers: FloatArray,
+    drives: IntArray,
+    parameters: FloatArray,
+    work: FloatArray,
+) -> None:
+    """Effects of one joint with compiled equations; arguments as `advance`, of a joint."""
+    direction, command = memory[layout[at.FIRST] + at.DEFLECTION], work[at.ACTED]
+    target = command
+    for d in range(layout[at.DRIVES], layout[at.EFFORT_DRIVES]):
+        target = through_drive(drives[d, 0], parameters[d], target, command, direction, memory, drives[d, 1])
+    away = work[at.DRIVE_POSITION] if layout[at.SERVO] else 0.0
+    asked, effort = command - away, target - away
+    for d in range(layout[at.EFFORT_DRIVES], layout[at.DRIVES_END]):
+        effort = through_drive(drives[d, 0], parameters[d], effort, asked, direction, memory, drives[d, 1])
+    work[at.ASKED], work[at.EFFORT] = asked, effort
+    for k in range(3):
+        work[at.NOW_LEVEL + k] = numbers[at.LEVEL + k]
+
+
+@helper
+def through_gear(
+    memory: FloatArray, first: int, numbers: FloatArray, q: float, v: float, thrust: float, level: float, damping: float
+) -> tuple[float, float]:
+    """Mean torque through the gear and mean friction over a step, see `drake_tc.actuation.gear`; the memory's motor and
+    bristle go to its end.
+    """
+    theta, omega, z = memory[first + at.MOTOR], memory[first + at.MOTOR_VELOCITY], memory[first + at.DEFLECTION]
+    load, h, inertia = memory[first + at.LOAD], numbers[at.SUB_STEP], numbers[at.MOTOR_INERTIA]
+    count = int(numbers[at.SUB_STEPS])
+    gap, compliance, contact_time = numbers[at.HALF_GAP], numbers[at.COMPLIANCE], numbers[at.CONTACT_TIME]
+    passed = rubbed_in_all = 0.0
+    for _ in range(count):
+        tau = _gear_torque(theta - q, omega - v, gap, compliance, contact_time)
+        z, omega, rubbed = _friction_step(z, omega, thrust - tau, level, damping, inertia, h)
+        theta += h * omega
+        v += h * (tau - load) / numbers[at.LINK_INERTIA]
+        q += h * v
+        passed += tau
+        rubbed_in_all += rubbed
+    memory[first + at.MOTOR], memory[first + at.MOTOR_VELOCITY], memory[first + at.DEFLECTION] = theta, omega, z
+    return passed / count, rubbed_in_all / count
+
+
+@helper
+def finish(
+    memory: FloatArray,
+    layout: IntArray,
+    numbers: FloatArray,
+    travels: FloatArray,
+    q: float,
+    v: float,
+    work: FloatArray,
+    out: FloatArray,
+) -> None:
+    """Friction and gear of one joint over the step, and its outputs; arguments as `advance`, of a joint."""
+    first = layout[at.FIRST]
+    motor, rest = work[at.EFFORT] * numbers[at.PER_EFFORT], work[at.NOW_REST]
+    level, damping = max(work[at.NOW_LEVEL], 0.0), max(work[at.NOW_DAMPING], 0.0)
+    if layout[at.GEARED]:
+        before = memory[first + at.MOTOR]
+        torque, rubbed = through_gear(memory, first, numbers, q, v, motor - rest, level, damping)
+        turn_over(memory, layout, travels, memory[first + at.MOTOR] - before)
+    else:
+        z, thrust = memory[first + at.DEFLECTION], motor - rest - memory[first + at.LOAD]
+        _, _, rubbed = _friction_step(z, v, thrust, level, damping, numbers[at.INERTIA], numbers[at.PERIOD])
+        torque = motor - rest - rubbed
+    memory[first + at.POSITION], memory[first + at.VELOCITY] = q, v
+    memory[first + at.TORQUE], memory[first + at.COMMAND] = torque, work[at.ACTED]
+    out[0], out[1], out[2], out[3], out[4] = torque, motor, rubbed, work[at.ASKED], work[at.FAULT]
+
+
+@kernel(VECTOR, VECTOR, VECTOR, VECTOR, REAL, TABLE, MATRIX, TABLE, MATRIX, VECTOR, FLAG, OUT_MATRIX, OUT_VECTOR)
+def advance(
+    kept: FloatArray,
+    command: FloatArray,
+    state: FloatArray,
+    load: FloatArray,
+    time: float,
+    layout: IntArray,
+    numbers: FloatArray,
+    drives: IntArray,
+    parameters: FloatArray,
+    travels: FloatArray,
+    again: bool,
+    work: FloatArray,
+    out: FloatArray,
+) -> int:
+    """The step of all joints.
+
+    Args:
+        kept: (m + 1,) memories of the joints, and the time of the last update [s].
+        command: (n,).
+        state: (2n,) [q; v].
+        load: (n,) torque on the link side [N m], NaN where only the motion tells it.
+        time: [s].
+        layout: (n, 9) see `joint_layout`.
+        numbers: (n, 14) the same.
+        drives: (D, 2) kind of each effect of a drive, and place of its memory.
+        parameters: (D, 3) its numbers.
+        travels: (m,) of the hysteretic states [rad].
+        again: Whether this is the second call, for the joints whose effects the caller has evaluated.
+        work: (n, 11) what passes between the two calls; without rows where every joint is compiled.
+        out: (5n + m + 1,) the outputs of the first joint, of the second, and so on, then the next `kept`; written.
+
+    Returns:
+        DONE; UNSTARTED where a joint must be started first, nothing being written; or PENDING.
+    """
+    n, end = layout.shape[0], out.shape[0] - 1
+    memory = out[at.OUTPUTS * n : end]
+    rows = work if work.shape[0] else np.empty((n, at.WORK))
+    at_tick = time - kept[kept.shape[0] - 1] > 0.99 * numbers[0, at.PERIOD]
+    if not again:
+        for j in range(n):
+            if kept[layout[j, at.FIRST]] == 0.0 and np.isfinite(state[j]) and np.isfinite(state[n + j]):
+                return at.UNSTARTED
+        memory[:] = kept[: kept.shape[0] - 1]
+        out[end] = time
+    result = at.DONE
+    for j in range(n):
+        given, q, v = out[at.OUTPUTS * j : at.OUTPUTS * (j + 1)], state[j], state[n + j]
+        if not again:
+            begin(memory, layout[j], numbers[j], travels, command[j], q, v, load[j], at_tick, rows[j])
+        if rows[j, at.STATUS] == 0.0:
+            given[:] = 0.0
+            given[4] = 1.0
+        elif layout[j, at.COMPILED] or again:
+            if not again:
+                evaluate(memory, layout[j], numbers[j], drives, parameters, rows[j])
+            if not (again and layout[j, at.COMPILED]):
+                finish(memory, layout[j], numbers[j], travels, q, v, rows[j], given)
+        else:
+            result = at.PENDING
+    return result
+
+
+@kernel(VECTOR, VECTOR, TABLE, MATRIX, OUT_VECTOR)
+def motors(kept: FloatArray, state: FloatArray, layout: IntArray, numbers: FloatArray, out: FloatArray) -> None:
+    """(3n,) motor angles and speeds over the gear ratio, and torques through the gears at a tick; as `advance`."""
+    n = layout.shape[0]
+    for j in range(n):
+        first, q, v = layout[j, at.FIRST], state[j], state[n + j]
+        out[j], out[n + j], out[2 * n + j] = q, v, 0.0
+        if layout[j, at.GEARED] and kept[first] != 0.0:
+            theta, omega = kept[first + at.MOTOR], kept[first + at.MOTOR_VELOCITY]
+            gap, compliance, contact_time = (
+                numbers[j, at.HALF_GAP],
+                numbers[j, at.COMPLIANCE],
+                numbers[j, at.CONTACT_TIME],
+            )
+            out[j], out[n + j] = theta, omega
+            out[2 * n + j] = _gear_torque(theta - q, omega - v, gap, compliance, contact_time)

@@ -1,0 +1,94 @@
+"""Equations of effects, each once: on arrays for a log, on numbers for a joint at one instant, and compiled.
+
+Functions without a decorator, which call no other: `drake_tc.effects` uses them as they stand, and modules of kernels
+compile them (`compiling.helper`). Effort y and width, limit in the drive's effort [rad | A | V | N m]; direction d in
+[-1, 1]; memories are sequences of numbers of which an effect has those from `at` on.
+"""
+
+from typing import Any
+
+import numpy as np
+
+_LEAST = 1e-200
+"""Stands for a width of 0: below any width, and far from underflow."""
+
+
+def soft_sign(value: Any, width: Any) -> Any:
+    """clip(value/width, -1, 1); the sign for width 0."""
+    return np.sign(value) * np.minimum(np.abs(value) / np.maximum(width, _LEAST), 1.0)
+
+
+def dead_zone(effort: Any, width: Any) -> Any:
+    """sign(y) max(|y| - w, 0)."""
+    return np.sign(effort) * np.maximum(np.abs(effort) - width, 0.0)
+
+
+def dead_zone_inverse(effort: Any, width: Any, smoothing: Any) -> Any:
+    """Y + w clip(y/delta, -1, 1); y + w sign(y) for delta 0."""
+    return effort + width * (np.sign(effort) * np.minimum(np.abs(effort) / np.maximum(smoothing, _LEAST), 1.0))
+
+
+def switched(value: Any, effort: Any, direction: Any, switch: Any) -> Any:
+    """What passes the other effects and s d y of the raw effort."""
+    return value + switch * direction * effort
+
+
+def switch_inverse(effort: Any, direction: Any, switch: Any) -> Any:
+    """y/(1 + s d); y itself where the drive is dead."""
+    gain = 1.0 + switch * direction
+    dead = np.abs(gain) <= 1e-6
+    return effort / (gain * (1.0 - dead) + dead)
+
+
+def saturated(effort: Any, limit: Any) -> Any:
+    """clip(y, -L, L)."""
+    return np.minimum(np.maximum(effort, -limit), limit)
+
+
+def delayed(value: float, whole: int, part: float, memory: Any, at: int) -> float:
+    """The value `whole` + `part` samples ago; memory is the place of the newest in a ring of `whole` + 2, and that."""
+    length = whole + 2
+    newest = (int(memory[at]) + 1) % length
+    memory[at] = float(newest)
+    memory[at + 1 + newest] = value
+    late = memory[at + 1 + (newest - whole) % length]
+    return (1.0 - part) * late + part * memory[at + 1 + (newest - whole - 1) % length]  # type: ignore[no-any-return]
+
+
+def lagged(value: float, pole: float, new: float, old: float, memory: Any, at: int) -> float:
+    """y*[n] = p y*[n-1] + b0 y[n] + b1 y[n-1]; memory is [y*, y]."""
+    passed = pole * memory[at] + new * value + old * memory[at + 1]
+    memory[at], memory[at + 1] = passed, value
+    return passed  # type: ignore[no-any-return]
+
+
+def integrated(value: float, effort: float, rate: float, half_period: float, memory: Any, at: int) -> float:
+    """Value + K_i int y dt by trapezoids; memory is [integral, last effort]."""
+    integral = memory[at] + half_period * (effort + memory[at + 1])
+    memory[at], memory[at + 1] = integral, effort
+    return value + rate * integral  # type: ignore[no-any-return]
+
+
+def gear_torque(twist: float, rate: float, half_gap: float, compliance: float, contact_time: float) -> float:
+    """What a gear passes [N m] when the motor leads by `twist` [rad] and gains on the link by `rate` [rad/s].
+
+    Args:
+        twist: theta - q [rad].
+        rate: Its derivative [rad/s].
+        half_gap: b/2 [rad].
+        compliance: c [rad/(N m)].
+        contact_time: t_d [s].
+    """
+    pressed = twist - min(max(twist, -half_gap), half_gap)
+    if half_gap > 0.0 and pressed == 0.0:
+        return 0.0
+    tau = (pressed + contact_time * rate) / compliance
+    return 0.0 if half_gap > 0.0 and tau * pressed < 0.0 else tau
+
+
+def needed_torque(
+    tau: float, velocity: float, direction: float, acceleration: float, parts: Any, inertia: float
+) -> float:
+    """What the drive must give for a link torque [N m]: tau + level d + damping v + rest + J a; parts (3,)."""
+    needed: float = tau + parts[0] * direction + parts[1] * velocity + parts[2] + inertia * acceleration
+    return needed

@@ -1,0 +1,64 @@
+"""The window of a Savitzky-Golay filter and its polynomials, see `drake_tc.filtering.savitzky_golay`."""
+
+import numpy as np
+
+from drake_tc.kernels.compiling import INDEX, MATRIX, OUT_VECTOR, VECTOR, helper, kernel
+from drake_tc.types import FloatArray, IntArray
+
+
+@helper
+def polynomials(memory: FloatArray, table: FloatArray, orders: IntArray, estimate: FloatArray) -> None:
+    """y_d = w_d . X of each channel, d = 0, 1, 2; arguments as `advance`."""
+    n, columns, window = orders.shape[0], table.shape[1], table.shape[0] // 2
+    first, distinct = window - int(memory[memory.shape[0] - 1]), columns // 3
+    sums = np.zeros((columns, n))
+    for k in range(window):
+        for c in range(columns):
+            weight = table[first + k, c]
+            for i in range(n):
+                sums[c, i] += weight * memory[k * n + i]
+    for d in range(3):
+        for i in range(n):
+            estimate[d * n + i] = sums[d * distinct + orders[i], i]
+
+
+@kernel(VECTOR, MATRIX, INDEX, OUT_VECTOR, OUT_VECTOR, OUT_VECTOR)
+def advance(
+    signal: FloatArray,
+    table: FloatArray,
+    orders: IntArray,
+    memory: FloatArray,
+    fault: FloatArray,
+    estimate: FloatArray,
+) -> None:
+    """One step of the recursion of `SavitzkyGolayFilter`.
+
+    Args:
+        signal: (n,) u[k].
+        table: (2N, 3m) the weights w_d of m orders twice over, so that those of any rotation stand together.
+        orders: (n,) which of the orders each channel has.
+        memory: (N n + n + 1,) window, started flags and the row of the oldest sample; updated.
+        fault: (n,) 1 where u[k] is not finite; written.
+        estimate: (3n,) [y_0; y_1; y_2]; written.
+    """
+    n, window, end = orders.shape[0], table.shape[0] // 2, memory.shape[0] - 1
+    oldest = int(memory[end])
+    newest = (oldest - 1) % window
+    for i in range(n):
+        u = signal[i]
+        fault[i] = 0.0 if np.isfinite(u) else 1.0
+        if fault[i] > 0.0:
+            u = memory[newest * n + i]
+        elif memory[window * n + i] == 0.0:
+            memory[window * n + i] = 1.0
+            for k in range(window):
+                memory[k * n + i] = u
+        memory[oldest * n + i] = u
+    memory[end] = (oldest + 1) % window
+    polynomials(memory, table, orders, estimate)
+
+
+@kernel(VECTOR, MATRIX, INDEX, OUT_VECTOR)
+def fit(memory: FloatArray, table: FloatArray, orders: IntArray, estimate: FloatArray) -> None:
+    """The estimate that belongs to a memory; arguments as `advance`."""
+    polynomials(memory, table, orders, estimate)
