@@ -21,11 +21,11 @@ from drake_tc.robot.mounts import Mount
 from drake_tc.robot.plant import make_plant
 from drake_tc.robot.robot import Robot
 from drake_tc.robot.rotors import file_rotors
+from drake_tc.robot.tree import tree_of
 from drake_tc.robot.urdf import reduced_urdf
 from drake_tc.tsid.contacts import ActiveContacts, Contact, select
 from drake_tc.tsid.model_parts import add_frames, checked_rotors
 from drake_tc.tsid.terms import FrameTerms, Pose, Terms
-from drake_tc.tsid.tree import tree_of
 from drake_tc.types import FloatArray, IntArray
 
 _TERMS, _FRAME = Kernel("terms", "terms"), Kernel("terms", "frame_terms")

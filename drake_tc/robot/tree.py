@@ -27,6 +27,8 @@ def tree_of(
     places_v: IntArray,
     frames: Mapping[str, Any],
     rotors: Mapping[str, float],
+    held: Sequence[str] = (),
+    context: Any = None,
 ) -> Tree:
     """Walk from the base over the joints, whichever way round each of them stands.
 
@@ -38,13 +40,17 @@ def tree_of(
         places_v: The same in v.
         frames: Of the plant, by name.
         rotors: Reflected inertia by joint [kg m^2, or kg of a slide].
+        held: More joints, of any kind, that stay where they are; in the tree they have a zero axis.
+        context: Of the plant, at q = 0, with the links' inertias; None: its default one.
     """
-    context = plant.CreateDefaultContext()
+    context = plant.CreateDefaultContext() if context is None else context
     rows = {int(body.index()): 0 for body in plant.GetBodiesWeldedTo(base)}
     poses = [base.EvalPoseInWorld(context)]
     places, constants = [], []
     axes = dict(zip(joints, joint_axes(plant, [plant.GetJointByName(name) for name in joints]), strict=True))
     left = dict(zip(joints, zip(places_q.tolist(), places_v.tolist(), strict=True), strict=True))
+    axes |= {name: np.zeros(3) for name in held}
+    left |= dict.fromkeys(held, (0, 0))
     while left:
         name = next(name for name in left if any(row is not None for row in _known(plant, name, rows)))
         joint, known, (in_q, in_v) = plant.GetJointByName(name), _known(plant, name, rows), left.pop(name)
@@ -53,7 +59,7 @@ def tree_of(
         inner, outer = ends[::-1] if turned else ends
         parent = next(row for row in known if row is not None)
         X_PI = poses[parent].inverse() @ inner.CalcPoseInWorld(context)
-        slides = joint.type_name() == "prismatic"
+        slides = joint.type_name() == "prismatic" or name in held
         axis = axes[name] * (-1.0 if turned else 1.0)
         places.append((parent, int(slides), in_q, in_v))
         pose = outer.CalcPoseInWorld(context)
