@@ -41,7 +41,7 @@ def predicted_velocity(
     if not before.scalars[STARTED] or not (sample.has_accel or loads.on.any()):
         return np.zeros(3)  # nothing says how the base moves: it is held
     moved = times(before.rotation, before.velocity + before.lever)
-    reference = times_transposed(pose.predicted, moved) - posture.velocity[-1]
+    reference: FloatArray = times_transposed(pose.predicted, moved) - posture.velocity[-1]
     if sample.has_accel:
         reference += dt * (pose.accel - GRAVITY * pose.up)
     return reference

@@ -207,7 +207,8 @@ def take_anew(
     Returns:
         Height of a level ground [m]: where the first loaded soles are; NaN as long as there is none.
     """
-    k, ground = weight.size, before.scalars[GROUND]
+    k = weight.size
+    ground: float = before.scalars[GROUND]
     if options.level:
         total = height = 0.0
         for i in range(k):

@@ -42,9 +42,9 @@ def shape_of(sole: FloatArray, table: FloatArray, x: float, y: float) -> float:
     i, u = node(x, sole, 0, count)
     j, v = node(y, sole, 1, count)
     low, high = count * i + j, count * (i + 1) + j
-    return (1.0 - u) * ((1.0 - v) * table[low] + v * table[low + 1]) + u * (
-        (1.0 - v) * table[high] + v * table[high + 1]
-    )
+    before: float = (1.0 - v) * table[low] + v * table[low + 1]
+    after: float = (1.0 - v) * table[high] + v * table[high + 1]
+    return (1.0 - u) * before + u * after
 
 
 @helper

@@ -92,7 +92,7 @@ def write_contacts(
 ) -> None:
     """What is remembered of the contacts, and their flags; arguments as in `find_motion` and `find_place`."""
     dt = options.period
-    all_flat, heaviest = loads.on.any(), 0.0
+    all_flat, heaviest = bool(loads.on.any()), 0.0
     renewed = loads.changed or options.touchdown > 0.0
     blend = min(1.0, dt / _USUAL_TIME) if before.scalars[STARTED] and not loads.changed else 1.0
     after.held[:], after.drift[:], after.pressure[:] = place.held, motion.slip.drift, motion.found.pressure

@@ -81,7 +81,8 @@ def levelled(up: FloatArray) -> FloatArray:
 @helper
 def remainder(angle: float) -> float:
     """The angle less the nearest whole number of turns, in [-pi, pi]."""
-    return angle - math.tau * np.rint(angle / math.tau)
+    turns: float = np.rint(angle / math.tau)
+    return angle - math.tau * turns
 
 
 @helper

@@ -1,12 +1,15 @@
-"""A few ticks of robust TSID of the humanoid, so that its kernels have run in a loop."""
+"""A few ticks of robust TSID and of the whole series-elastic loop, so that their kernels have run in a loop."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+import drake_tc.diagrams
 import drake_tc.models
+from drake_tc.loops.whole_body.running import simulate_tsid
+from drake_tc.registry import tsid_entry
 from drake_tc.tsid.configuration import load_law
 from drake_tc.tsid.law import Status
 from drake_tc.tsid.qp.problem import Outcome
@@ -34,3 +37,12 @@ def humanoid_ticks():
         if tick.error is not None or tick.status[Status.OUTCOME] == Outcome.FAILED:
             return Ticks(False)
     return Ticks(True)
+
+
+@pytest.fixture(scope="session", params=["cop", "foot_centre_imu"])
+def series_elastic_ticks(request):
+    file = Path(drake_tc.diagrams.__path__[0]) / "coman.scenario.yaml"
+    scenario = tsid_entry().scenario("stand", file)
+    estimator = replace(scenario.estimator, method=request.param)
+    found = simulate_tsid(scenario.changed(duration=0.02, estimator=estimator))
+    return Ticks(found.fell is None)

@@ -82,7 +82,8 @@ class OnKinematics(ABC):
         before, imu = packed(state), np.concatenate((readings.gyro, readings.accel))
         after, wrench = np.empty_like(before), np.ravel(readings.wrench)
         sample = (readings.q, readings.qd, imu, readings.tilt, wrench, readings.switch)
-        self.advance(before, *(np.ascontiguousarray(part, dtype=float) for part in sample), after)
+        q, qd, imu, tilt, wrench, switch = (np.ascontiguousarray(part, dtype=float) for part in sample)
+        self.advance(before, q, qd, imu, tilt, wrench, switch, after)
         return unpacked(after, self.num_joints, self.num_contacts)
 
     def initial_state(self, position: FloatArray, yaw: float) -> BaseState:

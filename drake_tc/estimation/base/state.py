@@ -175,7 +175,7 @@ def initial_state(q: FloatArray, k: int, position: FloatArray, yaw: float) -> Ba
     arrays = {name: np.zeros(shape) for name, _, shape in _layout(len(q), k)}
     arrays |= {
         "position": np.array(position, dtype=float),
-        "rotation": RotationMatrix.MakeZRotation(yaw).matrix(),
+        "rotation": np.asarray(RotationMatrix.MakeZRotation(yaw).matrix()),
         "q": np.array(q),
     }
     arrays["foot"] = np.tile(np.eye(3), (k, 1, 1))

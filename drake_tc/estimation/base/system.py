@@ -120,6 +120,7 @@ class BaseEstimator(PortMethods, LeafSystem):
     def _update(self, context: Context, values: DiscreteValues) -> None:
         """x[n+1]."""
         now: Any = context.get_discrete_state(self._state)
+        after: Any = values.get_mutable_value(self._state)
         self._estimator.advance(
             now.value(),
             self._position.Eval(context),
@@ -128,7 +129,7 @@ class BaseEstimator(PortMethods, LeafSystem):
             self._tilt.Eval(context) if self._tilt.HasValue(context) else self._no_tilt,
             self._wrench.Eval(context),
             self._switch.Eval(context) if self._switch.HasValue(context) else self._no_switch,
-            values.get_mutable_value(self._state),
+            after,
         )
 
     def _show(self, context: Any, value: Any) -> None:
