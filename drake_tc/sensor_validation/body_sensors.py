@@ -6,11 +6,10 @@ import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem, ValueProducer
 
+from drake_tc.kernels.lazy import Kernel
 from drake_tc.port_methods import PortMethods
-from drake_tc.types import BoolArray, FloatArray
+from drake_tc.types import FloatArray
 
-LARGEST = 1e5
-"""No reading in SI units is as large."""
 SETTLED = 0.1
 """Before, soles take their load, which no sensor is blamed for [s]."""
 LOAD_JUMP, LOADS_AGREE = 50.0, 0.15
@@ -20,26 +19,24 @@ _MEAN, _LEAST, _SOON = 0.05, 0.1, 0.02
 """Time over which an IMU is averaged, the least for which one that jumped and stayed is left out, and within which it
 has jumped back, or the jolt that made it jump is felt in the feet [s]."""
 
-_SINCE = 24
-
-
-def _finite(reading: FloatArray) -> bool:
-    """Whether all of it is, and below `LARGEST`."""
-    return bool(np.count_nonzero(np.abs(reading) < LARGEST) == reading.size)
+_IMU, _WRENCHES = Kernel("body_sensors", "imu"), Kernel("body_sensors", "wrenches")
 
 
 class _Solved:
-    """This tick's reading; a box for the cache.
+    """This tick's reading and the state after it; a box for the cache.
 
     Attributes:
         reading: What can be believed.
-        finite: Whether u is.
-        jumps: Whether u jumps, and no jolt says why.
+        good: (k,) 1 where a sensor can be.
+        after: The state.
+        well: Whether all can be believed.
     """
 
-    reading: FloatArray
-    finite: bool
-    jumps: bool
+    def __init__(self, reading: int, sensors: int, state: int) -> None:
+        self.reading: FloatArray = np.zeros(reading)
+        self.good: FloatArray = np.zeros(sensors)
+        self.after: FloatArray = np.zeros(state)
+        self.well = True
 
 
 class ValidatedImu(PortMethods, LeafSystem):
@@ -70,19 +67,19 @@ class ValidatedImu(PortMethods, LeafSystem):
             dt: Period [s].
         """
         super().__init__()
-        self._limit, self._blend = np.array(limit, dtype=float), -np.expm1(-dt / _MEAN)
-        self._least, self._soon = round(_LEAST / dt), round(_SOON / dt)
+        self._limit = np.array(limit, dtype=float)
+        self._options = np.array([-np.expm1(-dt / _MEAN), round(_LEAST / dt), round(_SOON / dt)])
         self._imu: Any = self.DeclareVectorInputPort("imu", 6)
         self._flagged: Any = self.DeclareVectorInputPort("flagged", flags)
         self._jolt: Any = self.DeclareVectorInputPort("jolt", jolts)
-        start: Any = np.append(np.full(_SINCE, np.nan), 0.0)
+        start: Any = np.append(np.full(24, np.nan), 0.0)
         state = self.DeclareDiscreteState(start)
         left_out = self.DeclareDiscreteState(1)
-        self._state, self._left_out, self._none = int(state), int(left_out), np.full(6, np.nan)
+        self._state, self._left_out = int(state), int(left_out)
         inputs = {self._flagged.ticket(), self._imu.ticket(), self._jolt.ticket()}
         tickets = {self.discrete_state_ticket(state), self.time_ticket(), *inputs}
         self._solved: Any = self.DeclareCacheEntry(
-            "solved", ValueProducer(allocate=Value(_Solved()).Clone, calc=self._solve), tickets
+            "solved", ValueProducer(allocate=Value(_Solved(6, 1, 25)).Clone, calc=self._solve), tickets
         )
         self.DeclareVectorOutputPort("reading", 6, self._write, {self._solved.ticket()})
         self.DeclareStateOutputPort("left_out", left_out)
@@ -90,13 +87,18 @@ class ValidatedImu(PortMethods, LeafSystem):
 
     def _solve(self, context: Any, box: Any) -> None:
         """This tick's reading."""
-        u, held = self._imu.Eval(context), context.get_discrete_state(self._state).value()
-        solved = box.get_mutable_value()
-        solved.finite = _finite(u)
-        beyond = context.get_time() >= SETTLED and np.count_nonzero(np.abs(u - held[:6]) > self._limit) > 0
-        solved.jumps = beyond and not self._jolt.Eval(context).any()
-        good = solved.finite and not (held[_SINCE] or solved.jumps or np.count_nonzero(self._flagged.Eval(context)))
-        solved.reading = u if good else self._none
+        solved: _Solved = box.get_mutable_value()
+        _IMU(
+            self._imu.Eval(context),
+            self._flagged.Eval(context),
+            self._jolt.Eval(context),
+            float(context.get_time() >= SETTLED),
+            self._limit,
+            self._options,
+            context.get_discrete_state(self._state).value(),
+            solved.reading,
+            solved.after,
+        )
 
     def _write(self, context: Context, vector: Any) -> None:
         solved: Any = self._solved.Eval(context)
@@ -104,39 +106,8 @@ class ValidatedImu(PortMethods, LeafSystem):
 
     def _update(self, context: Context, values: DiscreteValues) -> None:
         solved: Any = self._solved.Eval(context)
-        held: Any = values.get_mutable_value(self._state)
-        if not solved.finite:
-            held[_SINCE] += held[_SINCE] > 0.0
-            return
-        u, since = self._imu.Eval(context), held[_SINCE]
-        mean, before, kept = held[6:12], held[12:18], held[18:_SINCE]
-        if not since and solved.jumps:
-            before[:], kept[:], since = mean, held[:6], 1.0
-        # the first mean is the first reading
-        mean[:] = u if mean[0] != mean[0] else mean + self._blend * (u - mean)
-        if held[_SINCE]:
-            over = self._jolt.Eval(context).any() or bool((np.abs(u - kept) < self._limit).all())
-            true = since <= self._soon and over
-            back = since >= self._least and bool((np.abs(mean - before) < 0.5 * self._limit).all())
-            since = 0.0 if true or back else since + 1.0
-        if since != held[_SINCE]:
-            held[_SINCE] = since
-            values.get_mutable_vector(self._left_out).SetAtIndex(0, float(since > 0.0))
-        held[:6] = u
-
-
-class _Good:
-    """A box for the cache.
-
-    Attributes:
-        sensors: (k,) which can be believed; None: all.
-        doubted: (k,) which jumped, and no load says why; None: none.
-        total: Sum of the forces' sizes [N]; NaN where a sensor is left out.
-    """
-
-    sensors: BoolArray | None
-    doubted: BoolArray | None
-    total: float
+        values.set_value(self._state, solved.after)
+        values.get_mutable_value(self._left_out)[0] = solved.after[-1] > 0.0
 
 
 class ValidatedWrench(PortMethods, LeafSystem):
@@ -169,71 +140,52 @@ class ValidatedWrench(PortMethods, LeafSystem):
             dt: Period [s].
         """
         super().__init__()
-        self._k, self._sensor_of = sensors, np.array(sensor_of, dtype=int)
+        self._sensor_of = np.array(sensor_of, dtype=int)
         self._wrench: Any = self.DeclareVectorInputPort("wrench", 6 * sensors)
         self._flagged: Any = self.DeclareVectorInputPort("flagged", flags * sensors)
         self._contacts: Any = self.DeclareVectorInputPort("contacts", len(sensor_of))
-        self._raw, self._mean = slice(6 * sensors, 12 * sensors), 12 * sensors
-        self._blend = -np.expm1(-dt / _MEAN)
+        self._options = np.array([-np.expm1(-dt / _MEAN), LOAD_JUMP, LOADS_AGREE])
         start: Any = np.zeros(13 * sensors + 1)
-        start[self._raw], start[self._mean] = np.nan, np.nan
+        start[6 * sensors : 12 * sensors + 1] = np.nan
         state = self.DeclareDiscreteState(start)
         self._state = int(state)
         self._all = np.ones(len(sensor_of))
         own = {self._wrench.ticket(), self._flagged.ticket(), self.discrete_state_ticket(state), self.time_ticket()}
-        self._good: Any = self.DeclareCacheEntry(
-            "good", ValueProducer(allocate=Value(_Good()).Clone, calc=self._judge), own
-        )
-        known = self._good.ticket()
-        self.DeclareVectorOutputPort(
-            "reading", 6 * sensors, self._write, {known, self._wrench.ticket(), self.discrete_state_ticket(state)}
-        )
+        empty = Value(_Solved(6 * sensors, sensors, 13 * sensors + 1))
+        self._solved: Any = self.DeclareCacheEntry("solved", ValueProducer(allocate=empty.Clone, calc=self._solve), own)
+        known = self._solved.ticket()
+        self.DeclareVectorOutputPort("reading", 6 * sensors, self._write, {known})
         self.DeclareVectorOutputPort("contacts", len(sensor_of), self._write_contacts, {known, self._contacts.ticket()})
         self.DeclarePeriodicDiscreteUpdateEvent(dt, 0.0, self._update)
 
-    def _judge(self, context: Any, box: Any) -> None:
-        wrench, flagged = self._wrench.Eval(context), self._flagged.Eval(context)
-        judged, good, doubted = box.get_mutable_value(), None, None
-        held = context.get_discrete_state(self._state).value()
-        readings = wrench.reshape(self._k, 6)
-        if np.count_nonzero(flagged) or not _finite(wrench):
-            good = (np.abs(readings) < LARGEST).all(axis=1) & ~flagged.reshape(self._k, -1).any(axis=1)
-        sizes = np.linalg.norm(readings[:, :3], axis=1)
-        steps = np.abs(readings[:, :3] - held[self._raw].reshape(self._k, 6)[:, :3]).max(axis=1)
-        doubt = held[self._mean + 1 :] > 0.0
-        if context.get_time() >= SETTLED and (np.count_nonzero(doubt) or np.count_nonzero(steps > LOAD_JUMP)):
-            there = np.ones(self._k, dtype=bool) if good is None else good
-            last = np.linalg.norm(held[: 6 * self._k].reshape(self._k, 6)[:, :3], axis=1)
-            total, before = float(np.where(there, sizes, last).sum()), float(held[self._mean])
-            doubt = (doubt | (steps > LOAD_JUMP)) & there
-            if doubt.any() and abs(total - before) >= LOADS_AGREE * before:
-                doubted, good = doubt, there & ~doubt
-        judged.total = float(sizes.sum()) if good is None else np.nan
-        judged.sensors, judged.doubted = good, doubted
-
-    def _readings(self, context: Context) -> FloatArray:
-        judged: Any = self._good.Eval(context)
-        good, wrench = judged.sensors, self._wrench.Eval(context)
-        if good is None:
-            return np.asarray(wrench)
-        return np.where(np.repeat(good, 6), wrench, context.get_discrete_state(self._state).value()[: 6 * self._k])
+    def _solve(self, context: Any, box: Any) -> None:
+        """This tick's readings."""
+        solved: _Solved = box.get_mutable_value()
+        solved.well = _WRENCHES(
+            self._wrench.Eval(context),
+            self._flagged.Eval(context),
+            float(context.get_time() >= SETTLED),
+            self._options,
+            context.get_discrete_state(self._state).value(),
+            solved.reading,
+            solved.good,
+            solved.after,
+        )
 
     def _write(self, context: Context, vector: Any) -> None:
-        vector.set_value(self._readings(context))
+        solved: Any = self._solved.Eval(context)
+        vector.set_value(solved.reading)
 
     def _write_contacts(self, context: Context, vector: Any) -> None:
-        stood = self._contacts.Eval(context) if self._contacts.HasValue(context) else self._all
-        stood = np.where(np.isfinite(stood), stood, 1.0)
-        judged: Any = self._good.Eval(context)
-        good = judged.sensors
-        vector.set_value(stood if good is None else np.where(~good[self._sensor_of] & (stood > 0.5), 2.0, stood))
+        solved: Any = self._solved.Eval(context)
+        stood = self._all
+        if self._contacts.HasValue(context):
+            stood = self._contacts.Eval(context)
+            stood = np.where(np.isfinite(stood), stood, 1.0)
+        if not solved.well:
+            stood = np.where((solved.good[self._sensor_of] == 0.0) & (stood > 0.5), 2.0, stood)
+        vector.set_value(stood)
 
     def _update(self, context: Context, values: DiscreteValues) -> None:
-        judged: Any = self._good.Eval(context)
-        held: Any = values.get_mutable_value(self._state)
-        held[: 6 * self._k] = self._readings(context)
-        held[self._raw] = self._wrench.Eval(context)
-        mean = held[self._mean]
-        if judged.total == judged.total:  # nothing is left out
-            held[self._mean] = judged.total if mean != mean else mean + self._blend * (judged.total - mean)
-        held[self._mean + 1 :] = 0.0 if judged.doubted is None else judged.doubted
+        solved: Any = self._solved.Eval(context)
+        values.set_value(self._state, solved.after)

@@ -6,8 +6,8 @@ import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem, ValueProducer
 
+from drake_tc.kernels.lazy import Kernel
 from drake_tc.port_methods import PortMethods
-from drake_tc.sensor_validation.joint_voting import DEFLECTION, ROWS, THETA, JointVoting, Vote
 from drake_tc.types import FloatArray
 
 FLAGS = (
@@ -23,16 +23,25 @@ FLAGS = (
 itself; two of a joint's three wrong at once. What else ails encoders behind the springs, `FaultMonitor` says."""
 HOLD = 0.1
 """How long a flag stays up after its cause [s]."""
+GAUGE_REPEATS, LINK_REPEATS = 6, 20
+"""Ticks from which a gauge, and an encoder behind a spring, is frozen."""
+ROWS = 16
+"""Of the vote's memory."""
+_VOTE = Kernel("joint_voting", "vote")
 
 
-class _Solved:
-    """This tick's vote; a box for the cache."""
+class _Vote:
+    """Of one tick; a box for the cache, see `drake_tc.kernels.joint_voting.vote`."""
 
-    vote: Vote
+    def __init__(self, n: int) -> None:
+        self.after: FloatArray = np.zeros(ROWS * n + 1)
+        self.given: FloatArray = np.zeros((4, n))
+        self.found: FloatArray = np.zeros((10, n))
+        self.well = True
 
 
 class JointSensors(PortMethods, LeafSystem):
-    """Readings of n joints that can be believed: see `joint_voting` for the equations.
+    """Readings of n joints that can be believed: see `drake_tc.kernels.joint_voting` for the equations.
 
     Inputs (n each), raw: motor_angle [rad], torque [N m], link_angle [rad].
     Outputs: the same three, always finite, with direct feedthrough of every input; with it too
@@ -61,9 +70,11 @@ class JointSensors(PortMethods, LeafSystem):
         """
         super().__init__()
         self._n = n = len(compliance)
-        self._voting = JointVoting(compliance, dt / (dt + np.asarray(spring_time, dtype=float)), noisy)
+        self._springs = np.array([compliance, dt / (dt + np.asarray(spring_time, dtype=float))], dtype=float)
+        self._repeats = np.where((False, *noisy), (np.inf, GAUGE_REPEATS, LINK_REPEATS), np.inf)
         self._hold = float(np.ceil(HOLD / dt))
         names = ("motor_angle", "torque", "link_angle")
+        outputs = (*names, "position")
         self._inputs: list[Any] = [self.DeclareVectorInputPort(name, n) for name in names]
         state = self.DeclareDiscreteState(ROWS * n + 1)
         left, flags = self.DeclareDiscreteState(len(FLAGS)), self.DeclareDiscreteState(len(FLAGS))
@@ -71,49 +82,56 @@ class JointSensors(PortMethods, LeafSystem):
         self._state, self._left, self._flags, self._lost = int(state), int(left), int(flags), int(lost)
         tickets = {self.discrete_state_ticket(state), *(port.ticket() for port in self._inputs)}
         self._solved: Any = self.DeclareCacheEntry(
-            "solved", ValueProducer(allocate=Value(_Solved()).Clone, calc=self._solve), tickets
+            "solved", ValueProducer(allocate=Value(_Vote(n)).Clone, calc=self._solve), tickets
         )
-        for row, name in enumerate(names):
+        for row, name in enumerate(outputs):
             self.DeclareVectorOutputPort(name, n, self._writer(row), {self._solved.ticket()})
-        self.DeclareVectorOutputPort("position", n, self._write_position, {self._solved.ticket()})
         self.DeclareStateOutputPort("flags", flags)
         self.DeclareVectorOutputPort("lost", n, self._write_lost, {self.discrete_state_ticket(lost)})
         self.DeclarePeriodicDiscreteUpdateEvent(dt, 0.0, self._update)
 
     def _solve(self, context: Any, box: Any) -> None:
-        held = context.get_discrete_state(self._state).value()
-        y = np.array([port.Eval(context) for port in self._inputs])
-        memory = held[:-1].reshape(ROWS, self._n) if held[-1] else self._voting.started(y)
-        box.get_mutable_value().vote = self._voting.step(memory, y)
+        """This tick's vote."""
+        vote: _Vote = box.get_mutable_value()
+        motor_angle, torque, link_angle = self._inputs
+        vote.well = _VOTE(
+            motor_angle.Eval(context),
+            torque.Eval(context),
+            link_angle.Eval(context),
+            context.get_discrete_state(self._state).value(),
+            self._springs,
+            self._repeats,
+            vote.after,
+            vote.given,
+            vote.found,
+        )
 
     def _writer(self, row: int) -> Any:
+        """The calc function of one output."""
+
         def write(context: Context, vector: Any) -> None:
-            solved: Any = self._solved.Eval(context)
-            vector.set_value(solved.vote.given[row])
+            vote: Any = self._solved.Eval(context)
+            vector.set_value(vote.given[row])
 
         return write
-
-    def _write_position(self, context: Context, vector: Any) -> None:
-        solved: Any = self._solved.Eval(context)
-        vector.set_value(solved.vote.given[THETA] - solved.vote.memory[DEFLECTION])
 
     def _write_lost(self, context: Context, vector: Any) -> None:
         ticks: Any = context.get_discrete_state(self._lost).value()
         vector.set_value((ticks > 0.0).astype(float))
 
     def _update(self, context: Context, values: DiscreteValues) -> None:
-        solved: Any = self._solved.Eval(context)
-        vote: Vote = solved.vote
-        memory: Any = values.get_mutable_value(self._state)
-        memory[:-1], memory[-1] = vote.memory.ravel(), 1.0
+        """x[n+1]."""
+        vote: Any = self._solved.Eval(context)
+        values.set_value(self._state, vote.after)
         left: Any = values.get_mutable_value(self._left)
-        lost: Any = values.get_mutable_value(self._lost)
         if vote.well and not np.count_nonzero(left):
             return
-        lost[:] = np.where(vote.lost, self._hold, np.maximum(lost - 1.0, 0.0))
+        lost: Any = values.get_mutable_value(self._lost)
+        lost[:] = np.where(vote.found[-1], self._hold, np.maximum(lost - 1.0, 0.0))
         left -= 1.0
         np.maximum(left, 0.0, out=left)
-        missing, frozen, odd = (np.any(rows, axis=1) for rows in (vote.missing, vote.frozen, vote.odd))
-        causes = [missing[0], odd[0], missing[1], frozen[1], odd[1], odd[2], vote.lost.any()]
+        any_of = vote.found.any(axis=1)
+        missing, frozen, odd = any_of[:3], any_of[3:6], any_of[6:9]
+        causes = [missing[0], odd[0], missing[1], frozen[1], odd[1], odd[2], any_of[9]]
         left[causes] = self._hold
         values.get_mutable_value(self._flags)[:] = left > 0.0

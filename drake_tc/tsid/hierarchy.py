@@ -8,7 +8,7 @@ bend it, so level k is a problem over y, tau = tau_(k-1) + T y, T an orthonormal
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -115,7 +115,7 @@ def _solve(
     """The level's minimum over y, tau / scale = x + T y, and the rows over y that its minimisers share."""
     guess = Guess(np.zeros(basis.shape[1]))
     if isinstance(level, LeastSquares):
-        priced = replace(problem, cost=LeastSquares(level.matrix * problem.scale, level.target))
+        priced = problem._replace(cost=LeastSquares(level.matrix * problem.scale, level.target))
         inside = _free(priced.along(x, basis), priced)
         return least_cost(inside, guess, means), inside.cost.matrix
     inside = problem.along(x, basis)
@@ -128,7 +128,7 @@ def _free(inside: ScaledProblem, whole: ScaledProblem) -> ScaledProblem:
     matrix = inside.cost.matrix
     left, length = (np.einsum("ij,ij->i", rows, rows) for rows in (matrix, whole.cost.matrix))
     decided = left <= RANK * RANK * length
-    return replace(inside, cost=LeastSquares(np.where(decided[:, None], 0.0, matrix), inside.cost.target))
+    return inside._replace(cost=LeastSquares(np.where(decided[:, None], 0.0, matrix), inside.cost.target))
 
 
 def _value(level: Level, torque: FloatArray, problem: ScaledProblem) -> float:

@@ -2,14 +2,14 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
 from drake_tc.types import FloatArray
 
 
-@dataclass(frozen=True, eq=False)
-class LeastSquares:
+class LeastSquares(NamedTuple):
     """||D tau - d||^2 (B, eq. 11), row weights multiplied in.
 
     Attributes:

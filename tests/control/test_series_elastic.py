@@ -6,11 +6,12 @@ from numpy.testing import assert_allclose
 
 from drake_tc.actuation.voltage_motor import VoltageMotor
 from drake_tc.control.series_elastic.control import SeriesElasticControl
-from drake_tc.control.series_elastic.friction import momentum_step, motor_arrays, observer_weights
+from drake_tc.control.series_elastic.friction import motor_arrays, observer_weights
 from drake_tc.control.series_elastic.law import Readings, SeriesElasticLaw
 from drake_tc.control.series_elastic.memory import MEMORY_ROWS, MemoryRow, cubic_weights
 from drake_tc.control.series_elastic.spec import SeriesElasticSpec
 from drake_tc.errors import ParamsError
+from drake_tc.kernels.series_elastic import momentum
 
 DT = 1e-3
 MOTOR = VoltageMotor(0.04, 0.04, 0.6, 1.2e-5, 100.0, 3.0, 1.5, 200.0, 24.0)
@@ -55,17 +56,15 @@ def test_the_observer_finds_the_friction_of_a_motion_computed_by_hand(delay):
 
 def test_the_momentum_observer_lags_by_its_gain():
     """f -> F (1 - exp(-K t)) for a friction F that sets in, whatever the motion."""
-    arrays, gain, dry = motor_arrays(models(MOTOR)), 40.0, 2.0
-    rng = np.random.default_rng(0)
-    integral, friction, speed = np.zeros(1), np.zeros(1), 0.0
+    gain, dry, rng = 40.0, 2.0, np.random.default_rng(0)
+    total = friction = speed = 0.0
     for tick in range(1, 61):
-        volts, torque = np.array([rng.uniform(-2.0, 2.0)]), np.array([rng.uniform(-3.0, 3.0)])
-        thrust = volts[0] / MOTOR.volts_per_torque - torque[0] - dry
-        speed = (speed + DT * thrust / MOTOR.inertia) / (1.0 + DT * MOTOR.damping / MOTOR.inertia)
-        motion = (np.array([speed]), friction)
-        friction, integral = momentum_step(arrays, gain, integral, volts, motion, torque, DT)
+        volts, torque = rng.uniform(-2.0, 2.0), rng.uniform(-3.0, 3.0)
+        thrust = volts / MOTOR.volts_per_torque - torque
+        speed = (speed + DT * (thrust - dry) / MOTOR.inertia) / (1.0 + DT * MOTOR.damping / MOTOR.inertia)
+        friction, total = momentum(MOTOR.inertia, gain, thrust - MOTOR.damping * speed, total, friction, speed, DT)
         if tick in (10, 25, 60):
-            assert_allclose(friction, [dry * (1.0 - np.exp(-gain * tick * DT))], rtol=0.03)
+            assert_allclose(friction, dry * (1.0 - np.exp(-gain * tick * DT)), rtol=0.03)
 
 
 def clamped(spec, desired, motor=MOTOR, believed=None, dry=0.0, ticks=600):
@@ -73,16 +72,15 @@ def clamped(spec, desired, motor=MOTOR, believed=None, dry=0.0, ticks=600):
     law = SeriesElasticLaw(spec, models(believed or motor), DT)
     delay, fine = round(spec.delay / DT), 20
     h, sent, angle, speed, out = DT / fine, [0.0] * delay, 0.0, 0.0, []
-    kept = integral = None
+    state = np.zeros(law.state_size)
     for k in range(ticks):
         torque = motor.stiffness * angle
         out.append(torque)
         now = Readings(*(np.array([x]) for x in (angle, torque, desired(k * DT), 0.0)))
-        if kept is None:
-            kept, integral = law.at_rest(now), np.zeros((3, 1))
-        answer = law.step(kept, integral, now)
-        kept, integral = answer.kept, answer.integral
-        sent.append(float(answer.voltage[0]))
+        after, rows = np.empty_like(state), np.empty((4, 1))
+        law.step(state, now, after, rows)
+        state = after
+        sent.append(float(rows[0, 0]))
         for _ in range(fine):
             push = sent[k] / motor.volts_per_torque - motor.stiffness * angle - motor.damping * speed
             if speed == 0.0 and abs(push) <= dry:
@@ -157,12 +155,13 @@ def test_the_integral_of_pi_takes_the_error_away_and_does_not_wind_up():
     weak = VoltageMotor(0.04, 0.04, 0.6, 1.2e-5, 100.0, 1.0, 1.5, 200.0, 0.3)
     law = SeriesElasticLaw(SeriesElasticSpec(mode="pi", kp=2.0, ki=20.0), models(weak), DT)
     now = Readings(*(np.array([x]) for x in (0.0, 0.0, 50.0, 0.0)))
-    kept, integral = law.at_rest(now), np.zeros((3, 1))
+    state, rows = np.zeros(law.state_size), np.empty((4, 1))
     for _ in range(100):
-        answer = law.step(kept, integral, now)
-        kept, integral = answer.kept, answer.integral
-    assert answer.voltage[0] == 0.3
-    assert integral[0, 0] == 0.0
+        after = np.empty_like(state)
+        law.step(state, now, after, rows)
+        state = after
+    assert rows[0, 0] == 0.3
+    assert state[-4] == 0.0  # the integral
 
 
 def fixed(system, **values):

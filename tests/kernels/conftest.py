@@ -1,15 +1,17 @@
-"""A few ticks of robust TSID of the humanoid and of the loop of the leg, so that their kernels have run in a loop."""
+"""A few ticks of robust TSID and of the loops of the leg and the series-elastic humanoid, after which kernels have run."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from pydrake.systems.analysis import Simulator
 
+import drake_tc.diagrams
 import drake_tc.models
 from drake_tc.loops.torque.loop import build_loop
-from drake_tc.registry import diagram_entry
+from drake_tc.loops.whole_body.running import simulate_tsid
+from drake_tc.registry import diagram_entry, tsid_entry
 from drake_tc.sensing.fault import SensorFault
 from drake_tc.tsid.configuration import load_law
 from drake_tc.tsid.law import Status
@@ -49,3 +51,12 @@ def humanoid_ticks():
         if tick.error is not None or tick.status[Status.OUTCOME] == Outcome.FAILED:
             return Ticks(False)
     return Ticks(True)
+
+
+@pytest.fixture(scope="session", params=["cop", "foot_centre_imu"])
+def series_elastic_ticks(request):
+    file = Path(drake_tc.diagrams.__path__[0]) / "coman.scenario.yaml"
+    scenario = tsid_entry().scenario("stand", file)
+    estimator = replace(scenario.estimator, method=request.param)
+    found = simulate_tsid(scenario.changed(duration=0.02, estimator=estimator))
+    return Ticks(found.fell is None)

@@ -148,3 +148,11 @@ def test_a_loop_compiles_nothing_again(name, humanoid_ticks):
     assert len(entry.signatures) == 1
     assert humanoid_ticks.solved
     assert len(entry.signatures) == 1
+
+
+@NEEDS_COMPILER
+def test_the_series_elastic_loop_compiles_nothing_again(series_elastic_ticks):
+    names = [("base_tick", "tick"), ("base_chain", "tick"), ("base_outputs", "outputs"), ("joint_voting", "vote")]
+    names += [("series_elastic", "law"), ("body_sensors", "imu"), ("body_sensors", "wrenches")]
+    assert series_elastic_ticks.solved
+    assert {name: len(Kernel(*name).entry().signatures) for name in names} == dict.fromkeys(names, 1)

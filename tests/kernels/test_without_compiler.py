@@ -31,6 +31,16 @@ FILES = (
     "actuation/test_joint_program.py",
     "actuation/test_compensator.py",
     "actuation/test_friction.py",
+    "sensor_validation/test_joint_sensors.py",
+    "sensor_validation/test_body_sensors.py",
+    "control/test_series_elastic.py",
+    "estimation/base/test_attitude.py",
+    "estimation/base/test_contact_switch.py",
+    "estimation/base/test_imu_filters.py",
+    "estimation/base/test_pose.py",
+    "estimation/base/test_soft_sole.py",
+    "estimation/base/test_system.py",
+    "estimation/base/test_velocity.py",
 )
 
 

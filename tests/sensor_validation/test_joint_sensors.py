@@ -1,6 +1,7 @@
 """Three sensors a joint: the one that is wrong is found out and replaced by the other two."""
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -9,10 +10,11 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
 from drake_tc.estimation.link_position import LinkPosition
+from drake_tc.kernels.joint_voting import TAU, THETA, Q
+from drake_tc.kernels.joint_voting import vote as vote_of
 from drake_tc.sensing.fault import SensorFault
 from drake_tc.sensing.sensor import SensorSpec, corrupt
-from drake_tc.sensor_validation.joint_sensors import FLAGS, JointSensors
-from drake_tc.sensor_validation.joint_voting import ROWS, TAU, THETA, JointVoting, Q
+from drake_tc.sensor_validation.joint_sensors import FLAGS, GAUGE_REPEATS, LINK_REPEATS, ROWS, JointSensors
 
 DT = 1e-3
 C, TIME = np.array([0.005, 1.0 / 120.0]), np.array([1.2e-3, 0.7e-3])
@@ -42,14 +44,29 @@ def readings(truth, **faults):
     return np.stack(rows, axis=1)
 
 
+class Voted(NamedTuple):
+    """A tick: where a sensor is missing, frozen or odd (3, n), where two are wrong (n,); the memory (ROWS, n)."""
+
+    missing: np.ndarray
+    frozen: np.ndarray
+    odd: np.ndarray
+    lost: np.ndarray
+    memory: np.ndarray
+
+
 def voted(y, compliance=C, time=TIME):
     """All votes, and what was given (T, 3, n)."""
-    voting = JointVoting(compliance, DT / (DT + time))
-    memory, votes = voting.started(y[0]), []
+    n, repeats = y.shape[2], np.array([np.inf, GAUGE_REPEATS, LINK_REPEATS])
+    springs, state, votes, out = np.array([compliance, DT / (DT + time)]), np.zeros(ROWS * n + 1), [], []
     for row in y:
-        votes.append(voting.step(memory, row))
-        memory = votes[-1].memory
-    return votes, np.array([vote.given for vote in votes])
+        after, given_, found = np.zeros(ROWS * n + 1), np.zeros((4, n)), np.zeros((10, n))
+        well = vote_of(*np.ascontiguousarray(row), state, springs, repeats, after, given_, found)
+        marks = found > 0.0
+        votes.append(Voted(marks[:3], marks[3:6], marks[6:9], marks[9], after[:-1].reshape(ROWS, n)))
+        assert well == (not marks.any())
+        out.append(given_[:3])
+        state = after
+    return votes, np.array(out)
 
 
 def test_sound_readings_go_through_bit_by_bit():

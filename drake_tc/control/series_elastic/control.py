@@ -11,21 +11,17 @@ from pydrake.systems.framework import BasicVector, Context, DiscreteValues, Leaf
 
 from drake_tc.actuation.joint_values import Models
 from drake_tc.control.series_elastic.law import Readings, SeriesElasticLaw
-from drake_tc.control.series_elastic.memory import MEMORY_ROWS, MemoryRow
 from drake_tc.control.series_elastic.spec import SeriesElasticSpec
 from drake_tc.port_methods import PortMethods
 from drake_tc.types import FloatArray
 
-LARGEST = 1e9
-"""No input in SI units is as large; one that is counts as not finite."""
-
 
 class _Solved:
-    """Answer of a tick and its fault flags; a box for the cache."""
+    """Answer of a tick and the state after it; a box for the cache."""
 
-    def __init__(self) -> None:
-        self.rows: FloatArray = np.zeros((4, 0))
-        self.state: FloatArray = np.zeros(0)
+    def __init__(self, law: SeriesElasticLaw) -> None:
+        self.rows: FloatArray = np.zeros((4, law.size))
+        self.state: FloatArray = np.zeros(law.state_size)
 
 
 class SeriesElasticControl(PortMethods, LeafSystem):
@@ -40,9 +36,9 @@ class SeriesElasticControl(PortMethods, LeafSystem):
         voltage: v [V], within the motors' limits.
         friction: the friction that it overcomes [N m].
         shaped_reference: r, the desired torque as it is asked of the motor [N m].
-        fault: 1 where an input is not finite (or beyond `LARGEST`): its last good value stands in.
+        fault: 1 where an input is not finite (or beyond 1e9): its last good value stands in.
 
-    State x: the memory of the law (ticks, 8, n), its integral (3, n), whether it has started. With L the law,
+    State x: that of the law (`SeriesElasticLaw`). With L the law,
         x[n+1], y[n] = L(x[n], u[n]);
     at the first tick x is that of joints that have stood as they stand. Nothing is raised in the loop.
     """
@@ -61,14 +57,14 @@ class SeriesElasticControl(PortMethods, LeafSystem):
         super().__init__()
         self._law = law = SeriesElasticLaw(spec, motors, dt)
         n = law.size
-        self._kept = law.length * MEMORY_ROWS * n
         names = ("motor_angle", "torque", "reference_torque", "reference_acceleration")
         self._inputs: list[Any] = [self.DeclareVectorInputPort(name, n) for name in names]
-        state = self.DeclareDiscreteState(self._kept + 3 * n + 1)
+        self._zeros = np.zeros(n)
+        state = self.DeclareDiscreteState(law.state_size)
         self._state = int(state)
         tickets = {self.discrete_state_ticket(state), *(port.ticket() for port in self._inputs)}
         solved: Any = self.DeclareCacheEntry(
-            "solved", ValueProducer(allocate=Value(_Solved()).Clone, calc=self._solve), tickets
+            "solved", ValueProducer(allocate=Value(_Solved(law)).Clone, calc=self._solve), tickets
         )
         self._solved = solved
         for row, name in enumerate(("voltage", "friction", "shaped_reference", "fault")):
@@ -80,33 +76,11 @@ class SeriesElasticControl(PortMethods, LeafSystem):
         """The law itself."""
         return self._law
 
-    def _read(self, context: Context, last: FloatArray | None) -> tuple[Readings, FloatArray]:
-        """What came, with the last good value (or 0) for what is not finite; and where that was so (n,)."""
-        n = self._law.size
-        rows = np.array([p.Eval(context) if p.HasValue(context) else np.zeros(n) for p in self._inputs])
-        if np.abs(rows).max() < LARGEST:
-            return Readings(*rows), np.zeros(n)
-        good = (
-            np.zeros((4, n))
-            if last is None
-            else last[[MemoryRow.ANGLE, MemoryRow.TORQUE, MemoryRow.DESIRED, MemoryRow.LINK]]
-        )
-        good = np.array(good)
-        good[3] = 0.0
-        lost = ~(np.abs(rows) < LARGEST)
-        return Readings(*np.where(lost, good, rows)), lost.any(axis=0).astype(np.float64)
-
     def _solve(self, context: Any, box: Any) -> None:
-        held = context.get_discrete_state(self._state).value()
+        """y[n] and x[n+1]."""
         solved: _Solved = box.get_mutable_value()
-        law, n = self._law, self._law.size
-        started = held[-1] > 0.5
-        kept = held[: self._kept].reshape(law.length, MEMORY_ROWS, n)
-        now, fault = self._read(context, kept[-1] if started else None)
-        before = kept if started else law.at_rest(now)
-        answer = law.step(before, held[self._kept : -1].reshape(3, n), now)
-        solved.rows = np.array((answer.voltage, answer.friction, answer.shaped, fault))
-        solved.state = np.concatenate((answer.kept.ravel(), answer.integral.ravel(), (1.0,)))
+        now = Readings(*[p.Eval(context) if p.HasValue(context) else self._zeros for p in self._inputs])
+        self._law.step(context.get_discrete_state(self._state).value(), now, solved.state, solved.rows)
 
     def _writer(self, row: int) -> Any:
         """The calc function of one output."""

@@ -1,4 +1,4 @@
-"""Where the inverse motor model takes friction from: observed in one step, observed as lost momentum, or modelled."""
+"""The motors as the torque laws take them, and the weights with which they observe friction in one step."""
 
 from dataclasses import dataclass
 
@@ -81,32 +81,3 @@ def observer_weights(motor: MotorArrays, delay: int, step: int, dt: float, lengt
     out[:, MemoryRow.ANGLE] = -speed[:, None] * motor.damping - rate[:, None] * motor.inertia
     out[:, MemoryRow.TORQUE] = -torque[:, None]
     return out
-
-
-def momentum_step(
-    motor: MotorArrays,
-    gain: float,
-    integral: FloatArray,
-    volts: FloatArray,
-    motion: tuple[FloatArray, FloatArray],
-    torque: FloatArray,
-    dt: float,
-) -> tuple[FloatArray, FloatArray]:
-    """Generalized-momentum observer, one tick: (friction, integral) (n,) each.
-
-        s[k] = s[k-1] + dt (v[k-1]/K - F_v w[k] - tau[k] - f[k-1]),   f[k] = K_o (s[k] - J w[k])
-
-    Args:
-        motor: The model.
-        gain: K_o [rad/s].
-        integral: s[k-1] + ... without this tick's friction, see the law.
-        volts: v[k-1], sent; the published observer knows no delay [V].
-        motion: (w[k], f[k-1]): speed [rad/s] and the last friction [N m].
-        torque: tau[k] [N m].
-        dt: [s].
-
-    Source: De Luca and Mattone (2003); Le Tien et al. (2008), for friction of joints with torque sensors.
-    """
-    speed, last = motion
-    total = integral + dt * (motor.torque_per_volt * volts - motor.damping * speed - torque - last)
-    return gain * (total - motor.inertia * speed), total

@@ -1,4 +1,4 @@
-"""The torque laws of `SeriesElasticSpec` as plain functions of what is read now and what is remembered.
+"""The torque laws of `SeriesElasticSpec` as a function of what is read now and what is remembered.
 
 With D the loop delay in ticks, K = Rm/(kt N), F_v = tau_v + ke kt N^2/Rm, J = Jm N^2 (the printed law drops N^2):
 
@@ -30,13 +30,15 @@ from typing import NamedTuple
 import numpy as np
 
 from drake_tc.actuation.joint_values import Models, model_list
-from drake_tc.control.series_elastic.friction import momentum_step, motor_arrays, observer_weights
-from drake_tc.control.series_elastic.memory import MEMORY_ROWS, MemoryRow, cubic_weights, padded
+from drake_tc.control.series_elastic.friction import motor_arrays, observer_weights
+from drake_tc.control.series_elastic.memory import MEMORY_ROWS, cubic_weights, padded
 from drake_tc.control.series_elastic.spec import WITH_P, SeriesElasticSpec
+from drake_tc.kernels.lazy import Kernel
 from drake_tc.types import FloatArray
 
-VOLTAGE, ANGLE, TORQUE, DESIRED, SHAPED, LINK, FASTER, DRY = map(int, MemoryRow)
-"""As plain numbers: numpy takes twice as long over an index that is an IntEnum."""
+_LAW = Kernel("series_elastic", "law")
+_FRICTION = ("pi", "observer", "last_step_friction", "momentum_observer")
+"""Laws in the order of `drake_tc.kernels.series_elastic`; others take friction from the parameters."""
 
 
 class Readings(NamedTuple):
@@ -48,19 +50,15 @@ class Readings(NamedTuple):
     acceleration: FloatArray
 
 
-class Answer(NamedTuple):
-    """Of one tick, (n,) each: voltage, friction taken for it, desired torque as shaped; and the next memory."""
-
-    voltage: FloatArray
-    friction: FloatArray
-    shaped: FloatArray
-    kept: FloatArray
-    integral: FloatArray
-    """(3, n): the law's integral, its last friction, the speed y."""
-
-
 class SeriesElasticLaw:
-    """A law compiled for n motors; holds no changing data."""
+    """A law compiled for n motors; holds no changing data.
+
+    Attributes:
+        spec, motors, dt: What it was built of.
+        length: Ticks of the memory.
+        state_size: Of the state: memory (length, 8, n) of `MemoryRow`, then (3, n) the law's integral, its last
+            friction and the speed y, then 1 once there was a tick.
+    """
 
     def __init__(self, spec: SeriesElasticSpec, motors: Models, dt: float) -> None:
         """Compile.
@@ -78,96 +76,46 @@ class SeriesElasticLaw:
         window = spec.ticks("reference_window", dt) + 1
         back = speed // 2
         self.length = length = max(delay + step + 2, delay + back + 1, step + 3, window + 1, speed + 1)
-        self._motor = motor_arrays(self.motors)
-        self._observe = observer_weights(self._motor, delay, step, dt, length)
+        motor = motor_arrays(self.motors)
         ahead = 0.5 + spec.horizon / dt if window > 1 else 0.0
-        self._shape = padded(cubic_weights(window, ahead, 0, dt), length)
         wound = ahead - spec.spring_time / dt
-        self._curve = padded(cubic_weights(window, wound, 2, dt), length)
         slope = cubic_weights(window, wound, 1, dt)
-        self._faster = padded(slope, length) - padded(slope, length, 1)
-        self._speed = padded(np.array([-1.0, *np.zeros(speed - 1), 1.0]) / (speed * dt), length)
-        self._under_way = padded(np.full(delay + back, 1.0), length)
-        self._under_way[length - 1 - delay - back] = 1.0 if speed % 2 else 0.5
-        self._felt = padded(np.full(step, 1.0 / step), length, delay + 2)
-        self._correct = -np.expm1(-spec.speed_bandwidth * dt)
-        self._due = slice(length - 2 - delay, length - delay)
-        self._plain = window == 1
-        self._none = np.zeros(self.size)
+        under_way = padded(np.full(delay + back, 1.0), length)
+        under_way[length - 1 - delay - back] = 1.0 if speed % 2 else 0.5
+        taps = (
+            padded(cubic_weights(window, ahead, 0, dt), length),
+            padded(cubic_weights(window, wound, 2, dt), length),
+            padded(slope, length) - padded(slope, length, 1),
+            padded(np.array([-1.0, *np.zeros(speed - 1), 1.0]) / (speed * dt), length),
+            under_way,
+            padded(np.full(step, 1.0 / step), length, delay + 2),
+        )
+        friction = _FRICTION.index(spec.mode) if spec.mode in _FRICTION else len(_FRICTION)
+        correct = -np.expm1(-spec.speed_bandwidth * dt)
+        options = (dt, spec.kp, spec.ki, spec.leak, correct, spec.friction_speed, spec.momentum_gain)
+        rows = (motor.torque_per_volt, motor.damping, motor.inertia, motor.coulomb, motor.compliance, motor.limit)
+        self._tables = (
+            np.array([length, delay, friction, spec.mode in WITH_P, window == 1], dtype=np.int64),
+            np.array(taps),
+            observer_weights(motor, delay, step, dt, length).reshape(length, -1),
+            np.array(rows),
+            np.array(options),
+        )
+        self.state_size = (length * MEMORY_ROWS + 3) * self.size + 1
 
     @property
     def size(self) -> int:
         """Joints n."""
         return len(self.motors)
 
-    def at_rest(self, now: Readings) -> FloatArray:
-        """Memory (length, MEMORY_ROWS, n) of joints that have stood as they stand now, and desired the same."""
-        kept = np.zeros((self.length, MEMORY_ROWS, self.size))
-        kept[:, ANGLE], kept[:, TORQUE] = now.angle, now.torque
-        kept[:, DESIRED] = kept[:, SHAPED] = now.desired
-        return kept
-
-    def step(self, before: FloatArray, integral: FloatArray, now: Readings) -> Answer:
+    def step(self, state: FloatArray, now: Readings, after: FloatArray, rows: FloatArray) -> None:
         """One tick.
 
         Args:
-            before: Memory (length, MEMORY_ROWS, n), its last row of the tick before.
-            integral: (3, n) as the last Answer left it.
-            now: Readings of this tick, all finite.
+            state: (`state_size`,); zeros at the first tick, which takes joints to have stood as they stand.
+            now: Readings of this tick; the last good value, or 0, stands in for what is not finite.
+            after: (`state_size`,) written.
+            rows: (4, n) voltage, friction taken for it, desired torque as shaped, and 1 where a reading is not finite;
+                written.
         """
-        kept = np.empty((self.length, MEMORY_ROWS, self.size))
-        kept[:-1], last = before[1:], kept[-1]
-        last[:] = 0.0
-        last[ANGLE], last[TORQUE], last[DESIRED] = now.angle, now.torque, now.desired
-        if self.spec.mode == "pi":
-            return self._proportional_integral(kept, integral, now)
-        last[SHAPED], winding, faster = self._shaped(kept)
-        last[LINK] = now.acceleration
-        last[FASTER] = faster + 0.5 * self.dt * (now.acceleration + kept[-2, LINK])
-        speed = self._speed @ kept[:, ANGLE]
-        arriving = speed + self._under_way @ kept[:, FASTER]
-        asked = integral[2] + last[FASTER]
-        arriving = asked + self._correct * (arriving - asked)
-        integral = np.array((integral[0], integral[1], arriving))
-        last[DRY] = self._motor.coulomb * np.tanh(arriving / self.spec.friction_speed)
-        friction, integral = self._friction(kept, integral, speed)
-        motor = self._motor
-        torque = motor.damping * arriving + friction + motor.inertia * (now.acceleration + winding) + last[SHAPED]
-        if self.spec.mode in WITH_P:
-            first, second = kept[self._due, SHAPED]
-            torque = torque + self.spec.kp * (0.5 * (first + second) - now.torque)
-        last[VOLTAGE] = np.minimum(np.maximum(torque / motor.torque_per_volt, -motor.limit), motor.limit)
-        return Answer(last[VOLTAGE], friction, last[SHAPED], kept, integral)
-
-    def _shaped(self, kept: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """R (n,) of the newest tick, and what winding the spring adds to theta''_ref and to g."""
-        if self._plain:
-            return kept[-1, DESIRED], self._none, self._none
-        desired, soft = kept[:, DESIRED], self._motor.compliance
-        return self._shape @ desired, soft * (self._curve @ desired), soft * (self._faster @ desired)
-
-    def _friction(self, kept: FloatArray, integral: FloatArray, speed: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """The dry friction (n,) that the voltage is to overcome, and the law's integral with the observer's in it."""
-        spec, motor, dry = self.spec, self._motor, kept[-1, DRY]
-        if spec.mode in ("observer", "last_step_friction"):
-            seen = np.einsum("lkn,lkn->n", self._observe, kept[:, :3])
-            if spec.mode == "last_step_friction":
-                return spec.leak * seen, integral
-            return dry + spec.leak * (seen - self._felt @ kept[:, DRY]), integral
-        if spec.mode == "momentum_observer":
-            volts, torque = kept[-2, VOLTAGE], kept[-1, TORQUE]
-            found, total = momentum_step(
-                motor, spec.momentum_gain, integral[0], volts, (speed, integral[1]), torque, self.dt
-            )
-            return found, np.stack([total, found, integral[2]])
-        return dry, integral
-
-    def _proportional_integral(self, kept: FloatArray, integral: FloatArray, now: Readings) -> Answer:
-        error = now.desired - now.torque
-        total = integral[0] + self.dt * error
-        wish = (self.spec.kp * error + self.spec.ki * total) / self._motor.torque_per_volt
-        volts = np.clip(wish, -self._motor.limit, self._motor.limit)
-        held = (wish != volts) & (np.sign(wish) == np.sign(error))
-        kept[-1, VOLTAGE], kept[-1, SHAPED] = volts, now.desired
-        none = np.zeros(self.size)
-        return Answer(volts, none, now.desired, kept, np.stack([np.where(held, integral[0], total), none, none]))
+        _LAW(*now, state, *self._tables, after, rows)

@@ -1,5 +1,7 @@
 """Where contacts and IMU are and how they move, in the axes of the base; and what an F/T reading says at a contact.
 
+The tables of it; what computes with them is `drake_tc.kernels.base_kinematics`.
+
 With B the base, C a contact and I the IMU, from encoders alone:
 
     R = R_BC,  p = p_BC,  omega = angular velocity, v = velocity of C's origin, relative to B, in B's axes
@@ -13,7 +15,7 @@ with T the constant transform from S to C, m and c the mass and centre of mass (
 """
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from pydrake.multibody.parsing import Parser
@@ -25,46 +27,21 @@ from drake_tc.estimation.base.spec import ContactSpec
 from drake_tc.robot.mounts import ForceTorqueMount, Mount
 from drake_tc.robot.plant import make_plant
 from drake_tc.robot.robot import Robot
+from drake_tc.robot.tree import tree_of
 from drake_tc.robot.urdf import reduced_urdf
 from drake_tc.robot.urdf_tree import read_urdf
 from drake_tc.types import FloatArray
-
-_EPSILON = np.zeros((3, 3, 3))
-_EPSILON[[0, 1, 2], [2, 0, 1], [1, 2, 0]], _EPSILON[[0, 1, 2], [1, 2, 0], [2, 0, 1]] = 1.0, -1.0
-_SKEW: FloatArray = _EPSILON.reshape(3, 9)
-
-
-def skews(a: FloatArray) -> FloatArray:
-    """(..., 3, 3) matrices S(a), S(a) b = a x b, of vectors (..., 3)."""
-    S: FloatArray = (a @ _SKEW).reshape(*a.shape, 3)
-    return S
-
-
-class Posture(NamedTuple):
-    """Of k contacts and, behind them, the IMU; in the axes of the base.
-
-    Attributes:
-        rotation: (k + 1, 3, 3) R_BC.
-        position: (k + 1, 3) p_BC [m].
-        rate: (k + 1, 3) omega_BC against the base [rad/s], or omega_b + omega_BC after `turning`.
-        velocity: (k + 1, 3) v_BC [m/s], or v_BC + omega_b x p_BC.
-    """
-
-    rotation: FloatArray
-    position: FloatArray
-    rate: FloatArray
-    velocity: FloatArray
-
-    def turning(self, rate: FloatArray) -> "Posture":
-        """The same on a base that turns with omega_b (3,) [rad/s], in axes that do not."""
-        swept = self.position @ skews(rate).T
-        return Posture(self.rotation, self.position, self.rate + rate, self.velocity + swept)
 
 
 class BaseKinematics:
     """The robot's contacts and its IMU against the base; holds no state.
 
     Attributes:
+        tree: (places, constants, frames, frame_bodies) of `drake_tc.kernels.dynamics`; a frame a contact, then the
+            IMU's; joints in the robot's order.
+        between: (k, 54) what stands between each contact's sensor and the contact: T (6, 6) and (6, 3) K with
+            K g = [m g; c x m g].
+        weight: Of the robot [N].
         order: (nq + nv,) where each of the whole robot's [q; v] is in [base pose (7); q (n); base velocity (6); qd (n);
             0].
     """
@@ -91,18 +68,12 @@ class BaseKinematics:
         mounts = [*(contact.mount for contact in contacts), robot.imu[0]]
         frames = [_frame(plant, f"base_estimator_{i}", mount) for i, mount in enumerate(mounts)]
         plant.Finalize()
-        self._plant, self._frames = plant, frames
-        joints = [plant.GetJointByName(name) for name in robot.joints]
-        nq = plant.num_positions()
-        self._positions = np.array([joint.position_start() for joint in joints], dtype=np.intp)
-        self._velocities = nq + np.array([joint.velocity_start() for joint in joints], dtype=np.intp)
-        self._rest: FloatArray = np.array(plant.GetPositionsAndVelocities(plant.CreateDefaultContext()))
+        order = np.arange(len(robot.joints))
+        named = {str(i): frame for i, frame in enumerate(frames)}
+        tree = tree_of(plant, body, robot.joints, order, order, named, {})
+        self.tree = tree.places, tree.constants, tree.frames, tree.frame_bodies
         loads = [_load(plant, robot, contact, frame) for contact, frame in zip(contacts, frames, strict=False)]
-        self.transform = np.stack([load.transform for load in loads])
-        self.mass = np.array([load.mass for load in loads])
-        self.centre = np.stack([load.centre for load in loads])
-        self._weighs = np.stack([_weighs(load) for load in loads])
-        self._plain = not self.mass.any() and bool((self.transform == np.eye(6)).all())
+        self.between = np.array([[*load.transform.ravel(), *_weighs(load).ravel()] for load in loads])
         self.weight = 9.81 * float(plant.CalcTotalMass(plant.CreateDefaultContext()))
         whole = make_plant(robot, 0.0)
         whole_joints = [whole.GetJointByName(name) for name in robot.joints]
@@ -119,38 +90,6 @@ class BaseKinematics:
         places = np.concatenate((at, self.joint_position, turning, self.joint_velocity))
         self.order = np.full(self.state_size, places.size)
         self.order[places] = np.arange(places.size)
-
-    def create_scratch(self) -> Any:
-        """Memory to compute in; one for each context that uses this object."""
-        return self._plant.CreateDefaultContext()
-
-    def posture(self, scratch: Any, q: FloatArray, qd: FloatArray) -> Posture:
-        """Contacts and IMU against the base.
-
-        Args:
-            scratch: From `create_scratch`.
-            q: (n,) encoders [rad], in the robot's order.
-            qd: (n,) their speeds [rad/s].
-        """
-        state: Any = self._rest.copy()
-        state[self._positions] = q
-        state[self._velocities] = qd
-        self._plant.SetPositionsAndVelocities(scratch, state)
-        poses = np.array([frame.CalcPoseInWorld(scratch).GetAsMatrix34() for frame in self._frames])
-        speeds = np.array([frame.CalcSpatialVelocityInWorld(scratch).get_coeffs() for frame in self._frames])
-        return Posture(poses[:, :, :3], poses[:, :, 3], speeds[:, :3], speeds[:, 3:])
-
-    def external_wrench(self, readings: FloatArray, down: FloatArray) -> FloatArray:
-        """(k, 6) E = [f; t] at the contacts, in their axes [N, N m].
-
-        Args:
-            readings: (k, 6) [f; t] in the sensors' axes.
-            down: (k, 3) gravity R^T g in the contacts' axes [m/s^2].
-        """
-        if self._plain:
-            return readings
-        seen: FloatArray = self.transform @ readings[:, :, None] - self._weighs @ down[:, :, None]
-        return seen[:, :, 0]
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 
@@ -16,15 +16,11 @@ class Estimator(Protocol):
     num_joints: int
     num_contacts: int
 
-    def create_scratch(self) -> Any:
-        """Memory for `step`."""
-        ...
-
     def initial_state(self, position: FloatArray, yaw: float) -> BaseState:
         """Before the first tick."""
         ...
 
-    def step(self, scratch: Any, state: BaseState, readings: Readings) -> BaseState:
+    def step(self, state: BaseState, readings: Readings) -> BaseState:
         """After one sample."""
         ...
 
@@ -96,10 +92,10 @@ def run_log(
         yaw: Its yaw there [rad].
         progress: Told the share done, now and then.
     """
-    scratch, state = estimator.create_scratch(), estimator.initial_state(position, yaw)
+    state = estimator.initial_state(position, yaw)
     positions, angles, velocities, flags, contact_flags, pressures = [], [], [], [], [], []
     for i in range(len(log.time)):
-        state = estimator.step(scratch, state, log.readings(i))
+        state = estimator.step(state, log.readings(i))
         positions.append(state.position)
         angles.append(rpy_of(state.rotation))
         velocities.append(state.rotation @ state.velocity)

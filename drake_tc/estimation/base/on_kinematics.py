@@ -1,41 +1,104 @@
-"""What both base estimators are built on: the kinematics of a robot's contacts, and a state before the first tick."""
+"""What all base estimators are built on: the tables of a robot and its contacts, and a state before the first tick."""
 
-from typing import Any
+from abc import ABC, abstractmethod
+
+import numpy as np
 
 from drake_tc.estimation.base.kinematics import BaseKinematics
+from drake_tc.estimation.base.soft_sole import soft_sole
 from drake_tc.estimation.base.spec import BaseEstimatorSpec
-from drake_tc.estimation.base.state import BaseState, initial_state
+from drake_tc.estimation.base.state import BaseState, Readings, initial_state, packed, unpacked
+from drake_tc.estimation.base.velocity import rows_of, soles_of
 from drake_tc.robot.robot import Robot
 from drake_tc.types import FloatArray
 
 
-class OnKinematics:
-    """A base estimator without its `step`.
+class OnKinematics(ABC):
+    """A base estimator without its recursion.
 
     Attributes:
         spec: Contacts and tuning.
         kinematics: Of the robot.
         num_joints, num_contacts: n, k.
+        options: (27,) in the order of `drake_tc.kernels.base_options.Options`.
+        soles: (k, w) rows of the contacts, see `drake_tc.kernels.base_options`.
+        tables: (k, m m) shapes of soft soles, see `drake_tc.kernels.base_soles.shape_of`; zero of rigid ones.
     """
 
     def __init__(self, robot: Robot, spec: BaseEstimatorSpec) -> None:
-        """Build the kinematics.
+        """Build the tables.
 
         Args:
             robot: With a floating base and an IMU.
             spec: Contacts and tuning.
 
         Raises:
-            ParamsError: what robot and contacts lack.
+            ParamsError: what robot and contacts lack, or a sole that is not convex.
         """
         self.spec = spec
         self.kinematics = BaseKinematics(robot, spec.contacts)
         self.num_joints, self.num_contacts = len(robot.joints), len(spec.contacts)
+        self._limits = soles_of(spec.contacts)
+        soft = [soft_sole(contact) for contact in spec.contacts]
+        self.options = _options(spec, self.kinematics.weight, any_soft=any(sole is not None for sole in soft))
+        self.soles = rows_of(spec.contacts)
+        tables = [np.zeros(4) if sole is None else sole.table.ravel() for sole in soft]
+        self.tables = np.zeros((len(tables), max(table.size for table in tables)))
+        for row, table in zip(self.tables, tables, strict=True):
+            row[: table.size] = table
 
-    def create_scratch(self) -> Any:
-        """Memory for `step`; one for each context."""
-        return self.kinematics.create_scratch()
+    @abstractmethod
+    def advance(
+        self,
+        state: FloatArray,
+        q: FloatArray,
+        qd: FloatArray,
+        imu: FloatArray,
+        tilt: FloatArray,
+        wrench: FloatArray,
+        switch: FloatArray,
+        after: FloatArray,
+    ) -> None:
+        """Write the packed state after one sample into `after`; it never holds a NaN but an unknown ground.
+
+        Args:
+            state: (s,) packed, before it.
+            q: (n,) encoders [rad].
+            qd: (n,) their speeds [rad/s].
+            imu: (6,) [gyro; accel] [rad/s, m/s^2].
+            tilt: (2,) roll and pitch of the IMU's frame [rad]; NaN where it gives none.
+            wrench: (6k,) [f; t] of each contact's sensor [N, N m].
+            switch: (k,) as in `Readings`.
+            after: (s,).
+        """
+
+    def step(self, state: BaseState, readings: Readings) -> BaseState:
+        """The state after one sample; never raises.
+
+        Args:
+            state: Before it.
+            readings: The sample.
+        """
+        before, imu = packed(state), np.concatenate((readings.gyro, readings.accel))
+        after, wrench = np.empty_like(before), np.ravel(readings.wrench)
+        sample = (readings.q, readings.qd, imu, readings.tilt, wrench, readings.switch)
+        q, qd, imu, tilt, wrench, switch = (np.ascontiguousarray(part, dtype=float) for part in sample)
+        self.advance(before, q, qd, imu, tilt, wrench, switch, after)
+        return unpacked(after, self.num_joints, self.num_contacts)
 
     def initial_state(self, position: FloatArray, yaw: float) -> BaseState:
         """Before the first tick, with the base at `position` (3,) [m] and `yaw` [rad]."""
         return initial_state(self.kinematics.robot.posture, self.num_contacts, position, yaw)
+
+
+def _options(spec: BaseEstimatorSpec, weight: float, *, any_soft: bool) -> FloatArray:
+    """(27,) in the order of `drake_tc.kernels.base_options.Options`."""
+    level, touchdown = spec.ground == "level", spec.reference == "touchdown"
+    row = (
+        spec.period, spec.imu_age, level, touchdown, spec.velocity_time, spec.contact_velocity, spec.cop_moment,
+        spec.position_time, spec.yaw_time, spec.yaw_bias_time, spec.bias_time, spec.tilt_time, spec.sole_time,
+        spec.still_rate, spec.anchor_time, spec.slip_speed, spec.slip_distance, spec.slip_turn, spec.slip_time,
+        spec.slip_hold, spec.tilted, spec.force_offset, spec.yaw_drift, spec.encoder_spike, spec.quick_start, any_soft,
+        weight,
+    )  # fmt: skip
+    return np.array(row, dtype=float)

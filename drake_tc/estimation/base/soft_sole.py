@@ -33,47 +33,18 @@ _INSIDE = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class SoftSole:
-    """g over a sole, between the nodes of a table linearly.
+    """g over a sole, between the nodes of a table linearly (`drake_tc.kernels.base_soles.shape_of`).
 
     Attributes:
         stiffness: K [N/m].
         origin, step: Of the nodes [m].
-        table: Rows of g, first index along x [-].
+        table: (25, 25) g, first index along x [-].
     """
 
     stiffness: float
     origin: tuple[float, float]
     step: tuple[float, float]
-    table: list[list[float]]
-
-    def shape(self, x: float, y: float) -> float:
-        """G at a centre of pressure [m]; outside the sole, that of the nearest node."""
-        return self._between(self._node(x, 0), self._node(y, 1))
-
-    def _node(self, at: float, axis: int) -> tuple[int, float]:
-        """The node before a coordinate [m], and which share of a step it is beyond."""
-        u, last = (at - self.origin[axis]) / self.step[axis], len(self.table) - 1 - 1e-9
-        if u < 0.0:
-            u = 0.0
-        elif u > last:
-            u = last
-        i = int(u)
-        return i, u - i
-
-    def _between(self, along_x: tuple[int, float], along_y: tuple[int, float]) -> float:
-        (i, u), (j, v) = along_x, along_y
-        low, high = self.table[i], self.table[i + 1]
-        return (1.0 - u) * ((1.0 - v) * low[j] + v * low[j + 1]) + u * ((1.0 - v) * high[j] + v * high[j + 1])
-
-    def tilt(self, x: float, y: float, load: float) -> tuple[float, float]:
-        """(a, b): under a load [N] the floor's normal in the sole's axes is (-a, -b, 1) [rad]; F dg/dc/(2K)."""
-        u, v = self.step
-        flat, g = load / (4.0 * self.stiffness), self._between
-        here = self._node(x, 0), self._node(y, 1)
-        return (
-            flat * (g(self._node(x + u, 0), here[1]) - g(self._node(x - u, 0), here[1])) / u,
-            flat * (g(here[0], self._node(y + v, 1)) - g(here[0], self._node(y - v, 1))) / v,
-        )
+    table: FloatArray
 
 
 def spring_points(polygon: tuple[Point2, ...], numbers: tuple[int, int]) -> FloatArray:
@@ -112,11 +83,11 @@ def soft_sole(contact: ContactSpec) -> SoftSole | None:
 
 
 @lru_cache(maxsize=32)
-def _tabled(polygon: tuple[Point2, ...], numbers: tuple[int, int]) -> tuple[Point2, Point2, list[list[float]]]:
+def _tabled(polygon: tuple[Point2, ...], numbers: tuple[int, int]) -> tuple[Point2, Point2, FloatArray]:
     """(origin, step, rows) of a sole's table."""
     points = spring_points(polygon, numbers)
     low, high = points.min(axis=0), points.max(axis=0)
     x, y = (np.linspace(low[i], high[i], _NODES) for i in (0, 1))
-    table = [[shape_at(points, np.array([a, b])) for b in y.tolist()] for a in x.tolist()]
+    table = np.array([[shape_at(points, np.array([a, b])) for b in y.tolist()] for a in x.tolist()])
     step = (high - low) / (_NODES - 1)
     return (float(low[0]), float(low[1])), (float(step[0]), float(step[1])), table

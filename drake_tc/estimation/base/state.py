@@ -7,8 +7,8 @@ from operator import attrgetter
 from typing import Any
 
 import numpy as np
+from pydrake.math import RotationMatrix
 
-from drake_tc.estimation.base.pose import turned
 from drake_tc.types import FloatArray
 
 FLAGS = (
@@ -143,6 +143,11 @@ def _layout(n: int, k: int) -> tuple[tuple[str, slice, tuple[int, ...]], ...]:
     return tuple((name, slice(a, b), shapes[name]) for name, (a, b) in zip(ARRAYS, pairwise(ends), strict=True))
 
 
+def place_of(name: str, n: int, k: int) -> slice:
+    """Where an array stands in a packed state, for n joints and k contacts."""
+    return next(part for other, part, _ in _layout(n, k) if other == name)
+
+
 def packed(state: BaseState) -> FloatArray:
     """All of a state in one vector: scalars first, then the arrays."""
     return np.concatenate([_scalars(state), *[array.ravel() for array in _arrays(state)]], dtype=float)
@@ -168,6 +173,10 @@ def initial_state(q: FloatArray, k: int, position: FloatArray, yaw: float) -> Ba
         yaw: Its yaw there [rad].
     """
     arrays = {name: np.zeros(shape) for name, _, shape in _layout(len(q), k)}
-    arrays |= {"position": np.array(position, dtype=float), "rotation": turned(yaw), "q": np.array(q)}
+    arrays |= {
+        "position": np.array(position, dtype=float),
+        "rotation": np.asarray(RotationMatrix.MakeZRotation(yaw).matrix()),
+        "q": np.array(q),
+    }
     arrays["foot"] = np.tile(np.eye(3), (k, 1, 1))
     return BaseState(0.0, float(yaw), 0.0, 0.0, 0.0, 0.0, 0.0, float("nan"), **arrays)

@@ -1,17 +1,18 @@
 """`BaseEstimator`: the base estimator as a Drake system."""
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from pydrake.common.value import Value
-from pydrake.math import RotationMatrix
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem, ValueProducer
 
 from drake_tc.errors import ParamsError
 from drake_tc.estimation.base.chain import FootCentreEstimator, FootCentreImuEstimator
 from drake_tc.estimation.base.estimator import CopEstimator
 from drake_tc.estimation.base.spec import BaseEstimatorSpec
-from drake_tc.estimation.base.state import CONTACT_FLAGS, FLAGS, BaseState, Readings, packed, unpacked
+from drake_tc.estimation.base.state import CONTACT_FLAGS, FLAGS, BaseState, packed, place_of, unpacked
+from drake_tc.kernels.lazy import Kernel
 from drake_tc.port_methods import PortMethods
 from drake_tc.robot.robot import Robot
 from drake_tc.types import FloatArray
@@ -23,14 +24,7 @@ METHODS: dict[str, type[CopEstimator] | type[FootCentreEstimator]] = {
 }
 
 
-_NOTHING = np.zeros(1)
-"""Of what the estimator does not know: see `BaseKinematics.order`."""
-
-
-class _Unpacked:
-    """A state in a cache."""
-
-    state: BaseState
+_OUTPUTS = Kernel("base_outputs", "outputs")
 
 
 class BaseEstimator(PortMethods, LeafSystem):
@@ -93,24 +87,24 @@ class BaseEstimator(PortMethods, LeafSystem):
         initial: Any = packed(self._estimator.initial_state(place, heading))
         state = self.DeclareDiscreteState(initial)
         self._state = int(state)
-        self._scratch: Any = self.DeclareCacheEntry(
-            "scratch",
-            ValueProducer(allocate=lambda: Value(self._estimator.create_scratch()), calc=lambda context, value: None),
-            {self.nothing_ticket()},
+        cop, flags = place_of("pressure", n, k), slice(place_of("flags", n, k).start, None)
+        kinematics, of_state = self._estimator.kinematics, {self.discrete_state_ticket(state)}
+        size = kinematics.state_size
+        self._order = np.array(kinematics.order, dtype=np.int64)
+        whole = np.zeros(14 + 2 * n + size)
+        self._shown: Any = self.DeclareCacheEntry(
+            "shown", ValueProducer(allocate=Value(whole).Clone, calc=self._show), of_state
         )
-        of_state = {self.discrete_state_ticket(state)}
-        self._unpacked: Any = self.DeclareCacheEntry(
-            "unpacked", ValueProducer(allocate=lambda: Value(_Unpacked()), calc=self._unpack), of_state
-        )
-        size = self._estimator.kinematics.state_size
-        for name, width, calc in (
-            ("base_pose", 7, self._write_pose),
-            ("base_velocity", 6, self._write_velocity),
-            ("estimated_state", size, self._write_state),
-            ("cop", 2 * k, self._write_cop),
-            ("status", len(self.flag_names), self._write_status),
-        ):
-            self.DeclareVectorOutputPort(name, width, calc, of_state)
+        parts = {
+            "base_pose": slice(0, 7),
+            "base_velocity": slice(7 + n, 13 + n),
+            "estimated_state": slice(14 + 2 * n, None),
+        }
+        for name, part in parts.items():
+            width = len(whole[part])
+            self.DeclareVectorOutputPort(name, width, self._shower(part), {self._shown.ticket()})
+        self.DeclareVectorOutputPort("cop", 2 * k, self._writer(cop), of_state)
+        self.DeclareVectorOutputPort("status", len(self.flag_names), self._writer(flags), of_state)
         self.DeclarePeriodicDiscreteUpdateEvent(spec.period, 0.0, self._update)
 
     @property
@@ -121,51 +115,41 @@ class BaseEstimator(PortMethods, LeafSystem):
 
     def base_state(self, context: Any) -> BaseState:
         """All that is remembered."""
-        state: BaseState = self._unpacked.Eval(context).state
-        return state
+        return unpacked(np.array(context.get_discrete_state(self._state).value()), self._n, self._k)
 
-    def _unpack(self, context: Any, value: Any) -> None:
-        vector = np.array(context.get_discrete_state(self._state).value())
-        value.get_mutable_value().state = unpacked(vector, self._n, self._k)
-
-    def _update(self, context: Any, values: DiscreteValues) -> None:
-        imu = self._imu.Eval(context)
-        readings = Readings(
-            q=self._position.Eval(context),
-            qd=self._velocity.Eval(context),
-            gyro=imu[:3],
-            accel=imu[3:],
-            tilt=self._tilt.Eval(context) if self._tilt.HasValue(context) else self._no_tilt,
-            wrench=self._wrench.Eval(context).reshape(self._k, 6),
-            switch=self._switch.Eval(context) if self._switch.HasValue(context) else self._no_switch,
+    def _update(self, context: Context, values: DiscreteValues) -> None:
+        """x[n+1]."""
+        now: Any = context.get_discrete_state(self._state)
+        after: Any = values.get_mutable_value(self._state)
+        self._estimator.advance(
+            now.value(),
+            self._position.Eval(context),
+            self._velocity.Eval(context),
+            self._imu.Eval(context),
+            self._tilt.Eval(context) if self._tilt.HasValue(context) else self._no_tilt,
+            self._wrench.Eval(context),
+            self._switch.Eval(context) if self._switch.HasValue(context) else self._no_switch,
+            after,
         )
-        after = self._estimator.step(self._scratch.Eval(context), self.base_state(context), readings)
-        vector: Any = packed(after)
-        values.set_value(self._state, vector)
 
-    def _write_pose(self, context: Context, vector: Any) -> None:
-        state = self.base_state(context)
-        vector.set_value(np.concatenate((_quaternion(state.rotation), state.position)))
+    def _show(self, context: Any, value: Any) -> None:
+        """Pose, velocity and the plant's state, see `drake_tc.kernels.base_outputs`."""
+        state = context.get_discrete_state(self._state).value()
+        _OUTPUTS(state, self._n, self._k, self._order, value.get_mutable_value())
 
-    def _write_velocity(self, context: Context, vector: Any) -> None:
-        vector.set_value(np.concatenate(_twists(self.base_state(context))))
+    def _shower(self, part: slice) -> Callable[[Context, Any], None]:
+        """The calc function of an output that `_show` writes."""
 
-    def _write_state(self, context: Context, vector: Any) -> None:
-        state, kinematics = self.base_state(context), self._estimator.kinematics
-        found = (_quaternion(state.rotation), state.position, state.q, *_twists(state), state.qd, _NOTHING)
-        vector.set_value(np.concatenate(found)[kinematics.order])
+        def write(context: Context, vector: Any) -> None:
+            vector.set_value(self._shown.Eval(context)[part])
 
-    def _write_cop(self, context: Context, vector: Any) -> None:
-        vector.set_value(self.base_state(context).pressure.ravel())
+        return write
 
-    def _write_status(self, context: Context, vector: Any) -> None:
-        state = self.base_state(context)
-        vector.set_value(np.concatenate((state.flags, state.contact_flags.ravel())))
+    def _writer(self, part: slice) -> Callable[[Context, Any], None]:
+        """The calc function of an output that is part of the state."""
 
+        def write(context: Context, vector: Any) -> None:
+            state: Any = context.get_discrete_state(self._state)
+            vector.set_value(state.value()[part])
 
-def _quaternion(R: FloatArray) -> FloatArray:
-    return np.asarray(RotationMatrix(R).ToQuaternion().wxyz())
-
-
-def _twists(state: BaseState) -> tuple[FloatArray, FloatArray]:
-    return state.rotation @ state.rate, state.rotation @ state.velocity
+        return write

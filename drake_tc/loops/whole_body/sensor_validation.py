@@ -6,7 +6,7 @@ one signal.
     all of them raw  --> fault_monitor, joint_sensors, base estimator --> flags
 
 What stands in for
-    one of motor encoder, gauge, link encoder    the other two of its joint (`joint_voting`)
+    one of motor encoder, gauge, link encoder    the other two of its joint (`joint_sensors`)
     two of them                                  their last good values; after 150 ms the joint's torque fades, and its
                                                  motor's back-EMF brakes it; all torques where it is one that the robot
                                                  stands on (`sensor_loss_stop`)

@@ -1,7 +1,6 @@
 """min J subject to R <= R_min (eq. 5), by the weight at which the trade-off meets it."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
 
@@ -38,16 +37,15 @@ def in_null_space(program: Measure, problem: ScaledProblem, guess: Guess, means:
         return classic
     basis = null_basis(problem.cost.matrix)
     inside = problem.along(classic.x, basis)
-    inside = replace(inside, cost=nothing(basis.shape[1]))
+    inside = inside._replace(cost=nothing(basis.shape[1]))
     last = basis.T @ (guess.x - classic.x)
     if inside.limits.miss(last) > 1.0:
         last = np.zeros(basis.shape[1])
     begin = Guess(last, guess.active_set, guess.inner)
     found = program(inside, 1.0, begin, means)
     if found.outcome is not Outcome.SOLVED:
-        return replace(classic, risk=found.risk, converged=False)
-    return replace(
-        found,
+        return classic._replace(risk=found.risk, converged=False)
+    return found._replace(
         x=classic.x + basis @ found.x,
         active_set=found.active_set if basis.shape[1] or guess.inner is not None else classic.active_set,
         iterations=classic.iterations + found.iterations,
@@ -58,7 +56,7 @@ def in_null_space(program: Measure, problem: ScaledProblem, guess: Guess, means:
 def most_robust(program: Measure, problem: ScaledProblem, guess: Guess, means: SolverMeans) -> ProgramResult:
     """Min R inside the limits, whatever it costs."""
     n = len(guess.x)
-    return program(replace(problem, cost=nothing(n)), 1.0, guess, means)
+    return program(problem._replace(cost=nothing(n)), 1.0, guess, means)
 
 
 def within_risk(
@@ -74,9 +72,9 @@ def within_risk(
         Outcome.RISKY with the most robust torque where R_min cannot be had; where the budget is spent, the best torque
         that keeps R_min, not converged, or else, RISKY, the last one that keeps the limits.
     """
-    rough = replace(means, accuracy=min(means.accuracy, 0.1 * minimum))
-    sharp = replace(means, accuracy=1e-6 * rough.accuracy)
-    exact = replace(means, accuracy=min(means.accuracy, SURE * minimum))
+    rough = means._replace(accuracy=min(means.accuracy, 0.1 * minimum))
+    sharp = means._replace(accuracy=1e-6 * rough.accuracy)
+    exact = means._replace(accuracy=min(means.accuracy, SURE * minimum))
     target, stride = math.log(minimum), STRIDE
     here = min(max(math.log(weight), -FARTHEST), FARTHEST)
     low = high = below = above = math.nan
@@ -98,7 +96,7 @@ def within_risk(
         else:
             below = 0.5 * below if side < 0 else below
             met = miss >= -MET
-            high, above, side, best = here, miss, -1, (replace(found, converged=met), math.exp(here))
+            high, above, side, best = here, miss, -1, (found._replace(converged=met), math.exp(here))
             if met:
                 break
         if means.spending.late():
@@ -115,9 +113,9 @@ def within_risk(
                 break
         found = program(problem, math.exp(here), found.guess, rough)
     if best is not None:
-        return replace(best[0], iterations=steps, programs=programs), best[1]
+        return best[0]._replace(iterations=steps, programs=programs), best[1]
     if found.outcome is Outcome.SOLVED and means.spending.late():
-        return replace(_judged(found, minimum), converged=False, iterations=steps, programs=programs), 0.0
+        return _judged(found, minimum)._replace(converged=False, iterations=steps, programs=programs), 0.0
     safest = _judged(most_robust(program, problem, found.guess, exact), minimum)
     return _counted(safest, steps, programs), 0.0
 
@@ -132,8 +130,8 @@ def _beyond(
 def _judged(found: ProgramResult, minimum: float) -> ProgramResult:
     """RISKY where it keeps the limits, but not R <= minimum."""
     risky = found.outcome is Outcome.SOLVED and not found.risk <= minimum
-    return replace(found, outcome=Outcome.RISKY) if risky else found
+    return found._replace(outcome=Outcome.RISKY) if risky else found
 
 
 def _counted(found: ProgramResult, steps: int, programs: int) -> ProgramResult:
-    return replace(found, iterations=steps + found.iterations, programs=programs + found.programs)
+    return found._replace(iterations=steps + found.iterations, programs=programs + found.programs)

@@ -1,7 +1,7 @@
 """min ||D x - d||^2 + w R(x) inside the limits, for each measure R: what every use of robustness repeats."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -26,8 +26,7 @@ BOX_DAMPING = 1e-6
 """Of w: each step may take the box a long way, and the damping leaves no trace where the steps end."""
 
 
-@dataclass(frozen=True, eq=False)
-class Guess:
+class Guess(NamedTuple):
     """Where to begin: x (n,), the active set of the program, the box as `Start` has it."""
 
     x: FloatArray
@@ -35,8 +34,7 @@ class Guess:
     inner: FloatArray | None = None
 
 
-@dataclass(frozen=True, eq=False)
-class ProgramResult:
+class ProgramResult(NamedTuple):
     """Where a program ended; see `RobustSolution` for what is named alike."""
 
     x: FloatArray
@@ -54,8 +52,7 @@ class ProgramResult:
         return Guess(self.x, self.active_set, self.inner)
 
 
-@dataclass(frozen=True, eq=False)
-class SolverMeans:
+class SolverMeans(NamedTuple):
     """With what a program is solved: the QP solver, the accuracy [of R], what is left of the budget."""
 
     qp: QpSolver
@@ -121,18 +118,18 @@ def shrunk_box(problem: ScaledProblem, size: float, guess: Guess, means: SolverM
     """Least cost with room for a box of `size` sigmas: R_box <= R_min is that; RISKY with the largest there is."""
     found = least_cost(_shrunk(problem, size), Guess(guess.x, guess.active_set), means)
     if found.outcome is Outcome.INFEASIBLE:
-        largest = box(replace(problem, cost=nothing(len(guess.x))), 1.0, Guess(guess.x), means)
-        found = replace(largest, active_set=FREE, inner=None)
+        largest = box(problem._replace(cost=nothing(len(guess.x))), 1.0, Guess(guess.x), means)
+        found = largest._replace(active_set=FREE, inner=None)
         if largest.inner is not None and largest.outcome is Outcome.SOLVED:
             cheapest = least_cost(_shrunk(problem, NEARLY * float(largest.inner[0])), Guess(largest.x), means)
             found = cheapest if cheapest.outcome is Outcome.SOLVED else found
         if found.outcome is Outcome.SOLVED:
-            found = replace(found, outcome=Outcome.RISKY)
-    return replace(found, risk=box_risk(box_size(problem, found.x), problem.noise.shape[1]))
+            found = found._replace(outcome=Outcome.RISKY)
+    return found._replace(risk=box_risk(box_size(problem, found.x), problem.noise.shape[1]))
 
 
 def _shrunk(problem: ScaledProblem, size: float) -> ScaledProblem:
     """Every side closer by what a box of this size reaches."""
     limits = problem.limits
     lower, upper = _SHRUNK(problem.noise, limits.lower, limits.upper, float(size))
-    return replace(problem, limits=replace(limits, lower=lower, upper=upper))
+    return problem._replace(limits=limits._replace(lower=lower, upper=upper))

@@ -6,7 +6,6 @@ Sigma too. With a diagonal Sigma these are the joints: s_j = a_j sigma_j, s_(j+n
 """
 
 import math
-from dataclasses import replace
 
 import numpy as np
 
@@ -95,8 +94,8 @@ def _from(
         here = program.at(begin)
         minimum = Minimum(begin, here.value, here.risk, FREE, inside, False, steps, programs)
     found = minimum_of(minimum, start[:n], minimum.risk)
-    return replace(
-        found, active_set=active_set, iterations=steps, programs=programs, inner=np.concatenate((start[n:], held))
+    return found._replace(
+        active_set=active_set, iterations=steps, programs=programs, inner=np.concatenate((start[n:], held))
     )
 
 
@@ -110,12 +109,12 @@ def _largest(problem: ScaledProblem, x: FloatArray, means: SolverMeans) -> Float
     """(x, a, b) of the largest box with equal sides: around the x where it is largest of all, or else beside x."""
     n, axes = len(x), problem.noise.shape[1]
     if n:
-        around = box(replace(problem, cost=nothing(n)), 1.0, Guess(x), means)
+        around = box(problem._replace(cost=nothing(n)), 1.0, Guess(x), means)
         if around.outcome is Outcome.SOLVED and around.inner is not None and around.inner[0] > SMALL:
             return np.concatenate((around.x, np.full(2 * axes, around.inner[0])))
     value = problem.limits.matrix @ x
     rows = Rows(problem.noise, problem.limits.lower - value, problem.limits.upper - value)
-    beside = box(replace(problem, cost=nothing(axes), limits=rows), 1.0, Guess(np.zeros(axes)), means)
+    beside = box(problem._replace(cost=nothing(axes), limits=rows), 1.0, Guess(np.zeros(axes)), means)
     if beside.outcome is not Outcome.SOLVED or beside.inner is None or not beside.inner[0] > SMALL:
         return None
     return np.concatenate((x, beside.inner[0] + beside.x, beside.inner[0] - beside.x))
@@ -133,7 +132,7 @@ def rectangle_risk(
     fixed = problem.along(x, np.zeros((n, 0)))
     if problem.sure:
         erring = problem.erring.along(x, np.zeros((n, 0)))
-        fixed = replace(fixed, limits=erring, certain=np.zeros_like(problem.certain), sure=0)
+        fixed = fixed._replace(limits=erring, certain=np.zeros_like(problem.certain), sure=0)
     found = rectangle(fixed, 1.0, Guess(np.zeros(0)), SolverMeans(qp, accuracy, Budget().started()))
     return found.risk if found.outcome is Outcome.SOLVED else math.inf
 

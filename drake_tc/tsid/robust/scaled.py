@@ -1,6 +1,6 @@
 """A reduced problem in units of its own uncertainty: torques over sigma, rows over sigma_G."""
 
-from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,8 +15,7 @@ FEASIBLE = 1e-6
 """In units of a row (one sigma): what a point may miss and still count as feasible."""
 
 
-@dataclass(frozen=True, eq=False)
-class Rows:
+class Rows(NamedTuple):
     """lower <= A x <= upper; infinite where a side has no limit.
 
     Attributes:
@@ -41,8 +40,7 @@ class Rows:
         return Rows(np.ascontiguousarray(self.matrix @ basis), self.lower - shift, self.upper - shift)
 
 
-@dataclass(frozen=True, eq=False)
-class ScaledProblem:
+class ScaledProblem(NamedTuple):
     """min ||D x - d||^2 on rows, with tau = scale * x, so that a row errs by 1 and a step of 1 in x is one sigma.
 
     Attributes:
@@ -66,7 +64,7 @@ class ScaledProblem:
         cost = LeastSquares(
             np.ascontiguousarray(self.cost.matrix @ basis), self.cost.target - self.cost.matrix @ origin
         )
-        return replace(self, cost=cost, limits=self.limits.along(origin, basis))
+        return self._replace(cost=cost, limits=self.limits.along(origin, basis))
 
     @property
     def erring(self) -> Rows:

@@ -8,14 +8,15 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
-from drake_tc.estimation.base.contact_switch import Slip, slipping
 from drake_tc.estimation.base.estimator import CopEstimator
-from drake_tc.estimation.base.imu_filters import corrected_up, filter_times, tilt_correction, turned_up
-from drake_tc.estimation.base.kinematics import Posture
 from drake_tc.estimation.base.log import run_log, track_error
-from drake_tc.estimation.base.sinking import shown_vertical
-from drake_tc.estimation.base.soft_sole import soft_sole
-from drake_tc.estimation.base.state import CONTACT_MEMORY, initial_state
+from drake_tc.estimation.base.state import CONTACT_MEMORY, initial_state, packed
+from drake_tc.kernels.base_contacts import Slip, slipping
+from drake_tc.kernels.base_imu import corrected_up, filter_times, tilt_correction, turned_up
+from drake_tc.kernels.base_kinematics import Posture
+from drake_tc.kernels.base_options import options_of
+from drake_tc.kernels.base_soles import shown_vertical
+from drake_tc.kernels.base_state import memory_of
 
 from .constructed import REAL, Motion, construct, spec, walker
 
@@ -83,12 +84,13 @@ def test_soft_soles_show_the_vertical():
         turn, _ = Rotation.align_vectors([[0.0, 0.0, 1.0]], [normal / np.linalg.norm(normal)])
         feet.append(base.T @ turn.as_matrix())
     state = initial_state(np.zeros(1), 2, np.zeros(3), 0.0)
-    memory_of = dict.fromkeys(CONTACT_MEMORY, 0.0) | {"on": 1.0, "load": load, "shape": 1.3}
-    state = replace(state, contacts=np.array([list(memory_of.values())] * 2), pressure=c)
+    columns = dict.fromkeys(CONTACT_MEMORY, 0.0) | {"on": 1.0, "load": load, "shape": 1.3}
+    state = replace(state, contacts=np.array([list(columns.values())] * 2), pressure=c)
     posture = Posture(np.array([*feet, np.eye(3)]), np.zeros((3, 3)), np.zeros((3, 3)), np.zeros((3, 3)))
-    soles = [soft_sole(contact) for contact in contacts]
-    assert_allclose(shown_vertical(soles, posture, state), base[2], atol=5e-4)
-    assert shown_vertical([None, None], posture, state) is None
+    memory = memory_of(packed(state), 1, 2)
+    for soft, expected in ((contacts, base[2]), (spec(PERIOD).contacts, np.zeros(3))):
+        estimator = CopEstimator(walker(), replace(spec(PERIOD), contacts=soft))
+        assert_allclose(shown_vertical(estimator.soles, estimator.tables, posture, memory), expected, atol=5e-4)
 
 
 def test_slow_rocking_is_no_rest_and_rest_is():
@@ -105,9 +107,9 @@ def test_slow_rocking_is_no_rest_and_rest_is():
     learnt = {}
     for name, each in (("rocking", rocking), ("resting", resting)):
         estimator = CopEstimator(walker(), spec(PERIOD, still_rate=0.05))
-        scratch, state = estimator.create_scratch(), estimator.initial_state(made.truth.position[0], 0.0)
+        state = estimator.initial_state(made.truth.position[0], 0.0)
         for i in range(len(each.time)):
-            state = estimator.step(scratch, state, each.readings(i))
+            state = estimator.step(state, each.readings(i))
         learnt[name] = state
     assert_allclose(learnt["resting"].bias, bias, atol=1e-3)
     assert learnt["resting"].rested > 150
@@ -118,10 +120,11 @@ def test_slow_rocking_is_no_rest_and_rest_is():
 @pytest.mark.parametrize("share", [0.02, 0.2])
 def test_a_foot_in_the_air_does_not_outvote_the_one_that_stands(share):
     """The heavy contact seems the faster one; it is left out only if what is left bears something."""
-    tuning, slip = spec(2e-3), Slip(np.zeros((2, 3)), [0.0, 0.0])
+    options = options_of(CopEstimator(walker(), spec(2e-3)).options)
+    slip, on, load = Slip(np.zeros((2, 3)), np.zeros(2)), np.ones(2, dtype=bool), np.array([300.0, 300.0 * share])
     against = np.array([[0.3, 0.0, 0.0], [0.1, 0.0, 0.0]])
     for _ in range(50):
-        slip = slipping([True, True], [False, False], [300.0, 300.0 * share], against, slip, tuning)
+        slip = slipping(on, ~on, load, against, slip, options)
     assert (slip.dropped[0] > 0.0) == (share > 0.1)
 
 

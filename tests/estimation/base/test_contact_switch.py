@@ -4,32 +4,39 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from drake_tc.estimation.base.contact_switch import Slip, carries, slipping
+from drake_tc.estimation.base.estimator import CopEstimator
+from drake_tc.kernels.base_contacts import Slip, carries, slipping
+from drake_tc.kernels.base_options import options_of
 
-from .constructed import spec
+from .constructed import spec, walker
 
 
 def test_hysteresis_between_break_and_make():
-    limits = [(30.0, 20.0)]
-    on, seen = [False], []
+    on, seen = False, []
     for load in (0.0, 25.0, 31.0, 25.0, 20.5, 19.0, 25.0):
-        on = carries([load], [float(on[0])], limits, [0.0])
-        seen.append(on[0])
+        on = carries(load, float(on), 30.0, 20.0, 0.0)
+        seen.append(on)
     assert seen == [False, False, True, True, True, False, False]
 
 
 def test_the_switch_overrules_the_load():
-    limits = [(30.0, 20.0)] * 3
-    assert carries([100.0, 0.0, 100.0], [1.0, 0.0, 1.0], limits, [-1.0, 1.0, 0.0]) == [False, True, True]
+    assert not carries(100.0, 1.0, 30.0, 20.0, -1.0)
+    assert carries(0.0, 0.0, 30.0, 20.0, 1.0)
+    assert not carries(0.0, 1.0, 30.0, 20.0, 0.0)
+
+
+def options(**changes):
+    """As the kernels take them."""
+    return options_of(CopEstimator(walker(), spec(2e-3, **changes)).options)
 
 
 def run(speeds, loads=(100.0, 90.0), on=(True, True), **changes):
     """Slip over ticks of (2, 3) velocities against the reference."""
-    tuning = spec(2e-3, **changes)
-    slip, seen = Slip(np.zeros((2, 3)), [0.0, 0.0]), []
+    tuning, touching, loads = options(**changes), np.array(on), np.array(loads)
+    slip, seen = Slip(np.zeros((2, 3)), np.zeros(2)), []
     for tick, against in enumerate(speeds):
-        new = [touches and tick == 0 for touches in on]
-        slip = slipping(list(on), new, list(loads), np.asarray(against), slip, tuning)
+        new = touching & (tick == 0)
+        slip = slipping(touching, new, loads, np.array(against), slip, tuning)
         seen.append(list(slip.dropped))
     return np.array(seen)
 

@@ -176,7 +176,6 @@ def test_whatever_comes_in_nothing_raises_and_nothing_but_numbers_comes_out(valu
     estimator = _estimator()
     rng = np.random.default_rng(seed)
     n, k = estimator.num_joints, estimator.num_contacts
-    scratch = estimator.create_scratch()
     state = estimator.initial_state(np.zeros(3), 0.0)
     for _ in range(4):
 
@@ -186,7 +185,7 @@ def test_whatever_comes_in_nothing_raises_and_nothing_but_numbers_comes_out(valu
         readings = Readings(
             draw(n), draw(n), draw(3), draw(3), draw(2), draw(k, 6), rng.choice([0.0, 1.0, -1.0], size=k)
         )
-        state = estimator.step(scratch, state, readings)
+        state = estimator.step(state, readings)
         for item in fields(state):
             if item.name != "ground":
                 assert np.isfinite(getattr(state, item.name)).all(), item.name

@@ -13,8 +13,10 @@ from drake_tc.estimation.base.estimator import CopEstimator
 from drake_tc.estimation.base.kinematics import BaseKinematics
 from drake_tc.estimation.base.log import run_log
 from drake_tc.estimation.base.spec import BaseEstimatorSpec, ContactSpec
-from drake_tc.estimation.base.state import initial_state, packed, unpacked
+from drake_tc.estimation.base.state import ARRAYS, SCALARS, initial_state, packed, unpacked
 from drake_tc.estimation.base.system import BaseEstimator
+from drake_tc.kernels.base_kinematics import posture_of, turning
+from drake_tc.kernels.base_state import memory_of
 from drake_tc.robot.mounts import Mount
 from drake_tc.robot.plant import make_plant
 
@@ -162,6 +164,14 @@ def test_a_state_packs_and_unpacks():
     assert_allclose(packed(unpacked(vector, 7, 3)), vector, rtol=0)
 
 
+def test_the_kernels_see_the_same_parts_of_a_state():
+    vector = np.random.default_rng(1).normal(size=packed(initial_state(np.zeros(7), 3, np.zeros(3), 0.0)).size)
+    state, memory = unpacked(vector, 7, 3), memory_of(vector, 7, 3)
+    assert_allclose(memory.scalars, [getattr(state, name) for name in SCALARS], rtol=0)
+    for name in ARRAYS:
+        assert_allclose(getattr(memory, name), getattr(state, name), rtol=0, err_msg=name)
+
+
 def test_flags_have_names_of_their_contacts():
     names = BaseEstimator(walker(), spec(PERIOD)).flag_names
     assert len(names) == 9 + 2 * 5
@@ -182,7 +192,7 @@ def test_kinematics_agree_with_jacobians_of_the_whole_robot():
     robot, rng = walker(), np.random.default_rng(3)
     kinematics = BaseKinematics(robot, spec(PERIOD).contacts)
     q, qd, rate = rng.uniform(-0.4, 0.4, 30), rng.normal(size=30), rng.normal(size=3)
-    posture = kinematics.posture(kinematics.create_scratch(), q, qd).turning(rate)
+    posture = turning(posture_of(q, qd, *kinematics.tree), rate)
     plant = make_plant(robot, 0.0)
     context = plant.CreateDefaultContext()
     base, world = plant.GetBodyByName(robot.base).body_frame(), plant.world_frame()
@@ -245,7 +255,7 @@ def test_hands_are_points_and_carry_too(made):
         ContactSpec(Mount(f"{s}_hand", f"{s[0]}_hand"), None, f"{s}_wrist", 20.0, 10.0) for s in ("right", "left")
     )
     estimator = CopEstimator(walker(), BaseEstimatorSpec(contacts, PERIOD))
-    scratch, log = estimator.create_scratch(), made.log
+    log = made.log
     state = estimator.initial_state(made.truth.position[0], 0.0)
     wide = replace(log, wrench=np.concatenate([log.wrench, np.zeros_like(log.wrench)], axis=1),
                    switch=np.tile([0.0, 0.0, 0.0, -1.0], (len(log.time), 1)))  # fmt: skip
@@ -253,7 +263,7 @@ def test_hands_are_points_and_carry_too(made):
     touch[:, 2, 0] = 25.0  # across the hand: the length of the force counts
     wide = replace(wide, wrench=touch)
     for i in range(10):
-        state = estimator.step(scratch, state, wide.readings(i))
+        state = estimator.step(state, wide.readings(i))
     assert state.contacts[:, 0].tolist() == [1.0, 1.0, 1.0, 0.0]
     assert_allclose(state.pressure[2:], 0.0, atol=0.0)
     assert np.linalg.norm(state.position - made.truth.position[9]) < 1e-3

@@ -7,7 +7,9 @@ from scipy.optimize import minimize
 
 from drake_tc.errors import ParamsError
 from drake_tc.estimation.base.spec import ContactSpec, half_planes
-from drake_tc.estimation.base.velocity import VelocityProblem, into_soles, soles_of, solve_velocity
+from drake_tc.estimation.base.velocity import rows_of, soles_of, solve_program
+from drake_tc.kernels.base_motion import write_program
+from drake_tc.kernels.base_velocity import UNSOLVED, VelocityProblem, into_sole, solve_velocity
 from drake_tc.robot.mounts import Mount
 
 SOLE = ((-0.1, -0.05), (0.1, -0.05), (0.1, 0.05), (-0.1, 0.05))
@@ -16,6 +18,17 @@ HEXAGON = tuple((0.08 * np.cos(a), 0.05 * np.sin(a)) for a in np.arange(6) * np.
 
 def contact(name, polygon):
     return ContactSpec(Mount(name, "link"), polygon, None, 20.0, 10.0)
+
+
+def solved(problem, contacts, *, at_edge=False):
+    """(ydot, x, limited) as a tick has them: the kernel, and where it asks for it the program."""
+    soles, k = soles_of(contacts), len(contacts)
+    found = solve_velocity(problem, rows_of(contacts), at_edge, np.zeros(4 + 3 * k))
+    if found.how == UNSOLVED:
+        program = np.empty(5 + 13 * k)
+        write_program(program, problem)
+        found = solve_velocity(problem, rows_of(contacts), at_edge, solve_program(program, soles))
+    return found.velocity, found.pressure, found.limited
 
 
 def problem_of(rng, polygons, *, spread=0.003, reach=0.03, beyond=0.0, off=()):
@@ -56,7 +69,7 @@ def test_the_closed_form_is_where_the_gradient_vanishes(seed):
     rng = np.random.default_rng(seed)
     polygons = [SOLE, HEXAGON, None][: rng.integers(1, 4)]
     p = problem_of(rng, polygons, spread=0.002, reach=0.01)
-    y, x, limited = solve_velocity(p, soles_of(tuple(contact(str(i), c) for i, c in enumerate(polygons))))
+    y, x, limited = solved(p, tuple(contact(str(i), c) for i, c in enumerate(polygons)))
     assert not any(limited)
     h = 1e-6
     size = p.trust + p.weight.sum() / p.deviation**2
@@ -78,9 +91,10 @@ def test_at_a_soles_edge_it_is_the_constrained_minimum(seed):
     polygons = [SOLE, HEXAGON]
     contacts = tuple(contact(str(i), c) for i, c in enumerate(polygons))
     p = problem_of(rng, polygons, spread=0.005, reach=0.02, beyond=0.15)
-    soles = soles_of(contacts)
-    y, x, limited = solve_velocity(p, soles)
+    y, x, limited = solved(p, contacts)
     assert any(limited)
+    for mine, other in zip((y, x), solved(p, contacts, at_edge=True), strict=False):
+        assert_allclose(mine, other, rtol=0, atol=0)  # the program at once
     rows = [half_planes("sole", c) for c in polygons]
     for (N, d), place in zip(rows, x, strict=True):
         assert (N @ place <= d + 1e-7).all()
@@ -104,11 +118,11 @@ def test_a_contact_without_weight_says_nothing():
     rng = np.random.default_rng(5)
     p = problem_of(rng, [SOLE, SOLE], off=(1,))
     contacts = (contact("a", SOLE), contact("b", SOLE))
-    y, x, _ = solve_velocity(p, soles_of(contacts))
+    y, x, _ = solved(p, contacts)
     alone = VelocityProblem(
         p.reference, p.trust, p.matrix[:1], p.still[:1], p.pressure[:1], p.spread[:1], p.weight[:1], p.deviation
     )
-    y_alone, x_alone, _ = solve_velocity(alone, soles_of(contacts[:1]))
+    y_alone, x_alone, _ = solved(alone, contacts[:1])
     assert_allclose(y, y_alone, rtol=1e-12)
     assert_allclose(x[0], x_alone[0], rtol=1e-12)
     assert_allclose(x[1], p.pressure[1], rtol=0.0)
@@ -129,17 +143,17 @@ def test_signs_on_a_rigid_foot_that_turns_about_its_centre_of_pressure():
     C = np.column_stack([np.cross(omega_foot, R[:, 0]), np.cross(omega_foot, R[:, 1])])
     still = v_rel + np.cross(omega_b, p) + C @ x
     problem = VelocityProblem(np.zeros(3), 1e-9, C[None], still[None], x[None], np.array([1e-4]), np.ones(1), 0.02)
-    y, found, _ = solve_velocity(problem, soles_of((contact("foot", SOLE),)))
+    y, found, _ = solved(problem, (contact("foot", SOLE),))
     assert_allclose(y, base, atol=1e-9)
     assert_allclose(found[0], x, atol=1e-9)
 
 
 def test_points_outside_a_sole_are_drawn_in():
     contacts = (contact("a", SOLE), contact("hand", None))
-    soles = soles_of(contacts)
-    inside = into_soles(np.array([[0.3, 0.02], [0.0, 0.0]]), soles)
-    assert_allclose(inside[0], [0.1, 0.02 / 3.0], atol=1e-12)
-    assert_allclose(inside[1], 0.0)
+    points = np.array([[0.3, 0.02], [0.2, 0.0]])
+    for point, row in zip(points, rows_of(contacts), strict=True):
+        into_sole(point, row)
+    assert_allclose(points, [[0.1, 0.02 / 3.0], [0.2, 0.0]], atol=1e-12)  # a point has no edge
 
 
 @pytest.mark.parametrize(

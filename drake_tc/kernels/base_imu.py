@@ -33,20 +33,19 @@ import math
 
 import numpy as np
 
-from drake_tc.estimation.base.spec import BaseEstimatorSpec
-from drake_tc.estimation.base.state import BaseState
-from drake_tc.estimation.base.valid_sample import ValidSample
+from drake_tc.kernels.base_options import GRAVITY, Options
+from drake_tc.kernels.base_sample import Sample
+from drake_tc.kernels.base_state import ON, QUIET, RESTED, Memory
+from drake_tc.kernels.compiling import helper
+from drake_tc.kernels.small import dot
 from drake_tc.types import FloatArray
 
-GRAVITY = 9.81
 _CALM = 0.5
 """How far the length of the specific force may be from gravity before it counts for little [m/s^2]."""
 _JERK = 1.0
 """What contacts and accelerometer may disagree about before it counts for little [m/s^2]."""
 SLOPE_TIME = 5e-3
 """T of the low pass behind the slopes [s]."""
-USUAL_TIME = 0.3
-"""Over which centres of pressure are averaged [s]."""
 _LONG = 0.1
 """How long it must have been still [s]."""
 _STRAY = 5e-3
@@ -55,26 +54,32 @@ _DOUBT = 0.02
 """What a bias of zero counts for, before any is seen [s]."""
 
 
+@helper
 def up_of(roll: float, pitch: float) -> FloatArray:
     """(3,) the world's vertical in the axes of a body at this roll and pitch [rad]."""
-    cp = math.cos(pitch)
-    return np.array([-math.sin(pitch), cp * math.sin(roll), cp * math.cos(roll)])
-
-
-def turned_up(up: FloatArray, rate: FloatArray, dt: float) -> FloatArray:
-    """(3,) the vertical in a body's axes after it turned with `rate` (3,) [rad/s] for `dt` [s]; to first order."""
-    x, y, z = up.tolist()
-    a, b, c = rate.tolist()
-    return np.array([x - dt * (b * z - c * y), y - dt * (c * x - a * z), z - dt * (a * y - b * x)])
-
-
-def corrected_up(up: FloatArray, push: FloatArray) -> FloatArray:
-    """(3,) up + push, of unit length."""
-    moved = up + push
-    out: FloatArray = moved / math.sqrt(float(moved @ moved))
+    out, cp = np.empty(3), math.cos(pitch)
+    out[0], out[1], out[2] = -math.sin(pitch), cp * math.sin(roll), cp * math.cos(roll)
     return out
 
 
+@helper
+def turned_up(up: FloatArray, rate: FloatArray, dt: float) -> FloatArray:
+    """(3,) the vertical in a body's axes after it turned with `rate` (3,) [rad/s] for `dt` [s]; to first order."""
+    out = np.empty(3)
+    out[0] = up[0] - dt * (rate[1] * up[2] - rate[2] * up[1])
+    out[1] = up[1] - dt * (rate[2] * up[0] - rate[0] * up[2])
+    out[2] = up[2] - dt * (rate[0] * up[1] - rate[1] * up[0])
+    return out
+
+
+@helper
+def corrected_up(up: FloatArray, push: FloatArray) -> FloatArray:
+    """(3,) up + push, of unit length."""
+    moved = up + push
+    return moved / math.sqrt(dot(moved, moved))
+
+
+@helper
 def filtered_up(up: FloatArray, rate: FloatArray, accel: FloatArray, dt: float, time: float) -> FloatArray:
     """(3,) the vertical after one tick in the air.
 
@@ -85,11 +90,13 @@ def filtered_up(up: FloatArray, rate: FloatArray, accel: FloatArray, dt: float, 
         dt: Tick [s].
         time: Of the filter [s].
     """
-    moved, length = turned_up(up, rate, dt), math.sqrt(float(accel @ accel))
+    moved, length = turned_up(up, rate, dt), math.sqrt(dot(accel, accel))
     gain = dt / (time + dt) * math.exp(-(((length - GRAVITY) / _CALM) ** 2)) if length > 0.0 else 0.0
-    return corrected_up(moved, gain * (accel / length - moved) if gain > 0.0 else np.zeros(3))
+    push = gain * (accel / length - moved) if gain > 0.0 else np.zeros(3)
+    return corrected_up(moved, push)
 
 
+@helper
 def tilt_correction(velocity_innovation: FloatArray, dt: float, time: float) -> FloatArray:
     """(3,) push on contacts.
 
@@ -98,12 +105,11 @@ def tilt_correction(velocity_innovation: FloatArray, dt: float, time: float) -> 
         dt: Tick [s].
         time: T of the filter [s].
     """
-    push: FloatArray = velocity_innovation / (
-        -GRAVITY * (time + dt) * (1.0 + float(velocity_innovation @ velocity_innovation) / (_JERK * dt) ** 2)
-    )
-    return push
+    size = dot(velocity_innovation, velocity_innovation)
+    return velocity_innovation / (-GRAVITY * (time + dt) * (1.0 + size / (_JERK * dt) ** 2))
 
 
+@helper
 def carried_to_tick(reading: FloatArray, trail: FloatArray, age: float, period: float) -> tuple[FloatArray, FloatArray]:
     """((6,) now, (6,) m of the next tick).
 
@@ -114,34 +120,10 @@ def carried_to_tick(reading: FloatArray, trail: FloatArray, age: float, period: 
         period: Of a tick [s].
     """
     rise = (period / (SLOPE_TIME + period)) * (reading - trail)
-    return reading + (age / period) * rise, np.asarray(trail + rise)
+    return reading + (age / period) * rise, trail + rise
 
 
-def rest_and_bias(state: BaseState, sample: ValidSample, spec: BaseEstimatorSpec) -> tuple[float, float, FloatArray]:
-    """(ticks that the robot has rested so far, ticks since something moved, (3,) bias of the gyro [rad/s]).
-
-    Args:
-        state: Before the tick.
-        sample: Readings after validation.
-        spec: Tuning.
-    """
-    qd = sample.qd
-    if sample.imu_missing or qd @ qd > qd.size * spec.still_rate**2:  # so one of them at least is too fast
-        return state.rested, 0.0, state.bias
-    error = sample.gyro - state.bias
-    if not (np.abs(error).max() < spec.still_rate and np.abs(qd).max() < spec.still_rate):
-        return state.rested, 0.0, state.bias
-    on = state.contacts[:, 0] > 0.0
-    if not on.any() or np.abs(state.pressure - state.usual)[on].max() > _STRAY:
-        return state.rested, 0.0, state.bias
-    quiet = state.quiet + 1.0
-    if quiet * spec.period < _LONG:
-        return state.rested, quiet, state.bias
-    rested = state.rested + 1.0
-    share = max(1.0 / (rested + _DOUBT / spec.period), min(1.0, spec.period / spec.bias_time))
-    return rested, quiet, state.bias + share * error
-
-
+@helper
 def filter_times(seen: float, time: float, bias_time: float) -> tuple[float, float]:
     """(T, T_b) [s]: time constants of an angle and of its rate's bias, bias+ = bias + (angle's correction)/T_b.
 
@@ -156,3 +138,50 @@ def filter_times(seen: float, time: float, bias_time: float) -> tuple[float, flo
         bias_time: The largest T_b [s].
     """
     return min(time, 0.25 * seen), min(bias_time, seen / 1.5)
+
+
+@helper
+def is_still(before: Memory, sample: Sample, options: Options) -> bool:
+    """Whether joints, base and centres of pressure move no more than they do at rest.
+
+    Args:
+        before: The state before the tick.
+        sample: Readings after validation.
+        options: Of the estimator.
+    """
+    if sample.imu_missing:
+        return False
+    for j in range(sample.qd.size):
+        if not abs(sample.qd[j]) < options.still_rate:
+            return False
+    for i in range(3):
+        if not abs(sample.gyro[i] - before.bias[i]) < options.still_rate:
+            return False
+    carried = False
+    for i in range(before.contacts.shape[0]):
+        if before.contacts[i, ON] > 0.0:
+            carried = True
+            for axis in range(2):
+                if abs(before.pressure[i, axis] - before.usual[i, axis]) > _STRAY:
+                    return False
+    return carried
+
+
+@helper
+def rest_and_bias(before: Memory, sample: Sample, options: Options) -> tuple[float, float, FloatArray]:
+    """(ticks that the robot has rested so far, ticks since something moved, (3,) bias of the gyro [rad/s]).
+
+    Args:
+        before: The state before the tick.
+        sample: Readings after validation.
+        options: Of the estimator.
+    """
+    rested, bias = before.scalars[RESTED], before.bias.copy()
+    if not is_still(before, sample, options):
+        return rested, 0.0, bias
+    quiet = before.scalars[QUIET] + 1.0
+    if quiet * options.period < _LONG:
+        return rested, quiet, bias
+    rested += 1.0
+    share = max(1.0 / (rested + _DOUBT / options.period), min(1.0, options.period / options.bias_time))
+    return rested, quiet, bias + share * (sample.gyro - bias)

@@ -1,0 +1,118 @@
+"""A tick of the chain from a foot whose centre is taken to stand still, see `drake_tc.estimation.base.chain`."""
+
+import math
+
+import numpy as np
+
+from drake_tc.kernels.base_attitude import attitude
+from drake_tc.kernels.base_imu import up_of
+from drake_tc.kernels.base_kinematics import Posture, external_wrench, posture_of
+from drake_tc.kernels.base_options import GRAVITY, options_of
+from drake_tc.kernels.base_sample import Sample, valid_sample
+from drake_tc.kernels.base_state import ON, QUIET, RESTED, STARTED, YAW, Memory, memory_of
+from drake_tc.kernels.compiling import FLAG, INDEX, MATRIX, OUT_VECTOR, TABLE, VECTOR, helper, kernel
+from drake_tc.kernels.small import cross, dot, levelled, product, times, times_transposed, turned
+from drake_tc.types import FloatArray, IntArray
+
+
+@helper
+def first_up(sample: Sample, R_BI: FloatArray) -> FloatArray:
+    """(3,) the vertical in B where the robot starts: by the IMU's roll and pitch, or by the accelerometer."""
+    roll, pitch = sample.tilt[0], sample.tilt[1]
+    if np.isfinite(roll) and np.isfinite(pitch):
+        return times(R_BI, up_of(roll, pitch))
+    return times(R_BI, sample.accel / max(math.sqrt(dot(sample.accel, sample.accel)), 1e-9))
+
+
+@helper
+def fixed_foot(
+    memory: Memory, sample: Sample, switch: FloatArray, posture: Posture, last: Posture, between: FloatArray
+) -> int:
+    """The most loaded contact; where it is another one than before, `memory` has it stand where it is.
+
+    Args:
+        memory: Of the tick before; updated.
+        sample: Readings after validation.
+        switch: (k,) below zero where a contact is held off.
+        posture: Contacts against the base.
+        last: The same in the tick before.
+        between: (k, 54) what stands between sensor and contact.
+    """
+    foot, most = 0, -math.inf
+    for i in range(switch.size):
+        up = times_transposed(posture.rotation[i], memory.rotation[2])
+        load = external_wrench(between[i], sample.wrench[6 * i : 6 * i + 6], -GRAVITY * up)[2]
+        if not switch[i] < 0.0 and load > most:
+            foot, most = i, load
+    if not memory.contacts[foot, ON] or not memory.scalars[STARTED]:
+        memory.contacts[:] = 0.0
+        memory.contacts[foot, ON] = 1.0
+        for i in range(switch.size):
+            memory.foot[i] = product(memory.rotation, last.rotation[i])
+            memory.held[i] = memory.position + times(memory.rotation, last.position[i])
+    return foot
+
+
+@kernel(
+    VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, MATRIX, TABLE, MATRIX, MATRIX, INDEX, FLAG,
+    OUT_VECTOR,
+)  # fmt: skip
+def tick(
+    state: FloatArray,
+    q: FloatArray,
+    qd: FloatArray,
+    imu: FloatArray,
+    tilt: FloatArray,
+    wrench: FloatArray,
+    switch: FloatArray,
+    settings: FloatArray,
+    between: FloatArray,
+    places: IntArray,
+    constants: FloatArray,
+    frames: FloatArray,
+    frame_bodies: IntArray,
+    by_imu: bool,
+    out: FloatArray,
+) -> None:
+    """The state after one sample.
+
+    Args:
+        state: (s,) before it, see `base_state`.
+        q: (n,) encoders [rad].
+        qd: (n,) their speeds [rad/s].
+        imu: (6,) [gyro; accel] [rad/s, m/s^2].
+        tilt: (2,) roll and pitch of the IMU's frame [rad]; NaN where it gives none.
+        wrench: (6k,) [f; t] of each contact's sensor [N, N m].
+        switch: (k,) 0 by the load's thresholds, 1 held on, -1 held off.
+        settings: (27,) see `Options`.
+        between: (k, 54) see `external_wrench`.
+        places: (n, 4) of the robot's tree, see `drake_tc.kernels.dynamics`.
+        constants: (n, 26) of the tree.
+        frames: (k + 1, 12) of the contacts and the IMU.
+        frame_bodies: (k + 1,) rows of their bodies.
+        by_imu: Whether roll, pitch and angular velocity are the IMU's.
+        out: (s,) the state after it; written.
+    """
+    out[:] = state
+    n, k = q.size, switch.size
+    options, memory = options_of(settings), memory_of(out, n, k)
+    sample = valid_sample(q, qd, imu, tilt, wrench, memory, options)
+    posture = posture_of(sample.q, sample.qd, places, constants, frames, frame_bodies)
+    last = posture
+    if memory.scalars[STARTED]:
+        last = posture_of(memory.q, memory.qd, places, constants, frames, frame_bodies)
+    else:
+        memory.rotation[:] = product(turned(memory.scalars[YAW]), levelled(first_up(sample, posture.rotation[-1])))
+    foot = fixed_foot(memory, sample, switch, posture, last, between)
+    rotation, rate = product(memory.foot[foot], posture.rotation[foot].T), -posture.rate[foot]
+    if by_imu and sample.has_gyro:
+        pose = attitude(posture, memory, sample, options, np.zeros(3))
+        rotation, rate = product(turned(math.atan2(rotation[1, 0], rotation[0, 0])), pose.level), pose.rate
+        memory.bias[:], memory.trail[:] = pose.bias, pose.trail
+        memory.scalars[RESTED], memory.scalars[QUIET] = pose.rested, pose.quiet
+    memory.scalars[STARTED], memory.scalars[YAW] = 1.0, math.atan2(rotation[1, 0], rotation[0, 0])
+    memory.position[:] = memory.held[foot] - times(rotation, posture.position[foot])
+    memory.velocity[:] = -(posture.velocity[foot] + cross(rate, posture.position[foot]))
+    memory.rotation[:], memory.rate[:] = rotation, rate
+    memory.q[:], memory.qd[:], memory.doubt[:] = sample.q, sample.qd, sample.doubt
+    memory.flags[:] = 0.0

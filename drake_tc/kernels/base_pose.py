@@ -1,0 +1,288 @@
+"""Stage 2: base position and yaw, with the centres of pressure held still in the world.
+
+Source: Faraji et al., 2015, eq. 9 to 12.
+
+With a_i = R' x_i^b the centre of pressure from the base, in the world's axes but for the yaw D, p_i where it is held,
+and W_i weights:
+
+    min over x, D:  sum_i W_i |x + R_z(D) a_i - p_i|^2 + W_0 |x - x_pred|^2 - 2 Q cos(D - D_ref)
+
+For given D, x is the weighted mean; for the contacts alone what is left of the cost is -2 (A cos D + B sin D) with
+
+    A = sum W_i (a~_i . p~_i)_xy + Q cos D_ref
+    B = sum W_i (a~_i x p~_i)_z + Q sin D_ref,   D = atan2(B, A)
+
+(~: less the weighted mean), the one of two roots that is the minimum, and the nearer to D_ref. D may be the whole yaw
+or, with a_i turned by the last one, its increment. Ours differs from the paper's in one thing: the prediction x_pred
+takes no part in the yaw. The arm between it and a single contact would turn errors of the velocity into yaw, which the
+gyro knows better.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from drake_tc.kernels.base_attitude import Attitude
+from drake_tc.kernels.base_contacts import Loads
+from drake_tc.kernels.base_imu import filter_times
+from drake_tc.kernels.base_kinematics import Posture
+from drake_tc.kernels.base_motion import Motion
+from drake_tc.kernels.base_options import FLAT, Options
+from drake_tc.kernels.base_soles import Sinking
+from drake_tc.kernels.base_state import GROUND, HELD_FOR, PAIRED, STARTED, YAW, Memory
+from drake_tc.kernels.compiling import helper
+from drake_tc.kernels.small import product, remainder, times, turned
+from drake_tc.types import FloatArray
+
+_LEAST_ARM = 0.05
+"""Distance of contacts from their middle below which their direction says less about yaw [m]."""
+_YOUNG = 0.1
+"""For so long a new reference is averaged, where it disagrees with the others: one tick's encoders are noisy [s]."""
+_START = 0.2
+"""What the first yaw counts for, in time on two contacts [s]."""
+
+
+class Place(NamedTuple):
+    """Result of the pose update.
+
+    Attributes:
+        position: (3,) [m]. yaw: [rad]. rotation: (3, 3) R_WB.
+        held: (k, 3) references [m]. held_for: (k,) ticks since each was taken. ground: Height of a level ground [m].
+        bias: What the contacts add to the gyro's bias about the vertical, negative [rad/s]. paired: Of `BaseState`.
+        inconsistent: Whether the references were taken anew.
+    """
+
+    position: FloatArray
+    yaw: float
+    rotation: FloatArray
+    held: FloatArray
+    held_for: FloatArray
+    ground: float
+    bias: float
+    paired: float
+    inconsistent: bool
+
+
+@helper
+def solve_yaw(
+    arm: FloatArray, held: FloatArray, weight: FloatArray, gyro: float, trust: float, least: float
+) -> tuple[float, float]:
+    """(yaw [rad], what the contacts alone say less what the gyro says [rad]); the gyro's with fewer than two contacts.
+
+    Args:
+        arm: (k, 3) a_i [m].
+        held: (k, 3) p_i [m].
+        weight: (k,) W_i >= 0.
+        gyro: D_ref [rad].
+        trust: Q over sum W_i |a~_i|^2; positive or infinite.
+        least: Distance of the contacts from their mean below which Q is no smaller [m].
+    """
+    total = ax = ay = px = py = even = odd = spread = 0.0
+    count = 0
+    for i in range(weight.size):
+        w = weight[i]
+        if w > 0.0:
+            count, total = count + 1, total + w
+            ax, ay, px, py = ax + w * arm[i, 0], ay + w * arm[i, 1], px + w * held[i, 0], py + w * held[i, 1]
+    if count < 2 or trust == math.inf:
+        return gyro, 0.0
+    ax, ay, px, py = ax / total, ay / total, px / total, py / total
+    for i in range(weight.size):
+        w = weight[i]
+        if w > 0.0:
+            x, y, u, v = arm[i, 0] - ax, arm[i, 1] - ay, held[i, 0] - px, held[i, 1] - py
+            even += w * (x * u + y * v)
+            odd += w * (x * v - y * u)
+            spread += w * (x * x + y * y)
+    apart = remainder(math.atan2(odd, even) - gyro)
+    q = trust * max(spread, total * least * least)
+    return math.atan2(odd + q * math.sin(gyro), even + q * math.cos(gyro)), apart
+
+
+@helper
+def solve_position(
+    arm: FloatArray, held: FloatArray, weight: FloatArray, predicted: FloatArray, trust: float
+) -> tuple[FloatArray, FloatArray]:
+    """(x (3,), p_i - a_i - x (k, 3)) [m]: the weighted mean of what contacts and prediction say, and what is left.
+
+    Args:
+        arm: (k, 3) R_z(D) a_i [m].
+        held: (k, 3) p_i [m].
+        weight: (k,) W_i over their sum.
+        predicted: (3,) x_pred [m].
+        trust: W_0 over that sum.
+    """
+    gap, shift = held - (predicted + arm), np.zeros(3)
+    for i in range(weight.size):
+        shift += weight[i] * gap[i]
+    shift /= 1.0 + trust
+    return predicted + shift, gap - shift
+
+
+@helper
+def carried_references(
+    before: Memory, soles: FloatArray, pressure: FloatArray, sunk: Sinking, options: Options
+) -> FloatArray:
+    """(k, 3) where the references are as the centres of pressure move over their soles [m].
+
+    Args:
+        before: The state before the tick.
+        soles: (k, w) rows of the contacts.
+        pressure: (k, 2) centres of pressure [m].
+        sunk: How soft soles give way.
+        options: Of the estimator.
+    """
+    held = before.held.copy()
+    for i in range(held.shape[0]):
+        foot, dx, dy = before.foot[i], pressure[i, 0] - before.pressure[i, 0], pressure[i, 1] - before.pressure[i, 1]
+        for a in range(3):
+            if a < 2 or not (options.level and soles[i, FLAT]):
+                held[i, a] += foot[a, 0] * dx + foot[a, 1] * dy + foot[a, 2] * sunk.back[i]
+    return held
+
+
+@helper
+def heading(
+    before: Memory, pose: Attitude, arm: FloatArray, held: FloatArray, weight: FloatArray, options: Options
+) -> tuple[float, float, bool]:
+    """(yaw [rad], constant of the bias [s], whether the contacts contradict the gyro); arguments as in `find_place`."""
+    dt, told = options.period, before.scalars[YAW] + pose.turn
+    yaw_time, bias_time = options.yaw_time, options.yaw_bias_time
+    if options.quick_start:
+        yaw_time, bias_time = filter_times(_START + before.scalars[PAIRED] * dt, yaw_time, bias_time)
+    yaw, apart = solve_yaw(arm, held, weight, told, yaw_time / dt, _LEAST_ARM)
+    astray = abs(apart) > options.slip_turn
+    return remainder(told if astray else yaw), bias_time, astray
+
+
+@helper
+def adapt_known(
+    held: FloatArray, gap: FloatArray, weight: FloatArray, age: FloatArray, before: Memory, soles: FloatArray,
+    options: Options,
+) -> None:  # fmt: skip
+    """The usual tick: every contact is known, and near its reference, which adapts slowly; `held` is updated.
+
+    Args:
+        held: (k, 3) references [m].
+        gap: (k, 3) how far each is from where the others have it [m].
+        weight: (k,) loads [N].
+        age: (k,) ticks since each was taken.
+        before: The state before the tick.
+        soles: (k, w) rows of the contacts.
+        options: Of the estimator.
+    """
+    k, dt = weight.size, options.period
+    adapt, known = min(1.0, dt / options.anchor_time), weight.sum()
+    mean = np.zeros(3)
+    for i in range(k):
+        mean += weight[i] * gap[i] / known
+    for i in range(k):
+        share = adapt
+        held[i] -= share * gap[i]
+        if options.quick_start and k > 1 and age[i] * dt < _YOUNG:
+            held[i] -= (gap[i] - mean) / (age[i] + 2.0)
+        if options.level and soles[i, FLAT]:
+            held[i, 2] = before.scalars[GROUND]
+
+
+@helper
+def take_anew(
+    held: FloatArray, here: FloatArray, weight: FloatArray, age: FloatArray, bearing: FloatArray, before: Memory,
+    soles: FloatArray, astray: bool, options: Options,
+) -> float:  # fmt: skip
+    """Contacts that do not count take their reference from where they are, all of them if they are astray.
+
+    Args:
+        held: (k, 3) references [m]; updated.
+        here: (k, 3) where the contacts are [m]; updated on a level ground.
+        weight: (k,) loads of those that are known [N].
+        age: (k,) ticks since each reference was taken; updated.
+        bearing: (k,) loads of those that count [N].
+        before: The state before the tick.
+        soles: (k, w) rows of the contacts.
+        astray: Whether they contradict gyro or each other.
+        options: Of the estimator.
+
+    Returns:
+        Height of a level ground [m]: where the first loaded soles are; NaN as long as there is none.
+    """
+    k = weight.size
+    ground: float = before.scalars[GROUND]
+    if options.level:
+        total = height = 0.0
+        for i in range(k):
+            total += bearing[i] * soles[i, FLAT]
+            height += bearing[i] * soles[i, FLAT] * here[i, 2]
+        if ground != ground and total > 0.0:
+            ground = height / total
+        for i in range(k):
+            if ground == ground and soles[i, FLAT]:
+                here[i, 2] = ground
+    adapt = min(1.0, options.period / options.anchor_time)
+    for i in range(k):
+        share = adapt if weight[i] > 0.0 and not astray else 1.0
+        held[i] += share * (here[i] - held[i])
+        if not share < 1.0:
+            age[i] = -1.0
+    return ground
+
+
+@helper
+def find_place(
+    soles: FloatArray,
+    before: Memory,
+    posture: Posture,
+    pose: Attitude,
+    loads: Loads,
+    motion: Motion,
+    sunk: Sinking,
+    options: Options,
+) -> Place:
+    """Position and yaw; contacts that do not count, and new ones, take their reference from them.
+
+    Args:
+        soles: (k, w) rows of the contacts.
+        before: The state before the tick.
+        posture: Contacts against the base.
+        pose: Orientation.
+        loads: What the contacts carry.
+        motion: Of stage 1.
+        sunk: How soft soles give way.
+        options: Of the estimator.
+    """
+    k, dt, pressure = soles.shape[0], options.period, motion.found.pressure
+    held = carried_references(before, soles, pressure, sunk, options)
+    weight, arm = motion.weight.copy(), np.empty((k, 3))
+    every = True
+    for i in range(k):
+        if loads.new[i]:
+            weight[i] = 0.0
+        every = every and weight[i] > 0.0
+        R = posture.rotation[i]
+        arm[i] = posture.position[i] + R[:, 0] * pressure[i, 0] + R[:, 1] * pressure[i, 1]
+        arm[i] = times(pose.level, arm[i])
+    known = weight.sum()
+    yaw, bias_time, astray = heading(before, pose, arm, held, weight, options)
+    turn = turned(yaw)
+    rotation, spun = product(turn, pose.level), np.empty((k, 3))
+    for i in range(k):
+        spun[i] = times(turn, arm[i])
+    position, gap = before.position.copy(), np.zeros((k, 3))
+    if before.scalars[STARTED]:
+        position += 0.5 * dt * (times(before.rotation, before.velocity) + times(rotation, motion.found.velocity))
+    placed = known > 0.0 and not astray
+    if placed:
+        position, gap = solve_position(spun, held, weight / known, position, options.position_time / dt)
+        limit = options.slip_distance**2
+        for i in range(k):
+            far = gap[i, 0] ** 2 + gap[i, 1] ** 2 + gap[i, 2] ** 2 > limit
+            astray = astray or (weight[i] > 0.0 and far)
+    age, ground = before.contacts[:, HELD_FOR].copy(), before.scalars[GROUND]
+    if placed and every and not astray:
+        adapt_known(held, gap, weight, age, before, soles, options)
+    else:
+        ground = take_anew(held, position + spun, weight, age, motion.weight, before, soles, astray, options)
+    correction = remainder(yaw - (before.scalars[YAW] + pose.turn))
+    paired = before.scalars[PAIRED] + (1.0 if correction != 0.0 else 0.0)
+    return Place(position, yaw, rotation, held, age + 1.0, ground, correction / bias_time, paired, astray)

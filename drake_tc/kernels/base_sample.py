@@ -1,0 +1,111 @@
+"""Validation of one sample: missing readings and encoder spikes are replaced by the previous estimate, and flagged."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from drake_tc.kernels.base_options import Options
+from drake_tc.kernels.base_state import STARTED, Memory
+from drake_tc.kernels.compiling import helper
+from drake_tc.types import FloatArray
+
+LARGEST = 1e6
+"""No reading in SI units is as large; one that is counts as missing."""
+_FORGET = 0.05
+"""In which a speed that is no longer measured dies away [s]."""
+_PATIENCE = 5
+"""Ticks after which a step of an encoder that persists is taken as real."""
+
+
+class Sample(NamedTuple):
+    """A sample without gaps: the fields of `Readings`, and what was replaced.
+
+    Attributes:
+        q, qd, gyro, accel, tilt, wrench: As in `Readings`; `tilt` may be NaN, the others are finite.
+        doubt: (n,) ticks for which each encoder has been rejected.
+        has_gyro, has_accel: Whether gyro and accelerometer have readings.
+        encoder_missing, encoder_spike, imu_missing, wrench_missing: What was wrong.
+    """
+
+    q: FloatArray
+    qd: FloatArray
+    gyro: FloatArray
+    accel: FloatArray
+    tilt: FloatArray
+    wrench: FloatArray
+    doubt: FloatArray
+    has_gyro: bool
+    has_accel: bool
+    encoder_missing: bool
+    encoder_spike: bool
+    imu_missing: bool
+    wrench_missing: bool
+
+
+@helper
+def valid_sample(
+    q: FloatArray,
+    qd: FloatArray,
+    imu: FloatArray,
+    tilt: FloatArray,
+    wrench: FloatArray,
+    before: Memory,
+    options: Options,
+) -> Sample:
+    """The sample without gaps.
+
+    Missing encoders move on at their speed, or at their last one, which dies away; a missing gyro reads its bias, a
+    missing wrench nothing. An encoder that jumps by more than `encoder_spike` and twice what its speed explains
+    is rejected for five ticks, and so is its speed, also in the tick after it.
+
+    Args:
+        q: (n,) encoders [rad].
+        qd: (n,) their speeds [rad/s].
+        imu: (6,) [gyro; accel] [rad/s, m/s^2].
+        tilt: (2,) roll and pitch of the IMU's frame [rad].
+        wrench: (6k,) [f; t] of each contact's sensor [N, N m].
+        before: The state before the tick.
+        options: Of the estimator.
+    """
+    n, dt = q.size, options.period
+    angle, speed, doubt = np.empty(n), np.empty(n), np.zeros(n)
+    missing = spike = False
+    kept, slack = math.exp(-dt / _FORGET), options.encoder_spike + 2.0 * dt
+    for j in range(n):
+        last, rate, doubted = before.q[j], before.qd[j], before.doubt[j]
+        seen, moving = abs(q[j]) < LARGEST, abs(qd[j]) < LARGEST
+        missing = missing or not (seen and moving)
+        v = qd[j] if moving else kept * rate
+        x = q[j] if seen else last + dt * v
+        if before.scalars[STARTED]:
+            impatient = doubted < _PATIENCE
+            jumps = impatient and abs(x - last) > slack + 2.0 * dt * abs(rate)
+            doubtful = jumps or (impatient and doubted > 0.0)
+            spike = spike or doubtful
+            if jumps:
+                x = last
+                doubt[j] = doubted + 1.0
+            if doubtful:
+                v = rate
+        else:
+            doubt[j] = doubted
+        angle[j], speed[j] = x, v
+    has_gyro, has_accel, missing_wrench = True, True, False
+    gyro, accel, loads = np.empty(3), np.zeros(3), np.zeros(wrench.size)
+    for i in range(3):
+        has_gyro = has_gyro and abs(imu[i]) < LARGEST
+        has_accel = has_accel and abs(imu[3 + i]) < LARGEST
+    for i in range(3):
+        gyro[i] = imu[i] if has_gyro else before.bias[i]
+        if has_accel:
+            accel[i] = imu[3 + i]
+    for i in range(wrench.size):
+        if abs(wrench[i]) < LARGEST:
+            loads[i] = wrench[i]
+        else:
+            missing_wrench = True
+    whole = has_gyro and has_accel
+    return Sample(
+        angle, speed, gyro, accel, tilt, loads, doubt, has_gyro, has_accel, missing, spike, not whole, missing_wrench
+    )
