@@ -6,9 +6,13 @@ from pathlib import Path
 from drake_tc.cli.bench_seeds import AsJson
 from drake_tc.cli.bench_table import print_rows
 from drake_tc.cli.progress import progress_bar
+from drake_tc.cli.seed_option import UnusedSeed
 
 
-def bench_close_loop(as_json: AsJson = False) -> None:
+def bench_close_loop(
+    as_json: AsJson = False,
+    seed: UnusedSeed = 0,
+) -> None:
     """Time and memory of `drake-tc close-loop` for one joint: 90 000 samples of two rigs, and 10^6 samples."""
     from drake_tc.benchmarks.close_loop_speed import SpeedCase, cost_rows, write_runs
     from drake_tc.cli.demo import record_demo

@@ -18,6 +18,7 @@ from drake_tc.cli.bench_robot_command import bench_robot
 from drake_tc.cli.bench_table import print_rows
 from drake_tc.cli.bench_tick_command import bench_tick
 from drake_tc.cli.progress import progress_bar
+from drake_tc.cli.seed_option import UnusedSeed
 
 bench_app = typer.Typer(
     help="Benchmarks: rows of figures, with --json for programs.", no_args_is_help=True, rich_markup_mode="markdown"
@@ -35,7 +36,10 @@ bench_app.command("real-logs")(bench_real_logs)
 
 
 @bench_app.command("leg")
-def bench_leg(as_json: Annotated[bool, typer.Option("--json", help="Print the rows as JSON.")] = False) -> None:
+def bench_leg(
+    as_json: Annotated[bool, typer.Option("--json", help="Print the rows as JSON.")] = False,
+    seed: UnusedSeed = 0,
+) -> None:
     """What a tick costs: the leg's loops with all stages on, and the torque estimate of a leg and of a humanoid."""
     from drake_tc.benchmarks.leg_timing import leg_timings
 
@@ -45,7 +49,10 @@ def bench_leg(as_json: Annotated[bool, typer.Option("--json", help="Print the ro
 
 
 @bench_app.command("sweep")
-def bench_sweep(as_json: Annotated[bool, typer.Option("--json", help="Print the rows as JSON.")] = False) -> None:
+def bench_sweep(
+    as_json: Annotated[bool, typer.Option("--json", help="Print the rows as JSON.")] = False,
+    seed: UnusedSeed = 0,
+) -> None:
     """Sweeps: speed-up of two processes over one, and a stability map of 10^4 loops."""
     from drake_tc.benchmarks.sweep_speed import sweep_rows
 
@@ -59,7 +66,11 @@ AsJson = Annotated[bool, typer.Option("--json", help="Print the rows as JSON.")]
 
 
 @bench_app.command("real-bam")
-def bench_real_bam(data: Data, as_json: AsJson = False) -> None:
+def bench_real_bam(
+    data: Data,
+    as_json: AsJson = False,
+    seed: UnusedSeed = 0,
+) -> None:
     """XL330 pendulum: free-run position error on trajectories that took no part in fitting, at every gain."""
     from drake_tc.benchmarks.real_bam import real_bam_rows
     from drake_tc.loops.joint_bench.rig_free_run import rig_free_run
@@ -73,7 +84,11 @@ def bench_real_bam(data: Data, as_json: AsJson = False) -> None:
 
 
 @bench_app.command("real-dfki")
-def bench_real_dfki(data: Data, as_json: AsJson = False) -> None:
+def bench_real_dfki(
+    data: Data,
+    as_json: AsJson = False,
+    seed: UnusedSeed = 0,
+) -> None:
     """AK80-6 simple pendulum: torque residual on held-out runs."""
     from drake_tc.benchmarks.real_dfki import rows
 
@@ -81,7 +96,11 @@ def bench_real_dfki(data: Data, as_json: AsJson = False) -> None:
 
 
 @bench_app.command("real-tmotor")
-def bench_real_tmotor(data: Data, as_json: AsJson = False) -> None:
+def bench_real_tmotor(
+    data: Data,
+    as_json: AsJson = False,
+    seed: UnusedSeed = 0,
+) -> None:
     """AK80-9 against a torque sensor: torque error on held-out logs beside the published model's."""
     from drake_tc.benchmarks.real_tmotor import rows
 
@@ -89,7 +108,11 @@ def bench_real_tmotor(data: Data, as_json: AsJson = False) -> None:
 
 
 @bench_app.command("real-uart")
-def bench_real_uart(data: Data, as_json: AsJson = False) -> None:
+def bench_real_uart(
+    data: Data,
+    as_json: AsJson = False,
+    seed: UnusedSeed = 0,
+) -> None:
     """Feetech servos on the backlash stand: backlash told from dead zone, against the published spans."""
     from drake_tc.benchmarks.real_uart import rows
 
@@ -101,6 +124,7 @@ def bench_real_robots(
     data: Data,
     name: Annotated[list[str] | None, typer.Option("--set", help="A data set; repeat for more. Default: all.")] = None,
     as_json: AsJson = False,
+    seed: UnusedSeed = 0,
 ) -> None:
     """close-loop with fitted links against plain least squares: held-out error joint by joint, and a known payload."""
     from drake_tc.benchmarks.real_robots import rows
@@ -111,7 +135,11 @@ def bench_real_robots(
 
 
 @bench_app.command("real-icub")
-def bench_real_walking(data: Data, as_json: AsJson = False) -> None:
+def bench_real_walking(
+    data: Data,
+    as_json: AsJson = False,
+    seed: UnusedSeed = 0,
+) -> None:
     """Walking humanoid against motion capture: base position and yaw beside the published leg odometry."""
     from drake_tc.benchmarks.real_icub import rows
 

@@ -6,11 +6,13 @@ import typer
 
 from drake_tc.cli.bench_table import print_rows
 from drake_tc.cli.progress import progress_bar
+from drake_tc.cli.seed_option import UnusedSeed
 
 
 def bench_floor(
     duration: Annotated[float, typer.Option(min=0.1, help="Simulated seconds of the diagram that is timed.")] = 2.0,
     as_json: Annotated[bool, typer.Option("--json", help="Print the rows as JSON.")] = False,
+    seed: UnusedSeed = 0,
 ) -> None:
     """Compare the contact approximations: a foot that stands, slides and rocks, a leaning robot, the time of a tick."""
     from drake_tc.benchmarks.floor_contact import floor_rows

@@ -10,6 +10,7 @@ from rich.console import Console
 from rich.table import Table
 
 from drake_tc.cli.progress import progress_bar
+from drake_tc.cli.seed_option import UnusedSeed
 from drake_tc.report.figure_row import rows_json
 
 COMPARED = ("daqp", "quadprog", "piqp", "proxqp", "clarabel", "osqp")
@@ -22,6 +23,7 @@ def bench_qp(
     controller: Annotated[Path | None, typer.Option(help="Controller file; the humanoid's by default.")] = None,
     ticks: Annotated[int, typer.Option(min=20, help="Number of problems of each motion.")] = 400,
     as_json: Annotated[bool, typer.Option("--json", help="Print the rows as JSON.")] = False,
+    seed: UnusedSeed = 0,
 ) -> None:
     """Quadratic programs along motions of a robot by each solver: time of a cold and of a warm start, and accuracy."""
     from drake_tc.benchmarks.qp import qp_rows

@@ -12,6 +12,7 @@ from rich.console import Console
 from rich.markup import escape
 
 from drake_tc.cli.progress import progress_bar
+from drake_tc.cli.seed_option import UnusedSeed
 from drake_tc.cli.wide_table import print_wide
 from drake_tc.report.figure_row import rows_json
 
@@ -26,6 +27,7 @@ def bench_real_logs(
         list[str] | None, typer.Option("--set", help="A data set, or SET/CASE; repeat for more. Default: all.")
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the rows and all cases as JSON.")] = False,
+    seed: UnusedSeed = 0,
 ) -> None:
     """Run close-loop on public logs with the committed rig files, and check what it claims on each held-out run."""
     from drake_tc.benchmarks.real_logs import real_log_claims

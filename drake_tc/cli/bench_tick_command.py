@@ -7,6 +7,7 @@ import typer
 
 from drake_tc.cli.bench_table import print_rows
 from drake_tc.cli.progress import progress_bar
+from drake_tc.cli.seed_option import UnusedSeed
 
 
 def bench_tick(
@@ -14,6 +15,7 @@ def bench_tick(
     scenario_file: Annotated[Path | None, typer.Option(help="Scenario file (YAML) of your own.")] = None,
     duration: Annotated[float, typer.Option(help="Simulated seconds.")] = 2.0,
     as_json: Annotated[bool, typer.Option("--json", help="Print the rows as JSON.")] = False,
+    seed: UnusedSeed = 0,
 ) -> None:
     """A tick of robust TSID, everything included, by measure of robustness and stage; and the diagram as a whole."""
     from drake_tc.benchmarks.tsid_timing import tick_timings

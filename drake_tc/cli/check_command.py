@@ -8,6 +8,7 @@ import typer
 
 from drake_tc.cli.out_files import Force, result_folder
 from drake_tc.cli.progress import progress_bar
+from drake_tc.cli.seed_option import UnusedSeed
 from drake_tc.cli.wide_table import print_wide
 from drake_tc.errors import LogError
 
@@ -22,7 +23,7 @@ def check_command(
     rig: Annotated[Path, typer.Option(help="Rig file (YAML): joint, drive, what is declared.")],
     log: Annotated[list[Path], typer.Option(help="A run; repeat for more.")],
     out: Annotated[Path | None, typer.Option(help="Folder for check.html and check.json.")] = None,
-    seed: Annotated[int, typer.Option(help="Accepted by every command; a check draws no random numbers.")] = 0,
+    seed: UnusedSeed = 0,
     force: Force = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the check as JSON.")] = False,
 ) -> None:

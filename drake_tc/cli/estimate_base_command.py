@@ -11,6 +11,7 @@ import typer
 
 from drake_tc.cli.out_files import Force, result_folder
 from drake_tc.cli.progress import progress_bar
+from drake_tc.cli.seed_option import UnusedSeed
 from drake_tc.cli.wide_table import print_wide
 from drake_tc.config.json_values import json_value
 from drake_tc.errors import LogError
@@ -28,6 +29,7 @@ def estimate_base_command(
     out: Annotated[Path | None, typer.Option(help="Folder for estimate.csv and estimate.json.")] = None,
     force: Force = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the figures as JSON.")] = False,
+    seed: UnusedSeed = 0,
 ) -> None:
     """Base position, yaw and velocity from encoders, IMU and contact loads; RMSE where the log has the truth."""
     from drake_tc.estimation.base.evaluate import evaluate_log

@@ -9,6 +9,7 @@ import typer
 
 from drake_tc.cli.out_files import Force, result_folder
 from drake_tc.cli.progress import progress_bar
+from drake_tc.cli.seed_option import UnusedSeed
 from drake_tc.config.json_values import json_value
 from drake_tc.errors import LogError, RigError
 
@@ -25,6 +26,7 @@ def estimate_torque_command(
     out: Annotated[Path, typer.Option(help="Folder for <log>_torque.csv: time and <joint>/torque [N m].")],
     force: Force = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print files, filters and torque ranges as JSON.")] = False,
+    seed: UnusedSeed = 0,
 ) -> None:
     """Joint torques on the link's side of the gears, from encoders, IMU and F/T sensors and the robot's model.
 

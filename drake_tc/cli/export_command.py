@@ -11,6 +11,7 @@ import numpy as np
 import typer
 
 from drake_tc.cli.out_files import Force, result_file
+from drake_tc.cli.seed_option import UnusedSeed
 from drake_tc.cli.wide_table import print_wide
 from drake_tc.config.json_values import json_value
 from drake_tc.errors import ParamsError
@@ -61,6 +62,7 @@ def export_command(
     ] = None,
     force: Force = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print terms, losses and errors as JSON.")] = False,
+    seed: UnusedSeed = 0,
 ) -> None:
     """Write the model in the target's own terms, and say what the target cannot express.
 

@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from drake_tc.cli.out_files import Force, print_or_write
+from drake_tc.cli.seed_option import UnusedSeed
 from drake_tc.errors import ParamsError
 
 
@@ -42,6 +43,8 @@ def graph_command(
         list[str] | None, typer.Option(help="BLOCK=STAGE: put a block into another stage; repeat.")
     ] = None,
     force: Force = False,
+    seed: UnusedSeed = 0,
+    as_json: Annotated[bool, typer.Option("--json", help="The same as --format json.")] = False,
 ) -> None:
     """Draw a diagram: blocks grouped by stage, ports named, signals with their width, discrete periods, feedthrough.
 
@@ -60,7 +63,7 @@ def graph_command(
         GraphFormat.mermaid: lambda: graph.to_mermaid(everything=everything),
         GraphFormat.svg: lambda: graph.to_svg(everything=everything),
     }
-    print_or_write(texts[format], out, [scenario_file], force=force)
+    print_or_write(texts[GraphFormat.json if as_json else format], out, [scenario_file], force=force)
 
 
 def _stages(chosen: list[str]) -> dict[str, str]:

@@ -12,6 +12,7 @@ import typer
 from drake_tc.cli.identify_motors import motor_row, print_motors
 from drake_tc.cli.out_files import Force, result_file
 from drake_tc.cli.progress import progress_bar
+from drake_tc.cli.seed_option import UnusedSeed
 from drake_tc.cli.wide_table import print_wide
 from drake_tc.config.json_values import json_value
 from drake_tc.errors import IdentificationError, LogError, RigError
@@ -44,6 +45,7 @@ def identify_command(
     out: Annotated[Path, typer.Option(help="Model file (YAML) to write.")] = Path("model.yaml"),
     force: Force = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON instead of a table.")] = False,
+    seed: UnusedSeed = 0,
 ) -> None:
     """Fit the drive gain and friction of geared joints, with intervals, and write a model that diagrams load.
 

@@ -1,11 +1,13 @@
 """`drake-tc import`: public data sets to canonical logs and rig files."""
 
+import json
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from drake_tc.cli.out_files import Force, result_folder
+from drake_tc.cli.seed_option import UnusedSeed
 from drake_tc.errors import LogError
 from drake_tc.logs.importers import IMPORTERS
 
@@ -15,6 +17,8 @@ def import_logs(
     src: Annotated[Path, typer.Argument(help="Folder of the data set as published.")],
     out: Annotated[Path, typer.Option("--out", help="Folder to write logs and rig files to.")],
     force: Force = False,
+    seed: UnusedSeed = 0,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the paths of the rig files as JSON.")] = False,
 ) -> None:
     """Convert a public data set: writes Parquet logs in canonical columns and the rig files that read them.
 
@@ -26,5 +30,8 @@ def import_logs(
     inputs = src.rglob("*") if src.is_dir() else ()
     with result_folder(out, "--out", inputs=inputs, force=force, error=LogError) as folder:
         rigs = [out / path.relative_to(folder) for path in IMPORTERS[dataset](src, folder)]
+    if as_json:
+        typer.echo(json.dumps({"name": "import", "rigs": [str(rig) for rig in rigs]}, indent=1))
+        return
     for rig in rigs:
         typer.echo(str(rig))

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from drake_tc.cli.out_files import Force, result_file
+from drake_tc.cli.seed_option import UnusedSeed
 from drake_tc.cli.wide_table import print_wide
 from drake_tc.config.json_values import json_value
 from drake_tc.errors import LogError
@@ -23,6 +24,7 @@ def inspect_command(
     rig: Annotated[Path | None, typer.Option(help="Write a rig file to start from here.")] = None,
     force: Force = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print everything as JSON.")] = False,
+    seed: UnusedSeed = 0,
 ) -> None:
     """List a log's topics, columns, rates and gaps, guess what they are and in which units, and say why.
 

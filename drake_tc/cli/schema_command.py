@@ -8,6 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from drake_tc.cli.out_files import Force, print_or_write
+from drake_tc.cli.seed_option import UnusedSeed
 
 
 class Document(StrEnum):
@@ -27,6 +28,7 @@ def schema_command(
     page: Annotated[bool, typer.Option("--page", help="Print the page that explains every key (Markdown).")] = False,
     out: Annotated[Path | None, typer.Option(help="File to write; stdout when left out.")] = None,
     force: Force = False,
+    seed: UnusedSeed = 0,
 ) -> None:
     """Print the JSON schema of an input file for editors, or with --page the page that explains every key."""
 

@@ -11,6 +11,7 @@ import typer
 
 from drake_tc.cli.out_files import Force, result_file
 from drake_tc.cli.progress import progress_bar
+from drake_tc.cli.seed_option import UnusedSeed
 from drake_tc.cli.workers import worker_executor
 from drake_tc.errors import ParamsError
 
@@ -44,6 +45,7 @@ def stability_map_command(
     out: Annotated[Path | None, typer.Option(help="File for the plot, .svg or .png.")] = None,
     force: Force = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the map as JSON.")] = False,
+    seed: UnusedSeed = 0,
 ) -> None:
     """Map one joint's stability over two parameters; all else is the scenario's. K6 and K7 stay when Kp changes."""
     from drake_tc.analysis.stability_map import Axis, draw_map, stability_map

@@ -1,8 +1,10 @@
 """MuJoCo's MJCF: joints and actuators of a user's file, or a bench of one hinge a joint.
 
 MuJoCo's joint has armature, frictionloss and damping, whose three numbers d0, d1, d2 make the passive force
--(d0 + d1 |v| + d2 v^2) v; its actuators have kp, forcerange and, from 3.6 on, a delay. That these are what this module
-takes them for is tested in MuJoCo itself.
+-(d0 + d1 |v| + d2 v^2) v. Its dry friction is a soft constraint: below frictionloss the velocity decays with a time
+constant, 20 ms unless solreffriction says otherwise. The identified friction is rigid, so that two time steps are
+written, the shortest that MuJoCo accepts. Its actuators have kp, forcerange and, from 3.6 on, a delay. That these are
+what this module takes them for is tested in MuJoCo itself.
 """
 
 import math
@@ -11,7 +13,7 @@ from pathlib import Path
 from xml.dom import minidom
 
 from drake_tc.errors import ParamsError
-from drake_tc.exchange.mjcf_actuator import put_actuator
+from drake_tc.exchange.mjcf_actuator import put_actuator, timestep
 from drake_tc.exchange.projection import Projection
 from drake_tc.exchange.xml_text import append, child, named, number, parsed, put, read_xml, to_text, top
 from drake_tc.exchange.xml_text import element as new_element
@@ -50,7 +52,7 @@ def to_mjcf(projections: Sequence[Projection], into: Path | None = None, step: f
             raise ParamsError(f"{into}: no <joint name={projection.joint!r}>; joints: {', '.join(joints) or 'none'}")
         element = joints[projection.joint]
         numbers = _numbers_of_damping(root)
-        _joint(element, put_actuator(root, projection, into), numbers)
+        _joint(element, put_actuator(root, projection, into), numbers, timestep(root))
         if projection.terms.backlash:
             _play(element, projection, numbers, degrees=_degrees(root))
     return to_text(document)
@@ -65,9 +67,11 @@ def _add_bench(root: minidom.Element, projections: Sequence[Projection]) -> None
         put(append(body, "inertial"), pos="0 0 0", mass=1e-3, diaginertia="1e-6 1e-6 1e-6")
 
 
-def _joint(element: minidom.Element, terms: Terms, numbers: int) -> None:
+def _joint(element: minidom.Element, terms: Terms, numbers: int, step: float) -> None:
     damping = _damping(terms.damping, terms.quadratic, numbers=numbers)
     put(element, armature=terms.armature, damping=damping, frictionloss=terms.frictionloss)
+    if terms.frictionloss:
+        put(element, solreffriction=f"{number(2.0 * step)} 1")
 
 
 def _damping(*values: float, numbers: int) -> str:

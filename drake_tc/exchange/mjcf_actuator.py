@@ -68,7 +68,7 @@ def put_actuator(root: minidom.Element, projection: Projection, into: Path | Non
             put(element, ctrllimited="true" if limit else "false")
     else:
         put(element, gear=terms.kp)
-    _put_delay(element, terms, _timestep(root), was[1])
+    _put_delay(element, terms, timestep(root), was[1])
     if motor is not None:
         return replace(terms, damping=motor.damping)
     _put_limits(element, terms, *was)
@@ -134,8 +134,12 @@ def _has_defaults(element: minidom.Element) -> bool:
     return any(top.getElementsByTagName(tag) for top in tops for tag in ACTUATORS)
 
 
-def _timestep(root: minidom.Element) -> float:
-    """Of the file [s]; MuJoCo's own is 2 ms."""
+def timestep(root: minidom.Element) -> float:
+    """Of the file [s]; MuJoCo's own is 2 ms.
+
+    Args:
+        root: `<mujoco>`.
+    """
     for option in root.getElementsByTagName("option"):
         if option.hasAttribute("timestep"):
             return float(option.getAttribute("timestep"))

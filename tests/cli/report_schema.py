@@ -103,6 +103,7 @@ JOINT = fields(
             fields({"id": text, "parameters": named(PARAMETER), "heldout_gain": number, "stability": number})
         ),
         "rejected": each(fields({"id": text, "heldout_gain": number_or_null, "why": text})),
+        "did_not_hold": each(fields({"id": text, "why": text})),
         "indistinguishable": each(each(text)),
         "next_experiment": text_or_null,
         "plausible": named(named(fields({"range": interval, "source": text}))),
@@ -110,7 +111,9 @@ JOINT = fields(
         "free_runs": each(
             fields({name: or_null(POSITION_ERRORS) for name in ("before", "after", "refined")} | {"run": text})
         ),
-        "unexplained": fields({"fraction": number_or_null, "structured": flag, "depends_on": each(text)}),
+        "unexplained": fields(
+            {"floors": number_or_null, "fraction": number_or_null, "structured": flag, "depends_on": each(text)}
+        ),
     }
 )
 REPORT = fields(

@@ -50,3 +50,17 @@ def test_the_table_shows_every_stored_row(monkeypatch, tmp_path):
     assert "| tick | 0.000125 s | 0.0002 s | 40 |  |  |" in text
     assert "| whole | 50 % |  |  | >= 90 % | NO |" in text
     assert "`aaaaaaaaaaaa`" in text and "2026-01-02" in text and "drake-tc bench leg" in text
+
+
+def test_the_page_names_the_benchmarks_without_a_result(monkeypatch, tmp_path):
+    listed = tmp_path / "commands.yaml"
+    listed.write_text("qp: {title: Programs, about: '', command: drake-tc bench qp --json}\n", encoding="utf-8")
+    monkeypatch.setattr(benchmarks, "STORE", tmp_path)
+    monkeypatch.setattr(benchmarks, "COMMANDS", listed)
+    text = benchmarks.overview()
+    assert "1 of the 1 benchmarks" in text and "| qp | Programs | `drake-tc bench qp --json` |" in text
+    stored = {"title": "Programs", "about": "", "command": "drake-tc bench qp --json", "commit": "a" * 40}
+    stored |= {"date": "2026-01-02", "machine": {"CPUs": 2}}
+    stored |= {"result": {"rows": [{"name": "a", "unit": "s", "median": 1e-3, "p99": 2e-3, "n": 3}]}}
+    (tmp_path / "qp.json").write_text(json.dumps(stored), encoding="utf-8")
+    assert "without a stored result" not in benchmarks.overview()

@@ -50,3 +50,10 @@ def test_units_in_brackets_are_not_taken_for_markup(capsys):
 def test_an_option_that_does_not_exist_is_refused():
     with pytest.raises(Exception, match="No such option"):
         parsed("schema", "drake-tc schema rig --no-such-option")
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_scripts_can_hand_a_seed_and_json_to_every_command(name):
+    options = {option for parameter in COMMANDS[name].params for option in parameter.opts}
+    assert "--seed" in options
+    assert "--json" in options or name == "schema"  # a schema is JSON without being asked
