@@ -1,4 +1,4 @@
-"""A few ticks of robust TSID and of the loops of the leg and the series-elastic humanoid, after which kernels have run."""
+"""A few ticks of robust TSID and of the loops of leg and series-elastic humanoid, after which the kernels have run."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
