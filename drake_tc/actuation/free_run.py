@@ -2,8 +2,8 @@
 
     v[n+1] = v[n] + h (tau_actuator - m g l sin(q[n] - z) - tau_load)/J,    q[n+1] = q[n] + h v[n+1]
 
-`tau_actuator` comes from `JointProgram`, which the Drake diagram runs too; the step is the plant's, symplectic Euler,
-on the inertia of `model_to_simulate`, so that the run has the model's inertia at any step.
+`tau_actuator` comes from the law that the Drake diagram runs too (`drake_tc.actuation.joint_step`); the step is the
+plant's, symplectic Euler, on the inertia of `model_to_simulate`, so that the run has the model's inertia at any step.
 """
 
 import math
@@ -11,10 +11,16 @@ import math
 import numpy as np
 
 from drake_tc.actuation.half_step import model_to_simulate
-from drake_tc.actuation.joint_program import JointInput, JointProgram
+from drake_tc.actuation.joint_effects import JointEffects, tables
+from drake_tc.actuation.joint_step import UNCONNECTED, JointStep
 from drake_tc.actuation.model import ActuatorModel
 from drake_tc.actuation.recorded_run import Link, PlantSide, Recording, plant_side
+from drake_tc.effects.thermal_friction import REFERENCE_CELSIUS
+from drake_tc.kernels.joint_layout import OUTPUTS
+from drake_tc.kernels.lazy import Kernel
 from drake_tc.types import FloatArray
+
+_POSITIONS = Kernel("free_run", "positions")
 
 RESOLUTION = 0.3
 """Largest product of the step and a servo's angular frequency."""
@@ -50,33 +56,53 @@ def _positions(side: PlantSide, recording: Recording, link: Link, substeps: int)
     h = recording.period / substeps
     model = model_to_simulate(side.model, h)
     total = link.inertia if model.transmission_effects else link.inertia + model.inertia
-    program = JointProgram(model, h, total)
-    q, v, out = side.start, recording.initial_velocity, np.full(recording.time.size, np.nan)
-    memory = program.initial(v)
+    joint, out = JointEffects(model, h, total), np.full(recording.time.size, np.nan)
     low, high = recording.position_span
-    centre, limit = 0.5 * (low + high), FARTHEST * max(high - low, 1e-3)
-    moment, zero, known = link.gravity_moment, link.zero, recording.pendulum is None
-    for k, (command, load, slope, celsius, supply) in enumerate(_inputs(recording, side.load, substeps)):
-        out[k] = q
-        for n in range(substeps):
-            outside = load + n * slope
-            tau = outside if known else None
-            try:
-                now = JointInput(command, q, v, tau, celsius, supply)
-                torque = program.step(memory, now, at_tick=True).actuation
-                v += h * (torque - moment * math.sin(q - zero) - outside) / total
-            except (ArithmeticError, ValueError):  # a number ran away inside the step
-                return out
-            q += h * v
-        if not abs(q - centre) <= limit:
-            break
+    known, limit = recording.pendulum is None, FARTHEST * max(high - low, 1e-3)
+    weight = (link.gravity_moment, link.zero, float(known))
+    plant = np.array([h, substeps, total, *weight, side.start, recording.initial_velocity, 0.5 * (low + high), limit])
+    samples, around = _inputs(recording, side.load, substeps)
+    if not joint.compiled:
+        _interpreted(joint, samples, around, plant, out)
+        return out
+    memory = joint.initial(recording.initial_velocity)
+    start = (side.start, recording.initial_velocity)
+    joint.start(memory, float(samples[0, 0]), start, float(samples[0, 1]) if known else math.nan, UNCONNECTED)
+    _POSITIONS(samples, *tables([joint]), plant, np.array(memory), out)
     return out
 
 
-def _inputs(recording: Recording, load: FloatArray, substeps: int) -> zip:  # type: ignore[type-arg]
-    """(command, load, its change in a substep, temperature, supply) of each sample: held, the load linear between."""
+def _interpreted(
+    joint: JointEffects, samples: FloatArray, around: FloatArray, plant: FloatArray, out: FloatArray
+) -> None:
+    """The same recursion step by step, for a joint that has an effect without compiled equation."""
+    h, substeps, total, moment, zero, known, q, v, centre, limit = plant.tolist()
+    law = JointStep([joint])
+    after, kept = np.empty(law.width), law.initial([v])
+    asked, state, load = np.empty(1), np.empty(2), np.full(1, np.nan)
+    for k, (command, outside, slope) in enumerate(samples.tolist()):
+        out[k], asked[0] = q, command
+        surroundings = around[0, k : k + 1], around[1, k : k + 1]
+        for n in range(int(substeps)):
+            loaded = outside + n * slope
+            state[:] = q, v
+            if known:
+                load[0] = loaded
+            try:
+                law.step(after, kept, asked, state, 0.0, load, surroundings)
+                v += h * (float(after[0]) - moment * math.sin(q - zero) - loaded) / total
+            except (ArithmeticError, ValueError):  # a number ran away inside the step
+                return
+            kept[:-1] = after[OUTPUTS:-1]
+            q += h * v
+        if not abs(q - centre) <= limit:
+            return
+
+
+def _inputs(recording: Recording, load: FloatArray, substeps: int) -> tuple[FloatArray, FloatArray]:
+    """(T, 3) command, load and its change in a substep, held and linear between; (2, T) temperature and supply."""
     size = recording.time.size
     slope = np.append(np.diff(load), 0.0) / substeps
-    warm = np.full(size, 25.0) if recording.temperature is None else recording.temperature
+    warm = np.full(size, REFERENCE_CELSIUS) if recording.temperature is None else recording.temperature
     supply = np.full(size, np.nan) if recording.supply_voltage is None else recording.supply_voltage
-    return zip(*(x.tolist() for x in (recording.command, load, slope, warm, supply)), strict=True)
+    return np.column_stack((recording.command, load, slope)), np.stack((warm, supply)).astype(np.float64)

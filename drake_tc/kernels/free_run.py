@@ -1,0 +1,55 @@
+"""One joint's actuator on a pendulum or a rotor over a whole run, see `drake_tc.actuation.free_run`."""
+
+import math
+
+import numpy as np
+
+from drake_tc.kernels import joint_layout as at
+from drake_tc.kernels.actuator import begin, evaluate, finish
+from drake_tc.kernels.compiling import MATRIX, OUT_VECTOR, TABLE, VECTOR, kernel
+from drake_tc.types import FloatArray, IntArray
+
+STEP, SUBSTEPS, MOVED, MOMENT, ZERO, KNOWN, START, VELOCITY, CENTRE, LIMIT = range(10)
+
+
+@kernel(MATRIX, TABLE, MATRIX, TABLE, MATRIX, VECTOR, VECTOR, OUT_VECTOR, OUT_VECTOR)
+def positions(
+    samples: FloatArray,
+    layout: IntArray,
+    numbers: FloatArray,
+    drives: IntArray,
+    parameters: FloatArray,
+    travels: FloatArray,
+    plant: FloatArray,
+    memory: FloatArray,
+    out: FloatArray,
+) -> None:
+    """Position (T,) [rad] into out, which stays as it is from where the joint has left its range.
+
+    Args:
+        samples: (T, 3) command, load [N m], and its change in a step.
+        layout: (1, 9) of the joint, whose effects all have a compiled equation (`actuator.advance`).
+        numbers: (1, 14) the same.
+        drives: The same.
+        parameters: The same.
+        travels: The same.
+        plant: h, steps in a sample, inertia that is moved, moment of the pendulum's weight and where it hangs, 1 where
+            the load is all that the gear transmits, position and velocity at the start, middle and half of the range.
+        memory: (m,) of the joint, which has started; updated.
+        out: Written.
+    """
+    q, v, work, given = plant[START], plant[VELOCITY], np.zeros(at.WORK), np.zeros(at.OUTPUTS)
+    for k in range(samples.shape[0]):
+        out[k] = q
+        for n in range(int(plant[SUBSTEPS])):
+            outside = samples[k, 1] + n * samples[k, 2]
+            load = outside if plant[KNOWN] else np.nan
+            begin(memory, layout[0], numbers[0], travels, samples[k, 0], q, v, load, True, work)
+            if work[at.STATUS] == 0.0:
+                return
+            evaluate(memory, layout[0], numbers[0], drives, parameters, work)
+            finish(memory, layout[0], numbers[0], travels, q, v, work, given)
+            v += plant[STEP] * (given[0] - plant[MOMENT] * math.sin(q - plant[ZERO]) - outside) / plant[MOVED]
+            q += plant[STEP] * v
+        if not abs(q - plant[CENTRE]) <= plant[LIMIT]:
+            return
