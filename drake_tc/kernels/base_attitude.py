@@ -19,7 +19,7 @@ from drake_tc.kernels.base_options import Options
 from drake_tc.kernels.base_sample import Sample
 from drake_tc.kernels.base_state import RESTED, STARTED, STOOD, YAW, Memory
 from drake_tc.kernels.compiling import helper
-from drake_tc.kernels.small import dot, levelled, product, times, times_transposed, turned
+from drake_tc.kernels.vectors import dot, levelled, product, times, times_transposed, turned
 from drake_tc.types import FloatArray
 
 _LARGEST = 10.0

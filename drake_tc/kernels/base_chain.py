@@ -11,7 +11,7 @@ from drake_tc.kernels.base_options import GRAVITY, options_of
 from drake_tc.kernels.base_sample import Sample, valid_sample
 from drake_tc.kernels.base_state import ON, QUIET, RESTED, STARTED, YAW, Memory, memory_of
 from drake_tc.kernels.compiling import FLAG, INDEX, MATRIX, OUT_VECTOR, TABLE, VECTOR, helper, kernel
-from drake_tc.kernels.small import cross, dot, levelled, product, times, times_transposed, turned
+from drake_tc.kernels.vectors import cross, dot, levelled, product, times, times_transposed, turned
 from drake_tc.types import FloatArray, IntArray
 
 

@@ -10,7 +10,7 @@ from drake_tc.kernels.base_kinematics import Posture, external_wrench
 from drake_tc.kernels.base_options import BREAK, FLAT, GRAVITY, MAKE, MIDDLE, Options
 from drake_tc.kernels.base_state import ON, Memory
 from drake_tc.kernels.compiling import helper
-from drake_tc.kernels.small import dot, times_transposed
+from drake_tc.kernels.vectors import dot, times_transposed
 from drake_tc.types import BoolArray, FloatArray
 
 LEAST_LOAD = 1.0

@@ -37,7 +37,7 @@ from drake_tc.kernels.base_options import GRAVITY, Options
 from drake_tc.kernels.base_sample import Sample
 from drake_tc.kernels.base_state import ON, QUIET, RESTED, Memory
 from drake_tc.kernels.compiling import helper
-from drake_tc.kernels.small import dot
+from drake_tc.kernels.vectors import dot
 from drake_tc.types import FloatArray
 
 _CALM = 0.5

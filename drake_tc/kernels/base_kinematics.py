@@ -7,7 +7,7 @@ import numpy as np
 from drake_tc.kernels.base_options import TRANSFORM
 from drake_tc.kernels.compiling import helper
 from drake_tc.kernels.dynamics import BODY_WIDTH, frame_motion, frame_pose, move
-from drake_tc.kernels.small import cross
+from drake_tc.kernels.vectors import cross
 from drake_tc.types import FloatArray, IntArray
 
 

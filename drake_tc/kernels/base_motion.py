@@ -12,7 +12,7 @@ from drake_tc.kernels.base_sample import Sample
 from drake_tc.kernels.base_state import DROPPED, LIMITED, STARTED, Memory
 from drake_tc.kernels.base_velocity import Velocity, VelocityProblem, solve_velocity
 from drake_tc.kernels.compiling import helper
-from drake_tc.kernels.small import cross, times, times_transposed
+from drake_tc.kernels.vectors import cross, times, times_transposed
 from drake_tc.types import FloatArray
 
 _FIRST = 1e-3

@@ -2,7 +2,7 @@
 
 from drake_tc.kernels.base_state import memory_of
 from drake_tc.kernels.compiling import INDEX, OUT_VECTOR, VECTOR, WHOLE, kernel
-from drake_tc.kernels.small import times, wxyz_into
+from drake_tc.kernels.vectors import times, wxyz_into
 from drake_tc.types import FloatArray, IntArray
 
 

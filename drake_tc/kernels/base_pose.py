@@ -32,7 +32,7 @@ from drake_tc.kernels.base_options import FLAT, Options
 from drake_tc.kernels.base_soles import Sinking
 from drake_tc.kernels.base_state import GROUND, HELD_FOR, PAIRED, STARTED, YAW, Memory
 from drake_tc.kernels.compiling import helper
-from drake_tc.kernels.small import product, remainder, times, turned
+from drake_tc.kernels.vectors import product, remainder, times, turned
 from drake_tc.types import FloatArray
 
 _LEAST_ARM = 0.05

@@ -12,7 +12,7 @@ from drake_tc.kernels.base_kinematics import Posture
 from drake_tc.kernels.base_options import ORIGIN, STEP, STIFFNESS
 from drake_tc.kernels.base_state import DROPPED, LOAD, ON, SHAPE, SINK, Memory
 from drake_tc.kernels.compiling import helper
-from drake_tc.kernels.small import cross, dot, times
+from drake_tc.kernels.vectors import cross, dot, times
 from drake_tc.types import BoolArray, FloatArray
 
 _FLAT = 2.0

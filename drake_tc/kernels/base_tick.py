@@ -48,7 +48,7 @@ from drake_tc.kernels.base_state import (
 )
 from drake_tc.kernels.base_velocity import UNSOLVED
 from drake_tc.kernels.compiling import INDEX, MATRIX, OUT_VECTOR, TABLE, VECTOR, helper, kernel
-from drake_tc.kernels.small import dot, product, times_transposed
+from drake_tc.kernels.vectors import dot, product, times_transposed
 from drake_tc.types import FloatArray, IntArray
 
 _SETTLED = 0.1

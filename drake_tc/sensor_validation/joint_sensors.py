@@ -69,7 +69,7 @@ class JointSensors(PortMethods, LeafSystem):
             noisy: Whether gauges and encoders behind the springs have noise; one without may repeat itself.
         """
         super().__init__()
-        self._n = n = len(compliance)
+        n = len(compliance)
         self._springs = np.array([compliance, dt / (dt + np.asarray(spring_time, dtype=float))], dtype=float)
         self._repeats = np.where((False, *noisy), (np.inf, GAUGE_REPEATS, LINK_REPEATS), np.inf)
         self._hold = float(np.ceil(HOLD / dt))
