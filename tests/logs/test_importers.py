@@ -262,6 +262,12 @@ def test_command_prints_the_rig_files(data, tmp_path):
     assert result.stdout.splitlines() == [str(tmp_path / "out" / "rig.yaml")]
 
 
+def test_command_prints_json(data, tmp_path):
+    arguments = ["staubli", str(data / "staubli-tx40"), "--out", str(tmp_path / "out"), "--json", "--seed", "0"]
+    result = CliRunner().invoke(command(), arguments)
+    assert json.loads(result.stdout) == {"name": "import", "rigs": [str(tmp_path / "out" / "rig.yaml")]}
+
+
 @pytest.mark.parametrize("arguments", [["bam", "nowhere"], ["kuka", "."]])
 def test_command_refuses_and_leaves_nothing(tmp_path, arguments):
     result = CliRunner().invoke(command(), [*arguments, "--out", str(tmp_path)])
