@@ -21,8 +21,8 @@ CYCLES_PER_TURN_RANGE = Plausible(
     "shafts behind a gear, pole pairs and gear teeth repeat three times or more in a turn of the output; "
     "less often it is a load curve over the position",
 )
-LEAST_PERIODS = 2.0
-"""Periods of a ripple that the positions must span: a wave repeats from the second one on."""
+LEAST_PERIODS = 1.0
+"""Periods of a ripple that the positions must span."""
 
 
 class TorqueRipple(TorqueEffect):
@@ -53,14 +53,14 @@ class TorqueRipple(TorqueEffect):
         ]
 
     def inconsistency(self, parameters: Mapping[str, float], context: Context) -> str:
-        """The positions span at least two periods: a wave that was not seen to repeat is a curve."""
+        """The positions span at least one period: less of a wave is a curve."""
         cycles = parameters["cycles_per_turn"]
         periods = cycles * context.turns
         if periods >= LEAST_PERIODS:
             return ""
         return (
-            f"The positions span {periods:.3g} periods of a ripple of {cycles:.3g} cycles a turn, fewer than "
-            f"{LEAST_PERIODS:g}: it was not seen to repeat, so it is a load curve over the position."
+            f"The positions span {periods:.3g} of a period of a ripple of {cycles:.3g} cycles a turn: that is a load "
+            "curve over the position."
         )
 
     def columns(self, signals: Signals, shape: Shape) -> FloatArray:

@@ -170,9 +170,9 @@ def test_a_value_that_is_not_a_number_is_implausible(key):
     assert "not a finite number" in implausible(effect(key), CASES[key][0] | {name: math.nan}, RIG)
 
 
-def test_a_wave_that_was_not_seen_to_repeat_is_a_curve():
-    ripple = {"ripple_cosine": 1.0, "ripple_sine": 0.0, "cycles_per_turn": 4.5}
-    assert "fewer than 2" in implausible(effect("torque_ripple"), ripple, RIG)  # 0.318 turns: 1.43 periods
+def test_less_than_one_period_of_a_wave_is_a_curve():
+    ripple = {"ripple_cosine": 1.0, "ripple_sine": 0.0, "cycles_per_turn": 3.0}
+    assert "0.955 of a period" in implausible(effect("torque_ripple"), ripple, RIG)  # 0.318 turns
     assert implausible(effect("torque_ripple"), ripple, replace(RIG, position_span=(-1.5, 1.5))) == ""
 
 

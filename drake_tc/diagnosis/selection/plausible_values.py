@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 
 from drake_tc.diagnosis.data.samples import Samples
-from drake_tc.diagnosis.problem.columns import Columns, Term, coefficients_by_term
+from drake_tc.diagnosis.problem.columns import BalanceCoefficients, Columns, Term, coefficients_by_term
 from drake_tc.diagnosis.problem.estimates import estimates
 from drake_tc.diagnosis.problem.parameters import physical_parameters
-from drake_tc.diagnosis.problem.regression import Fit
+from drake_tc.diagnosis.problem.regression import Fit, fit
 from drake_tc.diagnosis.selection.shapes import PERIOD
 from drake_tc.diagnosis.selection.withdrawal import Withdrawal
-from drake_tc.diagnosis.thresholds import MOST_OF_KNOWN_LOAD, OWN_FORM, RESOLVED
+from drake_tc.diagnosis.thresholds import JOINT, MOST_OF_KNOWN_LOAD, OWN_FORM, RESOLVED
 from drake_tc.effects.base import Context
 from drake_tc.effects.encoder_eccentricity import EncoderEccentricity
 from drake_tc.effects.plausibility import implausible
@@ -21,6 +21,8 @@ from drake_tc.effects.position_dependent_load import SIZE as CURVE_SIZE
 from drake_tc.effects.position_dependent_load import PositionDependentLoad
 from drake_tc.effects.torque_ripple import TorqueRipple
 
+REPEATS = 2.0
+"""Periods of a ripple that the positions span, from which on it was seen to repeat."""
 NORMAL_95 = 1.96
 """Standard deviations in half a 95 % interval."""
 CORRECTIONS: Mapping[str, tuple[str, ...]] = {
@@ -48,7 +50,7 @@ def objection_to_values(fitted: Fit, term: Term, context: Context, columns: Colu
         "coulomb": named["coulomb"]["coulomb"],
     }
     why = implausible(term.effect, values, replace(context, fitted=own))
-    why = why or _within_curve(fitted, term, context)
+    why = why or _within_curve(fitted, term, context) or _not_repeated(fitted, term, context, columns)
     if why:
         return "implausible", why
     names = CORRECTIONS.get(term.effect.id)
@@ -83,6 +85,28 @@ def _within_curve(fitted: Fit, term: Term, context: Context) -> str:
     return (
         f"The positions span {periods:.3g} periods of it. The curve over the position beside it has {CURVE_SIZE} "
         f"coefficients and takes the form of waves of up to {CURVE_SIZE / 2:g} periods: the ripple corrects its form."
+    )
+
+
+def _not_repeated(fitted: Fit, term: Term, context: Context, columns: Columns) -> str:
+    """Why a ripple is a curve over the position, in one sentence, or "".
+
+    A wave repeats from its second period on. One that was seen for less counts where a curve of free form in its place
+    leaves twice as much, and it leaves next to nothing but noise: three numbers then say more than seven.
+    """
+    if not isinstance(term.effect, TorqueRipple) or term.shape[PERIOD] * context.turns >= REPEATS:
+        return ""
+    curve = PositionDependentLoad()
+    if not curve.unavailable(context):
+        others = [t for t in fitted.terms if t is not term and not isinstance(t.effect, PositionDependentLoad)]
+        instead = fit(columns, [*others, Term(curve, curve.shape_grid(context)[0])])
+        known = BalanceCoefficients.of(fitted.terms, fitted.beta, columns.samples.signals.rotor_inertia)
+        floor = fitted.gain * columns.samples.floor.torque(known.stiffness, known.viscous, known.inertia)
+        if fitted.cv_rms <= min((1.0 - JOINT.own_gain) * instead.cv_rms, JOINT.own_floors * floor):
+            return ""
+    return (
+        f"The positions span {term.shape[PERIOD] * context.turns:.3g} periods of a ripple of {term.shape[PERIOD]:.3g} "
+        f"cycles a turn, fewer than {REPEATS:g}: it was not seen to repeat, so it is a load curve over the position."
     )
 
 

@@ -168,3 +168,25 @@ def test_a_ripple_that_a_curve_beside_it_could_take_the_form_of_corrects_its_for
     objection = objection_to_values(both, ripple, context, columns)
     assert (objection is None) == beside_a_curve
     assert objection is None or "corrects its form" in objection[1]
+
+
+@pytest.mark.parametrize(
+    ("periods", "form", "objects"),
+    [
+        (1.6, np.sin, False),  # three numbers say more than the seven of a curve
+        (1.6, lambda angle: np.sin(angle) + 0.5 * np.abs(angle / 4.0) ** 3, True),
+        (2.1, lambda angle: np.sin(angle) + 0.5 * np.abs(angle / 4.0) ** 3, False),  # seen to repeat, whatever is left
+    ],
+)
+def test_a_ripple_of_less_than_two_periods_must_leave_half_of_what_a_curve_leaves(periods, form, objects):
+    joint = replace(PLAIN, torque_noise=0.05)
+    span = np.ptp(Columns(build_samples([record(joint)], rig_of(joint), "joint")).samples.signals.position)
+    cycles = 2.0 * np.pi * periods / span
+    joint = replace(joint, extra=lambda m: 0.9 * form(cycles * m.q))
+    samples = build_samples([record(joint, f"run{k}", 0.1 * k, k) for k in range(2)], rig_of(joint), "joint")
+    columns, context = Columns(samples), context_of(samples, rig_of(joint), "joint")
+    columns = columns.with_model(DECLARED, fit(columns, DECLARED).beta, servo=False)
+    ripple = Term(effect("torque_ripple"), {"cycles_per_turn": cycles})
+    objection = objection_to_values(fit(columns, [*DECLARED, ripple]), ripple, context, columns)
+    assert (objection is not None) == objects
+    assert objection is None or "was not seen to repeat" in objection[1]
