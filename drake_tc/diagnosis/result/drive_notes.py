@@ -21,6 +21,9 @@ RECORDED: Mapping[DriveKind, str] = {
 }
 """What is recorded of the effort."""
 
+SCALE_ALONE = ("payload", "torque_sensor_gain")
+"""Effects that do nothing but scale the torques of a load."""
+
 Parameters = Mapping[str, Mapping[str, Estimate]]
 
 
@@ -94,10 +97,17 @@ def age_note(samples: Samples, drive: DriveKind) -> tuple[str, ...]:
 
 
 def _other_gain(found: Parameters, declared: float | None, unit: str) -> tuple[str, ...]:
-    """That effects which scale the torques have moved the drive gain away from the declared one."""
+    """What the size of effects rests on that scale the torques, and that they have moved a declared drive gain."""
     members = [effect(key) for key in found if key != "drive"]
     scaling = [member for member in members if type(member).torque_scale is not Effect.torque_scale]
     gain = found["drive"]["gain"].value
+    scale = [member for member in scaling if member.id in SCALE_ALONE]
+    if scale and declared is None:
+        return (
+            f"The size of the {' and the '.join(member.title for member in scale)} rests on the declared "
+            "rotor_inertia, which alone fixes the scale of the torques where no drive gain is declared: a wrong "
+            "rotor_inertia would look the same. Declare drive_gain to have it checked.",
+        )
     if declared is None or not scaling or abs(gain / declared - 1.0) < NEAR_ONE:
         return ()
     return (

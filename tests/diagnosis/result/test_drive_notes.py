@@ -31,3 +31,11 @@ def test_only_effects_that_scale_the_torques_are_blamed() -> None:
 def test_a_gain_that_no_rig_file_declares_is_not_held_against_one() -> None:
     rig = parse_rig({"joint": "joint", "drive": "position_servo"})
     assert drive_notes(rig, "joint", found(0.1, "elasticity"), 0.1) == ()
+
+
+@pytest.mark.parametrize("key", ["payload.pendulum", "torque_sensor_gain"])
+def test_what_scales_the_torques_alone_says_what_its_size_rests_on(key: str) -> None:
+    """A wrong inertia of the rig file scales the torques of a pendulum as a wrong mass does, if the gain is free."""
+    rig = parse_rig({"joint": "joint", "drive": "position_servo"})
+    (note,) = drive_notes(rig, "joint", found(0.1, "viscous", key), 0.1)
+    assert "a wrong rotor_inertia would look the same" in note and "Declare drive_gain" in note
