@@ -94,20 +94,6 @@ class LoopBuilder(Generic[ScenarioT]):
             )
         return self.passed(f"{stage}.{port}", system.GetOutputPort(port))
 
-    def part(self, stage: str, port: str, whole: tuple[str, list[int]]) -> OutputPort:
-        """As `output`, of a port that is a part of another one: taken from there by a block of Drake's own.
-
-        Args:
-            stage: Name of the stage.
-            port: Of the stage.
-            whole: The port that holds it, and where it stands in there; the user's own system need not have it.
-        """
-        system, (name, places) = self.systems[stage], whole
-        if not system.HasOutputPort(name):
-            return self.output(stage, port)
-        found = picked(self.builder, f"{stage}_{port}", system.GetOutputPort(name), {port: places})[port]
-        return self.passed(f"{stage}.{port}", found)
-
     def passed(self, place: str, port: OutputPort) -> OutputPort:
         """The port, or that of the user's own system behind it.
 

@@ -57,9 +57,7 @@ def torque_command(parts: TorqueLoopBuilder, reference: OutputPort) -> OutputPor
     flags = _monitor(parts, estimates, reference)
     if scenario.log_components:
         parts.signals["components"] = parts.output("torque_control", "components")
-    n = len(parts.robot.joints)
-    asked = parts.part("torque_control", "command", ("solution", list(range(n))))
-    command = _guarded(parts, asked, flags)
+    command = _guarded(parts, parts.output("torque_control", "command"), flags)
     if observer is not None:
         connect_observer(parts, observer, delayed, known, reference, command)
     return command
@@ -168,4 +166,4 @@ def _guarded(parts: TorqueLoopBuilder, command: OutputPort, fault: OutputPort) -
     )
     if isinstance(guard, CommandGuard):
         parts.signals |= picked(parts.builder, "guard_state", guard.GetOutputPort("next"), {"mode": [3 * n]})
-    return parts.part("guard", "command", ("next", list(range(n))))
+    return parts.output("guard", "command")
