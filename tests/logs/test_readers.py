@@ -88,6 +88,17 @@ def test_a_column_that_stands_twice_is_refused(tmp_path):
     assert "column 'q' stands more than once" in _refusal(tmp_path / "run.csv")
 
 
+@pytest.mark.parametrize("encoding", ["utf-16", "utf-16-le", "utf-16-be", "utf-32"])
+def test_csv_in_another_encoding_is_refused(tmp_path, encoding):
+    (tmp_path / "run.csv").write_bytes(("time,q\n" + "1,2\n" * 30).encode(encoding))
+    assert "expected text in UTF-8" in _refusal(tmp_path / "run.csv")
+
+
+def test_csv_without_a_header_is_refused(tmp_path):
+    (tmp_path / "run.csv").write_text("0.0,0.0,1e-3\n0.1,0.2,0.3\n")
+    assert "expected the names of the columns in line 1, got numbers ('0.0' first)" in _refusal(tmp_path / "run.csv")
+
+
 def test_arrays_of_different_length_are_refused(tmp_path):
     np.savez(tmp_path / "run.npz", time=np.arange(30.0), q=np.arange(29.0))
     assert "'q' has 29 rows" in _refusal(tmp_path / "run.npz")
