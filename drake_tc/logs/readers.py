@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 import pyarrow.parquet  # type: ignore[import-untyped]
 
-from drake_tc.config.is_file import is_file
+from drake_tc.config.is_file import is_file, is_folder
 from drake_tc.config.quoted import quoted
 from drake_tc.errors import LogError
 from drake_tc.logs.bags.reader import SUFFIXES, is_bag, read_bag
@@ -231,9 +231,9 @@ def read_table(path: Path | str, readers: Mapping[str, Reader] = READERS) -> pd.
         LogError: Not a file, an unknown suffix, unreadable content, or no rows.
     """
     path = Path(path)
-    if path.is_dir() and is_bag(path):
+    if is_folder(path) and is_bag(path):
         return read_bag(path)
-    if path.is_dir():
+    if is_folder(path):
         files = ", ".join(sorted(each.name for each in path.iterdir() if is_bag(each)))
         what = f"give the file of a bag in it ({files})" if files else "expected a log file or the folder of a ROS bag"
         raise LogError(f"{path}: a folder without metadata.yaml; {what}")

@@ -67,6 +67,7 @@ def _refusal(path) -> str:
 
 def test_refusals_name_the_file_and_what_is_possible(tmp_path):
     assert "no such log file" in _refusal(tmp_path / "absent.csv")
+    assert "no such log file" in _refusal(tmp_path / ("x" * 5000 + ".csv"))
     (tmp_path / "run.docx").write_text("x")
     assert ".parquet" in _refusal(tmp_path / "run.docx")
     for name, content in {"run.parquet": b"not parquet", "run.npz": b"zip?", "run.mat": b"MATLAB?" * 30}.items():
