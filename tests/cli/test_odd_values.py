@@ -104,3 +104,11 @@ def test_importers_refuse_odd_entries(invoke, tmp_path):
     (source / "run.json").write_text("[" * 100_000)
     assert invoke("import", "bam", source, "--out", tmp_path / "out").code == 2
     assert not (tmp_path / "lift.parquet").exists()
+
+
+def test_a_log_whose_name_is_not_utf8(invoke, bench, tmp_path):
+    log = tmp_path / "run\udcff.csv"
+    log.write_bytes(bench.logs[0].read_bytes())
+    rig = tmp_path / "rig.yaml"
+    assert invoke("inspect", log, "--rig", rig).code == 0
+    assert "run\ufffd.csv" in rig.read_text(encoding="utf-8")
