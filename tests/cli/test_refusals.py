@@ -156,3 +156,8 @@ def test_a_function_that_is_no_diagram(invoke, name):
 
 def test_a_built_in_function_that_is_no_diagram(invoke):
     assert "os:getcwd: expected a function that returns a Diagram, got str" in invoke("graph", "os:getcwd").refusal()
+
+
+@pytest.mark.parametrize("command", [["schema", "rig"], ["import", "bam", "."]])
+def test_a_name_of_a_result_that_is_too_long(invoke, command):
+    assert "cannot be written: File name too long" in invoke(*command, "--out", "x" * 300).refusal()
