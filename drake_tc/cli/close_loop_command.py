@@ -50,7 +50,7 @@ def close_loop_command(
         typer.Option(help="Your model as the declared one: URDF, MJCF, or a parameter file of BAM (JSON)."),
     ] = None,
     out: Annotated[Path, typer.Option(help="Folder for report.html, report.json and both models.")] = Path("out"),
-    seed: Annotated[int, typer.Option(help="Seed of the resampling (and of the demo's rig).")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the resampling (and of the demo's rig).")] = 0,
     closed_loop: Annotated[
         bool,
         typer.Option(

@@ -53,7 +53,7 @@ def design_command(
         Path | None, typer.Option(help="URDF, SDF or MJCF of what stands around a robot, in its world's coordinates.")
     ] = None,
     starts: Annotated[int, typer.Option(help="Number of initial guesses.")] = 2,
-    seed: Annotated[int, typer.Option(help="Seed of the starts.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the starts.")] = 0,
     out: Annotated[Path, typer.Option(help="Folder for the trajectory and the page.")] = Path("design"),
     force: Force = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print design.json to stdout.")] = False,

@@ -8,6 +8,7 @@ import typer
 
 from drake_tc.cli.out_files import Force, result_folder
 from drake_tc.cli.seed_option import UnusedSeed
+from drake_tc.config.is_file import is_folder
 from drake_tc.errors import LogError
 from drake_tc.logs.importers import IMPORTERS
 
@@ -27,7 +28,7 @@ def import_logs(
     if dataset not in IMPORTERS:
         raise LogError(f"import: no data set {dataset!r}; possible: {', '.join(IMPORTERS)}")
     typer.echo(f"reading {src} ...", err=True)
-    inputs = src.rglob("*") if src.is_dir() else ()
+    inputs = src.rglob("*") if is_folder(src) else ()
     with result_folder(out, "--out", inputs=inputs, force=force, error=LogError) as folder:
         rigs = [out / path.relative_to(folder) for path in IMPORTERS[dataset](src, folder)]
     if as_json:

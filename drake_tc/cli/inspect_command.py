@@ -2,6 +2,7 @@
 
 import json
 import math
+import os
 import sys
 from dataclasses import asdict
 from pathlib import Path
@@ -86,7 +87,8 @@ def _number(value: float) -> str:
 def _rig_text(found: "Inspection") -> str:
     import yaml
 
-    head = f"# Suggested by drake-tc inspect from {found.path.name}: guesses from names and ranges; check them.\n"
+    name = os.fsencode(found.path.name).decode("utf-8", errors="replace")
+    head = f"# Suggested by drake-tc inspect from {name!r}: guesses from names and ranges; check them.\n"
     return head + yaml.safe_dump(dict(found.rig), sort_keys=False, allow_unicode=True)
 
 

@@ -1,5 +1,6 @@
 """`drake-tc`: the command line. Results go to stdout, everything else to stderr; bad input ends with 2 and one line."""
 
+import io
 import os
 import sys
 from collections.abc import Sequence
@@ -93,6 +94,8 @@ def run(arguments: Sequence[str]) -> int:
     """
     debug = "--debug" in arguments
     given = [argument for argument in arguments if argument != "--debug"]
+    if isinstance(sys.stdout, io.TextIOWrapper):  # names of files need not be UTF-8
+        sys.stdout.reconfigure(errors="backslashreplace")
     with quiet_libraries(quiet="--json" in given, debug=debug):
         return _run(given, debug=debug)
 

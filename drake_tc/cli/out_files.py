@@ -105,7 +105,9 @@ def result_file(
     Raises:
         DrakeTcError: of the kind `error`; as `result_folder`.
     """
-    if _is_device(path):
+    with _told(path, option, error):
+        device = _is_device(path)
+    if device:
         with _told(path, option, error):
             yield path
         return
@@ -146,7 +148,8 @@ def print_or_write(text: Callable[[], str], out: Path | None, inputs: Iterable[P
 @contextmanager
 def _opened(folder: Path, shown: Path, option: str, error: type[DrakeTcError]) -> Iterator[Path]:
     """The folder, made and tried; made folders that stay empty are removed again. `shown` stands in messages."""
-    made = [each for each in (folder, *folder.parents) if not each.exists()]
+    with _told(shown, option, error):
+        made = [each for each in (folder, *folder.parents) if not each.exists()]
     try:
         with _told(shown, option, error):
             folder.mkdir(parents=True, exist_ok=True)

@@ -25,7 +25,7 @@ def rehearse_command(
     joint: Annotated[str | None, typer.Option(help="Joint; only needed where the rig has several.")] = None,
     repeats: Annotated[int, typer.Option(help="Number of trials at each size.")] = 4,
     jobs: Annotated[int, typer.Option(help="Number of parallel processes.")] = 2,
-    seed: Annotated[int, typer.Option(help="Seed of noise and phases.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of noise and phases.")] = 0,
     out: Annotated[Path, typer.Option(help="Folder for rehearsal.html and rehearsal.json.")] = Path("rehearsal"),
     force: Force = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print rehearsal.json to stdout.")] = False,

@@ -13,10 +13,11 @@ import numpy as np
 import pandas as pd
 import pyarrow.parquet  # type: ignore[import-untyped]
 
-from drake_tc.config.is_file import is_file
+from drake_tc.config.is_file import is_file, is_folder
 from drake_tc.config.quoted import quoted
 from drake_tc.errors import LogError
 from drake_tc.logs.bags.reader import SUFFIXES, is_bag, read_bag
+from drake_tc.logs.csv_header import check_encoding, check_names_are_words
 from drake_tc.logs.json_log import read_json, read_json_lines
 from drake_tc.logs.lerobot import without_lists
 from drake_tc.logs.mat_file import Value, read_mat
@@ -38,13 +39,14 @@ def _separator(opened: Opener) -> str:
 
 
 def _check_names(path: Path, opened: Opener, separator: str) -> None:
-    """Refuse a header with a name that stands twice; pandas would rename the second in silence.
+    """Refuse a header of numbers, and one with a name that stands twice, which pandas would rename in silence.
 
     Raises:
-        LogError: names the column.
+        LogError: names the column, or the number.
     """
     with opened() as file:
         names = [name.strip() for name in next(csv.reader(_lines(file), delimiter=separator), [])]
+    check_names_are_words(path, names)
     _refuse_repeated(path, [name for name in names if name])
 
 
@@ -94,6 +96,8 @@ def _opener(path: Path) -> Opener:
 
 def _read_csv(path: Path) -> pd.DataFrame:
     opened = _opener(path)
+    with opened() as file:
+        check_encoding(path, file.read(4))
     separator = _separator(opened)
     _check_names(path, opened, separator)
     try:
@@ -227,9 +231,9 @@ def read_table(path: Path | str, readers: Mapping[str, Reader] = READERS) -> pd.
         LogError: Not a file, an unknown suffix, unreadable content, or no rows.
     """
     path = Path(path)
-    if path.is_dir() and is_bag(path):
+    if is_folder(path) and is_bag(path):
         return read_bag(path)
-    if path.is_dir():
+    if is_folder(path):
         files = ", ".join(sorted(each.name for each in path.iterdir() if is_bag(each)))
         what = f"give the file of a bag in it ({files})" if files else "expected a log file or the folder of a ROS bag"
         raise LogError(f"{path}: a folder without metadata.yaml; {what}")

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from drake_tc.config.quoted import quoted
+from drake_tc.config.units import check_sizes
 from drake_tc.config.yaml_file import read_yaml
 from drake_tc.errors import RigError
 from drake_tc.logs.declared_file import with_declared_file
@@ -154,6 +155,10 @@ def parse_rig(document: object, source: Path | str = "rig") -> Rig:
     if not isinstance(document, Mapping):
         raise RigError(f"{name}: expected a mapping, got {quoted(document)} ({HINT})")
     entries = _with_text_keys(document)
+    try:
+        check_sizes(entries)
+    except ValueError as error:
+        raise RigError(f"{name}: {error}") from None
     robot = parse_robot(name, entries.get("robot"), source)
     if robot is not None and not {"joint", "joints"} & set(entries):
         entries["joints"] = robot_joints(name, robot)

@@ -3,7 +3,7 @@
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from inspect import getsourcefile
+from inspect import Parameter, getsourcefile, signature
 from pathlib import Path
 from typing import Any
 
@@ -94,6 +94,9 @@ def function_entry(name: str, function: Callable[[], Diagram]) -> FunctionEntry:
         name: As commands take it: a registered name, or `module:function`.
         function: Called anew for every simulation and linearisation.
 
+    Raises:
+        ParamsError: The function requires arguments.
+
     Example:
         >>> function_entry("small_loop", small_loop).kind
         'function'
@@ -111,8 +114,30 @@ def function_entry(name: str, function: Callable[[], Diagram]) -> FunctionEntry:
     def simulate(scenario: FunctionScenario, progress: Progress | None, meshcat: bool) -> Simulated:
         return _simulated(build(scenario), progress)
 
-    source = Path(getsourcefile(function) or ".")
-    return FunctionEntry(name, "a diagram of a function", "function", source, load, build, simulate)
+    _check_no_arguments(name, function)
+    return FunctionEntry(name, "a diagram of a function", "function", _source(function), load, build, simulate)
+
+
+def _check_no_arguments(name: str, function: Callable[[], Diagram]) -> None:
+    try:
+        parameters = signature(function).parameters.values()
+    except (TypeError, ValueError):  # a built-in one that does not tell
+        return
+    optional = (Parameter.VAR_POSITIONAL, Parameter.VAR_KEYWORD)
+    required = [each.name for each in parameters if each.default is Parameter.empty and each.kind not in optional]
+    if required:
+        raise ParamsError(
+            f"{name}: expected a function without arguments that returns a Diagram, got one that requires"
+            f" {', '.join(required)}"
+        )
+
+
+def _source(function: Callable[[], Diagram]) -> Path:
+    """The file of a function; the working folder for one that has none, as built-in ones."""
+    try:
+        return Path(getsourcefile(function) or ".")
+    except TypeError:
+        return Path()
 
 
 def _systems(diagram: Diagram) -> list[System]:

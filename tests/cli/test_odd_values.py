@@ -2,6 +2,7 @@
 
 import json
 
+import pandas as pd
 import pytest
 import yaml
 
@@ -104,3 +105,20 @@ def test_importers_refuse_odd_entries(invoke, tmp_path):
     (source / "run.json").write_text("[" * 100_000)
     assert invoke("import", "bam", source, "--out", tmp_path / "out").code == 2
     assert not (tmp_path / "lift.parquet").exists()
+
+
+def test_a_log_whose_name_is_not_utf8(invoke, bench, tmp_path):
+    log = tmp_path / "run\udcff.csv"
+    log.write_text(pd.read_parquet(bench.logs[0]).to_csv(index=False))
+    rig = tmp_path / "rig.yaml"
+    assert invoke("inspect", log, "--rig", rig).code == 0
+    assert "run\ufffd." in rig.read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("gain", ["1e12", "1e-20"])
+def test_a_drive_gain_beside_which_no_effect_has_a_size(invoke, bench, tmp_path, gain):
+    rig = tmp_path / "rig.yaml"
+    document = yaml.safe_load(bench.rig.read_text())
+    document.pop("proportional_gain", None)
+    rig.write_text(yaml.safe_dump({**document, "drive_gain": float(gain)}))
+    assert invoke("check", "--rig", rig, "--log", bench.logs[0], "--json").code == 0

@@ -140,3 +140,24 @@ def test_a_file_in_the_place_of_the_folder_is_told_before_the_work(invoke, bench
     place.write_text("mine")
     call = ["close-loop", *bench.arguments(), "--holdout", bench.holdout, "--out", place]
     assert "--out" in invoke(*call).refusal() and place.read_text() == "mine"
+
+
+@pytest.mark.parametrize("command", ["design", "rehearse", "close-loop"])
+def test_a_negative_seed(invoke, command):
+    more = ["--log", "a", "--with", "delay"] if command == "rehearse" else []
+    assert "'--seed'" in invoke(command, "--rig", "r", *more, "--seed", -1).refusal()
+
+
+@pytest.mark.parametrize("name", ["os:system", "json:loads"])
+def test_a_function_that_is_no_diagram(invoke, name):
+    line = invoke("simulate", name).refusal()
+    assert name in line and "expected a function without arguments that returns a Diagram" in line
+
+
+def test_a_built_in_function_that_is_no_diagram(invoke):
+    assert "os:getcwd: expected a function that returns a Diagram, got str" in invoke("graph", "os:getcwd").refusal()
+
+
+@pytest.mark.parametrize("command", [["schema", "rig"], ["import", "bam", "."]])
+def test_a_name_of_a_result_that_is_too_long(invoke, command):
+    assert "cannot be written: File name too long" in invoke(*command, "--out", "x" * 300).refusal()

@@ -67,6 +67,7 @@ def _refusal(path) -> str:
 
 def test_refusals_name_the_file_and_what_is_possible(tmp_path):
     assert "no such log file" in _refusal(tmp_path / "absent.csv")
+    assert "no such log file" in _refusal(tmp_path / ("x" * 5000 + ".csv"))
     (tmp_path / "run.docx").write_text("x")
     assert ".parquet" in _refusal(tmp_path / "run.docx")
     for name, content in {"run.parquet": b"not parquet", "run.npz": b"zip?", "run.mat": b"MATLAB?" * 30}.items():
@@ -86,6 +87,17 @@ def test_empty_files_have_no_rows(tmp_path):
 def test_a_column_that_stands_twice_is_refused(tmp_path):
     (tmp_path / "run.csv").write_text("time,q ,q\n" + "1,2,3\n" * 30)
     assert "column 'q' stands more than once" in _refusal(tmp_path / "run.csv")
+
+
+@pytest.mark.parametrize("encoding", ["utf-16", "utf-16-le", "utf-16-be", "utf-32"])
+def test_csv_in_another_encoding_is_refused(tmp_path, encoding):
+    (tmp_path / "run.csv").write_bytes(("time,q\n" + "1,2\n" * 30).encode(encoding))
+    assert "expected text in UTF-8" in _refusal(tmp_path / "run.csv")
+
+
+def test_csv_without_a_header_is_refused(tmp_path):
+    (tmp_path / "run.csv").write_text("0.0,0.0,1e-3\n0.1,0.2,0.3\n")
+    assert "expected the names of the columns in line 1, got numbers ('0.0' first)" in _refusal(tmp_path / "run.csv")
 
 
 def test_arrays_of_different_length_are_refused(tmp_path):

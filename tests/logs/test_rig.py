@@ -176,3 +176,19 @@ def test_pendulum_torque_is_the_gradient_of_its_energy():
     slope = 0.7 * 9.81 * (height(q + h) - height(q - h)) / (2 * h)
     assert_allclose(pendulum.torque(q, np.zeros(11)), slope, rtol=0, atol=1e-8)  # central difference, O(h^2)
     assert_allclose(pendulum.torque(np.array([0.2]), np.ones(1)), 0.7 * 0.09, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("entry", "place"),
+    [
+        ({"load": {"pendulum": {"mass": 1e300, "length": 1e300}}}, "load.pendulum.mass"),
+        ({"sensors": {"torque_noise": 1e300}}, "sensors.torque_noise"),
+        ({"sensors": {"encoder_step": "1e300 deg"}}, "sensors.encoder_step"),
+        ({"drive_gain": 1e-320}, "drive_gain"),
+        ({"proportional_gain": 1e-300}, "proportional_gain"),
+        ({"declared": {"rotor_inertia": 10**400}}, "declared.rotor_inertia"),
+    ],
+)
+def test_numbers_whose_powers_and_quotients_overflow_are_refused(entry, place):
+    with pytest.raises(RigError, match=rf"rig: {place}: expected 0 or a number of size 1e-20 to 1e\+12, got"):
+        parse_rig({**BASE, "load": "torque", **entry})

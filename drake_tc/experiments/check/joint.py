@@ -133,8 +133,8 @@ def _visibility(
     smallest, easiest = smallest_sizes(own, least, falling=size.falling)
     middle = own[len(own) // 2]
     at = max(size.typical, min(smallest, WEAK * size.typical)) if not size.falling else min(size.typical, smallest)
-    ratio = size.typical / smallest if size.falling else smallest / size.typical
-    status: Status = "seen" if ratio <= 1.0 else "weakly" if ratio <= WEAK else "not_seen"
+    asked, given = (size.typical, smallest) if size.falling else (smallest, size.typical)
+    status: Status = "seen" if asked <= given else "weakly" if asked <= WEAK * given else "not_seen"
     same: tuple[str, ...] = ()
     if status != "not_seen":
         same = confused_with(own, made, at, noise)

@@ -9,6 +9,7 @@ from typing import Any
 
 import pandas as pd
 
+from drake_tc.config.is_file import is_folder
 from drake_tc.errors import LogError
 from drake_tc.logs.bags.joined import joined
 from drake_tc.logs.bags.messages import EXTRACT, Row
@@ -21,7 +22,7 @@ METADATA = "metadata.yaml"
 
 def is_bag(path: Path) -> bool:
     """Whether a path is a bag: a folder with its metadata, or a file by its ending."""
-    return (path / METADATA).is_file() if path.is_dir() else path.name.lower().endswith(SUFFIXES)
+    return (path / METADATA).is_file() if is_folder(path) else path.name.lower().endswith(SUFFIXES)
 
 
 def read_bag(path: Path) -> pd.DataFrame:

@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 import yaml
 
+from drake_tc.config.is_file import is_folder
 from drake_tc.errors import LogError
 from drake_tc.logs.readers import read_table, run_name
 from drake_tc.logs.rig import parse_rig
@@ -42,7 +43,7 @@ def find(src: Path, *patterns: str) -> list[Path]:
     Raises:
         LogError: Not a folder, or nothing in it matches.
     """
-    if not src.is_dir():
+    if not is_folder(src):
         raise LogError(f"{src}: expected the folder of a data set, and there is none")
     found = sorted({path for pattern in patterns for path in src.glob(pattern)})
     if not found:
