@@ -65,7 +65,7 @@ def _print_robot(console: Console, result: CloseLoopResult) -> None:
         where = f"the encoder of {cause.where}" if cause.where in result.joints else cause.where
         _say(console, f"[bold]all joints[/bold]: + [bold]{cause.id}[/bold] of {where}  {values}  ({gain})")
         for other, where in cause.indistinguishable:
-            _say(console, f"  ? {other} of {where} cannot be told apart from it by these logs")
+            _say(console, f"  ? these logs cannot distinguish it from {other} of {where}")
     if result.links is not None:
         _say(console, escape(links_sentence(result.links)))
         for sentence in payload_sentences(result.links):

@@ -60,7 +60,7 @@ class DirectionalEfficiency(TorqueEffect):
     def obstacle(self, context: Context) -> str:
         """Needs a declared inertia: without one the difference is the same as another drive gain."""
         if not context.declared.get("rotor_inertia"):
-            return "the rig file declares no rotor_inertia, without which this effect cannot be told from others"
+            return "the rig file declares no rotor_inertia, so this effect cannot be distinguished from others"
         return super().obstacle(context)
 
     def balance_inertia(self, theta: FloatArray, rotor_inertia: float) -> float:

@@ -49,7 +49,7 @@ class Elasticity(TransmissionEffect):
         if context.taken_up:
             return context.taken_up
         if "rotor_inertia" not in context.declared:
-            return "the rig file declares no rotor_inertia, without which this effect cannot be told from others"
+            return "the rig file declares no rotor_inertia, so this effect cannot be distinguished from others"
         return super().obstacle(context)
 
     @property

@@ -31,7 +31,7 @@ LOAD_ERROR_RANGE = Plausible(
     5.0,
     "a load of less than a fifth or of six times the declared one is another load",
 )
-NO_INERTIA = "the rig file declares no rotor_inertia, without which this effect cannot be told from others"
+NO_INERTIA = "the rig file declares no rotor_inertia, so this effect cannot be distinguished from others"
 
 
 class Payload(TorqueEffect):
@@ -124,7 +124,7 @@ class PendulumPayload(Payload):
         if context.load != "pendulum":
             return "the load is measured, whatever its mass"
         if context.declared.get("drive_gain"):
-            return "the drive gain is declared, so that the load itself tells its mass"
+            return "the drive gain is declared, so the logs determine the mass of the load"
         return "" if context.declared.get("rotor_inertia") else NO_INERTIA
 
     def balance_inertia(self, theta: FloatArray, rotor_inertia: float) -> float:

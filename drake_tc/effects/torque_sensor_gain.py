@@ -36,7 +36,7 @@ class TorqueSensorGain(SensorEffect):
         if context.load != "torque":
             return "there is no torque sensor"
         if "rotor_inertia" not in context.declared or context.declared["rotor_inertia"] == 0.0:
-            return "the rig file declares no rotor_inertia, without which this effect cannot be told from others"
+            return "the rig file declares no rotor_inertia, so this effect cannot be distinguished from others"
         return super().obstacle(context)
 
     def balance_inertia(self, theta: FloatArray, rotor_inertia: float) -> float:

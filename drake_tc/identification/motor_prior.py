@@ -185,7 +185,7 @@ def _samples(
         )
     if not pulled:
         raise IdentificationError(
-            f"{joint}: excitation too poor: the hand's torque is 0 throughout, so that {NAMES[0]}, cannot be told;"
+            f"{joint}: excitation too poor: the hand's torque is 0 throughout, so that {NAMES[0]} cannot be determined;"
             " pull at the joint while it moves"
         )
     table = np.concatenate(parts)

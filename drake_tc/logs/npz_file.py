@@ -56,11 +56,11 @@ def _array(archive: zipfile.ZipFile, info: zipfile.ZipInfo, path: Path) -> np.nd
         header: Any = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
         shape, by_columns, dtype = header(content)
     except Exception:  # the header is Python text, and what parses it raises errors of many kinds
-        raise LogError(f"{where} is no array of an .npz file; save it with numpy.savez") from None
+        raise LogError(f"{where} is not an array of an .npz file; save it with numpy.savez") from None
     if dtype.hasobject:
         raise LogError(f"{where} holds Python objects; expected an array of numbers")
     expected, there = math.prod(shape) * dtype.itemsize, len(content.getvalue()) - content.tell()
     if expected != there or any(length < 0 for length in shape):
-        raise LogError(f"{where} is cut: its header tells {expected} bytes, and it has {there}; save it anew")
+        raise LogError(f"{where} is cut: its header states {expected} bytes, and it has {there}; save it anew")
     values = np.frombuffer(content.read(), dtype) if expected else np.zeros(0, dtype)
     return values.reshape(shape, order="F" if by_columns else "C").copy()

@@ -119,24 +119,27 @@ def unexplained(joint: JointResult) -> str:
             where = "the training runs or on one of the held-out runs" if several else "the training runs"
             elsewhere = f" ({significant(left.floors_anywhere, 2)} times on {where})"
         return (
-            f"what is left on the held-out runs is {significant(left.floors, 2)} times the noise floor{elsewhere} and "
-            f"{percent(left.share_of_signal)} of the effort's RMS. It depends on no recorded signal: possible causes "
-            "are an unrecorded disturbance, a sensor that drifts, or an effect that needs another sensor."
+            f"the remaining error on the held-out runs is {significant(left.floors, 2)} times the noise floor"
+            f"{elsewhere} and {percent(left.share_of_signal)} of the effort's RMS. It depends on no recorded "
+            "signal: possible causes are an unrecorded disturbance, a sensor that drifts, or an effect that needs "
+            "another sensor."
         )
     if left.depends_on and left.fraction > 0.0 and any(name != "time" for name in left.depends_on):
         names = joined([signal_name(n) for n in left.depends_on])
         parts.append(
-            f"{percent(left.fraction)} of what is left can be predicted from {names}, and no effect in the library has "
-            "this form"
+            f"{percent(left.fraction)} of the remaining error can be predicted from {names}, and no effect in the "
+            "library has this form"
         )
     if left.confined_to:
         where = joined([f"{s.run} from {s.start:.1f} to {s.end:.1f} s" for s in left.confined_to[:3]])
         more = len(left.confined_to) - 3
-        parts.append(f"most of what is left lies in {where}" + (f" and {more} more stretches" if more > 0 else ""))
+        parts.append(
+            f"most of the remaining error lies in {where}" + (f" and {more} more stretches" if more > 0 else "")
+        )
     if left.period_hz is not None:
-        parts.append(f"what is left repeats at {significant(left.period_hz)} Hz")
+        parts.append(f"the remaining error repeats at {significant(left.period_hz)} Hz")
     if not parts:
-        parts.append("what is left is larger on the held-out runs than on the training runs")
+        parts.append("the remaining error is larger on the held-out runs than on the training runs")
     return joined(parts) + "."
 
 

@@ -93,13 +93,13 @@ def test_more_than_noise_says_how_many_floors_and_which_share(joint, found):
     loud = replace(with_errors(joint, 0.1, 0.0816, 0.002), unexplained=left, verdict="unexplained_residual")
     said = plain(headline(loud if found else replace(loud, effects=())))
     assert (
-        "what is left on the held-out runs is 41 times the noise floor (52 times on the training runs)"
-        in said.replace("What", "what")
+        "the remaining error on the held-out runs is 41 times the noise floor (52 times on the training runs)"
+        in said.replace("The remaining", "the remaining")
     )
     assert "12 % of the effort's RMS. It depends on no recorded signal" in said
     assert said.startswith("Missing in the model: " if found else "No effect of the library was added")
-    assert ("However, what is left" in said) == found
-    assert (" What is left" in said) != found
+    assert ("However, the remaining error" in said) == found
+    assert (" The remaining error" in said) != found
     assert said.endswith("sensor.")
     assert ".." not in said
 
@@ -109,7 +109,7 @@ def test_structure_says_on_what_it_depends(joint, found):
     left = replace(QUIET, structured=True, excess=True, fraction=0.7, depends_on=("velocity", "expected_torque"))
     made = replace(joint, unexplained=left, verdict="unexplained_structure")
     said = plain(headline(made if found else replace(made, effects=())))
-    assert "70 % of what is left can be predicted from velocity and load torque expected by the model" in said
+    assert "70 % of the remaining error can be predicted from velocity and load torque expected by the model" in said
     assert ("However, 70 %" in said) == found
     assert "an unrecorded disturbance" not in said
 
@@ -119,7 +119,7 @@ def test_structure_in_time_names_three_stretches_and_counts_the_rest(joint):
     left = replace(QUIET, structured=True, fraction=0.0, depends_on=("time",), confined_to=stretches, period_hz=4.237)
     said = plain(unexplained(replace(joint, unexplained=left)))
     assert "run from 0.0 to 2.5 s, run from 10.0 to 12.5 s and run from 20.0 to 22.5 s and 2 more stretches" in said
-    assert said.endswith("and what is left repeats at 4.24 Hz.")
+    assert said.endswith("and the remaining error repeats at 4.24 Hz.")
     three = plain(unexplained(replace(joint, unexplained=replace(left, confined_to=stretches[:3], period_hz=None))))
     assert "more stretches" not in three
 
@@ -127,7 +127,7 @@ def test_structure_in_time_names_three_stretches_and_counts_the_rest(joint):
 def test_a_model_that_does_not_carry_over_is_said_to_be_larger_on_held_out_runs(joint):
     left = replace(QUIET, structured=True)
     assert unexplained(replace(joint, unexplained=left)) == (
-        "what is left is larger on the held-out runs than on the training runs."
+        "the remaining error is larger on the held-out runs than on the training runs."
     )
 
 

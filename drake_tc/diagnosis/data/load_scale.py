@@ -52,8 +52,8 @@ def load_scale(rig: Rig, joint: str) -> LoadScale:
         return LoadScale(None, inertia, notes=(note,))
     unit = EFFORT_UNIT[rig.drive[joint]]
     note = (
-        f"Torques are told as effort [{unit}]: the drive gain is set to 1 {unit} per N*m, because nothing in the rig "
-        "fixes the scale of an unknown load; declare drive_gain to get N*m."
+        f"Torques are reported as effort [{unit}]: the drive gain is set to 1 {unit} per N*m, because nothing in the "
+        "rig fixes the scale of an unknown load; declare drive_gain to get N*m."
     )
     if inertia > 0.0:
         note += " The declared rotor inertia does not fix it: the unknown inertia of the load adds to it."

@@ -107,7 +107,8 @@ def _temperature(prepared: Prepared) -> Finding:
     low, high = prepared.context.temperature_span
     if not np.isfinite(high - low):
         text = (
-            "No temperature was recorded: friction that changes as the joint warms up cannot be told from other drifts."
+            "No temperature was recorded: friction that changes as the joint warms up cannot be distinguished from "
+            "other drifts."
         )
         return Finding("temperature", "note", float("nan"), "K", text)
     level: Level = "note" if high - low > DRIFT else "good"

@@ -157,7 +157,7 @@ def require_different(joint: DesignJoint, first: EffectForm, second: EffectForm)
     if proof is not None and identity(joint, second, first) is not None:
         raise ParamsError(
             f"{first.effect.key} and {second.effect.key} are the same function while the joint slides, so no motion "
-            f"tells them apart: {proof}; {_isolated(first.effect.id)}, or {_isolated(second.effect.id)}"
+            f"distinguishes them: {proof}; {_isolated(first.effect.id)}, or {_isolated(second.effect.id)}"
         )
 
 

@@ -154,9 +154,7 @@ def _goals(request: DesignRequest, rig: Rig) -> dict[str, Goal]:
         if goal is not None:
             out[joint] = goal
     if not out:
-        raise ParamsError(
-            f"{request.after}: no joint has effects that could not be told apart, and none that were found; give --goal"
-        )
+        raise ParamsError(f"{request.after}: no joint has indistinguishable or named effects; give --goal")
     return out
 
 

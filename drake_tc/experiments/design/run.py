@@ -204,7 +204,7 @@ def _of_discrimination(
     found = [criterion.distances(columns) for columns in (default, designed)]
     for columns, each in zip((default, designed), found, strict=True):
         chances.append(criterion.probability(each, criterion.duration * float(np.mean(columns.weight))))
-    rows = [Expected("probability of being told apart by these runs alone", "-", *chances)]
+    rows = [Expected("probability that these runs alone distinguish them", "-", *chances)]
     for truth, other in criterion.orders:
         key = truth.effect.key, other.effect.key
         values = [float("nan") if d is None else float(np.sqrt(np.min(d[key]))) for d in (own, *found)]
@@ -213,7 +213,7 @@ def _of_discrimination(
         f"{form.effect.key} ({form.strength:.3g} {form.size.unit})".replace(" -)", ")")
         for form in (criterion.orders[0][0], criterion.orders[0][1])
     )
-    text = f"The designed motion tells {names} apart with a probability of {100.0 * rows[0].after:.0f} %"
+    text = f"The designed motion distinguishes {names} with a probability of {100.0 * rows[0].after:.0f} %"
     text += f"; a growing sinusoid of the same length and limits does so with {100.0 * rows[0].default:.0f} %."
     more = [] if before is None else [REFIT]
     more += [

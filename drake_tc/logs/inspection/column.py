@@ -78,7 +78,7 @@ def describe(name: str, values: FloatArray | None, told: Meaning | None, time_un
     low, high = float(finite.min()), float(finite.max())
     step, missing = grid_step(values), 1.0 - finite.size / values.size
     if told is None:
-        return Column(name, "", "", "the name tells nothing", low, high, step, missing)
+        return Column(name, "", "", "the name is not recognised", low, high, step, missing)
     whole = bool((finite == np.round(finite)).all())
     unit, why = time_unit, "" if time_unit == "s" else f"only in {time_unit} the rate is that of a joint's log"
     if told.quantity != "time":

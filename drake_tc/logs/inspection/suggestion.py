@@ -36,7 +36,7 @@ def suggested_rig(columns: Sequence[Column], meanings: Mapping[str, Meaning], no
         if drive is None:
             notes.append(f"{_left_out(joint)} a command (position, current, voltage or torque).")
         elif "position" not in has and not _velocity_will_do(drive, has):
-            beside = "; its velocity is enough only beside a measured torque and a drive that is no position servo"
+            beside = "; its velocity is enough only with a measured torque and not for a position servo"
             notes.append(f"{_left_out(joint)} a position{beside if 'velocity' in has else ''}.")
         else:
             drives[joint] = drive

@@ -116,7 +116,7 @@ class RigDocument(Keys):
     )
     derivative_gain: NumberOrByJoint | None = key(
         "Damping of a position servo whose torque is proportional_gain · (command − position) − derivative_gain · "
-        "velocity. Its damping is a part of the viscous friction that is identified; the report tells the joint's own "
+        "velocity. Its damping is a part of the viscous friction that is identified; the report lists the joint's own "
         "part.",
         unit="N·m·s/rad",
         example=1.5,

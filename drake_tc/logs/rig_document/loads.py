@@ -145,7 +145,7 @@ class FittedLoad(Keys):
     unknown: Annotated[UnknownForm, one_of(get_args(UnknownForm))] = key(
         "`pendulum` is the same as the word `unknown`. `smooth` is an inertia and a smooth function of the position. "
         "Only a declared `drive_gain` (or, for `smooth`, a declared rotor inertia) fixes the scale of the torques; "
-        "without it they are told in the unit of the effort.",
+        "without it they are reported in the unit of the effort.",
         example="smooth",
         default=...,
         expected=" | ".join(get_args(UnknownForm)),

@@ -153,7 +153,7 @@ class ForceTorqueKeys(Keys):
     tare: Stretch | None = key(
         "Begin and end of the stretch of every run, counted from its first row, in which nothing touches the robot "
         "beyond the sensor. What the sensor shows there beyond the weight and the motion of the part beyond it is "
-        "taken off the whole run. `bias` is then the tolerance of what is left.",
+        "taken off the whole run. `bias` is then the tolerance of the remaining error.",
         unit="s",
         example=[0.0, "2 s"],
         absent="the readings are taken as they are",

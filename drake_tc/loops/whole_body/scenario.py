@@ -170,7 +170,7 @@ class TsidScenario(ScenarioBase, WholeBodySpec):
                 raise ParamsError(f"faults: no sensor {name!r}; possible: {', '.join(FALLIBLE)}")
         if self.faults.get("contacts") and not any(self.lifted.values()):
             raise ParamsError(
-                "faults.contacts: expected `lifted` beside it; a controller that stands on all tells none"
+                "faults.contacts: expected `lifted` beside it; without it no contact signal can be corrupted"
             )
         if self.series_elastic.position_gain > 0.0 and (self.motion or self.lifted):
             raise ParamsError(
