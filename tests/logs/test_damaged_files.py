@@ -143,7 +143,7 @@ def huge_header() -> bytes:
 @pytest.mark.parametrize(
     ("content", "says"),
     [
-        (b"time, q", "no array"),
+        (b"time, q", "is not an array"),
         (npy(np.arange(9.0))[:-8], "is cut"),
         (npy(np.array([{}, None], dtype=object)), "holds Python objects"),
         (huge_header(), "is cut"),

@@ -126,7 +126,7 @@ def test_a_velocity_stands_for_the_position_of_a_test_stand(tmp_path):
 def test_a_velocity_alone_is_not_enough_where_drive_or_load_depend_on_the_position(tmp_path, without, instead):
     table = of_a_test_stand().drop(columns=without).assign(**instead)
     found = inspect_log(write(table, tmp_path / "run.csv"))
-    assert found.rig == {} and any("its velocity is enough only beside" in note for note in found.notes)
+    assert found.rig == {} and any("its velocity is enough only with" in note for note in found.notes)
 
 
 def test_the_command_writes_the_rig_and_says_what_it_took(invoke_inspect, tmp_path):
