@@ -19,8 +19,6 @@ SAME = [
     ("torque_estimates:fault", "torque_estimator:fault"),
     ("guard_state:mode", "guard:mode"),
     ("actuation:actuation", "actuators:actuation"),
-    ("torque_control_command:command", "torque_control:command"),
-    ("guard_command:command", "guard:command"),
 ]
 
 
