@@ -17,7 +17,7 @@ pytestmark = pytest.mark.benchmark
 BUDGET = 80.0
 """Goal of a tick on a quiet machine [us]."""
 AT_AN_EDGE = 140.0
-"""What a tick costs there where a CoP ends at the edge of a sole and a quadratic program is solved; the goal is missed."""
+"""Cost of a tick where a CoP ends at the edge of a sole and a quadratic program is solved; the goal is missed there."""
 SLACK = 1.6
 """A guard against regressions, not the budget: slower by more than this fails. On a shared machine the two measures of
 its speed are apart by up to a half; whether the budget is kept is for the printed rows to say."""
