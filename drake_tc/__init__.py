@@ -56,9 +56,8 @@ if TYPE_CHECKING:
     from drake_tc.sensor_validation.monitor_spec import MonitorSpec
     from drake_tc.tsid.configuration import load_law
     from drake_tc.tsid.controller import RobustTsid
+    from drake_tc.tsid.kinds import LimitKind, TaskKind, register_limit, register_task
     from drake_tc.tsid.law import Law
-    from drake_tc.tsid.limit_fields import LimitKind, register_limit
-    from drake_tc.tsid.task_fields import TaskKind, register_task
 
 __version__ = "0.1.0"
 
@@ -148,7 +147,7 @@ _HOMES = {
     "InverseDynamics": "control.inverse_dynamics",
     "JointTorqueEstimator": "estimation.joint_torque",
     "Law": "tsid.law",
-    "LimitKind": "tsid.limit_fields",
+    "LimitKind": "tsid.kinds",
     "MomentumResidual": "estimation.momentum_residual",
     "MonitorSpec": "sensor_validation.monitor_spec",
     "Rig": "logs.rig",
@@ -161,7 +160,7 @@ _HOMES = {
     "SensorSuiteSpec": "sensing.suite",
     "SeriesElasticLoopSpec": "loops.series_elastic.scenario",
     "Sinusoid": "control.trajectories",
-    "TaskKind": "tsid.task_fields",
+    "TaskKind": "tsid.kinds",
     "TorqueControl": "control.torque_control",
     "TorqueGains": "control.gains",
     "TorqueLoopSpec": "loops.torque.spec",
@@ -195,8 +194,8 @@ _HOMES = {
     "loop_margins": "analysis.stability_margins",
     "open_loop": "analysis.sampled",
     "register_effect": "effects.library",
-    "register_limit": "tsid.limit_fields",
-    "register_task": "tsid.task_fields",
+    "register_limit": "tsid.kinds",
+    "register_task": "tsid.kinds",
     "save_models": "actuation.model_file",
     "simulated_inertia": "actuation.half_step",
     "sinusoid_trajectory": "control.trajectories",

@@ -7,9 +7,8 @@ from drake_tc.front_door import front_door
 if TYPE_CHECKING:
     from drake_tc.tsid.configuration import load_law
     from drake_tc.tsid.controller import RobustTsid
+    from drake_tc.tsid.kinds import LimitKind, TaskKind, register_limit, register_task
     from drake_tc.tsid.law import Law
-    from drake_tc.tsid.limit_fields import LimitKind, register_limit
-    from drake_tc.tsid.task_fields import TaskKind, register_task
 
 __all__ = [
     "Law",
@@ -23,12 +22,12 @@ __all__ = [
 
 _HOMES = {
     "Law": "law",
-    "LimitKind": "limit_fields",
+    "LimitKind": "kinds",
     "RobustTsid": "controller",
-    "TaskKind": "task_fields",
+    "TaskKind": "kinds",
     "load_law": "configuration",
-    "register_limit": "limit_fields",
-    "register_task": "task_fields",
+    "register_limit": "kinds",
+    "register_task": "kinds",
 }
 
 __getattr__, __dir__ = front_door(__name__, _HOMES)

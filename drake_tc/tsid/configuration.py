@@ -19,16 +19,15 @@ from drake_tc.robot.plant import joint_limits
 from drake_tc.robot.robot import Robot, load_robot
 from drake_tc.robot.rotors import file_rotors
 from drake_tc.tsid.document import PAPER_SHARE, ControllerDocument, FormulationKeys
+from drake_tc.tsid.kinds import read_limits, read_task
 from drake_tc.tsid.law import Law
-from drake_tc.tsid.limit_fields import read_limits
 from drake_tc.tsid.model import TsidModel
-from drake_tc.tsid.priority_fields import read_priorities, without_priorities
+from drake_tc.tsid.priorities import read_priorities, without_priorities
 from drake_tc.tsid.qp.choose import DEFAULT, solver
 from drake_tc.tsid.robust.budget import Budget
 from drake_tc.tsid.robust.formulation import Formulation
 from drake_tc.tsid.robust.options import Options
 from drake_tc.tsid.robust.torque_error import TorqueError
-from drake_tc.tsid.task_fields import read_task
 
 _NUMBERS = ("contact_damping", "fallback_damping", "fade")
 HINT = "`drake-tc schema controller --page` explains every key"

@@ -14,8 +14,7 @@ from drake_tc.effects.library import LIBRARY, effect, looked_for, place, registe
 from drake_tc.effects.stribeck import Stribeck
 from drake_tc.errors import ParamsError
 from drake_tc.extensions import EFFECTS, LIMITS, TASKS
-from drake_tc.tsid.limit_fields import LimitKind, register_limit
-from drake_tc.tsid.task_fields import TaskKind, register_task
+from drake_tc.tsid.kinds import LimitKind, TaskKind, register_limit, register_task
 
 from .conftest import PACKAGE
 from .seal_logs import write_bench

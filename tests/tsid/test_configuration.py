@@ -294,8 +294,8 @@ def test_a_key_given_twice_and_a_file_that_is_none(tmp_path):
 
 def test_the_readme_has_every_key_of_tasks_and_limits():
     import drake_tc.tsid.configuration as configuration
-    from drake_tc.tsid.limit_fields import _KINDS as LIMITS
-    from drake_tc.tsid.task_fields import _KINDS as TASKS
+    from drake_tc.tsid.kinds import OWN_LIMITS as LIMITS
+    from drake_tc.tsid.kinds import OWN_TASKS as TASKS
 
     page = (Path(configuration.__file__).parent / "README.md").read_text("utf-8")
     keys = {*LIMITS, *TASKS}
