@@ -15,7 +15,9 @@ LEAST_ROWS = 50
 BLOCK_SECONDS = 0.5
 MAX_ROWS = 60_000
 LEAST_TRAVEL = 1e-3
-"""Travel after a reversal [rad] before the joint counts as sliding: the bristles of any gear wind up over less."""
+"""Travel after a reversal or stop [rad] before the joint counts as sliding: bristles of any gear wind up over less."""
+STILL = 0.2
+"""Mean speed over the resolved speed, below which a joint that does not resolvably move stands still."""
 
 
 def direction_of_motion(
@@ -25,6 +27,7 @@ def direction_of_motion(
     threshold = resolution.least_speed
     least_travel = max(8.0 * resolution.position_noise, LEAST_TRAVEL)
     direction, travel = np.zeros_like(q), np.zeros_like(q)
+    moving = np.zeros(q.size, dtype=bool)
     for s in segments:
         sign = np.where(np.abs(v[s]) > threshold, np.sign(v[s]), 0.0)
         known = np.flatnonzero(sign)
@@ -35,16 +38,32 @@ def direction_of_motion(
         turning = (sign == 0.0) & (held != coming) & (v[s] != 0.0)
         held = np.where(turning, np.sign(v[s]), held)
         turned = np.concatenate([[0], np.flatnonzero(np.diff(held)) + 1])
-        start = turned[np.searchsorted(turned, np.arange(sign.size), side="right") - 1]
-        direction[s] = held
-        travel[s] = np.abs(q[s] - q[s][start])
-    moving = np.zeros(q.size, dtype=bool)
-    for s in segments:
-        if s.stop > s.start:
-            # how far the bristles were wound when the stretch began is unknown: wait for five times the travel
-            settled = np.maximum.accumulate(travel[s]) > 5.0 * least_travel
-            moving[s] = settled & (np.abs(v[s]) > threshold) & (travel[s] > least_travel)
+        direction[s], travel[s] = held, _travel_since(turned, q[s])
+        since_stop = _travel_since(np.union1d(turned, _departures(sign, v[s], threshold)), q[s])
+        # how far the bristles were wound when the stretch began is unknown: wait for five times the travel
+        settled = np.maximum.accumulate(travel[s]) > 5.0 * least_travel
+        moving[s] = settled & (sign != 0.0) & (since_stop > least_travel)
     return direction, travel, moving
+
+
+def _travel_since(starts: IntArray, q: FloatArray) -> FloatArray:
+    """Travel of each sample since the last of the samples `starts`, whose first is 0."""
+    start = starts[np.searchsorted(starts, np.arange(q.size), side="right") - 1]
+    return np.abs(q - q[start])
+
+
+def _departures(sign: FloatArray, v: FloatArray, threshold: float) -> IntArray:
+    """Where the joint moves on after it stood still.
+
+    While a joint stands still its friction follows the load, whatever the direction of the last motion was, so the
+    bristles are wound anew when it moves on. It stood still where its mean speed over a stretch without resolved motion
+    is below `STILL` of the resolved speed; a slow motion that noise takes below the threshold for some samples did not.
+    """
+    edges = np.flatnonzero(np.diff(np.concatenate([[1.0], np.abs(sign), [1.0]])))
+    begins, ends = edges[::2], edges[1::2]
+    travelled = np.concatenate([[0.0], np.cumsum(v)])
+    still = np.abs(travelled[ends] - travelled[begins]) < STILL * threshold * (ends - begins)
+    return ends[still & (ends < sign.size)]
 
 
 def choose_rows(

@@ -80,6 +80,25 @@ def test_a_stop_is_no_reversal():
     assert_allclose(bristle[back], 2.0 * wound[back], atol=0.1)  # z = 1 at the turn
 
 
+@pytest.mark.parametrize("dwell", [0.0, 1.0])
+def test_a_joint_that_stood_still_slides_again_after_a_millimetre_at_one_metre(dwell):
+    """At rest friction follows the load, so after a stop it is wound anew, in the direction of the last motion too.
+
+    A motion that merely slows down does not stop, whatever the encoder resolves.
+    """
+    time = np.arange(8000) * 1e-3
+    slow = np.clip((time - 4.0) / 2.0, 0.0, 1.0) * 0.02
+    speed = np.where(time < 3.0, 0.2, np.where(time < 4.0, 0.003 if dwell == 0.0 else 0.0, slow))
+    q = np.cumsum(speed) * 1e-3 + 1e-5 * np.random.default_rng(3).standard_normal(time.size)
+    s = build_samples([run_along(q)], rig_of(JOINT), "joint")
+    seen = (np.abs(s.signals.velocity) > s.resolution.least_speed) & (time > 4.2) & (time < 7.5)
+    travelled = q - q[4000]
+    early = seen & (travelled < 0.9e-3)
+    assert np.count_nonzero(early) > 50
+    assert s.moving[early].any() == (dwell == 0.0)
+    assert s.moving[seen & (travelled > 1.2e-3)].all()
+
+
 def test_a_still_joint_with_a_noisy_encoder_does_not_move():
     rng = np.random.default_rng(0)
     time = np.arange(6000) * 2e-3
