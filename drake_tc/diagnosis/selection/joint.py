@@ -14,7 +14,7 @@ from drake_tc.diagnosis.problem.sensor_errors import expected_errors
 from drake_tc.diagnosis.selection.comparison import better_share, effective_samples, effective_samples_for
 from drake_tc.diagnosis.selection.engine import Progress, Proposal, Selection, compare, select
 from drake_tc.diagnosis.selection.lag_or_noise import LATE, NOISE, is_noise
-from drake_tc.diagnosis.selection.plausible_values import objection_to_values
+from drake_tc.diagnosis.selection.plausible_values import looks_like_known_load, objection_to_values
 from drake_tc.diagnosis.selection.shape_refinement import Known, Refinement, refine, term_keys
 from drake_tc.diagnosis.selection.shapes import ShapeScreen
 from drake_tc.diagnosis.selection.withdrawal import DidNotHold
@@ -232,17 +232,22 @@ def _of_simplest_causes(
 
     A curve over the position can explain most of two simpler effects at once, and neither of these enters the beam
     after it; without it an encoder's eccentricity may do the same. So where a curve was chosen, the search is repeated
-    without curves, and without all effects that depend on the position.
+    without curves, and without all effects that depend on the position. A curve in the form of the known load is no
+    cause of its own; in its place fewer parameters that leave next to nothing but noise are taken.
     """
-    if not any(t.effect.free_form and t.effect.key not in problem.known for t in found.chosen.terms):
+    added = [t for t in found.chosen.terms if t.effect.key not in problem.known]
+    imitates = any(looks_like_known_load(found.chosen, t, problem.columns) for t in added)
+    if not (imitates or any(t.effect.free_form for t in added)):
         return found
-    tried = [found]
+    tried = [] if imitates else [found]
     for kind in ("free_form", "depends_on_position"):
         rest = [effect for effect in problem.effects if not getattr(effect, kind)]
         tried.append(select(replace(problem, effects=rest), found.baseline, thresholds, progress))
     most = (1.0 + thresholds.same) * found.chosen.cv_rms
+    if imitates:
+        most = max(most, thresholds.own_floors * problem.noise)
     as_good = [each for each in tried if each.chosen.cv_rms <= most and each.chosen.size <= found.chosen.size]
-    return min(as_good, key=lambda each: problem.order(each.chosen))
+    return min(as_good, key=lambda each: problem.order(each.chosen), default=found)
 
 
 def _of_another_delay(problem: JointProblem, found: Search, thresholds: SearchThresholds, progress: Progress) -> Search:
