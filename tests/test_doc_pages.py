@@ -1,5 +1,6 @@
 """The pages of `docs/` that build diagrams: files and scripts run as they stand, on an arm, a leg and a humanoid."""
 
+import json
 import os
 import re
 import shlex
@@ -38,13 +39,17 @@ def folder(tmp_path_factory) -> Path:
     return path
 
 
-def ran(folder: Path, *arguments: str) -> str:
-    """What Python prints; the folder's files are importable."""
+def started(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    """What comes of Python; the folder's files are importable."""
     path = os.pathsep.join([str(folder), str(ROOT), os.environ.get("PYTHONPATH", "")])
     environment = {**os.environ, "PYTHONPATH": path, "MPLBACKEND": "Agg"}
-    done = subprocess.run(
-        [sys.executable, *arguments], capture_output=True, text=True, env=environment, cwd=folder, timeout=300
-    )
+    command = [sys.executable, *arguments]
+    return subprocess.run(command, capture_output=True, text=True, env=environment, cwd=folder, timeout=300)
+
+
+def ran(folder: Path, *arguments: str) -> str:
+    """What it prints."""
+    done = started(folder, *arguments)
     assert done.returncode == 0, done.stderr
     return done.stdout
 
@@ -96,11 +101,23 @@ def commands(page: str) -> list[list[str]]:
 def test_commands_take_the_diagrams_of_the_page(folder):
     """The arm with a short filter window is stable; the response to its command falls from 1 to 20 Hz."""
     said = {words[0]: ran(folder, "-c", MAIN, *words) for words in commands("your_own_diagram")}
-    assert set(said) == {"graph", "simulate", "stability", "bode"}
+    assert set(said) == {"graph", "simulate", "stability", "bode", "tune"}
     assert (folder / "loop.svg").exists() and (folder / "out" / "log.csv").exists()
     assert "verdict: stable" in said["stability"]
     decibels = [float(line.split()[1]) for line in said["bode"].splitlines() if re.match(r" *[\d.]+ +-?[\d.]+ ", line)]
     assert len(decibels) == 3 and decibels[-1] < decibels[0] - 10.0
+
+
+def test_the_loop_of_a_function_is_tuned_and_simulated(folder):
+    """The tuned joint tracks better in the simulation too; a function that returns its diagram alone is refused."""
+    words = next(words for words in commands("your_own_diagram") if words[0] == "tune")
+    found = json.loads(ran(folder, "-c", MAIN, *words, "--json"))
+    before, after = (found["simulated"][side] for side in ("before", "after"))
+    joint = found["simulated"]["joints"].index("panda_joint2")
+    assert after[joint] < 0.8 * before[joint]
+    assert found["joints"][0]["after"]["sensitivity_peak"] <= 1.01 * found["joints"][0]["before"]["sensitivity_peak"]
+    refused = started(folder, "-c", MAIN, "tune", "own_loop:diagram")
+    assert refused.returncode == 2 and "as (diagram, loop), which tune needs" in refused.stderr
 
 
 def test_own_controllers_run(folder):

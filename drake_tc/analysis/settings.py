@@ -169,7 +169,8 @@ def default_goals(
         now = present(task)
         if now is None and (peak is None or delay is None):
             raise ParamsError(
-                f"tune: the present setting of {task.joint} is unstable; give margins in numbers (--margin, --delay)"
+                f"tune: the present setting of {task.joint} is unstable; give margins in numbers (--margin,"
+                " --delay-margin)"
             )
         own = Goal() if now is None else Goal(now.sensitivity_peak, now.delay_margin)
         floor = 0.0 if now is None else now.noise

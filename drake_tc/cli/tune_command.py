@@ -29,7 +29,8 @@ def tune_command(
     diagram: Annotated[
         str,
         typer.Argument(
-            help="Diagram name, or module:attribute of your own. An unknown name prints the available diagrams."
+            help="Diagram name, or module:function of your own that returns (diagram, loop of add_torque_loop). "
+            "An unknown name prints the available diagrams."
         ),
     ],
     scenario_name: Annotated[str | None, typer.Option(help="Scenario; the file's first when left out.")] = None,
@@ -65,21 +66,30 @@ def tune_command(
     The stiffness K6 stays. Without --margin and --delay-margin, each joint keeps its present margins or better.
     """
     from drake_tc.analysis.settings import default_goals
+    from drake_tc.analysis.torque_loop.function_tuning import confirm_function, function_tasks
     from drake_tc.analysis.torque_loop.tuned import confirm
     from drake_tc.analysis.torque_loop.tuning_task import joint_tasks
     from drake_tc.analysis.tuning import SearchSpace, tune
+    from drake_tc.loops.function_diagram import FunctionEntry
     from drake_tc.loops.torque.summary import SETTLED
-    from drake_tc.registry import diagram_entry
+    from drake_tc.registry import diagram_entry, runnable
 
     if margin is not None and not margin > 1.0:
         raise typer.BadParameter(f"expected a sensitivity peak above 1, got {margin:g}", param_hint="--margin")
-    scenario = diagram_entry(diagram).scenario(scenario_name, scenario_file, scenario_text).changed(seed=seed)
+    named = runnable(diagram)
+    own = named if isinstance(named, FunctionEntry) else None
+    entry = own or diagram_entry(diagram)
+    scenario: Any = entry.scenario(scenario_name, scenario_file, scenario_text).changed(seed=seed)
     first = min(SETTLED, 0.5 * scenario.duration) if begin is None else begin
-    tasks = tasks_of(joint_tasks(scenario, first), joint)
+    if own and plants:
+        raise typer.BadParameter(
+            "perturbed plants need a scenario, got the diagram of a function", param_hint="--plants"
+        )
+    tasks = tasks_of(function_tasks(own, scenario, first) if own else joint_tasks(scenario, first), joint)
     goals = default_goals(tasks, margin, delay_margin, noise)
     space = SearchSpace()
     if window or joint:
-        space = replace(space, windows=tuple(window or [scenario.filters.window]))
+        space = replace(space, windows=tuple(window or [tasks[0].loops[0].window]))
     confirmed = None
     place = (
         nullcontext() if out is None else result_folder(out, "--out", names=FILES, inputs=[scenario_file], force=force)
@@ -89,7 +99,11 @@ def tune_command(
             found = tune(tasks, goals, space, executor=executor, progress=progress)
         if simulate:
             with progress_bar("tune: simulating", quiet=as_json) as progress:
-                confirmed = confirm([(scenario, first)], found, plants, executor=executor, progress=progress, seed=seed)
+                if own:
+                    confirmed = confirm_function(own, scenario, found, first)
+                else:
+                    motions = [(scenario, first)]
+                    confirmed = confirm(motions, found, plants, executor=executor, progress=progress, seed=seed)
         if folder is not None:
             _write(found, folder)
     files = [] if out is None else [out / name for name in FILES]

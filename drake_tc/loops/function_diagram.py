@@ -14,6 +14,7 @@ from pydrake.systems.framework import Context, Diagram, System
 from pydrake.systems.primitives import VectorLogSink
 
 from drake_tc.config.records import read_record
+from drake_tc.control.gains import TorqueGains
 from drake_tc.errors import ParamsError
 from drake_tc.loops.advancing import Progress, advance
 from drake_tc.loops.diagram_entry import DiagramEntry
@@ -22,6 +23,8 @@ from drake_tc.loops.run_panels import RunPlot, TimePanel
 from drake_tc.loops.scenarios.base import ScenarioBase
 from drake_tc.loops.scenarios.files import changes_in
 from drake_tc.loops.simulated import Simulated, Tell
+from drake_tc.loops.torque.spec import TorqueLoopSpec
+from drake_tc.loops.torque.wiring import TorqueLoop
 from drake_tc.text_table import TextTable
 from drake_tc.types import FloatArray
 
@@ -56,11 +59,13 @@ class FunctionLoop:
         scenario: How it is run.
         diagram: The diagram; its default context is where it starts.
         period: The longest period of its discrete systems [s], of which the others divide it.
+        torque_loop: What `add_torque_loop` returned, where the function returns it beside the diagram.
     """
 
     scenario: FunctionScenario
     diagram: Diagram
     period: float
+    torque_loop: TorqueLoop | None = None
 
     def start(self, context: Context) -> None:
         """Draw the diagram's random parameters and states by the scenario's seed, in place of its default context."""
@@ -70,7 +75,14 @@ class FunctionLoop:
 
 @dataclass(frozen=True)
 class FunctionEntry(DiagramEntry[FunctionScenario, FunctionLoop]):
-    """A function's diagram, which has no file of scenarios."""
+    """A function's diagram, which has no file of scenarios.
+
+    Attributes:
+        rebuild: Scenario, control and gains to the diagram with these; None for a function without arguments `spec` and
+            `gains`.
+    """
+
+    rebuild: Callable[[FunctionScenario, TorqueLoopSpec, TorqueGains], FunctionLoop] | None = None
 
     def scenarios(self) -> list[str]:
         """No names."""
@@ -87,8 +99,11 @@ class FunctionEntry(DiagramEntry[FunctionScenario, FunctionLoop]):
         return read_record(FunctionScenario, changes_in(text) if text else {}, self.name)
 
 
-def function_entry(name: str, function: Callable[[], Diagram]) -> FunctionEntry:
-    """The entry of a function without arguments that returns a built Drake Diagram.
+def function_entry(name: str, function: Callable[..., Diagram | tuple[Diagram, TorqueLoop]]) -> FunctionEntry:
+    """The entry of a function that needs no arguments and returns a built Drake Diagram.
+
+    For `drake-tc tune` it also returns the loop of `add_torque_loop`, as (diagram, loop). If it takes the arguments
+    `spec` and `gains` of `add_torque_loop`, the tuned loop can be simulated.
 
     Args:
         name: As commands take it: a registered name, or `module:function`.
@@ -102,11 +117,13 @@ def function_entry(name: str, function: Callable[[], Diagram]) -> FunctionEntry:
         'function'
     """
 
-    def build(scenario: FunctionScenario) -> FunctionLoop:
-        diagram = function()
+    def build(scenario: FunctionScenario, **arguments: Any) -> FunctionLoop:
+        made = function(**arguments)
+        diagram, loop = made if isinstance(made, tuple) and len(made) == 2 else (made, None)
         if not isinstance(diagram, Diagram):
             raise ParamsError(f"{name}: expected a function that returns a Diagram, got {type(diagram).__name__}")
-        return FunctionLoop(scenario, diagram, _period(name, diagram))
+        torque_loop = loop if isinstance(loop, TorqueLoop) else None
+        return FunctionLoop(scenario, diagram, _period(name, diagram), torque_loop)
 
     def load(path: Path, which: str, text: str | None) -> FunctionScenario:
         raise ParamsError(f"{name}: the diagram of a function has no scenarios")
@@ -114,11 +131,30 @@ def function_entry(name: str, function: Callable[[], Diagram]) -> FunctionEntry:
     def simulate(scenario: FunctionScenario, progress: Progress | None, meshcat: bool) -> Simulated:
         return _simulated(build(scenario), progress)
 
+    def rebuild(scenario: FunctionScenario, spec: TorqueLoopSpec, gains: TorqueGains) -> FunctionLoop:
+        return build(scenario, spec=spec, gains=gains)
+
     _check_no_arguments(name, function)
-    return FunctionEntry(name, "a diagram of a function", "function", _source(function), load, build, simulate)
+    return FunctionEntry(
+        name,
+        "a diagram of a function",
+        "function",
+        _source(function),
+        load,
+        build,
+        simulate,
+        rebuild=rebuild if _takes(function, "spec", "gains") else None,
+    )
 
 
-def _check_no_arguments(name: str, function: Callable[[], Diagram]) -> None:
+def _takes(function: Callable[..., Any], *names: str) -> bool:
+    try:
+        return set(names) <= set(signature(function).parameters)
+    except (TypeError, ValueError):
+        return False
+
+
+def _check_no_arguments(name: str, function: Callable[..., Any]) -> None:
     try:
         parameters = signature(function).parameters.values()
     except (TypeError, ValueError):  # a built-in one that does not tell
@@ -132,7 +168,7 @@ def _check_no_arguments(name: str, function: Callable[[], Diagram]) -> None:
         )
 
 
-def _source(function: Callable[[], Diagram]) -> Path:
+def _source(function: Callable[..., Any]) -> Path:
     """The file of a function; the working folder for one that has none, as built-in ones."""
     try:
         return Path(getsourcefile(function) or ".")

@@ -170,7 +170,7 @@ def test_loops_of_a_scenario():
 )
 def test_another_loop_than_the_closed_form_is_refused(text, differs):
     scenario = diagram_entry("hrp2_leg").scenario("brisk_swing", text=text)
-    with pytest.raises(ParamsError, match=f"expected a scenario in torque control .* it differs in {differs}$"):
+    with pytest.raises(ParamsError, match=f"expected a loop in torque control .* it differs in {differs}$"):
         joint_loops(scenario)
 
 

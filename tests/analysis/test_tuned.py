@@ -97,7 +97,7 @@ def test_tasks_say_what_the_scenario_says():
     assert all(task.begin == 300 and len(task.loops) == 3 for task in tasks)
     least, most = (np.array([task.loops[k].link_inertia for task in tasks]) for k in (1, 2))
     assert np.all(least <= [task.loops[0].link_inertia for task in tasks]) and np.all(least <= most)
-    with pytest.raises(ParamsError, match="expected a scenario in torque control"):
+    with pytest.raises(ParamsError, match="expected a loop in torque control"):
         joint_tasks(LEG.scenario("stairs_swing_servo"))
 
 

@@ -1,4 +1,4 @@
-"""A scenario's joints as closed-form loops, each by itself while the others stand still (`JointLoop`)."""
+"""The joints of a torque loop as closed-form loops, each by itself while the others stand still (`JointLoop`)."""
 
 from typing import Any
 
@@ -8,41 +8,39 @@ from pydrake.multibody.plant import MultibodyPlant
 from drake_tc.actuation.model import ActuatorModel
 from drake_tc.analysis.joint_loop import JointLoop
 from drake_tc.errors import ParamsError
-from drake_tc.loops.torque.parts import actuator_models, loop_robot, torque_gains
-from drake_tc.loops.torque.references import posture
+from drake_tc.loops.torque.design import LoopDesign
 from drake_tc.loops.torque.scenario import Scenario
+from drake_tc.loops.torque.spec import TorqueLoopSpec
 from drake_tc.robot.joint_axis import joint_axes
 from drake_tc.robot.plant import make_plant
-from drake_tc.robot.robot import Robot
 
 GRAVITY = 9.81
 """[m/s^2]; Drake's own."""
 
 
-def joint_loops(scenario: Scenario, direction: float = 0.0) -> dict[str, JointLoop]:
-    """The loop of every joint, in sliding at the scenario's posture.
+def joint_loops(loop: Scenario | LoopDesign, direction: float = 0.0) -> dict[str, JointLoop]:
+    """The loop of every joint, in sliding at the posture in which the motion rests.
 
     In sliding, dry friction is constant and a dead zone is passed, so neither enters; a velocity-sign switch s makes
     the drive's gain K_tau/(1 + s direction). Of the other effects viscous friction and rotor inertia are taken.
 
     Args:
-        scenario: In torque control on estimated torques, without predictor and observer.
+        loop: In torque control on estimated torques, without predictor and observer.
         direction: Of the sliding: 1, -1, or 0 for the mean of both.
 
     Raises:
         ParamsError: another loop, a scenario that cannot be built, or numbers that make no loop.
     """
-    _check_loop(scenario)
-    robot = loop_robot(scenario)
-    true = actuator_models(scenario, robot)
-    model = actuator_models(scenario, robot, controller=True)
-    gains = torque_gains(scenario, robot)
-    spec, filters = scenario.compensation, scenario.filters
+    design = loop if isinstance(loop, LoopDesign) else LoopDesign.of_scenario(loop)
+    spec, gains = design.spec, design.gains
+    _check_loop(spec)
+    filters = spec.filters
     loops = {}
-    for i, (joint, weights) in enumerate(_weights(robot, scenario).items()):
-        (k_tau, k_v), (k_tau_model, k_v_model) = _drive(true[joint], direction), _drive(model[joint], direction)
+    for i, (joint, weights) in enumerate(_weights(design).items()):
+        true, model = design.actuators[i], design.models[i]
+        (k_tau, k_v), (k_tau_model, k_v_model) = _drive(true, direction), _drive(model, direction)
         loops[joint] = JointLoop(
-            inertia=weights["link_inertia"] + true[joint].inertia,
+            inertia=weights["link_inertia"] + true.inertia,
             k_tau=k_tau,
             k_v=k_v,
             k_tau_model=k_tau_model,
@@ -50,27 +48,27 @@ def joint_loops(scenario: Scenario, direction: float = 0.0) -> dict[str, JointLo
             window=filters.window,
             order=filters.encoder_order,
             inertial_order=filters.inertial_order,
-            dt=scenario.dt,
+            dt=spec.dt,
             kp=float(gains.kp[i]),
             ki=float(gains.ki[i]),
             ks=float(gains.ks[i]),
             kd=float(gains.kd[i]),
             kf=float(gains.kf[0, 0]) if gains.kf.size else 0.0,
-            gravity_at=scenario.configuration,
-            velocity_from=spec.velocity,
-            rotor_model=0.0 if spec.acceleration == "none" else model[joint].inertia,
+            gravity_at=spec.configuration,
+            velocity_from=spec.compensation.velocity,
+            rotor_model=0.0 if spec.compensation.acceleration == "none" else model.inertia,
             **weights,
         )
     return loops
 
 
-def _check_loop(scenario: Scenario) -> None:
+def _check_loop(spec: TorqueLoopSpec) -> None:
     """Refuse what `JointLoop` does not have."""
     expected = {"controller": "torque", "torque_from": "estimate", "predictor": None, "observer": None}
-    others = [name for name, value in expected.items() if getattr(scenario, name) != value]
+    others = [name for name, value in expected.items() if getattr(spec, name) != value]
     if others:
         raise ParamsError(
-            "joint loops: expected a scenario in torque control (`controller: torque`, `torque_from: estimate`)"
+            "joint loops: expected a loop in torque control (`controller: torque`, `torque_from: estimate`)"
             f" without predictor and observer; it differs in {', '.join(others)}"
         )
 
@@ -83,11 +81,12 @@ def _drive(model: ActuatorModel, direction: float) -> tuple[float, float]:
     return gain, gain * values.get("viscous", {}).get("viscous", 0.0)
 
 
-def _weights(robot: Robot, scenario: Scenario) -> dict[str, dict[str, Any]]:
+def _weights(design: LoopDesign) -> dict[str, dict[str, Any]]:
     """Joint to inertia and gravity stiffness of what it moves, and of what lies beyond the F/T sensor."""
+    robot = design.robot
     plant: Any = make_plant(robot, 0.0)
     context = plant.CreateDefaultContext()
-    for name, position in zip(robot.joints, posture(scenario.motion, robot), strict=True):
+    for name, position in zip(robot.joints, design.posture, strict=True):
         plant.GetJointByName(name).set_angle(context, position)
     sensed = [_beyond(plant, mount.joint) for mount in robot.force_torque]
     found: dict[str, dict[str, Any]] = {}

@@ -1,9 +1,10 @@
-"""A scenario as tasks for `drake_tc.analysis.tuning`: one joint's loop, its motion, and what its drive needs for it.
+"""A torque loop and its motion as tasks for `drake_tc.analysis.tuning`: each joint's loop, motion and drive.
 
 Each joint is taken by itself, the others where the reference has them. M_jj is that of the motion's middle posture;
 margins are also asked for at the postures where M_jj is smallest and largest.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -16,10 +17,10 @@ from drake_tc.analysis.torque_loop.joint_loops import joint_loops
 from drake_tc.analysis.tracking_error import JointTask
 from drake_tc.control.dynamics_terms import DynamicsTerms
 from drake_tc.errors import ParamsError
-from drake_tc.loops.torque.parts import actuator_models, loop_robot
+from drake_tc.loops.torque.design import LoopDesign
 from drake_tc.loops.torque.references import references
 from drake_tc.loops.torque.scenario import Scenario
-from drake_tc.loops.torque.spec import sensor_suite
+from drake_tc.loops.torque.spec import TorqueLoopSpec, sensor_suite
 from drake_tc.loops.torque.summary import SETTLED
 from drake_tc.robot.robot import Robot
 from drake_tc.sensing.spec import SensorSpec
@@ -39,22 +40,36 @@ def joint_tasks(scenario: Scenario, begin: float | None = None) -> list[JointTas
     Raises:
         ParamsError: another loop or other drives, or a scenario that cannot be built.
     """
-    own = joint_loops(scenario)
-    robot = loop_robot(scenario)
-    true, model = (list(actuator_models(scenario, robot, controller=c).values()) for c in (False, True))
-    for drive in (*true, *model):
+    design = LoopDesign.of_scenario(scenario)
+    desired = references(scenario, design.robot)
+    motion = desired.motion.reshape(-1, 3, len(design.robot.joints))
+    first = min(SETTLED, 0.5 * scenario.duration) if begin is None else begin
+    return design_tasks(design, desired.time, motion, first)
+
+
+def design_tasks(design: LoopDesign, time: FloatArray, motion: FloatArray, begin: float) -> list[JointTask]:
+    """One task a joint, with the loop's own gains and filter.
+
+    Args:
+        design: As `joint_loops` wants it, with position servos.
+        time: (T,) ticks of the control [s].
+        motion: (T, 3, n) q_d, qdot_d, qddot_d [rad, rad/s, rad/s^2].
+        begin: Errors are judged from here on [s].
+
+    Raises:
+        ParamsError: another loop or other drives.
+    """
+    own = joint_loops(design)
+    robot, spec = design.robot, design.spec.compensation
+    for drive in (*design.actuators, *design.models):
         if drive.drive.kind != "position_servo":
             raise ParamsError(f"tune: expected position servos; {drive.joint} is a {drive.drive.kind} drive")
     n = len(robot.joints)
-    desired = references(scenario, robot)
-    motion = desired.motion.reshape(-1, 3, n)
-    torque, inertias, torque_noise = _dynamics(robot, motion, scenario)
-    needed = _efforts(true, torque, motion, 0.0, rotor=True)
-    spec = scenario.compensation
-    given = _efforts(model, torque, motion, spec.direction_speed, rotor=spec.acceleration != "none")
-    first = min(SETTLED, 0.5 * scenario.duration) if begin is None else begin
-    row = int(np.searchsorted(desired.time, first - 1e-9))
-    noise = _noise(sensor_suite(scenario).encoder, n)
+    torque, inertias, torque_noise = _dynamics(robot, motion, design.spec)
+    needed = _efforts(design.actuators, torque, motion, 0.0, rotor=True)
+    given = _efforts(design.models, torque, motion, spec.direction_speed, rotor=spec.acceleration != "none")
+    row = int(np.searchsorted(time, begin - 1e-9))
+    noise = _noise(sensor_suite(design.spec).encoder, n)
     tasks = []
     for i, joint in enumerate(robot.joints):
         loops = tuple(_at_inertia(own[joint], inertia) for inertia in inertias[:, i].tolist())
@@ -89,7 +104,7 @@ def _at_inertia(loop: JointLoop, inertia: float) -> JointLoop:
     )
 
 
-def _dynamics(robot: Robot, motion: FloatArray, scenario: Scenario) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _dynamics(robot: Robot, motion: FloatArray, spec: TorqueLoopSpec) -> tuple[FloatArray, FloatArray, FloatArray]:
     """(T, n) M qddot + h; (3, n) M_jj at its median, least and largest; (n,) noise of the torque a sample [N m]."""
     terms = DynamicsTerms(robot)
     scratch = terms.create_scratch()
@@ -106,12 +121,12 @@ def _dynamics(robot: Robot, motion: FloatArray, scenario: Scenario) -> tuple[Flo
     ordered = np.stack([np.median(by_row, axis=0), by_row.min(axis=0), by_row.max(axis=0)])
     middle = motion[motion.shape[0] // 2]
     terms.place(scratch, middle[0], np.zeros(n))
-    return torque, ordered, _torque_noise(robot, terms, scratch, scenario)
+    return torque, ordered, _torque_noise(robot, terms, scratch, spec)
 
 
-def _torque_noise(robot: Robot, terms: DynamicsTerms, scratch: Any, scenario: Scenario) -> FloatArray:
+def _torque_noise(robot: Robot, terms: DynamicsTerms, scratch: Any, spec: TorqueLoopSpec) -> FloatArray:
     """(n,) [N m]: the F/T sensors' noise through J^T, and the accelerometer's as a gravity that trembles."""
-    suite, n = sensor_suite(scenario), len(robot.joints)
+    suite, n = sensor_suite(spec), len(robot.joints)
     weight = np.abs(terms.forces(scratch, np.zeros(n))) / 9.81
     variance = (weight * float(np.max(_noise(suite.accel, 3)))) ** 2 if robot.imu else np.zeros(n)
     if robot.force_torque:
@@ -128,7 +143,7 @@ def _noise(spec: SensorSpec, channels: int) -> FloatArray:
 
 
 def _efforts(
-    models: list[ActuatorModel], torque: FloatArray, motion: FloatArray, direction_speed: float, *, rotor: bool
+    models: Sequence[ActuatorModel], torque: FloatArray, motion: FloatArray, direction_speed: float, *, rotor: bool
 ) -> FloatArray:
     """(T, n) effort of the models along the reference, all their effects included."""
     compensator = Compensator(models, direction_speed)

@@ -63,7 +63,7 @@ def _departures(sign: FloatArray, v: FloatArray, threshold: float) -> IntArray:
     begins, ends = edges[::2], edges[1::2]
     travelled = np.concatenate([[0.0], np.cumsum(v)])
     still = np.abs(travelled[ends] - travelled[begins]) < STILL * threshold * (ends - begins)
-    return ends[still & (ends < sign.size)]
+    return np.asarray(ends[still & (ends < sign.size)])
 
 
 def choose_rows(

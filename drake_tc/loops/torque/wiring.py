@@ -27,6 +27,7 @@ from drake_tc.control.trajectories import constant_trajectory
 from drake_tc.errors import ParamsError
 from drake_tc.loops.plant import require_live_ports
 from drake_tc.loops.torque.builder import TorqueLoopBuilder
+from drake_tc.loops.torque.design import LoopDesign
 from drake_tc.loops.torque.spec import TorqueLoopSpec, base_source, sensor_suite
 from drake_tc.loops.torque.stages import servo_command, torque_command
 from drake_tc.loops.wired_loop import WiredLoop
@@ -48,10 +49,12 @@ class TorqueLoop(WiredLoop):
     Attributes:
         sensors: Encoders, IMU, F/T sensors; each has the port `reading`.
         actuators: The simulated drives.
+        design: What the loop was wired from.
     """
 
     sensors: SensorSuite
     actuators: ActuatorPlant
+    design: LoopDesign
 
 
 def add_torque_loop(
@@ -106,7 +109,14 @@ def add_torque_loop(
     if force_reference is None and gains is not None and gains.kf.any():
         nothing: Any = np.zeros(6 * len(robot.force_torque))
         force_reference = builder.AddNamedSystem("force_reference", ConstantVectorSource(nothing)).get_output_port()
-    assumed = list(model_list(models if controller_models is None else controller_models, robot.joints))
+    design = LoopDesign(
+        robot=robot,
+        spec=spec,
+        actuators=model_list(models, robot.joints),
+        models=(assumed := model_list(models if controller_models is None else controller_models, robot.joints)),
+        gains=TorqueGains.from_servo(assumed) if gains is None else gains,
+        posture=robot.posture,
+    )
     sensors = add_sensors(builder, plant, robot, sensor_suite(spec), spec.dt, spec.seed, spec.faults)
     parts = TorqueLoopBuilder(
         builder,
@@ -117,15 +127,15 @@ def add_torque_loop(
         between=between or {},
         robot=robot,
         sensors=sensors,
-        models=assumed,
-        gains=TorqueGains.from_servo(assumed) if gains is None else gains,
+        models=list(design.models),
+        gains=design.gains,
         force_reference=force_reference,
         free=free,
     )
     _add_readings(parts)
     desired = parts.passed("reference", _reference(builder, robot, reference))
     command = torque_command(parts, desired) if spec.controller == "torque" else servo_command(parts, desired)
-    simulated = dict(zip(robot.joints, model_list(models, robot.joints), strict=True))
+    simulated = dict(zip(robot.joints, design.actuators, strict=True))
     actuators = add_actuators(builder, plant, simulated, plant.time_step() or spec.dt)
     builder.Connect(command, actuators.GetInputPort("command"))
     actuation = builder.GetSubsystemByName("actuation").get_output_port(0)
@@ -138,6 +148,7 @@ def add_torque_loop(
         signals=parts.signals,
         flag_names=parts.flag_names,
         period=spec.dt,
+        design=design,
     )
 
 
