@@ -109,6 +109,17 @@ def _wind_up(stage: Stage) -> float:
     return soft.physical(tried.beta[-2:], {}, tried.gain)["compliance"]
 
 
+def _of_soft_gear(
+    prepared: Prepared, options: DiagnosisOptions, progress: Progress, executor: Executor | None
+) -> Stage:
+    """The search on the rows of a soft gear, of the elasticity where a gain of the torque sensor is only as good."""
+    stage = _looked_for(prepared, options, progress, executor)
+    rivals = (fitted for others in stage.found.as_good for fitted in others)
+    if not _has_elasticity(stage.found) and any(isinstance(t.effect, Elasticity) for f in rivals for t in f.terms):
+        stage = _looked_for(prepared, options, progress, executor, without=frozenset({TorqueSensorGain.id}))
+    return stage
+
+
 def diagnose_joint(
     train_runs: Sequence[Run],
     held_runs: Sequence[Run],
@@ -144,7 +155,7 @@ def diagnose_joint(
     )
     stage = _looked_for(prepare(), options, progress, executor)
     if (compliance := _wind_up(stage)) > 0.0:
-        soft = _looked_for(prepare(compliance=compliance), options, progress, executor)
+        soft = _of_soft_gear(prepare(compliance=compliance), options, progress, executor)
         if _has_elasticity(soft.found) and soft.found.chosen.cv_rms < SOFTER_GEAR * stage.found.chosen.cv_rms:
             stage, prepare = soft, partial(prepare, compliance=compliance)
     if (late := sampled_late(rig.command_hold, stage.prepared, stage.found.chosen.terms)) > 0.0:

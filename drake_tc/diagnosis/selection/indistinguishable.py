@@ -23,7 +23,8 @@ def indistinguishable(
 
     Next to nothing: the cross-validated error rises by less than 2 % and the chosen effect is the better one in
     fewer than 98 % of the block resamples, or the two predictions are the same up to a hundredth. An effect with more
-    parameters that fits no better is no rival: it contains the chosen one or imitates it. A delay and a lag are also
+    parameters is listed only if it fits better in 98 % of the block resamples: otherwise it contains the chosen one or
+    imitates it. A delay and a lag are also
     listed when the better one explains less than half a noise floor more, which would not count as an effect, over all
     rows and in each run: a run that was made to tell them apart shall not be diluted by those that cannot. A wave that
     was not seen to repeat is not chosen, but is listed beside the curve over the position that stands for it.
@@ -52,9 +53,12 @@ def indistinguishable(
             wave = term.effect.free_form and PERIOD in swapped.terms[-1].shape
             if swapped.cv_rms > 1.3 * found.chosen.cv_rms and not (late or wave):
                 continue  # the grid is too coarse to say so of a delay or a lag, and of a wave in a curve's place
-            if swapped.size > found.chosen.size:
+            larger = swapped.size > found.chosen.size
+            if larger and (swapped.cv_rms >= found.chosen.cv_rms or member.special_case == term.effect.id):
                 continue
             swapped = refine(columns, swapped, evaluations=30)
+            if larger and share_better(found.chosen, swapped) < CERTAINLY_BETTER:
+                continue
             if _same(found.chosen, swapped) or (
                 late and _within_resolution(_errors(found.chosen, columns), _errors(swapped, columns), floor)
             ):
