@@ -70,6 +70,27 @@ def test_a_nested_superset_is_no_tie(biased):
     assert ties_with(biased, [Superset(), Stranger()]) == ()
 
 
+@pytest.mark.parametrize(
+    ("size", "special_case", "listed"), [(0.01, "", False), (0.08, "", True), (0.08, "torque_sensor_bias", False)]
+)
+def test_a_larger_effect_that_fits_certainly_better_is_a_rival_unless_it_contains_the_chosen_one(
+    size, special_case, listed
+):
+    """The smaller one is chosen where the errors agree within 2 %, although the logs speak for the other."""
+
+    class Larger(Superset):
+        """The bias, and a column that explains a little."""
+
+        id = "larger"
+
+        def columns(self, signals, shape):
+            return np.stack([-np.ones(len(signals)), signals.position**3], axis=-1)
+
+    Larger.special_case = special_case
+    weak = problem(replace(JOINT, extra=lambda m: 0.8 + size * m.q**3), runs=2)
+    assert (ties_with(weak, [Larger()]) == (("torque_sensor_bias", "larger"),)) == listed
+
+
 def test_of_the_library_only_a_constant_in_motion_is_a_biass_twin(biased):
     pairs = ties_with(biased, LIBRARY)
     assert {p[0] for p in pairs} <= {"torque_sensor_bias"}
