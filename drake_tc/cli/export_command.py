@@ -30,6 +30,7 @@ class Target(StrEnum):
     drake_urdf = "drake-urdf"
     sdf = "sdf"
     isaaclab = "isaaclab"
+    isaaclab_bam = "isaaclab-bam"
     bam = "bam"
 
 
@@ -56,8 +57,17 @@ def export_command(
     torque_constant: Annotated[
         float | None,
         typer.Option(
-            help="Torque constant of the data sheet [N m/A] of a drive on a voltage: needed by bam; makes a dcmotor in"
-            " mjcf and a DCMotorCfg in isaaclab."
+            help="Torque constant of the data sheet [N m/A] of a drive on a voltage: needed by bam and isaaclab-bam;"
+            " makes a dcmotor in mjcf and a DCMotorCfg in isaaclab."
+        ),
+    ] = None,
+    supply_voltage: Annotated[
+        float | None, typer.Option(help="Supply voltage of the servo [V]: needed by isaaclab-bam.")
+    ] = None,
+    position_gain: Annotated[
+        float | None,
+        typer.Option(
+            help="Gain of the servo's own position loop, motor voltage per error [V/rad]: needed by isaaclab-bam."
         ),
     ] = None,
     force: Force = False,
@@ -92,7 +102,7 @@ def export_command(
     projections = [project(each, TARGETS[to.value], speeds.get(name)) for name, each in models.items()]
     if torque_constant is not None:
         projections = [with_torque_constant(each, torque_constant) for each in projections]
-    text = _writer(to)(projections, into)
+    text = _writer(to, supply_voltage, position_gain)(projections, into)
     errors = _errors(models, projections, to, rig, holdout, into) if holdout and rig is not None else []
     inputs = [model, into, rig, *(log or []), *(holdout or [])]
     runner = RUNS[to.value].name if errors else ""
@@ -128,13 +138,24 @@ def _chosen(models: "dict[str, ActuatorModel]", joints: Sequence[str] | None, pa
     return {name: each for name, each in models.items() if not joints or name in joints}
 
 
-def _writer(to: Target) -> "Callable[[Sequence[Projection], Path | None], str]":
+def _writer(
+    to: Target, supply_voltage: float | None, position_gain: float | None
+) -> "Callable[[Sequence[Projection], Path | None], str]":
     from drake_tc.exchange.bam import to_bam
     from drake_tc.exchange.isaaclab import to_isaaclab
+    from drake_tc.exchange.isaaclab_bam import ServoSettings, to_isaaclab_bam
     from drake_tc.exchange.mjcf import to_mjcf
     from drake_tc.exchange.sdf import to_sdf
     from drake_tc.exchange.urdf import to_urdf
 
+    if to is Target.isaaclab_bam:
+        if supply_voltage is None or position_gain is None:
+            raise ParamsError(
+                "export --to isaaclab-bam: expected --supply-voltage and --position-gain of the servo, got"
+                f" {supply_voltage} and {position_gain}; logs of the motor voltage do not contain them"
+            )
+        settings = ServoSettings(supply_voltage, position_gain)
+        return lambda projections, into: to_isaaclab_bam(projections, into, settings)
     return {
         Target.mjcf: to_mjcf,
         Target.urdf: to_urdf,
