@@ -2,9 +2,10 @@
 
 import json
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
+from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -41,6 +42,14 @@ LOADED_BY_WORKERS = (
 """What the worker processes need; loaded beside the imports, the reading and the search of this process."""
 
 
+class ExportTarget(StrEnum):
+    """Simulators in which an export can be tried."""
+
+    mjcf = "mjcf"
+    drake_urdf = "drake-urdf"
+    bam = "bam"
+
+
 def close_loop_command(
     rig: Annotated[Path | None, typer.Option(help="Rig file (YAML): joint, drive, what is declared.")] = None,
     log: Annotated[list[Path] | None, typer.Option(help="A run to fit; repeat for more.")] = None,
@@ -61,6 +70,14 @@ def close_loop_command(
     check: Annotated[
         bool, typer.Option("--check/--no-check", help="Also write a check of the logs: check.html, check.json.")
     ] = False,
+    try_export: Annotated[
+        ExportTarget | None,
+        typer.Option(
+            help="Also run the model's export to this simulator on the held-out runs: in MuJoCo (mjcf), Drake"
+            " (drake-urdf) or by BAM's equations (bam). The report compares its error with that of the model and of"
+            " the file of --declared, and says what is lost."
+        ),
+    ] = None,
     force: Force = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print report.json to stdout instead of the tables.")] = False,
 ) -> None:
@@ -96,6 +113,8 @@ def close_loop_command(
 
         if rig is None:
             rig, log, holdout = _demo(out / "demo_logs", seed, force, progress)
+        if try_export is not None:
+            _require_runner(rig, try_export)
         if check:
             from drake_tc.cli.check_command import write_check
             from drake_tc.experiments.check.run import check_rig
@@ -106,12 +125,48 @@ def close_loop_command(
         if closed_loop:
             found = compare_loops(result, seed, progress, pool)
             result = replace(result, closed_loop=found, seconds=result.seconds + found.seconds)
+        if try_export is not None:
+            progress(f"running the export to {try_export.value}", 0.0)
+            result = _with_export(result, try_export, rig, log or [], holdout or [], declared)
         progress("writing the report", 0.95)
         result = write_results(result, folder, pool)
     if as_json:
         print(json.dumps(result_json(result), indent=1))
     else:
         print_summary(result, out)
+
+
+def _require_runner(rig: Path, to: ExportTarget) -> None:
+    """Refuse a trial that cannot run before the search, which takes longer.
+
+    Raises:
+        ParamsError: the simulator is not installed, or cannot run this rig.
+    """
+    from drake_tc.exchange.comparison import require_runner
+    from drake_tc.logs.rig import load_rig
+
+    require_runner(to.value, load_rig(rig))
+
+
+def _with_export(
+    result: "CloseLoopResult",
+    to: ExportTarget,
+    rig: Path,
+    logs: Sequence[Path],
+    holdout: Sequence[Path],
+    declared: Path | None,
+) -> "CloseLoopResult":
+    """The result with the errors of the exported model, and of what the declared file had, on the held-out runs."""
+    from drake_tc.diagnosis.result.models import simulation_models
+    from drake_tc.exchange.trial import try_export
+    from drake_tc.logs.prepare import load_runs
+    from drake_tc.logs.rig import load_rig
+
+    what = load_rig(rig, declared)
+    runs = load_runs([*logs, *holdout], what)
+    file, models = simulation_models(result)
+    parts = (runs[: len(logs)], runs[len(logs) :])
+    return replace(result, export=try_export(models, file, to.value, what, parts, declared))
 
 
 def _tell_declared(rig: Path, declared: Path) -> None:

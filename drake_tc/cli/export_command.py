@@ -7,7 +7,6 @@ from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import numpy as np
 import typer
 
 from drake_tc.cli.out_files import Force, result_file
@@ -18,7 +17,7 @@ from drake_tc.errors import ParamsError
 
 if TYPE_CHECKING:
     from drake_tc.actuation.model import ActuatorModel
-    from drake_tc.exchange.comparison import RunErrors
+    from drake_tc.diagnosis.result.export_trial import ExportErrors
     from drake_tc.exchange.projection import Projection
 
 
@@ -81,11 +80,12 @@ def export_command(
     itself in Drake and, with --into, beside what the file had before.
     """
     from drake_tc.actuation.model_file import load_models
-    from drake_tc.exchange.account import cells, export_page, headings, sentences
+    from drake_tc.exchange.account import export_page, sentences
     from drake_tc.exchange.comparison import RUNS
     from drake_tc.exchange.dc_motor import with_torque_constant
     from drake_tc.exchange.projection import project
     from drake_tc.exchange.targets import TARGETS
+    from drake_tc.report.export_section import cells, headings
 
     models = _chosen(load_models(model), joint, model)
     if (log or holdout) and rig is None:
@@ -125,7 +125,7 @@ def export_command(
         print("BAM loads a file whose entry `actuator` names one of its servos: add it, or give --into.", file=shown)
     if errors:
         title = "RMS error of the free-running position"
-        print_wide(headings(runner), cells(errors), left=("joint", "run"), title=title, file=shown)
+        print_wide(headings(errors, runner), cells(errors), left=("joint", "run"), title=title, file=shown)
     for written in (page, out):
         if written is not None:
             print(written, file=shown)
@@ -170,19 +170,12 @@ def _speeds(rig: Path | None, logs: Sequence[Path], joints: Sequence[str]) -> di
     """(T,) velocities of each joint in the runs to fit."""
     if rig is None or not logs:
         return {}
-    from drake_tc.logs.plausible import derivative
+    from drake_tc.exchange.trial import recorded_speeds
     from drake_tc.logs.prepare import load_runs
     from drake_tc.logs.rig import load_rig
 
     what = load_rig(rig)
-    runs = load_runs(logs, what)
-    return {
-        joint: np.concatenate(
-            [derivative(run.columns[f"{joint}/position"], run.period)[run.segment >= 0] for run in runs]
-        )
-        for joint in joints
-        if joint in what.joints
-    }
+    return dict(recorded_speeds(load_runs(logs, what), what, joints))
 
 
 def _errors(
@@ -192,7 +185,7 @@ def _errors(
     rig: Path,
     runs: Sequence[Path],
     into: Path | None,
-) -> "list[RunErrors]":
+) -> "list[ExportErrors]":
     from drake_tc.exchange.comparison import run_errors
     from drake_tc.logs.prepare import load_runs
     from drake_tc.logs.rig import load_rig
@@ -202,7 +195,7 @@ def _errors(
 
 
 def _document(
-    to: Target, projections: "Sequence[Projection]", errors: "Sequence[RunErrors]", out: Path | None
+    to: Target, projections: "Sequence[Projection]", errors: "Sequence[ExportErrors]", out: Path | None
 ) -> dict[str, Any]:
     from dataclasses import asdict
 
