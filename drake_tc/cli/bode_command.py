@@ -41,7 +41,7 @@ def bode_command(
         float, typer.Option(min=0.0, help="Settling time before each measurement [s]; at least two periods.")
     ] = 0.5,
     measure: Annotated[float, typer.Option(help="Duration of each measurement [s]; at least two periods.")] = 1.0,
-    prediction: Annotated[bool, typer.Option(help="Also linearise the diagram.")] = True,
+    prediction: Annotated[bool, typer.Option(help="Also compute the response of the linearised diagram.")] = True,
     scenario_name: Annotated[str | None, typer.Option(help="Scenario; the file's first when left out.")] = None,
     scenario_file: Annotated[Path | None, typer.Option(help="Scenario file (YAML) of your own.")] = None,
     scenario_text: Annotated[str | None, typer.Option(help="YAML of fields to change.")] = None,

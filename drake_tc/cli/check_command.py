@@ -20,7 +20,9 @@ WORDS = {"seen": "seen", "weakly": "weakly", "not_seen": "not seen", "not_separa
 
 
 def check_command(
-    rig: Annotated[Path, typer.Option(help="Rig file (YAML): joint, drive, what is declared.")],
+    rig: Annotated[
+        Path, typer.Option(help="Rig file (YAML): joints, drives, columns, and what your model already contains.")
+    ],
     log: Annotated[list[Path], typer.Option(help="A run; repeat for more.")],
     out: Annotated[Path | None, typer.Option(help="Folder for check.html and check.json.")] = None,
     seed: UnusedSeed = 0,

@@ -51,20 +51,26 @@ class ExportTarget(StrEnum):
 
 
 def close_loop_command(
-    rig: Annotated[Path | None, typer.Option(help="Rig file (YAML): joint, drive, what is declared.")] = None,
+    rig: Annotated[
+        Path | None,
+        typer.Option(help="Rig file (YAML): joints, drives, columns, and what your model already contains."),
+    ] = None,
     log: Annotated[list[Path] | None, typer.Option(help="A run to fit; repeat for more.")] = None,
-    holdout: Annotated[list[Path] | None, typer.Option(help="A run that takes no part in fitting; repeat.")] = None,
+    holdout: Annotated[
+        list[Path] | None, typer.Option(help="A run that only tests the result; repeat for more.")
+    ] = None,
     declared: Annotated[
         Path | None,
-        typer.Option(help="Your model as the declared one: URDF, MJCF, or a parameter file of BAM (JSON)."),
+        typer.Option(help="File of your present model: URDF, MJCF, or a parameter file of BAM (JSON)."),
     ] = None,
-    out: Annotated[Path, typer.Option(help="Folder for report.html, report.json and both models.")] = Path("out"),
+    out: Annotated[Path, typer.Option(help="Folder for report.html, report.json and the models.")] = Path("out"),
     seed: Annotated[int, typer.Option(min=0, help="Seed of the resampling (and of the demo's rig).")] = 0,
     closed_loop: Annotated[
         bool,
         typer.Option(
             "--closed-loop/--no-closed-loop",
-            help="Simulate the torque loop with both models; the plant is the model after, so it is an upper bound.",
+            help="Simulate torque control with both models. The plant is the model after, so the improvement is an"
+            " upper bound.",
         ),
     ] = True,
     check: Annotated[

@@ -44,13 +44,14 @@ def design_command(
     criterion: Annotated[
         str,
         typer.Option(
-            help="Optimality for the goal parameters: D (determinant of the Fisher information) or E (its least"
-            " eigenvalue)."
+            help="Optimality criterion for the goal parameters: D (determinant of the Fisher information) or E (its"
+            " smallest eigenvalue)."
         ),
     ] = "D",
     distance: Annotated[float, typer.Option(help="Smallest allowed distance between links of a robot [m].")] = 0.01,
     scene: Annotated[
-        Path | None, typer.Option(help="URDF, SDF or MJCF of what stands around a robot, in its world's coordinates.")
+        Path | None,
+        typer.Option(help="URDF, SDF or MJCF of the robot's surroundings, in the coordinates of its world."),
     ] = None,
     starts: Annotated[int, typer.Option(help="Number of initial guesses.")] = 2,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the starts.")] = 0,

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 def estimate_torque_command(
     rig: Annotated[Path, typer.Option(help="Rig file with `robot:` and `load: {robot: ...}`.")],
     log: Annotated[list[Path], typer.Option(help="A log; repeat for more.")],
-    out: Annotated[Path, typer.Option(help="Folder for <log>_torque.csv: time and <joint>/torque [N m].")],
+    out: Annotated[Path, typer.Option(help="Folder for LOG_torque.csv with the columns time and JOINT/torque [N m].")],
     force: Force = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print files, filters and torque ranges as JSON.")] = False,
     seed: UnusedSeed = 0,

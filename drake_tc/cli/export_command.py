@@ -35,8 +35,10 @@ class Target(StrEnum):
 
 def export_command(
     model: Annotated[Path, typer.Argument(help="Model file (YAML) of close-loop or identify.")],
-    to: Annotated[Target, typer.Option(help="Simulator in whose terms the model is written.")],
-    into: Annotated[Path | None, typer.Option(help="Your own file: the terms are merged into a copy of it.")] = None,
+    to: Annotated[Target, typer.Option(help="Simulator for which the model is written.")],
+    into: Annotated[
+        Path | None, typer.Option(help="Your own file; the parameters are merged into a copy of it.")
+    ] = None,
     out: Annotated[Path | None, typer.Option(help="File to write; stdout when left out.")] = None,
     joint: Annotated[list[str] | None, typer.Option(help="Only this joint; repeat. All when left out.")] = None,
     rig: Annotated[Path | None, typer.Option(help="Rig file of the runs of --log and --holdout.")] = None,
@@ -51,7 +53,7 @@ def export_command(
         ),
     ] = None,
     page: Annotated[
-        Path | None, typer.Option(help="HTML file for what is lost, the errors and the terms written.")
+        Path | None, typer.Option(help="HTML file with the lost effects, the errors and the written parameters.")
     ] = None,
     torque_constant: Annotated[
         float | None,
@@ -73,11 +75,12 @@ def export_command(
     as_json: Annotated[bool, typer.Option("--json", help="Print terms, losses and errors as JSON.")] = False,
     seed: UnusedSeed = 0,
 ) -> None:
-    """Write the model in the target's own terms, and say what the target cannot express.
+    """Write the model in the parameters of another simulator, and list the effects that it cannot express.
 
-    Friction that the target lacks (Stribeck in most) is refitted by what it has; both errors are told. With --rig and
-    --holdout the export is run on these runs in MuJoCo, in a plant of Drake or by BAM's equations, beside the model
-    itself in Drake and, with --into, beside what the file had before.
+    Friction that the target lacks (Stribeck friction in most) is replaced by a refit of the friction that it has; the
+    error is printed with and without the refit. With --rig and --holdout the export is run on these runs in MuJoCo, in
+    a plant of Drake or by BAM's equations. Its error is compared with that of the model in Drake and, with --into, with
+    that of the file before.
     """
     from drake_tc.actuation.model_file import load_models
     from drake_tc.exchange.account import export_page, sentences

@@ -35,7 +35,10 @@ class MethodName(StrEnum):
 
 
 def identify_command(
-    rig: Annotated[Path | None, typer.Option(help="Rig file (YAML): joint, drive, what is declared.")] = None,
+    rig: Annotated[
+        Path | None,
+        typer.Option(help="Rig file (YAML): joints, drives, columns, and what your model already contains."),
+    ] = None,
     log: Annotated[list[Path] | None, typer.Option(help="A run to fit; repeat for more.")] = None,
     method: Annotated[MethodName, typer.Option(help="Method of the fit.")] = MethodName.least_squares,
     sheet: Annotated[

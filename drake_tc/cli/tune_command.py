@@ -36,16 +36,20 @@ def tune_command(
     scenario_file: Annotated[Path | None, typer.Option(help="Scenario file (YAML) of your own.")] = None,
     scenario_text: Annotated[str | None, typer.Option(help="YAML of fields to change: '{gains: {k6: 0.25}}'.")] = None,
     joint: Annotated[
-        list[str] | None, typer.Option(help="Tune this joint alone, at the present window; repeat. All when left out.")
+        list[str] | None,
+        typer.Option(help="Tune only this joint, at its present window; repeat for more. Default: all joints."),
     ] = None,
     margin: Annotated[
-        float | None, typer.Option(help="Largest sensitivity peak [-]; each joint's present one when left out.")
+        float | None, typer.Option(help="Largest sensitivity peak [-]; by default each joint's present one.")
     ] = None,
     delay_margin: Annotated[
-        float | None, typer.Option(help="Smallest delay margin [s]; each joint's present one when left out.")
+        float | None, typer.Option(help="Smallest delay margin [s]; by default each joint's present one.")
     ] = None,
     noise: Annotated[
-        float, typer.Option(min=0.0, help="Largest noise in the effort, as a multiple of that of the vendor's servo.")
+        float,
+        typer.Option(
+            min=0.0, help="Largest noise in the effort, as a multiple of the noise with the manufacturer's servo."
+        ),
     ] = 1.0,
     window: Annotated[list[int] | None, typer.Option(min=3, help="Windows to try [samples]; repeat.")] = None,
     begin: Annotated[float | None, typer.Option(min=0.0, help="Time from which errors are counted [s].")] = None,
