@@ -35,7 +35,9 @@ class Target(StrEnum):
 
 def export_command(
     model: Annotated[Path, typer.Argument(help="Model file (YAML) of close-loop or identify.")],
-    to: Annotated[Target, typer.Option(help="Simulator for which the model is written.")],
+    to: Annotated[
+        Target, typer.Option(metavar="TARGET", help=f"Simulator for which the model is written: {', '.join(Target)}.")
+    ],
     into: Annotated[
         Path | None, typer.Option(help="Your own file; the parameters are merged into a copy of it.")
     ] = None,

@@ -40,7 +40,9 @@ def identify_command(
         typer.Option(help="Rig file (YAML): joints, drives, columns, and what your model already contains."),
     ] = None,
     log: Annotated[list[Path] | None, typer.Option(help="A run to fit; repeat for more.")] = None,
-    method: Annotated[MethodName, typer.Option(help="Method of the fit.")] = MethodName.least_squares,
+    method: Annotated[
+        MethodName, typer.Option(metavar="METHOD", help=f"Method of the fit: {', '.join(MethodName)}.")
+    ] = MethodName.least_squares,
     sheet: Annotated[
         Path | None, typer.Option(help="Data sheet of the motors (YAML), for --method motor only.")
     ] = None,
