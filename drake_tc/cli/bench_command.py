@@ -40,7 +40,7 @@ def bench_leg(
     as_json: Annotated[bool, typer.Option("--json", help="Print the rows as JSON.")] = False,
     seed: UnusedSeed = 0,
 ) -> None:
-    """What a tick costs: the leg's loops with all stages on, and the torque estimate of a leg and of a humanoid."""
+    """Time a tick of the leg's loops with all stages on, and the torque estimate of a leg and of a humanoid."""
     from drake_tc.benchmarks.leg_timing import leg_timings
 
     with progress_bar("bench leg", quiet=as_json) as progress:
@@ -53,7 +53,7 @@ def bench_sweep(
     as_json: Annotated[bool, typer.Option("--json", help="Print the rows as JSON.")] = False,
     seed: UnusedSeed = 0,
 ) -> None:
-    """Sweeps: speed-up of two processes over one, and a stability map of 10^4 loops."""
+    """Time sweeps: the speed-up of two processes over one, and a stability map of 10^4 loops."""
     from drake_tc.benchmarks.sweep_speed import sweep_rows
 
     with progress_bar("bench sweep", quiet=as_json) as progress:
@@ -71,7 +71,7 @@ def bench_real_bam(
     as_json: AsJson = False,
     seed: UnusedSeed = 0,
 ) -> None:
-    """XL330 pendulum: free-run position error on trajectories that took no part in fitting, at every gain."""
+    """XL330 pendulum: print the position error of free runs on held-out trajectories, at every gain."""
     from drake_tc.benchmarks.real_bam import real_bam_rows
     from drake_tc.loops.joint_bench.rig_free_run import rig_free_run
 
@@ -89,7 +89,7 @@ def bench_real_dfki(
     as_json: AsJson = False,
     seed: UnusedSeed = 0,
 ) -> None:
-    """AK80-6 simple pendulum: torque residual on held-out runs."""
+    """AK80-6 simple pendulum: print the torque residual on held-out runs."""
     from drake_tc.benchmarks.real_dfki import rows
 
     print_rows("real-dfki", rows(data), as_json=as_json)
@@ -101,7 +101,7 @@ def bench_real_tmotor(
     as_json: AsJson = False,
     seed: UnusedSeed = 0,
 ) -> None:
-    """AK80-9 against a torque sensor: torque error on held-out logs beside the published model's."""
+    """AK80-9 with a torque sensor: print the torque error on held-out logs beside that of the published model."""
     from drake_tc.benchmarks.real_tmotor import rows
 
     print_rows("real-tmotor", rows(data), as_json=as_json)
@@ -113,7 +113,7 @@ def bench_real_uart(
     as_json: AsJson = False,
     seed: UnusedSeed = 0,
 ) -> None:
-    """Feetech servos on the backlash stand: backlash told from dead zone, against the published spans."""
+    """Feetech servos on a backlash stand: separate backlash from dead zone, and compare with the published values."""
     from drake_tc.benchmarks.real_uart import rows
 
     print_rows("real-uart", rows(data), as_json=as_json)
@@ -126,7 +126,7 @@ def bench_real_robots(
     as_json: AsJson = False,
     seed: UnusedSeed = 0,
 ) -> None:
-    """close-loop with fitted links against plain least squares: held-out error joint by joint, and a known payload."""
+    """Compare close-loop with fitted links with plain least squares: held-out errors by joint, and a known payload."""
     from drake_tc.benchmarks.real_robots import rows
 
     with progress_bar("bench real-robots", quiet=as_json) as progress:
@@ -140,7 +140,7 @@ def bench_real_walking(
     as_json: AsJson = False,
     seed: UnusedSeed = 0,
 ) -> None:
-    """Walking humanoid against motion capture: base position and yaw beside the published leg odometry."""
+    """Walking humanoid: compare the base estimate with motion capture and with the published leg odometry."""
     from drake_tc.benchmarks.real_icub import rows
 
     with progress_bar("bench real-icub", quiet=as_json) as progress:

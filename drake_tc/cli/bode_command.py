@@ -50,11 +50,11 @@ def bode_command(
     force: Force = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the figures as JSON.")] = False,
 ) -> None:
-    """Swept-sine Bode table between two ports of a diagram, beside the prediction of its linearisation.
+    """Measure a Bode table between two ports of a diagram by sines, beside the prediction of its linearisation.
 
-    The input is held at its value at the time --at, and a sine is added; the diagram runs as its scenario says, with
-    all friction and noise. The prediction takes perfect sensors, and dry friction as a constant. It also gives the
-    multiple of 360 degrees of a phase; without it phases are in (-180, 180]. Notes name frequencies without a steady
+    The input is held at its value at the time --at, and a sine is added. The diagram runs as its scenario says, with
+    all friction and noise. The prediction assumes perfect sensors and constant dry friction. It also determines how
+    often a phase exceeds 360 degrees; without it, phases are in (-180, 180]. Notes name frequencies without a steady
     response, and unstable loops.
     """
     from drake_tc.analysis.frequency_response import Sweep, channel

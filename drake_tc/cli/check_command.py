@@ -29,7 +29,7 @@ def check_command(
     force: Force = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the check as JSON.")] = False,
 ) -> None:
-    """Say what logs contain, which missing effects they could show, from which size on, and why not the others.
+    """Print what logs contain, which missing effects they can show and how large these must be, and why not others.
 
     It takes seconds, since nothing is searched for. `close-loop` on the same runs searches for the effects themselves.
     """

@@ -89,7 +89,7 @@ def close_loop_command(
 ) -> None:
     """Find what a joint's model lacks, add it, and report the error before and after.
 
-    Without --rig, a demo: a simulated bench whose model lacks something is recorded first.
+    Without --rig, the demo runs: a bench whose model lacks two effects is simulated and diagnosed.
     """
     if rig is None and (log or holdout):
         raise LogError(

@@ -59,11 +59,11 @@ def design_command(
     force: Force = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print design.json to stdout.")] = False,
 ) -> None:
-    """Compute a motion that measures a joint's parameters well, or that tells two missing effects apart.
+    """Compute a motion that measures a joint's parameters well, or that separates two missing effects.
 
-    For a rig whose robot's model gives the loads, the goal parameters without --joint makes one motion of all joints.
-    The motion keeps the limits and begins and ends at rest. If no motion can tell two effects apart, the command
-    ends with an error that states the identity between them.
+    If the model of a robot gives the loads, the goal `parameters` without --joint computes one motion of all joints.
+    The motion keeps the limits, and begins and ends at rest. If no motion can separate two effects, the command ends
+    with an error that states the identity between them.
     """
     from drake_tc.experiments.design.output import FILES, design_json, robot_json, write_design, write_robot_design
 

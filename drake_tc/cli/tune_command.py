@@ -64,9 +64,10 @@ def tune_command(
     force: Force = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
 ) -> None:
-    """Choose window and gains, joint by joint: least tracking error of the scenario's motion under a stated margin.
+    """Choose filter window and gains of each joint for the least tracking error that keeps a stated margin.
 
-    The stiffness K6 stays. Without --margin and --delay-margin, each joint keeps its present margins or better.
+    The tracking error is that of the scenario's motion. The stiffness K6 stays. Without --margin and --delay-margin, no
+    joint gets smaller margins than it has.
     """
     from drake_tc.analysis.settings import default_goals
     from drake_tc.analysis.torque_loop.tuned import confirm
