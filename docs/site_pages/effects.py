@@ -68,8 +68,8 @@ fit, the simulation, the compensation and the plot of the report. All effects ad
 
     y*/K = τ + J q̈ + Σ Δτ
 
-with the effort y that the drive was asked for, the effort y\\* on which it acted, the drive gain K, the load torque τ
-on the link's side of the gear, and the inertia J of the rotor as it is seen there."""
+with the effort y that the drive was given, the effort y\\* on which it acted, the drive gain K, the load torque τ
+on the link's side of the gear, and the inertia J of the rotor, reflected to that side."""
 
 
 def _page(effect: Effect) -> str:
@@ -94,12 +94,12 @@ def _page(effect: Effect) -> str:
 
 _SYMBOLS = (
     "q: position, q̇: velocity, q̈: acceleration, q_d: commanded position, τ: load torque on the link's side, Δτ: torque"
-    " that the effect costs, y: effort that the drive is asked for, y\\*: effort on which it acts, t: time,"
+    " that the effect takes, y: effort that the drive is given, y\\*: effort on which the drive acts, t: time,"
     " T: temperature, V: supply voltage."
 )
 _CAPTION = (
-    "Simulated: what is left of a log of a {} with this effect when a model with viscous and Coulomb friction is fitted"
-    " to it. Blue: forward, orange: backward. The scale of the residual is arbitrary."
+    "Simulated: the residual of a model with viscous and Coulomb friction that was fitted to a log of a {} with this"
+    " effect. Blue: forward, orange: backward. The scale of the residual is arbitrary."
 )
 
 
@@ -177,10 +177,11 @@ def _neighbours(effect: Effect, seen: Trace | None) -> str:
         parts.append("It is part of every declared model, and always fitted.")
         return "\n\n".join(parts)
     if seen is None:
-        parts.append("On a single log, the drive gain and the friction that are fitted anyway take up its trace.")
+        always = "the drive gain and the friction, which are always fitted, explain all of its residual."
+        parts.append(f"On a single log, {always}")
         return "\n\n".join(parts)
     if not found:
-        parts.append("On the log above, no other effect of the library takes up half of what this one leaves.")
+        parts.append("No other effect of the library explains half of the power of the residual in the plots above.")
         return "\n\n".join(parts)
     rows = [
         (
@@ -192,8 +193,9 @@ def _neighbours(effect: Effect, seen: Trace | None) -> str:
         for other, share in found
     ]
     parts.append(
-        "On the log above, these effects can take up so much of the power of its trace. A motion that excites both in"
-        " different ways tells them apart; the experiments of the last column show the neighbour alone."
+        "Each of these effects alone explains the given share of the power of the residual in the plots above. A motion"
+        " that excites both effects in different ways separates them. The experiment in the last column shows the"
+        " neighbour alone."
     )
-    parts.append(table(("neighbour", "imitates", "it shows as", "experiment"), rows))
+    parts.append(table(("neighbour", "explains", "it shows as", "experiment"), rows))
     return "\n\n".join(parts)

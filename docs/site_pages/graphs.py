@@ -24,7 +24,7 @@ def overview() -> str:
 
 def _part(name: str, title: str) -> str:
     picture = f"images/graph_{name}.svg"
-    text = f"{title[:1].upper()}{title[1:]}. The picture leads to its full size."
+    text = f"{title[:1].upper()}{title[1:]}. The picture scrolls sideways, and leads to its full size."
     return f"### {name}\n\n{text}\n\n[![Block graph of {name}]({picture})]({picture})"
 
 

@@ -17,7 +17,7 @@ def bench_arms(
     jobs: Jobs = ALL_CORES,
     as_json: AsJson = False,
 ) -> None:
-    """Blind benchmark of arms whose links are fitted: an effect in one joint, a sensor's error, or nothing.
+    """Diagnose simulated arms whose links are fitted and that have one effect, one sensor error, or nothing wrong.
 
     Needs `pip install "drake-tc[robots]"`.
     """

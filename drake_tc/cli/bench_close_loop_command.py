@@ -13,7 +13,7 @@ def bench_close_loop(
     as_json: AsJson = False,
     seed: UnusedSeed = 0,
 ) -> None:
-    """Time and memory of `drake-tc close-loop` for one joint: 90 000 samples of two rigs, and 10^6 samples."""
+    """Measure time and memory of `drake-tc close-loop` for one joint with 90 000 and with 10^6 samples."""
     from drake_tc.benchmarks.close_loop_speed import SpeedCase, cost_rows, write_runs
     from drake_tc.cli.demo import record_demo
 

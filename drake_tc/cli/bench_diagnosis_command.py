@@ -25,7 +25,7 @@ def bench_diagnosis(
     jobs: Jobs = ALL_CORES,
     as_json: AsJson = False,
 ) -> None:
-    """Blind benchmark: rigs are simulated by an independent code path; the diagnosis sees only their files."""
+    """Diagnose simulated joints. Code of its own simulates them, and the diagnosis sees only their files."""
     from drake_tc.benchmarks.blind.scoreboard import print_score
     from drake_tc.benchmarks.blind_rigs import BlindOptions, blind_benchmark
 

@@ -19,7 +19,7 @@ def bench_check(
     jobs: Jobs = ALL_CORES,
     as_json: AsJson = False,
 ) -> None:
-    """Whether effects that a check predicts to be seen are found by the diagnosis, and others not."""
+    """Count whether the diagnosis finds the effects that a check predicts to be visible, and no others."""
     from drake_tc.experiments.evidence.predicted import prediction_rows, predictions
 
     found = by_seed(
@@ -47,7 +47,7 @@ def bench_experiments(
     pair: Annotated[list[int] | None, typer.Option(help="Number of a pair, from 0; repeat. Default: all.")] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Pairs that first logs leave open: how often a designed run tells them apart, and how often a sinusoid does."""
+    """Count how often a designed experiment, and how often a sinusoid, separates two effects that logs left open."""
     from drake_tc.experiments.evidence.loop import PAIRS, decided_rows, run_cases
 
     pairs = [PAIRS[i] for i in pair] if pair else list(PAIRS)

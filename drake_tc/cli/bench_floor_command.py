@@ -14,7 +14,7 @@ def bench_floor(
     as_json: Annotated[bool, typer.Option("--json", help="Print the rows as JSON.")] = False,
     seed: UnusedSeed = 0,
 ) -> None:
-    """Compare the contact approximations: a foot that stands, slides and rocks, a leaning robot, the time of a tick."""
+    """Compare contact approximations: a foot that stands, slides and rocks, a leaning robot, and the time of a tick."""
     from drake_tc.benchmarks.floor_contact import floor_rows
     from drake_tc.registry import tsid_entry
 

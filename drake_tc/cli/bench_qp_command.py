@@ -25,7 +25,7 @@ def bench_qp(
     as_json: Annotated[bool, typer.Option("--json", help="Print the rows as JSON.")] = False,
     seed: UnusedSeed = 0,
 ) -> None:
-    """Quadratic programs along motions of a robot by each solver: time of a cold and of a warm start, and accuracy."""
+    """Solve quadratic programs along robot motions by each solver: time of cold and warm starts, and accuracy."""
     from drake_tc.benchmarks.qp import qp_rows
     from drake_tc.tsid.configuration import load_law
     from drake_tc.tsid.qp.choose import unavailable

@@ -30,7 +30,7 @@ def bench_robot(
     jobs: Jobs = ALL_CORES,
     as_json: AsJson = False,
 ) -> None:
-    """Blind benchmark of a robot's rig: an effect in one joint, a sensor's error, a wrong link, or nothing."""
+    """Diagnose simulated legs with one effect, one sensor error, one wrong link, or nothing wrong."""
     from drake_tc.benchmarks.robot_rigs import robot_benchmark, summary_rows
 
     scores = by_seed(

@@ -17,7 +17,7 @@ def bench_tick(
     as_json: Annotated[bool, typer.Option("--json", help="Print the rows as JSON.")] = False,
     seed: UnusedSeed = 0,
 ) -> None:
-    """A tick of robust TSID, everything included, by measure of robustness and stage; and the diagram as a whole."""
+    """Time a tick of robust TSID by robustness measure and stage, and the whole diagram."""
     from drake_tc.benchmarks.tsid_timing import tick_timings
     from drake_tc.registry import tsid_entry
 

@@ -41,7 +41,7 @@ def bode_command(
         float, typer.Option(min=0.0, help="Settling time before each measurement [s]; at least two periods.")
     ] = 0.5,
     measure: Annotated[float, typer.Option(help="Duration of each measurement [s]; at least two periods.")] = 1.0,
-    prediction: Annotated[bool, typer.Option(help="Also linearise the diagram.")] = True,
+    prediction: Annotated[bool, typer.Option(help="Also compute the response of the linearised diagram.")] = True,
     scenario_name: Annotated[str | None, typer.Option(help="Scenario; the file's first when left out.")] = None,
     scenario_file: Annotated[Path | None, typer.Option(help="Scenario file (YAML) of your own.")] = None,
     scenario_text: Annotated[str | None, typer.Option(help="YAML of fields to change.")] = None,
@@ -50,11 +50,11 @@ def bode_command(
     force: Force = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the figures as JSON.")] = False,
 ) -> None:
-    """Swept-sine Bode table between two ports of a diagram, beside the prediction of its linearisation.
+    """Measure a Bode table between two ports of a diagram by sines, beside the prediction of its linearisation.
 
-    The input is held at its value at the time --at, and a sine is added; the diagram runs as its scenario says, with
-    all friction and noise. The prediction takes perfect sensors, and dry friction as a constant. It also gives the
-    multiple of 360 degrees of a phase; without it phases are in (-180, 180]. Notes name frequencies without a steady
+    The input is held at its value at the time --at, and a sine is added. The diagram runs as its scenario says, with
+    all friction and noise. The prediction assumes perfect sensors and constant dry friction. It also determines how
+    often a phase exceeds 360 degrees; without it, phases are in (-180, 180]. Notes name frequencies without a steady
     response, and unstable loops.
     """
     from drake_tc.analysis.frequency_response import Sweep, channel

@@ -20,14 +20,16 @@ WORDS = {"seen": "seen", "weakly": "weakly", "not_seen": "not seen", "not_separa
 
 
 def check_command(
-    rig: Annotated[Path, typer.Option(help="Rig file (YAML): joint, drive, what is declared.")],
+    rig: Annotated[
+        Path, typer.Option(help="Rig file (YAML): joints, drives, columns, and what your model already contains.")
+    ],
     log: Annotated[list[Path], typer.Option(help="A run; repeat for more.")],
     out: Annotated[Path | None, typer.Option(help="Folder for check.html and check.json.")] = None,
     seed: UnusedSeed = 0,
     force: Force = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the check as JSON.")] = False,
 ) -> None:
-    """Say what logs contain, which missing effects they could show, from which size on, and why not the others.
+    """Print what logs contain, which missing effects they can show and how large these must be, and why not others.
 
     It takes seconds, since nothing is searched for. `close-loop` on the same runs searches for the effects themselves.
     """

@@ -2,9 +2,10 @@
 
 import json
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
+from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -41,32 +42,54 @@ LOADED_BY_WORKERS = (
 """What the worker processes need; loaded beside the imports, the reading and the search of this process."""
 
 
+class ExportTarget(StrEnum):
+    """Simulators in which an export can be tried."""
+
+    mjcf = "mjcf"
+    drake_urdf = "drake-urdf"
+    bam = "bam"
+
+
 def close_loop_command(
-    rig: Annotated[Path | None, typer.Option(help="Rig file (YAML): joint, drive, what is declared.")] = None,
+    rig: Annotated[
+        Path | None,
+        typer.Option(help="Rig file (YAML): joints, drives, columns, and what your model already contains."),
+    ] = None,
     log: Annotated[list[Path] | None, typer.Option(help="A run to fit; repeat for more.")] = None,
-    holdout: Annotated[list[Path] | None, typer.Option(help="A run that takes no part in fitting; repeat.")] = None,
+    holdout: Annotated[
+        list[Path] | None, typer.Option(help="A run that only tests the result; repeat for more.")
+    ] = None,
     declared: Annotated[
         Path | None,
-        typer.Option(help="Your model as the declared one: URDF, MJCF, or a parameter file of BAM (JSON)."),
+        typer.Option(help="File of your present model: URDF, MJCF, or a parameter file of BAM (JSON)."),
     ] = None,
-    out: Annotated[Path, typer.Option(help="Folder for report.html, report.json and both models.")] = Path("out"),
+    out: Annotated[Path, typer.Option(help="Folder for report.html, report.json and the models.")] = Path("out"),
     seed: Annotated[int, typer.Option(min=0, help="Seed of the resampling (and of the demo's rig).")] = 0,
     closed_loop: Annotated[
         bool,
         typer.Option(
             "--closed-loop/--no-closed-loop",
-            help="Simulate the torque loop with both models; the plant is the model after, so it is an upper bound.",
+            help="Simulate torque control with both models. The plant is the model after, so the improvement is an"
+            " upper bound.",
         ),
     ] = True,
     check: Annotated[
         bool, typer.Option("--check/--no-check", help="Also write a check of the logs: check.html, check.json.")
     ] = False,
+    try_export: Annotated[
+        ExportTarget | None,
+        typer.Option(
+            help="Also run the model's export to this simulator on the held-out runs: in MuJoCo (mjcf), Drake"
+            " (drake-urdf) or by BAM's equations (bam). The report compares its error with that of the model and of"
+            " the file of --declared, and says what is lost."
+        ),
+    ] = None,
     force: Force = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print report.json to stdout instead of the tables.")] = False,
 ) -> None:
     """Find what a joint's model lacks, add it, and report the error before and after.
 
-    Without --rig, a demo: a simulated bench whose model lacks something is recorded first.
+    Without --rig, the demo runs: a bench whose model lacks two effects is simulated and diagnosed.
     """
     if rig is None and (log or holdout):
         raise LogError(
@@ -96,6 +119,8 @@ def close_loop_command(
 
         if rig is None:
             rig, log, holdout = _demo(out / "demo_logs", seed, force, progress)
+        if try_export is not None:
+            _require_runner(rig, try_export)
         if check:
             from drake_tc.cli.check_command import write_check
             from drake_tc.experiments.check.run import check_rig
@@ -106,12 +131,48 @@ def close_loop_command(
         if closed_loop:
             found = compare_loops(result, seed, progress, pool)
             result = replace(result, closed_loop=found, seconds=result.seconds + found.seconds)
+        if try_export is not None:
+            progress(f"running the export to {try_export.value}", 0.0)
+            result = _with_export(result, try_export, rig, log or [], holdout or [], declared)
         progress("writing the report", 0.95)
         result = write_results(result, folder, pool)
     if as_json:
         print(json.dumps(result_json(result), indent=1))
     else:
         print_summary(result, out)
+
+
+def _require_runner(rig: Path, to: ExportTarget) -> None:
+    """Refuse a trial that cannot run before the search, which takes longer.
+
+    Raises:
+        ParamsError: the simulator is not installed, or cannot run this rig.
+    """
+    from drake_tc.exchange.comparison import require_runner
+    from drake_tc.logs.rig import load_rig
+
+    require_runner(to.value, load_rig(rig))
+
+
+def _with_export(
+    result: "CloseLoopResult",
+    to: ExportTarget,
+    rig: Path,
+    logs: Sequence[Path],
+    holdout: Sequence[Path],
+    declared: Path | None,
+) -> "CloseLoopResult":
+    """The result with the errors of the exported model, and of what the declared file had, on the held-out runs."""
+    from drake_tc.diagnosis.result.models import simulation_models
+    from drake_tc.exchange.trial import try_export
+    from drake_tc.logs.prepare import load_runs
+    from drake_tc.logs.rig import load_rig
+
+    what = load_rig(rig, declared)
+    runs = load_runs([*logs, *holdout], what)
+    file, models = simulation_models(result)
+    parts = (runs[: len(logs)], runs[len(logs) :])
+    return replace(result, export=try_export(models, file, to.value, what, parts, declared))
 
 
 def _tell_declared(rig: Path, declared: Path) -> None:

@@ -9,10 +9,12 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
+from drake_tc.cli.wide_table import print_wide
 from drake_tc.diagnosis.problem.estimates import Estimate
 from drake_tc.diagnosis.result.closed_loop import JointClosedLoop
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult
+from drake_tc.report.export_section import cells, headings
 from drake_tc.report.links_section import links_sentence, payload_sentences
 from drake_tc.report.numbers import NOT_IDENTIFIED, pretty_unit
 from drake_tc.report.refinement_section import refinement_sentence
@@ -37,6 +39,7 @@ def print_summary(result: CloseLoopResult, out: Path) -> None:
     if result.closed_loop is not None:
         for note in result.closed_loop.notes:
             _say(console, f"closed loop: {escape(note)}")
+    _print_export(console, result)
     if result.hints:
         _say(console, f"rig file: {escape(' '.join(result.hints))}")
     console.print(f"{result.seconds:.1f} s; report: {out / 'report.html'}")
@@ -125,6 +128,17 @@ def _tracking(loop: JointClosedLoop) -> str:
             "no tracking error (not simulated to the end with both models); the report lists the linear loop's margins"
         )
     return f"tracking error {figures[0]:.3g} mrad before, {figures[1]:.3g} mrad after"
+
+
+def _print_export(console: Console, result: CloseLoopResult) -> None:
+    """Errors of the exported model beside those of the model, and what its simulator lacks."""
+    if result.export is None:
+        return
+    trial = result.export
+    title = f"RMS position error of free runs, {trial.model_file}"
+    print_wide(headings(trial.rows, trial.runner), cells(trial.rows), left=("joint", "run"), title=title)
+    for loss in trial.losses:
+        _say(console, f"  {escape(loss)}")
 
 
 def _errors_table(joint: JointResult) -> Table:

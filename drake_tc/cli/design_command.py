@@ -44,13 +44,14 @@ def design_command(
     criterion: Annotated[
         str,
         typer.Option(
-            help="Optimality for the goal parameters: D (determinant of the Fisher information) or E (its least"
-            " eigenvalue)."
+            help="Optimality criterion for the goal parameters: D (determinant of the Fisher information) or E (its"
+            " smallest eigenvalue)."
         ),
     ] = "D",
     distance: Annotated[float, typer.Option(help="Smallest allowed distance between links of a robot [m].")] = 0.01,
     scene: Annotated[
-        Path | None, typer.Option(help="URDF, SDF or MJCF of what stands around a robot, in its world's coordinates.")
+        Path | None,
+        typer.Option(help="URDF, SDF or MJCF of the robot's surroundings, in the coordinates of its world."),
     ] = None,
     starts: Annotated[int, typer.Option(help="Number of initial guesses.")] = 2,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the starts.")] = 0,
@@ -58,11 +59,11 @@ def design_command(
     force: Force = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print design.json to stdout.")] = False,
 ) -> None:
-    """Compute a motion that measures a joint's parameters well, or that tells two missing effects apart.
+    """Compute a motion that measures a joint's parameters well, or that separates two missing effects.
 
-    For a rig whose robot's model gives the loads, the goal parameters without --joint makes one motion of all joints.
-    The motion keeps the limits and begins and ends at rest. If no motion can tell two effects apart, the command
-    ends with an error that states the identity between them.
+    If the model of a robot gives the loads, the goal `parameters` without --joint computes one motion of all joints.
+    The motion keeps the limits, and begins and ends at rest. If no motion can separate two effects, the command ends
+    with an error that states the identity between them.
     """
     from drake_tc.experiments.design.output import FILES, design_json, robot_json, write_design, write_robot_design
 

@@ -31,7 +31,10 @@ def estimate_base_command(
     as_json: Annotated[bool, typer.Option("--json", help="Print the figures as JSON.")] = False,
     seed: UnusedSeed = 0,
 ) -> None:
-    """Base position, yaw and velocity from encoders, IMU and contact loads; RMSE where the log has the truth."""
+    """Estimate base position, yaw and velocity from encoders, IMU and contact loads.
+
+    Where the log has the true motion, the RMS errors are printed.
+    """
     from drake_tc.estimation.base.evaluate import evaluate_log
     from drake_tc.estimation.base.rig import load_base_rig
 

@@ -23,16 +23,16 @@ if TYPE_CHECKING:
 def estimate_torque_command(
     rig: Annotated[Path, typer.Option(help="Rig file with `robot:` and `load: {robot: ...}`.")],
     log: Annotated[list[Path], typer.Option(help="A log; repeat for more.")],
-    out: Annotated[Path, typer.Option(help="Folder for <log>_torque.csv: time and <joint>/torque [N m].")],
+    out: Annotated[Path, typer.Option(help="Folder for LOG_torque.csv with the columns time and JOINT/torque [N m].")],
     force: Force = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print files, filters and torque ranges as JSON.")] = False,
     seed: UnusedSeed = 0,
 ) -> None:
-    """Joint torques on the link's side of the gears, from encoders, IMU and F/T sensors and the robot's model.
+    """Estimate joint torques behind the gears from encoders, IMU, F/T sensors and the robot's model.
 
-    The same estimate as in close-loop, with windows chosen from each log's noise and bandwidth; here the F/T sensors'
-    readings are filtered too (close-loop filters them later, with all other channels). Rows are those of the log's
-    uniform clock; rows that cannot be used have no torque.
+    The estimate is that of close-loop, with windows chosen from each log's noise and bandwidth. In addition the
+    readings of the F/T sensors are filtered here (close-loop filters them later, with all other channels). The rows
+    are those of the log's uniform clock; rows that cannot be used have no torque.
     """
     from drake_tc.estimation.robot_loads import filters_of, robot_logs, with_robot_loads
     from drake_tc.logs.distinct_notes import distinct_notes

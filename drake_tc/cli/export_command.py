@@ -7,7 +7,6 @@ from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import numpy as np
 import typer
 
 from drake_tc.cli.out_files import Force, result_file
@@ -18,7 +17,7 @@ from drake_tc.errors import ParamsError
 
 if TYPE_CHECKING:
     from drake_tc.actuation.model import ActuatorModel
-    from drake_tc.exchange.comparison import RunErrors
+    from drake_tc.diagnosis.result.export_trial import ExportErrors
     from drake_tc.exchange.projection import Projection
 
 
@@ -30,13 +29,18 @@ class Target(StrEnum):
     drake_urdf = "drake-urdf"
     sdf = "sdf"
     isaaclab = "isaaclab"
+    isaaclab_bam = "isaaclab-bam"
     bam = "bam"
 
 
 def export_command(
     model: Annotated[Path, typer.Argument(help="Model file (YAML) of close-loop or identify.")],
-    to: Annotated[Target, typer.Option(help="Simulator in whose terms the model is written.")],
-    into: Annotated[Path | None, typer.Option(help="Your own file: the terms are merged into a copy of it.")] = None,
+    to: Annotated[
+        Target, typer.Option(metavar="TARGET", help=f"Simulator for which the model is written: {', '.join(Target)}.")
+    ],
+    into: Annotated[
+        Path | None, typer.Option(help="Your own file; the parameters are merged into a copy of it.")
+    ] = None,
     out: Annotated[Path | None, typer.Option(help="File to write; stdout when left out.")] = None,
     joint: Annotated[list[str] | None, typer.Option(help="Only this joint; repeat. All when left out.")] = None,
     rig: Annotated[Path | None, typer.Option(help="Rig file of the runs of --log and --holdout.")] = None,
@@ -51,31 +55,42 @@ def export_command(
         ),
     ] = None,
     page: Annotated[
-        Path | None, typer.Option(help="HTML file for what is lost, the errors and the terms written.")
+        Path | None, typer.Option(help="HTML file with the lost effects, the errors and the written parameters.")
     ] = None,
     torque_constant: Annotated[
         float | None,
         typer.Option(
-            help="Torque constant of the data sheet [N m/A] of a drive on a voltage: needed by bam; makes a dcmotor in"
-            " mjcf and a DCMotorCfg in isaaclab."
+            help="Torque constant of the data sheet [N m/A] of a drive on a voltage: needed by bam and isaaclab-bam;"
+            " makes a dcmotor in mjcf and a DCMotorCfg in isaaclab."
+        ),
+    ] = None,
+    supply_voltage: Annotated[
+        float | None, typer.Option(help="Supply voltage of the servo [V]: needed by isaaclab-bam.")
+    ] = None,
+    position_gain: Annotated[
+        float | None,
+        typer.Option(
+            help="Gain of the servo's own position loop, motor voltage per error [V/rad]: needed by isaaclab-bam."
         ),
     ] = None,
     force: Force = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print terms, losses and errors as JSON.")] = False,
     seed: UnusedSeed = 0,
 ) -> None:
-    """Write the model in the target's own terms, and say what the target cannot express.
+    """Write the model in the parameters of another simulator, and list the effects that it cannot express.
 
-    Friction that the target lacks (Stribeck in most) is refitted by what it has; both errors are told. With --rig and
-    --holdout the export is run on these runs in MuJoCo, in a plant of Drake or by BAM's equations, beside the model
-    itself in Drake and, with --into, beside what the file had before.
+    Friction that the target lacks (Stribeck friction in most) is replaced by a refit of the friction that it has; the
+    error is printed with and without the refit. With --rig and --holdout the export is run on these runs in MuJoCo, in
+    a plant of Drake or by BAM's equations. Its error is compared with that of the model in Drake and, with --into, with
+    that of the file before.
     """
     from drake_tc.actuation.model_file import load_models
-    from drake_tc.exchange.account import cells, export_page, headings, sentences
+    from drake_tc.exchange.account import export_page, sentences
     from drake_tc.exchange.comparison import RUNS
     from drake_tc.exchange.dc_motor import with_torque_constant
     from drake_tc.exchange.projection import project
     from drake_tc.exchange.targets import TARGETS
+    from drake_tc.report.export_section import cells, headings
 
     models = _chosen(load_models(model), joint, model)
     if (log or holdout) and rig is None:
@@ -92,7 +107,7 @@ def export_command(
     projections = [project(each, TARGETS[to.value], speeds.get(name)) for name, each in models.items()]
     if torque_constant is not None:
         projections = [with_torque_constant(each, torque_constant) for each in projections]
-    text = _writer(to)(projections, into)
+    text = _writer(to, supply_voltage, position_gain)(projections, into)
     errors = _errors(models, projections, to, rig, holdout, into) if holdout and rig is not None else []
     inputs = [model, into, rig, *(log or []), *(holdout or [])]
     runner = RUNS[to.value].name if errors else ""
@@ -115,7 +130,7 @@ def export_command(
         print("BAM loads a file whose entry `actuator` names one of its servos: add it, or give --into.", file=shown)
     if errors:
         title = "RMS error of the free-running position"
-        print_wide(headings(runner), cells(errors), left=("joint", "run"), title=title, file=shown)
+        print_wide(headings(errors, runner), cells(errors), left=("joint", "run"), title=title, file=shown)
     for written in (page, out):
         if written is not None:
             print(written, file=shown)
@@ -128,13 +143,24 @@ def _chosen(models: "dict[str, ActuatorModel]", joints: Sequence[str] | None, pa
     return {name: each for name, each in models.items() if not joints or name in joints}
 
 
-def _writer(to: Target) -> "Callable[[Sequence[Projection], Path | None], str]":
+def _writer(
+    to: Target, supply_voltage: float | None, position_gain: float | None
+) -> "Callable[[Sequence[Projection], Path | None], str]":
     from drake_tc.exchange.bam import to_bam
     from drake_tc.exchange.isaaclab import to_isaaclab
+    from drake_tc.exchange.isaaclab_bam import ServoSettings, to_isaaclab_bam
     from drake_tc.exchange.mjcf import to_mjcf
     from drake_tc.exchange.sdf import to_sdf
     from drake_tc.exchange.urdf import to_urdf
 
+    if to is Target.isaaclab_bam:
+        if supply_voltage is None or position_gain is None:
+            raise ParamsError(
+                "export --to isaaclab-bam: expected --supply-voltage and --position-gain of the servo, got"
+                f" {supply_voltage} and {position_gain}; logs of the motor voltage do not contain them"
+            )
+        settings = ServoSettings(supply_voltage, position_gain)
+        return lambda projections, into: to_isaaclab_bam(projections, into, settings)
     return {
         Target.mjcf: to_mjcf,
         Target.urdf: to_urdf,
@@ -149,19 +175,12 @@ def _speeds(rig: Path | None, logs: Sequence[Path], joints: Sequence[str]) -> di
     """(T,) velocities of each joint in the runs to fit."""
     if rig is None or not logs:
         return {}
-    from drake_tc.logs.plausible import derivative
+    from drake_tc.exchange.trial import recorded_speeds
     from drake_tc.logs.prepare import load_runs
     from drake_tc.logs.rig import load_rig
 
     what = load_rig(rig)
-    runs = load_runs(logs, what)
-    return {
-        joint: np.concatenate(
-            [derivative(run.columns[f"{joint}/position"], run.period)[run.segment >= 0] for run in runs]
-        )
-        for joint in joints
-        if joint in what.joints
-    }
+    return dict(recorded_speeds(load_runs(logs, what), what, joints))
 
 
 def _errors(
@@ -171,7 +190,7 @@ def _errors(
     rig: Path,
     runs: Sequence[Path],
     into: Path | None,
-) -> "list[RunErrors]":
+) -> "list[ExportErrors]":
     from drake_tc.exchange.comparison import run_errors
     from drake_tc.logs.prepare import load_runs
     from drake_tc.logs.rig import load_rig
@@ -181,7 +200,7 @@ def _errors(
 
 
 def _document(
-    to: Target, projections: "Sequence[Projection]", errors: "Sequence[RunErrors]", out: Path | None
+    to: Target, projections: "Sequence[Projection]", errors: "Sequence[ExportErrors]", out: Path | None
 ) -> dict[str, Any]:
     from dataclasses import asdict
 

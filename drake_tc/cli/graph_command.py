@@ -46,9 +46,9 @@ def graph_command(
     seed: UnusedSeed = 0,
     as_json: Annotated[bool, typer.Option("--json", help="The same as --format json.")] = False,
 ) -> None:
-    """Draw a diagram: blocks grouped by stage, ports named, signals with their width, discrete periods, feedthrough.
+    """Draw a diagram with its blocks by stage, named ports, widths of signals, discrete periods and feedthrough.
 
-    Logs, systems that only logs read, and unconnected ports are left out of pictures without --all; JSON has them all.
+    Pictures leave out logs, systems that only logs read, and unconnected ports, unless --all is given. JSON has all.
     """
     from drake_tc.registry import runnable
     from drake_tc.report.block_graph.graph import block_graph

@@ -35,9 +35,14 @@ class MethodName(StrEnum):
 
 
 def identify_command(
-    rig: Annotated[Path | None, typer.Option(help="Rig file (YAML): joint, drive, what is declared.")] = None,
+    rig: Annotated[
+        Path | None,
+        typer.Option(help="Rig file (YAML): joints, drives, columns, and what your model already contains."),
+    ] = None,
     log: Annotated[list[Path] | None, typer.Option(help="A run to fit; repeat for more.")] = None,
-    method: Annotated[MethodName, typer.Option(help="Method of the fit.")] = MethodName.least_squares,
+    method: Annotated[
+        MethodName, typer.Option(metavar="METHOD", help=f"Method of the fit: {', '.join(MethodName)}.")
+    ] = MethodName.least_squares,
     sheet: Annotated[
         Path | None, typer.Option(help="Data sheet of the motors (YAML), for --method motor only.")
     ] = None,
@@ -49,10 +54,10 @@ def identify_command(
 ) -> None:
     """Fit the drive gain and friction of geared joints, with intervals, and write a model that diagrams load.
 
-    least_squares: all samples alike. asymmetric: friction is never over-estimated, so its compensation stays stable.
-    two_stage: the gain at rest, then friction in motion. piecewise: three lines for each direction of motion.
-    motor: constants and friction of voltage-driven motors, with a data sheet for what the logs leave open; its
-    intervals cover measurement noise and data-sheet tolerance, not effects that the model lacks.
+    least_squares weights all samples alike. asymmetric never over-estimates friction, so its compensation stays stable.
+    two_stage fits the gain at rest, then friction in motion. piecewise fits three lines for each direction of motion.
+    motor fits constants and friction of voltage-driven motors, and takes what the logs do not identify from a data
+    sheet. Its intervals cover measurement noise and data-sheet tolerance, not effects that the model lacks.
     """
     from drake_tc.actuation.model_file import save_models
     from drake_tc.logs.prepare import load_runs

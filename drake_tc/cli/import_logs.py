@@ -21,9 +21,9 @@ def import_logs(
     seed: UnusedSeed = 0,
     as_json: Annotated[bool, typer.Option("--json", help="Print the paths of the rig files as JSON.")] = False,
 ) -> None:
-    """Convert a public data set: writes Parquet logs in canonical columns and the rig files that read them.
+    """Convert a public data set to Parquet logs with canonical columns, and write rig files that read them.
 
-    Prints the rig files, one a line; exits with 2 and one line on stderr when SRC cannot be used.
+    The command prints the paths of the rig files. It exits with 2 and one line on stderr when SRC cannot be used.
     """
     if dataset not in IMPORTERS:
         raise LogError(f"import: no data set {dataset!r}; possible: {', '.join(IMPORTERS)}")

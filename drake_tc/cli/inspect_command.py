@@ -27,9 +27,9 @@ def inspect_command(
     as_json: Annotated[bool, typer.Option("--json", help="Print everything as JSON.")] = False,
     seed: UnusedSeed = 0,
 ) -> None:
-    """List a log's topics, columns, rates and gaps, guess what they are and in which units, and say why.
+    """List a log's topics, columns, rates and gaps, and guess quantities and units with the reasons.
 
-    With --rig it writes a rig file with these guesses, which `close-loop` reads. Check them: a name can mislead.
+    With --rig it writes a rig file with these guesses for `close-loop`. Check them, because a name can mislead.
     """
     from drake_tc.logs.inspection.inspect import inspect_log, trial
 

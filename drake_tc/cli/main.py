@@ -43,27 +43,27 @@ app = typer.Typer(
     help="Torque control of position-controlled robots in Drake, with models that are checked against measured data.",
     add_completion=False,
     pretty_exceptions_enable=False,
-    rich_markup_mode="markdown",  # in which units in brackets are text
+    rich_markup_mode=None,  # tables cut the names of options in a narrow terminal
 )
-app.command("check")(check_command)
-app.command("close-loop")(close_loop_command)
-app.command("design")(design_command)
-app.command("estimate-base")(estimate_base_command)
-app.command("estimate-torque")(estimate_torque_command)
-app.command("identify")(identify_command)
-app.command("import")(import_logs)
-app.command("export")(export_command)
-app.command("inspect")(inspect_command)
-app.command("schema")(schema_command)
-app.command("simulate")(simulate_command)
-app.command("graph")(graph_command)
-app.command("rehearse")(rehearse_command)
-app.command("reproduce")(reproduce_command)
-app.command("stability")(stability_command)
-app.command("stability-map")(stability_map_command)
-app.command("tune")(tune_command)
-app.command("bode")(bode_command)
-app.add_typer(bench_app, name="bench")
+app.command("check", short_help="Check what your logs can show.")(check_command)
+app.command("close-loop", short_help="Find what a model lacks, and add it.")(close_loop_command)
+app.command("design", short_help="Compute the next experiment.")(design_command)
+app.command("estimate-base", short_help="Estimate the motion of a base.")(estimate_base_command)
+app.command("estimate-torque", short_help="Estimate the torques of a robot.")(estimate_torque_command)
+app.command("identify", short_help="Fit drive gain and friction.")(identify_command)
+app.command("import", short_help="Convert a public data set.")(import_logs)
+app.command("export", short_help="Write a model for a simulator.")(export_command)
+app.command("inspect", short_help="List what a log contains.")(inspect_command)
+app.command("schema", short_help="Print the schema of an input file.")(schema_command)
+app.command("simulate", short_help="Simulate a diagram.")(simulate_command)
+app.command("graph", short_help="Draw a diagram.")(graph_command)
+app.command("rehearse", short_help="Count how often an effect is found.")(rehearse_command)
+app.command("reproduce", short_help="Recompute the results of a paper.")(reproduce_command)
+app.command("stability", short_help="Margins of a diagram's loop.")(stability_command)
+app.command("stability-map", short_help="Stability over two parameters.")(stability_map_command)
+app.command("tune", short_help="Choose gains and filter windows.")(tune_command)
+app.command("bode", short_help="Measure a frequency response.")(bode_command)
+app.add_typer(bench_app, name="bench", short_help="Run a benchmark.")
 
 
 def _print_version(requested: bool) -> None:

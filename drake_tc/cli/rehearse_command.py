@@ -30,9 +30,10 @@ def rehearse_command(
     force: Force = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print rehearsal.json to stdout.")] = False,
 ) -> None:
-    """Put an effect into your own runs by simulation, diagnose them blind, and count how often it is found.
+    """Add an effect to your own runs by simulation, diagnose them, and count how often it is found.
 
-    Motions, loads, sensors and noise are those of the logs. The result is a power curve by size, with the wrong names.
+    Motions, loads, sensors and noise are those of the logs. The result is the rate of detection over the effect's size,
+    and the effects that were named in its place.
     """
     from drake_tc.experiments.rehearsal.output import FILES, rehearsal_json, rehearsal_page
     from drake_tc.experiments.rehearsal.run import parse_effect, rehearse

@@ -26,7 +26,7 @@ def reproduce_command(
     force: Force = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the rows as JSON.")] = False,
 ) -> None:
-    """Compute a table or figure of the papers and say which expected values are met; simulated throughout."""
+    """Compute a table or figure of a paper by simulation, and compare it with the printed values."""
     from drake_tc.registry import reproductions
 
     known = reproductions(name)

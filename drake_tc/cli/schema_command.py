@@ -24,7 +24,9 @@ class Document(StrEnum):
 
 
 def schema_command(
-    document: Annotated[Document, typer.Argument(help="Which input file.")],
+    document: Annotated[
+        Document, typer.Argument(metavar="DOCUMENT", help=f"Input file: {', '.join(Document)}.", show_choices=False)
+    ],
     page: Annotated[bool, typer.Option("--page", help="Print the page that explains every key (Markdown).")] = False,
     out: Annotated[Path | None, typer.Option(help="File to write; stdout when left out.")] = None,
     force: Force = False,

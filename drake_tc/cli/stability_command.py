@@ -77,7 +77,7 @@ def stability_command(
     seed: Annotated[int, typer.Option(min=0, help="Seed of the signs of the initial kick, joint by joint.")] = 0,
     as_json: Annotated[bool, typer.Option("--json", help="Print the figures as JSON.")] = False,
 ) -> None:
-    """Eigenvalues, margins and verdict of a diagram's loop, at one moment of a scenario, with perfect sensors."""
+    """Print eigenvalues, margins and stability of a diagram's loop at one time of a scenario, with perfect sensors."""
     from drake_tc.loops.diagram_entry import naming_errors
     from drake_tc.registry import runnable
 

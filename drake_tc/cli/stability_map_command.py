@@ -47,7 +47,10 @@ def stability_map_command(
     as_json: Annotated[bool, typer.Option("--json", help="Print the map as JSON.")] = False,
     seed: UnusedSeed = 0,
 ) -> None:
-    """Map one joint's stability over two parameters; all else is the scenario's. K6 and K7 stay when Kp changes."""
+    """Map the stability of one joint over two parameters.
+
+    All other parameters are those of the scenario. K6 and K7 stay when Kp changes.
+    """
     from drake_tc.analysis.stability_map import Axis, draw_map, stability_map
     from drake_tc.analysis.torque_loop.joint_loops import joint_loops
     from drake_tc.registry import diagram_entry

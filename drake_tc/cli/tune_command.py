@@ -37,16 +37,20 @@ def tune_command(
     scenario_file: Annotated[Path | None, typer.Option(help="Scenario file (YAML) of your own.")] = None,
     scenario_text: Annotated[str | None, typer.Option(help="YAML of fields to change: '{gains: {k6: 0.25}}'.")] = None,
     joint: Annotated[
-        list[str] | None, typer.Option(help="Tune this joint alone, at the present window; repeat. All when left out.")
+        list[str] | None,
+        typer.Option(help="Tune only this joint, at its present window; repeat for more. Default: all joints."),
     ] = None,
     margin: Annotated[
-        float | None, typer.Option(help="Largest sensitivity peak [-]; each joint's present one when left out.")
+        float | None, typer.Option(help="Largest sensitivity peak [-]; by default each joint's present one.")
     ] = None,
     delay_margin: Annotated[
-        float | None, typer.Option(help="Smallest delay margin [s]; each joint's present one when left out.")
+        float | None, typer.Option(help="Smallest delay margin [s]; by default each joint's present one.")
     ] = None,
     noise: Annotated[
-        float, typer.Option(min=0.0, help="Largest noise in the effort, as a multiple of that of the vendor's servo.")
+        float,
+        typer.Option(
+            min=0.0, help="Largest noise in the effort, as a multiple of the noise with the manufacturer's servo."
+        ),
     ] = 1.0,
     window: Annotated[list[int] | None, typer.Option(min=3, help="Windows to try [samples]; repeat.")] = None,
     begin: Annotated[float | None, typer.Option(min=0.0, help="Time from which errors are counted [s].")] = None,
@@ -61,9 +65,10 @@ def tune_command(
     force: Force = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
 ) -> None:
-    """Choose window and gains, joint by joint: least tracking error of the scenario's motion under a stated margin.
+    """Choose filter window and gains of each joint for the least tracking error that keeps a stated margin.
 
-    The stiffness K6 stays. Without --margin and --delay-margin, each joint keeps its present margins or better.
+    The tracking error is that of the scenario's motion. The stiffness K6 stays. Without --margin and --delay-margin, no
+    joint gets smaller margins than it has.
     """
     from drake_tc.analysis.settings import default_goals
     from drake_tc.analysis.torque_loop.function_tuning import confirm_function, function_tasks

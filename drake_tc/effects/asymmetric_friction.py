@@ -31,8 +31,18 @@ class AsymmetricFriction(TorqueEffect):
     equation = "tau_add = (coulomb_asymmetry * sign(qdot) + viscous_asymmetry * qdot) * sign(qdot)"
     kind = "friction"
     coefficients: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("coulomb_asymmetry", "N*m", plausible=COULOMB_ASYMMETRY_RANGE),
-        Parameter("viscous_asymmetry", "N*m*s/rad", plausible=VISCOUS_ASYMMETRY_RANGE),
+        Parameter(
+            "coulomb_asymmetry",
+            "N*m",
+            description="half the difference of Coulomb friction between forward and backward motion",
+            plausible=COULOMB_ASYMMETRY_RANGE,
+        ),
+        Parameter(
+            "viscous_asymmetry",
+            "N*m*s/rad",
+            description="half the difference of viscous friction between forward and backward motion",
+            plausible=VISCOUS_ASYMMETRY_RANGE,
+        ),
     )
     signature = Signature(x="velocity", split="", look_for="both directions shifted the same way, more so at speed")
 
@@ -71,7 +81,14 @@ class CoulombAsymmetry(AsymmetricFriction):
 
     form = "coulomb"
     equation = "tau_add = coulomb_asymmetry"
-    coefficients = (Parameter("coulomb_asymmetry", "N*m", plausible=COULOMB_ASYMMETRY_RANGE),)
+    coefficients = (
+        Parameter(
+            "coulomb_asymmetry",
+            "N*m",
+            description="half the difference of Coulomb friction between forward and backward motion",
+            plausible=COULOMB_ASYMMETRY_RANGE,
+        ),
+    )
 
     def columns(self, signals: Signals, shape: Shape) -> FloatArray:
         """Phi (T, 1): see the class."""

@@ -37,7 +37,12 @@ class CableSpring(TorqueEffect):
     depends_on_position = True
     linear = True
     coefficients = (
-        Parameter("spring_stiffness", "N*m/rad", plausible=SPRING_STIFFNESS_RANGE),
+        Parameter(
+            "spring_stiffness",
+            "N*m/rad",
+            description="stiffness of the spring at the joint",
+            plausible=SPRING_STIFFNESS_RANGE,
+        ),
         Parameter("spring_preload", "N*m", description="-k q_0", plausible=SPRING_PRELOAD_RANGE),
     )
     signature = Signature(

@@ -22,7 +22,15 @@ class Coulomb(TorqueEffect):
     title = "Coulomb friction"
     equation = "tau_add = coulomb * sign(qdot)"
     kind = "friction"
-    coefficients = (Parameter("coulomb", "N*m", 0.0, plausible=COULOMB_RANGE),)
+    coefficients = (
+        Parameter(
+            "coulomb",
+            "N*m",
+            0.0,
+            description="friction torque while the joint moves, at any speed",
+            plausible=COULOMB_RANGE,
+        ),
+    )
     signature = Signature(x="velocity", split="direction", look_for="a step at zero velocity")
 
     def columns(self, signals: Signals, shape: Shape) -> FloatArray:

@@ -39,7 +39,9 @@ class Delay(DriveEffect):
     kind = "drive"
     form = "loop"
     filters = True
-    shapes: ClassVar[tuple[Parameter, ...]] = (Parameter("delay", "s", 0.0, 0.2, plausible=DELAY_RANGE),)
+    shapes: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("delay", "s", 0.0, 0.2, description="time by which the effort acts later", plausible=DELAY_RANGE),
+    )
     signature = Signature(
         x="acceleration", split="direction", look_for="loops: the residual follows the rate of the effort"
     )

@@ -55,7 +55,15 @@ class Elasticity(TransmissionEffect):
     @property
     def parameters(self) -> tuple[Parameter, ...]:
         """The compliance c alone."""
-        return (Parameter("compliance", "rad/(N*m)", 0.0, plausible=COMPLIANCE_RANGE),)
+        return (
+            Parameter(
+                "compliance",
+                "rad/(N*m)",
+                0.0,
+                description="angle between motor and link for 1 N·m",
+                plausible=COMPLIANCE_RANGE,
+            ),
+        )
 
     def balance_inertia(self, theta: FloatArray, rotor_inertia: float) -> float:
         """-J w."""

@@ -31,8 +31,18 @@ class EncoderEccentricity(SensorEffect):
     depends_on_position = True
     form = "shared"
     coefficients = (
-        Parameter("eccentricity_sine", "rad", plausible=DISC_ERROR_RANGE),
-        Parameter("eccentricity_cosine", "rad", plausible=DISC_ERROR_RANGE),
+        Parameter(
+            "eccentricity_sine",
+            "rad",
+            description="sine part of the error of the reading over a turn",
+            plausible=DISC_ERROR_RANGE,
+        ),
+        Parameter(
+            "eccentricity_cosine",
+            "rad",
+            description="cosine part of the error of the reading over a turn",
+            plausible=DISC_ERROR_RANGE,
+        ),
     )
     signature = Signature(x="position", split="direction", look_for="one wave a turn that grows with the speed")
 

@@ -24,7 +24,7 @@ class EncoderOffset(SensorEffect):
     kind = "sensor"
     depends_on_position = True
     linear = True
-    coefficients = (Parameter("offset", "rad", plausible=OFFSET_RANGE),)
+    coefficients = (Parameter("offset", "rad", description="reading at the true position 0", plausible=OFFSET_RANGE),)
     signature = Signature(
         x="position", split="", look_for="a constant (servo) or a cosine of the angle (pendulum load)"
     )

@@ -36,10 +36,20 @@ class EncoderRipple(SensorEffect):
     kind = "sensor"
     depends_on_position = True
     coefficients = (
-        Parameter("ripple_sine", "rad", plausible=WAVE_RANGE),
-        Parameter("ripple_cosine", "rad", plausible=WAVE_RANGE),
+        Parameter("ripple_sine", "rad", description="sine part of the error of the reading", plausible=WAVE_RANGE),
+        Parameter("ripple_cosine", "rad", description="cosine part of the error of the reading", plausible=WAVE_RANGE),
     )
-    shapes = (Parameter("cycles_per_turn", "1/turn", 1.5, 400.0, 12.0, plausible=CYCLES_PER_TURN_RANGE),)
+    shapes = (
+        Parameter(
+            "cycles_per_turn",
+            "1/turn",
+            1.5,
+            400.0,
+            12.0,
+            description="periods of the error in one turn of the joint",
+            plausible=CYCLES_PER_TURN_RANGE,
+        ),
+    )
     signature = Signature(
         x="position modulo period",
         split="direction",

@@ -23,7 +23,16 @@ class LoadDependentFriction(TorqueEffect):
     title = "load-dependent friction"
     equation = "tau_add = load_friction * abs(tau) * sign(qdot)"
     kind = "friction"
-    coefficients = (Parameter("load_friction", "-", 0.0, 1.0, plausible=LOAD_FRICTION_RANGE),)
+    coefficients = (
+        Parameter(
+            "load_friction",
+            "-",
+            0.0,
+            1.0,
+            description="friction torque for 1 N·m of load",
+            plausible=LOAD_FRICTION_RANGE,
+        ),
+    )
     signature = Signature(
         x="load_torque", split="direction", look_for="a V for one direction, an inverted V for the other"
     )

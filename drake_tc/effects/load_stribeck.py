@@ -33,8 +33,26 @@ class LoadStribeck(TorqueEffect):
     title = "Stribeck part of load-dependent friction"
     equation = "tau_add = load_stribeck * abs(tau) * exp(-abs(qdot) / load_stribeck_velocity) * sign(qdot)"
     kind = "friction"
-    coefficients = (Parameter("load_stribeck", "-", 0.0, 1.0, plausible=LOAD_STRIBECK_RANGE),)
-    shapes = (Parameter("load_stribeck_velocity", "rad/s", 1e-3, default=0.3, plausible=LOAD_STRIBECK_VELOCITY_RANGE),)
+    coefficients = (
+        Parameter(
+            "load_stribeck",
+            "-",
+            0.0,
+            1.0,
+            description="additional friction at rest for 1 N·m of load",
+            plausible=LOAD_STRIBECK_RANGE,
+        ),
+    )
+    shapes = (
+        Parameter(
+            "load_stribeck_velocity",
+            "rad/s",
+            1e-3,
+            default=0.3,
+            description="velocity at which the additional friction has fallen to 1/e",
+            plausible=LOAD_STRIBECK_VELOCITY_RANGE,
+        ),
+    )
     signature = Signature(
         x="velocity", split="direction", look_for="peaks at zero velocity whose height follows the load"
     )

@@ -33,10 +33,22 @@ class PositionDependentFriction(TorqueEffect):
     kind = "friction"
     depends_on_position = True
     coefficients = (
-        Parameter("friction_cosine", "N*m", plausible=WAVE_RANGE),
-        Parameter("friction_sine", "N*m", plausible=WAVE_RANGE),
+        Parameter(
+            "friction_cosine", "N*m", description="cosine part of the friction over the angle", plausible=WAVE_RANGE
+        ),
+        Parameter("friction_sine", "N*m", description="sine part of the friction over the angle", plausible=WAVE_RANGE),
     )
-    shapes = (Parameter("cycles_per_turn", "1/turn", 0.3, 400.0, 1.0, plausible=CYCLES_PER_TURN_RANGE),)
+    shapes = (
+        Parameter(
+            "cycles_per_turn",
+            "1/turn",
+            0.3,
+            400.0,
+            1.0,
+            description="periods of the friction in one turn of the joint",
+            plausible=CYCLES_PER_TURN_RANGE,
+        ),
+    )
     signature = Signature(
         x="position", split="direction", look_for="a wave over the angle, mirrored between the two directions"
     )

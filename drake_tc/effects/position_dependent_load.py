@@ -39,7 +39,10 @@ class PositionDependentLoad(TorqueEffect):
     kind = "load"
     depends_on_position = True
     free_form = True
-    coefficients = tuple(Parameter(f"level_{k + 1}", "N*m", plausible=LEVEL_RANGE) for k in range(SIZE))
+    coefficients = tuple(
+        Parameter(f"level_{k + 1}", "N*m", description=f"coefficient {k + 1} of the spline", plausible=LEVEL_RANGE)
+        for k in range(SIZE)
+    )
     given_shapes = (
         Parameter("curve_start", "rad", default=-1.0, description="q_a", plausible=END_RANGE),
         Parameter("curve_end", "rad", default=1.0, description="q_b > q_a", plausible=END_RANGE),

@@ -33,8 +33,26 @@ class PreslidingHysteresis(TorqueEffect):
     title = "presliding hysteresis"
     equation = "tau_add = presliding * (z - sign(qdot)); presliding_travel * ddq(z) = 1 - z * sign(qdot)"
     kind = "friction"
-    coefficients = (Parameter("presliding", "N*m", 0.0, plausible=PRESLIDING_RANGE),)
-    shapes = (Parameter("presliding_travel", "rad", 1.5e-3, 1.0, 0.01, plausible=PRESLIDING_TRAVEL_RANGE),)
+    coefficients = (
+        Parameter(
+            "presliding",
+            "N*m",
+            0.0,
+            description="part of the Coulomb friction that builds up over the travel",
+            plausible=PRESLIDING_RANGE,
+        ),
+    )
+    shapes = (
+        Parameter(
+            "presliding_travel",
+            "rad",
+            1.5e-3,
+            1.0,
+            0.01,
+            description="travel after a reversal over which the missing part falls to 1/e",
+            plausible=PRESLIDING_TRAVEL_RANGE,
+        ),
+    )
     signature = Signature(
         x="travel",
         split="direction",

@@ -24,7 +24,14 @@ class QuadraticViscous(TorqueEffect):
     title = "quadratic viscous friction"
     equation = "tau_add = quadratic_viscous * qdot * abs(qdot)"
     kind = "friction"
-    coefficients = (Parameter("quadratic_viscous", "N*m*s^2/rad^2", plausible=QUADRATIC_VISCOUS_RANGE),)
+    coefficients = (
+        Parameter(
+            "quadratic_viscous",
+            "N*m*s^2/rad^2",
+            description="friction torque at 1 rad/s that grows with the square of the velocity",
+            plausible=QUADRATIC_VISCOUS_RANGE,
+        ),
+    )
     signature = Signature(
         x="velocity", split="", look_for="an S that steepens (or flattens) towards the highest speeds"
     )

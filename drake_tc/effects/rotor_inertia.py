@@ -21,7 +21,15 @@ class RotorInertia(TorqueEffect):
     equation = "tau_add = rotor_inertia * qddot"
     kind = "load"
     linear = True
-    coefficients = (Parameter("rotor_inertia", "kg*m^2", 0.0, plausible=ROTOR_INERTIA_RANGE),)
+    coefficients = (
+        Parameter(
+            "rotor_inertia",
+            "kg*m^2",
+            0.0,
+            description="inertia of rotor and gear on the link's side of the gear",
+            plausible=ROTOR_INERTIA_RANGE,
+        ),
+    )
     signature = Signature(x="acceleration", split="", look_for="a straight line through zero")
 
     def obstacle(self, context: Context) -> str:

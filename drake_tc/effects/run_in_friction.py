@@ -39,10 +39,24 @@ class RunInFriction(TorqueEffect):
     equation = "tau_add = (run_in_coulomb * sign(qdot) + run_in_viscous * qdot) * exp(-t / run_in_time)"
     kind = "friction"
     coefficients = (
-        Parameter("run_in_coulomb", "N*m", plausible=RUN_IN_COULOMB_RANGE),
-        Parameter("run_in_viscous", "N*m*s/rad", plausible=RUN_IN_VISCOUS_RANGE),
+        Parameter(
+            "run_in_coulomb",
+            "N*m",
+            description="Coulomb friction at the start of a run beyond that of a warm joint",
+            plausible=RUN_IN_COULOMB_RANGE,
+        ),
+        Parameter(
+            "run_in_viscous",
+            "N*m*s/rad",
+            description="viscous friction at the start of a run beyond that of a warm joint",
+            plausible=RUN_IN_VISCOUS_RANGE,
+        ),
     )
-    shapes = (Parameter("run_in_time", "s", 0.1, 1e4, 2.0, plausible=RUN_IN_TIME_RANGE),)
+    shapes = (
+        Parameter(
+            "run_in_time", "s", 0.1, 1e4, 2.0, description="time in which it falls to 1/e", plausible=RUN_IN_TIME_RANGE
+        ),
+    )
     signature = Signature(x="time", split="direction", look_for="a fan that closes with the time since the start")
 
     def shape_grid(self, context: Context) -> list[dict[str, float]]:

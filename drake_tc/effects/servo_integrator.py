@@ -35,7 +35,15 @@ class ServoIntegrator(DriveEffect):
     @property
     def parameters(self) -> tuple[Parameter, ...]:
         """K_i."""
-        return (Parameter("integral_rate", "1/s", 0.0, plausible=INTEGRAL_RATE_RANGE),)
+        return (
+            Parameter(
+                "integral_rate",
+                "1/s",
+                0.0,
+                description="integral gain over proportional gain",
+                plausible=INTEGRAL_RATE_RANGE,
+            ),
+        )
 
     def obstacle(self, context: Context) -> str:
         """Another drive's effort is recorded behind any integral action."""

@@ -40,10 +40,27 @@ class Stribeck(TorqueEffect):
     title = "Stribeck friction"
     equation = "tau_add = stribeck * exp(-(abs(qdot) / stribeck_velocity) ** stribeck_exponent) * sign(qdot)"
     kind = "friction"
-    coefficients = (Parameter("stribeck", "N*m", 0.0, description="F_s - F_c", plausible=STRIBECK_RANGE),)
+    coefficients = (
+        Parameter("stribeck", "N*m", 0.0, description="height F_s - F_c of the peak at rest", plausible=STRIBECK_RANGE),
+    )
     shapes = (
-        Parameter("stribeck_velocity", "rad/s", 1e-4, default=0.1, plausible=STRIBECK_VELOCITY_RANGE),
-        Parameter("stribeck_exponent", "-", 0.5, 2.0, 2.0, plausible=STRIBECK_EXPONENT_RANGE),
+        Parameter(
+            "stribeck_velocity",
+            "rad/s",
+            1e-4,
+            default=0.1,
+            description="velocity v_s at which the peak has fallen to 1/e",
+            plausible=STRIBECK_VELOCITY_RANGE,
+        ),
+        Parameter(
+            "stribeck_exponent",
+            "-",
+            0.5,
+            2.0,
+            2.0,
+            description="exponent m of the velocity",
+            plausible=STRIBECK_EXPONENT_RANGE,
+        ),
     )
     signature = Signature(
         x="velocity",

@@ -49,10 +49,30 @@ class ThermalFriction(TorqueEffect):
     kind = "friction"
     needs = frozenset({"temperature"})
     coefficients = (
-        Parameter("coulomb_per_kelvin", "N*m/K", plausible=COULOMB_PER_KELVIN_RANGE),
-        Parameter("viscous_per_kelvin", "N*m*s/(rad*K)", plausible=VISCOUS_PER_KELVIN_RANGE),
+        Parameter(
+            "coulomb_per_kelvin",
+            "N*m/K",
+            description="change of Coulomb friction for 1 K, at 25 °C",
+            plausible=COULOMB_PER_KELVIN_RANGE,
+        ),
+        Parameter(
+            "viscous_per_kelvin",
+            "N*m*s/(rad*K)",
+            description="change of viscous friction for 1 K, at 25 °C",
+            plausible=VISCOUS_PER_KELVIN_RANGE,
+        ),
     )
-    shapes = (Parameter("thermal_rate", "1/K", 1e-4, 0.2, 1e-4, plausible=THERMAL_RATE_RANGE),)
+    shapes = (
+        Parameter(
+            "thermal_rate",
+            "1/K",
+            1e-4,
+            0.2,
+            1e-4,
+            description="rate at which the change levels off with the temperature",
+            plausible=THERMAL_RATE_RANGE,
+        ),
+    )
     signature = Signature(
         x="temperature", split="direction", look_for="a fan that opens (or closes) as the joint warms up"
     )

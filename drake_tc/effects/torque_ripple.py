@@ -34,10 +34,20 @@ class TorqueRipple(TorqueEffect):
     kind = "load"
     depends_on_position = True
     coefficients = (
-        Parameter("ripple_cosine", "N*m", plausible=WAVE_RANGE),
-        Parameter("ripple_sine", "N*m", plausible=WAVE_RANGE),
+        Parameter("ripple_cosine", "N*m", description="cosine part of the torque over the angle", plausible=WAVE_RANGE),
+        Parameter("ripple_sine", "N*m", description="sine part of the torque over the angle", plausible=WAVE_RANGE),
     )
-    shapes = (Parameter("cycles_per_turn", "1/turn", 1.5, 2000.0, 20.0, plausible=CYCLES_PER_TURN_RANGE),)
+    shapes = (
+        Parameter(
+            "cycles_per_turn",
+            "1/turn",
+            1.5,
+            2000.0,
+            20.0,
+            description="periods of the torque in one turn of the joint",
+            plausible=CYCLES_PER_TURN_RANGE,
+        ),
+    )
     signature = Signature(
         x="position modulo period",
         split="direction",

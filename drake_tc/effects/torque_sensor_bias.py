@@ -25,7 +25,7 @@ class TorqueSensorBias(SensorEffect):
     equation = "tau_meas = tau + bias"
     kind = "sensor"
     linear = True
-    coefficients = (Parameter("bias", "N*m", plausible=BIAS_RANGE),)
+    coefficients = (Parameter("bias", "N*m", description="reading without a torque", plausible=BIAS_RANGE),)
     signature = Signature(x="load_torque", split="", look_for="everything shifted by one constant, at rest too")
 
     def obstacle(self, context: Context) -> str:

@@ -23,7 +23,7 @@ class TorqueSensorDrift(SensorEffect):
     equation = "tau_meas = tau + drift * t"
     kind = "sensor"
     linear = True
-    coefficients = (Parameter("drift", "N*m/s", plausible=DRIFT_RANGE),)
+    coefficients = (Parameter("drift", "N*m/s", description="change of the reading in 1 s", plausible=DRIFT_RANGE),)
     signature = Signature(x="time", split="", look_for="a straight line over the time of every run")
 
     def obstacle(self, context: Context) -> str:

@@ -26,7 +26,9 @@ class TorqueSensorGain(SensorEffect):
     equation = "tau_meas = (1 + gain_error) * tau"
     kind = "sensor"
     linear = True
-    coefficients = (Parameter("gain_error", "-", -0.9, 10.0, plausible=GAIN_ERROR_RANGE),)
+    coefficients = (
+        Parameter("gain_error", "-", -0.9, 10.0, description="gain of the sensor, minus 1", plausible=GAIN_ERROR_RANGE),
+    )
     signature = Signature(
         x="acceleration", split="", look_for="a line over the acceleration although the inertia is declared"
     )

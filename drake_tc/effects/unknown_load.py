@@ -148,7 +148,10 @@ class SmoothLoad(UnknownLoadEffect):
 
 @cache
 def _smooth(intervals: int, inertial: bool) -> SmoothLoad:
-    levels = tuple(Parameter(f"level_{k + 1}", "N*m", plausible=LEVEL_RANGE) for k in range(intervals + 3))
+    levels = tuple(
+        Parameter(f"level_{k + 1}", "N*m", description=f"coefficient {k + 1} of the spline", plausible=LEVEL_RANGE)
+        for k in range(intervals + 3)
+    )
     inertia = (Parameter("inertia", "kg*m^2", 0.0, description="J", plausible=INERTIA_RANGE),) if inertial else ()
     members = {
         "__doc__": SmoothLoad.__doc__,

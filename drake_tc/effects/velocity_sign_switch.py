@@ -35,7 +35,16 @@ class VelocitySignSwitch(DriveEffect):
     @property
     def parameters(self) -> tuple[Parameter, ...]:
         """The switch s alone."""
-        return (Parameter("switch", "-", -1.0, 1.0, plausible=SWITCH_RANGE),)
+        return (
+            Parameter(
+                "switch",
+                "-",
+                -1.0,
+                1.0,
+                description="half the difference of the gain between forward and backward motion, over its mean",
+                plausible=SWITCH_RANGE,
+            ),
+        )
 
     def columns(self, signals: Signals, shape: Shape) -> FloatArray:
         """-y sign(qdot) (T, 1)."""

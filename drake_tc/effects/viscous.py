@@ -23,7 +23,9 @@ class Viscous(TorqueEffect):
     equation = "tau_add = viscous * qdot"
     kind = "friction"
     linear = True
-    coefficients = (Parameter("viscous", "N*m*s/rad", 0.0, plausible=VISCOUS_RANGE),)
+    coefficients = (
+        Parameter("viscous", "N*m*s/rad", 0.0, description="friction torque at 1 rad/s", plausible=VISCOUS_RANGE),
+    )
     signature = Signature(x="velocity", split="", look_for="a straight line through zero")
 
     def columns(self, signals: Signals, shape: Shape) -> FloatArray:

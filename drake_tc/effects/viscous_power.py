@@ -32,8 +32,26 @@ class ViscousPower(TorqueEffect):
     title = "viscous friction by a power law"
     equation = "tau_add = viscous_power * abs(qdot) ** viscous_exponent * sign(qdot)"
     kind = "friction"
-    coefficients = (Parameter("viscous_power", "N*m*(s/rad)^p", 0.0, plausible=VISCOUS_POWER_RANGE),)
-    shapes = (Parameter("viscous_exponent", "-", 0.1, 0.9, 0.5, plausible=VISCOUS_EXPONENT_RANGE),)
+    coefficients = (
+        Parameter(
+            "viscous_power",
+            "N*m*(s/rad)^p",
+            0.0,
+            description="friction torque at 1 rad/s",
+            plausible=VISCOUS_POWER_RANGE,
+        ),
+    )
+    shapes = (
+        Parameter(
+            "viscous_exponent",
+            "-",
+            0.1,
+            0.9,
+            0.5,
+            description="exponent p of the velocity",
+            plausible=VISCOUS_EXPONENT_RANGE,
+        ),
+    )
     signature = Signature(x="velocity", split="", look_for="an S that flattens towards the highest speeds")
 
     def shape_grid(self, context: Context) -> list[dict[str, float]]:

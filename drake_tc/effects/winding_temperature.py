@@ -40,7 +40,17 @@ class WindingTemperature(DriveEffect):
     kind = "drive"
     needs = frozenset({"temperature"})
     coefficients = (Parameter("back_emf_damping", "N*m*s/rad", 0.0, description="F_e"),)
-    shapes = (Parameter("resistance_per_kelvin", "1/K", 0.0, 0.02, COPPER, "a", COEFFICIENT_RANGE),)
+    shapes = (
+        Parameter(
+            "resistance_per_kelvin",
+            "1/K",
+            0.0,
+            0.02,
+            COPPER,
+            "relative rise of the resistance for 1 K",
+            COEFFICIENT_RANGE,
+        ),
+    )
     signature = Signature(
         x="temperature", split="", look_for="a residual along the effort that grows as the motor warms"
     )

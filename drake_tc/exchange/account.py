@@ -2,10 +2,12 @@
 
 from collections.abc import Sequence
 
-from drake_tc.exchange.comparison import RunErrors
+from drake_tc.diagnosis.result.export_trial import ExportErrors
 from drake_tc.exchange.projection import COMMANDS, Projection, Vocabulary
+from drake_tc.report.export_section import HOW, cells, headings
 from drake_tc.report.numbers import significant
 from drake_tc.report.plain_page import PageSection, PageTable, plain_page
+from drake_tc.report.words import title_of
 
 
 def sentences(projections: Sequence[Projection], target: Vocabulary) -> list[str]:
@@ -23,38 +25,19 @@ def sentences(projections: Sequence[Projection], target: Vocabulary) -> list[str
                 f"the recorded speeds (up to {r.speed:.3g} rad/s)" if r.recorded else f"speeds up to {r.speed:g} rad/s"
             )
             lines.append(
-                f"{each.joint}: {target.name} has no {' and '.join(r.effects)}: dry and viscous friction were refitted"
-                f" over {where}; RMS error of the friction torque {r.refitted:.3g} N m, {r.dropped:.3g} without the"
-                " refit."
+                f"{each.joint}: {target.name} has no {' and '.join(map(title_of, r.effects))}: dry and viscous friction"
+                f" were refitted over {where}; RMS error of the friction torque {r.refitted:.3g} N m,"
+                f" {r.dropped:.3g} N m without the refit."
             )
         for loss in each.losses:
-            has = f"has {loss.effect} only in part" if loss.partly else f"has no {loss.effect}"
+            effect = title_of(loss.effect)
+            has = f"has {effect} only in part" if loss.partly else f"has no {effect}"
             lines.append(f"{each.joint}: {target.name} {has}{f': {loss.why}' if loss.why else ''}.")
     return lines or [f"{target.name} expresses all effects of this model."]
 
 
-def headings(runner: str) -> tuple[str, ...]:
-    """Of the table of errors.
-
-    Args:
-        runner: What runs the export, such as "MuJoCo".
-    """
-    return ("joint", "run", "our model, Drake", f"export, {runner}", f"your file, {runner}")
-
-
-def cells(rows: Sequence[RunErrors]) -> list[tuple[str, ...]]:
-    """Of the table of errors, in rad.
-
-    Args:
-        rows: One a joint and run.
-    """
-    return [
-        (r.joint, r.run, *("-" if v is None else f"{v:.3g} rad" for v in (r.model, r.export, r.original))) for r in rows
-    ]
-
-
 def export_page(
-    projections: Sequence[Projection], target: Vocabulary, rows: Sequence[RunErrors], runner: str, source: str
+    projections: Sequence[Projection], target: Vocabulary, rows: Sequence[ExportErrors], runner: str, source: str
 ) -> str:
     """The HTML of an export: what is lost, errors of free runs, and the terms that were written.
 
@@ -68,13 +51,10 @@ def export_page(
     said = sentences(projections, target)
     sections = []
     if rows:
-        table = PageTable(headings(runner), cells(rows), headings(runner)[2:])
-        how = (
-            "Each model is driven by the recorded command alone, from the first sample on, under the recorded or known"
-            " load. A run that becomes unstable has no error."
-        )
+        names = headings(rows, runner)
+        table = PageTable(names, cells(rows), names[2:])
         title = "RMS error of the free-running position on held-out runs"
-        sections.append(PageSection(title, paragraphs=[how], tables=(table,)))
+        sections.append(PageSection(title, paragraphs=[HOW], tables=(table,)))
     names = ("joint", "term", "value")
     sections.append(
         PageSection("What was written", tables=(PageTable(names, _terms(projections, target), ("value",)),))

@@ -11,7 +11,7 @@ torque over speed, saturation_effort (1 - v/velocity_limit), is kt/R (U - kt v):
     saturation_effort = kt U/R,   velocity_limit = U/kt,   viscous_friction without the back-EMF
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from drake_tc.errors import ParamsError
@@ -32,9 +32,23 @@ def to_isaaclab(projections: Sequence[Projection], into: Path | None = None) -> 
     Raises:
         ParamsError: `into` is given.
     """
+    names = {_kind(projection.terms) for projection in projections}
+    return actuators_module(names, [_entry(projection.joint, projection.terms) for projection in projections], into)
+
+
+def actuators_module(names: Iterable[str], entries: Sequence[Sequence[str]], into: Path | None) -> str:
+    """The text of a Python module with a dictionary ACTUATORS.
+
+    Args:
+        names: Of the configuration classes that it imports.
+        entries: Lines of each joint's entry.
+        into: Not possible: a configuration is a program.
+
+    Raises:
+        ParamsError: `into` is given.
+    """
     if into is not None:
         raise ParamsError("--into: an Isaac Lab configuration is a program; write a file and import ACTUATORS from it")
-    names = {_kind(projection.terms) for projection in projections}
     lines = [
         '"""Actuators identified by drake-tc: actuators=ACTUATORS in an ArticulationCfg."""',
         "",
@@ -43,10 +57,20 @@ def to_isaaclab(projections: Sequence[Projection], into: Path | None = None) -> 
         f"PHYSICS_STEP = {PHYSICS_STEP}  # [s], in which delays are counted",
         "",
         "ACTUATORS = {",
-        *(line for projection in projections for line in _entry(projection.joint, projection.terms)),
+        *(line for entry in entries for line in entry),
         "}",
     ]
     return "\n".join(lines) + "\n"
+
+
+def delay_fields(terms: Terms) -> dict[str, str]:
+    """min_delay and max_delay in physics steps; empty without a delay.
+
+    Args:
+        terms: Of the drive.
+    """
+    steps = str(round(terms.delay / PHYSICS_STEP))
+    return {"min_delay": steps, "max_delay": steps} if terms.delay else {}
 
 
 def _kind(terms: Terms) -> str:
@@ -74,9 +98,7 @@ def _entry(joint: str, terms: Terms) -> list[str]:
             fields["saturation_effort"] = number(terms.torque_limit)
             fields["velocity_limit"] = number(voltage / motor.torque_constant)
             fields["viscous_friction"] = number(motor.damping)
-    if terms.delay:
-        steps = round(terms.delay / PHYSICS_STEP)
-        fields |= {"min_delay": str(steps), "max_delay": str(steps)}
+    fields |= delay_fields(terms)
     efforts = f"{number(terms.kp)} N m for one unit of the drive's command"
     if kind == "DCMotorCfg" and motor is not None:
         efforts = f"{number(terms.kp)} (V - {number(motor.torque_constant)} v) N m at the voltage V and the velocity v"

@@ -28,7 +28,7 @@ def simulate_in_mujoco(terms: Terms, pendulum: Link | None, given: RunInput) -> 
     Raises:
         ParamsError: MuJoCo is not installed, or refuses the model.
     """
-    mujoco: Any = _mujoco()
+    mujoco: Any = require_mujoco()
     text = to_mjcf([Projection("joint", replace(terms, backlash=0.0), (), None)], step=given.step)
     text = text.replace(_LIGHT, _inertial(pendulum))
     try:
@@ -83,7 +83,12 @@ def _is_unstable(mujoco: Any, data: Any) -> bool:
     return any(data.warning[int(kind)].number > 0 for kind in bad)
 
 
-def _mujoco() -> Any:
+def require_mujoco() -> Any:
+    """The module.
+
+    Raises:
+        ParamsError: MuJoCo is not installed.
+    """
     os.environ.setdefault("MUJOCO_GL", "disable")  # nothing is drawn, so no display and no OpenGL are needed
     try:
         import mujoco  # type: ignore[import-untyped]

@@ -58,11 +58,13 @@ class Runner:
         name: For people.
         simulate: The run.
         step: The longest one [s] at which the error of the integration is small beside that of a good model.
+        require: Raises ParamsError where it is not installed.
     """
 
     name: str
     simulate: Simulate
     step: float
+    require: Callable[[], object] = lambda: None
 
 
 @dataclass(frozen=True)

@@ -53,6 +53,17 @@ TARGETS: Mapping[str, Vocabulary] = MappingProxyType(
             drives=frozenset({"position_servo"}),
             delay_step=PHYSICS_STEP,
         ),
+        "isaaclab-bam": Vocabulary(
+            "Isaac Lab (BAM)",
+            frozenset({"armature", "frictionloss", "stribeck", "load_friction", "torque_limit", "delay"}),
+            {"backlash": "BamBacklashActuatorCfg has it where the USD has a hinge passive_NAME_backlash"},
+            drives=frozenset({"voltage"}),
+            inexact={
+                "load_friction": "the load is that of the solver's last step",
+                "delay": "the position command is delayed there, the position that the servo measures is not",
+            },
+            delay_step=PHYSICS_STEP,
+        ),
         "bam": Vocabulary(
             "BAM",
             frozenset({"armature", "frictionloss", "stribeck", "load_friction", "delay"}),

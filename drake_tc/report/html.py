@@ -19,6 +19,7 @@ from drake_tc.report.closed_loop_section import closed_loop_section
 from drake_tc.report.consistency_table import consistency_rows
 from drake_tc.report.correlation_plots import correlation_plots
 from drake_tc.report.equation import model_equations
+from drake_tc.report.export_section import export_section
 from drake_tc.report.free_run_table import free_run_table
 from drake_tc.report.leftover_plots import leftover_plots
 from drake_tc.report.links_section import links_section
@@ -94,6 +95,7 @@ def render(result: CloseLoopResult, executor: Executor | None = None) -> str:
         links=links_section(result.links),
         ranking=[(title_of(name), where, percent(gain)) for name, where, gain in ranked_effects(result)],
         closed=closed_loop_section(result),
+        export=export_section(result.export),
     )
 
 

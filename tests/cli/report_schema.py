@@ -116,11 +116,26 @@ JOINT = fields(
         ),
     }
 )
+EXPORT = fields(
+    {
+        "to": one_of("mjcf", "drake-urdf", "bam"),
+        "runner": text,
+        "model": text,
+        "losses": each(text),
+        "free_runs": each(
+            fields(
+                {"joint": text, "run": text, "unit": one_of("rad")}
+                | dict.fromkeys(("model", "export", "original"), number_or_null)
+            )
+        ),
+    }
+)
 REPORT = fields(
     {
         "schema": number,
         "verdict": one_of(*VERDICTS),
         "joints": named(JOINT),
+        "export": or_null(EXPORT),
         "shared": each(fields({"id": text, "where": text, "parameters": named(PARAMETER), "heldout_gain": number})),
         "seconds": number,
     }

@@ -95,3 +95,17 @@ def test_json_alone_on_stdout(tmp_path):
     written = json.loads((tmp_path / "out" / "report.json").read_text())
     assert {k: v for k, v in report.items() if k != "seconds"} == {k: v for k, v in written.items() if k != "seconds"}
     assert done.stderr == ""
+
+
+def test_an_export_can_be_tried_in_the_same_call(bench, tmp_path):
+    call = [*bench.close_loop(tmp_path / "out"), "--no-closed-loop", "--try-export", "drake-urdf"]
+    done = command(call, tmp_path, COLUMNS="80", NO_COLOR="1")
+    assert done.returncode == 0, done.stderr
+    document = json.loads((tmp_path / "out" / "report.json").read_text())
+    check_report(document)
+    (row,) = document["export"]["free_runs"]
+    free = document["joints"][JOINT]["error"]["after"]["free_run_heldout"]
+    assert row["model"] == pytest.approx(free, rel=0.05)  # the same free run as in the table above it
+    assert row["export"] > row["model"] and row["original"] is None
+    assert "export, Drake's plant" in done.stdout and "has no Stribeck friction" in done.stdout
+    assert 'id="export"' in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")

@@ -1,4 +1,4 @@
-"""A gear that winds up and a torque sensor that reads too little scale the load alike: which of them is searched for."""
+"""A gear that winds up and a torque sensor that reads too little scale the load alike: which one is searched for."""
 
 from types import SimpleNamespace
 

@@ -1,5 +1,6 @@
 """The snippets of README and documentation run, on files such as their readers have."""
 
+import json
 import shlex
 import shutil
 
@@ -136,11 +137,16 @@ def test_the_page_of_simulators_exports_and_reads(knee):
     assert load_rig(knee / "rig.yaml").declared["knee"] == {"rotor_inertia": 0.31, "viscous": 2.0, "coulomb": 4.0}
     page = (ROOT / "docs" / "your_own_simulator.md").read_text("utf-8")
     lines = [line.strip() for line in page.splitlines() if line.startswith("    drake-tc ")]
-    assert len(lines) == 3
+    servo = ActuatorModel("knee", Drive("voltage", 0.5), (EffectValue("viscous", {"viscous": 4.0}),))
+    save_models({"knee": servo}, knee / "model_after.yaml")
+    assert len(lines) == 5
     for line in lines:
         assert run(shlex.split(line)[1:]) == 0, line
     identified = (knee / "robot_identified.xml").read_text("utf-8")
     assert all(f'{name}="' in identified for name in terms)
+    assert "BamMotorCfg(" in (knee / "actuators.py").read_text("utf-8")
+    (row,) = json.loads((knee / "out" / "tried" / "report.json").read_text("utf-8"))["export"]["free_runs"]
+    assert None not in (row["model"], row["export"], row["original"])
     assert "RMS error of the free-running position" in (knee / "export.html").read_text("utf-8")
 
 

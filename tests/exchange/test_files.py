@@ -244,7 +244,10 @@ def test_the_command(tmp_path, capsys):
     assert [loss["effect"] for loss in document["joints"]["knee"]["losses"]] == ["deadzone"]
     assert run(["export", str(path), "--to", "urdf"]) == 0
     printed = capsys.readouterr()
-    assert printed.out.startswith("<?xml") and "URDF has no deadzone: the servo answers small errors" in printed.err
+    assert (
+        printed.out.startswith("<?xml")
+        and "URDF has no dead zone of the drive: the servo answers small errors" in printed.err
+    )
     servo = ActuatorModel("m", Drive("voltage", 2.0), (EffectValue("viscous", {"viscous": 0.8}),))
     save_models({"m": servo}, tmp_path / "servo.yaml")
     file, mine = str(tmp_path / "servo.json"), tmp_path / "mine.json"

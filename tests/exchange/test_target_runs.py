@@ -187,7 +187,7 @@ def test_the_command_runs_the_export_beside_the_users_own_file(tmp_path, capsys)
     assert row["original"] > 3.0 * row["export"] and row["unit"] == "rad"
     page = (tmp_path / "export.html").read_text(encoding="utf-8")
     for value in (row["model"], row["export"], row["original"]):
-        assert f"{value:.3g} rad" in page
+        assert f"{1e3 * value:#.3g} mrad".replace(" ", "\u00a0") in page
     assert "expresses all effects" in page and "your file, Drake&#39;s plant" in page and "http://" not in page
     assert drake_tc(command) == 0
     printed = capsys.readouterr()

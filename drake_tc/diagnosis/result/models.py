@@ -51,14 +51,23 @@ def models_of(result: CloseLoopResult, out: Path) -> tuple[str, str]:
     return texts[0], texts[1]
 
 
+def simulation_models(result: CloseLoopResult) -> tuple[str, dict[str, ActuatorModel]]:
+    """The models that simulate best, by joint, and the name of their file.
+
+    That is model_refined.yaml where the refinement of a joint was accepted, and model_after.yaml elsewhere.
+    """
+    models = {name: model_of(joint, final=True) for name, joint in result.joints.items()}
+    refined = {n: j.refinement.model for n, j in result.joints.items() if j.refinement and j.refinement.model}
+    return (MODEL_FILE if refined else "model_after.yaml"), models | refined
+
+
 def _save_refined(result: CloseLoopResult, path: Path) -> None:
     """Write the refined models, or remove those of an earlier call."""
     found = {name: j.refinement for name, j in result.joints.items() if j.refinement and j.refinement.model}
     if not found:
         path.unlink(missing_ok=True)
         return
-    models = {name: model_of(joint, final=True) for name, joint in result.joints.items()}
-    models |= {name: each.model for name, each in found.items() if each.model is not None}
+    models = simulation_models(result)[1]
     free = {name: each.train for name, each in found.items() if each.train is not None}
     errors = {
         name: {"unit": "rad", "after": float(f"{pair[0]:.4g}"), "refined": float(f"{pair[1]:.4g}")}

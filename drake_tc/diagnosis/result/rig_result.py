@@ -7,6 +7,7 @@ from drake_tc.control.torque_uncertainty_file import TorqueUncertainty
 from drake_tc.diagnosis.problem.estimates import Estimate
 from drake_tc.diagnosis.residual.unexplained import Verdict
 from drake_tc.diagnosis.result.closed_loop import ClosedLoop
+from drake_tc.diagnosis.result.export_trial import ExportTrial
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagnosis.result.links import FittedLinks
 
@@ -40,6 +41,7 @@ class CloseLoopResult:
 
     `links` are the links' inertial parameters where the rig asks for them to be fitted.
     `declared_file` is the file of another simulator whose model was declared, if one was given beside the rig.
+    `export` is the trial of the model in another simulator, where one was asked for.
     `hints` call for a change of the rig file: a column that seems to be meant, a wrong sign; they are among the joints'
     notes too.
     """
@@ -58,3 +60,4 @@ class CloseLoopResult:
     links: FittedLinks | None = None
     hints: tuple[str, ...] = ()
     declared_file: str | None = None
+    export: ExportTrial | None = None

@@ -8,6 +8,7 @@ from typing import Any
 from drake_tc.config.json_values import json_value
 from drake_tc.diagnosis.problem.estimates import Estimate
 from drake_tc.diagnosis.result.closed_loop_json import loop_entry, loop_summary, uncertainty_entry
+from drake_tc.diagnosis.result.export_trial import export_json
 from drake_tc.diagnosis.result.joint_result import Errors, JointResult, ParameterByCondition, RunErrors
 from drake_tc.diagnosis.result.links import FittedLinks
 from drake_tc.diagnosis.result.refinement_json import free_runs_json, refinement_json
@@ -174,6 +175,7 @@ def result_json(result: CloseLoopResult) -> dict[str, Any]:
         "shared": [shared_json(cause) for cause in result.shared],
         "links": None if result.links is None else links_json(result.links),
         "closed_loop": loop_summary(result.closed_loop),
+        "export": export_json(result.export),
         "seconds": result.seconds,
         "logs": list(result.train_files),
         "holdout": list(result.heldout_files),

@@ -1,0 +1,62 @@
+"""The export of a model, tried on recorded runs without writing a file."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from drake_tc.actuation.model import ActuatorModel
+from drake_tc.diagnosis.result.export_trial import ExportTrial
+from drake_tc.exchange.account import sentences
+from drake_tc.exchange.comparison import RUNS, run_errors
+from drake_tc.exchange.projection import project
+from drake_tc.exchange.targets import TARGETS
+from drake_tc.logs.plausible import derivative
+from drake_tc.logs.record import Run
+from drake_tc.logs.rig import Rig
+from drake_tc.types import FloatArray
+
+
+def try_export(
+    models: Mapping[str, ActuatorModel],
+    model_file: str,
+    to: str,
+    rig: Rig,
+    runs: tuple[Sequence[Run], Sequence[Run]],
+    original: Path | None,
+) -> ExportTrial:
+    """Errors of the model, of its export and of the user's own file on held-out runs.
+
+    Args:
+        models: By joint.
+        model_file: Name of their file.
+        to: A key of `RUNS`.
+        rig: Of the runs.
+        runs: Training runs, whose speeds weight the refit of friction, and held-out runs.
+        original: The user's file; None: there is none.
+
+    Raises:
+        ParamsError: the target is not installed, or cannot run this rig; an unreadable file.
+    """
+    target = TARGETS[to]
+    speeds = recorded_speeds(runs[0], rig, list(models))
+    projections = [project(model, target, speeds.get(name)) for name, model in models.items()]
+    rows = run_errors(models, projections, to, rig, runs[1], original)
+    return ExportTrial(to, target.name, RUNS[to].name, model_file, tuple(sentences(projections, target)), tuple(rows))
+
+
+def recorded_speeds(runs: Sequence[Run], rig: Rig, joints: Sequence[str]) -> dict[str, FloatArray]:
+    """Joint to its velocities (T,) [rad/s] in usable rows of all runs.
+
+    Args:
+        runs: At least one.
+        rig: Names the joints of the runs; others are left out.
+        joints: Of the model.
+    """
+    return {
+        joint: np.concatenate(
+            [derivative(run.columns[f"{joint}/position"], run.period)[run.segment >= 0] for run in runs]
+        )
+        for joint in joints
+        if joint in rig.joints
+    }

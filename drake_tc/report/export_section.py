@@ -1,0 +1,58 @@
+"""The model in another simulator: what is lost, and the errors of free runs side by side."""
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+from drake_tc.diagnosis.result.export_trial import ExportErrors, ExportTrial
+from drake_tc.report.numbers import UNKNOWN, scale_for
+
+HOW = (
+    "Each model is driven by the recorded command alone, from the first sample on, under the recorded or known load. A"
+    " run that becomes unstable has no error."
+)
+"""What the errors of the table are."""
+
+
+def headings(rows: Sequence[ExportErrors], runner: str) -> tuple[str, ...]:
+    """Of the table of errors; the user's file has a column where it could be run.
+
+    Args:
+        rows: One a joint and run.
+        runner: What ran the export, such as "MuJoCo".
+    """
+    known = ("joint", "run", "our model, Drake", f"export, {runner}")
+    return (*known, f"your file, {runner}") if _has_original(rows) else known
+
+
+def cells(rows: Sequence[ExportErrors]) -> list[tuple[str, ...]]:
+    """Of the table of errors, all with one prefix of rad.
+
+    Args:
+        rows: One a joint and run.
+    """
+    errors = [(row.model, row.export, row.original)[: 3 if _has_original(rows) else 2] for row in rows]
+    sizes = [e for each in errors for e in each if e is not None and math.isfinite(e)]
+    scale = scale_for(max(sizes, default=0.0), "rad")
+    return [
+        (row.joint, row.run, *(scale.quantity(e) if e is not None else UNKNOWN for e in each))
+        for row, each in zip(rows, errors, strict=True)
+    ]
+
+
+def export_section(trial: ExportTrial | None) -> dict[str, Any] | None:
+    """What the template shows; None where no export was tried."""
+    if trial is None:
+        return None
+    return {
+        "target": trial.target,
+        "command": f"drake-tc export {trial.model_file} --to {trial.to}",
+        "losses": trial.losses,
+        "headings": headings(trial.rows, trial.runner),
+        "rows": cells(trial.rows),
+        "how": HOW,
+    }
+
+
+def _has_original(rows: Sequence[ExportErrors]) -> bool:
+    return any(row.original is not None for row in rows)

@@ -1,0 +1,96 @@
+"""Isaac Lab's BAM servo: the drive's law, evaluated with the fields of the file, is the identified model's torque."""
+
+import numpy as np
+import pytest
+
+from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
+from drake_tc.actuation.model_file import save_models
+from drake_tc.cli.main import run
+from drake_tc.errors import ParamsError
+from drake_tc.exchange.dc_motor import with_torque_constant
+from drake_tc.exchange.isaaclab_bam import ServoSettings, to_isaaclab_bam
+from drake_tc.exchange.projection import project
+from drake_tc.exchange.targets import TARGETS
+
+SETTINGS = ServoSettings(supply_voltage=12.0, position_gain=40.0)
+VISCOUS = EffectValue("viscous", {"viscous": 0.8})
+SERVO = (
+    EffectValue("rotor_inertia", {"rotor_inertia": 0.02}),
+    VISCOUS,
+    EffectValue("coulomb", {"coulomb": 0.3}),
+    EffectValue("stribeck", {"stribeck": 0.2, "stribeck_velocity": 0.4, "stribeck_exponent": 1.5}),
+    EffectValue("saturation", {"limit": 9.0}),
+)
+
+
+def configured(*effects, name="knee", torque_constant=1.2):
+    """The fields of the joint's BamActuatorCfg, with BamMotorCfg's under `motor`."""
+    projection = project(ActuatorModel(name, Drive("voltage", 2.0), effects), TARGETS["isaaclab-bam"])
+    text = to_isaaclab_bam([with_torque_constant(projection, torque_constant)], None, SETTINGS)
+    assert "from isaaclab.actuators import BamActuatorCfg, BamMotorCfg\n" in text
+    scope: dict = {"BamActuatorCfg": dict, "BamMotorCfg": dict}
+    exec(compile(text.replace("from isaaclab.actuators import", "# import"), "cfg", "exec"), scope)
+    return scope["ACTUATORS"][name], projection
+
+
+def test_the_torque_of_the_drive_is_that_of_the_model():
+    """Isaac Lab: kt/R vin clip(kp_fw error_gain e, max_pwm) - kt^2/R v - friction_viscous v and a friction budget."""
+    cfg, projection = configured(*SERVO)
+    motor = cfg["motor"]
+    error, v = np.meshgrid(np.linspace(-0.5, 0.5, 41), np.linspace(-3.0, 3.0, 13))
+    duty = np.clip(cfg["kp_fw"] * motor["error_gain"] * error, -motor["max_pwm"], motor["max_pwm"])
+    electric = motor["kt"] / motor["resistance"] * (cfg["vin"] * duty - motor["kt"] * v)
+    found = electric - motor["friction_viscous"] * v
+    np.testing.assert_allclose(
+        found, 0.5 * np.clip(40.0 * error, -9.0, 9.0) - 0.8 * v, rtol=0, atol=1e-9
+    )  # numbers are written with ten digits
+    peak = motor["friction_stribeck"] * np.exp(-((abs(v) / motor["dtheta_stribeck"]) ** motor["alpha"]))
+    budget = motor["friction_base"] + peak
+    np.testing.assert_allclose(budget, 0.3 + 0.2 * np.exp(-((abs(v) / 0.4) ** 1.5)), rtol=1e-12)
+    assert (motor["model"], cfg["armature"], motor["max_current"]) == ("m2", 0.02, 0.0)
+    assert projection.losses == () and projection.refit is None
+    assert not {"stiffness", "damping", "min_delay"} & set(cfg)
+
+
+def test_the_model_is_the_smallest_that_has_the_friction():
+    assert configured(VISCOUS)[0]["motor"]["model"] == "m1"
+    loaded = EffectValue("load_dependent_friction", {"load_friction": 0.12})
+    cfg, projection = configured(VISCOUS, loaded)
+    assert (cfg["motor"]["model"], cfg["motor"]["load_friction_external"]) == ("m5", 0.12)
+    assert [(loss.effect, loss.partly) for loss in projection.losses] == [("load_dependent_friction", True)]
+
+
+def test_a_limit_beyond_the_supply_is_the_supply():
+    assert configured(VISCOUS, EffectValue("saturation", {"limit": 15.0}))[0]["motor"]["max_pwm"] == 1.0
+
+
+def test_a_delay_is_of_whole_physics_steps():
+    cfg, projection = configured(VISCOUS, EffectValue("delay.command", {"delay": 0.011}))
+    assert (cfg["min_delay"], cfg["max_delay"]) == (2, 2)
+    assert all(loss.effect == "delay.command" and loss.partly for loss in projection.losses)
+    assert len(projection.losses) == 2  # rounded, and a delay of the position command alone
+
+
+def test_what_it_cannot_be_made_of_is_refused():
+    servo = ActuatorModel("knee", Drive("position_servo", 2e-4), (VISCOUS,))
+    with pytest.raises(ParamsError, match="isaaclab-bam: BAM's servo is driven by a voltage"):
+        to_isaaclab_bam([project(servo, TARGETS["isaaclab-bam"])], None, SETTINGS)
+    voltage = ActuatorModel("knee", Drive("voltage", 2.0), (VISCOUS,))
+    with pytest.raises(ParamsError, match="--torque-constant KT"):
+        to_isaaclab_bam([project(voltage, TARGETS["isaaclab-bam"])], None, SETTINGS)
+    for wrong in (0.0, -1.0, float("nan"), float("inf")):
+        with pytest.raises(ParamsError, match=r"--supply-voltage: expected a positive number \[V\]"):
+            ServoSettings(wrong, 40.0)
+        with pytest.raises(ParamsError, match=r"--position-gain: expected a positive number \[V/rad\]"):
+            ServoSettings(12.0, wrong)
+
+
+def test_the_command(tmp_path, capsys):
+    path = tmp_path / "model.yaml"
+    save_models({"knee": ActuatorModel("knee", Drive("voltage", 2.0), SERVO)}, path)
+    call = ["export", str(path), "--to", "isaaclab-bam", "--torque-constant", "1.2"]
+    assert run([*call, "--supply-voltage", "12"]) == 2
+    assert "expected --supply-voltage and --position-gain" in capsys.readouterr().err
+    assert run([*call, "--supply-voltage", "12", "--position-gain", "40"]) == 0
+    printed = capsys.readouterr()
+    assert "BamMotorCfg(" in printed.out and "Isaac Lab (BAM) expresses all effects of this model." in printed.err
