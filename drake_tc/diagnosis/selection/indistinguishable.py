@@ -23,10 +23,10 @@ def indistinguishable(
 
     Next to nothing: the cross-validated error rises by less than 2 % and the chosen effect is the better one in
     fewer than 98 % of the block resamples, or the two predictions are the same up to a hundredth. An effect with more
-    parameters that fits no better is no rival: it contains the chosen one or imitates it. A delay and a lag are also
-    listed when the better one explains less than half a noise floor more, which would not count as an effect, over all
-    rows and in each run: a run that was made to tell them apart shall not be diluted by those that cannot. A wave that
-    was not seen to repeat is not chosen, but is listed beside the curve over the position that stands for it.
+    parameters that fits no better is no alternative: it contains the chosen one or imitates it. A delay and a lag are
+    also listed when the better one explains less than half a noise floor more, which would not count as an effect,
+    over all rows and in each run: a run that was made to tell them apart shall not be diluted by those that cannot. A
+    wave that was not seen to repeat is not chosen, but is listed beside the curve over the position that stands for it.
 
     Args:
         columns: Training rows.
