@@ -8,7 +8,7 @@ import numpy as np
 from drake_tc.diagnosis.problem.columns import Columns, Term, prior_coefficients
 from drake_tc.diagnosis.problem.parameters import physical_parameters, shape_places, with_shapes
 from drake_tc.diagnosis.problem.regression import Fit
-from drake_tc.effects.base import EFFORT_UNIT, DriveKind
+from drake_tc.effects.base import EFFORT_UNIT
 from drake_tc.effects.link_load import LinkLoad
 from drake_tc.effects.within_tolerance import WithinTolerance
 from drake_tc.identification.autocorrelation import critical_value_95
@@ -144,7 +144,7 @@ def _undetermined(jacobian: FloatArray, dead: BoolArray, coefficients: int) -> B
     return out
 
 
-def unit_on_drive(unit: str, drive: DriveKind, torque: str) -> str:
+def unit_on_drive(unit: str, drive: str, torque: str) -> str:
     """A parameter's unit on this drive, with `torque` in place of N*m where torques are told as effort."""
     unit = unit.replace("effort", EFFORT_UNIT[drive])
     if torque == "N*m":

@@ -104,10 +104,10 @@ def rejected_effects(
         train_gain = float(comparison.gain[0])
         gain = 1.0 - rms(predict(held, tried)) / base
         reason = _reason(comparison, problem, explained, thresholds)
-        if member.id in withdrawn:
-            reason = "withdrawn"
         if reason == "too_little_gain" and member.id == "saturation" and _faster(columns, held):
             reason = "untested"
+        elif member.id in withdrawn:
+            reason = "withdrawn"
         entry = RejectedEffect(
             member.key,
             member.id,
