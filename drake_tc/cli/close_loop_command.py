@@ -97,7 +97,7 @@ def close_loop_command(
         )
     if rig is not None and not (log and holdout):
         raise LogError(
-            "expected at least one --log RUN to fit and one --holdout RUN to judge by, got "
+            "expected at least one --log RUN to fit and one --holdout RUN to test, got "
             f"{len(log or [])} and {len(holdout or [])}"
         )
     if declared is not None and rig is None:
@@ -188,7 +188,7 @@ def _tell_declared(rig: Path, declared: Path) -> None:
 def _demo(
     folder: Path, seed: int, force: bool, progress: Callable[[str, float], None]
 ) -> tuple[Path, list[Path], list[Path]]:
-    """Rig file, runs to fit and runs to judge by of a simulated bench, recorded into `folder`."""
+    """Rig file, training runs and held-out runs of a simulated bench, recorded into `folder`."""
     from drake_tc.cli.demo import record_demo
 
     progress("recording a demo bench", 0.0)

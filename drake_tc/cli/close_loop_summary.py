@@ -14,6 +14,8 @@ from drake_tc.diagnosis.problem.estimates import Estimate
 from drake_tc.diagnosis.result.closed_loop import JointClosedLoop
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult
+from drake_tc.diagnosis.result.run_errors import mean_absolute_errors
+from drake_tc.report.consistency_table import BY
 from drake_tc.report.export_section import cells, headings
 from drake_tc.report.links_section import links_sentence, payload_sentences
 from drake_tc.report.numbers import NOT_IDENTIFIED, pretty_unit
@@ -90,15 +92,15 @@ def _print_joint(console: Console, joint: JointResult) -> None:
     for effect in joint.effects:
         values = ", ".join(_value(n, p) for n, p in effect.parameters.items())
         gain = f"held-out gain {100 * effect.heldout_gain:.0f} %"
-        _say(console, f"  + [bold]{effect.id}[/bold]  {values}  ({gain})")
+        _say(console, f"  + [bold]{effect.key}[/bold]  {values}  ({gain})")
     for withdrawn in joint.did_not_hold:
-        _say(console, f"  - {withdrawn.id} did not hold ({REASONS[withdrawn.reason]}): {escape(withdrawn.why)}")
+        _say(console, f"  - {withdrawn.key} did not hold ({REASONS[withdrawn.reason]}): {escape(withdrawn.why)}")
     for moving in (p for p in joint.consistency if p.moves):
         where = "drive" if moving.effect == "drive" else moving.effect
         _say(
             console,
             f"  * {where} {moving.name} changes by {100 * moving.change:.0f} % between parts of the logs that differ "
-            f"in {moving.by}",
+            f"in {BY[moving.by]}",
         )
     for warning in warnings(joint):
         _say(console, f"  ! {escape(warning)}")
@@ -145,9 +147,13 @@ def _errors_table(joint: JointResult) -> Table:
     table = Table(box=None, padding=(0, 2))
     for header in ("", "train", "held-out", escape("free run [rad]")):
         table.add_column(header, justify="left" if not header else "right")
+    absolute = mean_absolute_errors(joint)
     for name, errors in (("before", joint.before), ("after", joint.after)):
         free = "-" if errors.free_run_heldout is None else f"{errors.free_run_heldout:.3g}"
         table.add_row(name, f"{errors.train:.3g} {joint.unit}", f"{errors.heldout:.3g} {joint.unit}", free)
+        figures = [(absolute[name]["train"], f" {joint.unit}"), (absolute[name]["heldout"], f" {joint.unit}")]
+        figures.append((absolute[name]["free_run_heldout"], ""))
+        table.add_row("  mean absolute", *("-" if value is None else f"{value:.3g}{unit}" for value, unit in figures))
     refined = joint.refinement
     if refined is not None and refined.accepted:
         figures = [(refined.error_train, joint.unit), (refined.error_heldout, joint.unit)]

@@ -1,6 +1,6 @@
 """The demo's rig: a simulated servo joint on a bench, whose owner's model lacks something.
 
-    record_demo(folder, seed) -> rig.yaml, the runs to fit, the runs to judge by
+    record_demo(folder, seed) -> rig.yaml, the training runs, the held-out runs
 
 A pendulum on a position servo of high gear ratio, simulated by `drake_tc.loops.joint_bench`. The rig file declares
 the rotor's inertia, and viscous and Coulomb friction as always; what else the simulated joint has is left out of it

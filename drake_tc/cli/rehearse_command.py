@@ -44,19 +44,19 @@ def rehearse_command(
     if not 1 <= repeats <= 200:
         raise ParamsError(f"--repeats: expected 1 to 200, got {repeats}")
     effect_id, size = parse_effect(with_)
-    judged = list(holdout or log[-1:])
-    fitted = [path for path in log if path not in judged]
+    tested = list(holdout or log[-1:])
+    fitted = [path for path in log if path not in tested]
     if not fitted:
-        raise LogError(f"expected at least two runs, one --log RUN to fit and one to judge by, got {len(log)}")
+        raise LogError(f"expected at least two runs, one --log RUN to fit and one to test, got {len(log)}")
     with (
-        result_folder(out, "--out", names=FILES, inputs=[rig, *log, *judged], force=force, error=ParamsError) as folder,
+        result_folder(out, "--out", names=FILES, inputs=[rig, *log, *tested], force=force, error=ParamsError) as folder,
         progress_bar("rehearse", quiet=as_json) as progress,
         processes(jobs) if jobs > 1 else nullcontext() as pool,
     ):
         read = load_rig(rig)
         name = _joint(read.joints, joint)
         progress("reading", 0.0)
-        runs = load_runs([*fitted, *judged], read)
+        runs = load_runs([*fitted, *tested], read)
         held = [run.name for run in runs[len(fitted) :]]
         twin = twin_of(read, runs, name)
         found = rehearse(twin, effect_id, size, held, repeats=repeats, seed=seed, executor=pool, progress=progress)

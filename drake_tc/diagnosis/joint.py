@@ -134,7 +134,7 @@ def diagnose_joint(
 
     Args:
         train_runs: To fit.
-        held_runs: To judge by.
+        held_runs: Held-out runs.
         rig: Says drive, load and what is declared.
         joint: Which.
         options: Thresholds and seed.
@@ -186,6 +186,7 @@ def diagnose_joint(
     final_parameters = parameters_of(columns, chosen, context.drive)
     effects = found_effects(columns, held, chosen, baseline.terms, final_parameters, stability)
     kept = {e.id for e in effects}
+    did_not_hold = (*stage.passed_over, *confirmed.withdrawn)
     load_notes = (
         *load_scale(rig, joint).notes,
         *drive_notes(rig, joint, final_parameters, chosen.gain),
@@ -208,22 +209,31 @@ def diagnose_joint(
         after=Errors(rms(splits[0].after), rms(splits[1].after), None),
         effects=effects,
         rejected=rejected_effects(
-            columns, held, chosen, context, options.search, stage.obstacles, floor, options.effects
+            columns,
+            held,
+            chosen,
+            context,
+            options.search,
+            stage.obstacles,
+            floor,
+            options.effects,
+            baseline,
+            {each.id for each in did_not_hold},
         ),
         indistinguishable=alternatives,
         next_experiment=next_experiment(
             alternatives,
             unexplained,
             stage.obstacles,
-            [each.reason for each in (*stage.passed_over, *confirmed.withdrawn)],
+            [each.reason for each in did_not_hold],
         ),
         unexplained=unexplained,
         verdict=verdict_of(unexplained, found=bool(effects)),
         train=splits[0],
         heldout=splits[1],
-        did_not_hold=(*stage.passed_over, *confirmed.withdrawn),
+        did_not_hold=did_not_hold,
         runs=tuple(run_errors(splits)),
-        consistency=consistency(columns, chosen),
+        consistency=consistency(columns, chosen, context.drive),
         plausible=plausible_ranges(chosen, context),
         shared_band=shared_band(*splits),
         load_notes=load_notes,

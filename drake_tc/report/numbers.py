@@ -69,9 +69,11 @@ def fold(before: float, after: float) -> str:
 
 
 def times(before: float, after: float) -> str:
-    """`fold` for a sentence: "46 times smaller", "1.3 times larger", or "by an unknown factor"."""
-    if fold(before, after) == UNKNOWN:
-        return "by an unknown factor"
+    """`fold` for a sentence: "46 times smaller", "1.3 times larger", or why there is no ratio."""
+    if not (math.isfinite(before) and math.isfinite(after)):
+        return "no ratio, because one of them could not be computed"
+    if before <= 0.0 or after <= 0.0:
+        return "no ratio, because one of them is zero"
     ratio, word = (before / after, "smaller") if after <= before else (after / before, "larger")
     return f"{significant(ratio, 2 if ratio < 99.5 else 3)} times {word}"
 

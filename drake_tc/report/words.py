@@ -31,6 +31,7 @@ REASONS: dict[Withdrawal, str] = {
     "no_longer_needed": "explains too little without the withdrawn effects",
     "worse_than_declared": "the declared model has the smaller error",
 }
+NO_FLOOR = "there is no noise floor, because the logs show neither noise nor steps of the sensors"
 
 
 def joined(words: Sequence[str]) -> str:
@@ -63,14 +64,14 @@ def headline(joint: JointResult) -> str:
     before, after, floor = joint.before.heldout, joint.after.heldout, joint.noise_floor
     scale = scale_for(max((e for e in (before, after) if np.isfinite(e)), default=0.0), joint.unit)
     names = joined([e.title for e in joint.effects])
-    above = f"{significant(after / floor)} times the noise floor" if floor > 0.0 else "and the noise floor is unknown"
+    above = f"{significant(after / floor)} times the noise floor" if floor > 0.0 else f"and {NO_FLOOR}"
     change = (
         f"the held-out error goes from {scale.quantity(before)} to {scale.quantity(after)} ({times(before, after)}), "
         f"{above}"
     )
     if joint.verdict == "no_missing_effect" and floor <= 0.0:
         error = scale.quantity(after)
-        return f"The declared model explains the data: its held-out error is {error}. The noise floor is unknown."
+        return f"The declared model explains the data: its held-out error is {error}. {capital(NO_FLOOR)}."
     if joint.verdict == "no_missing_effect":
         return f"The declared model explains the data: its held-out error of {scale.quantity(after)} is {above}."
     with_them = "With it" if len(joint.effects) == 1 else "With them"

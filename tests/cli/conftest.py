@@ -15,7 +15,7 @@ SHORT = DemoLength(duration=8.0, period=2e-3, step=2.5e-4)
 
 @dataclass(frozen=True)
 class Bench:
-    """Files of a rig: what to fit and what to judge by."""
+    """Files of a rig: training runs and a held-out run."""
 
     rig: Path
     logs: tuple[Path, ...]

@@ -98,9 +98,25 @@ JOINT = fields(
     {
         "baseline": fields({"effects": each(text), "parameters": named(named(number_or_null))}),
         "noise_floor": number_or_null,
-        "error": fields({"unit": one_of("rad", "A", "V", "N*m"), "before": ERRORS, "after": ERRORS}),
+        "error": fields(
+            {
+                "unit": one_of("rad", "A", "V", "N*m"),
+                "before": ERRORS,
+                "after": ERRORS,
+                "mean_absolute": fields({"before": ERRORS, "after": ERRORS}),
+            }
+        ),
         "effects": each(
-            fields({"id": text, "parameters": named(PARAMETER), "heldout_gain": number, "stability": number})
+            fields(
+                {
+                    "id": text,
+                    "key": text,
+                    "title": text,
+                    "parameters": named(PARAMETER),
+                    "heldout_gain": number,
+                    "stability": number,
+                }
+            )
         ),
         "rejected": each(fields({"id": text, "heldout_gain": number_or_null, "why": text})),
         "did_not_hold": each(fields({"id": text, "why": text})),

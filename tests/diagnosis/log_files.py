@@ -27,15 +27,16 @@ class Logs:
     train: tuple[Path, ...]
     held: tuple[Path, ...]
 
-    def report(self, *, assess_residual: bool = True) -> dict[str, Any]:
+    def report(self, *, assess_residual: bool = True, seed: int = 0) -> dict[str, Any]:
         """report.json of `close-loop`.
 
-        `assess_residual=False` leaves out what it says of the residual, which takes longest.
+        `assess_residual=False` leaves out what it says of the residual, which takes longest; `seed` is that of the
+        resampling.
 
         Raises:
             DrakeTcError: the input is refused.
         """
-        options = DiagnosisOptions(assess_residual=assess_residual)
+        options = DiagnosisOptions(assess_residual=assess_residual, seed=seed)
         return result_json(close_loop(self.rig, self.train, self.held, options))
 
 

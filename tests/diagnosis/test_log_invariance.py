@@ -1,4 +1,4 @@
-"""What must not change a diagnosis: the order and the names of the files, units, and the direction of the joint."""
+"""What must not change a diagnosis: order and names of the files, units, the direction of the joint, and the seed."""
 
 from dataclasses import replace
 from typing import Any
@@ -60,3 +60,7 @@ def test_units_as_declared_change_nothing(tmp_path, plain: dict[str, Any]) -> No
 def test_the_direction_of_the_joint_changes_nothing(tmp_path, plain: dict[str, Any]) -> None:
     units = {"position": "-rad", "current": "-A", "torque": "-N*m"}
     require_same(write_logs(tmp_path, NOISY, rig={"units": units}).report(), plain)
+
+
+def test_the_seed_of_the_resampling_changes_no_figure(logs: Logs, plain: dict[str, Any]) -> None:
+    require_same(logs.report(seed=1), plain)

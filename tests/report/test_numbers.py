@@ -92,8 +92,8 @@ def test_an_interval_sets_the_digits(estimate: tuple[float, float, float], shown
     [
         (46.2, 1.0, "46 ×", "46 times smaller"),
         (1.0, 2.0, "0.50 ×", "2.0 times larger"),
-        (0.0, 1.0, "–", "by an unknown factor"),
-        (math.nan, 1.0, "–", "by an unknown factor"),
+        (0.0, 1.0, "–", "no ratio, because one of them is zero"),
+        (math.nan, 1.0, "–", "no ratio, because one of them could not be computed"),
     ],
 )
 def test_fold(before: float, after: float, text: str, sentence: str) -> None:

@@ -69,7 +69,7 @@ def test_a_parameter_that_acts_as_the_others_do_is_called_not_identified(joint: 
 
 
 def by_run(effect: str, name: str, values: dict[str, tuple[float, float, float]]) -> ParameterByCondition:
-    return ParameterByCondition(effect, name, "run", values, 0.1, 0.5, False)
+    return ParameterByCondition(effect, name, "N*m", "run", values, 0.1, 0.5, False)
 
 
 def test_runs_are_drawn_in_the_parameters_unit(joint: JointResult) -> None:

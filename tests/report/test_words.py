@@ -82,9 +82,11 @@ def test_nothing_is_missing(joint):
     )
 
 
-def test_a_floor_of_nothing_is_unknown(joint):
+def test_a_floor_of_nothing_has_its_reason(joint):
     none = replace(with_errors(joint, 0.004, 0.004, 0.0), effects=(), verdict="no_missing_effect")
-    assert plain(headline(none)).endswith("held-out error is 4.00 mA. The noise floor is unknown.")
+    assert plain(headline(none)).endswith(
+        "is 4.00 mA. There is no noise floor, because the logs show neither noise nor steps of the sensors."
+    )
 
 
 @pytest.mark.parametrize("found", [False, True])
@@ -211,12 +213,14 @@ def test_what_must_not_be_overlooked(joint):
 
 
 def test_parameters_that_move_come_first_with_all_their_values(joint):
-    still = ParameterByCondition("viscous", "viscous", "load", {"small load": (5.0, 4.0, 6.0)}, 0.02, 0.4, False)
+    still = ParameterByCondition(
+        "viscous", "viscous", "N*m*s/rad", "load", {"small load": (5.0, 4.0, 6.0)}, 0.02, 0.4, False
+    )
     moved = ParameterByCondition(
-        "drive", "gain", "run", {"a": (0.1, 0.09, 0.11), "b": (0.2, 0.19, 0.21)}, 0.667, 0.0, True
+        "drive", "gain", "A/(N*m)", "run", {"a": (0.1, 0.09, 0.11), "b": (0.2, 0.19, 0.21)}, 0.667, 0.0, True
     )
     first, second = consistency_rows(replace(joint, consistency=(still, moved)))
-    assert (first.parameter, first.by, first.moves) == ("drive: gain", "run", True)
+    assert (first.parameter, first.unit, first.by, first.moves) == ("drive: gain", "A/(N·m)", "run", True)
     assert plain(first.change) == "67 %"
     assert [(part, value) for part, value, _ in first.values] == [("a", "0.100"), ("b", "0.200")]
     assert first.values[1][2] == "[0.190, 0.210]"
@@ -232,7 +236,11 @@ def test_parameters_that_move_come_first_with_all_their_values(joint):
         (RejectedEffect("delay", "delay", 0.3, 0.034, "too_little_gain"), "lowers the cross-validated error by 3.4 %"),
         (RejectedEffect("delay", "delay", 0.3, 0.2, "below_floor"), "less than the sensors resolve"),
         (RejectedEffect("delay", "delay", 0.3, 0.2, "unstable", share=0.71), "in only 71 % of the resamples"),
+        (RejectedEffect("delay", "delay", 0.3, 0.02, "too_little_gain", least_gain=0.03), "2.0 %, less than 3 %"),
+        (RejectedEffect("delay", "delay", 0.3, 0.2, "too_little_evidence"), "too few independent samples"),
         (RejectedEffect("delay", "delay", 0.3, 0.2, "imperfect_form"), "an error in their form"),
+        (RejectedEffect("delay", "delay", 0.3, 0.2, "withdrawn"), "did not hold"),
+        (RejectedEffect("delay", "delay", 0.3, 0.2, "not_chosen"), "compares whole sets of effects"),
     ],
 )
 def test_why_an_effect_was_not_added(rejected, said):

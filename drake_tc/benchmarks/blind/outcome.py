@@ -9,8 +9,8 @@ from typing import Any
 from drake_tc.benchmarks.blind.registry import NOTHING, OUTSIDE, RESIDUAL, RIGHT_VERDICTS, STRUCTURE
 from drake_tc.benchmarks.blind.spec import BlindError
 
-UNTESTED_WORDS = ("untested", "not tested", "cannot be looked for")
-"""Words by which a report's `why` says that the logs do not test an effect."""
+UNTESTED = "untested"
+"""The `reason` by which a report says that the logs do not test an effect."""
 
 
 @dataclass(frozen=True)
@@ -186,11 +186,10 @@ def _verdict(report: Mapping[str, Any], oracle: float) -> dict[str, Any]:
 
 
 def _untested(joint: Mapping[str, Any]) -> frozenset[str]:
-    """Effects of which the report says that the logs do not test them: `untested`, or the `why` of a rejected one."""
+    """Effects of which the report says that the logs do not test them: `untested`, or the `reason` of an entry."""
     said = [entry if isinstance(entry, str) else entry["id"] for entry in joint.get("untested", [])]
     entries = [*joint.get("rejected", []), *joint.get("did_not_hold", [])]
-    words = [e["id"] for e in entries if any(word in str(e.get("why", "")).lower() for word in UNTESTED_WORDS)]
-    return frozenset([*said, *words])
+    return frozenset([*said, *(e["id"] for e in entries if e.get("reason") == UNTESTED)])
 
 
 def _read(path: Path) -> Any:

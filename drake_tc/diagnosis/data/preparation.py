@@ -193,6 +193,7 @@ def build_samples(
         load_unknown=unknown_form(load) is not None,
         effort_age=effort_age,
         torque_unit=EFFORT_UNIT[rig.drive[joint]] if scale.as_effort else "N*m",
+        loop_gains=tuple(float(np.median(run.columns.get(f"{joint}/position_gain", np.nan))) for run in runs),
     )
 
 

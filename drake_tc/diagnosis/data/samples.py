@@ -42,6 +42,7 @@ class Samples:
         effort_age: By how many sampling periods the command or effort that acts is older than the recorded one.
         link_prior: Of the columns `signals.links`; None where the links' parameters are not fitted.
         sensor_prior: Of the joint's own sensor errors; None where no tolerance is declared.
+        loop_gains: By run, the gain of the position loop around the drive [effort/rad], NaN where none is recorded.
     """
 
     signals: Signals
@@ -63,6 +64,7 @@ class Samples:
     torque_unit: str = "N*m"
     link_prior: LinkPrior | None = None
     sensor_prior: SensorPrior | None = None
+    loop_gains: tuple[float, ...] = ()
 
     def __getstate__(self) -> dict[str, object]:
         """The fields alone, without what has been computed from them."""

@@ -15,6 +15,7 @@ from drake_tc.identification.autocorrelation import critical_value_95
 from drake_tc.identification.regression import least_squares
 from drake_tc.types import BoolArray, FloatArray
 
+GAIN_UNIT = "effort/(N*m)"
 COLLINEAR = 1e-12
 """Least eigenvalue of the scaled columns' Gram matrix, below which it is asked what a shape adds to the others."""
 UNSEEN = 1e-9
@@ -91,11 +92,11 @@ def estimates(columns: Columns, fitted: Fit, drive: str) -> Mapping[str, Mapping
     covariance[np.ix_(~dead, ~dead)] = linear.hac_covariance
     critical = critical_value_95(linear.bandwidth, columns.target.size)
     named = physical_parameters(fitted, fitted.beta, values)
-    units = {"drive": {"gain": f"{EFFORT_UNIT[drive]}/(N*m)"}}
+    units = {"drive": {"gain": unit_on_drive(GAIN_UNIT, drive, "N*m")}}
     bounds: dict[str, dict[str, tuple[float, float]]] = {"drive": {"gain": (0.0, np.inf)}}
     for term in fitted.terms:
         ps = term.effect.parameters
-        units[term.effect.key] = {p.name: _unit(p.unit, drive, columns.samples.torque_unit) for p in ps}
+        units[term.effect.key] = {p.name: unit_on_drive(p.unit, drive, columns.samples.torque_unit) for p in ps}
         bounds[term.effect.key] = {p.name: (p.lower, p.upper) for p in ps}
     out: dict[str, dict[str, Estimate]] = {}
     for key, group in named.items():
@@ -143,7 +144,7 @@ def _undetermined(jacobian: FloatArray, dead: BoolArray, coefficients: int) -> B
     return out
 
 
-def _unit(unit: str, drive: str, torque: str) -> str:
+def unit_on_drive(unit: str, drive: str, torque: str) -> str:
     """A parameter's unit on this drive, with `torque` in place of N*m where torques are told as effort."""
     unit = unit.replace("effort", EFFORT_UNIT[drive])
     if torque == "N*m":

@@ -102,7 +102,7 @@ def prepare_joint(
 
     Args:
         train_runs: To fit.
-        held_runs: To judge by; where there are none, the training rows stand for them.
+        held_runs: Held-out runs; where there are none, the training rows stand for them.
         rig: Says drive, load and what is declared.
         joint: Which.
         compliance: As in `build_samples` [rad/(N m)].

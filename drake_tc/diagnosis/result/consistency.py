@@ -1,4 +1,4 @@
-"""Does each parameter have one value? Refitted by run, by load and by direction of motion.
+"""Does each parameter have one value? Refitted by run, by gain of the loop, by load and by direction of motion.
 
 A coefficient theta_k of the final model gets one value in each part of the rows, all other coefficients one value
 everywhere:
@@ -21,9 +21,10 @@ import numpy as np
 from scipy.stats import chi2, norm
 
 from drake_tc.diagnosis.problem.columns import Columns, prior_coefficients
-from drake_tc.diagnosis.problem.estimates import block_lengths
+from drake_tc.diagnosis.problem.estimates import GAIN_UNIT, block_lengths, unit_on_drive
 from drake_tc.diagnosis.problem.regression import Fit
 from drake_tc.diagnosis.result.joint_result import ParameterByCondition
+from drake_tc.effects.base import EFFORT_UNIT, DriveKind
 from drake_tc.errors import IdentificationError
 from drake_tc.identification.autocorrelation import critical_value_95
 from drake_tc.identification.linear_fit import LinearFit
@@ -52,38 +53,48 @@ class Split:
     part: IntArray
 
 
-def splits(columns: Columns) -> Iterator[Split]:
-    """By run, by the size of the load, and by direction of motion."""
+def splits(columns: Columns, drive: DriveKind) -> Iterator[Split]:
+    """By run, by the gain of the position loop, by the size of the load, and by direction of motion."""
     samples = columns.samples
     runs = np.unique(samples.run)
     if 2 <= runs.size <= MOST_RUNS:
         part = np.searchsorted(runs, samples.run)
         yield Split("run", tuple(samples.runs[int(r)] for r in runs), part)
+    gains = np.array(samples.loop_gains)[samples.run]
+    if np.isfinite(gains).all() and 2 <= (known := np.unique(gains)).size < runs.size:
+        yield Split(
+            "gain", tuple(f"{gain:.4g} {EFFORT_UNIT[drive]}/rad" for gain in known), np.searchsorted(known, gains)
+        )
     s = samples.signals.take(samples.rows)
     load = np.abs(s.expected_torque)
     yield Split("load", ("small load", "large load"), (load > np.median(load)).astype(int))
     yield Split("direction", ("backward", "forward"), (s.velocity > 0.0).astype(int))
 
 
-def consistency(columns: Columns, final: Fit) -> tuple[ParameterByCondition, ...]:
+def consistency(columns: Columns, final: Fit, drive: DriveKind) -> tuple[ParameterByCondition, ...]:
     """Every coefficient of the final model by every split in which the rows identify it.
 
     Args:
         columns: Training rows.
         final: The final model; its shapes stay as they are.
+        drive: Gives the unit of the effort.
     """
-    names = (("drive", "gain"), *((t.effect.key, p.name) for t in final.terms for p in t.effect.coefficients))
+    terms = [(t.effect.key, p.name, p.unit) for t in final.terms for p in t.effect.coefficients]
+    units = ("", *(unit for _, _, unit in terms))
+    names = tuple(
+        (key, name, unit_on_drive(unit, drive, columns.samples.torque_unit))
+        for key, name, unit in (("drive", "gain", GAIN_UNIT), *terms)
+    )
     design, target = columns.design(final.terms), columns.target
     held = prior_coefficients(final.terms)
     held[0] = columns.effort_is_target  # nothing in the rows tells the gain then
     target = target - design[:, held] @ final.beta[held]
     design, names = design[:, ~held], tuple(n for n, fixed in zip(names, held, strict=True) if not fixed)
-    units = ("", *(p.unit for t in final.terms for p in t.effect.coefficients))
     acceleration = float(np.sqrt(columns.samples.floor.encoder_gram[0, 0]))
     noise = np.array([acceleration if unit == "kg*m^2" else 0.0 for unit in units])[~held]
     rows = _Rows(design, target, names, block_lengths(columns), noise)
     out: list[ParameterByCondition] = []
-    for split in splits(columns):
+    for split in splits(columns, drive):
         if np.bincount(split.part, minlength=len(split.names)).min() >= FEWEST_ROWS:
             out += _parameters(rows, split)
     return tuple(out)
@@ -91,14 +102,14 @@ def consistency(columns: Columns, final: Fit) -> tuple[ParameterByCondition, ...
 
 @dataclass(frozen=True, eq=False)
 class _Rows:
-    """Design (N, m), target (N,), effect and name of the m coefficients, and lengths of the contiguous stretches.
+    """Design (N, m), target (N,), effect, name and unit of the m coefficients, and lengths of the contiguous stretches.
 
     `noise` (m,) is the RMS of the encoder's noise in the columns of inertias, 0 for the others.
     """
 
     design: FloatArray
     target: FloatArray
-    names: tuple[tuple[str, str], ...]
+    names: tuple[tuple[str, str, str], ...]
     lengths: Sequence[int]
     noise: FloatArray
 
@@ -145,7 +156,7 @@ def _by_part(rows: _Rows, split: Split, parted: Sequence[int]) -> LinearFit | No
         return None
 
 
-def _entry(split: Split, effect: str, name: str, found: LinearFit) -> ParameterByCondition:
+def _entry(split: Split, effect: str, name: str, unit: str, found: LinearFit) -> ParameterByCondition:
     count = len(split.names)
     values, interval = found.coefficients[:count], found.ci95[:count]
     wider = critical_value_95(found.bandwidth, found.residual.size) / float(norm.ppf(0.975))
@@ -159,7 +170,7 @@ def _entry(split: Split, effect: str, name: str, found: LinearFit) -> ParameterB
     intervals = {part: (float(v), float(a), float(b)) for part, (v, a, b) in zip(split.names, ends, strict=True)}
     change = float(np.ptp(ends[:, 0]) / max(float(np.mean(np.abs(ends[:, 0]))), 1e-300))
     moves = probability < SIGNIFICANT and change > LEAST_CHANGE
-    return ParameterByCondition(effect, name, split.by, intervals, change, probability, moves)
+    return ParameterByCondition(effect, name, unit, split.by, intervals, change, probability, moves)
 
 
 def _inverse(value: float, low: float, high: float) -> tuple[float, float, float]:

@@ -1,6 +1,6 @@
 """Free-run errors on held-out runs: the Drake diagram of each model, driven by the recorded command alone."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
 
@@ -48,7 +48,7 @@ def with_free_runs(
         time, recorded, simulated = trace
         traces.setdefault(run.name, {"time": time, "recorded": recorded})[name] = simulated
         squares[name].append((simulated - recorded) ** 2)
-    notes = () if traces else _why_none(result, models["after"])
+    notes = _diverged(traces) if traces else (_why_none(result, models["after"]),)
     figures = {name: _rms(parts) for name, parts in squares.items()}
     return replace(
         result,
@@ -65,16 +65,32 @@ def _with_figure(refinement: Refinement | None, error: float | None) -> Refineme
     return None if refinement is None else replace(refinement, free_run_heldout=error)
 
 
-def _why_none(result: JointResult, model: ActuatorModel) -> tuple[str, ...]:
-    """Why a joint whose load is unknown has no free run, as a sentence; () where its load is known."""
-    if result.load is None:
-        return ()
+def _why_none(result: JointResult, model: ActuatorModel) -> str:
+    """Why a joint has no free run, as a sentence."""
+    if result.load is not None and model.inertia > 0.0:
+        return (
+            "There is no free run: an effect of the model depends on the load torque at the gear, and the fitted "
+            "smooth load does not pass through the simulated gear."
+        )
+    if result.load is not None:
+        return "There is no free run: the fitted inertia is 0, so no torque could accelerate the joint."
     if model.inertia <= 0.0:
-        return ("There is no free run: the fitted inertia is 0, so no torque could accelerate the joint.",)
-    return (
-        "There is no free run: an effect of the model depends on the load torque at the gear, and the fitted smooth "
-        "load does not pass through the simulated gear.",
-    )
+        return (
+            "There is no free run: the model has no inertia that a torque could accelerate. The rig file can declare "
+            "`rotor_inertia`."
+        )
+    return "There is no free run: no held-out run has a stretch that can be simulated."
+
+
+def _diverged(traces: Mapping[str, Mapping[str, FloatArray]]) -> tuple[str, ...]:
+    """Names the models whose free runs leave the finite numbers, which is why they have no error."""
+    out = []
+    for model in ("before", "after", "refined"):
+        runs = [run for run, trace in traces.items() if model in trace and not np.isfinite(trace[model]).all()]
+        if runs:
+            name = "The refined model" if model == "refined" else f"The model {model}"
+            out.append(f"{name} has no free-run error, because its free run diverges on {', '.join(runs)}.")
+    return tuple(out)
 
 
 def _rms(parts: Sequence[FloatArray]) -> float | None:

@@ -10,11 +10,22 @@ from drake_tc.diagnosis.residual.unexplained import DataSplit, SharedBand, Unexp
 from drake_tc.diagnosis.result.plausible_ranges import PlausibleRange
 from drake_tc.diagnosis.result.refinement import Refinement
 from drake_tc.diagnosis.selection.withdrawal import DidNotHold
+from drake_tc.diagnosis.thresholds import JOINT
 from drake_tc.effects.base import DriveKind
 from drake_tc.effects.unknown_load import UnknownLoadEffect
 from drake_tc.types import FloatArray
 
-Rejection = Literal["too_little_gain", "below_floor", "unstable", "imperfect_form", "cannot_be_looked_for", "untested"]
+Rejection = Literal[
+    "too_little_gain",
+    "below_floor",
+    "unstable",
+    "too_little_evidence",
+    "imperfect_form",
+    "withdrawn",
+    "not_chosen",
+    "cannot_be_looked_for",
+    "untested",
+]
 """Why an effect was tried and not added, or could not be tried."""
 
 
@@ -50,8 +61,8 @@ class ParameterByCondition:
     """One coefficient of the final model, refitted in each part of the rows.
 
     Attributes:
-        effect, name: Which; the effect is "drive" for the drive gain.
-        by: What parts the rows: "run", "load" or "direction".
+        effect, name, unit: Which; the effect is "drive" for the drive gain. The unit is that of the coefficient.
+        by: What parts the rows: "run", "gain" of the position loop, "load" or "direction".
         values: Part to (value, lower, upper end of the 95 % interval).
         change: Spread of the values as a share of their mean size.
         probability: Of such differences under one common value.
@@ -60,6 +71,7 @@ class ParameterByCondition:
 
     effect: str
     name: str
+    unit: str
     by: str
     values: Mapping[str, tuple[float, float, float]]
     change: float
@@ -98,6 +110,7 @@ class RejectedEffect:
         heldout_gain, train_gain: 1 - error with it / without it, held out and cross-validated; 0 where not tried.
         reason: As a word. obstacle: why it could not be tried, in words; "" where it was.
         share: Of the block resamples in which it helped.
+        least_gain: Smallest `train_gain` that the search asks for.
     """
 
     key: str
@@ -107,6 +120,7 @@ class RejectedEffect:
     reason: Rejection
     obstacle: str = ""
     share: float = 0.0
+    least_gain: float = JOINT.least_gain
 
 
 @dataclass(frozen=True)

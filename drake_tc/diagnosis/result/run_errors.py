@@ -6,7 +6,7 @@ import numpy as np
 
 from drake_tc.diagnosis.data.samples import Samples
 from drake_tc.diagnosis.residual.unexplained import DataSplit
-from drake_tc.diagnosis.result.joint_result import RunErrors
+from drake_tc.diagnosis.result.joint_result import JointResult, RunErrors
 from drake_tc.diagnosis.root_mean_square import rms
 
 
@@ -19,6 +19,20 @@ def run_errors(splits: Sequence[DataSplit]) -> Iterator[RunErrors]:
                 before, after = split.before[mine], split.after[mine]
                 absolute = [float(np.mean(np.abs(x))) for x in (before, after)]
                 yield RunErrors(name, heldout, int(mine.sum()), rms(before), rms(after), *absolute)
+
+
+def mean_absolute_errors(joint: JointResult) -> dict[str, dict[str, float | None]]:
+    """Mean absolute errors of the models before and after, under the names that their RMS has in `Errors`."""
+    out: dict[str, dict[str, float | None]] = {}
+    for name in ("before", "after"):
+        traces = [trace for trace in joint.free_run.values() if name in trace]
+        free = float(np.mean(np.concatenate([np.abs(t[name] - t["recorded"]) for t in traces]))) if traces else np.nan
+        out[name] = {
+            "train": float(np.mean(np.abs(getattr(joint.train, name)))),
+            "heldout": float(np.mean(np.abs(getattr(joint.heldout, name)))),
+            "free_run_heldout": free if np.isfinite(free) else None,
+        }
+    return out
 
 
 def without_rows(parts: Sequence[Samples]) -> tuple[str, ...]:

@@ -14,6 +14,7 @@ from drake_tc.diagnosis.result.links import FittedLinks
 from drake_tc.diagnosis.result.refinement_json import free_runs_json, refinement_json
 from drake_tc.diagnosis.result.rejection import why_rejected
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult, SharedEffect
+from drake_tc.diagnosis.result.run_errors import mean_absolute_errors
 
 
 def _number(x: float | None) -> float | None:
@@ -50,6 +51,7 @@ def _by_condition(parameter: ParameterByCondition) -> dict[str, Any]:
     return {
         "effect": parameter.effect,
         "parameter": parameter.name,
+        "unit": parameter.unit,
         "by": parameter.by,
         "values": [
             {"part": part, "value": _number(value), "ci95": [_number(low), _number(high)]}
@@ -85,10 +87,17 @@ def joint_json(joint: JointResult) -> dict[str, Any]:
         },
         "load": _load(joint),
         "noise_floor": _number(joint.noise_floor),
-        "error": {"unit": joint.unit, "before": _errors(joint.before), "after": _errors(joint.after)},
+        "error": {
+            "unit": joint.unit,
+            "before": _errors(joint.before),
+            "after": _errors(joint.after),
+            "mean_absolute": json_value(mean_absolute_errors(joint)),
+        },
         "effects": [
             {
                 "id": e.id,
+                "key": e.key,
+                "title": e.title,
                 "parameters": {name: _estimate(p) for name, p in e.parameters.items()},
                 "heldout_gain": _number(e.heldout_gain),
                 "stability": _number(e.stability),
@@ -97,13 +106,19 @@ def joint_json(joint: JointResult) -> dict[str, Any]:
             for e in joint.effects
         ],
         "rejected": [
-            {"id": r.id, "heldout_gain": _number(r.heldout_gain), "reason": r.reason, "why": why_rejected(r)}
+            {
+                "id": r.id,
+                "key": r.key,
+                "heldout_gain": _number(r.heldout_gain),
+                "reason": r.reason,
+                "why": why_rejected(r),
+            }
             for r in joint.rejected
         ],
         "indistinguishable": [list(pair) for pair in joint.indistinguishable],
         "next_experiment": joint.next_experiment,
         "did_not_hold": [
-            {"id": d.id, "reason": d.reason, "why": d.why, "heldout_gain": _number(d.heldout_gain)}
+            {"id": d.id, "key": d.key, "reason": d.reason, "why": d.why, "heldout_gain": _number(d.heldout_gain)}
             for d in joint.did_not_hold
         ],
         "unexplained": {

@@ -107,7 +107,7 @@ class RobotCase:
 
         Args:
             train: Runs to fit.
-            held: Runs to judge by.
+            held: Held-out runs.
             joints: Which.
             priors: By joint, of the links' columns that the runs hold.
             among: By joint, the only effects that are looked for; None for the library.

@@ -32,7 +32,7 @@ def diagnose_robot(
     Args:
         logs: The robot's model.
         train_runs: As recorded, to fit.
-        held_runs: As recorded, to judge by.
+        held_runs: Held-out runs as recorded.
         rig: With a `RobotLoad`.
         options: Of the joints' own diagnosis.
         progress: Told how far it is.

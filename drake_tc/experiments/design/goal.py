@@ -164,7 +164,7 @@ def require_different(joint: DesignJoint, first: EffectForm, second: EffectForm)
 def _ties(joint: DesignJoint, truth: EffectForm, other: EffectForm) -> list[tuple[str, str, str]]:
     """(truth, form, proof) for the forms of the other effect that contain the truth with no more parameters.
 
-    A diagnosis takes the model with fewer parameters, so that a larger one that contains the truth is no rival.
+    A diagnosis takes the model with fewer parameters, so that a larger one that contains the truth is no alternative.
     """
     out = []
     for member in looked_for(joint.context):

@@ -138,14 +138,14 @@ def rehearse(
         progress: Told how far it is.
 
     Raises:
-        ParamsError: An effect that cannot act on this joint, or no run left to fit or to judge by.
+        ParamsError: An effect that cannot act on this joint, or no run left to fit or to test.
     """
     member = _member(twin, effect_id)
     told = size_of(member, twin.effects.numbers, twin.prepared.context)
     typical = told.typical if size is None else size
     names = [run.name for run in twin.runs]
     if not set(held) or not set(names) - set(held):
-        raise ParamsError(f"expected runs to fit and runs to judge by; runs: {', '.join(names)}; held out: {held}")
+        raise ParamsError(f"expected training runs and held-out runs; runs: {', '.join(names)}; held out: {held}")
     _require_possible(twin, member.id)
     jobs = [(0.0, seed + k) for k in range(repeats)]
     jobs += [(float(factor * typical), seed + k) for factor in factors for k in range(repeats)]
@@ -208,10 +208,10 @@ def diagnosed(
 ) -> Trial:
     """The answer to simulated runs."""
     train = [run for run in runs if run.name not in held]
-    judge = [run for run in runs if run.name in held]
+    held_out = [run for run in runs if run.name in held]
     try:
         with threadpool_limits(1):
-            report = diagnose_joint(train, judge, rig, joint, DiagnosisOptions())
+            report = diagnose_joint(train, held_out, rig, joint, DiagnosisOptions())
     except IdentificationError:
         return Trial(size, seed, (REFUSED,), found=False, alone=False, verdict="")
     named = tuple(dict.fromkeys(e.id for e in report.effects))

@@ -102,7 +102,7 @@ def test_shares(root: Path) -> None:
 
 def test_an_effect_that_does_not_act_in_training_is_to_be_called_untested(root: Path) -> None:
     silent = single("saturation") | {"acts_in_training": False}
-    why = {"id": "saturation", "why": "Untested: the effort stays below any limit."}
+    why = {"id": "saturation", "reason": "untested", "why": "The effort stays below any limit."}
     put(root, "s1", single("saturation", "weak") | {"acts_in_training": True}, report("saturation"))
     put(root, "s2", single("saturation", "strong") | {"acts_in_training": True}, report("delay"))
     put(root, "s3", silent, report(rejected=[why]))

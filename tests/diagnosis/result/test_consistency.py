@@ -29,7 +29,7 @@ def fitted(joints: Sequence[Joint], seed: int = 0) -> tuple[Columns, Fit]:
 
 def table(joints: Sequence[Joint], seed: int = 0) -> dict[tuple[str, str, str], ParameterByCondition]:
     """By parameter and what parts the rows."""
-    return {(p.effect, p.name, p.by): p for p in consistency(*fitted(joints, seed))}
+    return {(p.effect, p.name, p.by): p for p in consistency(*fitted(joints, seed), "current")}
 
 
 def moving(found: dict[tuple[str, str, str], ParameterByCondition]) -> set[tuple[str, str, str]]:
@@ -103,12 +103,27 @@ def test_a_gain_that_falls_with_the_load_moves_by_load():
     assert small > 1.1 * large
 
 
+def test_a_drive_gain_that_depends_on_the_gain_of_the_loop_moves_by_gain():
+    joints = [replace(NOISY, gain=gain) for gain in (0.08, 0.1, 0.08, 0.1)]
+    made = []
+    for k, (joint, loop_gain) in enumerate(zip(joints, (40.0, 160.0) * 2, strict=True)):
+        run = record(joint, f"run{k}", 0.37 * k, k)
+        made.append(replace(run, columns=run.columns | {"joint/position_gain": np.full(run.time.size, loop_gain)}))
+    columns = Columns(build_samples(made, rig_of(NOISY), "joint"))
+    found = {(p.effect, p.by): p for p in consistency(columns, fit(columns, DECLARED), "current")}["drive", "gain"]
+    assert found.moves and found.unit == "A/(N*m)"
+    assert list(found.values) == ["40 A/rad", "160 A/rad"]
+    assert_allclose([v[0] for v in found.values.values()], [0.08, 0.1], rtol=0.03)
+    each_its_own = Columns(build_samples(made[:2], rig_of(NOISY), "joint"))
+    assert "gain" not in {split.by for split in splits(each_its_own, "current")}  # the split by run says the same
+
+
 def test_each_parts_value_is_that_of_a_regression_with_one_column_a_part():
     columns, final = fitted([NOISY, replace(NOISY, coulomb=4.0)])
     x, z, run = columns.design(final.terms), columns.target, columns.samples.run
     wide = np.column_stack([x[:, :2], x[:, 2] * (run == 0), x[:, 2] * (run == 1)])
     beta = np.linalg.lstsq(wide, z, rcond=None)[0]
-    found = {(p.effect, p.by): p for p in consistency(columns, final)}["coulomb", "run"]
+    found = {(p.effect, p.by): p for p in consistency(columns, final, "current")}["coulomb", "run"]
     assert_allclose([v[0] for v in found.values.values()], beta[2:], rtol=1e-6)
     assert_allclose(found.change, abs(beta[3] - beta[2]) / np.mean(np.abs(beta[2:])), rtol=1e-6)
     assert all(low < value < high for value, low, high in found.values.values())
@@ -117,20 +132,20 @@ def test_each_parts_value_is_that_of_a_regression_with_one_column_a_part():
 def test_every_row_is_in_one_part_and_parts_are_what_they_say():
     columns, _ = fitted([NOISY] * 2)
     s = columns.samples.signals.take(columns.samples.rows)
-    made = {split.by: split for split in splits(columns)}
+    made = {split.by: split for split in splits(columns, "current")}
     assert list(made) == ["run", "load", "direction"]
     assert_allclose(made["run"].part, columns.samples.run)
     assert_allclose(made["direction"].part, s.velocity > 0.0)
     load = np.abs(s.expected_torque)
     assert load[made["load"].part == 0].max() <= load[made["load"].part == 1].min()
     assert abs(np.mean(made["load"].part) - 0.5) < 0.01
-    assert "run" not in [split.by for split in splits(fitted([NOISY])[0])]
+    assert "run" not in [split.by for split in splits(fitted([NOISY])[0], "current")]
 
 
 def test_parts_of_few_rows_are_left_out():
     columns, final = fitted([replace(NOISY, duration=8.0), replace(NOISY, duration=0.8)])
     assert np.bincount(columns.samples.run).min() < 200 < columns.samples.run.size
-    assert "run" not in {p.by for p in consistency(columns, final)}
+    assert "run" not in {p.by for p in consistency(columns, final, "current")}
 
 
 def test_a_gain_that_one_part_does_not_identify_has_no_upper_end():
@@ -145,7 +160,7 @@ def test_a_gain_that_one_part_does_not_identify_has_no_upper_end():
     wander = np.cumsum(np.random.default_rng(0).standard_normal(columns.target.size))
     target = np.where(samples.run == 1, 0.1 * wander, columns.target)
     blind = Columns(replace(samples, signals=faint), columns.gain, columns.floor, target)
-    found = {(p.effect, p.by): p for p in consistency(blind, final)}["drive", "run"]
+    found = {(p.effect, p.by): p for p in consistency(blind, final, "current")}["drive", "run"]
     value, low, high = found.values["run1"]
     assert low <= value <= high
     assert high == np.inf

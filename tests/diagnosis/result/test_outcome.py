@@ -71,12 +71,38 @@ def test_what_was_not_added_has_its_reason(made):
         "cannot_be_looked_for",
         "no temperature",
     )
-    assert by_id["quadratic_viscous"].reason == "imperfect_form"  # it would have helped
+    assert by_id["quadratic_viscous"].reason == "not_chosen"  # it would have helped
     assert by_id["quadratic_viscous"].train_gain > JOINT.least_gain
     assert by_id["torque_sensor_drift"].reason == "too_little_gain"
     assert [r.train_gain for r in found] == sorted((r.train_gain for r in found), reverse=True)
     deep = rejected_effects(p.columns, held, chosen, p.context, JOINT, [], 100.0 * floor_of(p))
     assert {r.id: r.reason for r in deep}["quadratic_viscous"] == "below_floor"
+
+
+@pytest.mark.parametrize(
+    ("stricter", "reason"),
+    [
+        ({"least_gain": 0.99}, "too_little_gain"),
+        ({"least_share": 1.01}, "unstable"),
+        ({"least_log_evidence": 1e9}, "too_little_evidence"),
+        ({"least_of_first": 1e3, "own_gain": 1.0}, "imperfect_form"),
+    ],
+)
+def test_the_reason_is_the_condition_that_was_not_met(made, stricter, reason):
+    p, held = made
+    chosen, thresholds = fit(p.columns, [*p.declared, BIAS]), replace(JOINT, **stricter)
+    found = rejected_effects(
+        p.columns, held, chosen, p.context, thresholds, [], floor_of(p), (QUADRATIC.effect,), p.baseline
+    )
+    assert [(r.id, r.reason, r.least_gain) for r in found] == [("quadratic_viscous", reason, thresholds.least_gain)]
+
+
+def test_an_effect_that_did_not_hold_is_not_said_to_be_small(made):
+    p, held = made
+    found = rejected_effects(
+        p.columns, held, p.baseline, p.context, JOINT, [], floor_of(p), (QUADRATIC.effect,), None, {"quadratic_viscous"}
+    )
+    assert [(r.id, r.reason) for r in found] == [("quadratic_viscous", "withdrawn")]
 
 
 @pytest.mark.parametrize(("factor", "reason"), [(1.05, "too_little_gain"), (1.2, "untested")])
