@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from scipy.interpolate import CubicSpline
+from scipy.signal import lsim
 
 from .log_files import Change, write_logs
 from .rigs import Joint, Motion, servo
@@ -44,6 +45,13 @@ def supply(time: np.ndarray) -> np.ndarray:
 def celsius(time: np.ndarray) -> np.ndarray:
     """A winding that warms by 60 K and cools down again."""
     return 25.0 + 60.0 * np.sin(np.pi * time / 16.0) ** 2
+
+
+def winding_current(m: Motion, effort: np.ndarray) -> np.ndarray:
+    """R i + k_e qdot (T,) of T di/dt + i = (V - k_e qdot)/R: what acts beside a back-EMF that counts as friction."""
+    response = effort - BACK_EMF * m.v
+    _, lagged, _ = lsim(([1.0], [0.02, 1.0]), response - response[0], m.time)
+    return np.asarray(lagged + response[0] + BACK_EMF * m.v)
 
 
 def warm(m: Motion, effort: np.ndarray) -> np.ndarray:
@@ -111,6 +119,9 @@ CASES = {
         with_column("temperature", celsius),
         "winding_temperature",
         {"resistance_per_kelvin": 0.0039, "back_emf": BACK_EMF},
+    ),
+    "a winding that lags": Case(
+        delivering(VOLTAGE, winding_current), plain, "current_lag.winding", {"lag": 0.02, "back_emf": BACK_EMF}
     ),
     "a gear that is hard to back-drive": Case(
         replace(QUIET, extra=gear_loss),

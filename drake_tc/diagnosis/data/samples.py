@@ -95,8 +95,17 @@ class Samples:
 
     @cached_property
     def _pieces(self) -> tuple[Signals, ...]:
-        """The signals of each stretch."""
-        return tuple(self.signals.take(segment) for segment in self.segments)
+        """The signals of each stretch, as `_settled` has them."""
+        return tuple(self.signals.take(self._settled(segment)) for segment in self.segments)
+
+    def _settled(self, segment: slice) -> IntArray:
+        """Indices of a stretch in which the filter's margins repeat the first and the last sample inside them.
+
+        The margins hold the other stretches' signals: the derivative of the jump between two runs would stay in the
+        memory of a lag beyond the margin.
+        """
+        edge = min(self.light.margin, (segment.stop - segment.start - 1) // 2)
+        return np.clip(np.arange(segment.start, segment.stop), segment.start + edge, segment.stop - 1 - edge)
 
     @cached_property
     def _final(self) -> tuple[BlockConvolution, IntArray]:
@@ -160,7 +169,7 @@ class Samples:
             if values is None:
                 parts.append(effect.columns(piece, shape))
             else:
-                parts.append(effect.transform(values[segment], piece, shape))  # type: ignore[attr-defined]
+                parts.append(effect.transform(values[self._settled(segment)], piece, shape))  # type: ignore[attr-defined]
         width = parts[0].shape[1:]
         out = np.zeros((len(self.signals), *width))
         for segment, part in zip(self.segments, parts, strict=True):
