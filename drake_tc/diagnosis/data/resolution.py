@@ -44,6 +44,7 @@ class Resolution:
         torque_noise: The same of the torque [N m].
         velocity_noise: Of the filtered velocity [rad/s].
         torque_correlation_time: Declared correlation time of the torque noise [s]; 0 for white noise.
+        torque_is_declared: Whether the rig file declares the torque noise, so that the log is not asked for its colour.
         effort_step: Step of the recorded command [rad | A | V | N m]; 0 where it lies on no grid.
         effort_noise: White noise of one sample of a recorded current, voltage or torque command; 0 of a position servo
             whose load is known.
@@ -60,6 +61,7 @@ class Resolution:
     torque_noise: float
     velocity_noise: float
     torque_correlation_time: float = 0.0
+    torque_is_declared: bool = False
     effort_step: float = 0.0
     effort_noise: float = 0.0
     effort_tells_load: bool = False

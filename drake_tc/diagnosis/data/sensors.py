@@ -49,6 +49,7 @@ def resolution_of(channels: Channels, rig: Rig, step: float, noise: float, light
         torque_noise=torque_noise,
         velocity_noise=noise * float(np.sqrt(np.sum(kernel**2))),
         torque_correlation_time=declared.torque_correlation_time or 0.0,
+        torque_is_declared=declared.torque_noise is not None,
         effort_step=channels.step(command),
         effort_noise=effort_noise,
         effort_tells_load=tells_load,

@@ -52,7 +52,7 @@ def what_is_left(
     if left.structured:
         return left, min(floors), notes
     levels = floors
-    if context.load == "torque":
+    if context.load == "torque" and not splits[0].samples.resolution.torque_is_declared:
         noise = [correlated_noise(s.samples, s.after / chosen.gain) for s in splits]
         levels = [
             max(each, n.rms * chosen.gain) if n is not None and n.is_noise else each
