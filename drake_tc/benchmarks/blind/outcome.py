@@ -86,8 +86,14 @@ class Outcome:
 
     @property
     def said_untested(self) -> bool:
-        """Whether the report says of every missing effect that the logs do not test it, or names it all the same."""
-        return self.answered and all(effect in self.untested or effect in self.named for effect in self.truth)
+        """Whether the report says of every missing effect that the logs do not test it, or names it all the same.
+
+        As elsewhere, an effect that it cannot tell from the missing one stands for it.
+        """
+        return self.answered and all(
+            effect in self.untested or any(self.stands_for(name, effect) for name in self.named)
+            for effect in self.truth
+        )
 
     def stands_for(self, said: str, true: str) -> bool:
         """Whether `said` is `true`, or the report itself says that the two cannot be told apart."""

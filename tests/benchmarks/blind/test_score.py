@@ -108,10 +108,11 @@ def test_an_effect_that_does_not_act_in_training_is_to_be_called_untested(root: 
     put(root, "s3", silent, report(rejected=[why]))
     put(root, "s4", silent, report(structured=True))
     put(root, "s5", silent, report(untested=["saturation"]))
+    put(root, "s6", silent, report("delay", ties=[["delay", "saturation"]]))  # found, up to what is told apart
     value = rows_of(root)
     assert value["saturation found where it acts in training"] == (0.5, 2, False)
     assert value["elasticity found where it acts in training"] == (1.0, 1, True)
-    np.testing.assert_allclose(value["called untested where it does not act"][0], 2 / 3)
+    np.testing.assert_allclose(value["called untested where it does not act"][0], 3 / 4)
     assert value["right effect first, middle"][1] == 4  # rigs whose cause no training run shows do not count
     assert value["other rigs flagged"][1] == 9
 
