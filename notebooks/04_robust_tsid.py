@@ -37,9 +37,9 @@ from drake_tc.control.torque_uncertainty_file import (
     save_torque_uncertainty,
 )
 from drake_tc.diagrams.papers.delprete2015.com_move import Sway, approximations
-from drake_tc.diagrams.papers.delprete2015.judge import judge
 from drake_tc.diagrams.papers.delprete2015.setup import PLAIN, ROBUST, SIGMA, W_COM, torque_error
 from drake_tc.diagrams.papers.delprete2015.simulation import solve_again
+from drake_tc.diagrams.papers.delprete2015.torque_safety import torque_safety
 from drake_tc.loops.whole_body.running import simulate_tsid
 from drake_tc.loops.whole_body.scenario import KnotSpec
 from drake_tc.loops.whole_body.summary import task_errors
@@ -135,7 +135,7 @@ print(f"widest 95 % interval of p: {100 * (found.high - found.low).max():.2f} po
 # %%
 asked = {}
 for way in (PLAIN, *ROBUST):
-    asked[way.name] = judge(solve_again(sway.scene(), way, W_COM, error, states), error, seed=0, groups=False)
+    asked[way.name] = torque_safety(solve_again(sway.scene(), way, W_COM, error, states), error, seed=0, groups=False)
 across = np.array([len(motion) / 3 <= every * i < 2 * len(motion) / 3 for i in range(len(states))])
 classic = asked[PLAIN.name]
 print(

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from functools import cache
 
-from drake_tc.diagrams.papers.delprete2015.judge import wilson
+from drake_tc.diagrams.papers.delprete2015.torque_safety import wilson
 from drake_tc.diagrams.papers.expected_values import expected_file, on_record
 
 TSID, SEA = "drake_tc/tsid/README.md", "diagrams/sea_joint.md"

@@ -17,8 +17,8 @@ import numpy as np
 from scipy.stats import binomtest
 
 from drake_tc.analysis.sweep import processes, sweep
-from drake_tc.diagrams.papers.delprete2015.judge import wilson
 from drake_tc.diagrams.papers.delprete2015.setup import robot
+from drake_tc.diagrams.papers.delprete2015.torque_safety import wilson
 from drake_tc.diagrams.papers.expected_values import expectations
 from drake_tc.loops.whole_body.running import TsidRecording, simulate_tsid
 from drake_tc.loops.whole_body.scenario import KnotSpec, TsidScenario

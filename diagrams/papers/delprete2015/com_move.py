@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from drake_tc.control.trajectories import knot_trajectory
-from drake_tc.diagrams.papers.delprete2015.judge import SAMPLES, Judged, cell, judge
 from drake_tc.diagrams.papers.delprete2015.setup import (
     DT,
     KD_TASK,
@@ -26,6 +25,7 @@ from drake_tc.diagrams.papers.delprete2015.setup import (
     torque_error,
 )
 from drake_tc.diagrams.papers.delprete2015.simulation import Moment, Scene, follow, solve_again
+from drake_tc.diagrams.papers.delprete2015.torque_safety import SAMPLES, TorqueSafety, cell, torque_safety
 from drake_tc.diagrams.papers.expected_values import expectations
 from drake_tc.report.reproduction import Progress, Reproduction, judged
 from drake_tc.text_table import TextTable
@@ -158,11 +158,11 @@ def five_ways(seed: int = 0, progress: Progress | None = None) -> Reproduction:
     if progress:
         progress("classic motion", 0.0)
     states, scene, error = list(Sway().classic()), Sway().scene(), torque_error()
-    found: dict[str, Judged] = {}
+    found: dict[str, TorqueSafety] = {}
     for number, way in enumerate(WAYS):
         moments = solve_again(scene, way, W_COM, error, states)
         share = number / len(WAYS)
-        found[way.name] = judge(_told(moments, progress, way.name, share, share + 1.0 / len(WAYS)), error, seed)
+        found[way.name] = torque_safety(_told(moments, progress, way.name, share, share + 1.0 / len(WAYS)), error, seed)
     mean = {name: 100.0 * float(one.p.mean()) for name, one in found.items()}
     values = {f"p, {name}": value for name, value in mean.items()}
     values |= {
@@ -184,7 +184,7 @@ def five_ways(seed: int = 0, progress: Progress | None = None) -> Reproduction:
     return Reproduction("B.test2", judged(values, expectations("b_test2")), tables, NOTES2, {"fig5": _fig5(found)})
 
 
-def table2(found: dict[str, Judged]) -> TextTable:
+def table2(found: dict[str, TorqueSafety]) -> TextTable:
     """The paper's Table II."""
     lines = [
         ("probability p [%]", [cell(one.p, 100.0) for one in found.values()]),
@@ -235,7 +235,7 @@ def _fig4(found: Approximations) -> Any:
     return draw
 
 
-def _fig5(found: dict[str, Judged]) -> Any:
+def _fig5(found: dict[str, TorqueSafety]) -> Any:
     def draw(figure: Any) -> None:
         axis = figure.subplots()
         for name, one in found.items():

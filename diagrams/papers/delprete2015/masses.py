@@ -13,7 +13,6 @@ from xml.etree import ElementTree
 import numpy as np
 
 from drake_tc.analysis.sweep import processes, sweep
-from drake_tc.diagrams.papers.delprete2015.judge import MISSED, judge, miss, wilson
 from drake_tc.diagrams.papers.delprete2015.reach import GOAL, reach_scene
 from drake_tc.diagrams.papers.delprete2015.setup import (
     CLASSIC,
@@ -26,6 +25,7 @@ from drake_tc.diagrams.papers.delprete2015.setup import (
     torque_error,
 )
 from drake_tc.diagrams.papers.delprete2015.simulation import Moment, follow
+from drake_tc.diagrams.papers.delprete2015.torque_safety import MISSED, miss, torque_safety, wilson
 from drake_tc.diagrams.papers.expected_values import expectations
 from drake_tc.report.reproduction import Progress, Reproduction, judged
 from drake_tc.text_table import TextTable
@@ -95,7 +95,7 @@ def run(way: Way, model: TsidModel | None, seed: int = 0, duration: float = GOAL
     truth = reach_scene()
     scene = truth if model is None else reach_scene(model)
     moments = follow(scene, way, W_REACH, error, duration, truth=None if model is None else truth)
-    found = judge(map(passing, moments), error, seed, every=EVERY, groups=False)
+    found = torque_safety(map(passing, moments), error, seed, every=EVERY, groups=False)
     every, others, beyond = np.array(misses).T
     shares = float(np.mean(every > MISSED)), float(np.mean(others > MISSED))
     unsolved = int(np.count_nonzero(~found.solved))

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from drake_tc.control.trajectories import knot_trajectory
-from drake_tc.diagrams.papers.delprete2015.judge import Judged, cell, judge
 from drake_tc.diagrams.papers.delprete2015.setup import (
     BOX,
     CLASSIC,
@@ -33,6 +32,7 @@ from drake_tc.diagrams.papers.delprete2015.setup import (
     torque_error,
 )
 from drake_tc.diagrams.papers.delprete2015.simulation import Moment, Scene, follow
+from drake_tc.diagrams.papers.delprete2015.torque_safety import TorqueSafety, cell, torque_safety
 from drake_tc.diagrams.papers.expected_values import expectations
 from drake_tc.report.reproduction import Progress, Reproduction, judged
 from drake_tc.text_table import TextTable
@@ -130,7 +130,7 @@ def reach(
     """One motion, judged with the true torque error."""
     watched = _Watch()
     moments = watched.passing(follow(reach_scene(), way, weight, torque_error(share), duration))
-    found = judge(moments, torque_error(), seed, every=EVERY)
+    found = torque_safety(moments, torque_error(), seed, every=EVERY)
     return Reach(found, watched.distance(), float(np.max(watched.beyond)))
 
 
@@ -144,7 +144,7 @@ class Reach:
         beyond: How far the capture point ever was outside the feet's hull [m]; negative inside.
     """
 
-    judged: Judged
+    judged: TorqueSafety
     distance: float
     beyond: float
 

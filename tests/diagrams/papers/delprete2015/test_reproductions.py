@@ -16,7 +16,6 @@ from drake_tc.diagrams.papers.delprete2015 import masses as tsid_masses
 from drake_tc.diagrams.papers.delprete2015 import reach as tsid_reach
 from drake_tc.diagrams.papers.delprete2015.choice import candidates, coverage, goals
 from drake_tc.diagrams.papers.delprete2015.com_move import Sway
-from drake_tc.diagrams.papers.delprete2015.judge import judge, miss, wilson
 from drake_tc.diagrams.papers.delprete2015.setup import (
     BOX,
     CLASSIC,
@@ -33,6 +32,7 @@ from drake_tc.diagrams.papers.delprete2015.setup import (
     torque_error,
 )
 from drake_tc.diagrams.papers.delprete2015.simulation import DT, follow, solve_again
+from drake_tc.diagrams.papers.delprete2015.torque_safety import miss, torque_safety, wilson
 from drake_tc.diagrams.papers.expected_values import expectations
 from drake_tc.report.reproduction import reproduced_row
 from drake_tc.robot.plant import make_plant
@@ -46,7 +46,7 @@ def sway():
 
 
 def mean_p(moments):
-    return float(judge(moments, torque_error(), 0, groups=False).p.mean())
+    return float(torque_safety(moments, torque_error(), 0, groups=False).p.mean())
 
 
 # --- the set-up is the paper's
@@ -131,9 +131,9 @@ def test_wilson_interval_covers():
 
 
 def test_p_against_plain_sampling(sway):
-    """The judge's p at states with p between, against 20000 draws of the error."""
+    """Its p at states with p between, against 20000 draws of the error."""
     error = torque_error()
-    found = judge(sway, error, 0)
+    found = torque_safety(sway, error, 0)
     draws = error.root @ np.random.default_rng(1).normal(size=(30, 20000))
     some = [i for i in range(len(sway)) if 0.05 < found.p[i] < 0.95][:4]
     assert len(some) == 4

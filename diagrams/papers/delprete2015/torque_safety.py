@@ -19,7 +19,7 @@ MISSED = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class Judged:
+class TorqueSafety:
     """What T ticks of a motion come to.
 
     Attributes:
@@ -48,9 +48,9 @@ class Judged:
     solved: BoolArray
 
 
-def judge(
+def torque_safety(
     moments: Iterable[Moment], error: TorqueError, seed: int, *, rows: int = 3, every: int = 1, groups: bool = True
-) -> Judged:
+) -> TorqueSafety:
     """Go through a motion.
 
     Args:
@@ -92,7 +92,7 @@ def judge(
         )
     time, p, below, above, active, iterations, seconds, off, missed, solved = np.array(lines, dtype=float).T
     named = {name: np.array(values) for name, values in apart.items()}
-    return Judged(time, p, below, above, named, active, iterations, seconds, off, missed > 0.0, solved > 0.0)
+    return TorqueSafety(time, p, below, above, named, active, iterations, seconds, off, missed > 0.0, solved > 0.0)
 
 
 def miss(moment: Moment, error: TorqueError, *, without: str | None = None) -> float:
