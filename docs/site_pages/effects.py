@@ -177,8 +177,7 @@ def _neighbours(effect: Effect, seen: Trace | None) -> str:
         parts.append("It is part of every declared model, and always fitted.")
         return "\n\n".join(parts)
     if seen is None:
-        always = "the drive gain and the friction, which are always fitted, explain all of its residual."
-        parts.append(f"On a single log, {always}")
+        parts.append("On one log, the drive gain and the friction, always fitted, explain all of its residual.")
         return "\n\n".join(parts)
     if not found:
         parts.append("No other effect of the library explains half of the power of the residual in the plots above.")

@@ -29,7 +29,11 @@ class EffortBias(TorqueEffect):
     equation = "tau_add = bias_torque"
     kind = "sensor"
     linear = True
-    coefficients = (Parameter("bias_torque", "N*m", description="b", plausible=EFFORT_BIAS_RANGE),)
+    coefficients = (
+        Parameter(
+            "bias_torque", "N*m", description="offset of the recorded effort, as a torque", plausible=EFFORT_BIAS_RANGE
+        ),
+    )
     signature = Signature(x="effort", split="", look_for="everything shifted by one constant, at rest too")
 
     def obstacle(self, context: Context) -> str:

@@ -26,7 +26,7 @@ class SensorDelay(SensorEffect):
     linear = True
     delayed: ClassVar[tuple[str, ...]]
     """Fields of `Signals` that come late."""
-    coefficients = (Parameter("delay", "s", 0.0, 0.2, plausible=DELAY_RANGE),)
+    coefficients = (Parameter("delay", "s", 0.0, 0.2, description="age of the reading", plausible=DELAY_RANGE),)
 
     def _shifted(self, signals: Signals, by: FloatArray | float) -> Signals:
         when = signals.time - by

@@ -27,13 +27,22 @@ class ServoGain(DriveEffect):
     equation = "y_eff = (1 + gain_error) * y"
     kind = "drive"
     linear = True
-    given_shapes = (Parameter("declared_gain", "effort/(N*m)", 0.0, description="K_0"),)
+    given_shapes = (Parameter("declared_gain", "effort/(N*m)", 0.0, description="declared gain K_0"),)
     signature = Signature(x="effort", split="", look_for="a straight line through zero, the same in both directions")
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
         """The relative error e of 1/K."""
-        return (Parameter("gain_error", "-", -1.0, 100.0, description="e", plausible=GAIN_RANGE),)
+        return (
+            Parameter(
+                "gain_error",
+                "-",
+                -1.0,
+                100.0,
+                description="torque for 1 unit of effort over the declared one, minus 1",
+                plausible=GAIN_RANGE,
+            ),
+        )
 
     @property
     def degrees_of_freedom(self) -> int:

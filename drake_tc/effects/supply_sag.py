@@ -38,7 +38,16 @@ class SupplySag(DriveEffect):
     kind = "drive"
     needs = frozenset({"supply_voltage"})
     coefficients = (Parameter("sag_torque", "N*m/effort", 0.0),)
-    given_shapes = (Parameter("nominal_voltage", "V", 1e-3, default=24.0, description="V_0", plausible=NOMINAL_RANGE),)
+    given_shapes = (
+        Parameter(
+            "nominal_voltage",
+            "V",
+            1e-3,
+            default=24.0,
+            description="supply voltage V_0 of the drive gain",
+            plausible=NOMINAL_RANGE,
+        ),
+    )
     signature = Signature(
         x="supply_voltage", split="", look_for="a residual that follows the effort, with a slope set by the supply"
     )
@@ -47,7 +56,14 @@ class SupplySag(DriveEffect):
     def parameters(self) -> tuple[Parameter, ...]:
         """S and V_0."""
         return (
-            Parameter("supply_sensitivity", "-", 0.0, 10.0, description="s", plausible=SENSITIVITY_RANGE),
+            Parameter(
+                "supply_sensitivity",
+                "-",
+                0.0,
+                10.0,
+                description="relative change of the torque over that of the supply voltage",
+                plausible=SENSITIVITY_RANGE,
+            ),
             *self.given_shapes,
         )
 

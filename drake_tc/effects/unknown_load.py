@@ -58,8 +58,8 @@ class UnknownPendulum(UnknownLoadEffect):
     coefficients = (
         Parameter("sine", "N*m", description="A"),
         Parameter("cosine", "N*m", description="B"),
-        Parameter("constant", "N*m", description="c", plausible=LEVEL_RANGE),
-        Parameter("inertia", "kg*m^2", 0.0, description="J", plausible=INERTIA_RANGE),
+        Parameter("constant", "N*m", description="constant torque c", plausible=LEVEL_RANGE),
+        Parameter("inertia", "kg*m^2", 0.0, description="inertia of the load", plausible=INERTIA_RANGE),
     )
     signature = Signature(x="position", split="", look_for="a sine of the angle with a line over the acceleration")
 
@@ -152,7 +152,11 @@ def _smooth(intervals: int, inertial: bool) -> SmoothLoad:
         Parameter(f"level_{k + 1}", "N*m", description=f"coefficient {k + 1} of the spline", plausible=LEVEL_RANGE)
         for k in range(intervals + 3)
     )
-    inertia = (Parameter("inertia", "kg*m^2", 0.0, description="J", plausible=INERTIA_RANGE),) if inertial else ()
+    inertia = (
+        (Parameter("inertia", "kg*m^2", 0.0, description="inertia of the load", plausible=INERTIA_RANGE),)
+        if inertial
+        else ()
+    )
     members = {
         "__doc__": SmoothLoad.__doc__,
         "form": f"{'smooth' if inertial else 'curve'}_{intervals}",
