@@ -15,6 +15,7 @@ from drake_tc.cli.progress import progress_bar
 from drake_tc.cli.seed_option import UnusedSeed
 from drake_tc.cli.wide_table import print_wide
 from drake_tc.config.json_values import json_value
+from drake_tc.config.utf8_names import utf8_name
 from drake_tc.errors import IdentificationError, LogError, RigError
 
 if TYPE_CHECKING:
@@ -123,11 +124,11 @@ def _provenance(rig: Path, logs: Sequence[Path], sheet: Path | None, fits: _Fits
     """What the model file says of its origin."""
     provenance: dict[str, Any] = {
         "identified_by": "drake-tc identify",
-        "rig": rig.name,
-        "logs": [path.name for path in logs],
+        "rig": utf8_name(rig),
+        "logs": [utf8_name(path) for path in logs],
         "fits": fits.rows,
     }
-    return provenance if sheet is None else provenance | {"data_sheet": sheet.name}
+    return provenance if sheet is None else provenance | {"data_sheet": utf8_name(sheet)}
 
 
 def _fitting(

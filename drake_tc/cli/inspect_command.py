@@ -2,7 +2,6 @@
 
 import json
 import math
-import os
 import sys
 from dataclasses import asdict
 from pathlib import Path
@@ -14,6 +13,7 @@ from drake_tc.cli.out_files import Force, result_file
 from drake_tc.cli.seed_option import UnusedSeed
 from drake_tc.cli.wide_table import print_wide
 from drake_tc.config.json_values import json_value
+from drake_tc.config.utf8_names import utf8_name
 from drake_tc.errors import LogError
 
 if TYPE_CHECKING:
@@ -87,7 +87,7 @@ def _number(value: float) -> str:
 def _rig_text(found: "Inspection") -> str:
     import yaml
 
-    name = os.fsencode(found.path.name).decode("utf-8", errors="replace")
+    name = utf8_name(found.path)
     head = f"# Suggested by drake-tc inspect from {name!r}: guesses from names and ranges; check them.\n"
     return head + yaml.safe_dump(dict(found.rig), sort_keys=False, allow_unicode=True)
 

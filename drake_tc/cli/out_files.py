@@ -150,6 +150,9 @@ def _opened(folder: Path, shown: Path, option: str, error: type[DrakeTcError]) -
     """The folder, made and tried; made folders that stay empty are removed again. `shown` stands in messages."""
     with _told(shown, option, error):
         made = [each for each in (folder, *folder.parents) if not each.exists()]
+        file = next((each for each in (folder, *folder.parents) if each.exists() and not each.is_dir()), None)
+    if file is not None:
+        raise error(f"{option} {shown}: cannot be written: {file} is a file; expected the name of a folder")
     try:
         with _told(shown, option, error):
             folder.mkdir(parents=True, exist_ok=True)

@@ -23,6 +23,10 @@ if TYPE_CHECKING:
     from drake_tc.analysis.tuning import Tuning
 
 FILES = ("tuned.yaml", "pareto.svg", "pareto.png")
+WINDOWS = (3, 500)
+"""Shortest and longest filter that is tried [samples]: a velocity must be seen, and the filter's lag be bearable."""
+LARGEST_DELAY = 1.0
+"""Longest delay margin that can be required [s]; loops of position servos keep some tens of milliseconds."""
 
 
 def tune_command(
@@ -44,7 +48,8 @@ def tune_command(
         float | None, typer.Option(help="Largest sensitivity peak [-]; by default each joint's present one.")
     ] = None,
     delay_margin: Annotated[
-        float | None, typer.Option(help="Smallest delay margin [s]; by default each joint's present one.")
+        float | None,
+        typer.Option(help=f"Smallest delay margin [s], up to {LARGEST_DELAY:g}; by default each joint's present one."),
     ] = None,
     noise: Annotated[
         float,
@@ -52,7 +57,9 @@ def tune_command(
             min=0.0, help="Largest noise in the effort, as a multiple of the noise with the manufacturer's servo."
         ),
     ] = 1.0,
-    window: Annotated[list[int] | None, typer.Option(min=3, help="Windows to try [samples]; repeat.")] = None,
+    window: Annotated[
+        list[int] | None, typer.Option(help=f"Windows to try [samples], {WINDOWS[0]} to {WINDOWS[1]}; repeat.")
+    ] = None,
     begin: Annotated[float | None, typer.Option(min=0.0, help="Time from which errors are counted [s].")] = None,
     simulate: Annotated[bool, typer.Option(help="Confirm by simulating the complete loop, before and after.")] = True,
     plants: Annotated[
@@ -79,12 +86,8 @@ def tune_command(
     from drake_tc.loops.torque.summary import SETTLED
     from drake_tc.registry import diagram_entry, runnable
 
-    if margin is not None and not margin > 1.0:
-        raise typer.BadParameter(f"expected a sensitivity peak above 1, got {margin:g}", param_hint="--margin")
-    named = runnable(diagram)
-    own = named if isinstance(named, FunctionEntry) else None
-    entry = own or diagram_entry(diagram)
-    scenario: Any = entry.scenario(scenario_name, scenario_file, scenario_text).changed(seed=seed)
+        float | None,
+        typer.Option(help=f"Smallest delay margin [s], up to {LARGEST_DELAY:g}; by default each joint's present one."),
     first = min(SETTLED, 0.5 * scenario.duration) if begin is None else begin
     if own and plants:
         raise typer.BadParameter(
@@ -120,6 +123,24 @@ def tune_command(
     _print(found, confirmed)
     for file in files:
         print(file)
+
+
+def _check_ranges(margin: float | None, delay_margin: float | None, windows: list[int]) -> None:
+    """Refuse goals that no loop can keep, and filters that no loop can bear.
+
+    Raises:
+        BadParameter: states the range.
+    """
+    if margin is not None and not margin > 1.0:
+        raise typer.BadParameter(f"expected a sensitivity peak above 1, got {margin:g}", param_hint="--margin")
+    if delay_margin is not None and not 0.0 <= delay_margin <= LARGEST_DELAY:
+        raise typer.BadParameter(
+            f"expected a delay margin of 0 to {LARGEST_DELAY:g} s, got {delay_margin:g}", param_hint="--delay-margin"
+        )
+    shortest, longest = WINDOWS
+    odd = next((each for each in windows if not shortest <= each <= longest), None)
+    if odd is not None:
+        raise typer.BadParameter(f"expected {shortest} to {longest} samples, got {odd}", param_hint="--window")
 
 
 def _write(found: "Tuning", folder: Path) -> None:

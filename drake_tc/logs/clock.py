@@ -7,6 +7,7 @@ import numpy as np
 
 from drake_tc.errors import LogError
 from drake_tc.logs.columns import file_row
+from drake_tc.logs.units import TIME
 from drake_tc.types import BoolArray, FloatArray, IntArray
 
 GAP_PERIODS = 5.0
@@ -77,6 +78,7 @@ def rows_in_order(time: FloatArray, path: Path) -> tuple[BoolArray, tuple[str, .
             "split the file there or sort its rows"
         )
     same = np.concatenate([[False], steps == 0])
+    _refuse_constant(time[index], same, path)
     keep = valid.copy()
     keep[index[same]] = False
     if same.any():
@@ -89,7 +91,22 @@ def rows_in_order(time: FloatArray, path: Path) -> tuple[BoolArray, tuple[str, .
     return keep, tuple(notes)
 
 
-def _period(steps: FloatArray, path: Path) -> float:
+def _refuse_constant(time: FloatArray, same: BoolArray, path: Path) -> None:
+    """Refuse times (T,) of which too few differ from the one before.
+
+    Raises:
+        LogError: names the column and how often it changes.
+    """
+    changes = int((~same[1:]).sum())
+    if changes + 1 < MIN_ROWS <= time.size:
+        what = f"changes in {changes} of {time.size} rows only" if changes else f"is constant ({time[0]:.9g} s)"
+        raise LogError(
+            f"{path}: column 'time' {what}; expected a time stamp that increases from row to row:"
+            " map the column that holds it, or write stamps with more digits"
+        )
+
+
+def _period(steps: FloatArray, path: Path, unit: float) -> float:
     """Sampling period [s]: the median step, refined by a line through all so that rounded stamps do not bias it.
 
     Raises:
@@ -97,8 +114,8 @@ def _period(steps: FloatArray, path: Path) -> float:
     """
     median = float(np.median(steps))
     if not SHORTEST_PERIOD <= median <= LONGEST_PERIOD:
-        unit = "ms" if median <= 1000 * LONGEST_PERIOD else "us" if median <= 1e6 * LONGEST_PERIOD else "ns"
-        hint = f"it looks like {unit}: set units: {{time: {unit}}}" if median > LONGEST_PERIOD else "check its unit"
+        fits = [name for name, each in TIME.items() if SHORTEST_PERIOD <= median / unit * each <= LONGEST_PERIOD]
+        hint = f"it looks like {fits[0]}: set units: {{time: {fits[0]}}}" if fits else "check its unit"
         raise LogError(
             f"{path}: column 'time' has a median step of {median:.6g} s, expected {SHORTEST_PERIOD:g} to "
             f"{LONGEST_PERIOD:g} s; {hint}"
@@ -120,13 +137,15 @@ def _resolution(time: FloatArray) -> float:
     return 0.0
 
 
-def uniform_clock(time: FloatArray, enabled: BoolArray, path: Path, stepped: BoolArray | None = None) -> Clock:
+def uniform_clock(
+    time: FloatArray, enabled: BoolArray, path: Path, stepped: BoolArray | None = None, unit: float = 1.0
+) -> Clock:
     """Lay a uniform grid over strictly increasing times (T,).
 
     The period is that of the rows with the drive on. A step above 5 periods is a gap and starts a new block; shorter
     holes are lost rows, to be interpolated. Rows that lie on the grid within 2 % of a period (or within the rounding
     of the time stamps) are put on it exactly, so that an undisturbed log passes through unchanged. Steps (T - 1,) that
-    are `stepped` start a new block, too.
+    are `stepped` start a new block, too. `unit` is that of the file's time [s], for the message.
 
     Raises:
         LogError: A period that makes no sense in seconds.
@@ -134,7 +153,7 @@ def uniform_clock(time: FloatArray, enabled: BoolArray, path: Path, stepped: Boo
     steps = np.diff(time)
     on = enabled[1:] & enabled[:-1]
     right = np.ones(steps.size, dtype=bool) if stepped is None else ~stepped
-    period = _period(steps[on & right] if int((on & right).sum()) >= MIN_ROWS else steps[right], path)
+    period = _period(steps[on & right] if int((on & right).sum()) >= MIN_ROWS else steps[right], path, unit)
     apart = steps > GAP_PERIODS * period
     if stepped is not None:
         apart |= stepped

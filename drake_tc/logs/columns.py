@@ -1,6 +1,7 @@
 """From a table as the file has it to canonical columns in SI units, still on the file's own rows."""
 
 import difflib
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,6 +15,8 @@ from drake_tc.logs.rig import Rig
 from drake_tc.logs.units import JOINT_SUFFIXES, SENSOR_SUFFIXES, scale_of
 from drake_tc.types import BoolArray, FloatArray
 
+DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+(e[+-]?\d+)?", re.IGNORECASE)
+"""A number as programs write it in countries with a decimal comma."""
 LARGEST = 1e12
 """No reading is as large, in whatever unit; times may be, as nanoseconds since 1970."""
 
@@ -72,9 +75,11 @@ def _numeric(table: pd.DataFrame, name: str, canonical: str, path: Path) -> Floa
         bad = np.flatnonzero((parsed.isna() & ~missing.fillna(True)).to_numpy(dtype=bool))
         if bad.size:
             shown = str(text.iloc[int(bad[0])])[:40]
+            comma = DECIMAL_COMMA.fullmatch(shown) is not None
+            remedy = "write numbers with a decimal point" if comma else "mend or remove what is not a number"
             raise LogError(
                 f"{path}: column {name!r} ({canonical}) is not numeric: {file_row(path, int(bad[0]))} holds {shown!r}"
-                f" ({bad.size} such row{'s' if bad.size > 1 else ''}); mend or remove what is not a number"
+                f" ({bad.size} such row{'s' if bad.size > 1 else ''}); {remedy}"
             )
         values = parsed.to_numpy(dtype=np.float64, na_value=np.nan)
     values = np.array(values, dtype=np.float64)

@@ -2,18 +2,25 @@
 
 The speed next to a row is the mean of the differences over five rows before and five rows after it. A position that
 stands still for k rows and then leaps by what that speed makes in k rows was not read meanwhile; a position that goes
-on by one period over a longer step of the clock was read one period later, and the clock is wrong.
+on by one period over a longer step of the clock was read one period later, and the clock is wrong. A logger that
+repeats all channels of a joint, from which the position then leaps, did not read it either.
 """
+
+from collections.abc import Sequence
 
 import numpy as np
 
-from drake_tc.logs.channels import run_lengths
+from drake_tc.logs.channels import run_lengths, true_spans
 from drake_tc.types import BoolArray, FloatArray, IntArray
 
 ROWS = 5
 """Rows before and after, over which the speed is taken."""
 LEAST_DEVIATIONS = 3.0
 """Motion in deviations of the second difference (2.4 of the noise), below which nothing is told."""
+REPEATED = 5
+"""Rows in which a logger repeats itself, at least."""
+LEAP = 1.5
+"""Leap of a position behind them, times the largest step anywhere else."""
 MOST_HELD = 0.02
 """Share of rows above which holding is the channel's way, as of one on a slower clock."""
 
@@ -43,6 +50,29 @@ def held_rows(position: FloatArray) -> BoolArray:
     for start, end in zip(starts[jumped].tolist(), ends[jumped].tolist(), strict=True):
         held[start + 1 : end] = True
     return held if held.mean() <= MOST_HELD or _is_one_stretch(held) else np.zeros_like(held)
+
+
+def repeated_rows(position: FloatArray, others: Sequence[FloatArray]) -> BoolArray:
+    """Rows (T,) that repeat the row before in all channels, of stretches behind which the position leaps.
+
+    The joint may have turned round meanwhile, so that its speed before and after says nothing. No joint that rests
+    moves farther in one row than it ever does in one.
+
+    Args:
+        position: (T,) [rad]; NaN where missing.
+        others: (T,) each, the other channels of the joint; at least one.
+    """
+    repeated = np.zeros(position.size, dtype=bool)
+    if not others or position.size < 4 * ROWS:
+        return repeated
+    same = np.concatenate([[False], np.all([np.diff(each) == 0.0 for each in (position, *others)], axis=0)])
+    spans = [(begin, end) for begin, end in true_spans(same) if end - begin >= REPEATED and end < position.size]
+    steps = np.nan_to_num(np.abs(np.diff(position)))
+    behind = np.array([end - 1 for _, end in spans], dtype=np.int64)
+    usual = float(np.delete(steps, behind).max(initial=0.0))
+    for begin, end in spans:
+        repeated[begin:end] = steps[end - 1] > LEAP * usual > 0.0
+    return repeated
 
 
 def stepped_clock(time: FloatArray, position: FloatArray, longest: float) -> BoolArray:

@@ -10,7 +10,7 @@ from drake_tc.errors import LogError
 from drake_tc.logs.channels import grid_step
 from drake_tc.logs.columns import RawLog, file_row
 from drake_tc.logs.dropouts import unanswered_zeros, zero_rows
-from drake_tc.logs.local_motion import held_rows
+from drake_tc.logs.local_motion import held_rows, repeated_rows
 from drake_tc.logs.saturated_sensor import saturated_position, saturated_torque
 from drake_tc.logs.spikes import MOST_SPIKES, TURN, spikes, without_turns
 from drake_tc.types import BoolArray, FloatArray
@@ -102,8 +102,18 @@ def _taken_out(name: str, what: str, rows: BoolArray, raw: RawLog) -> str:
 
 def _without_held(columns: dict[str, FloatArray], joint: str, raw: RawLog) -> list[str]:
     """NaN where the joint's position was held in motion, in the position and in what repeats there with it."""
-    position = columns.get(f"{joint}/position")
-    if position is None or not (held := held_rows(position)).any():
+    name = f"{joint}/position"
+    if name not in columns:
+        return []
+    notes = _without_repeats(columns, held_rows(columns[name]), raw)
+    own = [each for each in columns if each.rpartition("/")[0] == joint and each.rpartition("/")[2] not in SLOW]
+    others = [columns[each] for each in own if each != name]
+    return notes + _without_repeats(columns, repeated_rows(columns[name], others), raw)
+
+
+def _without_repeats(columns: dict[str, FloatArray], held: BoolArray, raw: RawLog) -> list[str]:
+    """NaN in the rows (T,) of the channels that repeat there."""
+    if not held.any():
         return []
     names = []
     for name, values in columns.items():

@@ -26,6 +26,7 @@ from drake_tc.logs.rig import Rig
 from drake_tc.logs.signs import wrong_signs
 from drake_tc.logs.speed_only import require_alike, with_positions
 from drake_tc.logs.torque_unit import check_torque_unit
+from drake_tc.logs.units import scale_of
 from drake_tc.types import BoolArray, FloatArray, IntArray
 
 SHORTEST_SEGMENT = 10
@@ -173,7 +174,7 @@ def _prepare(path: Path, rig: Rig) -> Run:
     raw = without_outliers(with_positions(_in_order(raw)), rig.joints)
     notes = raw.notes + _check_commands(raw, rig) + require_live(raw, rig)
     columns, excluded, more = _repair_channels(raw, rig)
-    clock = uniform_clock(raw.time, raw.enabled, path, _stepped(raw, rig))
+    clock = uniform_clock(raw.time, raw.enabled, path, _stepped(raw, rig), scale_of("time", rig.units).factor)
     resampled = {name: clock.resample(values) for name, values in columns.items()}
     segment = _segments(clock.block, clock.resample_mask(excluded))
     usable = segment >= 0

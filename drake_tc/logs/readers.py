@@ -15,6 +15,7 @@ import pyarrow.parquet  # type: ignore[import-untyped]
 
 from drake_tc.config.is_file import is_file, is_folder
 from drake_tc.config.quoted import quoted
+from drake_tc.config.utf8_names import utf8_text
 from drake_tc.errors import LogError
 from drake_tc.logs.bags.reader import SUFFIXES, is_bag, read_bag
 from drake_tc.logs.csv_header import check_encoding, check_names_are_words
@@ -135,9 +136,11 @@ def _with_texts(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def _read_parquet(path: Path) -> pd.DataFrame:
-    about = pyarrow.parquet.read_metadata(path)
-    check_size(path, path.stat().st_size, 8.0 * about.num_rows * about.num_columns)
-    return _with_texts(without_lists(pd.read_parquet(path), path))
+    with path.open("rb") as file:  # Arrow opens no file whose name is not UTF-8
+        about = pyarrow.parquet.read_metadata(file)
+        check_size(path, path.stat().st_size, 8.0 * about.num_rows * about.num_columns)
+        file.seek(0)
+        return _with_texts(without_lists(pd.read_parquet(file), path))
 
 
 def _columns_of(name: str, value: np.ndarray) -> dict[str, np.ndarray]:
@@ -206,9 +209,10 @@ READERS: Mapping[str, Reader] = MappingProxyType(
 
 
 def run_name(path: Path, readers: Mapping[str, Reader] = READERS) -> str:
-    """The file's name without the ending that names its format."""
+    """The file's name without the ending that names its format; what is not UTF-8 in it is replaced by U+FFFD."""
     suffix = _suffix(path, readers)
-    return path.name[: -len(suffix)] if suffix else path.stem
+    name = path.name[: -len(suffix)] if suffix else path.stem
+    return utf8_text(name)
 
 
 def _suffix(path: Path, readers: Mapping[str, Reader]) -> str:

@@ -38,7 +38,8 @@ _TORQUE = {
     "N": 1.0,
 }
 _FORCE = {"N": 1.0, "mN": 1e-3, "kN": 1e3, "kgf": 9.80665}
-_TIME = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0}
+TIME = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+"""Units of time; minutes and hours are none, as no servo's log counts in them."""
 _CURRENT = {"A": 1.0, "mA": 1e-3}
 _VOLTAGE = {"V": 1.0, "mV": 1e-3}
 _LOOP_GAIN = {"V/rad": 1.0, "A/rad": 1.0}
@@ -114,7 +115,7 @@ def allowed_units(canonical: str) -> Mapping[str, float]:
     """Units that the channel `canonical` (or a bare suffix) may be in, with their factors to SI; empty if unknown."""
     suffix = canonical.rsplit("/", 1)[-1]
     if suffix == "time":
-        return _TIME
+        return TIME
     return JOINT_SUFFIXES.get(suffix) or SENSOR_SUFFIXES.get(suffix) or {}
 
 

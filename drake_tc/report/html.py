@@ -12,6 +12,7 @@ from jinja2 import DictLoader, Environment, StrictUndefined
 from markupsafe import Markup
 
 from drake_tc import __version__
+from drake_tc.config.utf8_names import utf8_text
 from drake_tc.config.whole_file import write_whole
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult
@@ -74,7 +75,7 @@ def render(result: CloseLoopResult, executor: Executor | None = None) -> str:
     budget = _budget(result)
     joints = [_joint(joint, f"j{i}", budget, executor) for i, joint in enumerate(result.joints.values())]
     plots = [plot for j in joints for plot in (j["effort_plot"], j["position_plot"]) if plot is not None]
-    return environment.get_template("report.html.jinja").render(
+    page = environment.get_template("report.html.jinja").render(
         style=Markup(_file("report.css")),
         plot_style=Markup(plot_style() if plots else ""),
         scripts=[Markup(plot_script()), Markup(_file("time_plots.js"))] if plots else [],
@@ -97,6 +98,7 @@ def render(result: CloseLoopResult, executor: Executor | None = None) -> str:
         closed=closed_loop_section(result),
         export=export_section(result.export),
     )
+    return utf8_text(page)
 
 
 def _budget(result: CloseLoopResult) -> PageBudget:

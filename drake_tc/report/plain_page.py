@@ -8,6 +8,7 @@ from jinja2 import Environment, StrictUndefined
 from markupsafe import Markup
 
 from drake_tc import __version__
+from drake_tc.config.utf8_names import utf8_text
 
 
 @dataclass(frozen=True)
@@ -44,7 +45,7 @@ def plain_page(title: str, kicker: str, lead: Sequence[str], sections: Sequence[
     environment.filters["svg"] = Markup
     folder = files("drake_tc.report")
     template = environment.from_string((folder / "plain_page.html.jinja").read_text(encoding="utf-8"))
-    return template.render(
+    page = template.render(
         title=title,
         kicker=kicker,
         lead=list(lead),
@@ -52,3 +53,4 @@ def plain_page(title: str, kicker: str, lead: Sequence[str], sections: Sequence[
         style=Markup((folder / "report.css").read_text(encoding="utf-8")),
         version=__version__,
     )
+    return utf8_text(page)

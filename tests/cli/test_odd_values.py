@@ -115,6 +115,29 @@ def test_a_log_whose_name_is_not_utf8(invoke, bench, tmp_path):
     assert "run\ufffd." in rig.read_text(encoding="utf-8")
 
 
+def test_results_of_files_whose_names_are_not_utf8(invoke, bench, tmp_path):
+    """Reports and models name them with a replacement character, and the project reads its own models back."""
+    log, rig = tmp_path / "run\udcff.parquet", tmp_path / "rig\udcff.yaml"
+    log.write_bytes(bench.logs[0].read_bytes())
+    rig.write_text(bench.rig.read_text(encoding="utf-8"), encoding="utf-8")
+    out = tmp_path / "out\udcff"
+    assert invoke("check", "--rig", rig, "--log", log, "--out", out).code == 0
+    page = (out / "check.html").read_text(encoding="utf-8")
+    assert "rig\ufffd.yaml" in page and "run\ufffd" in page
+    model = tmp_path / "model\udcff.yaml"
+    assert invoke("identify", "--rig", rig, "--log", log, "--out", model).code == 0
+    assert "run\ufffd.parquet" in model.read_text(encoding="utf-8")
+    exported = invoke("export", model, "--to", "mjcf", "--out", tmp_path / "joint\udcff.xml")
+    assert exported.code == 0, exported.err
+
+
+def test_a_declared_file_whose_name_no_file_can_have(invoke, bench, tmp_path):
+    rig = tmp_path / "rig.yaml"
+    rig.write_text(yaml.safe_dump({**yaml.safe_load(bench.rig.read_text()), "declared": "a\0.urdf"}))
+    line = invoke("identify", "--rig", rig, "--log", bench.logs[0]).refusal()
+    assert "a\\x00.urdf: no such file; expected a URDF" in line
+
+
 @pytest.mark.parametrize("gain", ["1e12", "1e-20"])
 def test_a_drive_gain_beside_which_no_effect_has_a_size(invoke, bench, tmp_path, gain):
     rig = tmp_path / "rig.yaml"

@@ -218,3 +218,15 @@ def test_a_full_disk_leaves_no_result_cut_and_the_earlier_ones_whole(invoke, ben
     assert "--out" in line and "cannot be written: File too large" in line
     assert out.read_bytes() == before
     assert sorted(path.name for path in tmp_path.iterdir()) == [".drake-tc.json", "model.yaml"]
+
+
+@pytest.mark.parametrize("below", ["", "deeper/still"])
+def test_a_file_in_place_of_a_folder_is_named(tmp_path, below):
+    log = tmp_path / "run.csv"
+    log.write_text("a,b\n1,2\n")
+    with (
+        pytest.raises(ParamsError, match=r"cannot be written: .*run\.csv is a file; expected the name of a folder"),
+        result_folder(log / below, "--out", inputs=[log]),
+    ):
+        pytest.fail("the block is not to begin")
+    assert log.read_text() == "a,b\n1,2\n"

@@ -79,7 +79,7 @@ def test_for_people_a_table_on_stdout_and_progress_on_stderr(invoke):
         (("--margin", "1.0"), "expected a sensitivity peak above 1"),
         (("--margin", "1.001", *KNEE), "no window and gains keep the goal on r_knee"),
         (("--window", "2"), "--window"),
-        (("--out", "/dev/null/x", *KNEE), "--out /dev/null/x: cannot be written: Not a directory"),
+        (("--out", "/dev/null/x", *KNEE), "--out /dev/null/x: cannot be written: /dev/null is a file"),
     ],
 )
 def test_refusals(invoke, arguments, why):
@@ -124,3 +124,20 @@ def test_a_dask_cluster_finds_the_same(invoke):
     with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
         there = json.loads(invoke(*call, "--scheduler", cluster.scheduler_address).out)
     assert there == here
+
+
+@pytest.mark.parametrize(
+    ("option", "value", "says"),
+    [
+        ("--window", "99999", "expected 3 to 500 samples, got 99999"),
+        ("--window", "2", "expected 3 to 500 samples, got 2"),
+        ("--delay-margin", "inf", "expected a delay margin of 0 to 1 s, got inf"),
+        ("--delay-margin", "nan", "expected a delay margin of 0 to 1 s, got nan"),
+        ("--delay-margin", "-0.01", "expected a delay margin of 0 to 1 s, got -0.01"),
+        ("--margin", "nan", "expected a sensitivity peak above 1, got nan"),
+    ],
+)
+def test_goals_out_of_range_are_refused_before_anything_is_computed(invoke, monkeypatch, option, value, says):
+    monkeypatch.setattr(tuning, "tune", lambda *_, **__: pytest.fail("it computes"))
+    line = invoke("tune", "hrp2_leg", option, value).refusal()
+    assert says in line and option in line

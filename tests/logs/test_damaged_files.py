@@ -116,6 +116,16 @@ def test_a_packed_csv_that_is_damaged_or_a_bomb(tmp_path, content, says):
     assert time.process_time() - begin < 5.0
 
 
+def test_a_packed_json_log_that_is_a_bomb(tmp_path):
+    (tmp_path / "run.json.gz").write_bytes(gzip.compress(b"[" + b" " * 2**27 + b"]"))
+    assert "would unpack to" in refusal(tmp_path / "run.json.gz")
+
+
+def test_a_compressed_matlab_file_that_is_a_bomb(tmp_path):
+    scipy.io.savemat(tmp_path / "run.mat", {"time": np.zeros(2**24)}, do_compression=True)
+    assert "would unpack to" in refusal(tmp_path / "run.mat")
+
+
 def test_a_gzip_file_of_several_members_is_read_whole(tmp_path):
     (tmp_path / "run.csv.gz").write_bytes(packed(b"time,q\n1,2\n") + packed(b"2,3\n") + b"\0" * 512)
     assert len(read_table(tmp_path / "run.csv.gz")) == 2

@@ -145,3 +145,19 @@ def test_what_is_taken_is_told_in_one_line(tmp_path):
         "knee: declared: rotor_inertia 0.31 kg m^2, viscous 32.5 N m s/rad, coulomb 6.25 N m,"
         " quadratic_viscous 1.5 N m s^2/rad^2, delay 0.004 s, backlash 0.002 rad; not used: its drive (position_servo)"
     )
+
+
+@pytest.mark.parametrize("name", ["joint.xacro", "joint.urdf.xacro", "joint.urdf"])
+def test_a_xacro_file_that_is_not_expanded_is_refused_in_words(tmp_path, name):
+    path = tmp_path / name
+    path.write_text('<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:arg name="a"/></robot>')
+    (tmp_path / "rig.yaml").write_text(yaml.safe_dump(RIG | {"declared": name}))
+    with pytest.raises(RigError, match=r"got a xacro file that is not expanded; `xacro FILE\.xacro > FILE\.urdf`"):
+        load_rig(tmp_path / "rig.yaml")
+
+
+@pytest.mark.parametrize("name", ["gone.urdf", "a\0.urdf"])
+def test_a_file_that_is_not_there_is_refused(tmp_path, name):
+    (tmp_path / "rig.yaml").write_text(yaml.safe_dump(RIG | {"declared": name}))
+    with pytest.raises(RigError, match="no such file; expected a URDF, an MJCF or a parameter file of BAM"):
+        load_rig(tmp_path / "rig.yaml")

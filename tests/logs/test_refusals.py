@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from drake_tc.errors import LogError
+from drake_tc.errors import LogError, RigError
 from drake_tc.logs.prepare import load_run, load_runs
 from drake_tc.logs.run_sets import require_different_files, require_two_runs
 
@@ -146,3 +146,31 @@ def test_a_run_that_is_given_twice_is_refused(tmp_path):
 @pytest.mark.parametrize("value", [1e300, -1e13, np.inf])
 def test_numbers_that_no_sensor_reads_are_missing(tmp_path, table, value):
     assert "holds no number at all" in refusal(table.assign(**{"joint/torque": value}), tmp_path / "run.csv")
+
+
+def test_decimal_commas(tmp_path, table):
+    table["joint/torque"] = [str(value).replace(".", ",") for value in table["joint/torque"]]
+    message = refusal(table, tmp_path / "run.csv")
+    assert "row 1 (file line 2) holds" in message and "write numbers with a decimal point" in message
+
+
+def test_a_constant_time(tmp_path, table):
+    table["time"] = 1.5
+    message = refusal(table, tmp_path / "run.csv")
+    assert "column 'time' is constant (1.5 s); expected a time stamp that increases from row to row" in message
+
+
+def test_a_time_of_few_digits(tmp_path, table):
+    table["time"] = np.round(table["time"])
+    assert f"changes in {int(table['time'].max())} of {len(table)} rows only" in refusal(table, tmp_path / "run.csv")
+
+
+def test_minutes_are_no_unit_of_time(tmp_path):
+    """A clock of seconds taken for minutes would give 60 times the friction of the joint, and no other sign of it."""
+    with pytest.raises(RigError, match=r"units: time: 'min' is not a unit of it; possible: s, ms, us, ns"):
+        servo_rig(units={"time": "min"})
+
+
+def test_the_unit_of_time_that_fits_is_named_beside_the_stated_one(tmp_path, table):
+    message = refusal(table, tmp_path / "run.csv", servo_rig(units={"time": "ms"}))
+    assert "it looks like s: set units: {time: s}" in message

@@ -4,6 +4,7 @@ from pathlib import Path
 
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.actuation.model_file import save_models
+from drake_tc.config.utf8_names import utf8_name
 from drake_tc.diagnosis.result.joint_result import Errors, JointResult
 from drake_tc.diagnosis.result.links import FittedLinks
 from drake_tc.diagnosis.result.refinement_json import MODEL_FILE
@@ -82,9 +83,9 @@ def _save_refined(result: CloseLoopResult, path: Path) -> None:
 def _provenance(result: CloseLoopResult) -> dict[str, object]:
     return {
         "identified_by": "drake-tc close-loop",
-        "rig": Path(result.rig_file).name,
-        "logs": [Path(p).name for p in result.train_files],
-        "holdout": [Path(p).name for p in result.heldout_files],
+        "rig": utf8_name(result.rig_file),
+        "logs": [utf8_name(path) for path in result.train_files],
+        "holdout": [utf8_name(path) for path in result.heldout_files],
     }
 
 

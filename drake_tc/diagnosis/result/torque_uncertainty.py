@@ -18,11 +18,11 @@ Source: Schäfer and Strimmer, Stat. Appl. Genet. Mol. Biol. 4 (2005) 32, target
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from scipy.stats import chi2
 
+from drake_tc.config.utf8_names import utf8_name
 from drake_tc.control.torque_uncertainty_file import TorqueUncertainty
 from drake_tc.diagnosis.data.samples import one_clock
 from drake_tc.diagnosis.result.joint_result import JointResult
@@ -146,8 +146,8 @@ def torque_uncertainty(result: CloseLoopResult) -> TorqueUncertainty:
         shrinkage=share,
         provenance={
             "made_by": "drake-tc close-loop",
-            "rig": Path(result.rig_file).name,
-            "holdout": [Path(p).name for p in result.heldout_files],
+            "rig": utf8_name(result.rig_file),
+            "holdout": [utf8_name(path) for path in result.heldout_files],
             "model": "model_after.yaml",
         },
     )
