@@ -10,7 +10,7 @@ from drake_tc.effects.base import Context, Parameter, Plausible, Shape, Signals,
 from drake_tc.effects.equation_effect import EquationEffect
 from drake_tc.effects.kernel import TorqueKernel, TorqueParts
 from drake_tc.effects.splines import spline_columns, spline_curve
-from drake_tc.kernels.torque_equations import PENDULUM
+from drake_tc.kernels import torque_equations
 from drake_tc.types import FloatArray
 
 MOMENT_RANGE = Plausible(
@@ -55,7 +55,7 @@ class UnknownPendulum(EquationEffect, UnknownLoadEffect):
     """
 
     form = "pendulum"
-    torque_kind = PENDULUM
+    torque_kind = torque_equations.PENDULUM
     title = "unknown load: pendulum"
     equation = "tau = moment * sin(q - zero) + constant + inertia * qddot"
     coefficients = (
