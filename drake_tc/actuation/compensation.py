@@ -15,7 +15,7 @@ import numpy as np
 from drake_tc.actuation.compensator import Compensator, undone
 from drake_tc.actuation.model import ActuatorModel
 from drake_tc.effects.base import Signals, plain_signals
-from drake_tc.effects.thermal_friction import REFERENCE_CELSIUS
+from drake_tc.kernels.torque_equations import REFERENCE_CELSIUS
 from drake_tc.types import FloatArray
 
 __all__ = ["Compensator", "Motion", "feedforward_effort"]

@@ -11,17 +11,18 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from drake_tc.actuation.constant_parts import split_parts
+from drake_tc.actuation.constant_parts import split_parts, term_tables
 from drake_tc.actuation.joint_values import JointValues, Models, joint_values, model_list
 from drake_tc.actuation.model import ActuatorModel
 from drake_tc.effects.base import DriveEffect
-from drake_tc.effects.thermal_friction import REFERENCE_CELSIUS
+from drake_tc.effects.kernel import EquationKernel
 from drake_tc.errors import ParamsError
 from drake_tc.kernels import compensation_layout as at
 from drake_tc.kernels.equations import needed_torque, soft_sign
 from drake_tc.kernels.joint_layout import INTERPRETED
 from drake_tc.kernels.lazy import Kernel
-from drake_tc.types import FloatArray
+from drake_tc.kernels.torque_equations import REFERENCE_CELSIUS
+from drake_tc.types import FloatArray, IntArray
 
 _EFFORTS = Kernel("torque_control", "efforts")
 
@@ -43,14 +44,17 @@ class _Joint:
 
     def __init__(self, model: ActuatorModel, smoothing: float) -> None:
         self.gain, self.inertia, self.smoothing = model.drive.gain, model.inertia, smoothing
-        self.parts, self.kernels = split_parts(model)
+        self.parts, changing = split_parts(model)
+        self.kernels = tuple(law.kernel for law in changing)
         laws = (effect.inverse_law(parameters, smoothing) for effect, parameters in undone(model))
         self.inverses = tuple(law for law in laws if law is not None)
         self.servo = model.drive.kind == "position_servo"
         gears = [effect.transmission(parameters) for effect, parameters in model.transmission_effects if self.servo]
         self.compliance = sum(gear.compliance for gear in gears)
         self.half_gap = sum(gear.half_gap for gear in gears)
-        self.compiled = not self.kernels and all(law.kind != INTERPRETED for law in self.inverses)
+        self.terms = [(kernel, -1) for kernel in self.kernels if isinstance(kernel, EquationKernel)]
+        self.compiled = len(self.terms) == len(self.kernels)
+        self.compiled &= all(law.kind != INTERPRETED for law in self.inverses)
 
     def effort(self, tau: float, v: float, direction: float, q: float, a: float, celsius: float) -> float:
         """The law where some effect has no compiled equation."""
@@ -112,9 +116,10 @@ class Compensator:
         return np.array(self._gains)
 
     @property
-    def tables(self) -> tuple[FloatArray, FloatArray]:
-        """`joints` and `inverses` of `drake_tc.kernels.compensation_layout`; the largest torques are infinite."""
-        return self._tables[0].copy(), self._tables[1].copy()
+    def tables(self) -> tuple[FloatArray, FloatArray, IntArray, FloatArray]:
+        """The tables of `drake_tc.kernels.compensation_layout`; the largest torques are infinite."""
+        joints, inverses, terms, values = self._tables
+        return joints.copy(), inverses.copy(), terms.copy(), values.copy()
 
     @property
     def interpreted(self) -> tuple[int, ...]:
@@ -154,24 +159,26 @@ class Compensator:
             y; NaN for a joint whose inputs are.
         """
         ways = self.direction(velocity) if direction is None else direction
-        rates, out = self._nil if acceleration is None else acceleration, np.empty(len(self._laws))
-        given = [np.ascontiguousarray(x, dtype=np.float64) for x in (tau, velocity, ways, rates)]
-        _EFFORTS(*given, *self._tables, out)
         places, warm = self._nil if position is None else position, self._room if temperature is None else temperature
+        rates, out = self._nil if acceleration is None else acceleration, np.empty(len(self._laws))
+        given = [np.ascontiguousarray(x, dtype=np.float64) for x in (tau, velocity, ways, places, rates, warm)]
+        _EFFORTS(*given, *self._tables, out)
         for j in self._interpreted:
-            now = (tau[j], velocity[j], ways[j], places[j], rates[j], warm[j])
-            out[j] = self.effort_of(j, *map(float, now))
+            out[j] = self.effort_of(j, *(float(x[j]) for x in given))
         return out
 
 
-def _tables(joints: Sequence[_Joint]) -> tuple[FloatArray, FloatArray]:
+def _tables(joints: Sequence[_Joint]) -> tuple[FloatArray, FloatArray, IntArray, FloatArray]:
     """See `Compensator.tables`."""
     rows = np.zeros((len(joints), at.COLUMNS))
     inverses: list[tuple[float, float]] = []
+    terms: list[tuple[EquationKernel, int]] = []
     for row, joint in zip(rows, joints, strict=True):
         row[at.GAIN], row[at.LEVEL : at.LEVEL + 3], row[at.INERTIA] = joint.gain, joint.parts, joint.inertia
         row[at.COMPLIANCE], row[at.HALF_GAP], row[at.SMOOTHING] = joint.compliance, joint.half_gap, joint.smoothing
         row[at.INVERSES] = len(inverses)
         inverses += [(float(law.kind), law.number) for law in joint.inverses if joint.compiled]
         row[at.INVERSES_END], row[at.LIMIT], row[at.SERVO] = len(inverses), np.inf, joint.servo
-    return rows, np.array(inverses, dtype=np.float64).reshape(-1, 2)
+        row[at.TERMS], row[at.TERMS_END] = len(terms), len(terms) + len(joint.terms)
+        terms += joint.terms
+    return rows, np.array(inverses, dtype=np.float64).reshape(-1, 2), *term_tables(terms)

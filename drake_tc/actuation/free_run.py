@@ -15,9 +15,9 @@ from drake_tc.actuation.joint_effects import JointEffects, tables
 from drake_tc.actuation.joint_step import UNCONNECTED, JointStep
 from drake_tc.actuation.model import ActuatorModel
 from drake_tc.actuation.recorded_run import Link, PlantSide, Recording, plant_side
-from drake_tc.effects.thermal_friction import REFERENCE_CELSIUS
 from drake_tc.kernels.joint_layout import OUTPUTS
 from drake_tc.kernels.lazy import Kernel
+from drake_tc.kernels.torque_equations import REFERENCE_CELSIUS
 from drake_tc.types import FloatArray
 
 _POSITIONS = Kernel("free_run", "positions")
@@ -61,9 +61,9 @@ def _positions(side: PlantSide, recording: Recording, link: Link, substeps: int)
     known, limit = recording.pendulum is None, FARTHEST * max(high - low, 1e-3)
     weight = (link.gravity_moment, link.zero, float(known))
     plant = np.array([h, substeps, total, *weight, side.start, recording.initial_velocity, 0.5 * (low + high), limit])
-    samples, around = _inputs(recording, side.load, substeps)
+    samples, supply = _inputs(recording, side.load, substeps)
     if not joint.compiled:
-        _interpreted(joint, samples, around, plant, out)
+        _interpreted(joint, samples, supply, plant, out)
         return out
     memory = joint.initial(recording.initial_velocity)
     start = (side.start, recording.initial_velocity)
@@ -73,16 +73,16 @@ def _positions(side: PlantSide, recording: Recording, link: Link, substeps: int)
 
 
 def _interpreted(
-    joint: JointEffects, samples: FloatArray, around: FloatArray, plant: FloatArray, out: FloatArray
+    joint: JointEffects, samples: FloatArray, supply: FloatArray, plant: FloatArray, out: FloatArray
 ) -> None:
     """The same recursion step by step, for a joint that has an effect without compiled equation."""
     h, substeps, total, moment, zero, known, q, v, centre, limit = plant.tolist()
     law = JointStep([joint])
     after, kept = np.empty(law.width), law.initial([v])
     asked, state, load = np.empty(1), np.empty(2), np.full(1, np.nan)
-    for k, (command, outside, slope) in enumerate(samples.tolist()):
+    for k, (command, outside, slope, warmth) in enumerate(samples.tolist()):
         out[k], asked[0] = q, command
-        surroundings = around[0, k : k + 1], around[1, k : k + 1]
+        surroundings = np.array([warmth]), supply[k : k + 1]
         for n in range(int(substeps)):
             loaded = outside + n * slope
             state[:] = q, v
@@ -100,9 +100,9 @@ def _interpreted(
 
 
 def _inputs(recording: Recording, load: FloatArray, substeps: int) -> tuple[FloatArray, FloatArray]:
-    """(T, 3) command, load and its change in a substep, held and linear between; (2, T) temperature and supply."""
+    """(T, 4) command, load, its change in a substep and temperature, held and linear between; (T,) supply voltage."""
     size = recording.time.size
     slope = np.append(np.diff(load), 0.0) / substeps
     warm = np.full(size, REFERENCE_CELSIUS) if recording.temperature is None else recording.temperature
     supply = np.full(size, np.nan) if recording.supply_voltage is None else recording.supply_voltage
-    return np.column_stack((recording.command, load, slope)), np.stack((warm, supply)).astype(np.float64)
+    return np.column_stack((recording.command, load, slope, warm)), np.asarray(supply, dtype=np.float64)

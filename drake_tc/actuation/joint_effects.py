@@ -8,10 +8,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from drake_tc.actuation.constant_parts import CONSTANT, split_parts
+from drake_tc.actuation.constant_parts import split_parts, term_tables
 from drake_tc.actuation.gear import Gear, gear_of
 from drake_tc.actuation.model import ActuatorModel
-from drake_tc.effects.kernel import DriveKernel, TorqueKernel
+from drake_tc.effects.kernel import DriveKernel, EquationKernel, TorqueKernel
 from drake_tc.kernels import joint_layout as at
 
 _NAMES = (
@@ -35,6 +35,7 @@ class Row(NamedTuple):
     numbers: list[float]
     drives: list[tuple[int, int]]
     parameters: list[list[float]]
+    terms: list[tuple[EquationKernel, int]]
     travels: list[float]
 
 
@@ -61,14 +62,16 @@ class JointEffects:
         self._gear: Gear | None = gear_of(model, inertia, period)
         place = at.MOTOR_VELOCITY + 1 if self._gear else at.MOTOR
         self._hysteretic = place
-        self._constant, _ = split_parts(model)
-        self._torque: list[tuple[TorqueKernel, int]] = []
+        self._constant, changing = split_parts(model)
+        self._terms: list[tuple[EquationKernel, int]] = []
+        self._closures: list[tuple[TorqueKernel, int]] = []
         self._travels: list[float] = []
-        for effect, parameters in model.torque_effects:
-            if type(effect) in CONSTANT:
-                continue
-            travel = effect.hysteresis_travel(parameters)
-            self._torque.append((effect.kernel(parameters), place if travel > 0.0 else -1))
+        for kernel, travel in changing:
+            state = place if travel > 0.0 else -1
+            if isinstance(kernel, EquationKernel):
+                self._terms.append((kernel, state))
+            else:
+                self._closures.append((kernel, state))
             if travel > 0.0:
                 self._travels.append(travel)
                 place += 1
@@ -78,13 +81,13 @@ class JointEffects:
         for drive, parameters in model.drive_effects:
             on_command = drive.acts_on == "command"
             acting["command" if on_command else "effort"].append(drive.key)
-            kernel = drive.kernel(parameters, period)
-            (self._command if on_command else self._effort).append((kernel, place))
-            place += kernel.size
+            of_drive = drive.kernel(parameters, period)
+            (self._command if on_command else self._effort).append((of_drive, place))
+            place += of_drive.size
         self._drive_ids = (*acting["command"], *acting["effort"])
         self.size = place
         both = (*self._command, *self._effort)
-        self.compiled = not self._torque and all(kernel.kind != at.INTERPRETED for kernel, _ in both)
+        self.compiled = not self._closures and all(of_drive.kind != at.INTERPRETED for of_drive, _ in both)
 
     @property
     def own(self) -> list[int]:
@@ -123,10 +126,11 @@ class JointEffects:
         travels[self._hysteretic : end] = self._travels
         padded = [[*kernel.numbers, *[0.0] * (_DRIVE_NUMBERS - len(kernel.numbers))] for kernel, _ in both]
         return Row(
-            [0, *flags, self._hysteretic, end, 0, len(self._command), len(both)],
+            [0, *flags, self._hysteretic, end, 0, len(self._command), len(both), 0, len(self._terms)],
             [self._period, self._inertia, self._rotor, self._per_effort, *self._constant, *of_gear],
             [(kernel.kind, place) for kernel, place in both],
             padded,
+            self._terms,
             travels,
         )
 
@@ -166,11 +170,11 @@ class JointEffects:
             value = kernel.step(value, raw, memory[at.DEFLECTION], list(memory), place)
 
     def evaluate(self, memory: list[float], work: Sequence[float], around: tuple[float, float]) -> tuple[float, ...]:
-        """The effects at a tick, for a joint that is not `compiled`.
+        """The drive and all effects at a tick, for a joint that is not `compiled`.
 
         Args:
             memory: The joint's; updated.
-            work: Its row, as the first call has left it.
+            work: Its row, as the first call has left it, with the parts of the torque effects that are compiled.
             around: Temperature [deg C] and supply voltage [V].
 
         Returns:
@@ -187,29 +191,32 @@ class JointEffects:
         asked, effort = (command - q, target - q) if self._servo else (command, target)
         for kernel, place in self._effort:
             effort = kernel.step(effort, asked, direction, memory, place)
-        level, damping, rest = self._constant
-        for torque, place in self._torque:
+        level, damping, rest = work[at.NOW_LEVEL :]
+        for torque, place in self._closures:
             a, b, c = torque(q, v, direction, tau, around[0], memory[place] if place >= 0 else 0.0)
             level, damping, rest = level + a, damping + b, rest + c
         return asked, effort, level, damping, rest
 
 
 def tables(joints: Sequence[JointEffects]) -> tuple[np.ndarray, ...]:
-    """layout, numbers, drives, parameters and travels of joints one behind the other."""
+    """layout, numbers, drives, parameters, terms, values and travels of joints one behind the other."""
     rows = [joint.row() for joint in joints]
-    first = drive = 0
-    layouts, drives = [], []
+    first = drive = term = 0
+    layouts, drives, terms = [], [], []
     for joint, row in zip(joints, rows, strict=True):
         layout = np.array(row.layout, dtype=np.int64)
         layout[[at.FIRST, at.HYSTERETIC, at.HYSTERETIC_END]] += first
         layout[[at.DRIVES, at.EFFORT_DRIVES, at.DRIVES_END]] += drive
+        layout[[at.TERMS, at.TERMS_END]] += term
         layouts.append(layout)
         drives += [(kind, first + place) for kind, place in row.drives]
-        first, drive = first + joint.size, drive + len(row.drives)
+        terms += [(kernel, first + place if place >= 0 else -1) for kernel, place in row.terms]
+        first, drive, term = first + joint.size, drive + len(row.drives), term + len(row.terms)
     return (
         np.array(layouts, dtype=np.int64),
         np.array([row.numbers for row in rows]),
         np.array(drives, dtype=np.int64).reshape(-1, 2),
         np.array([numbers for row in rows for numbers in row.parameters]).reshape(-1, _DRIVE_NUMBERS),
+        *term_tables(terms),
         np.array([travel for row in rows for travel in row.travels]),
     )

@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 
 from drake_tc.actuation.joint_effects import JointEffects, tables
-from drake_tc.effects.thermal_friction import REFERENCE_CELSIUS
 from drake_tc.kernels import joint_layout as at
 from drake_tc.kernels.lazy import Kernel
+from drake_tc.kernels.torque_equations import REFERENCE_CELSIUS
 from drake_tc.types import FloatArray
 
 _ADVANCE, _MOTORS = Kernel("actuator", "advance"), Kernel("actuator", "motors")
@@ -41,7 +41,7 @@ class JointStep:
         n = len(self.joints)
         self._interpreted = [j for j, joint in enumerate(self.joints) if not joint.compiled]
         self._no_work = np.empty((0, at.WORK))
-        self._unknown = np.full(n, np.nan)
+        self._unknown, self._room = np.full(n, np.nan), np.full(n, REFERENCE_CELSIUS)
         self.width = at.OUTPUTS * n + sum(joint.size for joint in self.joints) + 1
 
     @property
@@ -76,11 +76,12 @@ class JointStep:
             around: (n,) temperatures [deg C] and supply voltages [V]; None: as `UNCONNECTED`.
         """
         load = self._unknown if load is None else load
+        now = command, state, load, self._room if around is None else around[0], time
         work = np.empty((len(self.joints), at.WORK)) if self._interpreted else self._no_work
-        done = _ADVANCE(kept, command, state, load, time, *self._tables, False, work, out)
+        done = _ADVANCE(kept, *now, *self._tables, False, work, out)
         if done == at.UNSTARTED:
             kept = self._started(kept, command, state, load, around)
-            done = _ADVANCE(kept, command, state, load, time, *self._tables, False, work, out)
+            done = _ADVANCE(kept, *now, *self._tables, False, work, out)
         if done == at.PENDING:
             memory = out[at.OUTPUTS * len(self.joints) :]
             for j in self._interpreted:
@@ -89,7 +90,7 @@ class JointStep:
                     found = self.joints[j].evaluate(own, work[j].tolist(), _around(around, j))
                     memory[self._parts[j]] = own
                     work[j, at.ASKED :] = found
-            _ADVANCE(kept, command, state, load, time, *self._tables, True, work, out)
+            _ADVANCE(kept, *now, *self._tables, True, work, out)
 
     def _started(self, kept: FloatArray, command: FloatArray, state: FloatArray, load: FloatArray, around: Any) -> Any:
         """X in which all joints have started whose state is finite."""

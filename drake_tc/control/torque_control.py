@@ -20,10 +20,10 @@ from drake_tc.actuation.compensator import Compensator
 from drake_tc.actuation.joint_values import JointValues, Models, joint_values, model_list
 from drake_tc.control.compensation_spec import CompensationSpec
 from drake_tc.control.gains import TorqueGains
-from drake_tc.effects.thermal_friction import REFERENCE_CELSIUS
 from drake_tc.errors import ParamsError
 from drake_tc.kernels.compensation_layout import LIMIT, SERVO
 from drake_tc.kernels.lazy import Kernel
+from drake_tc.kernels.torque_equations import REFERENCE_CELSIUS
 from drake_tc.port_methods import PortMethods
 from drake_tc.types import FloatArray
 
@@ -121,12 +121,12 @@ class TorqueControl(PortMethods, LeafSystem):
         self._size, self._spec, self._dt, self._disturbed = n, spec, float(dt), disturbance
         self._names = names
         self._limit, self._nothing, self._nil = limit, np.zeros(0), np.zeros(n)
-        rows, inverses = self._compensator.tables
+        rows, inverses, terms, values = self._compensator.tables
         rows[:, LIMIT] = limit
         sources = [
             ("estimate", "reference", "none").index(x) for x in (spec.velocity, spec.direction, spec.acceleration)
         ]
-        self._constants = (np.array(sources), 1.0 / spec.direction_speed, rows, inverses)
+        self._constants = (np.array(sources), 1.0 / spec.direction_speed, rows, inverses, terms, values)
         self._k_tau = self._compensator.k_tau
         self._integrates = bool(np.any(gains.ki > 0.0))
         start: Any = self._flat(gains)
@@ -204,7 +204,7 @@ class TorqueControl(PortMethods, LeafSystem):
 
     def _interpret(self, rows: FloatArray, position: FloatArray, estimate: FloatArray, reference: FloatArray) -> None:
         """Command and effort of the joints that have an effect without compiled equation."""
-        n, (sources, per_speed, joints, _) = self._size, self._constants
+        n, (sources, per_speed, joints, _, _, _) = self._size, self._constants
         motion = np.zeros((3, 3 * n))
         motion[0], motion[1] = estimate, reference if reference.size else 0.0
         velocity, turning = motion[sources[0], n : 2 * n], motion[sources[1], n : 2 * n]

@@ -1,13 +1,13 @@
 """Friction that differs with the direction of motion."""
 
 from collections.abc import Mapping
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
-from drake_tc.effects.base import Context, Parameter, Plausible, Shape, Signals, Signature, TorqueEffect
-from drake_tc.effects.kernel import TorqueKernel, TorqueParts
-from drake_tc.types import FloatArray
+from drake_tc.effects.base import Context, Parameter, Plausible, Signature
+from drake_tc.effects.equation_effect import EquationEffect
+from drake_tc.kernels.torque_equations import ASYMMETRY
 
 COULOMB_ASYMMETRY_RANGE = Plausible(
     -1.0,
@@ -23,10 +23,11 @@ VISCOUS_ASYMMETRY_RANGE = Plausible(
 )
 
 
-class AsymmetricFriction(TorqueEffect):
+class AsymmetricFriction(EquationEffect):
     """(A_c sign(qdot) + A_v qdot) sign(qdot) [N m]: F_c +/- A_c and F_v +/- A_v in the two directions."""
 
     id = "asymmetric_friction"
+    torque_kind = ASYMMETRY
     title = "direction-dependent friction"
     equation = "tau_add = (coulomb_asymmetry * sign(qdot) + viscous_asymmetry * qdot) * sign(qdot)"
     kind = "friction"
@@ -62,19 +63,6 @@ class AsymmetricFriction(TorqueEffect):
         """Not beside an unknown load, which has a column of the same form."""
         return context.taken_up or super().obstacle(context)
 
-    def columns(self, signals: Signals, shape: Shape) -> FloatArray:
-        """Phi (T, 2): see the class."""
-        return np.stack([signals.direction**2, np.abs(signals.velocity)], axis=-1)
-
-    def kernel(self, parameters: Mapping[str, float]) -> TorqueKernel:
-        """The same at one instant."""
-        coulomb, viscous = parameters["coulomb_asymmetry"], parameters["viscous_asymmetry"]
-
-        def parts(q: float, v: float, direction: float, tau: float, celsius: float, hysteresis: float) -> TorqueParts:
-            return coulomb * direction, (viscous if v >= 0.0 else -viscous), 0.0
-
-        return parts
-
 
 class CoulombAsymmetry(AsymmetricFriction):
     """A_c [N m]: only the Coulomb level differs. In motion this is a constant, as a torque sensor's bias is."""
@@ -90,15 +78,6 @@ class CoulombAsymmetry(AsymmetricFriction):
         ),
     )
 
-    def columns(self, signals: Signals, shape: Shape) -> FloatArray:
-        """Phi (T, 1): see the class."""
-        return np.asarray(signals.direction**2)[:, None]
-
-    def kernel(self, parameters: Mapping[str, float]) -> TorqueKernel:
-        """The same at one instant."""
-        coulomb = parameters["coulomb_asymmetry"]
-
-        def parts(q: float, v: float, direction: float, tau: float, celsius: float, hysteresis: float) -> TorqueParts:
-            return coulomb * direction, 0.0, 0.0
-
-        return parts
+    def numbers(self, parameters: Mapping[str, Any]) -> tuple[Any, ...]:
+        """A_v is 0."""
+        return parameters["coulomb_asymmetry"], 0.0

@@ -2,11 +2,9 @@
 
 from collections.abc import Mapping
 
-import numpy as np
-
-from drake_tc.effects.base import Context, Parameter, Plausible, Shape, Signals, Signature, TorqueEffect
-from drake_tc.effects.kernel import TorqueKernel, TorqueParts
-from drake_tc.types import FloatArray
+from drake_tc.effects.base import Context, Parameter, Plausible, Signature
+from drake_tc.effects.equation_effect import EquationEffect
+from drake_tc.kernels.torque_equations import SPRING
 
 SPRING_STIFFNESS_RANGE = Plausible(
     0.0,
@@ -27,10 +25,11 @@ MOST_TURNS = 2.0
 """Range of the output over which a cable can act as a spring [turns]; cable guides of robot joints allow about one."""
 
 
-class CableSpring(TorqueEffect):
+class CableSpring(EquationEffect):
     """k (q - q_0) [N m], as k q - k q_0."""
 
     id = "cable_spring"
+    torque_kind = SPRING
     title = "cable spring"
     equation = "tau_add = spring_stiffness * q + spring_preload"
     kind = "load"
@@ -61,16 +60,3 @@ class CableSpring(TorqueEffect):
             f"The joint turns over {context.turns:.2g} turns of its output: a cable or spring fixed to both sides "
             f"allows at most some {MOST_TURNS:g}."
         )
-
-    def columns(self, signals: Signals, shape: Shape) -> FloatArray:
-        """Phi (T, 2): see the class."""
-        return np.stack([signals.position, np.ones(len(signals))], axis=-1)
-
-    def kernel(self, parameters: Mapping[str, float]) -> TorqueKernel:
-        """The same at one instant."""
-        stiffness, preload = parameters["spring_stiffness"], parameters["spring_preload"]
-
-        def parts(q: float, v: float, direction: float, tau: float, celsius: float, hysteresis: float) -> TorqueParts:
-            return 0.0, 0.0, stiffness * q + preload
-
-        return parts

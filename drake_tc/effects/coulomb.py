@@ -1,10 +1,11 @@
 """Coulomb friction."""
 
 from collections.abc import Mapping
+from typing import Any
 
-from drake_tc.effects.base import Parameter, Plausible, Shape, Signals, Signature, TorqueEffect
-from drake_tc.effects.kernel import TorqueKernel, TorqueParts
-from drake_tc.types import FloatArray
+from drake_tc.effects.base import Parameter, Plausible, Signature
+from drake_tc.effects.equation_effect import EquationEffect
+from drake_tc.kernels.torque_equations import CONSTANT
 
 COULOMB_RANGE = Plausible(
     0.0,
@@ -15,10 +16,11 @@ COULOMB_RANGE = Plausible(
 )
 
 
-class Coulomb(TorqueEffect):
+class Coulomb(EquationEffect):
     """F_c sign(qdot) [N m]; while the direction turns over, F_c times the bristle's deflection in [-1, 1]."""
 
     id = "coulomb"
+    torque_kind = CONSTANT
     title = "Coulomb friction"
     equation = "tau_add = coulomb * sign(qdot)"
     kind = "friction"
@@ -33,15 +35,6 @@ class Coulomb(TorqueEffect):
     )
     signature = Signature(x="velocity", split="direction", look_for="a step at zero velocity")
 
-    def columns(self, signals: Signals, shape: Shape) -> FloatArray:
-        """Phi (T, 1): see the class."""
-        return signals.direction[:, None]
-
-    def kernel(self, parameters: Mapping[str, float]) -> TorqueKernel:
-        """The same at one instant."""
-        level = parameters["coulomb"]
-
-        def parts(q: float, v: float, direction: float, tau: float, celsius: float, hysteresis: float) -> TorqueParts:
-            return level, 0.0, 0.0
-
-        return parts
+    def numbers(self, parameters: Mapping[str, Any]) -> tuple[Any, ...]:
+        """Level F_c."""
+        return parameters["coulomb"], 0.0, 0.0

@@ -4,8 +4,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from drake_tc.effects.base import Context, Parameter, Plausible, Shape, Signals, Signature, TorqueEffect
-from drake_tc.effects.kernel import TorqueKernel, TorqueParts
+from drake_tc.effects.base import Context, Parameter, Plausible, Shape, Signals, Signature
+from drake_tc.effects.equation_effect import EquationEffect
+from drake_tc.kernels.torque_equations import LOAD_FRICTION
 from drake_tc.types import FloatArray
 
 DRIVING_RANGE = Plausible(
@@ -20,7 +21,7 @@ BACKDRIVEN_RANGE = Plausible(
 )
 
 
-class DirectionalEfficiency(TorqueEffect):
+class DirectionalEfficiency(EquationEffect):
     """mu |tau| sign(qdot) [N m] with mu_d where the joint drives its load (tau qdot > 0), mu_b where it is back-driven.
 
     With mu the mean and delta half of the difference of mu_d and mu_b this is  mu |tau| sign(qdot) + delta tau. The
@@ -35,6 +36,7 @@ class DirectionalEfficiency(TorqueEffect):
     """
 
     id = "directional_efficiency"
+    torque_kind = LOAD_FRICTION
     title = "gear efficiency that differs when the gear is back-driven"
     equation = "tau_add = (driving_friction if tau * qdot > 0 else backdriven_friction) * abs(tau) * sign(qdot)"
     kind = "friction"
@@ -69,7 +71,7 @@ class DirectionalEfficiency(TorqueEffect):
 
     def columns(self, signals: Signals, shape: Shape) -> FloatArray:
         """(|tau| sign(qdot), -J qddot) (T, 2)."""
-        friction = np.abs(signals.load_torque) * signals.direction
+        friction = self.equation_torque(signals, {"driving_friction": 1.0, "backdriven_friction": 1.0})
         return np.stack([friction, -signals.rotor_inertia * signals.acceleration], axis=-1)
 
     def physical(self, theta: FloatArray, shape: Shape, gain: float) -> dict[str, float]:
@@ -84,15 +86,4 @@ class DirectionalEfficiency(TorqueEffect):
 
     def torque(self, signals: Signals, parameters: Mapping[str, FloatArray | float]) -> FloatArray:
         """(T,): see the class."""
-        driving = signals.load_torque * signals.direction > 0.0
-        mu = np.where(driving, parameters["driving_friction"], parameters["backdriven_friction"])
-        return np.asarray(mu * np.abs(signals.load_torque) * signals.direction)
-
-    def kernel(self, parameters: Mapping[str, float]) -> TorqueKernel:
-        """The same at one instant."""
-        driving, driven = parameters["driving_friction"], parameters["backdriven_friction"]
-
-        def parts(q: float, v: float, direction: float, tau: float, celsius: float, hysteresis: float) -> TorqueParts:
-            return (driving if tau * direction > 0.0 else driven) * abs(tau), 0.0, 0.0
-
-        return parts
+        return self.equation_torque(signals, parameters)

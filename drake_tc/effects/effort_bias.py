@@ -1,12 +1,11 @@
 """A constant error of the recorded current or voltage."""
 
 from collections.abc import Mapping
+from typing import Any
 
-import numpy as np
-
-from drake_tc.effects.base import Context, Parameter, Plausible, Shape, Signals, Signature, TorqueEffect
-from drake_tc.effects.kernel import TorqueKernel, TorqueParts
-from drake_tc.types import FloatArray
+from drake_tc.effects.base import Context, Parameter, Plausible, Signature
+from drake_tc.effects.equation_effect import EquationEffect
+from drake_tc.kernels.torque_equations import CONSTANT
 
 EFFORT_BIAS_RANGE = Plausible(
     -0.5,
@@ -17,7 +16,7 @@ EFFORT_BIAS_RANGE = Plausible(
 )
 
 
-class EffortBias(TorqueEffect):
+class EffortBias(EquationEffect):
     """y_meas = y + K b with the drive gain K [effort/(N m)]: the effort makes b [N m] less torque than it says.
 
     While the joint slides this is one constant, as a Coulomb asymmetry or a torque sensor's bias is. At rest it differs
@@ -25,6 +24,7 @@ class EffortBias(TorqueEffect):
     """
 
     id = "effort_bias"
+    torque_kind = CONSTANT
     title = "offset of the recorded effort"
     equation = "tau_add = bias_torque"
     kind = "sensor"
@@ -42,15 +42,6 @@ class EffortBias(TorqueEffect):
             return "the effort is the position error: the encoder's offset covers it"
         return context.taken_up or super().obstacle(context)
 
-    def columns(self, signals: Signals, shape: Shape) -> FloatArray:
-        """Phi (T, 1): see the class."""
-        return np.ones((len(signals), 1))
-
-    def kernel(self, parameters: Mapping[str, float]) -> TorqueKernel:
-        """The same at one instant."""
-        bias = parameters["bias_torque"]
-
-        def parts(q: float, v: float, direction: float, tau: float, celsius: float, hysteresis: float) -> TorqueParts:
-            return 0.0, 0.0, bias
-
-        return parts
+    def numbers(self, parameters: Mapping[str, Any]) -> tuple[Any, ...]:
+        """Rest b."""
+        return 0.0, 0.0, parameters["bias_torque"]

@@ -1,7 +1,8 @@
 """An effect at one joint and one instant, compiled for simulation: the same equation on plain floats.
 
 A simulation evaluates every effect at every tick, where arrays of one joint would cost more than the physics. So an
-effect hands out a *kernel*: a closure over its parameters. A test holds kernels and `Effect.columns` together.
+effect hands out a *kernel*: an `EquationKernel`, which runs compiled, or any closure over its parameters. A test holds
+kernels and `Effect.columns` together.
 """
 
 from collections.abc import Callable
@@ -9,6 +10,7 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 from drake_tc.kernels.joint_layout import INTERPRETED
+from drake_tc.kernels.torque_equations import EQUATIONS
 
 TorqueParts: TypeAlias = tuple[float, float, float]
 """(level [N m], damping [N m s/rad], rest [N m]): torque = level * direction + damping * velocity + rest.
@@ -20,6 +22,26 @@ it slides, `damping` on the velocity at the end of the step, and `rest` (springs
 TorqueKernel: TypeAlias = Callable[[float, float, float, float, float, float], TorqueParts]
 """(position, velocity, direction, load torque, temperature, hysteresis) to TorqueParts; `hysteresis` is the state in
 [-1, 1] of an effect that has one (`TorqueEffect.hysteresis_travel`), else 0."""
+
+
+@dataclass(frozen=True)
+class EquationKernel:
+    """A `TorqueKernel` whose equation the simulation and the compensation have compiled.
+
+    Attributes:
+        kind: Of the equation (`drake_tc.kernels.torque_equations`).
+        numbers: Its numbers.
+    """
+
+    kind: int
+    numbers: tuple[float, ...]
+
+    def __call__(
+        self, q: float, v: float, direction: float, tau: float, celsius: float, hysteresis: float
+    ) -> TorqueParts:
+        """The equation on plain floats."""
+        level, damping, rest = EQUATIONS[self.kind](q, v, direction, tau, celsius, hysteresis, self.numbers)
+        return float(level), float(damping), float(rest)
 
 
 @dataclass(frozen=True)

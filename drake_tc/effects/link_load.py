@@ -2,17 +2,19 @@
 
 from collections.abc import Mapping
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
-from drake_tc.effects.base import Context, Parameter, Plausible, Shape, Signals, Signature, TorqueEffect
-from drake_tc.effects.kernel import TorqueKernel, TorqueParts
+from drake_tc.effects.base import Context, Parameter, Plausible, Shape, Signals, Signature
+from drake_tc.effects.equation_effect import EquationEffect
+from drake_tc.kernels.torque_equations import CONSTANT
 from drake_tc.types import FloatArray
 
 WEIGHT_RANGE = Plausible(-np.inf, np.inf, "what the other joints know of the links bounds it")
 
 
-class LinkLoad(TorqueEffect):
+class LinkLoad(EquationEffect):
     """sum_k theta_k L_k(t) [N m]: load torques of the links along the directions that the other joints leave open.
 
     The columns come with the log (`Signals.links`), as they depend on the motion of all joints. Each theta_k has the
@@ -21,6 +23,7 @@ class LinkLoad(TorqueEffect):
     """
 
     id = "link_load"
+    torque_kind = CONSTANT
     title = "inertial parameters of the links"
     kind = "load"
     linear = True
@@ -38,13 +41,9 @@ class LinkLoad(TorqueEffect):
         size = len(self.coefficients)
         return np.zeros((len(signals), size)) if signals.links is None else signals.links
 
-    def kernel(self, parameters: Mapping[str, float]) -> TorqueKernel:
-        """Nothing: it is part of the load."""
-
-        def parts(q: float, v: float, direction: float, tau: float, celsius: float, hysteresis: float) -> TorqueParts:
-            return 0.0, 0.0, 0.0
-
-        return parts
+    def numbers(self, parameters: Mapping[str, Any]) -> tuple[Any, ...]:
+        """Zeros: it is part of the load."""
+        return 0.0, 0.0, 0.0
 
 
 @lru_cache

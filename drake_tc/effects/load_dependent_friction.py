@@ -1,12 +1,11 @@
 """Friction that grows with the load on the gear."""
 
 from collections.abc import Mapping
+from typing import Any
 
-import numpy as np
-
-from drake_tc.effects.base import Parameter, Plausible, Shape, Signals, Signature, TorqueEffect
-from drake_tc.effects.kernel import TorqueKernel, TorqueParts
-from drake_tc.types import FloatArray
+from drake_tc.effects.base import Parameter, Plausible, Signature
+from drake_tc.effects.equation_effect import EquationEffect
+from drake_tc.kernels.torque_equations import LOAD_FRICTION
 
 LOAD_FRICTION_RANGE = Plausible(
     0.0,
@@ -16,10 +15,11 @@ LOAD_FRICTION_RANGE = Plausible(
 )
 
 
-class LoadDependentFriction(TorqueEffect):
+class LoadDependentFriction(EquationEffect):
     """mu |tau| sign(qdot) [N m], tau the transmitted torque on the link side (inertia of the link included)."""
 
     id = "load_dependent_friction"
+    torque_kind = LOAD_FRICTION
     title = "load-dependent friction"
     equation = "tau_add = load_friction * abs(tau) * sign(qdot)"
     kind = "friction"
@@ -37,15 +37,6 @@ class LoadDependentFriction(TorqueEffect):
         x="load_torque", split="direction", look_for="a V for one direction, an inverted V for the other"
     )
 
-    def columns(self, signals: Signals, shape: Shape) -> FloatArray:
-        """Phi (T, 1): see the class."""
-        return (np.abs(signals.load_torque) * signals.direction)[:, None]
-
-    def kernel(self, parameters: Mapping[str, float]) -> TorqueKernel:
-        """The same at one instant."""
-        mu = parameters["load_friction"]
-
-        def parts(q: float, v: float, direction: float, tau: float, celsius: float, hysteresis: float) -> TorqueParts:
-            return mu * abs(tau), 0.0, 0.0
-
-        return parts
+    def numbers(self, parameters: Mapping[str, Any]) -> tuple[Any, ...]:
+        """The same mu whichever side drives."""
+        return parameters["load_friction"], parameters["load_friction"]

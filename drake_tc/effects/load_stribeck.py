@@ -1,13 +1,10 @@
 """Load-dependent friction that is higher at low speed."""
 
-import math
-from collections.abc import Mapping
-
 import numpy as np
 
-from drake_tc.effects.base import Context, Parameter, Plausible, Shape, Signals, Signature, TorqueEffect
-from drake_tc.effects.kernel import TorqueKernel, TorqueParts
-from drake_tc.types import FloatArray
+from drake_tc.effects.base import Context, Parameter, Plausible, Signature
+from drake_tc.effects.equation_effect import EquationEffect
+from drake_tc.kernels.torque_equations import LOAD_STRIBECK
 
 LOAD_STRIBECK_RANGE = Plausible(
     0.0,
@@ -22,7 +19,7 @@ LOAD_STRIBECK_VELOCITY_RANGE = Plausible(
 )
 
 
-class LoadStribeck(TorqueEffect):
+class LoadStribeck(EquationEffect):
     """mu_s |tau| exp(-|qdot|/v_s) sign(qdot) [N m]: what load-dependent friction has more at rest than in motion.
 
     Source: Duclusaud et al., Extended Friction Models for the Physics Simulation of Servo Actuators (2025), the
@@ -30,6 +27,7 @@ class LoadStribeck(TorqueEffect):
     """
 
     id = "load_stribeck"
+    torque_kind = LOAD_STRIBECK
     title = "Stribeck part of load-dependent friction"
     equation = "tau_add = load_stribeck * abs(tau) * exp(-abs(qdot) / load_stribeck_velocity) * sign(qdot)"
     kind = "friction"
@@ -61,17 +59,3 @@ class LoadStribeck(TorqueEffect):
         """Speeds up to a half of the largest."""
         fastest = 0.5 * context.max_speed
         return [{"load_stribeck_velocity": float(v)} for v in np.geomspace(fastest / 30, fastest, 8)]
-
-    def columns(self, signals: Signals, shape: Shape) -> FloatArray:
-        """Phi (T, 1): see the class."""
-        decay = np.exp(-np.abs(signals.velocity) / shape["load_stribeck_velocity"])
-        return np.asarray((np.abs(signals.load_torque) * signals.direction * decay)[:, None])
-
-    def kernel(self, parameters: Mapping[str, float]) -> TorqueKernel:
-        """The same at one instant."""
-        mu, speed = parameters["load_stribeck"], parameters["load_stribeck_velocity"]
-
-        def parts(q: float, v: float, direction: float, tau: float, celsius: float, hysteresis: float) -> TorqueParts:
-            return mu * abs(tau) * math.exp(-abs(v) / speed), 0.0, 0.0
-
-        return parts

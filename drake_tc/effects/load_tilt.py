@@ -1,13 +1,11 @@
 """A gravity load whose centre of mass is not where the model has it when it hangs."""
 
-import math
 from collections.abc import Mapping
+from typing import Any
 
-import numpy as np
-
-from drake_tc.effects.base import Context, Parameter, Plausible, Shape, Signals, Signature, TorqueEffect
-from drake_tc.effects.kernel import TorqueKernel, TorqueParts
-from drake_tc.types import FloatArray
+from drake_tc.effects.base import Context, Parameter, Plausible, Signature
+from drake_tc.effects.equation_effect import EquationEffect
+from drake_tc.kernels.torque_equations import WAVE
 
 TILT_MOMENT_RANGE = Plausible(
     -0.35,
@@ -17,10 +15,11 @@ TILT_MOMENT_RANGE = Plausible(
 )
 
 
-class LoadTilt(TorqueEffect):
+class LoadTilt(EquationEffect):
     """A cos q [N m]: m g l sin(q - z) has A = -m g l sin z more than the load that hangs at q = 0."""
 
     id = "load_tilt"
+    torque_kind = WAVE
     title = "tilt of the gravity load"
     equation = "tau_add = tilt_moment * cos(q)"
     kind = "load"
@@ -33,15 +32,6 @@ class LoadTilt(TorqueEffect):
         """Only a load computed from the angle can be tilted; a measured one has all of it."""
         return "" if context.load == "pendulum" else "the load is measured, not computed from the angle"
 
-    def columns(self, signals: Signals, shape: Shape) -> FloatArray:
-        """Phi (T, 1): see the class."""
-        return np.cos(signals.position)[:, None]
-
-    def kernel(self, parameters: Mapping[str, float]) -> TorqueKernel:
-        """The same at one instant."""
-        moment = parameters["tilt_moment"]
-
-        def parts(q: float, v: float, direction: float, tau: float, celsius: float, hysteresis: float) -> TorqueParts:
-            return 0.0, 0.0, moment * math.cos(q)
-
-        return parts
+    def numbers(self, parameters: Mapping[str, Any]) -> tuple[Any, ...]:
+        """A wave of one cycle a turn."""
+        return parameters["tilt_moment"], 0.0, 1.0

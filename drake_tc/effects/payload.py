@@ -1,13 +1,11 @@
 """A mass on the link that the model does not carry."""
 
-import math
 from collections.abc import Mapping
-from typing import ClassVar
+from typing import Any, ClassVar
 
-import numpy as np
-
-from drake_tc.effects.base import Context, Parameter, Plausible, Shape, Signals, Signature, TorqueEffect
-from drake_tc.effects.kernel import TorqueKernel, TorqueParts
+from drake_tc.effects.base import Context, Parameter, Plausible, Shape, Signals, Signature
+from drake_tc.effects.equation_effect import EquationEffect
+from drake_tc.kernels.torque_equations import LOAD_SHARE, PENDULUM
 from drake_tc.types import FloatArray
 
 PAYLOAD_MOMENT_RANGE = Plausible(
@@ -34,10 +32,11 @@ LOAD_ERROR_RANGE = Plausible(
 NO_INERTIA = "the rig file declares no rotor_inertia, so this effect cannot be distinguished from others"
 
 
-class Payload(TorqueEffect):
+class Payload(EquationEffect):
     """G_p sin(q - q_h) + J_p qddot [N m]: first moment times gravity, and its inertia; q_h = 0 is hanging."""
 
     id = "payload"
+    torque_kind = PENDULUM
     title = "payload"
     equation = "tau_add = payload_moment * sin(q) + payload_inertia * qddot"
     kind = "load"
@@ -72,18 +71,9 @@ class Payload(TorqueEffect):
         """J_p."""
         return float(theta[1])
 
-    def columns(self, signals: Signals, shape: Shape) -> FloatArray:
-        """Phi (T, 2): see the class."""
-        return np.stack([np.sin(signals.position), signals.acceleration], axis=-1)
-
-    def kernel(self, parameters: Mapping[str, float]) -> TorqueKernel:
-        """The same at one instant."""
-        moment = parameters["payload_moment"]
-
-        def parts(q: float, v: float, direction: float, tau: float, celsius: float, hysteresis: float) -> TorqueParts:
-            return 0.0, 0.0, moment * math.sin(q)
-
-        return parts
+    def numbers(self, parameters: Mapping[str, Any]) -> tuple[Any, ...]:
+        """A pendulum that hangs at q = 0."""
+        return parameters["payload_moment"], 0.0, 0.0
 
     def inertia(self, parameters: Mapping[str, float]) -> float:
         """J_p."""
@@ -98,6 +88,7 @@ class PendulumPayload(Payload):
     """
 
     form = "pendulum"
+    torque_kind = LOAD_SHARE
     equation = "tau_add = payload_share * tau"
     coefficients = (Parameter("missing_inertia", "-", 0.0, 0.98, description="s/(1 + s)"),)
     signature = Signature(
@@ -145,16 +136,11 @@ class PendulumPayload(Payload):
 
     def torque(self, signals: Signals, parameters: Mapping[str, FloatArray | float]) -> FloatArray:
         """The share of the load (T,): see the class."""
-        return np.asarray(parameters["payload_share"] * signals.load_torque)
+        return self.equation_torque(signals, parameters)
 
-    def kernel(self, parameters: Mapping[str, float]) -> TorqueKernel:
-        """S times the torque that the gear passes."""
-        share = parameters["payload_share"]
-
-        def parts(q: float, v: float, direction: float, tau: float, celsius: float, hysteresis: float) -> TorqueParts:
-            return 0.0, 0.0, share * tau
-
-        return parts
+    def numbers(self, parameters: Mapping[str, Any]) -> tuple[Any, ...]:
+        """S, of the torque that the gear passes."""
+        return (parameters["payload_share"],)
 
     def inertia(self, parameters: Mapping[str, float]) -> float:
         """None of its own: it rides on the pendulum's torque."""

@@ -1,13 +1,12 @@
 """Friction whose level varies with the angle."""
 
-import math
 from collections.abc import Mapping
 
 import numpy as np
 
-from drake_tc.effects.base import Context, Parameter, Plausible, Shape, Signals, Signature, TorqueEffect
-from drake_tc.effects.kernel import TorqueKernel, TorqueParts
-from drake_tc.types import FloatArray
+from drake_tc.effects.base import Context, Parameter, Plausible, Signature
+from drake_tc.effects.equation_effect import EquationEffect
+from drake_tc.kernels.torque_equations import FRICTION_WAVE
 
 WAVE_RANGE = Plausible(
     -1.0,
@@ -22,10 +21,11 @@ CYCLES_PER_TURN_RANGE = Plausible(
 )
 
 
-class PositionDependentFriction(TorqueEffect):
+class PositionDependentFriction(EquationEffect):
     """(F_1 cos(n q) + F_2 sin(n q)) sign(qdot) [N m], n cycles a turn."""
 
     id = "position_dependent_friction"
+    torque_kind = FRICTION_WAVE
     title = "position-dependent friction"
     equation = (
         "tau_add = (friction_cosine * cos(cycles_per_turn * q) + friction_sine * sin(cycles_per_turn * q)) * sign(qdot)"
@@ -66,18 +66,3 @@ class PositionDependentFriction(TorqueEffect):
         if amplitude <= mean:
             return ""
         return f"The wave of {amplitude:.3g} N*m exceeds the Coulomb friction of {mean:.3g} N*m: {WAVE_RANGE.source}."
-
-    def columns(self, signals: Signals, shape: Shape) -> FloatArray:
-        """Phi (T, 2): see the class."""
-        phase = shape["cycles_per_turn"] * signals.position
-        return np.stack([np.cos(phase) * signals.direction, np.sin(phase) * signals.direction], axis=-1)
-
-    def kernel(self, parameters: Mapping[str, float]) -> TorqueKernel:
-        """The same at one instant."""
-        cosine, sine = parameters["friction_cosine"], parameters["friction_sine"]
-        cycles = parameters["cycles_per_turn"]
-
-        def parts(q: float, v: float, direction: float, tau: float, celsius: float, hysteresis: float) -> TorqueParts:
-            return cosine * math.cos(cycles * q) + sine * math.sin(cycles * q), 0.0, 0.0
-
-        return parts

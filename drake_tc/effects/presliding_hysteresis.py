@@ -1,11 +1,13 @@
 """Friction that has to be wound up after every reversal."""
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
-from drake_tc.effects.base import Context, Parameter, Plausible, Shape, Signals, Signature, TorqueEffect
-from drake_tc.effects.kernel import TorqueKernel, TorqueParts
+from drake_tc.effects.base import Context, Parameter, Plausible, Shape, Signals, Signature
+from drake_tc.effects.equation_effect import EquationEffect
+from drake_tc.kernels.torque_equations import HYSTERESIS
 from drake_tc.types import FloatArray
 
 PRESLIDING_RANGE = Plausible(
@@ -22,7 +24,7 @@ PRESLIDING_TRAVEL_RANGE = Plausible(
 )
 
 
-class PreslidingHysteresis(TorqueEffect):
+class PreslidingHysteresis(EquationEffect):
     """F_p (z - sign(qdot)) [N m]: the share F_p of the Coulomb friction acts through a soft bristle z.
 
     Dahl (1968), exponent 1: dz/ds = (1 - z sign(qdot))/s_p over the travel s, so between reversals
@@ -30,6 +32,7 @@ class PreslidingHysteresis(TorqueEffect):
     """
 
     id = "presliding_hysteresis"
+    torque_kind = HYSTERESIS
     title = "presliding hysteresis"
     equation = "tau_add = presliding * (z - sign(qdot)); presliding_travel * ddq(z) = 1 - z * sign(qdot)"
     kind = "friction"
@@ -64,21 +67,16 @@ class PreslidingHysteresis(TorqueEffect):
         span = context.position_span[1] - context.position_span[0]
         return [{"presliding_travel": float(s)} for s in np.geomspace(2e-3, 0.25 * span, 8)]
 
-    def columns(self, signals: Signals, shape: Shape) -> FloatArray:
-        """Phi (T, 1). Over a log z follows every reversal; at one instant (period 0) full sliding precedes."""
+    def numbers(self, parameters: Mapping[str, Any]) -> tuple[Any, ...]:
+        """F_p; the travel is in the state."""
+        return (parameters["presliding"],)
+
+    def hysteresis(self, signals: Signals, shape: Shape) -> FloatArray:
+        """Over a log z (T,) follows every reversal; at one instant (period 0) full sliding precedes."""
         d = signals.direction
         decay = np.exp(-signals.travel / shape["presliding_travel"])
         left = -d if signals.period == 0.0 else _left_by_reversals(d, decay)
-        return np.asarray(((left - d) * decay)[:, None])
-
-    def kernel(self, parameters: Mapping[str, float]) -> TorqueKernel:
-        """The same at one instant."""
-        level = parameters["presliding"]
-
-        def parts(q: float, v: float, direction: float, tau: float, celsius: float, hysteresis: float) -> TorqueParts:
-            return -level, 0.0, level * hysteresis
-
-        return parts
+        return np.asarray(d + (left - d) * decay)
 
     def hysteresis_travel(self, parameters: Mapping[str, float]) -> float:
         """s_p: the Dahl state takes over the share F_p of the Coulomb friction, after any reversals."""

@@ -1,12 +1,8 @@
 """Friction that grows with the square of the speed."""
 
-from collections.abc import Mapping
-
-import numpy as np
-
-from drake_tc.effects.base import Parameter, Plausible, Shape, Signals, Signature, TorqueEffect
-from drake_tc.effects.kernel import TorqueKernel, TorqueParts
-from drake_tc.types import FloatArray
+from drake_tc.effects.base import Parameter, Plausible, Signature
+from drake_tc.effects.equation_effect import EquationEffect
+from drake_tc.kernels.torque_equations import QUADRATIC
 
 QUADRATIC_VISCOUS_RANGE = Plausible(
     0.0,
@@ -17,10 +13,11 @@ QUADRATIC_VISCOUS_RANGE = Plausible(
 )
 
 
-class QuadraticViscous(TorqueEffect):
+class QuadraticViscous(EquationEffect):
     """F_q qdot |qdot| [N m]."""
 
     id = "quadratic_viscous"
+    torque_kind = QUADRATIC
     title = "quadratic viscous friction"
     equation = "tau_add = quadratic_viscous * qdot * abs(qdot)"
     kind = "friction"
@@ -35,16 +32,3 @@ class QuadraticViscous(TorqueEffect):
     signature = Signature(
         x="velocity", split="", look_for="an S that steepens (or flattens) towards the highest speeds"
     )
-
-    def columns(self, signals: Signals, shape: Shape) -> FloatArray:
-        """Phi (T, 1): see the class."""
-        return (signals.velocity * np.abs(signals.velocity))[:, None]
-
-    def kernel(self, parameters: Mapping[str, float]) -> TorqueKernel:
-        """The same at one instant."""
-        quadratic = parameters["quadratic_viscous"]
-
-        def parts(q: float, v: float, direction: float, tau: float, celsius: float, hysteresis: float) -> TorqueParts:
-            return 0.0, quadratic * abs(v), 0.0
-
-        return parts

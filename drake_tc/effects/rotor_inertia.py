@@ -1,9 +1,11 @@
 """Reflected inertia of the rotor."""
 
 from collections.abc import Mapping
+from typing import Any
 
-from drake_tc.effects.base import Context, Parameter, Plausible, Shape, Signals, Signature, TorqueEffect
-from drake_tc.effects.kernel import TorqueKernel, TorqueParts
+from drake_tc.effects.base import Context, Parameter, Plausible, Signature
+from drake_tc.effects.equation_effect import EquationEffect
+from drake_tc.kernels.torque_equations import CONSTANT
 from drake_tc.types import FloatArray
 
 ROTOR_INERTIA_RANGE = Plausible(
@@ -13,10 +15,11 @@ ROTOR_INERTIA_RANGE = Plausible(
 )
 
 
-class RotorInertia(TorqueEffect):
+class RotorInertia(EquationEffect):
     """J qddot [N m], J = Jm N^2 on the joint side (Faraji et al., 2015, section II.A)."""
 
     id = "rotor_inertia"
+    torque_kind = CONSTANT
     title = "reflected rotor inertia"
     equation = "tau_add = rotor_inertia * qddot"
     kind = "load"
@@ -40,17 +43,9 @@ class RotorInertia(TorqueEffect):
         """J."""
         return float(theta[0])
 
-    def columns(self, signals: Signals, shape: Shape) -> FloatArray:
-        """Phi (T, 1): see the class."""
-        return signals.acceleration[:, None]
-
-    def kernel(self, parameters: Mapping[str, float]) -> TorqueKernel:
-        """The same at one instant."""
-
-        def parts(q: float, v: float, direction: float, tau: float, celsius: float, hysteresis: float) -> TorqueParts:
-            return 0.0, 0.0, 0.0
-
-        return parts
+    def numbers(self, parameters: Mapping[str, Any]) -> tuple[Any, ...]:
+        """Zeros: it is an inertia alone."""
+        return 0.0, 0.0, 0.0
 
     def inertia(self, parameters: Mapping[str, float]) -> float:
         """J."""

@@ -1,11 +1,13 @@
 """Friction that is higher at the start of a run and settles while the lubricant is worked."""
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
-from drake_tc.effects.base import Context, Parameter, Plausible, Shape, Signals, Signature, TorqueEffect
-from drake_tc.effects.kernel import TorqueKernel, TorqueParts
+from drake_tc.effects.base import Context, Parameter, Plausible, Shape, Signals, Signature
+from drake_tc.effects.equation_effect import EquationEffect
+from drake_tc.kernels.torque_equations import CONSTANT
 from drake_tc.types import FloatArray
 
 RUN_IN_COULOMB_RANGE = Plausible(
@@ -27,7 +29,7 @@ RUN_IN_TIME_RANGE = Plausible(
 )
 
 
-class RunInFriction(TorqueEffect):
+class RunInFriction(EquationEffect):
     """(F_c0 sign(qdot) + F_v0 qdot) exp(-t/T) [N m], t since the start of the run.
 
     What friction has more (or less) at the start. It stands for the lubricant's temperature where none was recorded.
@@ -35,6 +37,7 @@ class RunInFriction(TorqueEffect):
     """
 
     id = "run_in_friction"
+    torque_kind = CONSTANT
     title = "friction that settles during a run"
     equation = "tau_add = (run_in_coulomb * sign(qdot) + run_in_viscous * qdot) * exp(-t / run_in_time)"
     kind = "friction"
@@ -70,10 +73,6 @@ class RunInFriction(TorqueEffect):
         left = np.exp(-signals.time / shape["run_in_time"])
         return np.stack([signals.direction * left, signals.velocity * left], axis=-1)
 
-    def kernel(self, parameters: Mapping[str, float]) -> TorqueKernel:
-        """Settled."""
-
-        def parts(q: float, v: float, direction: float, tau: float, celsius: float, hysteresis: float) -> TorqueParts:
-            return 0.0, 0.0, 0.0
-
-        return parts
+    def numbers(self, parameters: Mapping[str, Any]) -> tuple[Any, ...]:
+        """Zeros: at an instant it has settled."""
+        return 0.0, 0.0, 0.0

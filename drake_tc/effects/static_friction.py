@@ -1,13 +1,11 @@
 """A joint that sticks: static friction that exceeds sliding friction by much, at standstill only."""
 
-import math
 from collections.abc import Mapping
+from typing import Any
 
-import numpy as np
-
-from drake_tc.effects.base import Context, Parameter, Plausible, Shape, Signals, Signature, TorqueEffect
-from drake_tc.effects.kernel import TorqueKernel, TorqueParts
-from drake_tc.types import FloatArray
+from drake_tc.effects.base import Context, Parameter, Plausible, Signature
+from drake_tc.effects.equation_effect import EquationEffect
+from drake_tc.kernels.torque_equations import STRIBECK
 
 EXCESS_RANGE = Plausible(
     0.0,
@@ -19,7 +17,7 @@ EXCESS_RANGE = Plausible(
 SPEED_RANGE = Plausible(0.0, 1.0, "the speed below which the joint counts as sticking is within the log", "speed")
 
 
-class StaticFriction(TorqueEffect):
+class StaticFriction(EquationEffect):
     """(F_s - F_c) exp(-(qdot/v_b)^2) sign(qdot) [N m], v_b so small that no sliding row of a log sees it.
 
     A Stribeck peak is seen while the joint slides slowly; this one only as the effort at which the joint breaks away.
@@ -28,6 +26,7 @@ class StaticFriction(TorqueEffect):
     """
 
     id = "static_friction"
+    torque_kind = STRIBECK
     title = "static friction"
     equation = "tau_add = static_excess * exp(-(qdot / break_away_speed) ** 2) * sign(qdot)"
     kind = "friction"
@@ -49,16 +48,6 @@ class StaticFriction(TorqueEffect):
         """Rows at rest take no part in a regression."""
         return "rows at rest take no part in the fit: it is found from the efforts at which the joint breaks away"
 
-    def columns(self, signals: Signals, shape: Shape) -> FloatArray:
-        """Phi (T, 1): see the class."""
-        decay = np.exp(-((signals.velocity / shape["break_away_speed"]) ** 2))
-        return np.asarray((signals.direction * decay)[:, None])
-
-    def kernel(self, parameters: Mapping[str, float]) -> TorqueKernel:
-        """The same at one instant."""
-        excess, speed = parameters["static_excess"], parameters["break_away_speed"]
-
-        def parts(q: float, v: float, direction: float, tau: float, celsius: float, hysteresis: float) -> TorqueParts:
-            return excess * math.exp(-((v / speed) ** 2)), 0.0, 0.0
-
-        return parts
+    def numbers(self, parameters: Mapping[str, Any]) -> tuple[Any, ...]:
+        """Those of a Stribeck peak of exponent 2."""
+        return parameters["static_excess"], parameters["break_away_speed"], 2.0

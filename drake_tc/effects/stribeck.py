@@ -1,13 +1,10 @@
 """Stribeck friction: more at rest than in motion."""
 
-import math
-from collections.abc import Mapping
-
 import numpy as np
 
-from drake_tc.effects.base import Context, Parameter, Plausible, Shape, Signals, Signature, TorqueEffect
-from drake_tc.effects.kernel import TorqueKernel, TorqueParts
-from drake_tc.types import FloatArray
+from drake_tc.effects.base import Context, Parameter, Plausible, Signature
+from drake_tc.effects.equation_effect import EquationEffect
+from drake_tc.kernels.torque_equations import STRIBECK
 
 STRIBECK_RANGE = Plausible(
     0.0,
@@ -30,13 +27,14 @@ STRIBECK_EXPONENT_RANGE = Plausible(
 )
 
 
-class Stribeck(TorqueEffect):
+class Stribeck(EquationEffect):
     """(F_s - F_c) exp(-|qdot/v_s|^m) sign(qdot) [N m].
 
     Source: Armstrong-Hélouvry, Dupont and Canudas de Wit (1994), eq. 12, exponent m between 0.5 and 2.
     """
 
     id = "stribeck"
+    torque_kind = STRIBECK
     title = "Stribeck friction"
     equation = "tau_add = stribeck * exp(-(abs(qdot) / stribeck_velocity) ** stribeck_exponent) * sign(qdot)"
     kind = "friction"
@@ -76,18 +74,3 @@ class Stribeck(TorqueEffect):
             for v in np.geomspace(fastest / 120, fastest, 10)
             for m in (1.0, 2.0)
         ]
-
-    def columns(self, signals: Signals, shape: Shape) -> FloatArray:
-        """Phi (T, 1): see the class."""
-        decay = np.exp(-((np.abs(signals.velocity) / shape["stribeck_velocity"]) ** shape["stribeck_exponent"]))
-        return np.asarray((signals.direction * decay)[:, None])
-
-    def kernel(self, parameters: Mapping[str, float]) -> TorqueKernel:
-        """The same at one instant."""
-        level, speed = parameters["stribeck"], parameters["stribeck_velocity"]
-        exponent = parameters["stribeck_exponent"]
-
-        def parts(q: float, v: float, direction: float, tau: float, celsius: float, hysteresis: float) -> TorqueParts:
-            return level * math.exp(-((abs(v) / speed) ** exponent)), 0.0, 0.0
-
-        return parts

@@ -1,16 +1,8 @@
 """Friction that changes with temperature."""
 
-import math
-from collections.abc import Mapping
-
-import numpy as np
-
-from drake_tc.effects.base import Context, Parameter, Plausible, Shape, Signals, Signature, TorqueEffect
-from drake_tc.effects.kernel import TorqueKernel, TorqueParts
-from drake_tc.types import FloatArray
-
-REFERENCE_CELSIUS = 25.0
-
+from drake_tc.effects.base import Context, Parameter, Plausible, Signature
+from drake_tc.effects.equation_effect import EquationEffect
+from drake_tc.kernels.torque_equations import THERMAL
 
 COULOMB_PER_KELVIN_RANGE = Plausible(
     -0.2,
@@ -34,13 +26,14 @@ THERMAL_RATE_RANGE = Plausible(
 )
 
 
-class ThermalFriction(TorqueEffect):
+class ThermalFriction(EquationEffect):
     """(F_cT sign(qdot) + F_vT qdot) w(T) [N m],  w = (1 - exp(-r (T - 25 °C)))/r.
 
     A lubricant's viscosity falls exponentially; r is how fast it settles, r -> 0 a straight line in the temperature.
     """
 
     id = "thermal_friction"
+    torque_kind = THERMAL
     title = "temperature-dependent friction"
     equation = (
         "tau_add = (coulomb_per_kelvin * sign(qdot) + viscous_per_kelvin * qdot)"
@@ -80,20 +73,3 @@ class ThermalFriction(TorqueEffect):
     def shape_grid(self, context: Context) -> list[dict[str, float]]:
         """Straight, and two exponentials."""
         return [{"thermal_rate": r} for r in (1e-4, 0.015, 0.04)]
-
-    def columns(self, signals: Signals, shape: Shape) -> FloatArray:
-        """Phi (T, 2): see the class."""
-        rate = shape["thermal_rate"]
-        warmth = -np.expm1(-rate * (signals.temperature - REFERENCE_CELSIUS)) / rate * np.ones(len(signals))
-        return np.stack([signals.direction * warmth, signals.velocity * warmth], axis=-1)
-
-    def kernel(self, parameters: Mapping[str, float]) -> TorqueKernel:
-        """The same at one instant."""
-        coulomb, viscous = parameters["coulomb_per_kelvin"], parameters["viscous_per_kelvin"]
-        rate = parameters["thermal_rate"]
-
-        def parts(q: float, v: float, direction: float, tau: float, celsius: float, hysteresis: float) -> TorqueParts:
-            warmth = -math.expm1(-rate * (celsius - REFERENCE_CELSIUS)) / rate
-            return coulomb * warmth, viscous * warmth, 0.0
-
-        return parts

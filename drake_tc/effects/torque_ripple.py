@@ -1,13 +1,12 @@
 """Torque that varies with the angle: cogging, gear meshing, ripple."""
 
-import math
 from collections.abc import Mapping
 
 import numpy as np
 
-from drake_tc.effects.base import Context, Parameter, Plausible, Shape, Signals, Signature, TorqueEffect
-from drake_tc.effects.kernel import TorqueKernel, TorqueParts
-from drake_tc.types import FloatArray
+from drake_tc.effects.base import Context, Parameter, Plausible, Signature
+from drake_tc.effects.equation_effect import EquationEffect
+from drake_tc.kernels.torque_equations import WAVE
 
 WAVE_RANGE = Plausible(
     -1.0,
@@ -25,10 +24,11 @@ LEAST_PERIODS = 1.0
 """Periods of a ripple that the positions must span."""
 
 
-class TorqueRipple(TorqueEffect):
+class TorqueRipple(EquationEffect):
     """R_1 cos(n q) + R_2 sin(n q) [N m], n cycles a turn."""
 
     id = "torque_ripple"
+    torque_kind = WAVE
     title = "torque ripple"
     equation = "tau_add = ripple_cosine * cos(cycles_per_turn * q) + ripple_sine * sin(cycles_per_turn * q)"
     kind = "load"
@@ -72,18 +72,3 @@ class TorqueRipple(TorqueEffect):
             f"The positions span {periods:.3g} of a period of a ripple of {cycles:.3g} cycles a turn: that is a load "
             "curve over the position."
         )
-
-    def columns(self, signals: Signals, shape: Shape) -> FloatArray:
-        """Phi (T, 2): see the class."""
-        phase = shape["cycles_per_turn"] * signals.position
-        return np.stack([np.cos(phase), np.sin(phase)], axis=-1)
-
-    def kernel(self, parameters: Mapping[str, float]) -> TorqueKernel:
-        """The same at one instant."""
-        cosine, sine = parameters["ripple_cosine"], parameters["ripple_sine"]
-        cycles = parameters["cycles_per_turn"]
-
-        def parts(q: float, v: float, direction: float, tau: float, celsius: float, hysteresis: float) -> TorqueParts:
-            return 0.0, 0.0, cosine * math.cos(cycles * q) + sine * math.sin(cycles * q)
-
-        return parts

@@ -7,8 +7,10 @@ from typing import ClassVar
 import numpy as np
 
 from drake_tc.effects.base import Context, Parameter, Plausible, Shape, Signals, Signature, TorqueEffect
+from drake_tc.effects.equation_effect import EquationEffect
 from drake_tc.effects.kernel import TorqueKernel, TorqueParts
 from drake_tc.effects.splines import spline_columns, spline_curve
+from drake_tc.kernels import torque_equations
 from drake_tc.types import FloatArray
 
 MOMENT_RANGE = Plausible(
@@ -46,13 +48,14 @@ class UnknownLoadEffect(TorqueEffect):
         return parameters["inertia"] if self.inertial else 0.0
 
 
-class UnknownPendulum(UnknownLoadEffect):
+class UnknownPendulum(EquationEffect, UnknownLoadEffect):
     """J qddot + m g l sin(q - z) + c [N m], as J qddot + A sin q + B cos q + c.
 
     A = m g l cos z and B = -m g l sin z, so m g l = sqrt(A^2 + B^2) and z = atan2(-B, A).
     """
 
     form = "pendulum"
+    torque_kind = torque_equations.PENDULUM
     title = "unknown load: pendulum"
     equation = "tau = moment * sin(q - zero) + constant + inertia * qddot"
     coefficients = (
@@ -85,17 +88,7 @@ class UnknownPendulum(UnknownLoadEffect):
 
     def torque(self, signals: Signals, parameters: Mapping[str, FloatArray | float]) -> FloatArray:
         """The load torque (T,): see the class."""
-        gravity = parameters["moment"] * np.sin(signals.position - parameters["zero"])
-        return np.asarray(gravity + parameters["constant"] + parameters["inertia"] * signals.acceleration)
-
-    def kernel(self, parameters: Mapping[str, float]) -> TorqueKernel:
-        """The same at one instant, without J qddot."""
-        moment, zero, constant = parameters["moment"], parameters["zero"], parameters["constant"]
-
-        def parts(q: float, v: float, direction: float, tau: float, celsius: float, hysteresis: float) -> TorqueParts:
-            return 0.0, 0.0, moment * float(np.sin(q - zero)) + constant
-
-        return parts
+        return self.equation_torque(signals, parameters)
 
 
 CURVE_EQUATION = "tau = spline(q, curve_start, curve_end, levels)"

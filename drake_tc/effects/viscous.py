@@ -1,10 +1,11 @@
 """Viscous friction."""
 
 from collections.abc import Mapping
+from typing import Any
 
-from drake_tc.effects.base import Parameter, Plausible, Shape, Signals, Signature, TorqueEffect
-from drake_tc.effects.kernel import TorqueKernel, TorqueParts
-from drake_tc.types import FloatArray
+from drake_tc.effects.base import Parameter, Plausible, Signature
+from drake_tc.effects.equation_effect import EquationEffect
+from drake_tc.kernels.torque_equations import CONSTANT
 
 VISCOUS_RANGE = Plausible(
     0.0,
@@ -15,10 +16,11 @@ VISCOUS_RANGE = Plausible(
 )
 
 
-class Viscous(TorqueEffect):
+class Viscous(EquationEffect):
     """F_v qdot [N m]. Holds the drive's own damping too (back-EMF, servo damping): one log cannot tell them apart."""
 
     id = "viscous"
+    torque_kind = CONSTANT
     title = "viscous friction"
     equation = "tau_add = viscous * qdot"
     kind = "friction"
@@ -28,15 +30,6 @@ class Viscous(TorqueEffect):
     )
     signature = Signature(x="velocity", split="", look_for="a straight line through zero")
 
-    def columns(self, signals: Signals, shape: Shape) -> FloatArray:
-        """Phi (T, 1): see the class."""
-        return signals.velocity[:, None]
-
-    def kernel(self, parameters: Mapping[str, float]) -> TorqueKernel:
-        """The same at one instant."""
-        damping = parameters["viscous"]
-
-        def parts(q: float, v: float, direction: float, tau: float, celsius: float, hysteresis: float) -> TorqueParts:
-            return 0.0, damping, 0.0
-
-        return parts
+    def numbers(self, parameters: Mapping[str, Any]) -> tuple[Any, ...]:
+        """Damping F_v."""
+        return 0.0, parameters["viscous"], 0.0

@@ -1,11 +1,13 @@
 """Viscous friction that grows less than in proportion to the speed."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
-from drake_tc.effects.base import Context, Parameter, Plausible, Shape, Signals, Signature, TorqueEffect
-from drake_tc.effects.kernel import TorqueKernel, TorqueParts
+from drake_tc.effects.base import Context, Parameter, Plausible, Shape, Signals, Signature
+from drake_tc.effects.equation_effect import EquationEffect
+from drake_tc.kernels.torque_equations import POWER
 from drake_tc.types import FloatArray
 
 VISCOUS_POWER_RANGE = Plausible(
@@ -19,7 +21,7 @@ VISCOUS_EXPONENT_RANGE = Plausible(
 )
 
 
-class ViscousPower(TorqueEffect):
+class ViscousPower(EquationEffect):
     """F_p |qdot|^p sign(qdot) [N m], p < 1: a shear-thinning lubricant.
 
     Beside viscous friction F_v qdot the two coefficients share the line; what is told is their sum's curvature.
@@ -29,6 +31,7 @@ class ViscousPower(TorqueEffect):
     """
 
     id = "viscous_power"
+    torque_kind = POWER
     title = "viscous friction by a power law"
     equation = "tau_add = viscous_power * abs(qdot) ** viscous_exponent * sign(qdot)"
     kind = "friction"
@@ -68,15 +71,5 @@ class ViscousPower(TorqueEffect):
         return f"All friction together is {total:.3g} N*m at {speed:.3g} rad/s: it would drive the joint."
 
     def columns(self, signals: Signals, shape: Shape) -> FloatArray:
-        """Phi (T, 1): see the class."""
-        speed = np.abs(signals.velocity)
-        return np.asarray((np.sign(signals.velocity) * speed ** shape["viscous_exponent"])[:, None])
-
-    def kernel(self, parameters: Mapping[str, float]) -> TorqueKernel:
-        """The same at one instant."""
-        level, exponent = parameters["viscous_power"], parameters["viscous_exponent"]
-
-        def parts(q: float, v: float, direction: float, tau: float, celsius: float, hysteresis: float) -> TorqueParts:
-            return level * abs(v) ** exponent, 0.0, 0.0
-
-        return parts
+        """Phi (T, 1), with the sign of the velocity itself: at rest the friction is 0, not a level."""
+        return super().columns(replace(signals, direction=np.sign(signals.velocity)), shape)

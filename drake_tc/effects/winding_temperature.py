@@ -6,7 +6,7 @@ import numpy as np
 
 from drake_tc.effects.base import Context, DriveEffect, Parameter, Plausible, Shape, Signals, Signature
 from drake_tc.effects.kernel import DriveKernel
-from drake_tc.effects.thermal_friction import REFERENCE_CELSIUS
+from drake_tc.kernels.torque_equations import REFERENCE_CELSIUS
 from drake_tc.types import FloatArray
 
 COPPER = 0.0039

@@ -1,7 +1,8 @@
 """The actuators of all joints over one step, see `drake_tc.actuation.joint_step`.
 
-A joint whose effects all have a compiled equation is computed from end to end. The effects of another one are evaluated
-by the caller, between two calls: the first leaves in `work` what they need, the second takes from there what they gave.
+A joint whose effects all have a compiled equation is computed from end to end. Drives and the other torque effects of
+another one are evaluated by the caller, between two calls: the first leaves in `work` what they need and what the
+compiled ones resist with, the second takes from there what they gave.
 """
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 from drake_tc.kernels import equations, friction
 from drake_tc.kernels import joint_layout as at
 from drake_tc.kernels.compiling import FLAG, MATRIX, OUT_MATRIX, OUT_VECTOR, REAL, TABLE, VECTOR, helper, kernel
+from drake_tc.kernels.torque_terms import parts_of
 from drake_tc.types import FloatArray, IntArray
 
 _dead_zone, _switched, _saturated = helper(equations.dead_zone), helper(equations.switched), helper(equations.saturated)
@@ -100,15 +102,30 @@ def turn_over(memory: FloatArray, layout: IntArray, travels: FloatArray, moved: 
 
 
 @helper
-def evaluate(
+def resist(
     memory: FloatArray,
     layout: IntArray,
     numbers: FloatArray,
-    drives: IntArray,
-    parameters: FloatArray,
+    terms: IntArray,
+    values: FloatArray,
+    celsius: float,
     work: FloatArray,
 ) -> None:
-    """Effects of one joint with compiled equations; arguments as `advance`, of a joint."""
+    """Level, damping and rest of one joint's torque effects with compiled equations, into `work`."""
+    q, v, tau = work[at.DRIVE_POSITION], work[at.DRIVE_VELOCITY], work[at.LOAD_TORQUE]
+    direction = memory[layout[at.FIRST] + at.DEFLECTION]
+    level, damping, rest = numbers[at.LEVEL], numbers[at.DAMPING], numbers[at.REST]
+    for t in range(layout[at.TERMS], layout[at.TERMS_END]):
+        own, state = values[terms[t, at.TERM_FIRST] : terms[t, at.TERM_END]], terms[t, at.TERM_STATE]
+        z = memory[state] if state >= 0 else 0.0
+        a, b, c = parts_of(terms[t, at.TERM_KIND], own, q, v, direction, tau, celsius, z)
+        level, damping, rest = level + a, damping + b, rest + c
+    work[at.NOW_LEVEL], work[at.NOW_DAMPING], work[at.NOW_REST] = level, damping, rest
+
+
+@helper
+def drive(memory: FloatArray, layout: IntArray, drives: IntArray, parameters: FloatArray, work: FloatArray) -> None:
+    """Effects of one joint's drive with compiled equations; arguments as `advance`, of a joint."""
     direction, command = memory[layout[at.FIRST] + at.DEFLECTION], work[at.ACTED]
     target = command
     for d in range(layout[at.DRIVES], layout[at.EFFORT_DRIVES]):
@@ -118,8 +135,6 @@ def evaluate(
     for d in range(layout[at.EFFORT_DRIVES], layout[at.DRIVES_END]):
         effort = through_drive(drives[d, 0], parameters[d], effort, asked, direction, memory, drives[d, 1])
     work[at.ASKED], work[at.EFFORT] = asked, effort
-    for k in range(3):
-        work[at.NOW_LEVEL + k] = numbers[at.LEVEL + k]
 
 
 @helper
@@ -174,17 +189,24 @@ def finish(
     out[0], out[1], out[2], out[3], out[4] = torque, motor, rubbed, work[at.ASKED], work[at.FAULT]
 
 
-@kernel(VECTOR, VECTOR, VECTOR, VECTOR, REAL, TABLE, MATRIX, TABLE, MATRIX, VECTOR, FLAG, OUT_MATRIX, OUT_VECTOR)
+@kernel(
+    *(VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, REAL),
+    *(TABLE, MATRIX, TABLE, MATRIX, TABLE, VECTOR, VECTOR),
+    *(FLAG, OUT_MATRIX, OUT_VECTOR),
+)
 def advance(
     kept: FloatArray,
     command: FloatArray,
     state: FloatArray,
     load: FloatArray,
+    celsius: FloatArray,
     time: float,
     layout: IntArray,
     numbers: FloatArray,
     drives: IntArray,
     parameters: FloatArray,
+    terms: IntArray,
+    values: FloatArray,
     travels: FloatArray,
     again: bool,
     work: FloatArray,
@@ -197,11 +219,14 @@ def advance(
         command: (n,).
         state: (2n,) [q; v].
         load: (n,) torque on the link side [N m], NaN where only the motion tells it.
+        celsius: (n,) temperature [deg C].
         time: [s].
-        layout: (n, 9) see `joint_layout`.
+        layout: (n, 11) see `joint_layout`.
         numbers: (n, 14) the same.
         drives: (D, 2) kind of each effect of a drive, and place of its memory.
         parameters: (D, 3) its numbers.
+        terms: (E, 4) torque effects, see `joint_layout`.
+        values: Their numbers.
         travels: (m,) of the hysteretic states [rad].
         again: Whether this is the second call, for the joints whose effects the caller has evaluated.
         work: (n, 11) what passes between the two calls; without rows where every joint is compiled.
@@ -225,12 +250,14 @@ def advance(
         given, q, v = out[at.OUTPUTS * j : at.OUTPUTS * (j + 1)], state[j], state[n + j]
         if not again:
             begin(memory, layout[j], numbers[j], travels, command[j], q, v, load[j], at_tick, rows[j])
+            if rows[j, at.STATUS]:
+                resist(memory, layout[j], numbers[j], terms, values, celsius[j], rows[j])
         if rows[j, at.STATUS] == 0.0:
             given[:] = 0.0
             given[4] = 1.0
         elif layout[j, at.COMPILED] or again:
             if not again:
-                evaluate(memory, layout[j], numbers[j], drives, parameters, rows[j])
+                drive(memory, layout[j], drives, parameters, rows[j])
             if not (again and layout[j, at.COMPILED]):
                 finish(memory, layout[j], numbers[j], travels, q, v, rows[j], given)
         else:

@@ -5,20 +5,22 @@ import math
 import numpy as np
 
 from drake_tc.kernels import joint_layout as at
-from drake_tc.kernels.actuator import begin, evaluate, finish
+from drake_tc.kernels.actuator import begin, drive, finish, resist
 from drake_tc.kernels.compiling import MATRIX, OUT_VECTOR, TABLE, VECTOR, kernel
 from drake_tc.types import FloatArray, IntArray
 
 STEP, SUBSTEPS, MOVED, MOMENT, ZERO, KNOWN, START, VELOCITY, CENTRE, LIMIT = range(10)
 
 
-@kernel(MATRIX, TABLE, MATRIX, TABLE, MATRIX, VECTOR, VECTOR, OUT_VECTOR, OUT_VECTOR)
+@kernel(MATRIX, TABLE, MATRIX, TABLE, MATRIX, TABLE, VECTOR, VECTOR, VECTOR, OUT_VECTOR, OUT_VECTOR)
 def positions(
     samples: FloatArray,
     layout: IntArray,
     numbers: FloatArray,
     drives: IntArray,
     parameters: FloatArray,
+    terms: IntArray,
+    values: FloatArray,
     travels: FloatArray,
     plant: FloatArray,
     memory: FloatArray,
@@ -27,11 +29,13 @@ def positions(
     """Position (T,) [rad] into out, which stays as it is from where the joint has left its range.
 
     Args:
-        samples: (T, 3) command, load [N m], and its change in a step.
-        layout: (1, 9) of the joint, whose effects all have a compiled equation (`actuator.advance`).
+        samples: (T, 4) command, load [N m], its change in a step, and temperature [deg C].
+        layout: (1, 11) of the joint, whose effects all have a compiled equation (`actuator.advance`).
         numbers: (1, 14) the same.
         drives: The same.
         parameters: The same.
+        terms: The same.
+        values: The same.
         travels: The same.
         plant: h, steps in a sample, inertia that is moved, moment of the pendulum's weight and where it hangs, 1 where
             the load is all that the gear transmits, position and velocity at the start, middle and half of the range.
@@ -47,7 +51,8 @@ def positions(
             begin(memory, layout[0], numbers[0], travels, samples[k, 0], q, v, load, True, work)
             if work[at.STATUS] == 0.0:
                 return
-            evaluate(memory, layout[0], numbers[0], drives, parameters, work)
+            resist(memory, layout[0], numbers[0], terms, values, samples[k, 3], work)
+            drive(memory, layout[0], drives, parameters, work)
             finish(memory, layout[0], numbers[0], travels, q, v, work, given)
             v += plant[STEP] * (given[0] - plant[MOMENT] * math.sin(q - plant[ZERO]) - outside) / plant[MOVED]
             q += plant[STEP] * v

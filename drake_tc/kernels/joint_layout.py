@@ -14,9 +14,15 @@ DEAD_ZONE, SWITCH, SATURATION, DELAY, LAG, INTEGRAL = range(6)
 INTERPRETED = -1
 """Kind of all others."""
 
-FIRST, GEARED, COMPILED, SERVO, HYSTERETIC, HYSTERETIC_END, DRIVES, EFFORT_DRIVES, DRIVES_END = range(9)
+FIRST, GEARED, COMPILED, SERVO, HYSTERETIC, HYSTERETIC_END, DRIVES, EFFORT_DRIVES, DRIVES_END, TERMS, TERMS_END = range(
+    11
+)
 """Columns of a joint's whole numbers: first place of its memory; behind a TransmissionEffect; all effects compiled;
-position servo; places of its hysteretic states; rows of its effects of the command, and of those of the effort."""
+position servo; places of its hysteretic states; rows of its effects of the command, and of those of the effort; rows of
+its torque effects."""
+TERM_KIND, TERM_FIRST, TERM_END, TERM_STATE = range(4)
+"""Columns of a torque effect with a compiled equation: its kind (`torque_equations`), places of its numbers, place of
+its hysteretic state in the memory or -1."""
 PERIOD, INERTIA, ROTOR, PER_EFFORT, LEVEL, DAMPING, REST = range(7)
 """Columns of a joint's numbers: dt; what the torque to the plant moves; rotor; 1/K; constant parts of its effects."""
 HALF_GAP, COMPLIANCE, CONTACT_TIME, MOTOR_INERTIA, LINK_INERTIA, SUB_STEP, SUB_STEPS = range(7, 14)

@@ -6,8 +6,10 @@ import numpy as np
 
 from drake_tc.kernels import compensation_layout as at
 from drake_tc.kernels import equations
-from drake_tc.kernels.compiling import INDEX, MATRIX, OUT_VECTOR, REAL, VECTOR, helper, kernel
-from drake_tc.kernels.joint_layout import DEAD_ZONE
+from drake_tc.kernels.compiling import INDEX, MATRIX, OUT_VECTOR, REAL, TABLE, VECTOR, helper, kernel
+from drake_tc.kernels.joint_layout import DEAD_ZONE, TERM_END, TERM_FIRST, TERM_KIND
+from drake_tc.kernels.torque_equations import REFERENCE_CELSIUS
+from drake_tc.kernels.torque_terms import parts_of
 from drake_tc.types import FloatArray, IntArray
 
 LARGEST = 1e12
@@ -18,10 +20,27 @@ _needed_torque, _soft_sign = helper(equations.needed_torque), helper(equations.s
 
 @helper
 def effort_of(
-    joint: FloatArray, inverses: FloatArray, tau: float, velocity: float, direction: float, acceleration: float
+    joint: FloatArray,
+    inverses: FloatArray,
+    terms: IntArray,
+    values: FloatArray,
+    tau: float,
+    velocity: float,
+    direction: float,
+    position: float,
+    acceleration: float,
+    celsius: float,
 ) -> float:
     """Effort of one joint, see `drake_tc.actuation.compensator`; joint is its row of the table."""
-    parts = joint[at.LEVEL : at.LEVEL + 3]
+    parts = joint[at.LEVEL : at.LEVEL + 3].copy()
+    for t in range(int(joint[at.TERMS]), int(joint[at.TERMS_END])):
+        own = values[terms[t, TERM_FIRST] : terms[t, TERM_END]]
+        level, damping, rest = parts_of(
+            terms[t, TERM_KIND], own, position, velocity, direction, tau, celsius, direction
+        )
+        parts[0] += level
+        parts[1] += damping
+        parts[2] += rest
     effort = joint[at.GAIN] * _needed_torque(tau, velocity, direction, acceleration, parts, joint[at.INERTIA])
     for i in range(int(joint[at.INVERSES]), int(joint[at.INVERSES_END])):
         if inverses[i, 0] == DEAD_ZONE:
@@ -44,22 +63,30 @@ def part_of(estimate: FloatArray, reference: FloatArray, source: int, place: int
     return number
 
 
-@kernel(VECTOR, VECTOR, VECTOR, VECTOR, MATRIX, MATRIX, OUT_VECTOR)
+@kernel(VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, MATRIX, MATRIX, TABLE, VECTOR, OUT_VECTOR)
 def efforts(
     tau: FloatArray,
     velocity: FloatArray,
     direction: FloatArray,
+    position: FloatArray,
     acceleration: FloatArray,
+    celsius: FloatArray,
     joints: FloatArray,
     inverses: FloatArray,
+    terms: IntArray,
+    values: FloatArray,
     out: FloatArray,
 ) -> None:
     """Efforts (n,) of n joints for link torques; tables see `compensation_layout`."""
     for j in range(tau.shape[0]):
-        out[j] = effort_of(joints[j], inverses, tau[j], velocity[j], direction[j], acceleration[j])
+        now = (tau[j], velocity[j], direction[j], position[j], acceleration[j], celsius[j])
+        out[j] = effort_of(joints[j], inverses, terms, values, *now)
 
 
-@kernel(VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, INDEX, REAL, MATRIX, MATRIX, OUT_VECTOR)
+@kernel(
+    *(VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, INDEX, REAL),
+    *(MATRIX, MATRIX, TABLE, VECTOR, OUT_VECTOR),
+)
 def solve(
     desired: FloatArray,
     estimated: FloatArray,
@@ -73,6 +100,8 @@ def solve(
     per_speed: float,
     joints: FloatArray,
     inverses: FloatArray,
+    terms: IntArray,
+    values: FloatArray,
     out: FloatArray,
 ) -> None:
     """The rows of `drake_tc.control.torque_control.SOLUTION`, n each, one behind the other.
@@ -90,6 +119,8 @@ def solve(
         per_speed: 1 over the speed that gives the direction [s/rad].
         joints: See `compensation_layout`.
         inverses: The same.
+        terms: The same.
+        values: The same.
         out: (6n,) written; NaN where an input is not finite.
     """
     n = desired.shape[0]
@@ -111,7 +142,8 @@ def solve(
         velocity = part_of(estimate, reference, sources[0], n + j)
         direction = math.tanh(part_of(estimate, reference, sources[1], n + j) * per_speed)
         acceleration = part_of(estimate, reference, sources[2], 2 * n + j)
-        effort = effort_of(joints[j], inverses, commanded, velocity, direction, acceleration)
+        now = (commanded, velocity, direction, position[j], acceleration, REFERENCE_CELSIUS)
+        effort = effort_of(joints[j], inverses, terms, values, *now)
         out[j] = joints[j, at.SERVO] * position[j] + effort
         out[n + j], out[2 * n + j], out[3 * n + j] = asked, torque, effort
         out[4 * n + j], out[5 * n + j] = integral, commanded

@@ -1,5 +1,7 @@
 """Compensator: the log's feedforward joint by joint, the simulated drives read backwards, smooth where asked."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import assume, given, settings
@@ -7,7 +9,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from drake_tc.actuation.compensation import Compensator, Motion, feedforward_effort
-from drake_tc.actuation.constant_parts import CONSTANT
+from drake_tc.actuation.constant_parts import split_parts
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.actuation.plant import ActuatorPlant
 from drake_tc.effects.base import DriveEffect, SensorEffect
@@ -90,11 +92,16 @@ def test_an_effect_that_is_said_to_have_an_inverse_changes_the_effort(effect):
     assert bool(same[0]) == (type(effect).inverse is DriveEffect.inverse)
 
 
-@pytest.mark.parametrize("effect", sorted((kind() for kind in CONSTANT), key=lambda e: e.key), ids=lambda e: e.key)
-def test_constant_parts_are_constant(effect):
-    rng = np.random.default_rng(1)
-    kernel = effect.kernel(drawn(effect, rng).parameters)
-    assert len({kernel(*row) for row in rng.normal(0, 30, (50, 6)).tolist()}) == 1
+def test_constant_parts_are_summed_beforehand():
+    values = {"viscous": 6.0, "coulomb": 3.0, "rotor_inertia": 0.3}
+    model = ActuatorModel("j", Drive("current", 1.0), tuple(EffectValue(k, {k: x}) for k, x in values.items()))
+    parts, changing = split_parts(model)
+    assert parts == (3.0, 6.0, 0.0)
+    assert changing == ()
+    peak = EffectValue("stribeck", {"stribeck": 1.0, "stribeck_velocity": 0.1, "stribeck_exponent": 2.0})
+    parts, changing = split_parts(replace(model, effects=(*model.effects, peak)))
+    assert parts == (3.0, 6.0, 0.0)
+    assert [law.kernel(0.0, 0.1, 1.0, 0.0, 25.0, 0.0)[0] for law in changing] == [pytest.approx(np.exp(-1.0))]
 
 
 @pytest.mark.parametrize("order", [(3, 4), (4, 3)])
