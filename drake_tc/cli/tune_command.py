@@ -86,8 +86,11 @@ def tune_command(
     from drake_tc.loops.torque.summary import SETTLED
     from drake_tc.registry import diagram_entry, runnable
 
-        float | None,
-        typer.Option(help=f"Smallest delay margin [s], up to {LARGEST_DELAY:g}; by default each joint's present one."),
+    _check_ranges(margin, delay_margin, window or [])
+    named = runnable(diagram)
+    own = named if isinstance(named, FunctionEntry) else None
+    entry = own or diagram_entry(diagram)
+    scenario: Any = entry.scenario(scenario_name, scenario_file, scenario_text).changed(seed=seed)
     first = min(SETTLED, 0.5 * scenario.duration) if begin is None else begin
     if own and plants:
         raise typer.BadParameter(
