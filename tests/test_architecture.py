@@ -56,7 +56,7 @@ FLOOR = {
 
 ALONE = {
     "config": {"errors", "types"},
-    "simulator_files": {"errors"},
+    "simulator_files": {"config", "errors"},
     "logs": {"config", "errors", "types", "extensions", "simulator_files"},
     "filtering": {"errors", "types", "port_methods", "kernels"},
     "kernels": {"errors", "types"},

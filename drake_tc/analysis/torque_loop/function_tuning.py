@@ -52,8 +52,8 @@ def confirm_function(entry: FunctionEntry, scenario: FunctionScenario, tuning: T
             " the tuned loop is simulated; --no-simulate leaves this out"
         )
     _, loop = _built(entry, scenario)
-    design = tuned_design(loop.design, tuning)
-    errors = [_errors(entry.rebuild(scenario, each.spec, each.gains), begin) for each in (loop.design, design)]
+    designs = (loop.design, design := tuned_design(loop.design, tuning))
+    errors = [_errors(*_with_loop(entry.name, entry.rebuild(scenario, d.spec, d.gains)), begin) for d in designs]
     joints = design.robot.joints
     return Confirmed(joints, np.array([errors]), np.zeros((0, 2, len(joints))))
 
@@ -70,10 +70,13 @@ def tuned_design(design: LoopDesign, tuning: Tuning) -> LoopDesign:
 
 
 def _built(entry: FunctionEntry, scenario: FunctionScenario) -> tuple[FunctionLoop, TorqueLoop]:
-    built = entry.build(scenario)
+    return _with_loop(entry.name, entry.build(scenario))
+
+
+def _with_loop(name: str, built: FunctionLoop) -> tuple[FunctionLoop, TorqueLoop]:
     if built.torque_loop is None:
         raise ParamsError(
-            f"{entry.name}: expected a function that returns the diagram and the loop of add_torque_loop, as"
+            f"{name}: expected a function that returns the diagram and the loop of add_torque_loop, as"
             " (diagram, loop), which tune needs; got the diagram alone"
         )
     return built, built.torque_loop
@@ -98,10 +101,8 @@ def _motion(name: str, built: FunctionLoop, loop: TorqueLoop, time: FloatArray) 
     return rows.reshape(time.size, 3, -1)
 
 
-def _errors(built: FunctionLoop, begin: float) -> FloatArray:
+def _errors(built: FunctionLoop, loop: TorqueLoop, begin: float) -> FloatArray:
     """(n,) RMS of q_d - q from `begin` on [rad]; infinite where the loop runs away."""
-    loop = built.torque_loop
-    assert loop is not None
     simulator = Simulator(built.diagram)
     context = simulator.get_mutable_context()
     n = len(loop.design.robot.joints)
