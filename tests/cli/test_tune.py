@@ -74,7 +74,7 @@ def test_for_people_a_table_on_stdout_and_progress_on_stderr(invoke):
     ("arguments", "why"),
     [
         (("--joint", "knee"), "no joint 'knee'; joints: r_hip_yaw"),
-        (("--scenario-text", "{controller: servo}"), "expected a scenario in torque control"),
+        (("--scenario-text", "{controller: servo}"), "expected a loop in torque control"),
         (("--scenario-text", "{predictor: {}}"), "it differs in predictor"),
         (("--margin", "1.0"), "expected a sensitivity peak above 1"),
         (("--margin", "1.001", *KNEE), "no window and gains keep the goal on r_knee"),
@@ -104,7 +104,7 @@ def test_a_map_of_two_parameters(invoke, tmp_path):
     ("arguments", "why"),
     [
         (("--joint", "knee"), "no joint 'knee'"),
-        (("--scenario-text", "{controller: servo}"), "expected a scenario in torque control"),
+        (("--scenario-text", "{controller: servo}"), "expected a loop in torque control"),
         (("--scenario-name", "predicted_swing"), "it differs in predictor, observer"),
         (("--x", "gain=1,2"), "no parameter 'gain'; possible: inertia"),
         (("--y", "kp"), "expected NAME=FIRST:LAST:STEP"),
