@@ -4,15 +4,18 @@ import math
 
 import numpy as np
 
+from drake_tc.kernels import base_state
 from drake_tc.kernels.base_attitude import attitude
 from drake_tc.kernels.base_imu import up_of
 from drake_tc.kernels.base_kinematics import Posture, external_wrench, posture_of
-from drake_tc.kernels.base_options import GRAVITY, options_of
+from drake_tc.kernels.base_options import GRAVITY, ROBOT, SAMPLE, options_of
 from drake_tc.kernels.base_sample import Sample, valid_sample
-from drake_tc.kernels.base_state import ON, QUIET, RESTED, STARTED, YAW, Memory, memory_of
-from drake_tc.kernels.compiling import FLAG, INDEX, MATRIX, OUT_VECTOR, TABLE, VECTOR, helper, kernel
+from drake_tc.kernels.base_state import ON, QUIET, RESTED, STARTED, YAW, Memory
+from drake_tc.kernels.compiling import FLAG, OUT_VECTOR, VECTOR, helper, kernel
 from drake_tc.kernels.vectors import cross, dot, levelled, product, times, times_transposed, turned
 from drake_tc.types import FloatArray, IntArray
+
+_memory_of = helper(base_state.memory_of)
 
 
 @helper
@@ -53,10 +56,7 @@ def fixed_foot(
     return foot
 
 
-@kernel(
-    VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, MATRIX, TABLE, MATRIX, MATRIX, INDEX, FLAG,
-    OUT_VECTOR,
-)  # fmt: skip
+@kernel(VECTOR, *SAMPLE, VECTOR, *ROBOT, FLAG, OUT_VECTOR)
 def tick(
     state: FloatArray,
     q: FloatArray,
@@ -78,24 +78,24 @@ def tick(
 
     Args:
         state: (s,) before it, see `base_state`.
-        q: (n,) encoders [rad].
-        qd: (n,) their speeds [rad/s].
-        imu: (6,) [gyro; accel] [rad/s, m/s^2].
-        tilt: (2,) roll and pitch of the IMU's frame [rad]; NaN where it gives none.
-        wrench: (6k,) [f; t] of each contact's sensor [N, N m].
-        switch: (k,) 0 by the load's thresholds, 1 held on, -1 held off.
+        q: Sample, and so on to `switch`, see `drake_tc.estimation.base.state.Sample`.
+        qd: The same.
+        imu: The same.
+        tilt: The same.
+        wrench: The same.
+        switch: The same.
         settings: (27,) see `Options`.
-        between: (k, 54) see `external_wrench`.
-        places: (n, 4) of the robot's tree, see `drake_tc.kernels.dynamics`.
-        constants: (n, 26) of the tree.
-        frames: (k + 1, 12) of the contacts and the IMU.
-        frame_bodies: (k + 1,) rows of their bodies.
+        between: Of the robot, and so on to `frame_bodies`, see `base_options.ROBOT`.
+        places: The same.
+        constants: The same.
+        frames: The same.
+        frame_bodies: The same.
         by_imu: Whether roll, pitch and angular velocity are the IMU's.
         out: (s,) the state after it; written.
     """
     out[:] = state
     n, k = q.size, switch.size
-    options, memory = options_of(settings), memory_of(out, n, k)
+    options, memory = options_of(settings), _memory_of(out, n, k)
     sample = valid_sample(q, qd, imu, tilt, wrench, memory, options)
     posture = posture_of(sample.q, sample.qd, places, constants, frames, frame_bodies)
     last = posture

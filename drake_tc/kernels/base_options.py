@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-from drake_tc.kernels.compiling import helper
+from drake_tc.kernels.compiling import INDEX, MATRIX, TABLE, VECTOR, helper
 from drake_tc.types import FloatArray
 
 GRAVITY = 9.81
@@ -12,6 +12,13 @@ sole [N/m], 0 of a rigid one; first node and step of its table [m] (2 each); mid
 [normal (2), offset [m]] of the half planes that it is made of."""
 TRANSFORM, WEIGHT = 36, 54
 """Ends of the parts of a contact's load: from its sensor to it (6, 6), and weight beyond the sensor (6, 3) [kg]."""
+
+
+SAMPLE = (VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR)
+"""Types of a sample's parts, see `drake_tc.estimation.base.state.Sample`."""
+ROBOT = (MATRIX, TABLE, MATRIX, MATRIX, INDEX)
+"""Types of a robot's tables: between (k, 54), see `external_wrench`; places (n, 4) and constants (n, 26) of its tree,
+see `drake_tc.kernels.dynamics`; frames (k + 1, 12) of the contacts and the IMU, and rows (k + 1,) of their bodies."""
 
 
 class Options(NamedTuple):

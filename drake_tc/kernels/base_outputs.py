@@ -1,9 +1,11 @@
 """What the base estimator shows of its state."""
 
-from drake_tc.kernels.base_state import memory_of
-from drake_tc.kernels.compiling import INDEX, OUT_VECTOR, VECTOR, WHOLE, kernel
+from drake_tc.kernels import base_state
+from drake_tc.kernels.compiling import INDEX, OUT_VECTOR, VECTOR, WHOLE, helper, kernel
 from drake_tc.kernels.vectors import times, wxyz_into
 from drake_tc.types import FloatArray, IntArray
+
+_memory_of = helper(base_state.memory_of)
 
 
 @kernel(VECTOR, WHOLE, WHOLE, INDEX, OUT_VECTOR)
@@ -17,7 +19,7 @@ def outputs(state: FloatArray, n: int, k: int, order: IntArray, out: FloatArray)
         order: (nq + nv,) where each of the plant's [q; v] is in the first part.
         out: (14 + 2n + nq + nv,) written.
     """
-    memory = memory_of(state, n, k)
+    memory = _memory_of(state, n, k)
     wxyz_into(out, memory.rotation)
     out[4:7], out[7 : 7 + n] = memory.position, memory.q
     out[7 + n : 10 + n] = times(memory.rotation, memory.rate)

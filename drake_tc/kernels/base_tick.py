@@ -4,11 +4,12 @@ import math
 
 import numpy as np
 
+from drake_tc.kernels import base_state
 from drake_tc.kernels.base_attitude import LARGEST_BIAS, Attitude, attitude
 from drake_tc.kernels.base_contacts import Loads, find_loads
 from drake_tc.kernels.base_kinematics import Posture, posture_of, turning
 from drake_tc.kernels.base_motion import Motion, find_motion, write_program
-from drake_tc.kernels.base_options import BREAK, FLAT, Options, options_of
+from drake_tc.kernels.base_options import BREAK, FLAT, ROBOT, SAMPLE, Options, options_of
 from drake_tc.kernels.base_pose import Place, find_place
 from drake_tc.kernels.base_sample import Sample, valid_sample
 from drake_tc.kernels.base_soles import Sinking, shown_vertical, sinking
@@ -44,13 +45,13 @@ from drake_tc.kernels.base_state import (
     YAW,
     YAW_DRIFT,
     Memory,
-    memory_of,
 )
 from drake_tc.kernels.base_velocity import UNSOLVED
-from drake_tc.kernels.compiling import INDEX, MATRIX, OUT_VECTOR, TABLE, VECTOR, helper, kernel
+from drake_tc.kernels.compiling import MATRIX, OUT_VECTOR, VECTOR, helper, kernel
 from drake_tc.kernels.vectors import dot, product, times_transposed
 from drake_tc.types import FloatArray, IntArray
 
+_memory_of = helper(base_state.memory_of)
 _SETTLED = 0.1
 """What a contact does when it is made says nothing about the vertical; and how long one must have been in the air
 before its sensor should read nothing [s]."""
@@ -165,7 +166,7 @@ def write_base(
 def keep(before: FloatArray, n: int, k: int, after: FloatArray) -> None:
     """The same state once more, at rest, with the flag that says so."""
     after[:] = before
-    memory = memory_of(after, n, k)
+    memory = _memory_of(after, n, k)
     memory.velocity[:] = 0.0
     memory.rate[:] = 0.0
     memory.lever[:] = 0.0
@@ -183,10 +184,7 @@ def is_estimate(vector: FloatArray, memory: Memory) -> bool:
     return size + dot(memory.held.ravel(), memory.held.ravel()) < _LARGEST
 
 
-@kernel(
-    VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, MATRIX, MATRIX, MATRIX, TABLE, MATRIX, MATRIX,
-    INDEX, VECTOR, OUT_VECTOR, OUT_VECTOR,
-)  # fmt: skip
+@kernel(VECTOR, *SAMPLE, VECTOR, MATRIX, MATRIX, *ROBOT, VECTOR, OUT_VECTOR, OUT_VECTOR)
 def tick(
     state: FloatArray,
     q: FloatArray,
@@ -211,20 +209,20 @@ def tick(
 
     Args:
         state: (s,) before it, see `base_state`.
-        q: (n,) encoders [rad].
-        qd: (n,) their speeds [rad/s].
-        imu: (6,) [gyro; accel] [rad/s, m/s^2].
-        tilt: (2,) roll and pitch of the IMU's frame [rad]; NaN where it gives none.
-        wrench: (6k,) [f; t] of each contact's sensor [N, N m].
-        switch: (k,) 0 by the load's thresholds, 1 held on, -1 held off.
+        q: Sample, and so on to `switch`, see `drake_tc.estimation.base.state.Sample`.
+        qd: The same.
+        imu: The same.
+        tilt: The same.
+        wrench: The same.
+        switch: The same.
         settings: (27,) see `Options`.
         soles: (k, w) rows of the contacts, see `base_options`.
         tables: (k, m m) see `shape_of`.
-        between: (k, 54) see `external_wrench`.
-        places: (n, 4) of the robot's tree, see `drake_tc.kernels.dynamics`.
-        constants: (n, 26) of the tree.
-        frames: (k + 1, 12) of the contacts and the IMU.
-        frame_bodies: (k + 1,) rows of their bodies.
+        between: Of the robot, and so on to `frame_bodies`, see `base_options.ROBOT`.
+        places: The same.
+        constants: The same.
+        frames: The same.
+        frame_bodies: The same.
         solution: (4 + 3k,) of the program at a sole's edge, see `solve_velocity`.
         program: (5 + 13k,) that program, see `write_program`; written where it has to be solved.
         out: (s,) the state after it; written.
@@ -233,7 +231,7 @@ def tick(
         Whether `out` is the answer; else the program has to be solved first.
     """
     n, k = q.size, soles.shape[0]
-    options, before, after = options_of(settings), memory_of(state, n, k), memory_of(out, n, k)
+    options, before, after = options_of(settings), _memory_of(state, n, k), _memory_of(out, n, k)
     sample = valid_sample(q, qd, imu, tilt, wrench, before, options)
     still = posture_of(sample.q, sample.qd, places, constants, frames, frame_bodies)
     if not sample.has_gyro:

@@ -3,6 +3,7 @@
 from typing import ClassVar
 
 from drake_tc.estimation.base.on_kinematics import OnKinematics
+from drake_tc.estimation.base.state import Sample
 from drake_tc.kernels.lazy import Kernel
 from drake_tc.types import FloatArray
 
@@ -19,21 +20,9 @@ class FootCentreEstimator(OnKinematics):
 
     by_imu: ClassVar[bool] = False
 
-    def advance(
-        self,
-        state: FloatArray,
-        q: FloatArray,
-        qd: FloatArray,
-        imu: FloatArray,
-        tilt: FloatArray,
-        wrench: FloatArray,
-        switch: FloatArray,
-        after: FloatArray,
-    ) -> None:
+    def advance(self, state: FloatArray, sample: Sample, after: FloatArray) -> None:
         """As `OnKinematics.advance`."""
-        robot = self.kinematics
-        tables = (self.options, robot.between, *robot.tree)
-        _TICK(state, q, qd, imu, tilt, wrench, switch, *tables, self.by_imu, after)
+        _TICK(state, *sample, self.options, *self.robot_tables, self.by_imu, after)
 
 
 class FootCentreImuEstimator(FootCentreEstimator):

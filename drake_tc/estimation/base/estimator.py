@@ -4,6 +4,7 @@ import numpy as np
 
 from drake_tc.estimation.base.on_kinematics import OnKinematics
 from drake_tc.estimation.base.spec import BaseEstimatorSpec
+from drake_tc.estimation.base.state import Sample
 from drake_tc.estimation.base.velocity import solve_program
 from drake_tc.kernels.lazy import Kernel
 from drake_tc.robot.robot import Robot
@@ -27,22 +28,10 @@ class CopEstimator(OnKinematics):
         super().__init__(robot, spec)
         k = self.num_contacts
         self._unsolved, self._program_size = np.zeros(4 + 3 * k), 5 + 13 * k
-        self._fixed = (
-            self.options, self.soles, self.tables, self.kinematics.between, *self.kinematics.tree
-        )  # fmt: skip
+        self._fixed = (self.options, self.soles, self.tables, *self.robot_tables)
 
-    def advance(
-        self,
-        state: FloatArray,
-        q: FloatArray,
-        qd: FloatArray,
-        imu: FloatArray,
-        tilt: FloatArray,
-        wrench: FloatArray,
-        switch: FloatArray,
-        after: FloatArray,
-    ) -> None:
+    def advance(self, state: FloatArray, sample: Sample, after: FloatArray) -> None:
         """As `OnKinematics.advance`; where a centre of pressure ends at its sole's edge, with a quadratic program."""
-        sample, program = (state, q, qd, imu, tilt, wrench, switch), np.empty(self._program_size)
-        if not _TICK(*sample, *self._fixed, self._unsolved, program, after):
-            _TICK(*sample, *self._fixed, solve_program(program, self._limits), program, after)
+        program, given = np.empty(self._program_size), (state, *sample, *self._fixed)
+        if not _TICK(*given, self._unsolved, program, after):
+            _TICK(*given, solve_program(program, self._limits), program, after)

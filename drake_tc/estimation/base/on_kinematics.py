@@ -7,7 +7,7 @@ import numpy as np
 from drake_tc.estimation.base.kinematics import BaseKinematics
 from drake_tc.estimation.base.soft_sole import soft_sole
 from drake_tc.estimation.base.spec import BaseEstimatorSpec
-from drake_tc.estimation.base.state import BaseState, Readings, initial_state, packed, unpacked
+from drake_tc.estimation.base.state import BaseState, Readings, Sample, initial_state, packed, unpacked
 from drake_tc.estimation.base.velocity import rows_of, soles_of
 from drake_tc.robot.robot import Robot
 from drake_tc.types import FloatArray
@@ -20,6 +20,7 @@ class OnKinematics(ABC):
         spec: Contacts and tuning.
         kinematics: Of the robot.
         num_joints, num_contacts: n, k.
+        robot_tables: (between, places, constants, frames, frame_bodies) of `BaseKinematics`.
         options: (27,) in the order of `drake_tc.kernels.base_options.Options`.
         soles: (k, w) rows of the contacts, see `drake_tc.kernels.base_options`.
         tables: (k, m m) shapes of soft soles, see `drake_tc.kernels.base_soles.shape_of`; zero of rigid ones.
@@ -37,6 +38,7 @@ class OnKinematics(ABC):
         """
         self.spec = spec
         self.kinematics = BaseKinematics(robot, spec.contacts)
+        self.robot_tables = (self.kinematics.between, *self.kinematics.tree)
         self.num_joints, self.num_contacts = len(robot.joints), len(spec.contacts)
         self._limits = soles_of(spec.contacts)
         soft = [soft_sole(contact) for contact in spec.contacts]
@@ -48,27 +50,12 @@ class OnKinematics(ABC):
             row[: table.size] = table
 
     @abstractmethod
-    def advance(
-        self,
-        state: FloatArray,
-        q: FloatArray,
-        qd: FloatArray,
-        imu: FloatArray,
-        tilt: FloatArray,
-        wrench: FloatArray,
-        switch: FloatArray,
-        after: FloatArray,
-    ) -> None:
+    def advance(self, state: FloatArray, sample: Sample, after: FloatArray) -> None:
         """Write the packed state after one sample into `after`; it never holds a NaN but an unknown ground.
 
         Args:
             state: (s,) packed, before it.
-            q: (n,) encoders [rad].
-            qd: (n,) their speeds [rad/s].
-            imu: (6,) [gyro; accel] [rad/s, m/s^2].
-            tilt: (2,) roll and pitch of the IMU's frame [rad]; NaN where it gives none.
-            wrench: (6k,) [f; t] of each contact's sensor [N, N m].
-            switch: (k,) as in `Readings`.
+            sample: Of all sensors.
             after: (s,).
         """
 
@@ -79,11 +66,9 @@ class OnKinematics(ABC):
             state: Before it.
             readings: The sample.
         """
-        before, imu = packed(state), np.concatenate((readings.gyro, readings.accel))
-        after, wrench = np.empty_like(before), np.ravel(readings.wrench)
-        sample = (readings.q, readings.qd, imu, readings.tilt, wrench, readings.switch)
-        q, qd, imu, tilt, wrench, switch = (np.ascontiguousarray(part, dtype=float) for part in sample)
-        self.advance(before, q, qd, imu, tilt, wrench, switch, after)
+        before = packed(state)
+        after = np.empty_like(before)
+        self.advance(before, readings.sample(), after)
         return unpacked(after, self.num_joints, self.num_contacts)
 
     def initial_state(self, position: FloatArray, yaw: float) -> BaseState:

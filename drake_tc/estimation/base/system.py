@@ -11,7 +11,7 @@ from drake_tc.errors import ParamsError
 from drake_tc.estimation.base.chain import FootCentreEstimator, FootCentreImuEstimator
 from drake_tc.estimation.base.estimator import CopEstimator
 from drake_tc.estimation.base.spec import BaseEstimatorSpec
-from drake_tc.estimation.base.state import CONTACT_FLAGS, FLAGS, BaseState, packed, place_of, unpacked
+from drake_tc.estimation.base.state import CONTACT_FLAGS, FLAGS, BaseState, Sample, packed, place_of, unpacked
 from drake_tc.kernels.lazy import Kernel
 from drake_tc.port_methods import PortMethods
 from drake_tc.robot.robot import Robot
@@ -121,16 +121,15 @@ class BaseEstimator(PortMethods, LeafSystem):
         """x[n+1]."""
         now: Any = context.get_discrete_state(self._state)
         after: Any = values.get_mutable_value(self._state)
-        self._estimator.advance(
-            now.value(),
+        sample = Sample(
             self._position.Eval(context),
             self._velocity.Eval(context),
             self._imu.Eval(context),
             self._tilt.Eval(context) if self._tilt.HasValue(context) else self._no_tilt,
             self._wrench.Eval(context),
             self._switch.Eval(context) if self._switch.HasValue(context) else self._no_switch,
-            after,
         )
+        self._estimator.advance(now.value(), sample, after)
 
     def _show(self, context: Any, value: Any) -> None:
         """Pose, velocity and the plant's state, see `drake_tc.kernels.base_outputs`."""

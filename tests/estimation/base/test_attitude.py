@@ -85,7 +85,7 @@ def test_soft_soles_show_the_vertical():
         feet.append(base.T @ turn.as_matrix())
     state = initial_state(np.zeros(1), 2, np.zeros(3), 0.0)
     columns = dict.fromkeys(CONTACT_MEMORY, 0.0) | {"on": 1.0, "load": load, "shape": 1.3}
-    state = replace(state, contacts=np.array([list(columns.values())] * 2), pressure=c)
+    state = state._replace(contacts=np.array([list(columns.values())] * 2), pressure=c)
     posture = Posture(np.array([*feet, np.eye(3)]), np.zeros((3, 3)), np.zeros((3, 3)), np.zeros((3, 3)))
     memory = memory_of(packed(state), 1, 2)
     for soft, expected in ((contacts, base[2]), (spec(PERIOD).contacts, np.zeros(3))):
@@ -112,8 +112,8 @@ def test_slow_rocking_is_no_rest_and_rest_is():
             state = estimator.step(state, each.readings(i))
         learnt[name] = state
     assert_allclose(learnt["resting"].bias, bias, atol=1e-3)
-    assert learnt["resting"].rested > 150
-    assert learnt["rocking"].rested < 25
+    assert learnt["resting"].scalar("rested") > 150
+    assert learnt["rocking"].scalar("rested") < 25
     assert abs(learnt["rocking"].bias[1] - bias[1]) < 0.25 * rate
 
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from drake_tc.estimation.base.estimator import CopEstimator
 from drake_tc.estimation.base.log import run_log, track_error
-from drake_tc.estimation.base.state import CONTACT_FLAGS, FLAGS, Readings
+from drake_tc.estimation.base.state import CONTACT_FLAGS, FLAGS, SCALARS, Readings
 
 from .constructed import REAL, Motion, construct, spec, walker
 
@@ -186,6 +186,6 @@ def test_whatever_comes_in_nothing_raises_and_nothing_but_numbers_comes_out(valu
             draw(n), draw(n), draw(3), draw(3), draw(2), draw(k, 6), rng.choice([0.0, 1.0, -1.0], size=k)
         )
         state = estimator.step(state, readings)
-        for item in fields(state):
-            if item.name != "ground":
-                assert np.isfinite(getattr(state, item.name)).all(), item.name
+        for name, part in state._asdict().items():
+            known = np.delete(part, SCALARS.index("ground")) if name == "scalars" else part
+            assert np.isfinite(known).all(), name

@@ -13,10 +13,20 @@ from drake_tc.estimation.base.estimator import CopEstimator
 from drake_tc.estimation.base.kinematics import BaseKinematics
 from drake_tc.estimation.base.log import run_log
 from drake_tc.estimation.base.spec import BaseEstimatorSpec, ContactSpec
-from drake_tc.estimation.base.state import ARRAYS, SCALARS, initial_state, packed, unpacked
+from drake_tc.estimation.base.state import (
+    CONTACT_FLAGS,
+    CONTACT_MEMORY,
+    FLAGS,
+    SCALARS,
+    initial_state,
+    packed,
+    place_of,
+    unpacked,
+)
 from drake_tc.estimation.base.system import BaseEstimator
+from drake_tc.kernels import base_state
 from drake_tc.kernels.base_kinematics import posture_of, turning
-from drake_tc.kernels.base_state import memory_of
+from drake_tc.kernels.base_state import size_of
 from drake_tc.robot.mounts import Mount
 from drake_tc.robot.plant import make_plant
 
@@ -164,12 +174,28 @@ def test_a_state_packs_and_unpacks():
     assert_allclose(packed(unpacked(vector, 7, 3)), vector, rtol=0)
 
 
-def test_the_kernels_see_the_same_parts_of_a_state():
-    vector = np.random.default_rng(1).normal(size=packed(initial_state(np.zeros(7), 3, np.zeros(3), 0.0)).size)
-    state, memory = unpacked(vector, 7, 3), memory_of(vector, 7, 3)
-    assert_allclose(memory.scalars, [getattr(state, name) for name in SCALARS], rtol=0)
-    for name in ARRAYS:
-        assert_allclose(getattr(memory, name), getattr(state, name), rtol=0, err_msg=name)
+def test_every_number_of_a_state_belongs_to_one_part():
+    """Writing each part's own number into it fills the vector, in the order of the parts and without a gap."""
+    vector = np.full(size_of(7, 3), -1.0)
+    parts = unpacked(vector, 7, 3)
+    for number, part in enumerate(parts):
+        part[:] = number
+    sizes = [part.size for part in parts]
+    assert_allclose(vector, np.repeat(np.arange(len(sizes)), sizes), rtol=0)
+    assert [part.size for part in (parts.scalars, parts.flags, parts.contacts[0], parts.contact_flags[0])] == [
+        len(names) for names in (SCALARS, FLAGS, CONTACT_MEMORY, CONTACT_FLAGS)
+    ]
+    for name in parts._fields:
+        assert_allclose(vector[place_of(name, 7, 3)], np.ravel(getattr(parts, name)), rtol=0)
+
+
+@pytest.mark.parametrize(
+    "names", [SCALARS, CONTACT_MEMORY, FLAGS, CONTACT_FLAGS], ids=["scalars", "contacts", "flags", "contact_flags"]
+)
+def test_names_stand_where_the_kernels_have_their_places(names):
+    """A name is that of its constant; contacts' flags have other constants than columns of the same name."""
+    constants = {"on": "TOUCHES", "slip": "SLIPS", "tilt": "TILTED"} if names is CONTACT_FLAGS else {}
+    assert [getattr(base_state, constants.get(name, name.upper())) for name in names] == list(range(len(names)))
 
 
 def test_flags_have_names_of_their_contacts():
