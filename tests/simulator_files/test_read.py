@@ -232,5 +232,5 @@ def test_a_file_that_cannot_be_used_is_refused(tmp_path, name, text, message):
 
 
 def test_a_file_that_is_not_there_is_refused(tmp_path):
-    with pytest.raises(RigError, match="none.xml: no such file; expected a URDF"):
+    with pytest.raises(RigError, match=r"none\.xml: no such file; expected a URDF"):
         read_joints(tmp_path / "none.xml", RigError)
