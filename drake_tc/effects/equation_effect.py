@@ -34,31 +34,27 @@ class EquationEffect(TorqueEffect):
 
     def columns(self, signals: Signals, shape: Shape) -> FloatArray:
         """Phi (T, k): the equation for one unit of each coefficient."""
-        units = dict(zip((p.name for p in self.coefficients), np.eye(len(self.coefficients)), strict=True))
-        return self._torques(signals, units | _as_columns(shape), len(units), self.hysteresis(signals, shape))
+        units = np.eye(len(self.coefficients))[:, :, None]
+        each = dict(zip((p.name for p in self.coefficients), units, strict=True)) | dict(shape)
+        rows = self._torques(signals, each, len(units), self.hysteresis(signals, shape))
+        return np.ascontiguousarray(rows.T)
 
     def equation_torque(self, signals: Signals, parameters: Mapping[str, FloatArray | float]) -> FloatArray:
         """The equation's torque (T,) for the values of `parameters`, of an effect that is fitted by other coefficients.
 
         It holds J qddot. Each parameter may be one value a joint (T,).
         """
-        return self._torques(signals, _as_columns(parameters), 1, 0.0)[:, 0]
+        return np.asarray(self._torques(signals, parameters, 1, 0.0)[0])
 
     def _torques(
-        self, signals: Signals, parameters: Mapping[str, Any], width: int, hysteresis: FloatArray | float
+        self, signals: Signals, parameters: Mapping[str, Any], count: int, hysteresis: FloatArray | float
     ) -> FloatArray:
-        """(T, width) of parameters that are numbers, (width,) or (T, 1)."""
-        q, v, direction = signals.position[:, None], signals.velocity[:, None], signals.direction[:, None]
-        tau, celsius, z = signals.load_torque[:, None], signals.temperature[:, None], np.expand_dims(hysteresis, -1)
-        level, damping, rest = EQUATIONS[self.torque_kind](q, v, direction, tau, celsius, z, self.numbers(parameters))
-        total, inertia = np.zeros((len(signals), width)), self.inertia(parameters)
-        parts = (level, direction), (damping, v), (rest, 1.0), (inertia, signals.acceleration[:, None])
-        for part, signal in parts:
+        """(count, T) of parameters that are numbers, (count, 1) or (T,)."""
+        q, v, direction, tau = signals.position, signals.velocity, signals.direction, signals.load_torque
+        now = (q, v, direction, tau, signals.temperature, hysteresis)
+        level, damping, rest = EQUATIONS[self.torque_kind](*now, self.numbers(parameters))
+        total, inertia = np.zeros((count, len(signals))), self.inertia(parameters)
+        for part, signal in ((level, direction), (damping, v), (rest, 1.0), (inertia, signals.acceleration)):
             if np.ndim(part) or part:
                 total += part * signal
         return total
-
-
-def _as_columns(parameters: Mapping[str, Any]) -> dict[str, Any]:
-    """Arrays (T,) as (T, 1), which broadcast along the columns."""
-    return {name: np.expand_dims(value, -1) if np.ndim(value) else value for name, value in parameters.items()}
