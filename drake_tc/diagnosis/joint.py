@@ -114,8 +114,8 @@ def _of_soft_gear(
 ) -> Stage:
     """The search on the rows of a soft gear, of the elasticity where a gain of the torque sensor is only as good."""
     stage = _looked_for(prepared, options, progress, executor)
-    rivals = (fitted for others in stage.found.as_good for fitted in others)
-    if not _has_elasticity(stage.found) and any(isinstance(t.effect, Elasticity) for f in rivals for t in f.terms):
+    as_good = (term for others in stage.found.as_good for fitted in others for term in fitted.terms)
+    if not _has_elasticity(stage.found) and any(isinstance(term.effect, Elasticity) for term in as_good):
         stage = _looked_for(prepared, options, progress, executor, without=frozenset({TorqueSensorGain.id}))
     return stage
 

@@ -13,11 +13,13 @@ import numpy as np
 
 from drake_tc.analysis.sweep import processes, sweep
 from drake_tc.diagrams.papers.expected_values import expectations
+from drake_tc.loops.whole_body.chain_specs import SpringDrivesSpec
 from drake_tc.loops.whole_body.running import TsidRecording, simulate_tsid
 from drake_tc.loops.whole_body.scenario import TsidScenario
 from drake_tc.report.reproduction import Progress, Reproduction, judged
 from drake_tc.robot.plant import joint_limits
 from drake_tc.sensing.fault import SensorFault
+from drake_tc.sensor_validation.detection_limits import bias_resolved_after
 from drake_tc.text_table import TextTable
 from drake_tc.tsid.law import Status
 from drake_tc.types import FloatArray
@@ -30,6 +32,8 @@ STARTS = {"stand": 0.6, "turn_1hz": 1.0, "one_foot": 2.0}
 """When sensors fail, by scenario [s]: the trunk is at its fastest then, and the foot leaves the floor."""
 FLAGGED_WITHIN = 0.05
 """A fault should be flagged this soon [s]."""
+DRIFT = float(np.deg2rad(1.0))
+"""Of the gyro about the vertical [rad/s]."""
 KNEE, FZ, YAW, FORWARDS = 3, 2, 2, 3
 """Channels: a knee's encoder, the right ankle's load, the gyro's yaw rate, the accelerometer forwards."""
 NOTES = (
@@ -143,8 +147,8 @@ def cases() -> tuple[FaultCase, ...]:
         _case(stand, "encoder", "dropped", "dropped"),
         _case(stand, "imu", "dropped for 20 ms", "dropped", duration=0.02),
         _case(stand, "imu", "off by 3 m/s^2 forwards", "biased", channels=(FORWARDS,), value=3.0),
-        _case(stand, "imu", "yaw drift of 1 deg/s", "biased", channels=(YAW,), value=float(np.deg2rad(1.0))),
-        _case(turn, "imu", "yaw drift of 1 deg/s", "biased", channels=(YAW,), value=float(np.deg2rad(1.0))),
+        _case(stand, "imu", "yaw drift of 1 deg/s", "biased", channels=(YAW,), value=DRIFT),
+        _case(turn, "imu", "yaw drift of 1 deg/s", "biased", channels=(YAW,), value=DRIFT),
         _case(stand, "force_torque", "dropped for 20 ms", "dropped", duration=0.02),
         _case(stand, "force_torque", "off by 10 N", "biased", channels=(FZ,), value=10.0),
         _case(turn, "force_torque", "off by 10 N", "biased", channels=(FZ,), value=10.0),
@@ -226,6 +230,16 @@ def faults(seed: int = 0, progress: Progress | None = None, executor: Executor |
     return reproduction(found, {name: flags for name, (_, flags) in sound.items()})
 
 
+def drift_bound() -> str:
+    """A note: how soon any check at all can tell the gyro's drift beside feet that turn."""
+    soonest = bias_resolved_after(DRIFT, 1e-3, SpringDrivesSpec().motor_encoder.resolution / np.sqrt(12.0), 1.0)
+    return (
+        f"Beside feet that turn at 1 Hz, no check can tell a drift of 1 deg/s sooner than after {1e3 * soonest:.0f} ms,"
+        " with the encoders' quantisation as the only noise (three deviations of the Cramér-Rao bound,"
+        " `drake_tc.sensor_validation.detection_limits`)."
+    )
+
+
 def reproduction(found: list[FaultOutcome], alarms: Mapping[str, tuple[str, ...]]) -> Reproduction:
     """Rows and table of all cases' outcomes, and of the flags that sound runs had up."""
     pairs = list(zip(cases(), found, strict=True))
@@ -282,5 +296,5 @@ def reproduction(found: list[FaultOutcome], alarms: Mapping[str, tuple[str, ...]
         "C.faults",
         judged(values, expectations(FILE)),
         (TextTable("sensors that fail", headings, rows),),
-        (*NOTES, *told),
+        (*NOTES, drift_bound(), *told),
     )

@@ -1,5 +1,6 @@
 """Tuning of a torque loop in a diagram that a function of the user's returns."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ from drake_tc.analysis.torque_loop.tuned import Confirmed
 from drake_tc.analysis.torque_loop.tuning_task import design_tasks
 from drake_tc.analysis.tracking_error import JointTask
 from drake_tc.analysis.tuning import Tuning
+from drake_tc.control.gains import TorqueGains
 from drake_tc.errors import ParamsError
 from drake_tc.loops.function_diagram import FunctionEntry, FunctionLoop, FunctionScenario
 from drake_tc.loops.torque.design import LoopDesign
@@ -59,14 +61,16 @@ def confirm_function(entry: FunctionEntry, scenario: FunctionScenario, tuning: T
 
 
 def tuned_design(design: LoopDesign, tuning: Tuning) -> LoopDesign:
-    """The loop with the tuned window and gains; joints that were not tuned keep theirs."""
-    gain = np.array([model.drive.gain for model in design.models])
-    kp, ki = design.gains.kp.copy(), design.gains.ki.copy()
-    k7 = design.gains.kd * gain * (1.0 + kp)
+    """The loop with the tuned window and gains; joints that were not tuned keep theirs, and all keep K6."""
+    own = design.gains
+    loop = np.array([model.drive.gain for model in design.models]) * (1.0 + own.kp)
+    kp, ki, k7 = own.kp.copy(), own.ki.copy(), own.kd * loop
     for joint in tuning.joints:
         i, chosen = design.robot.joints.index(joint.joint), joint.after.setting
         kp[i], ki[i], k7[i] = chosen.kp, chosen.ki, chosen.k7
-    return design.with_gains(kp, ki, k7, tuning.window, tuning.order)
+    gains = TorqueGains.from_servo(design.models, own.ks * loop, k7, kp, ki=ki, kf=own.kf)
+    filters = replace(design.spec.filters, window=tuning.window, encoder_order=tuning.order)
+    return replace(design, gains=gains, spec=replace(design.spec, filters=filters))
 
 
 def _built(entry: FunctionEntry, scenario: FunctionScenario) -> tuple[FunctionLoop, TorqueLoop]:

@@ -1,8 +1,6 @@
 """`LoopDesign`: what a torque loop is wired from, of a scenario or of a diagram of the user's own."""
 
-from dataclasses import dataclass, replace
-
-import numpy as np
+from dataclasses import dataclass
 
 from drake_tc.actuation.model import ActuatorModel
 from drake_tc.control.gains import TorqueGains
@@ -55,19 +53,3 @@ class LoopDesign:
             gains=torque_gains(scenario, robot),
             posture=posture(scenario.motion, robot),
         )
-
-    def with_gains(self, kp: FloatArray, ki: FloatArray, k7: FloatArray, window: int, order: int) -> "LoopDesign":
-        """The same with other gains and another filter of the encoders; the stiffness K6 stays.
-
-        Args:
-            kp: (n,) [-].
-            ki: (n,) [1/s].
-            k7: (n,) [effort s/rad].
-            window: [samples].
-            order: Of the polynomial.
-        """
-        gain = np.array([model.drive.gain for model in self.models])
-        ks = self.gains.ks * (1.0 + self.gains.kp) / (1.0 + kp)  # K6 = K (1 + Kp) Ks
-        gains = TorqueGains(kp, ki, ks, k7 / (gain * (1.0 + kp)), self.gains.kf)
-        filters = replace(self.spec.filters, window=window, encoder_order=order)
-        return replace(self, gains=gains, spec=replace(self.spec, filters=filters))

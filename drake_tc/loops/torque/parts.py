@@ -66,9 +66,7 @@ def torque_gains(scenario: Scenario, robot: Robot) -> TorqueGains:
     Raises:
         ParamsError: a gain that is not possible, or a joint that the robot does not have.
     """
-    models = actuator_models(scenario, robot, controller=True)
     spec = scenario.gains
-    of = {name: np.array(spec.of(name, robot.joints)) for name in ("k6", "k7", "kp", "ki")}
-    loop = np.array([model.drive.gain for model in models.values()]) * (1.0 + of["kp"])
+    k6, k7, kp, ki = (np.array(spec.of(name, robot.joints)) for name in ("k6", "k7", "kp", "ki"))
     kf = np.tile(np.broadcast_to(np.asarray(spec.kf, dtype=np.float64), 6), len(robot.force_torque))
-    return TorqueGains(of["kp"], of["ki"], of["k6"] / loop, of["k7"] / loop, kf)
+    return TorqueGains.from_servo(actuator_models(scenario, robot, controller=True), k6, k7, kp, ki=ki, kf=kf)

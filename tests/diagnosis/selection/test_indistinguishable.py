@@ -73,7 +73,7 @@ def test_a_nested_superset_is_no_tie(biased):
 @pytest.mark.parametrize(
     ("size", "special_case", "listed"), [(0.01, "", False), (0.08, "", True), (0.08, "torque_sensor_bias", False)]
 )
-def test_a_larger_effect_that_fits_certainly_better_is_a_rival_unless_it_contains_the_chosen_one(
+def test_a_larger_effect_that_fits_certainly_better_is_listed_unless_it_contains_the_chosen_one(
     size, special_case, listed
 ):
     """The smaller one is chosen where the errors agree within 2 %, although the logs speak for the other."""
