@@ -179,8 +179,8 @@ def _change(columns: Columns, chosen: Fit, rest: Fit) -> tuple[FloatArray, Float
 
 def _within_wander(certain: float) -> str:
     return (
-        f"It acts mainly as a constant offset of {certain:.1f} times its standard error, which slow drift like that of "
-        f"the residual gives the means of the training runs; {LEAST_OVER_WANDER:g} times are required."
+        f"It mainly adds a constant to each training run. The constant is {certain:.2g} times what slow drift, like "
+        f"that of the residual, can add to the mean of a run; at least {LEAST_OVER_WANDER:g} times are required."
     )
 
 
