@@ -24,6 +24,7 @@ MOST_REPEATED = 10_000
 MOST_DIGITS = 40
 """Digits of a whole number."""
 
+_TOO_DEEP = f"expected at most {DEEPEST} levels of mappings and lists"
 _LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 _TEXT = "tag:yaml.org,2002:str"
 _CONSTANTS: Mapping[str, bool | None] = {
@@ -81,8 +82,10 @@ def parse_yaml(text: str, source: str, error: type[DrakeTcError] = ParamsError) 
         raise error(f"{source}: {found}") from None
     except yaml.YAMLError as found:
         mark = getattr(found, "problem_mark", None)
-        where = f" at line {mark.line + 1}" if mark is not None else ""
         problem = getattr(found, "problem", None) or " ".join(str(found).split())
+        if mark is not None and "nesting depth" in problem:  # libYAML's own limit; it reads ahead of its events
+            raise error(f"{source}: line {mark.line + 1}: {_TOO_DEEP}") from None
+        where = f" at line {mark.line + 1}" if mark is not None else ""
         raise error(f"{source}: not valid YAML{where}: {problem}") from None
     except UnicodeError as found:
         raise error(f"{source}: not valid YAML: {found}") from None
@@ -126,7 +129,7 @@ class _Document:
             value = _scalar(event, path)
         else:
             if len(path) >= DEEPEST:
-                raise _refused(event, path[:3], f"expected at most {DEEPEST} levels of mappings and lists")
+                raise _refused(event, path[:3], _TOO_DEEP)
             if event.tag is not None:
                 raise _tag(event, path)
             mapping = isinstance(event, yaml.MappingStartEvent)

@@ -209,7 +209,7 @@ def test_a_scenario_file_of_ones_own(invoke, tmp_path):
         (["hrp2_leg", "--scenario-text", "{gains: {k66: 1}}"], ["gains", "'k66'", "k6"]),
         (["hrp2_leg", "--scenario-text", "[1"], ["scenario text", "YAML"]),
         (["hrp2_leg", "--scenario-text", "7"], ["scenario text", "mapping"]),
-        (["hrp2_leg", "--scenario-text", "{gains: {k6: -1.0}}"], ["ks", ">= 0"]),
+        (["hrp2_leg", "--scenario-text", "{gains: {k6: -1.0}}"], ["k6", ">= 0", "-1.0"]),
         (["hrp2_leg", "--scenario-text", "{motion: {posture: {knie: 1.0}}}"], ["'knie'", "r_knee"]),
         (["hrp2_leg", "--scenario-text", "{tare: 0.001}"], ["tare", "period"]),
         (["hrp2_leg", "--duration", "-1"], ["--duration", "positive"]),
