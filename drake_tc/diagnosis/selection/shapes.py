@@ -12,6 +12,9 @@ PERIOD = "cycles_per_turn"
 """The shape parameter whose fit has many maxima next to each other: it is moved in small steps."""
 STEP, STEP_OF_PERIOD = 0.15, 0.004
 """First steps of the logarithm of a shape parameter."""
+MOST_SEARCHES = 4
+"""Searches of one refinement that end on a bound. LEAST_FALL: of the cost, for which another one is begun."""
+LEAST_FALL = 0.01
 MOST_SCREENED = 6000
 """Samples on which a long grid is screened."""
 
@@ -66,15 +69,37 @@ def refine_values(
     """
     lower, upper = (np.array([getattr(p, side) for p in parameters]) for side in ("lower", "upper"))
     steps = np.array([STEP_OF_PERIOD if p.name == PERIOD else STEP for p in parameters])
+    values, least = start, np.inf
+    for _ in range(MOST_SEARCHES):
+        inwards = np.where(values * np.exp(steps) > upper, -steps, steps)
+        values, reached = _simplex_search(cost, values, inwards, (lower, upper), evaluations * start.size)
+        if reached > least - LEAST_FALL or not np.any((values <= lower) | (values >= upper)):
+            return
+        least = reached
+
+
+def _simplex_search(
+    cost: Callable[[FloatArray], float],
+    start: FloatArray,
+    steps: FloatArray,
+    bounds: tuple[FloatArray, FloatArray],
+    most: int,
+) -> tuple[FloatArray, float]:
+    """The values (k,) where Nelder-Mead ends, and their cost; `steps` (k,) are those of its first simplex."""
+
+    def within(x: FloatArray) -> FloatArray:
+        return np.clip(start * np.exp(steps * x), *bounds)
+
     zero = np.zeros(start.size)
-    minimize(
-        lambda x: cost(np.clip(start * np.exp(steps * x), lower, upper)),
+    found = minimize(
+        lambda x: cost(within(x)),
         zero,
         method="Nelder-Mead",
         options={
-            "maxfev": evaluations * start.size,
+            "maxfev": most,
             "xatol": 0.02,
             "fatol": 1e-4,
             "initial_simplex": np.vstack([zero, np.eye(start.size)]),
         },
     )
+    return within(found.x), float(found.fun)
