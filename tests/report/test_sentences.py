@@ -1,9 +1,12 @@
 """Every kind of objection, note and experiment has a sentence, with its figures and their units."""
 
+from dataclasses import replace
+from html import unescape
 from typing import get_args
 
 import pytest
 
+from drake_tc.cli.close_loop_summary import print_summary
 from drake_tc.diagnosis.notes import (
     CorrelatedTorqueNoise,
     DelayBySampling,
@@ -42,6 +45,7 @@ from drake_tc.diagnosis.selection.withdrawal import (
     BelowEncoderStep,
     BelowLeastAmplitude,
     CorrectsCurve,
+    DidNotHold,
     FormOfKnownLoad,
     ImpossibleValues,
     LargerOnHeldOut,
@@ -57,9 +61,12 @@ from drake_tc.diagnosis.selection.withdrawal import (
     Withdrawal,
 )
 from drake_tc.effects.library import LIBRARY, MULTI_JOINT
+from drake_tc.report.html import render
+from drake_tc.report.report_json import joint_json
 from drake_tc.report.sentences.experiments import ISOLATES, experiment_sentence
 from drake_tc.report.sentences.notes import note_sentence, note_sentences
 from drake_tc.report.sentences.objections import why_withdrawn
+from drake_tc.report.sentences.rejection import why_rejected
 
 OBJECTIONS = [
     (ImpossibleValues("stiffness is −1 N·m/rad."), ["stiffness is −1 N·m/rad."]),
@@ -182,3 +189,21 @@ def test_every_kind_is_among_these():
 def test_every_effect_of_the_library_has_an_experiment_that_shows_it_alone():
     declared = {"viscous", "coulomb"}  # always part of the model, so never tied with another effect
     assert {effect.id for effect in (*LIBRARY, *MULTI_JOINT)} - declared <= set(ISOLATES)
+
+
+def test_console_json_and_page_say_the_same(joint, result, capsys, tmp_path):
+    """Each sentence is in all three; an effect that was tried, and notes on the logs, are not on the console."""
+    withdrawn = DidNotHold("delay", "delay", "delay", UncertainOnHeldOut("a & <b>", 0.034, 0.71, 0.9), 0.034)
+    note, experiment = HeldEffort("current", 0.002), RepeatRun("a & <b>", 1.04, 2.5)
+    made = replace(joint, did_not_hold=(withdrawn,), notes=(note,), load_notes=(note,), next_experiment=experiment)
+    whole = replace(result, joints={"knee": made})
+    expected = (why_withdrawn(withdrawn.objection), note_sentence(note), experiment_sentence(experiment))
+    entry = joint_json(made)
+    assert (entry["did_not_hold"][0]["why"], entry["notes"][0], entry["next_experiment"]) == expected
+    assert entry["did_not_hold"][0]["reason"] == "heldout_run_against"
+    print_summary(whole, tmp_path)
+    console, page = (" ".join(text.split()) for text in (capsys.readouterr().out, unescape(render(whole))))
+    assert [text for text in expected if text not in console or text not in page] == []
+    for rejected in made.rejected:
+        assert why_rejected(rejected) in page
+        assert why_rejected(rejected) in [each["why"] for each in entry["rejected"]]
